@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <deque>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "berth/analysis/plot.hpp"
@@ -160,6 +161,67 @@ class Picture {
   std::vector<analysis::PlottedBus> buses_;
 };
 
+/// How late the TPDOs of all buses are, and with them the links that cross gateways.
+class Ends {
+ public:
+  void add(const design::Bus& bus, const analysis::Line& line, const analysis::Result& result) {
+    for (const auto& r : result.responses) {
+      const auto& m = line.messages[r.message];
+      if (r.worst) worst_[{bus.name, line.senders[m.sender].name, m.name}] = *r.worst;
+    }
+  }
+  /// From the change to its arrival: on each bus the inhibit time and the frame, and each gateway's delay.
+  [[nodiscard]] std::optional<rt::Duration> of(const command::LinkPlan& links,
+                                               const linker::CrossingLink& crossing) const {
+    rt::Duration sum{};
+    for (const auto gateway : crossing.gateways) sum += links.network.gateways[gateway].delay;
+    for (const auto at : crossing.pdos) {
+      const auto& pdo = links.plan.pdos[at];
+      const auto known = worst_.find({links.network.buses[pdo.bus].name, links.network.nodes[pdo.producer].name,
+                                      fmt::format("TPDO {}", pdo.tpdo)});
+      if (known == worst_.end()) return std::nullopt;
+      sum += known->second + std::chrono::microseconds(100) * pdo.inhibit;
+    }
+    return sum;
+  }
+
+ private:
+  std::map<std::tuple<std::string, std::string, std::string>, rt::Duration> worst_;
+};
+
+/// The links across gateways; false: one is late, or has no bound.
+bool show_crossings(const command::LinkPlan& links, const Ends& ends, Json* json) {
+  bool good = true;
+  for (const auto& each : links.plan.crossings) {
+    const auto& nodes = links.network.nodes;
+    const auto worst = ends.of(links, each);
+    const bool kept = worst && (!each.deadline || *worst <= *each.deadline);
+    good = good && kept;
+    std::string way;
+    for (const auto gateway : each.gateways) {
+      way += (way.empty() ? "" : ", ") + nodes[links.network.gateways[gateway].above].name;
+    }
+    const std::string from =
+        fmt::format("{}/{:04X}h:{:02X}", nodes[each.from].name, each.source.index, each.source.sub);
+    const std::string to = fmt::format("{}/{:04X}h:{:02X}", nodes[each.to].name, each.target.index, each.target.sub);
+    if (json != nullptr) {
+      json->push_back({{"from", from},
+                       {"to", to},
+                       {"gateways", way},
+                       {"worst_ms", worst ? Json(ms(*worst)) : Json()},
+                       {"deadline_ms", each.deadline ? Json(ms(*each.deadline)) : Json()},
+                       {"kept", kept}});
+      continue;
+    }
+    print_lines(text::wrapped(
+        fmt::format(
+            "{} -> {} through {}: worst {} ms{}", from, to, way, worst ? fmt::format("{:.3f}", ms(*worst)) : "-",
+            each.deadline ? fmt::format(", deadline {:g} {}", ms(*each.deadline), kept ? "kept" : "MISSED") : ""),
+        100));
+  }
+  return good;
+}
+
 int analyze(const Options& options, const AnalyzeOptions& how) {
   const auto machine = machine_of(options);
   if (!machine) return tell(machine.error(), options.json);
@@ -175,6 +237,7 @@ int analyze(const Options& options, const AnalyzeOptions& how) {
   assumed.fifo = *fifo;
   if (!machine->links.empty() && !has_errors(links.findings)) assumed.links = &links;
   bool good = true;
+  Ends ends;
   Json buses = Json::array();
   Picture picture;
   for (const auto* const each : machine->all_buses()) {
@@ -186,6 +249,7 @@ int analyze(const Options& options, const AnalyzeOptions& how) {
     if (const auto wrong = analysis::wrong(found.line); !wrong.empty())
       return tell(failure(Exit::usage, fmt::format("{}: {}", bus.name, wrong)), options.json);
     auto result = analysis::analyze(found.line);
+    ends.add(bus, found.line, result);
     shown->cut(bus, found.line, result);
     good = good && result.good();
     if (!how.plot.empty()) picture.add(bus, found.line, result);
@@ -199,7 +263,11 @@ int analyze(const Options& options, const AnalyzeOptions& how) {
   if (!how.plot.empty()) {
     if (const auto bad = write_file(how.plot, picture.svg())) return tell(*bad, options.json);
   }
-  if (options.json) print_line(Json{{"good", good}, {"buses", buses}}.dump());
+  // Of a part of the buses no way is whole.
+  Json crossings = Json::array();
+  const bool whole = options.bus.empty() && how.nodes.empty() && assumed.links != nullptr;
+  if (whole) good = show_crossings(links, ends, options.json ? &crossings : nullptr) && good;
+  if (options.json) print_line(Json{{"good", good}, {"buses", buses}, {"crossings", crossings}}.dump());
   return good ? Exit::done : Exit::no;
 }
 

@@ -322,7 +322,7 @@ Done fill(Household& house, const plant::PlantFile& plant, const Ports& ports, c
     const auto* const bus = plant.bus(plan.bus);
     const auto own = (*port)->status().bit_rate;
     house.devices.add(plan, std::move(*port), own != 0 || bus == nullptr ? own : bus->bitrate, random, findings,
-                      plant.gateway_ports(plan.name));
+                      plant.gateway_part(plan.name));
   }
   if (has_errors(findings)) return tl::unexpected(failure(findings));
   for (const auto& gateway : plant.gateways) {

@@ -109,6 +109,66 @@ void print_links(const Network& network, const Plan& plan) {
   }
 }
 
+std::string gateways_text(const Network& network, const linker::CrossingLink& crossing) {
+  std::string made;
+  for (const auto gateway : crossing.gateways) {
+    made += (made.empty() ? "" : ", ") + network.nodes[network.gateways[gateway].above].name;
+  }
+  return made;
+}
+
+/// What goes through gateways, and how.
+void print_crossings(const Network& network, const Plan& plan, bool routes) {
+  for (const auto& each : plan.crossings) {
+    print_wrapped(fmt::format("{}/{} -> {}/{} through {}: worst {} ms{}", network.nodes[each.from].name,
+                              object_text(each.source), network.nodes[each.to].name, object_text(each.target),
+                              gateways_text(network, each), each.worst ? short_ms(in_ms(*each.worst)) : "-",
+                              each.deadline ? fmt::format(", deadline {}", short_ms(in_ms(*each.deadline))) : ""));
+  }
+  for (const auto& each : plan.routes) {
+    if (!routes) break;
+    const auto side = [](std::uint8_t number) { return number == 0 ? "above" : fmt::format("port {}", number); };
+    print_wrapped(fmt::format("{}: route {}, {} {} to {} {}, of {}/{}", network.nodes[each.node].name, each.row,
+                              side(each.from), object_text(each.source), side(each.to), object_text(each.target),
+                              network.nodes[each.producer].name, object_text(each.object)));
+  }
+}
+
+Json routes_json(const Network& network, const Plan& plan) {
+  Json routes = Json::array();
+  for (const auto& each : plan.routes) {
+    routes.push_back({{"gateway", network.nodes[each.node].name},
+                      {"row", each.row},
+                      {"from", each.from},
+                      {"source", object_text(each.source)},
+                      {"to", each.to},
+                      {"target", object_text(each.target)},
+                      {"producer", network.nodes[each.producer].name},
+                      {"object", object_text(each.object)},
+                      {"budget_ms", in_ms(each.budget)},
+                      {"freshness_ms", each.freshness_ms}});
+  }
+  return routes;
+}
+
+Json crossings_json(const Network& network, const Plan& plan) {
+  Json crossings = Json::array();
+  for (const auto& each : plan.crossings) {
+    Json gateways = Json::array();
+    for (const auto gateway : each.gateways) {
+      gateways.push_back(network.nodes[network.gateways[gateway].above].name);
+    }
+    crossings.push_back({{"from", network.nodes[each.from].name},
+                         {"source", object_text(each.source)},
+                         {"to", network.nodes[each.to].name},
+                         {"target", object_text(each.target)},
+                         {"gateways", gateways},
+                         {"worst_ms", each.worst ? Json(in_ms(*each.worst)) : Json()},
+                         {"deadline_ms", each.deadline ? Json(in_ms(*each.deadline)) : Json()}});
+  }
+  return crossings;
+}
+
 Json json_of(const Network& network, const Pdo& pdo) {
   Json objects = Json::array();
   for (const auto& each : pdo.carried) {
@@ -167,7 +227,13 @@ Json json_of(const Network& network, const linker::Planned& planned) {
   }
   Json findings = Json::array();
   for (const auto& each : planned.findings) findings.push_back(to_string(each));
-  return {{"good", planned.good()}, {"buses", buses}, {"pdos", pdos}, {"variables", variables}, {"findings", findings}};
+  return {{"good", planned.good()},
+          {"buses", buses},
+          {"pdos", pdos},
+          {"variables", variables},
+          {"routes", routes_json(network, planned.plan)},
+          {"crossings", crossings_json(network, planned.plan)},
+          {"findings", findings}};
 }
 
 /// The plan that this one goes on from.
@@ -220,6 +286,7 @@ std::optional<Failure> write_files(const std::vector<linker::MadeFile>& files, c
 // What the plan has of these nodes alone, as producers or consumers. The indices are the machine's slots.
 linker::Plan of_nodes(const design::Machine& machine, linker::Plan plan, const std::vector<MeantNode>& nodes) {
   const auto meant = [&](std::size_t node) {
+    if (node >= machine.slots.size()) return false;  // a gateway's own node beneath it
     const auto* const slot = &machine.slots[node];
     return std::ranges::find(nodes, slot, &MeantNode::slot) != nodes.end();
   };
@@ -227,6 +294,8 @@ linker::Plan of_nodes(const design::Machine& machine, linker::Plan plan, const s
   for (auto& pdo : plan.pdos) {
     if (!meant(pdo.producer)) std::erase_if(pdo.receivers, [&](const auto& each) { return !meant(each.node); });
   }
+  plan.crossings.clear();  // they name PDOs of all
+  std::erase_if(plan.routes, [&](const auto& each) { return !meant(each.node) && !meant(each.producer); });
   std::erase_if(plan.pdos, [&](const auto& pdo) { return !meant(pdo.producer) && pdo.receivers.empty(); });
   for (auto& bus : plan.buses) bus.objects = 0;
   for (const auto& pdo : plan.pdos) plan.buses[pdo.bus].objects += pdo.carried.size();
@@ -246,6 +315,7 @@ int show(const Options& options, const LinkOptions& how, const Network& network,
     const auto is_there = [&](const MeantNode& node) { return node.bus->name == network.buses[bus].name; };
     if (nodes.empty() || std::ranges::any_of(nodes, is_there)) print_bus(network, planned.plan, bus);
   }
+  print_crossings(network, planned.plan, how.links);
   if (how.links) print_links(network, planned.plan);
   for (const auto& finding : planned.findings) print_error(to_string(finding));
   if (!planned.good()) {

@@ -117,7 +117,7 @@ void SdoTransfer::attempt() noexcept {
 }
 
 // Sends the request, to which so many answers may come.
-inline void SdoTransfer::send(unsigned answers) noexcept {
+void SdoTransfer::send(unsigned answers) noexcept {
   request_.answers = static_cast<std::uint8_t>(answers);
   request_.give_up = line_->executor().now() + options_.send_timeout;
   send_request();

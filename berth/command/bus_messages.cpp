@@ -4,11 +4,13 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
 
 #include "berth/can/frame.hpp"
 #include "berth/co/pdo_mapping.hpp"
 #include "berth/command/link_network.hpp"
 #include "berth/eds/concise_dcf.hpp"
+#include "berth/eds/xdd.hpp"
 #include "berth/linker/files.hpp"
 #include "berth/manager/configuration.hpp"
 #include "berth/od/names.hpp"
@@ -42,12 +44,14 @@ class Collector {
 
   BusMessages run() {
     for (const auto& slot : machine_.slots) {
-      if (slot.spec.name.bus == bus_.name) open(slot);
+      if (slot.spec.name.bus == bus_.name) devices_.push_back(opened(slot));
     }
+    open_gateway_node();
     master_ = add_sender("master");
     if (bus_.sync) add_sync("master", master_, 0x80, bus_.sync->counter != 0, bus_.sync->period);
     for (const Device& device : devices_) add_sync_of(device);
     for (const Device& device : devices_) add_device(device);
+    for (unsigned n = 0; n < most_tpdos && own_; ++n) add_tpdo(*own_, n);
     add_master();
     tell_unknown();
     if (assumed_.pdos) tell_links();
@@ -77,7 +81,7 @@ class Collector {
   }
 
   // Its dictionary as it is when it was configured.
-  void open(const design::Slot& slot) {
+  Device opened(const design::Slot& slot) {
     Device device{&slot, add_sender(slot.spec.name.name), nullptr};
     if (slot.description) {
       device.values = std::make_unique<od::Values>(slot.description, slot.spec.id);
@@ -90,7 +94,18 @@ class Collector {
       }
       take_links(device);
     }
-    devices_.push_back(std::move(device));
+    return device;
+  }
+
+  // A gateway's own node here is no slot, but its TPDOs carry what crosses it.
+  void open_gateway_node() {
+    if (bus_.own_port || !bus_.gateway || bus_.gateway->eds_path.empty() || !assumed_.pdos) return;
+    const auto reading = eds::read_any_file(bus_.gateway->eds_path);
+    if (!reading.usable()) return;
+    own_slot_.spec.name.name = design::gateway_node_name(bus_);
+    own_slot_.spec.id = bus_.master;
+    own_slot_.description = reading.file.description;
+    own_.emplace(opened(own_slot_));
   }
 
   // What its links set goes over that.
@@ -104,6 +119,11 @@ class Collector {
     }
   }
   [[nodiscard]] std::size_t node_of(const design::Slot& slot) const {
+    if (&slot == &own_slot_) {
+      const auto& nodes = assumed_.links->network.nodes;
+      const auto it = std::ranges::find(nodes, slot.spec.name.name, &linker::Node::name);
+      return static_cast<std::size_t>(it - nodes.begin());
+    }
     return static_cast<std::size_t>(&slot - machine_.slots.data());
   }
 
@@ -269,6 +289,8 @@ class Collector {
   const Assumptions& assumed_;
   BusMessages found_;
   std::vector<Device> devices_;
+  design::Slot own_slot_;  // of `own_`
+  std::optional<Device> own_;
   std::vector<const design::Link*> carried_;
   rt::Duration sync_{0};
   std::string sync_producer_;

@@ -30,6 +30,7 @@ class Builder {
     network.file = machine_.file;
     for (const auto* const bus : machine_.all_buses()) network.buses.push_back(bus_of(*bus));
     for (const auto& slot : machine_.slots) network.nodes.push_back(node_of(slot));
+    for (const auto* const bus : machine_.all_buses()) add_gateway(*bus);
     for (const auto& link : machine_.links) network.links.push_back(link_of(link));
     return std::move(made_);
   }
@@ -103,6 +104,35 @@ class Builder {
     node.file = read(slot.eds_path);
     if (node.file && !config.empty()) node.file = with_concise(node.file, config, node.id);
     return node;
+  }
+
+  [[nodiscard]] std::size_t bus_index(const std::string& name) const {
+    const auto& buses = made_.network.buses;
+    return static_cast<std::size_t>(std::ranges::find(buses, name, &linker::Bus::name) - buses.begin());
+  }
+  [[nodiscard]] std::size_t slot_index(const design::Slot& slot) const {
+    return static_cast<std::size_t>(&slot - machine_.slots.data());
+  }
+
+  // Behind the slots, a node for each gateway's own one on a bus where Berth has no port.
+  void add_gateway(const design::Bus& bus) {
+    if (!bus.gateway) return;
+    const auto* const above = machine_.slot(bus.gateway->bus, bus.gateway->slot);
+    if (above == nullptr) return;
+    auto& network = made_.network;
+    linker::Gateway gateway{.above = slot_index(*above), .bus = bus_index(bus.name)};
+    gateway.port = bus.gateway->port;
+    gateway.delay = bus.gateway->delay;
+    if (bus.own_port) {
+      const auto* const node = machine_.slot(bus.name, bus.gateway->node);
+      if (node != nullptr) gateway.beneath = slot_index(*node);
+    } else if (!bus.gateway->eds_path.empty()) {
+      gateway.beneath = network.nodes.size();
+      network.buses[gateway.bus].master = {};  // this node's own identifiers
+      network.nodes.push_back({.name = design::gateway_node_name(bus), .bus = gateway.bus, .id = bus.master});
+      network.nodes.back().file = read(bus.gateway->eds_path);
+    }
+    network.gateways.push_back(gateway);
   }
 
   linker::End end_of(const design::LinkEnd& end) const {

@@ -15,6 +15,8 @@ std::vector<const Bus*> Machine::all_buses() const {
   return all;
 }
 
+std::string gateway_node_name(const Bus& beneath) { return "gateway on " + beneath.name; }
+
 const Bus* Machine::bus(std::string_view bus_name) const noexcept {
   const auto it = std::ranges::find(buses, bus_name, &Bus::name);
   if (it != buses.end()) return &*it;

@@ -73,6 +73,10 @@ struct Gateway {
   NodeId slot;            ///< node-ID of the gateway's slot there
   std::uint8_t port = 1;  ///< which of the gateway's buses beneath, 1 to 8
   bool mandatory = true;  ///< without the gateway this bus does not start
+  std::string eds;        ///< description of its own node on this bus, as written; may be empty
+  std::string eds_path;   ///< the same, relative to the machine file's folder
+  NodeId node;            ///< its own node on a bus with a port: a slot there; may be unconfigured
+  Duration delay = std::chrono::milliseconds(1);  ///< of a signal in it, at most, without the buses
   friend bool operator==(const Gateway&, const Gateway&) = default;
 };
 
@@ -118,6 +122,9 @@ struct Bus {
   Timing timing;
   text::Place place;  ///< of its table
 };
+
+/// What a gateway's own node on a bus beneath it without a port is called: "gateway on left".
+[[nodiscard]] std::string gateway_node_name(const Bus& beneath);
 
 struct Slot {
   places::SlotSpec spec;  ///< what binding needs; `spec.name.machine` is the machine's name

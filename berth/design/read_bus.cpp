@@ -84,6 +84,20 @@ void read_bitrate(Table& table, Bus& bus) {
                    : "use 10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000 or 1_000_000");
 }
 
+// What links across it need.
+void read_gateway_node(Table& entry, const Bus& bus, Gateway& gateway) {
+  gateway.eds = entry.string("eds").value_or("");
+  if (const auto id = entry.integer("node", node_ids)) gateway.node = NodeId(static_cast<std::uint8_t>(*id));
+  read_duration(entry, "delay", 0s, 10s, gateway.delay);
+  if (!gateway.eds.empty() && bus.own_port) {
+    entry.error("eds", "Berth has a port on this bus: the gateway's own node is a slot there",
+                "write node = ID instead");
+  }
+  if (gateway.node.configured() && !bus.own_port) {
+    entry.error("node", "without a port on this bus the gateway's own node is master_id", "leave it out");
+  }
+}
+
 void read_gateway(Table& table, Bus& bus) {
   auto entry = table.table("gateway");
   if (!entry) return;
@@ -97,6 +111,7 @@ void read_gateway(Table& table, Bus& bus) {
   }
   gateway.port = static_cast<std::uint8_t>(entry->u32("port", {1, 8}).value_or(1));
   gateway.mandatory = entry->boolean("mandatory").value_or(true);
+  read_gateway_node(*entry, bus, gateway);
   entry->finish();
   if (gateway.bus.empty() || !gateway.slot.configured()) return;
   bus.gateway_place = entry->begin();

@@ -241,7 +241,12 @@ class MachineReader {
     read_head(table);
     read_own_library(table);
     read_timing(table, timing_);
-    for (auto& [name, bus] : table.named_tables("bus")) machine_.buses.push_back(read_bus(name, bus, timing_));
+    for (auto& [name, bus] : table.named_tables("bus")) {
+      auto& read = machine_.buses.emplace_back(read_bus(name, bus, timing_));
+      if (read.gateway && !read.gateway->eds.empty()) {
+        read.gateway->eds_path = text::beside(file_, read.gateway->eds);
+      }
+    }
     if (machine_.buses.empty()) table.error("", "there is no bus", "write a table [bus.NAME]");
     check_gateway_buses();
     for (auto& slot : table.tables("slot")) read_slot(slot);
@@ -361,6 +366,11 @@ class MachineReader {
   void check_gateway_slots() {
     for (const auto& bus : machine_.buses) {
       if (!bus.gateway || machine_.bus(bus.gateway->bus) == nullptr) continue;
+      if (bus.gateway->node.configured() && machine_.slot(bus.name, bus.gateway->node) == nullptr) {
+        error_at(bus.gateway_place, fmt::format("bus.{}.gateway.node", bus.name),
+                 fmt::format("this bus has no slot with node-ID {}", bus.gateway->node.value()),
+                 "write that [[slot]], or name another");
+      }
       if (machine_.slot(bus.gateway->bus, bus.gateway->slot) != nullptr) continue;
       error_at(
           bus.gateway_place, fmt::format("bus.{}.gateway.slot", bus.name),

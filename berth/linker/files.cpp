@@ -15,6 +15,7 @@
 #include "berth/linker/plan_file.hpp"
 #include "berth/linker/symbols.hpp"
 #include "berth/linker/variable_sections_parts.hpp"
+#include "berth/multilevel/routing_objects.hpp"
 
 namespace berth::linker {
 namespace {
@@ -40,6 +41,7 @@ class Settings {
     switch_off(PdoKind::tpdo);
     switch_off(PdoKind::rpdo);
     fill_lists();
+    fill_routes();
     std::vector<Parameter> all;
     for (const auto& [object, value] : values_) all.push_back({object, type_of(object), value});
     return all;
@@ -114,6 +116,42 @@ class Settings {
       value.raw |= cob_id_invalid;
       values_[object] = value;
     }
+  }
+
+  /// The rows up to the last one that counts; those of its own configuration stay.
+  void fill_routes() {
+    using Objects = multilevel::RoutingObjects;
+    std::map<unsigned, const Route*> rows;
+    for (const Route& each : plan_.routes) {
+      if (each.node == at_) rows[each.row] = &each;
+    }
+    if (rows.empty()) return;
+    for (const Parameter& each : node_.file->parameters) {
+      const bool by_hand = each.object.index == Objects::routes && each.object.sub != 0 && each.value.raw != 0;
+      if (by_hand && !node_.linked_before) rows.try_emplace(each.object.sub, nullptr);
+    }
+    const unsigned last = rows.rbegin()->first;
+    set(Objects::routes, 0, last);
+    for (unsigned row = 1; row <= last; ++row) {
+      const auto known = rows.find(row);
+      if (known == rows.end()) {
+        set(Objects::routes, row, 0);
+      } else if (known->second != nullptr) {
+        fill_route(row, *known->second);
+      }
+    }
+  }
+  void fill_route(unsigned row, const Route& route) {
+    using Objects = multilevel::RoutingObjects;
+    constexpr unsigned silent = 2, every = 0x80;
+    set(Objects::routes, row, multilevel::RouteEntry{route.from, route.to, route.source, route.target}.raw());
+    const auto budget = std::chrono::ceil<std::chrono::microseconds>(route.budget).count();
+    set_if_there(Objects::budgets, row, static_cast<std::uint64_t>(budget));
+    set_if_there(Objects::freshness, row, route.freshness_ms);
+    set_if_there(Objects::stopped, row, (route.freshness_ms != 0 ? silent : 0U) | every);
+  }
+  void set_if_there(std::uint16_t index, unsigned sub, std::uint64_t raw) {
+    if (node_.file->description->find({index, static_cast<std::uint8_t>(sub)}) != nullptr) set(index, sub, raw);
   }
 
   void fill_lists() {

@@ -7,6 +7,7 @@
 /// makes.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -41,6 +42,17 @@ struct Bus {
   rt::Duration sync{0};
 };
 
+/// A gateway between two buses: one device with a node on each (paper 3; docs/multilevel.md). A link that crosses it
+/// becomes a route in it.
+struct Gateway {
+  std::size_t above = 0;                 ///< its node on the bus above: index in `Network::nodes`
+  std::size_t bus = 0;                   ///< the bus beneath: index in `Network::buses`
+  std::optional<std::size_t> beneath{};  ///< its own node there; empty: not known
+  std::uint8_t port = 1;                 ///< which of its buses beneath, 1 to 8
+  /// Longest time from the end of the frame that brings a value until the one that carries it on is due.
+  rt::Duration delay = std::chrono::milliseconds(1);
+};
+
 /// One object of one node, as written.
 struct End {
   std::size_t node = 0;  ///< index in `Network::nodes`
@@ -73,6 +85,7 @@ struct Network {
   std::string file;  ///< as findings name it; may be empty
   std::vector<Bus> buses;
   std::vector<Node> nodes;
+  std::vector<Gateway> gateways;  ///< one at most for each bus beneath
   std::vector<Link> links;
 };
 

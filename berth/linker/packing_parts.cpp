@@ -86,7 +86,7 @@ class Packer {
   }
 
   bool mpdo_can(const Bin& bin, const Signal& signal) const {
-    if (signal.bits > mpdo_bits || signal.transmission < sam_mpdo) return false;
+    if (signal.crosses || signal.bits > mpdo_bits || signal.transmission < sam_mpdo) return false;
     if (bin.items.size() >= devices_[bin.producer].scanner) return false;
     return std::ranges::all_of(signal.consumers, [&](const Consumer& each) {
       return mpdo_entries(each.node) < devices_[each.node].dispatching;
@@ -112,10 +112,21 @@ class Packer {
     });
   }
 
+  /// In a gateway's TPDO all comes from one device.
+  bool same_origin(const Bin& bin, const Signal& wanted) const {
+    return std::ranges::all_of(bin.items, [&](const Item& item) {
+      if (!item.signal) return true;
+      const Signal& there = signals_[*item.signal];
+      const auto from = [](const Signal& each) { return each.crosses ? each.origin : each.producer; };
+      return from(there) == from(wanted);
+    });
+  }
+
   bool can_take(const Bin& bin, std::size_t signal) const {
     const Signal& wanted = signals_[signal];
     if (bin.fixed || bin.producer != wanted.producer || bin.transmission != wanted.transmission) return false;
     if (bin.mpdo) return mpdo_can(bin, wanted);
+    if (!same_origin(bin, wanted)) return false;
     if (bits_of(bin) + wanted.bits > most_bits) return false;
     Bin with = bin;
     put(with, signal);

@@ -6,6 +6,7 @@
 #include <set>
 #include <tuple>
 
+#include "berth/linker/crossing_parts.hpp"
 #include "berth/linker/numbers_parts.hpp"
 #include "berth/linker/timing_parts.hpp"
 
@@ -26,6 +27,7 @@ class LinkPlanMaker {
 
   Planned run() {
     Resolved resolved = resolve(network_, devices_, earlier_, made_.findings);
+    made_.plan.routes = cross(network_, resolved, earlier_, made_.findings);
     signals_ = std::move(resolved.signals);
     made_.plan.variables = std::move(resolved.variables);
     made_.plan.linked = std::move(resolved.linked);
@@ -43,6 +45,7 @@ class LinkPlanMaker {
         made_.plan = std::move(first);
       }
     }
+    finish_crossings(network_, made_.plan);
     std::ranges::move(late, std::back_inserter(made_.findings));
     std::ranges::sort(made_.findings, [](const Finding& a, const Finding& b) {
       return std::tie(a.line, a.column, a.key, a.message) < std::tie(b.line, b.column, b.key, b.message);
@@ -197,6 +200,10 @@ Earlier earlier_of(const Network& network, const Plan& plan) {
     for (const Carried& each : pdo.carried) old.objects.push_back(each.object);
     for (const Receiver& each : pdo.receivers) old.receivers.emplace_back(network.nodes[each.node].name, each.rpdo);
     made.pdos.push_back(std::move(old));
+  }
+  for (const Route& each : plan.routes) {
+    made.routes.push_back({network.nodes[each.node].name, each.row, each.from, each.to, each.source, each.target,
+                           network.nodes[each.producer].name, each.object});
   }
   return made;
 }

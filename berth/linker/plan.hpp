@@ -7,12 +7,13 @@
 ///
 /// What it does, in this order (docs/linking.md):
 /// 1. ends become objects; network variables get index and sub-index in a segment of [DynamicChannels];
-/// 2. objects of one producer with equal consumers, transmission and deadlines of one size share PDOs;
-/// 3. where a device has too few PDOs for that, PDOs are joined, and consumers skip by dummies what they do not want;
+/// 2. what goes to another bus becomes a signal on each bus of its way and a route in each gateway;
+/// 3. objects of one producer with equal consumers, transmission and deadlines of one size share PDOs;
+/// 4. where a device has too few PDOs for that, PDOs are joined, and consumers skip by dummies what they do not want;
 ///    where that is not enough, an SAM-MPDO carries what is left over (CiA 301 §7.2.2.5);
-/// 4. PDOs get numbers and CAN-IDs: 180h, 280h, 380h, 480h + node-ID for TPDO 1 to 4 as in the predefined connection
+/// 5. PDOs get numbers and CAN-IDs: 180h, 280h, 380h, 480h + node-ID for TPDO 1 to 4 as in the predefined connection
 /// set;
-/// 5. inhibit and event times come from the deadlines, and `analysis` says whether these are kept.
+/// 6. inhibit and event times come from the deadlines, and `analysis` says whether these are kept.
 #pragma once
 
 #include <array>
@@ -92,11 +93,43 @@ struct BusLoad {
   friend bool operator==(const BusLoad&, const BusLoad&) = default;
 };
 
+/// A signal that a gateway hands on: one row of its routing objects (multilevel/routing_objects.hpp).
+struct Route {
+  std::size_t gateway = 0;  ///< index in `Network::gateways`
+  std::size_t node = 0;     ///< its node above, which has the objects
+  std::uint8_t row = 0;     ///< sub-index
+  std::uint8_t from = 0;    ///< side: 0 the bus above, else the port
+  std::uint8_t to = 0;
+  ObjectRef source{};
+  ObjectRef target{};
+  std::size_t producer = 0;        ///< where it comes from, and
+  ObjectRef object{};              ///< what it is there
+  rt::Duration budget{};           ///< from the frame that brings it to the end of the one that carries it on; 0: none
+  std::uint16_t freshness_ms = 0;  ///< not received for so long: not sent on any more; 0: not watched
+  std::vector<std::size_t> links = {};  ///< ascending
+  friend bool operator==(const Route&, const Route&) = default;
+};
+
+/// One end of a link that crosses gateways.
+struct CrossingLink {
+  std::size_t from = 0;
+  ObjectRef source{};
+  std::size_t to = 0;
+  ObjectRef target{};
+  std::vector<std::size_t> gateways = {};  ///< in the order of the way
+  std::vector<std::size_t> pdos = {};      ///< index in `Plan::pdos` of that on each bus, one more than gateways
+  std::optional<rt::Duration> worst{};     ///< from the change to its arrival: every bus's, and the gateways' delays
+  std::optional<rt::Duration> deadline{};
+  friend bool operator==(const CrossingLink&, const CrossingLink&) = default;
+};
+
 struct Plan {
   std::vector<Variable> variables;  ///< ascending by node, direction and object
   std::vector<Pdo> pdos;            ///< ascending by bus, producer and TPDO
-  std::vector<bool> linked;         ///< by node: a link begins or ends there
-  std::vector<BusLoad> buses;       ///< by bus
+  std::vector<bool> linked;         ///< by node: a link begins or ends there, or goes through it
+  std::vector<Route> routes = {};   ///< ascending by node and row
+  std::vector<CrossingLink> crossings = {};
+  std::vector<BusLoad> buses;  ///< by bus
   friend bool operator==(const Plan&, const Plan&) = default;
 };
 
@@ -120,9 +153,21 @@ struct EarlierVariable {
   ObjectRef object{};
   friend bool operator==(const EarlierVariable&, const EarlierVariable&) = default;
 };
+struct EarlierRoute {
+  std::string gateway;  ///< its slot above
+  std::uint8_t row = 0;
+  std::uint8_t from = 0;
+  std::uint8_t to = 0;
+  ObjectRef source{};
+  ObjectRef target{};
+  std::string producer;
+  ObjectRef object{};
+  friend bool operator==(const EarlierRoute&, const EarlierRoute&) = default;
+};
 struct Earlier {
   std::vector<EarlierVariable> variables;
   std::vector<EarlierPdo> pdos;
+  std::vector<EarlierRoute> routes = {};
   friend bool operator==(const Earlier&, const Earlier&) = default;
 };
 [[nodiscard]] Earlier earlier_of(const Network& network, const Plan& plan);

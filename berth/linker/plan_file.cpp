@@ -18,6 +18,7 @@ constexpr std::int64_t format_now = 1;
 constexpr std::array<std::string_view, 2> directions{"input", "output"};
 constexpr Limits pdo_numbers{1, 512};
 constexpr Limits base_ids{1, 0x7FF};
+constexpr Limits sides{0, 8};
 
 std::string object_text(ObjectRef object) { return fmt::format("{:04X}h:{:02X}", object.index, object.sub); }
 
@@ -86,6 +87,27 @@ EarlierPdo read_pdo(Table& table) {
   return made;
 }
 
+std::optional<ObjectRef> object_of(Table& table, std::string_view key) {
+  if (!table.require(key, "index and sub-index")) return std::nullopt;
+  const auto word = table.string(key);
+  return word ? read_object(table, key, *word) : std::nullopt;
+}
+
+EarlierRoute read_route(Table& table) {
+  EarlierRoute made;
+  if (table.require("gateway", "its slot on the bus above")) made.gateway = table.string("gateway").value_or("");
+  if (table.require("producer", "its device")) made.producer = table.string("producer").value_or("");
+  if (table.require("row", "1 to 254"))
+    made.row = static_cast<std::uint8_t>(table.integer("row", {1, 254}).value_or(1));
+  made.from = static_cast<std::uint8_t>(table.integer("from", sides).value_or(0));
+  made.to = static_cast<std::uint8_t>(table.integer("to", sides).value_or(0));
+  made.object = object_of(table, "object").value_or(ObjectRef{});
+  made.source = object_of(table, "source").value_or(ObjectRef{});
+  made.target = object_of(table, "target").value_or(ObjectRef{});
+  table.finish();
+  return made;
+}
+
 }  // namespace
 
 std::string write(const Earlier& plan) {
@@ -109,6 +131,13 @@ std::string write(const Earlier& plan) {
                         joined(each.receivers, [](const auto& r) { return berth::quoted(r.first); }),
                         joined(each.receivers, [](const auto& r) { return std::to_string(r.second); }));
   }
+  for (const EarlierRoute& each : plan.routes) {
+    text += fmt::format(
+        "\n[[route]]\ngateway = {}\nrow = {}\nproducer = {}\nobject = {}\nfrom = {}\nsource = {}\nto = {}\ntarget = "
+        "{}\n",
+        berth::quoted(each.gateway), each.row, berth::quoted(each.producer), berth::quoted(object_text(each.object)),
+        each.from, berth::quoted(object_text(each.source)), each.to, berth::quoted(object_text(each.target)));
+  }
   return text;
 }
 
@@ -123,6 +152,7 @@ std::optional<Earlier> read_plan(std::string_view text, const std::string& file,
   }
   for (auto& each : table.tables("variable")) made.variables.push_back(read_variable(each));
   for (auto& each : table.tables("pdo")) made.pdos.push_back(read_pdo(each));
+  for (auto& each : table.tables("route")) made.routes.push_back(read_route(each));
   table.finish();
   for (std::size_t i = before; i < findings.size(); ++i) {
     if (findings[i].severity == Finding::Severity::error) return std::nullopt;

@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "berth/base/words.hpp"
+#include "berth/linker/crossing_parts.hpp"
 #include "berth/linker/symbols.hpp"
 #include "berth/linker/variables_parts.hpp"
 #include "berth/od/names.hpp"
@@ -213,11 +214,13 @@ class Resolver {
     }
     const auto bus = network_.nodes[from.node].bus;
     if (bus != network_.nodes[to.node].bus) {
-      refuse(link,
-             fmt::format("{} is on {}, {} on {}", at(written.from), network_.buses[bus].name, at(written.to[i]),
-                         network_.buses[network_.nodes[to.node].bus].name),
-             "PDOs stay on one bus: link both to a device that is on both");
-      return false;
+      const auto object = [](const Meant& end) { return end.variable == no_variable ? end.object : ObjectRef{}; };
+      const auto wrong =
+          cannot_cross(network_, written, {from.node, object(from)}, {to.node, object(to)}, type_of(from));
+      if (wrong) {
+        refuse(link, fmt::format("{} to {}: {}", at(written.from), at(written.to[i]), wrong->why), wrong->fix);
+        return false;
+      }
     }
     const auto a = type_of(from);
     const auto b = type_of(to);

@@ -29,6 +29,10 @@ struct Signal {
   std::vector<Consumer> consumers = {};  ///< ascending
   std::optional<rt::Duration> deadline{};
   std::vector<std::size_t> links = {};  ///< ascending
+  /// Of a link across gateways: the node it comes from. Such signals share PDOs only with others from there, so that a
+  /// gateway can end a TPDO when its producer is silent, and go into no MPDO.
+  std::size_t origin = 0;
+  bool crosses = false;
 };
 
 struct Resolved {

@@ -197,8 +197,21 @@ class Timing {
                         "raise the bit rate, give the links deadlines, or link fewer objects"});
   }
 
+  /// What of the deadline of a link across gateways is for the bus of this PDO.
+  std::optional<Duration> share_of(const Pdo& pdo, std::size_t link) const {
+    std::optional<Duration> share;
+    for (const Signal& signal : signals_) {
+      const bool here = network_.nodes[signal.producer].bus == pdo.bus;
+      if (!here || !signal.crosses || !signal.deadline || !network_.links[link].deadline) continue;
+      if (std::ranges::find(signal.links, link) == signal.links.end()) continue;
+      share = std::min(share.value_or(*signal.deadline), *signal.deadline);
+    }
+    return share;
+  }
+
   bool tell_link(const Pdo& pdo, std::size_t link, Findings& findings) const {
-    const auto& deadline = network_.links[link].deadline;
+    const auto share = share_of(pdo, link);
+    const auto& deadline = share ? share : network_.links[link].deadline;
     const bool no_bound = !pdo.worst;
     if (!no_bound && (!deadline || *pdo.worst <= *deadline)) return false;
     const Bus& bus = network_.buses[pdo.bus];
@@ -212,7 +225,11 @@ class Timing {
     }
     const std::string worst =
         no_bound ? "there is no bound on how long it takes" : fmt::format("it can take {:.3f} ms", ms(*pdo.worst));
-    const std::string wanted = deadline ? fmt::format(", its deadline is {:g} ms", ms(*deadline)) : "";
+    std::string wanted = deadline ? fmt::format(", its deadline is {:g} ms", ms(*deadline)) : "";
+    if (share) {
+      wanted = fmt::format(", its deadline is {:g} ms, of which {:g} ms are for this bus",
+                           ms(*network_.links[link].deadline), ms(*share));
+    }
     findings.push_back(
         refusal(network_, link,
                 fmt::format("bus {} is too slow for this link: {}{}; TPDO {} of {}, CAN-ID {:03X}h", bus.name, worst,

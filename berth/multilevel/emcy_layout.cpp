@@ -90,6 +90,7 @@ const char* gateway_code_text(std::uint16_t code) noexcept {
     case gateway_code::emcy_lost: return "emergencies from beneath were lost: too many at once";
     case gateway_code::too_deep: return "an emergency from deeper than its layout can tell";
     case gateway_code::signal_late: return "a signal was handed on too late";
+    case gateway_code::route_wrong: return "a row of the routing objects is wrong, and left out";
     default: return nullptr;
   }
 }

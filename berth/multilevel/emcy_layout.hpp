@@ -82,7 +82,7 @@ struct RoutedOrigin {
 /// Codes of the gateway itself, in the range that CiA 301 leaves to devices; the paper names none.
 namespace gateway_code {
 inline constexpr std::uint16_t mandatory_bus_failed = 0xFF01, optional_bus_failed = 0xFF02, emcy_lost = 0xFF03,
-                               too_deep = 0xFF04, signal_late = 0xFF05;
+                               too_deep = 0xFF04, signal_late = 0xFF05, route_wrong = 0xFF06;
 }
 /// Null: none of these.
 [[nodiscard]] const char* gateway_code_text(std::uint16_t code) noexcept;

@@ -2,34 +2,16 @@
 
 #include <algorithm>
 
-#include "berth/base/bytes.hpp"
-#include "berth/co/cob_id.hpp"
 #include "berth/device/dictionary.hpp"
 
 namespace berth::multilevel {
 namespace {
-
-constexpr std::uint8_t late_register = co::error_register::generic | co::error_register::manufacturer;
 
 std::shared_ptr<const od::Description> plain_gateway(unsigned ports) {
   od::DescriptionBuilder builder;
   device::add_device(builder, {.name = "Gateway"});
   add_gateway_objects(builder, ports);
   return builder.build();
-}
-
-// A TPDO is ended or begun by its COB-ID, as from the network; that is no change of the configuration (1020h).
-void silence(od::Values& values, ObjectRef object, bool on) noexcept {
-  const auto record = tpdo_record_of(values, object);
-  if (!record) return;
-  const auto id = values.get_or<std::uint32_t>({*record, 1}, co::CobId::invalid_bit);
-  std::array<std::uint8_t, 4> wanted{};
-  store_le(wanted.data(), on ? id | co::CobId::invalid_bit : id & ~co::CobId::invalid_bit);
-  const auto date = values.get_or<std::uint32_t>({0x1020, 1}, 0U);
-  const auto time = values.get_or<std::uint32_t>({0x1020, 2}, 0U);
-  static_cast<void>(values.write({*record, 1}, wanted));
-  values.set({0x1020, 1}, date);
-  values.set({0x1020, 2}, time);
 }
 
 }  // namespace
@@ -141,55 +123,25 @@ void GatewayDevice::look() noexcept {
     upper_state_ = upper_.state();
     for (auto& bus : buses_) bus->sub_bus_.own_state(upper_state_);
   }
-  if (!signals_) return;
-  signals_->set_complete(all_operational());
-  if (!all_operational()) signals_->refresh();
-}
-
-bool GatewayDevice::all_operational() const noexcept {
-  return upper_.state() == NmtState::operational &&
-         std::ranges::all_of(buses_, [](const auto& bus) { return bus->device_.state() == NmtState::operational; });
+  if (signals_) signals_->look();
 }
 
 // ---- signals
 
-SignalSide GatewayDevice::signal_side(std::uint8_t number) {
-  device::Device* const device = &side(number);
-  SignalSide made;
-  made.values = &device->values();
-  made.changed = [device](ObjectRef object) { device->services().changed(object); };
-  made.port = number == 0 ? &port_ : &buses_[number - 1U]->port_;
-  made.silence = [device](ObjectRef object, bool on) { silence(device->values(), object, on); };
-  return made;
+void GatewayDevice::make_signals() {
+  std::vector<DeviceSignals::Side> sides{{&upper_, &port_}};
+  for (auto& bus : buses_) sides.push_back({&bus->device_, &bus->port_});
+  signals_.emplace(*executor_, std::move(sides), emcy_);
 }
 
 std::vector<SignalProblem> GatewayDevice::set_signals(std::vector<Signal> table) {
-  std::vector<SignalSide> sides;
-  std::vector<const od::Description*> descriptions;
-  for (std::uint8_t number = 0; number <= buses_.size(); ++number) {
-    sides.push_back(signal_side(number));
-    descriptions.push_back(&side(number).values().description());
-  }
-  auto found = problems(table, descriptions);
-  signals_.emplace(*executor_, std::move(sides), std::move(table));
-  for (std::size_t i = 0; i < signals_->table().size(); ++i) {
-    const Signal& signal = signals_->table()[i];
-    if (signal.from < descriptions.size())
-      side(signal.from).on_write(signal.source, [this, i] { signals_->received(i); });
-  }
-  signals_->on_late([this](std::size_t, bool is_late) { late(is_late); });
-  return found;
+  make_signals();
+  return signals_->set_table(std::move(table));
 }
 
-void GatewayDevice::late(bool late) {
-  const bool before = late_ != 0;
-  late_ = late ? late_ + 1 : late_ - 1;
-  if (before == (late_ != 0)) return;
-  if (late) {
-    emcy_.report(NodeId(), gateway_code::signal_late, late_register);
-  } else {
-    emcy_.report(NodeId(), co::emcy_code::error_reset, 0, gateway_code::signal_late);
-  }
+void GatewayDevice::signals_from_objects() {
+  make_signals();
+  signals_->follow_objects();
 }
 
 }  // namespace berth::multilevel

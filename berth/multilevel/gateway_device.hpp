@@ -23,10 +23,10 @@
 #include <vector>
 
 #include "berth/device/device.hpp"
+#include "berth/multilevel/device_signals.hpp"
 #include "berth/multilevel/emcy_gateway.hpp"
 #include "berth/multilevel/metered_port.hpp"
 #include "berth/multilevel/sdo_gateway.hpp"
-#include "berth/multilevel/signal_gateway.hpp"
 #include "berth/multilevel/sub_bus.hpp"
 
 namespace berth::multilevel {
@@ -102,19 +102,17 @@ class GatewayDevice final : private device::Device::Observer {
   /// that are late are told above (FF05h). Forwarding waits for `signals().set_safe(true)`, and for operational on all
   /// sides: then the start-up is complete.
   std::vector<SignalProblem> set_signals(std::vector<Signal> table);
-  /// There after `set_signals`.
-  [[nodiscard]] SignalGateway& signals() noexcept { return *signals_; }
+  /// Instead, once: the table is that of the objects of the upstream dictionary (`add_routing_objects`), which any SDO
+  /// client writes; it counts from the device's next start. Safe until the application says otherwise.
+  void signals_from_objects();
+  /// There after `set_signals`, or when the objects were read.
+  [[nodiscard]] SignalGateway& signals() noexcept { return *signals_->engine(); }
 
  private:
   void device_changed(const device::Device& device) noexcept override;
   void look() noexcept;
   void come_up() noexcept;
-  [[nodiscard]] bool all_operational() const noexcept;
-  [[nodiscard]] device::Device& side(std::uint8_t number) noexcept {
-    return number == 0 ? upper_ : buses_[number - 1U]->device_;
-  }
-  [[nodiscard]] SignalSide signal_side(std::uint8_t number);
-  void late(bool late);
+  void make_signals();
 
   rt::Executor* executor_;
   MeteredPort port_;
@@ -122,9 +120,8 @@ class GatewayDevice final : private device::Device::Observer {
   device::Device upper_;
   EmcyGateway emcy_;
   std::vector<std::unique_ptr<Bus>> buses_;
-  std::optional<SignalGateway> signals_;
+  std::optional<DeviceSignals> signals_;
   NmtState upper_state_ = NmtState::initialising;
-  unsigned late_ = 0;       // signals that are
   bool waits_ = false;      // for the buses beneath
   bool was_reset_ = false;  // the upstream side, since `look`
   rt::Later<GatewayDevice, &GatewayDevice::look> look_;

@@ -13,21 +13,6 @@ constexpr std::uint16_t first_srdo_mapping = 0x1381, last_srdo_mapping = 0x13C0;
 
 std::string at(std::uint8_t side) { return " on side " + std::to_string(side); }
 
-// A default of an SRDO's mapping names the object.
-bool in_srdo(const od::Description& description, ObjectRef ref) {
-  if (ref.index >= first_srdo && ref.index <= last_srdo) return true;
-  const auto wanted = static_cast<std::uint32_t>(ref.index) << 16U | static_cast<std::uint32_t>(ref.sub) << 8U;
-  for (const auto& object : description.objects()) {
-    if (object.index < first_srdo_mapping || object.index > last_srdo_mapping) continue;
-    const auto maps = [&](const od::SubObject& sub) {
-      const auto value = description.default_of(sub).resolve(sub.type, 0);
-      return sub.sub != 0 && (value & 0xFFFF'FF00U) == wanted;
-    };
-    if (std::ranges::any_of(description.subs(object), maps)) return true;
-  }
-  return false;
-}
-
 class Check {
  public:
   Check(const std::vector<Signal>& table, const std::vector<const od::Description*>& sides)
@@ -59,7 +44,7 @@ class Check {
     } else if (sub->variable_length()) {
       tell(signal, od::write_object(ref) + at(side) + " has no fixed size: no PDO carries it");
       return nullptr;
-    } else if (in_srdo(description, ref)) {
+    } else if (is_safety_relevant(description, ref)) {
       tell(signal, od::write_object(ref) + at(side) +
                        " is safety-relevant (SRDO): it is never forwarded, as the gateway would have to be part of the"
                        " safety function");
@@ -116,6 +101,21 @@ class Check {
 };
 
 }  // namespace
+
+// A default of an SRDO's mapping names the object.
+bool is_safety_relevant(const od::Description& description, ObjectRef ref) {
+  if (ref.index >= first_srdo && ref.index <= last_srdo) return true;
+  const auto wanted = static_cast<std::uint32_t>(ref.index) << 16U | static_cast<std::uint32_t>(ref.sub) << 8U;
+  for (const auto& object : description.objects()) {
+    if (object.index < first_srdo_mapping || object.index > last_srdo_mapping) continue;
+    const auto maps = [&](const od::SubObject& sub) {
+      const auto value = description.default_of(sub).resolve(sub.type, 0);
+      return sub.sub != 0 && (value & 0xFFFF'FF00U) == wanted;
+    };
+    if (std::ranges::any_of(description.subs(object), maps)) return true;
+  }
+  return false;
+}
 
 std::vector<SignalProblem> problems(const std::vector<Signal>& table,
                                     const std::vector<const od::Description*>& sides) {

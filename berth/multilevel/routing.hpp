@@ -43,4 +43,7 @@ struct SignalProblem {
 [[nodiscard]] std::vector<SignalProblem> problems(const std::vector<Signal>& table,
                                                   const std::vector<const od::Description*>& sides);
 
+/// Part of an SRDO (1301h to 13FFh, or in the default of a mapping 1381h to 13C0h).
+[[nodiscard]] bool is_safety_relevant(const od::Description& description, ObjectRef ref);
+
 }  // namespace berth::multilevel

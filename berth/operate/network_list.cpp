@@ -47,6 +47,17 @@ class List {
     configuration(slot, more == settings.end() ? nullptr : more->second.get(), findings);
   }
 
+  // What a network list has itself stays.
+  void own(const manager::Configuration& more) {
+    auto wanted = manager::wanted(more, bus_.master);
+    if (!wanted) return;
+    for (auto& entry : wanted->entries) {
+      const bool taken =
+          std::ranges::find(wanted_.entries, entry.object, &manager::Entry::object) != wanted_.entries.end();
+      if (!taken && !entry.compare_only) wanted_.entries.push_back(std::move(entry));
+    }
+  }
+
   manager::Wanted done() {
     auto& entries = wanted_.entries;
     std::ranges::sort(entries, {}, &manager::Entry::object);
@@ -140,6 +151,8 @@ manager::Wanted network_list(const design::Bus& bus, std::span<const places::Slo
     const bool waits = std::ranges::find(held_back, slot.id) != held_back.end();
     list.slot(slot, waits, settings, findings);
   }
+  const auto own = settings.find(design::gateway_node_name(bus));
+  if (own != settings.end()) list.own(*own->second);
   return list.done();
 }
 

@@ -83,9 +83,10 @@ void add_object(od::DescriptionBuilder& b, ObjectRef ref, std::string_view name,
   }
 }
 
-std::shared_ptr<const od::Description> with_own_objects(const PlantDevice& plan) {
+std::shared_ptr<const od::Description> with_own_objects(const PlantDevice& plan, unsigned signals) {
   od::DescriptionBuilder b;
   device::add_device(b);
+  add_signals(b, signals);
   if (plan.storing.programs.count > 0) device::add_programs(b, static_cast<std::uint8_t>(plan.storing.programs.count));
   if (!plan.node_id_object.object) return b.build();
   add_object(b, *plan.node_id_object.object, "Node-ID", 1);
@@ -93,7 +94,7 @@ std::shared_ptr<const od::Description> with_own_objects(const PlantDevice& plan)
   return b.build();
 }
 
-std::shared_ptr<const od::Description> with_manager(const PlantMaster& master) {
+std::shared_ptr<const od::Description> with_manager(const PlantMaster& master, unsigned signals) {
   od::DescriptionBuilder b;
   const std::uint8_t most = highest_slave(master);
   device::add_device(b, {.supervised = std::max<std::uint8_t>(most, 8)});
@@ -102,6 +103,7 @@ std::shared_ptr<const od::Description> with_manager(const PlantMaster& master) {
   if (!master.flying) device::add_storage(b);
   if (!master.flying) objects = {.most = most, .longest_concise = room_for_a_configuration};
   manager::add_manager_objects(b, objects);
+  add_signals(b, signals);
   return b.build();
 }
 
@@ -373,22 +375,23 @@ PlantMastery master_of(const PlantDevice& plan, can::Dispatcher& dispatcher, dev
   return made;
 }
 
-const Described* Descriptions::of(const PlantDevice& device, Findings& findings, unsigned gateway_ports) {
+const Described* Descriptions::of(const PlantDevice& device, Findings& findings, GatewayPart part) {
   const auto& file = device.eds_path.empty() ? device.eds : device.eds_path;
-  const auto path = !file.empty()        ? file
-                    : gateway_ports != 0 ? fmt::format("gateway of {}", gateway_ports)
-                                         : own_objects(device);
+  const auto path = !file.empty()       ? file
+                    : part.ports != 0   ? fmt::format("gateway of {}, {} signals", part.ports, part.signals)
+                    : part.signals != 0 ? fmt::format("{} of a gateway, {} signals", own_objects(device), part.signals)
+                                        : own_objects(device);
   auto& described = known_[path + own_variables(device)];
   if (described.description) return &described;
   if (described.unreadable) return nullptr;
   if (device.does.master) {
-    described.description = with_manager(*device.does.master);
+    described.description = with_manager(*device.does.master, part.signals);
     return &described;
   }
   if (file.empty()) {
-    described.description = path.empty()         ? device::minimal_description()
-                            : gateway_ports != 0 ? gateway_description(gateway_ports)
-                                                 : with_own_objects(device);
+    described.description = path.empty()      ? device::minimal_description()
+                            : part.ports != 0 ? gateway_description(part.ports, part.signals)
+                                              : with_own_objects(device, part.signals);
     return &described;
   }
   const auto reading = eds::read_any_file(path);

@@ -53,8 +53,8 @@ class Descriptions {
  public:
   /// Null when it cannot be read. The findings are those of its first reading: the errors, and a warning of the
   /// mandatory objects that it lacks and the device has all the same.
-  /// `gateway_ports`: the built-in one of a gateway with so many buses beneath.
-  [[nodiscard]] const Described* of(const PlantDevice& device, Findings& findings, unsigned gateway_ports = 0);
+  /// `part`: the built-in ones have the objects of a gateway.
+  [[nodiscard]] const Described* of(const PlantDevice& device, Findings& findings, GatewayPart part = {});
 
  private:
   std::map<std::string, Described> known_;

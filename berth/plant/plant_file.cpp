@@ -30,9 +30,12 @@ const PlantDevice* PlantFile::device(std::string_view device_name) const noexcep
   return it == devices.end() ? nullptr : &*it;
 }
 
-unsigned PlantFile::gateway_ports(std::string_view device_name) const noexcept {
-  const auto it = std::ranges::find(gateways, device_name, &PlantGateway::above);
-  return it == gateways.end() ? 0 : static_cast<unsigned>(it->beneath.size());
+GatewayPart PlantFile::gateway_part(std::string_view device_name) const noexcept {
+  for (const auto& each : gateways) {
+    if (each.above == device_name) return {static_cast<unsigned>(each.beneath.size()), each.signals, true};
+    if (std::ranges::find(each.beneath, device_name) != each.beneath.end()) return {0, each.signals, true};
+  }
+  return {};
 }
 
 }  // namespace berth::plant

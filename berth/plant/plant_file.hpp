@@ -157,6 +157,8 @@ struct PlantGateway {
   std::uint8_t layout = 8;                  ///< of EMCYs: the paper's Figure 7, 8 or 9
   std::vector<std::uint8_t> speaks_layout;  ///< node-IDs beneath whose EMCYs have it; gateways there are found
   bool literal = false;                     ///< SDO answers as published
+  std::uint32_t signals =
+      0;  ///< rows of its routing objects, and places of each size on every side; 0: no such objects
   friend bool operator==(const PlantGateway&, const PlantGateway&) = default;
 };
 
@@ -275,6 +277,13 @@ struct PlantEvent {
   friend bool operator==(const PlantEvent&, const PlantEvent&) = default;
 };
 
+/// What a device is of a gateway.
+struct GatewayPart {
+  unsigned ports = 0;    ///< buses beneath, when it is the device above
+  unsigned signals = 0;  ///< `PlantGateway::signals`
+  bool any = false;      ///< above or beneath
+};
+
 struct PlantFile {
   std::uint64_t seed = 1;
   std::vector<PlantBus> buses;
@@ -285,8 +294,7 @@ struct PlantFile {
 
   [[nodiscard]] const PlantBus* bus(std::string_view name) const noexcept;
   [[nodiscard]] const PlantDevice* device(std::string_view name) const noexcept;
-  /// Buses beneath this device: 0 when it is above none.
-  [[nodiscard]] unsigned gateway_ports(std::string_view device_name) const noexcept;
+  [[nodiscard]] GatewayPart gateway_part(std::string_view device_name) const noexcept;
 };
 
 struct PlantResult {

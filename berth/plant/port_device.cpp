@@ -6,7 +6,7 @@
 namespace berth::plant {
 
 PortDevice::PortDevice(PortDevices& all, rt::Executor& executor, const PlantDevice& plan, const Described& described,
-                       std::unique_ptr<can::Port> port, std::uint32_t rate, Random random)
+                       std::unique_ptr<can::Port> port, std::uint32_t rate, Random random, bool metered)
     : all_(&all),
       plan_(plan),
       timing_(timing_of(plan)),
@@ -15,7 +15,8 @@ PortDevice::PortDevice(PortDevices& all, rt::Executor& executor, const PlantDevi
       program_flash_(program_flash_of(plan, executor)),
       port_(std::move(port)),
       host_(executor, *port_, timing_, random),
-      dispatcher_(executor, host_),
+      meter_(metered ? std::make_optional<multilevel::MeteredPort>(executor, host_) : std::nullopt),
+      dispatcher_(executor, meter_ ? static_cast<can::Port&>(*meter_) : host_),
       device_(
           dispatcher_, described.description, &flash_,
           options_of(plan, address_of(plan, described), plan.bitrate != 0 ? plan.bitrate : rate, Random(random).next()),
@@ -48,10 +49,11 @@ void PortDevice::write_ended() noexcept { all_->save(); }
 // --- PortDevices -----------------------------------------------------------------------------------------------------
 
 PortDevice* PortDevices::add(const PlantDevice& plan, std::unique_ptr<can::Port> port, std::uint32_t rate,
-                             Random random, Findings& findings, unsigned gateway_ports) {
-  const auto* const described = descriptions_.of(plan, findings, gateway_ports);
+                             Random random, Findings& findings, GatewayPart part) {
+  const auto* const described = descriptions_.of(plan, findings, part);
   if (described == nullptr || !check_programs(plan, *described->description, findings)) return nullptr;
-  devices_.push_back(std::make_unique<PortDevice>(*this, *executor_, plan, *described, std::move(port), rate, random));
+  devices_.push_back(
+      std::make_unique<PortDevice>(*this, *executor_, plan, *described, std::move(port), rate, random, part.any));
   return devices_.back().get();
 }
 

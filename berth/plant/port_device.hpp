@@ -34,7 +34,7 @@ class PortDevice final : public GatewaySide, private device::Device::Observer, p
  public:
   /// `rate`: bit/s that its blank memory counts as, where the plan says none; 0 = it knows no bit rates.
   PortDevice(PortDevices& all, rt::Executor& executor, const PlantDevice& plan, const Described& described,
-             std::unique_ptr<can::Port> port, std::uint32_t rate, Random random);
+             std::unique_ptr<can::Port> port, std::uint32_t rate, Random random, bool metered = false);
   ~PortDevice() override;
   PortDevice(const PortDevice&) = delete;
   PortDevice& operator=(const PortDevice&) = delete;
@@ -52,8 +52,9 @@ class PortDevice final : public GatewaySide, private device::Device::Observer, p
 
  private:
   friend class PortDevices;
-  [[nodiscard]] can::Dispatcher& dispatcher() noexcept override { return dispatcher_; }
-  [[nodiscard]] manager::DictionaryManager* manager() noexcept override { return master_.manager.get(); }
+  [[nodiscard]] Inside inside() noexcept override {
+    return {&dispatcher_, master_.manager.get(), meter_ ? &*meter_ : nullptr};
+  }
   void follow(const GatewaySide& above) noexcept override { power(above.powered()); }
   void device_changed(const device::Device& device) noexcept override;
   void write_began() noexcept override {}
@@ -67,6 +68,7 @@ class PortDevice final : public GatewaySide, private device::Device::Observer, p
   std::unique_ptr<device::SimFlash> program_flash_;  // only with programs
   std::unique_ptr<can::Port> port_;
   device::TimedPort host_;
+  std::optional<multilevel::MeteredPort> meter_;  // only of a gateway
   can::Dispatcher dispatcher_;
   mutable device::Device device_;
   PlantMastery master_;
@@ -91,9 +93,9 @@ class PortDevices {
       : executor_(&executor), observer_(observer) {}
 
   /// Without power. Null: its description cannot be read. `rate` as of `PortDevice`.
-  /// `gateway_ports`: it is a gateway with so many buses beneath (`PlantFile::gateway_ports`).
+  /// `part`: what it is of a gateway (`PlantFile::gateway_part`).
   PortDevice* add(const PlantDevice& plan, std::unique_ptr<can::Port> port, std::uint32_t rate, Random random,
-                  Findings& findings, unsigned gateway_ports = 0);
+                  Findings& findings, GatewayPart part = {});
   /// Devices that are here are this gateway of the plant: its device above, whose power those beneath share. False: one
   /// is not here, or (an error) its description has no objects of a gateway. Before `power`.
   [[nodiscard]] bool add_gateway(const PlantGateway& plan, const PlantFile& plant, Findings& findings);

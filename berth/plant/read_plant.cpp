@@ -463,6 +463,7 @@ class PlantReader {
   }
 
   void read_gateway(Table& table) {
+    constexpr std::uint32_t most_signals = 64;
     PlantGateway gateway;
     if (table.require("above", "name its [[device]] on the bus above"))
       gateway.above = table.string("above").value_or("");
@@ -474,6 +475,7 @@ class PlantReader {
       gateway.speaks_layout.push_back(static_cast<std::uint8_t>(node));
     }
     gateway.literal = table.boolean("literal").value_or(false);
+    gateway.signals = table.u32("signals", {0, most_signals}).value_or(0);
     table.finish();
     check_gateway(table, gateway);
     plant_.gateways.push_back(std::move(gateway));
@@ -487,7 +489,7 @@ class PlantReader {
     if (wrong_number) table.error("beneath", "a gateway has 1 to 8 buses beneath it", "name a device on each");
     if (above == names_.end()) return;
     const PlantDevice& device = plant_.devices[above->second];
-    if (plant_.gateway_ports(gateway.above) != 0) {
+    if (plant_.gateway_part(gateway.above).ports != 0) {
       table.error("above", "this device is a gateway already", "give each one table");
     }
     std::set<std::string> buses{device.bus};

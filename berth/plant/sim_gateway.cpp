@@ -4,6 +4,7 @@
 
 #include "berth/device/dictionary.hpp"
 #include "berth/multilevel/objects.hpp"
+#include "berth/multilevel/routing_objects.hpp"
 
 namespace berth::plant {
 
@@ -38,12 +39,19 @@ PlantGateway with_gateways_beneath(const PlantGateway& plan, const PlantFile& pl
 
 }  // namespace
 
-std::shared_ptr<const od::Description> gateway_description(unsigned ports) {
+std::shared_ptr<const od::Description> gateway_description(unsigned ports, unsigned signals) {
   od::DescriptionBuilder builder;
   device::add_device(builder, {.name = "Berth simulated gateway"});
   device::add_storage(builder);
   multilevel::add_gateway_objects(builder, ports);
+  if (signals != 0) multilevel::add_routing_objects(builder, static_cast<std::uint8_t>(signals));
+  add_signals(builder, signals);
   return builder.build();
+}
+
+void add_signals(od::DescriptionBuilder& builder, unsigned signals) {
+  constexpr unsigned pdos = 4;
+  if (signals != 0) multilevel::add_signal_places(builder, static_cast<std::uint8_t>(signals), pdos);
 }
 
 bool check_gateway(const PlantGateway& plan, const device::Device& above, Findings& findings) {
@@ -67,10 +75,11 @@ multilevel::EmcyGatewayOptions SimGateway::emcy_options(const PlantGateway& plan
 SimGateway::Port::Port(SimGateway& owner, GatewaySide& of, multilevel::SdoGatewayOptions options)
     : side(&of),
       number(options.port),
-      client(of.manager() != nullptr ? nullptr : std::make_unique<co::SdoClient>(of.dispatcher())),
-      sdo(owner.above_->device().values(), client ? *client : of.manager()->bus().sdo(), *owner.executor_, options),
+      client(of.inside().manager != nullptr ? nullptr : std::make_unique<co::SdoClient>(*of.inside().dispatcher)),
+      sdo(owner.above_->device().values(), client ? *client : of.inside().manager->bus().sdo(), *owner.executor_,
+          options),
       bus(*owner.executor_, owner.emcy_, [&owner](co::NmtCommand command) { owner.above_->device().apply(command); }) {
-  owner.emcy_.hear_all(of.dispatcher());
+  owner.emcy_.hear_all(*of.inside().dispatcher);
   of.device().on().heartbeat = [this](const co::HeartbeatEvent& event) { bus.heartbeat(event); };
   const auto error_class = multilevel::heartbeat_error_class(options.port);
   bus.on_heartbeat_lost([&owner, error_class] {
@@ -79,14 +88,14 @@ SimGateway::Port::Port(SimGateway& owner, GatewaySide& of, multilevel::SdoGatewa
   });
   if (!boots_first()) return;
   bus.on_settled([&owner] { owner.look_.post(); });
-  of.manager()->network().observe([this](const manager::NetworkEvent& event) {
+  of.inside().manager->network().observe([this](const manager::NetworkEvent& event) {
     using Kind = manager::NetworkEvent::Kind;
     if (event.kind == Kind::operational) bus.booted();
     if (event.kind == Kind::halted) bus.failed(event.node);
   });
 }
 
-bool SimGateway::Port::boots_first() const noexcept { return side->manager() != nullptr; }
+bool SimGateway::Port::boots_first() const noexcept { return side->inside().manager != nullptr; }
 
 SimGateway::SimGateway(rt::Executor& executor, GatewaySide& above, std::vector<GatewaySide*> beneath,
                        const PlantGateway& plan, const PlantFile& plant)
@@ -100,6 +109,12 @@ SimGateway::SimGateway(rt::Executor& executor, GatewaySide& above, std::vector<G
     options.levels_beneath = levels_beneath(plant, plan, plant.gateways.size());
     options.literal = plan.literal;
     ports_.push_back(std::make_unique<Port>(*this, *side, options));
+  }
+  if (above.device().values().description().find({multilevel::RoutingObjects::routes, 1}) != nullptr) {
+    std::vector<multilevel::DeviceSignals::Side> sides{{&above.device(), above.inside().meter}};
+    for (GatewaySide* const side : beneath) sides.push_back({&side->device(), side->inside().meter});
+    signals_.emplace(executor, std::move(sides), emcy_);
+    signals_->follow_objects();
   }
   above.set_boots_last(std::ranges::any_of(ports_, [](const auto& port) { return port->boots_first(); }));
 }
@@ -131,6 +146,7 @@ void SimGateway::look() noexcept {
   }
   if (reset) state_ = NmtState::initialising;
   look_above();
+  if (signals_) signals_->look();
   if (settled() && above_->powered() && above_->end_wait()) above_->device().power_on();
 }
 

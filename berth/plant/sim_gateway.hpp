@@ -4,6 +4,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -17,8 +18,10 @@
 
 namespace berth::plant {
 
-/// The built-in dictionary of a gateway with so many buses beneath.
-[[nodiscard]] std::shared_ptr<const od::Description> gateway_description(unsigned ports);
+/// The built-in dictionary of a gateway with so many buses beneath; `signals`: `PlantGateway::signals`.
+[[nodiscard]] std::shared_ptr<const od::Description> gateway_description(unsigned ports, unsigned signals = 0);
+/// The places of signals and the PDOs for them, of any of a gateway's devices; 0: none.
+void add_signals(od::DescriptionBuilder& builder, unsigned signals);
 
 /// The built-in dictionary of such a device is the gateway's, or its description has the objects; else the finding
 /// names it.
@@ -30,9 +33,12 @@ class GatewaySide {
   virtual ~GatewaySide() = default;
   [[nodiscard]] virtual const PlantDevice& plan() const noexcept = 0;
   [[nodiscard]] virtual device::Device& device() noexcept = 0;
-  [[nodiscard]] virtual can::Dispatcher& dispatcher() noexcept = 0;
-  /// Null: it is no NMT master.
-  [[nodiscard]] virtual manager::DictionaryManager* manager() noexcept = 0;
+  struct Inside {
+    can::Dispatcher* dispatcher = nullptr;
+    manager::DictionaryManager* manager = nullptr;  ///< null: it is no NMT master
+    multilevel::MeteredPort* meter = nullptr;       ///< where its frames go; null: no delay of a signal is known
+  };
+  [[nodiscard]] virtual Inside inside() noexcept = 0;
   /// Has power; it may still wait for the buses beneath.
   [[nodiscard]] virtual bool powered() const noexcept = 0;
   /// A device beneath: is on its bus and has power as `above` is and has.
@@ -61,6 +67,8 @@ class SimGateway {
   /// Something of this device changed: one of the gateway's own is looked at soon.
   void changed(const device::Device& device) noexcept;
   [[nodiscard]] multilevel::EmcyGateway& emcy() noexcept { return emcy_; }
+  /// Null: it has no routing objects.
+  [[nodiscard]] multilevel::DeviceSignals* signals() noexcept { return signals_ ? &*signals_ : nullptr; }
 
  private:
   struct Port {
@@ -83,6 +91,7 @@ class SimGateway {
   std::vector<std::unique_ptr<Port>> ports_;
   NmtState state_ = NmtState::initialising;  // above
   bool was_reset_ = false;
+  std::optional<multilevel::DeviceSignals> signals_;  // only with routing objects
   rt::Later<SimGateway, &SimGateway::look> look_;
 };
 

@@ -65,7 +65,7 @@ class SimDevice::Scripted final : private script::Behaviour::Listener {
 
 SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const LssAddress& address,
                      std::shared_ptr<const od::Description> description, Random random,
-                     std::optional<script::Script> script)
+                     std::optional<script::Script> script, bool metered)
     : world_(&world),
       bus_(&bus),
       plan_(plan),
@@ -75,7 +75,8 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
       program_flash_(program_flash_of(plan, bus.executor())),
       controller_(bus.attach(controller_of(plan, bus))),
       port_(bus.executor(), *controller_, timing_, random),
-      dispatcher_(bus.executor(), port_),
+      meter_(metered ? std::make_optional<multilevel::MeteredPort>(bus.executor(), port_) : std::nullopt),
+      dispatcher_(bus.executor(), meter_ ? static_cast<can::Port&>(*meter_) : port_),
       device_(dispatcher_, std::move(description), &flash_,
               options_of(plan, address, bit_rate_of(plan, bus), Random(random).next()), &port_, timing_,
               programs_of(plan, program_flash_.get())) {
@@ -224,7 +225,8 @@ std::unique_ptr<World> World::make(const PlantFile& plant, std::span<const BusRa
   auto world = std::unique_ptr<World>(new World(plant.seed));
   bool good = world->make_buses(plant, rates, findings);
   for (const auto& plan : plant.devices) {
-    const Described* described = world->descriptions_.of(plan, findings, plant.gateway_ports(plan.name));
+    const auto part = plant.gateway_part(plan.name);
+    const Described* described = world->descriptions_.of(plan, findings, part);
     sim::Bus* bus = world->bus(plan.bus);
     if (bus == nullptr && good) {
       refuse(findings, plan.name, "bus \"" + plan.bus + "\" is neither in the plant nor in the machine file",
@@ -238,7 +240,7 @@ std::unique_ptr<World> World::make(const PlantFile& plant, std::span<const BusRa
     }
     world->devices_.push_back(std::make_unique<SimDevice>(*world, *bus, plan, address_of(plan, *described),
                                                           described->description, world->sim_.random().fork(),
-                                                          std::move(script)));
+                                                          std::move(script), part.any));
   }
   good = good && world->make_gateways(plant, findings);
   world->events_ = plant.events;

@@ -60,7 +60,7 @@ class SimDevice final : public GatewaySide, private device::Device::Observer, pr
  public:
   SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const LssAddress& address,
             std::shared_ptr<const od::Description> description, Random random,
-            std::optional<script::Script> script = {});
+            std::optional<script::Script> script = {}, bool metered = false);
   ~SimDevice() override;
 
   /// Onto the bus, with power; nothing happens when it is plugged already.
@@ -100,8 +100,9 @@ class SimDevice final : public GatewaySide, private device::Device::Observer, pr
 
  private:
   friend class World;
-  [[nodiscard]] can::Dispatcher& dispatcher() noexcept override { return dispatcher_; }
-  [[nodiscard]] manager::DictionaryManager* manager() noexcept override { return master_.manager.get(); }
+  [[nodiscard]] Inside inside() noexcept override {
+    return {&dispatcher_, master_.manager.get(), meter_ ? &*meter_ : nullptr};
+  }
   void follow(const GatewaySide& above) noexcept override;
   void switch_on() noexcept;
   void switch_off() noexcept;
@@ -118,6 +119,7 @@ class SimDevice final : public GatewaySide, private device::Device::Observer, pr
   std::unique_ptr<device::SimFlash> program_flash_;  // only with programs
   std::unique_ptr<sim::Controller> controller_;
   device::TimedPort port_;
+  std::optional<multilevel::MeteredPort> meter_;  // only of a gateway
   can::Dispatcher dispatcher_;
   mutable device::Device device_;
   class Scripted;

@@ -196,6 +196,7 @@ void write_gateway(PlantWriter& w, const PlantGateway& gateway) {
     w.raw("speaks_layout", fmt::format("[{}]", fmt::join(gateway.speaks_layout, ", ")));
   }
   if (gateway.literal) w.raw("literal", "true");
+  w.number("signals", gateway.signals, PlantGateway().signals);
 }
 
 void write_comment(PlantWriter& w, std::string_view comment) {

@@ -330,7 +330,7 @@ class IntelligenceWorld final : private can::Tap {
       for (const auto& link : plan_.machine.links) {
         auto& from = at(link.from.slot).device();
         from.values().set(ObjectRef{0x6000, 1}, ++value);
-        from.value_changed({0x6000, 1});
+        from.services().changed({0x6000, 1});
       }
       berths_.run_for(1s);
       for (const auto& link : plan_.machine.links) {

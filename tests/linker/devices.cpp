@@ -187,7 +187,8 @@ DeviceSpec io_module() {
 }
 
 linker::Network network_of(std::vector<std::pair<std::string, std::shared_ptr<const eds::File>>> nodes) {
-  linker::Network network{.name = "machine", .file = "machine.toml", .buses = {}, .nodes = {}, .links = {}};
+  linker::Network network{
+      .name = "machine", .file = "machine.toml", .buses = {}, .nodes = {}, .gateways = {}, .links = {}};
   linker::Bus bus{.name = "field", .master = NodeId(127)};
   bus.others.bit_rate = 500'000;
   bus.others.background_bytes = 8;

@@ -174,7 +174,7 @@ struct Process {
     for (const auto& name : names) {
       const auto& plan = *plant.device(name);
       auto made = devices.add(plan, world.find_bus(plan.bus)->attach(), plant.bus(plan.bus)->bitrate, Random(1),
-                              findings, plant.gateway_ports(name));
+                              findings, plant.gateway_part(name));
       EXPECT_NE(made, nullptr) << name;
     }
     for (const auto& gateway : plant.gateways) {

@@ -1,8 +1,8 @@
 // ./run faults [--from SEED] [--count N]: seeded random plants with random faults. Prints how often each fault hit each
 // phase, and for a failure the plant file that replays it. Then the same for each method of discovery by itself, and
 // for the negotiation: as many worlds of each as a tenth of N; `--method NAME`: N worlds of this one only ("all",
-// "none"). Then worlds of programs, configurations, links and take-over, as many as a tenth of N (`--intelligence`: N of
-// these only), and trees of buses beneath gateways, a two-hundredth (`--trees`: N of these only).
+// "none"). Then worlds of programs, configurations, links and take-over, as many as a tenth of N (`--intelligence`: N
+// of these only), and trees of buses beneath gateways, a two-hundredth (`--trees`: N of these only).
 #include <sys/wait.h>
 #include <unistd.h>
 #include <algorithm>
