@@ -29,13 +29,16 @@ lss::Settings load(const Options& options, std::optional<NvRecord>& record) noex
 }  // namespace
 
 LssSlave::LssSlave(can::Dispatcher& dispatcher, const Options& options, NvMemory* memory, Host& host, Owner& owner)
-    : dispatcher_(&dispatcher), options_(&options), host_(&host), owner_(&owner), answers_(dispatcher) {
+    : dispatcher_(&dispatcher), options_(&options), host_(&host), owner_(&owner) {
   if (memory != nullptr) record_.emplace(*memory, 0, record_size);
   stored_ = load(*options_, record_);
   slave_.emplace(dispatcher.executor(), static_cast<lss::SlaveOwner&>(*this),
                  lss::SlaveOptions{.address = options.address}, stored_);
-  if (options.lss.on && options.lss.habit != LssHabit::none) {
-    habits_ = std::make_unique<LssHabits>(options.lss.habit, dispatcher.executor(), answers_, options.lss.habit_seed);
+  if (!options.lss.on) return;
+  const bool habit = options.lss.habit != LssHabit::none;
+  if (habit || options.lss.feedback != lss::Feedback::none) answers_ = std::make_unique<lss::AnswerQueue>(dispatcher);
+  if (habit) {
+    habits_ = std::make_unique<LssHabits>(options.lss.habit, dispatcher.executor(), *answers_, options.lss.habit_seed);
   }
 }
 
@@ -71,7 +74,7 @@ void LssSlave::power_off() noexcept {
 
 void LssSlave::resetting() noexcept {
   dispatcher_->remove(*this);
-  answers_.drop();
+  if (answers_) answers_->drop();
   if (habits_) habits_->reset();
 }
 
@@ -114,7 +117,11 @@ void LssSlave::received(const can::Frame& frame, rt::Time) noexcept {
   if (frame.key() == co::nmt_command_id) return boot_by_nmt(frame);
   const auto answers = answer(frame);
   owner_->lss_heard(answers.has_value());
-  answers_.send(answers);
+  if (answers_) {
+    answers_->send(answers);
+  } else if (answers) {
+    dispatcher_->send(*answers);
+  }
 }
 
 // As a stack does that takes 255 for its node-ID until it has another.

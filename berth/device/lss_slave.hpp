@@ -90,7 +90,9 @@ class LssSlave final : private can::Handler, private lss::SlaveOwner, private Nv
   /// @}
 
   /// Bytes beyond itself.
-  [[nodiscard]] std::size_t memory() const noexcept { return habits_ ? sizeof(LssHabits) : 0; }
+  [[nodiscard]] std::size_t memory() const noexcept {
+    return (answers_ ? sizeof(lss::AnswerQueue) : 0) + (habits_ ? sizeof(LssHabits) : 0);
+  }
 
  private:
   void received(const can::Frame& frame, rt::Time at) noexcept override;
@@ -108,9 +110,9 @@ class LssSlave final : private can::Handler, private lss::SlaveOwner, private Nv
   Owner* owner_;
   std::optional<NvRecord> record_;
   std::optional<lss::Slave> slave_;
-  lss::AnswerQueue answers_;
-  std::unique_ptr<LssHabits> habits_;  // only with LssOptions::habit
-  lss::Settings stored_{};             // what the record holds, or stands for blank memory
+  std::unique_ptr<lss::AnswerQueue> answers_;  // only with what goes before an answer, or answers late
+  std::unique_ptr<LssHabits> habits_;          // only with LssOptions::habit
+  lss::Settings stored_{};                     // what the record holds, or stands for blank memory
   lss::Settings being_stored_{};
   NvMemory::Done* waits_ = nullptr;  // for the end of a `keep`
   bool powered_ = false;

@@ -16,7 +16,7 @@ bool NvRecord::read_slot(unsigned slot, std::span<std::uint8_t> into, std::uint3
   const auto body = bytes.first(payload_ + 5);
   if (load_le<std::uint32_t>(raw.data() + body.size()) != crc32(body) || raw[4] != payload_) return false;
   sequence = load_le<std::uint32_t>(raw.data());
-  std::copy_n(raw.begin() + 5, std::min(into.size(), payload_), into.begin());
+  std::copy_n(raw.begin() + 5, std::min<std::size_t>(into.size(), payload_), into.begin());
   return true;
 }
 
@@ -31,7 +31,7 @@ bool NvRecord::load(std::span<std::uint8_t> into) noexcept {
   if (!has_first && !has_second) return false;
   // Newer by distance, so that the number may wrap.
   const bool take_second = has_second && (!has_first || static_cast<std::int32_t>(second - first) > 0);
-  if (take_second) std::copy_n(other.begin(), std::min(into.size(), payload_), into.begin());
+  if (take_second) std::copy_n(other.begin(), std::min<std::size_t>(into.size(), payload_), into.begin());
   slot_ = take_second ? 1 : 0;
   sequence_ = take_second ? second : first;
   return true;
@@ -40,7 +40,7 @@ bool NvRecord::load(std::span<std::uint8_t> into) noexcept {
 bool NvRecord::save(std::span<const std::uint8_t> payload, NvMemory::Done& done) noexcept {
   if (busy() || payload.size() != payload_) return false;
   store_le<std::uint32_t>(buffer_.data(), sequence_ + 1);
-  buffer_[4] = static_cast<std::uint8_t>(payload_);
+  buffer_[4] = payload_;
   std::copy(payload.begin(), payload.end(), buffer_.begin() + 5);
   const std::span body(buffer_.data(), payload_ + 5);
   store_le<std::uint32_t>(buffer_.data() + body.size(), crc32(body));
@@ -57,7 +57,7 @@ void NvRecord::forget() noexcept {
 
 void NvRecord::written(bool ok) noexcept {
   if (ok) {
-    slot_ = 1 - slot_;
+    slot_ = slot_ == 0 ? 1 : 0;
     ++sequence_;
   }
   std::exchange(done_, nullptr)->written(ok);

@@ -49,13 +49,13 @@ class NvMemory {
 ///     slot = sequence U32 | length U8 | payload | CRC-32 over all before, little-endian
 class NvRecord final : private NvMemory::Done {
  public:
-  static constexpr std::size_t most = 48;  ///< longest payload in bytes
+  static constexpr std::size_t most = 16;  ///< longest payload in bytes
   /// Bytes of memory that a record takes.
   [[nodiscard]] static constexpr std::size_t footprint(std::size_t payload) noexcept { return 2 * (payload + 9); }
 
   /// `payload` (1..`most`) bytes, in `memory` from `at` on. Reads nothing yet.
   NvRecord(NvMemory& memory, std::size_t at, std::size_t payload) noexcept
-      : memory_(&memory), at_(at), payload_(payload <= most ? payload : most) {}
+      : memory_(&memory), at_(at), payload_(static_cast<std::uint8_t>(payload <= most ? payload : most)) {}
 
   /// Finds the newer valid slot; false when the memory holds none (blank or never written whole).
   bool load(std::span<std::uint8_t> into) noexcept;
@@ -72,10 +72,10 @@ class NvRecord final : private NvMemory::Done {
 
   NvMemory* memory_;
   std::size_t at_;
-  std::size_t payload_;
-  std::uint32_t sequence_ = 0;  // of the valid record
-  unsigned slot_ = 1;           // where the valid record stands; the next write goes to the other one
   NvMemory::Done* done_ = nullptr;
+  std::uint32_t sequence_ = 0;  // of the valid record
+  std::uint8_t payload_;
+  std::uint8_t slot_ = 1;  // where the valid record stands; the next write goes to the other one
   std::array<std::uint8_t, most + 9> buffer_{};
 };
 
