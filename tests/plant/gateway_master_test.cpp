@@ -171,16 +171,16 @@ TEST_F(Boom, ANewDeviceDoesNotGetWhatBootsMeanwhile) {
   world->sim().run_for(500ms);
   commission();
   ASSERT_TRUE(world->sim().run_until([&] { return all_run(); }, 20s));
-  auto& first = *world->find("valve 1");
-  auto& second = *world->find("valve 2");
+  auto& fresh = *world->find("valve 2");
+  auto& other = *world->find("valve 1");  // with the lower node-ID, which would be given first
   for (auto later = 0ms; later < 1300ms; later += 25ms) {
-    first.power(false);
-    second.power(false);
+    fresh.power(false);
+    other.power(false);
     world->sim().run_for(2s + later);
-    first.next_power_on() = {.serial = 1000 + static_cast<std::uint32_t>(later.count()), .node_id = NodeId()};
-    first.power(true);
+    fresh.next_power_on() = {.serial = 1000 + static_cast<std::uint32_t>(later.count()), .node_id = NodeId()};
+    fresh.power(true);
     world->sim().run_for(200ms);
-    second.power(true);
+    other.power(true);
     ASSERT_TRUE(world->sim().run_until([&] { return all_run(); }, 20s)) << later.count();
     EXPECT_NE(truth("valve 1").persistent, truth("valve 2").persistent) << later.count();
     EXPECT_TRUE(world->duplicates().empty()) << later.count();
