@@ -35,8 +35,12 @@ constexpr const char* device =
 
 linker::Network machine() {
   static const auto file = std::make_shared<const eds::File>(eds::read(device, "device").file);
-  linker::Network network{
-      .name = "m", .file = "", .buses = {{.name = "b", .master = NodeId(127)}}, .nodes = {}, .links = {}};
+  linker::Network network{.name = "m",
+                          .file = "",
+                          .buses = {{.name = "b", .master = NodeId(127)}},
+                          .nodes = {},
+                          .gateways = {},
+                          .links = {}};
   for (const char* const name : {"a", "b"}) {
     network.nodes.push_back({.name = name, .bus = 0, .id = NodeId(name[0] == 'a' ? 1 : 2), .file = file});
   }

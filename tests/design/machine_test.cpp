@@ -106,7 +106,7 @@ deadline = "20 ms"
   EXPECT_EQ(m.buses[1].port, (PortSpec{PortKind::socketcand, "host:29536/can0"}));
   EXPECT_EQ(m.buses[1].role, Role::master);
   EXPECT_EQ(m.buses[1].master, NodeId(127));
-  EXPECT_EQ(m.buses[1].gateway, (Gateway{"backbone", NodeId(3), 1, false}));
+  EXPECT_EQ(m.buses[1].gateway, (Gateway{"backbone", NodeId(3), 1, false, "", "", NodeId()}));
   EXPECT_EQ(m.buses[1].timing.sdo_timeout, Duration(200ms));
   EXPECT_EQ(m.buses[1].timing.heartbeat_period, Duration(100ms));
   EXPECT_EQ(m.buses[1].timing.heartbeat_timeout, Duration(300ms));
@@ -378,7 +378,7 @@ TEST(MachineFile, BusesWithoutAPort) {
   ASSERT_EQ(machine.beneath.size(), 2U);
   EXPECT_EQ(machine.beneath[0].name, "mid");
   EXPECT_EQ(machine.beneath[1].name, "low");
-  EXPECT_EQ(machine.beneath[1].gateway, (Gateway{"mid", NodeId(4), 2, true}));
+  EXPECT_EQ(machine.beneath[1].gateway, (Gateway{"mid", NodeId(4), 2, true, "", "", NodeId()}));
   EXPECT_EQ(machine.bus("low")->master, NodeId(1));
 
   const auto message = [](const std::string& text) {
@@ -421,4 +421,37 @@ RC_GTEST_PROP(MachineFile, NeverNeitherMachineNorError, (std::uint64_t seed)) {
 }
 
 }  // namespace
+// What links across a gateway need of it.
+TEST(Machine, TheNodesOfGateways) {
+  const std::string top = "[machine]\nname = \"m\"\n[bus.top]\nport = \"sim\"\nbitrate = 10_000\n";
+  const auto low = [](const std::string& port, const std::string& more) {
+    return "[bus.low]\nport = \"" + port + "\"\nbitrate = 10_000\ngateway = { bus = \"top\", slot = 3, " + more +
+           " }\n";
+  };
+  const std::string slots =
+      "[[slot]]\nbus = \"top\"\nid = 3\nname = \"g\"\ntype = { vendor = 1, product = 2 }\n"
+      "[[slot]]\nbus = \"low\"\nid = 5\nname = \"own\"\ntype = { vendor = 1, product = 2 }\n";
+  const auto beneath =
+      read_machine(top + low("gateway", "eds = \"g/port.eds\", delay = \"250 us\"") + slots, "folder/m.toml", {});
+  ASSERT_TRUE(beneath.machine) << to_string(beneath.findings.front());
+  const auto& gateway = *beneath.machine->bus("low")->gateway;
+  EXPECT_EQ(gateway.eds, "g/port.eds");
+  EXPECT_EQ(gateway.eds_path, "folder/g/port.eds");
+  EXPECT_EQ(gateway.delay, Duration(250us));
+  EXPECT_EQ(gateway_node_name(*beneath.machine->bus("low")), "gateway on low");
+  const auto with_port = read_machine(top + low("sim", "node = 5") + slots, "m.toml", {});
+  ASSERT_TRUE(with_port.machine) << to_string(with_port.findings.front());
+  EXPECT_EQ(with_port.machine->bus("low")->gateway->node, NodeId(5));
+  EXPECT_EQ(with_port.machine->bus("low")->gateway->delay, Duration(1ms));
+
+  const auto error = [&](const std::string& port, const std::string& more) {
+    const auto result = read_machine(top + low(port, more) + slots, "m.toml", {});
+    EXPECT_FALSE(result.machine);
+    return result.findings.empty() ? "" : result.findings.front().message;
+  };
+  EXPECT_EQ(error("sim", "node = 6"), "this bus has no slot with node-ID 6");
+  EXPECT_EQ(error("sim", "eds = \"x.eds\""), "Berth has a port on this bus: the gateway's own node is a slot there");
+  EXPECT_EQ(error("gateway", "node = 5"), "without a port on this bus the gateway's own node is master_id");
+}
+
 }  // namespace berth::design::machine_tests

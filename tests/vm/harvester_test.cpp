@@ -85,7 +85,7 @@ class HarvesterProcesses : public testing::Test {
                                          place.file("slots.db"), "--control", place.file("control")});
   }
   void TearDown() override {
-    if ((!HasFailure() && std::getenv("BERTH_SHOW") == nullptr) || !up) return;
+    if (!HasFailure() || !up) return;
     std::printf("---- up\n%s%s", up->out().c_str(), up->err().c_str());
     for (const auto& [name, process] : processes) {
       std::printf("---- %s\n%s%s", name.c_str(), process->out().c_str(), process->err().c_str());
