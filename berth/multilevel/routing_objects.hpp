@@ -15,7 +15,7 @@ namespace berth::multilevel {
 
 /// Arrays with a sub-index for each signal.
 struct RoutingObjects {
-  static constexpr std::uint16_t mode = 0x5F10;        ///< UNSIGNED8: the mode now, 0..31; counts at once
+  static constexpr std::uint16_t mode = 0x5F10;  ///< UNSIGNED8: the mode now, 0..31; counts at once
   /// UNSIGNED64, see `RouteEntry`; 0: none. Sub-index 0: how many of them count, from the first on.
   static constexpr std::uint16_t routes = 0x5F11;
   static constexpr std::uint16_t budgets = 0x5F12;     ///< UNSIGNED32: longest delay in us; 0: none

@@ -137,7 +137,8 @@ TEST_F(LinkRefusal, TwoBuses) {
   network.buses.push_back({.name = "other", .master = NodeId(127), .others = network.buses[0].others});
   network.nodes[1].bus = 1;
   add_link(network, "io/6000h:01", {"belt/x"});
-  EXPECT_NE(only().find("io is on field, belt on other, and no gateway leads from one to the other"), std::string::npos);
+  EXPECT_NE(only().find("io is on field, belt on other, and no gateway leads from one to the other"),
+            std::string::npos);
 }
 
 TEST_F(LinkRefusal, ADeviceOfWhichNothingIsKnown) {
