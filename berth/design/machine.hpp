@@ -69,13 +69,13 @@ struct Timing {
 
 /// A bus beneath a gateway device.
 struct Gateway {
-  std::string bus;        ///< the bus above
-  NodeId slot;            ///< node-ID of the gateway's slot there
-  std::uint8_t port = 1;  ///< which of the gateway's buses beneath, 1 to 8
-  bool mandatory = true;  ///< without the gateway this bus does not start
-  std::string eds;        ///< description of its own node on this bus, as written; may be empty
-  std::string eds_path;   ///< the same, relative to the machine file's folder
-  NodeId node;            ///< its own node on a bus with a port: a slot there; may be unconfigured
+  std::string bus;         ///< the bus above
+  NodeId slot;             ///< node-ID of the gateway's slot there
+  std::uint8_t port = 1;   ///< which of the gateway's buses beneath, 1 to 8
+  bool mandatory = true;   ///< without the gateway this bus does not start
+  std::string eds{};       ///< description of its own node on this bus, as written; may be empty
+  std::string eds_path{};  ///< the same, relative to the machine file's folder
+  NodeId node{};           ///< its own node on a bus with a port: a slot there; may be unconfigured
   Duration delay = std::chrono::milliseconds(1);  ///< of a signal in it, at most, without the buses
   friend bool operator==(const Gateway&, const Gateway&) = default;
 };
@@ -127,10 +127,10 @@ struct Bus {
 [[nodiscard]] std::string gateway_node_name(const Bus& beneath);
 
 struct Slot {
-  places::SlotSpec spec;  ///< what binding needs; `spec.name.machine` is the machine's name
-  std::string device;     ///< the library's name for its type, as written; empty when the slot says it itself
-  std::string eds;        ///< as written, empty when the slot gives `type`
-  std::string eds_path;   ///< the same, relative to the machine file's folder
+  places::SlotSpec spec;   ///< what binding needs; `spec.name.machine` is the machine's name
+  std::string device;      ///< the library's name for its type, as written; empty when the slot says it itself
+  std::string eds;         ///< as written, empty when the slot gives `type`
+  std::string eds_path{};  ///< the same, relative to the machine file's folder
   std::shared_ptr<const od::Description> description;  ///< what `eds`, or the library for `device`, says; may be null
   text::Place place;                                   ///< of its table
   bool of_range = false;                               ///< came out of `ids = "1..60"`

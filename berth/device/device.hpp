@@ -16,7 +16,7 @@
 ///
 /// A service is there when the dictionary has its objects. What acts: 1001h and 1003h (errors), 1005h..1007h and 1019h
 /// (`co::Sync`), 100Ch and 100Dh, 1010h and 1011h (`ParameterStore`), 1012h (`co::TimeStamp`), 1014h, 1015h, 1016h,
-/// 1017h, 1020h (set to 0 by a write that changes a stored value), 1021h (`StoredObjects::set_eds`), 1028h, 1029h,
+/// 1017h, 1020h (set to 0 by a write that changes a stored value), 1021h (`Options::eds`), 1028h, 1029h,
 /// 1200h..127Fh, 1400h..1BFFh and 1FA0h.. (`co::Pdos`), 1F50h.. (`Programs`, with a memory for them). All others hold
 /// values: 1002h, 1008h..100Ah, 1013h, 1022h..1027h, 102Ah and the application's own.
 ///
@@ -109,7 +109,7 @@ class Device final {
   /// RAND, AND, negotiation, claiming.
   [[nodiscard]] const NodeIdSchemes& schemes() const noexcept { return life_.parts().schemes; }
   /// 1010h, 1011h, 1021h, and whether non-volatile memory is being written.
-  [[nodiscard]] StoredObjects& stored() noexcept { return life_.parts().stored; }
+  [[nodiscard]] const StoredObjects& stored() const noexcept { return life_.parts().stored; }
   /// Null when the device is not programmed over the bus.
   [[nodiscard]] const Programs* programs() const noexcept;
   [[nodiscard]] const Options& options() const noexcept { return options_; }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,13 @@ enum class NodeIdSource : std::uint8_t {
 struct Signature {
   ObjectRef object;
   std::uint64_t value = 0;  ///< little-endian on the wire
+};
+
+/// The node-ID is this object too (1 byte or more; the dictionary must have it): a write is stored at once, or with the
+/// signature's, and in use after the next reset.
+struct NodeIdAsObject {
+  ObjectRef object;
+  std::optional<Signature> signature = {};
 };
 
 /// How a device behaves as an LSS slave.
@@ -50,11 +58,9 @@ struct Options {
   bool detect_collision = true;            ///< reports another node that sends with its identifiers (EMCY 8150h; SX.7)
   rt::Duration never_seen{0};        ///< a node in 1016h with no heartbeat for so long is told (`Callbacks`); 0 = no
   rt::Duration bus_off_recovery{0};  ///< restarts its controller so long after bus-off; 0 = never
-  /// The node-ID is this object too (1 byte or more; the dictionary must have it): a write is stored at once, or with
-  /// the signature's, and in use after the next reset.
-  std::optional<ObjectRef> node_id_object{};
-  std::optional<Signature> node_id_signature{};
-  std::string name{};  ///< 1008h; empty: as described
+  std::optional<NodeIdAsObject> node_id_object{};
+  std::string name{};                   ///< 1008h; empty: as described
+  std::span<const std::uint8_t> eds{};  ///< what 1021h uploads; must outlive the device; empty: as described (no data)
   std::vector<Preset> presets{};
   GroupOf parameter_group = default_parameter_group;  ///< what 1010h stores, by sub-index
   bool send_tpdos_at_start = true;                    ///< types FEh and FFh: once when operational is entered

@@ -68,7 +68,7 @@ void StoredObjects::reset_values(od::Area area) noexcept {
 
 od::AbortCode StoredObjects::reading(const od::Values&, ObjectRef ref, std::span<const std::uint8_t>& value) noexcept {
   if (ref.index == eds_object) {
-    if (!eds_.empty()) value = eds_;
+    if (!options_->eds.empty()) value = options_->eds;
   } else if (ref.sub != 0 && value.size() == shown_.size()) {
     shown_ = {};  // bit 0: on command; bit 1: by itself. Whatever the description says
     shown_[0] = parameters_ ? 1 : 0;

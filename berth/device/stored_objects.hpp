@@ -31,8 +31,8 @@ inline constexpr std::size_t parameters_at = 64;
 
 class StoredObjects final : private ParameterStore::Owner, private od::Hook {
  public:
-  /// `options`: presets, name and parameter group. `lss`: whose address and node-ID the objects show. `memory`: null =
-  /// nothing is stored. All must outlive it.
+  /// `options`: presets, name, EDS and parameter group. `lss`: whose address and node-ID the objects show. `memory`:
+  /// null = nothing is stored. All must outlive it.
   StoredObjects(od::Values& values, co::SdoServers& sdo, NvMemory* memory, const Options& options, Host& host,
                 const LssSlave& lss);
   ~StoredObjects();
@@ -46,8 +46,6 @@ class StoredObjects final : private ParameterStore::Owner, private od::Hook {
   /// The values of `area` come anew; hooks are not told. Without power nothing of what was stored, and no node-ID.
   void reset_values(od::Area area) noexcept;
 
-  /// What 1021h uploads; must outlive the device. Empty: as described (no data).
-  void set_eds(std::span<const std::uint8_t> eds) noexcept { eds_ = eds; }
   /// Non-volatile memory is being written: 1010h, 1011h, LSS store or a node-ID that was written as an object.
   [[nodiscard]] bool storing() const noexcept { return lss_->storing() || (parameters_ && parameters_->busy()); }
 
@@ -82,7 +80,6 @@ class StoredObjects final : private ParameterStore::Owner, private od::Hook {
   const LssSlave* lss_;
   std::unique_ptr<ParameterStore> parameters_;         // only with object 1010h and a memory that has room
   std::unique_ptr<ConfigurationWatch> configuration_;  // only with object 1020h
-  std::span<const std::uint8_t> eds_;
   ObjectRef storing_{};                  // the sub-object of 1010h or 1011h whose write is to be confirmed
   std::array<std::uint8_t, 4> shown_{};  // what `reading` shows
 };

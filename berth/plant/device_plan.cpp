@@ -301,10 +301,11 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
   }
   o.negotiator.seed = seed;
   if (plan.source == NodeIdSource::blank) o.negotiator.configured = plan.node_id;  // no file says one; a study does
-  o.node_id_object = plan.node_id_object.object;
-  if (plan.node_id_object.signature) {
-    o.node_id_signature =
-        device::Signature{plan.node_id_object.signature->object, plan.node_id_object.signature->value};
+  if (plan.node_id_object.object) {
+    o.node_id_object = device::NodeIdAsObject{*plan.node_id_object.object};
+    if (const auto& s = plan.node_id_object.signature) {
+      o.node_id_object->signature = device::Signature{s->object, s->value};
+    }
   }
   o.bus_off_recovery = bus_off_recovery;
   if (plan.eds.empty()) o.name = plan.name;

@@ -183,7 +183,7 @@ std::shared_ptr<const od::Description> with_node_id_object() {
 
 struct ObjectRig : LssRig {
   explicit ObjectRig(std::optional<Signature> signature = std::nullopt)
-      : LssRig({.address = address_of(5), .node_id_object = ObjectRef{0x2100, 0}, .node_id_signature = signature}, {},
+      : LssRig({.address = address_of(5), .node_id_object = NodeIdAsObject{{0x2100, 0}, signature}}, {},
                with_node_id_object()),
         sdo(dispatcher, values),
         stored(values, sdo, &flash, options, host, lss),

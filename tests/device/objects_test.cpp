@@ -177,11 +177,12 @@ TEST(Objects, OD_1013_OD_102A_PlainValues) {
 
 // OD.1021, OD.1022: the stored EDS is served from where it stands, however long it is.
 TEST(Objects, OD_1021_OD_1022_StoredEds) {
-  Site s;
-  EXPECT_EQ(s.rig.read(0x1021, 0), Rig::refused(0x1021, 0, AbortCode::no_data));
+  EXPECT_EQ(Site().rig.read(0x1021, 0), Rig::refused(0x1021, 0, AbortCode::no_data));
   std::string eds = "[FileInfo]\r\nFileName=a.eds\r\n";
   while (eds.size() < 5000) eds += ";" + std::to_string(eds.size()) + "\n";
-  s.node.device.stored().set_eds({reinterpret_cast<const std::uint8_t*>(eds.data()), eds.size()});
+  Options options = node9();
+  options.eds = {reinterpret_cast<const std::uint8_t*>(eds.data()), eds.size()};
+  Site s(full(), std::move(options));
   EXPECT_EQ(s.upload(0x1021, 0), eds);
   EXPECT_EQ(s.upload(0x1022, 0), std::string(1, '\0')) << "0: ASCII, not compressed";
 }

@@ -156,7 +156,7 @@ TEST(StoredObjects, A1021hUploadsTheEds) {
   StoredRig rig;
   EXPECT_EQ(rig.read(0x1021, 0), Rig::refused(0x1021, 0, od::AbortCode::no_data));
   constexpr std::array<std::uint8_t, 3> eds{'E', 'D', 'S'};
-  rig.stored.set_eds(eds);
+  rig.options.eds = eds;
   EXPECT_EQ(rig.read(0x1021, 0), "589#4721100045445300");
 }
 

@@ -259,8 +259,7 @@ class DuplicateWatch final : public plant::World::Observer {
     if (on) life.on_since = now();
     // A memory written anew under the device's own node-ID is Berth's work too, LSS or configuration.
     // One that a reset or a loss of power cuts off leaves what was there.
-    // It only looks; `stored` is for who sets what 1021h uploads, too.
-    const bool storing = const_cast<device::Device&>(device.device()).stored().storing();
+    const bool storing = device.device().stored().storing();
     const bool written = t.persistent != life.persistent || (t.memory_written != life.writes && !storing);
     // One that comes with the node-ID of a slot while the slot's device saves its configuration (1010h) hears that,
     // too, and saves what it came with: no 11h told that node-ID to any device since it is on, and nothing was given to

@@ -94,7 +94,7 @@ class TreePlanner {
       if (above_it.beneath.front() == levels_[at].bus + " port") above_it.speaks_layout.push_back(id.value());
     }
     add_bus(name, levels_[at].depth + 1);
-    plan_.machine.beneath.back().gateway = design::Gateway{levels_[at].bus, id, 1, mandatory};
+    plan_.machine.beneath.back().gateway = design::Gateway{.bus = levels_[at].bus, .slot = id, .mandatory = mandatory};
     auto& device = add_device(levels_.back(), {1, 0x59}, port);
     device.node_id = NodeId(1);
     device.source = plant::NodeIdSource::hard_coded;
