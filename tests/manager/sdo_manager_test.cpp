@@ -379,6 +379,26 @@ TEST(SdoManager, DoubledCanIdsAreTakenOut) {
   EXPECT_EQ(rig.manager->connections().free(), 48U);
 }
 
+// A client's channel leads to one of them: which of the two answers it, nobody can say.
+TEST(SdoManager, AChannelWhoseCanIdsASecondServerHasIsNotAdopted) {
+  SdoRig rig;
+  const auto put = [&](std::uint8_t node, std::uint16_t object, std::uint8_t sub, std::uint32_t value) {
+    auto& values = rig.peers[node]->device.values();
+    if (sub == 3) return values.set(ObjectRef{object, sub}, static_cast<std::uint8_t>(value));
+    return values.set(ObjectRef{object, sub}, value);
+  };
+  for (const auto& [node, object] : {std::pair{1, client_base}, {2, server_base}, {3, server_base}}) {
+    ASSERT_EQ(put(static_cast<std::uint8_t>(node), object, 1, 0x690), od::AbortCode::none);
+    ASSERT_EQ(put(static_cast<std::uint8_t>(node), object, 2, 0x691), od::AbortCode::none);
+    ASSERT_EQ(put(static_cast<std::uint8_t>(node), object, 3, node == 1 ? 2 : 1), od::AbortCode::none);
+  }
+  EXPECT_EQ(rig.ends(), 3U);
+  rig.begin();
+  EXPECT_TRUE(rig.manager->connections().all().empty());
+  EXPECT_EQ(rig.ends(), 0U);
+  EXPECT_EQ(rig.manager->connections().free(), 48U);
+}
+
 // 6E0h: unheard unless it is allowed. Its two bytes are Berth's own reading.
 TEST(SdoManager, TheDynamicRequest) {
   for (const bool hears : {false, true}) {
