@@ -259,7 +259,7 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
   [[nodiscard]] std::set<std::string> taken_by(const design::Slot& slot) const {
     std::set<std::string> names{slot.spec.name.name};
     std::vector<std::string> buses;
-    const auto add = [&](const std::string& bus, NodeId gateway) {
+    const auto add = [&](std::string bus, NodeId gateway) {  // a copy: `buses` grows meanwhile
       for (const auto& line : plan_.machine.beneath) {
         const bool hangs_there = line.gateway->bus == bus && line.gateway->slot == gateway;
         if (hangs_there) buses.push_back(line.name);
