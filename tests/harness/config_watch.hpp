@@ -26,34 +26,52 @@ inline std::string wrong_configuration(const manager::Configuration& configurati
   return {};
 }
 
-// Berth must never start a slot's device with anything but its configuration.
-class ConfigWatch final : public plant::World::Observer {
+// What each slot's device is to have: its file (`config =`), else what the machine's links want.
+class SlotConfigurations {
  public:
-  ConfigWatch(plant::World& world, const design::Machine& machine, places::SlotStore& store)
-      : world_(&world), machine_(&machine), store_(&store) {
+  explicit SlotConfigurations(const design::Machine& machine, const operate::SlotSettings& linked = {})
+      : linked_(linked) {
     for (const auto& slot : machine.slots) {
       if (slot.spec.config.empty() || files_.contains(slot.spec.config)) continue;
       auto loaded = manager::load_configuration(slot.spec.config);
       if (!loaded.usable()) std::abort();
       files_.emplace(slot.spec.config, std::move(loaded.configuration));
     }
-    if (!files_.empty()) world.add_observer(*this);
   }
-  ~ConfigWatch() { world_->remove_observer(*this); }
-
-  // Besides `config =`: what the machine's links want.
-  void add(const operate::SlotSettings& settings) {
-    if (files_.empty() && linked_.empty() && !settings.empty()) world_->add_observer(*this);
-    linked_ = settings;
-  }
-
-  [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
-  // The device is the slot's, and as its file wants it.
+  void set_linked(const operate::SlotSettings& linked) { linked_ = linked; }
+  [[nodiscard]] bool empty() const noexcept { return files_.empty() && linked_.empty(); }
+  // What the device lacks of it, in words; empty: nothing.
   [[nodiscard]] std::string check(plant::SimDevice& device, const design::Slot& slot) const {
     const auto file = files_.find(slot.spec.config);
     if (file != files_.end()) return wrong_configuration(file->second, device);
     const auto linked = linked_.find(slot.spec.name.name);
     return linked == linked_.end() ? std::string() : wrong_configuration(*linked->second, device);
+  }
+
+ private:
+  std::map<std::string, manager::Configuration> files_;
+  operate::SlotSettings linked_;
+};
+
+// Berth must never start a slot's device with anything but its configuration.
+class ConfigWatch final : public plant::World::Observer {
+ public:
+  ConfigWatch(plant::World& world, const design::Machine& machine, places::SlotStore& store)
+      : world_(&world), machine_(&machine), store_(&store), wanted_(machine) {
+    if (!wanted_.empty()) world.add_observer(*this);
+  }
+  ~ConfigWatch() { world_->remove_observer(*this); }
+
+  // Besides `config =`: what the machine's links want.
+  void add(const operate::SlotSettings& settings) {
+    if (wanted_.empty() && !settings.empty()) world_->add_observer(*this);
+    wanted_.set_linked(settings);
+  }
+
+  [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
+  // The device is the slot's, and as its file wants it.
+  [[nodiscard]] std::string check(plant::SimDevice& device, const design::Slot& slot) const {
+    return wanted_.check(device, slot);
   }
 
  private:
@@ -81,8 +99,7 @@ class ConfigWatch final : public plant::World::Observer {
   plant::World* world_;
   const design::Machine* machine_;
   places::SlotStore* store_;
-  std::map<std::string, manager::Configuration> files_;
-  operate::SlotSettings linked_;
+  SlotConfigurations wanted_;
   std::map<std::string, bool> runs_;
   std::string failure_;
 };

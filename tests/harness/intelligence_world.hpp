@@ -21,13 +21,7 @@ namespace berth::harness {
 class SlotWatch final : private plant::World::Observer {
  public:
   SlotWatch(plant::World& world, const design::Machine& machine, const operate::SlotSettings& linked)
-      : world_(&world), machine_(&machine), linked_(linked) {
-    for (const auto& slot : machine.slots) {
-      if (slot.spec.config.empty() || files_.contains(slot.spec.config)) continue;
-      auto loaded = manager::load_configuration(slot.spec.config);
-      if (!loaded.usable()) std::abort();
-      files_.emplace(slot.spec.config, std::move(loaded.configuration));
-    }
+      : world_(&world), machine_(&machine), wanted_(machine, linked) {
     program_ = operate::load_program(controller_image(wanted_version))->identification;
     world.add_observer(*this);
   }
@@ -43,10 +37,7 @@ class SlotWatch final : private plant::World::Observer {
       if (has != program_) return fmt::format("it has program {:08X}h instead of {:08X}h", has, program_);
       if (!device.device().programs()->runs()) return "it does not run its program";
     }
-    const auto file = files_.find(slot.spec.config);
-    if (file != files_.end()) return wrong_configuration(file->second, device);
-    const auto linked = linked_.find(slot.spec.name.name);
-    return linked == linked_.end() ? std::string() : wrong_configuration(*linked->second, device);
+    return wanted_.check(device, slot);
   }
 
  private:
@@ -66,8 +57,7 @@ class SlotWatch final : private plant::World::Observer {
 
   plant::World* world_;
   const design::Machine* machine_;
-  operate::SlotSettings linked_;
-  std::map<std::string, manager::Configuration> files_;
+  SlotConfigurations wanted_;
   std::uint32_t program_ = 0;
   std::string failure_;
 };
