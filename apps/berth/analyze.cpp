@@ -10,7 +10,9 @@
 #include "berth/can/frame.hpp"
 #include "berth/command/bus_messages.hpp"
 #include "berth/command/link_network.hpp"
+#include "berth/linker/bounds.hpp"
 #include "berth/text/columns.hpp"
+#include "crossing_words.hpp"
 #include "machine_file.hpp"
 #include "node_words.hpp"
 #include "verbs.hpp"
@@ -161,66 +163,33 @@ class Picture {
   std::vector<analysis::PlottedBus> buses_;
 };
 
-/// How late the TPDOs of all buses are, and with them the links that cross gateways.
+/// How late the TPDOs of all buses are, and with them the links across gateways.
 class Ends {
  public:
   void add(const design::Bus& bus, const analysis::Line& line, const analysis::Result& result) {
     for (const auto& r : result.responses) {
       const auto& m = line.messages[r.message];
-      if (r.worst) worst_[{bus.name, line.senders[m.sender].name, m.name}] = *r.worst;
+      if (r.worst) responses_[{bus.name, line.senders[m.sender].name, m.name}] = *r.worst;
     }
   }
-  /// From the change to its arrival: on each bus the inhibit time and the frame, and each gateway's delay.
-  [[nodiscard]] std::optional<rt::Duration> of(const command::LinkPlan& links,
-                                               const linker::CrossingLink& crossing) const {
-    rt::Duration sum{};
-    for (const auto gateway : crossing.gateways) sum += links.network.gateways[gateway].delay;
-    for (const auto at : crossing.pdos) {
-      const auto& pdo = links.plan.pdos[at];
-      const auto known = worst_.find({links.network.buses[pdo.bus].name, links.network.nodes[pdo.producer].name,
-                                      fmt::format("TPDO {}", pdo.tpdo)});
-      if (known == worst_.end()) return std::nullopt;
-      sum += known->second + std::chrono::microseconds(100) * pdo.inhibit;
-    }
-    return sum;
+  [[nodiscard]] std::vector<CrossingShown> crossings(const command::LinkPlan& links) const {
+    std::vector<std::optional<rt::Duration>> worst;
+    for (const auto& pdo : links.plan.pdos) worst.push_back(worst_of(links.network, pdo));
+    std::vector<CrossingShown> all;
+    for (const auto& each : links.plan.crossings)
+      all.push_back({links.network, each, linker::worst_of(links.network, each, worst)});
+    return all;
   }
 
  private:
-  std::map<std::tuple<std::string, std::string, std::string>, rt::Duration> worst_;
-};
-
-/// The links across gateways; false: one is late, or has no bound.
-bool show_crossings(const command::LinkPlan& links, const Ends& ends, Json* json) {
-  bool good = true;
-  for (const auto& each : links.plan.crossings) {
-    const auto& nodes = links.network.nodes;
-    const auto worst = ends.of(links, each);
-    const bool kept = worst && (!each.deadline || *worst <= *each.deadline);
-    good = good && kept;
-    std::string way;
-    for (const auto gateway : each.gateways) {
-      way += (way.empty() ? "" : ", ") + nodes[links.network.gateways[gateway].above].name;
-    }
-    const std::string from =
-        fmt::format("{}/{:04X}h:{:02X}", nodes[each.from].name, each.source.index, each.source.sub);
-    const std::string to = fmt::format("{}/{:04X}h:{:02X}", nodes[each.to].name, each.target.index, each.target.sub);
-    if (json != nullptr) {
-      json->push_back({{"from", from},
-                       {"to", to},
-                       {"gateways", way},
-                       {"worst_ms", worst ? Json(ms(*worst)) : Json()},
-                       {"deadline_ms", each.deadline ? Json(ms(*each.deadline)) : Json()},
-                       {"kept", kept}});
-      continue;
-    }
-    print_lines(text::wrapped(
-        fmt::format(
-            "{} -> {} through {}: worst {} ms{}", from, to, way, worst ? fmt::format("{:.3f}", ms(*worst)) : "-",
-            each.deadline ? fmt::format(", deadline {:g} {}", ms(*each.deadline), kept ? "kept" : "MISSED") : ""),
-        100));
+  [[nodiscard]] std::optional<rt::Duration> worst_of(const linker::Network& network, const linker::Pdo& pdo) const {
+    const auto known = responses_.find(
+        {network.buses[pdo.bus].name, network.nodes[pdo.producer].name, fmt::format("TPDO {}", pdo.tpdo)});
+    if (known == responses_.end()) return std::nullopt;
+    return linker::worst_of(network, pdo, known->second);
   }
-  return good;
-}
+  std::map<std::tuple<std::string, std::string, std::string>, rt::Duration> responses_;
+};
 
 int analyze(const Options& options, const AnalyzeOptions& how) {
   const auto machine = machine_of(options);
@@ -266,7 +235,11 @@ int analyze(const Options& options, const AnalyzeOptions& how) {
   // Of a part of the buses no way is whole.
   Json crossings = Json::array();
   const bool whole = options.bus.empty() && how.nodes.empty() && assumed.links != nullptr;
-  if (whole) good = show_crossings(links, ends, options.json ? &crossings : nullptr) && good;
+  for (const auto& each : whole ? ends.crossings(links) : std::vector<CrossingShown>{}) {
+    good = good && each.kept();
+    if (options.json) crossings.push_back(each.json());
+    if (!options.json) print_lines(text::wrapped(each.text(), 80));
+  }
   if (options.json) print_line(Json{{"good", good}, {"buses", buses}, {"crossings", crossings}}.dump());
   return good ? Exit::done : Exit::no;
 }

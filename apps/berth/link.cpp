@@ -13,6 +13,7 @@
 #include "berth/linker/plan_file.hpp"
 #include "berth/text/columns.hpp"
 #include "berth/text/file.hpp"
+#include "crossing_words.hpp"
 #include "machine_file.hpp"
 #include "node_words.hpp"
 #include "verbs.hpp"
@@ -38,8 +39,6 @@ struct LinkOptions {
 constexpr std::size_t name_width = 18;
 
 double in_ms(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
-
-std::string object_text(ObjectRef object) { return fmt::format("{:04X}h:{:02X}", object.index, object.sub); }
 
 std::string short_ms(double value) {
   if (value >= 1000) return fmt::format("{:.0f}", value);
@@ -109,22 +108,9 @@ void print_links(const Network& network, const Plan& plan) {
   }
 }
 
-std::string gateways_text(const Network& network, const linker::CrossingLink& crossing) {
-  std::string made;
-  for (const auto gateway : crossing.gateways) {
-    made += (made.empty() ? "" : ", ") + network.nodes[network.gateways[gateway].above].name;
-  }
-  return made;
-}
-
 /// What goes through gateways, and how.
 void print_crossings(const Network& network, const Plan& plan, bool routes) {
-  for (const auto& each : plan.crossings) {
-    print_wrapped(fmt::format("{}/{} -> {}/{} through {}: worst {} ms{}", network.nodes[each.from].name,
-                              object_text(each.source), network.nodes[each.to].name, object_text(each.target),
-                              gateways_text(network, each), each.worst ? short_ms(in_ms(*each.worst)) : "-",
-                              each.deadline ? fmt::format(", deadline {}", short_ms(in_ms(*each.deadline))) : ""));
-  }
+  for (const auto& each : plan.crossings) print_wrapped(CrossingShown{network, each, each.worst}.text());
   for (const auto& each : plan.routes) {
     if (!routes) break;
     const auto side = [](std::uint8_t number) { return number == 0 ? "above" : fmt::format("port {}", number); };
@@ -149,24 +135,6 @@ Json routes_json(const Network& network, const Plan& plan) {
                       {"freshness_ms", each.freshness_ms}});
   }
   return routes;
-}
-
-Json crossings_json(const Network& network, const Plan& plan) {
-  Json crossings = Json::array();
-  for (const auto& each : plan.crossings) {
-    Json gateways = Json::array();
-    for (const auto gateway : each.gateways) {
-      gateways.push_back(network.nodes[network.gateways[gateway].above].name);
-    }
-    crossings.push_back({{"from", network.nodes[each.from].name},
-                         {"source", object_text(each.source)},
-                         {"to", network.nodes[each.to].name},
-                         {"target", object_text(each.target)},
-                         {"gateways", gateways},
-                         {"worst_ms", each.worst ? Json(in_ms(*each.worst)) : Json()},
-                         {"deadline_ms", each.deadline ? Json(in_ms(*each.deadline)) : Json()}});
-  }
-  return crossings;
 }
 
 Json json_of(const Network& network, const Pdo& pdo) {
@@ -225,6 +193,8 @@ Json json_of(const Network& network, const linker::Planned& planned) {
                      {"one_object_each_load", load.one_object_each},
                      {"objects", load.objects}});
   }
+  Json crossings = Json::array();
+  for (const auto& each : planned.plan.crossings) crossings.push_back(CrossingShown{network, each, each.worst}.json());
   Json findings = Json::array();
   for (const auto& each : planned.findings) findings.push_back(to_string(each));
   return {{"good", planned.good()},
@@ -232,7 +202,7 @@ Json json_of(const Network& network, const linker::Planned& planned) {
           {"pdos", pdos},
           {"variables", variables},
           {"routes", routes_json(network, planned.plan)},
-          {"crossings", crossings_json(network, planned.plan)},
+          {"crossings", crossings},
           {"findings", findings}};
 }
 

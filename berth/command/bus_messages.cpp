@@ -11,6 +11,7 @@
 #include "berth/command/link_network.hpp"
 #include "berth/eds/concise_dcf.hpp"
 #include "berth/eds/xdd.hpp"
+#include "berth/linker/bounds.hpp"
 #include "berth/linker/files.hpp"
 #include "berth/manager/configuration.hpp"
 #include "berth/od/names.hpp"
@@ -127,12 +128,14 @@ class Collector {
     return static_cast<std::size_t>(&slot - machine_.slots.data());
   }
 
-  void keep_planned(const design::Slot& slot, unsigned number, rt::Duration& deadline) {
+  void keep_planned(const design::Slot& slot, unsigned number, linker::Sending& sending,
+                    std::optional<rt::Duration>& deadline) {
     if (assumed_.links == nullptr) return;
     for (const auto& pdo : assumed_.links->plan.pdos) {
       if (pdo.producer != node_of(slot) || pdo.tpdo != number + 1) continue;
       for (const std::size_t link : pdo.links) carried_.push_back(&machine_.links[link]);
-      if (pdo.deadline) deadline = *pdo.deadline;
+      sending = linker::sending_of(assumed_.links->network, pdo);
+      if (pdo.deadline) deadline = pdo.deadline;
     }
   }
 
@@ -182,10 +185,13 @@ class Collector {
     const std::string name = fmt::format("TPDO {}", number + 1);
     const auto period = period_of(device, number, name);
     if (period == 0ns) return;
-    rt::Duration deadline = period;
-    const unsigned bits = mapped_bits(device, number, deadline);
-    keep_planned(*device.slot, number, deadline);
-    add(name, device.sender, key_of(cob_id & ~0x4000'0000U), (bits + 7) / 8, period, deadline);
+    linker::Sending sending{device.values->get_or<std::uint8_t>(at(2), 255),
+                            100us * device.values->get_or<std::uint16_t>(at(3), 0), sync_};
+    std::optional<rt::Duration> link;
+    const unsigned bits = mapped_bits(device, number, link);
+    keep_planned(*device.slot, number, sending, link);
+    add(name, device.sender, key_of(cob_id & ~0x4000'0000U), (bits + 7) / 8, period,
+        link ? linker::left_for_bus(sending, *link) : period);
   }
 
   // 0: it is never sent by itself.
@@ -212,7 +218,7 @@ class Collector {
     return assumed_.event;
   }
 
-  unsigned mapped_bits(const Device& device, unsigned number, rt::Duration& deadline) {
+  unsigned mapped_bits(const Device& device, unsigned number, std::optional<rt::Duration>& deadline) {
     const auto index = static_cast<std::uint16_t>(first_mapping + number);
     const auto count = device.values->get_or<std::uint8_t>({index, 0}, 0);
     if (count >= 254) return 64;  // MPDO
@@ -226,13 +232,13 @@ class Collector {
     return std::min(bits, 64U);
   }
 
-  void keep_link(const design::Slot& slot, ObjectRef object, rt::Duration& deadline) {
+  void keep_link(const design::Slot& slot, ObjectRef object, std::optional<rt::Duration>& deadline) {
     for (const auto& link : machine_.links) {
       if (link.from.slot != slot.spec.name.name || !slot.description) continue;
       const auto meant = od::find_object(*slot.description, link.from.object);
       if (!meant || *meant != object) continue;
       carried_.push_back(&link);
-      if (link.deadline) deadline = std::min<rt::Duration>(deadline, *link.deadline);
+      if (link.deadline) deadline = std::min<rt::Duration>(deadline.value_or(*link.deadline), *link.deadline);
     }
   }
 

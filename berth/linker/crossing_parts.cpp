@@ -6,6 +6,7 @@
 #include <map>
 #include <set>
 
+#include "berth/linker/bounds.hpp"
 #include "berth/multilevel/routing.hpp"
 #include "berth/multilevel/routing_objects.hpp"
 
@@ -359,11 +360,8 @@ std::optional<CrossingLink> whole_way(const Network& network, const Plan& plan, 
     return entry_node(network, each) == receiver.node && each.source == got.object;
   });
   if (ends_in_gateway) return std::nullopt;
-  CrossingLink made{.from = last.producer,
-                    .source = last.carried[got.carried].object,
-                    .to = receiver.node,
-                    .target = got.object,
-                    .worst = last.worst};
+  CrossingLink made{
+      .from = last.producer, .source = last.carried[got.carried].object, .to = receiver.node, .target = got.object};
   made.pdos.push_back(static_cast<std::size_t>(&last - plan.pdos.data()));
   while (made.gateways.size() < network.gateways.size()) {
     const auto route = std::ranges::find_if(plan.routes, [&](const Route& each) {
@@ -371,9 +369,6 @@ std::optional<CrossingLink> whole_way(const Network& network, const Plan& plan, 
     });
     if (route == plan.routes.end()) break;
     const auto brought = brings(plan, entry_node(network, *route), route->source);
-    const bool bound = made.worst && brought.pdo->worst;
-    const auto delay = network.gateways[route->gateway].delay;
-    made.worst = bound ? std::optional(*made.worst + delay + *brought.pdo->worst) : std::nullopt;
     made.from = brought.pdo->producer;
     made.source = brought.object;
     made.gateways.insert(made.gateways.begin(), route->gateway);
@@ -472,12 +467,16 @@ void finish_crossings(const Network& network, Plan& plan) {
   for (Route& route : plan.routes) {
     route.freshness_ms = brings(plan, entry_node(network, route), route.source).receiver->event_ms;
   }
+  std::vector<std::optional<rt::Duration>> worst;
+  for (const Pdo& pdo : plan.pdos) worst.push_back(pdo.worst);
   plan.crossings.clear();
   for (const Pdo& pdo : plan.pdos) {
     for (const Receiver& receiver : pdo.receivers) {
       for (const Received& got : receiver.received) {
         auto made = whole_way(network, plan, pdo, receiver, got);
-        if (made) plan.crossings.push_back(std::move(*made));
+        if (!made) continue;
+        made->worst = worst_of(network, *made, worst);
+        plan.crossings.push_back(std::move(*made));
       }
     }
   }

@@ -5,13 +5,14 @@
 #include <algorithm>
 #include <array>
 
+#include "berth/linker/bounds.hpp"
+
 namespace berth::linker {
 namespace {
 
 using namespace std::chrono_literals;
 using rt::Duration;
 
-constexpr Duration inhibit_unit = 100us;
 constexpr unsigned most_ticks = 0xFFFF;
 constexpr Duration assumed_period = 10ms;  // as `berth analyze` has it of PDOs that say nothing
 // Of links without a deadline; the first with which the others are in time.
@@ -20,7 +21,6 @@ constexpr unsigned no_deadline_event_ms = 1000;
 constexpr unsigned least_event_ms = 100;
 constexpr unsigned event_in_deadlines = 10;
 constexpr unsigned missing_in_events = 3;
-constexpr TransmissionType last_cyclic = 240;
 
 /// What of a deadline the inhibit time takes; the rest is for the bus.
 struct Share {
@@ -57,8 +57,6 @@ class Timing {
  private:
   const DevicePdo& device_of(const Pdo& pdo) const { return *devices_[pdo.producer].find(co::PdoKind::tpdo, pdo.tpdo); }
 
-  static bool synchronous(const Pdo& pdo) noexcept { return pdo.transmission <= last_cyclic; }
-
   static std::uint16_t event_of(const std::optional<Duration>& deadline) {
     if (!deadline) return no_deadline_event_ms;
     const auto whole = std::chrono::ceil<std::chrono::milliseconds>(*deadline * event_in_deadlines).count();
@@ -69,7 +67,7 @@ class Timing {
     const DevicePdo& device = device_of(pdo);
     pdo.inhibit = 0;
     pdo.event_ms = 0;
-    if (!synchronous(pdo)) {
+    if (!synchronous(pdo.transmission)) {
       // An MPDO carries one object at a time: the last of them waits for all others.
       const auto objects = static_cast<std::int64_t>(pdo.mpdo ? pdo.carried.size() : 1);
       Duration inhibit = idle_;
@@ -86,16 +84,9 @@ class Timing {
   }
 
   Duration period_of(const Pdo& pdo) const {
-    if (synchronous(pdo)) return network_.buses[pdo.bus].sync * std::max<unsigned>(pdo.transmission, 1);
+    if (synchronous(pdo.transmission)) return network_.buses[pdo.bus].sync * std::max<unsigned>(pdo.transmission, 1);
     return pdo.inhibit > 0 ? inhibit_unit * pdo.inhibit : assumed_period;
   }
-  /// What passes before the frame is in the queue, at worst, and before it counts when it was received.
-  Duration waiting(const Pdo& pdo) const {
-    if (synchronous(pdo)) return period_of(pdo) + network_.buses[pdo.bus].sync;
-    const auto objects = static_cast<std::int64_t>(pdo.mpdo ? pdo.carried.size() : 1);
-    return device_of(pdo).has_inhibit ? inhibit_unit * pdo.inhibit * objects : Duration(0);
-  }
-
   std::size_t sender(analysis::Line& line, std::size_t node) const {
     const std::string& name = network_.nodes[node].name;
     const auto found = std::ranges::find(line.senders, name, &analysis::Sender::name);
@@ -113,9 +104,9 @@ class Timing {
         const bool sent = pdo.valid && !pdo.mapping.empty();  // without objects it is switched off
         if (!sent || !stays || pdo.can_id > 0x7FF || pdo.type == 252 || pdo.type == 253) continue;
         Duration period = assumed_period;
-        if (pdo.type <= last_cyclic) period = network_.buses[bus].sync * std::max<unsigned>(pdo.type, 1);
-        if (pdo.type > last_cyclic && pdo.inhibit > 0) period = inhibit_unit * pdo.inhibit;
-        if (pdo.type > last_cyclic && pdo.inhibit == 0 && pdo.event_ms > 0) period = 1ms * pdo.event_ms;
+        if (synchronous(pdo.type)) period = network_.buses[bus].sync * std::max<unsigned>(pdo.type, 1);
+        if (!synchronous(pdo.type) && pdo.inhibit > 0) period = inhibit_unit * pdo.inhibit;
+        if (!synchronous(pdo.type) && pdo.inhibit == 0 && pdo.event_ms > 0) period = 1ms * pdo.event_ms;
         if (period == Duration(0)) continue;
         unsigned bits = 0;
         for (const auto& entry : pdo.mapping) bits += entry.bits;
@@ -137,14 +128,7 @@ class Timing {
     for (Pdo& pdo : plan_.pdos) {
       if (pdo.bus != bus) continue;
       set(pdo, share);
-      Duration left{0};
-      if (pdo.deadline) left = *pdo.deadline - waiting(pdo);
-      if (pdo.deadline && left <= Duration(0)) {
-        in_time = false;
-        left = Duration(1);
-      }
-      // What is received after the next SYNC counts at the one behind it.
-      if (pdo.deadline && synchronous(pdo)) left = std::min(left + network_.buses[bus].sync, network_.buses[bus].sync);
+      const auto left = pdo.deadline ? left_for_bus(sending_of(network_, pdo), *pdo.deadline) : Duration(0);
       line.messages.push_back({.name = fmt::format("TPDO {}", pdo.tpdo),
                                .sender = sender(line, pdo.producer),
                                .key = pdo.can_id,
@@ -159,7 +143,7 @@ class Timing {
       Pdo& pdo = *ours[response.message - first];
       pdo.worst.reset();
       if (!response.worst) in_time = false;
-      if (response.worst) pdo.worst = waiting(pdo) + (synchronous(pdo) ? Duration(0) : *response.worst);
+      if (response.worst) pdo.worst = worst_of(network_, pdo, *response.worst);
       if (!response.meets_deadline) in_time = false;
     }
     measure(bus, line, first, result);
@@ -176,7 +160,7 @@ class Timing {
       if (network_.nodes[signal.producer].bus != bus) continue;
       ++load.objects;
       Duration period = network_.buses[bus].sync * std::max<unsigned>(signal.transmission, 1);
-      if (signal.transmission > last_cyclic) {
+      if (!synchronous(signal.transmission)) {
         period = signal.deadline ? std::max<Duration>(*signal.deadline / 2, inhibit_unit) : idle_;
       }
       const auto frame = analysis::frame_time(line, false, (signal.bits + 7U) / 8U);
@@ -215,11 +199,11 @@ class Timing {
     const bool no_bound = !pdo.worst;
     if (!no_bound && (!deadline || *pdo.worst <= *deadline)) return false;
     const Bus& bus = network_.buses[pdo.bus];
-    if (deadline && synchronous(pdo) && waiting(pdo) > *deadline) {
+    if (deadline && synchronous(pdo.transmission) && waiting(sending_of(network_, pdo)) > *deadline) {
       findings.push_back(
           refusal(network_, link,
                   fmt::format("SYNC on {} is every {:g} ms: this link takes {:g} ms, its deadline is {:g} ms", bus.name,
-                              ms(bus.sync), ms(waiting(pdo)), ms(*deadline)),
+                              ms(bus.sync), ms(waiting(sending_of(network_, pdo))), ms(*deadline)),
                   "a shorter SYNC period, a longer deadline, or transmission = \"event\""));
       return true;
     }

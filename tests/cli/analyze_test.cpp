@@ -31,6 +31,30 @@ TEST(Analyze, AMessageThatIsTooLateIsExitOne) {
   EXPECT_EQ(messages.at(0).at("id"), "000h");
 }
 
+// `berth link` has laid these PDOs, and says the same of a link across gateways, in the same words.
+TEST(Analyze, LinksAcrossGatewaysAreThoseOfBerthLink) {
+  const auto of = [](const std::string& verb) {
+    const Outcome run = berth({verb, example("signals/machine.toml"), "--json"});
+    EXPECT_EQ(run.status, 0) << run.out << run.err;
+    return json::parse(run.out).at("crossings");
+  };
+  const json laid = of("link");
+  const json analysed = of("analyze");
+  ASSERT_EQ(laid.size(), 3U);
+  ASSERT_EQ(analysed.size(), laid.size());
+  for (std::size_t i = 0; i < laid.size(); ++i) {
+    for (const char* const key : {"from", "source", "to", "target", "gateways", "worst_ms", "deadline_ms", "kept"})
+      EXPECT_EQ(analysed[i].at(key), laid[i].at(key)) << key;
+    EXPECT_TRUE(analysed[i].at("kept"));
+  }
+  EXPECT_EQ(laid[0].at("gateways"), (json{"reel gateway", "left gateway"}));
+  const Outcome shown = berth({"analyze", example("signals/machine.toml")});
+  EXPECT_NE(shown.out.find("through reel gateway, left gateway:"), std::string::npos) << shown.out;
+  // A disturbed bus makes it later, and it says so.
+  const Outcome late = berth({"analyze", example("signals/machine.toml"), "--errors", "1 ms", "--burst", "30"});
+  EXPECT_EQ(late.status, 1) << late.out;
+}
+
 TEST(Analyze, ErrorsFifosAndTheUsualFormulaMakeItLater) {
   const auto worst = [](const Words& more) {
     Words words{"analyze", example("by-eds.toml"), "--event", "50 ms", "--json"};

@@ -153,5 +153,24 @@ TEST(BusMessages, ALinksDeadlineIsItsMessages) {
   EXPECT_EQ(found.notes.back().severity, Finding::Severity::warning);
 }
 
+rt::Duration linked_within(const Tpdo& tpdo, rt::Duration deadline, std::uint32_t sync_us = 0) {
+  auto m = one_bus();
+  add_slot(m, "left", 5, device_with(tpdo, sync_us));
+  m.links.push_back({.from = {"left", "2000h"}, .to = {{"right", "6000h"}}, .deadline = deadline, .place = {7, 1}});
+  const auto found = messages_of(m, m.buses[0], {});
+  const auto* const message = find(found, "TPDO 1", tpdo.cob_id + 5);
+  return message == nullptr ? rt::Duration{-1} : message->deadline;
+}
+
+// A link's deadline is from the change to its arrival (docs/linking.md): what the TPDO waits for is not the bus's.
+TEST(BusMessages, WhatATpdoWaitsForIsTakenOffItsLinksDeadline) {
+  EXPECT_EQ(linked_within({.inhibit_100us = 25}, 4ms), 1500us);
+  EXPECT_EQ(linked_within({.inhibit_100us = 40}, 4ms), 1ns) << "no frame is so quick";
+  EXPECT_EQ(linked_within({.inhibit_100us = 50}, 4ms), 1ns);
+  EXPECT_EQ(linked_within({.type = 1}, 40ms, 20'000), 20ms) << "sent at one SYNC, used at the next";
+  EXPECT_EQ(linked_within({.type = 1}, 39ms, 20'000), 1ns);
+  EXPECT_EQ(linked_within({.type = 3}, 80ms, 20'000), 20ms) << "sent at each third SYNC";
+}
+
 }  // namespace
 }  // namespace berth::command
