@@ -1,6 +1,7 @@
 #include "berth/discovery/by_name.hpp"
 
 #include <algorithm>
+#include <optional>
 
 namespace berth::discovery {
 
@@ -24,6 +25,60 @@ lss::PartMask parts_that_tell(const LssAddress& device, const Known& known, cons
   return lss::parts_to_ask(device, others);
 }
 
+namespace {
+
+// It is alone in configuration. Empty: it does not tell its node-ID, or keeps what it has.
+rt::Task<std::optional<NodeId>> node_id_to_change(lss::Master& lss, LssAddress device, const Options& options,
+                                                  ByName& result) {
+  const lss::ServiceOptions service{.retries = 2, .full_window = false};
+  const auto told = co_await lss.inquire_node_id(service);
+  if (!told) co_return std::nullopt;
+  const NodeId active = NodeId::make(told->byte()).value_or(NodeId());
+  if (!options.assigner->keeps(device, active)) co_return active;
+  result.kept = active;
+  co_return std::nullopt;
+}
+
+// What it has is told to the assigner, and nothing is changed.
+rt::Task<Result<ByName>> look_by_name(lss::Master& lss, LssAddress device, lss::PartMask parts,
+                                      const Options& options) {
+  ByName result;
+  const lss::AloneOptions how{.parts = parts};
+  const auto alone = co_await lss::select_alone(lss, device, how);
+  if (!alone) co_return fail(alone.error());
+  result.not_alone = *alone == lss::Selection::not_alone;
+  if (*alone != lss::Selection::alone) co_return result;
+  const auto told = co_await node_id_to_change(lss, device, options, result);
+  static_cast<void>(told);
+  const auto waiting = co_await lss.switch_global(lss::State::waiting);
+  if (!waiting) co_return fail(waiting.error());
+  co_return result;
+}
+
+// All of them, before the first is given one: what a later one has must not be given to an earlier one.
+rt::Task<Result<void>> look_at_all(lss::Master& lss, const Known& known, Report& report, const Options& options,
+                                   std::vector<LssAddress>& todo) {
+  std::vector<LssAddress> asked = todo;
+  for (unsigned pass = 0; pass < most_passes && !asked.empty(); ++pass) {
+    std::vector<LssAddress> again;
+    for (std::size_t i = 0; i < asked.size(); ++i) {
+      const LssAddress address = asked[i];
+      const lss::PartMask parts = parts_that_tell(address, known, report);
+      const auto looked = co_await look_by_name(lss, address, parts, options);
+      if (!looked) co_return fail(looked.error());
+      if (looked->not_alone) again.push_back(address);
+      if (!looked->kept.configured()) continue;
+      std::ranges::find(report.found, address, &Found::address)->active = looked->kept;
+      std::erase(todo, address);
+    }
+    asked.swap(again);
+  }
+  std::ranges::sort(todo);
+  co_return Result<void>{};
+}
+
+}  // namespace
+
 rt::Task<Result<ByName>> assign_by_name(lss::Master& lss, LssAddress device, lss::PartMask parts,
                                         const Options& options) {
   ByName result;
@@ -34,11 +89,8 @@ rt::Task<Result<ByName>> assign_by_name(lss::Master& lss, LssAddress device, lss
   if (*alone != lss::Selection::alone) co_return result;
   bool wants = options.assigner != nullptr;
   if (wants && options.inquire) {
-    const lss::ServiceOptions service{.retries = 2, .full_window = false};
-    const auto told = co_await lss.inquire_node_id(service);
-    const NodeId active = told ? NodeId::make(told->byte()).value_or(NodeId()) : NodeId();
-    if (active.configured() && options.assigner->keeps(device, active)) result.kept = active;
-    wants = told && !result.kept.configured();
+    const auto has = co_await node_id_to_change(lss, device, options, result);
+    wants = has.has_value();
   }
   const NodeId id = wants ? options.assigner->assign(device) : NodeId();
   if (!id.configured()) {
@@ -57,6 +109,10 @@ rt::Task<Result<void>> assign_all(lss::Master& lss, const Known& known, Report& 
   std::vector<LssAddress> todo;
   for (const Found& f : report.found) {
     if (wants_one(f)) todo.push_back(f.address);
+  }
+  if (options.inquire) {
+    const auto looked = co_await look_at_all(lss, known, report, options, todo);
+    if (!looked) co_return fail(looked.error());
   }
   for (unsigned pass = 0; pass < most_passes && !todo.empty(); ++pass) {
     std::vector<LssAddress> again;

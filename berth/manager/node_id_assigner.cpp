@@ -48,6 +48,7 @@ void NodeIdAssigner::received(const can::Frame& frame, rt::Time) noexcept { hear
 rt::Task<Result<void>> NodeIdAssigner::run(NodeId own, std::bitset<128> there) {
   list_.clear();
   heard_.reset();
+  told_.reset();
   for (std::uint8_t number = 1; number <= 127; ++number) {
     const NodeId node(number);
     SlaveRules rules = slave_rules_of(*values_, node);
@@ -94,7 +95,6 @@ rt::Task<Result<void>> NodeIdAssigner::search() {
   discovery::Options options;
   options.assigner = this;
   options.store = true;
-  options.confirm = true;
   options.inquire = true;
   // A device that was given its node-ID when this master was reset waits for this to use it, and answers no search.
   const auto released = co_await lss_.switch_global(lss::State::waiting);
@@ -102,15 +102,6 @@ rt::Task<Result<void>> NodeIdAssigner::search() {
   const auto anybody = co_await methods_.anybody(options);
   if (!anybody) co_return fail(anybody.error());
   if (!*anybody) co_return Result<void>{};
-  put_off_ = false;
-  looks_first_ = true;
-  auto done = co_await search_once(known, options);
-  looks_first_ = false;
-  if (done && put_off_) done = co_await search_once(known, options);
-  co_return done;
-}
-
-rt::Task<Result<void>> NodeIdAssigner::search_once(const discovery::Known& known, const discovery::Options& options) {
   const auto found = co_await methods_.find(known, options);
   if (!found) co_return fail(found.error());
   const auto quiet = co_await lss_.switch_global(lss::State::waiting);
@@ -127,27 +118,31 @@ rt::Task<Result<void>> NodeIdAssigner::search_once(const discovery::Known& known
   co_return Result<void>{};
 }
 
-// What the list has for it is its own, unless another device has answered under it.
+// What the list has for it is its own, unless another device has answered under it. Else no other one gets it either.
 bool NodeIdAssigner::keeps(const LssAddress& device, NodeId active) noexcept {
+  if (!active.configured()) {
+    const bool met = std::ranges::find(met_, device) != met_.end();
+    if (!met) met_.push_back(device);
+    return false;
+  }
   const auto it = std::ranges::find(list_, active, &Wanted::node);
   const bool its_own = it != list_.end() && fits(it->rules, device) && it->device.value_or(device) == device;
+  if (!its_own) told_.set(active.value());
   if (its_own) it->there = true;
   if (its_own) std::erase(met_, device);
   return its_own;
 }
 
+bool NodeIdAssigner::is_free(const Wanted& each, const LssAddress& device) const noexcept {
+  return !each.there && still_vacant(each.node) && fits(each.rules, device);
+}
+
 NodeId NodeIdAssigner::assign(const LssAddress& device) noexcept {
   std::vector<Wanted*> free;
   for (auto& each : list_) {
-    if (!each.there && !heard_[each.node.value()] && fits(each.rules, device)) free.push_back(&each);
+    if (is_free(each, device)) free.push_back(&each);
   }
   if (free.empty()) return {};
-  // On Fastscan nothing else is found before this one has a node-ID, and the lowest address comes first anyway.
-  const bool can_wait = methods_.method() == discovery::Method::planner_rand;
-  if (looks_first_ && can_wait && free.size() > 1) {
-    put_off_ = true;
-    return {};
-  }
   std::erase(met_, device);
   const auto before = static_cast<std::size_t>(std::ranges::count_if(
       met_, [&](const LssAddress& other) { return other.type() == device.type() && other < device; }));

@@ -2,9 +2,10 @@
 /// has nothing but its dictionary (`DictionaryManager`) work with devices that are new from the factory, and put a
 /// replacement to work. Which device belongs to which node-ID the list says: vendor-ID and product code (1F85h, 1F86h)
 /// have to be given and to agree, revision number and serial number (1F87h, 1F88h) where they are not 0. Of several
-/// devices of one type the lowest serial number gets the lowest free node-ID: they are searched for once more when all
-/// are known. A device that no entry fits is left alone, and so is one that has a node-ID of the list that it fits; no
-/// node-ID is given under which a device was heard meanwhile.
+/// devices of one type the lowest serial number gets the lowest free node-ID. Every device that a search finds tells
+/// its node-ID before the first of them is given one: a device that no entry fits is left alone, and so is one that has
+/// a node-ID of the list that it fits; no node-ID is given that a device has told, or under which one was heard
+/// meanwhile.
 ///
 ///     NodeIdAssigner assigner(dispatcher, manager.bus().sdo(), device.values());
 ///     manager.assign_by(&assigner);
@@ -56,10 +57,10 @@ class NodeIdAssigner final : private discovery::Assigner, private can::Handler {
   friend class DictionaryManager;
   rt::Task<void> ask(Wanted& wanted);
   rt::Task<Result<void>> search();
-  rt::Task<Result<void>> search_once(const discovery::Known& known, const discovery::Options& options);
+  [[nodiscard]] bool is_free(const Wanted& each, const LssAddress& device) const noexcept;
   NodeId assign(const LssAddress& device) noexcept override;
   bool keeps(const LssAddress& device, NodeId active) noexcept override;
-  bool still_vacant(NodeId id) const noexcept override { return !heard_[id.value()]; }
+  bool still_vacant(NodeId id) const noexcept override { return !heard_[id.value()] && !told_[id.value()]; }
   void received(const can::Frame& frame, rt::Time at) noexcept override;
 
   can::Dispatcher* dispatcher_;
@@ -72,8 +73,7 @@ class NodeIdAssigner final : private discovery::Assigner, private can::Handler {
   std::vector<Wanted> list_;
   std::vector<LssAddress> met_;  // found, and nothing given to them
   std::bitset<128> heard_;       // error control messages since the list was looked at
-  bool looks_first_ = false;     // which devices there are, before one of several of a type gets a node-ID
-  bool put_off_ = false;         // one did not for that reason
+  std::bitset<128> told_;        // by devices that have these node-IDs and are not those of the list
   DictionaryManager* user_ = nullptr;
   unsigned given_ = 0;
 };

@@ -57,9 +57,9 @@ beneath = ["boom port"]
 
 struct Boom : ::testing::Test {
   Boom() { build(); }
-  void build() {
+  void build(const std::string& plant = two_levels) {
     clear();
-    const auto result = read_plant(two_levels, "x.plant.toml");
+    const auto result = read_plant(plant, "x.plant.toml");
     for (const auto& finding : result.findings) ADD_FAILURE() << finding.message;
     Findings findings;
     world = World::make(*result.plant, {}, findings);
@@ -198,6 +198,98 @@ TEST_F(Boom, ANewDeviceDoesNotGetWhatBootsMeanwhile) {
     }
   }
   EXPECT_GT(counted, 20U);
+}
+
+namespace {
+
+// Devices by RAND with node-IDs of their own, in the NMT state stopped and without a heartbeat: neither SDO nor error
+// control tells of them, LSS alone does.
+struct Silent : Boom {
+  Silent() { build(devices); }
+  static constexpr const char* devices = R"(
+[bus.backbone]
+bitrate = 250_000
+[bus.boom]
+bitrate = 125_000
+
+[[device]]
+name = "boom gateway"
+bus = "backbone"
+type = { vendor = 1, product = 1 }
+node_id = 3
+[[device]]
+name = "boom port"
+bus = "boom"
+type = { vendor = 1, product = 2 }
+node_id = 1
+master = { flying = false, most = 9 }
+[[device]]
+name = "blank"
+bus = "boom"
+type = { vendor = 1, product = 3 }
+serial = 10
+[[device]]
+name = "own"
+bus = "boom"
+type = { vendor = 1, product = 3 }
+serial = 11
+node_id = 4
+[[device]]
+name = "foreign"
+bus = "boom"
+type = { vendor = 1, product = 7 }
+serial = 12
+node_id = 5
+
+[[gateway]]
+above = "boom gateway"
+beneath = ["boom port"]
+)";
+  /// The list has these node-IDs for devices of product 3.
+  void commission_for(const std::vector<std::uint8_t>& nodes) {
+    world->sim().run_for(500ms);
+    for (const char* const name : {"own", "foreign"}) world->find(name)->device().apply(co::NmtCommand::stop);
+    std::vector<Row> rows;
+    for (const std::uint8_t node : nodes) {
+      rows.push_back({{0x1F81, node}, 0x05});
+      rows.push_back({{0x1F85, node}, 1});
+      rows.push_back({{0x1F86, node}, 3});
+    }
+    rows.push_back({{0x1010, 1}, 0x65766173});
+    rows.push_back({{0x1F82, 1}, 6, 1});
+    write(rows);
+  }
+};
+
+}  // namespace
+
+// One that keeps its own node-ID is seen before the first is given, also where the list has one place alone for its
+// type.
+TEST_F(Silent, NoneGetsWhatASilentDeviceHas) {
+  commission_for({4});
+  world->sim().run_for(5s);
+  EXPECT_FALSE(truth("blank").persistent.configured());
+  EXPECT_EQ(truth("own").persistent, NodeId(4));
+  EXPECT_TRUE(world->duplicates().empty());
+}
+
+TEST_F(Silent, TheOtherPlaceOfItsTypeIsGiven) {
+  commission_for({4, 6});
+  ASSERT_TRUE(world->sim().run_until([&] { return truth("blank").persistent.configured(); }, 10s));
+  world->sim().run_for(2s);
+  EXPECT_EQ(truth("blank").persistent, NodeId(6));
+  EXPECT_EQ(truth("own").persistent, NodeId(4));
+  EXPECT_TRUE(world->duplicates().empty());
+}
+
+// One of another type, which the list does not know.
+TEST_F(Silent, NorWhatADeviceOfAnotherTypeHas) {
+  commission_for({5, 6});
+  ASSERT_TRUE(world->sim().run_until([&] { return truth("blank").persistent.configured(); }, 10s));
+  world->sim().run_for(3s);
+  EXPECT_EQ(truth("blank").persistent, NodeId(6));
+  EXPECT_EQ(truth("foreign").persistent, NodeId(5));
+  EXPECT_TRUE(world->duplicates().empty());
 }
 
 // The master is gone in the middle of a search.
