@@ -45,7 +45,7 @@ Job& Executor::drawn_place(Job& anchor) noexcept {
   return *after;
 }
 
-Job* Executor::meld(Job* a, Job* b) noexcept {
+inline Job* Executor::meld(Job* a, Job* b) noexcept {
   if (a == nullptr) return b;
   if (b == nullptr) return a;
   if (before(*b, *a)) {
@@ -61,8 +61,11 @@ Job* Executor::meld(Job* a, Job* b) noexcept {
 }
 
 // Two-pass pairing of a list of siblings. What `before_` and `sibling_` of a root say means nothing.
-Job* Executor::combine(Job* first) noexcept {
-  if (first == nullptr || first->sibling_ == nullptr) return first;
+inline Job* Executor::combine(Job* first) noexcept {
+  return first == nullptr || first->sibling_ == nullptr ? first : combine_pairs(first);
+}
+
+Job* Executor::combine_pairs(Job* first) noexcept {
   Job* pairs = nullptr;
   while (first != nullptr) {
     Job* const a = first;
@@ -83,7 +86,7 @@ Job* Executor::combine(Job* first) noexcept {
   return root;
 }
 
-void Executor::insert(Job& job) noexcept {
+inline void Executor::insert(Job& job) noexcept {
   job.child_ = job.sibling_ = job.before_ = nullptr;
   job.key_ = job.due_;
   job.key_order_ = job.order_;
@@ -131,6 +134,15 @@ void Executor::drop_lazy() noexcept {
   }
 }
 
+// The earliest timer, which must be true, is one no longer.
+inline Job& Executor::take_root() noexcept {
+  Job& job = *root_;
+  root_ = combine(job.child_);
+  job.child_ = nullptr;
+  job.timed_ = false;
+  return job;
+}
+
 std::optional<Time> Executor::next() const noexcept {
   if (has_ready()) return now_;
   const_cast<Executor*>(this)->drop_lazy();  // changes the shape of the heap, not what it says
@@ -145,50 +157,59 @@ void Executor::make_due_ready() noexcept {
       drop_lazy();
       continue;
     }
-    root_ = combine(job.child_);
-    job.child_ = nullptr;
-    job.timed_ = false;
-    post(job, job.rank_);
+    post(take_root(), job.rank_);
   }
-}
-
-void Executor::run_one(Job& anchor) noexcept {
-  Job& job = *anchor.ready_next_;
-  unlink_ready(job);
-  ++jobs_run_;
-  job.run();
 }
 
 void Executor::settle() noexcept {
   if (may_be_due()) make_due_ready();
   for (;;) {
-    if (node_.ready_next_ != &node_) {
-      run_one(node_);
+    Job* job = node_.ready_next_;
+    if (job != &node_) {
+      // A node's job comes before whatever else there is.
     } else if (may_be_due()) {
       make_due_ready();  // timers set for this very instant by the jobs just run
+      continue;
     } else if (medium_.ready_next_ != &medium_) {
-      run_one(medium_);
+      job = medium_.ready_next_;
     } else {
       return;
     }
+    unlink_ready(*job);
+    ++jobs_run_;
+    job->run();
   }
 }
 
-bool Executor::step(Time until) noexcept {
-  if (has_ready()) {
-    if (now_ > until) return false;
+// With nothing ready: the work of the earliest timer's instant, if it is not after `until`.
+inline bool Executor::step_to_timer(Time until) noexcept {
+  if (root_ == nullptr) return false;
+  if (root_->order_ != root_->key_order_) drop_lazy();
+  if (root_->due_ > until) return false;
+  if (root_->due_ > now_) now_ = root_->due_;
+  // Most are alone at their instant. Such a one need not go through the ready queue.
+  Job& job = take_root();
+  if (may_be_due() || shuffle_ != 0) {
+    post(job, job.rank_);
   } else {
-    drop_lazy();
-    if (root_ == nullptr || root_->due_ > until) return false;
-    if (root_->due_ > now_) now_ = root_->due_;
+    ++jobs_run_;
+    job.run();
   }
+  settle();
+  return true;
+}
+
+bool Executor::step(Time until) noexcept {
+  if (!has_ready()) return step_to_timer(until);
+  if (now_ > until) return false;
   settle();
   return true;
 }
 
 void Executor::advance(Time until) noexcept {
   if (until < now_) until = now_;
-  while (step(until)) {
+  if (has_ready()) settle();
+  while (step_to_timer(until)) {
   }
   now_ = until;
 }

@@ -120,12 +120,14 @@ class Executor {
   }
   static Job* meld(Job* a, Job* b) noexcept;
   static Job* combine(Job* first) noexcept;
+  static Job* combine_pairs(Job* first) noexcept;
   void insert(Job& job) noexcept;
   void remove(Job& job) noexcept;
   void settle() noexcept;
   void drop_lazy() noexcept;
+  [[nodiscard]] Job& take_root() noexcept;
   void make_due_ready() noexcept;
-  void run_one(Job& anchor) noexcept;
+  bool step_to_timer(Time until) noexcept;
   [[nodiscard]] Job& drawn_place(Job& anchor) noexcept;
   static void link_ready(Job& job, Job& after) noexcept {
     job.ready_prev_ = &after;

@@ -2,21 +2,21 @@
 
 namespace berth::sim {
 
-void Contenders::place(std::size_t at, Contender contender) noexcept {
+inline void Contenders::place(std::size_t at, Contender contender) noexcept {
   heap_[at] = contender;
   places_[contender.slot()].at = static_cast<std::uint32_t>(at);
 }
 
-// Moves the contender at `at` up or down to where it belongs.
-void Contenders::move(std::size_t at) noexcept {
-  const Contender moving = heap_[at];
-  while (at > 0 && moving.order < heap_[(at - 1) / 2].order) {
-    place(at, heap_[(at - 1) / 2]);
-    at = (at - 1) / 2;
-  }
-  const std::size_t count = heap_.size();
-  for (std::size_t child = 2 * at + 1; child < count; child = 2 * at + 1) {
-    if (child + 1 < count) child += heap_[child + 1].order < heap_[child].order ? 1 : 0;
+// Puts the contender in at `at`, where there is none, or above.
+inline void Contenders::rise(std::size_t at, Contender moving) noexcept {
+  for (; at > 0 && moving.order < heap_[(at - 1) / 2].order; at = (at - 1) / 2) place(at, heap_[(at - 1) / 2]);
+  place(at, moving);
+}
+
+// Puts the contender in at `at`, where there is none, or below.
+inline void Contenders::sink(std::size_t at, Contender moving) noexcept {
+  for (std::size_t child = 2 * at + 1; child < count_; child = 2 * at + 1) {
+    if (child + 1 < count_) child += heap_[child + 1].order < heap_[child].order ? 1 : 0;
     if (heap_[child].order >= moving.order) break;
     place(at, heap_[child]);
     at = child;
@@ -26,27 +26,28 @@ void Contenders::move(std::size_t at) noexcept {
 
 void Contenders::put(std::uint32_t slot, std::uint32_t arbitration) noexcept {
   const Contender contender{static_cast<std::uint64_t>(arbitration) << 32U | slot};
-  std::size_t at = places_[slot].at;
+  const std::size_t at = places_[slot].at;
   if (at == nowhere) {
     places_[slot].since = starts_;
-    at = heap_.size();
-    heap_.push_back(contender);
-  } else if (heap_[at].order == contender.order) {
-    return;
+    rise(count_++, contender);
+  } else if (contender.order < heap_[at].order) {
+    rise(at, contender);
+  } else if (contender.order > heap_[at].order) {
+    sink(at, contender);
   }
-  heap_[at] = contender;
-  move(at);
 }
 
 std::uint64_t Contenders::remove(std::uint32_t slot) noexcept {
   const std::size_t at = places_[slot].at;
   if (at == nowhere) return 0;
   places_[slot].at = nowhere;
-  const Contender last = heap_.back();
-  heap_.pop_back();
-  if (at != heap_.size()) {
-    heap_[at] = last;
-    move(at);
+  const Contender last = heap_[--count_];
+  if (at < count_) {
+    if (at > 0 && last.order < heap_[at].order) {
+      rise(at, last);
+    } else {
+      sink(at, last);
+    }
   }
   return starts_ - places_[slot].since;
 }

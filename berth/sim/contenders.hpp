@@ -20,18 +20,21 @@ class Contenders {
   };
 
   /// There are so many slots now.
-  void grow(std::size_t slots) { places_.resize(slots); }
+  void grow(std::size_t slots) {
+    places_.resize(slots);
+    heap_.resize(slots);
+  }
 
-  [[nodiscard]] bool empty() const noexcept { return heap_.empty(); }
+  [[nodiscard]] bool empty() const noexcept { return count_ == 0; }
   [[nodiscard]] bool contains(std::uint32_t slot) const noexcept { return places_[slot].at != nowhere; }
-  [[nodiscard]] std::span<const Contender> all() const noexcept { return heap_; }
+  [[nodiscard]] std::span<const Contender> all() const noexcept { return {heap_.data(), count_}; }
   /// The one that wins; with several of one arbitration field, that of the lowest slot.
   [[nodiscard]] Contender first() const noexcept { return heap_.front(); }
   /// `first` wins alone.
   [[nodiscard]] bool one_wins() const noexcept {
     // Few share the lowest field, and they stand at the top: one that is equal to the least has parents that are.
     const std::uint32_t best = heap_.front().arbitration();
-    return (heap_.size() < 2 || heap_[1].arbitration() != best) && (heap_.size() < 3 || heap_[2].arbitration() != best);
+    return (count_ < 2 || heap_[1].arbitration() != best) && (count_ < 3 || heap_[2].arbitration() != best);
   }
   /// The slot offers a frame of this arbitration field: as one contender more, or instead of its frame of before.
   void put(std::uint32_t slot, std::uint32_t arbitration) noexcept;
@@ -65,9 +68,11 @@ class Contenders {
     std::uint32_t at = nowhere;
   };
   void place(std::size_t at, Contender contender) noexcept;
-  void move(std::size_t at) noexcept;
+  void rise(std::size_t at, Contender moving) noexcept;
+  void sink(std::size_t at, Contender moving) noexcept;
 
-  std::vector<Contender> heap_;
+  std::vector<Contender> heap_;  // the first `count_` of it
+  std::size_t count_ = 0;
   std::vector<Place> places_;  // by slot
   std::uint64_t starts_ = 0;
 };

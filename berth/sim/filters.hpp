@@ -27,7 +27,6 @@ class Filters {
     std::uint32_t slot;
     std::vector<can::IdRange> ranges;
   };
-  void toggle(std::uint32_t slot, can::IdRange range) noexcept;
   std::size_t words_ = 0;
   std::vector<std::uint64_t> base_;  // 2048 rows
   std::vector<Extended> extended_;   // nodes that hear extended keys

@@ -12,40 +12,11 @@ void HostQueue::listen(can::Listener* listener) noexcept {
   listener_ = listener;
 }
 
-HostQueue::Event& HostQueue::push(What what, rt::Time at) noexcept {
-  if (count_ == events_.size()) {
-    std::vector<Event> larger(events_.size() * 2);
-    for (std::size_t i = 0; i < count_; ++i) larger[i] = events_[(first_ + i) & (events_.size() - 1)];
-    events_.swap(larger);
-    first_ = 0;
-  }
-  Event& event = events_[(first_ + count_) & (events_.size() - 1)];
-  event.what = what;
-  event.at = at;
-  if (count_++ == 0) schedule();
-  return event;
-}
-
-void HostQueue::schedule() noexcept {
-  if (count_ == 0) return;
-  if (rx_service_.count() == 0 || events_[first_].what != What::received) {
-    executor_->post(*this);
-  } else {
-    executor_->after(rx_service_, *this);
-  }
-}
-
-bool HostQueue::received(const can::Frame& frame, rt::Time at) noexcept {
-  if (deaf_ || rx_waiting_ >= rx_depth_) return false;
-  ++rx_waiting_;
-  push(What::received, at).frame = can::PackedFrame(frame);
-  if (frame.fd) [[unlikely]]
-    keep_fd(frame);
-  return true;
-}
-
-void HostQueue::sent(std::uint32_t tag, rt::Time at) noexcept {
-  if (tag != 0 && listener_ != nullptr) push(What::sent, at).tag = tag;
+void HostQueue::grow() {
+  std::vector<Event> larger(events_.size() * 2);
+  for (std::size_t i = 0; i < count_; ++i) larger[i] = events_[(first_ + i) & (events_.size() - 1)];
+  events_.swap(larger);
+  first_ = 0;
 }
 
 void HostQueue::changed() noexcept {
@@ -67,22 +38,20 @@ void HostQueue::forget() noexcept {
 }
 
 void HostQueue::run() noexcept {
+  // The callback may push events, or destroy this queue and its controller: what it is told is copied before.
   const Event& event = events_[first_];
-  const What what = event.what;
   const rt::Time at = event.at;
-  const std::uint32_t tag = event.tag;
-  // The callback may push events, or destroy this queue and its controller.
-  const can::Frame frame = event.frame.unpacked();
-  if (what == What::received) --rx_waiting_;
+  const What what = event.what;
   first_ = (first_ + 1) & (events_.size() - 1);
-  --count_;
-  schedule();
+  if (--count_ > 0) schedule(events_[first_].what);
   if (what == What::received) {
+    --rx_waiting_;
+    const can::Frame frame = event.frame.unpacked();
     if (frame.fd) [[unlikely]]
       return receive_fd(at);
     listener_->received(frame, at);
   } else if (what == What::sent) {
-    listener_->sent(tag, at);
+    listener_->sent(event.tag, at);
   } else {
     listener_->changed(port_->status(), at);
   }

@@ -25,9 +25,18 @@ class HostQueue final : private rt::Job {
   void deaf(bool on) noexcept { deaf_ = on; }
 
   /// False: the receive buffer loses it. Only while `listened`.
-  [[nodiscard]] bool received(const can::Frame& frame, rt::Time at) noexcept;
+  [[nodiscard]] bool received(const can::Frame& frame, rt::Time at) noexcept {
+    if (deaf_ || rx_waiting_ >= rx_depth_) return false;
+    ++rx_waiting_;
+    push(What::received, at).frame = can::PackedFrame(frame);
+    if (frame.fd) [[unlikely]]
+      keep_fd(frame);
+    return true;
+  }
   /// Not told for tag 0 or without a listener; nor is `changed`.
-  void sent(std::uint32_t tag, rt::Time at) noexcept;
+  void sent(std::uint32_t tag, rt::Time at) noexcept {
+    if (tag != 0 && listener_ != nullptr) push(What::sent, at).tag = tag;
+  }
   void changed() noexcept;
   void forget() noexcept;
 
@@ -40,8 +49,24 @@ class HostQueue final : private rt::Job {
     What what = What::received;
   };
   void run() noexcept override;
-  Event& push(What what, rt::Time at) noexcept;
-  void schedule() noexcept;
+  Event& push(What what, rt::Time at) noexcept {
+    if (count_ == events_.size()) [[unlikely]]
+      grow();
+    Event& event = events_[(first_ + count_) & (events_.size() - 1)];
+    event.what = what;
+    event.at = at;
+    if (count_++ == 0) schedule(what);
+    return event;
+  }
+  // `first`: what the first event is.
+  void schedule(What first) noexcept {
+    if (rx_service_.count() == 0 || first != What::received) {
+      executor_->post(*this);
+    } else {
+      executor_->after(rx_service_, *this);
+    }
+  }
+  [[gnu::cold]] void grow();
   [[gnu::cold]] void keep_fd(const can::Frame& frame);
   [[gnu::cold]] void receive_fd(rt::Time at) noexcept;
 

@@ -14,16 +14,39 @@ struct Medium {
   explicit Medium(Bus& b) noexcept;
 
   /// A frame begins at `sof`: faults are drawn for it, and it is counted.
-  void begin_frame(const can::Frame& frame, int sender);
+  void begin_frame(const can::Frame& frame, int sender) {
+    faults.clear();
+    if (bus.faults().any()) [[unlikely]]
+      faults.draw(bus, frame, sof, sender, nodes);
+    contenders.count_start();
+    bus.faults().count_start();
+    ++statistics.starts;
+  }
   /// The node sends its head from the newest start on. It stays among the contenders meanwhile.
-  void begin_attempt(BusNode& node) noexcept;
-  /// What the node offers may have changed: it contends, or does so no longer.
-  void contend(BusNode& node) noexcept;
-  void withdraw(BusNode& node) noexcept;
+  void begin_attempt(BusNode& node) noexcept {
+    node.statistics.arbitration_losses += contenders.begin(node.slot);
+    node.transmit.begin();
+    ++node.statistics.attempts;
+    if (node.transmit.head().tried) ++node.statistics.retransmissions;
+  }
+  /// What the node offers may have changed: it contends (true), or does so no longer.
+  bool contend(BusNode& node) noexcept {
+    const bool offers = node.offers();
+    if (offers) {
+      contenders.put(node.slot, node.transmit.head().arbitration);
+    } else {
+      withdraw(node);
+    }
+    return offers;
+  }
+  void withdraw(BusNode& node) noexcept { node.statistics.arbitration_losses += contenders.remove(node.slot); }
   /// To every node that listens and does not send.
   void deliver(const can::Frame& frame, rt::Time at) noexcept;
   /// `frame` ended well: counted, with its bits, and shown to the bus's taps.
-  void count_good(const can::Frame& frame, unsigned bits, rt::Time at, int sender) noexcept;
+  void count_good(const can::Frame& frame, unsigned bits, rt::Time at, int sender) noexcept {
+    statistics.bits += bits;
+    bus.good_frame(frame, at, sender);
+  }
 
   Bus& bus;
   rt::Executor& executor;

@@ -156,8 +156,7 @@ void Segment::integrated(BusNode& node) noexcept {
 
 void Segment::offer(BusNode& node) noexcept {
   if (node.transmit.sending()) return;
-  medium_.contend(node);
-  if (node.offers()) {
+  if (medium_.contend(node)) {
     if (state_ == State::quiet || (state_ == State::starting && medium_.sof > medium_.executor.now())) schedule_start();
   } else if (state_ == State::starting && medium_.contenders.empty()) {
     schedule_start();
@@ -199,18 +198,17 @@ void Segment::run() noexcept {
 }
 
 // The winners of arbitration; false when they send different frames.
-bool Segment::pick_senders() noexcept {
+inline bool Segment::pick_senders() noexcept {
+  senders_.clear();
+  if (medium_.nodes.any_suspended() || !medium_.contenders.one_wins()) return pick_among_several();
+  senders_.push_back(&medium_.nodes.at(medium_.contenders.first().slot()));
+  return true;
+}
+
+bool Segment::pick_among_several() noexcept {
   auto& contenders = medium_.contenders;
   const auto& nodes = medium_.nodes;
-  senders_.clear();
-  std::uint32_t best = 0xFFFF'FFFFU;
-  if (!nodes.any_suspended()) {
-    if (contenders.one_wins()) {
-      senders_.push_back(&nodes.at(contenders.first().slot()));
-      return true;
-    }
-    best = contenders.first().arbitration();
-  }
+  std::uint32_t best = nodes.any_suspended() ? 0xFFFF'FFFFU : contenders.first().arbitration();
   const rt::Time now = medium_.executor.now();
   for (const auto& contender : contenders.all()) {
     if (nodes.any_suspended() && nodes.at(contender.slot()).access.suspended(now)) {

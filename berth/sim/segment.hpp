@@ -53,6 +53,7 @@ class Segment final : private rt::Job,
   void schedule_integration() noexcept;
   void arbitrate() noexcept;
   [[nodiscard]] bool pick_senders() noexcept;
+  [[nodiscard]] bool pick_among_several() noexcept;
   void finish() noexcept;
   void give_up() noexcept;
   void detach(BusNode& node) noexcept;

@@ -31,15 +31,16 @@ class TransmitQueue {
     can::PackedFrame frame;  ///< of an FD frame only the beginning
     std::uint32_t arbitration = 0;
     std::uint32_t tag = 0;
-    bool tried = false;  ///< an attempt failed: the next one is a retransmission
+    std::uint32_t next = 0;  ///< internal: the slot of the next younger one, or the next free slot
+    bool tried = false;      ///< an attempt failed: the next one is a retransmission
   };
 
   /// Room for `depth` frames, at least one; `fd`: FD frames, too.
   TransmitQueue(TxOrder order, unsigned depth, bool fd);
 
-  [[nodiscard]] bool full() const noexcept { return free_.empty(); }
+  [[nodiscard]] bool full() const noexcept { return free_ == nothing; }
   /// Frames that wait, the head included.
-  [[nodiscard]] std::size_t size() const noexcept { return order_.size(); }
+  [[nodiscard]] std::size_t size() const noexcept { return size_; }
   /// True: it is the head now. Must not be `full`.
   [[nodiscard]] bool push(const can::Frame& frame, std::uint32_t tag) noexcept;
   /// Takes the frames of this tag out; one that is on the wire is sent all the same, and not repeated when that fails.
@@ -71,14 +72,18 @@ class TransmitQueue {
   static constexpr std::uint32_t nothing = 0xFFFF'FFFFU;
   [[nodiscard, gnu::cold]] can::Frame head_fd_frame(bool passive) const noexcept;
   void choose_head() noexcept;
+  void take_out(std::uint32_t before, std::uint32_t at) noexcept;
+  void take_out_head() noexcept;
 
-  std::uint32_t head_ = nothing;  // slot of the frame offered
-  TxOrder order_kind_;
+  std::uint32_t head_ = nothing;    // slot of the frame offered
+  std::uint32_t oldest_ = nothing;  // from it on by `next`: the slots in use
+  std::uint32_t youngest_ = nothing;
+  std::uint32_t free_ = nothing;  // from it on by `next`: the others
+  std::uint32_t size_ = 0;
+  TxOrder order_;
   bool sending_ = false;
   bool abandoned_ = false;  // the head is on the wire and was withdrawn meanwhile: it is not repeated
   std::vector<Waiting> slots_;
-  std::vector<std::uint32_t> order_;  // slots in use, oldest first
-  std::vector<std::uint32_t> free_;
   std::vector<can::Frame> fd_frames_;  // by slot; empty without FD
 };
 

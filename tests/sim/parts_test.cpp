@@ -1,5 +1,7 @@
 // The parts of a simulated controller and of the wire, each without the others.
 #include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -56,6 +58,138 @@ TEST(TransmitQueue, AWithdrawnFrameOnTheWireIsNotRepeated) {
   EXPECT_EQ(queue.head().tag, 8U);
   EXPECT_TRUE(queue.withdraw(8));
   EXPECT_FALSE(queue.has_head());
+}
+
+// What the queue is to be: a list, oldest first, and which of it is the head.
+class QueueModel {
+ public:
+  explicit QueueModel(TxOrder order) : order_(order) {}
+  bool push(std::uint32_t id, std::uint32_t tag) {
+    waiting_.push_back({id, tag, next_++});
+    const bool first = head_ == none || (order_ == TxOrder::priority && !sending_ && id < find(head_)->id);
+    if (first) head_ = waiting_.back().number;
+    return first;
+  }
+  bool withdraw(std::uint32_t tag) {
+    const auto before = head_;
+    std::erase_if(waiting_, [&](const Frame& f) {
+      if (f.tag != tag) return false;
+      const bool on_the_wire = sending_ && f.number == head_;
+      abandoned_ = abandoned_ || on_the_wire;
+      return !on_the_wire;
+    });
+    if (find(head_) == waiting_.end()) choose();
+    return head_ != before;
+  }
+  void begin() { sending_ = true; }
+  void attempt_over() {
+    if (abandoned_) waiting_.erase(find(head_));
+    sending_ = abandoned_ = false;
+    choose();
+  }
+  std::uint32_t sent() {
+    const auto tag = find(head_)->tag;
+    abandoned_ = true;
+    attempt_over();
+    return tag;
+  }
+  void clear() {
+    waiting_.clear();
+    abandoned_ = false;
+    choose();
+  }
+  [[nodiscard]] bool sending() const { return sending_; }
+  [[nodiscard]] std::size_t size() const { return waiting_.size(); }
+  [[nodiscard]] std::uint32_t head_id() { return find(head_)->id; }
+  [[nodiscard]] std::uint32_t head_tag() { return find(head_)->tag; }
+
+ private:
+  static constexpr int none = -1;
+  struct Frame {
+    std::uint32_t id;
+    std::uint32_t tag;
+    int number;
+  };
+  std::vector<Frame>::iterator find(int number) { return std::ranges::find(waiting_, number, &Frame::number); }
+  void choose() {
+    head_ = none;
+    if (waiting_.empty()) return;
+    // The first of the smallest: min_element gives the oldest of equals.
+    head_ =
+        (order_ == TxOrder::in_order ? waiting_.begin() : std::ranges::min_element(waiting_, {}, &Frame::id))->number;
+  }
+  TxOrder order_;
+  std::vector<Frame> waiting_;
+  int head_ = none;
+  int next_ = 0;
+  bool sending_ = false;
+  bool abandoned_ = false;
+};
+
+TEST(TransmitQueue, KeepsItsOrderUnderAnyUse) {
+  constexpr unsigned depth = 5;
+  for (const auto order : {TxOrder::in_order, TxOrder::priority}) {
+    TransmitQueue queue(order, depth, false);
+    QueueModel model(order);
+    std::uint32_t draw = 1;
+    const auto below = [&](std::uint32_t limit) {
+      draw = draw * 1'664'525U + 1'013'904'223U;
+      return (draw >> 16U) % limit;
+    };
+    unsigned withdrawn = 0;
+    for (int i = 0; i < 20'000; ++i) {
+      SCOPED_TRACE(i);
+      switch (below(16)) {
+        case 0:
+          if (queue.sending()) break;
+          queue.clear();
+          model.clear();
+          break;
+        case 1:
+        case 2: {
+          const auto tag = below(4);
+          withdrawn += queue.withdraw(tag) ? 1U : 0U;
+          model.withdraw(tag);
+          break;
+        }
+        case 3:
+        case 4:
+        case 5:
+        case 6:
+          if (!queue.sending()) break;
+          queue.attempt_over();
+          model.attempt_over();
+          break;
+        case 7:
+        case 8:
+        case 9:
+          if (!queue.sending()) break;
+          ASSERT_EQ(queue.sent(), model.sent());
+          break;
+        case 10:
+        case 11:
+          if (!queue.has_head()) break;
+          queue.begin();
+          model.begin();
+          break;
+        default: {
+          if (queue.full()) break;
+          const auto id = 0x100 + below(6);
+          const auto tag = below(4);
+          ASSERT_EQ(queue.push(can::Frame::base(id, {}), tag), model.push(id, tag));
+          break;
+        }
+      }
+      ASSERT_EQ(queue.size(), model.size());
+      ASSERT_EQ(queue.full(), model.size() == depth);
+      ASSERT_EQ(queue.sending(), model.sending());
+      ASSERT_EQ(queue.has_head(), model.size() > 0);
+      if (!queue.has_head()) continue;
+      ASSERT_EQ(queue.head_frame(false).id, model.head_id());
+      ASSERT_EQ(queue.head().tag, model.head_tag());
+    }
+    EXPECT_GT(withdrawn, 100U);
+  }
 }
 
 TEST(TransmitQueue, APassiveSendersFdFrameHasEsi) {
