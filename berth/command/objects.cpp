@@ -37,17 +37,14 @@ std::string no_slot(const design::Machine& machine, const std::string& word) {
                      some_of(shown));
 }
 
-// The slot of the machine that has this path from this bus; null: none.
-const design::Slot* slot_of_path(const design::Machine& machine, const std::string& bus, const multilevel::Path& path) {
-  const auto* const on = operate::bus_at(machine, {bus, path.gateways});
-  return on == nullptr ? nullptr : machine.slot(on->name, path.node);
-}
-
-// "3/5": node 5 beneath gateway 3.
+// "3/5": node 5 beneath gateway 3; by Berth's own port where that bus, or one on the way, has one.
 NodeArgument by_path(const design::Machine& machine, const std::string& bus, const multilevel::Path& path) {
-  const std::string on = bus.empty() && machine.buses.size() == 1 ? machine.buses.front().name : bus;
-  const auto* const slot = slot_of_path(machine, on, path);
-  return {bus, path.node, slot == nullptr ? nullptr : slot->description, path.gateways};
+  const auto* const top = bus.empty() ? machine.top() : machine.bus(bus);
+  const auto* const on = top == nullptr ? nullptr : operate::bus_at(machine, {top->name, path.gateways});
+  if (on == nullptr) return {bus, path.node, nullptr, path.gateways};
+  const auto* const slot = machine.slot(on->name, path.node);
+  auto way = operate::way_to(machine, on->name);
+  return {way.bus, path.node, slot == nullptr ? nullptr : slot->description, std::move(way.gateways)};
 }
 
 }  // namespace
