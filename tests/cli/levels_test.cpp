@@ -346,6 +346,16 @@ TEST_F(LevelsCommand, ASilentNodeIsToldByItsGateway) {
   EXPECT_TRUE(contains(error.at("message"), "no answer of the gateway")) << error;
 }
 
+// Of gateways that are said to wait 10 ms Berth believes after half a second that they are silent.
+TEST_F(LevelsCommand, HowLongAGatewayWaitsIsInTheMachineFile) {
+  std::string text = with_io(tower_machine);
+  for (const std::string slot : {"slot = 3", "slot = 5"}) text.insert(text.find(slot), "timeout = \"10 ms\", ");
+  const std::string hasty = folder.write("hasty.toml", text);
+  const Outcome run = berth({"sdo", "read", "3/9", "1000h", "--machine", hasty, "--sim", plant, "--up"});
+  EXPECT_EQ(run.status, 1) << run.out << run.err;
+  EXPECT_TRUE(contains(run.err, "node 3/9, object 1000h:00: no answer of the gateway")) << run.err;
+}
+
 TEST_F(LevelsCommand, APortForABusWithoutOne) {
   const Outcome run = berth({"up", machine, "--port", "boom=socketcan:can1"});
   EXPECT_EQ(run.status, 2) << run.out << run.err;

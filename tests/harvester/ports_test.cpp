@@ -71,6 +71,18 @@ TEST_P(WithPorts, BootsFromTheBottomUp) {
   EXPECT_LT(operational("rear motor"), operational("left gateway")) << log();
 }
 
+// Later than any gateway is waited for (30 s): none of those above the lowest bus has been started, all are at last.
+TEST_P(WithPorts, AGatewayWaitsForABusThatIsLate) {
+  world->find("torque sensor")->unplug();
+  for (int i = 0; i < 40; ++i) {
+    world->sim().run_for(1s);
+    ASSERT_NE(device("reel gateway").state(), NmtState::operational) << i << "\n" << log();
+    ASSERT_NE(device("left gateway").state(), NmtState::operational) << i << "\n" << log();
+  }
+  world->find("torque sensor")->plug();
+  EXPECT_TRUE(up()) << log();
+}
+
 TEST_P(WithPorts, ValuesArriveWithinTheBound) {
   ASSERT_TRUE(up()) << log();
   ASSERT_EQ(links.plan.crossings.size(), 3U);

@@ -519,6 +519,7 @@ TEST(SdoGatewayDepth, AClientThatWaitsLessThanItsGateways) {
       EXPECT_EQ(error.code, Errc::timeout);
       EXPECT_STREQ(error.text, "no answer beneath the gateway");
     }
+    chain.world.run_for(50ms);
     EXPECT_TRUE(nobody_gave_up(chain, depth));
     chain.gateways[0]->upper.power_off();
     const auto before = chain.world.now();
@@ -542,7 +543,9 @@ TEST(SdoGatewayDepth, ASilentGatewayOfADeeperTree) {
   const auto error = await(chain.world, access.read_u32(0x1000, 0)).error();
   EXPECT_EQ(error.code, Errc::timeout);
   EXPECT_STREQ(error.text, "no answer of the gateway");
+  chain.world.run_for(50ms);
   EXPECT_TRUE(nobody_gave_up(chain, 1));
+  EXPECT_EQ(chain.lines[0]->log.back(), "583#80325F0000000405") << "0504 0000, of the first gateway";
 }
 
 // A client that tries again does so with the whole access: a command alone that is repeated finds its data gone, and a
