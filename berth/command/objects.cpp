@@ -18,7 +18,18 @@ namespace {
 
 std::string path_of(const design::Slot& slot) { return slot.spec.name.bus + "/" + slot.spec.name.name; }
 
+// What begins as a path and is none.
+bool like_a_path(std::string_view word) {
+  return word.find('/') != std::string_view::npos && word.find_first_not_of("0123456789./") == std::string_view::npos;
+}
+
 std::string no_slot(const design::Machine& machine, const std::string& word) {
+  if (like_a_path(word)) {
+    return fmt::format(
+        "node {} is no path; write node-IDs from 1 to 127, gateways first: 3/5, or 3.2/5 on the second of "
+        "up to 8 buses beneath gateway 3",
+        text::quoted(word));
+  }
   if (machine.slots.empty()) {
     return fmt::format("node {} is no node-ID from 1 to 127, and there is no machine file whose slots have names",
                        text::quoted(word));

@@ -16,11 +16,20 @@ constexpr auto no_answer = static_cast<std::uint32_t>(od::AbortCode::timeout);
 constexpr auto no_data = static_cast<std::uint32_t>(od::AbortCode::no_data);
 constexpr const char* gateway_silent = "no answer of the gateway";
 constexpr const char* node_silent = "no answer beneath the gateway";
+constexpr const char* no_gateway = "is no gateway to that bus: it has no object for it (5F30h to 5F4Fh)";
 
 // Of an access that the gateway answers by itself. One that is beneath another is silent, too, when that one waits in
-// vain.
+// vain. What has none of the objects is another device.
 Result<void> by_itself(Result<void> done) noexcept {
-  if (!done && done.error().code == Errc::timeout) done.error().text = gateway_silent;
+  if (done) return done;
+  Error& error = done.error();
+  const auto code = static_cast<od::AbortCode>(error.detail);
+  const bool missing = code == od::AbortCode::no_object || code == od::AbortCode::no_sub_index;
+  if (error.code == Errc::timeout) error.text = gateway_silent;
+  if (error.code == Errc::aborted && missing) {
+    error.code = Errc::unsupported;
+    error.text = no_gateway;
+  }
   return done;
 }
 
@@ -30,6 +39,7 @@ Result<void> by_itself(Result<void> done) noexcept {
 
 Error GatewayAccess::about(const Error& error, ObjectRef object) const noexcept {
   Error told = error;
+  if (error.text == no_gateway) return told;  // of that node on the way
   told.node = node_.value();
   told.index = object.index;
   told.sub = object.sub;

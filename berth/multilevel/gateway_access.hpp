@@ -26,7 +26,8 @@ struct GatewayLine {
 };
 
 /// The node beneath one gateway. Errors name it and its object, and are as `co::SdoTransfer` has them: a node that does
-/// not answer the gateway in time is Errc::timeout here too, as a gateway that does not answer is.
+/// not answer the gateway in time is Errc::timeout here too, as a gateway that does not answer is. Errc::unsupported: a
+/// node on the way (`Error::node`) has no objects of a gateway to that bus.
 class GatewayAccess final : public co::SdoAccess {
  public:
   /// `line`: shared by all accesses of this client to that bus. `gateway`: the objects of the gateway, which may itself

@@ -346,6 +346,21 @@ TEST_F(LevelsCommand, ASilentNodeIsToldByItsGateway) {
   EXPECT_TRUE(contains(error.at("message"), "no answer of the gateway")) << error;
 }
 
+TEST_F(LevelsCommand, APathThatIsNone) {
+  const std::pair<const char*, const char*> wrong[] = {
+      {"2/4", "node 2/4: node 2 on the way is no gateway to that bus: it has no object for it (5F30h to 5F4Fh)"},
+      {"3/4/5", "node 3/4/5: node 4 on the way is no gateway to that bus"},
+      {"3.2/5", "node 3.2/5: node 3 on the way is no gateway to that bus"},
+      {"3/200", "node \"3/200\" is no path; write node-IDs from 1 to 127"},
+      {"3.9/5", "node \"3.9/5\" is no path"},
+      {"3//5", "node \"3//5\" is no path"}};
+  for (const auto& [node, text] : wrong) {
+    const Outcome run = brought_up({"sdo", "read", node, "1000h"});
+    EXPECT_EQ(run.status, contains(text, "no path") ? 2 : 1) << run.out << run.err;
+    EXPECT_TRUE(contains(run.err, text)) << node << ": " << run.err;
+  }
+}
+
 // Of gateways that are said to wait 10 ms Berth believes after half a second that they are silent.
 TEST_F(LevelsCommand, HowLongAGatewayWaitsIsInTheMachineFile) {
   std::string text = with_io(tower_machine);

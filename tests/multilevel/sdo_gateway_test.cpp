@@ -531,6 +531,26 @@ TEST(SdoGatewayDepth, AClientThatWaitsLessThanItsGateways) {
   }
 }
 
+// A node on the way that is no gateway: told with that node, at any depth.
+TEST(SdoGatewayDepth, ANodeOnTheWayIsNoGateway) {
+  for (unsigned depth = 0; depth <= 3; ++depth) {
+    SCOPED_TRACE(depth);
+    Chain chain(depth);
+    Routes routes(*chain.client);
+    Path beyond = chain.path;
+    beyond.gateways.push_back({NodeId(50)});
+    beyond.node = NodeId(7);
+    const auto read = await(chain.world, routes.access(beyond).read_u32(0x1000, 0)).error();
+    const auto write = await(chain.world, routes.access(beyond).write_u32(0x2002, 0, 1)).error();
+    for (const auto& error : {read, write}) {
+      EXPECT_EQ(error.code, Errc::unsupported);
+      EXPECT_EQ(error.node, 50);
+    }
+    chain.path.node = NodeId(50);
+    EXPECT_EQ(*await(chain.world, routes.access(chain.path).read_u32(0x1000, 0)), 0x0002'0192U) << "nothing is stuck";
+  }
+}
+
 // The first gateway waits for another one as long as all levels beneath it need, also when the path ends sooner.
 TEST(SdoGatewayDepth, ASilentGatewayOfADeeperTree) {
   Chain chain(4);
