@@ -188,6 +188,17 @@ class Voice final : public plant::PortDevices::Observer {
     print_error("the file of --sim-state cannot be written; what the devices store is forgotten at the end");
   }
 
+  void script_told(const plant::PortDevice& device, const script::Told& told) noexcept override {
+    if (!json_) return print_error(script_line(now(), device.name(), told));
+    auto json = line("script");
+    json["device"] = device.name();
+    json["file"] = told.file;
+    json["line"] = told.line;
+    json["failed"] = told.kind == script::Told::Kind::failed;
+    json["text"] = told.text;
+    print_line(json.dump());
+  }
+
   void started(const Options& options, const plant::PortDevices& devices,
                const std::map<std::string, std::unique_ptr<BusPorts>>& ports) {
     if (json_) {

@@ -84,6 +84,13 @@ tl::expected<void, Failure> override_ports(design::Machine& machine, const Optio
     const auto port = port_of_word(names_bus ? written.substr(equals + 1) : written);
     if (!port) return tl::unexpected(failure(Exit::usage, port.error()));
     const auto bus = std::ranges::find(machine.buses, name, &design::Bus::name);
+    if (bus == machine.buses.end() && names_bus) {
+      return tl::unexpected(wrong_port(
+          written,
+          fmt::format("Berth has no port on bus {} (port = \"gateway\"): where it is to have one, write that port "
+                      "into [bus.{}] of {}",
+                      name, name, machine.file)));
+    }
     if (bus == machine.buses.end()) {
       return tl::unexpected(
           wrong_port(written, fmt::format("there is no bus \"{}\"; the buses are {}", name, bus_names(machine))));

@@ -144,14 +144,14 @@ rt::Task<void> emcy(Session& session, const Request& request, Reply& reply) {
   const co::SdoOptions how = bus.services().sdo.options();
   co::SdoAccess& device = objects_of(session, bus, node, how, direct);
   const auto state = co_await device.read(0x1001, 0);
-  if (!state) co_return fail_with(reply, state.error(), where, "`berth scan` shows who answers");
+  if (!state) co_return fail_with(reply, state.error(), where, "`berth scan` shows who answers", node.path());
   const auto bits = static_cast<std::uint8_t>(number(*state));
   const std::uint16_t profile = co_await profile_of(device);
   Told told;
   const auto read = co_await read_history(device, profile, told);
   // 1003h is optional (CiA 301 §7.5.2.4); a device without it has no history.
   const bool none = !read && read.error().code == Errc::aborted;
-  if (!read && !none) co_return fail_with(reply, read.error(), where);
+  if (!read && !none) co_return fail_with(reply, read.error(), where, "", node.path());
   Json json;
   json["bus"] = bus.bus().name;
   json["node"] = node.node.value();

@@ -67,9 +67,11 @@ rt::Task<void> device_memory(Session& session, const Request& request, Reply& re
   const std::span<const std::uint8_t> signature(service.signature);
   const auto written = co_await device.write(service.index, group, signature);
   if (!written) {
-    co_return fail_with(
-        reply, written.error(), fmt::format("bus {}, {}", bus.bus().name, request.verb),
-        written.error().code == Errc::timeout ? "a longer save_timeout in the machine file may help" : "");
+    const char* const longer = node.gateways.empty()
+                                   ? "a longer save_timeout in the machine file may help"
+                                   : "is it there? Its gateway waits for it no longer than its own SDO time-out";
+    co_return fail_with(reply, written.error(), fmt::format("bus {}, {}", bus.bus().name, request.verb),
+                        written.error().code == Errc::timeout ? longer : "", node.path());
   }
   Json json;
   json["bus"] = bus.bus().name;

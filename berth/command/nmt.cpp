@@ -98,7 +98,8 @@ rt::Task<void> request_of(Session& session, Network& bus, const NmtArguments& nm
     co_return fail_with(reply, written.error(),
                         fmt::format("bus {}, NMT {} of {} by the master at node {} (1F82h:{:02X})", bus.bus().name,
                                     nmt.word, whom(nmt), master.text(), nmt.request_sub()),
-                        "a node that is no NMT master, or is not in its network list (1F81h), is refused");
+                        "a node that is no NMT master, or is not in its network list (1F81h), is refused",
+                        master.path());
   }
   Json json = json_of(bus, nmt);
   json["requested_of"] = nmt.requested_of.value();

@@ -18,7 +18,18 @@ namespace {
 
 std::string path_of(const design::Slot& slot) { return slot.spec.name.bus + "/" + slot.spec.name.name; }
 
+// What begins as a path and is none.
+bool like_a_path(std::string_view word) {
+  return word.find('/') != std::string_view::npos && word.find_first_not_of("0123456789./") == std::string_view::npos;
+}
+
 std::string no_slot(const design::Machine& machine, const std::string& word) {
+  if (like_a_path(word)) {
+    return fmt::format(
+        "node {} is no path; write node-IDs from 1 to 127, gateways first: 3/5, or 3.2/5 on the second of "
+        "up to 8 buses beneath gateway 3",
+        text::quoted(word));
+  }
   if (machine.slots.empty()) {
     return fmt::format("node {} is no node-ID from 1 to 127, and there is no machine file whose slots have names",
                        text::quoted(word));
@@ -37,17 +48,14 @@ std::string no_slot(const design::Machine& machine, const std::string& word) {
                      some_of(shown));
 }
 
-// The slot of the machine that has this path from this bus; null: none.
-const design::Slot* slot_of_path(const design::Machine& machine, const std::string& bus, const multilevel::Path& path) {
-  const auto* const on = operate::bus_at(machine, {bus, path.gateways});
-  return on == nullptr ? nullptr : machine.slot(on->name, path.node);
-}
-
-// "3/5": node 5 beneath gateway 3.
+// "3/5": node 5 beneath gateway 3; by Berth's own port where that bus, or one on the way, has one.
 NodeArgument by_path(const design::Machine& machine, const std::string& bus, const multilevel::Path& path) {
-  const std::string on = bus.empty() && machine.buses.size() == 1 ? machine.buses.front().name : bus;
-  const auto* const slot = slot_of_path(machine, on, path);
-  return {bus, path.node, slot == nullptr ? nullptr : slot->description, path.gateways};
+  const auto* const top = bus.empty() ? machine.top() : machine.bus(bus);
+  const auto* const on = top == nullptr ? nullptr : operate::bus_at(machine, {top->name, path.gateways});
+  if (on == nullptr) return {bus, path.node, nullptr, path.gateways};
+  const auto* const slot = machine.slot(on->name, path.node);
+  auto way = operate::way_to(machine, on->name);
+  return {way.bus, path.node, slot == nullptr ? nullptr : slot->description, std::move(way.gateways)};
 }
 
 }  // namespace

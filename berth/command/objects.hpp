@@ -28,6 +28,8 @@ struct NodeArgument {
 
   /// "5", "3/5".
   [[nodiscard]] std::string text() const { return multilevel::to_string(multilevel::Path{gateways, node}); }
+  /// The same of a node beneath gateways; else empty.
+  [[nodiscard]] std::string path() const { return gateways.empty() ? std::string() : text(); }
 };
 /// `word`: "5", "left", "line/left", "3/5" (node 5 beneath gateway 3), "3.2/5" (on its second bus beneath); slots'
 /// names in either case. The slot of a bus without a port is beneath the gateways that lead there. What is wrong, or

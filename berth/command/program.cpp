@@ -152,7 +152,8 @@ rt::Task<void> program_status(Session& session, const Request& request, Reply& r
   bool all = true;
   for (unsigned number = first; number <= last; ++number) {
     const auto state = co_await state_of(device, static_cast<std::uint8_t>(number));
-    if (!state) co_return fail_with(reply, state.error(), where(*wanted) + ", program control (1F51h)");
+    if (!state)
+      co_return fail_with(reply, state.error(), where(*wanted) + ", program control (1F51h)", "", wanted->node.path());
     put(json["programs"], lines, *state, *wanted);
     all = all && state->control == ProgramControl::start;
   }

@@ -37,18 +37,22 @@ int status_of(Errc code) noexcept {
   }
 }
 
-void fail_with(Reply& reply, const Error& error, const std::string& where, const std::string& fix) {
+void fail_with(Reply& reply, const Error& error, const std::string& where, const std::string& fix,
+               const std::string& path) {
   Json json;
   auto& e = json["error"];
   e["code"] = name(error.code);
   if (error.node != 0) e["node"] = error.node;
+  if (!path.empty()) e["path"] = path;
   std::string message = where + ": ";
-  if (error.node != 0) message += fmt::format("node {}", error.node);
+  if (error.node != 0) message += path.empty() ? fmt::format("node {}", error.node) : "node " + path;
   if (error.index != 0) {
     e["object"] = fmt::format("0x{:04X}:{:02X}", error.index, error.sub);
     message += fmt::format("{}object {:04X}h:{:02X}", error.node != 0 ? ", " : "", error.index, error.sub);
   }
   if (error.node != 0 || error.index != 0) message += ": ";
+  if (!path.empty() && error.code == Errc::unsupported)
+    message = fmt::format("{}: node {}: node {} on the way ", where, path, error.node);
   if (error.code == Errc::aborted && error.index != 0) {
     const auto* const text = od::text(static_cast<od::AbortCode>(error.detail));
     e["abort_code"] = hex(error.detail);

@@ -19,8 +19,10 @@ void give(Reply& reply, const Json& json, std::vector<std::string> lines);
 void refuse(Reply& reply, int status, const std::string& message, const std::string& fix = {});
 /// The exit status of an error: 3 when the bus or a file failed, else 1.
 [[nodiscard]] int status_of(Errc code) noexcept;
-/// An error of a service: status by its code, abort code with its text. `where`: "bus backbone, SDO read".
-void fail_with(Reply& reply, const Error& error, const std::string& where, const std::string& fix = {});
+/// An error of a service: status by its code, abort code with its text. `where`: "bus backbone, SDO read". `path`: of
+/// its node, where that is beneath gateways; else empty.
+void fail_with(Reply& reply, const Error& error, const std::string& where, const std::string& fix = {},
+               const std::string& path = {});
 
 [[nodiscard]] std::string hex(std::uint32_t value, unsigned digits = 8);  ///< "0x0000000A"
 [[nodiscard]] std::string dump(const Json& json);                         ///< one line; bad UTF-8 replaced

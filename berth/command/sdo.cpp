@@ -26,9 +26,12 @@ co::SdoOptions transfer_options(Network& bus, const Arguments& arguments) {
   return options;
 }
 
-const char* sdo_fix(Errc code) {
+const char* sdo_fix(Errc code, bool beneath) {
   switch (code) {
-    case Errc::timeout: return "is the device there and not stopped? `berth scan` shows who answers";
+    case Errc::timeout:
+      if (beneath)
+        return "are the device and each gateway on the way there and not stopped? `berth scan` shows who answers";
+      return "is the device there and not stopped? `berth scan` shows who answers";
     case Errc::bus: return "is the bit rate right, is the cable plugged in, have devices power, is the bus terminated?";
     default: return "";
   }
@@ -77,7 +80,8 @@ class Answers {
 
   void failed(const KnownObject& object, const Error& error) {
     Reply one;
-    fail_with(one, error, where_, sdo_fix(error.code));
+    const bool beneath = !wanted_.node.gateways.empty();
+    fail_with(one, error, where_, sdo_fix(error.code, beneath), wanted_.node.path());
     add(object, one);
   }
 

@@ -24,6 +24,16 @@ const Bus* Machine::bus(std::string_view bus_name) const noexcept {
   return under == beneath.end() ? nullptr : &*under;
 }
 
+const Bus* Machine::top() const noexcept {
+  const auto only = [&](const auto& is) -> const Bus* {
+    const auto first = std::ranges::find_if(buses, is);
+    const bool one = first != buses.end() && std::none_of(first + 1, buses.end(), is);
+    return one ? &*first : nullptr;
+  };
+  const auto* const with_port = only([](const Bus& bus) { return bus.own_port; });
+  return with_port != nullptr ? with_port : only([](const Bus& bus) { return !bus.gateway; });
+}
+
 const Bus* Machine::bus_beneath(const Bus& above, unsigned gateway, unsigned port) const noexcept {
   for (const auto* const part : {&buses, &beneath}) {
     for (const auto& each : *part) {

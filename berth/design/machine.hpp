@@ -77,6 +77,7 @@ struct Gateway {
   std::string eds_path{};  ///< the same, relative to the machine file's folder
   NodeId node{};           ///< its own node on a bus with a port: a slot there; may be unconfigured
   Duration delay = std::chrono::milliseconds(1);  ///< of a signal in it, at most, without the buses
+  Duration timeout = std::chrono::seconds(1);     ///< its SDO time-out: that long it waits for a node of this bus
   friend bool operator==(const Gateway&, const Gateway&) = default;
 };
 
@@ -174,6 +175,9 @@ struct Machine {
   [[nodiscard]] std::vector<const Bus*> all_buses() const;
   /// With or without a port.
   [[nodiscard]] const Bus* bus(std::string_view name) const noexcept;
+  /// Where paths such as 3/5 begin when no bus is named: the one bus with a port, else the one that is beneath no
+  /// gateway; null: there are several.
+  [[nodiscard]] const Bus* top() const noexcept;
   /// The bus beneath port `port` of the gateway with this node-ID on `above`; null: none.
   [[nodiscard]] const Bus* bus_beneath(const Bus& above, unsigned gateway, unsigned port) const noexcept;
   [[nodiscard]] const Slot* slot(std::string_view name) const noexcept;

@@ -111,6 +111,7 @@ void read_gateway(Table& table, Bus& bus) {
   }
   gateway.port = static_cast<std::uint8_t>(entry->u32("port", {1, 8}).value_or(1));
   gateway.mandatory = entry->boolean("mandatory").value_or(true);
+  read_duration(*entry, "timeout", 1ms, 1min, gateway.timeout);
   read_gateway_node(*entry, bus, gateway);
   entry->finish();
   if (gateway.bus.empty() || !gateway.slot.configured()) return;

@@ -125,11 +125,9 @@ std::optional<PathStep> path_step(string_view text) {
   return step.node == 0 || step.port == 0 ? std::nullopt : std::optional(step);
 }
 
-// "3/5/Position": the node is named by its path from the only bus at the top that Berth has a port on.
+// "3/5/Position": the node is named by its path.
 std::optional<LinkEnd> end_by_path(const Machine& machine, string_view text) {
-  const auto own = [](const Bus& bus) { return bus.own_port; };
-  if (std::ranges::count_if(machine.buses, own) != 1) return std::nullopt;
-  const Bus* at = &*std::ranges::find_if(machine.buses, own);
+  const Bus* at = machine.top();
   std::optional<PathStep> before;
   while (at != nullptr) {
     const auto slash = text.find('/');

@@ -70,10 +70,15 @@ std::optional<CannotCross> cannot_carry(const Network& network, Hop hop, unsigne
     return CannotCross{fmt::format("the gateway {} is on the way, and nothing is known of it", above.name),
                        "add eds = \"FILE\" to its slot"};
   }
-  if (!gateway.beneath || !network.nodes[*gateway.beneath].file) {
-    return CannotCross{
-        fmt::format("the gateway {} is on the way, and nothing is known of its own node on {}", above.name, bus),
-        fmt::format("add eds = \"FILE\" to the gateway of [bus.{}]; node = ID where it has a slot on that bus", bus)};
+  const auto unknown =
+      fmt::format("the gateway {} is on the way, and nothing is known of its own node on {}", above.name, bus);
+  if (!gateway.beneath) {
+    return CannotCross{unknown, fmt::format("add to the gateway of [bus.{}] eds = \"FILE\", or, where Berth has a port "
+                                            "on that bus, node = ID: its slot there",
+                                            bus)};
+  }
+  if (const Node& beneath = network.nodes[*gateway.beneath]; !beneath.file) {
+    return CannotCross{unknown + ", " + beneath.name, "add eds = \"FILE\" to its slot"};
   }
   if (above.file->description->find({RoutingObjects::routes, 1}) == nullptr) {
     return CannotCross{fmt::format("the gateway {} has no routing objects (5F11h): it forwards no signals", above.name),

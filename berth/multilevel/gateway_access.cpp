@@ -1,5 +1,6 @@
 #include "berth/multilevel/gateway_access.hpp"
 
+#include <algorithm>
 #include <array>
 #include <limits>
 
@@ -13,6 +14,24 @@ constexpr auto no_node = static_cast<std::uint32_t>(od::AbortCode::device_state)
 constexpr unsigned most_again = 3;  // each time another gateway on the way may be found that was reset
 constexpr auto no_answer = static_cast<std::uint32_t>(od::AbortCode::timeout);
 constexpr auto no_data = static_cast<std::uint32_t>(od::AbortCode::no_data);
+constexpr const char* gateway_silent = "no answer of the gateway";
+constexpr const char* node_silent = "no answer beneath the gateway";
+constexpr const char* no_gateway = "is no gateway to that bus: it has no object for it (5F30h to 5F4Fh)";
+
+// Of an access that the gateway answers by itself. One that is beneath another is silent, too, when that one waits in
+// vain. What has none of the objects is another device.
+Result<void> by_itself(Result<void> done) noexcept {
+  if (done) return done;
+  Error& error = done.error();
+  const auto code = static_cast<od::AbortCode>(error.detail);
+  const bool missing = code == od::AbortCode::no_object || code == od::AbortCode::no_sub_index;
+  if (error.code == Errc::timeout) error.text = gateway_silent;
+  if (error.code == Errc::aborted && missing) {
+    error.code = Errc::unsupported;
+    error.text = no_gateway;
+  }
+  return done;
+}
 
 }  // namespace
 
@@ -20,15 +39,16 @@ constexpr auto no_data = static_cast<std::uint32_t>(od::AbortCode::no_data);
 
 Error GatewayAccess::about(const Error& error, ObjectRef object) const noexcept {
   Error told = error;
+  if (error.text == no_gateway) return told;  // of that node on the way
   told.node = node_.value();
   told.index = object.index;
   told.sub = object.sub;
   if (error.code == Errc::aborted && error.detail == no_answer) {
     told.code = Errc::timeout;
     told.detail = 0;
-    told.text = "no answer beneath the gateway";
-  } else if (error.code == Errc::timeout && error.index == objects_.node.index) {
-    told.text = "no answer of the gateway";
+    told.text = node_silent;
+  } else if (error.code == Errc::timeout && error.text != node_silent) {
+    told.text = gateway_silent;
   }
   return told;
 }
@@ -51,21 +71,22 @@ rt::Task<Result<void>> GatewayAccess::select() {
   line_->selected = NodeId();
   const std::array<std::uint8_t, 1> bytes{node_.value()};
   const std::span<const std::uint8_t> data = bytes;
-  const auto done = co_await gateway_->write(objects_.node.index, objects_.node.sub, data);
+  const auto done = co_await at_once_->write(objects_.node.index, objects_.node.sub, data);
   if (done) line_->selected = node_;
-  co_return done;
+  co_return by_itself(done);
 }
 
-rt::Task<Result<void>> GatewayAccess::command(std::uint8_t specifier, ObjectRef object) {
+rt::Task<Result<void>> GatewayAccess::command(co::SdoAccess& gateway, std::uint8_t specifier, ObjectRef object) {
   const std::uint32_t value =
       specifier | static_cast<std::uint32_t>(object.index) << 8U | static_cast<std::uint32_t>(object.sub) << 24U;
-  const auto done = co_await gateway_->write_u32(objects_.command.index, objects_.command.sub, value);
+  const auto done = co_await gateway.write_u32(objects_.command.index, objects_.command.sub, value);
   co_return done;
 }
 
 rt::Task<Result<co::SdoValue>> GatewayAccess::fetch(ObjectRef object, std::size_t most) {
   auto done = co_await select();
-  if (done) done = co_await command(upload, object);
+  if (done) done = co_await command(*at_once_, upload, object);
+  done = by_itself(done);
   if (!done) co_return fail(done.error());
   auto value = co_await gateway_->read_up_to(objects_.data.index, objects_.data.sub, most);
   co_return value;
@@ -92,10 +113,10 @@ rt::Task<Result<co::SdoValue>> GatewayAccess::read_up_to(std::uint16_t index, st
 rt::Task<Result<void>> GatewayAccess::write_short(ObjectRef object, std::span<const std::uint8_t> data) {
   auto done = co_await select();
   if (!done) co_return done;
-  done = co_await gateway_->write(objects_.data.index, objects_.data.sub, data);
-  if (!done) co_return done;
+  done = co_await at_once_->write(objects_.data.index, objects_.data.sub, data);
+  if (!done) co_return by_itself(done);
   const auto specifier = static_cast<std::uint8_t>(0x23U | ((4U - data.size()) << 2U));
-  done = co_await command(specifier, object);
+  done = co_await command(*gateway_, specifier, object);
   co_return done;
 }
 
@@ -104,8 +125,8 @@ rt::Task<Result<void>> GatewayAccess::write_long(ObjectRef object, std::span<con
   auto done = co_await select();
   if (!done) co_return done;
   const std::uint8_t specifier = data.size() >= block_from_ ? block_download : segmented_download;
-  done = co_await command(specifier, object);
-  if (!done) co_return done;
+  done = co_await command(*at_once_, specifier, object);
+  if (!done) co_return by_itself(done);
   done = co_await gateway_->write(objects_.data.index, objects_.data.sub, data);
   co_return done;
 }
@@ -127,12 +148,30 @@ rt::Task<Result<void>> GatewayAccess::write(std::uint16_t index, std::uint8_t su
 
 co::SdoAccess& Routes::access(const Path& path) { return reach(path, path.depth()); }
 
+// A gateway waits for a node beneath once, for a gateway there as often as levels are beneath itself, which this client
+// knows by the length of the path at least.
+rt::Duration Routes::timeout_at(std::size_t depth) const noexcept {
+  if (depth == 0) return options_.timeout;
+  const std::size_t waits = depth == 1 ? 1 : std::max(depth, gateways_.levels);
+  return options_.timeout + gateways_.timeout * static_cast<int>(waits);
+}
+
+co::SdoAccess& Routes::at_once(NodeId gateway) {
+  auto& place = at_once_[gateway];
+  if (!place) {
+    co::SdoOptions options = options_;
+    options.retries = 0;
+    place = std::make_unique<co::NodeAccess>(*client_, gateway, options);
+  }
+  return *place;
+}
+
 co::SdoAccess& Routes::reach(const Path& path, std::size_t depth) {
   auto& place = accesses_[Key{depth, path}];
   if (place) return *place;
   if (path.gateways.empty()) {
     co::SdoOptions options = options_;
-    options.timeout *= static_cast<int>(1 + depth);
+    options.timeout = timeout_at(depth);
     if (depth > 0) options.retries = 0;
     place = std::make_unique<co::NodeAccess>(*client_, path.node, options);
     return *place;
@@ -144,6 +183,7 @@ co::SdoAccess& Routes::reach(const Path& path, std::size_t depth) {
   co::SdoAccess& gateway = reach(above, depth);
   auto made = std::make_unique<GatewayAccess>(*line, gateway, path.node, last.port);
   made->set_retries(options_.retries);
+  if (above.gateways.empty()) made->set_at_once(at_once(above.node));
   return *(accesses_[Key{depth, path}] = std::move(made));
 }
 

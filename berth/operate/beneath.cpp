@@ -75,16 +75,17 @@ rt::Task<bool> has_all(co::SdoAccess& master, const std::vector<NodeId>& nodes) 
   co_return true;
 }
 
-rt::Task<void> bring_up_deeper(Beneath& deeper, std::optional<Error>& failed) {
-  const auto done = co_await deeper.bring_up();
-  if (!done && deeper.bus().gateway->mandatory && !failed) failed = done.error();
+rt::Task<void> bring_up_deeper(const Beneath::Deeper& deeper, std::optional<Error>& failed) {
+  auto task = deeper.bring_up();
+  const auto done = co_await task;
+  if (!done && deeper.gateway.mandatory && !failed) failed = done.error();
 }
 
-rt::Task<Result<void>> bring_up_all(rt::Executor& executor, const std::vector<Beneath*>& all) {
+rt::Task<Result<void>> bring_up_all(rt::Executor& executor, const std::vector<Beneath::Deeper>& all) {
   std::optional<Error> failed;
   {
     rt::Scope side_by_side(executor);
-    for (auto* const deeper : all) side_by_side.spawn(bring_up_deeper(*deeper, failed));
+    for (const auto& deeper : all) side_by_side.spawn(bring_up_deeper(deeper, failed));
     co_await side_by_side.join();
   }
   if (failed) co_return fail(*failed);
@@ -236,7 +237,7 @@ rt::Task<Result<void>> Beneath::bring_up() {
 rt::Task<Result<void>> Beneath::gateways_first() {
   if (deeper_.empty()) co_return Result<void>{};
   std::vector<NodeId> nodes;
-  for (const auto* const deeper : deeper_) nodes.push_back(deeper->way().gateways.back().gateway);
+  for (const auto& deeper : deeper_) nodes.push_back(deeper.gateway.slot);
   const manager::Wanted first = list(nodes);
   const auto put = co_await put_list(first, nodes);
   if (!put) co_return put;

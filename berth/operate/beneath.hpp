@@ -8,9 +8,11 @@
 /// before it.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "berth/co/nmt.hpp"
@@ -41,8 +43,12 @@ class Beneath {
   Beneath(rt::Executor& executor, const design::Bus& bus, Way way, std::vector<places::SlotSpec> slots,
           const SlotSettings& settings, multilevel::Routes& routes, NetworkObserver observer);
 
-  /// A bus beneath this one, without a port too. Must stay.
-  void add(Beneath& deeper) { deeper_.push_back(&deeper); }
+  /// A bus beneath this one, and what makes it run (`bring_up`; a port of Berth's: what waits for that).
+  struct Deeper {
+    design::Gateway gateway;
+    std::function<rt::Task<Result<void>>()> bring_up;
+  };
+  void add(Deeper deeper) { deeper_.push_back(std::move(deeper)); }
   /// `runs` tells whether its gateway does: one that ran before Berth began is not brought up, but watched.
   /// `operational`: called each time that this bus has become so; may be empty.
   void know_gateway(std::function<bool()> runs, std::function<void()> operational = {}) {
@@ -108,7 +114,7 @@ class Beneath {
   multilevel::Routes& routes_;
   Events events_;
   std::vector<Place> places_;  // ascending by node-ID
-  std::vector<Beneath*> deeper_;
+  std::vector<Deeper> deeper_;
   std::function<void()> operational_call_;
   std::function<bool()> gateway_runs_;
   rt::Mailbox<NodeId, 256> wakes_;  // slots to be looked at now

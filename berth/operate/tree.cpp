@@ -1,10 +1,34 @@
 #include "berth/operate/tree.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <span>
 
 namespace berth::operate {
 namespace {
+
+/// Gateways from this bus down to that one; none: it is not beneath.
+std::size_t levels_between(const design::Machine& machine, const std::string& top, const design::Bus& bus) {
+  std::size_t levels = 0;
+  for (const design::Bus* at = &bus; at != nullptr && at->name != top; at = machine.bus(at->gateway->bus)) {
+    if (!at->gateway) return 0;
+    ++levels;
+  }
+  return levels;
+}
+
+multilevel::GatewayTimes gateway_times(const design::Machine& machine, const std::string& top) {
+  multilevel::GatewayTimes times;
+  std::optional<rt::Duration> slowest;
+  for (const auto* const bus : machine.all_buses()) {
+    const std::size_t levels = levels_between(machine, top, *bus);
+    if (levels == 0) continue;
+    times.levels = std::max(times.levels, levels);
+    slowest = std::max<rt::Duration>(slowest.value_or(bus->gateway->timeout), bus->gateway->timeout);
+  }
+  times.timeout = slowest.value_or(times.timeout);
+  return times;
+}
 
 // A bus beneath a gateway on which Berth has a port of its own.
 rt::Task<Result<void>> await_operational(rt::Executor& executor, Network& network) {
@@ -43,12 +67,18 @@ Result<void> Tree::open(const std::function<void(const Event&)>& events, const S
       return slot != slots.end() && slot->state == places::SlotState::operational;
     };
     if (above != nullptr) {
-      above->add(*buses_.back());
+      above->add({*line.gateway, [deeper = buses_.back().get()] { return deeper->bring_up(); }});
       buses_.back()->know_gateway([above, runs] { return runs(above->report()); });
     } else {
       buses_.back()->know_gateway([top, runs] { return runs(top->report()); },
                                   [top, gateway_slot] { top->try_again(gateway_slot); });
     }
+  }
+  for (const auto& each : *networks_) {
+    const auto& gateway = each->bus().gateway;
+    Beneath* const above = gateway ? bus(gateway->bus) : nullptr;
+    if (above == nullptr) continue;
+    above->add({*gateway, [this, deeper = each.get()] { return await_operational(*executor_, *deeper); }});
   }
   return {};
 }
@@ -109,7 +139,7 @@ void Tree::clear() noexcept {
 
 multilevel::Routes& Tree::routes(Network& network) {
   auto& root = roots_[&network];
-  if (!root) root = std::make_unique<Root>(network);
+  if (!root) root = std::make_unique<Root>(network, gateway_times(*machine_, network.bus().name));
   return root->routes;
 }
 

@@ -42,7 +42,8 @@ class Tree {
 
  private:
   struct Root {
-    explicit Root(Network& network) : routes(network.services().sdo) {}
+    Root(Network& network, const multilevel::GatewayTimes& gateways)
+        : routes(network.services().sdo, network.services().sdo.options(), gateways) {}
     multilevel::Routes routes;
     std::unique_ptr<multilevel::EventLog> log;
   };

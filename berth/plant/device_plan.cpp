@@ -415,6 +415,23 @@ const Described* Descriptions::of(const PlantDevice& device, Findings& findings,
   return &described;
 }
 
+std::optional<script::Script> Scripts::of(const PlantDevice& device, Findings& findings) {
+  const auto& written = device.does.script;
+  if (written.file.empty()) return std::nullopt;
+  const auto& path = written.path.empty() ? written.file : written.path;
+  const auto [known, fresh] = known_.try_emplace(path);
+  if (!fresh) return known->second;
+  auto text = text::read_file(path, findings);
+  if (!text) return std::nullopt;
+  script::Script script{path, *std::move(text)};
+  if (auto wrong = script::check(script)) {
+    findings.push_back(*std::move(wrong));
+  } else {
+    known->second = std::move(script);
+  }
+  return known->second;
+}
+
 LssAddress address_of(const PlantDevice& device, const Described& described) noexcept {
   auto address = device.address;
   if (!device.address_of_eds) return address;

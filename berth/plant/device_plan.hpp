@@ -16,6 +16,7 @@
 #include "berth/device/device.hpp"
 #include "berth/manager/dictionary_manager.hpp"
 #include "berth/plant/plant_file.hpp"
+#include "berth/script/behaviour.hpp"
 
 namespace berth::plant {
 
@@ -60,6 +61,16 @@ class Descriptions {
   std::map<std::string, Described> known_;
 };
 [[nodiscard]] LssAddress address_of(const PlantDevice& device, const Described& described) noexcept;
+
+/// Devices' scripts, each read and compiled once.
+class Scripts {
+ public:
+  /// None of a device without one, nor where it cannot be read or does not compile (an error).
+  [[nodiscard]] std::optional<script::Script> of(const PlantDevice& device, Findings& findings);
+
+ private:
+  std::map<std::string, std::optional<script::Script>> known_;  // by path
+};
 
 /// What a device remembers between two runs of the program: one line of a state file.
 struct Kept {

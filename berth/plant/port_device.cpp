@@ -5,24 +5,28 @@
 
 namespace berth::plant {
 
-PortDevice::PortDevice(PortDevices& all, rt::Executor& executor, const PlantDevice& plan, const Described& described,
-                       std::unique_ptr<can::Port> port, std::uint32_t rate, Random random, bool metered)
+PortDevice::PortDevice(PortDevices& all, rt::Executor& executor, const PlantDevice& plan, Parts parts, Random random)
     : all_(&all),
       plan_(plan),
       timing_(timing_of(plan)),
-      flash_(executor, device::memory_size(*described.description, parameter_group_of(plan)),
+      flash_(executor, device::memory_size(*parts.described->description, parameter_group_of(plan)),
              timing_.in_world(plan.storing.time)),
       program_flash_(program_flash_of(plan, executor)),
-      port_(std::move(port)),
+      port_(std::move(parts.port)),
       host_(executor, *port_, timing_, random),
-      meter_(metered ? std::make_optional<multilevel::MeteredPort>(executor, host_) : std::nullopt),
+      meter_(parts.metered ? std::make_optional<multilevel::MeteredPort>(executor, host_) : std::nullopt),
       dispatcher_(executor, meter_ ? static_cast<can::Port&>(*meter_) : host_),
-      device_(
-          dispatcher_, described.description, &flash_,
-          options_of(plan, address_of(plan, described), plan.bitrate != 0 ? plan.bitrate : rate, Random(random).next()),
-          &host_, timing_, programs_of(plan, program_flash_.get())) {
+      device_(dispatcher_, parts.described->description, &flash_,
+              options_of(plan, address_of(plan, *parts.described), plan.bitrate != 0 ? plan.bitrate : parts.rate,
+                         Random(random).next()),
+              &host_, timing_, programs_of(plan, program_flash_.get())) {
   flash_.watch(this);
   device_.observe(this);
+  if (parts.script) {
+    script::Behaviour::Listener& listener = *this;
+    behaviour_ =
+        std::make_unique<script::Behaviour>(device_, executor, *std::move(parts.script), random.fork(), listener);
+  }
   master_ = master_of(plan_, dispatcher_, device_);
 }
 
@@ -36,6 +40,7 @@ void PortDevice::power(bool on) noexcept {
   if (!on) {
     if (master_.manager) master_.manager->power_off();
     device_.power_off();
+    if (behaviour_) behaviour_->stop();
     return all_->tell(*this);
   }
   if (begin_wait()) return all_->tell(*this);  // a gateway boots when the buses beneath it have
@@ -46,14 +51,20 @@ void PortDevice::device_changed(const device::Device&) noexcept { all_->tell(*th
 
 void PortDevice::write_ended() noexcept { all_->save(); }
 
+void PortDevice::script_told(const script::Told& told) noexcept {
+  if (all_->observer_ != nullptr) all_->observer_->script_told(*this, told);
+}
+
 // --- PortDevices -----------------------------------------------------------------------------------------------------
 
 PortDevice* PortDevices::add(const PlantDevice& plan, std::unique_ptr<can::Port> port, std::uint32_t rate,
                              Random random, Findings& findings, GatewayPart part) {
   const auto* const described = descriptions_.of(plan, findings, part);
+  auto script = scripts_.of(plan, findings);
+  if (!script && !plan.does.script.file.empty()) return nullptr;
   if (described == nullptr || !check_programs(plan, *described->description, findings)) return nullptr;
-  devices_.push_back(
-      std::make_unique<PortDevice>(*this, *executor_, plan, *described, std::move(port), rate, random, part.any));
+  PortDevice::Parts parts{described, std::move(script), std::move(port), rate, part.any};
+  devices_.push_back(std::make_unique<PortDevice>(*this, *executor_, plan, std::move(parts), random));
   return devices_.back().get();
 }
 

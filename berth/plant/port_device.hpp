@@ -25,16 +25,26 @@
 #include "berth/plant/device_plan.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/plant/sim_gateway.hpp"
+#include "berth/script/behaviour.hpp"
 
 namespace berth::plant {
 
 class PortDevices;
 
-class PortDevice final : public GatewaySide, private device::Device::Observer, private device::SimFlash::Watcher {
+class PortDevice final : public GatewaySide,
+                         private device::Device::Observer,
+                         private device::SimFlash::Watcher,
+                         private script::Behaviour::Listener {
  public:
-  /// `rate`: bit/s that its blank memory counts as, where the plan says none; 0 = it knows no bit rates.
-  PortDevice(PortDevices& all, rt::Executor& executor, const PlantDevice& plan, const Described& described,
-             std::unique_ptr<can::Port> port, std::uint32_t rate, Random random, bool metered = false);
+  /// What it is made of besides its plan.
+  struct Parts {
+    const Described* described = nullptr;
+    std::optional<script::Script> script;
+    std::unique_ptr<can::Port> port;
+    std::uint32_t rate = 0;  ///< bit/s that its blank memory counts as, where the plan says none; 0: it knows none
+    bool metered = false;    ///< part of a gateway
+  };
+  PortDevice(PortDevices& all, rt::Executor& executor, const PlantDevice& plan, Parts parts, Random random);
   ~PortDevice() override;
   PortDevice(const PortDevice&) = delete;
   PortDevice& operator=(const PortDevice&) = delete;
@@ -60,6 +70,7 @@ class PortDevice final : public GatewaySide, private device::Device::Observer, p
   void write_began() noexcept override {}
   void write_ended() noexcept override;
   void cut() noexcept override {}
+  void script_told(const script::Told& told) noexcept override;
 
   PortDevices* all_;
   PlantDevice plan_;
@@ -71,6 +82,7 @@ class PortDevice final : public GatewaySide, private device::Device::Observer, p
   std::optional<multilevel::MeteredPort> meter_;  // only of a gateway
   can::Dispatcher dispatcher_;
   mutable device::Device device_;
+  std::unique_ptr<script::Behaviour> behaviour_;  // only with a script
   PlantMastery master_;
   bool powered_ = false;
 };
@@ -84,6 +96,8 @@ class PortDevices {
     virtual void device_changed(const PortDevice& device) noexcept = 0;
     /// `keep_state`'s file could not be written; it holds what it held.
     virtual void state_not_kept() noexcept = 0;
+    /// Its script printed a line or failed.
+    virtual void script_told(const PortDevice&, const script::Told&) noexcept {}
 
    protected:
     ~Observer() = default;
@@ -92,7 +106,7 @@ class PortDevices {
   explicit PortDevices(rt::Executor& executor, Observer* observer = nullptr)
       : executor_(&executor), observer_(observer) {}
 
-  /// Without power. Null: its description cannot be read. `rate` as of `PortDevice`.
+  /// Without power. Null: its description or its script cannot be read. `rate` as of `PortDevice::Parts`.
   /// `part`: what it is of a gateway (`PlantFile::gateway_part`).
   PortDevice* add(const PlantDevice& plan, std::unique_ptr<can::Port> port, std::uint32_t rate, Random random,
                   Findings& findings, GatewayPart part = {});
@@ -118,6 +132,7 @@ class PortDevices {
   rt::Executor* executor_;
   Observer* observer_;
   Descriptions descriptions_;
+  Scripts scripts_;
   std::vector<std::unique_ptr<PortDevice>> devices_;
   std::vector<std::unique_ptr<SimGateway>> gateways_;  // of these
   std::vector<Kept> others_;

@@ -6,8 +6,6 @@
 #include <array>
 #include <utility>
 
-#include "berth/text/file.hpp"
-
 namespace berth::plant {
 namespace {
 
@@ -232,7 +230,7 @@ std::unique_ptr<World> World::make(const PlantFile& plant, std::span<const BusRa
       refuse(findings, plan.name, "bus \"" + plan.bus + "\" is neither in the plant nor in the machine file",
              "add [bus." + plan.bus + "] with its bitrate");
     }
-    auto script = world->script_of(plan, findings);
+    auto script = world->scripts_.of(plan, findings);
     const bool programs = described != nullptr && check_programs(plan, *described->description, findings);
     if (!programs || bus == nullptr || (!plan.does.script.file.empty() && !script)) {
       good = false;
@@ -257,22 +255,6 @@ bool World::make_gateways(const PlantFile& plant, Findings& findings) {
     gateways_.push_back(std::make_unique<SimGateway>(executor(), above, std::move(beneath), plan, plant));
   }
   return true;
-}
-
-std::optional<script::Script> World::script_of(const PlantDevice& plan, Findings& findings) {
-  if (plan.does.script.file.empty()) return std::nullopt;
-  const auto& path = plan.does.script.path.empty() ? plan.does.script.file : plan.does.script.path;
-  const auto [known, fresh] = scripts_.try_emplace(path);
-  if (!fresh) return known->second;
-  auto text = text::read_file(path, findings);
-  if (!text) return std::nullopt;
-  script::Script script{path, *std::move(text)};
-  if (auto wrong = script::check(script)) {
-    findings.push_back(*std::move(wrong));
-  } else {
-    known->second = std::move(script);
-  }
-  return known->second;
 }
 
 bool World::make_buses(const PlantFile& plant, std::span<const BusRate> rates, Findings& findings) {

@@ -10,7 +10,6 @@
 /// may look at it.
 #pragma once
 
-#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -200,13 +199,12 @@ class World {
   bool strike(const PlantEvent& event);
   bool nodes(const PlantEvent& event, std::vector<sim::Controller*>& found);
   bool make_gateways(const PlantFile& plant, Findings& findings);
-  std::optional<script::Script> script_of(const PlantDevice& plan, Findings& findings);
   void tell(const SimDevice& device) noexcept;
   void save() noexcept;
 
   sim::World sim_;
   Descriptions descriptions_;
-  std::map<std::string, std::optional<script::Script>> scripts_;  // by path, each read and compiled once
+  Scripts scripts_;
   std::vector<std::unique_ptr<SimDevice>> devices_;
   std::vector<std::unique_ptr<SimGateway>> gateways_;
   std::vector<PlantEvent> events_;

@@ -328,4 +328,100 @@ TEST_F(LevelsCommand, ALiveTraceOfABusWithoutAPort) {
   EXPECT_TRUE(contains(run.err, "--node 3/5/N")) << "what to do: " << run.err;
 }
 
+// ---- who does not answer ----
+
+// Berth waits longer than the gateway, whose abort it hears; sdo_timeout is 500 ms, the gateway's second starts later.
+TEST_F(LevelsCommand, ASilentNodeIsToldByItsGateway) {
+  for (const std::string node : {"3/9", "3/5/9"}) {
+    const Outcome run = brought_up({"sdo", "read", node, "1000h"});
+    EXPECT_EQ(run.status, 1) << run.out << run.err;
+    EXPECT_TRUE(contains(run.err, "node " + node + ", object 1000h:00: no answer beneath the gateway")) << run.err;
+    EXPECT_TRUE(contains(run.err, "each gateway on the way")) << "what to do: " << run.err;
+  }
+  // Node 9 itself is asked to be a gateway, and is none.
+  const Outcome nobody = brought_up({"sdo", "read", "3/9/2", "1000h", "--json"});
+  EXPECT_EQ(nobody.status, 1) << nobody.out << nobody.err;
+  const Json error = Json::parse(nobody.out).at("error");
+  EXPECT_EQ(error.at("path"), "3/9/2") << error;
+  EXPECT_TRUE(contains(error.at("message"), "no answer of the gateway")) << error;
+}
+
+TEST_F(LevelsCommand, APathThatIsNone) {
+  const std::pair<const char*, const char*> wrong[] = {
+      {"2/4", "node 2/4: node 2 on the way is no gateway to that bus: it has no object for it (5F30h to 5F4Fh)"},
+      {"3/4/5", "node 3/4/5: node 4 on the way is no gateway to that bus"},
+      {"3.2/5", "node 3.2/5: node 3 on the way is no gateway to that bus"},
+      {"3/200", "node \"3/200\" is no path; write node-IDs from 1 to 127"},
+      {"3.9/5", "node \"3.9/5\" is no path"},
+      {"3//5", "node \"3//5\" is no path"}};
+  for (const auto& [node, text] : wrong) {
+    const Outcome run = brought_up({"sdo", "read", node, "1000h"});
+    EXPECT_EQ(run.status, contains(text, "no path") ? 2 : 1) << run.out << run.err;
+    EXPECT_TRUE(contains(run.err, text)) << node << ": " << run.err;
+  }
+}
+
+// Of gateways that are said to wait 10 ms Berth believes after half a second that they are silent.
+TEST_F(LevelsCommand, HowLongAGatewayWaitsIsInTheMachineFile) {
+  std::string text = with_io(tower_machine);
+  for (const std::string slot : {"slot = 3", "slot = 5"}) text.insert(text.find(slot), "timeout = \"10 ms\", ");
+  const std::string hasty = folder.write("hasty.toml", text);
+  const Outcome run = berth({"sdo", "read", "3/9", "1000h", "--machine", hasty, "--sim", plant, "--up"});
+  EXPECT_EQ(run.status, 1) << run.out << run.err;
+  EXPECT_TRUE(contains(run.err, "node 3/9, object 1000h:00: no answer of the gateway")) << run.err;
+}
+
+TEST_F(LevelsCommand, APortForABusWithoutOne) {
+  const Outcome run = berth({"up", machine, "--port", "boom=socketcan:can1"});
+  EXPECT_EQ(run.status, 2) << run.out << run.err;
+  EXPECT_TRUE(contains(run.err, "Berth has no port on bus boom (port = \"gateway\")")) << run.err;
+  EXPECT_TRUE(contains(run.err, "write that port into [bus.boom]")) << "what to do: " << run.err;
+}
+
+// ---- a bus beneath with a port of its own ----
+
+namespace {
+
+// Berth has a port on the boom, and its gateway's own node there is a slot.
+class PortBeneath : public LevelsCommand {
+ protected:
+  static void put(std::string& text, const std::string& from, const std::string& to) {
+    const auto at = text.find(from);
+    ASSERT_NE(at, std::string::npos) << from;
+    text.replace(at, from.size(), to);
+  }
+  PortBeneath() {
+    std::string text = with_io(tower_machine);
+    put(text, "port      = \"gateway\"\nbitrate   = 250_000\nmaster_id = 1\n", "port = \"sim\"\nbitrate = 250_000\n");
+    put(text, "slot = 3 }", "slot = 3, node = 9 }");
+    text += "\n[[slot]]\nbus = \"boom\"\nid = 9\nname = \"boom port\"\ntype = { vendor = 1, product = 0x59 }\n";
+    machine = folder.write("machine.toml", text);
+    std::string devices = with_io(tower_plant);
+    put(devices, "node_id = 1\nsource  = \"hard-coded\"\nmaster  = { flying = false, most = 10 }\n", "");
+    plant = folder.write("plant.toml", devices);
+  }
+};
+
+}  // namespace
+
+TEST_F(PortBeneath, ComesUp) {
+  const Outcome run = berth({"up", machine, "--sim", plant, "--json"});
+  EXPECT_EQ(run.status, 0) << run.out << run.err;
+  const Outcome scan = brought_up({"scan", "--json"});
+  EXPECT_EQ(scan.status, 0) << scan.out << scan.err;
+  EXPECT_EQ(Json::parse(scan.out).at("configured"), 7) << scan.out;
+}
+
+TEST_F(PortBeneath, APathGoesByThePortThatIsThere) {
+  const Outcome read = brought_up({"sdo", "read", "3/4", "1018h:04", "--json"});
+  ASSERT_EQ(read.status, 0) << read.out << read.err;
+  EXPECT_EQ(Json::parse(read.out).at("bus"), "boom") << read.out;
+  const Outcome deep = brought_up({"sdo", "read", "3/5/2", "1018h:04", "--json"});
+  ASSERT_EQ(deep.status, 0) << deep.out << deep.err;
+  EXPECT_EQ(Json::parse(deep.out).at("value"), 31) << deep.out;
+  EXPECT_EQ(brought_up({"nmt", "stop", "3/4", "--yes"}).status, 0) << "Berth is the master there";
+  EXPECT_EQ(berth({"analyze", machine, "--node", "3/4"}).status, 0);
+  EXPECT_EQ(brought_up({"doctor", "--conformance", "3/4"}).status, 0);
+}
+
 }  // namespace berth::test

@@ -1,5 +1,7 @@
 // `berth plant FILE --for TIME`: a plant by itself, and paper 2's two use cases (S2.31).
 #include <gtest/gtest.h>
+#include <csignal>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -88,6 +90,45 @@ node_id = 5
   const Outcome device = berth({"device", plant, "--port", "plant:" + socket, "--for", "10 ms"});
   EXPECT_EQ(device.status, 0) << device.out;
   EXPECT_EQ(device.err, warning);
+}
+
+// Issue 16: the devices of `berth device` do what their scripts say, in words and as JSON.
+TEST(PlantAlone, ADeviceOnAPortRunsItsScript) {
+  const Folder folder;
+  static_cast<void>(folder.write("talks.lua", "print('a word')\ndevice.after(5, function() nothing() end)\n"));
+  const auto plant = folder.write("plant.toml", R"([bus.b]
+bitrate = 125_000
+[[device]]
+bus = "b"
+name = "talker"
+type = { vendor = 1, product = 2 }
+node_id = 5
+script = "talks.lua"
+)");
+  const std::string socket = folder.file("plant.sock");
+  const Background wire({"plant", folder.write("bus.toml", "[bus.b]\nbitrate = 125_000\n"), "--listen", socket});
+  ASSERT_TRUE(eventually([&] { return exists(socket); }));
+  Background json({"device", plant, "--port", "plant:" + socket, "--json"});
+  ASSERT_TRUE(json.says([](const auto& said) { return said.find("\"failed\":true") != std::string::npos; }));
+  json.signal(SIGTERM);
+  EXPECT_EQ(json.end().status, 0);
+  std::vector<Json> told;
+  std::istringstream lines(json.said());
+  for (std::string line; std::getline(lines, line);) {
+    if (Json::parse(line).at("event") == "script") told.push_back(Json::parse(line));
+  }
+  ASSERT_EQ(told.size(), 2U) << json.said();
+  EXPECT_EQ(told[0].at("device"), "talker");
+  EXPECT_EQ(told[0].at("text"), "a word");
+  EXPECT_EQ(told[0].at("failed"), false);
+  EXPECT_EQ(told[1].at("line"), 2);
+  Background words({"device", plant, "--port", "plant:" + socket});
+  ASSERT_TRUE(words.says("node-ID   5")) << "it has booted";
+  words.signal(SIGTERM);
+  const Outcome outcome = words.end();
+  EXPECT_EQ(outcome.status, 0);
+  EXPECT_NE(outcome.err.find("talker"), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.err.find("a word"), std::string::npos) << outcome.err;
 }
 
 TEST(PlantAlone, S2_31_HeatingSystem) {

@@ -431,18 +431,20 @@ TEST(Machine, TheNodesOfGateways) {
   const std::string slots =
       "[[slot]]\nbus = \"top\"\nid = 3\nname = \"g\"\ntype = { vendor = 1, product = 2 }\n"
       "[[slot]]\nbus = \"low\"\nid = 5\nname = \"own\"\ntype = { vendor = 1, product = 2 }\n";
-  const auto beneath =
-      read_machine(top + low("gateway", "eds = \"g/port.eds\", delay = \"250 us\"") + slots, "folder/m.toml", {});
+  const auto beneath = read_machine(
+      top + low("gateway", "eds = \"g/port.eds\", delay = \"250 us\", timeout = \"3 s\"") + slots, "folder/m.toml", {});
   ASSERT_TRUE(beneath.machine) << to_string(beneath.findings.front());
   const auto& gateway = *beneath.machine->bus("low")->gateway;
   EXPECT_EQ(gateway.eds, "g/port.eds");
   EXPECT_EQ(gateway.eds_path, "folder/g/port.eds");
   EXPECT_EQ(gateway.delay, Duration(250us));
+  EXPECT_EQ(gateway.timeout, Duration(3s));
   EXPECT_EQ(gateway_node_name(*beneath.machine->bus("low")), "gateway on low");
   const auto with_port = read_machine(top + low("sim", "node = 5") + slots, "m.toml", {});
   ASSERT_TRUE(with_port.machine) << to_string(with_port.findings.front());
   EXPECT_EQ(with_port.machine->bus("low")->gateway->node, NodeId(5));
   EXPECT_EQ(with_port.machine->bus("low")->gateway->delay, Duration(1ms));
+  EXPECT_EQ(with_port.machine->bus("low")->gateway->timeout, Duration(1s));
 
   const auto error = [&](const std::string& port, const std::string& more) {
     const auto result = read_machine(top + low(port, more) + slots, "m.toml", {});

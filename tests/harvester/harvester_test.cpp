@@ -210,6 +210,34 @@ TEST_F(Running, AGatewayWithoutPower) {
 }
 
 // A new motor beneath one gateway, a new valve beneath two: the gateway's master gives it the node-ID of the old one.
+// Berth waits for a device 500 ms, a gateway for what is beneath it a second for each level: all the same it is the
+// gateway that tells who is silent, and Berth gives no access up before (0504 0000 of its own on the backbone).
+TEST_F(Running, WhoIsSilentIsToldByTheGateways) {
+  struct Aborts final : can::Tap {
+    void frame(const can::Frame& frame, rt::Time, int) noexcept override {
+      const auto text = can::to_string(frame);
+      if (text.starts_with("60") && text.ends_with("00000405") && text.substr(4, 2) == "80") given_up.push_back(text);
+    }
+    std::vector<std::string> given_up;
+  } aborts;
+  machine.world().bus("backbone")->add_tap(aborts);
+  for (const auto& [slot, path] : {std::pair{"left front motor", "3/2"}, std::pair{"reel motor", "5/13/2"}}) {
+    machine.world().find(slot)->power(false);
+    const auto reply = ask("sdo read", {{"node", path}, {"bus", "backbone"}, {"object", "1000h"}});
+    EXPECT_EQ(reply.status, 1) << path;
+    EXPECT_NE(reply.error.find("no answer beneath the gateway"), std::string::npos) << reply.error;
+  }
+  const auto since = now();
+  machine.world().find("reel gateway")->power(false);
+  machine.run_for(15s);
+  EXPECT_EQ(absences("reel arm", since) + absences("reel lights", since), 2) << machine.log();
+  EXPECT_NE(words("reel lights", since).find("gateway 13 above does not answer"), std::string::npos)
+      << words("reel lights", since);
+  EXPECT_EQ(absences("knife motor", since), 0) << "of the header none is told";
+  EXPECT_EQ(aborts.given_up, std::vector<std::string>{});
+  machine.world().bus("backbone")->remove_tap(aborts);
+}
+
 TEST_F(Running, ReplacementsBeneathGateways) {
   std::uint32_t serial = 77'000;
   for (const char* const name : {"left front motor", "reel arm"}) {

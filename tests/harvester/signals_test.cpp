@@ -1,95 +1,28 @@
 // Links across gateways, in one simulated machine (examples/signals): Berth has the backbone alone, plans the links,
 // configures devices, gateways and the gateways' own nodes, and the values arrive through one gateway and through two.
+#include "tests/harvester/signals.hpp"
+
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <chrono>
 #include <fstream>
 #include <iterator>
-#include <memory>
 #include <string>
 
 #include "../pch.hpp"
 #include "berth/co/emcy.hpp"
-#include "berth/command/link_network.hpp"
-#include "berth/design/machine.hpp"
 #include "berth/eds/write.hpp"
-#include "berth/operate/session.hpp"
-#include "berth/places/slot_store.hpp"
-#include "berth/plant/world.hpp"
-#include "tests/paths.hpp"
 
 namespace berth::test {
 namespace {
 
-using namespace std::chrono_literals;
-
-std::string signals_file(const std::string& name) { return source_dir() + "/examples/signals/" + name; }
-
-std::string lines_of(const Findings& findings) {
-  std::string text;
-  for (const auto& each : findings) text += to_string(each) + "\n";
-  return text;
-}
-
-struct SignalMachine : ::testing::Test {
-  SignalMachine() {
-    auto read = design::load_machine(signals_file("machine.toml"));
-    auto plant = plant::load_plant(signals_file("plant.toml"));
-    EXPECT_TRUE(read.machine && plant.plant) << lines_of(read.findings) << lines_of(plant.findings);
-    if (!read.machine || !plant.plant) return;
-    machine = std::move(*read.machine);
-    links = command::plan_links(machine);
-    EXPECT_FALSE(has_errors(links.findings)) << lines_of(links.findings);
-    Findings findings;
-    std::vector<plant::BusRate> rates;
-    for (const auto* const bus : machine.all_buses()) rates.push_back({bus->name, bus->bitrate});
-    world = plant::World::make(*plant.plant, rates, findings);
-    EXPECT_TRUE(world) << lines_of(findings);
-    if (!world) return;
-    port = world->attach_master("backbone");
-    world->start();
-    session = std::make_unique<operate::Session>(world->executor(), machine, store);
-    EXPECT_TRUE(session->connect("backbone", *port));
-    session->configure_with(command::settings_of(links));
-    EXPECT_TRUE(session->open());
-    session->start();
-    EXPECT_TRUE(run_until([&] { return session->operational(); }, 60s)) << log();
-    world->sim().run_for(1s);
-  }
-  ~SignalMachine() override {
-    session.reset();
-    port.reset();
-  }
-  bool run_until(const std::function<bool()>& over, rt::Duration limit) { return world->sim().run_until(over, limit); }
-  device::Device& device(const std::string& name) { return world->find(name)->device(); }
-  template <class T>
-  T value(const std::string& name, ObjectRef object) {
-    return device(name).values().get_or<T>(object, T{});
-  }
-  /// Its application has another value.
-  template <class T>
-  void measure(const std::string& name, ObjectRef object, T now) {
-    ASSERT_EQ(device(name).values().set<T>(object, now), od::AbortCode::none);
-    device(name).services().changed(object);
-  }
-  std::string log() {
-    std::string text;
-    for (const auto& each : session->report().events) text += operate::to_line(each) + "\n";
-    return text;
-  }
-  design::Machine machine;
-  command::LinkPlan links;
-  places::MemoryStore store;
-  std::unique_ptr<plant::World> world;
-  std::unique_ptr<can::Port> port;
-  std::unique_ptr<operate::Session> session;
+struct Signals : ::testing::Test, SignalMachine {
+  Signals() { EXPECT_TRUE(up()) << log(); }
 };
 
 }  // namespace
 
 // Each change arrives within the bound that the plan gives, which is within the link's deadline.
-TEST_F(SignalMachine, ValuesArriveThroughOneGatewayAndThroughTwoWithinTheBound) {
+TEST_F(Signals, ValuesArriveThroughOneGatewayAndThroughTwoWithinTheBound) {
   ASSERT_EQ(links.plan.crossings.size(), 3U);
   rt::Duration bound{};
   for (const auto& each : links.plan.crossings) {
@@ -120,7 +53,7 @@ TEST_F(SignalMachine, ValuesArriveThroughOneGatewayAndThroughTwoWithinTheBound) 
 
 // A sensor that is silent ends what the gateways send of it, so that each consumer's RPDO deadline tells it (8250h),
 // and what else goes through the left gateway goes on.
-TEST_F(SignalMachine, ASilentProducerIsToldByItsConsumers) {
+TEST_F(Signals, ASilentProducerIsToldByItsConsumers) {
   measure<std::int16_t>("torque sensor", {0x7100, 0}, std::int16_t{7});
   world->sim().run_for(1s);
   const auto misses = [&](const std::string& name) {

@@ -290,6 +290,12 @@ TEST_F(LinkCrossing, AGatewayOfWhichNothingIsKnown) {
   EXPECT_NE(only().find("the gateway left gateway is on the way, and nothing is known of its own node on left"),
             std::string::npos);
   network.gateways[0].beneath = 7;
+  network.nodes[7].file.reset();
+  EXPECT_NE(
+      only().find("nothing is known of its own node on left, left gateway on left; add eds = \"FILE\" to its slot"),
+      std::string::npos)
+      << only();
+  network.nodes[7].file = gateway_node(0);
   network.nodes[1].file = gateway_node(0);
   EXPECT_NE(only().find("the gateway left gateway has no routing objects (5F11h)"), std::string::npos);
   network.nodes[1].file = gateway_node(8);

@@ -488,6 +488,86 @@ TEST(SdoGatewayDepth, ASilentNodeCostsOneTimeOut) {
   }
 }
 
+namespace {
+
+// Whoever waits above the lowest bus has not given up before its answer came.
+bool nobody_gave_up(const Chain& chain, std::size_t lowest) {
+  for (std::size_t level = 0; level < lowest; ++level) {
+    for (const auto& frame : chain.lines[level]->log) {
+      if (frame.starts_with("60") && frame.substr(4, 2) == "80") return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+// Berth's own: it waits 500 ms for a device, its gateways a second for a node beneath. The abort of the gateway is what
+// it hears, at any depth, and a gateway that is silent is told sooner.
+TEST(SdoGatewayDepth, AClientThatWaitsLessThanItsGateways) {
+  for (unsigned depth = 1; depth <= 4; ++depth) {
+    SCOPED_TRACE(depth);
+    Chain chain(depth);
+    Routes routes(*chain.client, {.timeout = 500ms});
+    auto& access = routes.access(chain.path);
+    EXPECT_EQ(*await(chain.world, access.read_u32(0x1000, 0)), 0x0002'0192U);
+    chain.leaf->device.power_off();
+    const Bytes much = numbers(100);
+    for (const auto& error : {await(chain.world, access.read_u32(0x1000, 0)).error(),
+                              await(chain.world, access.write_u32(0x2002, 0, 1)).error(),
+                              await(chain.world, access.write(0x2004, 0, much)).error()}) {
+      EXPECT_EQ(error.code, Errc::timeout);
+      EXPECT_STREQ(error.text, "no answer beneath the gateway");
+    }
+    chain.world.run_for(50ms);
+    EXPECT_TRUE(nobody_gave_up(chain, depth));
+    chain.gateways[0]->upper.power_off();
+    const auto before = chain.world.now();
+    const auto error = await(chain.world, access.read_u32(0x1000, 0)).error();
+    EXPECT_EQ(error.code, Errc::timeout);
+    EXPECT_STREQ(error.text, "no answer of the gateway");
+    EXPECT_EQ(error.node, 50);
+    EXPECT_LT(chain.world.now() - before, 600ms);
+  }
+}
+
+// A node on the way that is no gateway: told with that node, at any depth.
+TEST(SdoGatewayDepth, ANodeOnTheWayIsNoGateway) {
+  for (unsigned depth = 0; depth <= 3; ++depth) {
+    SCOPED_TRACE(depth);
+    Chain chain(depth);
+    Routes routes(*chain.client);
+    Path beyond = chain.path;
+    beyond.gateways.push_back({NodeId(50)});
+    beyond.node = NodeId(7);
+    const auto read = await(chain.world, routes.access(beyond).read_u32(0x1000, 0)).error();
+    const auto write = await(chain.world, routes.access(beyond).write_u32(0x2002, 0, 1)).error();
+    for (const auto& error : {read, write}) {
+      EXPECT_EQ(error.code, Errc::unsupported);
+      EXPECT_EQ(error.node, 50);
+    }
+    chain.path.node = NodeId(50);
+    EXPECT_EQ(*await(chain.world, routes.access(chain.path).read_u32(0x1000, 0)), 0x0002'0192U) << "nothing is stuck";
+  }
+}
+
+// The first gateway waits for another one as long as all levels beneath it need, also when the path ends sooner.
+TEST(SdoGatewayDepth, ASilentGatewayOfADeeperTree) {
+  Chain chain(4);
+  Routes routes(*chain.client, {.timeout = 500ms}, {.levels = 4});
+  const Path path{{chain.path.gateways[0], chain.path.gateways[1]}, NodeId(1)};
+  auto& access = routes.access(path);
+  ASSERT_TRUE(await(chain.world, access.read_u32(0x1000, 0)));
+  chain.gateways[1]->upper.power_off();
+  for (auto& line : chain.lines) line->clear();
+  const auto error = await(chain.world, access.read_u32(0x1000, 0)).error();
+  EXPECT_EQ(error.code, Errc::timeout);
+  EXPECT_STREQ(error.text, "no answer of the gateway");
+  chain.world.run_for(50ms);
+  EXPECT_TRUE(nobody_gave_up(chain, 1));
+  EXPECT_EQ(chain.lines[0]->log.back(), "583#80325F0000000405") << "0504 0000, of the first gateway";
+}
+
 // A client that tries again does so with the whole access: a command alone that is repeated finds its data gone, and a
 // silent gateway is a time-out to it, whether it reads or writes.
 TEST(SdoGatewayDepth, ASilentNodeIsATimeOutToAClientThatTriesAgain) {

@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
+#include <algorithm>
 #include <chrono>
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -121,9 +123,97 @@ TEST(PortDevices, ADamagedStateIsRefused) {
 struct Notes final : PortDevices::Observer {
   void device_changed(const PortDevice& d) noexcept override { last = d.device().node_id(); }
   void state_not_kept() noexcept override { ++not_kept; }
+  void script_told(const PortDevice& d, const script::Told& told) noexcept override {
+    said.push_back(d.name() + ": " + to_string(told));
+  }
   NodeId last;
   int not_kept = 0;
+  std::vector<std::string> said;
 };
+
+/// A folder with one script; device "a" with it.
+struct WithScript {
+  explicit WithScript(const std::string& text) {
+    std::filesystem::create_directory(folder);
+    std::ofstream(file) << text;
+    plan.does.script.file = file;
+  }
+  ~WithScript() { std::filesystem::remove_all(folder); }
+  std::string folder = (std::filesystem::temp_directory_path() / fmt::format("berth-script-{}", ::getpid())).string();
+  std::string file = folder + "/a.lua";
+  PlantDevice plan = device("a", 9, 5);
+};
+
+constexpr const char* lively = R"(device.on_state(function(state)
+  if state == "operational" then
+    print("runs at", device.now())
+    device.every(10, function() device.emcy(0xFF01, 1, 7); device.clear_emcy(0xFF01) end)
+  end
+end)
+)";
+
+TEST(PortDevices, RunTheirScriptsAsOnASimulatedBus) {
+  const WithScript scripted(lively);
+  PlantFile file;
+  file.buses.push_back({"b", 250'000});
+  file.devices.push_back(scripted.plan);
+  Findings findings;
+  std::vector<std::string> want;
+  std::vector<rt::Time> when;
+  {
+    const auto world = World::make(file, {}, findings);
+    ASSERT_TRUE(world);
+    Record record(*world->bus("b"));
+    const auto me = world->attach_master("b");
+    world->start();
+    talk(world->sim(), *me);
+    want = record.text;
+    when = record.times;
+  }
+  Notes notes;
+  Scene s(file.devices, &notes);
+  ASSERT_EQ(s.devices.all().size(), 1U);
+  for (const auto& d : s.devices.all()) d->power(true);
+  talk(s.world, *s.me);
+  EXPECT_GE(s.record->count("085#01FF010700000000"), 10) << "the script runs";
+  EXPECT_EQ(s.record->text, want);
+  EXPECT_EQ(s.record->times, when);
+  ASSERT_EQ(notes.said.size(), 1U);
+  EXPECT_TRUE(notes.said.front().starts_with("a: runs at")) << notes.said.front();
+  // Without power it does nothing.
+  s.devices.all().front()->power(false);
+  const auto before = s.record->text.size();
+  s.world.run_for(milliseconds(500));
+  EXPECT_EQ(s.record->text.size(), before);
+  s.start();
+  s.ask("000#0100");
+  EXPECT_EQ(notes.said.size(), 2U) << "it begins anew";
+}
+
+TEST(PortDevices, AScriptThatFailsIsTold) {
+  const WithScript scripted("device.on_state(function(state)\n  if state == 'operational' then nothing() end\nend)\n");
+  Notes notes;
+  Scene s({scripted.plan}, &notes);
+  s.start();
+  s.ask("000#0105");
+  ASSERT_EQ(notes.said.size(), 1U);
+  EXPECT_NE(notes.said.front().find("a.lua:2"), std::string::npos) << notes.said.front();
+  EXPECT_TRUE(s.record->has("085#0062010200000000")) << "EMCY 6200h with the line";
+}
+
+TEST(PortDevices, AScriptThatDoesNotCompileIsRefused) {
+  const WithScript scripted("if 1 print(2)\n");
+  Scene s({scripted.plan});
+  EXPECT_TRUE(s.devices.all().empty());
+  ASSERT_EQ(s.findings.size(), 1U);
+  EXPECT_EQ(s.findings.front().severity, Finding::Severity::error);
+  EXPECT_EQ(s.findings.front().line, 1);
+  PlantDevice lost = device("a", 9, 5);
+  lost.does.script.file = scripted.folder + "/none.lua";
+  Scene none({lost});
+  EXPECT_TRUE(none.devices.all().empty());
+  EXPECT_TRUE(has_errors(none.findings));
+}
 
 TEST(PortDevices, TheFileIsWrittenWhenADeviceStoresAndALostFolderIsTold) {
   const auto folder = std::filesystem::temp_directory_path() / fmt::format("berth-port-devices-{}", ::getpid());
