@@ -283,20 +283,28 @@ rt::Task<void> Beneath::watch() {
     const rt::Time deadline = executor_.now() + period;
     const auto wake = co_await wakes_.next(deadline);
     if (brings_up_ || places_.empty()) continue;
+    const bool runs = gateway_runs_ && gateway_runs_();
+    if (runs && !silence_.ran) silence_.rest_until = {};
+    silence_.ran = runs;
     if (up_ && !has_list_ && executor_.now() >= again_at_) {
       const auto done = co_await bring_up();
       again_at_ = executor_.now() + (done ? rt::Duration(0) : patience);
     } else if (up_) {
+      const bool rests = !wake && executor_.now() < silence_.rest_until;
+      if (rests) continue;
       const auto told = wake;
-      co_await look_around(told);
-    } else if (gateway_runs_ && gateway_runs_()) {
+      const rt::Time began = executor_.now();
+      const bool heard = co_await look_around(told);
+      // Who asks a gateway in vain holds up all others that ask through the same ones above it.
+      if (!heard) silence_.rest_until = executor_.now() + 3 * (executor_.now() - began);
+    } else if (runs) {
       co_await adopt();
     }
   }
 }
 
-// The one that the gateway has told of; else the next, and all that do not run.
-rt::Task<void> Beneath::look_around(std::optional<NodeId> told) {
+// The one that the gateway has told of; else the next, and all that do not run. False: it does not answer.
+rt::Task<bool> Beneath::look_around(std::optional<NodeId> told) {
   std::vector<Place*> looked_at;
   if (told) {
     looked_at.push_back(at(*told));
@@ -309,12 +317,13 @@ rt::Task<void> Beneath::look_around(std::optional<NodeId> told) {
   for (Place* const place : looked_at) {
     if (place == nullptr) continue;
     const auto looked = co_await look_at(*place, true);
-    failures_ = looked ? 0 : failures_ + 1;
+    silence_.failures = looked ? 0 : silence_.failures + 1;
     constexpr unsigned most = 3;
-    if (looked || (looked.error().code != Errc::timeout && failures_ < most)) continue;
+    if (looked || (looked.error().code != Errc::timeout && silence_.failures < most)) continue;
     gateway_is_silent(looked.error());
-    co_return;
+    co_return false;
   }
+  co_return true;
 }
 
 // What runs is not disturbed: another list than the machine file's is told, no more.

@@ -96,7 +96,7 @@ class Beneath {
   rt::Task<Result<void>> gateways_first();
   rt::Task<Result<void>> await_operational();
   rt::Task<void> watch();
-  rt::Task<void> look_around(std::optional<NodeId> told);
+  rt::Task<bool> look_around(std::optional<NodeId> told);
   rt::Task<void> adopt();
   /// `settled`: who is missing now is told; else it may come yet.
   rt::Task<Result<void>> look_at(Place& place, bool settled);
@@ -119,8 +119,13 @@ class Beneath {
   std::function<bool()> gateway_runs_;
   rt::Mailbox<NodeId, 256> wakes_;  // slots to be looked at now
   std::size_t next_ = 0;            // slot that is looked at next
-  unsigned failures_ = 0;           // looks in a row that failed
-  bool up_ = false;                 // it was brought up
+  struct Silence {
+    unsigned failures = 0;  // looks in a row that failed
+    rt::Time rest_until{};  // its gateway did not answer: no look before, unless it runs again
+    bool ran = false;       // the gateway, as the bus above knows it
+  };
+  Silence silence_;
+  bool up_ = false;  // it was brought up
   bool was_operational_ = false;
   bool brings_up_ = false;
   bool has_list_ = false;  // its gateway, as far as is known; one that could not get it in time is tried again

@@ -209,6 +209,26 @@ TEST_F(Running, AGatewayWithoutPower) {
   }
 }
 
+// One beneath another gateway, too: it is told absent itself, once. One that restarted just before is what its bus's
+// master tries to boot at that moment, and missing when that has given up.
+TEST_F(Running, AGatewayThatIsLostTwoLevelsDown) {
+  for (const bool restarts : {false, true}) {
+    const auto since = now();
+    if (restarts) machine.world().find("reel gateway")->reset();
+    machine.run_for(100ms);
+    machine.world().find("reel gateway")->power(false);
+    machine.run_for(15s);
+    EXPECT_NE(machine.state("reel gateway"), SlotState::operational) << restarts << machine.log();
+    EXPECT_TRUE(machine.run_until([&] { return machine.state("reel gateway") == SlotState::absent; }, 60s))
+        << restarts << machine.log();
+    EXPECT_EQ(absences("reel gateway", since), 1) << words("reel gateway", since);
+    EXPECT_EQ(absences("reel motor", since), 1) << words("reel motor", since);
+    machine.world().find("reel gateway")->power(true);
+    ASSERT_TRUE(up(60s)) << machine.log();
+    machine.run_for(2s);
+  }
+}
+
 // A new motor beneath one gateway, a new valve beneath two: the gateway's master gives it the node-ID of the old one.
 // Berth waits for a device 500 ms, a gateway for what is beneath it a second for each level: all the same it is the
 // gateway that tells who is silent, and Berth gives no access up before (0504 0000 of its own on the backbone).
