@@ -43,7 +43,7 @@ endif()
 # Sanitized code is optimised a little, else it would be too slow to test: the rooms that each frame passes, and that
 # ./run faults and kill spend their time in, by -O1. The others read, write and print, once a command; their checks of
 # addresses stand in calls, which finds the same and takes a third less to compile.
-set(berth_every_frame base rt can sim od co lss nodeid device discovery places plant operate linker)
+set(berth_every_frame base rt can sim od co lss nodeid device discovery)
 function(berth_optimise_sanitized target room)
   if(NOT BERTH_SANITIZE)
     return()

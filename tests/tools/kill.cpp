@@ -24,7 +24,7 @@ struct Options {
   std::optional<int> scenario;
   std::optional<std::uint64_t> point;
   std::optional<std::uint64_t> again;
-  std::uint64_t pairs = 300;  // second kills tried for each scenario, about; 0 = every pair
+  std::uint64_t pairs = 120;  // second kills tried for each scenario, about; 0 = every pair
   unsigned workers = 2;
   bool show = false;
 };
@@ -208,11 +208,22 @@ void say_failure(Scenario scenario, std::uint64_t k, std::optional<std::uint64_t
   std::fflush(stdout);
 }
 
-// What is undisturbed has about as many points as a recovery: pairs are spread evenly over both.
-Tally work(const Options& o, Scenario scenario, const std::vector<Point>& points, unsigned worker, unsigned workers) {
+// Pairs are spread evenly over all points and their recoveries: every so many-th is tried. How many there are, some of
+// the recoveries tell.
+std::uint64_t stride_of(const Options& o, Scenario scenario, const std::vector<Point>& points) {
+  constexpr std::uint64_t samples = 10;
+  if (o.pairs == 0 || o.point) return 1;
+  std::uint64_t sampled = 0;
+  for (std::uint64_t n = 0; n < samples; ++n) {
+    const Tried tried = attempt(scenario, points[(2 * n + 1) * points.size() / (2 * samples)], std::nullopt, 0);
+    sampled += tried.recovery_points + tried.recovery_steps;
+  }
+  return std::max<std::uint64_t>(1, points.size() * sampled / samples / o.pairs);
+}
+
+Tally work(const Options& o, Scenario scenario, const std::vector<Point>& points, std::uint64_t stride, unsigned worker,
+           unsigned workers) {
   Tally tally;
-  std::uint64_t stride = 1;
-  if (o.pairs != 0) stride = std::max<std::uint64_t>(1, points.size() * points.size() / o.pairs);
   std::uint64_t skip = stride / 2;
   for (std::uint64_t k = 0; k < points.size(); ++k) {
     const Point& point = points[k];
@@ -303,7 +314,7 @@ std::vector<PointKind> levels_points() {
 Tally work_levels(const Options& o, const std::vector<PointKind>& points, unsigned worker, unsigned workers) {
   Tally tally;
   // Odd: both kinds come in turn.
-  const std::uint64_t stride = o.pairs == 0 || o.point ? 1 : points.size() / o.pairs | 1U;
+  const std::uint64_t stride = o.pairs == 0 || o.point ? 1 : points.size() / (2 * o.pairs) | 1U;
   for (std::uint64_t k = o.point.value_or(0); k < points.size(); k += stride) {
     if (k / stride % workers != worker) continue;
     TreeWorld world(two_levels(levels_seed));
@@ -427,7 +438,8 @@ int main(int argc, char** argv) {
     const auto scenario = static_cast<Scenario>(s);
     const std::vector<Point> points = points_of(scenario);
     std::printf("%s: %zu points\n", name(scenario), points.size());
-    total.add(side_by_side(o, [&](unsigned w, unsigned n) { return work(o, scenario, points, w, n); }));
+    const std::uint64_t stride = stride_of(o, scenario, points);
+    total.add(side_by_side(o, [&](unsigned w, unsigned n) { return work(o, scenario, points, stride, w, n); }));
   }
   if (!o.scenario || *o.scenario == scenarios) {
     const auto points = take_over_points();
