@@ -99,7 +99,7 @@ std::shared_ptr<const od::Description> with_manager(const PlantMaster& master, u
   const std::uint8_t most = highest_slave(master);
   device::add_device(b, {.supervised = std::max<std::uint8_t>(most, 8)});
   manager::ManagerObjects objects{.most = most, .startup = 0x21, .longest_concise = 0, .flying = true};
-  constexpr auto room_for_a_configuration = static_cast<std::uint32_t>(device::ParameterStore::longest);
+  constexpr std::uint32_t room_for_a_configuration = 16'384;
   if (!master.flying) device::add_storage(b);
   if (!master.flying) objects = {.most = most, .longest_concise = room_for_a_configuration};
   manager::add_manager_objects(b, objects);
