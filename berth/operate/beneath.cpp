@@ -419,8 +419,8 @@ rt::Task<Result<void>> Beneath::look_at(Place& place, bool settled) {
   const auto bytes = value->bytes();
   switch (bytes.empty() ? 0 : bytes.front()) {
     case static_cast<std::uint8_t>(NmtState::operational):
-      set_state(place, SlotState::operational);
       if (!place.identified) co_await identify(place);
+      set_state(place, SlotState::operational);
       break;
     case static_cast<std::uint8_t>(NmtState::stopped): set_state(place, SlotState::present, "stopped"); break;
     case static_cast<std::uint8_t>(NmtState::pre_operational):
