@@ -258,6 +258,12 @@ device::GroupOf parameter_group_of(const PlantDevice& plan) noexcept {
   };
 }
 
+std::size_t memory_of(const PlantDevice& plan, const od::Description& description) noexcept {
+  constexpr std::size_t of_a_master = 2 * 65'536;  // the old image and the new one
+  const std::size_t all = device::memory_size(description, parameter_group_of(plan));
+  return plan.does.master ? std::min(all, device::parameters_at + of_a_master) : all;
+}
+
 device::Timing timing_of(const PlantDevice& plan) {
   device::Timing t;
   t.response_min = plan.response.min;
