@@ -35,7 +35,7 @@ std::uint8_t default_parameter_group(const od::Description& description, const o
   const auto index = object.index;
   const bool rw = od::readable(sub.access) && od::writable(sub.access);
   const bool process_data = sub.access != od::Access::rw && sub.mappable && !within(index, 0x1000, 0x1FFF);
-  const bool kept = rw && !process_data && sub.type != od::DataType::domain &&
+  const bool kept = rw && !process_data && sub.type != od::DataType::domain && sub.capacity <= ParameterStore::usual &&
                     ((sub.obj_flags | object.obj_flags) & od::refuse_write_on_download) == 0;
   if (!kept || index < 0x1000 || is_passing(index)) return parameter_group::none;
   if (within(index, 0x1000, 0x1FFF)) return parameter_group::communication;
@@ -54,20 +54,33 @@ std::size_t ParameterStore::footprint(const od::Description& description, GroupO
   return 2 * (header_size + std::max(entries, header_size + 1));
 }
 
+std::size_t ParameterStore::room_for(const od::Description& description, GroupOf group) noexcept {
+  std::size_t room = usual;
+  for (const auto& object : description.objects()) {
+    for (const auto& sub : description.subs(object)) {
+      if (sub.capacity > longest || group(description, object, sub) == parameter_group::none) continue;
+      room = std::max<std::size_t>(room, sub.capacity);
+    }
+  }
+  return room;
+}
+
 ParameterStore::ParameterStore(NvMemory& memory, std::size_t at, std::span<const Preset> presets, Owner& owner,
-                               GroupOf group) noexcept
+                               GroupOf group, std::size_t room)
     : memory_(&memory),
       at_(at),
       slot_size_(memory.size() > at ? (memory.size() - at) / 2 : 0),
       presets_(presets),
       owner_(&owner),
       group_of_(group),
-      old_(*this) {}
+      old_(*this),
+      chunk_(std::clamp(room, usual, longest) + entry_overhead),
+      value_(room > usual ? this->room() : 0) {}
 
 std::uint8_t ParameterStore::group_of(const od::Description& description, ObjectRef ref) const noexcept {
   const auto* const object = description.find(ref.index);
   const auto* const sub = object == nullptr ? nullptr : description.find(*object, ref.sub);
-  if (sub == nullptr || sub->capacity > longest) return parameter_group::none;
+  if (sub == nullptr || sub->capacity > room()) return parameter_group::none;
   return group_of_(description, *object, *sub);
 }
 
@@ -116,7 +129,7 @@ void ParameterStore::Walk::take() noexcept {
   entry_ = {.ref = {load_le<std::uint16_t>(raw.data()), raw[2]},
             .type = static_cast<od::DataType>(raw[3]),
             .length = load_le<std::uint16_t>(raw.data() + 4)};
-  ended_ = entry_.length > longest || at_ + entry_overhead + entry_.length > store_->image_.length;
+  ended_ = at_ + entry_overhead + entry_.length > store_->image_.length;
 }
 
 void ParameterStore::Walk::next() noexcept {
@@ -135,14 +148,15 @@ bool ParameterStore::fits(const Entry& entry, const od::SubObject& sub) noexcept
 
 void ParameterStore::apply(od::Values& values, od::Area area) const noexcept {
   const auto& description = values.description();
-  std::array<std::uint8_t, longest> buffer{};
+  std::array<std::uint8_t, usual> short_value{};
+  const auto buffer = value_.empty() ? std::span<std::uint8_t>(short_value) : std::span(value_);
   for (Walk walk(*this); !walk.at_end(); walk.next()) {
     const Entry& entry = walk.entry();
     if (area != od::Area::all && od::area_of(entry.ref.index) != area) continue;
     if (group_of(description, entry.ref) == parameter_group::none) continue;
     const auto& sub = *description.find(entry.ref);
     if (!fits(entry, sub)) continue;
-    const auto value = std::span(buffer).first(entry.length);
+    const auto value = buffer.first(entry.length);
     walk.read_value(value);
     if (in_limits(values, sub, value)) values.set_bytes(entry.ref, value);
   }
@@ -201,7 +215,7 @@ std::size_t ParameterStore::fill() noexcept {
 /// False: the chunk is full, this one comes next.
 bool ParameterStore::put(const od::Object& object, const od::SubObject& sub, std::size_t& used) noexcept {
   const ObjectRef ref{object.index, sub.sub};
-  if (sub.capacity > longest) return true;
+  if (sub.capacity > room()) return true;
   const auto group = group_of_(values_->description(), object, sub);
   if (group == parameter_group::none) return true;
   const bool concerned = group_ == parameter_group::all || group == group_;

@@ -2,9 +2,10 @@
 /// image of values in non-volatile memory that a power loss at any byte leaves old or new, never mixed.
 ///
 /// What is stored: objects that the network may read and write, except process data (rwr or rww, mappable, outside
-/// 1000h..1FFFh), DOMAINs, values that may be longer than `longest`, objects that a configuration tool must leave alone
+/// 1000h..1FFFh), DOMAINs, values that may be longer than `usual`, objects that a configuration tool must leave alone
 /// (ObjFlags bit 0), and those that are commands, measurements or histories: 1001h..1003h, 1010h, 1011h, 1013h,
-/// 1023h..1026h, 1F50h..1F5Fh, 1F82h, 1F83h. A device may say otherwise by a `GroupOf` of its own.
+/// 1023h..1026h, 1F50h..1F5Fh, 1F82h, 1F83h. A device may say otherwise by a `GroupOf` of its own, of values up to
+/// `longest` bytes.
 ///
 /// An image holds what differs from the default, and every value whose default depends on $NODEID: a stored COB-ID
 /// stays as it is when the node-ID changes, until 1011h. Each entry carries its type and length; when the dictionary
@@ -20,6 +21,7 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <vector>
 
 #include "berth/device/nv_memory.hpp"
 #include "berth/od/values.hpp"
@@ -54,7 +56,8 @@ class ParameterStore final : private NvMemory::Done {
    protected:
     ~Owner() = default;
   };
-  static constexpr std::size_t longest = 250;  ///< bytes of a value
+  static constexpr std::size_t usual = 250;       ///< bytes of a value that is stored unless a `GroupOf` says otherwise
+  static constexpr std::size_t longest = 65'535;  ///< bytes of a value
   static constexpr std::size_t header_size = 16;
   static constexpr std::size_t entry_overhead = 6;
 
@@ -62,9 +65,14 @@ class ParameterStore final : private NvMemory::Done {
   [[nodiscard]] static std::size_t footprint(const od::Description& description,
                                              GroupOf group = default_parameter_group) noexcept;
 
-  /// In `memory` from `at` to its end. `presets` count as defaults. All must outlive it. Reads nothing yet.
+  /// Room for the longest value that such a device stores, not under `usual`.
+  [[nodiscard]] static std::size_t room_for(const od::Description& description,
+                                            GroupOf group = default_parameter_group) noexcept;
+
+  /// In `memory` from `at` to its end. `presets` count as defaults. All must outlive it. Reads nothing yet. `room`: of
+  /// `room_for`; values that may be longer are not stored. Uses the heap here and nowhere else.
   ParameterStore(NvMemory& memory, std::size_t at, std::span<const Preset> presets, Owner& owner,
-                 GroupOf group = default_parameter_group) noexcept;
+                 GroupOf group = default_parameter_group, std::size_t room = usual);
 
   /// False when the memory has no room for two slots of any use.
   [[nodiscard]] bool usable() const noexcept { return slot_size_ > 2 * header_size; }
@@ -86,6 +94,8 @@ class ParameterStore final : private NvMemory::Done {
   /// Power loss: nothing is under way any more (the memory was told to forget); call `load` before the next use.
   void forget() noexcept;
 
+  /// Bytes beyond itself.
+  [[nodiscard]] std::size_t memory() const noexcept { return chunk_.capacity() + value_.capacity(); }
   /// Bytes of entries in the valid image.
   [[nodiscard]] std::size_t stored_bytes() const noexcept { return image_.length; }
 
@@ -118,8 +128,6 @@ class ParameterStore final : private NvMemory::Done {
     Entry entry_;
     bool ended_ = false;
   };
-  static constexpr std::size_t chunk_size = longest + entry_overhead;
-
   bool begin(const od::Values& values, std::uint8_t group, bool saves) noexcept;
   bool write_next() noexcept;
   bool write_header() noexcept;
@@ -131,6 +139,7 @@ class ParameterStore final : private NvMemory::Done {
   [[nodiscard]] bool read_slot(unsigned slot, std::uint32_t& sequence, std::uint32_t& length) const noexcept;
   [[nodiscard]] std::size_t slot_at(unsigned slot) const noexcept { return at_ + slot * slot_size_; }
   [[nodiscard]] static bool fits(const Entry& entry, const od::SubObject& sub) noexcept;
+  [[nodiscard]] std::size_t room() const noexcept { return chunk_.size() - entry_overhead; }
 
   NvMemory* memory_;
   std::size_t at_;
@@ -148,9 +157,10 @@ class ParameterStore final : private NvMemory::Done {
   std::uint32_t crc_ = 0;
   std::uint8_t group_ = 0;
   bool saves_ = false;
-  bool header_ = false;  // the header is being written
-  bool ending_ = false;  // abandoned, and the memory still writes
-  std::array<std::uint8_t, chunk_size> chunk_{};
+  bool header_ = false;                      // the header is being written
+  bool ending_ = false;                      // abandoned, and the memory still writes
+  std::vector<std::uint8_t> chunk_;          // whole entries: what the memory is given in one piece
+  mutable std::vector<std::uint8_t> value_;  // what `apply` reads, where values may be longer than `usual`
 };
 
 }  // namespace berth::device

@@ -24,8 +24,10 @@ StoredObjects::StoredObjects(od::Values& values, co::SdoServers& sdo, NvMemory* 
     if (d.find(index) != nullptr) values.attach(*this, index);
   }
   if (memory != nullptr && d.find(store_object) != nullptr) {
+    const GroupOf group_of = options.parameter_group;
     parameters_ = std::make_unique<ParameterStore>(*memory, parameters_at, options.presets,
-                                                   static_cast<ParameterStore::Owner&>(*this), options.parameter_group);
+                                                   static_cast<ParameterStore::Owner&>(*this), group_of,
+                                                   ParameterStore::room_for(d, group_of));
     if (!parameters_->usable()) parameters_.reset();
   }
   if (d.find(verified_object) != nullptr) {

@@ -51,7 +51,8 @@ class StoredObjects final : private ParameterStore::Owner, private od::Hook {
 
   /// Bytes beyond itself.
   [[nodiscard]] std::size_t memory() const noexcept {
-    return (parameters_ ? sizeof(ParameterStore) : 0) + (configuration_ ? sizeof(ConfigurationWatch) : 0);
+    return (parameters_ ? sizeof(ParameterStore) + parameters_->memory() : 0) +
+           (configuration_ ? sizeof(ConfigurationWatch) : 0);
   }
 
  private:

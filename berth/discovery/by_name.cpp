@@ -44,10 +44,10 @@ rt::Task<Result<ByName>> look_by_name(lss::Master& lss, LssAddress device, lss::
                                       const Options& options) {
   ByName result;
   const lss::AloneOptions how{.parts = parts};
-  const auto alone = co_await lss::select_alone(lss, device, how);
-  if (!alone) co_return fail(alone.error());
-  result.not_alone = *alone == lss::Selection::not_alone;
-  if (*alone != lss::Selection::alone) co_return result;
+  const auto selected = co_await lss::select_alone(lss, device, how);
+  if (!selected) co_return fail(selected.error());
+  result.not_alone = *selected == lss::Selection::not_alone;
+  if (*selected != lss::Selection::alone) co_return result;
   const auto told = co_await node_id_to_change(lss, device, options, result);
   static_cast<void>(told);
   const auto waiting = co_await lss.switch_global(lss::State::waiting);
@@ -73,7 +73,6 @@ rt::Task<Result<void>> look_at_all(lss::Master& lss, const Known& known, Report&
     }
     asked.swap(again);
   }
-  std::ranges::sort(todo);
   co_return Result<void>{};
 }
 

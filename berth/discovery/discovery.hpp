@@ -117,8 +117,7 @@ struct Options {
   Assigner* assigner = nullptr;
   bool store = false;  ///< with an assigner: LSS store too
   /// With an assigner: all devices that were found without LSS (RAND, AND) tell their node-ID (5Eh) before the first of
-  /// them is given one, in ascending order of their addresses; those found by LSS always tell theirs. `Assigner::keeps`
-  /// decides.
+  /// them is given one; those found by LSS always tell theirs. `Assigner::keeps` decides.
   bool inquire = false;
   /// RAND's planner: every address is proven by DIRS and DIS, so that no device that is slower than `window` spoils
   /// one. Published Fastscan: the address found has to select a device that says its serial number itself, before it is

@@ -53,6 +53,8 @@ class BootTarget {
 class BootSource {
  public:
   virtual ~BootSource() = default;
+  /// Before each boot-up: whether the slave is booted, and whether it is mandatory, may be other than it was.
+  virtual void renew(SlaveRules&) const noexcept {}
   /// Step 8: whatever it takes, factory settings and saving included. Where nothing is to be configured: done.
   /// `rules`: what is found here settles how it is supervised from step 9 on (a slave without 1017h is guarded).
   [[nodiscard]] virtual rt::Task<Result<void>> configure(BootTarget& target, SlaveRules& rules);

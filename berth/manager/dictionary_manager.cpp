@@ -286,6 +286,9 @@ AbortCode DictionaryManager::writing(const od::Values&, ObjectRef ref, std::span
     return too_low ? AbortCode::invalid_value : AbortCode::none;
   }
   if (ref.index == cia302::request_configuration) {
+    const bool of_itself = own_.configured() && ref.sub == own_.value();
+    const bool asked = load_le<std::uint32_t>(value.data()) == ConfigurationRequests::signature;
+    if (of_itself && asked) return configure_itself(*values_, own_);
     return configurations_.request(ref.sub, load_le<std::uint32_t>(value.data()));
   }
   if (ref.index == ConfigurationUploads::object) return uploads_.request(ref.sub, load_le<std::uint32_t>(value.data()));

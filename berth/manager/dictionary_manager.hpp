@@ -10,7 +10,8 @@
 ///
 /// Each time that the device has booted, its dictionary is read and the network is booted (`DictionarySource` has the
 /// objects). A device whose 1F80h bit 0 is 0 does nothing. Any SDO client may write the objects; what is written counts
-/// at the next boot-up of the device, a slave's configuration at the next boot-up of the slave, and requests at once.
+/// at the next boot-up of the device, a slave's configuration and bits 2 and 3 of its 1F81h (boots, mandatory) at the
+/// next boot-up of the slave, and requests at once.
 ///
 /// With bit 5 of 1F80h it is a flying master (`FlyingMaster`, with 1F90h): it boots the network when it has become the
 /// active master, and ends that when it no longer is. A device that is switched off says so: `power_off`.
@@ -19,7 +20,8 @@
 ///
 /// Objects that refuse: 1F80h with a reserved bit, or with bit 5 where there is no 1F90h, 0609 0030. 1F90h:03 above 2,
 /// 0609 0030. 1F82h and 1F83h as `NetworkRequests` has it; they read what is known of the slaves. 1F25h as
-/// `ConfigurationRequests` has it, 5F0Ah as `ConfigurationUploads`.
+/// `ConfigurationRequests` has it, 5F0Ah as `ConfigurationUploads`. 1F25h of the device's own node-ID brings what 1F22h
+/// has for that into its own dictionary (`configure_itself`), so that a whole network list comes in one transfer.
 #pragma once
 
 #include <array>

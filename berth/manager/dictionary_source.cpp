@@ -1,5 +1,6 @@
 #include "berth/manager/dictionary_source.hpp"
 
+#include "berth/eds/concise_dcf.hpp"
 #include "berth/manager/configurator.hpp"
 #include "berth/manager/program_loader.hpp"
 #include "berth/manager/stored_dcf.hpp"
@@ -123,6 +124,25 @@ Result<Wanted> wanted_of(const od::Values& values, NodeId node) {
                                    number(values, cia302::configuration_time, sub)};
   if (made && expected.valid()) made->date = expected;
   return made;
+}
+
+od::AbortCode configure_itself(od::Values& values, NodeId own) {
+  const ObjectRef row{cia302::concise_dcf, own.value()};
+  const auto stream = eds::decode_concise_dcf(values.bytes(row));
+  if (!stream || stream->entries.empty()) return od::AbortCode::not_stored;
+  for (const auto& entry : stream->entries) {
+    if (entry.object.index == cia302::request_configuration) return od::AbortCode::general;
+    const auto code = values.write(entry.object, entry.data);
+    if (code != od::AbortCode::none) return code;
+  }
+  values.set_bytes(row, {});
+  return od::AbortCode::none;
+}
+
+void DictionarySource::renew(SlaveRules& rules) const noexcept {
+  const SlaveRules now = slave_rules_of(number(*values_, cia302::slave_assignment, node_.value()));
+  rules.boots = now.boots;
+  rules.mandatory = now.mandatory;
 }
 
 rt::Task<Result<void>> DictionarySource::configure(BootTarget& target, SlaveRules& rules) {

@@ -41,6 +41,11 @@ namespace berth::manager {
 /// Errc::unsupported: a format of 1F21h that is not known.
 [[nodiscard]] Result<Wanted> wanted_of(const od::Values& values, NodeId node);
 
+/// What 1F22h has for the master's own node-ID (a concise DCF) goes into its own dictionary, by the network's rules of
+/// access and in the order in which it stands, and out of 1F22h. `not_stored`: 1F22h has none that can be read; else
+/// what refused an entry: those before it were written. Nested 1F25h: `general`.
+[[nodiscard]] od::AbortCode configure_itself(od::Values& values, NodeId own);
+
 /// Brings it into the slave: factory settings (bit 7 of 1F81h and 1F8Ah), then what differs, read back, dated and saved
 /// (`Configurator`). A slave without memory is configured at every boot. A DCF whose vendor-ID or product code is not
 /// the slave's: Errc::mismatch, and nothing is written.
@@ -48,6 +53,8 @@ class DictionarySource final : public BootSource {
  public:
   /// `values` must stay; they are read at each boot-up.
   DictionarySource(const od::Values& values, NodeId node) noexcept : values_(&values), node_(node) {}
+  /// Bits 2 and 3 of 1F81h.
+  void renew(SlaveRules& rules) const noexcept override;
   rt::Task<Result<void>> configure(BootTarget& target, SlaveRules& rules) override;
   /// The program of 1F58h (`ProgramLoader`).
   rt::Task<Result<void>> update(BootTarget& target, const SlaveRules& rules) override;

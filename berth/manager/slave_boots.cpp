@@ -69,6 +69,8 @@ void SlaveBoots::begin_due() noexcept {
 
 rt::Task<void> SlaveBoots::run(Slave& slave) {
   BootTarget& target = *slave.what.target;
+  slave.what.source->renew(slave.what.rules);
+  slave.status.rules = slave.what.rules;
   BootOptions options{
       .give_up = slave.what.rules.mandatory && boot_time_.count() > 0 ? executor_->now() + boot_time_ : rt::never,
       .pause = timing_.pause,

@@ -1,5 +1,6 @@
 #include "berth/multilevel/sdo_session.hpp"
 
+#include <algorithm>
 #include <limits>
 
 #include "berth/base/bytes.hpp"
@@ -21,6 +22,12 @@ AbortCode code_of(const Error& error) noexcept {
     case Errc::bus: return AbortCode::hardware;
     default: return AbortCode::general;
   }
+}
+
+// What goes to the gateway's own device is kept whole, and may be as long as its object.
+std::size_t room_of(const SdoGatewayOptions& options, const od::Values* own, ObjectRef object) noexcept {
+  const auto* const sub = own == nullptr ? nullptr : own->description().find(object);
+  return std::max<std::size_t>(options.store, sub == nullptr ? 0 : sub->capacity);
 }
 
 }  // namespace
@@ -164,7 +171,7 @@ co::SdoOptions SdoSession::sdo_options() const noexcept {
 rt::Task<void> SdoSession::upload() {
   const NodeId node = this->node();
   if (od::Values* const own = gateway_->own(node)) {
-    std::vector<std::uint8_t> bytes(gateway_->options_.store);
+    std::vector<std::uint8_t> bytes(own->size(command_.object).value_or(gateway_->options_.store));
     const auto count = own->read(command_.object, bytes);
     if (count) {
       sink_.begin(*count);
@@ -302,7 +309,8 @@ AbortCode SdoSession::open_write(ObjectRef, std::optional<std::size_t> size) noe
   if (state_ != State::armed || gateway_->own(node()) != nullptr) {
     const bool armed = state_ == State::armed;
     if (!armed) cancel();
-    if (size.value_or(0) > gateway_->options_.store) return AbortCode::out_of_memory;
+    const od::Values* const own = armed ? gateway_->own(node()) : nullptr;
+    if (size.value_or(0) > room_of(gateway_->options_, own, command_.object)) return AbortCode::out_of_memory;
     if (!armed) state_ = State::storing;
     return AbortCode::none;
   }
@@ -313,7 +321,9 @@ AbortCode SdoSession::open_write(ObjectRef, std::optional<std::size_t> size) noe
 
 AbortCode SdoSession::write(std::span<const std::uint8_t> bytes) noexcept {
   if (state_ != State::passing) {
-    if (queue_.size() + bytes.size() > gateway_->options_.store) return AbortCode::out_of_memory;
+    const od::Values* const own = state_ == State::armed ? gateway_->own(node()) : nullptr;
+    const auto room = room_of(gateway_->options_, own, command_.object);
+    if (queue_.size() + bytes.size() > room) return AbortCode::out_of_memory;
     queue_.put(bytes);
     return AbortCode::none;
   }

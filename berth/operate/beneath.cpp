@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <array>
 
+#include "berth/eds/concise_dcf.hpp"
+#include "berth/manager/configuration_requests.hpp"
 #include "berth/manager/configurator.hpp"
 #include "berth/manager/network_requests.hpp"
 #include "berth/od/cia302.hpp"
@@ -54,13 +56,44 @@ rt::Task<Result<void>> bring(co::SdoAccess& master, const manager::Wanted& list,
   co_return Result<void>{};
 }
 
-// By 1F82h of the master of that bus. A slave's boot-up message makes it boot that slave.
-rt::Task<Result<void>> reset_by(co::SdoAccess& master, NodeId node) {
-  const std::array<std::uint8_t, 1> value{manager::request_value(co::NmtCommand::reset_node)};
+// The whole in one transfer, of which its master takes each object itself: 1F22h of its own node-ID, and 1F25h. False:
+// it does not do that, or refuses one.
+rt::Task<bool> put_whole(co::SdoAccess& master, NodeId own, const manager::Wanted& list) {
+  eds::ConciseDcf stream;
+  for (const auto& entry : list.entries) {
+    if (!entry.compare_only) stream.entries.push_back({entry.object, entry.bytes});
+  }
+  const auto bytes = eds::encode(eds::in_working_order(std::move(stream)));
+  const std::span<const std::uint8_t> data = bytes;
+  auto done = co_await master.write_u32(configuration_date, 1, 0);
+  if (done) done = co_await master.write(od::cia302::concise_dcf, own.value(), data);
+  if (!done) co_return false;
+  constexpr std::uint32_t configure = manager::ConfigurationRequests::signature;
+  done = co_await master.write_u32(od::cia302::request_configuration, own.value(), configure);
+  co_return done.has_value();
+}
+
+// Through gateways each access costs several: object by object only where the master cannot do it at once.
+rt::Task<Result<void>> bring_whole(co::SdoAccess& master, NodeId own, const manager::Wanted& list, bool& changed) {
+  manager::Wanted rest = list;
+  bool there = co_await has_list(master, list);
+  if (!there) there = co_await put_whole(master, own, list);
+  if (there) rest.entries.clear();
+  co_return co_await bring(master, rest, changed);
+}
+
+// By 1F82h of the master of that bus.
+rt::Task<Result<void>> command_by(co::SdoAccess& master, NodeId node, co::NmtCommand command) {
+  const std::array<std::uint8_t, 1> value{manager::request_value(command)};
   const std::span<const std::uint8_t> data = value;
   const std::uint8_t sub = node.value();
   const auto done = co_await master.write(od::cia302::request_nmt, sub, data);
   co_return done;
+}
+
+// A slave's boot-up message makes it boot that slave.
+rt::Task<Result<void>> reset_by(co::SdoAccess& master, NodeId node) {
+  return command_by(master, node, co::NmtCommand::reset_node);
 }
 
 // A master whose list is not in use yet has none of its nodes. One that does not answer is not asked on.
@@ -73,6 +106,56 @@ rt::Task<bool> has_all(co::SdoAccess& master, const std::vector<NodeId>& nodes) 
     if (!value || value->bytes().empty() || value->bytes().front() <= missing) co_return false;
   }
   co_return true;
+}
+
+rt::Task<bool> all_run(co::SdoAccess& master, const std::vector<NodeId>& nodes) {
+  for (const NodeId node : nodes) {
+    const std::uint8_t sub = node.value();
+    const auto value = co_await master.read(od::cia302::request_nmt, sub);
+    if (!value || value->bytes().empty()) co_return false;
+    if (value->bytes().front() != static_cast<std::uint8_t>(NmtState::operational)) co_return false;
+  }
+  co_return true;
+}
+
+// Asked itself before it has its node-ID, it would keep the SDO client of the gateway's master waiting.
+rt::Task<void> await_heard(rt::Executor& executor, co::SdoAccess& master, co::SdoAccess& gateway, NodeId node) {
+  constexpr auto hidden = std::chrono::seconds(10);  // its boot-up message was lost
+  const rt::Time began = executor.now();
+  const std::vector<NodeId> one{node};
+  for (bool heard = false; !heard && executor.now() < began + Beneath::patience;) {
+    heard = co_await has_all(master, one);
+    if (!heard && executor.now() >= began + hidden) {
+      const auto type = co_await gateway.read_u32(0x1000, 0);
+      heard = type.has_value();
+    }
+    if (!heard) co_await rt::sleep_for(look_pause / 4);  // one question
+  }
+}
+
+// `first` is what the master has.
+rt::Task<Result<void>> let_in(rt::Executor& executor, co::SdoAccess& master, NodeId own, const manager::Wanted& first,
+                              const manager::Wanted& whole, const std::vector<NodeId>& gateways) {
+  manager::Wanted change = whole;
+  std::erase_if(change.entries, [&](const manager::Entry& entry) {
+    const auto had = std::ranges::find(first.entries, entry.object, &manager::Entry::object);
+    return had != first.entries.end() && had->bytes == entry.bytes;
+  });
+  bool changed = false;
+  auto done = co_await bring(master, change, changed);
+  for (std::size_t i = 0; i < gateways.size() && done; ++i) {
+    const NodeId node = gateways[i];
+    done = co_await command_by(master, node, co::NmtCommand::reset_communication);
+  }
+  if (!done) co_return done;
+  constexpr auto in_time = std::chrono::seconds(5);
+  for (const rt::Time deadline = executor.now() + in_time; executor.now() < deadline;) {
+    const bool run = co_await all_run(master, gateways);
+    if (run) co_return done;
+    co_await rt::sleep_for(look_pause / 4);  // one question
+  }
+  // A master that reads its list at its own boot-up only.
+  co_return co_await reset_by(master, own);
 }
 
 rt::Task<void> bring_up_deeper(const Beneath::Deeper& deeper, std::optional<Error>& failed) {
@@ -172,14 +255,11 @@ void Beneath::set_state(Place& place, SlotState state, std::string reason) {
 
 // ---- bringing it up
 
-manager::Wanted Beneath::list(std::span<const NodeId> first) {
+manager::Wanted Beneath::list(std::span<const NodeId> held_back) {
   std::vector<places::SlotSpec> slots;
-  for (const auto& place : places_) {
-    const bool taken = first.empty() || std::ranges::find(first, place.spec.id) != first.end();
-    if (taken) slots.push_back(place.spec);
-  }
+  for (const auto& place : places_) slots.push_back(place.spec);
   Findings findings;
-  auto made = network_list(bus_, slots, first, settings_, findings);
+  auto made = network_list(bus_, slots, held_back, settings_, findings);
   for (const auto& finding : findings) {
     if (finding.severity == Finding::Severity::error) events_.tell_once(EventKind::error, to_string(finding));
   }
@@ -191,7 +271,7 @@ manager::Wanted Beneath::list(std::span<const NodeId> first) {
 rt::Task<Result<void>> Beneath::put_list(const manager::Wanted& list, std::vector<NodeId> nodes) {
   co::SdoAccess& master = access(bus_.master);
   bool changed = false;
-  auto put = co_await bring(master, list, changed);
+  auto put = co_await bring_whole(master, bus_.master, list, changed);
   if (!put) co_return put;
   if (!changed) {
     if (was_reset_) co_return Result<void>{};
@@ -200,7 +280,7 @@ rt::Task<Result<void>> Beneath::put_list(const manager::Wanted& list, std::vecto
     was_reset_ = true;
     // What is there may be unsaved: it is brought in again as if its date were another.
     put = co_await master.write_u32(configuration_date, 1, 0);
-    if (put) put = co_await bring(master, list, changed);
+    if (put) put = co_await bring_whole(master, bus_.master, list, changed);
     if (!put) co_return put;
     events_.tell(EventKind::step, "", "its gateway boots it again: it misses nodes of its network list");
   } else {
@@ -217,13 +297,13 @@ rt::Task<Result<void>> Beneath::bring_up() {
   const manager::Wanted whole = list();
   co::SdoAccess& master = access(bus_.master);
   const bool has_it = co_await has_list(master, whole);
-  Result<void> done;
-  if (!has_it) done = co_await gateways_first();
   std::vector<NodeId> nodes;
   for (const auto& place : places_) {
     if (!place.spec.optional) nodes.push_back(place.spec.id);
   }
-  if (done) done = co_await put_list(whole, nodes);
+  const bool in_steps = !has_it && !deeper_.empty();
+  auto task = in_steps ? with_deeper(whole) : put_list(whole, std::move(nodes));
+  auto done = co_await task;
   has_list_ = done.has_value();
   again_at_ = executor_.now() + patience;
   if (done) done = co_await await_operational();
@@ -233,24 +313,24 @@ rt::Task<Result<void>> Beneath::bring_up() {
   co_return done;
 }
 
-// Those beneath get their node-IDs, and nothing else, so that the buses beneath them come first.
-rt::Task<Result<void>> Beneath::gateways_first() {
-  if (deeper_.empty()) co_return Result<void>{};
-  std::vector<NodeId> nodes;
-  for (const auto& deeper : deeper_) nodes.push_back(deeper.gateway.slot);
-  const manager::Wanted first = list(nodes);
-  const auto put = co_await put_list(first, nodes);
-  if (!put) co_return put;
-  const rt::Time deadline = executor_.now() + patience;
-  for (const NodeId node : nodes) {
-    for (bool answers = false; !answers && executor_.now() < deadline;) {
-      co::SdoAccess& gateway = access(node);
-      const auto type = co_await gateway.read_u32(0x1000, 0);
-      answers = type.has_value();
-      if (!answers) co_await rt::sleep_for(look_pause);
-    }
+// The gateways on it get their node-IDs with the others and are not booted, so that the buses beneath them come first.
+rt::Task<Result<void>> Beneath::with_deeper(const manager::Wanted& whole) {
+  std::vector<NodeId> gateways;
+  for (const auto& deeper : deeper_) {
+    const NodeId node = deeper.gateway.slot;
+    if (std::ranges::find(gateways, node) == gateways.end()) gateways.push_back(node);
   }
-  co_return co_await bring_up_all(executor_, deeper_);
+  co::SdoAccess& master = access(bus_.master);
+  const manager::Wanted first = list(gateways);
+  auto done = co_await put_list(first, gateways);
+  if (!done) co_return done;
+  for (std::size_t i = 0; i < gateways.size(); ++i) {
+    const NodeId node = gateways[i];
+    co_await await_heard(executor_, master, access(node), node);
+  }
+  done = co_await bring_up_all(executor_, deeper_);
+  if (!done) co_return done;
+  co_return co_await let_in(executor_, master, bus_.master, first, whole, gateways);
 }
 
 rt::Task<Result<void>> Beneath::await_operational() {
@@ -303,7 +383,8 @@ rt::Task<void> Beneath::watch() {
   }
 }
 
-// The one that the gateway has told of; else the next, and all that do not run. False: it does not answer.
+// The one that the gateway has told of; else the next, and all that do not run or are not known. False: it does not
+// answer.
 rt::Task<bool> Beneath::look_around(std::optional<NodeId> told) {
   std::vector<Place*> looked_at;
   if (told) {
@@ -311,7 +392,8 @@ rt::Task<bool> Beneath::look_around(std::optional<NodeId> told) {
   } else {
     looked_at.push_back(&places_[next_++ % places_.size()]);
     for (auto& place : places_) {
-      if (place.now.state != SlotState::operational && &place != looked_at.front()) looked_at.push_back(&place);
+      const bool open = place.now.state != SlotState::operational || !place.identified;
+      if (open && &place != looked_at.front()) looked_at.push_back(&place);
     }
   }
   for (Place* const place : looked_at) {
@@ -372,7 +454,12 @@ rt::Task<Result<void>> Beneath::look_at(Place& place, bool settled) {
   co_return Result<void>{};
 }
 
+// Nothing waits for it, and what the buses above need goes through the same gateways: they come first.
 rt::Task<void> Beneath::identify(Place& place) {
+  constexpr auto in_any_case = std::chrono::seconds(3);
+  const bool started = gateway_runs_ && gateway_runs_();
+  const bool late = executor_.now() - place.now.since > in_any_case;
+  if (brings_up_ || !(started || late)) co_return;
   LssAddress device;
   co::SdoAccess& node = access(place.spec.id);
   const auto known = co_await read_address(node, device);

@@ -3,9 +3,9 @@
 /// and keeps that dictionary right, through the gateway, and tells what becomes of the slots.
 ///
 /// `bring_up` is called before the gateway itself is started. The network list is compared by its date (1020h of the
-/// gateway's node beneath) and written when it is another; then that node is reset, and boots its bus. A bus with
-/// further gateways gets a list of these alone first, in which they are not booted, so that the buses beneath them come
-/// before it.
+/// gateway's node beneath) and written when it is another; then that node is reset, and boots its bus. Where there are
+/// further gateways on it, they are in the list and not booted yet: its other devices boot while the buses beneath them
+/// are brought up, and then they are let in one by one (bit 2 of 1F81h, and 1F82h).
 #pragma once
 
 #include <functional>
@@ -93,7 +93,7 @@ class Beneath {
   };
   /// `nodes`: those that its master must know when it uses the list.
   rt::Task<Result<void>> put_list(const manager::Wanted& list, std::vector<NodeId> nodes);
-  rt::Task<Result<void>> gateways_first();
+  rt::Task<Result<void>> with_deeper(const manager::Wanted& whole);
   rt::Task<Result<void>> await_operational();
   rt::Task<void> watch();
   rt::Task<bool> look_around(std::optional<NodeId> told);
@@ -101,8 +101,8 @@ class Beneath {
   /// `settled`: who is missing now is told; else it may come yet.
   rt::Task<Result<void>> look_at(Place& place, bool settled);
   rt::Task<void> identify(Place& place);
-  /// `first`: these alone, and they are not booted; empty: all.
-  [[nodiscard]] manager::Wanted list(std::span<const NodeId> first = {});
+  /// `held_back`: these are not booted.
+  [[nodiscard]] manager::Wanted list(std::span<const NodeId> held_back = {});
   void set_state(Place& place, places::SlotState state, std::string reason = {});
   void gateway_is_silent(const Error& error);
   [[nodiscard]] Place* at(NodeId node) noexcept;

@@ -99,7 +99,7 @@ std::shared_ptr<const od::Description> with_manager(const PlantMaster& master, u
   const std::uint8_t most = highest_slave(master);
   device::add_device(b, {.supervised = std::max<std::uint8_t>(most, 8)});
   manager::ManagerObjects objects{.most = most, .startup = 0x21, .longest_concise = 0, .flying = true};
-  constexpr auto room_for_a_configuration = static_cast<std::uint32_t>(device::ParameterStore::longest);
+  constexpr std::uint32_t room_for_a_configuration = 16'384;
   if (!master.flying) device::add_storage(b);
   if (!master.flying) objects = {.most = most, .longest_concise = room_for_a_configuration};
   manager::add_manager_objects(b, objects);
@@ -256,6 +256,12 @@ device::GroupOf parameter_group_of(const PlantDevice& plan) noexcept {
     return configuration ? device::parameter_group::communication
                          : device::default_parameter_group(description, object, sub);
   };
+}
+
+std::size_t memory_of(const PlantDevice& plan, const od::Description& description) noexcept {
+  constexpr std::size_t of_a_master = 2 * 65'536;  // the old image and the new one
+  const std::size_t all = device::memory_size(description, parameter_group_of(plan));
+  return plan.does.master ? std::min(all, device::parameters_at + of_a_master) : all;
 }
 
 device::Timing timing_of(const PlantDevice& plan) {

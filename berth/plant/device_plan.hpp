@@ -22,6 +22,8 @@ namespace berth::plant {
 
 /// What 1010h stores.
 [[nodiscard]] device::GroupOf parameter_group_of(const PlantDevice& plan) noexcept;
+/// Bytes of its non-volatile memory. An NMT master's has room for 64 KiB in all.
+[[nodiscard]] std::size_t memory_of(const PlantDevice& plan, const od::Description& description) noexcept;
 [[nodiscard]] device::Timing timing_of(const PlantDevice& plan);
 /// `bit_rate`: what blank memory counts as, bit/s; `seed`: for what the device draws itself.
 [[nodiscard]] device::Options options_of(const PlantDevice& plan, const LssAddress& address, std::uint32_t bit_rate,

@@ -165,6 +165,57 @@ TEST(ParameterStore, A9_1_OD_1010_GroupsAreStoredByThemselves) {
   EXPECT_EQ(s.get(0x1017), 500);
 }
 
+// A value of any length that a `GroupOf` asks for, old or new as a whole; by the rules above none that may be so long.
+TEST(ParameterStore, LongValues) {
+  od::DescriptionBuilder b;
+  every_device(b);
+  b.object(0x1010, od::ObjectCode::array, "Store");
+  b.sub(0x1010, {.sub = 1});
+  b.variable(0x2000, {.type = DataType::octet_string, .capacity = 3000});
+  b.variable(0x2001, {.type = DataType::unsigned16, .initial = Literal::number(0)});
+  b.variable(0x2002, {.type = DataType::domain, .capacity = 16'000});
+  const auto d = b.build();
+  EXPECT_EQ(default_parameter_group(*d, *d->find(0x2000), *d->find({0x2000, 0})), parameter_group::none);
+  EXPECT_EQ(ParameterStore::room_for(*d), ParameterStore::usual);
+  const GroupOf all = [](const od::Description& of, const od::Object& object, const od::SubObject& sub) noexcept {
+    return object.index >= 0x2000 ? parameter_group::application : default_parameter_group(of, object, sub);
+  };
+  EXPECT_EQ(ParameterStore::room_for(*d, all), 16'000U);
+  Bench bench(at + ParameterStore::footprint(*d, all));
+  od::Values values(d, NodeId(3));
+  ParameterStore store(bench.flash, at, {}, bench, all, ParameterStore::room_for(*d, all));
+  const auto bytes = [](std::size_t count, unsigned seed) {
+    std::vector<std::uint8_t> made(count);
+    for (std::size_t i = 0; i < count; ++i) made[i] = static_cast<std::uint8_t>(i * 31 + (i >> 8U) + seed);
+    return made;
+  };
+  const auto has = [&](std::uint16_t index, const std::vector<std::uint8_t>& wanted) {
+    const auto there = values.bytes({index, 0});
+    return std::ranges::equal(there, wanted);
+  };
+  for (const std::size_t count : {16'000U, 251U, 250U, 1U, 8'000U}) {
+    values.set_bytes({0x2000, 0}, bytes(count / 6, 1));
+    values.set({0x2001, 0}, static_cast<std::uint16_t>(count));
+    values.set_bytes({0x2002, 0}, bytes(count, 2));
+    ASSERT_TRUE(store.save(values, parameter_group::all) && bench.finish() == true) << count;
+    // Cut in the middle of the next one: what was there before.
+    values.set_bytes({0x2002, 0}, bytes(15'000, 9));
+    bench.store = &store;
+    bench.flash.cut_after(700);
+    if (store.save(values, parameter_group::all)) bench.finish();
+    EXPECT_TRUE(bench.was_cut);
+    bench.was_cut = false;
+    bench.store = nullptr;
+    bench.flash.never_cut();
+    ASSERT_TRUE(store.load());
+    values.reset(NodeId(3));
+    store.apply(values, od::Area::all);
+    EXPECT_TRUE(has(0x2000, bytes(count / 6, 1))) << count;
+    EXPECT_EQ(values.get_or<std::uint16_t>({0x2001, 0}, 0), count);
+    EXPECT_TRUE(has(0x2002, bytes(count, 2))) << count;
+  }
+}
+
 // A9.2, OD.1011: restore forgets a group; the present values stay until the next reset.
 TEST(ParameterStore, A9_2_OD_1011_RestoreForgetsAGroup) {
   Stored s;

@@ -34,13 +34,15 @@ class SignalMachine {
  public:
   /// Of the texts of the machine file and of the plant file, before they are read.
   using Change = std::function<void(std::string& machine, std::string& plant)>;
-  explicit SignalMachine(const Change& change = {}) {
+  explicit SignalMachine(const Change& change = {})
+      : SignalMachine(signals_file("machine.toml"), signals_file("plant.toml"), change) {}
+  SignalMachine(const std::string& machine_file, const std::string& plant_file, const Change& change = {}) {
     Findings findings;
-    auto machine_text = text::read_file(signals_file("machine.toml"), findings).value_or("");
-    auto plant_text = text::read_file(signals_file("plant.toml"), findings).value_or("");
+    auto machine_text = text::read_file(machine_file, findings).value_or("");
+    auto plant_text = text::read_file(plant_file, findings).value_or("");
     if (change) change(machine_text, plant_text);
-    auto read = design::read_machine(machine_text, signals_file("machine.toml"), design::eds_loader());
-    auto plant = plant::read_plant(plant_text, signals_file("plant.toml"));
+    auto read = design::read_machine(machine_text, machine_file, design::eds_loader());
+    auto plant = plant::read_plant(plant_text, plant_file);
     EXPECT_TRUE(read.machine && plant.plant) << lines_of(read.findings) << lines_of(plant.findings);
     if (!read.machine || !plant.plant) return;
     machine = std::move(*read.machine);

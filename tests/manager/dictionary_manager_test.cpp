@@ -262,6 +262,24 @@ TEST(DictionaryManager, RequestNmtForOneSlave) {
   EXPECT_EQ(rig.read<std::uint8_t>(0x1F82, master_id), od::refuse(AbortCode::no_sub_index)) << "has 1 to 8";
 }
 
+// Bits 2 and 3 of 1F81h count from the slave's next boot-up on, without one of the master's.
+TEST(DictionaryManager, ASlaveIsHeldBackAndLetIn) {
+  MasterRig rig;
+  rig.go();
+  EXPECT_EQ(rig.write<std::uint32_t>(0x1F81, 2, 0x01), AbortCode::none);
+  EXPECT_EQ(rig.stations[2]->state(), NmtState::operational) << "nothing is done to it";
+  EXPECT_EQ(rig.write<std::uint8_t>(0x1F82, 2, 7), AbortCode::none);
+  rig.world.run_for(3s);
+  EXPECT_EQ(rig.stations[2]->state(), NmtState::pre_operational);
+  EXPECT_EQ(rig.write<std::uint32_t>(0x1F81, 2, mandatory_slave), AbortCode::none);
+  rig.world.run_for(1s);
+  EXPECT_EQ(rig.stations[2]->state(), NmtState::pre_operational);
+  rig.frames.clear();
+  EXPECT_EQ(rig.write<std::uint8_t>(0x1F82, 2, 7), AbortCode::none);
+  EXPECT_TRUE(rig.world.run_until([&] { return rig.all_slaves(NmtState::operational); }, 3s));
+  EXPECT_EQ(rig.count("000#0103") + rig.count("701#00") + rig.count("703#00"), 0U) << "the others run on";
+}
+
 // 04h to all is for the master too; 84h is not.
 TEST(DictionaryManager, RequestNmtForAll) {
   MasterRig rig;
@@ -411,6 +429,42 @@ TEST(DictionaryManager, ACompressedDcfIsBroughtIntoItsSlave) {
   ASSERT_EQ(rig.write<std::uint8_t>(0x1F82, 1, 0x06), AbortCode::none);
   EXPECT_EQ(rig.limit(1), 43U);
   EXPECT_EQ(rig.stations[1]->state(), NmtState::operational);
+}
+
+// 1F25h of the master's own node-ID: what 1F22h has for that goes into its own dictionary, and out of 1F22h.
+TEST(DictionaryManager, ItsOwnConfiguration) {
+  od::DescriptionBuilder b;
+  device::add_device(b, {.name = "Master", .heartbeat_ms = 100});
+  add_manager_objects(b, {.most = master_id, .longest_concise = 200});
+  MasterRig rig(1, 3, {}, b.build());
+  rig.go();
+  const std::uint32_t conf = ConfigurationRequests::signature;
+  EXPECT_EQ(rig.write<std::uint32_t>(0x1F25, master_id, conf), AbortCode::not_stored) << "there is none";
+  const auto four = [](std::uint32_t value) {
+    std::vector<std::uint8_t> bytes(4);
+    store_le(bytes.data(), value);
+    return bytes;
+  };
+  eds::ConciseDcf list{{{{0x1F81, 9}, four(5)}, {{0x1F85, 9}, four(77)}, {{0x1F22, 9}, concise(6)}}};
+  EXPECT_EQ(rig.store(0x1F22, master_id, eds::encode(list)), AbortCode::none);
+  EXPECT_EQ(*rig.read<std::uint32_t>(0x1F85, 9), 0U) << "not before it is told to";
+  EXPECT_EQ(rig.write<std::uint32_t>(0x1F25, master_id, 1), AbortCode::not_stored) << "another signature";
+  EXPECT_EQ(rig.write<std::uint32_t>(0x1F25, master_id, conf), AbortCode::none);
+  EXPECT_EQ(*rig.read<std::uint32_t>(0x1F81, 9), 5U);
+  EXPECT_EQ(*rig.read<std::uint32_t>(0x1F85, 9), 77U);
+  const auto row = rig.master->device.values().bytes({0x1F22, 9});
+  EXPECT_EQ(std::vector<std::uint8_t>(row.begin(), row.end()), concise(6));
+  EXPECT_TRUE(rig.master->device.values().bytes({0x1F22, master_id}).empty());
+  EXPECT_TRUE(rig.all_slaves(NmtState::operational)) << "a list counts at the master's next boot-up";
+  // What refuses an entry is told, and nothing behind it is written.
+  list = {{{{0x1F85, 9}, four(78)}, {{0x1018, 1}, four(1)}, {{0x1F85, 10}, four(79)}}};
+  EXPECT_EQ(rig.store(0x1F22, master_id, eds::encode(list)), AbortCode::none);
+  EXPECT_EQ(rig.write<std::uint32_t>(0x1F25, master_id, conf), AbortCode::read_only);
+  EXPECT_EQ(*rig.read<std::uint32_t>(0x1F85, 9), 78U);
+  EXPECT_EQ(*rig.read<std::uint32_t>(0x1F85, 10), 0U);
+  list = {{{{0x1F25, master_id}, four(conf)}}};
+  EXPECT_EQ(rig.store(0x1F22, master_id, eds::encode(list)), AbortCode::none);
+  EXPECT_EQ(rig.write<std::uint32_t>(0x1F25, master_id, conf), AbortCode::general);
 }
 
 // 1F25h: "conf" configures a slave at once and leaves its NMT state; 80h all of them.
