@@ -52,7 +52,7 @@ void fail_with(Reply& reply, const Error& error, const std::string& where, const
   }
   if (error.node != 0 || error.index != 0) message += ": ";
   if (!path.empty() && error.code == Errc::unsupported)
-    message = fmt::format("{}: node {}: node {} on the way ", where, path, error.node);
+    message = fmt::format("{}: node {}: node {} on the way is ", where, path, error.node);
   if (error.code == Errc::aborted && error.index != 0) {
     const auto* const text = od::text(static_cast<od::AbortCode>(error.detail));
     e["abort_code"] = hex(error.detail);

@@ -143,6 +143,17 @@ std::optional<LinkEnd> end_by_path(const Machine& machine, string_view text) {
   return LinkEnd{slot->spec.name.name, std::string(text)};
 }
 
+// "3/5" of "3/5/Position"; empty: it does not begin with a path.
+std::string path_of(string_view text) {
+  std::string path;
+  for (auto slash = text.find('/'); slash != string_view::npos && path_step(text.substr(0, slash));
+       slash = text.find('/')) {
+    path += (path.empty() ? "" : "/") + std::string(text.substr(0, slash));
+    text.remove_prefix(slash + 1);
+  }
+  return path;
+}
+
 std::optional<LinkEnd> read_end(const Machine& machine, Table& table, string_view key, const std::string& text) {
   const auto slash = text.find('/');
   if (slash == std::string::npos || slash == 0 || slash + 1 == text.size()) {
@@ -153,6 +164,12 @@ std::optional<LinkEnd> read_end(const Machine& machine, Table& table, string_vie
   LinkEnd end{text.substr(0, slash), text.substr(slash + 1)};
   if (machine.slot(end.slot) != nullptr) return end;
   if (auto by_path = end_by_path(machine, text)) return by_path;
+  if (const auto path = path_of(text); path.find('/') != std::string::npos) {
+    table.error(key, fmt::format("no slot has the path {}", text::quoted(path)),
+                "a path begins at the bus that is beneath no gateway, and each node on it is the slot of one "
+                "(gateway = { bus, slot } of a [bus.NAME]); or name the slot");
+    return std::nullopt;
+  }
   std::vector<string_view> names;
   for (const auto& slot : machine.slots) names.push_back(slot.spec.name.name);
   const auto near = text::closest(end.slot, names);
@@ -361,9 +378,25 @@ class MachineReader {
     return true;
   }
 
+  // Which of two buses would a path mean?
+  void check_gateway_port(const Bus& bus) {
+    for (const auto& other : machine_.buses) {
+      if (&other == &bus) return;
+      const auto& theirs = other.gateway;
+      const bool same = theirs && theirs->bus == bus.gateway->bus && theirs->slot == bus.gateway->slot &&
+                        theirs->port == bus.gateway->port;
+      if (!same) continue;
+      return error_at(
+          bus.gateway_place, fmt::format("bus.{}.gateway.port", bus.name),
+          fmt::format("bus {} is beneath port {} of the same gateway", text::quoted(other.name), theirs->port),
+          "give the gateway's other port (1 to 8)");
+    }
+  }
+
   void check_gateway_slots() {
     for (const auto& bus : machine_.buses) {
       if (!bus.gateway || machine_.bus(bus.gateway->bus) == nullptr) continue;
+      check_gateway_port(bus);
       if (bus.gateway->node.configured() && machine_.slot(bus.name, bus.gateway->node) == nullptr) {
         error_at(bus.gateway_place, fmt::format("bus.{}.gateway.node", bus.name),
                  fmt::format("this bus has no slot with node-ID {}", bus.gateway->node.value()),

@@ -16,7 +16,7 @@ constexpr auto no_answer = static_cast<std::uint32_t>(od::AbortCode::timeout);
 constexpr auto no_data = static_cast<std::uint32_t>(od::AbortCode::no_data);
 constexpr const char* gateway_silent = "no answer of the gateway";
 constexpr const char* node_silent = "no answer beneath the gateway";
-constexpr const char* no_gateway = "is no gateway to that bus: it has no object for it (5F30h to 5F4Fh)";
+constexpr const char* no_gateway = "no gateway to that bus: it has no object for it (5F30h to 5F4Fh)";
 
 // Of an access that the gateway answers by itself. One that is beneath another is silent, too, when that one waits in
 // vain. What has none of the objects is another device.
@@ -28,6 +28,7 @@ Result<void> by_itself(Result<void> done) noexcept {
   if (error.code == Errc::timeout) error.text = gateway_silent;
   if (error.code == Errc::aborted && missing) {
     error.code = Errc::unsupported;
+    error.detail = 0;
     error.text = no_gateway;
   }
   return done;

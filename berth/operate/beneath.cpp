@@ -501,7 +501,8 @@ void Beneath::gateway_is_silent(const Error& error) {
     place.identified = false;
     if (place.now.state == SlotState::absent) continue;
     set_state(place, SlotState::absent,
-              fmt::format("gateway {} above does not answer: {}", last.gateway.value(), error.text));
+              fmt::format("gateway {} above does not {}: {}", last.gateway.value(),
+                          error.code == Errc::unsupported ? "reach this bus" : "answer", error.text));
   }
 }
 

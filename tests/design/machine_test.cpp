@@ -451,6 +451,19 @@ TEST(Machine, TheNodesOfGateways) {
     EXPECT_FALSE(result.machine);
     return result.findings.empty() ? "" : result.findings.front().message;
   };
+  const auto twins = read_machine(
+      top + low("gateway", "delay = \"1 ms\"") +
+          "[bus.twin]\nport = \"gateway\"\nbitrate = 10_000\ngateway = { bus = \"top\", slot = 3 }\n" + slots,
+      "m.toml", {});
+  ASSERT_FALSE(twins.machine);
+  EXPECT_EQ(to_string(twins.findings.front()),
+            "m.toml:13:11: error: bus.twin.gateway.port: bus \"low\" is beneath port 1 of the same gateway; give the "
+            "gateway's other port (1 to 8)");
+  const auto lost = read_machine(
+      top + low("gateway", "delay = \"1 ms\"") + slots + "[[link]]\nfrom = \"g/2000h\"\nto = [\"3/9/6000h\"]\n",
+      "m.toml", {});
+  ASSERT_FALSE(lost.machine);
+  EXPECT_EQ(lost.findings.front().message, "no slot has the path \"3/9\"");
   EXPECT_EQ(error("sim", "node = 6"), "this bus has no slot with node-ID 6");
   EXPECT_EQ(error("sim", "eds = \"x.eds\""), "Berth has a port on this bus: the gateway's own node is a slot there");
   EXPECT_EQ(error("gateway", "node = 5"), "without a port on this bus the gateway's own node is master_id");
