@@ -28,6 +28,8 @@ namespace berth::co {
 ///   meanwhile. What a stream does not have yet is answered when it has it (`complete`). Downloads are collected in the
 ///   buffer and written once, at the end; what does not fit is refused with 0504 0005. An object with an `od::Stream`
 ///   goes through the buffer, however long it is.
+/// - What the object dictionary refuses is its own to say: no such object or sub-index (0602 0000, 0609 0011) in
+///   `od::StoredValues::find`, access, length and range in `od::Values`.
 /// - Downloads without indicated size, segmented, block and expedited, are legal (HC1.S1, HC1.S3, HC1.S17).
 /// - Block: CRC is used, and offered, when the client can, too (HC1.S10). A block upload of an object not longer than
 ///   the client's protocol switch threshold is answered as a normal upload (HC1.S11). A lost segment is asked for

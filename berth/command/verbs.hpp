@@ -1,5 +1,5 @@
-/// The verbs: what a request can ask for, and what carries it out. `verbs` is the table of them all, for whoever offers
-/// them to a person or to another program.
+/// The verbs: what a request can ask for, and what carries it out. `verbs` is the table of them all, for the command
+/// line (its own table of verbs: apps/berth/main.cpp), the control socket and `serve`.
 ///
 /// Verbs and their arguments, all text as the person wrote it; numbers in C notation, `?` = may be left out. `bus` may
 /// be left out of all of them when the machine has one bus, and where a slot's name says it; `scan` and `bind` then
@@ -18,12 +18,17 @@
 ///     locate            bus?, target (slot, LSS address or node-ID), seconds? (1..600, default 10), anyway? ("1")
 ///     boot              bus?                                      not while the main job runs
 ///     configure         bus?, slot?, check? ("1": compare only)
+///     upload            bus?, slot, dcf? ("1": the whole DCF in the answer)    what its device has now: its 1F20h
 ///     sdo read          node, object (several: one a line), sub?, type? (u8 ... vs, see od::data_type; default: what
 ///                       the description says), block? ("1": by block transfer and by nothing else)
 ///     sdo write         the same, value (several objects: one a line; of an unknown type hex bytes: "91 01 0F"),
 ///                       anyway? ("1": also outside of the description's limits)
 ///     sdo probe         node, objects (hex: "1000:0,1018:0-4")    reads all; a device's refusal is told, no failure
 ///     sdo dump          node                                      every object that can be read
+///     sdo connect       client, server (nodes), lease? (s), request? (node-ID of the SDO manager that is asked by its
+///                       1F00h)                            a channel from client to server (CiA 302-5)
+///     sdo release       client, server, request?
+///     sdo channels      bus?
 ///     nmt               command (start stop preop reset-node reset-comm), node (or "all"), request? (node-ID of
 ///                       an NMT master that is asked for it by its 1F82h; nothing is sent to the node itself)
 ///     program status    node, number?         1F51h, 1F56h, 1F57h of its programs; status 1: one does not run

@@ -1,4 +1,5 @@
-// The machine file's grammar, key by key: docs/machine-file.md.
+// The machine file's grammar, key by key (docs/machine-file.md): [machine], [[slot]] and [[link]]; [bus.NAME] is
+// read_bus.cpp's.
 #include <fmt/format.h>
 
 #include <algorithm>

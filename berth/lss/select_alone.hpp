@@ -1,5 +1,8 @@
-/// One device in LSS configuration, and the proof that it is the only one: what every path shares that configures by
-/// LSS. Nothing sends 11h, 13h or 17h without it, except to all devices of a bus on purpose (a new bit rate).
+/// One device in LSS configuration, and the proof that it is the only one: what every path shares that gives a device
+/// something by LSS. Slots are given their node-IDs by `places::Binder`, loans and what a search finds by
+/// `configure_alone`. Without a proof go: what is meant for all in configuration (a new bit rate, `11 FF`), the
+/// procedures of papers and standards as published (`discovery = "fastscan"`), and single services that a person or a
+/// client of CiA 309 asks for by name.
 ///
 ///     auto alone = co_await lss::select_alone(master, device, options);
 ///     if (!alone) co_return fail(alone.error());            // the bus

@@ -16,7 +16,8 @@
 ///      which all begins at 2 again
 ///   7. expected configuration date, 8. configuration (J)
 ///   9. error control is started (K)
-/// The start of the slave (step 10) is the network's: `NetworkBoot`.
+/// The start of the slave (step 10) is the network's: `SlaveBoots` for one, `NetworkBoot` for all. `berth up` gives the
+/// steps itself (operate/starter.hpp; docs/boot-up.md).
 #pragma once
 
 #include <optional>

@@ -1,6 +1,7 @@
 /// Remote SDO of CiA 302-7, as far as public sources tell it (docs/multilevel.md §CiA 302-7): the client names network
 /// and node in an indication (command specifier 7), the router confirms it, and the transfer that follows on the same
-/// channel is handed on frame by frame.
+/// channel is handed on frame by frame. Paper 3's way, by objects of the gateway: `gateway_access.hpp` (client) and
+/// `sdo_gateway.hpp` (gateway).
 ///
 ///     E0 nn nn id 00 00 00 00    network-ID little-endian, node-ID; both ways (the layout is Berth's reading: no
 ///     public

@@ -1,5 +1,6 @@
 /// The engine of a signal gateway (paper 3 Figure 14; docs/multilevel.md §Signals): values of received PDOs become
-/// values of other objects on other buses, and those are sent as the TPDOs there say.
+/// values of other objects on other buses, and those are sent as the TPDOs there say. `routing.hpp` is its table; in a
+/// `GatewayDevice` `device_signals.hpp` drives it.
 ///
 ///     std::vector<SignalSide> sides{{&upper.values(), [&](ObjectRef ref) { upper.services().changed(ref); }},
 ///                                   {&lower.values(), [&](ObjectRef ref) { lower.services().changed(ref); },

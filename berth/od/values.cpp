@@ -21,7 +21,6 @@ Values::~Values() {
   for (const StreamBinding& each : streams_) each.stream->values_ = nullptr;
 }
 
-/// Where the values of the first object with this index or a higher one begin.
 Answer<std::span<const std::uint8_t>> Values::view(ObjectRef ref) const noexcept {
   const auto found = find(ref);
   if (!found) return refuse(found.error());

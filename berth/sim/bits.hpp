@@ -1,5 +1,6 @@
 /// One node bit by bit: the protocol controller's state machine (Bosch CAN 2.0; docs/protocols/can-frames.md §Fault
-/// confinement). Internal to `sim`: the bus uses it only while something is wrong.
+/// confinement). Internal to `sim`: the bus uses it only while something is wrong; else a frame's length is that of
+/// `can/length.hpp`.
 #pragma once
 
 #include <array>

@@ -1,5 +1,5 @@
 /// The nodes of one segment that have a frame to send, in the order in which they win arbitration, and how often each
-/// has lost it. Nodes are slots here. Internal to `sim`.
+/// has lost it; `Segment::arbitrate` decides by it. Nodes are slots here. Internal to `sim`.
 #pragma once
 
 #include <algorithm>
