@@ -248,7 +248,9 @@ beneath = ["boom port"]
   /// The list has these node-IDs for devices of product 3.
   void commission_for(const std::vector<std::uint8_t>& nodes) {
     world->sim().run_for(500ms);
-    for (const char* const name : {"own", "foreign"}) world->find(name)->device().apply(co::NmtCommand::stop);
+    for (const char* const name : {"own", "foreign"}) {
+      if (auto* const device = world->find(name)) device->device().apply(co::NmtCommand::stop);
+    }
     std::vector<Row> rows;
     for (const std::uint8_t node : nodes) {
       rows.push_back({{0x1F81, node}, 0x05});
@@ -259,6 +261,42 @@ beneath = ["boom port"]
     rows.push_back({{0x1F82, 1}, 6, 1});
     write(rows);
   }
+};
+
+// Two blank devices of one type.
+struct Equal : Silent {
+  static constexpr const char* devices = R"(
+[bus.backbone]
+bitrate = 250_000
+[bus.boom]
+bitrate = 125_000
+
+[[device]]
+name = "boom gateway"
+bus = "backbone"
+type = { vendor = 1, product = 1 }
+node_id = 3
+[[device]]
+name = "boom port"
+bus = "boom"
+type = { vendor = 1, product = 2 }
+node_id = 1
+master = { flying = false, most = 9 }
+[[device]]
+name = "low"
+bus = "boom"
+type = { vendor = 1, product = 3 }
+serial = 10
+[[device]]
+name = "high"
+bus = "boom"
+type = { vendor = 1, product = 3 }
+serial = 20
+
+[[gateway]]
+above = "boom gateway"
+beneath = ["boom port"]
+)";
 };
 
 }  // namespace
@@ -290,6 +328,33 @@ TEST_F(Silent, NorWhatADeviceOfAnotherTypeHas) {
   EXPECT_EQ(truth("blank").persistent, NodeId(6));
   EXPECT_EQ(truth("foreign").persistent, NodeId(5));
   EXPECT_TRUE(world->duplicates().empty());
+}
+
+// Of two of one type the one with the higher serial number is found first, as the other comes while the search is on.
+// Which one the search found first is the order in which it selects them (43h) before the first node-ID (11h).
+TEST_F(Equal, TheLowerSerialNumberGetsTheLowerNodeIdInWhateverOrderTheyAreFound) {
+  unsigned turned_round = 0;
+  for (auto later = 0ms; later < 3000ms; later += 20ms) {
+    build(devices);
+    Record beneath(*world->bus("boom"));
+    world->sim().run_for(500ms);
+    world->find("low")->unplug();
+    commission_for({4, 6});
+    world->sim().run_for(later);
+    world->find("low")->plug();
+    const auto both = [&] { return truth("low").persistent.configured() && truth("high").persistent.configured(); };
+    ASSERT_TRUE(world->sim().run_until(both, 30s)) << later.count();
+    const auto first = [&](std::string_view begin) {
+      const auto is = [&](const std::string& frame) { return frame.starts_with(begin); };
+      return std::ranges::find_if(beneath.text, is) - beneath.text.begin();
+    };
+    const auto low = first("7E5#430A"), high = first("7E5#4314"), given = first("7E5#11");
+    if (high > low || low > given) continue;
+    ++turned_round;
+    EXPECT_EQ(truth("low").persistent, NodeId(4)) << later.count();
+    EXPECT_EQ(truth("high").persistent, NodeId(6)) << later.count();
+  }
+  EXPECT_GT(turned_round, 0U);
 }
 
 // The master is gone in the middle of a search.
