@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "berth/od/notation.hpp"
+
 namespace berth::cli {
 namespace {
 
@@ -21,8 +23,6 @@ std::vector<std::string> gateways_of(const CrossingShown& shown) {
 
 }  // namespace
 
-std::string object_text(ObjectRef object) { return fmt::format("{:04X}h:{:02X}", object.index, object.sub); }
-
 bool CrossingShown::kept() const { return worst && (!crossing.deadline || *worst <= *crossing.deadline); }
 
 std::string CrossingShown::text() const {
@@ -30,16 +30,16 @@ std::string CrossingShown::text() const {
   const std::string judged =
       crossing.deadline ? fmt::format(", deadline {:g} ms {}", in_ms(*crossing.deadline), kept() ? "kept" : "MISSED")
                         : "";
-  return fmt::format("{}/{} -> {}/{} through {}: {}{}", network.nodes[crossing.from].name, object_text(crossing.source),
-                     network.nodes[crossing.to].name, object_text(crossing.target), fmt::join(gateways_of(*this), ", "),
-                     bound, judged);
+  return fmt::format("{}/{} -> {}/{} through {}: {}{}", network.nodes[crossing.from].name,
+                     od::write_object(crossing.source), network.nodes[crossing.to].name,
+                     od::write_object(crossing.target), fmt::join(gateways_of(*this), ", "), bound, judged);
 }
 
 Json CrossingShown::json() const {
   return {{"from", network.nodes[crossing.from].name},
-          {"source", object_text(crossing.source)},
+          {"source", od::write_object(crossing.source)},
           {"to", network.nodes[crossing.to].name},
-          {"target", object_text(crossing.target)},
+          {"target", od::write_object(crossing.target)},
           {"gateways", gateways_of(*this)},
           {"worst_ms", ms_or_null(worst)},
           {"deadline_ms", ms_or_null(crossing.deadline)},

@@ -9,9 +9,6 @@
 
 namespace berth::cli {
 
-/// "5F10h:01".
-[[nodiscard]] std::string object_text(ObjectRef object);
-
 struct CrossingShown {
   const linker::Network& network;
   const linker::CrossingLink& crossing;

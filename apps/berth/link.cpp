@@ -11,6 +11,7 @@
 #include "berth/command/link_network.hpp"
 #include "berth/linker/files.hpp"
 #include "berth/linker/plan_file.hpp"
+#include "berth/od/notation.hpp"
 #include "berth/text/columns.hpp"
 #include "berth/text/file.hpp"
 #include "crossing_words.hpp"
@@ -91,15 +92,15 @@ void print_wrapped(const std::string& line) {
 void print_links(const Network& network, const Plan& plan) {
   for (const auto& each : plan.variables) {
     print_wrapped(fmt::format("{}/{}: {} {}, {}, byte {} of the image", network.nodes[each.node].name, each.name,
-                              od::name(each.type), each.input ? "input" : "output", object_text(each.object),
+                              od::name(each.type), each.input ? "input" : "output", od::write_object(each.object),
                               each.offset));
   }
   for (const Pdo& pdo : plan.pdos) {
     for (const auto& receiver : pdo.receivers) {
       for (const auto& got : receiver.received) {
         const auto& from = pdo.carried[got.carried];
-        print_wrapped(fmt::format("{}/{} -> {}/{}", network.nodes[pdo.producer].name, object_text(from.object),
-                                  network.nodes[receiver.node].name, object_text(got.object)));
+        print_wrapped(fmt::format("{}/{} -> {}/{}", network.nodes[pdo.producer].name, od::write_object(from.object),
+                                  network.nodes[receiver.node].name, od::write_object(got.object)));
         print_line(pdo.mpdo ? fmt::format("  TPDO {} to RPDO {}, {:03X}h, MPDO", pdo.tpdo, receiver.rpdo, pdo.can_id)
                             : fmt::format("  TPDO {} to RPDO {}, {:03X}h, bits {} to {}", pdo.tpdo, receiver.rpdo,
                                           pdo.can_id, from.at, from.at + from.bits - 1));
@@ -115,8 +116,9 @@ void print_crossings(const Network& network, const Plan& plan, bool routes) {
     if (!routes) break;
     const auto side = [](std::uint8_t number) { return number == 0 ? "above" : fmt::format("port {}", number); };
     print_wrapped(fmt::format("{}: route {}, {} {} to {} {}, of {}/{}", network.nodes[each.node].name, each.row,
-                              side(each.from), object_text(each.source), side(each.to), object_text(each.target),
-                              network.nodes[each.producer].name, object_text(each.object)));
+                              side(each.from), od::write_object(each.source), side(each.to),
+                              od::write_object(each.target), network.nodes[each.producer].name,
+                              od::write_object(each.object)));
   }
 }
 
@@ -126,11 +128,11 @@ Json routes_json(const Network& network, const Plan& plan) {
     routes.push_back({{"gateway", network.nodes[each.node].name},
                       {"row", each.row},
                       {"from", each.from},
-                      {"source", object_text(each.source)},
+                      {"source", od::write_object(each.source)},
                       {"to", each.to},
-                      {"target", object_text(each.target)},
+                      {"target", od::write_object(each.target)},
                       {"producer", network.nodes[each.producer].name},
-                      {"object", object_text(each.object)},
+                      {"object", od::write_object(each.object)},
                       {"budget_ms", in_ms(each.budget)},
                       {"freshness_ms", each.freshness_ms}});
   }
@@ -140,16 +142,17 @@ Json routes_json(const Network& network, const Plan& plan) {
 Json json_of(const Network& network, const Pdo& pdo) {
   Json objects = Json::array();
   for (const auto& each : pdo.carried) {
-    objects.push_back({{"object", object_text(each.object)}, {"bits", each.bits}, {"at", each.at}});
+    objects.push_back({{"object", od::write_object(each.object)}, {"bits", each.bits}, {"at", each.at}});
   }
   Json receivers = Json::array();
   for (const auto& each : pdo.receivers) {
     Json mapping = Json::array();
     for (const auto& entry : each.mapping)
-      mapping.push_back({{"object", object_text(entry.object)}, {"bits", entry.bits}});
+      mapping.push_back({{"object", od::write_object(entry.object)}, {"bits", entry.bits}});
     Json received = Json::array();
     for (const auto& got : each.received) {
-      received.push_back({{"from", object_text(pdo.carried[got.carried].object)}, {"to", object_text(got.object)}});
+      received.push_back(
+          {{"from", od::write_object(pdo.carried[got.carried].object)}, {"to", od::write_object(got.object)}});
     }
     receivers.push_back({{"slot", network.nodes[each.node].name},
                          {"rpdo", each.rpdo},
@@ -179,7 +182,7 @@ Json json_of(const Network& network, const linker::Planned& planned) {
                          {"name", each.name},
                          {"type", od::name(each.type)},
                          {"direction", each.input ? "input" : "output"},
-                         {"object", object_text(each.object)},
+                         {"object", od::write_object(each.object)},
                          {"offset", each.offset}});
   }
   Json pdos = Json::array();

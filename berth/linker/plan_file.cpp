@@ -20,8 +20,6 @@ constexpr Limits pdo_numbers{1, 512};
 constexpr Limits base_ids{1, 0x7FF};
 constexpr Limits sides{0, 8};
 
-std::string object_text(ObjectRef object) { return fmt::format("{:04X}h:{:02X}", object.index, object.sub); }
-
 template <class Range, class Text>
 std::string joined(const Range& range, const Text& text) {
   std::string made;
@@ -117,16 +115,16 @@ std::string write(const Earlier& plan) {
       "format = {}\n",
       format_now);
   for (const EarlierVariable& each : plan.variables) {
-    text +=
-        fmt::format("\n[[variable]]\nslot = {}\nname = {}\ntype = {}\ndirection = {}\nobject = {}\n",
-                    berth::quoted(each.node), berth::quoted(each.name), berth::quoted(od::name(each.type)),
-                    berth::quoted(each.input ? directions[0] : directions[1]), berth::quoted(object_text(each.object)));
+    text += fmt::format("\n[[variable]]\nslot = {}\nname = {}\ntype = {}\ndirection = {}\nobject = {}\n",
+                        berth::quoted(each.node), berth::quoted(each.name), berth::quoted(od::name(each.type)),
+                        berth::quoted(each.input ? directions[0] : directions[1]),
+                        berth::quoted(od::write_object(each.object)));
   }
   for (const EarlierPdo& each : plan.pdos) {
-    text +=
-        fmt::format("\n[[pdo]]\nproducer = {}\ntpdo = {}\ncan_id = 0x{:03X}\n{}transmission = {}\nobjects = [{}]\n",
-                    berth::quoted(each.producer), each.tpdo, each.can_id, each.mpdo ? "mpdo = true\n" : "",
-                    each.transmission, joined(each.objects, [](ObjectRef o) { return berth::quoted(object_text(o)); }));
+    text += fmt::format("\n[[pdo]]\nproducer = {}\ntpdo = {}\ncan_id = 0x{:03X}\n{}transmission = {}\nobjects = [{}]\n",
+                        berth::quoted(each.producer), each.tpdo, each.can_id, each.mpdo ? "mpdo = true\n" : "",
+                        each.transmission,
+                        joined(each.objects, [](ObjectRef o) { return berth::quoted(od::write_object(o)); }));
     text += fmt::format("receivers = [{}]\nrpdos = [{}]\n",
                         joined(each.receivers, [](const auto& r) { return berth::quoted(r.first); }),
                         joined(each.receivers, [](const auto& r) { return std::to_string(r.second); }));
@@ -135,8 +133,9 @@ std::string write(const Earlier& plan) {
     text += fmt::format(
         "\n[[route]]\ngateway = {}\nrow = {}\nproducer = {}\nobject = {}\nfrom = {}\nsource = {}\nto = {}\ntarget = "
         "{}\n",
-        berth::quoted(each.gateway), each.row, berth::quoted(each.producer), berth::quoted(object_text(each.object)),
-        each.from, berth::quoted(object_text(each.source)), each.to, berth::quoted(object_text(each.target)));
+        berth::quoted(each.gateway), each.row, berth::quoted(each.producer),
+        berth::quoted(od::write_object(each.object)), each.from, berth::quoted(od::write_object(each.source)), each.to,
+        berth::quoted(od::write_object(each.target)));
   }
   return text;
 }

@@ -202,11 +202,8 @@ TEST_F(Boom, ANewDeviceDoesNotGetWhatBootsMeanwhile) {
 
 namespace {
 
-// Devices by RAND with node-IDs of their own, in the NMT state stopped and without a heartbeat: neither SDO nor error
-// control tells of them, LSS alone does.
-struct Silent : Boom {
-  Silent() { build(devices); }
-  static constexpr const char* devices = R"(
+// The rest of the plant is what the master beneath gives node-IDs to.
+constexpr const char* master_beneath = R"(
 [bus.backbone]
 bitrate = 250_000
 [bus.boom]
@@ -223,6 +220,16 @@ bus = "boom"
 type = { vendor = 1, product = 2 }
 node_id = 1
 master = { flying = false, most = 9 }
+[[gateway]]
+above = "boom gateway"
+beneath = ["boom port"]
+)";
+
+// Devices by RAND with node-IDs of their own, in the NMT state stopped and without a heartbeat: neither SDO nor error
+// control tells of them, LSS alone does.
+struct Silent : Boom {
+  Silent() { build(std::string(master_beneath) + devices); }
+  static constexpr const char* devices = R"(
 [[device]]
 name = "blank"
 bus = "boom"
@@ -240,10 +247,6 @@ bus = "boom"
 type = { vendor = 1, product = 7 }
 serial = 12
 node_id = 5
-
-[[gateway]]
-above = "boom gateway"
-beneath = ["boom port"]
 )";
   /// The list has these node-IDs for devices of product 3.
   void commission_for(const std::vector<std::uint8_t>& nodes) {
@@ -266,22 +269,6 @@ beneath = ["boom port"]
 // Two blank devices of one type.
 struct Equal : Silent {
   static constexpr const char* devices = R"(
-[bus.backbone]
-bitrate = 250_000
-[bus.boom]
-bitrate = 125_000
-
-[[device]]
-name = "boom gateway"
-bus = "backbone"
-type = { vendor = 1, product = 1 }
-node_id = 3
-[[device]]
-name = "boom port"
-bus = "boom"
-type = { vendor = 1, product = 2 }
-node_id = 1
-master = { flying = false, most = 9 }
 [[device]]
 name = "low"
 bus = "boom"
@@ -292,10 +279,6 @@ name = "high"
 bus = "boom"
 type = { vendor = 1, product = 3 }
 serial = 20
-
-[[gateway]]
-above = "boom gateway"
-beneath = ["boom port"]
 )";
 };
 
@@ -335,7 +318,7 @@ TEST_F(Silent, NorWhatADeviceOfAnotherTypeHas) {
 TEST_F(Equal, TheLowerSerialNumberGetsTheLowerNodeIdInWhateverOrderTheyAreFound) {
   unsigned turned_round = 0;
   for (auto later = 0ms; later < 3000ms; later += 20ms) {
-    build(devices);
+    build(std::string(master_beneath) + devices);
     Record beneath(*world->bus("boom"));
     world->sim().run_for(500ms);
     world->find("low")->unplug();
