@@ -41,6 +41,9 @@ class Listener {
  public:
   /// A frame that another node sent and that passed the filter; `at` is the end of the frame.
   virtual void received(const Frame& frame, rt::Time at) noexcept = 0;
+  /// True: the listener has put the frame by, to deal with it later, and `received` is not called. A simulated bus asks
+  /// from its own job, which saves one of each node: the listener must do nothing else, neither send nor call.
+  virtual bool put_by(const Frame& /*frame*/, rt::Time /*at*/) noexcept { return false; }
   /// The frame that was sent with this tag was acknowledged on the wire.
   virtual void sent(std::uint32_t tag, rt::Time at) noexcept = 0;
   /// Error state, bus-off, cable or interface changed. Not for each error: to count them, ask `Port::status`.

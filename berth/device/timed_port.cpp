@@ -68,13 +68,24 @@ void TimedPort::received(const can::Frame& frame, rt::Time at) noexcept {
     listener_->received(frame, at);
     return;
   }
+  queue(frame, at, latency);
+}
+
+bool TimedPort::put_by(const can::Frame& frame, rt::Time at) noexcept {
+  const bool waits = timing_->in_world(timing_->response_min) > rt::Duration::zero() && extra_ >= rt::Duration::zero();
+  if (!waits || timing_->outlier_per_million != 0) return false;  // it may be the device's turn at once
+  received(frame, at);
+  return true;
+}
+
+void TimedPort::queue(const can::Frame& frame, rt::Time at, rt::Duration latency) noexcept {
   if (count_ == buffer_.size() && !make_room()) {
     ++lost_;
     return;
   }
   auto due = executor_->now() + latency;
-  if (count_ > 0) due = std::max(due, buffer_[(first_ + count_ - 1) % buffer_.size()].due);
-  buffer_[(first_ + count_) % buffer_.size()] = {due, at, can::PackedFrame(frame)};
+  if (count_ > 0) due = std::max(due, waiting(count_ - 1).due);
+  waiting(count_) = {due, at, can::PackedFrame(frame)};
   if (count_++ == 0) executor_->at(due, *this);
 }
 
@@ -82,7 +93,7 @@ bool TimedPort::make_room() noexcept {
   const auto depth = std::max<std::size_t>(1, timing_->rx_depth);
   if (buffer_.size() >= depth) return false;
   std::vector<Waiting> larger(std::min(depth, buffer_.size() * 2));
-  for (std::size_t i = 0; i < count_; ++i) larger[i] = buffer_[(first_ + i) % buffer_.size()];
+  for (std::size_t i = 0; i < count_; ++i) larger[i] = waiting(i);
   buffer_.swap(larger);
   first_ = 0;
   return true;
@@ -91,7 +102,7 @@ bool TimedPort::make_room() noexcept {
 void TimedPort::run() noexcept {
   if (count_ == 0) return;
   const Waiting w = buffer_[first_];
-  first_ = (first_ + 1) % buffer_.size();
+  if (++first_ == buffer_.size()) first_ = 0;
   if (--count_ > 0) executor_->at(buffer_[first_].due, *this);
   if (listener_ == nullptr) return;
   ++delivered_;

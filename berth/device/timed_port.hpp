@@ -52,11 +52,18 @@ class TimedPort final : public can::Port, private can::Listener, private rt::Job
     can::PackedFrame frame;
   };
   void received(const can::Frame& frame, rt::Time at) noexcept override;
+  bool put_by(const can::Frame& frame, rt::Time at) noexcept override;
   void sent(std::uint32_t tag, rt::Time at) noexcept override;
   void changed(const can::Status& status, rt::Time at) noexcept override;
   void run() noexcept override;
   [[nodiscard]] rt::Duration draw() noexcept;
+  void queue(const can::Frame& frame, rt::Time at, rt::Duration latency) noexcept;
   [[nodiscard]] bool make_room() noexcept;
+  /// The place of the `i`th that waits, or of the next one.
+  [[nodiscard]] Waiting& waiting(std::size_t i) noexcept {
+    const std::size_t place = first_ + i;
+    return buffer_[place < buffer_.size() ? place : place - buffer_.size()];
+  }
 
   rt::Executor* executor_;
   can::Port* port_;
@@ -64,12 +71,12 @@ class TimedPort final : public can::Port, private can::Listener, private rt::Job
   can::Listener* listener_ = nullptr;
   Random random_;
   std::vector<Waiting> buffer_;  // ring; grows to the depth of the receive buffer when so much waits
-  std::size_t first_ = 0;
-  std::size_t count_ = 0;
-  rt::Duration extra_{0};
-  std::uint64_t lost_ = 0;
-  std::uint64_t delivered_ = 0;
+  std::uint32_t first_ = 0;
+  std::uint32_t count_ = 0;
   std::uint8_t deaf_ = 0;
+  rt::Duration extra_{0};
+  std::uint64_t delivered_ = 0;
+  std::uint64_t lost_ = 0;
 };
 
 }  // namespace berth::device

@@ -27,7 +27,7 @@ void HostQueue::keep_fd(const can::Frame& frame) { fd_received_.push_back(frame)
 
 void HostQueue::receive_fd(rt::Time at) noexcept {
   const can::Frame frame = fd_received_.front();
-  fd_received_.pop_front();
+  fd_received_.erase(fd_received_.begin());
   listener_->received(frame, at);
 }
 

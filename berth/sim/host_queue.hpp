@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <vector>
 
 #include "berth/can/packed_frame.hpp"
@@ -11,7 +10,8 @@
 
 namespace berth::sim {
 
-/// Each call of the `Listener` comes in a job of its own; the host needs `rx_service` for each received frame.
+/// Each call of the `Listener` comes in a job of its own, but for a frame that it puts by; the host needs `rx_service`
+/// for each received frame.
 class HostQueue final : private rt::Job {
  public:
   /// `port`: asked for its status when the host is told that it changed. `rx_depth`: received frames that can wait, at
@@ -27,6 +27,7 @@ class HostQueue final : private rt::Job {
   /// False: the receive buffer loses it. Only while `listened`.
   [[nodiscard]] bool received(const can::Frame& frame, rt::Time at) noexcept {
     if (deaf_ || rx_waiting_ >= rx_depth_) return false;
+    if (count_ == 0 && rx_service_.count() == 0 && listener_->put_by(frame, at)) return true;
     ++rx_waiting_;
     push(What::received, at).frame = can::PackedFrame(frame);
     if (frame.fd) [[unlikely]]
@@ -80,7 +81,7 @@ class HostQueue final : private rt::Job {
   std::vector<Event> events_;  // ring, its size a power of two
   std::size_t first_ = 0;
   std::size_t count_ = 0;
-  std::deque<can::Frame> fd_received_;  // the FD frames among events_
+  std::vector<can::Frame> fd_received_;  // the FD frames among events_
 };
 
 }  // namespace berth::sim

@@ -374,6 +374,71 @@ TEST(HostQueue, TellsTagsInOrderAndForgetsForAnotherListener) {
   EXPECT_EQ(host.tags.size(), 2U);
 }
 
+// Puts a frame by as long as it may.
+struct PuttingHost final : can::Port, can::Listener {
+  can::Queued send(const can::Frame&, std::uint32_t) noexcept override { return can::Queued::closed; }
+  void withdraw(std::uint32_t) noexcept override {}
+  void listen(can::Listener*, std::span<const can::IdRange>) noexcept override {}
+  [[nodiscard]] can::Status status() const noexcept override { return {}; }
+  bool restart(std::uint32_t) noexcept override { return false; }
+  bool put_by(const can::Frame& frame, rt::Time) noexcept override {
+    if (puts) heard.push_back(frame.id);
+    return puts;
+  }
+  void received(const can::Frame& frame, rt::Time) noexcept override { heard.push_back(frame.id); }
+  void sent(std::uint32_t tag, rt::Time) noexcept override { heard.push_back(tag); }
+  void changed(const can::Status&, rt::Time) noexcept override {}
+
+  rt::Executor executor;
+  bool puts = true;
+  std::vector<std::uint32_t> heard;  // identifiers and tags
+};
+
+TEST(HostQueue, AFrameThatIsPutByNeedsNoJobAndTakesNoRoom) {
+  PuttingHost host;
+  HostQueue queue(host.executor, host, 1, 0us);
+  queue.listen(&host);
+  for (const std::uint32_t id : {0x101U, 0x102U, 0x103U}) {
+    EXPECT_TRUE(queue.received(can::Frame::base(id, {}), at(0us)));
+  }
+  EXPECT_EQ(host.heard, (std::vector<std::uint32_t>{0x101, 0x102, 0x103}));
+  host.executor.advance(at(1us));
+  EXPECT_EQ(host.heard.size(), 3U) << "none comes twice";
+  EXPECT_EQ(host.executor.jobs_run(), 0U);
+}
+
+TEST(HostQueue, WhatWaitsIsNotOvertakenByAFrameThatCouldBePutBy) {
+  PuttingHost host;
+  HostQueue queue(host.executor, host, 4, 0us);
+  queue.listen(&host);
+  host.puts = false;
+  EXPECT_TRUE(queue.received(can::Frame::base(0x101, {}), at(0us)));
+  host.puts = true;
+  EXPECT_TRUE(queue.received(can::Frame::base(0x102, {}), at(0us)));
+  host.executor.advance(at(0us));
+  EXPECT_EQ(host.heard, (std::vector<std::uint32_t>{0x101, 0x102}));
+  queue.sent(7, at(1us));
+  EXPECT_TRUE(queue.received(can::Frame::base(0x103, {}), at(1us)));
+  host.executor.advance(at(1us));
+  EXPECT_EQ(host.heard, (std::vector<std::uint32_t>{0x101, 0x102, 7, 0x103}));
+}
+
+TEST(HostQueue, ASlowOrDeafHostPutsNothingBy) {
+  PuttingHost host;
+  HostQueue queue(host.executor, host, 1, 10us);
+  queue.listen(&host);
+  EXPECT_TRUE(queue.received(can::Frame::base(0x101, {}), at(0us)));
+  EXPECT_TRUE(host.heard.empty());
+  EXPECT_FALSE(queue.received(can::Frame::base(0x102, {}), at(0us)));
+  host.executor.advance(at(10us));
+  EXPECT_EQ(host.heard, (std::vector<std::uint32_t>{0x101}));
+  HostQueue deaf(host.executor, host, 1, 0us);
+  deaf.listen(&host);
+  deaf.deaf(true);
+  EXPECT_FALSE(deaf.received(can::Frame::base(0x103, {}), at(10us)));
+  EXPECT_EQ(host.heard.size(), 1U);
+}
+
 TEST(SegmentNodes, AGoodFrameCountsForItsSenderAndItsReceivers) {
   Host host;
   const auto node = [&](int number) {
