@@ -7,6 +7,8 @@
 
 #include "ask.hpp"
 #include "berth/command/control.hpp"
+#include "berth/operate/report.hpp"
+#include "berth/text/printable.hpp"
 #include "drive.hpp"
 #include "machine_file.hpp"
 #include "ports.hpp"
@@ -79,7 +81,9 @@ void print_outcome(Rig& rig, const Options& options, const std::vector<Recorded>
   if (options.dry_run) {
     print_dry_run(sent, nullptr, options.json);
   } else if (options.json) {
-    print_line(operate::to_json(rig.session().report(), options.events ? -1 : 2));
+    operate::write_json(rig.session().report(), options.events ? -1 : 2,
+                        [](std::string_view piece) { write_text(text::printable(piece)); });
+    print_line("");
   } else if (table) {
     print_line("");
     print_lines(operate::to_table(rig.session().slots()));

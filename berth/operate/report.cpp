@@ -6,6 +6,8 @@
 #include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <ranges>
+#include <utility>
 
 #include "berth/base/words.hpp"
 #include "berth/text/columns.hpp"
@@ -116,17 +118,88 @@ std::string MasterReport::text() const {
                      active->priority, here ? ", this Berth" : "");
 }
 
+namespace {
+
+/// A JSON object written piece by piece, as `nlohmann::ordered_json::dump` would write it whole.
+class Pieces {
+ public:
+  Pieces(int indent, const JsonSink& out) : indent_(indent), out_(out) {}
+
+  void add(const char* name, const Json& value) {
+    begin(name);
+    put(value, 1);
+  }
+  template <class Items>
+  void add_list(const char* name, const Items& items) {
+    begin(name);
+    text_ += '[';
+    const char* separator = "";
+    for (const auto& item : items) {
+      text_ += std::exchange(separator, ",");
+      new_line(2);
+      put(json_of(item), 2);
+      if (text_.size() >= usual_size) give();
+    }
+    if (!std::ranges::empty(items)) new_line(1);
+    text_ += ']';
+  }
+  void end() {
+    new_line(0);
+    text_ += '}';
+    give();
+  }
+
+ private:
+  static constexpr std::size_t usual_size = 64 * 1024;
+
+  void begin(const char* name) {
+    text_ += std::exchange(separator_, ',');
+    new_line(1);
+    text_ += fmt::format("\"{}\":{}", name, indent_ < 0 ? "" : " ");
+  }
+  void new_line(int depth) {
+    if (indent_ < 0) return;
+    text_ += '\n';
+    text_.append(static_cast<std::size_t>(depth * indent_), ' ');
+  }
+  void put(const Json& value, int depth) {
+    for (const char c : dump(value, indent_)) {  // no line breaks but those of the indentation
+      if (c == '\n') {
+        new_line(depth);
+      } else {
+        text_ += c;
+      }
+    }
+  }
+  void give() {
+    out_(text_);
+    text_.clear();
+  }
+
+  int indent_;
+  const JsonSink& out_;
+  std::string text_;
+  char separator_ = '{';
+};
+
+}  // namespace
+
+void write_json(const Report& report, int indent, const JsonSink& out) {
+  Pieces pieces(indent, out);
+  pieces.add_list("slots", report.slots);
+  Json times = Json::object();
+  for (const auto& [bus, time] : report.bus_time_s) times[bus] = time;
+  pieces.add("bus_time_s", times);
+  pieces.add_list("events", report.events);
+  if (!report.questions.empty()) pieces.add_list("questions", report.questions);
+  if (!report.masters.empty()) pieces.add_list("masters", report.masters);
+  pieces.end();
+}
+
 std::string to_json(const Report& report, int indent) {
-  Json j;
-  j["slots"] = Json::array();
-  for (const auto& s : report.slots) j["slots"].push_back(json_of(s));
-  j["bus_time_s"] = Json::object();
-  for (const auto& [bus, time] : report.bus_time_s) j["bus_time_s"][bus] = time;
-  j["events"] = Json::array();
-  for (const auto& e : report.events) j["events"].push_back(json_of(e));
-  for (const auto& q : report.questions) j["questions"].push_back(json_of(q));
-  for (const auto& m : report.masters) j["masters"].push_back(json_of(m));
-  return dump(j, indent);
+  std::string text;
+  write_json(report, indent, [&text](std::string_view piece) { text += piece; });
+  return text;
 }
 
 std::string to_json(const Event& event) { return dump(json_of(event), -1); }

@@ -6,6 +6,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "berth/base/ids.hpp"
@@ -114,6 +115,10 @@ struct Report {
 /// and "masters": `[{"bus", "node", "priority", "here"}]`, the active NMT master (`node` null: not agreed) of each bus
 /// that has several.
 [[nodiscard]] std::string to_json(const Report& report, int indent = 2);
+/// The same in pieces of some 64 KiB, one after the other: of thousands of devices the whole text, and what it is made
+/// from, would take more memory than the devices.
+using JsonSink = std::function<void(std::string_view piece)>;
+void write_json(const Report& report, int indent, const JsonSink& out);
 /// One line of JSON, for streams.
 [[nodiscard]] std::string to_json(const Event& event);
 [[nodiscard]] std::string to_json(const SlotReport& slot);
