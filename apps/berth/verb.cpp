@@ -18,83 +18,91 @@ namespace berth::cli {
 // ---- Word ----
 
 Word& Word::required() {
-  option_->required();
+  if (option_ != nullptr) option_->required();
   return *this;
 }
 
 Word& Word::shown(const std::string& value) {
-  option_->option_text(value);
+  if (option_ != nullptr) option_->option_text(value);
   return *this;
 }
 
 Word& Word::one_of(const std::vector<std::string>& words) {
-  option_->check(CLI::IsMember(words));
+  if (option_ != nullptr) option_->check(CLI::IsMember(words));
   return *this;
 }
 
 Word& Word::one_of(const std::vector<std::uint32_t>& numbers) {
-  option_->check(CLI::IsMember(numbers));
+  if (option_ != nullptr) option_->check(CLI::IsMember(numbers));
   return *this;
 }
 
 Word& Word::from_to(std::uint32_t low, std::uint32_t high) {
-  option_->check(CLI::Range(low, high));
+  if (option_ != nullptr) option_->check(CLI::Range(low, high));
   return *this;
 }
 
 Word& Word::values(int least, int most) {
-  option_->expected(least, most);
+  if (option_ != nullptr) option_->expected(least, most);
   return *this;
 }
 
 Word& Word::one_each() {
-  option_->allow_extra_args(false);
+  if (option_ != nullptr) option_->allow_extra_args(false);
   return *this;
 }
 
 Word& Word::separated_by(char delimiter) {
-  option_->delimiter(delimiter);
+  if (option_ != nullptr) option_->delimiter(delimiter);
   return *this;
 }
 
 Word& Word::excludes(const Word& other) {
-  option_->excludes(other.option_);
+  if (option_ != nullptr) option_->excludes(other.option_);
   return *this;
 }
 
 // ---- Verb ----
 
+Verb Verb::sub(const std::string& name, CLI::App* made) const {
+  return {std::ranges::find(*written_, name) == written_->end() ? nullptr : made, *this};
+}
+
 Verb Verb::add(const std::string& name, const std::string& help, Action does) const {
-  CLI::App* const sub = app_->add_subcommand(name, help);
-  sub->callback([action = action_, does = std::move(does)] { *action = does; });
-  return {*sub, *action_};
+  if (app_ == nullptr) return *this;
+  CLI::App* const made = app_->add_subcommand(name, help);
+  made->callback([action = action_, does = std::move(does)] { *action = does; });
+  return sub(name, made);
 }
 
 Verb Verb::group(const std::string& name, const std::string& help) const {
-  CLI::App* const sub = app_->add_subcommand(name, help);
-  sub->require_subcommand(1);
-  return {*sub, *action_};
+  if (app_ == nullptr) return *this;
+  CLI::App* const made = app_->add_subcommand(name, help);
+  made->require_subcommand(1);
+  return sub(name, made);
 }
 
-void Verb::footer(const std::string& text) const { app_->footer(text); }
+void Verb::footer(const std::string& text) const {
+  if (app_ != nullptr) app_->footer(text);
+}
 
 Word Verb::word(const std::string& names, std::string& into, const std::string& help) const {
-  return Word(*app_->add_option(names, into, help));
+  return Word(app_ == nullptr ? nullptr : app_->add_option(names, into, help));
 }
 Word Verb::word(const std::string& names, std::vector<std::string>& into, const std::string& help) const {
-  return Word(*app_->add_option(names, into, help));
+  return Word(app_ == nullptr ? nullptr : app_->add_option(names, into, help));
 }
 Word Verb::word(const std::string& names, std::vector<unsigned>& into, const std::string& help) const {
-  return Word(*app_->add_option(names, into, help));
+  return Word(app_ == nullptr ? nullptr : app_->add_option(names, into, help));
 }
 Word Verb::word(const std::string& names, int& into, const std::string& help) const {
-  return Word(*app_->add_option(names, into, help));
+  return Word(app_ == nullptr ? nullptr : app_->add_option(names, into, help));
 }
 Word Verb::word(const std::string& names, unsigned& into, const std::string& help) const {
-  return Word(*app_->add_option(names, into, help));
+  return Word(app_ == nullptr ? nullptr : app_->add_option(names, into, help));
 }
 Word Verb::word(const std::string& names, std::optional<unsigned>& into, const std::string& help) const {
-  return Word(*app_->add_option(names, into, help));
+  return Word(app_ == nullptr ? nullptr : app_->add_option(names, into, help));
 }
 
 // CLI11 takes "-3" for a very large number.
@@ -103,25 +111,28 @@ Word Verb::seed(const std::string& names, std::optional<std::uint64_t>& into, co
     return text.empty() || text.front() == '-' ? fmt::format("\"{}\" is no seed; write a number from 0", text)
                                                : std::string();
   };
-  return Word(*app_->add_option(names, into, help)->check(CLI::Validator(is_seed, "NUMBER")));
+  return Word(app_ == nullptr ? nullptr
+                              : app_->add_option(names, into, help)->check(CLI::Validator(is_seed, "NUMBER")));
 }
 
 Word Verb::word(const std::string& names, const std::function<void(const std::string&)>& take,
                 const std::string& help) const {
-  return Word(*app_->add_option_function<std::string>(names, take, help));
+  return Word(app_ == nullptr ? nullptr : app_->add_option_function<std::string>(names, take, help));
 }
 
 // The check takes the value: one that is wrong is then told as every wrong value is.
 Word Verb::read(const std::string& names, const std::string& kind, const Read& read, const std::string& help) const {
+  if (app_ == nullptr) return Word(nullptr);
   const auto nothing = [](const std::string&) {};
-  return Word(*app_->add_option_function<std::string>(names, nothing, help)->check(CLI::Validator(read, kind)));
+  return Word(app_->add_option_function<std::string>(names, nothing, help)->check(CLI::Validator(read, kind)));
 }
 
 Word Verb::read_each(const std::string& names, const std::string& kind, const Read& read,
                      const std::string& help) const {
+  if (app_ == nullptr) return Word(nullptr);
   const auto nothing = [](const std::vector<std::string>&) {};
   return Word(
-      *app_->add_option_function<std::vector<std::string>>(names, nothing, help)->check(CLI::Validator(read, kind)));
+      app_->add_option_function<std::vector<std::string>>(names, nothing, help)->check(CLI::Validator(read, kind)));
 }
 
 Word Verb::time(const std::string& names, const std::function<void(std::chrono::nanoseconds)>& take,
@@ -148,16 +159,17 @@ Word Verb::time(const std::string& names, std::chrono::nanoseconds& into, const 
 }
 
 Word Verb::flag(const std::string& names, bool& into, const std::string& help) const {
-  return Word(*app_->add_flag(names, into, help));
+  return Word(app_ == nullptr ? nullptr : app_->add_flag(names, into, help));
 }
 
 Word Verb::flag(const std::string& names, const std::function<void()>& take, const std::string& help) const {
-  return Word(*app_->add_flag_callback(names, take, help));
+  return Word(app_ == nullptr ? nullptr : app_->add_flag_callback(names, take, help));
 }
 
 void Verb::exactly_one(const std::function<void(const Verb&)>& add) const {
+  if (app_ == nullptr) return add(*this);
   auto* const these = app_->add_option_group("how");
-  add(Verb(*these, *action_));
+  add(Verb(these, *this));
   these->require_option(1);
 }
 
@@ -310,7 +322,8 @@ int run_command_line(int argc, char** argv, const std::vector<AddVerb>& verbs) {
       "Exit status: 0 done, 1 the answer is no, 2 wrong usage or an unreadable file,\n3 the bus or a file failed.");
   Options options;
   Verb::Action action;
-  Verb berth(app, action);
+  const std::vector<std::string> written(argv, argv + argc);
+  Verb berth(app, action, written);
   for (const auto add : verbs) add(berth, options);
   // `berth help sdo read` is `berth sdo read --help`.
   std::vector<char*> given(argv, argv + argc);

@@ -8,7 +8,8 @@
 ///     }
 ///
 /// What a word is read into must live as long as the action: the action holds it. CLI11 is behind this, in verb.cpp
-/// alone, because it takes long to compile.
+/// alone, because it takes long to compile. A verb that is nowhere on the command line is known by its name and help
+/// only; to make the words of all of them would take most of the time that a short command takes.
 #pragma once
 
 #include <chrono>
@@ -31,7 +32,8 @@ struct Options;
 /// One word, option or flag behind a verb: what is required of it.
 class Word {
  public:
-  explicit Word(CLI::Option& option) noexcept : option_(&option) {}
+  /// Null: of a verb that is not on the command line; nothing is required of it.
+  explicit Word(CLI::Option* option) noexcept : option_(option) {}
 
   Word& required();
   /// What the help shows in place of its value.
@@ -56,8 +58,10 @@ class Verb {
   /// Reads a value; what is wrong with it, empty when it is good.
   using Read = std::function<std::string(const std::string&)>;
 
-  /// `action` becomes what the verb that is written does.
-  Verb(CLI::App& app, Action& action) noexcept : app_(&app), action_(&action) {}
+  /// `action` becomes what the verb that is written does; `written`: the words of the command line. Both, and `app`,
+  /// outlive it.
+  Verb(CLI::App& app, Action& action, const std::vector<std::string>& written) noexcept
+      : app_(&app), action_(&action), written_(&written) {}
 
   Verb add(const std::string& name, const std::string& help, Action does) const;
   /// A word before verbs: `berth lss`. One of its verbs must be written.
@@ -92,8 +96,12 @@ class Verb {
  private:
   Word time(const std::string& names, const std::function<void(std::chrono::nanoseconds)>& take,
             const std::string& help) const;
-  CLI::App* app_;
+  Verb(CLI::App* app, const Verb& parent) noexcept : app_(app), action_(parent.action_), written_(parent.written_) {}
+  [[nodiscard]] Verb sub(const std::string& name, CLI::App* made) const;
+
+  CLI::App* app_;  // null: it is not on the command line, and its words are not made
   Action* action_;
+  const std::vector<std::string>* written_;
 };
 
 /// Adds what it knows to `berth`; `options` lives as long as the command line.
