@@ -1,4 +1,5 @@
-/// What the parts of the machine file's reader share (read_machine.cpp, read_bus.cpp). Inside of room `design`.
+/// What the parts of the machine file's reader share (read_machine.cpp, read_bus.cpp, read_link.cpp). Inside of room
+/// `design`.
 #pragma once
 
 #include <array>
@@ -21,6 +22,8 @@ void read_word(text::Table& table, std::string_view key, const std::array<std::s
 void read_timing(text::Table& parent, Timing& timing);
 /// One `[bus.NAME]`; its timing begins with `timing`.
 [[nodiscard]] Bus read_bus(const std::string& name, text::Table& table, const Timing& timing);
+/// One `[[link]]`; its ends are slots of `machine`, which has them already.
+[[nodiscard]] Link read_link(const Machine& machine, text::Table& table);
 /// Those that Berth reaches through gateways alone become `beneath`, each above those beneath it.
 void part_buses(Machine& machine);
 
