@@ -37,8 +37,6 @@ Described describe_file(const std::string& name) {
 
 Failure unusable(const Described& file) { return failure(file.reading.findings); }
 
-std::string ref_text(ObjectRef ref) { return fmt::format("{:04X}h:{:02X}", ref.index, ref.sub); }
-
 namespace {
 
 std::string json_text(const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace); }
@@ -387,7 +385,7 @@ void print_detail(const eds::File& file, const od::Object& object, std::optional
   for (const od::SubObject& sub : file.description->subs(object)) {
     if (only && sub.sub != *only) continue;
     const Row row = row_of(file, object.index, sub);
-    print_line(fmt::format("  {}  {}", ref_text(row.ref), row.name));
+    print_line(fmt::format("  {}  {}", od::write_object(row.ref), row.name));
     const auto fact = [](const char* what, const std::string& text) {
       if (!text.empty()) print_line(fmt::format("    {:<12}{}", what, text));
     };

@@ -44,7 +44,4 @@ struct Described {
 /// Why it cannot be used, with all its errors; status 2.
 [[nodiscard]] Failure unusable(const Described& file);
 
-/// "1018h:01".
-[[nodiscard]] std::string ref_text(ObjectRef ref);
-
 }  // namespace berth::cli

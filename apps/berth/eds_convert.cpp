@@ -15,6 +15,7 @@
 #include "berth/eds/dcf.hpp"
 #include "berth/eds/write.hpp"
 #include "berth/eds/xdd.hpp"
+#include "berth/od/notation.hpp"
 #include "berth/text/file.hpp"
 #include "berth/text/printable.hpp"
 #include "berth/text/quantity.hpp"
@@ -104,7 +105,7 @@ tl::unexpected<Failure> wrong(int status, const std::string& message) {
 
 std::string where(const Error& error) {
   const std::string object =
-      error.index != 0 ? fmt::format("object {}: ", ref_text({error.index, error.sub})) : std::string();
+      error.index != 0 ? fmt::format("object {}: ", od::write_object({error.index, error.sub})) : std::string();
   return object + error.text;
 }
 

@@ -15,6 +15,7 @@
 #include "berth/decode/say_parts.hpp"
 #include "berth/decode/standard_objects.hpp"
 #include "berth/od/abort_code.hpp"
+#include "berth/od/notation.hpp"
 
 namespace berth::decode {
 namespace {
@@ -22,8 +23,6 @@ namespace {
 constexpr unsigned most_pdos = 512;
 constexpr std::uint8_t mpdo_destination = 255;
 constexpr std::uint8_t mpdo_source = 254;
-
-std::string object_text(ObjectRef ref) { return fmt::format("{:04X}h:{:02X}", ref.index, ref.sub); }
 
 bool printable(std::span<const std::uint8_t> bytes) noexcept {
   return std::all_of(bytes.begin(), bytes.end(), [](std::uint8_t b) { return b >= ' ' && b < 0x7F; });
@@ -241,7 +240,7 @@ void Decoder::add_pdo(Bus& bus, Node& node, std::uint8_t id, bool transmit, unsi
       signal.bits = entry.bits;
       signal.dummy = entry.object.index < 0x20;
       signal.label = object_name(values.description(), entry.object);
-      if (signal.label.empty()) signal.label = object_text(entry.object);
+      if (signal.label.empty()) signal.label = od::write_object(entry.object);
       signal.name_size = signal.label.size();
       signal.label += " = ";
       const auto* const described = values.description().find(entry.object);
@@ -384,7 +383,7 @@ void Decoder::pdo(const Bus& bus, unsigned index, const can::Frame& frame) {
     } else {
       const ObjectRef object{load_le<std::uint16_t>(frame.data.data() + 1), frame.data[3]};
       say(words_, ": MPDO {} node {}, {}, {:02X} {:02X} {:02X} {:02X}", (frame.data[0] & 0x80U) != 0 ? "to" : "from",
-          frame.data[0] & 0x7FU, object_text(object), frame.data[4], frame.data[5], frame.data[6], frame.data[7]);
+          frame.data[0] & 0x7FU, od::write_object(object), frame.data[4], frame.data[5], frame.data[6], frame.data[7]);
     }
   } else {
     signals(pdo, frame);
@@ -450,7 +449,7 @@ void Decoder::sdo_frame(const Bus& bus, const Channel& channel, bool request) {
     if (name.empty()) name = standard_object(object).name;
     if (!name.empty()) say(words_, " {}", name);
     if (options_.fields) {
-      field(Field::Kind::text, "object", object_text(object));
+      field(Field::Kind::text, "object", od::write_object(object));
       if (!name.empty()) field(Field::Kind::text, "name", name);
       if (specifier == 4)
         field(Field::Kind::text, "abort", fmt::format("{:08X}", load_le<std::uint32_t>(moved.data.data() + 4)));
@@ -498,7 +497,7 @@ od::DataType Decoder::say_object(const Node* node, ObjectRef object) {
   }
   say(words_, " {:04X}h:{:02X}", object.index, object.sub);
   if (!name.empty()) say(words_, " {}", name);
-  field(Field::Kind::text, "object", options_.fields ? object_text(object) : std::string());
+  field(Field::Kind::text, "object", options_.fields ? od::write_object(object) : std::string());
   if (!name.empty()) field(Field::Kind::text, "name", std::move(name));
   return type;
 }

@@ -12,14 +12,13 @@
 #include "berth/linker/symbols.hpp"
 #include "berth/linker/variables_parts.hpp"
 #include "berth/od/names.hpp"
+#include "berth/od/notation.hpp"
 
 namespace berth::linker {
 namespace {
 
 using co::PdoKind;
 using od::DataType;
-
-std::string text_of(ObjectRef object) { return fmt::format("{:04X}h:{:02X}", object.index, object.sub); }
 
 std::string type_name(DataType type) {
   const auto known = od::name(type);
@@ -107,7 +106,7 @@ class Resolver {
       const auto* const sub = dynamic && node.linked_before ? nullptr : description.find(*object);
       if (sub != nullptr) return Meant{end.node, *object, sub->type, no_variable};
       if (dynamic) return variable(link, end, input, numbers ? std::optional(*object) : std::nullopt);
-      return gone(link, end, text_of(*object));
+      return gone(link, end, od::write_object(*object));
     }
     if (dynamic_names && (object || may_be_name(object.error().kind))) return variable(link, end, input, std::nullopt);
     refuse(link, fmt::format("{}: {}", at(end), object.error().why),
@@ -185,7 +184,8 @@ class Resolver {
     const std::string pdo = kind == PdoKind::tpdo ? "TPDO" : "RPDO";
     if (co::check_entry(*node.file->description, entry, kind) != od::AbortCode::none) {
       refuse(link,
-             fmt::format("{}: {} {} cannot be mapped into a {}", at(end), type_name(type), text_of(place.object), pdo),
+             fmt::format("{}: {} {} cannot be mapped into a {}", at(end), type_name(type),
+                         od::write_object(place.object), pdo),
              kind == PdoKind::tpdo ? "name an object with PDOMapping=1 that can be read"
                                    : "name an object with PDOMapping=1 that can be written");
       return false;
