@@ -117,6 +117,28 @@ TEST_F(Running, ALaterRunFindsEverythingInPlace) {
   EXPECT_TRUE(machine.all_run());
 }
 
+// A new list is in a gateway's memory, and Berth ends before the reset that puts it to use: the next Berth finds the
+// list as it is to be, and has the gateway boot its bus all the same. At each of the lists of a first start.
+TEST(HarvesterMachine, BerthEndsBehindEachNewListAndTheNextOneGoesOn) {
+  unsigned ended = 0;
+  for (bool all_written = false; !all_written;) {
+    Harvester machine;
+    ASSERT_TRUE(machine.begin()) << machine.problem();
+    unsigned lists = 0;
+    machine.session().on_event([&](const operate::Event& each) {
+      if (each.text == "its gateway has a new network list") ++lists;
+    });
+    const auto runs = [&] { return machine.operational() && machine.all_run(); };
+    ASSERT_TRUE(machine.run_until([&] { return lists > ended || runs(); }, 60s)) << machine.log();
+    all_written = lists <= ended;
+    if (all_written) break;
+    ++ended;
+    ASSERT_TRUE(machine.begin_again());
+    EXPECT_TRUE(machine.run_until(runs, 60s)) << "ended behind list " << ended << "\n" << machine.log();
+  }
+  EXPECT_GE(ended, 4U) << "one for each bus beneath a gateway";
+}
+
 // The cable of each bus is cut beside the gateway (the backbone's beside Berth) and put together again: every slot that
 // is cut off is told once, and everything runs again.
 TEST_F(Running, ABusThatIsCutIsToldOnceAndHeals) {

@@ -147,6 +147,29 @@ TEST_F(Boom, GivesNodeIdsByItsNetworkList) {
   EXPECT_EQ(truth("sensor").persistent, NodeId(6));
 }
 
+// A device that RAND has found and that has no place yet answers the next search, too: its place may come. Else it
+// would have to be found by LSS, its address asked for in halves.
+TEST_F(Boom, ADeviceThatWasFoundBeforeItHadAPlaceIsFoundAgainByRand) {
+  world->sim().run_for(500ms);
+  auto rows = list();
+  std::erase_if(rows, [](const Row& row) { return row.object.index != 0x1016 && row.object.sub == 5; });
+  rows.push_back({{0x1010, 1}, 0x65766173});
+  rows.push_back({{0x1F82, 1}, 6, 1});
+  write(rows);
+  ASSERT_TRUE(world->sim().run_until([&] { return truth("sensor").state == NmtState::operational; }, 20s));
+  world->sim().run_for(5s);
+  EXPECT_EQ(truth("valve 1").persistent, NodeId(4));
+  EXPECT_FALSE(truth("valve 2").active.configured());
+  const Record boom(*world->bus("boom"));
+  commission();
+  EXPECT_TRUE(world->sim().run_until([&] { return all_run(); }, 20s));
+  EXPECT_EQ(truth("valve 2").persistent, NodeId(5));
+  const auto halves = [](const std::string& frame) {
+    return frame.starts_with("7E5#4A") || frame.starts_with("7E5#4B");
+  };
+  EXPECT_EQ(std::ranges::count_if(boom.text, halves), 0);
+}
+
 // Devices that boot with their node-IDs while the master searches for them answer the search, too: they keep what they
 // have, and none is given the other's.
 TEST_F(Boom, DevicesThatBootDuringASearchKeepTheirNodeIds) {
