@@ -1,5 +1,7 @@
 #include "berth/places/binder.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "berth/co/guarding.hpp"
@@ -49,6 +51,18 @@ Outcome outcome_of(const Error& error) noexcept {
     case Errc::duplicate: return Outcome::several;
     default: return Outcome::error;
   }
+}
+
+Outcome outcome_of(const Result<void>& written, std::optional<Error>& said) noexcept {
+  if (written) return Outcome::ok;
+  said = written.error();
+  return said->code == Errc::duplicate ? Outcome::refused : Outcome::error;
+}
+
+std::string words_of(Why why, const std::optional<Error>& store_said) {
+  if (store_said && why == Why::seated_twice) return store_said->text;
+  if (store_said && why == Why::store_failed) return fmt::format("{}: {}", name(why), describe(*store_said));
+  return name(why);
 }
 
 rt::Task<void> Binder::run(Binding& binding, SlotId slot, const std::string& reason) {
@@ -138,10 +152,10 @@ Outcome Binder::write(const Binding& binding, SlotId slot, const std::string& re
   if (binding.kind() == Binding::Kind::bind) {
     written = ask ? s_.store.ask(slot, seat, reason) : s_.store.confirm(slot, seat, reason);
   } else {
-    const UnfinishedBlank blank{seat.device, options_.machine, options_.bus, binding.old_id()};
-    written = ask ? s_.store.ask_blank(blank, reason) : s_.store.confirm_blank(seat.device, reason);
+    const UnfinishedBlank blank{seat.device, options_.on.machine, options_.on.bus, binding.old_id()};
+    written = ask ? s_.store.ask_blank(blank, reason) : s_.store.confirm_blank(blank.who(), reason);
   }
-  return written ? Outcome::ok : Outcome::error;
+  return outcome_of(written, store_said_);
 }
 
 rt::Task<Outcome> Binder::select(const LssAddress& device) {

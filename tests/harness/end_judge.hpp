@@ -270,7 +270,7 @@ class EndJudge {
     for (const auto& t : truth_) {
       const bool counts = is_present(t) && t.bus == bus.name && !clones(t) && record_of(t) == nullptr;
       // Who sat in a slot before is used again when a person says so (docs/machine-file.md).
-      const auto lines = rig_->store().history_of(t.address);
+      const auto lines = rig_->store().history_of({t.address, {machine_->name, t.bus}});
       const bool used = lines && places::former_seat(*lines).has_value();
       used_ = used_ || (counts && used);
       const bool found = can_be_found(t, bus.discovery);
