@@ -1,7 +1,5 @@
 #include "berth/places/binder.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 
 #include "berth/co/guarding.hpp"
@@ -60,9 +58,8 @@ Outcome outcome_of(const Result<void>& written, std::optional<Error>& said) noex
 }
 
 std::string words_of(Why why, const std::optional<Error>& store_said) {
-  if (store_said && why == Why::seated_twice) return store_said->text;
-  if (store_said && why == Why::store_failed) return fmt::format("{}: {}", name(why), describe(*store_said));
-  return name(why);
+  const bool by_store = why == Why::seated_twice || why == Why::store_failed;
+  return by_store && store_said ? words_of(*store_said) : std::string(name(why));
 }
 
 rt::Task<void> Binder::run(Binding& binding, SlotId slot, const std::string& reason) {

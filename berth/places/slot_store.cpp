@@ -73,11 +73,17 @@ std::optional<FormerSeat> former_seat(const std::vector<HistoryEntry>& lines) {
 }
 
 Error sits_in(const SlotName& there) {
-  const char* const text =
-      kept(fmt::format("the slot table has this device in slot {} of bus {}: give that slot away first, by `berth "
-                       "replace {}/{}` (write it into the machine file again when it has gone from there)",
-                       there.name, there.bus, there.bus, there.name));
+  const char* const text = kept(
+      fmt::format("by the slot table a device of this LSS address sits in slot {} of bus {}, and on one bus an "
+                  "address is one device's: `berth replace {}/{}` gives that slot away (one that has gone from the "
+                  "machine file is written there again first); two devices need two serial numbers",
+                  there.name, there.bus, there.bus, there.name));
   return Error{.code = Errc::duplicate, .text = text};
+}
+
+std::string words_of(const Error& store_said) {
+  if (store_said.code == Errc::duplicate) return store_said.text;
+  return "the slot table cannot be written: " + describe(store_said);
 }
 
 Error owned_by_another() noexcept {

@@ -9,6 +9,7 @@
 #pragma once
 
 #include <map>
+#include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -86,6 +87,8 @@ class SlotStore {
 [[nodiscard]] Error sits_in(const SlotName& there);
 /// The same when another device is intended or confirmed in the slot that is asked for.
 [[nodiscard]] Error owned_by_another() noexcept;
+/// What a store did not write, for people: a refusal in its own words, else that it cannot be written, and why.
+[[nodiscard]] std::string words_of(const Error& store_said);
 
 /// The same promises without a disk, for tests, `--dry-run` and machines without a store file.
 class MemoryStore final : public SlotStore {

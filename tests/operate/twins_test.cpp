@@ -374,7 +374,7 @@ TEST(SeatedTwice, ARefusedIntentionSaysWhichSlotHasTheDevice) {
   const std::string reason = slot(rig, 0).reason;
   EXPECT_NE(reason.find("slot old name of bus backbone"), std::string::npos) << reason;
   EXPECT_NE(reason.find("`berth replace backbone/old name`"), std::string::npos) << reason;
-  EXPECT_FALSE(told(rig, "could not be written")) << rig.log();
+  EXPECT_FALSE(told(rig, "be written:")) << rig.log();
   EXPECT_FALSE(rig.device("one").truth().persistent.configured()) << "nothing was told to it";
 }
 

@@ -94,7 +94,7 @@ TEST(BindingTable, AFailureOfTheStoreIsToldInItsWords) {
   const Error full{.code = Errc::io, .detail = 13, .text = "/m.db: writing an intention: the disk is full"};
   EXPECT_EQ(outcome_of(Result<void>(fail(full)), said), Outcome::error);
   EXPECT_EQ(words_of(Why::store_failed, said),
-            "the slot table could not be written: io (0000000Dh): /m.db: writing an intention: the disk is full");
+            "the slot table cannot be written: io (0000000Dh): /m.db: writing an intention: the disk is full");
   EXPECT_EQ(words_of(Why::occupied, said), name(Why::occupied));
   EXPECT_EQ(outcome_of(Result<void>(fail(sits_in({"m", "b", "s2"}))), said), Outcome::refused);
   const std::string refused = words_of(Why::seated_twice, said);
