@@ -195,9 +195,10 @@ Result<void> MemoryStore::configure(SlotId slot, const Configured& configured, s
 
 Result<void> MemoryStore::ask_blank(const UnfinishedBlank& blank, std::string_view reason) {
   const BusDevice who = blank.who();
+  // One of any bus is this bus's from now on.
+  std::erase_if(blanks_, [&](const UnfinishedBlank& b) { return b.device == blank.device && b.bus.empty(); });
   const auto known = std::ranges::find(blanks_, who, &UnfinishedBlank::who);
   if (known == blanks_.end()) {
-    std::erase_if(blanks_, about(who));  // of any bus: this one's from now on
     blanks_.push_back(blank);
   } else {
     *known = blank;

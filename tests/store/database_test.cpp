@@ -226,7 +226,8 @@ std::optional<Errc> random_call(places::SlotStore& store, Random r) {
       return code(store.configure(slot, {stage, seat.device, static_cast<std::uint32_t>(r.next()), 86'399'999}, "dcf"));
     }
     default: {
-      const auto place = r.chance(500'000) ? std::optional(slot) : std::nullopt;
+      const bool there = slot.value >= 1 && slot.value <= 6;  // and was from the beginning on
+      const auto place = there && r.chance(500'000) ? std::optional(slot) : std::nullopt;
       return code(store.note({7, 8, place, "note", seat.device, seat.id, std::string("a\0b", 3), bus}));
     }
   }
