@@ -71,7 +71,8 @@ class TwinCommand : public testing::Test {
 
 TEST_F(TwinCommand, BothAreOperationalAndHaveAHistoryOfTheirOwn) {
   for (const char* start : {"the first", "from the store"}) {
-    const Outcome up = berth({"up", machine, "--sim", plant, "--store", store, "--fast", "--until", "operational"});
+    const Outcome up = berth({"up", machine, "--sim", plant, "--store", store, "--sim-state", folder.file("memory"),
+                              "--fast", "--until", "operational"});
     EXPECT_EQ(up.status, 0) << start << "\n" << up.out << up.err;
     EXPECT_EQ(up.out.find("has the LSS address of"), std::string::npos) << "no clone, and nothing to remark";
   }
