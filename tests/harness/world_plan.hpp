@@ -133,8 +133,7 @@ class Planner {
  public:
   // `twins`: two or three buses, and devices on them that have the address of one on another bus. Other worlds than
   // those of the same seeds without.
-  explicit Planner(std::uint64_t seed, bool twins = false)
-      : random_(seed * 0x9E3779B97F4A7C15ULL + 1), twins_(twins) {
+  explicit Planner(std::uint64_t seed, bool twins = false) : random_(seed * 0x9E3779B97F4A7C15ULL + 1), twins_(twins) {
     plan_.seed = seed;
   }
 
@@ -259,7 +258,7 @@ class Planner {
   }
 
   // An address is one device's on its bus only: devices of one type, on two buses, get one address (most real ones have
-  // no serial number). Clones on one bus are `strangers`' to draw.
+  // no serial number). Clones on one bus are `strangers`' to draw, and AND does not tell the revision number.
   void twins() {
     Random random(plan_.seed ^ 0x7317);
     auto& devices = plan_.plant.devices;
@@ -271,7 +270,7 @@ class Planner {
       LssAddress address = other->address;
       address.revision = d.address.revision;  // which slots may ask for
       const bool taken = std::ranges::any_of(
-          devices, [&](const auto& o) { return &o != &d && o.bus == d.bus && o.address == address; });
+          devices, [&](const auto& o) { return &o != &d && o.bus == d.bus && o.address.serial == address.serial; });
       if (!taken) d.address = address;
     }
   }
