@@ -73,8 +73,7 @@ class EndJudge {
     for (const auto& blank : *blanks) {
       if (!counts(blank.bus)) continue;
       const auto* const t = present(blank.device, blank.bus);
-      if (t != nullptr && !clones(*t))
-        say(t->name + " is there, and taking its node-ID away is not finished");
+      if (t != nullptr && !clones(*t)) say(t->name + " is there, and taking its node-ID away is not finished");
     }
     return wrong_;
   }

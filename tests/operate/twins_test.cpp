@@ -198,6 +198,29 @@ TEST(Twins, ALoanOfOneIsNotEndedByTheOther) {
   EXPECT_TRUE(elsewhere.empty());
 }
 
+// Twins that a technician exchanges are no news to either bus: each gets the node-ID of the slot where it is now.
+TEST(Twins, ThatAreExchangedAreEachTheSlotsDevice) {
+  auto p = twins();
+  add_from_elsewhere(p, "one moved", 0, second_bus, 1);
+  add_from_elsewhere(p, "two moved", 0, first_bus, 2);
+  const auto machine = two_buses(2);
+  Rig rig(machine, p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  rig.device("one").unplug();
+  rig.device("two").unplug();
+  ASSERT_TRUE(
+      rig.run_until([&] { return state(rig, 0) == SlotState::absent && state(rig, 1) == SlotState::absent; }, 20s))
+      << rig.log();
+  rig.device("one moved").plug();
+  rig.device("two moved").plug();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  EXPECT_EQ(rig.device("one moved").truth().persistent, NodeId(2));
+  EXPECT_EQ(rig.device("two moved").truth().persistent, NodeId(1));
+  EXPECT_EQ(sits(rig, first_bus), 0U);
+  EXPECT_EQ(sits(rig, second_bus), 0U);
+}
+
 // Two machines with buses of one name in one store file.
 TEST(Twins, OfTwoMachinesInOneStore) {
   places::MemoryStore store;

@@ -462,8 +462,8 @@ bool main_job(const Options& o) {
   std::printf(
       "%llu worlds%s, each run twice, from seed %llu; %llu of them must end operational; %llu differed; %llu failed\n",
       static_cast<unsigned long long>(t.runs), o.twins ? " with twins on several buses" : "",
-      static_cast<unsigned long long>(o.from), static_cast<unsigned long long>(t.solvable), static_cast<unsigned long long>(t.differ),
-      static_cast<unsigned long long>(t.failures));
+      static_cast<unsigned long long>(o.from), static_cast<unsigned long long>(t.solvable),
+      static_cast<unsigned long long>(t.differ), static_cast<unsigned long long>(t.failures));
   print_speed(t.runs, began, o.workers);
   return t.failures == 0 && t.differ == 0 && enough && t.runs > 0;
 }
