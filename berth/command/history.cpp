@@ -79,11 +79,14 @@ void tell_history(places::SlotStore& store, const design::Machine& machine, cons
   }
   for (const auto& entry : *entries) {
     const auto name = entry.slot ? wanted->names.find(*entry.slot) : wanted->names.end();
-    if (entry.slot && name == wanted->names.end()) continue;  // another machine of the same store
-    const std::string where = name == wanted->names.end() ? "" : name->second;
+    const bool ours =
+        entry.slot ? name != wanted->names.end() : entry.on.bus.empty() || entry.on.machine == machine.name;
+    if (!ours) continue;  // another machine of the same store
+    const std::string where = name == wanted->names.end() ? entry.on.bus : name->second;
     Json line;
     line["stamp_ms"] = entry.stamp_ms;
-    line["slot"] = where;
+    line["slot"] = name == wanted->names.end() ? "" : name->second;
+    if (!entry.on.bus.empty()) line["bus"] = entry.on.bus;
     line["event"] = entry.event;
     if (entry.device) put_address(line, *entry.device);
     if (entry.id.configured()) line["id"] = entry.id.value();

@@ -1,5 +1,6 @@
 // The slot table and its changes by a person: report, bind, replace, forget.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
@@ -161,12 +162,32 @@ rt::Task<void> replace(Session& session, const Request& request, Reply& reply) {
                                               : "`berth up` or `berth bind` gives it to the next device of its type");
 }
 
+namespace {
+
+// The buses on which the device is waited for, when they are several: a twin on each, or one device that was moved.
+std::vector<std::string> waiting_buses(const std::vector<Network*>& networks, const LssAddress& device) {
+  std::vector<std::string> buses;
+  for (const Network* const network : networks) {
+    if (network->planning().waits_for(device)) buses.push_back(network->bus().name);
+  }
+  return buses;
+}
+
+}  // namespace
+
 rt::Task<void> forget(Session& session, const Request& request, Reply& reply) {
   Arguments arguments(request);
   const LssAddress device = arguments.address("device");
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
   const auto networks = networks_for(session, arguments.text("bus"), Use::look);
   if (!networks) co_return refuse(reply, 2, networks.error());
+  const std::vector<std::string> waiting = waiting_buses(*networks, device);
+  if (waiting.size() > 1) {
+    co_return refuse(reply, 2,
+                     fmt::format("device {} is waited for on the buses {}: which one is gone?", to_string(device),
+                                 fmt::join(waiting, ", ")),
+                     "say it: --bus NAME");
+  }
   bool known = false;
   for (Network* const network : *networks) {
     const auto forgotten = network->forget(device);

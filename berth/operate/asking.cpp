@@ -125,8 +125,7 @@ places::Binder::Options Asking::binder_options() const {
   places::Binder::Options options = operate::binder_options(s_.bus.timing);
   options.lss_turn = &s_.lss_turn;
   options.before_step = slots_.events().before_step();
-  options.machine = slots_.machine_name();
-  options.bus = s_.bus.name;
+  options.on = slots_.bus();
   return options;
 }
 

@@ -5,14 +5,13 @@
 
 namespace berth::operate {
 
-Loans::Loans(places::SlotStore& store, std::string machine, std::string bus)
-    : store_(&store), machine_(std::move(machine)), bus_(std::move(bus)) {}
+Loans::Loans(places::SlotStore& store, places::BusName bus) : store_(&store), bus_(std::move(bus)) {}
 
 Result<void> Loans::load() {
   const auto lent = store_->lent();
   if (!lent) return fail(lent.error());
   for (const auto& l : *lent) {
-    const bool here = l.bus.empty() || (l.bus == bus_ && l.machine == machine_);
+    const bool here = l.who().on.covers(bus_);
     if (!here || of(l.device) != nullptr) continue;
     all_.push_back({l.device, l.id});
     if (!borrowed(l.device)) borrowers_.push_back(l.device);
@@ -21,7 +20,7 @@ Result<void> Loans::load() {
 }
 
 Result<void> Loans::lend(const LssAddress& device, NodeId id) {
-  const auto written = store_->lend({device, machine_, bus_, id});
+  const auto written = store_->lend({device, bus_.machine, bus_.bus, id});
   if (!written) return written;
   std::erase_if(all_, [&](const Loan& l) { return l.device == device; });
   all_.push_back({device, id});
@@ -31,7 +30,7 @@ Result<void> Loans::lend(const LssAddress& device, NodeId id) {
 
 Result<void> Loans::end(const LssAddress& device) {
   if (of(device) == nullptr) return {};
-  const auto written = store_->give_back(device);
+  const auto written = store_->give_back({device, bus_});
   if (!written) return written;
   std::erase_if(all_, [&](const Loan& l) { return l.device == device; });
   return {};

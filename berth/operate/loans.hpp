@@ -24,8 +24,8 @@ class Loans {
     bool clones = false;  ///< two devices answered to the address: which of them has it cannot be asked
   };
 
-  /// `store` must stay. `machine` and `bus` say where the devices are.
-  Loans(places::SlotStore& store, std::string machine, std::string bus);
+  /// `store` must stay. `bus` is the one that the devices are on.
+  Loans(places::SlotStore& store, places::BusName bus);
 
   /// Takes over what an earlier run lent here and did not see given back.
   Result<void> load();
@@ -65,8 +65,7 @@ class Loans {
  private:
   static constexpr unsigned most_tries = 3;
   places::SlotStore* store_;
-  std::string machine_;
-  std::string bus_;
+  places::BusName bus_;
   std::vector<Loan> all_;
   std::vector<LssAddress> borrowers_;
   std::array<rt::Time, 128> of_ours_until_{};

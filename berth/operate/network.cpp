@@ -10,7 +10,6 @@
 namespace berth::operate {
 
 using places::SlotState;
-using places::UnfinishedBlank;
 
 namespace {
 
@@ -78,10 +77,10 @@ class Network::Asked final : public ManagerObjects::Requests {
   ManagerObjects objects_;
 };
 
-Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> slots,
-                 places::SlotStore& store, const NetworkObserver& observer)
+Network::Network(rt::Executor& executor, can::Port& port, std::string machine, const design::Bus& bus,
+                 std::vector<places::SlotSpec> slots, places::SlotStore& store, const NetworkObserver& observer)
     : role_(bus.flying ? std::make_unique<RolePort>(executor, port) : nullptr),
-      parts_(executor, role_ ? *role_ : port, bus, std::move(slots), store, observer, ears_, ears_),
+      parts_(executor, role_ ? *role_ : port, std::move(machine), bus, std::move(slots), store, observer, ears_, ears_),
       port_(parts_.bus, parts_.slots, parts_.agenda, parts_.found, *this),
       job_(parts_, port_),
       scan_(parts_),
@@ -168,6 +167,8 @@ Result<void> Network::replace(const std::string& slot, std::optional<LssAddress>
   if (device && !places::fits(seat->slot.spec, *device)) {
     return fail(Errc::invalid, "the device's vendor-ID, product code or revision is not the slot's");
   }
+  const Seat* const sits = device ? parts_.slots.of(*device) : nullptr;
+  if (sits != nullptr && sits != seat) return fail(places::sits_in(sits->slot.spec.name));
   const auto cleared = parts_.slots.clear(*seat, std::string(places::by_a_person));
   if (!cleared) return cleared;
   while (const auto* const loan = parts_.loans.to_another(seat->id(), device.value_or(LssAddress{}))) {
@@ -193,11 +194,11 @@ Result<void> Network::forget(const LssAddress& device) {
     parts_.slots.events().tell(EventKind::forgotten, "", fmt::format("{} is no longer waited for", to_string(device)));
     return {};
   }
-  const auto here = parts_.slots.unfinished_here();
-  if (std::ranges::find(here, device, &UnfinishedBlank::device) == here.end()) {
+  if (!parts_.planning.waits_for(device)) {
     return fail(Errc::not_found, "nothing unfinished is known of this device on this bus");
   }
-  const auto dropped = parts_.slots.store().drop_blank(device, "a person said that it is gone for good");
+  const auto dropped =
+      parts_.slots.store().drop_blank(parts_.slots.known(device), "a person said that it is gone for good");
   if (!dropped) return dropped;
   parts_.planning.drop_unfinished(device);
   parts_.slots.events().tell(EventKind::forgotten, "", fmt::format("{} is no longer waited for", to_string(device)));

@@ -33,9 +33,10 @@ namespace berth::operate {
 
 class Network final : private PortHealth::Owner {
  public:
-  /// `bus`, `store` and `port` must stay. `slots` are the specifications of this bus.
-  Network(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> slots,
-          places::SlotStore& store, const NetworkObserver& observer);
+  /// `bus`, `store` and `port` must stay. `machine`: the machine file's name. `slots` are the specifications of this
+  /// bus.
+  Network(rt::Executor& executor, can::Port& port, std::string machine, const design::Bus& bus,
+          std::vector<places::SlotSpec> slots, places::SlotStore& store, const NetworkObserver& observer);
   ~Network();
   Network(const Network&) = delete;
   Network& operator=(const Network&) = delete;
@@ -72,8 +73,8 @@ class Network final : private PortHealth::Owner {
 
   /// `berth replace SLOT`: forgets which device sits in the slot and looks for a new device; `device` says which one it
   /// is and so answers a question. Errors: `not_found` no such slot; `invalid` the slot's device is there and
-  /// operational, or `device` is not of the slot's type. `used`: the used device that waits for this slot, or sits in
-  /// it, may be used; it gets its factory settings first.
+  /// operational, or `device` is not of the slot's type; `duplicate` the device sits in another slot of this bus.
+  /// `used`: the used device that waits for this slot, or sits in it, may be used; it gets its factory settings first.
   Result<void> replace(const std::string& slot, std::optional<LssAddress> device, bool used = false);
 
   /// A person sent this NMT command beside the main job, which then does not work against it: a node that was stopped

@@ -4,14 +4,14 @@
 
 namespace berth::operate {
 
-Parts::Parts(rt::Executor& executor, can::Port& port, const design::Bus& line, std::vector<places::SlotSpec> specs,
-             places::SlotStore& store, NetworkObserver observer, co::HeartbeatConsumer::Observer& heartbeats,
-             co::EmcyConsumer::Observer& emergencies)
+Parts::Parts(rt::Executor& executor, can::Port& port, std::string machine, const design::Bus& line,
+             std::vector<places::SlotSpec> specs, places::SlotStore& store, NetworkObserver observer,
+             co::HeartbeatConsumer::Observer& heartbeats, co::EmcyConsumer::Observer& emergencies)
     : bus(executor, port, line, heartbeats, emergencies),
-      slots(bus, std::move(specs), store, std::move(observer)),
+      slots(bus, std::move(machine), std::move(specs), store, std::move(observer)),
       agenda(executor, line.discovery),
       startup(bus, slots),
-      loans(store, slots.machine_name(), line.name),
+      loans(store, slots.bus()),
       found(bus, loans),
       asking(bus, slots, found),
       lending(bus, slots, agenda, found, loans, asking),

@@ -17,9 +17,9 @@ struct Finding {
 };
 
 struct Parts {
-  Parts(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> specs,
-        places::SlotStore& store, NetworkObserver observer, co::HeartbeatConsumer::Observer& heartbeats,
-        co::EmcyConsumer::Observer& emergencies);
+  Parts(rt::Executor& executor, can::Port& port, std::string machine, const design::Bus& bus,
+        std::vector<places::SlotSpec> specs, places::SlotStore& store, NetworkObserver observer,
+        co::HeartbeatConsumer::Observer& heartbeats, co::EmcyConsumer::Observer& emergencies);
 
   BusServices bus;
   SlotTable slots;

@@ -168,6 +168,11 @@ void Planning::returned(const LssAddress& device, NodeId holds, const std::strin
   returned_.push_back({places::OddityKind::returned, device, holds, text});
 }
 
+bool Planning::waits_for(const LssAddress& device) const {
+  const auto here = slots_.unfinished_here();
+  return loans_.of(device) != nullptr || std::ranges::find(here, device, &UnfinishedBlank::device) != here.end();
+}
+
 void Planning::drop_unfinished(const LssAddress& device) {
   std::erase_if(plan_.oddities, [&](const places::Oddity& o) {
     return o.device == device && o.kind == places::OddityKind::unfinished;

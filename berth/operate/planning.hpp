@@ -33,6 +33,8 @@ class Planning {
   [[nodiscard]] std::string text_of_return(const LssAddress& device, const places::FormerSeat& sat) const;
   /// A device came back after its slot was given away, and gave its node-ID up or holds it still.
   void returned(const LssAddress& device, NodeId holds, const std::string& text);
+  /// What was begun with the device on this bus is not finished: it is to give a node-ID up, or back.
+  [[nodiscard]] bool waits_for(const LssAddress& device) const;
   /// A person says that nothing is waited for any more.
   void drop_unfinished(const LssAddress& device);
 

@@ -166,7 +166,7 @@ rt::Task<void> Presence::adopt_fixed(Seat& seat) {
       asked ? slots_.store().confirm(seat.slot.record.slot, wanted, "found under its fixed node-ID") : asked;
   slots_.refresh(seat);
   if (!confirmed) {
-    slots_.set_state(seat, SlotState::failed, "the slot table cannot be written: " + describe(confirmed.error()));
+    slots_.set_state(seat, SlotState::failed, places::words_of(confirmed.error()));
     co_return;
   }
   slots_.events().tell(EventKind::bound, seat.name(),
@@ -190,7 +190,7 @@ rt::Task<bool> Presence::take_where_it_is(Seat& seat, LssAddress device) {
   const auto confirmed = asked ? slots_.store().confirm(seat.slot.record.slot, wanted, reason) : asked;
   slots_.refresh(seat);
   if (!confirmed) {
-    slots_.set_state(seat, SlotState::failed, "the slot table cannot be written: " + describe(confirmed.error()));
+    slots_.set_state(seat, SlotState::failed, places::words_of(confirmed.error()));
     co_return true;
   }
   found_.forget(device);

@@ -81,11 +81,12 @@ rt::Task<void> RecipeSeating::bind(Seat& seat, LssAddress device, NodeId now) {
   } else if (binding.step() == RecipeStep::power_cycle) {
     slots_.set_state(seat, SlotState::power_cycle, "node-ID written; switch the device off and on");
   } else {
-    not_bound(seat, binding);
+    not_bound(seat, binding, binder.store_said());
   }
 }
 
-void RecipeSeating::not_bound(Seat& seat, const places::RecipeBinding& binding) {
+void RecipeSeating::not_bound(Seat& seat, const places::RecipeBinding& binding,
+                              const std::optional<Error>& store_said) {
   // Nothing in the device can have changed: the slot is free again. Else it stays the slot's until it is seen.
   const bool fresh = !seat.slot.record.confirmed && binding.untouched() && seat.slot.record.intended;
   if (fresh) {
@@ -101,7 +102,8 @@ void RecipeSeating::not_bound(Seat& seat, const places::RecipeBinding& binding) 
                   "two devices answer under node-ID {}: they are taken in one at a time; leave one of them on the "
                   "bus",
                   binding.old_id().value())
-            : fmt::format("{}: {} (recipe)", to_string(binding.assignment().device), places::name(binding.why()));
+            : fmt::format("{}: {} (recipe)", to_string(binding.assignment().device),
+                          places::words_of(binding.why(), store_said));
   slots_.set_state(seat, clone ? SlotState::duplicate : SlotState::failed, reason);
 }
 

@@ -17,7 +17,7 @@ class RecipeSeating {
  private:
   [[nodiscard]] Seat* seat_for(const places::Found& found);
   rt::Task<void> bind(Seat& seat, LssAddress device, NodeId now);
-  void not_bound(Seat& seat, const places::RecipeBinding& binding);
+  void not_bound(Seat& seat, const places::RecipeBinding& binding, const std::optional<Error>& store_said);
 
   BusServices& s_;
   SlotTable& slots_;

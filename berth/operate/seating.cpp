@@ -166,15 +166,15 @@ rt::Task<bool> Seating::bind_seat(Seat& seat, LssAddress device, std::string rea
     const auto given_up = co_await lending_.tell_pending(device, none);
     if (given_up) lending_.end(device);
   }
-  ended(seat, binding);
+  ended(seat, binding, binder.store_said());
   co_return good || binding.step() == places::Step::power_cycle;
 }
 
-void Seating::ended(Seat& seat, const Binding& binding) {
+void Seating::ended(Seat& seat, const Binding& binding, const std::optional<Error>& store_said) {
   if (binding.step() == places::Step::done) {
     bound(seat, binding);
   } else {
-    not_bound(seat, binding);
+    not_bound(seat, binding, store_said);
   }
 }
 
@@ -187,7 +187,7 @@ rt::Task<void> Seating::go_on_after_power_cycle(Seat& seat) {
   const places::SlotId slot = seat.slot.record.slot;
   co_await binder.run(binding, slot, reason);
   slots_.refresh(seat);
-  ended(seat, binding);
+  ended(seat, binding, binder.store_said());
 }
 
 // What a slot's device refused, or failed to save, was perhaps answered by the one that used its node-ID too, and has
@@ -232,7 +232,7 @@ void Seating::bound(Seat& seat, const Binding& binding) {
   slots_.set_state(seat, SlotState::present);
 }
 
-void Seating::not_bound(Seat& seat, const Binding& binding) {
+void Seating::not_bound(Seat& seat, const Binding& binding, const std::optional<Error>& store_said) {
   using places::Step;
   using places::Why;
   seat.there = false;
@@ -259,7 +259,8 @@ void Seating::not_bound(Seat& seat, const Binding& binding) {
     slots_.refresh(seat);
   }
   if (binding.why() == Why::not_there && seat.slot.record.intended) return keep_for_its_device(seat);
-  const std::string reason = fmt::format("{}: {}", to_string(binding.assignment().device), places::name(binding.why()));
+  const std::string reason =
+      fmt::format("{}: {}", to_string(binding.assignment().device), places::words_of(binding.why(), store_said));
   if (clone || binding.why() == Why::other_device) {
     slots_.set_state(seat, SlotState::duplicate, reason);
   } else if (binding.why() == Why::not_there && fresh) {
@@ -313,11 +314,12 @@ rt::Task<bool> Seating::blank(LssAddress device, std::string reason) {
   } else if (binding.why() != places::Why::not_there) {
     learn_fixed(binding);
     slots_.events().tell(EventKind::error, "",
-                         fmt::format("{} keeps its node-ID: {}", to_string(device), name(binding.why())));
+                         fmt::format("{} keeps its node-ID: {}", to_string(device),
+                                     places::words_of(binding.why(), binder.store_said())));
   }
   // It was never told anything: there is nothing to finish.
   if (!good && binding.untouched()) {
-    const auto dropped = slots_.store().drop_blank(device, places::name(binding.why()));
+    const auto dropped = slots_.store().drop_blank(slots_.known(device), places::name(binding.why()));
     if (!dropped && dropped.error().code != Errc::not_found)
       slots_.events().tell(EventKind::error, "", describe(dropped.error()));
   }

@@ -60,10 +60,11 @@ class Seating {
   rt::Task<void> bind_side_by_side(const std::vector<places::Action>& actions, std::vector<LssAddress>& failed);
   [[nodiscard]] bool is_avoided(const LssAddress& device) const noexcept;
   rt::Task<bool> bind_seat(Seat& seat, LssAddress device, std::string reason);
-  void ended(Seat& seat, const places::Binding& binding);
+  // `store_said`: `Binder::store_said`.
+  void ended(Seat& seat, const places::Binding& binding, const std::optional<Error>& store_said);
   void left_node_id(NodeId id);
   void bound(Seat& seat, const places::Binding& binding);
-  void not_bound(Seat& seat, const places::Binding& binding);
+  void not_bound(Seat& seat, const places::Binding& binding, const std::optional<Error>& store_said);
   void learn_fixed(const places::Binding& binding);
   rt::Task<void> take_back(const places::Found& found);
   void free_absent_slots();

@@ -29,29 +29,29 @@ class Session::StampedStore final : public places::SlotStore {
   Result<void> ask_blank(const places::UnfinishedBlank& blank, std::string_view reason) override {
     return stamped().ask_blank(blank, reason);
   }
-  Result<void> confirm_blank(const LssAddress& device, std::string_view reason) override {
-    return stamped().confirm_blank(device, reason);
+  Result<void> confirm_blank(const places::BusDevice& who, std::string_view reason) override {
+    return stamped().confirm_blank(who, reason);
   }
-  Result<void> drop_blank(const LssAddress& device, std::string_view reason) override {
-    return stamped().drop_blank(device, reason);
+  Result<void> drop_blank(const places::BusDevice& who, std::string_view reason) override {
+    return stamped().drop_blank(who, reason);
   }
   Result<std::vector<places::UnfinishedBlank>> unfinished_blanks() override { return store_->unfinished_blanks(); }
-  Result<void> mark(places::Mark mark, const LssAddress& device, NodeId id, std::string_view reason) override {
-    return stamped().mark(mark, device, id, reason);
+  Result<void> mark(places::Mark mark, const places::BusDevice& who, NodeId id, std::string_view reason) override {
+    return stamped().mark(mark, who, id, reason);
   }
-  Result<void> unmark(places::Mark mark, const LssAddress& device, std::string_view reason) override {
-    return stamped().unmark(mark, device, reason);
+  Result<void> unmark(places::Mark mark, const places::BusDevice& who, std::string_view reason) override {
+    return stamped().unmark(mark, who, reason);
   }
   Result<std::vector<places::Marked>> marked(places::Mark mark) override { return store_->marked(mark); }
-  Result<bool> is_marked(places::Mark mark, const LssAddress& device) override {
-    return store_->is_marked(mark, device);
+  Result<bool> is_marked(places::Mark mark, const places::BusDevice& who) override {
+    return store_->is_marked(mark, who);
   }
   Result<void> lend(const places::LentId& lent) override { return store_->lend(lent); }
-  Result<void> give_back(const LssAddress& device) override { return store_->give_back(device); }
+  Result<void> give_back(const places::BusDevice& who) override { return store_->give_back(who); }
   Result<std::vector<places::LentId>> lent() override { return store_->lent(); }
   Result<void> note(const places::HistoryEntry& entry) override { return stamped().note(entry); }
-  Result<std::vector<places::HistoryEntry>> history_of(const LssAddress& device) override {
-    return store_->history_of(device);
+  Result<std::vector<places::HistoryEntry>> history_of(const places::BusDevice& who) override {
+    return store_->history_of(who);
   }
   Result<std::vector<places::HistoryEntry>> history(std::optional<places::SlotId> slot) override {
     return store_->history(slot);
@@ -105,8 +105,8 @@ Result<void> Session::open() {
     };
     observer.beneath = tree_.first_of(bus.name);
     const auto port = std::ranges::find(ports_, &bus, &decltype(ports_)::value_type::first);
-    auto network =
-        std::make_unique<Network>(*executor_, *port->second, bus, machine_->specs(bus.name), *store_, observer);
+    auto network = std::make_unique<Network>(*executor_, *port->second, machine_->name, bus, machine_->specs(bus.name),
+                                             *store_, observer);
     SlotDescriptions descriptions;
     for (const auto& slot : machine_->slots) {
       if (slot.spec.name.bus == bus.name && !slot.eds_path.empty())

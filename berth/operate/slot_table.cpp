@@ -10,9 +10,12 @@ using places::Mark;
 using places::SlotState;
 using places::UnfinishedBlank;
 
-SlotTable::SlotTable(BusServices& services, std::vector<places::SlotSpec> specs, places::SlotStore& store,
-                     NetworkObserver observer)
-    : s_(services), store_(&store), events_(services.executor, services.bus.name, std::move(observer)) {
+SlotTable::SlotTable(BusServices& services, std::string machine, std::vector<places::SlotSpec> specs,
+                     places::SlotStore& store, NetworkObserver observer)
+    : s_(services),
+      bus_{std::move(machine), services.bus.name},
+      store_(&store),
+      events_(services.executor, services.bus.name, std::move(observer)) {
   for (auto& spec : specs) {
     seats_.push_back(std::make_unique<Seat>());
     seats_.back()->slot.spec = std::move(spec);
@@ -28,10 +31,6 @@ Result<void> SlotTable::open() {
     refresh(*seat);
   }
   return {};
-}
-
-std::string SlotTable::machine_name() const {
-  return seats_.empty() ? std::string() : seats_.front()->slot.spec.name.machine;
 }
 
 Seat* SlotTable::at(NodeId id) const noexcept {
@@ -117,24 +116,24 @@ Result<void> SlotTable::clear(Seat& seat, const std::string& reason) {
 }
 
 bool SlotTable::is_marked(Mark mark, const LssAddress& device) const {
-  const auto marked = store_->is_marked(mark, device);
+  const auto marked = store_->is_marked(mark, known(device));
   return marked && *marked;
 }
 
 void SlotTable::set_mark(Mark mark, const LssAddress& device, NodeId id, const std::string& reason) {
   if (is_marked(mark, device)) return;
-  const auto marked = store_->mark(mark, device, id, reason);
+  const auto marked = store_->mark(mark, known(device), id, reason);
   if (!marked) events_.tell(EventKind::error, "", "the slot table cannot be written: " + describe(marked.error()));
 }
 
 void SlotTable::take_mark(Mark mark, const LssAddress& device, const std::string& reason) {
   if (!is_marked(mark, device)) return;
-  const auto taken = store_->unmark(mark, device, reason);
+  const auto taken = store_->unmark(mark, known(device), reason);
   if (!taken) events_.tell(EventKind::error, "", "the slot table cannot be written: " + describe(taken.error()));
 }
 
 std::optional<places::FormerSeat> SlotTable::former_seat_of(const LssAddress& device) const {
-  const auto lines = store_->history_of(device);
+  const auto lines = store_->history_of(known(device));
   return lines ? places::former_seat(*lines) : std::nullopt;
 }
 
@@ -142,10 +141,8 @@ std::vector<UnfinishedBlank> SlotTable::unfinished_here() const {
   std::vector<UnfinishedBlank> here;
   const auto all = store_->unfinished_blanks();
   if (!all) return here;
-  const std::string machine = machine_name();
-  std::ranges::copy_if(*all, std::back_inserter(here), [&](const UnfinishedBlank& b) {
-    return b.bus.empty() || (b.bus == s_.bus.name && (b.machine == machine || machine.empty()));
-  });
+  std::ranges::copy_if(*all, std::back_inserter(here),
+                       [&](const UnfinishedBlank& b) { return b.who().on.covers(bus_); });
   return here;
 }
 

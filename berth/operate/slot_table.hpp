@@ -19,14 +19,16 @@ class SlotTable {
  public:
   using Seats = std::vector<std::unique_ptr<Seat>>;
 
-  SlotTable(BusServices& services, std::vector<places::SlotSpec> specs, places::SlotStore& store,
+  /// `machine`: the machine file's name.
+  SlotTable(BusServices& services, std::string machine, std::vector<places::SlotSpec> specs, places::SlotStore& store,
             NetworkObserver observer);
 
   /// Declares the slots in the store and takes over what it knows.
   Result<void> open();
   [[nodiscard]] places::SlotStore& store() const noexcept { return *store_; }
-  /// The machine file's name; empty without slots.
-  [[nodiscard]] std::string machine_name() const;
+  /// This bus, as the store knows it, and a device that is on it.
+  [[nodiscard]] const places::BusName& bus() const noexcept { return bus_; }
+  [[nodiscard]] places::BusDevice known(const LssAddress& device) const { return {device, bus_}; }
 
   [[nodiscard]] const Seats& seats() const noexcept { return seats_; }
   /// Null: there is none.
@@ -49,10 +51,11 @@ class SlotTable {
   /// Forgets which device sits in the slot, in the store too.
   Result<void> clear(Seat& seat, const std::string& reason);
 
+  // Of devices on this bus: what the store has of a twin on another one is the twin's.
   [[nodiscard]] bool is_marked(places::Mark mark, const LssAddress& device) const;
   void set_mark(places::Mark mark, const LssAddress& device, NodeId id, const std::string& reason);
   void take_mark(places::Mark mark, const LssAddress& device, const std::string& reason);
-  /// Where the device sat before its slot was given away.
+  /// Where the device sat on this bus before its slot was given away.
   [[nodiscard]] std::optional<places::FormerSeat> former_seat_of(const LssAddress& device) const;
   /// The intentions to take a node-ID away that were begun on this bus and are open. Those of stores of before schema 5
   /// are of any bus.
@@ -63,6 +66,7 @@ class SlotTable {
 
  private:
   BusServices& s_;
+  places::BusName bus_;
   places::SlotStore* store_;
   Events events_;
   Diagnosis diagnosis_;

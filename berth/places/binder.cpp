@@ -51,6 +51,17 @@ Outcome outcome_of(const Error& error) noexcept {
   }
 }
 
+Outcome outcome_of(const Result<void>& written, std::optional<Error>& said) noexcept {
+  if (written) return Outcome::ok;
+  said = written.error();
+  return said->code == Errc::duplicate ? Outcome::refused : Outcome::error;
+}
+
+std::string words_of(Why why, const std::optional<Error>& store_said) {
+  const bool by_store = why == Why::seated_twice || why == Why::store_failed;
+  return by_store && store_said ? words_of(*store_said) : std::string(name(why));
+}
+
 rt::Task<void> Binder::run(Binding& binding, SlotId slot, const std::string& reason) {
   const lss::MasterOptions before = s_.lss.options();
   while (!binding.ended()) {
@@ -138,10 +149,10 @@ Outcome Binder::write(const Binding& binding, SlotId slot, const std::string& re
   if (binding.kind() == Binding::Kind::bind) {
     written = ask ? s_.store.ask(slot, seat, reason) : s_.store.confirm(slot, seat, reason);
   } else {
-    const UnfinishedBlank blank{seat.device, options_.machine, options_.bus, binding.old_id()};
-    written = ask ? s_.store.ask_blank(blank, reason) : s_.store.confirm_blank(seat.device, reason);
+    const UnfinishedBlank blank{seat.device, options_.on.machine, options_.on.bus, binding.old_id()};
+    written = ask ? s_.store.ask_blank(blank, reason) : s_.store.confirm_blank(blank.who(), reason);
   }
-  return written ? Outcome::ok : Outcome::error;
+  return outcome_of(written, store_said_);
 }
 
 rt::Task<Outcome> Binder::select(const LssAddress& device) {

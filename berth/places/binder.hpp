@@ -50,8 +50,7 @@ class Binder {
     bool use_guarding = true;  ///< vacancy: ask by a remote frame too
     /// What proves that the selected device is alone (`lss::parts_to_ask`); the first proof on a bus asks all.
     lss::PartMask parts = lss::all_parts;
-    std::string machine{};  ///< for the store: where a blanking was begun
-    std::string bus{};
+    BusName on{};                                     ///< for the store: where a blanking is begun
     std::function<void(const Binding&)> before_step;  ///< for displays and fault plans; may be empty
     /// Shared by the binders that run side by side on one bus: the one that has it has LSS. Null: LSS is this binder's
     /// alone.
@@ -64,6 +63,9 @@ class Binder {
   /// meanwhile; with `lss_turn` from the intention's row to the release only, so that the next device is told its
   /// node-ID while this one boots.
   [[nodiscard]] rt::Task<void> run(Binding& binding, SlotId slot, const std::string& reason);
+
+  /// What the store said when it refused, or could not be written, last; none: it did what it was told.
+  [[nodiscard]] const std::optional<Error>& store_said() const noexcept { return store_said_; }
 
   /// Reads identity object 1018h, sub-indices 1 to 4. A device without one of 2 to 4 has 0 there.
   [[nodiscard]] static rt::Task<Result<LssAddress>> read_identity(co::SdoClient& sdo, NodeId node);
@@ -99,11 +101,16 @@ class Binder {
   rt::Time watch_since_{};  // vacancy was seen then
   rt::Time moved_{};        // the device may boot under its new node-ID from then on
   std::optional<rt::Held> lss_held_;
+  std::optional<Error> store_said_;
   bool silent_once_ = false;
   bool woken_ = false;
 };
 
 /// What the outcome of a `Result` means to the table.
 [[nodiscard]] Outcome outcome_of(const Error& error) noexcept;
+/// How a step that writes into the store ended; `said` gets what the store said of it when it did not write.
+[[nodiscard]] Outcome outcome_of(const Result<void>& written, std::optional<Error>& said) noexcept;
+/// Why a binding failed, for people: by a store that said so, in its own words (`Binder::store_said`).
+[[nodiscard]] std::string words_of(Why why, const std::optional<Error>& store_said);
 
 }  // namespace berth::places

@@ -35,6 +35,7 @@ const char* name(Why why) noexcept {
     case Why::silent: return "the device took the node-ID and was not heard under it";
     case Why::other_device: return "another device answers under this node-ID";
     case Why::store_failed: return "the slot table could not be written";
+    case Why::seated_twice: return "the slot table has this device in another slot";
     case Why::bus_down: return "nothing can be sent on the bus";
   }
   return "";
@@ -140,7 +141,7 @@ void Binding::advance(Outcome outcome) noexcept {
     case Step::write_ask:
       asked_ = ok;
       if (!ok)
-        give_up(Why::store_failed);
+        give_up(outcome == Outcome::refused ? Why::seated_twice : Why::store_failed);
       else
         step_ = kind_ == Kind::bind ? Step::configure : Step::select;
       break;

@@ -65,7 +65,7 @@ enum class Step : std::uint8_t {
 enum class Outcome : std::uint8_t {
   ok,
   silent,       ///< no answer in time
-  refused,      ///< an answer with an error code
+  refused,      ///< an answer with an error code; `write_ask`: the store has the device in another slot
   unsupported,  ///< `store`: the device has no memory for it (error code 1)
   mismatch,     ///< not the expected one: the id is taken (`check_vacant`), another device is in configuration too
                 ///< (`select`), one booted under the id since then (`configure`, `store`, `release`), another device
@@ -85,6 +85,7 @@ enum class Why : std::uint8_t {
   silent,        ///< it took the node-ID and was not heard under it
   other_device,  ///< another device answers under the node-ID
   store_failed,  ///< Berth's own store could not be written
+  seated_twice,  ///< the store has the device in another slot of this bus, and refused the intention
   bus_down,      ///< nothing can be sent
 };
 [[nodiscard]] const char* name(Why why) noexcept;

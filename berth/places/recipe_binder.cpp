@@ -21,7 +21,7 @@ rt::Task<Outcome> RecipeBinder::perform(const RecipeBinding& binding, SlotId slo
       identified_ = s_.dispatcher.executor().now();
       co_return co_await identify(old_id, seat.device);
     }
-    case RecipeStep::write_ask: co_return s_.store.ask(slot, seat, reason) ? Outcome::ok : Outcome::error;
+    case RecipeStep::write_ask: co_return outcome_of(s_.store.ask(slot, seat, reason), store_said_);
     case RecipeStep::write: co_return co_await write(old_id, seat.id);
     case RecipeStep::revert: co_return co_await write(old_id, old_id);
     case RecipeStep::reset: co_return co_await reset(binding);
@@ -35,7 +35,7 @@ rt::Task<Outcome> RecipeBinder::perform(const RecipeBinding& binding, SlotId slo
       if (who == Outcome::ok) s_.vacancy[seat.id.value() & 0x7FU].reset();
       co_return who;
     }
-    case RecipeStep::write_confirm: co_return s_.store.confirm(slot, seat, reason) ? Outcome::ok : Outcome::error;
+    case RecipeStep::write_confirm: co_return outcome_of(s_.store.confirm(slot, seat, reason), store_said_);
     case RecipeStep::done:
     case RecipeStep::power_cycle:
     case RecipeStep::failed: break;

@@ -16,6 +16,9 @@ class RecipeBinder {
   /// Runs the table to its end. All given must stay.
   [[nodiscard]] rt::Task<void> run(RecipeBinding& binding, SlotId slot, const std::string& reason);
 
+  /// As `Binder::store_said`.
+  [[nodiscard]] const std::optional<Error>& store_said() const noexcept { return store_said_; }
+
   /// The bytes of one object as they are written, little-endian.
   [[nodiscard]] static std::vector<std::uint8_t> bytes(const Recipe::Write& write, NodeId id);
 
@@ -28,6 +31,7 @@ class RecipeBinder {
   Binder::Services s_;
   Binder::Options options_;
   const Recipe* recipe_;
+  std::optional<Error> store_said_;
   rt::Time identified_{};  // under the old node-ID
   rt::Time moved_{};       // it may boot under the new one from then on
 };

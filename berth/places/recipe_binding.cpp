@@ -67,7 +67,7 @@ void RecipeBinding::advance(Outcome outcome) noexcept {
       break;
     case RecipeStep::write_ask:
       if (!ok)
-        fail(Why::store_failed);
+        fail(outcome == Outcome::refused ? Why::seated_twice : Why::store_failed);
       else
         step_ = old_id_ == assignment_.id ? RecipeStep::identify : RecipeStep::write;
       break;

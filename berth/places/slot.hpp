@@ -21,12 +21,32 @@ struct SlotId {
   friend constexpr auto operator<=>(SlotId, SlotId) noexcept = default;
 };
 
+/// A bus of a machine. An LSS address is one device's within one network only (CiA 305): devices without a serial
+/// number all have 0. So whatever is remembered of a device is remembered of one bus, and the same address on another
+/// bus is another device: its twin, or the device itself, which was moved there.
+struct BusName {
+  std::string machine;
+  std::string bus;
+  friend auto operator<=>(const BusName&, const BusName&) = default;
+  /// What was written of this bus is true of `here`: the same one, or none was written. Older stores did not say which;
+  /// such a row is of any bus until it is written anew or ended on one, and then is that bus's.
+  [[nodiscard]] bool covers(const BusName& here) const noexcept { return bus.empty() || *this == here; }
+};
+
+/// A device as a store knows it.
+struct BusDevice {
+  LssAddress device;
+  BusName on;
+  friend auto operator<=>(const BusDevice&, const BusDevice&) = default;
+};
+
 /// What a person calls a slot. Machine, bus and name together find the same `SlotId` again.
 struct SlotName {
   std::string machine;
   std::string bus;
   std::string name;
   friend auto operator<=>(const SlotName&, const SlotName&) = default;
+  [[nodiscard]] BusName on() const { return {machine, bus}; }
 };
 
 /// Which device sits where when it is not one new device of a type for one free slot.
@@ -131,6 +151,7 @@ struct UnfinishedBlank {
   std::string machine;  ///< where it was begun; empty in stores of before schema 5, which means any
   std::string bus;
   NodeId id;  ///< that the device had then; unconfigured: not known
+  [[nodiscard]] BusDevice who() const { return {device, {machine, bus}}; }
   friend bool operator==(const UnfinishedBlank&, const UnfinishedBlank&) = default;
 };
 
@@ -141,6 +162,7 @@ struct LentId {
   std::string machine;  ///< where it was lent; empty in stores of before schema 6, which means any
   std::string bus;
   NodeId id;
+  [[nodiscard]] BusDevice who() const { return {device, {machine, bus}}; }
   friend bool operator==(const LentId&, const LentId&) = default;
 };
 
@@ -162,7 +184,8 @@ struct SlotRecord {
   }
 };
 
-/// What is remembered of a device beside its seat.
+/// What is remembered of a device beside its seat, on its bus: each of the three would harm a twin on another bus,
+/// which would lose its settings, be left without its node-ID, or wait for a person.
 enum class Mark : std::uint8_t {
   restore,     ///< it shall have its factory settings before it is configured (a used spare); until that was done
   fixed,       ///< its node-ID comes from switches, plug or firmware: LSS cannot change it
@@ -176,7 +199,8 @@ enum class Mark : std::uint8_t {
 /// A device with a mark.
 struct Marked {
   LssAddress device;
-  NodeId id;  ///< that it had then
+  NodeId id;        ///< that it had then
+  BusName on = {};  ///< no bus: of before schema 7, which means any
   friend bool operator==(const Marked&, const Marked&) = default;
 };
 
@@ -191,6 +215,7 @@ struct HistoryEntry {
   std::optional<LssAddress> device;
   NodeId id;
   std::string reason;
+  BusName on = {};  ///< the slot's, else the device's; empty: not known, as before schema 7
 };
 
 /// The reason of `SlotStore::clear` when a person gives a slot away.
@@ -206,8 +231,9 @@ struct FormerSeat {
   bool by_person = false;     ///< a person gave the slot away; else Berth freed it, because the device was silent
   friend bool operator==(const FormerSeat&, const FormerSeat&) = default;
 };
-/// The last seat that a device had and has no more, by the lines of the history about it, oldest first. None when it
-/// never sat anywhere, sits there still, or was restored to its factory settings since.
+/// The last seat that a device had and has no more, by the lines of the history about it on its bus, oldest first
+/// (`SlotStore::history_of`). None when it never sat there, sits there still, or was restored to its factory settings
+/// since.
 [[nodiscard]] std::optional<FormerSeat> former_seat(const std::vector<HistoryEntry>& lines);
 
 /// What is going on with a slot now. The names stand in `--json` and in the documents.

@@ -1,6 +1,10 @@
 #include "berth/places/slot_store.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+
+#include "berth/base/kept.hpp"
 
 namespace berth::places {
 
@@ -68,17 +72,58 @@ std::optional<FormerSeat> former_seat(const std::vector<HistoryEntry>& lines) {
   return sits ? std::nullopt : sat;
 }
 
+Error sits_in(const SlotName& there) {
+  const char* const text = kept(
+      fmt::format("by the slot table a device of this LSS address sits in slot {} of bus {}, and on one bus an "
+                  "address is one device's: `berth replace {}/{}` gives that slot away (one that has gone from the "
+                  "machine file is written there again first); two devices need two serial numbers",
+                  there.name, there.bus, there.bus, there.name));
+  return Error{.code = Errc::duplicate, .text = text};
+}
+
+std::string words_of(const Error& store_said) {
+  if (store_said.code == Errc::duplicate) return store_said.text;
+  return "the slot table cannot be written: " + describe(store_said);
+}
+
+Error owned_by_another() noexcept {
+  return Error{.code = Errc::duplicate,
+               .text = "the slot table has another device in this slot: give the slot away first, by `berth replace`"};
+}
+
+namespace {
+
+HistoryEntry line_of(SlotId slot, std::string_view event, std::optional<LssAddress> device, NodeId id,
+                     std::string_view reason) {
+  return {0, 0, slot, std::string(event), device, id, std::string(reason), {}};
+}
+
+HistoryEntry line_of(const BusDevice& who, std::string_view event, NodeId id, std::string_view reason) {
+  return {0, 0, std::nullopt, std::string(event), who.device, id, std::string(reason), who.on};
+}
+
+// What was written of the device on this bus, or on no bus that is known.
+auto about(const BusDevice& who) {
+  return [&who](const auto& row) { return row.device == who.device && row.who().on.covers(who.on); };
+}
+
+}  // namespace
+
 SlotRecord* MemoryStore::find(SlotId slot) noexcept {
   const bool known = slot.value >= 1 && slot.value <= static_cast<std::int64_t>(slots_.size());
   return known ? &slots_[static_cast<std::size_t>(slot.value - 1)] : nullptr;
 }
 
-void MemoryStore::log(std::optional<SlotId> slot, std::string_view event, std::optional<LssAddress> device, NodeId id,
-                      std::string_view reason) {
-  if (slot) lines_of_slot_[*slot].push_back(history_.size());
-  if (device) lines_of_device_[*device].push_back(history_.size());
-  history_.push_back({static_cast<std::int64_t>(history_.size()) + 1, stamp_ms_, slot, std::string(event), device, id,
-                      std::string(reason)});
+void MemoryStore::log(HistoryEntry line) {
+  if (line.slot) {
+    const SlotRecord* const record = find(*line.slot);
+    line.on = record != nullptr ? record->name.on() : BusName();
+    lines_of_slot_[*line.slot].push_back(history_.size());
+  }
+  if (line.device) lines_of_device_[*line.device].push_back(history_.size());
+  line.sequence = static_cast<std::int64_t>(history_.size()) + 1;
+  line.stamp_ms = stamp_ms_;
+  history_.push_back(std::move(line));
 }
 
 Result<SlotId> MemoryStore::declare(const SlotName& name) {
@@ -86,7 +131,7 @@ Result<SlotId> MemoryStore::declare(const SlotName& name) {
   const auto [known, is_new] = names_.emplace(name, slot);
   if (!is_new) return known->second;
   slots_.push_back({slot, name, std::nullopt, std::nullopt, std::nullopt});
-  log(slot, "declared", std::nullopt, NodeId(), name.name);
+  log(line_of(slot, "declared", std::nullopt, NodeId(), name.name));
   return slot;
 }
 
@@ -106,12 +151,13 @@ Result<SlotRecord> MemoryStore::load(SlotId slot) {
 Result<void> MemoryStore::ask(SlotId slot, const Assignment& seat, std::string_view reason) {
   SlotRecord* record = find(slot);
   if (record == nullptr) return fail(Errc::not_found, "no such slot");
-  const auto sits = sits_.find(seat.device);
-  if (sits != sits_.end() && sits->second != slot) return fail(Errc::duplicate, "the device sits in another slot");
-  if (record->device() && record->device() != seat.device) return fail(Errc::duplicate, "the slot is another device's");
+  const BusDevice who{seat.device, record->name.on()};
+  const auto sits = sits_.find(who);
+  if (sits != sits_.end() && sits->second != slot) return fail(sits_in(find(sits->second)->name));
+  if (record->device() && record->device() != seat.device) return fail(owned_by_another());
   record->intended = seat;
-  sits_[seat.device] = slot;
-  log(slot, "asked", seat.device, seat.id, reason);
+  sits_[who] = slot;
+  log(line_of(slot, "asked", seat.device, seat.id, reason));
   return {};
 }
 
@@ -121,16 +167,17 @@ Result<void> MemoryStore::confirm(SlotId slot, const Assignment& seat, std::stri
   if (record->intended != seat) return fail(Errc::mismatch, "confirmed something that was not asked for");
   record->intended.reset();
   record->confirmed = seat;
-  std::erase_if(blanks_, [&](const UnfinishedBlank& b) { return b.device == seat.device; });
-  log(slot, "confirmed", seat.device, seat.id, reason);
+  const BusDevice who{seat.device, record->name.on()};
+  std::erase_if(blanks_, about(who));
+  log(line_of(slot, "confirmed", seat.device, seat.id, reason));
   return {};
 }
 
 Result<void> MemoryStore::clear(SlotId slot, std::string_view reason) {
   SlotRecord* record = find(slot);
   if (record == nullptr) return fail(Errc::not_found, "no such slot");
-  log(slot, "cleared", record->device(), NodeId(), reason);
-  if (record->device()) sits_.erase(*record->device());
+  log(line_of(slot, "cleared", record->device(), NodeId(), reason));
+  if (record->device()) sits_.erase({*record->device(), record->name.on()});
   record->intended.reset();
   record->confirmed.reset();
   record->configured.reset();
@@ -142,75 +189,82 @@ Result<void> MemoryStore::configure(SlotId slot, const Configured& configured, s
   if (record == nullptr) return fail(Errc::not_found, "no such slot");
   record->configured = configured;
   const NodeId id = record->confirmed ? record->confirmed->id : NodeId();
-  log(slot, name(configured.stage), configured.device, id, reason);
+  log(line_of(slot, name(configured.stage), configured.device, id, reason));
   return {};
 }
 
 Result<void> MemoryStore::ask_blank(const UnfinishedBlank& blank, std::string_view reason) {
-  const auto known = std::ranges::find(blanks_, blank.device, &UnfinishedBlank::device);
+  const BusDevice who = blank.who();
+  // One of any bus is this bus's from now on.
+  std::erase_if(blanks_, [&](const UnfinishedBlank& b) { return b.device == blank.device && b.bus.empty(); });
+  const auto known = std::ranges::find(blanks_, who, &UnfinishedBlank::who);
   if (known == blanks_.end()) {
     blanks_.push_back(blank);
   } else {
     *known = blank;
   }
-  log(std::nullopt, "blank asked", blank.device, blank.id, reason);
+  log(line_of(who, "blank asked", blank.id, reason));
   return {};
 }
 
-Result<void> MemoryStore::confirm_blank(const LssAddress& device, std::string_view reason) {
-  std::erase_if(blanks_, [&](const UnfinishedBlank& b) { return b.device == device; });
-  log(std::nullopt, "blanked", device, NodeId(), reason);
+Result<void> MemoryStore::confirm_blank(const BusDevice& who, std::string_view reason) {
+  std::erase_if(blanks_, about(who));
+  log(line_of(who, "blanked", NodeId(), reason));
   return {};
 }
 
-Result<void> MemoryStore::drop_blank(const LssAddress& device, std::string_view reason) {
-  const auto known = std::ranges::find(blanks_, device, &UnfinishedBlank::device);
+Result<void> MemoryStore::drop_blank(const BusDevice& who, std::string_view reason) {
+  const auto known = std::ranges::find_if(blanks_, about(who));
   if (known == blanks_.end()) return fail(Errc::not_found, "no unfinished intention of this device");
-  log(std::nullopt, "blank dropped", device, known->id, reason);
-  blanks_.erase(known);
+  log(line_of(who, "blank dropped", known->id, reason));
+  std::erase_if(blanks_, about(who));
   return {};
 }
 
 Result<std::vector<UnfinishedBlank>> MemoryStore::unfinished_blanks() { return blanks_; }
 
-Result<void> MemoryStore::mark(Mark mark, const LssAddress& device, NodeId id, std::string_view reason) {
-  marks_[{mark, device}] = id;
-  log(std::nullopt, name(mark), device, id, reason);
+Result<void> MemoryStore::mark(Mark mark, const BusDevice& who, NodeId id, std::string_view reason) {
+  marks_.erase({mark, {who.device, {}}});
+  marks_[{mark, who}] = id;
+  log(line_of(who, name(mark), id, reason));
   return {};
 }
 
-Result<void> MemoryStore::unmark(Mark mark, const LssAddress& device, std::string_view reason) {
-  marks_.erase({mark, device});
-  log(std::nullopt, name_of_end(mark), device, NodeId(), reason);
+Result<void> MemoryStore::unmark(Mark mark, const BusDevice& who, std::string_view reason) {
+  marks_.erase({mark, {who.device, {}}});
+  marks_.erase({mark, who});
+  log(line_of(who, name_of_end(mark), NodeId(), reason));
   return {};
 }
 
 Result<std::vector<Marked>> MemoryStore::marked(Mark mark) {
   std::vector<Marked> devices;
   for (const auto& [key, id] : marks_) {
-    if (key.first == mark) devices.push_back({key.second, id});
+    if (key.first == mark) devices.push_back({key.second.device, id, key.second.on});
   }
   return devices;
 }
 
 Result<void> MemoryStore::lend(const LentId& lent) {
-  lent_[lent.device] = lent;
+  lent_.erase({lent.device, {}});
+  lent_[lent.who()] = lent;
   return {};
 }
 
-Result<void> MemoryStore::give_back(const LssAddress& device) {
-  lent_.erase(device);
+Result<void> MemoryStore::give_back(const BusDevice& who) {
+  lent_.erase({who.device, {}});
+  lent_.erase(who);
   return {};
 }
 
 Result<std::vector<LentId>> MemoryStore::lent() {
   std::vector<LentId> all;
-  for (const auto& [device, lent] : lent_) all.push_back(lent);
+  for (const auto& [who, lent] : lent_) all.push_back(lent);
   return all;
 }
 
 Result<void> MemoryStore::note(const HistoryEntry& entry) {
-  log(entry.slot, entry.event, entry.device, entry.id, entry.reason);
+  log(entry);
   return {};
 }
 
@@ -228,8 +282,10 @@ Result<std::vector<HistoryEntry>> MemoryStore::history(std::optional<SlotId> slo
   return slot ? lines_at(lines_of_slot_, *slot) : history_;
 }
 
-Result<std::vector<HistoryEntry>> MemoryStore::history_of(const LssAddress& device) {
-  return lines_at(lines_of_device_, device);
+Result<std::vector<HistoryEntry>> MemoryStore::history_of(const BusDevice& who) {
+  std::vector<HistoryEntry> lines = lines_at(lines_of_device_, who.device);
+  std::erase_if(lines, [&](const HistoryEntry& line) { return !line.on.covers(who.on); });
+  return lines;
 }
 
 }  // namespace berth::places

@@ -6,6 +6,7 @@
 #include <charconv>
 #include <map>
 #include <set>
+#include <tuple>
 
 #include "berth/multilevel/path.hpp"
 #include "berth/od/notation.hpp"
@@ -452,9 +453,9 @@ class PlantReader {
     }
   }
 
-  /// Two devices with one LSS address are something to try, and something to mistype (S1.22).
+  /// Two devices with one LSS address on one bus are something to try, and something to mistype (S1.22).
   void note_clone(Table& table, const PlantDevice& device) {
-    const auto [it, fresh] = addresses_.emplace(std::pair(device.eds_path, device.address), device.name);
+    const auto [it, fresh] = addresses_.emplace(std::tuple(device.bus, device.eds_path, device.address), device.name);
     if (fresh) return;
     const auto at = table.begin();
     findings_.push_back(
@@ -618,8 +619,8 @@ class PlantReader {
   PlantFile plant_;
   bool many_ = false;                                      ///< the table being read stands for several devices
   std::map<std::string, std::size_t, std::less<>> names_;  ///< device name → index
-  std::map<std::pair<std::string, LssAddress>, std::string> addresses_;
-  std::set<std::string> ports_;  ///< devices beneath gateways
+  std::map<std::tuple<std::string, std::string, LssAddress>, std::string> addresses_;  ///< bus, EDS, address
+  std::set<std::string> ports_;                                                        ///< devices beneath gateways
 };
 
 }  // namespace

@@ -3,16 +3,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <mutex>
-#include <set>
 #include <utility>
 
+#include "berth/base/kept.hpp"
 #include "berth/store/database_impl.hpp"
 
 namespace berth::store {
 namespace {
 
 using places::Assignment;
+using places::BusDevice;
 using places::HistoryEntry;
 using places::SlotId;
 using places::SlotName;
@@ -21,17 +21,18 @@ using places::SlotRecord;
 // Each text stands once: the prepared statement is known by its address.
 constexpr const char* find_slot_sql = "SELECT id FROM slots WHERE machine = ? AND bus = ? AND name = ?";
 constexpr const char* add_slot_sql = "INSERT INTO slots (machine, bus, name) VALUES (?, ?, ?)";
-constexpr const char* has_slot_sql = "SELECT 1 FROM slots WHERE id = ?";
+constexpr const char* bus_of_slot_sql = "SELECT machine, bus FROM slots WHERE id = ?";
 constexpr const char* load_sql =
     "SELECT s.id, s.machine, s.bus, s.name, t.fact, t.vendor, t.product, t.revision, t.serial, t.node_id "
     "FROM slots s LEFT JOIN seats t ON t.slot = s.id WHERE s.machine = ? ORDER BY s.id, t.fact";
 constexpr const char* load_slot_sql =
     "SELECT s.id, s.machine, s.bus, s.name, t.fact, t.vendor, t.product, t.revision, t.serial, t.node_id "
     "FROM slots s LEFT JOIN seats t ON t.slot = s.id WHERE s.id = ? ORDER BY t.fact";
+// Where the device sits beside this slot, on the slot's bus. By the index of the addresses: the twins of one are few.
 constexpr const char* other_seat_sql =
-    // With `fact`, which is the first column of the index.
-    "SELECT 1 FROM seats WHERE fact IN ('asked', 'confirmed') AND vendor = ? AND product = ? AND revision = ? AND "
-    "serial = ? AND slot <> ?";
+    "SELECT o.machine, o.bus, o.name FROM slots s CROSS JOIN seats t CROSS JOIN slots o WHERE t.vendor = ? AND "
+    "t.product = ? AND t.revision = ? AND t.serial = ? AND s.id = ? AND o.id = t.slot AND o.id <> s.id AND "
+    "o.machine = s.machine AND o.bus = s.bus LIMIT 1";
 constexpr const char* get_seat_sql =
     "SELECT vendor, product, revision, serial, node_id FROM seats WHERE slot = ? AND fact = ?";
 constexpr const char* put_seat_sql =
@@ -51,41 +52,59 @@ constexpr const char* drop_asked_sql = "DELETE FROM seats WHERE slot = ? AND fac
 constexpr const char* drop_seats_sql = "DELETE FROM seats WHERE slot = ?";
 constexpr const char* put_blank_sql =
     "INSERT INTO blanks (vendor, product, revision, serial, machine, bus, node_id) VALUES (?, ?, ?, ?, ?, ?, ?) "
-    "ON CONFLICT DO UPDATE SET machine = excluded.machine, bus = excluded.bus, node_id = excluded.node_id";
+    "ON CONFLICT DO UPDATE SET node_id = excluded.node_id";
+// What names no bus is of any bus, and ends with the row of the bus on which it is written anew or ended.
+constexpr const char* drop_blank_of_any_bus_sql =
+    "DELETE FROM blanks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND bus = ''";
 constexpr const char* drop_blank_sql =
-    "DELETE FROM blanks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ?";
+    "DELETE FROM blanks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND "
+    "(machine = ? AND bus = ? OR bus = '')";
 constexpr const char* blanks_sql =
     "SELECT vendor, product, revision, serial, machine, bus, node_id FROM blanks ORDER BY id";
 constexpr const char* get_blank_sql =
-    "SELECT node_id FROM blanks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ?";
+    "SELECT node_id FROM blanks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND "
+    "(machine = ? AND bus = ? OR bus = '') ORDER BY id LIMIT 1";
 // Kept as the numbers of `places::Mark`, which are never given to another.
 constexpr const char* put_mark_sql =
-    "INSERT OR REPLACE INTO marks (vendor, product, revision, serial, mark, node_id) VALUES (?, ?, ?, ?, ?, ?)";
+    "INSERT OR REPLACE INTO marks (vendor, product, revision, serial, machine, bus, mark, node_id) "
+    "VALUES (?, ?, ?, ?, ?, ?, ?, ?)";
+constexpr const char* drop_mark_of_any_bus_sql =
+    "DELETE FROM marks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND mark = ? AND bus = ''";
 constexpr const char* drop_mark_sql =
-    "DELETE FROM marks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND mark = ?";
+    "DELETE FROM marks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND "
+    "(machine = ? AND bus = ? OR bus = '') AND mark = ?";
 constexpr const char* marked_sql =
-    "SELECT vendor, product, revision, serial, node_id FROM marks WHERE mark = ? ORDER BY 1, 2, 3, 4";
+    "SELECT vendor, product, revision, serial, node_id, machine, bus FROM marks WHERE mark = ? "
+    "ORDER BY 1, 2, 3, 4, 6, 7";
 constexpr const char* is_marked_sql =
-    "SELECT 1 FROM marks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND mark = ?";
+    "SELECT 1 FROM marks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND "
+    "(machine = ? AND bus = ? OR bus = '') AND mark = ?";
 constexpr const char* put_loan_sql =
-    "INSERT OR REPLACE INTO loans (vendor, product, revision, serial, machine, bus, node_id) VALUES (?, ?, ?, ?, ?, ?, "
-    "?)";
+    "INSERT OR REPLACE INTO loans (vendor, product, revision, serial, machine, bus, node_id) "
+    "VALUES (?, ?, ?, ?, ?, ?, ?)";
+constexpr const char* drop_loan_of_any_bus_sql =
+    "DELETE FROM loans WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND bus = ''";
 constexpr const char* drop_loan_sql =
-    "DELETE FROM loans WHERE vendor = ? AND product = ? AND revision = ? AND serial = ?";
+    "DELETE FROM loans WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND "
+    "(machine = ? AND bus = ? OR bus = '')";
 constexpr const char* loans_sql =
-    "SELECT vendor, product, revision, serial, machine, bus, node_id FROM loans ORDER BY 1, 2, 3, 4";
+    "SELECT vendor, product, revision, serial, machine, bus, node_id FROM loans ORDER BY 1, 2, 3, 4, 5, 6";
 constexpr const char* log_sql =
-    "INSERT INTO history (vendor, product, revision, serial, stamp_ms, slot, event, node_id, reason) "
-    "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)";
+    "INSERT INTO history (vendor, product, revision, serial, stamp_ms, slot, event, node_id, reason, machine, bus) "
+    "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)";
+// The bus of a slot's line is the slot's; a line without one has its own.
 constexpr const char* history_sql =
-    "SELECT vendor, product, revision, serial, sequence, stamp_ms, slot, event, node_id, reason FROM history "
-    "ORDER BY sequence";
+    "SELECT h.vendor, h.product, h.revision, h.serial, h.sequence, h.stamp_ms, h.slot, h.event, h.node_id, h.reason, "
+    "coalesce(s.machine, h.machine), coalesce(s.bus, h.bus) FROM history h LEFT JOIN slots s ON s.id = h.slot "
+    "ORDER BY h.sequence";
 constexpr const char* history_of_slot_sql =
-    "SELECT vendor, product, revision, serial, sequence, stamp_ms, slot, event, node_id, reason FROM history "
-    "WHERE slot = ? ORDER BY sequence";
+    "SELECT h.vendor, h.product, h.revision, h.serial, h.sequence, h.stamp_ms, h.slot, h.event, h.node_id, h.reason, "
+    "coalesce(s.machine, h.machine), coalesce(s.bus, h.bus) FROM history h LEFT JOIN slots s ON s.id = h.slot "
+    "WHERE h.slot = ? ORDER BY h.sequence";
 constexpr const char* history_of_device_sql =
-    "SELECT vendor, product, revision, serial, sequence, stamp_ms, slot, event, node_id, reason FROM history "
-    "WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? ORDER BY sequence";
+    "SELECT h.vendor, h.product, h.revision, h.serial, h.sequence, h.stamp_ms, h.slot, h.event, h.node_id, h.reason, "
+    "coalesce(s.machine, h.machine), coalesce(s.bus, h.bus) FROM history h LEFT JOIN slots s ON s.id = h.slot "
+    "WHERE h.vendor = ? AND h.product = ? AND h.revision = ? AND h.serial = ? ORDER BY h.sequence";
 constexpr const char* devices_sql =
     "SELECT vendor, product, revision, serial, first_ms, last_ms, lines FROM devices ORDER BY 1, 2, 3, 4";
 
@@ -111,6 +130,7 @@ class Query {
     for (unsigned i = 0; i < 4; ++i) *this << static_cast<std::int64_t>(a.part(i));
     return *this;
   }
+  Query& operator<<(const BusDevice& who) { return *this << who.device << who.on.machine << who.on.bus; }
   Query& skip(int parameters) {  // NULL
     for (int i = 0; i < parameters; ++i) statement_.bind(next_++);
     return *this;
@@ -146,17 +166,10 @@ std::vector<HistoryEntry> lines_of(Query& query) {
     line.event = query.text(7);
     line.id = query.node_id(8);
     line.reason = query.text(9);
+    line.on = {query.text(10), query.text(11)};
     lines.push_back(std::move(line));
   }
   return lines;
-}
-
-/// An error's text is static: of each file and cause there is one, for as long as the process.
-const char* kept(std::string text) {
-  static std::mutex one_at_a_time;
-  static std::set<std::string> texts;
-  const std::lock_guard held(one_at_a_time);
-  return texts.insert(std::move(text)).first->c_str();
 }
 
 }  // namespace
@@ -207,10 +220,11 @@ SlotId Database::Impl::add_slot(const SlotName& name) {
   return slot;
 }
 
-bool Database::Impl::has_slot(SlotId slot) {
-  Query query(statement(has_slot_sql));
+std::optional<places::BusName> Database::Impl::bus_of(SlotId slot) {
+  Query query(statement(bus_of_slot_sql));
   query << slot.value;
-  return query.row();
+  if (!query.row()) return std::nullopt;
+  return places::BusName{query.text(0), query.text(1)};
 }
 
 std::optional<Assignment> Database::Impl::seat(SlotId slot, std::string_view fact) {
@@ -257,21 +271,37 @@ void Database::Impl::add_configurations(Query& query, std::vector<SlotRecord>& r
   }
 }
 
-void Database::Impl::log(std::optional<SlotId> slot, std::string_view event, const std::optional<LssAddress>& device,
-                         NodeId id, std::string_view reason) {
+void Database::Impl::log(const HistoryEntry& line) {
   Query query(statement(log_sql));
-  if (device) {
-    query << *device;
+  if (line.device) {
+    query << *line.device;
   } else {
     query.skip(4);
   }
   query << stamp_ms;
-  if (slot) {
-    query << slot->value;
+  if (line.slot) {
+    query << line.slot->value;
   } else {
     query.skip(1);
   }
-  query << event << std::int64_t{id.value()} << reason;
+  const places::BusName on = line.slot ? places::BusName() : line.on;
+  query << line.event << std::int64_t{line.id.value()} << line.reason << on.machine << on.bus;
+  query.run();
+}
+
+void Database::Impl::log(SlotId slot, std::string_view event, const std::optional<LssAddress>& device, NodeId id,
+                         std::string_view reason) {
+  log({0, 0, slot, std::string(event), device, id, std::string(reason), {}});
+}
+
+void Database::Impl::log(const BusDevice& who, std::string_view event, NodeId id, std::string_view reason) {
+  log({0, 0, std::nullopt, std::string(event), who.device, id, std::string(reason), who.on});
+}
+
+template <class Device>
+void Database::Impl::run_on(const char* sql, const Device& device) {
+  Query query(statement(sql));
+  query << device;
   query.run();
 }
 
@@ -356,15 +386,15 @@ Result<SlotRecord> Database::load(SlotId slot) {
 
 Result<void> Database::ask(SlotId slot, const Assignment& seat, std::string_view reason) {
   return impl_->write("writing an intention", [&]() -> Result<void> {
-    if (!impl_->has_slot(slot)) return fail(Errc::not_found, "no such slot");
+    if (!impl_->bus_of(slot)) return fail(Errc::not_found, "no such slot");
     {
       Query query(impl_->statement(other_seat_sql));
       query << seat.device << slot.value;
-      if (query.row()) return fail(Errc::duplicate, "the device sits in another slot");
+      if (query.row()) return fail(places::sits_in({query.text(0), query.text(1), query.text(2)}));
     }
     for (const char* const fact : {"asked", "confirmed"}) {
       const auto other = impl_->seat(slot, fact);
-      if (other && other->device != seat.device) return fail(Errc::duplicate, "the slot is another device's");
+      if (other && other->device != seat.device) return fail(places::owned_by_another());
     }
     impl_->put_seat(slot, "asked", seat);
     impl_->log(slot, "asked", seat.device, seat.id, reason);
@@ -374,7 +404,8 @@ Result<void> Database::ask(SlotId slot, const Assignment& seat, std::string_view
 
 Result<void> Database::confirm(SlotId slot, const Assignment& seat, std::string_view reason) {
   return impl_->write("writing a binding", [&]() -> Result<void> {
-    if (!impl_->has_slot(slot)) return fail(Errc::not_found, "no such slot");
+    const auto on = impl_->bus_of(slot);
+    if (!on) return fail(Errc::not_found, "no such slot");
     if (impl_->seat(slot, "asked") != seat) return fail(Errc::mismatch, "confirmed something that was not asked for");
     {
       Query query(impl_->statement(drop_asked_sql));
@@ -382,11 +413,7 @@ Result<void> Database::confirm(SlotId slot, const Assignment& seat, std::string_
       query.run();
     }
     impl_->put_seat(slot, "confirmed", seat);
-    {
-      Query query(impl_->statement(drop_blank_sql));
-      query << seat.device;
-      query.run();
-    }
+    impl_->run_on(drop_blank_sql, BusDevice{seat.device, *on});
     impl_->log(slot, "confirmed", seat.device, seat.id, reason);
     return {};
   });
@@ -394,7 +421,7 @@ Result<void> Database::confirm(SlotId slot, const Assignment& seat, std::string_
 
 Result<void> Database::clear(SlotId slot, std::string_view reason) {
   return impl_->write("clearing a slot", [&]() -> Result<void> {
-    if (!impl_->has_slot(slot)) return fail(Errc::not_found, "no such slot");
+    if (!impl_->bus_of(slot)) return fail(Errc::not_found, "no such slot");
     auto who = impl_->seat(slot, "asked");
     if (!who) who = impl_->seat(slot, "confirmed");
     impl_->log(slot, "cleared", who ? std::optional(who->device) : std::nullopt, NodeId(), reason);
@@ -409,7 +436,7 @@ Result<void> Database::clear(SlotId slot, std::string_view reason) {
 
 Result<void> Database::configure(SlotId slot, const places::Configured& configured, std::string_view reason) {
   return impl_->write("writing a configuration", [&]() -> Result<void> {
-    if (!impl_->has_slot(slot)) return fail(Errc::not_found, "no such slot");
+    if (!impl_->bus_of(slot)) return fail(Errc::not_found, "no such slot");
     {
       Query query(impl_->statement(put_configuration_sql));
       query << configured.device << slot.value << name(configured.stage) << std::int64_t{configured.days}
@@ -424,43 +451,36 @@ Result<void> Database::configure(SlotId slot, const places::Configured& configur
 
 Result<void> Database::ask_blank(const places::UnfinishedBlank& blank, std::string_view reason) {
   return impl_->write("writing an intention", [&]() -> Result<void> {
+    impl_->run_on(drop_blank_of_any_bus_sql, blank.device);
     {
       Query query(impl_->statement(put_blank_sql));
-      query << blank.device << blank.machine << blank.bus << std::int64_t{blank.id.value()};
+      query << blank.who() << std::int64_t{blank.id.value()};
       query.run();
     }
-    impl_->log(std::nullopt, "blank asked", blank.device, blank.id, reason);
+    impl_->log(blank.who(), "blank asked", blank.id, reason);
     return {};
   });
 }
 
-Result<void> Database::confirm_blank(const LssAddress& device, std::string_view reason) {
+Result<void> Database::confirm_blank(const BusDevice& who, std::string_view reason) {
   return impl_->write("writing that a device is blank", [&]() -> Result<void> {
-    {
-      Query query(impl_->statement(drop_blank_sql));
-      query << device;
-      query.run();
-    }
-    impl_->log(std::nullopt, "blanked", device, NodeId(), reason);
+    impl_->run_on(drop_blank_sql, who);
+    impl_->log(who, "blanked", NodeId(), reason);
     return {};
   });
 }
 
-Result<void> Database::drop_blank(const LssAddress& device, std::string_view reason) {
+Result<void> Database::drop_blank(const BusDevice& who, std::string_view reason) {
   return impl_->write("dropping an intention", [&]() -> Result<void> {
     std::optional<NodeId> id;
     {
       Query query(impl_->statement(get_blank_sql));
-      query << device;
+      query << who;
       if (query.row()) id = query.node_id(0);
     }
     if (!id) return fail(Errc::not_found, "no unfinished intention of this device");
-    {
-      Query query(impl_->statement(drop_blank_sql));
-      query << device;
-      query.run();
-    }
-    impl_->log(std::nullopt, "blank dropped", device, *id, reason);
+    impl_->run_on(drop_blank_sql, who);
+    impl_->log(who, "blank dropped", *id, reason);
     return {};
   });
 }
@@ -474,26 +494,31 @@ Result<std::vector<places::UnfinishedBlank>> Database::unfinished_blanks() {
   });
 }
 
-Result<void> Database::mark(places::Mark mark, const LssAddress& device, NodeId id, std::string_view reason) {
+Result<void> Database::mark(places::Mark mark, const BusDevice& who, NodeId id, std::string_view reason) {
   return impl_->write("marking a device", [&]() -> Result<void> {
     {
-      Query query(impl_->statement(put_mark_sql));
-      query << device << static_cast<std::int64_t>(mark) << std::int64_t{id.value()};
+      Query query(impl_->statement(drop_mark_of_any_bus_sql));
+      query << who.device << static_cast<std::int64_t>(mark);
       query.run();
     }
-    impl_->log(std::nullopt, name(mark), device, id, reason);
+    {
+      Query query(impl_->statement(put_mark_sql));
+      query << who << static_cast<std::int64_t>(mark) << std::int64_t{id.value()};
+      query.run();
+    }
+    impl_->log(who, name(mark), id, reason);
     return {};
   });
 }
 
-Result<void> Database::unmark(places::Mark mark, const LssAddress& device, std::string_view reason) {
+Result<void> Database::unmark(places::Mark mark, const BusDevice& who, std::string_view reason) {
   return impl_->write("taking a mark away", [&]() -> Result<void> {
     {
       Query query(impl_->statement(drop_mark_sql));
-      query << device << static_cast<std::int64_t>(mark);
+      query << who << static_cast<std::int64_t>(mark);
       query.run();
     }
-    impl_->log(std::nullopt, name_of_end(mark), device, NodeId(), reason);
+    impl_->log(who, name_of_end(mark), NodeId(), reason);
     return {};
   });
 }
@@ -503,33 +528,32 @@ Result<std::vector<places::Marked>> Database::marked(places::Mark mark) {
     std::vector<places::Marked> devices;
     Query query(impl_->statement(marked_sql));
     query << static_cast<std::int64_t>(mark);
-    while (query.row()) devices.push_back({query.address(0), query.node_id(4)});
+    while (query.row()) devices.push_back({query.address(0), query.node_id(4), {query.text(5), query.text(6)}});
     return devices;
   });
 }
 
-Result<bool> Database::is_marked(places::Mark mark, const LssAddress& device) {
+Result<bool> Database::is_marked(places::Mark mark, const BusDevice& who) {
   return impl_->read("loading a mark", [&]() -> Result<bool> {
     Query query(impl_->statement(is_marked_sql));
-    query << device << static_cast<std::int64_t>(mark);
+    query << who << static_cast<std::int64_t>(mark);
     return query.row();
   });
 }
 
 Result<void> Database::lend(const places::LentId& lent) {
   return impl_->write("writing a loan", [&]() -> Result<void> {
+    impl_->run_on(drop_loan_of_any_bus_sql, lent.device);
     Query query(impl_->statement(put_loan_sql));
-    query << lent.device << lent.machine << lent.bus << std::int64_t{lent.id.value()};
+    query << lent.who() << std::int64_t{lent.id.value()};
     query.run();
     return {};
   });
 }
 
-Result<void> Database::give_back(const LssAddress& device) {
+Result<void> Database::give_back(const BusDevice& who) {
   return impl_->write("writing that a loan ended", [&]() -> Result<void> {
-    Query query(impl_->statement(drop_loan_sql));
-    query << device;
-    query.run();
+    impl_->run_on(drop_loan_sql, who);
     return {};
   });
 }
@@ -545,7 +569,7 @@ Result<std::vector<places::LentId>> Database::lent() {
 
 Result<void> Database::note(const HistoryEntry& entry) {
   return impl_->write("writing history", [&]() -> Result<void> {
-    impl_->log(entry.slot, entry.event, entry.device, entry.id, entry.reason);
+    impl_->log(entry);
     return {};
   });
 }
@@ -558,11 +582,13 @@ Result<std::vector<HistoryEntry>> Database::history(std::optional<SlotId> slot) 
   });
 }
 
-Result<std::vector<HistoryEntry>> Database::history_of(const LssAddress& device) {
+Result<std::vector<HistoryEntry>> Database::history_of(const BusDevice& who) {
   return impl_->read("loading a device's history", [&]() -> Result<std::vector<HistoryEntry>> {
     Query query(impl_->statement(history_of_device_sql));
-    query << device;
-    return lines_of(query);
+    query << who.device;
+    auto lines = lines_of(query);
+    std::erase_if(lines, [&](const HistoryEntry& line) { return !line.on.covers(who.on); });
+    return lines;
   });
 }
 

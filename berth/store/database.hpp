@@ -29,9 +29,9 @@
 namespace berth::store {
 
 /// The schema this Berth writes. Older ones are brought up to it when a store is opened, in one transaction.
-inline constexpr int schema_version = 6;
+inline constexpr int schema_version = 7;
 
-/// A device that was ever named in the store.
+/// A device that was ever named in the store, by its LSS address alone: twins on several buses are one here.
 struct DeviceSeen {
   LssAddress device;
   std::int64_t first_ms = 0;  ///< `HistoryEntry::stamp_ms` of the first line about it
@@ -77,19 +77,19 @@ class Database final : public places::SlotStore {
   Result<void> clear(places::SlotId slot, std::string_view reason) override;
   Result<void> configure(places::SlotId slot, const places::Configured& configured, std::string_view reason) override;
   Result<void> ask_blank(const places::UnfinishedBlank& blank, std::string_view reason) override;
-  Result<void> confirm_blank(const LssAddress& device, std::string_view reason) override;
-  Result<void> drop_blank(const LssAddress& device, std::string_view reason) override;
+  Result<void> confirm_blank(const places::BusDevice& who, std::string_view reason) override;
+  Result<void> drop_blank(const places::BusDevice& who, std::string_view reason) override;
   Result<std::vector<places::UnfinishedBlank>> unfinished_blanks() override;
-  Result<void> mark(places::Mark mark, const LssAddress& device, NodeId id, std::string_view reason) override;
-  Result<void> unmark(places::Mark mark, const LssAddress& device, std::string_view reason) override;
+  Result<void> mark(places::Mark mark, const places::BusDevice& who, NodeId id, std::string_view reason) override;
+  Result<void> unmark(places::Mark mark, const places::BusDevice& who, std::string_view reason) override;
   Result<std::vector<places::Marked>> marked(places::Mark mark) override;
-  Result<bool> is_marked(places::Mark mark, const LssAddress& device) override;
+  Result<bool> is_marked(places::Mark mark, const places::BusDevice& who) override;
   Result<void> lend(const places::LentId& lent) override;
-  Result<void> give_back(const LssAddress& device) override;
+  Result<void> give_back(const places::BusDevice& who) override;
   Result<std::vector<places::LentId>> lent() override;
   Result<void> note(const places::HistoryEntry& entry) override;
   Result<std::vector<places::HistoryEntry>> history(std::optional<places::SlotId> slot) override;
-  Result<std::vector<places::HistoryEntry>> history_of(const LssAddress& device) override;
+  Result<std::vector<places::HistoryEntry>> history_of(const places::BusDevice& who) override;
   void stamp(std::int64_t now_ms) noexcept override;
 
   /// All devices ever named, in the order of their addresses.

@@ -33,13 +33,20 @@ struct Database::Impl {
   SQLite::Statement& statement(const char* sql);
   [[nodiscard]] std::optional<places::SlotId> find_slot(const places::SlotName& name);
   places::SlotId add_slot(const places::SlotName& name);
-  [[nodiscard]] bool has_slot(places::SlotId slot);
+  /// None: there is no such slot.
+  [[nodiscard]] std::optional<places::BusName> bus_of(places::SlotId slot);
   [[nodiscard]] std::optional<places::Assignment> seat(places::SlotId slot, std::string_view fact);
   void put_seat(places::SlotId slot, std::string_view fact, const places::Assignment& seat);
   [[nodiscard]] static std::vector<places::SlotRecord> records_of(Query& query);
   static void add_configurations(Query& query, std::vector<places::SlotRecord>& records);
-  void log(std::optional<places::SlotId> slot, std::string_view event, const std::optional<LssAddress>& device,
-           NodeId id, std::string_view reason);
+  /// Adds a line to the history, with the time that was told last. The bus of a slot's line is the slot's.
+  void log(const places::HistoryEntry& line);
+  void log(places::SlotId slot, std::string_view event, const std::optional<LssAddress>& device, NodeId id,
+           std::string_view reason);
+  void log(const places::BusDevice& who, std::string_view event, NodeId id, std::string_view reason);
+  /// Runs a statement whose parameters are the device's address, or that and its bus.
+  template <class Device>
+  void run_on(const char* sql, const Device& device);
 
   /// The file, what was done, and the cause.
   [[nodiscard]] tl::unexpected<Error> failed(const SQLite::Exception& error, const char* what) const;

@@ -138,6 +138,69 @@ CREATE TABLE loans (
 ) STRICT, WITHOUT ROWID;
 INSERT INTO loans SELECT vendor, product, revision, serial, '', '', node_id FROM marks WHERE mark = 3;
 DELETE FROM marks WHERE mark = 3;
+)",
+    // 7: a device is known by machine, bus and LSS address. Tables whose keys change are made anew. What does not say
+    // its machine is of any bus; so are all older marks, and the lines of the history about a device without a slot.
+    R"(
+CREATE TABLE seats_of_buses (
+  slot     INTEGER NOT NULL REFERENCES slots (id),
+  fact     TEXT NOT NULL CHECK (fact IN ('asked', 'confirmed')),
+  vendor   INTEGER NOT NULL CHECK (vendor BETWEEN 0 AND 4294967295),
+  product  INTEGER NOT NULL CHECK (product BETWEEN 0 AND 4294967295),
+  revision INTEGER NOT NULL CHECK (revision BETWEEN 0 AND 4294967295),
+  serial   INTEGER NOT NULL CHECK (serial BETWEEN 0 AND 4294967295),
+  node_id  INTEGER NOT NULL CHECK (node_id BETWEEN 0 AND 255),
+  PRIMARY KEY (slot, fact)
+) STRICT;
+INSERT INTO seats_of_buses SELECT slot, fact, vendor, product, revision, serial, node_id FROM seats;
+DROP TABLE seats;
+ALTER TABLE seats_of_buses RENAME TO seats;
+CREATE INDEX seats_of_device ON seats (vendor, product, revision, serial);
+CREATE TABLE blanks_of_buses (
+  id       INTEGER PRIMARY KEY,
+  vendor   INTEGER NOT NULL CHECK (vendor BETWEEN 0 AND 4294967295),
+  product  INTEGER NOT NULL CHECK (product BETWEEN 0 AND 4294967295),
+  revision INTEGER NOT NULL CHECK (revision BETWEEN 0 AND 4294967295),
+  serial   INTEGER NOT NULL CHECK (serial BETWEEN 0 AND 4294967295),
+  machine  TEXT NOT NULL,
+  bus      TEXT NOT NULL,
+  node_id  INTEGER NOT NULL CHECK (node_id BETWEEN 0 AND 255),
+  UNIQUE (vendor, product, revision, serial, machine, bus)
+) STRICT;
+INSERT INTO blanks_of_buses SELECT id, vendor, product, revision, serial, machine,
+  CASE machine WHEN '' THEN '' ELSE bus END, node_id FROM blanks;
+DROP TABLE blanks;
+ALTER TABLE blanks_of_buses RENAME TO blanks;
+CREATE TABLE marks_of_buses (
+  vendor   INTEGER NOT NULL CHECK (vendor BETWEEN 0 AND 4294967295),
+  product  INTEGER NOT NULL CHECK (product BETWEEN 0 AND 4294967295),
+  revision INTEGER NOT NULL CHECK (revision BETWEEN 0 AND 4294967295),
+  serial   INTEGER NOT NULL CHECK (serial BETWEEN 0 AND 4294967295),
+  mark     INTEGER NOT NULL,
+  machine  TEXT NOT NULL,
+  bus      TEXT NOT NULL,
+  node_id  INTEGER NOT NULL CHECK (node_id BETWEEN 0 AND 255),
+  PRIMARY KEY (vendor, product, revision, serial, mark, machine, bus)
+) STRICT, WITHOUT ROWID;
+INSERT INTO marks_of_buses SELECT vendor, product, revision, serial, mark, '', '', node_id FROM marks;
+DROP TABLE marks;
+ALTER TABLE marks_of_buses RENAME TO marks;
+CREATE TABLE loans_of_buses (
+  vendor   INTEGER NOT NULL CHECK (vendor BETWEEN 0 AND 4294967295),
+  product  INTEGER NOT NULL CHECK (product BETWEEN 0 AND 4294967295),
+  revision INTEGER NOT NULL CHECK (revision BETWEEN 0 AND 4294967295),
+  serial   INTEGER NOT NULL CHECK (serial BETWEEN 0 AND 4294967295),
+  machine  TEXT NOT NULL,
+  bus      TEXT NOT NULL,
+  node_id  INTEGER NOT NULL CHECK (node_id BETWEEN 0 AND 255),
+  PRIMARY KEY (vendor, product, revision, serial, machine, bus)
+) STRICT, WITHOUT ROWID;
+INSERT INTO loans_of_buses SELECT vendor, product, revision, serial, machine,
+  CASE machine WHEN '' THEN '' ELSE bus END, node_id FROM loans;
+DROP TABLE loans;
+ALTER TABLE loans_of_buses RENAME TO loans;
+ALTER TABLE history ADD COLUMN machine TEXT NOT NULL DEFAULT '';
+ALTER TABLE history ADD COLUMN bus TEXT NOT NULL DEFAULT '';
 )"};
 
 /// What a schema is made of: tables, indices, triggers and views, SQLite's own tables too.

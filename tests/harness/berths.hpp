@@ -51,7 +51,7 @@ class Berths : private can::Tap, private plant::World::Observer {
     operate::NetworkObserver observer;
     observer.event = [&one](const operate::Event& event) { one.lines.push_back(operate::to_line(event)); };
     can::Port& port = between_ ? *between_(i, *one.port) : *one.port;
-    one.network = std::make_unique<operate::Network>(world_->executor(), port, one.machine.buses[0],
+    one.network = std::make_unique<operate::Network>(world_->executor(), port, one.machine.name, one.machine.buses[0],
                                                      one.machine.specs("backbone"), one.store, observer);
     if (!one.network->open(settings_)) std::abort();
     one.network->start();

@@ -68,12 +68,14 @@ class DuplicateWatch final : public plant::World::Observer {
       if (wire->bus.name() == bus) wire->received(frame, at);
     }
   }
-  // A person said `berth replace` of the slot that this device has, or another of its address: the person cannot know
-  // which of them was there.
+  // A person said `berth replace` of the slot that this device has, or another of its address on its bus: the person
+  // cannot know which of them was there.
   void replaced_by_a_person(const std::string& device) {
     for (const auto& d : world_->devices()) {
       for (const auto& same : world_->devices()) {
-        if (d->name() == device && same->truth().address == d->truth().address) replaced_.insert(same->name());
+        const auto t = same->truth();
+        const bool equal = t.bus == d->truth().bus && t.address == d->truth().address;
+        if (d->name() == device && equal) replaced_.insert(t.name);
       }
     }
   }
@@ -321,8 +323,9 @@ class DuplicateWatch final : public plant::World::Observer {
     // It booted again under what it uses: who came to this node-ID meanwhile was looked at then.
     if (life.last_used == id) return;
     const bool brought = life.came_with == id && life.given != id;
-    const bool clone =
-        std::ranges::count_if(world_->devices(), [&](const auto& d) { return d->truth().address == t.address; }) > 1;
+    const bool clone = std::ranges::count_if(world_->devices(), [&](const auto& d) {
+                         return d->truth().bus == t.bus && d->truth().address == t.address;
+                       }) > 1;
     if (brought && life.owned != id && !clone && was_blanked(t)) {
       fail_with(t.name + " came back with node-ID " + std::to_string(id.value()) + ", which Berth took away from it");
     }
@@ -349,7 +352,7 @@ class DuplicateWatch final : public plant::World::Observer {
   // Its memory still has what the store says was taken away from it, and nothing was asked of it since.
   [[nodiscard]] bool was_blanked(const plant::Truth& t) const {
     if (store_ == nullptr) return false;
-    const auto lines = store_->history_of(t.address);
+    const auto lines = store_->history_of({t.address, {machine_->name, t.bus}});
     if (!lines) return false;
     bool blanked = false;
     for (const auto& line : *lines) {
@@ -362,7 +365,7 @@ class DuplicateWatch final : public plant::World::Observer {
   [[nodiscard]] bool cleared_automatically(const plant::Truth& t, NodeId id) const {
     const design::Slot* const slot = machine_->slot(t.bus, id);
     if (store_ == nullptr || slot == nullptr || slot->spec.replacement != places::Replacement::automatic) return false;
-    const auto lines = store_->history_of(t.address);
+    const auto lines = store_->history_of({t.address, {machine_->name, t.bus}});
     if (!lines) return false;
     bool confirmed = false;
     bool cleared = false;

@@ -72,9 +72,8 @@ class EndJudge {
     }
     for (const auto& blank : *blanks) {
       if (!counts(blank.bus)) continue;
-      const auto* const t = present(blank.device);
-      if (t != nullptr && t->bus == blank.bus && !clones(*t))
-        say(t->name + " is there, and taking its node-ID away is not finished");
+      const auto* const t = present(blank.device, blank.bus);
+      if (t != nullptr && !clones(*t)) say(t->name + " is there, and taking its node-ID away is not finished");
     }
     return wrong_;
   }
@@ -84,15 +83,17 @@ class EndJudge {
     if (wrong_.empty()) wrong_ = text;
   }
   [[nodiscard]] static bool is_present(const plant::Truth& t) { return t.powered && !t.booting; }
-  [[nodiscard]] const plant::Truth* present(const LssAddress& address) const {
-    const auto it =
-        std::ranges::find_if(truth_, [&](const plant::Truth& t) { return is_present(t) && t.address == address; });
+  [[nodiscard]] const plant::Truth* present(const LssAddress& address, const std::string& bus) const {
+    const auto it = std::ranges::find_if(
+        truth_, [&](const plant::Truth& t) { return is_present(t) && t.bus == bus && t.address == address; });
     return it == truth_.end() ? nullptr : &*it;
   }
-  // Two devices with one LSS address cannot be told apart by anything that Berth may ask: told, and not judged.
+  // Two devices with one LSS address on one bus cannot be told apart by anything that Berth may ask: told, and not
+  // judged. Twins on two buses are two devices like any others.
   [[nodiscard]] bool clones(const plant::Truth& t) const {
-    return std::ranges::count_if(truth_,
-                                 [&](const plant::Truth& o) { return is_present(o) && o.address == t.address; }) > 1;
+    return std::ranges::count_if(truth_, [&](const plant::Truth& o) {
+             return is_present(o) && o.bus == t.bus && o.address == t.address;
+           }) > 1;
   }
   [[nodiscard]] bool any_clones() const {
     return std::ranges::any_of(truth_, [&](const auto& t) { return is_present(t) && clones(t); });
@@ -121,8 +122,8 @@ class EndJudge {
       return say("slot " + s.name + " ended as " + places::name(s.state));
     }
     if (s.device != row->device()) return say("slot " + s.name + " and its row name two devices");
-    const plant::Truth* const t = row->device() ? present(*row->device()) : nullptr;
-    if (t != nullptr && t->bus == s.bus && !clones(*t)) {
+    const plant::Truth* const t = row->device() ? present(*row->device(), s.bus) : nullptr;
+    if (t != nullptr && !clones(*t)) {
       check_seated(s, *slot, *row, *t);
     } else if (s.state == SlotState::operational || s.state == SlotState::present) {
       if (t == nullptr) say("slot " + s.name + " is " + places::name(s.state) + " and its device is not there");
@@ -215,7 +216,7 @@ class EndJudge {
   // The other device of this one's address has this in its memory: what was asked of the one was asked of both.
   [[nodiscard]] bool clone_has(const plant::Truth& t, NodeId id) const {
     return std::ranges::any_of(truth_, [&](const plant::Truth& o) {
-      return o.name != t.name && o.address == t.address && o.persistent == id;
+      return o.name != t.name && o.bus == t.bus && o.address == t.address && o.persistent == id;
     });
   }
   // A node-ID that Berth wrote into a memory stays its device's in the store, there or away.
@@ -270,7 +271,7 @@ class EndJudge {
     for (const auto& t : truth_) {
       const bool counts = is_present(t) && t.bus == bus.name && !clones(t) && record_of(t) == nullptr;
       // Who sat in a slot before is used again when a person says so (docs/machine-file.md).
-      const auto lines = rig_->store().history_of(t.address);
+      const auto lines = rig_->store().history_of({t.address, {machine_->name, t.bus}});
       const bool used = lines && places::former_seat(*lines).has_value();
       used_ = used_ || (counts && used);
       const bool found = can_be_found(t, bus.discovery);
@@ -299,7 +300,7 @@ class EndJudge {
   [[nodiscard]] bool waits_for_a_borrower(const std::string& bus, const operate::SlotReport& s) const {
     const auto lent = rig_->store().lent();
     return lent && s.state == places::SlotState::empty && std::ranges::any_of(*lent, [&](const places::LentId& l) {
-             return l.bus == bus && l.id == s.id && present(l.device) == nullptr;
+             return l.bus == bus && l.id == s.id && present(l.device, bus) == nullptr;
            });
   }
 

@@ -128,38 +128,38 @@ class MortalStore final : public places::SlotStore {
   Result<void> ask_blank(const places::UnfinishedBlank& blank, std::string_view reason) override {
     return write([&] { return database_->ask_blank(blank, reason); });
   }
-  Result<void> confirm_blank(const LssAddress& device, std::string_view reason) override {
-    return write([&] { return database_->confirm_blank(device, reason); });
+  Result<void> confirm_blank(const places::BusDevice& who, std::string_view reason) override {
+    return write([&] { return database_->confirm_blank(who, reason); });
   }
-  Result<void> drop_blank(const LssAddress& device, std::string_view reason) override {
-    return write([&] { return database_->drop_blank(device, reason); });
+  Result<void> drop_blank(const places::BusDevice& who, std::string_view reason) override {
+    return write([&] { return database_->drop_blank(who, reason); });
   }
   Result<std::vector<places::UnfinishedBlank>> unfinished_blanks() override {
     return read([&] { return database_->unfinished_blanks(); });
   }
-  Result<void> mark(places::Mark mark, const LssAddress& device, NodeId id, std::string_view reason) override {
-    return write([&] { return database_->mark(mark, device, id, reason); });
+  Result<void> mark(places::Mark mark, const places::BusDevice& who, NodeId id, std::string_view reason) override {
+    return write([&] { return database_->mark(mark, who, id, reason); });
   }
-  Result<void> unmark(places::Mark mark, const LssAddress& device, std::string_view reason) override {
-    return write([&] { return database_->unmark(mark, device, reason); });
+  Result<void> unmark(places::Mark mark, const places::BusDevice& who, std::string_view reason) override {
+    return write([&] { return database_->unmark(mark, who, reason); });
   }
   Result<std::vector<places::Marked>> marked(places::Mark mark) override {
     return read([&] { return database_->marked(mark); });
   }
-  Result<bool> is_marked(places::Mark mark, const LssAddress& device) override {
-    return read([&] { return database_->is_marked(mark, device); });
+  Result<bool> is_marked(places::Mark mark, const places::BusDevice& who) override {
+    return read([&] { return database_->is_marked(mark, who); });
   }
   Result<void> lend(const places::LentId& lent) override {
     return write([&] { return database_->lend(lent); });
   }
-  Result<void> give_back(const LssAddress& device) override {
-    return write([&] { return database_->give_back(device); });
+  Result<void> give_back(const places::BusDevice& who) override {
+    return write([&] { return database_->give_back(who); });
   }
   Result<std::vector<places::LentId>> lent() override {
     return read([&] { return database_->lent(); });
   }
-  Result<std::vector<places::HistoryEntry>> history_of(const LssAddress& device) override {
-    return read([&] { return database_->history_of(device); });
+  Result<std::vector<places::HistoryEntry>> history_of(const places::BusDevice& who) override {
+    return read([&] { return database_->history_of(who); });
   }
   Result<void> note(const places::HistoryEntry& entry) override {
     return write([&] { return database_->note(entry); });

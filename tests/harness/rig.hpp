@@ -127,8 +127,8 @@ class Rig {
       operate::NetworkObserver observer{[this](const operate::Event& e) { events_.push_back(e); },
                                         [this](operate::Milestone m) { world_->milestone(after(m)); }};
       if (on_step_) observer.before_step = [this, name = bus.name](const auto& binding) { on_step_(name, binding); };
-      master.network = std::make_unique<operate::Network>(world_->executor(), port, bus, machine_.specs(bus.name),
-                                                          *store_, std::move(observer));
+      master.network = std::make_unique<operate::Network>(world_->executor(), port, machine_.name, bus,
+                                                          machine_.specs(bus.name), *store_, std::move(observer));
       operate::SlotDescriptions descriptions;
       for (const auto& slot : machine_.slots) {
         const bool described = slot.spec.name.bus == bus.name && !slot.eds_path.empty();

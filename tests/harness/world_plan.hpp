@@ -131,7 +131,11 @@ struct WorldPlan {
 
 class Planner {
  public:
-  explicit Planner(std::uint64_t seed) : random_(seed * 0x9E3779B97F4A7C15ULL + 1) { plan_.seed = seed; }
+  // `twins`: two or three buses, and devices on them that have the address of one on another bus. Other worlds than
+  // those of the same seeds without.
+  explicit Planner(std::uint64_t seed, bool twins = false) : random_(seed * 0x9E3779B97F4A7C15ULL + 1), twins_(twins) {
+    plan_.seed = seed;
+  }
 
   WorldPlan make() {
     machine();
@@ -142,6 +146,7 @@ class Planner {
     spares();
     plan_.perturbed = random_.below(2) == 0;
     habits();
+    if (twins_) twins();
     return std::move(plan_);
   }
 
@@ -151,7 +156,8 @@ class Planner {
 
   void machine() {
     const auto draw = random_.below(10);
-    const std::size_t buses = draw < 7 ? 1 : draw < 9 ? 2 : 3;
+    const std::size_t fewest = twins_ ? 2 : 1;
+    const std::size_t buses = draw < 7 ? fewest : draw < 9 ? 2 : 3;
     plan_.plant = one_bus_plant(plan_.seed);
     slow_stores_ = random_.below(4) == 0;
     constexpr std::uint32_t rates[] = {50'000, 125'000, 500'000, 1'000'000};
@@ -248,6 +254,24 @@ class Planner {
       if (!reached || random.below(10) != 0) continue;
       d.habit = static_cast<plant::Habit>(random.below(2));
       d.speaks = {plant::Speaks::fastscan};
+    }
+  }
+
+  // An address is one device's on its bus only: devices of one type, on two buses, get one address (most real ones have
+  // no serial number). Clones on one bus are `strangers`' to draw, and AND does not tell the revision number.
+  void twins() {
+    Random random(plan_.seed ^ 0x7317);
+    auto& devices = plan_.plant.devices;
+    for (auto& d : devices) {
+      const auto other = std::ranges::find_if(devices, [&](const auto& o) {
+        return o.bus != d.bus && o.address != d.address && o.address.type() == d.address.type();
+      });
+      if (other == devices.end() || random.below(4) == 0) continue;
+      LssAddress address = other->address;
+      address.revision = d.address.revision;  // which slots may ask for
+      const bool taken = std::ranges::any_of(
+          devices, [&](const auto& o) { return &o != &d && o.bus == d.bus && o.address.serial == address.serial; });
+      if (!taken) d.address = address;
     }
   }
 
@@ -392,6 +416,7 @@ class Planner {
   Random random_;
   WorldPlan plan_;
   bool slow_stores_ = false;
+  bool twins_ = false;
 };
 
 // Does this device lose the next `04 00` of its bus? Then `hit` is told, with the number of the frame.

@@ -39,7 +39,7 @@ class BitRate : public ::testing::Test {
     ASSERT_TRUE(world_);
     world_->start();
     port_ = world_->attach_master("backbone");
-    network_ = std::make_unique<operate::Network>(world_->executor(), *port_, machine_.buses.front(),
+    network_ = std::make_unique<operate::Network>(world_->executor(), *port_, machine_.name, machine_.buses.front(),
                                                   std::vector<places::SlotSpec>{}, store_, operate::NetworkObserver{});
     ASSERT_TRUE(network_->open());
     world_->sim().run_for(500ms);

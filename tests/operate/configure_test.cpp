@@ -270,7 +270,8 @@ TEST(Configuration, ASpareThatBootsWhileOthersAreBoundIsNotRestored) {
   rig.device("p1").device().apply(co::NmtCommand::enter_pre_operational);
   rig.device("slow").plug();
   rig.run_for(1s);
-  ASSERT_TRUE(rig.store().mark(places::Mark::restore, record(rig, 5)->device, NodeId(5), "a person said so"));
+  const places::BusDevice sits{record(rig, 5)->device, {"rig", "backbone"}};
+  ASSERT_TRUE(rig.store().mark(places::Mark::restore, sits, NodeId(5), "a person said so"));
   const Watch watch(rig, 5);
   rig.begin();
   ASSERT_TRUE(rig.run_until([&] { return rig.state(6) == SlotState::binding; }, 30s)) << rig.log();

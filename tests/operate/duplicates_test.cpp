@@ -409,21 +409,21 @@ TEST(Duplicates, OneOfTwoWithOneAddressIsLentNoSlotsNodeId) {
 
 TEST(LoanList, IsInTheStoreBeforeAnythingElse) {
   places::MemoryStore store;
-  Loans loans(store, "m", "b");
+  Loans loans(store, {"m", "b"});
   ASSERT_TRUE(loans.lend(one, NodeId(126)));
   EXPECT_EQ(store.lent().value(), (std::vector<places::LentId>{{one, "m", "b", NodeId(126)}}));
-  Loans next(store, "m", "b");
+  Loans next(store, {"m", "b"});
   ASSERT_TRUE(next.load());
   ASSERT_EQ(next.all().size(), 1U);
   EXPECT_TRUE(next.borrowed(one)) << "what it uses may be what an earlier run lent it";
-  Loans elsewhere(store, "m", "another bus");
+  Loans elsewhere(store, {"m", "another bus"});
   ASSERT_TRUE(elsewhere.load());
   EXPECT_TRUE(elsewhere.empty());
 }
 
 TEST(LoanList, ANodeIdIsLentToNobodyElseUntilItIsBack) {
   places::MemoryStore store;
-  Loans loans(store, "m", "b");
+  Loans loans(store, {"m", "b"});
   ASSERT_TRUE(loans.lend(one, NodeId(126)));
   EXPECT_TRUE(loans.lent(NodeId(126)));
   EXPECT_EQ(loans.to_another(NodeId(126), one), nullptr);
@@ -443,7 +443,7 @@ TEST(LoanList, ANodeIdIsLentToNobodyElseUntilItIsBack) {
 
 TEST(LoanList, ADevicesNewLoanEndsItsOldOne) {
   places::MemoryStore store;
-  Loans loans(store, "m", "b");
+  Loans loans(store, {"m", "b"});
   ASSERT_TRUE(loans.lend(one, NodeId(126)));
   ASSERT_TRUE(loans.lend(one, NodeId(125)));
   EXPECT_FALSE(loans.lent(NodeId(126)));

@@ -167,7 +167,7 @@ TEST(Spares, AUsedOneIsAskedAboutAndRestoredFirst) {
   EXPECT_EQ(g.rig.seats(), (Seats{{5, 1}}));
   EXPECT_TRUE(heard(g.rig, "restored", "has its factory settings")) << g.rig.log();
   const LssAddress a{type_pump.vendor, type_pump.product, 0, 1};
-  const auto lines = g.rig.store().history_of(a);
+  const auto lines = g.rig.store().history_of({a, {"rig", "backbone"}});
   EXPECT_TRUE(std::ranges::any_of(*lines, [](const auto& l) { return l.event == "restored"; }));
   EXPECT_TRUE(g.rig.store().marked(places::Mark::restore).value().empty());
 }

@@ -1,8 +1,11 @@
 // The binding's table row by row, as the manual in binding.hpp has it. S1.29, S1.33, S1.53.
 #include <gtest/gtest.h>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "../pch.hpp"
+#include "berth/places/binder.hpp"
 #include "berth/places/binding.hpp"
 
 namespace berth::places {
@@ -69,6 +72,34 @@ TEST(BindingTable, S1_53_AnIntentionThatCannotBeWrittenLeavesTheDeviceInWaiting)
   binding.advance(Outcome::ok);
   EXPECT_EQ(binding.step(), Step::failed);
   EXPECT_EQ(binding.why(), Why::store_failed);
+}
+
+// The store has the device in another slot of this bus: that is no failure to write, and is not called one.
+TEST(BindingTable, ARefusedIntentionLeavesTheDeviceInWaitingToo) {
+  Binding binding(Binding::Kind::bind, seat);
+  while (binding.step() != Step::write_ask) binding.advance(Outcome::ok);
+  binding.advance(Outcome::refused);
+  EXPECT_EQ(binding.step(), Step::release);
+  binding.advance(Outcome::ok);
+  EXPECT_EQ(binding.step(), Step::failed);
+  EXPECT_EQ(binding.why(), Why::seated_twice);
+  EXPECT_TRUE(binding.untouched());
+}
+
+// What the store said is told once, in its own words; what it has nothing to do with is told as ever.
+TEST(BindingTable, AFailureOfTheStoreIsToldInItsWords) {
+  std::optional<Error> said;
+  EXPECT_EQ(outcome_of(Result<void>(), said), Outcome::ok);
+  EXPECT_FALSE(said);
+  const Error full{.code = Errc::io, .detail = 13, .text = "/m.db: writing an intention: the disk is full"};
+  EXPECT_EQ(outcome_of(Result<void>(fail(full)), said), Outcome::error);
+  EXPECT_EQ(words_of(Why::store_failed, said),
+            "the slot table cannot be written: io (0000000Dh): /m.db: writing an intention: the disk is full");
+  EXPECT_EQ(words_of(Why::occupied, said), name(Why::occupied));
+  EXPECT_EQ(outcome_of(Result<void>(fail(sits_in({"m", "b", "s2"}))), said), Outcome::refused);
+  const std::string refused = words_of(Why::seated_twice, said);
+  EXPECT_NE(refused.find("slot s2 of bus b"), std::string::npos) << refused;
+  EXPECT_EQ(refused.find("written:"), std::string::npos) << refused;
 }
 
 // As far as `step`, all well. False: it is not on the way.

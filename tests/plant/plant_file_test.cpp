@@ -324,6 +324,16 @@ TEST(PlantFile, S1_22_ClonesAreNotedNotRefused) {
   EXPECT_EQ(result.findings[0].severity, Finding::Severity::note);
 }
 
+// On another bus it is another device's, as it is of most that have no serial number.
+TEST(PlantFile, OneAddressOnTwoBusesIsNothingToNote) {
+  const auto result =
+      read_plant(head + "[bus.c]\n" + one +
+                     "[[device]]\nbus = \"c\"\nname = \"s2\"\ntype = { vendor = 1, product = 2 }\nserial = 5\n",
+                 "p.toml");
+  EXPECT_TRUE(result.plant);
+  EXPECT_TRUE(result.findings.empty());
+}
+
 Duration random_time(Random& r, Duration most) {
   const std::array<std::int64_t, 4> scales{1, 1000, 1'000'000, 1'000'000'000};
   const auto scale = scales.at(r.below(4));

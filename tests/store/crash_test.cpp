@@ -1,3 +1,4 @@
+#include <SQLiteCpp/Database.h>
 #include <gtest/gtest.h>
 #include <cstdint>
 #include <cstdio>
@@ -7,6 +8,7 @@
 #include <vector>
 
 #include "berth/store/database.hpp"
+#include "berth/store/schema.hpp"
 #include "tests/pch.hpp"
 #include "tests/store/crash_vfs.hpp"
 
@@ -47,22 +49,28 @@ State state_of(places::SlotStore& store) {
     state.lines.push_back(std::to_string(r.slot.value) + " " + r.name.name + " " + shown(r.intended) + " " +
                           shown(r.confirmed) + " " + shown(r.configured));
   }
-  for (const auto& b : must(store.unfinished_blanks())) state.lines.push_back("blank " + to_string(b.device));
-  for (const auto& m : must(store.marked(places::Mark::restore))) state.lines.push_back("used " + to_string(m.device));
+  for (const auto& b : must(store.unfinished_blanks())) state.lines.push_back("blank " + to_string(b.device) + b.bus);
+  for (const auto& m : must(store.marked(places::Mark::restore)))
+    state.lines.push_back("used " + to_string(m.device) + m.on.bus);
+  for (const auto& l : must(store.lent())) state.lines.push_back("lent " + to_string(l.device) + l.bus);
   for (const auto& h : must(store.history(std::nullopt))) {
-    state.lines.push_back(std::to_string(h.sequence) + " " + h.event + " " + h.reason);
+    state.lines.push_back(std::to_string(h.sequence) + " " + h.event + " " + h.reason + " " + h.on.bus);
   }
   return state;
 }
 
 using Step = std::function<bool(places::SlotStore&)>;
 
-/// A binding of two slots, a replacement and a blanking: every call that Berth makes.
+/// A binding of two slots, a replacement, a blanking, and all of it of a twin on another bus: every call that Berth
+/// makes.
 std::vector<Step> binding() {
   using Stage = places::Configured::Stage;
   const Assignment a{device(5), NodeId(2)};
   const Assignment b{device(6), NodeId(4)};
   const Assignment c{device(0x15), NodeId(2)};
+  const places::BusDevice five{device(5), {"m", "b"}};
+  const places::BusDevice twin{device(5), {"m", "c"}};
+  const places::BusDevice used{c.device, {"m", "b"}};
   return {
       [](auto& s) {
         return s.declare({"m", "b", "left"}).has_value();
@@ -91,10 +99,30 @@ std::vector<Step> binding() {
         return s.ask_blank({device(5), "m", "b", NodeId(2)}, "found with a wrong node-ID").has_value();
       },
       [=](auto& s) { return s.ask(SlotId{1}, c, std::string(9000, 'x')).has_value(); },  // more than one page
-      [=](auto& s) { return s.confirm_blank(device(5), "heard").has_value(); },
-      [=](auto& s) { return s.mark(places::Mark::restore, c.device, c.id, "used").has_value(); },
+      [=](auto& s) { return s.confirm_blank(five, "heard").has_value(); },
+      [=](auto& s) { return s.mark(places::Mark::restore, used, c.id, "used").has_value(); },
       [=](auto& s) { return s.confirm(SlotId{1}, c, "heard").has_value(); },
-      [=](auto& s) { return s.unmark(places::Mark::restore, c.device, "has its factory settings").has_value(); },
+      [=](auto& s) { return s.unmark(places::Mark::restore, used, "has its factory settings").has_value(); },
+      [](auto& s) {
+        return s.declare({"m", "c", "twin"}).has_value();
+      },
+      [=](auto& s) {
+        return s.ask_blank({device(5), "m", "b", NodeId(2)}, "it is back").has_value();
+      },
+      [=](auto& s) {
+        return s.lend({device(5), "m", "b", NodeId(126)}).has_value();
+      },
+      [=](auto& s) {
+        return s.ask_blank({device(5), "m", "c", NodeId(9)}, "found with a wrong node-ID").has_value();
+      },
+      [=](auto& s) {
+        return s.lend({device(5), "m", "c", NodeId(125)}).has_value();
+      },
+      [=](auto& s) { return s.mark(places::Mark::restore, twin, a.id, "used").has_value(); },
+      [=](auto& s) { return s.ask(SlotId{3}, a, "discovered").has_value(); },
+      [=](auto& s) { return s.confirm(SlotId{3}, a, "heard").has_value(); },
+      [=](auto& s) { return s.give_back(twin).has_value(); },
+      [=](auto& s) { return s.unmark(places::Mark::restore, twin, "has its factory settings").has_value(); },
   };
 }
 
@@ -166,6 +194,49 @@ TEST(Crash, S1_53_BeforeOrAfterEachTransactionForEveryK) {
   }
   std::printf("%llu crash points\n", static_cast<unsigned long long>(points));
   EXPECT_GT(points, 5 * steps.size() * 2);
+}
+
+/// A store as a Berth of schema 6 left it, with a row in every table.
+void leave_schema_six(const CrashVfs& disk) {
+  SQLite::Database raw(std::string(file), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE, 0, disk.name());
+  raw.exec("PRAGMA synchronous = EXTRA");  // else the journal's deletion, and with it the last row, may be lost
+  create_schema(raw, 6);
+  raw.exec(
+      "INSERT INTO slots (machine, bus, name) VALUES ('m', 'b', 'left'), ('m', 'b', 'right');"
+      "INSERT INTO seats VALUES (1, 'asked', 1, 1, 0, 5, 2), (1, 'confirmed', 1, 1, 0, 5, 2),"
+      " (2, 'confirmed', 1, 1, 0, 6, 4);"
+      "INSERT INTO blanks (vendor, product, revision, serial, machine, bus, node_id) VALUES (1, 1, 0, 9, 'm', 'b', 7);"
+      "INSERT INTO marks VALUES (1, 1, 0, 6, 0, 4);"
+      "INSERT INTO loans VALUES (1, 1, 0, 8, 'm', 'b', 126);"
+      "INSERT INTO history (stamp_ms, slot, event, vendor, product, revision, serial, node_id, reason) VALUES"
+      " (1, 1, 'confirmed', 1, 1, 0, 5, 2, 'heard'), (2, NULL, 'restored', 1, 1, 0, 6, 255, 'done');");
+}
+
+// A store of before is brought to today's schema in one transaction: the power goes at every write, sync and deletion
+// of it, and the next start finds all that was there, nothing twice.
+TEST(Crash, InTheMiddleOfBeingBroughtToTodaysSchema) {
+  CrashVfs disk("crash-migration");
+  leave_schema_six(disk);
+  const State whole = state_of(*open_on(disk));
+  ASSERT_EQ(whole.lines.size(), 7U) << "two slots, a blank, a mark, a loan and two lines";
+  Random random(3);
+  std::uint64_t points = 0;
+  for (const auto loss : losses) {
+    for (std::uint64_t k = 0;; ++k) {
+      disk.format();
+      leave_schema_six(disk);
+      disk.crash_at(k);
+      open_on(disk);
+      if (!disk.crashed()) break;
+      ++points;
+      disk.after_crash(loss, random);
+      const auto found = open_on(disk);
+      ASSERT_NE(found, nullptr) << "loss " << static_cast<int>(loss) << " k " << k;
+      ASSERT_EQ(state_of(*found).lines, whole.lines) << "loss " << static_cast<int>(loss) << " k " << k;
+    }
+  }
+  std::printf("%llu crash points\n", static_cast<unsigned long long>(points));
+  EXPECT_GT(points, 100U);
 }
 
 // The power goes again while the store recovers: at every step of it.

@@ -138,6 +138,17 @@ std::string shown(const std::optional<places::Configured>& c) {
          std::to_string(c->ms);
 }
 
+const std::vector<places::BusName> buses{{"m", "a"}, {"m", "b"}, {"n", "a"}};
+
+// Few devices, and their twins on three buses of two machines.
+std::vector<places::BusDevice> everyone() {
+  std::vector<places::BusDevice> all;
+  for (std::uint32_t serial = 0; serial < 3; ++serial) {
+    for (const auto& bus : buses) all.push_back({device(serial), bus});
+  }
+  return all;
+}
+
 std::vector<std::string> all_of(places::SlotStore& store) {
   std::vector<std::string> out;
   const auto seat = [](const std::optional<Assignment>& s) {
@@ -156,55 +167,69 @@ std::vector<std::string> all_of(places::SlotStore& store) {
   for (const auto& b : must(store.unfinished_blanks())) {
     out.push_back(to_string(b.device) + b.machine + b.bus + std::to_string(b.id.value()));
   }
+  for (const auto& l : must(store.lent())) {
+    out.push_back("lent" + to_string(l.device) + l.machine + l.bus + std::to_string(l.id.value()));
+  }
   for (const auto mark : {places::Mark::restore, places::Mark::fixed}) {
     const auto marked = must(store.marked(mark));
     for (const auto& m : marked) {
-      out.push_back(std::string(name(mark)) + to_string(m.device) + std::to_string(m.id.value()));
+      out.push_back(std::string(name(mark)) + to_string(m.device) + m.on.machine + m.on.bus +
+                    std::to_string(m.id.value()));
     }
-    for (std::uint32_t serial = 0; serial < 4; ++serial) {
-      const bool among = std::ranges::find(marked, device(serial), &places::Marked::device) != marked.end();
-      RC_ASSERT(must(store.is_marked(mark, device(serial))) == among);
+    for (const auto& who : everyone()) {
+      const bool among = std::ranges::any_of(
+          marked, [&](const places::Marked& m) { return m.device == who.device && m.on.covers(who.on); });
+      RC_ASSERT(must(store.is_marked(mark, who)) == among);
     }
   }
-  for (std::uint32_t serial = 0; serial < 4; ++serial) {
-    for (const auto& h : must(store.history_of(device(serial)))) out.push_back(std::to_string(h.sequence));
-    const auto sat = places::former_seat(must(store.history_of(device(serial))));
+  for (const auto& who : everyone()) {
+    for (const auto& h : must(store.history_of(who))) out.push_back(std::to_string(h.sequence));
+    const auto sat = places::former_seat(must(store.history_of(who)));
     out.push_back(sat ? std::to_string(sat->slot.value) + "until" + std::to_string(sat->until_ms) : "-");
   }
   for (const auto& h : must(store.history(std::nullopt))) {
     out.push_back(std::to_string(h.sequence) + "," + std::to_string(h.stamp_ms) + "," +
                   (h.slot ? std::to_string(h.slot->value) : "-") + h.event + (h.device ? to_string(*h.device) : "-") +
-                  std::to_string(h.id.value()) + h.reason);
+                  std::to_string(h.id.value()) + h.reason + h.on.machine + h.on.bus);
   }
   return out;
 }
 
 /// One call with random arguments; the error's code, or nothing.
 std::optional<Errc> random_call(places::SlotStore& store, Random r) {
-  const SlotId slot{static_cast<std::int64_t>(r.below(6))};
-  const Assignment seat{device(static_cast<std::uint32_t>(r.below(4))),
+  const SlotId slot{static_cast<std::int64_t>(r.below(8))};
+  const Assignment seat{device(static_cast<std::uint32_t>(r.below(3))),
                         NodeId(static_cast<std::uint8_t>(1 + r.below(2)))};
+  // Now and then on no bus, as rows of before schema 7 are.
+  const places::BusName bus = r.chance(100'000) ? places::BusName() : buses[r.below(buses.size())];
+  const places::BusDevice who{seat.device, bus};
   const auto code = [](const auto& result) { return result ? std::nullopt : std::optional(result.error().code); };
   store.stamp(static_cast<std::int64_t>(r.below(1000)));
   const auto mark = static_cast<places::Mark>(r.below(2));
-  switch (r.below(12)) {
-    case 11: return code(store.drop_blank(seat.device, "gone for good"));
-    case 9: return code(store.mark(mark, seat.device, seat.id, "seen"));
-    case 10: return code(store.unmark(mark, seat.device, "done"));
-    case 0: return code(store.declare({r.chance(500'000) ? "m" : "n", "b", std::to_string(r.below(3))}));
+  switch (r.below(14)) {
+    case 13: return code(store.lend({seat.device, bus.machine, bus.bus, seat.id}));
+    case 12: return code(store.give_back(who));
+    case 11: return code(store.drop_blank(who, "gone for good"));
+    case 9: return code(store.mark(mark, who, seat.id, "seen"));
+    case 10: return code(store.unmark(mark, who, "done"));
+    case 0: return code(store.declare({bus.machine, bus.bus, std::to_string(r.below(3))}));
     case 1:
     case 2: return code(store.ask(slot, seat, "why"));
     case 3:
     case 4: return code(store.confirm(slot, seat, "heard"));
     case 5: return code(store.clear(slot, "gone"));
     case 6:
-      return r.chance(500'000) ? code(store.ask_blank({seat.device, "m", "b", seat.id}, "x"))
-                               : code(store.confirm_blank(seat.device, "y"));
+      return r.chance(500'000) ? code(store.ask_blank({seat.device, bus.machine, bus.bus, seat.id}, "x"))
+                               : code(store.confirm_blank(who, "y"));
     case 7: {
       const auto stage = static_cast<places::Configured::Stage>(r.below(3));
       return code(store.configure(slot, {stage, seat.device, static_cast<std::uint32_t>(r.next()), 86'399'999}, "dcf"));
     }
-    default: return code(store.note({7, 8, slot, "note", seat.device, seat.id, std::string("a\0b", 3)}));
+    default: {
+      const bool there = slot.value >= 1 && slot.value <= 6;  // and was from the beginning on
+      const auto place = there && r.chance(500'000) ? std::optional(slot) : std::nullopt;
+      return code(store.note({7, 8, place, "note", seat.device, seat.id, std::string("a\0b", 3), bus}));
+    }
   }
 }
 
@@ -214,6 +239,12 @@ RC_GTEST_PROP(Store, DoesWhatTheMemoryStoreDoes, (std::uint64_t seed)) {
   MemoryStore memory;
   auto store = must_open(folder.file());
   Random random(seed);
+  // Two slots on each bus.
+  for (const auto& bus : buses) {
+    for (const char* name : {"0", "1"}) {
+      RC_ASSERT(store->declare({bus.machine, bus.bus, name}) && memory.declare({bus.machine, bus.bus, name}));
+    }
+  }
   for (int i = 0; i < 40; ++i) {
     const Random call = random.fork();
     RC_ASSERT(random_call(*store, call) == random_call(memory, call));
@@ -587,10 +618,11 @@ TEST(Store, MigratesSchemaFourAndKeepsItsUnfinishedBlanks) {
   EXPECT_EQ(store->unfinished_blanks().value().at(0), five);
   ASSERT_TRUE(store->ask_blank(six, "the newest counts"));
   EXPECT_EQ(store->unfinished_blanks().value().at(1), six);
-  ASSERT_TRUE(store->drop_blank(five.device, "gone for good"));
-  EXPECT_EQ(store->drop_blank(five.device, "again").error().code, Errc::not_found);
+  const places::BusDevice five_here{five.device, {"m", "b"}};
+  ASSERT_TRUE(store->drop_blank(five_here, "gone for good"));
+  EXPECT_EQ(store->drop_blank(five_here, "again").error().code, Errc::not_found);
   EXPECT_EQ(store->unfinished_blanks().value(), std::vector{six});
-  EXPECT_EQ(store->history_of(five.device).value().back().event, "blank dropped");
+  EXPECT_EQ(store->history_of(five_here).value().back().event, "blank dropped");
 }
 
 // Schema 3 had no marks, and its history is asked by device from now on.
@@ -608,21 +640,24 @@ TEST(Store, MigratesSchemaThreeAndKnowsWhereADeviceSat) {
           line);
     }
   }
-  const LssAddress old{1, 2, 0, 5};
+  const places::BusName here{"m", "b"};
+  const places::BusDevice old{{1, 2, 0, 5}, here};
+  const places::BusDevice other{{1, 2, 0, 6}, here};
   {
     auto store = must_open(folder.file());
     ASSERT_NE(store, nullptr);
     EXPECT_TRUE(store->marked(places::Mark::restore).value().empty());
     EXPECT_EQ(store->history_of(old).value().size(), 3U);
-    EXPECT_TRUE(store->history_of({1, 2, 0, 6}).value().empty());
+    EXPECT_TRUE(store->history_of(other).value().empty());
     EXPECT_EQ(former_seat(store->history_of(old).value()), (places::FormerSeat{SlotId{1}, NodeId(2), 9}));
     ASSERT_TRUE(store->mark(places::Mark::restore, old, NodeId(2), "used"));
-    ASSERT_TRUE(store->mark(places::Mark::fixed, {1, 2, 0, 6}, NodeId(9), "11h refused"));
-    ASSERT_TRUE(store->mark(places::Mark::fixed, {1, 2, 0, 6}, NodeId(10), "switch turned"));
+    ASSERT_TRUE(store->mark(places::Mark::fixed, other, NodeId(9), "11h refused"));
+    ASSERT_TRUE(store->mark(places::Mark::fixed, other, NodeId(10), "switch turned"));
   }
   auto store = must_open(folder.file());
-  EXPECT_EQ(store->marked(places::Mark::restore).value(), (std::vector<places::Marked>{{old, NodeId(2)}}));
-  EXPECT_EQ(store->marked(places::Mark::fixed).value(), (std::vector<places::Marked>{{{1, 2, 0, 6}, NodeId(10)}}));
+  EXPECT_EQ(store->marked(places::Mark::restore).value(), (std::vector<places::Marked>{{old.device, NodeId(2), here}}));
+  EXPECT_EQ(store->marked(places::Mark::fixed).value(),
+            (std::vector<places::Marked>{{other.device, NodeId(10), here}}));
   ASSERT_TRUE(store->unmark(places::Mark::restore, old, "done"));
   EXPECT_TRUE(store->marked(places::Mark::restore).value().empty());
   EXPECT_FALSE(former_seat(store->history_of(old).value())) << "it has its factory settings: as good as new";
@@ -633,6 +668,7 @@ TEST(Store, LoansAreKeptAndOldMarksBecomeLoans) {
   const Folder folder;
   const LssAddress lent{1, 2, 3, 4};
   const LssAddress second{1, 2, 3, 5};
+  const places::BusName here{"m", "b"};
   {
     SQLite::Database raw(folder.file(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
     create_schema(raw, 5);
@@ -643,11 +679,77 @@ TEST(Store, LoansAreKeptAndOldMarksBecomeLoans) {
     EXPECT_EQ(store->lent().value(), (std::vector<places::LentId>{{lent, "", "", NodeId(126)}}));
     ASSERT_TRUE(store->lend({second, "m", "b", NodeId(7)}));
     ASSERT_TRUE(store->lend({second, "m", "b", NodeId(8)}));
-    ASSERT_TRUE(store->give_back(lent));
-    ASSERT_TRUE(store->give_back(lent)) << "idempotent";
-    EXPECT_TRUE(store->history_of(second).value().empty()) << "each search lends: no line of the history";
+    ASSERT_TRUE(store->give_back({lent, here}));
+    ASSERT_TRUE(store->give_back({lent, here})) << "idempotent";
+    EXPECT_TRUE(store->history_of({second, here}).value().empty()) << "each search lends: no line of the history";
   }
   EXPECT_EQ(must_open(folder.file())->lent().value(), (std::vector<places::LentId>{{second, "m", "b", NodeId(8)}}));
+}
+
+// Schema 6 took an LSS address for one device in the whole store. Nothing is lost when it is brought to today's, and
+// twins on two buses are two devices from then on.
+TEST(Store, MigratesSchemaSixAndKnowsADeviceByItsBus) {
+  const Folder folder;
+  {
+    SQLite::Database raw(folder.file(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    create_schema(raw, 6);
+    raw.exec(
+        "INSERT INTO slots (machine, bus, name) VALUES ('m', 'a', 'left'), ('m', 'b', 'right'), ('m', 'b', 'more');"
+        "INSERT INTO seats VALUES (1, 'confirmed', 1, 2, 0, 5, 2), (1, 'asked', 1, 2, 0, 5, 3);"
+        "INSERT INTO blanks (vendor, product, revision, serial, machine, bus, node_id) VALUES"
+        " (1, 2, 0, 7, 'm', 'a', 9), (1, 2, 0, 8, '', '', 255), (1, 2, 0, 9, '', 'b', 11);"
+        "INSERT INTO marks VALUES (1, 2, 0, 5, 1, 2);"
+        "INSERT INTO loans VALUES (1, 2, 0, 7, 'm', 'a', 126), (1, 2, 0, 8, '', '', 125);"
+        "INSERT INTO history (stamp_ms, slot, event, vendor, product, revision, serial, node_id, reason) VALUES"
+        " (1, 1, 'confirmed', 1, 2, 0, 5, 2, 'heard'), (2, NULL, 'fixed node-ID', 1, 2, 0, 5, 2, 'refused');");
+  }
+  const LssAddress five{1, 2, 0, 5};
+  const Assignment seat{five, NodeId(2)};
+  {
+    auto store = must_open(folder.file());
+    ASSERT_NE(store, nullptr);
+    EXPECT_EQ(store->load(SlotId{1}).value().confirmed, seat);
+    EXPECT_EQ(store->load(SlotId{1}).value().intended, (Assignment{five, NodeId(3)}));
+    using Blanks = std::vector<places::UnfinishedBlank>;
+    EXPECT_EQ(store->unfinished_blanks().value(), (Blanks{{{1, 2, 0, 7}, "m", "a", NodeId(9)},
+                                                          {{1, 2, 0, 8}, "", "", NodeId()},
+                                                          {{1, 2, 0, 9}, "", "", NodeId(11)}}));
+    using Lent = std::vector<places::LentId>;
+    EXPECT_EQ(store->lent().value(),
+              (Lent{{{1, 2, 0, 7}, "m", "a", NodeId(126)}, {{1, 2, 0, 8}, "", "", NodeId(125)}}));
+    EXPECT_TRUE(store->is_marked(places::Mark::fixed, {five, {"m", "b"}}).value()) << "a mark of before is of any bus";
+    EXPECT_EQ(store->history_of({five, {"m", "a"}}).value().size(), 2U);
+    EXPECT_EQ(store->history_of({five, {"m", "b"}}).value().size(), 1U) << "where it was marked no line says";
+    // The twin.
+    ASSERT_TRUE(store->ask(SlotId{2}, seat, "its twin"));
+    ASSERT_TRUE(store->confirm(SlotId{2}, seat, "its twin"));
+    EXPECT_EQ(store->ask(SlotId{3}, {five, NodeId(4)}, "once more").error().code, Errc::duplicate);
+  }
+  auto store = must_open(folder.file());
+  EXPECT_EQ(store->load(SlotId{1}).value().confirmed, seat);
+  EXPECT_EQ(store->load(SlotId{2}).value().confirmed, seat);
+}
+
+// Many twins: whether a device sits in another slot of its bus is looked up, not searched for in all seats.
+TEST(Store, TwinsAreLookedUpByAnIndex) {
+  const Folder folder;
+  must_open(folder.file());
+  {
+    SQLite::Database raw(folder.file(), SQLite::OPEN_READWRITE);
+    raw.exec(
+        "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n LIMIT 50000) INSERT INTO slots (machine, bus, "
+        "name) SELECT 'm', 'b', i FROM n;"
+        "INSERT INTO seats SELECT id, 'confirmed', 1, 2, 0, id, 2 FROM slots WHERE id < 49999;");
+  }
+  unsigned asked = 0;  // once in 100,000 steps
+  auto opened = Database::open(folder.file(), {.ended = [&] { return ++asked > 200; }});
+  ASSERT_TRUE(opened) << opened.error().message;
+  asked = 0;
+  for (std::uint32_t i = 0; i < 50; ++i) {
+    ASSERT_TRUE((*opened)->ask(SlotId{50'000}, {{9, 9, 9, 9}, NodeId(2)}, "x"));
+    EXPECT_EQ((*opened)->ask(SlotId{49'999}, {{1, 2, 0, 1 + i}, NodeId(2)}, "x").error().code, Errc::duplicate);
+  }
+  EXPECT_LE(asked, 2U) << "100 look-ups in 50,000 seats";
 }
 
 }  // namespace

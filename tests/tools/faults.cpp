@@ -33,6 +33,7 @@ struct Options {
   unsigned workers = 2;
   bool show = false;
   bool brief = false;  // a failure is named and neither shrunk nor written down
+  bool twins = false;  // worlds with devices of one address on several buses
   bool main_job = true;
   std::uint64_t method_count = 200;           // worlds of each row
   int first_row = 0, last_row = method_rows;  // excluded
@@ -149,7 +150,7 @@ void sum(Cells& total, const Cells& part) {
 Tally work(const Options& o, unsigned worker) {
   Tally tally;
   for (std::uint64_t seed = o.from + worker; seed < o.from + o.count; seed += o.workers) {
-    const WorldPlan plan = Planner(seed).make();
+    const WorldPlan plan = Planner(seed, o.twins).make();
     const Outcome outcome = run_world(plan);
     ++tally.runs;
     tally.solvable += plan.solvable;
@@ -457,12 +458,12 @@ bool trees(const Options& o) {
 bool main_job(const Options& o) {
   const auto began = std::chrono::steady_clock::now();
   const Tally t = side_by_side(o, work);
-  const bool enough = print_matrix(t, o.complete);
+  const bool enough = o.twins || print_matrix(t, o.complete);
   std::printf(
-      "%llu worlds, each run twice, from seed %llu; %llu of them must end operational; %llu differed; %llu failed\n",
-      static_cast<unsigned long long>(t.runs), static_cast<unsigned long long>(o.from),
-      static_cast<unsigned long long>(t.solvable), static_cast<unsigned long long>(t.differ),
-      static_cast<unsigned long long>(t.failures));
+      "%llu worlds%s, each run twice, from seed %llu; %llu of them must end operational; %llu differed; %llu failed\n",
+      static_cast<unsigned long long>(t.runs), o.twins ? " with twins on several buses" : "",
+      static_cast<unsigned long long>(o.from), static_cast<unsigned long long>(t.solvable),
+      static_cast<unsigned long long>(t.differ), static_cast<unsigned long long>(t.failures));
   print_speed(t.runs, began, o.workers);
   return t.failures == 0 && t.differ == 0 && enough && t.runs > 0;
 }
@@ -491,7 +492,7 @@ bool intelligence(const Options& o) {
 
 int main(int argc, char** argv) {
   Options o;
-  bool counted = false, only_methods = false, only_intelligence = false, only_trees = false;
+  bool counted = false, only_methods = false, only_intelligence = false, only_trees = false, only_twins = false;
   for (int i = 1; i < argc; ++i) {
     const auto value = [&] { return i + 1 < argc ? std::strtoull(argv[++i], nullptr, 0) : 0ULL; };
     if (std::strcmp(argv[i], "--from") == 0) {
@@ -505,6 +506,8 @@ int main(int argc, char** argv) {
       o.show = true;
     } else if (std::strcmp(argv[i], "--trees") == 0) {
       only_trees = true;
+    } else if (std::strcmp(argv[i], "--twins") == 0) {
+      only_twins = true;
     } else if (std::strcmp(argv[i], "--brief") == 0) {
       o.brief = true;
     } else if (std::strcmp(argv[i], "--intelligence") == 0) {
@@ -514,7 +517,8 @@ int main(int argc, char** argv) {
       only_methods = true;
     } else {
       std::fprintf(stderr,
-                   "usage: faults [--from SEED] [--count N] [--method NAME|all|none | --intelligence | --trees] "
+                   "usage: faults [--from SEED] [--count N] [--method NAME|all|none | --intelligence | --trees | "
+                   "--twins] "
                    "[--workers N] [--show] [--brief]\n"
                    "methods:");
       for (int row = 0; row < method_rows; ++row) std::fprintf(stderr, " %s", row_name(row).c_str());
@@ -535,7 +539,12 @@ int main(int argc, char** argv) {
   if (counted) o.trees = (o.count + 199) / 200;
   bool good = true;
   if (only_intelligence) return intelligence(o) ? 0 : 1;
+  Options twins = o;
+  twins.twins = true;
+  if (!only_twins) twins.count = (o.count + 9) / 10;
+  if (only_twins) return main_job(twins) ? 0 : 1;
   if (o.main_job) good = main_job(o);
+  if (o.main_job) good = main_job(twins) && good;
   if (with_trees) good = trees(o) && good;
   if (o.first_row < o.last_row) {
     const auto began = std::chrono::steady_clock::now();
