@@ -4,16 +4,6 @@
 
 namespace berth::rt {
 
-namespace {
-
-// With thousands of devices no job is in the processor's caches: the next one is fetched while one runs.
-inline void fetch(const Job& job) noexcept {
-  const char* const at = reinterpret_cast<const char*>(&job);
-  for (int line = -1; line < 4; ++line) __builtin_prefetch(at + 64 * line);
-}
-
-}  // namespace
-
 void Job::leave() noexcept {
   if (ready()) Executor::unlink_ready(*this);
   cancel_timer();
@@ -21,11 +11,11 @@ void Job::leave() noexcept {
 
 void Job::cancel_timer() noexcept {
   if (!timed_) return;
-  executor_->timers_.remove(timer_);
+  executor_->remove(*this);
   timed_ = false;
 }
 
-Executor::Executor() {
+Executor::Executor() noexcept {
   for (Job* anchor : {static_cast<Job*>(&node_), static_cast<Job*>(&medium_)}) {
     anchor->ready_prev_ = anchor->ready_next_ = anchor;
   }
@@ -33,7 +23,7 @@ Executor::Executor() {
 
 Executor::~Executor() {
   // Jobs may outlive the executor; they must not reach back into it.
-  while (!timers_.empty()) timers_.job().cancel_timer();
+  while (root_ != nullptr) root_->cancel_timer();
   for (Job* anchor : {static_cast<Job*>(&node_), static_cast<Job*>(&medium_)}) {
     while (anchor->ready_next_ != anchor) unlink_ready(*anchor->ready_next_);
     anchor->ready_prev_ = anchor->ready_next_ = nullptr;
@@ -55,6 +45,71 @@ Job& Executor::drawn_place(Job& anchor) noexcept {
   return *after;
 }
 
+inline Job* Executor::meld(Job* a, Job* b) noexcept {
+  if (a == nullptr) return b;
+  if (b == nullptr) return a;
+  if (before(*b, *a)) {
+    Job* swap = a;
+    a = b;
+    b = swap;
+  }
+  b->before_ = a;
+  b->sibling_ = a->child_;
+  if (a->child_ != nullptr) a->child_->before_ = b;
+  a->child_ = b;
+  return a;
+}
+
+// Two-pass pairing of a list of siblings. What `before_` and `sibling_` of a root say means nothing.
+inline Job* Executor::combine(Job* first) noexcept {
+  return first == nullptr || first->sibling_ == nullptr ? first : combine_pairs(first);
+}
+
+Job* Executor::combine_pairs(Job* first) noexcept {
+  Job* pairs = nullptr;
+  while (first != nullptr) {
+    Job* const a = first;
+    Job* const b = a->sibling_;
+    first = b != nullptr ? b->sibling_ : nullptr;
+    Job* const melded = meld(a, b);
+    melded->sibling_ = pairs;
+    pairs = melded;
+  }
+  if (pairs == nullptr) return nullptr;
+  Job* root = pairs;
+  pairs = root->sibling_;
+  while (pairs != nullptr) {
+    Job* const rest = pairs->sibling_;
+    root = meld(root, pairs);
+    pairs = rest;
+  }
+  return root;
+}
+
+inline void Executor::insert(Job& job) noexcept {
+  job.child_ = job.sibling_ = job.before_ = nullptr;
+  job.key_ = job.due_;
+  job.key_order_ = job.order_;
+  root_ = meld(root_, &job);
+}
+
+void Executor::remove(Job& job) noexcept {
+  Job* rest = combine(job.child_);
+  job.child_ = nullptr;
+  if (root_ == &job) {
+    root_ = rest;
+    return;
+  }
+  if (job.before_->child_ == &job) {
+    job.before_->child_ = job.sibling_;
+  } else {
+    job.before_->sibling_ = job.sibling_;
+  }
+  if (job.sibling_ != nullptr) job.sibling_->before_ = job.before_;
+  job.sibling_ = job.before_ = nullptr;
+  root_ = meld(root_, rest);
+}
+
 void Executor::at(Time when, Job& job, Rank rank) noexcept {
   assert(!job.timed_ || job.executor_ == this);
   if (when < now_) when = now_;
@@ -62,26 +117,28 @@ void Executor::at(Time when, Job& job, Rank rank) noexcept {
   job.due_ = when;
   job.rank_ = rank;
   if (job.timed_) {
-    if (when >= timers_.time(job.timer_)) return;  // it comes to the front too early, and is put back then
-    timers_.remove(job.timer_);
+    if (when >= job.key_) return;  // found in the heap too early, it is put back then
+    remove(job);
   }
   job.timed_ = true;
   job.executor_ = this;
-  job.timer_ = timers_.add(when, job.order_, job);
+  insert(job);
 }
 
 // Puts timers that were set anew where they belong now, until the earliest one is true.
 void Executor::drop_lazy() noexcept {
-  while (!timers_.empty() && !first_is_true()) {
-    const Job& job = timers_.job();
-    timers_.move_first(job.due_, job.order_);
+  while (root_ != nullptr && root_->order_ != root_->key_order_) {
+    Job& job = *root_;
+    root_ = combine(job.child_);
+    insert(job);
   }
 }
 
 // The earliest timer, which must be true, is one no longer.
-inline Job& Executor::take_first() noexcept {
-  Job& job = timers_.job();
-  timers_.remove(job.timer_);
+inline Job& Executor::take_root() noexcept {
+  Job& job = *root_;
+  root_ = combine(job.child_);
+  job.child_ = nullptr;
   job.timed_ = false;
   return job;
 }
@@ -89,18 +146,18 @@ inline Job& Executor::take_first() noexcept {
 std::optional<Time> Executor::next() const noexcept {
   if (has_ready()) return now_;
   const_cast<Executor*>(this)->drop_lazy();  // changes the shape of the heap, not what it says
-  if (timers_.empty()) return std::nullopt;
-  return timers_.earliest();
+  if (root_ == nullptr) return std::nullopt;
+  return root_->due_;
 }
 
 void Executor::make_due_ready() noexcept {
   while (may_be_due()) {
-    if (!first_is_true()) {  // was set anew: it may be due later
+    Job& job = *root_;
+    if (job.order_ != job.key_order_) {  // was set anew: it may be due later
       drop_lazy();
       continue;
     }
-    Job& job = take_first();
-    post(job, job.rank_);
+    post(take_root(), job.rank_);
   }
 }
 
@@ -126,13 +183,12 @@ void Executor::settle() noexcept {
 
 // With nothing ready: the work of the earliest timer's instant, if it is not after `until`.
 inline bool Executor::step_to_timer(Time until) noexcept {
-  if (timers_.earliest() > until || timers_.empty()) return false;
-  if (!first_is_true()) drop_lazy();
-  if (timers_.earliest() > until) return false;
-  if (timers_.earliest() > now_) now_ = timers_.earliest();
+  if (root_ == nullptr) return false;
+  if (root_->order_ != root_->key_order_) drop_lazy();
+  if (root_->due_ > until) return false;
+  if (root_->due_ > now_) now_ = root_->due_;
   // Most are alone at their instant. Such a one need not go through the ready queue.
-  Job& job = take_first();
-  if (!timers_.empty()) fetch(timers_.job());
+  Job& job = take_root();
   if (may_be_due() || shuffle_ != 0) {
     post(job, job.rank_);
   } else {

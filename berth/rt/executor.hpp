@@ -1,18 +1,22 @@
 /// The one executor. It knows the time it is told, the jobs that wait for a time and the jobs that are ready;
 /// what tells it the time (`sim::World`, `io::Loop`, a fuzzer, a main loop) only calls `next` and `advance`.
 ///
-/// One thread. To make a job ready never allocates; to give it a timer allocates only when more than 32 wait, and more
-/// than ever before. A job that is destroyed leaves every queue by itself. No job runs inside another: `post` and
-/// timers only queue.
+/// One thread. Jobs are intrusive: to queue one never allocates and never fails, and a job that is destroyed
+/// leaves every queue by itself. No job runs inside another: `post` and timers only queue.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <optional>
 
-#include "berth/rt/time.hpp"
-#include "berth/rt/timer_heap.hpp"
-
 namespace berth::rt {
+
+/// Nanoseconds since the world's beginning; never the wall clock.
+using Time = std::chrono::time_point<struct WorldClock, std::chrono::nanoseconds>;
+using Duration = std::chrono::nanoseconds;
+
+/// No deadline.
+inline constexpr Time never = Time::max();
 
 /// `node` jobs of an instant all run before its `medium` jobs: a bus arbitrates when every node has done what it
 /// does at that instant. A medium job that makes node jobs ready lets them run before the next medium job.
@@ -52,17 +56,23 @@ class Job {
   // Ready queue: doubly linked ring.
   Job* ready_prev_ = nullptr;
   Job* ready_next_ = nullptr;
+  // Timers: pairing heap, ordered by `key_` and `key_order_`. A timer that was set anew keeps its old place (then
+  // `order_` is not `key_order_`) and moves to its true one when it comes to the root.
+  Job* child_ = nullptr;
+  Job* sibling_ = nullptr;
+  Job* before_ = nullptr;  // previous sibling, or the parent for a first child
   Executor* executor_ = nullptr;
+  Time key_{};
   Time due_{};
+  std::uint64_t key_order_ = 0;
   std::uint64_t order_ = 0;
-  TimerHeap::Handle timer_ = 0;  // while timed
-  Rank rank_ = Rank::node;       // of the timer
+  Rank rank_ = Rank::node;  // of the timer
   bool timed_ = false;
 };
 
 class Executor {
  public:
-  Executor();
+  Executor() noexcept;
   ~Executor();
   Executor(const Executor&) = delete;
   Executor& operator=(const Executor&) = delete;
@@ -77,9 +87,9 @@ class Executor {
     link_ready(job, shuffle_ == 0 ? *anchor.ready_prev_ : drawn_place(anchor));
   }
 
-  /// Gives `job` a timer, or moves the one it has: O(log n), and O(1) when it moves later. A time not after `now()` is
-  /// due at once, and still only after the current job returned. Equal times fire in the order in which they were set,
-  /// a timer that was moved counting as set anew. What is due becomes ready in `rank`.
+  /// Gives `job` a timer, or moves the one it has. Moving it later is O(1). A time not after `now()` is due at once,
+  /// and still only after the current job returned. Equal times fire in the order in which they were set, a timer that
+  /// was moved counting as set anew. What is due becomes ready in `rank`.
   void at(Time when, Job& job, Rank rank = Rank::node) noexcept;
   void after(Duration delay, Job& job) noexcept { at(now_ + delay, job); }
 
@@ -105,12 +115,17 @@ class Executor {
   class Anchor final : public Job {
     void run() noexcept override {}
   };
-  // A timer that was set anew to a later time keeps its old place (then its order there is not the job's) and moves to
-  // its true one when it is the first.
-  [[nodiscard]] bool first_is_true() const noexcept { return timers_.order() == timers_.job().order_; }
+  static bool before(const Job& a, const Job& b) noexcept {
+    return a.key_ < b.key_ || (a.key_ == b.key_ && a.key_order_ < b.key_order_);
+  }
+  static Job* meld(Job* a, Job* b) noexcept;
+  static Job* combine(Job* first) noexcept;
+  static Job* combine_pairs(Job* first) noexcept;
+  void insert(Job& job) noexcept;
+  void remove(Job& job) noexcept;
   void settle() noexcept;
   void drop_lazy() noexcept;
-  [[nodiscard]] Job& take_first() noexcept;
+  [[nodiscard]] Job& take_root() noexcept;
   void make_due_ready() noexcept;
   bool step_to_timer(Time until) noexcept;
   [[nodiscard]] Job& drawn_place(Job& anchor) noexcept;
@@ -124,14 +139,14 @@ class Executor {
   [[nodiscard]] bool has_ready() const noexcept {
     return node_.ready_next_ != &node_ || medium_.ready_next_ != &medium_;
   }
-  /// Some timer may be due: none stands behind its time.
-  [[nodiscard]] bool may_be_due() const noexcept { return timers_.earliest() <= now_; }
+  /// Some timer may be due: a key is never after its timer's time.
+  [[nodiscard]] bool may_be_due() const noexcept { return root_ != nullptr && root_->key_ <= now_; }
 
   Time now_{};
   std::uint64_t order_ = 0;
   std::uint64_t jobs_run_ = 0;
   std::uint64_t shuffle_ = 0;  // state of the perturbation, 0 = none
-  TimerHeap timers_;
+  Job* root_ = nullptr;
   Anchor node_;
   Anchor medium_;
 };
