@@ -101,7 +101,7 @@ rt::Task<void> run(operate::Session& session, const command::Request& request, c
   session.executor().post(then);
 }
 
-std::vector<Event> open_questions(const operate::Session& session) { return session.report().questions; }
+std::vector<Event> open_questions(const operate::Session& session) { return operate::questions_of(session); }
 
 }  // namespace
 

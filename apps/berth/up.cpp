@@ -81,13 +81,13 @@ void print_outcome(Rig& rig, const Options& options, const std::vector<Recorded>
   if (options.dry_run) {
     print_dry_run(sent, nullptr, options.json);
   } else if (options.json) {
-    operate::write_json(rig.session().report(), options.events ? -1 : 2,
+    operate::write_json(rig.session().take_report(), options.events ? -1 : 2,
                         [](std::string_view piece) { write_text(text::printable(piece)); });
     print_line("");
   } else if (table) {
     print_line("");
     print_lines(operate::to_table(rig.session().slots()));
-    for (const auto& question : rig.session().report().questions) print_line(question.text);
+    for (const auto& question : operate::questions_of(rig.session())) print_line(question.text);
   }
 }
 

@@ -91,7 +91,7 @@ std::string read_wish(Session& session, const Request& request, Wish& wish) {
   const std::string bus = arguments.text("bus");
   const std::string slot = arguments.text("slot");
   if (!slot.empty()) {
-    Network* const network = session.network_of_slot(bus.empty() ? slot : bus + "/" + slot, wish.slot);
+    Network* const network = network_of_slot(session, bus, slot, wish.slot);
     if (network == nullptr) {
       return fmt::format("the machine has no slot {}, or several; name it as the machine file does",
                          text::quoted(slot));

@@ -35,7 +35,7 @@ Target target_of(Session& session, const std::string& bus, const std::string& wo
     return {*network, *address, {}, {}};
   }
   std::string name;
-  target.network = session.network_of_slot(bus.empty() ? word : bus + "/" + word, name);
+  target.network = network_of_slot(session, bus, word, name);
   if (target.network != nullptr) {
     target.device = device_of(*target.network, name);
     const auto id = text::parse_ranges(word, 1, 127);

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "berth/text/quantity.hpp"
+
 namespace berth::command {
 
 using operate::Network;
@@ -32,6 +34,20 @@ tl::expected<Network*, std::string> network_for(Session& session, const std::str
                     network->bus().name));
   }
   return network;
+}
+
+Network* network_of_slot(Session& session, const std::string& bus, const std::string& slot, std::string& name) {
+  const std::string wanted = bus.empty() ? slot : bus + "/" + slot;
+  auto meant = session.machine().slots_named({}, wanted);
+  const auto number = text::parse_ranges(wanted, 1, 127);
+  if (meant.empty() && number && number->size() == 1) {
+    for (const auto& s : session.machine().slots) {
+      if (s.spec.id.value() == number->front()) meant.push_back(&s);
+    }
+  }
+  if (meant.size() != 1) return nullptr;
+  name = meant.front()->spec.name.name;
+  return session.network(meant.front()->spec.name.bus);
 }
 
 tl::expected<std::vector<Network*>, std::string> networks_for(Session& session, const std::string& bus, Use use) {

@@ -120,7 +120,7 @@ rt::Task<void> replace(Session& session, const Request& request, Reply& reply) {
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
   const std::string bus = arguments.text("bus");
   std::string name;
-  Network* const network = session.network_of_slot(bus.empty() ? wanted : bus + "/" + wanted, name);
+  Network* const network = network_of_slot(session, bus, wanted, name);
   if (network == nullptr) {
     co_return refuse(reply, 2, fmt::format("the machine has no slot {}, or several", text::quoted(wanted)),
                      "name it as the machine file does, with its bus before it if need be: BUS/SLOT");

@@ -38,7 +38,7 @@ rt::Task<void> upload(Session& session, const Request& request, Reply& reply) {
   const bool whole = arguments.has("dcf");
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
   std::string name;
-  Network* const network = session.network_of_slot(bus.empty() ? slot : bus + "/" + slot, name);
+  Network* const network = network_of_slot(session, bus, slot, name);
   if (network == nullptr) {
     co_return refuse(
         reply, 2,

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <optional>
 #include <string>
@@ -100,7 +101,7 @@ struct MasterReport {
 struct Report {
   std::vector<SlotReport> slots;
   std::vector<std::pair<std::string, double>> bus_time_s;  ///< per bus: seconds of bus time from start to now
-  std::vector<Event> events;
+  std::deque<Event> events;
   std::vector<Event> questions = {};       ///< that are open now
   std::vector<MasterReport> masters = {};  ///< of the buses that have several
 };

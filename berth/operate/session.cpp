@@ -4,8 +4,6 @@
 
 #include <algorithm>
 
-#include "berth/text/quantity.hpp"
-
 namespace berth::operate {
 
 /// Tells the store the time of each line of its history.
@@ -145,6 +143,7 @@ void Session::record(const Event& event) {
 
 std::vector<SlotReport> Session::slots() const {
   std::vector<SlotReport> all;
+  all.reserve(machine_->slots.size());
   for (const auto& network : networks_) {
     auto slots = network->report();
     std::ranges::move(slots, std::back_inserter(all));
@@ -156,18 +155,33 @@ std::vector<SlotReport> Session::slots() const {
   return all;
 }
 
+Report Session::take_report() {
+  auto events = std::exchange(events_, {});
+  Report last = report();
+  last.events = std::move(events);
+  return last;
+}
+
 Report Session::report() const {
   Report report;
   report.slots = slots();
   const double elapsed = seconds(executor_->now()) - seconds(began_);
   for (const auto& network : networks_) report.bus_time_s.emplace_back(network->bus().name, elapsed);
-  report.events.assign(events_.begin(), events_.end());
+  report.events = events_;
+  report.questions = questions_of(*this);
   for (const auto& network : networks_) {
     if (const auto& master = network->services().master) report.masters.push_back(*master);
-    auto questions = network->planning().question_events();
-    std::ranges::move(questions, std::back_inserter(report.questions));
   }
   return report;
+}
+
+std::vector<Event> questions_of(const Session& session) {
+  std::vector<Event> all;
+  for (const auto& network : session.networks()) {
+    auto questions = network->planning().question_events();
+    std::ranges::move(questions, std::back_inserter(all));
+  }
+  return all;
 }
 
 bool Session::operational() const noexcept {
@@ -182,19 +196,6 @@ Network* Session::network(std::string_view bus) noexcept {
   if (bus.empty()) return networks_.size() == 1 ? networks_.front().get() : nullptr;
   const auto it = std::ranges::find_if(networks_, [&](const auto& n) { return n->bus().name == bus; });
   return it == networks_.end() ? nullptr : it->get();
-}
-
-Network* Session::network_of_slot(std::string_view slot, std::string& name) noexcept {
-  auto meant = machine_->slots_named({}, slot);
-  const auto number = text::parse_ranges(slot, 1, 127);
-  if (meant.empty() && number && number->size() == 1) {
-    for (const auto& s : machine_->slots) {
-      if (s.spec.id.value() == number->front()) meant.push_back(&s);
-    }
-  }
-  if (meant.size() != 1) return nullptr;
-  name = meant.front()->spec.name.name;
-  return network(meant.front()->spec.name.bus);
 }
 
 }  // namespace berth::operate

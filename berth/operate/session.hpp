@@ -62,6 +62,9 @@ class Session {
   static constexpr std::size_t most_events = 10'000;
 
   [[nodiscard]] Report report() const;
+  /// The last one: its events are the session's own, which has none from then on. Of thousands of devices a copy takes
+  /// megabytes.
+  [[nodiscard]] Report take_report();
   [[nodiscard]] std::vector<SlotReport> slots() const;
   [[nodiscard]] bool operational() const noexcept;
   /// Every network only watches.
@@ -75,9 +78,6 @@ class Session {
   [[nodiscard]] const std::vector<std::unique_ptr<Network>>& networks() const noexcept { return networks_; }
   /// The buses beneath gateways.
   [[nodiscard]] Tree& tree() noexcept { return tree_; }
-  /// The network of a slot, by the slot's name or "bus/name" or its node-ID when that is unique; null when unknown.
-  /// `name` gets the slot's plain name.
-  [[nodiscard]] Network* network_of_slot(std::string_view slot, std::string& name) noexcept;
 
  private:
   class StampedStore;
@@ -99,5 +99,8 @@ class Session {
   bool started_ = false;
   bool careful_ = false;
 };
+
+/// The questions that are open now, of all buses.
+[[nodiscard]] std::vector<Event> questions_of(const Session& session);
 
 }  // namespace berth::operate

@@ -113,6 +113,11 @@ class KillWorld final {
       port_ = std::make_unique<HeardPort>(watch_, bus, *mortal_);
       return port_.get();
     });
+    // How the store itself comes to be is tried in one of them.
+    if (scenario != Scenario::blank) {
+      disk_.put_back(disk_with_store());
+      disk_.after_crash(store::Loss::all, random_);
+    }
     if (scenario == Scenario::replaced) replace();
   }
   ~KillWorld() { rig_.kill(); }

@@ -53,6 +53,7 @@ int change(sqlite3_file* f, CrashVfs::Change what) {
   const auto size = what.bytes.size();
   apply(file.now, what, size);
   file.pending.push_back(std::move(what));
+  disk.keep_moment();
   return rc;
 }
 
@@ -66,6 +67,7 @@ int x_truncate(sqlite3_file* f, sqlite3_int64 size) { return change(f, {static_c
 int x_sync(sqlite3_file* f, int) {
   const int rc = disk_of(f).step(false);
   if (rc != SQLITE_OK) return rc;
+  disk_of(f).keep_moment();
   auto& file = file_of(f);
   for (const auto& change : file.pending) apply(file.synced, change, change.bytes.size());
   file.pending.clear();
@@ -115,6 +117,7 @@ int x_delete(sqlite3_vfs* vfs, const char* name, int sync_folder) {
   auto& disk = disk_of(vfs);
   const int rc = disk.step(false);
   if (rc != SQLITE_OK) return rc;
+  disk.keep_moment();
   auto it = disk.files().find(name);
   if (it == disk.files().end() || !it->second.exists) return SQLITE_IOERR_DELETE_NOENT;
   auto& file = it->second;
@@ -200,6 +203,15 @@ int CrashVfs::step(bool writes) {
     return SQLITE_FULL;
   }
   return SQLITE_OK;
+}
+
+void CrashVfs::keep_moment() {
+  if (moments_ != nullptr) moments_->push_back({files_});
+}
+
+void CrashVfs::put_back(const Moment& moment) {
+  files_ = moment.files;
+  crashed_ = true;
 }
 
 void CrashVfs::after_crash(Loss loss, Random& random) {

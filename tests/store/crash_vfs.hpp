@@ -3,6 +3,9 @@
 /// Every write, truncation, sync and deletion counts as one step. From step `crash_at` on nothing reaches the disk any
 /// more and every call fails, as if the power were gone; then `after_crash()` makes what a restart finds. What was not
 /// synced may be lost, kept, or kept in part, and the last write may be torn, as `Loss` says.
+///
+/// A program that dies with the power leaves the same disk whether it ran on before or not: `record` keeps of one whole
+/// run what a crash at each of its steps leaves, and `put_back` takes the disk there without running it again.
 #pragma once
 
 #include <sqlite3.h>
@@ -44,6 +47,12 @@ class CrashVfs {
   /// Steps since the last `crash_at` or `full_at`.
   [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
   [[nodiscard]] bool crashed() const noexcept { return crashed_; }
+  /// The disk as a crash at one step leaves it, before `after_crash`.
+  struct Moment;
+  /// From now on each step adds its moment to `moments`, which must outlive this; null: no more.
+  void record(std::vector<Moment>* moments) noexcept { moments_ = moments; }
+  /// As if the power had gone at `moment`.
+  void put_back(const Moment& moment);
   /// What is found after the restart; the disk works again.
   void after_crash(Loss loss, Random& random);
 
@@ -63,15 +72,22 @@ class CrashVfs {
 
   /// Used by the VFS's functions. Counts a step; the SQLite result that it must give.
   int step(bool writes);
+  /// Used by the VFS's functions, where a crash at this step would leave the disk.
+  void keep_moment();
 
  private:
   std::string name_;
   sqlite3_vfs vfs_{};
   std::map<std::string, File> files_;
+  std::vector<Moment>* moments_ = nullptr;
   std::uint64_t steps_ = 0;
   std::optional<std::uint64_t> crash_at_;
   std::optional<std::uint64_t> full_at_;
   bool crashed_ = false;
+};
+
+struct CrashVfs::Moment {
+  std::map<std::string, File> files;
 };
 
 }  // namespace berth::store
