@@ -33,11 +33,12 @@ enum class Scenario : std::uint8_t {
   gone,        // the same, for ever
   programmed,  // one of the two has an older program than its slot's, and gets that
   linked,      // an input of the one goes to outputs of the other: PDOs in both
+  first,       // as blank, and there is no store yet: the points of its file only
   count,
 };
 inline const char* name(Scenario s) {
-  constexpr const char* names[] = {"blank",      "taken", "crossed", "replaced",   "stranger",
-                                   "configured", "away",  "gone",    "programmed", "linked"};
+  constexpr const char* names[] = {"blank", "taken", "crossed",    "replaced", "stranger", "configured",
+                                   "away",  "gone",  "programmed", "linked",   "first"};
   return names[static_cast<int>(s)];
 }
 inline constexpr int scenarios = static_cast<int>(Scenario::count);
@@ -113,8 +114,7 @@ class KillWorld final {
       port_ = std::make_unique<HeardPort>(watch_, bus, *mortal_);
       return port_.get();
     });
-    // How the store itself comes to be is tried in one of them.
-    if (scenario != Scenario::blank) {
+    if (scenario != Scenario::first) {
       disk_.put_back(disk_with_store());
       disk_.after_crash(store::Loss::all, random_);
     }
@@ -173,7 +173,8 @@ class KillWorld final {
     if (scenario == Scenario::configured) return type_pump;
     if (scenario == Scenario::programmed) return type_controller;
     if (scenario == Scenario::linked) return type_io;
-    return scenario == Scenario::blank || departs(scenario) ? type_b : type_a;
+    const bool same = scenario == Scenario::blank || scenario == Scenario::first || departs(scenario);
+    return same ? type_b : type_a;
   }
 
   static design::Machine machine(Scenario scenario) {

@@ -85,7 +85,7 @@ class Axe {
   bool loses_ = false;
 };
 
-// A disk with an empty store on it, closed. Making the tables takes a third of what a short life costs.
+// A disk with an empty store on it, closed. Making its tables costs more than the short life that would follow.
 inline const store::CrashVfs::Moment& disk_with_store() {
   static const auto made = [] {
     store::CrashVfs disk("kill-made");

@@ -104,6 +104,32 @@ std::uint64_t bytes_written(Scenario scenario, const Memory& memory) {
   return bytes;
 }
 
+// What Berth and the devices do there.
+void add_bus_points(std::vector<Point>& points, Scenario scenario, const Life& whole) {
+  for (std::uint64_t k = 0; k < whole.trace.size(); ++k) {
+    Death death;
+    death.at = k;
+    if (!KillWorld::departs(scenario)) points.push_back({whole.trace[k], death});
+    add_frame_points(points, scenario, whole.trace[k], k);
+    if (!is_memory(whole.trace[k])) continue;
+    for (const auto victim : {Victim::device, Victim::both}) {
+      death.victim = victim;
+      points.push_back({whole.trace[k], death});
+    }
+  }
+}
+
+void add_torn_points(std::vector<Point>& points, Scenario scenario) {
+  for (const Memory memory : {Memory{"d1"}, Memory{"d2"}, Memory{"d3"}, Memory{"x"}, Memory{"d1", true}}) {
+    const bool departing = KillWorld::departs(scenario) && std::strcmp(memory.device, "d3") == 0;
+    if (!KillWorld::has(scenario, memory.device) || departing) continue;
+    if (memory.program && scenario != Scenario::programmed) continue;
+    const std::uint64_t bytes = bytes_written(scenario, memory);
+    for (std::uint64_t byte = 0; byte < bytes; ++byte)
+      points.push_back({PointKind::memory_torn, torn_at(memory, byte)});
+  }
+}
+
 // Every point of an undisturbed run, in a fixed order: their places in it are what --point means.
 std::vector<Point> points_of(Scenario scenario) {
   KillWorld world(scenario);
@@ -114,31 +140,13 @@ std::vector<Point> points_of(Scenario scenario) {
     std::exit(1);
   }
   std::vector<Point> points;
-  const bool departs = KillWorld::departs(scenario);
-  for (std::uint64_t k = 0; k < whole.trace.size(); ++k) {
-    Death death;
-    death.at = k;
-    if (!departs) points.push_back({whole.trace[k], death});
-    add_frame_points(points, scenario, whole.trace[k], k);
-    if (!is_memory(whole.trace[k])) continue;
-    for (const auto victim : {Victim::device, Victim::both}) {
-      death.victim = victim;
-      points.push_back({whole.trace[k], death});
-    }
-  }
-  for (std::uint64_t k = 0; !departs && k < whole.disk_steps; ++k) {
+  if (scenario != Scenario::first) add_bus_points(points, scenario, whole);
+  for (std::uint64_t k = 0; !KillWorld::departs(scenario) && k < whole.disk_steps; ++k) {
     Death death;
     death.disk = k;
     points.push_back({PointKind::disk, death});
   }
-  for (const Memory memory : {Memory{"d1"}, Memory{"d2"}, Memory{"d3"}, Memory{"x"}, Memory{"d1", true}}) {
-    const bool departing = departs && std::strcmp(memory.device, "d3") == 0;
-    if (!KillWorld::has(scenario, memory.device) || departing) continue;
-    if (memory.program && scenario != Scenario::programmed) continue;
-    const std::uint64_t bytes = bytes_written(scenario, memory);
-    for (std::uint64_t byte = 0; byte < bytes; ++byte)
-      points.push_back({PointKind::memory_torn, torn_at(memory, byte)});
-  }
+  if (scenario != Scenario::first) add_torn_points(points, scenario);
   for (std::uint64_t n = 0; n < points.size(); ++n) points[n].death = vary(points[n].death, n);
   return points;
 }
