@@ -23,20 +23,32 @@ void Deliveries::changed(const can::Status& status, rt::Time at) noexcept {
 }
 
 Deliveries::Event& Deliveries::add(What what, rt::Time at) noexcept {
-  if (events_.empty()) executor_->post(*this);
+  const bool first = events_.empty();
   Event& event = events_.push();
   event.what = what;
   event.at = at;
+  if (first) wait_for_next();
   return event;
+}
+
+// Delivered strictly behind its time: a comparison shows that it was heard later than it was on the wire.
+void Deliveries::wait_for_next() noexcept {
+  const rt::Time at = events_.front().at;
+  if (at > executor_->now()) {
+    executor_->at(at + rt::Duration{1}, *this);
+  } else {
+    executor_->post(*this);
+  }
 }
 
 void Deliveries::run() noexcept {
   while (!events_.empty()) {
+    if (events_.front().at > executor_->now()) return wait_for_next();
     const Event event = events_.front();  // the listener may add some
     events_.pop();
     if (listener_ == nullptr) continue;
     if (event.what == What::received && !can::contains(accept_, event.frame.key())) continue;
-    if (!events_.empty()) executor_->post(*this);
+    if (!events_.empty()) wait_for_next();
     switch (event.what) {
       case What::received: return listener_->received(event.frame, event.at);
       case What::sent: return listener_->sent(event.tag, event.at);

@@ -1,5 +1,6 @@
-/// What a port tells its listener: noted while descriptors are read, delivered between them, one call a job. Inside of
-/// room `io`.
+/// What a port tells its listener: noted while descriptors are read, delivered between them, one call a job. What was
+/// read late, because the process was held up, has times behind the executor's: it is delivered at those, among the
+/// timers that were due meanwhile and what other ports read, as if nothing had been late. Inside of room `io`.
 #pragma once
 
 #include <span>
@@ -21,7 +22,7 @@ class Deliveries final : private rt::Job {
   /// Sorted, without overlaps.
   [[nodiscard]] const std::vector<can::IdRange>& accept() const noexcept { return accept_; }
 
-  // Noted for the listener there is; without one, forgotten.
+  // Noted for the listener there is; without one, forgotten. `at`: not before that of the one before.
   void received(const can::Frame& frame, rt::Time at) noexcept;
   void sent(std::uint32_t tag, rt::Time at) noexcept;
   void changed(const can::Status& status, rt::Time at) noexcept;
@@ -40,6 +41,7 @@ class Deliveries final : private rt::Job {
     can::Status status{};
   };
   Event& add(What what, rt::Time at) noexcept;
+  void wait_for_next() noexcept;
   void run() noexcept override;
 
   rt::Executor* executor_;

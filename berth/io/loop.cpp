@@ -102,7 +102,7 @@ void Loop::turn(rt::Duration most) {
     if (sleep) set_alarm(until);
     if (wait(sleep) || woke_ >= until) break;
   }
-  executor_->advance(woke_);
+  executor_->advance(std::min(woke_, std::exchange(held_, rt::never)));
 }
 
 }  // namespace berth::io

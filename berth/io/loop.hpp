@@ -13,6 +13,7 @@
 
 #include <sys/epoll.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <vector>
@@ -53,6 +54,10 @@ class Loop {
   /// Before `fd` is closed. Nothing happens when it is not watched.
   void forget(int fd) noexcept;
 
+  /// In a watcher: what happened behind `at` may not all be read. This turn ends there, so that no timer that was due
+  /// later runs before it: heartbeats that wait in a socket of a process that was held up are in time.
+  void hold(rt::Time at) noexcept { held_ = std::min(held_, at); }
+
   /// Sleeps until the executor's next work, a descriptor, or for `most`; then does what is to be done.
   void turn(rt::Duration most);
   /// What can be done without sleeping: descriptors that are ready, then the executor up to the clock.
@@ -73,6 +78,7 @@ class Loop {
   rt::Time began_;
   std::chrono::steady_clock::time_point real_;
   rt::Time woke_;
+  rt::Time held_ = rt::never;            // of this turn
   rt::Time alarm_at_ = rt::Time::min();  // in the past: it has gone off, or was never set
   std::vector<Watched> watched_;
 };

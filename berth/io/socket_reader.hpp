@@ -19,6 +19,7 @@ class SocketReader {
   /// `down()` when the interface went down.
   template <class Room, class Arrived, class Down>
   void read(const Room& room, const Arrived& arrived, const Down& down) {
+    bool all = false;
     for (unsigned i = 0; i < most_batches && room() > 0; ++i) {
       const std::size_t most = std::min(at_a_time_, room());
       int error = 0;
@@ -28,12 +29,17 @@ class SocketReader {
       if (!got.empty() && !stamps_.begin_as_before(loop_->woke(), got.back().stamp)) {
         stamps_.begin(loop_->clock(), wall_clock());
       }
-      for (const auto& r : got) arrived(r, stamps_.at(r.stamp, latest()));
+      for (const auto& r : got) {
+        last_ = stamps_.at(r.stamp, latest());
+        arrived(r, last_);
+      }
+      all = got.size() < most;
       if (error != 0) down();
       // One by one while they come one by one: asking for more than there is costs the kernel a look in vain.
       at_a_time_ = backlog ? std::min(at_a_time_ * 2, CanSocket::batch) : got.size() < most ? 1 : at_a_time_;
-      if (error == 0 && (got.size() < most || most == 1)) break;
+      if (error == 0 && (all || most == 1)) break;
     }
+    if (!all) loop_->hold(last_ + rt::Duration{1});
   }
   /// Something else happened now: no frame is earlier from now on.
   [[nodiscard]] rt::Time happens() noexcept { return stamps_.not_before(latest()); }
@@ -45,12 +51,15 @@ class SocketReader {
     ::clock_gettime(CLOCK_REALTIME, &time);
     return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
   }
-  // Strictly before this instant: a comparison shows that a frame was heard later than it was on the wire.
-  [[nodiscard]] rt::Time latest() const noexcept { return loop_->executor().now() - rt::Duration{1}; }
+  // Before the end of this turn, so that it is delivered in it.
+  [[nodiscard]] rt::Time latest() const noexcept {
+    return std::max(loop_->woke(), loop_->executor().now()) - rt::Duration{1};
+  }
 
   Loop* loop_;
   CanSocket* socket_;
   StampMap stamps_;
+  rt::Time last_{};            // of what was read
   std::size_t at_a_time_ = 1;  // frames asked for
 };
 

@@ -14,17 +14,23 @@ void free_frame(void* frame, std::size_t) noexcept { ::operator delete(frame); }
 
 namespace {
 
-// Free lists by size class of 64 bytes, up to 1 KiB; larger frames go to the heap. One executor's thread each.
+// Free lists by size class of 64 bytes, up to 1 KiB; larger frames go to the heap. One executor's thread each. A list
+// keeps what the work of some buses takes: thousands of nodes are asked at once at the start, and never again.
 constexpr std::size_t step = 64;
 constexpr std::size_t classes = 16;
+constexpr std::size_t most_kept = 256;  // frames of a class
 struct Free {
   Free* next;
 };
+struct List {
+  Free* first = nullptr;
+  std::size_t room = most_kept;
+};
 struct Pool {
-  std::array<Free*, classes> lists{};
+  std::array<List, classes> lists{};
   ~Pool() {
-    for (auto* list : lists) {
-      while (list != nullptr) ::operator delete(std::exchange(list, list->next));
+    for (auto& list : lists) {
+      while (list.first != nullptr) ::operator delete(std::exchange(list.first, list.first->next));
     }
   }
 };
@@ -37,16 +43,19 @@ constexpr std::size_t class_of(std::size_t size) noexcept { return (size + step 
 void* allocate_frame(std::size_t size) {
   const auto which = class_of(size);
   if (which >= classes) return ::operator new(size);
-  auto*& list = pool.lists[which];
-  if (list == nullptr) return ::operator new((which + 1) * step);
-  return std::exchange(list, list->next);
+  auto& list = pool.lists[which];
+  if (list.first == nullptr) return ::operator new((which + 1) * step);
+  ++list.room;
+  return std::exchange(list.first, list.first->next);
 }
 
 void free_frame(void* frame, std::size_t size) noexcept {
   const auto which = class_of(size);
   if (which >= classes) return ::operator delete(frame);
-  auto*& list = pool.lists[which];
-  list = new (frame) Free{list};
+  auto& list = pool.lists[which];
+  if (list.room == 0) return ::operator delete(frame);
+  --list.room;
+  list.first = new (frame) Free{list.first};
 }
 
 #endif

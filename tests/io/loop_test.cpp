@@ -37,6 +37,7 @@ class Pipe final : public Watcher {
     seen = events;
     if (job != nullptr) loop_->executor().post(*job);
     if (other != nullptr) loop_->forget(other->ends_[0]);
+    if (held != rt::never) loop_->hold(held);
     if (!takes) return;
     char c = 0;
     if (::read(ends_[0], &c, 1) == 1) ++bytes;
@@ -47,11 +48,36 @@ class Pipe final : public Watcher {
   std::uint32_t seen = 0;
   rt::Job* job = nullptr;
   Pipe* other = nullptr;
+  rt::Time held = rt::never;
 
  private:
   Loop* loop_;
   int ends_[2] = {-1, -1};
 };
+
+// The process was held up, and not all that came meanwhile is read: no timer that was due behind it runs.
+TEST(Loop, ATurnEndsWhereNotAllIsRead) {
+  rt::Executor executor;
+  Loop loop(executor);
+  Pipe pipe(loop);
+  Counter early, late;
+  const auto begin = executor.now();
+  executor.at(begin + 2ms, early);
+  executor.at(begin + 5ms, late);
+  pipe.put();
+  pipe.put();
+  ::usleep(10'000);
+  pipe.held = begin + 3ms;
+  loop.serve();
+  EXPECT_EQ(pipe.bytes, 1);
+  EXPECT_EQ(early.runs, 1);
+  EXPECT_EQ(late.runs, 0);
+  EXPECT_EQ(executor.now(), begin + 3ms);
+  pipe.held = rt::never;
+  loop.serve();
+  EXPECT_EQ(pipe.bytes, 2);
+  EXPECT_EQ(late.runs, 1);
+}
 
 TEST(Loop, TimersComeNotBeforeTheirTimeAndTheClockNeverGoesBack) {
   rt::Executor executor;
