@@ -88,6 +88,23 @@ TEST_F(LiveOnVcan, TheFirstStartAndTheResetOfARunningDeviceAreConfirmed) {
   EXPECT_TRUE(ear.hears("000#8109"));
 }
 
+// The machine that Berth runs on had no time for it, longer than a heartbeat may stay away: those that came meanwhile
+// count, and a device that has gone is told all the same.
+TEST_F(LiveOnVcan, ABerthThatWasHeldUpTellsNoDeviceAbsentThatSentItsHeartbeats) {
+  Running device(place, "device", {"device", plant, "--port", "socketcan:vt0"});
+  Asker ear("vt0");
+  Running up(place, "up", {"up", machine, "--yes", "--control", place.file("control")});
+  ASSERT_TRUE(up.says("field  operational")) << up.out() << up.err();
+  up.signal(SIGSTOP);
+  ear.listen_for(4s);
+  up.signal(SIGCONT);
+  ear.listen_for(2s);
+  EXPECT_EQ(up.out().find("absent"), std::string::npos) << up.out();
+  device.signal(SIGSTOP);
+  EXPECT_TRUE(up.says("absent: its heartbeat stopped")) << up.out();
+  device.signal(SIGCONT);
+}
+
 TEST_F(LiveOnVcan, APortBelongsToOneProcess) {
   Running device(place, "device", {"device", plant, "--port", "socketcan:vt0"});
   Running up(place, "up", {"up", machine, "--yes", "--control", place.file("control")});
