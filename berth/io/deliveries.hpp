@@ -1,5 +1,5 @@
 /// What a port tells its listener: noted while descriptors are read, delivered between them, one call a job. What was
-/// read late, because the process was held up, has times behind the executor's: it is delivered at those, among the
+/// read late, because the process was held up, has times later than the executor's: it is delivered at those, among the
 /// timers that were due meanwhile and what other ports read, as if nothing had been late. Inside of room `io`.
 #pragma once
 

@@ -277,9 +277,9 @@ TEST(Crash, AgainDuringRecovery) {
   const auto crashes = crashes_of(disk, steps);
   Random random(2);
   std::uint64_t points = 0;
-  for (std::size_t k = 0; k < crashes.size(); k += 13) {
+  for (std::size_t k = 0; k < crashes.size(); k += 11) {
     disk.put_back(crashes[k].disk);
-    disk.after_crash(losses.at(k / 13 % losses.size()), random);
+    disk.after_crash(losses.at(k / 11 % losses.size()), random);
     std::vector<CrashVfs::Moment> again;
     disk.record(&again);
     // Opening, one read and closing: recovery and checkpoint.
