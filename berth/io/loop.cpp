@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <utility>
 
 namespace berth::io {
@@ -74,19 +73,28 @@ void Loop::set_alarm(rt::Time at) noexcept {
   alarm_at_ = at;
 }
 
+int Loop::collect(int patience_ms) noexcept {
+  events_.resize(watched_.size() + 1);  // all that is ready, and the alarm
+  return ::epoll_wait(epoll_, events_.data(), static_cast<int>(events_.size()), patience_ms);
+}
+
 // One batch; a watcher that an earlier one of the batch made forgotten is not called. False: only the alarm, or
 // nothing.
 bool Loop::wait(bool sleep) noexcept {
-  std::array<epoll_event, 32> events;
-  const int count = ::epoll_wait(epoll_, events.data(), static_cast<int>(events.size()), sleep ? -1 : 0);
+  int count = sleep ? collect(-1) : 0;
+  const bool interrupted = count < 0;
   woke_ = clock();
-  bool came = count < 0;
+  // Behind the wait the process may have been held up, by a SIGSTOP for seconds: the clock stands later than what the
+  // wait reports. Before a timer runs, all that came until then is known.
+  const auto next = executor_->next();
+  if (!sleep || (next && *next <= woke_)) count = collect(0);
+  bool came = interrupted || count < 0;
   for (int i = 0; i < count; ++i) {
-    const auto& event = events[static_cast<std::size_t>(i)];
+    const epoll_event event = events_[static_cast<std::size_t>(i)];
     if (event.data.fd == alarm_) continue;
     if (!std::exchange(came, true)) {
       rt::Time until = woke_;
-      if (const auto next = executor_->next()) until = std::min(until, *next - rt::Duration{1});
+      if (next) until = std::min(until, *next - rt::Duration{1});
       if (until > executor_->now()) executor_->advance(until);
     }
     if (Watcher* const watcher = watcher_of(event.data.fd)) watcher->ready(event.events);

@@ -6,7 +6,8 @@
 ///     while (!over) loop.turn(50ms);
 ///
 /// A wait costs one system call, and one reading of the clock: the alarm (a timerfd) is moved only when it would come
-/// too late. `most` of a turn counts from the end of the turn before.
+/// too late. Before a timer runs, the descriptors are looked at once more: what came before it was due is read first,
+/// however long the process had no time to. `most` of a turn counts from the end of the turn before.
 ///
 /// One thread. Watchers are called between jobs, never from inside one; what they make ready runs in the same turn.
 #pragma once
@@ -68,6 +69,7 @@ class Loop {
     int fd;
     Watcher* watcher;
   };
+  int collect(int patience_ms) noexcept;
   bool wait(bool sleep) noexcept;
   void set_alarm(rt::Time at) noexcept;
   [[nodiscard]] Watcher* watcher_of(int fd) const noexcept;
@@ -81,6 +83,7 @@ class Loop {
   rt::Time held_ = rt::never;            // of this turn
   rt::Time alarm_at_ = rt::Time::min();  // in the past: it has gone off, or was never set
   std::vector<Watched> watched_;
+  std::vector<epoll_event> events_;  // of the last wait
 };
 
 }  // namespace berth::io

@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 #include <sys/epoll.h>
+#include <sys/time.h>
 #include <unistd.h>
 #include <chrono>
+#include <csignal>
 #include <cstdint>
 
 #include "berth/io/loop_driver.hpp"
@@ -55,6 +57,31 @@ class Pipe final : public Watcher {
   int ends_[2] = {-1, -1};
 };
 
+/// A signal comes after 10 ms, as SIGSTOP and SIGCONT may: behind the wait, the process has no time until 60 ms, and at
+/// 20 ms there is something to read. What is read late here was in time.
+class HeldUp {
+ public:
+  explicit HeldUp(const Pipe& pipe) {
+    late = &pipe;
+    struct sigaction action {};
+    action.sa_handler = [](int) {
+      ::usleep(10'000);
+      late->put();
+      ::usleep(40'000);
+    };
+    ::sigaction(SIGALRM, &action, &before_);
+    const itimerval once{.it_interval = {}, .it_value = {.tv_sec = 0, .tv_usec = 10'000}};
+    ::setitimer(ITIMER_REAL, &once, nullptr);
+  }
+  ~HeldUp() { ::sigaction(SIGALRM, &before_, nullptr); }
+  HeldUp(const HeldUp&) = delete;
+  HeldUp& operator=(const HeldUp&) = delete;
+
+ private:
+  inline static const Pipe* late = nullptr;
+  struct sigaction before_ {};
+};
+
 // The process was held up, and not all that came meanwhile is read: no timer that was due behind it runs.
 TEST(Loop, ATurnEndsWhereNotAllIsRead) {
   rt::Executor executor;
@@ -77,6 +104,21 @@ TEST(Loop, ATurnEndsWhereNotAllIsRead) {
   loop.serve();
   EXPECT_EQ(pipe.bytes, 2);
   EXPECT_EQ(late.runs, 1);
+}
+
+TEST(Loop, NoTimerRunsBeforeWhatCameWhileASignalHeldTheWaitUpIsRead) {
+  rt::Executor executor;
+  Loop loop(executor);
+  Pipe pipe(loop);
+  Counter timer;
+  executor.at(executor.now() + 40ms, timer);
+  const HeldUp held_up(pipe);
+  for (int i = 0; i < 100 && pipe.calls == 0; ++i) {
+    EXPECT_EQ(timer.runs, 0) << "the pipe could be read 20 ms before the timer was due";
+    loop.turn(1s);
+  }
+  EXPECT_EQ(pipe.bytes, 1);
+  EXPECT_GE(executor.now(), rt::Time{} + 20ms);
 }
 
 TEST(Loop, TimersComeNotBeforeTheirTimeAndTheClockNeverGoesBack) {
