@@ -72,12 +72,10 @@ void Exchange::sent(rt::Time at) noexcept {
 }
 
 void Exchange::heard(const can::Frame& frame, rt::Time at) noexcept {
-  if (step_ != Step::listening) {
-    ++reply_.stale;
-    return;
-  }
-  if (command(frame) != plan_.expected) {
-    ++reply_.others;
+  const bool asked_for = step_ == Step::listening && command(frame) == plan_.expected;
+  if (!asked_for) {
+    ++(step_ == Step::listening ? reply_.others : reply_.stale);
+    master_->times_.calm_since = at;
     return;
   }
   if (reply_.answers < reply_.heard.size()) {
@@ -151,7 +149,18 @@ Result<Reply> Exchange::await_resume() noexcept {
 
 Master::Master(can::Dispatcher& dispatcher, const MasterOptions& options)
     : dispatcher_(&dispatcher), options_(options) {
+  times_.calm_since = now();
   listen();
+}
+
+void Master::suspect_strangers() noexcept {
+  times_.strangers = true;
+  times_.calm_since = now();
+}
+
+void Master::lost_one() noexcept {
+  times_.lost = true;
+  suspect_strangers();
 }
 
 void Master::listen() {
@@ -184,6 +193,7 @@ void Master::received(const can::Frame& frame, rt::Time at) noexcept {
     first_->heard(frame, at);
   } else {
     ++unexpected_;
+    times_.calm_since = at;
   }
 }
 

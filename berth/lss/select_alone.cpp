@@ -32,12 +32,12 @@ Selection doubted(Seen seen) noexcept {
   return seen == Seen::clones ? Selection::clones : Selection::not_alone;
 }
 
-// One part, until it is answered by one.
-rt::Task<Result<Seen>> look(Master& master, LssAddress device, unsigned part, AloneOptions options) {
+// One part, until it is answered by one. Not `whole`: the next question follows at its first answer.
+rt::Task<Result<Seen>> look(Master& master, LssAddress device, unsigned part, bool whole, AloneOptions options) {
   unsigned doubled = 0;
   unsigned silent = 0;
   while (silent < most_looks) {
-    const ServiceOptions service{.timeout = window_of(master, options), .retries = 0, .full_window = true};
+    const ServiceOptions service{.timeout = window_of(master, options), .retries = 0, .full_window = whole};
     const auto reply = co_await master.inquire(part, service);
     if (!reply && of_the_bus(reply.error())) co_return fail(reply.error());
     if (!reply) {
@@ -54,12 +54,30 @@ rt::Task<Result<Seen>> look(Master& master, LssAddress device, unsigned part, Al
   co_return Seen::absent;
 }
 
+// A device that is deaf while it stores tells 17h when it hears again: what was listened for as long as the questions
+// one by one would take need not be listened for in them.
+bool calm(const Master& master, const AloneOptions& options) noexcept {
+  return master.now() - master.answer_times().calm_since >= 4 * longest_of(master, options);
+}
+
+// One behind the other, the serial number last: a late answer to any of them comes within its window.
+rt::Task<Result<Seen>> look_in_a_row(Master& master, LssAddress device, unsigned parts, AloneOptions options) {
+  const rt::Time calm_since = master.answer_times().calm_since;
+  for (unsigned part = 0; part <= serial; ++part) {
+    if (part != serial && (parts >> part & 1U) == 0) continue;
+    const auto seen = co_await look(master, device, part, part == serial, options);
+    if (!seen || *seen != Seen::alone) co_return seen;
+  }
+  co_return master.answer_times().calm_since == calm_since ? Seen::alone : Seen::woken;
+}
+
 rt::Task<Result<Seen>> look_at_all(Master& master, LssAddress device, AloneOptions options) {
   const unsigned parts = master.answer_times().strangers ? all_parts : options.parts;
+  if (calm(master, options)) co_return co_await look_in_a_row(master, device, parts, options);
   for (unsigned i = 0; i < 4; ++i) {
     const unsigned part = serial - i;
     if (part != serial && (parts >> part & 1U) == 0) continue;
-    const auto seen = co_await look(master, device, part, options);
+    const auto seen = co_await look(master, device, part, true, options);
     if (!seen || *seen != Seen::alone) co_return seen;
   }
   co_return Seen::alone;

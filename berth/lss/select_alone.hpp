@@ -21,8 +21,14 @@
 /// memory, it was selected unheard) is in configuration beside the one that is selected. Both execute 11h and take one
 /// node-ID at the next `04 00`.
 ///
-/// What is asked: the serial number (5Dh), then those parts of the address (5Ah to 5Ch) in which another device could
-/// differ that has the same serial number; each for a whole window. Every answer must be the device's own, and one.
+/// What is asked: the serial number (5Dh), and those parts of the address (5Ah to 5Ch) in which another device could
+/// differ that has the same serial number. Every answer must be the device's own, and one.
+/// - On a calm bus, where for four of the longest windows no doubt arose and no frame came on 7E4h that no request had
+///   asked for, in a row: each question follows the answer to the one before, the serial number last, and its whole
+///   window is that of all. What is heard in it that is not its one answer ends the calm.
+/// - Else one by one, the serial number first, each for a whole window: a device that is deaf while it stores hears
+///   again meanwhile, and answers 17h. On a calm bus it was listened for before.
+///
 /// - Different answers, or one of another device: `not_alone`.
 /// - Two equal answers are a device with the same address, or a frame that came twice; the part is asked again. Three
 ///   times so: `clones`; else all is asked once more.
@@ -38,10 +44,12 @@
 /// (`Master::suspect_strangers`), asks all parts and waits `AloneOptions::longest`; others three times what the slowest
 /// answer took that the master heard lately, not under 5 ms (`Master::answer_times`).
 ///
-/// What no proof sees: a device that is in configuration, hears nothing at all while the questions are asked, and hears
-/// again before 11h. Its answer to 11h, or any other frame on 7E4h, then comes beside the selected one's:
-/// `suspicious(reply)`. Ask `still_alone` then, before 17h and before `04 00`; when it is not, `11 FF` to all that are
-/// in configuration takes the node-ID back before it is in use. `configure_alone` does so.
+/// What no proof sees: a device in configuration that hears nothing at all while the questions are asked, and hears
+/// again before 11h; and, in a row, one of the same serial number that forgets a question when the next comes too early
+/// for it, and whose other answers all fall into the selected one's frames. Its answer to 11h, or any other frame on
+/// 7E4h, then comes beside the selected one's: `suspicious(reply)`. Ask `still_alone` then, before 17h and before `04
+/// 00`; when it is not, `11 FF` to all that are in configuration takes the node-ID back before it is in use.
+/// `configure_alone` does so.
 #pragma once
 
 #include <span>

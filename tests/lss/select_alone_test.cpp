@@ -4,6 +4,10 @@
 
 #include <gtest/gtest.h>
 #include <algorithm>
+#include <array>
+#include <functional>
+#include <memory>
+#include <span>
 
 #include "lss_world.hpp"
 
@@ -162,6 +166,128 @@ TEST(SelectAlone, S1_53_OneThatWakesDuringTheProofIsAskedForEveryPart) {
     ASSERT_TRUE(alone);
     ASSERT_FALSE(left.slave.storing()) << "or the proof was over before";
     EXPECT_EQ(*alone, Selection::not_alone) << wakes_after_ms << " ms";
+  }
+}
+
+// Where no frame came uninvited for as long as four questions take, the serial number's window is that of the others
+// too.
+TEST(SelectAlone, OnACalmBusTheFirstProofTakesOneWindow) {
+  World w;
+  w.add(a);
+  const auto timed = [&] {
+    w.master->suspect_strangers();
+    w.settle(milliseconds(400));
+    const Record record(w.bus);
+    const rt::Time before = w.master->now();
+    const auto alone = w.run(select_alone(*w.master, a));
+    EXPECT_TRUE(alone && *alone == Selection::alone);
+    for (const char* part : {"7E5#5A0", "7E5#5B0", "7E5#5C0", "7E5#5D0"}) {
+      EXPECT_EQ(std::ranges::count_if(record.text, [&](const auto& t) { return t.starts_with(part); }), 1) << part;
+    }
+    return w.master->now() - before;
+  };
+  const auto calm = timed();
+  EXPECT_GT(calm, milliseconds(100));
+  EXPECT_LT(calm, milliseconds(130));
+  const auto after_a_stray_answer = [&](bool to_another_request) {
+    w.master->suspect_strangers();
+    w.settle(milliseconds(400));
+    w.world.after(milliseconds(5), [&] { w.nodes[0]->say(answer(Command::store)); });
+    if (to_another_request) w.run(w.master->identify_non_configured());
+    w.settle(milliseconds(200));
+    const rt::Time before = w.master->now();
+    EXPECT_TRUE(w.run(select_alone(*w.master, a)));
+    return w.master->now() - before;
+  };
+  EXPECT_GT(after_a_stray_answer(false), milliseconds(400)) << "each part has a whole window";
+  EXPECT_GT(after_a_stray_answer(true), milliseconds(400));
+}
+
+/// A port that reads two frames at once where one came.
+class Doubling final : public can::Port, private can::Listener {
+ public:
+  explicit Doubling(can::Port& inner) : inner_(&inner) {}
+  can::Queued send(const can::Frame& frame, std::uint32_t tag) noexcept override { return inner_->send(frame, tag); }
+  void withdraw(std::uint32_t tag) noexcept override { inner_->withdraw(tag); }
+  void listen(can::Listener* listener, std::span<const can::IdRange> accept) noexcept override {
+    listener_ = listener;
+    inner_->listen(listener != nullptr ? this : nullptr, accept);
+  }
+  can::Status status() const noexcept override { return inner_->status(); }
+  bool restart(std::uint32_t bit_rate) noexcept override { return inner_->restart(bit_rate); }
+  std::function<bool(const can::Frame&)> doubles;
+
+ private:
+  void received(const can::Frame& frame, rt::Time at) noexcept override {
+    listener_->received(frame, at);
+    if (doubles && doubles(frame)) listener_->received(frame, at);
+  }
+  void sent(std::uint32_t tag, rt::Time at) noexcept override { listener_->sent(tag, at); }
+  void changed(const can::Status& status, rt::Time at) noexcept override { listener_->changed(status, at); }
+  can::Port* inner_;
+  can::Listener* listener_ = nullptr;
+};
+
+// Two answers that were read at once: when the second is delivered, the first has ended its question.
+TEST(SelectAlone, OnACalmBusAnAnswerRightBehindAnotherCounts) {
+  World w;
+  w.add(a);
+  const auto controller = w.bus.attach();
+  Doubling port(*controller);
+  can::Dispatcher dispatcher(w.world.executor(), port);
+  w.master = std::make_unique<Master>(dispatcher);
+  w.settle(milliseconds(500));
+  unsigned answers = 0;
+  port.doubles = [&](const can::Frame& f) { return command(f) == Command::inquire_product && ++answers == 1; };
+  const auto alone = w.run(select_alone(*w.master, a));
+  ASSERT_TRUE(alone);
+  EXPECT_EQ(*alone, Selection::alone);
+  EXPECT_EQ(w.master->unexpected(), 1U);
+  EXPECT_EQ(answers, 2U) << "all parts are asked once more";
+  w.master.reset();
+}
+
+// Whatever another has in common with the one that is meant, and however late its answers are.
+TEST(SelectAlone, S1_53_OnACalmBusASlowOneInConfigurationIsHeard) {
+  for (unsigned differs = 0; differs < 4; ++differs) {
+    for (const int late_us : {300, 900, 1'100, 2'000, 3'500, 7'000, 30'000, 90'000}) {
+      World w;
+      LssAddress other = a;
+      std::array parts{&other.vendor, &other.product, &other.revision, &other.serial};
+      *parts[differs] += 1;
+      Node& left = w.add(other, {}, microseconds(late_us));
+      in_configuration(w, left);
+      loses_waiting(left);
+      w.add(a);
+      w.master = std::make_unique<Master>(w.dispatcher);
+      w.settle(milliseconds(500));
+      const auto alone = w.run(select_alone(*w.master, a));
+      ASSERT_TRUE(alone);
+      EXPECT_NE(*alone, Selection::alone) << "part " << differs << ", " << late_us << " us";
+    }
+  }
+}
+
+// Its answer to 17h breaks the calm when it hears again: before the proof, in it, or after it, to the questions one by
+// one.
+TEST(SelectAlone, S1_53_OnACalmBusOneThatWakesIsAskedForEveryPart) {
+  for (const int begins_ms : {350, 400, 450, 500}) {
+    for (const int wakes_after_ms : {20, 200, 390, 405, 415, 430, 460, 490, 510}) {
+      if (wakes_after_ms > begins_ms + 100) continue;  // deaf for longer than it was listened for
+      World w;
+      Node& left = w.add(a);
+      in_configuration(w, left);
+      left.store_time = milliseconds(wakes_after_ms);
+      left.deaf_while_storing = true;
+      w.add(b);
+      ASSERT_FALSE(w.run(w.master->store(ServiceOptions{.timeout = milliseconds(1), .retries = 0})));
+      w.master = std::make_unique<Master>(w.dispatcher);
+      loses_waiting(left);
+      w.settle(milliseconds(begins_ms));
+      const auto alone = w.run(select_alone(*w.master, b));
+      ASSERT_TRUE(alone);
+      EXPECT_EQ(*alone, Selection::not_alone) << "begins " << begins_ms << " ms, wakes " << wakes_after_ms << " ms";
+    }
   }
 }
 
