@@ -107,6 +107,7 @@ void Exchange::window_over() noexcept {
     if (reply_.attempts <= options_.retries) {
       take_turn();
     } else if (plan_.answer == Answer::must) {
+      master_->times_.calm_since = executor().now();
       done({.code = Errc::timeout, .text = "no LSS answer"});
     } else {
       done();
@@ -153,14 +154,9 @@ Master::Master(can::Dispatcher& dispatcher, const MasterOptions& options)
   listen();
 }
 
-void Master::suspect_strangers() noexcept {
-  times_.strangers = true;
-  times_.calm_since = now();
-}
-
 void Master::lost_one() noexcept {
-  times_.lost = true;
-  suspect_strangers();
+  times_.strangers = times_.lost = true;
+  times_.calm_since = now();
 }
 
 void Master::listen() {

@@ -84,8 +84,10 @@ struct AnswerTimes {
   rt::Duration slowest{0};  ///< from a request's `sent` to an answer; what is long ago fades
   unsigned heard = 0;       ///< answers that are in it
   bool strangers = true;    ///< a device may be in configuration unheard, of which nothing is learnt
-  bool lost = false;      ///< one in configuration stopped answering, or answered uninvited: it may hear again any time
-  rt::Time calm_since{};  ///< no doubt arose, and no frame on 7E4h came that no question had asked for
+  bool lost = false;  ///< one in configuration stopped answering, or answered uninvited: it may hear again any time
+  /// No service went unanswered that has an answer, no device was lost, and no frame came on 7E4h that no request had
+  /// asked for.
+  rt::Time calm_since{};
 
   void learn(rt::Duration answer_time) noexcept;
 };
@@ -195,7 +197,7 @@ class Master final : private can::Handler {
   /// Of the answers to all services but store, which is slow by nature.
   [[nodiscard]] const AnswerTimes& answer_times() const noexcept { return times_; }
   /// A device may be in configuration unheard / a proof says that none is.
-  void suspect_strangers() noexcept;
+  void suspect_strangers() noexcept { times_.strangers = true; }
   void no_strangers() noexcept { times_.strangers = false; }
   /// A device was lost in configuration: from now on every answer to 11h is waited for, before 17h.
   void lost_one() noexcept;

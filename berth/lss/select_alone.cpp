@@ -71,9 +71,9 @@ rt::Task<Result<Seen>> look_in_a_row(Master& master, LssAddress device, unsigned
   co_return master.answer_times().calm_since == calm_since ? Seen::alone : Seen::woken;
 }
 
-rt::Task<Result<Seen>> look_at_all(Master& master, LssAddress device, AloneOptions options) {
+rt::Task<Result<Seen>> look_at_all(Master& master, LssAddress device, AloneOptions options, bool in_a_row) {
   const unsigned parts = master.answer_times().strangers ? all_parts : options.parts;
-  if (calm(master, options)) co_return co_await look_in_a_row(master, device, parts, options);
+  if (in_a_row) co_return co_await look_in_a_row(master, device, parts, options);
   for (unsigned i = 0; i < 4; ++i) {
     const unsigned part = serial - i;
     if (part != serial && (parts >> part & 1U) == 0) continue;
@@ -123,7 +123,7 @@ PartMask parts_to_ask(const LssAddress& device, std::span<const LssAddress> othe
 // parts once more, from the first, as the part that was just asked may be the same in both.
 rt::Task<Result<Selection>> still_alone(Master& master, LssAddress device, AloneOptions options) {
   for (unsigned row = 0; row < most_rows; ++row) {
-    const auto seen = co_await look_at_all(master, device, options);
+    const auto seen = co_await look_at_all(master, device, options, row == 0 && calm(master, options));
     if (!seen) co_return fail(seen.error());
     if (*seen == Seen::alone) {
       master.no_strangers();

@@ -23,9 +23,9 @@
 ///
 /// What is asked: the serial number (5Dh), and those parts of the address (5Ah to 5Ch) in which another device could
 /// differ that has the same serial number. Every answer must be the device's own, and one.
-/// - On a calm bus, where for four of the longest windows no doubt arose and no frame came on 7E4h that no request had
-///   asked for, in a row: each question follows the answer to the one before, the serial number last, and its whole
-///   window is that of all. What is heard in it that is not its one answer ends the calm.
+/// - On a calm bus, where for four of the longest windows no service went unanswered, no device was lost, and no frame
+///   came on 7E4h that no request had asked for, in a row: each question follows the answer to the one before, the
+///   serial number last, and its whole window is that of all. Is anything heard but the one answer to each: one by one.
 /// - Else one by one, the serial number first, each for a whole window: a device that is deaf while it stores hears
 ///   again meanwhile, and answers 17h. On a calm bus it was listened for before.
 ///
