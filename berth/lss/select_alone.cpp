@@ -123,7 +123,8 @@ PartMask parts_to_ask(const LssAddress& device, std::span<const LssAddress> othe
 // parts once more, from the first, as the part that was just asked may be the same in both.
 rt::Task<Result<Selection>> still_alone(Master& master, LssAddress device, AloneOptions options) {
   for (unsigned row = 0; row < most_rows; ++row) {
-    const auto seen = co_await look_at_all(master, device, options, row == 0 && calm(master, options));
+    const bool in_a_row = row == 0 && calm(master, options);
+    const auto seen = co_await look_at_all(master, device, options, in_a_row);
     if (!seen) co_return fail(seen.error());
     if (*seen == Seen::alone) {
       master.no_strangers();
