@@ -91,6 +91,17 @@ rt::Task<Result<void>> command_by(co::SdoAccess& master, NodeId node, co::NmtCom
   co_return done;
 }
 
+// By 1F82h too. None: meanwhile the gateway told of one more loss of the node, and the answer may be from before.
+rt::Task<Result<std::optional<std::uint8_t>>> state_by(co::SdoAccess& master, NodeId node, const unsigned& losses) {
+  const unsigned before = losses;
+  const std::uint8_t sub = node.value();
+  const auto value = co_await master.read(od::cia302::request_nmt, sub);
+  if (!value) co_return fail(value.error());
+  if (losses != before) co_return std::nullopt;
+  const auto bytes = value->bytes();
+  co_return bytes.empty() ? std::uint8_t{0} : bytes.front();
+}
+
 // A slave's boot-up message makes it boot that slave.
 rt::Task<Result<void>> reset_by(co::SdoAccess& master, NodeId node) {
   return command_by(master, node, co::NmtCommand::reset_node);
@@ -106,6 +117,19 @@ rt::Task<bool> has_all(co::SdoAccess& master, const std::vector<NodeId>& nodes) 
     if (!value || value->bytes().empty() || value->bytes().front() <= missing) co_return false;
   }
   co_return true;
+}
+
+// Also when it does not answer.
+template <class Places>
+rt::Task<bool> has_any(co::SdoAccess& master, const Places& places) {
+  for (const auto& place : places) {
+    const std::uint8_t sub = place.spec.id.value();
+    const auto value = co_await master.read(od::cia302::request_nmt, sub);
+    if (!value && value.error().code != Errc::aborted) co_return true;
+    constexpr std::uint8_t missing = 1;
+    if (value && !value->bytes().empty() && value->bytes().front() > missing) co_return true;
+  }
+  co_return false;
 }
 
 rt::Task<bool> all_run(co::SdoAccess& master, const std::vector<NodeId>& nodes) {
@@ -156,6 +180,15 @@ rt::Task<Result<void>> let_in(rt::Executor& executor, co::SdoAccess& master, Nod
   }
   // A master that reads its list at its own boot-up only.
   co_return co_await reset_by(master, own);
+}
+
+std::vector<NodeId> gateways_of(const std::vector<Beneath::Deeper>& all) {
+  std::vector<NodeId> nodes;
+  for (const auto& deeper : all) {
+    const NodeId node = deeper.gateway.slot;
+    if (std::ranges::find(nodes, node) == nodes.end()) nodes.push_back(node);
+  }
+  return nodes;
 }
 
 rt::Task<void> bring_up_deeper(const Beneath::Deeper& deeper, std::optional<Error>& failed) {
@@ -315,11 +348,7 @@ rt::Task<Result<void>> Beneath::bring_up() {
 
 // The gateways on it get their node-IDs with the others and are not booted, so that the buses beneath them come first.
 rt::Task<Result<void>> Beneath::with_deeper(const manager::Wanted& whole) {
-  std::vector<NodeId> gateways;
-  for (const auto& deeper : deeper_) {
-    const NodeId node = deeper.gateway.slot;
-    if (std::ranges::find(gateways, node) == gateways.end()) gateways.push_back(node);
-  }
+  const std::vector<NodeId> gateways = gateways_of(deeper_);
   co::SdoAccess& master = access(bus_.master);
   const manager::Wanted first = list(gateways);
   auto done = co_await put_list(first, gateways);
@@ -408,11 +437,28 @@ rt::Task<bool> Beneath::look_around(std::optional<NodeId> told) {
   co_return true;
 }
 
-// What runs is not disturbed: another list than the machine file's is told, no more.
+// What runs is not disturbed: another list than the machine file's is told, no more. But a Berth that ended in the
+// middle leaves a list that nobody but the next brings into use, or one without its gateways, which nobody else lets
+// in.
 rt::Task<void> Beneath::adopt() {
   const manager::Wanted whole = list();
   co::SdoAccess& master = access(bus_.master);
   const bool has_it = co_await has_list(master, whole);
+  const char* unfinished = nullptr;
+  if (has_it) {
+    const bool used = co_await has_any(master, places_);
+    if (!used) unfinished = "its gateway has no node of its network list";
+  } else if (!deeper_.empty()) {
+    const manager::Wanted first = list(gateways_of(deeper_));
+    const bool begun = co_await has_list(master, first);
+    if (begun) unfinished = "its gateway's network list is without the gateways on it";
+  }
+  if (unfinished != nullptr) {
+    events_.tell(EventKind::step, "", fmt::format("finishing what an earlier run began: {}", unfinished));
+    again_at_ = executor_.now();
+    up_ = true;
+    co_return;
+  }
   if (!has_it) {
     events_.tell_once(
         EventKind::error,
@@ -423,16 +469,18 @@ rt::Task<void> Beneath::adopt() {
 }
 
 rt::Task<Result<void>> Beneath::look_at(Place& place, bool settled) {
-  const std::uint8_t sub = place.spec.id.value();
   co::SdoAccess& master = access(bus_.master);
-  const auto value = co_await master.read(od::cia302::request_nmt, sub);
-  if (!value) co_return fail(value.error());
-  const auto bytes = value->bytes();
-  switch (bytes.empty() ? 0 : bytes.front()) {
-    case static_cast<std::uint8_t>(NmtState::operational):
-      if (!place.identified) co_await identify(place);
-      set_state(place, SlotState::operational);
-      break;
+  auto state = co_await state_by(master, place.spec.id, place.losses);
+  const bool asks = state && *state == static_cast<std::uint8_t>(NmtState::operational) && !place.identified;
+  if (asks) {
+    const bool answers = co_await identify(place);
+    // What it was before the questions that it left unanswered is old.
+    if (!answers) state = co_await state_by(master, place.spec.id, place.losses);
+  }
+  if (!state) co_return fail(state.error());
+  if (!*state) co_return Result<void>{};
+  switch (**state) {
+    case static_cast<std::uint8_t>(NmtState::operational): set_state(place, SlotState::operational); break;
     case static_cast<std::uint8_t>(NmtState::stopped): set_state(place, SlotState::present, "stopped"); break;
     case static_cast<std::uint8_t>(NmtState::pre_operational):
       set_state(place, SlotState::present);
@@ -454,20 +502,23 @@ rt::Task<Result<void>> Beneath::look_at(Place& place, bool settled) {
   co_return Result<void>{};
 }
 
-// Nothing waits for it, and what the buses above need goes through the same gateways: they come first.
-rt::Task<void> Beneath::identify(Place& place) {
+// Nothing waits for it, and what the buses above need goes through the same gateways: they come first. False: it was
+// asked and does not answer, or was lost meanwhile.
+rt::Task<bool> Beneath::identify(Place& place) {
   constexpr auto in_any_case = std::chrono::seconds(3);
   const bool started = gateway_runs_ && gateway_runs_();
   const bool late = executor_.now() - place.now.since > in_any_case;
-  if (brings_up_ || !(started || late)) co_return;
+  if (brings_up_ || !(started || late)) co_return true;
+  const unsigned losses = place.losses;
   LssAddress device;
   co::SdoAccess& node = access(place.spec.id);
   const auto known = co_await read_address(node, device);
-  if (!known) co_return;
+  if (!known || place.losses != losses) co_return false;
   place.identified = true;
-  if (place.now.device == device) co_return;
+  if (place.now.device == device) co_return true;
   place.now.device = device;
   events_.tell(EventKind::bound, place.now.name, fmt::format("its gateway's master gave it to {}", to_string(device)));
+  co_return true;
 }
 
 rt::Task<Result<std::vector<Seen>>> Beneath::scan() {
@@ -510,6 +561,7 @@ void Beneath::heard(NodeId node, const multilevel::LoggedEmcy& entry) {
   Place* const place = at(node);
   const auto& reading = entry.reading;
   const bool lost = reading.code == heartbeat_lost;
+  if (place != nullptr && lost) ++place->losses;
   if (place != nullptr && lost && up_) {
     set_state(*place, SlotState::absent, "its heartbeat stopped: the gateway told it (EMCY 8130h)");
     place->identified = false;

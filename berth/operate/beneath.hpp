@@ -84,6 +84,7 @@ class Beneath {
     SlotReport now;
     bool identified = false;  // since it became operational
     rt::Time booted_again{};  // the last time
+    unsigned losses = 0;      // told by the gateway
 
     // Its boot-up has failed, by lost frames say: a master need not try again by itself.
     [[nodiscard]] bool left_lying(rt::Time at) const noexcept {
@@ -100,7 +101,7 @@ class Beneath {
   rt::Task<void> adopt();
   /// `settled`: who is missing now is told; else it may come yet.
   rt::Task<Result<void>> look_at(Place& place, bool settled);
-  rt::Task<void> identify(Place& place);
+  rt::Task<bool> identify(Place& place);
   /// `held_back`: these are not booted.
   [[nodiscard]] manager::Wanted list(std::span<const NodeId> held_back = {});
   void set_state(Place& place, places::SlotState state, std::string reason = {});

@@ -22,7 +22,9 @@ PortHealth::PortHealth(BusServices& services, SlotTable& slots, Agenda& agenda, 
 bool PortHealth::begin() {
   s_.dispatcher.on_status(this);
   watches_ = true;
-  resting_ = !usable(s_.port.status());
+  const can::Status status = s_.port.status();
+  if (status.bus_off && !job_.timed()) way_out_of_bus_off();
+  resting_ = !usable(status);
   return !resting_;
 }
 

@@ -279,6 +279,31 @@ TEST(Troubles, TheMastersPortComesBackFromBusOff) {
   EXPECT_TRUE(heard(rig, "error"));
 }
 
+// Berth ended while its port was bus-off: the next one begins there, and no change of the port tells it so.
+TEST(Troubles, ABerthThatBeginsAtBusOffComesOutOfIt) {
+  Rig rig(five_slots(), five_slaves());
+  const auto controller = rig.world().attach_master("backbone");
+  rig.put_between([&](can::Port&, const std::string&) { return controller.get(); });
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s));
+  controller->preset_counters(255, 0);
+  plant::PlantEvent e;
+  e.action = plant::Action::disturb;
+  e.bus = "backbone";
+  e.nodes = {std::string(plant::master_name)};
+  e.strike.id = can::extended_flag | 0x1F940000U;
+  e.strike.bit = 60;
+  e.strike.times = 1;
+  ASSERT_TRUE(rig.world().perform(e));
+  ASSERT_TRUE(rig.run_until([&] { return controller->status().bus_off; }, 10s)) << rig.log();
+  rig.kill();
+  ASSERT_TRUE(controller->status().bus_off);
+  rig.begin();
+  EXPECT_TRUE(rig.until_operational(30s)) << rig.log();
+  EXPECT_FALSE(controller->status().bus_off);
+  rig.kill();
+}
+
 // S1.22: a blank clone of a device that runs is plugged in.
 TEST(Troubles, S1_22_ABlankCloneOfARunningDeviceIsNamed) {
   auto plant = one_bus_plant(3);

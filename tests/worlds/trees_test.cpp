@@ -26,7 +26,7 @@ TEST(TreesRandomWorlds, KnownWorlds) {
         tree_plan(seed, true));  // of two equal gateways the search met the one with the higher serial first
     EXPECT_EQ(world.go(8), "") << world.log();
   }
-  for (const std::uint64_t seed : {77U}) {
+  for (const std::uint64_t seed : {77U, 820288U, 821581U, 822356U, 823933U}) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     TreeWorld world(tree_plan(seed));
     EXPECT_EQ(world.go(8), "") << world.log();
