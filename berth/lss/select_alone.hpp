@@ -47,8 +47,8 @@
 /// What no proof sees: a device in configuration that hears nothing at all while the questions are asked, and hears
 /// again before 11h; and, in a row, one of the same serial number that forgets a question when the next comes too early
 /// for it, and whose other answers all fall into the selected one's frames. Its answer to 11h, or any other frame on
-/// 7E4h, then comes beside the selected one's: `suspicious(reply)`. Ask `still_alone` then, before 17h and before `04
-/// 00`; when it is not, `11 FF` to all that are in configuration takes the node-ID back before it is in use.
+/// 7E4h, then comes beside the selected one's: `suspicious(reply)`. Ask `still_alone` then, before 17h and the last
+/// `04 00`; when it is not, `11 FF` to all that are in configuration takes the node-ID back before it is in use.
 /// `configure_alone` does so.
 #pragma once
 

@@ -17,6 +17,7 @@ namespace {
 using places::SlotState;
 
 constexpr auto look_pause = std::chrono::milliseconds(200);  // between two looks at a bus that boots
+constexpr std::uint8_t missing = 1;                          // 1F82h: the node is in the network list and not heard
 constexpr std::uint16_t heartbeat_lost = 0x8130;
 constexpr std::uint16_t configuration_date = 0x1020;
 
@@ -113,20 +114,18 @@ rt::Task<bool> has_all(co::SdoAccess& master, const std::vector<NodeId>& nodes) 
     const std::uint8_t sub = node.value();
     const auto value = co_await master.read(od::cia302::request_nmt, sub);
     if (!value && value.error().code != Errc::aborted) co_return true;
-    constexpr std::uint8_t missing = 1;
     if (!value || value->bytes().empty() || value->bytes().front() <= missing) co_return false;
   }
   co_return true;
 }
 
-// Also when it does not answer.
+// True also when the master does not answer.
 template <class Places>
 rt::Task<bool> has_any(co::SdoAccess& master, const Places& places) {
   for (const auto& place : places) {
     const std::uint8_t sub = place.spec.id.value();
     const auto value = co_await master.read(od::cia302::request_nmt, sub);
     if (!value && value.error().code != Errc::aborted) co_return true;
-    constexpr std::uint8_t missing = 1;
     if (value && !value->bytes().empty() && value->bytes().front() > missing) co_return true;
   }
   co_return false;
@@ -529,7 +528,6 @@ rt::Task<Result<std::vector<Seen>>> Beneath::scan() {
     const auto value = co_await master.read(od::cia302::request_nmt, node.value());
     if (!value) co_return fail(value.error());
     const auto state = value->bytes().empty() ? std::uint8_t{0} : value->bytes().front();
-    constexpr std::uint8_t missing = 1;
     if (state <= missing) continue;
     Seen seen;
     seen.id = node;
