@@ -92,15 +92,22 @@ rt::Task<Result<void>> command_by(co::SdoAccess& master, NodeId node, co::NmtCom
   co_return done;
 }
 
-// By 1F82h too. None: meanwhile the gateway told of one more loss of the node, and the answer may be from before.
-rt::Task<Result<std::optional<std::uint8_t>>> state_by(co::SdoAccess& master, NodeId node, const unsigned& losses) {
-  const unsigned before = losses;
+// What 1F82h of the master of that bus says of a node; 0: nothing.
+rt::Task<Result<std::uint8_t>> state_by(co::SdoAccess& master, NodeId node) {
   const std::uint8_t sub = node.value();
   const auto value = co_await master.read(od::cia302::request_nmt, sub);
   if (!value) co_return fail(value.error());
-  if (losses != before) co_return std::nullopt;
   const auto bytes = value->bytes();
   co_return bytes.empty() ? std::uint8_t{0} : bytes.front();
+}
+
+// None: meanwhile the gateway told of one more loss of the node, and the answer may be from before.
+rt::Task<Result<std::optional<std::uint8_t>>> state_by(co::SdoAccess& master, NodeId node, const unsigned& losses) {
+  const unsigned before = losses;
+  const auto state = co_await state_by(master, node);
+  if (!state) co_return fail(state.error());
+  if (losses != before) co_return std::nullopt;
+  co_return *state;
 }
 
 // A slave's boot-up message makes it boot that slave.
@@ -111,10 +118,9 @@ rt::Task<Result<void>> reset_by(co::SdoAccess& master, NodeId node) {
 // A master whose list is not in use yet has none of its nodes. One that does not answer is not asked on.
 rt::Task<bool> has_all(co::SdoAccess& master, const std::vector<NodeId>& nodes) {
   for (const NodeId node : nodes) {
-    const std::uint8_t sub = node.value();
-    const auto value = co_await master.read(od::cia302::request_nmt, sub);
-    if (!value && value.error().code != Errc::aborted) co_return true;
-    if (!value || value->bytes().empty() || value->bytes().front() <= missing) co_return false;
+    const auto state = co_await state_by(master, node);
+    if (!state && state.error().code != Errc::aborted) co_return true;
+    if (!state || *state <= missing) co_return false;
   }
   co_return true;
 }
@@ -123,20 +129,17 @@ rt::Task<bool> has_all(co::SdoAccess& master, const std::vector<NodeId>& nodes) 
 template <class Places>
 rt::Task<bool> has_any(co::SdoAccess& master, const Places& places) {
   for (const auto& place : places) {
-    const std::uint8_t sub = place.spec.id.value();
-    const auto value = co_await master.read(od::cia302::request_nmt, sub);
-    if (!value && value.error().code != Errc::aborted) co_return true;
-    if (value && !value->bytes().empty() && value->bytes().front() > missing) co_return true;
+    const auto state = co_await state_by(master, place.spec.id);
+    if (!state && state.error().code != Errc::aborted) co_return true;
+    if (state && *state > missing) co_return true;
   }
   co_return false;
 }
 
 rt::Task<bool> all_run(co::SdoAccess& master, const std::vector<NodeId>& nodes) {
   for (const NodeId node : nodes) {
-    const std::uint8_t sub = node.value();
-    const auto value = co_await master.read(od::cia302::request_nmt, sub);
-    if (!value || value->bytes().empty()) co_return false;
-    if (value->bytes().front() != static_cast<std::uint8_t>(NmtState::operational)) co_return false;
+    const auto state = co_await state_by(master, node);
+    if (!state || *state != static_cast<std::uint8_t>(NmtState::operational)) co_return false;
   }
   co_return true;
 }
@@ -525,14 +528,13 @@ rt::Task<Result<std::vector<Seen>>> Beneath::scan() {
   co::SdoAccess& master = access(bus_.master);
   for (const auto& place : places_) {
     const NodeId node = place.spec.id;
-    const auto value = co_await master.read(od::cia302::request_nmt, node.value());
-    if (!value) co_return fail(value.error());
-    const auto state = value->bytes().empty() ? std::uint8_t{0} : value->bytes().front();
-    if (state <= missing) continue;
+    const auto state = co_await state_by(master, node);
+    if (!state) co_return fail(state.error());
+    if (*state <= missing) continue;
     Seen seen;
     seen.id = node;
     seen.slot = place.spec.name.name;
-    seen.state = static_cast<NmtState>(state);
+    seen.state = static_cast<NmtState>(*state);
     co::SdoAccess& device = access(node);
     const auto type = co_await device.read_u32(0x1000, 0);
     if (type) seen.device_type = *type;

@@ -111,8 +111,8 @@ TEST(Loop, NoTimerRunsBeforeWhatCameWhileASignalHeldTheWaitUpIsRead) {
   Loop loop(executor);
   Pipe pipe(loop);
   Counter timer;
-  executor.at(executor.now() + 40ms, timer);
   const HeldUp held_up(pipe);
+  executor.at(loop.clock() + 40ms, timer);  // behind it, so that the signal comes first however slow this is
   for (int i = 0; i < 100 && pipe.calls == 0; ++i) {
     EXPECT_EQ(timer.runs, 0) << "the pipe could be read 20 ms before the timer was due";
     loop.turn(1s);
