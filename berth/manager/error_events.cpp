@@ -59,7 +59,7 @@ void ErrorEvents::act(Slave& slave, bool rebooted) noexcept {
   if (*what != StartupPhase::OnError::one) {
     const bool stops = *what == StartupPhase::OnError::stop;
     slave.status.phase = SlavePhase::awaited;
-    stops ? network_->stops_all() : network_->resets_all();
+    network_->end_for_all(stops);
     network_->tell({.kind = stops ? Kind::all_stopped : Kind::all_reset, .node = node});
     return network_->command(stops ? NmtCommand::stop : NmtCommand::reset_node, co::NmtTarget::all(), true);
   }

@@ -15,8 +15,7 @@ class ErrorEvents final : public ErrorControl {
     /// Nothing has begun, or other slaves are about to come.
     [[nodiscard]] virtual bool is_off() const noexcept = 0;
     /// All nodes are about to be stopped, or reset: no boot-up goes on.
-    virtual void stops_all() noexcept = 0;
-    virtual void resets_all() noexcept = 0;
+    virtual void end_for_all(bool stopped) noexcept = 0;
     virtual void command(co::NmtCommand command, co::NmtTarget target, bool with_master) = 0;
     virtual void tell(const NetworkEvent& event) const = 0;
 

@@ -65,9 +65,9 @@ void NetworkBoot::end(bool releases) noexcept {
 
 bool NetworkBoot::is_off() const noexcept { return startup_.is(Phase::off) || next_ == Next::begin; }
 
-void NetworkBoot::stops_all() noexcept {
+void NetworkBoot::end_for_all(bool stopped) noexcept {
   end();
-  startup_.stop();
+  if (stopped) startup_.stop();
 }
 
 void NetworkBoot::act() noexcept {
@@ -118,14 +118,24 @@ void NetworkBoot::ended(Slave& slave) noexcept {
   go(startup_.look());
 }
 
-void NetworkBoot::halted(const Slave& slave, bool late) noexcept {
-  BootResult why = slave.status.result;
-  if (late) {
-    const bool silent = !slave.boot || !slave.boot->found();
+void NetworkBoot::started(Slave& slave, const Result<bool>& ran) noexcept {
+  NetworkEvent event{.kind = Kind::slave_started, .node = slave.what.node};
+  if (!ran) event = {.kind = Kind::not_sent, .node = slave.what.node, .detail = describe(ran.error())};
+  tell(event);
+}
+
+void NetworkBoot::heard(NetworkStartup::News news, const Slave* slave) noexcept {
+  using News = NetworkStartup::News;
+  if (news == News::all_ready) return tell({.kind = Kind::ready});
+  if (news == News::operational) return tell({.kind = Kind::operational});
+  if (slave == nullptr) return;
+  BootResult why = slave->status.result;
+  if (news == News::late) {
+    const bool silent = !slave->boot || !slave->boot->found();
     why.status = silent ? BootStatus::b : BootStatus::booted;
     why.detail = "its boot-up was not done in the boot time (1F89h)";
   }
-  tell({.kind = Kind::halted, .node = slave.what.node, .status = why.status, .detail = why.detail});
+  tell({.kind = Kind::halted, .node = slave->what.node, .status = why.status, .detail = why.detail});
 }
 
 Result<void> NetworkBoot::operate() {
@@ -173,7 +183,8 @@ rt::Task<void> NetworkBoot::send(NmtCommand command, NmtTarget target, bool with
     sending = bus_->command(command, target);
   }
   const auto sent = co_await sending;
-  if (!sent) not_sent(target.node == 0 ? NodeId() : NodeId(target.node), sent.error());
+  const NodeId whom = target.node == 0 ? NodeId() : NodeId(target.node);
+  if (!sent) tell({.kind = Kind::not_sent, .node = whom, .detail = describe(sent.error())});
   const bool of_startup = startup_.is(Phase::booting) && beginning_.running() > 0 && resets(command);
   if (sent && !of_startup) {
     for (const auto& slave : boots_.all()) {
@@ -196,10 +207,6 @@ void NetworkBoot::commanded(Slave& slave, NmtCommand command, rt::Time at) noexc
   const auto before =
       std::exchange(status.phase, command == NmtCommand::start ? SlavePhase::started : SlavePhase::ready);
   if (before != SlavePhase::started && command == NmtCommand::start) started(slave, false);
-}
-
-void NetworkBoot::not_sent(NodeId node, const Error& error) noexcept {
-  tell({.kind = Kind::not_sent, .node = node, .detail = describe(error)});
 }
 
 // ---- what is known --------------------------------------------------------------------------------------------------

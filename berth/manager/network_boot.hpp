@@ -85,17 +85,11 @@ class NetworkBoot final : private SlaveBoots::Owner, private NetworkStartup::Own
   using Kind = NetworkEvent::Kind;
   bool starts(const Slave& slave) noexcept override { return startup_.starts(slave); }
   void ended(Slave& slave) noexcept override;
-  void started(Slave& slave, bool) noexcept override { tell({.kind = Kind::slave_started, .node = slave.what.node}); }
-  void not_sent(NodeId node, const Error& error) noexcept override;
-
-  void halted(const Slave& slave, bool late) noexcept override;
-  void all_ready() noexcept override { tell({.kind = Kind::ready}); }
-  void operational() noexcept override { tell({.kind = Kind::operational}); }
+  void started(Slave& slave, const Result<bool>& ran) noexcept override;
+  void heard(NetworkStartup::News news, const Slave* slave) noexcept override;
   void apply(co::NmtCommand command) noexcept override;
-
   [[nodiscard]] bool is_off() const noexcept override;
-  void stops_all() noexcept override;
-  void resets_all() noexcept override { end(); }
+  void end_for_all(bool stopped) noexcept override;
   void tell(const NetworkEvent& event) const override {
     if (callback_) callback_(event);
   }

@@ -29,26 +29,26 @@ bool NetworkStartup::has_mandatory() const noexcept {
   return std::ranges::any_of(plan_.slaves, [](const Slave* slave) { return slave->what.rules.mandatory; });
 }
 
-void NetworkStartup::halt(const Slave& slave, bool late) noexcept {
+void NetworkStartup::halt(const Slave& slave, News why) noexcept {
   late_.cancel();
-  if (phase_.halt()) owner_->halted(slave, late);
+  if (phase_.halt()) owner_->heard(why, &slave);
 }
 
 void NetworkStartup::late() noexcept {
-  if (const Slave* const slave = missing(); slave != nullptr) halt(*slave, true);
+  if (const Slave* const slave = missing(); slave != nullptr) halt(*slave, News::late);
 }
 
 NetworkStartup::Go NetworkStartup::look() noexcept {
   if (phase_.is(Phase::booting)) {
     const auto failed = std::ranges::find_if(
         plan_.slaves, [&](const Slave* slave) { return slave->what.rules.mandatory && owner_->has_failed(*slave); });
-    if (failed != plan_.slaves.end()) halt(**failed, false);
+    if (failed != plan_.slaves.end()) halt(**failed, News::failed);
   }
   if (missing() != nullptr) return Go::nothing;
-  if (plan_.resumes && phase_.resume()) owner_->resumed();
+  if (plan_.resumes && phase_.resume()) owner_->heard(News::resumed, nullptr);
   if (!phase_.all_ready()) return Go::nothing;
   late_.cancel();
-  owner_->all_ready();
+  owner_->heard(News::all_ready, nullptr);
   if (!phase_.is(Phase::ready)) return Go::nothing;  // who was told went on by itself
   const bool awaits = plan_.awaits_all && !has_mandatory();
   if (!master_operational_ && phase_.operates_itself() && !awaits) make_operational();
@@ -87,7 +87,7 @@ NetworkStartup::Go NetworkStartup::own_state(NmtState state) noexcept {
 
 // The master is operational, and all mandatory slaves are ready.
 NetworkStartup::Go NetworkStartup::go() noexcept {
-  if (phase_.operate()) owner_->operational();
+  if (phase_.operate()) owner_->heard(News::operational, nullptr);
   if (phase_.application_starts()) return Go::nothing;
   return phase_.starts_all() ? Go::all : Go::each;
 }

@@ -32,6 +32,14 @@ class NetworkStartup {
     all,   ///< one NMT start for all
   };
 
+  enum class News : std::uint8_t {
+    failed,       ///< the startup is halted: this mandatory slave failed
+    late,         ///< the same: it is not ready, and the boot time is over
+    resumed,      ///< the mandatory slaves are ready after all
+    all_ready,    ///< all mandatory slaves
+    operational,  ///< the master, and with it the network
+  };
+
   class Owner {
    public:
     /// Asked of mandatory slaves: it is there, and its boot-up has ended well.
@@ -40,13 +48,8 @@ class NetworkStartup {
     [[nodiscard]] virtual bool has_failed(const Slave& slave) const noexcept {
       return slave.status.phase == SlavePhase::failed;
     }
-    /// The startup is halted for this mandatory slave: it failed, or it is not ready and the boot time is over (`late`).
-    virtual void halted(const Slave& slave, bool late) noexcept = 0;
-    /// The mandatory slaves are ready after all.
-    virtual void resumed() noexcept {}
-    virtual void all_ready() noexcept = 0;
-    /// The network is.
-    virtual void operational() noexcept {}
+    /// `slave`: where one is concerned.
+    virtual void heard(News news, const Slave* slave) noexcept = 0;
     /// Does to the master's own device what the command says.
     virtual void apply(co::NmtCommand command) noexcept = 0;
 
@@ -96,7 +99,7 @@ class NetworkStartup {
 
  private:
   void late() noexcept;
-  void halt(const Slave& slave, bool late) noexcept;
+  void halt(const Slave& slave, News why) noexcept;
   void make_operational() noexcept;
   [[nodiscard]] Go go() noexcept;
 

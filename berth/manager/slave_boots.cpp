@@ -123,7 +123,7 @@ rt::Task<void> SlaveBoots::start(Slave& slave) {
     const auto sent = co_await slave.what.target->command(co::NmtCommand::start);
     slave.starting = false;
     if (!sent) {
-      owner_->not_sent(slave.what.node, sent.error());
+      owner_->started(slave, fail(sent.error()));
       co_return;
     }
   }

@@ -57,10 +57,9 @@ class SlaveBoots {
     /// Its boot-up ended, well or not: `status.phase`. `starting` says whether its start follows; an owner that finds
     /// that it is not ready after all sets its phase to idle, and it is not started.
     virtual void ended(Slave& slave) noexcept = 0;
-    /// NMT start was sent to it, or `ran`: not, as it runs by another's doing (`BootTarget::runs`).
-    virtual void started(Slave& slave, bool ran) noexcept = 0;
-    /// An NMT command for it never left.
-    virtual void not_sent(NodeId node, const Error& error) noexcept = 0;
+    /// NMT start was sent to it; true: not, as it runs by another's doing (`BootTarget::runs`); or the command never
+    /// left.
+    virtual void started(Slave& slave, const Result<bool>& ran) noexcept = 0;
 
    protected:
     ~Owner() = default;

@@ -150,15 +150,13 @@ void Starter::ended(manager::Slave& slave) noexcept {
   }
 }
 
-void Starter::started(manager::Slave& slave, bool ran) noexcept {
-  if (ran) slots_.set_state(seat_of(slave), SlotState::operational);
-}
-
-void Starter::not_sent(NodeId node, const Error& error) noexcept {
-  Seat& seat = *slots_.at(node);
+void Starter::started(manager::Slave& slave, const Result<bool>& ran) noexcept {
+  Seat& seat = seat_of(slave);
+  if (ran && *ran) slots_.set_state(seat, SlotState::operational);
+  if (ran) return;
   std::erase(awaited_, &seat);
   seat.boot_again();
-  slots_.set_state(seat, SlotState::failed, "NMT start could not be sent: " + describe(error));
+  slots_.set_state(seat, SlotState::failed, "NMT start could not be sent: " + describe(ran.error()));
 }
 
 // True: the letter is that of its boot-up. Else it is another device's, or of the life before.

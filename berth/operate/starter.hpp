@@ -31,8 +31,7 @@ class Starter final : public EarlyStarter, private manager::SlaveBoots::Owner {
   class Source;
   bool starts(const manager::Slave& slave) noexcept override;
   void ended(manager::Slave& slave) noexcept override;
-  void started(manager::Slave& slave, bool ran) noexcept override;
-  void not_sent(NodeId node, const Error& error) noexcept override;
+  void started(manager::Slave& slave, const Result<bool>& ran) noexcept override;
   rt::Task<void> boot(Seat& seat);
   rt::Task<bool> may_boot(Seat& seat);
   rt::Task<Result<void>> update(Seat& seat, manager::BootTarget& target);

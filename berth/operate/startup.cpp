@@ -78,18 +78,17 @@ void Startup::network_operational() noexcept {
   if (s_.may_command()) network_.all_operational();
 }
 
-void Startup::halted(const manager::Slave& slave, bool late) noexcept {
-  const Seat& seat = *slots_.at(slave.what.node);
+void Startup::heard(manager::NetworkStartup::News news, const manager::Slave* slave) noexcept {
+  using News = manager::NetworkStartup::News;
+  if (news == News::resumed) return tell(fmt::format("the startup goes on: slot \"{}\" is ready", halted_by_));
+  if (news == News::all_ready && network_.has_mandatory()) return tell("all mandatory devices are ready");
+  if (slave == nullptr) return;
+  const Seat& seat = *slots_.at(slave->what.node);
   halted_by_ = seat.name();
   const std::string boot_time = text::write_duration(s_.bus.startup.boot_time);
+  const std::string late = fmt::format("it was not ready within the boot time of {}", boot_time);
   tell(fmt::format("the startup is halted: slot \"{}\", which is mandatory: {}", seat.name(),
-                   late ? fmt::format("it was not ready within the boot time of {}", boot_time) : seat.reason));
-}
-
-void Startup::resumed() noexcept { tell(fmt::format("the startup goes on: slot \"{}\" is ready", halted_by_)); }
-
-void Startup::all_ready() noexcept {
-  if (network_.has_mandatory()) tell("all mandatory devices are ready");
+                   news == News::late ? late : seat.reason));
 }
 
 void Startup::apply(NmtCommand command) noexcept {

@@ -63,9 +63,7 @@ class Startup final : private manager::NetworkStartup::Owner {
   };
   [[nodiscard]] bool is_ready(const manager::Slave& slave) const noexcept override;
   [[nodiscard]] bool has_failed(const manager::Slave& slave) const noexcept override;
-  void halted(const manager::Slave& slave, bool late) noexcept override;
-  void resumed() noexcept override;
-  void all_ready() noexcept override;
+  void heard(manager::NetworkStartup::News news, const manager::Slave* slave) noexcept override;
   void apply(co::NmtCommand command) noexcept override;
 
   [[nodiscard]] std::string why_waiting() const;
