@@ -15,9 +15,9 @@
 #include <string>
 #include <vector>
 
-#include "berth/operate/session.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/plant/world.hpp"
+#include "berth/tree/session.hpp"
 #include "tests/harness/mortal.hpp"
 #include "tests/harness/tree_plan.hpp"
 
@@ -53,7 +53,7 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
   void begin(std::optional<std::uint64_t> k = {}, std::function<Axe::Instead()> instead = {}) {
     axe_.life(k, std::move(instead));
     port_ = std::make_unique<MortalPort>(axe_, *controller_);
-    session_ = std::make_unique<operate::Session>(world_->executor(), plan_.machine, store_);
+    session_ = std::make_unique<tree::Session>(world_->executor(), plan_.machine, store_);
     session_->on_event([this](const operate::Event& event) { take(event); });
     const bool opened = session_->connect("backbone", *port_) && session_->open();
     if (!opened) failure_ += "the session cannot be opened\n";
@@ -327,7 +327,7 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
   std::unique_ptr<plant::World> world_;
   std::unique_ptr<sim::Controller> controller_;
   std::unique_ptr<MortalPort> port_;
-  std::unique_ptr<operate::Session> session_;
+  std::unique_ptr<tree::Session> session_;
   sim::Bus* tapped_ = nullptr;
   std::set<std::string> cut_;
   std::set<std::pair<const plant::SimDevice*, const plant::SimDevice*>> told_;
