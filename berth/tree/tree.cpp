@@ -1,11 +1,15 @@
 #include "berth/tree/tree.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <optional>
 #include <span>
 
 namespace berth::tree {
 namespace {
+
+constexpr auto layout = multilevel::EmcyLayout::source_and_exit;
 
 /// Gateways from this bus down to that one; none: it is not beneath.
 std::size_t levels_between(const design::Machine& machine, const std::string& top, const design::Bus& bus) {
@@ -43,6 +47,7 @@ rt::Task<Result<void>> await_operational(rt::Executor& executor, operate::Networ
 
 Result<void> Tree::open(const std::function<void(const operate::Event&)>& events,
                         const operate::SlotSettings& settings) {
+  events_ = events;
   for (const auto& line : machine_->beneath) {
     Way way = way_to(*machine_, line.name);
     operate::Network* const top = network(way.bus);
@@ -56,11 +61,12 @@ Result<void> Tree::open(const std::function<void(const operate::Event&)>& events
                                                routes(*top), std::move(observer)));
     Root& root = *roots_[top];
     if (!root.log) {
-      constexpr auto layout = multilevel::EmcyLayout::source_and_exit;
       root.log = std::make_unique<multilevel::EventLog>(top->services().dispatcher, layout);
       root.log->hear_all();
       root.log->on_event([this, name = way.bus](const multilevel::LoggedEmcy& entry) { heard(name, entry); });
     }
+    auto& made = *buses_.back();
+    made.on_still_runs([this, &made](NodeId node) { still_runs(made, node); });
     Beneath* const above = bus(line.gateway->bus);
     const NodeId gateway_slot = line.gateway->slot;
     const auto runs = [gateway_slot](const std::vector<operate::SlotReport>& slots) {
@@ -68,30 +74,77 @@ Result<void> Tree::open(const std::function<void(const operate::Event&)>& events
       return slot != slots.end() && slot->state == places::SlotState::operational;
     };
     if (above != nullptr) {
-      above->add({*line.gateway, [deeper = buses_.back().get()] { return deeper->bring_up(); }});
-      buses_.back()->know_gateway([above, runs] { return runs(above->report()); });
+      above->add({*line.gateway, [&made] { return made.bring_up(); }, [&made] { return made.operational(); }});
+      made.know_gateway([above, runs] { return runs(above->report()); });
     } else {
-      buses_.back()->know_gateway([top, runs] { return runs(top->report()); },
-                                  [top, gateway_slot] { top->try_again(gateway_slot); });
+      made.know_gateway([top, runs] { return runs(top->report()); },
+                        [top, gateway_slot] { top->try_again(gateway_slot); });
     }
   }
   for (const auto& each : *networks_) {
     const auto& gateway = each->bus().gateway;
     Beneath* const above = gateway ? bus(gateway->bus) : nullptr;
     if (above == nullptr) continue;
-    above->add({*gateway, [this, deeper = each.get()] { return await_operational(*executor_, *deeper); }});
+    above->add({*gateway, [this, deeper = each.get()] { return await_operational(*executor_, *deeper); },
+                [deeper = each.get()] { return deeper->operational(); }});
   }
   return {};
 }
 
+// Who is told is who it is about for certain; of the others it is asked how they stand.
 void Tree::heard(const std::string& name, const multilevel::LoggedEmcy& entry) {
-  const auto& path = entry.reading.path;
-  if (path.size() < 2 || entry.reading.garbled) return;
-  for (auto& each : buses_) {
-    const auto& hops = each->way().gateways;
-    if (each->way().bus != name || hops.size() + 1 != path.size()) continue;
-    const auto gateways = std::span(path).first(hops.size());
-    if (std::ranges::equal(hops, gateways, {}, &multilevel::Hop::gateway)) return each->heard(path.back(), entry);
+  constexpr auto loss = co::emcy_code::life_guard_or_heartbeat;
+  const auto& reading = entry.reading;
+  const EmcyOrigins origins = origins_of(*machine_, name, layout, reading);
+  const bool lost = reading.code == loss;
+  const auto ask = [&](const std::vector<const design::Slot*>& slots) {
+    for (const auto* const slot : slots) bus(slot->spec.name.bus)->ask(slot->spec.id, lost);
+  };
+  ask(origins.named);
+  // One that is beneath another is asked when that one runs (`still_runs`): through a lost gateway nobody answers.
+  if (origins.named.empty()) ask(origins.beneath);
+  if (reading.path.size() < 2 || reading.garbled) return;
+  if (reading.code == multilevel::gateway_code::mandatory_bus_failed) note_stopping(origins);
+  if (!lost && reading.exiting != loss) tell(name, entry, origins);
+}
+
+// The node that is named last is the one that failed, or the gateway itself when none is known.
+void Tree::note_stopping(const EmcyOrigins& origins) {
+  for (const auto* const slot : origins.named) {
+    bus(slot->spec.name.bus)->stops_itself(slot->spec.id);
+    const auto& line = bus(slot->spec.name.bus)->bus();
+    if (Beneath* const above = bus(line.gateway->bus)) above->stops_itself(line.gateway->slot);
+  }
+}
+
+void Tree::tell(const std::string& name, const multilevel::LoggedEmcy& entry, const EmcyOrigins& origins) {
+  const auto words = [](std::uint16_t code, std::uint16_t) {
+    const char* const own = multilevel::gateway_code_text(code);
+    return own != nullptr ? own : co::emcy_text(code);
+  };
+  const std::string text = "EMCY " + multilevel::text(entry, words);
+  auto possible = origins.named;
+  if (origins.may_be_deeper) possible.insert(possible.end(), origins.beneath.begin(), origins.beneath.end());
+  if (possible.size() == 1) {
+    const auto& slot = possible.front()->spec.name;
+    return bus(slot.bus)->slots().events().tell(operate::EventKind::error, slot.name, text);
+  }
+  std::string whose;
+  for (const auto* const slot : possible) whose += (whose.empty() ? "" : " or ") + path_of(*slot);
+  if (!whose.empty()) whose = fmt::format(" (of {}: it does not say which)", whose);
+  events_({executor_->now(), name, operate::EventKind::error, {}, text + whose});
+}
+
+std::string Tree::path_of(const design::Slot& slot) const {
+  const auto way = way_to(*machine_, slot.spec.name.bus);
+  return fmt::format("{} {}", multilevel::to_string(multilevel::Path{way.gateways, slot.spec.id}), slot.spec.name.name);
+}
+
+// A loss was told of this slot's node, and it is there: a gateway may have told as its own what is beneath it.
+void Tree::still_runs(const Beneath& above, NodeId gateway) {
+  for (const auto& each : buses_) {
+    const auto& line = *each->bus().gateway;
+    if (line.bus == above.bus().name && line.slot == gateway) each->ask_all();
   }
 }
 
