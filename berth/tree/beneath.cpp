@@ -125,7 +125,7 @@ void Beneath::ask_all() {
 }
 
 void Beneath::stops_itself(NodeId gateway) noexcept {
-  if (auto* const place = slots_.at(gateway)) place->stopped_itself = true;
+  if (auto* const place = slots_.at(gateway)) place->stops_itself = executor_.now();
 }
 
 }  // namespace berth::tree

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,8 +16,9 @@ namespace berth::tree {
 struct PlaceBeneath {
   places::SlotSpec spec;
   operate::SlotReport now;
-  bool identified = false;              ///< its device, since it became operational
-  bool stopped_itself = false;          ///< a gateway, because a mandatory bus beneath it failed (EMCY FF01h)
+  bool identified = false;  ///< its device, since it became operational
+  /// A gateway told that it stops itself, because a mandatory bus beneath it failed (EMCY FF01h); empty: it did not.
+  std::optional<rt::Time> stops_itself;
   rt::Time booted_again{};              ///< the last time that Berth had it reset
   unsigned losses = 0;                  ///< EMCYs 8130h that may be about it
   rt::Time collided = rt::Time::min();  ///< the last EMCY 8150h of it

@@ -6,10 +6,10 @@
 #include <optional>
 #include <span>
 
+#include "berth/tree/gateway_settings.hpp"
+
 namespace berth::tree {
 namespace {
-
-constexpr auto layout = multilevel::EmcyLayout::source_and_exit;
 
 /// Gateways from this bus down to that one; none: it is not beneath.
 std::size_t levels_between(const design::Machine& machine, const std::string& top, const design::Bus& bus) {
@@ -57,11 +57,12 @@ Result<void> Tree::open(const std::function<void(const operate::Event&)>& events
     }
     operate::NetworkObserver observer;
     observer.event = events;
-    buses_.push_back(std::make_unique<Beneath>(*executor_, line, way, machine_->specs(line.name), settings,
-                                               routes(*top), std::move(observer)));
+    buses_.push_back(std::make_unique<Beneath>(*executor_, line, way, machine_->specs(line.name),
+                                               with_gateways(*machine_, line.name, settings), routes(*top),
+                                               std::move(observer)));
     Root& root = *roots_[top];
     if (!root.log) {
-      root.log = std::make_unique<multilevel::EventLog>(top->services().dispatcher, layout);
+      root.log = std::make_unique<multilevel::EventLog>(top->services().dispatcher, layout_of(*machine_, way.bus));
       root.log->hear_all();
       root.log->on_event([this, name = way.bus](const multilevel::LoggedEmcy& entry) { heard(name, entry); });
     }
@@ -95,7 +96,7 @@ Result<void> Tree::open(const std::function<void(const operate::Event&)>& events
 void Tree::heard(const std::string& name, const multilevel::LoggedEmcy& entry) {
   constexpr auto loss = co::emcy_code::life_guard_or_heartbeat;
   const auto& reading = entry.reading;
-  const EmcyOrigins origins = origins_of(*machine_, name, layout, reading);
+  const EmcyOrigins origins = origins_of(*machine_, name, layout_of(*machine_, name), reading);
   const bool lost = reading.code == loss;
   const auto ask = [&](const std::vector<const design::Slot*>& slots) {
     for (const auto* const slot : slots) bus(slot->spec.name.bus)->ask(slot->spec.id, lost);
@@ -103,18 +104,37 @@ void Tree::heard(const std::string& name, const multilevel::LoggedEmcy& entry) {
   ask(origins.named);
   // One that is beneath another is asked when that one runs (`still_runs`): through a lost gateway nobody answers.
   if (origins.named.empty()) ask(origins.beneath);
+  if (reading.code == multilevel::gateway_code::mandatory_bus_failed) note_stopping(name, reading, origins);
   if (reading.path.size() < 2 || reading.garbled) return;
-  if (reading.code == multilevel::gateway_code::mandatory_bus_failed) note_stopping(origins);
   if (!lost && reading.exiting != loss) tell(name, entry, origins);
 }
 
-// The node that is named last is the one that failed, or the gateway itself when none is known.
-void Tree::note_stopping(const EmcyOrigins& origins) {
+// A gateway stops itself (paper 3 Figure 1). The node that is named last is the one that failed; where the gateway
+// knows none, that is the gateway.
+void Tree::note_stopping(const std::string& name, const multilevel::EmcyReading& reading, const EmcyOrigins& origins) {
   for (const auto* const slot : origins.named) {
     bus(slot->spec.name.bus)->stops_itself(slot->spec.id);
-    const auto& line = bus(slot->spec.name.bus)->bus();
-    if (Beneath* const above = bus(line.gateway->bus)) above->stops_itself(line.gateway->slot);
+    const auto& gateway = *bus(slot->spec.name.bus)->bus().gateway;
+    if (Beneath* const above = bus(gateway.bus)) above->stops_itself(gateway.slot);
   }
+  operate::Network* const top = network(name);
+  const bool may_be_on_top = reading.path.size() <= 2 && resets_.running() == 0;
+  if (may_be_on_top && top->services().may_command()) resets_.spawn(reset_stopped(*top, reading.path.front()));
+}
+
+// Stopped it carries nothing. Reset it is booted as any other, and started when the bus beneath it runs.
+rt::Task<void> Tree::reset_stopped(operate::Network& network, NodeId gateway) {
+  auto& services = network.services();
+  co_await rt::sleep_for(2 * services.bus.timing.heartbeat_period);
+  if (services.heartbeats.state(gateway) != NmtState::stopped) co_return;
+  events_({executor_->now(),
+           network.bus().name,
+           operate::EventKind::step,
+           {},
+           fmt::format("gateway {} has stopped itself, because a mandatory bus beneath it failed: it is reset",
+                       gateway.value())});
+  const auto sent = co_await services.nmt.send(co::NmtCommand::reset_communication, gateway);
+  static_cast<void>(sent);
 }
 
 void Tree::tell(const std::string& name, const multilevel::LoggedEmcy& entry, const EmcyOrigins& origins) {
@@ -183,6 +203,7 @@ void Tree::start() {
 }
 
 void Tree::stop() noexcept {
+  resets_.cancel();
   for (auto& each : buses_) each->stop();
 }
 

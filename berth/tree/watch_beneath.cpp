@@ -10,6 +10,8 @@ namespace {
 using operate::EventKind;
 using places::SlotState;
 
+constexpr auto by_then_stopped = std::chrono::seconds(1);  // from the EMCY that says so
+constexpr const char* bus_failed = "a mandatory bus beneath it has failed";
 constexpr auto look_pause = std::chrono::milliseconds(200);  // between two looks at a bus that boots
 
 // A device may lack all of 1018h but its vendor-ID.
@@ -140,13 +142,14 @@ rt::Task<Result<void>> WatchBeneath::look_at(PlaceBeneath& place, bool settled) 
   if (!*state) co_return Result<void>{};
   switch (**state) {
     case static_cast<std::uint8_t>(NmtState::operational):
-      place.stopped_itself = false;
+      if (place.stops_itself && slots_.now() - *place.stops_itself > by_then_stopped) place.stops_itself.reset();
       slots_.set_state(place, SlotState::operational);
       if (told_lost_.test(place.spec.id.value()) && still_runs_) still_runs_(place.spec.id);
       break;
     case static_cast<std::uint8_t>(NmtState::stopped): co_return co_await look_at_stopped(place);
     case static_cast<std::uint8_t>(NmtState::pre_operational): co_return co_await look_at_waiting(place);
     default:
+      place.stops_itself.reset();  // it boots, if at all
       if (settled) found_missing(place);
   }
   told_lost_.reset(place.spec.id.value());
@@ -163,26 +166,28 @@ void WatchBeneath::found_missing(PlaceBeneath& place) {
                         : "the gateway's master misses it");
 }
 
-// A gateway stops itself when a mandatory bus beneath it has failed (paper 3 Figure 1), and nobody starts it again but
-// the one who sees that this is over.
+// A gateway stops itself when a mandatory bus beneath it has failed (paper 3 Figure 1). Stopped, it carries nothing:
+// it is made pre-operational, and started when that bus runs.
 rt::Task<Result<void>> WatchBeneath::look_at_stopped(PlaceBeneath& place) {
   const NodeId node = place.spec.id;
   told_lost_.reset(node.value());
-  const bool again = place.stopped_itself && ready_ && ready_(node);
-  if (!again) {
-    slots_.set_state(place, SlotState::present,
-                     place.stopped_itself ? "stopped: a mandatory bus beneath it has failed" : "stopped");
+  if (!place.stops_itself) {
+    slots_.set_state(place, SlotState::present, "stopped");
     co_return Result<void>{};
   }
-  place.stopped_itself = false;
-  slots_.events().tell(EventKind::step, place.now.name, "the buses beneath it run again: it is started");
-  co_return co_await master_.command(node, co::NmtCommand::start);
+  slots_.set_state(place, SlotState::present, bus_failed);
+  co_return co_await master_.command(node, co::NmtCommand::enter_pre_operational);
 }
 
 rt::Task<Result<void>> WatchBeneath::look_at_waiting(PlaceBeneath& place) {
   const NodeId node = place.spec.id;
   told_lost_.reset(node.value());
-  place.stopped_itself = false;
+  if (place.stops_itself) {
+    slots_.set_state(place, SlotState::present, bus_failed);
+    if (!ready_ || !ready_(node)) co_return Result<void>{};
+    slots_.events().tell(EventKind::step, place.now.name, "the buses beneath it run again: it is started");
+    co_return co_await master_.command(node, co::NmtCommand::start);
+  }
   slots_.set_state(place, SlotState::present);
   if (!provided_ || !place.left_lying(slots_.now())) co_return Result<void>{};
   place.booted_again = slots_.now();

@@ -54,6 +54,7 @@ class Rig {
   }
   plant::SimDevice& device(const std::string& name) { return *world_->find(name); }
   plant::World& world() { return *world_; }
+  can::Port& port() { return *ports_.front(); }
   tree::Session& session() { return *session_; }
   const design::Machine& machine() const { return machine_; }
   operate::SlotReport slot(const std::string& name) const {
