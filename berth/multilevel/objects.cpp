@@ -7,13 +7,18 @@ namespace berth::multilevel {
 using od::DataType;
 using od::Literal;
 
+// Commands, not settings: no configuration sets them, none is stored, and what goes through the gateway is no change of
+// its own configuration (1020h).
 void add_sdo_gateway(od::DescriptionBuilder& builder, unsigned port) {
   const auto objects = SdoGatewayObjects::of(port);
-  builder.variable(objects.node.index,
-                   {.name = "Downstream node-ID", .type = DataType::unsigned8, .initial = Literal::number(0)});
+  builder.variable(objects.node.index, {.name = "Downstream node-ID",
+                                        .type = DataType::unsigned8,
+                                        .initial = Literal::number(0),
+                                        .obj_flags = od::refuse_write_on_download});
   builder.variable(objects.data.index, {.name = "Downstream data", .type = DataType::domain, .capacity = 8});
-  builder.variable(objects.command.index,
-                   {.name = "Downstream command specifier and multiplexer", .initial = Literal::number(0)});
+  builder.variable(objects.command.index, {.name = "Downstream command specifier and multiplexer",
+                                           .initial = Literal::number(0),
+                                           .obj_flags = od::refuse_write_on_download});
 }
 
 void add_emcy_layout(od::DescriptionBuilder& builder) {

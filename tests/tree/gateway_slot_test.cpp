@@ -99,11 +99,17 @@ TEST(GatewaySlot, GatewaysBeneathGetItToo) {
     EXPECT_EQ(values.get<std::uint8_t>({0x5F00, 1}), 1) << name;
     EXPECT_EQ(values.get<std::uint8_t>({0x5F03, 0}), 8) << name << ": four levels";
   }
+  // What goes through a gateway is no change of its own configuration.
+  rig.run_for(10s);
+  for (const char* const name : {"gateway 1", "gateway 2", "gateway 3"}) {
+    EXPECT_NE(rig.device(name).device().values().get<std::uint32_t>({0x1020, 1}), 0U) << name;
+  }
   rig.forget_events();
   rig.begin();
   ASSERT_TRUE(rig.up()) << rig.log();
   rig.run_for(10s);
   EXPECT_EQ(rig.log().find("written"), std::string::npos) << "a later run writes nothing\n" << rig.log();
+  EXPECT_EQ(rig.log().find("saving"), std::string::npos) << rig.log();
   EXPECT_EQ(rig.log().find("new network list"), std::string::npos) << rig.log();
 }
 
