@@ -13,6 +13,11 @@ using od::AbortCode;
 
 // More than a sub-block is on its way between the two buses only while the slower one takes the one before.
 constexpr std::size_t crowd = 2 * co::sdo::block_window;
+// What is handed on by gateway after gateway comes to each in sub-blocks of the one above it: in long ones the next
+// server would wait longer for its next frame than it is patient, on a slow bus, and the client for the end of all that
+// is on its way still.
+constexpr std::size_t passed_sub_block = std::size_t{16} * co::sdo::segment_bytes;
+constexpr std::size_t passed_crowd = 2 * passed_sub_block;
 
 AbortCode code_of(const Error& error) noexcept {
   switch (error.code) {
@@ -149,6 +154,7 @@ void SdoSession::cancel() noexcept {
   queue_.clear();
   size_.reset();
   all_in_ = false;
+  waits_ = false;
   state_ = State::idle;
 }
 
@@ -235,7 +241,7 @@ std::size_t SdoSession::Source::ready() const noexcept {
 
 od::Answer<std::size_t> SdoSession::Source::read(std::span<std::uint8_t> into) noexcept {
   const auto count = session_->queue_.take(into);
-  if (session_->crowded_ && session_->queue_.size() <= crowd) session_->wake_.post();
+  if (session_->crowded_ && session_->queue_.size() <= passed_crowd) session_->wake_.post();
   return count;
 }
 
@@ -257,7 +263,7 @@ void SdoSession::wake() noexcept {
       const AbortCode code = failure_;
       if (all_in_) cancel();
       channels.answer(channel_, objects.data, code);
-    } else if (crowded_ && queue_.size() <= crowd) {
+    } else if (crowded_ && queue_.size() <= passed_crowd) {
       crowded_ = false;
       channels.answer(channel_, objects.data, AbortCode::none);
     }
@@ -315,8 +321,20 @@ AbortCode SdoSession::open_write(ObjectRef, std::optional<std::size_t> size) noe
     return AbortCode::none;
   }
   size_ = size;
-  start(State::passing);
+  state_ = State::passing;
+  waits_ = true;
+  finished_ = crowded_ = false;
+  failure_ = AbortCode::none;
   return AbortCode::none;
+}
+
+std::size_t SdoSession::sub_block() const noexcept {
+  return state_ == State::passing ? passed_sub_block : longest_piece;
+}
+
+// The transfer beneath begins with the first bytes: its server is not kept waiting for them.
+void SdoSession::begin_passing() noexcept {
+  if (std::exchange(waits_, false)) start(State::passing);
 }
 
 AbortCode SdoSession::write(std::span<const std::uint8_t> bytes) noexcept {
@@ -329,8 +347,9 @@ AbortCode SdoSession::write(std::span<const std::uint8_t> bytes) noexcept {
   }
   if (finished_) return failure_ == AbortCode::none ? AbortCode::general : failure_;
   queue_.put(bytes);
+  begin_passing();
   source_.go_on();
-  if (queue_.size() <= crowd) return AbortCode::none;
+  if (queue_.size() <= passed_crowd) return AbortCode::none;
   crowded_ = true;
   return AbortCode::pending;
 }
@@ -346,6 +365,7 @@ AbortCode SdoSession::close(ObjectRef, bool complete) noexcept {
     state_ = State::stored;
     return AbortCode::none;
   }
+  begin_passing();
   all_in_ = true;
   crowded_ = false;  // from now on only the end is waited for
   source_.go_on();

@@ -90,12 +90,12 @@ class Rig {
 };
 
 // A chain of buses, each beneath a gateway with node-ID 3 on the one above: "top", "bus1", ..., with one valve (node-ID
-// 5) on each. `more`: lines for each bus's table of the machine file.
+// 5) on each, or so many with node-IDs from 5 on, each of a type of its own.
 struct Chain {
   std::string machine;
   std::string plant;
 };
-inline Chain chain(int gateways, unsigned bitrate = 250'000, const std::string& more = {}) {
+inline Chain chain(int gateways, unsigned bitrate = 250'000, int valves = 1) {
   Chain made;
   const auto rate = "bitrate = " + std::to_string(bitrate) + "\n";
   made.machine = "[machine]\nname = \"chain\"\n[bus.top]\nport = \"sim\"\n" + rate;
@@ -112,14 +112,17 @@ inline Chain chain(int gateways, unsigned bitrate = 250'000, const std::string& 
     const std::string name = "bus" + std::to_string(level);
     const std::string above = level == 1 ? "top" : "bus" + std::to_string(level - 1);
     made.machine += "[bus." + name + "]\nport = \"gateway\"\n" + rate + "master_id = 1\n" +
-                    "gateway = { bus = \"" + above + "\", slot = 3 }\n" + more;
+                    "gateway = { bus = \"" + above + "\", slot = 3 }\n";
     made.plant += "[bus." + name + "]\n";
     gates += "[[gateway]]\nabove = \"gateway " + std::to_string(level) + "\"\nbeneath = [\"port " +
              std::to_string(level) + "\"]\n";
   }
   for (int level = 0; level <= gateways; ++level) {
     if (level < gateways) add(level, 88, "gateway " + std::to_string(level + 1), 3);
-    add(level, 7, "valve " + std::to_string(level), 5);
+    for (int i = 0; i < valves; ++i) {
+      const auto name = "valve " + std::to_string(level) + (i == 0 ? "" : "-" + std::to_string(i));
+      add(level, 7 + i, name, 5 + i);
+    }
     if (level == 0) continue;
     made.plant += "[[device]]\nbus = \"bus" + std::to_string(level) + "\"\nname = \"port " + std::to_string(level) +
                   "\"\ntype = { vendor = 1, product = 89 }\nserial = " + std::to_string(100 * level + 1) +
