@@ -13,9 +13,9 @@ using od::AbortCode;
 
 // More than a sub-block is on its way between the two buses only while the slower one takes the one before.
 constexpr std::size_t crowd = 2 * co::sdo::block_window;
-// What is handed on by gateway after gateway comes to each in sub-blocks of the one above it: in long ones the next
-// server would wait longer for its next frame than it is patient, on a slow bus, and the client for the end of all that
-// is on its way still.
+// What is handed on by gateway after gateway comes to each in sub-blocks of the one above it: while a long one is
+// collected the next server would wait longer for its next frame than it is patient, on a slow bus, and then the client
+// for the end of all that is on its way still.
 constexpr std::size_t passed_sub_block = std::size_t{16} * co::sdo::segment_bytes;
 constexpr std::size_t passed_crowd = 2 * passed_sub_block;
 
@@ -328,9 +328,7 @@ AbortCode SdoSession::open_write(ObjectRef, std::optional<std::size_t> size) noe
   return AbortCode::none;
 }
 
-std::size_t SdoSession::sub_block() const noexcept {
-  return state_ == State::passing ? passed_sub_block : longest_piece;
-}
+std::size_t SdoSession::sub_block() const noexcept { return passed_sub_block; }
 
 // The transfer beneath begins with the first bytes: its server is not kept waiting for them.
 void SdoSession::begin_passing() noexcept {
