@@ -29,6 +29,14 @@ AbortCode code_of(const Error& error) noexcept {
   }
 }
 
+co::SdoOptions options_of(const SdoGatewayOptions& gateway, const GatewayCommand& command) noexcept {
+  co::SdoOptions options = gateway.sdo;
+  options.mode = command.mode;
+  options.retries = 0;  // the client above asks again
+  if (SdoGatewayObjects::contain(command.object)) options.timeout *= 1 + gateway.levels_beneath;
+  return options;
+}
+
 // What goes to the gateway's own device is kept whole, and may be as long as its object.
 std::size_t room_of(const SdoGatewayOptions& options, const od::Values* own, ObjectRef object) noexcept {
   const auto* const sub = own == nullptr ? nullptr : own->description().find(object);
@@ -127,7 +135,7 @@ AbortCode SdoSession::begin_sending() noexcept {
 
 void SdoSession::start(State state) noexcept {
   state_ = state;
-  begun_ = finished_ = crowded_ = false;
+  begun_ = finished_ = crowded_ = waits_ = false;
   failure_ = AbortCode::none;
   if (state == State::uploading) {
     scope_.spawn(upload());
@@ -166,14 +174,6 @@ void SdoSession::reset() noexcept {
 
 // ---- the access beneath
 
-co::SdoOptions SdoSession::sdo_options() const noexcept {
-  co::SdoOptions options = gateway_->options_.sdo;
-  options.mode = command_.mode;
-  options.retries = 0;  // the client above asks again
-  if (SdoGatewayObjects::contain(command_.object)) options.timeout *= 1 + gateway_->options_.levels_beneath;
-  return options;
-}
-
 rt::Task<void> SdoSession::upload() {
   const NodeId node = this->node();
   if (od::Values* const own = gateway_->own(node)) {
@@ -189,7 +189,7 @@ rt::Task<void> SdoSession::upload() {
     wake_.post();
     co_return;
   }
-  const co::SdoOptions options = sdo_options();
+  const co::SdoOptions options = options_of(gateway_->options_, command_);
   co::SdoSink& sink = sink_;
   const auto done =
       co_await gateway_->beneath_->upload(node, command_.object.index, command_.object.sub, sink, options);
@@ -198,7 +198,7 @@ rt::Task<void> SdoSession::upload() {
 
 rt::Task<void> SdoSession::pass() {
   const NodeId node = this->node();
-  const co::SdoOptions options = sdo_options();
+  const co::SdoOptions options = options_of(gateway_->options_, command_);
   co::SdoSource& source = source_;
   const auto done =
       co_await gateway_->beneath_->download(node, command_.object.index, command_.object.sub, source, options);
@@ -207,7 +207,7 @@ rt::Task<void> SdoSession::pass() {
 
 rt::Task<void> SdoSession::send() {
   const NodeId node = this->node();
-  const co::SdoOptions options = sdo_options();
+  const co::SdoOptions options = options_of(gateway_->options_, command_);
   const std::span<const std::uint8_t> data = queue_.bytes();
   const auto done =
       co_await gateway_->beneath_->download(node, command_.object.index, command_.object.sub, data, options);
@@ -330,11 +330,6 @@ AbortCode SdoSession::open_write(ObjectRef, std::optional<std::size_t> size) noe
 
 std::size_t SdoSession::sub_block() const noexcept { return passed_sub_block; }
 
-// The transfer beneath begins with the first bytes: its server is not kept waiting for them.
-void SdoSession::begin_passing() noexcept {
-  if (std::exchange(waits_, false)) start(State::passing);
-}
-
 AbortCode SdoSession::write(std::span<const std::uint8_t> bytes) noexcept {
   if (state_ != State::passing) {
     const od::Values* const own = state_ == State::armed ? gateway_->own(node()) : nullptr;
@@ -345,7 +340,7 @@ AbortCode SdoSession::write(std::span<const std::uint8_t> bytes) noexcept {
   }
   if (finished_) return failure_ == AbortCode::none ? AbortCode::general : failure_;
   queue_.put(bytes);
-  begin_passing();
+  if (waits_) start(State::passing);  // with the first bytes: the server beneath is not kept waiting for them
   source_.go_on();
   if (queue_.size() <= passed_crowd) return AbortCode::none;
   crowded_ = true;
@@ -363,7 +358,7 @@ AbortCode SdoSession::close(ObjectRef, bool complete) noexcept {
     state_ = State::stored;
     return AbortCode::none;
   }
-  begin_passing();
+  if (waits_) start(State::passing);
   all_in_ = true;
   crowded_ = false;  // from now on only the end is waited for
   source_.go_on();

@@ -91,10 +91,8 @@ class SdoSession final : public od::Stream {
   od::AbortCode close(ObjectRef ref, bool complete) noexcept override;
 
   [[nodiscard]] NodeId node() const noexcept { return NodeId(node_[0]); }
-  [[nodiscard]] co::SdoOptions sdo_options() const noexcept;
   [[nodiscard]] od::AbortCode begin_sending() noexcept;
   void start(State state) noexcept;
-  void begin_passing() noexcept;
   rt::Task<void> upload();
   rt::Task<void> pass();
   rt::Task<void> send();

@@ -4,7 +4,6 @@
 
 #include "berth/eds/concise_dcf.hpp"
 #include "berth/manager/configuration_requests.hpp"
-#include "berth/manager/configurator.hpp"
 #include "berth/manager/network_requests.hpp"
 #include "berth/od/cia302.hpp"
 
@@ -81,6 +80,8 @@ rt::Task<Result<void>> GatewayMaster::undate() {
 
 rt::Task<Result<void>> GatewayMaster::bring_objects(const manager::Wanted& list, bool& changed) {
   manager::ConfiguratorOptions options;
+  options.progress = progress_;
+  options.each_value = true;
   manager::ConfigurationReport report;
   manager::Configurator configurator(*master_, *master_, list, options);
   co_await configurator.run(report);

@@ -7,12 +7,13 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "berth/base/ids.hpp"
 #include "berth/co/nmt.hpp"
 #include "berth/co/sdo_access.hpp"
-#include "berth/manager/configuration.hpp"
+#include "berth/manager/configurator.hpp"
 #include "berth/rt/task.hpp"
 
 namespace berth::tree {
@@ -21,6 +22,9 @@ class GatewayMaster {
  public:
   /// `master`: its dictionary, must stay. `own`: its node-ID on the bus that it commands.
   GatewayMaster(co::SdoAccess& master, NodeId own) noexcept : master_(&master), own_(own) {}
+
+  /// How far `bring_objects` is, after each value.
+  void on_progress(std::function<void(const manager::Progress&)> call) { progress_ = std::move(call); }
 
   /// 1F82h: the node is in the network list and not heard. 0: the master knows nothing of it.
   static constexpr std::uint8_t missing = 1;
@@ -53,6 +57,7 @@ class GatewayMaster {
 
   co::SdoAccess* master_;
   NodeId own_;
+  std::function<void(const manager::Progress&)> progress_;
 };
 
 }  // namespace berth::tree

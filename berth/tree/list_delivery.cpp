@@ -1,5 +1,7 @@
 #include "berth/tree/list_delivery.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "berth/rt/scope.hpp"
@@ -7,6 +9,7 @@
 namespace berth::tree {
 namespace {
 
+constexpr auto progress_period = std::chrono::seconds(10);
 constexpr auto question_pause = std::chrono::milliseconds(50);
 
 rt::Task<void> bring_up_one(const Deeper& deeper, std::optional<Error>& failed) {
@@ -24,7 +27,9 @@ ListDelivery::ListDelivery(rt::Executor& executor, SlotsBeneath& slots, const Wa
       way_(way),
       settings_(std::move(settings)),
       routes_(routes),
-      master_(routes.access({way.gateways, slots.bus().master}), slots.bus().master) {}
+      master_(routes.access({way.gateways, slots.bus().master}), slots.bus().master) {
+  master_.on_progress([this](const manager::Progress& progress) { progress_ = progress; });
+}
 
 manager::Wanted ListDelivery::list(std::span<const NodeId> held_back) {
   Findings findings;
@@ -54,12 +59,32 @@ rt::Task<Result<void>> ListDelivery::deliver(bool& was_there) {
   co_return done;
 }
 
+// Through many gateways, on slow buses, it takes its time.
+rt::Task<void> ListDelivery::tell_progress() {
+  for (;;) {
+    co_await rt::sleep_for(progress_period);
+    const auto& [stage, done, total] = progress_;
+    slots_.events().tell(operate::EventKind::step, "",
+                         total == 0 ? std::string("its network list is being brought in, in one transfer")
+                                    : fmt::format("its network list is being brought in, value by value: {}, {} of {}",
+                                                  manager::name(stage), done, total));
+  }
+}
+
+rt::Task<Result<void>> ListDelivery::bring(const manager::Wanted& list, bool& changed) {
+  progress_ = {};
+  rt::Scope beside(executor_);
+  beside.spawn(tell_progress());
+  const auto done = co_await master_.bring(list, changed);
+  co_return done;
+}
+
 // `nodes`: those that its master must know when it uses the list. It counts what is written from its next boot-up on. A
 // list that is there and of which nodes are missing may have been written by a Berth that ended before that: then the
 // master is restarted too, once.
 rt::Task<Result<void>> ListDelivery::put(const manager::Wanted& list, std::vector<NodeId> nodes) {
   bool changed = false;
-  auto done = co_await master_.bring(list, changed);
+  auto done = co_await bring(list, changed);
   if (!done) co_return done;
   if (!changed) {
     if (restarted_) co_return Result<void>{};
@@ -68,7 +93,7 @@ rt::Task<Result<void>> ListDelivery::put(const manager::Wanted& list, std::vecto
     restarted_ = true;
     // What is there may be unsaved: it is brought in again as if its date were another.
     done = co_await master_.undate();
-    if (done) done = co_await master_.bring(list, changed);
+    if (done) done = co_await bring(list, changed);
     if (!done) co_return done;
     slots_.events().tell(operate::EventKind::step, "",
                          "its gateway boots it again: it misses nodes of its network list");

@@ -50,6 +50,8 @@ class ListDelivery {
   [[nodiscard]] rt::Task<Found> look();
 
  private:
+  rt::Task<Result<void>> bring(const manager::Wanted& list, bool& changed);
+  rt::Task<void> tell_progress();
   rt::Task<Result<void>> put(const manager::Wanted& list, std::vector<NodeId> nodes);
   rt::Task<Result<void>> put_in_steps(const manager::Wanted& whole);
   rt::Task<Result<void>> let_in(const manager::Wanted& first, const manager::Wanted& whole);
@@ -65,6 +67,7 @@ class ListDelivery {
   multilevel::Routes& routes_;
   GatewayMaster master_;
   std::vector<Deeper> deeper_;
+  manager::Progress progress_;
   bool restarted_ = false;  // the master, because it missed nodes of a list that it had
 };
 
