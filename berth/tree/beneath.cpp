@@ -124,6 +124,10 @@ void Beneath::ask_all() {
   for (const NodeId node : slots_.nodes()) ask(node, true);
 }
 
+void Beneath::collided(NodeId node) {
+  if (auto* const place = slots_.at(node)) watch_.collided(*place);
+}
+
 void Beneath::stops_itself(NodeId gateway) noexcept {
   if (auto* const place = slots_.at(gateway)) place->stops_itself = executor_.now();
 }

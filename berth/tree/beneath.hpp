@@ -43,6 +43,8 @@ class Beneath {
   void ask(NodeId node, bool lost);
   /// The same of every slot.
   void ask_all();
+  /// An EMCY 8150h of this slot's node.
+  void collided(NodeId node);
   /// The gateway in this slot told that a mandatory bus beneath it has failed: it stops itself.
   void stops_itself(NodeId gateway) noexcept;
 

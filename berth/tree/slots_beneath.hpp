@@ -19,9 +19,10 @@ struct PlaceBeneath {
   bool identified = false;  ///< its device, since it became operational
   /// A gateway told that it stops itself, because a mandatory bus beneath it failed (EMCY FF01h); empty: it did not.
   std::optional<rt::Time> stops_itself;
-  rt::Time booted_again{};              ///< the last time that Berth had it reset
-  unsigned losses = 0;                  ///< EMCYs 8130h that may be about it
-  rt::Time collided = rt::Time::min();  ///< the last EMCY 8150h of it
+  rt::Time booted_again{};           ///< the last time that Berth had it reset
+  unsigned losses = 0;               ///< EMCYs 8130h that may be about it
+  std::optional<rt::Time> collided;  ///< the last EMCY 8150h of it
+  bool doubled = false;              ///< by two of them: a second device uses its node-ID
 
   /// Its boot-up has failed, by lost frames say: a master need not try again by itself.
   [[nodiscard]] bool left_lying(rt::Time at) const noexcept {

@@ -21,6 +21,11 @@ std::size_t levels_between(const design::Machine& machine, const std::string& to
   return levels;
 }
 
+bool is_communication(const multilevel::EmcyReading& reading) noexcept {
+  const std::uint16_t code = reading.code != 0 ? reading.code : reading.exiting;
+  return code >> 8U == co::emcy_code::id_collision >> 8U;
+}
+
 multilevel::GatewayTimes gateway_times(const design::Machine& machine, const std::string& top) {
   multilevel::GatewayTimes times;
   std::optional<rt::Duration> slowest;
@@ -146,8 +151,13 @@ void Tree::tell(const std::string& name, const multilevel::LoggedEmcy& entry, co
   auto possible = origins.named;
   if (origins.may_be_deeper) possible.insert(possible.end(), origins.beneath.begin(), origins.beneath.end());
   if (possible.size() == 1) {
-    const auto& slot = possible.front()->spec.name;
-    return bus(slot.bus)->slots().events().tell(operate::EventKind::error, slot.name, text);
+    const auto& spec = possible.front()->spec;
+    Beneath& line = *bus(spec.name.bus);
+    // Two devices under one node-ID tell of it, and of what it does to their frames, again and again.
+    const bool known = line.slots().at(spec.id)->doubled && is_communication(entry.reading);
+    if (!known) line.slots().events().tell(operate::EventKind::error, spec.name.name, text);
+    if (entry.reading.code == co::emcy_code::id_collision) line.collided(spec.id);
+    return;
   }
   std::string whose;
   for (const auto* const slot : possible) whose += (whose.empty() ? "" : " or ") + path_of(*slot);

@@ -3,6 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
+
+#include "berth/co/emcy.hpp"
 
 namespace berth::tree {
 namespace {
@@ -10,6 +13,8 @@ namespace {
 using operate::EventKind;
 using places::SlotState;
 
+constexpr auto long_quiet = std::chrono::seconds(10);      // without an EMCY of two devices
+constexpr auto at_once = std::chrono::seconds(2);          // two EMCYs of two devices
 constexpr auto by_then_stopped = std::chrono::seconds(1);  // from the EMCY that says so
 constexpr const char* bus_failed = "a mandatory bus beneath it has failed";
 constexpr auto look_pause = std::chrono::milliseconds(200);  // between two looks at a bus that boots
@@ -140,20 +145,56 @@ rt::Task<Result<void>> WatchBeneath::look_at(PlaceBeneath& place, bool settled) 
   }
   if (!state) co_return fail(state.error());
   if (!*state) co_return Result<void>{};
+  if (place.doubled && **state > GatewayMaster::missing) {
+    const bool still = co_await is_doubled(place);
+    place.doubled = still;
+    if (still) co_return Result<void>{};
+  }
   switch (**state) {
-    case static_cast<std::uint8_t>(NmtState::operational):
-      if (place.stops_itself && slots_.now() - *place.stops_itself > by_then_stopped) place.stops_itself.reset();
-      slots_.set_state(place, SlotState::operational);
-      if (told_lost_.test(place.spec.id.value()) && still_runs_) still_runs_(place.spec.id);
-      break;
+    case static_cast<std::uint8_t>(NmtState::operational): co_return co_await look_at_running(place);
     case static_cast<std::uint8_t>(NmtState::stopped): co_return co_await look_at_stopped(place);
     case static_cast<std::uint8_t>(NmtState::pre_operational): co_return co_await look_at_waiting(place);
     default:
       place.stops_itself.reset();  // it boots, if at all
+      place.doubled = false;
       if (settled) found_missing(place);
   }
   told_lost_.reset(place.spec.id.value());
   co_return Result<void>{};
+}
+
+rt::Task<Result<void>> WatchBeneath::look_at_running(PlaceBeneath& place) {
+  const NodeId node = place.spec.id;
+  if (place.stops_itself && slots_.now() - *place.stops_itself > by_then_stopped) place.stops_itself.reset();
+  slots_.set_state(place, SlotState::operational);
+  const bool told = told_lost_.test(node.value());
+  told_lost_.reset(node.value());
+  if (told && still_runs_) still_runs_(node);
+  co_return Result<void>{};
+}
+
+void WatchBeneath::collided(PlaceBeneath& place) {
+  const rt::Time now = slots_.now();
+  const auto before = std::exchange(place.collided, now);
+  if (place.doubled || !before || now - *before > at_once) return;
+  place.doubled = true;
+  slots_.set_state(place, SlotState::duplicate,
+                   "two devices use this node-ID (each told EMCY 8150h): take one of them off the bus, and restart the "
+                   "other");
+}
+
+// Asked who it is, two answer with different serial numbers, and their frames destroy each other: who has a
+// communication error after that (1001h) is not alone. One that was restarted alone has none.
+rt::Task<bool> WatchBeneath::is_doubled(PlaceBeneath& place) {
+  if (slots_.now() - place.collided.value_or(slots_.now()) < long_quiet) co_return true;
+  co::SdoAccess& node = access(place.spec.id);
+  LssAddress device;
+  const auto known = co_await read_address(node, device);
+  if (!known) co_return true;
+  const auto errors = co_await node.read(0x1001, 0);
+  if (!errors) co_return true;
+  const auto bytes = errors->bytes();
+  co_return bytes.empty() || (bytes.front() & co::error_register::communication) != 0;
 }
 
 void WatchBeneath::found_missing(PlaceBeneath& place) {

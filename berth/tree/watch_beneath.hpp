@@ -38,6 +38,11 @@ class WatchBeneath {
   /// was asked before it counts for nothing. False: there is no such slot.
   bool ask(NodeId node, bool lost);
 
+  /// An EMCY 8150h came of this slot's node: another device uses its identifiers. Two at once come of two devices under
+  /// one node-ID, since each hears the other's; then the slot is `duplicate` until its node restarts or has the error
+  /// no more (1001h).
+  void collided(PlaceBeneath& place);
+
   /// Asks of all that do not run, until all run that have to or `deadline` is over. Errors: Errc::mismatch with the
   /// node that does not.
   [[nodiscard]] rt::Task<Result<void>> await_operational(rt::Time deadline);
@@ -59,6 +64,8 @@ class WatchBeneath {
   rt::Task<Result<void>> look_at_stopped(PlaceBeneath& place);
   rt::Task<Result<void>> look_at_waiting(PlaceBeneath& place);
   void found_missing(PlaceBeneath& place);
+  rt::Task<Result<void>> look_at_running(PlaceBeneath& place);
+  rt::Task<bool> is_doubled(PlaceBeneath& place);
   rt::Task<bool> identify(PlaceBeneath& place);
   [[nodiscard]] std::vector<NodeId> take_asked();
   [[nodiscard]] co::SdoAccess& access(NodeId node) { return routes_.access({way_.gateways, node}); }

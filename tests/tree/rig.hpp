@@ -39,8 +39,7 @@ class Rig {
   void begin() {
     session_.reset();
     session_ = std::make_unique<tree::Session>(world_->executor(), machine_, store_);
-    for (std::size_t i = 0; i < ports_.size(); ++i)
-      EXPECT_TRUE(session_->connect(machine_.buses[i].name, *ports_[i]));
+    for (std::size_t i = 0; i < ports_.size(); ++i) EXPECT_TRUE(session_->connect(machine_.buses[i].name, *ports_[i]));
     EXPECT_TRUE(session_->open());
     session_->on_event([this](const operate::Event& event) { events_.push_back(event); });
     session_->start();
@@ -103,7 +102,8 @@ inline Chain chain(int gateways, unsigned bitrate = 250'000, int valves = 1) {
   const auto add = [&](int level, int product, const std::string& name, int id) {
     const std::string bus = level == 0 ? "top" : "bus" + std::to_string(level);
     const auto type = "type = { vendor = 1, product = " + std::to_string(product) + " }\n";
-    made.machine += "[[slot]]\nbus = \"" + bus + "\"\nid = " + std::to_string(id) + "\nname = \"" + name + "\"\n" + type;
+    made.machine +=
+        "[[slot]]\nbus = \"" + bus + "\"\nid = " + std::to_string(id) + "\nname = \"" + name + "\"\n" + type;
     made.plant += "[[device]]\nbus = \"" + bus + "\"\nname = \"" + name + "\"\n" + type +
                   "serial = " + std::to_string(100 * level + id) + "\n";
   };
@@ -111,8 +111,8 @@ inline Chain chain(int gateways, unsigned bitrate = 250'000, int valves = 1) {
   for (int level = 1; level <= gateways; ++level) {
     const std::string name = "bus" + std::to_string(level);
     const std::string above = level == 1 ? "top" : "bus" + std::to_string(level - 1);
-    made.machine += "[bus." + name + "]\nport = \"gateway\"\n" + rate + "master_id = 1\n" +
-                    "gateway = { bus = \"" + above + "\", slot = 3 }\n";
+    made.machine += "[bus." + name + "]\nport = \"gateway\"\n" + rate + "master_id = 1\n" + "gateway = { bus = \"" +
+                    above + "\", slot = 3 }\n";
     made.plant += "[bus." + name + "]\n";
     gates += "[[gateway]]\nabove = \"gateway " + std::to_string(level) + "\"\nbeneath = [\"port " +
              std::to_string(level) + "\"]\n";

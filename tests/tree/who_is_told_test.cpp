@@ -133,8 +133,8 @@ TEST_F(Sisters, AnErrorIsToldOfBoth) {
   EXPECT_NE(lines.front().find("3/5 left valve or 3.2/5 right valve"), std::string::npos) << lines.front();
 }
 
-// Figure 7 has room for six levels: of a node on the seventh the last node-ID is lost, and the gateway above it seems to
-// be meant.
+// Figure 7 has room for six levels: of a node on the seventh the last node-ID is lost, and the gateway above it seems
+// to be meant.
 TEST(WhoIsTold, ANodeTooDeepForTheLayout) {
   const auto made = chain(6);
   Rig rig(made.machine, made.plant);
@@ -145,7 +145,8 @@ TEST(WhoIsTold, ANodeTooDeepForTheLayout) {
   rig.run_for(10s);
   EXPECT_EQ(rig.state("valve 6"), SlotState::absent) << rig.log();
   EXPECT_EQ(rig.told("valve 6").size(), 1U) << rig.log();
-  for (const char* const name : {"gateway 1", "gateway 2", "gateway 4", "gateway 5", "gateway 6", "valve 1", "valve 5"}) {
+  for (const char* const name :
+       {"gateway 1", "gateway 2", "gateway 4", "gateway 5", "gateway 6", "valve 1", "valve 5"}) {
     auto lines = rig.told(name);
     std::erase_if(lines, [](const std::string& line) { return line.find("FF04h") != std::string::npos; });
     EXPECT_EQ(lines, Lines{}) << name << "\n" << rig.log();
