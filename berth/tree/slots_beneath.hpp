@@ -16,6 +16,7 @@ namespace berth::tree {
 struct PlaceBeneath {
   places::SlotSpec spec;
   operate::SlotReport now;
+  std::uint16_t profile = 0;  ///< of its device: the lower word of 1000h; 0: none, or not known
   bool identified = false;  ///< its device, since it became operational
   /// A gateway told that it stops itself, because a mandatory bus beneath it failed (EMCY FF01h); empty: it did not.
   std::optional<rt::Time> stops_itself;

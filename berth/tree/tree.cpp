@@ -6,6 +6,7 @@
 #include <optional>
 #include <span>
 
+#include "berth/decode/emcy_words.hpp"
 #include "berth/tree/gateway_settings.hpp"
 
 namespace berth::tree {
@@ -19,6 +20,12 @@ std::size_t levels_between(const design::Machine& machine, const std::string& to
     ++levels;
   }
   return levels;
+}
+
+// Of the producer's device profile, as profiles use codes twice (paper 3 Figure 10).
+const char* words(std::uint16_t code, std::uint16_t profile) {
+  const char* const own = multilevel::gateway_code_text(code);
+  return own != nullptr ? own : decode::emcy_words(code, profile);
 }
 
 bool is_communication(const multilevel::EmcyReading& reading) noexcept {
@@ -143,13 +150,14 @@ rt::Task<void> Tree::reset_stopped(operate::Network& network, NodeId gateway) {
 }
 
 void Tree::tell(const std::string& name, const multilevel::LoggedEmcy& entry, const EmcyOrigins& origins) {
-  const auto words = [](std::uint16_t code, std::uint16_t) {
-    const char* const own = multilevel::gateway_code_text(code);
-    return own != nullptr ? own : co::emcy_text(code);
-  };
-  const std::string text = "EMCY " + multilevel::text(entry, words);
   auto possible = origins.named;
   if (origins.may_be_deeper) possible.insert(possible.end(), origins.beneath.begin(), origins.beneath.end());
+  multilevel::LoggedEmcy told = entry;
+  if (possible.size() == 1) {
+    const auto& spec = possible.front()->spec;
+    told.profile = bus(spec.name.bus)->slots().at(spec.id)->profile;
+  }
+  const std::string text = "EMCY " + multilevel::text(told, words);
   if (possible.size() == 1) {
     const auto& spec = possible.front()->spec;
     Beneath& line = *bus(spec.name.bus);

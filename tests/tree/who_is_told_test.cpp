@@ -133,6 +133,27 @@ TEST_F(Sisters, AnErrorIsToldOfBoth) {
   EXPECT_NE(lines.front().find("3/5 left valve or 3.2/5 right valve"), std::string::npos) << lines.front();
 }
 
+// The words are those of the producer's device profile (paper 3 Figure 10), which its 1000h tells.
+TEST(WhoIsTold, TheWordsOfTheProducersProfile) {
+  const auto made = chain(1, 250'000, 3);
+  Rig rig(made.machine, made.plant);
+  const auto tell = [&](const char* name, std::uint32_t type) {
+    rig.device(name).device().values().set<std::uint32_t>({0x1000, 0}, type);
+  };
+  tell("valve 1", 0x0002'0192);
+  tell("valve 1-1", 0x0003'0191);
+  ASSERT_TRUE(rig.up()) << rig.log();
+  rig.run_for(5s);
+  for (const auto& [name, words] : {std::pair{"valve 1", "3210h DC link over-voltage"},
+                                    std::pair{"valve 1-1", "3210h internal voltage too high"}}) {
+    rig.forget_events();
+    rig.device(name).device().errors().raise(0x3210, co::error_register::voltage);
+    rig.run_for(1s);
+    ASSERT_EQ(rig.told(name).size(), 1U) << rig.log();
+    EXPECT_NE(rig.told(name).front().find(words), std::string::npos) << rig.told(name).front();
+  }
+}
+
 // Figure 7 has room for six levels: of a node on the seventh the last node-ID is lost, and the gateway above it seems
 // to be meant.
 TEST(WhoIsTold, ANodeTooDeepForTheLayout) {
