@@ -140,9 +140,9 @@ TEST(WhoIsTold, TheWordsOfTheProducersProfile) {
   const auto tell = [&](const char* name, std::uint32_t type) {
     rig.device(name).device().values().set<std::uint32_t>({0x1000, 0}, type);
   };
-  tell("valve 1", 0x0002'0192);
-  tell("valve 1-1", 0x0003'0191);
   ASSERT_TRUE(rig.up()) << rig.log();
+  tell("valve 1", 0x0002'0192);  // a restart would take it back, and who they are is asked after this
+  tell("valve 1-1", 0x0003'0191);
   rig.run_for(5s);
   for (const auto& [name, words] : {std::pair{"valve 1", "3210h DC link over-voltage"},
                                     std::pair{"valve 1-1", "3210h internal voltage too high"}}) {
