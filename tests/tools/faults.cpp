@@ -39,6 +39,7 @@ struct Options {
   int first_row = 0, last_row = method_rows;  // excluded
   std::uint64_t intelligence_count = 220;     // worlds of programs, configurations, links and take-over
   std::uint64_t trees = 12;                   // worlds of many buses
+  bool mixed_trees = false;                   // with sister buses, replacements, devices of all kinds
   bool complete = true;                       // fail when a cell of the matrix has too few hits
 };
 
@@ -430,7 +431,8 @@ constexpr int troubles_of_a_tree = 8;
 TreeTally work_trees(const Options& o, unsigned worker) {
   TreeTally tally;
   for (std::uint64_t seed = o.from + worker; seed < o.from + o.trees; seed += o.workers) {
-    TreeWorld first(tree_plan(seed)), second(tree_plan(seed));
+    const TreePlan plan = o.mixed_trees ? mix(tree_plan(seed)) : tree_plan(seed);
+    TreeWorld first(plan), second(plan);
     const std::string wrong = first.go(troubles_of_a_tree);
     static_cast<void>(second.go(troubles_of_a_tree));
     ++tally.runs;
@@ -448,9 +450,10 @@ TreeTally work_trees(const Options& o, unsigned worker) {
 bool trees(const Options& o) {
   const auto began = std::chrono::steady_clock::now();
   const TreeTally t = side_by_side(o, work_trees);
-  std::printf("%llu trees of buses, each run twice, from seed %llu; %llu differed; %llu failed\n",
-              static_cast<unsigned long long>(t.runs), static_cast<unsigned long long>(o.from),
-              static_cast<unsigned long long>(t.differ), static_cast<unsigned long long>(t.failures));
+  std::printf("%llu trees of buses%s, each run twice, from seed %llu; %llu differed; %llu failed\n",
+              static_cast<unsigned long long>(t.runs), o.mixed_trees ? " with replacements and sister buses" : "",
+              static_cast<unsigned long long>(o.from), static_cast<unsigned long long>(t.differ),
+              static_cast<unsigned long long>(t.failures));
   print_speed(t.runs, began, o.workers);
   return t.differ == 0 && t.failures == 0 && t.runs > 0;
 }
@@ -493,6 +496,7 @@ bool intelligence(const Options& o) {
 int main(int argc, char** argv) {
   Options o;
   bool counted = false, only_methods = false, only_intelligence = false, only_trees = false, only_twins = false;
+  bool plain = false;
   for (int i = 1; i < argc; ++i) {
     const auto value = [&] { return i + 1 < argc ? std::strtoull(argv[++i], nullptr, 0) : 0ULL; };
     if (std::strcmp(argv[i], "--from") == 0) {
@@ -505,7 +509,9 @@ int main(int argc, char** argv) {
     } else if (std::strcmp(argv[i], "--show") == 0) {
       o.show = true;
     } else if (std::strcmp(argv[i], "--trees") == 0) {
-      only_trees = true;
+      only_trees = o.mixed_trees = true;
+    } else if (std::strcmp(argv[i], "--plain") == 0) {
+      plain = true;
     } else if (std::strcmp(argv[i], "--twins") == 0) {
       only_twins = true;
     } else if (std::strcmp(argv[i], "--brief") == 0) {
@@ -518,7 +524,7 @@ int main(int argc, char** argv) {
     } else {
       std::fprintf(stderr,
                    "usage: faults [--from SEED] [--count N] [--method NAME|all|none | --intelligence | --trees | "
-                   "--twins] "
+                   "--twins] [--plain] "
                    "[--workers N] [--show] [--brief]\n"
                    "methods:");
       for (int row = 0; row < method_rows; ++row) std::fprintf(stderr, " %s", row_name(row).c_str());
@@ -527,6 +533,7 @@ int main(int argc, char** argv) {
     }
   }
   if (o.workers == 0) o.workers = 1;
+  if (plain) o.mixed_trees = false;
   o.complete = o.count >= 2200;
   if (counted) o.method_count = o.main_job ? (o.count + 9) / 10 : o.count;
   if (counted) o.intelligence_count = only_intelligence ? o.count : o.method_count;
