@@ -24,6 +24,10 @@ bool fits(std::uint32_t is, const SlaveRules& rules) noexcept {
 
 }  // namespace
 
+rt::Task<bool> BootTarget::runs() { co_return false; }
+
+rt::Task<void> BootTarget::start_sent() { co_return; }
+
 rt::Task<Result<void>> BootSource::configure(BootTarget&, SlaveRules&) { co_return Result<void>{}; }
 
 rt::Task<Result<std::string>> BootSource::other_programs(BootTarget&, const SlaveRules&) { co_return std::string(); }

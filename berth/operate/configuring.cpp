@@ -207,7 +207,7 @@ rt::Task<Configuring::Next> Configuring::try_once(Seat& seat, Attempt& attempt) 
   if (restarted && attempt.number < most_attempts) {
     co_await asker_->ask_seat(seat);  // another device may have come under this node-ID
     attempt.identified = seat.checked;
-    co_return seat.there && !seat.started ? Next::again : Next::not_now;
+    co_return seat.there && !seat.is_booted() ? Next::again : Next::not_now;
   }
   if (!good) co_return Next::not_now;
   if (attempt.verifies && !report.differences.empty()) {
@@ -460,7 +460,7 @@ rt::Task<void> Configuring::compare(Seat& seat, bool write, SlotConfiguration& i
   into.problem = elsewhere;
   if (!elsewhere.empty()) co_return;
   const auto heard = s_.boots.heard(id);
-  const bool runs = (seat.started && !seat.held) || (heard && s_.boots.state(id) == NmtState::operational);
+  const bool runs = (seat.is_booted() && !seat.held) || (heard && s_.boots.state(id) == NmtState::operational);
   if (write && !runs) {
     seat.configuration.stuck = false;
     seat.configuration.failed_savings = 0;

@@ -79,13 +79,14 @@ rt::Task<void> Presence::ask_seat(Seat& seat) {
   const bool stays = co_await places_.stays_in_place(seat);
   if (!stays) co_return;
   seat.there = true;
-  seat.started = sign.state == NmtState::operational || seat.held;
-  seat.boot = {};
+  seat.slave.forget();
+  if (seat.held) seat.slave.status.phase = manager::SlavePhase::awaited;
   if (sign.state != NmtState::operational) {
     slots_.set_state(seat, SlotState::present);
     co_return;
   }
-  seat.boot = {.status = manager::BootStatus::l, .ready = true};
+  seat.set_letter(manager::BootStatus::l);
+  seat.slave.status.phase = manager::SlavePhase::started;
   s_.heartbeats.supervise(id, s_.bus.timing.heartbeat_timeout);
   slots_.set_state(seat, SlotState::operational);
   if (seat.configuration.wanted) co_await configuring_.look_at_running(seat);
@@ -113,7 +114,7 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
   if (!doubled && *who == seat.slot.record.confirmed->device) co_return true;
   seat.doubt.shared = Duplicates::most_tries;
   agenda_.look_anew = true;
-  seat.boot = {.status = doubled ? manager::BootStatus::booted : letter_of(*who, seat.slot.record.confirmed->device)};
+  seat.set_letter(doubled ? manager::BootStatus::booted : letter_of(*who, seat.slot.record.confirmed->device));
   if (doubled) {
     slots_.set_state(seat, SlotState::duplicate, "two devices answer under this node-ID; take one of them off the bus");
   } else {
@@ -156,7 +157,7 @@ rt::Task<void> Presence::adopt_fixed(Seat& seat) {
   const auto who = co_await places::Binder::read_identity(s_.sdo, id);
   if (!who) co_return;
   if (!places::fits(seat.slot.spec, *who)) {
-    seat.boot = {.status = letter_of(*who, {seat.slot.spec.type.vendor, seat.slot.spec.type.product, 0, 0})};
+    seat.set_letter(letter_of(*who, {seat.slot.spec.type.vendor, seat.slot.spec.type.product, 0, 0}));
     slots_.set_state(seat, SlotState::wrong_type, fmt::format("device {} has its node-ID", to_string(*who)));
     co_return;
   }

@@ -215,7 +215,7 @@ void Seating::bound(Seat& seat, const Binding& binding) {
   found_.forget(binding.assignment().device);
   places_.forget(binding.assignment().device);
   seat.there = true;
-  seat.started = false;
+  seat.boot_again();
   seat.power_cycle.binding.reset();
   seat.fresh = true;
   seat.checked = s_.executor.now();

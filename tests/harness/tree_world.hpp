@@ -20,9 +20,9 @@
 #include <vector>
 
 #include "berth/multilevel/sub_bus.hpp"
-#include "berth/operate/session.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/plant/world.hpp"
+#include "berth/tree/session.hpp"
 #include "tests/harness/duplicate_watch.hpp"
 #include "tests/harness/mortal.hpp"
 #include "tests/harness/told_watch.hpp"
@@ -68,7 +68,7 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
     told_watch_->berth_began();
     port_ = std::make_unique<MortalPort>(axe_, *controller_);
     heard_port_ = std::make_unique<HeardPort>(*watch_, "backbone", *port_);
-    session_ = std::make_unique<operate::Session>(world_->executor(), plan_.machine, store_);
+    session_ = std::make_unique<tree::Session>(world_->executor(), plan_.machine, store_);
     session_->on_event([this](const operate::Event& event) { take(event); });
     const bool opened = session_->connect("backbone", *heard_port_) && session_->open();
     if (!opened) failure_ += "the session cannot be opened\n";
@@ -409,7 +409,7 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
   std::unique_ptr<ToldWatch> told_watch_;
   std::unique_ptr<MortalPort> port_;
   std::unique_ptr<HeardPort> heard_port_;
-  std::unique_ptr<operate::Session> session_;
+  std::unique_ptr<tree::Session> session_;
   sim::Bus* tapped_ = nullptr;
   std::set<std::string> cut_;
   std::set<std::pair<const plant::SimDevice*, const plant::SimDevice*>> told_;

@@ -1,4 +1,4 @@
-#include "berth/operate/beneath.hpp"
+#include "berth/tree/beneath.hpp"
 
 #include <fmt/format.h>
 
@@ -11,7 +11,7 @@
 #include "berth/manager/network_requests.hpp"
 #include "berth/od/cia302.hpp"
 
-namespace berth::operate {
+namespace berth::tree {
 namespace {
 
 using places::SlotState;
@@ -232,7 +232,7 @@ const design::Bus* bus_at(const design::Machine& machine, const Way& way) noexce
 }
 
 Beneath::Beneath(rt::Executor& executor, const design::Bus& bus, Way way, std::vector<places::SlotSpec> slots,
-                 const SlotSettings& settings, multilevel::Routes& routes, NetworkObserver observer)
+                 const operate::SlotSettings& settings, multilevel::Routes& routes, operate::NetworkObserver observer)
     : executor_(executor),
       bus_(bus),
       way_(std::move(way)),
@@ -264,8 +264,8 @@ Beneath::Place* Beneath::at(NodeId node) noexcept {
   return it == places_.end() ? nullptr : &*it;
 }
 
-std::vector<SlotReport> Beneath::report() const {
-  std::vector<SlotReport> slots;
+std::vector<operate::SlotReport> Beneath::report() const {
+  std::vector<operate::SlotReport> slots;
   for (const auto& place : places_) slots.push_back(place.now);
   return slots;
 }
@@ -281,7 +281,7 @@ void Beneath::set_state(Place& place, SlotState state, std::string reason) {
   place.now.state = state;
   place.now.reason = std::move(reason);
   events_.tell(
-      EventKind::state, place.now.name,
+      operate::EventKind::state, place.now.name,
       place.now.reason.empty() ? places::name(state) : fmt::format("{}: {}", places::name(state), place.now.reason));
   const bool all = operational();
   if (all && !std::exchange(was_operational_, all) && operational_call_) operational_call_();
@@ -296,7 +296,7 @@ manager::Wanted Beneath::list(std::span<const NodeId> held_back) {
   Findings findings;
   auto made = network_list(bus_, slots, held_back, settings_, findings);
   for (const auto& finding : findings) {
-    if (finding.severity == Finding::Severity::error) events_.tell_once(EventKind::error, to_string(finding));
+    if (finding.severity == Finding::Severity::error) events_.tell_once(operate::EventKind::error, to_string(finding));
   }
   return made;
 }
@@ -317,9 +317,9 @@ rt::Task<Result<void>> Beneath::put_list(const manager::Wanted& list, std::vecto
     put = co_await master.write_u32(configuration_date, 1, 0);
     if (put) put = co_await bring_whole(master, bus_.master, list, changed);
     if (!put) co_return put;
-    events_.tell(EventKind::step, "", "its gateway boots it again: it misses nodes of its network list");
+    events_.tell(operate::EventKind::step, "", "its gateway boots it again: it misses nodes of its network list");
   } else {
-    events_.tell(EventKind::step, "", "its gateway has a new network list");
+    events_.tell(operate::EventKind::step, "", "its gateway has a new network list");
   }
   // Who is reset is itself: its bus boots behind it.
   co_return co_await reset_by(master, bus_.master);
@@ -456,14 +456,14 @@ rt::Task<void> Beneath::adopt() {
     if (begun) unfinished = "its gateway's network list is without the gateways on it";
   }
   if (unfinished != nullptr) {
-    events_.tell(EventKind::step, "", fmt::format("finishing what an earlier run began: {}", unfinished));
+    events_.tell(operate::EventKind::step, "", fmt::format("finishing what an earlier run began: {}", unfinished));
     again_at_ = executor_.now();
     up_ = true;
     co_return;
   }
   if (!has_it) {
     events_.tell_once(
-        EventKind::error,
+        operate::EventKind::error,
         "its gateway runs with another network list than this machine file's: it gets the new one when the "
         "gateway boots");
   }
@@ -488,7 +488,7 @@ rt::Task<Result<void>> Beneath::look_at(Place& place, bool settled) {
       set_state(place, SlotState::present);
       if (has_list_ && place.left_lying(executor_.now())) {
         place.booted_again = executor_.now();
-        events_.tell(EventKind::step, place.now.name, "was not started by its gateway's master: it is reset");
+        events_.tell(operate::EventKind::step, place.now.name, "was not started by its gateway's master: it is reset");
         co_return co_await reset_by(master, place.spec.id);
       }
       break;
@@ -519,19 +519,20 @@ rt::Task<bool> Beneath::identify(Place& place) {
   place.identified = true;
   if (place.now.device == device) co_return true;
   place.now.device = device;
-  events_.tell(EventKind::bound, place.now.name, fmt::format("its gateway's master gave it to {}", to_string(device)));
+  events_.tell(operate::EventKind::bound, place.now.name,
+               fmt::format("its gateway's master gave it to {}", to_string(device)));
   co_return true;
 }
 
-rt::Task<Result<std::vector<Seen>>> Beneath::scan() {
-  std::vector<Seen> all;
+rt::Task<Result<std::vector<operate::Seen>>> Beneath::scan() {
+  std::vector<operate::Seen> all;
   co::SdoAccess& master = access(bus_.master);
   for (const auto& place : places_) {
     const NodeId node = place.spec.id;
     const auto state = co_await state_by(master, node);
     if (!state) co_return fail(state.error());
     if (*state <= missing) continue;
-    Seen seen;
+    operate::Seen seen;
     seen.id = node;
     seen.slot = place.spec.name.name;
     seen.state = static_cast<NmtState>(*state);
@@ -570,9 +571,10 @@ void Beneath::heard(NodeId node, const multilevel::LoggedEmcy& entry) {
       const char* const own = multilevel::gateway_code_text(code);
       return own != nullptr ? own : co::emcy_text(code);
     };
-    events_.tell(EventKind::error, place == nullptr ? "" : place->now.name, "EMCY " + multilevel::text(entry, words));
+    events_.tell(operate::EventKind::error, place == nullptr ? "" : place->now.name,
+                 "EMCY " + multilevel::text(entry, words));
   }
   if (place != nullptr && !lost) wakes_.push(node);
 }
 
-}  // namespace berth::operate
+}  // namespace berth::tree

@@ -1,10 +1,10 @@
-#include "berth/operate/tree.hpp"
+#include "berth/tree/tree.hpp"
 
 #include <algorithm>
 #include <optional>
 #include <span>
 
-namespace berth::operate {
+namespace berth::tree {
 namespace {
 
 /// Gateways from this bus down to that one; none: it is not beneath.
@@ -31,7 +31,7 @@ multilevel::GatewayTimes gateway_times(const design::Machine& machine, const std
 }
 
 // A bus beneath a gateway on which Berth has a port of its own.
-rt::Task<Result<void>> await_operational(rt::Executor& executor, Network& network) {
+rt::Task<Result<void>> await_operational(rt::Executor& executor, operate::Network& network) {
   const rt::Duration boot_time = network.bus().startup.boot_time;
   const rt::Time deadline = executor.now() + (boot_time.count() > 0 ? boot_time : Beneath::patience);
   while (!network.operational() && executor.now() < deadline) co_await rt::sleep_for(std::chrono::milliseconds(50));
@@ -41,15 +41,16 @@ rt::Task<Result<void>> await_operational(rt::Executor& executor, Network& networ
 
 }  // namespace
 
-Result<void> Tree::open(const std::function<void(const Event&)>& events, const SlotSettings& settings) {
+Result<void> Tree::open(const std::function<void(const operate::Event&)>& events,
+                        const operate::SlotSettings& settings) {
   for (const auto& line : machine_->beneath) {
     Way way = way_to(*machine_, line.name);
-    Network* const top = network(way.bus);
+    operate::Network* const top = network(way.bus);
     if (top == nullptr) {
       return fail(Errc::invalid,
                   "a bus beneath a gateway is to be reached through a bus that is not opened: open that one too");
     }
-    NetworkObserver observer;
+    operate::NetworkObserver observer;
     observer.event = events;
     buses_.push_back(std::make_unique<Beneath>(*executor_, line, way, machine_->specs(line.name), settings,
                                                routes(*top), std::move(observer)));
@@ -62,8 +63,8 @@ Result<void> Tree::open(const std::function<void(const Event&)>& events, const S
     }
     Beneath* const above = bus(line.gateway->bus);
     const NodeId gateway_slot = line.gateway->slot;
-    const auto runs = [gateway_slot](const std::vector<SlotReport>& slots) {
-      const auto slot = std::ranges::find(slots, gateway_slot, &SlotReport::id);
+    const auto runs = [gateway_slot](const std::vector<operate::SlotReport>& slots) {
+      const auto slot = std::ranges::find(slots, gateway_slot, &operate::SlotReport::id);
       return slot != slots.end() && slot->state == places::SlotState::operational;
     };
     if (above != nullptr) {
@@ -94,8 +95,8 @@ void Tree::heard(const std::string& name, const multilevel::LoggedEmcy& entry) {
   }
 }
 
-BeneathFirst Tree::first_of(const std::string& bus) {
-  BeneathFirst first;
+operate::BeneathFirst Tree::first_of(const std::string& bus) {
+  operate::BeneathFirst first;
   for (const auto* const lines : {&machine_->buses, &machine_->beneath}) {
     for (const auto& each : *lines) {
       if (each.gateway && each.gateway->bus == bus) first.gateways.set(each.gateway->slot.value());
@@ -137,7 +138,7 @@ void Tree::clear() noexcept {
   roots_.clear();
 }
 
-multilevel::Routes& Tree::routes(Network& network) {
+multilevel::Routes& Tree::routes(operate::Network& network) {
   auto& root = roots_[&network];
   if (!root) root = std::make_unique<Root>(network, gateway_times(*machine_, network.bus().name));
   return root->routes;
@@ -148,7 +149,7 @@ Beneath* Tree::bus(std::string_view name) const noexcept {
   return it == buses_.end() ? nullptr : it->get();
 }
 
-Network* Tree::network(std::string_view name) const noexcept {
+operate::Network* Tree::network(std::string_view name) const noexcept {
   const auto it = std::ranges::find_if(*networks_, [&](const auto& n) { return n->bus().name == name; });
   return it == networks_->end() ? nullptr : it->get();
 }
@@ -161,4 +162,4 @@ bool Tree::idle() const noexcept {
   return std::ranges::all_of(buses_, [](const auto& b) { return b->idle(); });
 }
 
-}  // namespace berth::operate
+}  // namespace berth::tree

@@ -19,12 +19,12 @@
 #include "berth/multilevel/event_log.hpp"
 #include "berth/multilevel/gateway_access.hpp"
 #include "berth/operate/events.hpp"
-#include "berth/operate/network_list.hpp"
 #include "berth/operate/seen.hpp"
 #include "berth/rt/mailbox.hpp"
 #include "berth/rt/scope.hpp"
+#include "berth/tree/network_list.hpp"
 
-namespace berth::operate {
+namespace berth::tree {
 
 /// How a bus of a machine is reached.
 struct Way {
@@ -41,7 +41,7 @@ class Beneath {
   /// `bus` and `routes` must stay; `routes`: of the bus at which `way` begins. `settings`: what the slots' devices
   /// shall have besides `config =`.
   Beneath(rt::Executor& executor, const design::Bus& bus, Way way, std::vector<places::SlotSpec> slots,
-          const SlotSettings& settings, multilevel::Routes& routes, NetworkObserver observer);
+          const operate::SlotSettings& settings, multilevel::Routes& routes, operate::NetworkObserver observer);
 
   /// A bus beneath this one, and what makes it run (`bring_up`; a port of Berth's: what waits for that).
   struct Deeper {
@@ -69,19 +69,19 @@ class Beneath {
 
   [[nodiscard]] const design::Bus& bus() const noexcept { return bus_; }
   [[nodiscard]] const Way& way() const noexcept { return way_; }
-  [[nodiscard]] std::vector<SlotReport> report() const;
+  [[nodiscard]] std::vector<operate::SlotReport> report() const;
   /// Every slot that is not optional.
   [[nodiscard]] bool operational() const noexcept;
   [[nodiscard]] bool idle() const noexcept { return !brings_up_; }
   /// A node of this bus.
   [[nodiscard]] co::SdoAccess& access(NodeId node) { return routes_.access({way_.gateways, node}); }
   /// What its master knows: the node-IDs of the network list that it has heard.
-  [[nodiscard]] rt::Task<Result<std::vector<Seen>>> scan();
+  [[nodiscard]] rt::Task<Result<std::vector<operate::Seen>>> scan();
 
  private:
   struct Place {
     places::SlotSpec spec;
-    SlotReport now;
+    operate::SlotReport now;
     bool identified = false;  // since it became operational
     rt::Time booted_again{};  // the last time
     unsigned losses = 0;      // told by the gateway
@@ -111,9 +111,9 @@ class Beneath {
   rt::Executor& executor_;
   const design::Bus& bus_;
   Way way_;
-  SlotSettings settings_;
+  operate::SlotSettings settings_;
   multilevel::Routes& routes_;
-  Events events_;
+  operate::Events events_;
   std::vector<Place> places_;  // ascending by node-ID
   std::vector<Deeper> deeper_;
   std::function<void()> operational_call_;
@@ -135,4 +135,4 @@ class Beneath {
   rt::Scope scope_;
 };
 
-}  // namespace berth::operate
+}  // namespace berth::tree

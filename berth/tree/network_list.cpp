@@ -1,4 +1,4 @@
-#include "berth/operate/network_list.hpp"
+#include "berth/tree/network_list.hpp"
 
 #include <algorithm>
 #include <array>
@@ -8,7 +8,7 @@
 #include "berth/eds/concise_dcf.hpp"
 #include "berth/od/cia302.hpp"
 
-namespace berth::operate {
+namespace berth::tree {
 namespace {
 
 namespace cia302 = od::cia302;
@@ -29,7 +29,7 @@ class List {
     put32({cia302::boot_time, 0}, static_cast<std::uint64_t>(bus_.startup.boot_time.count() / 1'000'000));
   }
 
-  void slot(const places::SlotSpec& slot, bool held_back, const SlotSettings& settings, Findings& findings) {
+  void slot(const places::SlotSpec& slot, bool held_back, const operate::SlotSettings& settings, Findings& findings) {
     const std::uint8_t sub = slot.id.value();
     manager::SlaveRules rules;
     rules.assigned = true;
@@ -144,7 +144,8 @@ class List {
 }  // namespace
 
 manager::Wanted network_list(const design::Bus& bus, std::span<const places::SlotSpec> slots,
-                             std::span<const NodeId> held_back, const SlotSettings& settings, Findings& findings) {
+                             std::span<const NodeId> held_back, const operate::SlotSettings& settings,
+                             Findings& findings) {
   List list(bus);
   list.bus();
   for (const auto& slot : slots) {
@@ -156,4 +157,4 @@ manager::Wanted network_list(const design::Bus& bus, std::span<const places::Slo
   return list.done();
 }
 
-}  // namespace berth::operate
+}  // namespace berth::tree
