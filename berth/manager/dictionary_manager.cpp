@@ -100,6 +100,9 @@ void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& 
   builder.variable(cia302::boot_time, {.name = "Boot time"});
   if (objects.flying) add_flying(builder, objects.priority);
   if (objects.sdo_manager) add_sdo_manager_objects(builder, most);
+  if (objects.node_ids) {
+    add_requests(builder, {.index = NodeIdSource::object, .name = "Node-ID", .type = DataType::unsigned64}, most);
+  }
 }
 
 DictionaryManager::DictionaryManager(can::Dispatcher& dispatcher, od::Values& values,
@@ -123,11 +126,9 @@ DictionaryManager::DictionaryManager(can::Dispatcher& dispatcher, od::Values& va
   if (gives_channels) sdo_requests_ = std::make_unique<SdoRequests>(dispatcher, bus_.sdo(), values);
 }
 
-void DictionaryManager::assign_by(NodeIdAssigner* assigner) noexcept {
+void DictionaryManager::assign_by(NodeIdSource* source) noexcept {
   assigning_.cancel();
-  if (assigner_ != nullptr) assigner_->user_ = nullptr;
-  assigner_ = assigner;
-  if (assigner_ != nullptr) assigner_->user_ = this;
+  node_ids_ = source;
 }
 
 void DictionaryManager::own_state(NmtState state, NodeId own) noexcept {
@@ -164,7 +165,8 @@ Result<void> DictionaryManager::begin(NodeId own) {
   const auto startup = startup_of(*values_);
   if (!startup) return fail(startup.error());
   if (!startup->master) return {};
-  if (!startup->flying && assigner_ != nullptr) {
+  if (!startup->flying && node_ids_ != nullptr) {
+    node_ids_->begin(own);
     assigning_.spawn(assign_and_lead());
     return {};
   }
@@ -175,21 +177,21 @@ Result<void> DictionaryManager::begin(NodeId own) {
 
 // What LSS cannot do at one time it can at another: a device that is plugged in later, a bus that was cut.
 rt::Task<void> DictionaryManager::assign_and_lead() {
-  const auto first = co_await assigner_->run(own_);
+  std::bitset<128> there;
+  const auto first = co_await node_ids_->run(there);
   static_cast<void>(first);
   const auto begun = lead(own_, false);
   if (!begun) refused_ = begun.error();
   while (begun) {
-    co_await rt::sleep_for(assigner_->period);
-    std::bitset<128> there;
+    co_await rt::sleep_for(node_ids_->pause());
+    there.reset();
     for (const auto& slave : network_.plan().slaves) {
       const auto* const status = network_.find(slave.node);
       there[slave.node.value()] = status != nullptr && status->ready();
     }
-    if (there.count() == network_.plan().slaves.size()) continue;
-    const auto again = co_await assigner_->run(own_, there);
+    const auto again = co_await node_ids_->run(there);
     static_cast<void>(again);
-    reset_unheard(assigner_->answered());
+    reset_unheard(node_ids_->answered());
   }
 }
 

@@ -36,7 +36,7 @@
 #include "berth/manager/flying_master.hpp"
 #include "berth/manager/managed_bus.hpp"
 #include "berth/manager/network_requests.hpp"
-#include "berth/manager/node_id_assigner.hpp"
+#include "berth/manager/node_id_source.hpp"
 #include "berth/manager/sdo_requests.hpp"
 #include "berth/od/values.hpp"
 
@@ -52,9 +52,10 @@ struct ManagerObjects {
   bool flying = false;                  ///< 1F90h with CiA 302-2's times
   std::uint8_t priority = 1;            ///< default of 1F90h:03: 0 high, 1 medium, 2 low
   bool sdo_manager = false;             ///< 1F00h, 1F01h, 1F10h (`SdoRequests`)
+  bool node_ids = false;                ///< 5F0Bh: what became of the node-IDs of the list (`NodeIdReport`)
 };
 /// 102Ah, (1F20h, 1F21h), (1F22h), (1F23h, 1F24h), 1F25h to 1F27h, 1F53h to 1F55h, (1F58h), 1F80h to 1F8Ah but 1F87h's
-/// kind of check, (1F90h), (1F00h, 1F01h, 1F10h), with 1F20h also 5F0Ah. 1016h is the device's own.
+/// kind of check, (1F90h), (1F00h, 1F01h, 1F10h), with 1F20h also 5F0Ah, (5F0Bh). 1016h is the device's own.
 void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& objects = {});
 
 class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
@@ -62,7 +63,6 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   /// All must stay. `apply`: does to the device what an NMT command says.
   DictionaryManager(can::Dispatcher& dispatcher, od::Values& values, std::function<void(co::NmtCommand)> apply,
                     const NetworkTiming& timing = {});
-  ~DictionaryManager() { assign_by(nullptr); }
 
   /// The NMT state that the device has entered, and its node-ID. Initialising ends the network's boot-up, what follows
   /// begins it.
@@ -70,9 +70,9 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   /// A device that is switched off has no state. What comes next is a cold start.
   void power_off() noexcept;
 
-  /// Devices without a node-ID get theirs before the network is booted, and while a slave is missing. Null: none is
-  /// given, and what was under way ends. Not of a flying master.
-  void assign_by(NodeIdAssigner* assigner) noexcept;
+  /// Devices get their node-IDs before the network is booted, and while a slave is missing. It must stay as long as this
+  /// object, or until another one comes. Null: none is given, and what was under way ends. Not of a flying master.
+  void assign_by(NodeIdSource* source) noexcept;
 
   [[nodiscard]] NetworkBoot& network() noexcept { return network_; }
   [[nodiscard]] ManagedBus& bus() noexcept { return bus_; }
@@ -110,7 +110,7 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   ConfigurationUploads uploads_;
   std::array<std::unique_ptr<DictionarySource>, 128> sources_;
   std::unique_ptr<SdoRequests> sdo_requests_;  // only with object 1F00h
-  NodeIdAssigner* assigner_ = nullptr;
+  NodeIdSource* node_ids_ = nullptr;
   std::optional<Error> refused_;
   NodeId own_;
   NmtState state_ = NmtState::initialising;

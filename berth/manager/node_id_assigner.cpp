@@ -2,154 +2,304 @@
 
 #include <algorithm>
 
-#include "berth/co/cob_id.hpp"
-#include "berth/manager/dictionary_manager.hpp"
-#include "berth/manager/dictionary_source.hpp"
+#include "berth/co/guarding.hpp"
+#include "berth/places/inquiry.hpp"
 #include "berth/rt/scope.hpp"
 
 namespace berth::manager {
 namespace {
 
 constexpr std::uint16_t identity = 0x1018;
-
-bool fits(const SlaveRules& rules, const LssAddress& device) noexcept {
-  const bool typed = rules.vendor != 0 && rules.product != 0;
-  const auto agrees = [](std::uint32_t expected, std::uint32_t is) { return expected == 0 || expected == is; };
-  return typed && rules.vendor == device.vendor && rules.product == device.product &&
-         agrees(rules.revision, device.revision) && agrees(rules.serial, device.serial);
-}
+constexpr unsigned seldom = 8;            // runs
+constexpr unsigned most_tries = 3;        // to tell two devices under one node-ID apart, before it is done seldom
+// An SDO answer of a second device under one node-ID comes behind that of the first by no more than this.
+constexpr rt::Duration second_answer = std::chrono::milliseconds(20);
 
 }  // namespace
 
-NodeIdAssigner::NodeIdAssigner(can::Dispatcher& dispatcher, co::SdoClient& sdo, const od::Values& values)
-    : dispatcher_(&dispatcher),
-      executor_(&dispatcher.executor()),
-      sdo_(&sdo),
-      values_(&values),
-      lss_(dispatcher),
-      rand_(dispatcher),
-      methods_(discovery::Services{dispatcher, lss_}, {.configured = false}) {
-  dispatcher.add(co::all_error_control, *this);
+NodeIdAssigner::NodeIdAssigner(const ListServices& services)
+    : bus_(services),
+      search_(bus_),
+      seating_(bus_),
+      report_(services.values, [this](NodeId node) { return forget(node); }) {}
+
+void NodeIdAssigner::begin(NodeId own) noexcept {
+  bus_.begin(own);
+  seating_.begin();
+  report_.begin();
+  answered_.reset();
+  doubled_.reset();
+  tries_ = {};
+  asked_at_ = former_asked_ = {};
+  for (std::uint8_t node = 1; node <= 127; ++node) surplus_[node] = bus_.services().sdo.surplus(NodeId(node));
+  runs_ = 0;
+  open_ = false;
 }
 
-NodeIdAssigner::~NodeIdAssigner() {
-  if (user_ != nullptr) user_->assign_by(nullptr);
-  dispatcher_->remove(*this);
-}
-
-std::bitset<128> NodeIdAssigner::answered() const noexcept {
-  std::bitset<128> all;
-  for (const auto& each : list_) all[each.node.value()] = each.device.has_value();
-  return all;
-}
-
-void NodeIdAssigner::received(const can::Frame& frame, rt::Time) noexcept { heard_.set(frame.id & 0x7FU); }
-
-rt::Task<Result<void>> NodeIdAssigner::run(NodeId own, std::bitset<128> there) {
-  list_.clear();
-  heard_.reset();
-  told_.reset();
-  for (std::uint8_t number = 1; number <= 127; ++number) {
-    const NodeId node(number);
-    SlaveRules rules = slave_rules_of(*values_, node);
-    if (rules.assigned && node != own)
-      list_.push_back({.node = node, .rules = std::move(rules), .there = there[number]});
+rt::Task<Result<void>> NodeIdAssigner::run(std::bitset<128> there) {
+  answered_.reset();
+  bus_.read_list(there);
+  if (bus_.slots.empty()) co_return Result<void>{};
+  if (!open_) {
+    const auto opened = co_await open();
+    if (!opened) co_return opened;
+    open_ = true;
   }
-  {
-    rt::Scope questions(*executor_);
-    for (auto& each : list_) {
-      if (!each.there) questions.spawn(ask(each));
-    }
-    co_await questions.join();
-  }
-  const bool complete = std::ranges::all_of(list_, &Wanted::there);
-  if (complete) co_return Result<void>{};
-  co_return co_await search();
+  note_doubles();
+  co_await ask_all();
+  co_await look_for_formers();
+  for (auto& slot : bus_.slots) settle(slot);
+  if (!bus_.found.empty()) co_await seating_.carry_out();
+  const auto searched = co_await search();
+  tell();
+  ++runs_;
+  co_return searched;
 }
 
-// Whatever answers has the node-ID: whether it is the right device, its boot-up says.
-rt::Task<void> NodeIdAssigner::ask(Wanted& wanted) {
-  co::SdoOptions options = sdo_->options();
-  options.timeout = sdo_timeout;
-  options.retries = 1;
-  LssAddress device;
-  std::uint8_t sub = 1;
-  for (std::uint32_t* const part : {&device.vendor, &device.product, &device.revision, &device.serial}) {
-    const auto value = co_await sdo_->read<std::uint32_t>(wanted.node, identity, sub++, options);
-    if (value) *part = *value;
-    wanted.there = wanted.there || value || value.error().code == Errc::aborted;
-    if (!wanted.there) co_return;
+// A master that was reset in the middle may have left one device in LSS configuration with a node-ID pending, which the
+// next `04 00` would bring into use. The device that listens gives it up first (berth/places/binding.hpp).
+rt::Task<Result<void>> NodeIdAssigner::open() {
+  const bool intends = std::ranges::any_of(
+      bus_.slots, [](const ListSlot& slot) { return slot.slot.record.intended.has_value(); });
+  const bool unfinished = intends || !bus_.formers().empty();
+  if (unfinished) {
+    const lss::ServiceOptions once{.timeout = ListBus::timeout, .retries = 0, .full_window = false};
+    const NodeId none;
+    const auto reverted = co_await bus_.lss().configure_node_id(none, once);
+    if (!reverted && reverted.error().code == Errc::bus) co_return fail(reverted.error());
   }
-  wanted.device = device;
-}
-
-rt::Task<Result<void>> NodeIdAssigner::search() {
-  discovery::Known known;
-  for (const auto& each : list_) {
-    if (each.device) known.registered.push_back(*each.device);
-    const discovery::Kind kind{{each.rules.vendor, each.rules.product}, std::nullopt};
-    const bool named = std::ranges::find(known.kinds, kind) != known.kinds.end();
-    if (!each.there && kind.type.vendor != 0 && !named) known.kinds.push_back(kind);
-  }
-  if (known.kinds.empty()) co_return Result<void>{};
-  discovery::Options options;
-  options.assigner = this;
-  options.store = true;
-  options.inquire = true;
-  // A device that was given its node-ID when this master was reset waits for this to use it, and answers no search.
-  const auto released = co_await lss_.switch_global(lss::State::waiting);
-  if (!released) co_return fail(released.error());
-  const auto anybody = co_await methods_.anybody(options);
-  if (!anybody) co_return fail(anybody.error());
-  if (!*anybody) co_return Result<void>{};
-  const auto found = co_await methods_.find(known, options);
-  if (!found) co_return fail(found.error());
-  const auto quiet = co_await lss_.switch_global(lss::State::waiting);
+  const auto quiet = co_await bus_.lss().switch_global(lss::State::waiting);
   if (!quiet) co_return fail(quiet.error());
-  // RAND has found them, and they would not answer when the list has a place for them.
-  for (const auto& device : found->found) {
-    const bool met = std::ranges::find(met_, device.address) != met_.end();
-    const bool has_one = device.assigned.configured() || device.active.configured();
-    if (!met && !has_one) met_.push_back(device.address);
-    if (has_one || device.by != discovery::Method::planner_rand) continue;
-    const auto told = co_await rand_.switch_selective(device.address, nodeid::Identification::unknown);
-    if (!told) co_return fail(told.error());
-  }
+  // A single-slot receive buffer would lose what comes behind `04 00`.
+  co_await rt::sleep_for(ListBus::pause);
+  if (!unfinished) co_return Result<void>{};
+  // One that keeps what it was told pending, as Lely core's slaves do, would be silent until the next reset of all.
+  places::wake_unconfigured(bus_.services().dispatcher);
+  co_await rt::sleep_for(ListBus::pause);
   co_return Result<void>{};
 }
 
-// What the list has for it is its own, unless another device has answered under it. Else no other one gets it either.
-bool NodeIdAssigner::keeps(const LssAddress& device, NodeId active) noexcept {
-  if (!active.configured()) {
-    const bool met = std::ranges::find(met_, device) != met_.end();
-    if (!met) met_.push_back(device);
-    return false;
-  }
-  const auto it = std::ranges::find(list_, active, &Wanted::node);
-  const bool its_own = it != list_.end() && fits(it->rules, device) && it->device.value_or(device) == device;
-  if (!its_own) told_.set(active.value());
-  if (its_own) it->there = true;
-  if (its_own) std::erase(met_, device);
-  return its_own;
+// ---- who is there ---------------------------------------------------------------------------------------------------
+
+bool NodeIdAssigner::booted_since_asked(NodeId node) const noexcept {
+  const auto booted = bus_.boots().boot_up(node);
+  return booted && *booted > asked_at_[node.value()];
 }
 
-bool NodeIdAssigner::is_free(const Wanted& each, const LssAddress& device) const noexcept {
-  return !each.there && still_vacant(each.node) && fits(each.rules, device);
+// Who is not there as far as its master knows, who has booted since and may be another one, and who came with a node-ID
+// that is none of the list.
+rt::Task<void> NodeIdAssigner::ask_all() {
+  rt::Scope asked(bus_.executor());
+  for (auto& slot : bus_.slots) {
+    const bool asks = !slot.there || slot.free() || doubled_[slot.id().value()] || booted_since_asked(slot.id());
+    if (asks) asked.spawn(ask(slot));
+  }
+  for (std::uint8_t number = 1; number <= 127; ++number) {
+    const NodeId node(number);
+    const bool strange = node != bus_.own() && bus_.at(node) == nullptr && booted_since_asked(node);
+    if (strange) asked.spawn(ask_stranger(node));
+  }
+  co_await asked.join();
 }
 
-NodeId NodeIdAssigner::assign(const LssAddress& device) noexcept {
-  std::vector<Wanted*> free;
-  for (auto& each : list_) {
-    if (is_free(each, device)) free.push_back(&each);
+rt::Task<Result<LssAddress>> NodeIdAssigner::identity_of(NodeId node) {
+  const co::SdoOptions options = bus_.patience();
+  LssAddress device;
+  std::uint8_t sub = 1;
+  for (std::uint32_t* const part : {&device.vendor, &device.product, &device.revision, &device.serial}) {
+    const auto value = co_await bus_.services().sdo.read<std::uint32_t>(node, identity, sub, options);
+    if (value) *part = *value;
+    // Only the vendor-ID is mandatory (CiA 301 §7.5.2.18).
+    const bool none = !value && value.error().code == Errc::aborted && sub > 1;
+    if (!value && !none) co_return fail(value.error());
+    ++sub;
   }
-  if (free.empty()) return {};
-  std::erase(met_, device);
-  const auto before = static_cast<std::size_t>(std::ranges::count_if(
-      met_, [&](const LssAddress& other) { return other.type() == device.type() && other < device; }));
-  Wanted& chosen = *free[std::min(before, free.size() - 1)];
-  chosen.there = true;
-  ++given_;
-  return chosen.node;
+  co_return device;
+}
+
+rt::Task<void> NodeIdAssigner::guard(ListSlot& slot) {
+  const auto answer = co_await co::guard_once(bus_.services().dispatcher, slot.id(), ListBus::timeout, 1);
+  slot.guarded = answer.has_value();
+}
+
+rt::Task<void> NodeIdAssigner::ask(ListSlot& slot) {
+  const NodeId node = slot.id();
+  const rt::Time began = bus_.executor().now();
+  asked_at_[node.value()] = began;
+  rt::Scope guarding(bus_.executor());
+  if (!slot.there) guarding.spawn(guard(slot));
+  const auto surplus = bus_.services().sdo.surplus(node);
+  const auto device = co_await identity_of(node);
+  co_await guarding.join();
+  if (device) slot.device = *device;
+  if (device) answered_.set(node.value());
+  const bool silent = !device && (device.error().code == Errc::timeout || device.error().code == Errc::bus);
+  if (silent && !slot.guarded && !slot.there) bus_.vacancy()[node.value()] = began;
+  slot.there = slot.there || !silent || slot.guarded;
+  if (!doubled_[node.value()]) co_return;
+  co_await rt::sleep_for(second_answer);
+  if (bus_.services().sdo.surplus(node) != surplus) co_return;
+  doubled_.reset(node.value());  // one of them is gone
+  tries_[node.value()] = 0;
+}
+
+rt::Task<void> NodeIdAssigner::ask_stranger(NodeId node) {
+  asked_at_[node.value()] = bus_.executor().now();
+  const auto surplus = bus_.services().sdo.surplus(node);
+  const auto device = co_await identity_of(node);
+  co_await rt::sleep_for(second_answer);
+  if (bus_.services().sdo.surplus(node) != surplus) doubled_.set(node.value());
+  if (device && !doubled_[node.value()]) bus_.note({*device, node});
+}
+
+// Second answers to one SDO request, whoever has asked.
+void NodeIdAssigner::note_doubles() {
+  for (std::uint8_t number = 1; number <= 127; ++number) {
+    const auto now = bus_.services().sdo.surplus(NodeId(number));
+    if (now != surplus_[number]) doubled_.set(number);
+    surplus_[number] = now;
+  }
+}
+
+// A device whose node-ID was given away comes back under it: a boot-up message, and perhaps two answers to one request.
+rt::Task<void> NodeIdAssigner::look_for_formers() {
+  places::Inquiry inquiry(bus_.binder_services());
+  const auto formers = bus_.formers();
+  std::bitset<128> due;
+  for (const auto& former : formers) {
+    if (!former.id.configured()) continue;
+    const std::uint8_t node = former.id.value();
+    const auto booted = bus_.boots().boot_up(former.id);
+    const bool came = booted && *booted > former_asked_[node];
+    if (came || doubled_[node]) due.set(node);
+  }
+  for (std::size_t node = 1; node < due.size(); ++node) {
+    if (due[node]) former_asked_[node] = bus_.executor().now();
+  }
+  for (const auto& each : formers) {
+    const LssAddress device = each.device;
+    const bool asks = each.id.configured() && due[each.id.value()] && bus_.find(device) == nullptr;
+    if (!asks) continue;
+    const bool whole = false;
+    const auto id = co_await inquiry.active_id_once(device, whole);
+    const bool clone = !id && id.error().code == Errc::duplicate;
+    if (id || clone) bus_.note({device, id ? *id : NodeId(), clone});
+  }
+}
+
+// What answers under the node-ID, and is not confirmed there: the plan says what becomes of it.
+void NodeIdAssigner::settle(ListSlot& slot) {
+  if (slot.there) seating_.seen(slot.id());
+  if (!slot.device || bus_.find(*slot.device) != nullptr) return;
+  const auto& record = slot.slot.record;
+  const bool its_own = record.confirmed && !record.intended && record.confirmed->device == *slot.device;
+  if (its_own) return;
+  places::Found found{*slot.device, slot.id()};
+  found.shared = doubled_[slot.id().value()];
+  bus_.note(found);
+}
+
+// ---- who is missing -------------------------------------------------------------------------------------------------
+
+bool NodeIdAssigner::is_one_missing() const noexcept { return std::ranges::any_of(bus_.slots, &ListSlot::missing); }
+
+// Two devices under one node-ID are told apart by LSS, among all that have a node-ID.
+bool NodeIdAssigner::tells_apart() {
+  bool any = false;
+  for (std::uint8_t node = 1; node <= 127; ++node) {
+    const bool tries = doubled_[node] && (tries_[node] < most_tries || runs_ % seldom == 0);
+    if (tries) ++tries_[node];
+    any = any || tries;
+  }
+  return any;
+}
+
+rt::Task<Result<void>> NodeIdAssigner::search() {
+  const bool apart = tells_apart();
+  const bool missing = is_one_missing();
+  if (!apart && !missing) co_return co_await look_for_surplus();
+  co_await recall_surplus();
+  const auto by_rand = co_await search_.by_rand();
+  if (!by_rand) co_return by_rand;
+  co_await seating_.carry_out();
+  if (is_one_missing()) {
+    const auto by_lss = co_await search_.by_lss(NodeIdSearch::Whom::missing);
+    if (!by_lss) co_return by_lss;
+    co_await seating_.carry_out();
+  }
+  const bool rare = runs_ % seldom == 1 && is_one_missing();
+  if (apart || rare) {
+    const auto all = co_await search_.by_lss(NodeIdSearch::Whom::configured);
+    if (!all) co_return all;
+    co_await seating_.carry_out();
+  }
+  co_return co_await search_.release_found();
+}
+
+// A device that has no place is named, also when none is missing.
+rt::Task<Result<void>> NodeIdAssigner::look_for_surplus() {
+  if (runs_ % seldom != 0 || runs_ == 0) co_return Result<void>{};
+  co_await recall_surplus();
+  const auto anybody = co_await search_.anybody();
+  if (!anybody) co_return fail(anybody.error());
+  if (*anybody) {
+    const auto by_rand = co_await search_.by_rand();
+    if (!by_rand) co_return by_rand;
+    const auto by_lss = co_await search_.by_lss(NodeIdSearch::Whom::all_blank);
+    if (!by_lss) co_return by_lss;
+  }
+  co_await seating_.carry_out();
+  co_return co_await search_.release_found();
+}
+
+// A device that had no place, and a node-ID of its own: no search finds it quickly.
+rt::Task<void> NodeIdAssigner::recall_surplus() {
+  rt::Scope asked(bus_.executor());
+  const std::vector<places::Found> surplus = seating_.without_place();
+  for (const auto& f : surplus) {
+    const bool known = !f.active.configured() || bus_.at(f.active) != nullptr || bus_.find(f.device) != nullptr;
+    if (!known) asked.spawn(recall(f));
+  }
+  co_await asked.join();
+}
+
+rt::Task<void> NodeIdAssigner::recall(places::Found device) {
+  const auto now = co_await identity_of(device.active);
+  if (now && *now == device.device) bus_.note(device);
+}
+
+// ---- what is told ---------------------------------------------------------------------------------------------------
+
+void NodeIdAssigner::tell() {
+  for (const auto& slot : bus_.slots) {
+    const auto& record = slot.slot.record;
+    NodeIdTrouble trouble = slot.trouble;
+    std::optional<LssAddress> about = record.device();
+    const bool strange = slot.there && slot.typed && slot.device && record.device() != slot.device;
+    if (doubled_[slot.id().value()]) {
+      trouble = NodeIdTrouble::doubled;
+    } else if (strange) {
+      trouble = NodeIdTrouble::stranger;
+      about = slot.device;
+    } else if (slot.there || !slot.typed) {
+      trouble = slot.trouble == NodeIdTrouble::doubled ? slot.trouble : NodeIdTrouble::none;
+    } else if (trouble == NodeIdTrouble::none) {
+      trouble = record.intended ? NodeIdTrouble::kept : record.confirmed ? NodeIdTrouble::lost : NodeIdTrouble::nobody;
+    }
+    const bool tells_who = trouble != NodeIdTrouble::none && about.has_value();
+    report_.tell(slot.id(), trouble, tells_who ? about->serial : 0);
+  }
+  std::vector<LssAddress> surplus;
+  for (const auto& f : seating_.without_place()) surplus.push_back(f.device);
+  report_.tell_surplus(surplus);
+}
+
+bool NodeIdAssigner::forget(NodeId node) {
+  const auto slot = ListStore::slot_of(node);
+  places::SlotStore& store = bus_.store();
+  const auto record = store.load(slot);
+  if (!record || !record->intended) return false;
+  return store.clear(slot, places::by_a_person).has_value();
 }
 
 }  // namespace berth::manager

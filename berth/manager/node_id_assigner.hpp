@@ -1,81 +1,83 @@
-/// Gives the devices of a network list their node-IDs by LSS, before the network is booted: what makes a master that
-/// has nothing but its dictionary (`DictionaryManager`) work with devices that are new from the factory, and put a
-/// replacement to work. Which device belongs to which node-ID the list says: vendor-ID and product code (1F85h, 1F86h)
-/// have to be given and to agree, revision number and serial number (1F87h, 1F88h) where they are not 0. Of several
-/// devices of one type the lowest serial number gets the lowest free node-ID. Every device that a search finds tells
-/// its node-ID before the first of them is given one: a device that no entry fits is left alone, and so is one that has
-/// a node-ID of the list that it fits; no node-ID is given that a device has told, or under which one was heard
-/// meanwhile.
+/// Gives the devices of a network list their node-IDs by LSS: what makes a master that has nothing but its dictionary and
+/// a few kilobytes of memory (`DictionaryManager`) work with devices that are new from the factory or come from another
+/// machine, and put a replacement to work. It works as `berth up` does, by the same plan (`places::plan`) and the same
+/// steps (`places::Binding`).
 ///
-///     NodeIdAssigner assigner(dispatcher, manager.bus().sdo(), device.values());
-///     manager.assign_by(&assigner);
+/// Which device belongs to which node-ID the list says: vendor-ID and product code (1F85h, 1F86h) have to be given and to
+/// agree, revision number and serial number (1F87h, 1F88h) where they are not 0. Of several devices of one type that a
+/// search finds the lowest serial number gets the lowest free node-ID; one that has a node-ID of its type keeps it. A
+/// device of a type that the list does not have is left alone, and so is the node-ID that it has.
 ///
-/// A device keeps its node-ID in its own memory (LSS store): the list is all that the master has to remember.
+///     manager::ListStore store(&memory);
+///     manager::NodeIdAssigner assigner({dispatcher, manager.bus().sdo(), manager.bus().nmt(), device.values(), store});
+///     manager.assign_by(&assigner);     // who is destroyed first: the manager
+///
+/// **A node-ID that may be in a device's memory belongs to that device until it was seen to have lost it**, also after
+/// the master lost its power: `ListStore` has it before the device is told. A device that was heard under its node-ID and
+/// is silent now (no error control, SDO, guarding nor LSS) loses its place to the next one of its type; should it come
+/// back, it is asked for by its LSS address and gives the node-ID up. A node-ID that a device was told and not heard
+/// under is kept for it. 5F0Bh tells which (`NodeIdReport`).
+///
+/// A run asks who is not known to be there, and who has booted; where a slave is missing it looks for devices. So it
+/// costs nothing on a bus that is complete and quiet, but three questions in eight runs (is there a device without a
+/// node-ID?).
 #pragma once
 
+#include <array>
 #include <bitset>
-#include <optional>
-#include <vector>
 
-#include "berth/co/sdo_client.hpp"
-#include "berth/discovery/auto.hpp"
-#include "berth/lss/master.hpp"
-#include "berth/manager/boot_rules.hpp"
-#include "berth/nodeid/rand_master.hpp"
-#include "berth/od/values.hpp"
+#include "berth/manager/list_bus.hpp"
+#include "berth/manager/node_id_report.hpp"
+#include "berth/manager/node_id_search.hpp"
+#include "berth/manager/node_id_seating.hpp"
+#include "berth/manager/node_id_source.hpp"
 
 namespace berth::manager {
 
-class DictionaryManager;
-
-class NodeIdAssigner final : private discovery::Assigner, private can::Handler {
+class NodeIdAssigner final : public NodeIdSource {
  public:
-  /// All must stay. Nothing else on this device is an LSS master.
-  NodeIdAssigner(can::Dispatcher& dispatcher, co::SdoClient& sdo, const od::Values& values);
-  /// Ends what a `DictionaryManager` does with it.
-  ~NodeIdAssigner();
+  explicit NodeIdAssigner(const ListServices& services);
 
-  /// Looks which slaves are there, and searches for devices while one is missing. `own`: the master's node-ID.
-  /// `there`: slaves that need not be asked. Errors: those of `discovery::Discovery::find`.
-  [[nodiscard]] rt::Task<Result<void>> run(NodeId own, std::bitset<128> there = {});
+  void begin(NodeId own) noexcept override;
+  [[nodiscard]] rt::Task<Result<void>> run(std::bitset<128> there) override;
+  [[nodiscard]] std::bitset<128> answered() const noexcept override { return answered_; }
+  [[nodiscard]] rt::Duration pause() const noexcept override { return period; }
 
-  /// Between two runs while a slave is missing.
+  /// Between two runs.
   rt::Duration period = std::chrono::seconds(1);
-  rt::Duration sdo_timeout = std::chrono::milliseconds(100);  ///< for the question whether a slave is there
-  /// Slaves that answered in the last run.
-  [[nodiscard]] std::bitset<128> answered() const noexcept;
-  /// Node-IDs that were given so far.
-  [[nodiscard]] unsigned given() const noexcept { return given_; }
 
  private:
-  struct Wanted {
-    NodeId node;
-    SlaveRules rules;
-    bool there = false;
-    std::optional<LssAddress> device{};  // that answers under the node-ID
-  };
-  friend class DictionaryManager;
-  rt::Task<void> ask(Wanted& wanted);
+  rt::Task<Result<void>> open();
+  rt::Task<void> ask_all();
+  rt::Task<void> ask(ListSlot& slot);
+  rt::Task<void> ask_stranger(NodeId node);
+  rt::Task<Result<LssAddress>> identity_of(NodeId node);
+  rt::Task<void> guard(ListSlot& slot);
+  rt::Task<void> look_for_formers();
+  void settle(ListSlot& slot);
+  rt::Task<void> recall(places::Found device);
+  rt::Task<void> recall_surplus();
   rt::Task<Result<void>> search();
-  [[nodiscard]] bool is_free(const Wanted& each, const LssAddress& device) const noexcept;
-  NodeId assign(const LssAddress& device) noexcept override;
-  bool keeps(const LssAddress& device, NodeId active) noexcept override;
-  bool still_vacant(NodeId id) const noexcept override { return !heard_[id.value()] && !told_[id.value()]; }
-  void received(const can::Frame& frame, rt::Time at) noexcept override;
+  rt::Task<Result<void>> look_for_surplus();
+  [[nodiscard]] bool is_one_missing() const noexcept;
+  [[nodiscard]] bool tells_apart();
+  [[nodiscard]] bool booted_since_asked(NodeId node) const noexcept;
+  void note_doubles();
+  void tell();
+  bool forget(NodeId node);
 
-  can::Dispatcher* dispatcher_;
-  rt::Executor* executor_;
-  co::SdoClient* sdo_;
-  const od::Values* values_;
-  lss::Master lss_;
-  nodeid::RandMaster rand_;
-  discovery::Auto methods_;
-  std::vector<Wanted> list_;
-  std::vector<LssAddress> met_;  // found, and nothing given to them
-  std::bitset<128> heard_;       // error control messages since the list was looked at
-  std::bitset<128> told_;        // by devices that have these node-IDs and are not those of the list
-  DictionaryManager* user_ = nullptr;
-  unsigned given_ = 0;
+  ListBus bus_;
+  NodeIdSearch search_;
+  NodeIdSeating seating_;
+  NodeIdReport report_;
+  std::bitset<128> answered_;
+  std::bitset<128> doubled_;                   // answered twice, and not told apart yet
+  std::array<unsigned, 128> tries_{};          // to tell them apart
+  std::array<rt::Time, 128> asked_at_{};       // who answers under it
+  std::array<rt::Time, 128> former_asked_{};   // who had it before
+  std::array<std::uint32_t, 128> surplus_{};   // SDO answers beyond one each
+  unsigned runs_ = 0;
+  bool open_ = false;
 };
 
 }  // namespace berth::manager

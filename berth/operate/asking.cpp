@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "berth/co/guarding.hpp"
 #include "berth/operate/timing_options.hpp"
+#include "berth/places/inquiry.hpp"
 
 namespace berth::operate {
 
@@ -31,60 +31,27 @@ lss::MasterOptions Asking::with_pauses() const {
 }
 
 rt::Task<bool> Asking::answers_at(NodeId id) {
-  const rt::Time began = s_.executor.now();
   const co::SdoOptions how = patience(s_.bus.timing.tries - 1);
-  const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0, how);
-  if (type || type.error().code == Errc::aborted) co_return true;
-  if (type.error().code != Errc::timeout) co_return false;
-  const auto guarded = co_await co::guard_once(s_.dispatcher, id, s_.bus.timing.guard_timeout, 1);
-  // A port without remote frames (socketcand) took the question before and refuses this one: the silence there counts.
-  const bool mute = !guarded && guarded.error().code == Errc::bus && s_.port.status().up && !s_.port.status().bus_off;
-  const bool silent = mute || (!guarded && guarded.error().code == Errc::timeout);
-  if (silent) s_.vacancy[id.value()] = began;
-  co_return false;
+  places::Inquiry inquiry(binder_services());
+  co_return co_await inquiry.answers_at(id, how, s_.bus.timing.guard_timeout);
 }
 
 rt::Task<void> Asking::vacancy(NodeId id) { co_await answers_at(id); }
 
 rt::Task<Result<NodeId>> Asking::active_id(LssAddress device) {
-  const auto quick = co_await active_id_once(device);
-  if (quick || quick.error().code != Errc::timeout) co_return quick;
-  // Again with pauses: a single-slot receive buffer loses frames that come back to back.
-  const lss::MasterOptions before = s_.lss.options();
-  s_.lss.set_options(with_pauses());
-  const auto slow = co_await active_id_once(device);
-  if (!slow) s_.lss.set_options(before);
-  co_return slow;
+  places::Inquiry inquiry(binder_services());
+  co_return co_await inquiry.active_id(device, may_be_doubled(device), s_.bus.timing.rand_response);
 }
 
 rt::Task<Result<NodeId>> Asking::active_id_once(LssAddress device) {
-  const auto quiet = co_await s_.lss.switch_global(lss::State::waiting);
-  if (!quiet) co_return fail(quiet.error());
-  // The device of a slot that is there and answers RAND all the same may be another one with its address.
+  places::Inquiry inquiry(binder_services());
+  co_return co_await inquiry.active_id_once(device, may_be_doubled(device));
+}
+
+// The device of a slot that is there and answers RAND all the same may be another one with its address.
+bool Asking::may_be_doubled(const LssAddress& device) const {
   const Seat* const seat = slots_.of(device);
-  lss::ServiceOptions patience = s_.lss.options().service;
-  patience.full_window = seat != nullptr && seat->there;
-  const auto selected = co_await s_.lss.switch_selective(device, patience);
-  if (!selected) co_return fail(selected.error());
-  const auto reply = co_await s_.lss.inquire_node_id(patience);
-  const auto strange = [](const lss::Reply& r) { return r.answers > 1 || r.others > 0 || r.stale > 0 || r.differ; };
-  const bool doubtful = strange(*selected) || (reply && strange(*reply));
-  if (doubtful) {
-    const places::Binder::Options options = binder_options();
-    places::Binder binder(binder_services(), options);
-    const places::Outcome single = co_await binder.confirm_clone(device);
-    if (single == places::Outcome::several) {
-      const auto calm = co_await s_.lss.switch_global(lss::State::waiting);
-      if (!calm) co_return fail(calm.error());
-      co_return fail(Errc::duplicate, "two devices answer to one LSS address");
-    }
-  }
-  const auto released = co_await s_.lss.switch_global(lss::State::waiting);
-  if (!reply) co_return fail(reply.error());
-  if (!released) co_return fail(released.error());
-  const auto id = NodeId::make(reply->byte());
-  if (!id) co_return fail(Errc::mismatch, "the node-ID it told is none");
-  co_return *id;
+  return seat != nullptr && seat->there;
 }
 
 // Every address that was seen on this bus, or sits in it: one that may be in LSS configuration unheard is among them.

@@ -45,6 +45,7 @@ class Asking {
   [[nodiscard]] places::Binder::Options binder_options() const;
 
  private:
+  [[nodiscard]] bool may_be_doubled(const LssAddress& device) const;
   BusServices& s_;
   SlotTable& slots_;
   FoundDevices& found_;

@@ -412,6 +412,7 @@ class PlanMaker {
         }
         return seat_in_turn(group);
       case WhenAmbiguous::first_seen: std::ranges::stable_sort(fresh, {}, &Found::seen); return seat_in_turn(group);
+      case WhenAmbiguous::in_order: leave_where_they_are(group); return seat_in_turn(group);
       case WhenAmbiguous::ask:
       case WhenAmbiguous::probe: break;
     }
@@ -470,6 +471,7 @@ bool revision_fits(RevisionRule rule, const std::optional<std::uint32_t>& wanted
 }  // namespace
 
 bool fits(const SlotSpec& slot, const LssAddress& device) noexcept {
+  if (slot.serial && *slot.serial != device.serial) return false;
   if (slot.type == device.type()) return revision_fits(slot.rule, slot.revision, device.revision);
   return std::ranges::any_of(slot.also, [&](const AlsoType& other) {
     return other.type == device.type() && revision_fits(slot.rule, other.revision, device.revision);

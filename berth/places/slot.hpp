@@ -56,6 +56,8 @@ enum class WhenAmbiguous : std::uint8_t {
   one_at_a_time,  ///< devices come one by one, each into the lowest free slot
   probe,          ///< an object of the device says it (`SlotSpec::probe`)
   first_seen,     ///< the one that becomes active first gets the lowest free slot
+  in_order,       ///< a network list (1F81h), which asks nobody: as `ascending`, and as far as it goes where devices and
+                  ///< slots are not equal in number
 };
 
 /// How much of the revision number must agree with the slot's.
@@ -118,6 +120,7 @@ struct SlotSpec {
                                            ///< chosen first and without a question
   std::shared_ptr<const Recipe> recipe = {};  ///< with `Assign::recipe`
   std::optional<Probe> probe = {};            ///< tells the slot's device at every boot, whatever its serial number
+  std::optional<std::uint32_t> serial = {};   ///< the only device that may sit here (1F88h of a network list)
 };
 /// A device that `fits` this slot and is kept for it.
 [[nodiscard]] bool listed_spare(const SlotSpec& slot, const LssAddress& device) noexcept;

@@ -115,6 +115,7 @@ SlotRecord* MemoryStore::find(SlotId slot) noexcept {
 }
 
 void MemoryStore::log(HistoryEntry line) {
+  if (!keeps_history_) return;
   if (line.slot) {
     const SlotRecord* const record = find(*line.slot);
     line.on = record != nullptr ? record->name.on() : BusName();

@@ -91,8 +91,11 @@ class SlotStore {
 [[nodiscard]] std::string words_of(const Error& store_said);
 
 /// The same promises without a disk, for tests, `--dry-run` and machines without a store file.
-class MemoryStore final : public SlotStore {
+class MemoryStore : public SlotStore {
  public:
+  /// `keeps_history` false: a store that is to take no more memory the longer it is used. `history` is empty then.
+  explicit MemoryStore(bool keeps_history = true) noexcept : keeps_history_(keeps_history) {}
+
   Result<SlotId> declare(const SlotName& name) override;
   Result<std::vector<SlotRecord>> load(std::string_view machine) override;
   Result<SlotRecord> load(SlotId slot) override;
@@ -136,6 +139,7 @@ class MemoryStore final : public SlotStore {
   std::map<SlotId, std::vector<std::size_t>> lines_of_slot_;  // indices into `history_`
   std::map<LssAddress, std::vector<std::size_t>> lines_of_device_;
   std::int64_t stamp_ms_ = 0;
+  bool keeps_history_;
 };
 
 }  // namespace berth::places

@@ -101,7 +101,7 @@ std::shared_ptr<const od::Description> with_manager(const PlantMaster& master, u
   manager::ManagerObjects objects{.most = most, .startup = 0x21, .longest_concise = 0, .flying = true};
   constexpr std::uint32_t room_for_a_configuration = 16'384;
   if (!master.flying) device::add_storage(b);
-  if (!master.flying) objects = {.most = most, .longest_concise = room_for_a_configuration};
+  if (!master.flying) objects = {.most = most, .longest_concise = room_for_a_configuration, .node_ids = true};
   manager::add_manager_objects(b, objects);
   add_signals(b, signals);
   return b.build();
@@ -219,11 +219,15 @@ std::optional<Kept> parse_kept(std::string_view line) {
   const auto id = number(word(line));
   const auto rate = number(word(line));
   const auto plugged = number(word(line));
-  const auto image = unhex(word(line));
-  if (!serial || !id || !rate || !plugged || !image || line.empty()) return std::nullopt;
+  auto bytes = word(line);
+  const auto end = std::min(bytes.find('+'), bytes.size());
+  const auto image = unhex(bytes.substr(0, end));
+  bytes.remove_prefix(std::min(end + 1, bytes.size()));
+  const auto list_memory = unhex(bytes);
+  if (!serial || !id || !rate || !plugged || !image || !list_memory || line.empty()) return std::nullopt;
   const auto node_id = NodeId::make(*id);
   if (!node_id || *plugged > 1) return std::nullopt;
-  k = {*serial, *node_id, *rate, *plugged == 1, *image, std::string(line)};
+  k = {*serial, *node_id, *rate, *plugged == 1, *image, *list_memory, std::string(line)};
   return k;
 }
 
@@ -366,6 +370,36 @@ bool check_programs(const PlantDevice& plan, const od::Description& description,
   return has && (plan.storing.programs.loaded.empty() || loaded_program(plan, findings).has_value());
 }
 
+void SimListMemory::read(std::size_t at, std::span<std::uint8_t> into) const noexcept {
+  std::ranges::fill(into, std::uint8_t{0xFF});
+  if (at >= bytes_.size()) return;
+  std::copy_n(bytes_.begin() + static_cast<std::ptrdiff_t>(at), std::min(into.size(), bytes_.size() - at),
+              into.begin());
+}
+
+bool SimListMemory::write(std::size_t at, std::span<const std::uint8_t> bytes) noexcept {
+  if (at > size() || bytes.size() > size() - at) return false;
+  if (bytes_.size() < at + bytes.size()) bytes_.resize(at + bytes.size(), 0xFF);
+  const bool cuts = cut_ && left_ < bytes.size();
+  const auto whole = bytes.first(cuts ? left_ : bytes.size());
+  std::ranges::copy(whole, bytes_.begin() + static_cast<std::ptrdiff_t>(at));
+  if (cuts && torn_ >= 0) bytes_[at + left_] = static_cast<std::uint8_t>(torn_);
+  if (cuts) {
+    const auto cut = std::exchange(cut_, nullptr);
+    cut();
+    return false;
+  }
+  left_ -= std::min<std::uint64_t>(left_, bytes.size());
+  if (on_write_) on_write_();
+  return true;
+}
+
+void SimListMemory::cut_after(std::uint64_t bytes, std::function<void()> cut, int torn) {
+  left_ = bytes;
+  cut_ = std::move(cut);
+  torn_ = torn;
+}
+
 PlantMastery master_of(const PlantDevice& plan, can::Dispatcher& dispatcher, device::Device& device) {
   PlantMastery made;
   if (!plan.does.master) return made;
@@ -374,12 +408,22 @@ PlantMastery master_of(const PlantDevice& plan, can::Dispatcher& dispatcher, dev
   const auto apply = [&device](co::NmtCommand command) { device.apply(command); };
   made.manager = std::make_unique<manager::DictionaryManager>(dispatcher, device.values(), apply, timing);
   if (!plan.does.master->flying) {
-    made.assigner = std::make_unique<manager::NodeIdAssigner>(dispatcher, made.manager->bus().sdo(), device.values());
+    auto& bus = made.manager->bus();
+    made.memory = std::make_unique<SimListMemory>();
+    made.store = std::make_unique<manager::ListStore>(made.memory.get());
+    made.assigner = std::make_unique<manager::NodeIdAssigner>(
+        manager::ListServices{dispatcher, bus.sdo(), bus.nmt(), device.values(), *made.store});
     made.manager->assign_by(made.assigner.get());
   }
   auto* const manager = made.manager.get();
   device.on().state = [manager, &device](NmtState state) { manager->own_state(state, device.node_id()); };
   return made;
+}
+
+std::vector<std::uint8_t> list_memory_of(const PlantMastery& mastery) {
+  if (!mastery.memory) return {};
+  const auto image = mastery.memory->image();
+  return {image.begin(), image.end()};
 }
 
 const Described* Descriptions::of(const PlantDevice& device, Findings& findings, GatewayPart part) {
@@ -450,8 +494,8 @@ LssAddress address_of(const PlantDevice& device, const Described& described) noe
 std::string write_state(std::span<const Kept> devices) {
   std::string text = fmt::format("{}\n", state_header);
   for (const auto& k : devices) {
-    text += fmt::format("{} {} {} {} {} {}\n", k.serial, k.node_id.value(), k.bit_rate, k.plugged ? 1 : 0, hex(k.image),
-                        k.name);
+    text += fmt::format("{} {} {} {} {}{}{} {}\n", k.serial, k.node_id.value(), k.bit_rate, k.plugged ? 1 : 0,
+                        hex(k.image), k.list_memory.empty() ? "" : "+", hex(k.list_memory), k.name);
   }
   return text;
 }

@@ -2,6 +2,7 @@
 /// (`PortDevice`). Inside of room `plant`.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -15,6 +16,7 @@
 #include "berth/can/dispatcher.hpp"
 #include "berth/device/device.hpp"
 #include "berth/manager/dictionary_manager.hpp"
+#include "berth/manager/node_id_assigner.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/script/behaviour.hpp"
 
@@ -36,13 +38,45 @@ namespace berth::plant {
 /// The image that it has from the beginning; what is wrong with it is a finding.
 [[nodiscard]] bool check_programs(const PlantDevice& plan, const od::Description& description, Findings& findings);
 
+/// The memory of a simulated master for the node-IDs that it gives, beside that of its parameters: it outlives power,
+/// and takes no time.
+class SimListMemory final : public manager::ListMemory {
+ public:
+  [[nodiscard]] std::size_t size() const noexcept override { return manager::ListStore::footprint; }
+  void read(std::size_t at, std::span<std::uint8_t> into) const noexcept override;
+  bool write(std::size_t at, std::span<const std::uint8_t> bytes) noexcept override;
+
+  /// Called behind each write; may be empty.
+  void on_write(std::function<void()> callback) { on_write_ = std::move(callback); }
+  /// From now on `bytes` more bytes are written, and `cut` is called in the middle of that write: it may only post a job
+  /// that cuts the power. The byte at which it stops holds `torn` (0..255), or what it held (-1).
+  void cut_after(std::uint64_t bytes, std::function<void()> cut, int torn = -1);
+
+  /// The content up to the last byte ever written; the rest is blank.
+  [[nodiscard]] std::span<const std::uint8_t> image() const noexcept { return bytes_; }
+  void restore(std::span<const std::uint8_t> image) { bytes_.assign(image.begin(), image.end()); }
+
+ private:
+  std::vector<std::uint8_t> bytes_;
+  std::function<void()> on_write_;
+  std::function<void()> cut_;
+  std::uint64_t left_ = 0;  // bytes until the planned cut
+  int torn_ = -1;
+};
+
 /// What makes a device the NMT master of its bus (key `master`).
 struct PlantMastery {
+  // Only of one that is no flying master. The manager goes first: its tasks are in the middle of the others.
+  std::unique_ptr<SimListMemory> memory{};
+  std::unique_ptr<manager::ListStore> store{};
+  std::unique_ptr<manager::NodeIdAssigner> assigner{};
   std::unique_ptr<manager::DictionaryManager> manager{};  ///< null: it is no master
-  std::unique_ptr<manager::NodeIdAssigner> assigner{};    ///< only of one that is no flying master
 };
 /// `device` is the plan's, and observes nothing of its NMT state by `on()` yet. All must stay.
 [[nodiscard]] PlantMastery master_of(const PlantDevice& plan, can::Dispatcher& dispatcher, device::Device& device);
+
+/// For `Kept`; empty where there is none.
+[[nodiscard]] std::vector<std::uint8_t> list_memory_of(const PlantMastery& mastery);
 
 struct Described {
   std::shared_ptr<const od::Description> description;
@@ -81,6 +115,7 @@ struct Kept {
   std::uint32_t bit_rate = 0;
   bool plugged = false;
   std::vector<std::uint8_t> image;
+  std::vector<std::uint8_t> list_memory;  ///< of a master's `SimListMemory`
   std::string name;
 };
 [[nodiscard]] std::string write_state(std::span<const Kept> devices);

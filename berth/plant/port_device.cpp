@@ -27,6 +27,7 @@ PortDevice::PortDevice(PortDevices& all, rt::Executor& executor, const PlantDevi
         std::make_unique<script::Behaviour>(device_, executor, *std::move(parts.script), random.fork(), listener);
   }
   master_ = master_of(plan_, dispatcher_, device_);
+  if (master_.memory) master_.memory->on_write([this] { all_->save(); });
 }
 
 PortDevice::~PortDevice() {
@@ -91,7 +92,13 @@ std::string PortDevices::state() const {
   for (const auto& d : devices_) {
     const auto& o = d->device_.options();
     const auto image = d->flash_.image();
-    kept.push_back({o.address.serial, o.node_id, o.bit_rate, true, {image.begin(), image.end()}, d->name()});
+    kept.push_back({o.address.serial,
+                    o.node_id,
+                    o.bit_rate,
+                    true,
+                    {image.begin(), image.end()},
+                    list_memory_of(d->master_),
+                    d->name()});
   }
   return write_state(kept);
 }
@@ -113,6 +120,7 @@ Result<void> PortDevices::restore(std::string_view state) {
     device.device_.set_address(address);
     device.device_.set_blank(one.node_id, one.bit_rate);
     device.flash_.restore(one.image);
+    if (device.master_.memory) device.master_.memory->restore(one.list_memory);
   }
   return {};
 }

@@ -81,6 +81,7 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
   device_.observe(this);
   if (script) scripted_ = std::make_unique<Scripted>(*this, *std::move(script), random.fork());
   master_ = master_of(plan_, dispatcher_, device_);
+  if (master_.memory) master_.memory->on_write([this] { world_->save(); });
 }
 
 SimDevice::~SimDevice() {
@@ -407,7 +408,7 @@ std::string World::state() const {
   for (const auto& d : devices_) {
     const auto& o = d->device_.options();
     kept.push_back({d->next_.serial.value_or(o.address.serial), d->next_.node_id.value_or(o.node_id), o.bit_rate,
-                    d->plugged_, kept_image(d->flash_, d->next_), d->name()});
+                    d->plugged_, kept_image(d->flash_, d->next_), list_memory_of(d->master_), d->name()});
   }
   return write_state(kept);
 }
@@ -424,6 +425,7 @@ Result<void> World::restore(std::string_view state) {
     device.device_.set_address(address);
     device.device_.set_blank(one.node_id, one.bit_rate);
     device.flash_.restore(one.image);
+    if (device.master_.memory) device.master_.memory->restore(one.list_memory);
     device.plan_.plugged = one.plugged;
   }
   return {};

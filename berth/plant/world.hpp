@@ -91,6 +91,8 @@ class SimDevice final : public GatewaySide, private device::Device::Observer, pr
   [[nodiscard]] device::SimFlash& memory() noexcept { return flash_; }
   /// Of its programs; null: it is not programmed.
   friend device::SimFlash* program_memory(SimDevice& device) noexcept { return device.program_flash_.get(); }
+  /// Of the node-IDs that it has given; null: it is no master, or a flying one.
+  friend SimListMemory* list_memory(SimDevice& device) noexcept { return device.master_.memory.get(); }
   [[nodiscard]] bool plugged() const noexcept { return plugged_; }
   [[nodiscard]] bool powered() const noexcept override { return powered_; }
   [[nodiscard]] Truth truth() const;

@@ -1,0 +1,164 @@
+#include "berth/manager/list_bus.hpp"
+
+#include <algorithm>
+#include <string>
+
+#include "berth/manager/dictionary_source.hpp"
+
+namespace berth::manager {
+namespace {
+
+// 1F85h to 1F88h as a slot: revision and serial number count where they are not 0.
+places::SlotSpec spec_of(NodeId node, const SlaveRules& rules) {
+  places::SlotSpec spec;
+  spec.name.name = std::to_string(node.value());
+  spec.id = node;
+  spec.type = {rules.vendor, rules.product};
+  spec.when_ambiguous = places::WhenAmbiguous::in_order;
+  if (rules.revision != 0) {
+    spec.rule = places::RevisionRule::exact;
+    spec.revision = rules.revision;
+  }
+  if (rules.serial != 0) spec.serial = rules.serial;
+  return spec;
+}
+
+}  // namespace
+
+ListBus::ListBus(const ListServices& services) : s_(services), lss_(services.dispatcher), boots_(services.dispatcher) {}
+
+void ListBus::begin(NodeId own) {
+  own_ = own;
+  began_ = executor().now();
+  s_.store.reload();
+  slots.clear();
+  found.clear();
+  refusing.clear();
+  vacancy_ = {};
+  for (std::uint8_t node = 1; node <= 127; ++node) boots_.forget(NodeId(node));
+}
+
+void ListBus::read_list(std::bitset<128> there) {
+  slots.clear();
+  found.clear();
+  vacancy_ = {};
+  for (std::uint8_t number = 1; number <= 127; ++number) {
+    const NodeId node(number);
+    const SlaveRules rules = slave_rules_of(s_.values, node);
+    if (!rules.assigned || node == own_) continue;
+    ListSlot slot;
+    slot.slot.spec = spec_of(node, rules);
+    slot.slot.record.slot = ListStore::slot_of(node);
+    slot.typed = rules.vendor != 0 && rules.product != 0;
+    slot.there = there[number];
+    slots.push_back(std::move(slot));
+    refresh(slots.back());
+  }
+}
+
+ListSlot* ListBus::at(NodeId id) noexcept {
+  const auto it = std::ranges::find_if(slots, [&](const ListSlot& s) { return s.id() == id; });
+  return it == slots.end() ? nullptr : &*it;
+}
+
+ListSlot* ListBus::of(const LssAddress& device) noexcept {
+  const auto it = std::ranges::find_if(slots, [&](const ListSlot& s) { return s.slot.record.device() == device; });
+  return it == slots.end() ? nullptr : &*it;
+}
+
+void ListBus::refresh(ListSlot& slot) {
+  places::SlotStore& store = s_.store;
+  auto record = store.load(slot.slot.record.slot);
+  if (record) slot.slot.record = *std::move(record);
+}
+
+void ListBus::note(const places::Found& device) {
+  places::Found* const known = find(device.device);
+  if (known == nullptr) {
+    found.push_back(device);
+  } else {
+    *known = device;
+  }
+}
+
+void ListBus::forget(const LssAddress& device) {
+  std::erase_if(found, [&](const places::Found& f) { return f.device == device; });
+}
+
+places::Found* ListBus::find(const LssAddress& device) noexcept {
+  const auto it = std::ranges::find(found, device, &places::Found::device);
+  return it == found.end() ? nullptr : &*it;
+}
+
+bool ListBus::knows_type(const TypeCode& type) const noexcept {
+  return std::ranges::any_of(slots, [&](const ListSlot& s) { return s.typed && s.slot.spec.type == type; });
+}
+
+std::vector<places::UnfinishedBlank> ListBus::formers() const {
+  auto all = s_.store.unfinished_blanks();
+  return all ? *std::move(all) : std::vector<places::UnfinishedBlank>();
+}
+
+ListBus::Planned ListBus::plan() {
+  Planned made;
+  std::vector<places::Found> known;
+  std::ranges::copy_if(found, std::back_inserter(known), [&](const places::Found& f) {
+    return knows_type(f.device.type()) || of(f.device) != nullptr;
+  });
+  std::vector<places::Slot> plain;
+  for (std::size_t i = 0; i < slots.size(); ++i) {
+    const ListSlot& slot = slots[i];
+    const bool met = std::ranges::find(known, slot.id(), &places::Found::active) != known.end();
+    const bool taken = slot.free() && slot.there && !met;  // by one that is none of the list's
+    if (!slot.typed || taken) continue;
+    plain.push_back(slot.slot);
+    made.slots.push_back(i);
+  }
+  std::vector<LssAddress> blanks;
+  for (const auto& former : formers()) {
+    if (find(former.device) != nullptr) blanks.push_back(former.device);
+  }
+  made.plan = places::plan(plain, known, blanks, own_);
+  std::erase_if(made.plan.actions, [&](const places::Action& action) {
+    return std::ranges::find(refusing, action.device) != refusing.end();
+  });
+  return made;
+}
+
+bool ListBus::vacant(NodeId id) const noexcept {
+  const auto& asked = vacancy_[id.value()];
+  return asked && boots_.vacant_since(id, *asked);
+}
+
+co::SdoOptions ListBus::patience() const noexcept {
+  co::SdoOptions options = s_.sdo.options();
+  options.timeout = timeout;
+  options.retries = 1;
+  options.abort_on_timeout = false;
+  return options;
+}
+
+lss::PartMask ListBus::parts_to_ask(const LssAddress& device) const {
+  std::vector<LssAddress> others;
+  for (const auto& f : found) others.push_back(f.device);
+  for (const auto& slot : slots) {
+    if (const auto sits = slot.slot.record.device()) others.push_back(*sits);
+    if (slot.device) others.push_back(*slot.device);
+  }
+  for (const auto& former : formers()) others.push_back(former.device);
+  return lss::parts_to_ask(device, others);
+}
+
+places::Binder::Services ListBus::binder_services() noexcept {
+  return {s_.dispatcher, lss_, s_.sdo, s_.nmt, boots_, s_.store, vacancy_};
+}
+
+places::Binder::Options ListBus::binder_options() noexcept {
+  places::Binder::Options options;
+  options.guard_timeout = timeout;
+  options.slow_inhibit = pause;
+  options.lss_turn = &lss_turn_;
+  return options;
+}
+
+}  // namespace berth::manager

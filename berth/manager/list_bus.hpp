@@ -1,0 +1,126 @@
+/// The bus of a network list while its master gives node-IDs there: the services, the slots that the list makes of its
+/// slaves, and what was found. Shared by the parts of `NodeIdAssigner`; one task at a time works with it.
+#pragma once
+
+#include <bitset>
+#include <optional>
+#include <vector>
+
+#include "berth/co/nmt_master.hpp"
+#include "berth/co/sdo_client.hpp"
+#include "berth/lss/master.hpp"
+#include "berth/manager/list_store.hpp"
+#include "berth/od/values.hpp"
+#include "berth/places/binder.hpp"
+#include "berth/places/boot_watch.hpp"
+#include "berth/places/plan.hpp"
+#include "berth/rt/turn.hpp"
+
+namespace berth::manager {
+
+/// All must stay. Nothing else on this device is an LSS master.
+struct ListServices {
+  can::Dispatcher& dispatcher;
+  co::SdoClient& sdo;
+  co::NmtMaster& nmt;
+  od::Values& values;
+  ListStore& store;
+};
+
+/// Why a slave of the list is not simply there. The numbers stand in 5F0Bh.
+enum class NodeIdTrouble : std::uint8_t {
+  none = 0,
+  nobody = 1,       ///< no device of its type was found
+  kept = 2,         ///< a device may have the node-ID in its memory, and does not answer: no other one gets it
+  stranger = 3,     ///< a device that the list does not want answers under it
+  doubled = 4,      ///< two devices answer under it
+  refuses = 5,      ///< its device takes no node-ID
+  power_cycle = 6,  ///< its device has stored it, and uses another one until it is switched off and on
+  failed = 7,       ///< its device could not be given it; it is tried again
+  lost = 8,         ///< the device that has it does not answer: the next one of its type gets it
+};
+
+/// A slave of the list, as a slot.
+struct ListSlot {
+  places::Slot slot;
+  bool typed = false;    ///< its vendor-ID and product code are given: it can be given to a device
+  bool there = false;    ///< as the master knows, or it has answered
+  bool guarded = false;  ///< it answered guarding in this run
+  std::optional<LssAddress> device{};  ///< what answered under the node-ID in this run
+  NodeIdTrouble trouble = NodeIdTrouble::none;  ///< of its last binding in this run
+
+  [[nodiscard]] NodeId id() const noexcept { return slot.spec.id; }
+  [[nodiscard]] bool free() const noexcept { return typed && !slot.record.device(); }
+  [[nodiscard]] bool missing() const noexcept { return typed && !there; }
+  /// What answered under the node-ID has given it up.
+  void leave() noexcept {
+    there = false;
+    device.reset();
+  }
+};
+
+class ListBus {
+ public:
+  explicit ListBus(const ListServices& services);
+
+  /// The master has booted: all is forgotten but what the store has.
+  void begin(NodeId own);
+  /// The slots of the list as it is now. Those in `there` need not be asked.
+  void read_list(std::bitset<128> there);
+  [[nodiscard]] NodeId own() const noexcept { return own_; }
+  [[nodiscard]] rt::Time began() const noexcept { return began_; }
+
+  std::vector<ListSlot> slots;
+  std::vector<places::Found> found;  ///< in this run
+  /// LSS does not give them their node-IDs: they have refused.
+  std::vector<LssAddress> refusing;
+
+  /// Null: there is none.
+  [[nodiscard]] ListSlot* at(NodeId id) noexcept;
+  [[nodiscard]] ListSlot* of(const LssAddress& device) noexcept;
+  void refresh(ListSlot& slot);
+  void note(const places::Found& device);
+  void forget(const LssAddress& device);
+  [[nodiscard]] places::Found* find(const LssAddress& device) noexcept;
+  /// The list has a slave of this type.
+  [[nodiscard]] bool knows_type(const TypeCode& type) const noexcept;
+  /// It was to give a node-ID up and was not seen to have done so.
+  [[nodiscard]] std::vector<places::UnfinishedBlank> formers() const;
+
+  struct Planned {
+    places::Plan plan;
+    std::vector<std::size_t> slots;  ///< what `places::Action::slot` counts, as indices into `ListBus::slots`
+  };
+  /// A device of a type that the list does not have is left alone, and the node-ID that it has with it.
+  [[nodiscard]] Planned plan();
+
+  /// Asked in this run, and silent since.
+  [[nodiscard]] bool vacant(NodeId id) const noexcept;
+  /// To ask whether a device is there: silence is the expected answer.
+  [[nodiscard]] co::SdoOptions patience() const noexcept;
+  [[nodiscard]] lss::PartMask parts_to_ask(const LssAddress& device) const;
+  [[nodiscard]] places::Binder::Services binder_services() noexcept;
+  [[nodiscard]] places::Binder::Options binder_options() noexcept;
+
+  [[nodiscard]] rt::Executor& executor() noexcept { return s_.dispatcher.executor(); }
+  [[nodiscard]] const ListServices& services() const noexcept { return s_; }
+  [[nodiscard]] ListStore& store() noexcept { return s_.store; }
+  [[nodiscard]] lss::Master& lss() noexcept { return lss_; }
+  [[nodiscard]] places::BootWatch& boots() noexcept { return boots_; }
+  [[nodiscard]] const places::BootWatch& boots() const noexcept { return boots_; }
+  [[nodiscard]] places::VacancyTable& vacancy() noexcept { return vacancy_; }
+
+  static constexpr rt::Duration timeout = std::chrono::milliseconds(100);  ///< of a question to one node
+  static constexpr rt::Duration pause = std::chrono::milliseconds(10);     ///< for single-slot receive buffers
+
+ private:
+  ListServices s_;
+  lss::Master lss_;
+  places::BootWatch boots_;
+  places::VacancyTable vacancy_{};
+  rt::Turn lss_turn_;
+  NodeId own_;
+  rt::Time began_{};
+};
+
+}  // namespace berth::manager

@@ -1,0 +1,105 @@
+#include "berth/manager/node_id_search.hpp"
+
+#include <algorithm>
+
+#include "berth/places/inquiry.hpp"
+
+namespace berth::manager {
+
+NodeIdSearch::NodeIdSearch(ListBus& bus)
+    : bus_(bus),
+      rand_(bus.services().dispatcher),
+      rand_planner_(discovery::make(discovery::Method::planner_rand, {bus.services().dispatcher, bus.lss()})),
+      rest_({bus.services().dispatcher, bus.lss()}, {.rand = false, .configured = false}) {}
+
+// What is known of types need not be asked; who answers under its node-ID need not be found.
+discovery::Known NodeIdSearch::known(bool all_types) {
+  discovery::Known known;
+  for (const auto& slot : bus_.slots) {
+    if (slot.device) known.registered.push_back(*slot.device);
+    const discovery::Kind kind{slot.slot.spec.type, std::nullopt};
+    const bool named = std::ranges::find(known.kinds, kind) != known.kinds.end();
+    if ((slot.missing() || (all_types && slot.typed)) && !named) known.kinds.push_back(kind);
+  }
+  for (const auto& f : bus_.found) known.registered.push_back(f.device);
+  return known;
+}
+
+rt::Task<Result<void>> NodeIdSearch::by_rand() {
+  by_rand_.clear();
+  const discovery::Options options;
+  const auto anybody = co_await rand_planner_->anybody(options);
+  if (!anybody) co_return fail(anybody.error());
+  if (!*anybody) co_return Result<void>{};
+  discovery::Known kinds = known(false);
+  kinds.registered.clear();
+  const auto report = co_await rand_planner_->find(kinds, options);
+  if (!report) co_return fail(report.error());
+  places::Inquiry inquiry(bus_.binder_services());
+  for (std::size_t i = 0; i < report->found.size(); ++i) {
+    const LssAddress device = report->found[i].address;
+    by_rand_.push_back(device);
+    const bool whole = report->found[i].possible_clone;
+    const auto id = co_await inquiry.active_id(device, whole, ListBus::pause);
+    const bool clone = !id && id.error().code == Errc::duplicate;
+    if (!id && id.error().code == Errc::bus) co_return fail(id.error());
+    if (id || clone) bus_.note({device, id ? *id : NodeId(), clone});
+  }
+  co_return Result<void>{};
+}
+
+rt::Task<Result<void>> NodeIdSearch::by_lss(Whom whom) {
+  discovery::AutoOptions options = rest_.options();
+  options.configured = whom == Whom::configured;
+  rest_.set_options(options);
+  const discovery::Known kinds = known(whom != Whom::missing);
+  if (kinds.kinds.empty()) co_return Result<void>{};
+  discovery::Options how;
+  how.assigner = this;
+  const auto report = co_await rest_.find(kinds, how);
+  if (!report) co_return fail(report.error());
+  const auto quiet = co_await bus_.lss().switch_global(lss::State::waiting);
+  if (!quiet) co_return fail(quiet.error());
+  for (const auto& d : report->found) {
+    bus_.note({d.address, d.assigned.configured() ? d.assigned : d.active, d.possible_clone});
+  }
+  co_return Result<void>{};
+}
+
+rt::Task<Result<bool>> NodeIdSearch::anybody() {
+  const discovery::Options options;
+  const auto by_rand = co_await rand_planner_->anybody(options);
+  if (!by_rand || *by_rand) co_return by_rand;
+  co_return co_await rest_.anybody(options);
+}
+
+rt::Task<Result<void>> NodeIdSearch::release_found() {
+  for (std::size_t i = 0; i < by_rand_.size(); ++i) {
+    const LssAddress device = by_rand_[i];
+    const ListSlot* const seat = bus_.of(device);
+    if (seat != nullptr && seat->there) continue;
+    const auto told = co_await rand_.switch_selective(device, nodeid::Identification::unknown);
+    if (!told) co_return fail(told.error());
+  }
+  by_rand_.clear();
+  co_return Result<void>{};
+}
+
+// The slot that the plan has for it when all that was found so far is known.
+NodeId NodeIdSearch::assign(const LssAddress& device) noexcept {
+  if (bus_.find(device) == nullptr) bus_.note({device, NodeId()});
+  const auto planned = bus_.plan();
+  const auto bind = std::ranges::find_if(planned.plan.actions, [&](const places::Action& action) {
+    return action.kind == places::Action::Kind::bind && action.device == device;
+  });
+  if (bind == planned.plan.actions.end()) return {};
+  ListSlot& slot = bus_.slots[planned.slots[bind->slot]];
+  const bool held = std::ranges::find(bus_.found, slot.id(), &places::Found::active) != bus_.found.end();
+  if (held || !bus_.vacant(slot.id())) return {};
+  const auto asked = bus_.store().ask(slot.slot.record.slot, {device, slot.id()}, "found by a search");
+  if (!asked) return {};
+  bus_.refresh(slot);
+  return slot.id();
+}
+
+}  // namespace berth::manager

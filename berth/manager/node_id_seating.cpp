@@ -1,0 +1,280 @@
+#include "berth/manager/node_id_seating.hpp"
+
+#include <algorithm>
+
+#include "berth/places/inquiry.hpp"
+
+namespace berth::manager {
+
+using places::Action;
+using places::Binding;
+
+void NodeIdSeating::begin() {
+  seen_at_ = {};
+  resting_.clear();
+  without_place_.clear();
+}
+
+rt::Task<void> NodeIdSeating::carry_out() {
+  constexpr int most_passes = 4;
+  tried_.clear();
+  bool changed = true;
+  for (int pass = 0; pass < most_passes && changed; ++pass) {
+    co_await free_lost();
+    const auto planned = bus_.plan();
+    take_stock(planned);
+    changed = co_await act_on(planned);
+  }
+}
+
+// ---- slots of devices that are lost ---------------------------------------------------------------------------------
+
+// Its node-ID is in its memory, and it comes back under it when it does: the store remembers that.
+rt::Task<void> NodeIdSeating::free_lost() {
+  places::Inquiry inquiry(bus_.binder_services());
+  std::vector<NodeId> reserved;
+  const std::vector<LssAddress> devices = new_devices();
+  for (const LssAddress& each : devices) {
+    const LssAddress device = each;
+    const auto open = std::ranges::find_if(bus_.slots, [&](const ListSlot& slot) {
+      const bool reserves = std::ranges::find(reserved, slot.id()) != reserved.end();
+      return slot.free() && !slot.there && !reserves && places::fits(slot.slot.spec, device);
+    });
+    if (open != bus_.slots.end()) {
+      reserved.push_back(open->id());
+      continue;
+    }
+    ListSlot* const slot = lost_slot_for(device);
+    if (slot == nullptr) continue;
+    const LssAddress away = slot->slot.record.confirmed->device;
+    const auto id = co_await inquiry.active_id(away, false, ListBus::pause);
+    const bool clone = !id && id.error().code == Errc::duplicate;
+    if (id || clone) bus_.note({away, id ? *id : NodeId(), clone});
+    const bool silent = !id && id.error().code == Errc::timeout;
+    if (!silent) continue;
+    const auto freed = bus_.store().give_away(slot->slot.record.slot, "it is silent, and a new device is there");
+    bus_.refresh(*slot);
+    if (freed) reserved.push_back(slot->id());
+  }
+}
+
+// Found, and neither seated nor about to lose a node-ID of before; the lowest serial number first.
+std::vector<LssAddress> NodeIdSeating::new_devices() const {
+  std::vector<LssAddress> devices;
+  for (const auto& f : bus_.found) {
+    const bool refuses = std::ranges::find(bus_.refusing, f.device) != bus_.refusing.end();
+    if (!f.clone && !refuses && bus_.of(f.device) == nullptr) devices.push_back(f.device);
+  }
+  std::ranges::sort(devices);
+  return devices;
+}
+
+// The one under whose node-ID the new device was found comes first.
+ListSlot* NodeIdSeating::lost_slot_for(const LssAddress& device) {
+  const auto* const f = bus_.find(device);
+  ListSlot* lowest = nullptr;
+  for (auto& slot : bus_.slots) {
+    if (!is_lost(slot) || !places::fits(slot.slot.spec, device)) continue;
+    if (f != nullptr && f->active == slot.id()) return &slot;
+    if (lowest == nullptr) lowest = &slot;
+  }
+  return lowest;
+}
+
+bool NodeIdSeating::is_lost(const ListSlot& slot) const {
+  const auto& record = slot.slot.record;
+  const bool its_own = slot.there && (!slot.device || *slot.device == record.device());
+  const bool elsewhere = record.confirmed && bus_.find(record.confirmed->device) != nullptr;
+  if (!slot.typed || !record.confirmed || record.intended || its_own || elsewhere) return false;
+  const rt::Time now = bus_.executor().now();
+  const rt::Time seen = seen_at_[slot.id().value()];
+  if (slot.there) return true;  // another device answers in its place
+  return seen != rt::Time{} ? now - seen >= lost_after : now - bus_.began() >= never_seen_after;
+}
+
+// ---- what the plan says ---------------------------------------------------------------------------------------------
+
+// False: nothing was changed, and the next plan would be the same.
+rt::Task<bool> NodeIdSeating::act_on(const ListBus::Planned& planned) {
+  bool changed = false;
+  for (const auto& action : planned.plan.actions) {
+    const bool blanks = action.kind == Action::Kind::blank && !was_tried(action.device);
+    if (!blanks) continue;
+    const LssAddress device = action.device;
+    const std::string reason = action.reason;
+    const bool good = co_await blank(device, reason);
+    changed = changed || good;
+  }
+  if (changed) co_return true;  // what was given up is free for the next plan
+  co_await ask_vacancy(planned);
+  constexpr std::size_t most_bindings = 16;
+  rt::Scope bindings(bus_.executor(), most_bindings);
+  for (const auto& action : planned.plan.actions) {
+    if (action.kind != Action::Kind::bind || was_tried(action.device)) continue;
+    ListSlot& slot = bus_.slots[planned.slots[action.slot]];
+    const auto* const f = bus_.find(action.device);
+    if (f == nullptr) continue;  // it is away, and its node-ID is kept for it
+    if (rests(action.device)) {
+      slot.trouble = NodeIdTrouble::power_cycle;
+      continue;
+    }
+    const bool home = f->active == slot.id() && !f->shared && !slot.slot.record.intended;
+    if (home && adopt(slot, action.device)) continue;
+    bindings.spawn(bind(slot, action.device, changed));
+  }
+  co_await bindings.join();
+  co_return changed;
+}
+
+// Those that are about to be given and were not asked for in this run, side by side.
+rt::Task<void> NodeIdSeating::ask_vacancy(const ListBus::Planned& planned) {
+  std::vector<NodeId> ids;
+  for (const auto& action : planned.plan.actions) {
+    if (action.kind != Action::Kind::bind) continue;
+    const NodeId id = bus_.slots[planned.slots[action.slot]].id();
+    if (!bus_.vacant(id)) ids.push_back(id);
+  }
+  if (ids.empty()) co_return;
+  // A single-slot receive buffer would lose its question behind the `04 00` of the last LSS service.
+  co_await rt::sleep_for(ListBus::pause);
+  rt::Scope asked(bus_.executor());
+  for (const NodeId id : ids) asked.spawn(ask_one(id));
+  co_await asked.join();
+}
+
+rt::Task<void> NodeIdSeating::ask_one(NodeId id) {
+  places::Inquiry inquiry(bus_.binder_services());
+  const co::SdoOptions how = bus_.patience();
+  const auto answers = co_await inquiry.answers_at(id, how, ListBus::timeout);
+  static_cast<void>(answers);
+}
+
+// It is where it belongs: there is nothing to tell it.
+bool NodeIdSeating::adopt(ListSlot& slot, const LssAddress& device) {
+  const places::Assignment seat{device, slot.id()};
+  const auto number = slot.slot.record.slot;
+  const auto asked = bus_.store().ask(number, seat, "it came with the slot's node-ID");
+  const auto confirmed = asked ? bus_.store().confirm(number, seat, "it came with the slot's node-ID") : asked;
+  bus_.refresh(slot);
+  if (!confirmed) return false;
+  slot.there = true;
+  slot.device = device;
+  bus_.forget(device);
+  return true;
+}
+
+rt::Task<void> NodeIdSeating::bind(ListSlot& slot, LssAddress device, bool& changed) {
+  const bool resumed = slot.slot.record.intended.has_value();
+  const bool fresh = !slot.slot.record.device();
+  const places::Binder::Options defaults = bus_.binder_options();
+  Binding binding(Binding::Kind::bind, {device, slot.id()}, defaults.tries, resumed);
+  places::Binder::Options options = defaults;
+  options.parts = bus_.parts_to_ask(device);
+  places::Binder binder(bus_.binder_services(), options);
+  const places::SlotId number = slot.slot.record.slot;
+  const std::string reason = "the network list has a place for it";
+  co_await binder.run(binding, number, reason);
+  ended(slot, binding, fresh);
+  changed = changed || binding.step() == places::Step::done;
+}
+
+void NodeIdSeating::ended(ListSlot& slot, const Binding& binding, bool fresh) {
+  using places::Why;
+  const LssAddress device = binding.assignment().device;
+  bus_.refresh(slot);
+  if (binding.step() == places::Step::done) {
+    slot.there = true;
+    slot.device = device;
+    slot.trouble = NodeIdTrouble::none;
+    seen(slot.id());
+    bus_.forget(device);
+    std::erase_if(resting_, [&](const Resting& r) { return r.device == device; });
+    return;
+  }
+  tried_.push_back(device);
+  slot.trouble = NodeIdTrouble::failed;
+  if (binding.step() == places::Step::power_cycle) {
+    std::erase_if(resting_, [&](const Resting& r) { return r.device == device; });
+    resting_.push_back({device, binding.old_id(), bus_.executor().now()});
+    slot.trouble = NodeIdTrouble::power_cycle;
+    return;
+  }
+  // It has told what it uses, and takes nothing else.
+  const bool refuses = binding.why() == Why::refused && binding.old_id() != slot.id();
+  if (refuses) {
+    bus_.refusing.push_back(device);
+    slot.trouble = NodeIdTrouble::refuses;
+  }
+  if (binding.why() == Why::clone) bus_.note({device, binding.old_id(), true});
+  if (binding.why() == Why::clone || binding.why() == Why::other_device) slot.trouble = NodeIdTrouble::doubled;
+  if (binding.why() == Why::not_there) bus_.forget(device);
+  auto* const f = bus_.find(device);
+  if (binding.why() == Why::occupied && f != nullptr && f->active == slot.id()) f->shared = true;
+  // Nothing in the device can have changed: the slot is free again. Else it stays the slot's until it is seen.
+  const bool untold = (fresh && binding.untouched()) || refuses;
+  if (!untold || !slot.slot.record.intended) return;
+  const auto cleared = bus_.store().clear(slot.slot.record.slot, places::name(binding.why()));
+  static_cast<void>(cleared);
+  bus_.refresh(slot);
+}
+
+rt::Task<bool> NodeIdSeating::blank(LssAddress device, std::string reason) {
+  const auto known = bus_.formers();
+  const bool resumed = std::ranges::find(known, device, &places::UnfinishedBlank::device) != known.end();
+  if (rests(device)) co_return false;
+  const places::Binder::Options defaults = bus_.binder_options();
+  Binding binding(Binding::Kind::blank, {device, NodeId()}, defaults.tries, resumed);
+  const auto* const had = bus_.find(device);
+  if (had != nullptr) binding.inquired(had->active);
+  places::Binder::Options options = defaults;
+  options.parts = bus_.parts_to_ask(device);
+  places::Binder binder(bus_.binder_services(), options);
+  const places::SlotId none;
+  co_await binder.run(binding, none, reason);
+  const bool good = binding.step() == places::Step::done;
+  auto* const now = bus_.find(device);
+  if (good) {
+    bus_.boots().forget(binding.old_id());
+    if (now != nullptr) now->active = NodeId();
+    ListSlot* const left = bus_.at(binding.old_id());
+    const bool empty = left != nullptr && left->device == device;
+    if (empty) left->leave();
+    co_return true;
+  }
+  tried_.push_back(device);
+  if (binding.step() == places::Step::power_cycle)
+    resting_.push_back({device, binding.old_id(), bus_.executor().now()});
+  if (binding.why() == places::Why::refused) bus_.refusing.push_back(device);
+  if (binding.untouched()) {
+    const auto dropped = bus_.store().drop_blank({device, {}}, places::name(binding.why()));
+    static_cast<void>(dropped);
+  }
+  co_return false;
+}
+
+// It has stored its node-ID, and uses another still: to tell it again would wear its memory out.
+bool NodeIdSeating::rests(const LssAddress& device) {
+  const auto it = std::ranges::find(resting_, device, &Resting::device);
+  if (it == resting_.end()) return false;
+  const auto* const f = bus_.find(device);
+  const auto booted = it->old.configured() ? bus_.boots().boot_up(it->old) : std::nullopt;
+  const bool over = (f != nullptr && f->active != it->old) || (booted && *booted > it->since);
+  if (over) resting_.erase(it);
+  return !over;
+}
+
+bool NodeIdSeating::was_tried(const LssAddress& device) const {
+  return std::ranges::find(tried_, device) != tried_.end();
+}
+
+void NodeIdSeating::take_stock(const ListBus::Planned& planned) {
+  without_place_.clear();
+  for (const auto& f : bus_.found) {
+    const bool seated = std::ranges::any_of(planned.plan.actions, [&](const Action& action) {
+      return action.kind == Action::Kind::bind && action.device == f.device;
+    });
+    if (!seated && bus_.of(f.device) == nullptr) without_place_.push_back(f);
+  }
+}
+
+}  // namespace berth::manager

@@ -1,0 +1,62 @@
+#include "berth/places/inquiry.hpp"
+
+#include <algorithm>
+
+#include "berth/co/guarding.hpp"
+
+namespace berth::places {
+
+rt::Task<bool> Inquiry::answers_at(NodeId id, co::SdoOptions how, rt::Duration guard_timeout) {
+  const rt::Time began = s_.dispatcher.executor().now();
+  const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0, how);
+  if (type || type.error().code == Errc::aborted) co_return true;
+  if (type.error().code != Errc::timeout) co_return false;
+  const auto guarded = co_await co::guard_once(s_.dispatcher, id, guard_timeout, 1);
+  // A port without remote frames (socketcand) took the question before and refuses this one: the silence there counts.
+  const auto port = s_.dispatcher.port().status();
+  const bool mute = !guarded && guarded.error().code == Errc::bus && port.up && !port.bus_off;
+  const bool silent = mute || (!guarded && guarded.error().code == Errc::timeout);
+  if (silent) s_.vacancy[id.value()] = began;
+  co_return false;
+}
+
+rt::Task<Result<NodeId>> Inquiry::active_id(LssAddress device, bool whole, rt::Duration pause) {
+  const auto quick = co_await active_id_once(device, whole);
+  if (quick || quick.error().code != Errc::timeout) co_return quick;
+  const lss::MasterOptions before = s_.lss.options();
+  lss::MasterOptions slower = before;
+  slower.inhibit = std::max(slower.inhibit, pause);
+  s_.lss.set_options(slower);
+  const auto slow = co_await active_id_once(device, whole);
+  if (!slow) s_.lss.set_options(before);
+  co_return slow;
+}
+
+rt::Task<Result<NodeId>> Inquiry::active_id_once(LssAddress device, bool whole) {
+  const auto quiet = co_await s_.lss.switch_global(lss::State::waiting);
+  if (!quiet) co_return fail(quiet.error());
+  lss::ServiceOptions patience = s_.lss.options().service;
+  patience.full_window = whole;
+  const auto selected = co_await s_.lss.switch_selective(device, patience);
+  if (!selected) co_return fail(selected.error());
+  const auto reply = co_await s_.lss.inquire_node_id(patience);
+  const bool doubtful = lss::suspicious(*selected) || (reply && lss::suspicious(*reply));
+  if (doubtful) {
+    const Binder::Options options;
+    Binder binder(s_, options);
+    const Outcome single = co_await binder.confirm_clone(device);
+    if (single == Outcome::several) {
+      const auto calm = co_await s_.lss.switch_global(lss::State::waiting);
+      if (!calm) co_return fail(calm.error());
+      co_return fail(Errc::duplicate, "two devices answer to one LSS address");
+    }
+  }
+  const auto released = co_await s_.lss.switch_global(lss::State::waiting);
+  if (!reply) co_return fail(reply.error());
+  if (!released) co_return fail(released.error());
+  const auto id = NodeId::make(reply->byte());
+  if (!id) co_return fail(Errc::mismatch, "the node-ID it told is none");
+  co_return *id;
+}
+
+}  // namespace berth::places
