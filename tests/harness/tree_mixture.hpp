@@ -70,7 +70,7 @@ class TreeMixer {
 
   // The same path elsewhere: a gateway of this node-ID on the sister bus, and beneath it a node-ID of the bus `like`.
   void add_gateway(const std::string& bus, NodeId id, std::size_t above, const std::string& like) {
-    const std::string name = bus + " bus";
+    const std::string name = bus + " bus" + std::to_string(id.value());
     add_slot(bus, id, {1, 0x58});
     const std::string upper = plan_.machine.slots.back().spec.name.name;
     auto line = *plan_.machine.bus(bus);

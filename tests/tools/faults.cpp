@@ -435,16 +435,17 @@ TreeTally work_trees(const Options& o, unsigned worker) {
   TreeTally tally;
   for (std::uint64_t seed = o.from + worker; seed < o.from + o.trees; seed += o.workers) {
     const TreePlan plan = o.mixed_trees ? mix(tree_plan(seed)) : tree_plan(seed);
-    TreeWorld first(plan), second(plan);
+    const char* const frames = std::getenv("BERTH_WORLDS_FRAMES");  // of this bus, in the log
+    TreeWorld first(plan, frames == nullptr ? "" : frames), second(plan);
     const std::string wrong = first.go(troubles_of_a_tree);
     static_cast<void>(second.go(troubles_of_a_tree));
     ++tally.runs;
-    const bool differs = first.log() != second.log();
+    const bool differs = frames == nullptr && first.log() != second.log();
     tally.differ += differs ? 1U : 0U;
     tally.failures += wrong.empty() ? 0U : 1U;
     if (differs) std::printf("tree %llu: two runs differ\n", static_cast<unsigned long long>(seed));
     if (!wrong.empty()) std::printf("tree %llu: %s", static_cast<unsigned long long>(seed), wrong.c_str());
-    if (o.show) std::printf("%s", first.log().c_str());
+    if (o.show) std::printf("%s%s", plant::write_plant(plan.plant).c_str(), first.log().c_str());
     std::fflush(stdout);
   }
   return tally;
