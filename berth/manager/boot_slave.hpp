@@ -9,7 +9,7 @@
 /// In this order; the letter is how it ends when the step fails:
 ///   1. assigned (A); not to be booted: step 9 at once
 ///   2. 1000h is read, again and again until `give_up` (B), and compared (C)
-///   3. 1018h is read as far as it is expected (D, M, N, O), and the hardware version 1009h (N)
+///   3. 1018h is read as far as it is expected (D, M, N, O), and the hardware version, 1009h and paper 3's 5F01h (N)
 ///   4. keep alive: its state is observed (E, F); operational: step 9, and the end is L; else reset communication. The
 ///      same, but for E and F, of a slave that a former master may have started (`BootOptions::may_run`)
 ///   5. expected software (G, H): 1F56h, else 1F52h, else 100Ah, and whether it runs (1F51h); 6. its update (I), after

@@ -338,7 +338,7 @@ rt::Task<bool> Configuring::reset_and_wait(Seat& seat, rt::Time& identified) {
     co_await rt::sleep_for(std::chrono::milliseconds(5));
   }
   identified = s_.executor.now();
-  const auto who = co_await places::Binder::read_identity(s_.sdo, id);
+  const auto who = co_await places::read_identity(s_.sdo, id);
   const bool same = who && seat.slot.record.confirmed && *who == seat.slot.record.confirmed->device;
   if (same || (who && !seat.slot.record.confirmed)) co_return true;
   slots_.set_state(seat, SlotState::failed,
@@ -369,7 +369,7 @@ rt::Task<void> Configuring::look_at_running(Seat& seat) {
 // Why what answers under the slot's node-ID is not asked further; empty: it is the slot's.
 rt::Task<std::string> Configuring::belongs_elsewhere(Seat& seat) {
   const NodeId id = seat.id();
-  const auto who = co_await places::Binder::read_identity(s_.sdo, id);
+  const auto who = co_await places::read_identity(s_.sdo, id);
   if (!who) co_return "its identity cannot be read: " + describe(who.error());
   const auto& confirmed = seat.slot.record.confirmed;
   const bool right = confirmed ? confirmed->device == *who : places::fits(seat.slot.spec, *who);

@@ -233,7 +233,7 @@ void Seating::bound(Seat& seat, const Binding& binding) {
   places_.forget(binding.assignment().device);
   seat.there = true;
   seat.boot_again();
-  seat.power_cycle.binding.reset();
+  seat.power_cycle = {};
   seat.fresh = true;
   seat.checked = s_.executor.now();
   slots_.events().tell(EventKind::bound, seat.name(),
@@ -464,8 +464,7 @@ rt::Task<bool> Seating::answers_by_lss(LssAddress device) {
 // It has stored its node-ID, and uses another still: telling it again would wear its memory out. A power cycle that was
 // not heard, and brought nothing, is thought of now and then.
 rt::Task<bool> Seating::waits_for_its_power_cycle(Seat& seat) {
-  constexpr unsigned sometimes = 8;
-  if (!seat.power_cycle.binding || ++seat.power_cycle.looked_at % sometimes == 0) co_return false;
+  if (!seat.power_cycle.binding || Fading::is_time(++seat.power_cycle.looked_at)) co_return false;
   const NodeId old = seat.power_cycle.binding->old_id();
   const auto booted = old.configured() ? s_.boots.boot_up(old) : std::nullopt;
   if (booted && *booted > seat.since) co_return false;

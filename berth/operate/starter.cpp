@@ -195,7 +195,7 @@ rt::Task<Result<void>> Starter::update(Seat& seat, manager::BootTarget& target) 
   const auto updated = co_await programming_.update(seat, target);
   // Its restarts are not those of another device, and no reason to write its flash memory again.
   const rt::Time asked = s_.executor.now();
-  const auto who = co_await places::Binder::read_identity(s_.sdo, seat.id());
+  const auto who = co_await places::read_identity(s_.sdo, seat.id());
   const bool same = who && seat.slot.record.confirmed && *who == seat.slot.record.confirmed->device;
   if (same) seat.checked = asked;
   if (same && updated) slots_.set_state(seat, SlotState::present, "it has its programs");

@@ -184,6 +184,17 @@ void Supervision::give_up_silent() {
   }
 }
 
+void Supervision::look_at_voices() {
+  for (auto& seat : slots_.seats()) {
+    const auto heard = s_.boots.heard(seat->id());
+    const bool lately = heard && s_.executor.now() - *heard <= s_.bus.timing.heartbeat_timeout;
+    const bool lent = loans_.to_another(seat->id(), LssAddress{}) != nullptr;
+    if (seat->slot.record.device() || !lately || lent) continue;
+    agenda_.look_anew = true;
+    hurry(*seat);
+  }
+}
+
 // With `replacement = "auto"` its slot is for the next device of its type.
 void Supervision::make_free(Seat& seat) {
   const bool automatic = seat.slot.spec.replacement == places::Replacement::automatic;

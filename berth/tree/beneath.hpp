@@ -1,40 +1,21 @@
-/// A bus beneath a gateway on which Berth has no port (`port = "gateway"`; docs/multilevel.md): the gateway's
-/// own NMT master gives the node-IDs, boots, starts and watches there, by its dictionary (CiA 302-2), and this makes
-/// and keeps that dictionary right, through the gateway, and tells what becomes of the slots.
+/// A bus beneath a gateway on which Berth has no port (`port = "gateway"`; docs/multilevel.md): the gateway's own NMT
+/// master gives the node-IDs, boots, starts and watches there, by its dictionary (CiA 302-2). This makes and keeps that
+/// dictionary right, through the gateway (`ListDelivery`), finds out how the slots stand (`WatchBeneath`), and tells it
+/// (`SlotsBeneath`).
 ///
-/// `bring_up` is called before the gateway itself is started. The network list is compared by its date (1020h of the
-/// gateway's node beneath) and written when it is another; then that node is reset, and boots its bus. Where there are
-/// further gateways on it, they are in the list and not booted yet: its other devices boot while the buses beneath them
-/// are brought up, and then they are let in one by one (bit 2 of 1F81h, and 1F82h).
+/// `bring_up` is called before the gateway itself is started.
 #pragma once
 
 #include <functional>
-#include <map>
-#include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
-#include "berth/co/nmt.hpp"
-#include "berth/multilevel/event_log.hpp"
-#include "berth/multilevel/gateway_access.hpp"
-#include "berth/operate/events.hpp"
-#include "berth/operate/seen.hpp"
 #include "berth/rt/mailbox.hpp"
 #include "berth/rt/scope.hpp"
-#include "berth/tree/network_list.hpp"
+#include "berth/tree/list_delivery.hpp"
+#include "berth/tree/watch_beneath.hpp"
 
 namespace berth::tree {
-
-/// How a bus of a machine is reached.
-struct Way {
-  std::string bus;                             ///< on which Berth has a port
-  std::vector<multilevel::Hop> gateways = {};  ///< from there down, topmost first
-  friend bool operator==(const Way&, const Way&) = default;
-};
-[[nodiscard]] Way way_to(const design::Machine& machine, const std::string& bus);
-/// The bus to which a way leads, whether Berth has a port there or not; null: the machine has none there.
-[[nodiscard]] const design::Bus* bus_at(const design::Machine& machine, const Way& way) noexcept;
 
 class Beneath {
  public:
@@ -43,18 +24,12 @@ class Beneath {
   Beneath(rt::Executor& executor, const design::Bus& bus, Way way, std::vector<places::SlotSpec> slots,
           const operate::SlotSettings& settings, multilevel::Routes& routes, operate::NetworkObserver observer);
 
-  /// A bus beneath this one, and what makes it run (`bring_up`; a port of Berth's: what waits for that).
-  struct Deeper {
-    design::Gateway gateway;
-    std::function<rt::Task<Result<void>>()> bring_up;
-  };
-  void add(Deeper deeper) { deeper_.push_back(std::move(deeper)); }
+  void add(Deeper deeper) { delivery_.add(std::move(deeper)); }
   /// `runs` tells whether its gateway does: one that ran before Berth began is not brought up, but watched.
   /// `operational`: called each time that this bus has become so; may be empty.
-  void know_gateway(std::function<bool()> runs, std::function<void()> operational = {}) {
-    gateway_runs_ = std::move(runs);
-    operational_call_ = std::move(operational);
-  }
+  void know_gateway(std::function<bool()> runs, std::function<void()> operational = {});
+  /// `call`: a loss was told that may be of this slot, and it runs; if it is a gateway's, the loss may be beneath it.
+  void on_still_runs(std::function<void(NodeId)> call) { watch_.on_still_runs(std::move(call)); }
   /// Watches: only then the slots' states are kept.
   void start();
   void stop() noexcept;
@@ -64,74 +39,46 @@ class Beneath {
   [[nodiscard]] rt::Task<Result<void>> bring_up();
   static constexpr rt::Duration patience = std::chrono::seconds(30);
 
-  /// An emergency of this bus came up: `node` has sent it.
-  void heard(NodeId node, const multilevel::LoggedEmcy& entry);
+  /// An emergency came up that may be about this node: how it stands is asked for. `lost`: it told a loss (8130h).
+  void ask(NodeId node, bool lost);
+  /// The same of every slot.
+  void ask_all();
+  /// An EMCY 8150h of this slot's node.
+  void collided(NodeId node);
+  /// The gateway in this slot told that a mandatory bus beneath it has failed: it stops itself.
+  void stops_itself(NodeId gateway) noexcept;
 
-  [[nodiscard]] const design::Bus& bus() const noexcept { return bus_; }
+  [[nodiscard]] const design::Bus& bus() const noexcept { return slots_.bus(); }
   [[nodiscard]] const Way& way() const noexcept { return way_; }
-  [[nodiscard]] std::vector<operate::SlotReport> report() const;
+  [[nodiscard]] SlotsBeneath& slots() noexcept { return slots_; }
+  [[nodiscard]] std::vector<operate::SlotReport> report() const { return slots_.report(); }
   /// Every slot that is not optional.
-  [[nodiscard]] bool operational() const noexcept;
+  [[nodiscard]] bool operational() const noexcept { return slots_.operational(); }
+  /// Nothing goes on here but watching.
   [[nodiscard]] bool idle() const noexcept { return !brings_up_; }
   /// A node of this bus.
   [[nodiscard]] co::SdoAccess& access(NodeId node) { return routes_.access({way_.gateways, node}); }
   /// What its master knows: the node-IDs of the network list that it has heard.
-  [[nodiscard]] rt::Task<Result<std::vector<operate::Seen>>> scan();
+  [[nodiscard]] rt::Task<Result<std::vector<operate::Seen>>> scan() { return watch_.scan(); }
 
  private:
-  struct Place {
-    places::SlotSpec spec;
-    operate::SlotReport now;
-    bool identified = false;  // since it became operational
-    rt::Time booted_again{};  // the last time
-    unsigned losses = 0;      // told by the gateway
-
-    // Its boot-up has failed, by lost frames say: a master need not try again by itself.
-    [[nodiscard]] bool left_lying(rt::Time at) const noexcept {
-      constexpr rt::Duration long_enough = std::chrono::seconds(15);
-      return at - std::max(now.since, booted_again) > long_enough;
-    }
-  };
-  /// `nodes`: those that its master must know when it uses the list.
-  rt::Task<Result<void>> put_list(const manager::Wanted& list, std::vector<NodeId> nodes);
-  rt::Task<Result<void>> with_deeper(const manager::Wanted& whole);
-  rt::Task<Result<void>> await_operational();
   rt::Task<void> watch();
-  rt::Task<bool> look_around(std::optional<NodeId> told);
   rt::Task<void> adopt();
-  /// `settled`: who is missing now is told; else it may come yet.
-  rt::Task<Result<void>> look_at(Place& place, bool settled);
-  rt::Task<bool> identify(Place& place);
-  /// `held_back`: these are not booted.
-  [[nodiscard]] manager::Wanted list(std::span<const NodeId> held_back = {});
-  void set_state(Place& place, places::SlotState state, std::string reason = {});
-  void gateway_is_silent(const Error& error);
-  [[nodiscard]] Place* at(NodeId node) noexcept;
+  [[nodiscard]] bool ready_beneath(NodeId gateway) const;
+  void provide(bool provided) noexcept;
 
   rt::Executor& executor_;
-  const design::Bus& bus_;
   Way way_;
-  operate::SlotSettings settings_;
   multilevel::Routes& routes_;
-  operate::Events events_;
-  std::vector<Place> places_;  // ascending by node-ID
-  std::vector<Deeper> deeper_;
-  std::function<void()> operational_call_;
+  SlotsBeneath slots_;
+  ListDelivery delivery_;
+  WatchBeneath watch_;
   std::function<bool()> gateway_runs_;
-  rt::Mailbox<NodeId, 256> wakes_;  // slots to be looked at now
-  std::size_t next_ = 0;            // slot that is looked at next
-  struct Silence {
-    unsigned failures = 0;  // looks in a row that failed
-    rt::Time rest_until{};  // its gateway did not answer: no look before, unless it runs again
-    bool ran = false;       // the gateway, as the bus above knows it
-  };
-  Silence silence_;
-  bool up_ = false;  // it was brought up
-  bool was_operational_ = false;
-  bool brings_up_ = false;
-  bool has_list_ = false;  // its gateway, as far as is known; one that could not get it in time is tried again
+  rt::Mailbox<NodeId, 256> wakes_;
+  bool up_ = false;         // it was brought up, or found running
+  bool brings_up_ = false;  // now
+  bool provided_ = false;   // its gateway has its list, as far as is known; else it is tried again
   rt::Time again_at_{};
-  bool was_reset_ = false;  // its gateway, because it missed nodes of a list that it had
   rt::Scope scope_;
 };
 

@@ -7,6 +7,7 @@
 #include "berth/base/bytes.hpp"
 #include "berth/eds/concise_dcf.hpp"
 #include "berth/od/cia302.hpp"
+#include "berth/od/paper3.hpp"
 
 namespace berth::tree {
 namespace {
@@ -41,6 +42,7 @@ class List {
     put32({cia302::expected_product, sub}, slot.type.product);
     const bool exact = slot.rule == places::RevisionRule::exact;
     put32({cia302::expected_revision, sub}, exact ? slot.revision.value_or(0) : 0);
+    if (slot.software.hardware_number != 0) put32({od::paper3::expected_hardware, sub}, slot.software.hardware_number);
     put32({consumer_heartbeat, ++consumers_},
           std::uint64_t{sub} << 16U | static_cast<std::uint64_t>(milliseconds(bus_.timing.heartbeat_timeout)));
     const auto more = settings.find(slot.name.name);

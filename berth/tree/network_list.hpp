@@ -13,11 +13,11 @@
 
 namespace berth::tree {
 
-/// 1016h, 1F22h, 1F26h, 1F27h, 1F80h, 1F81h, 1F84h to 1F87h, 1F89h and 102Ah, and a date for 1020h that is another one
-/// when anything else is. Of each slot 1F22h has its heartbeat (1017h), and what `config =` and `settings` want; a file
-/// that cannot be read is told in `findings` and left out. A slot of `held_back` is in the list, so that it gets its
-/// node-ID, and is not booted. `settings` of `design::gateway_node_name` are what the master's own device shall have
-/// besides: its PDOs of links.
+/// 1016h, 1F22h, 1F26h, 1F27h, 1F80h, 1F81h, 1F84h to 1F87h, 1F89h, 102Ah, 5F02h where expected, and a date for 1020h
+/// that is another one when anything else is. Of each slot 1F22h has its heartbeat (1017h), and what `config =` and
+/// `settings` want; a file that cannot be read is told in `findings` and left out. A slot of `held_back` is in the
+/// list, so that it gets its node-ID, and is not booted. `settings` of `design::gateway_node_name` are what the
+/// master's own device shall have besides: its PDOs of links.
 [[nodiscard]] manager::Wanted network_list(const design::Bus& bus, std::span<const places::SlotSpec> slots,
                                            std::span<const NodeId> held_back, const operate::SlotSettings& settings,
                                            Findings& findings);

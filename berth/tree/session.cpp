@@ -110,7 +110,7 @@ Result<void> Session::open() {
       if (slot.spec.name.bus == bus.name && !slot.eds_path.empty())
         descriptions.emplace(slot.spec.name.name, slot.eds_path);
     }
-    const auto opened = network->open(settings_, descriptions);
+    const auto opened = network->open(with_gateways(*machine_, bus.name, settings_), descriptions);
     if (!opened) return opened;
     networks_.push_back(std::move(network));
   }

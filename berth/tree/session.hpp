@@ -14,6 +14,7 @@
 #include "berth/operate/network.hpp"
 #include "berth/operate/report.hpp"
 #include "berth/places/slot_store.hpp"
+#include "berth/tree/gateway_settings.hpp"
 #include "berth/tree/tree.hpp"
 
 namespace berth::tree {
@@ -31,9 +32,9 @@ class Session {
   Result<void> connect(std::string_view bus, can::Port& port);
   /// What devices shall have besides `config =`. Before `open`.
   void configure_with(operate::SlotSettings settings) { settings_ = std::move(settings); }
-  /// The slot has `config =`, or gets settings.
+  /// The slot has `config =`, gets settings, or is a gateway.
   [[nodiscard]] bool configures(const design::Slot& slot) const noexcept {
-    return !slot.spec.config.empty() || settings_.contains(slot.spec.name.name);
+    return !slot.spec.config.empty() || settings_.contains(slot.spec.name.name) || is_gateway(*machine_, slot);
   }
   /// Reads the store. Call once, after the ports. Errors: `invalid` a bus without a port, or one
   /// beneath gateways whose topmost bus the machine lacks; the store's.

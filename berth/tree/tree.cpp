@@ -1,8 +1,13 @@
 #include "berth/tree/tree.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <optional>
 #include <span>
+
+#include "berth/decode/emcy_words.hpp"
+#include "berth/tree/gateway_settings.hpp"
 
 namespace berth::tree {
 namespace {
@@ -15,6 +20,17 @@ std::size_t levels_between(const design::Machine& machine, const std::string& to
     ++levels;
   }
   return levels;
+}
+
+// Of the producer's device profile, as profiles use codes twice (paper 3 Figure 10).
+const char* words(std::uint16_t code, std::uint16_t profile) {
+  const char* const own = multilevel::gateway_code_text(code);
+  return own != nullptr ? own : decode::emcy_words(code, profile);
+}
+
+bool is_communication(const multilevel::EmcyReading& reading) noexcept {
+  const std::uint16_t code = reading.code != 0 ? reading.code : reading.exiting;
+  return code >> 8U == co::emcy_code::id_collision >> 8U;
 }
 
 multilevel::GatewayTimes gateway_times(const design::Machine& machine, const std::string& top) {
@@ -43,6 +59,7 @@ rt::Task<Result<void>> await_operational(rt::Executor& executor, operate::Networ
 
 Result<void> Tree::open(const std::function<void(const operate::Event&)>& events,
                         const operate::SlotSettings& settings) {
+  events_ = events;
   for (const auto& line : machine_->beneath) {
     Way way = way_to(*machine_, line.name);
     operate::Network* const top = network(way.bus);
@@ -52,15 +69,17 @@ Result<void> Tree::open(const std::function<void(const operate::Event&)>& events
     }
     operate::NetworkObserver observer;
     observer.event = events;
-    buses_.push_back(std::make_unique<Beneath>(*executor_, line, way, machine_->specs(line.name), settings,
-                                               routes(*top), std::move(observer)));
+    buses_.push_back(std::make_unique<Beneath>(*executor_, line, way, machine_->specs(line.name),
+                                               with_gateways(*machine_, line.name, settings), routes(*top),
+                                               std::move(observer)));
     Root& root = *roots_[top];
     if (!root.log) {
-      constexpr auto layout = multilevel::EmcyLayout::source_and_exit;
-      root.log = std::make_unique<multilevel::EventLog>(top->services().dispatcher, layout);
+      root.log = std::make_unique<multilevel::EventLog>(top->services().dispatcher, layout_of(*machine_, way.bus));
       root.log->hear_all();
       root.log->on_event([this, name = way.bus](const multilevel::LoggedEmcy& entry) { heard(name, entry); });
     }
+    auto& made = *buses_.back();
+    made.on_still_runs([this, &made](NodeId node) { still_runs(made, node); });
     Beneath* const above = bus(line.gateway->bus);
     const NodeId gateway_slot = line.gateway->slot;
     const auto runs = [gateway_slot](const std::vector<operate::SlotReport>& slots) {
@@ -68,30 +87,102 @@ Result<void> Tree::open(const std::function<void(const operate::Event&)>& events
       return slot != slots.end() && slot->state == places::SlotState::operational;
     };
     if (above != nullptr) {
-      above->add({*line.gateway, [deeper = buses_.back().get()] { return deeper->bring_up(); }});
-      buses_.back()->know_gateway([above, runs] { return runs(above->report()); });
+      above->add({*line.gateway, [&made] { return made.bring_up(); }, [&made] { return made.operational(); }});
+      made.know_gateway([above, runs] { return runs(above->report()); });
     } else {
-      buses_.back()->know_gateway([top, runs] { return runs(top->report()); },
-                                  [top, gateway_slot] { top->try_again(gateway_slot); });
+      made.know_gateway([top, runs] { return runs(top->report()); },
+                        [top, gateway_slot] { top->try_again(gateway_slot); });
     }
   }
   for (const auto& each : *networks_) {
     const auto& gateway = each->bus().gateway;
     Beneath* const above = gateway ? bus(gateway->bus) : nullptr;
     if (above == nullptr) continue;
-    above->add({*gateway, [this, deeper = each.get()] { return await_operational(*executor_, *deeper); }});
+    above->add({*gateway, [this, deeper = each.get()] { return await_operational(*executor_, *deeper); },
+                [deeper = each.get()] { return deeper->operational(); }});
   }
   return {};
 }
 
+// Who is told is who it is about for certain; of the others it is asked how they stand.
 void Tree::heard(const std::string& name, const multilevel::LoggedEmcy& entry) {
-  const auto& path = entry.reading.path;
-  if (path.size() < 2 || entry.reading.garbled) return;
-  for (auto& each : buses_) {
-    const auto& hops = each->way().gateways;
-    if (each->way().bus != name || hops.size() + 1 != path.size()) continue;
-    const auto gateways = std::span(path).first(hops.size());
-    if (std::ranges::equal(hops, gateways, {}, &multilevel::Hop::gateway)) return each->heard(path.back(), entry);
+  constexpr auto loss = co::emcy_code::life_guard_or_heartbeat;
+  const auto& reading = entry.reading;
+  const EmcyOrigins origins = origins_of(*machine_, name, layout_of(*machine_, name), reading);
+  const bool lost = reading.code == loss;
+  const auto ask = [&](const std::vector<const design::Slot*>& slots) {
+    for (const auto* const slot : slots) bus(slot->spec.name.bus)->ask(slot->spec.id, lost);
+  };
+  ask(origins.named);
+  // One that is beneath another is asked when that one runs (`still_runs`): through a lost gateway nobody answers.
+  if (origins.named.empty()) ask(origins.beneath);
+  if (reading.code == multilevel::gateway_code::mandatory_bus_failed) note_stopping(name, reading, origins);
+  if (reading.path.size() < 2 || reading.garbled) return;
+  if (!lost && reading.exiting != loss) tell(name, entry, origins);
+}
+
+// A gateway stops itself (paper 3 Figure 1). The node that is named last is the one that failed; where the gateway
+// knows none, that is the gateway.
+void Tree::note_stopping(const std::string& name, const multilevel::EmcyReading& reading, const EmcyOrigins& origins) {
+  for (const auto* const slot : origins.named) {
+    bus(slot->spec.name.bus)->stops_itself(slot->spec.id);
+    const auto& gateway = *bus(slot->spec.name.bus)->bus().gateway;
+    if (Beneath* const above = bus(gateway.bus)) above->stops_itself(gateway.slot);
+  }
+  operate::Network* const top = network(name);
+  const bool may_be_on_top = reading.path.size() <= 2 && resets_.running() == 0;
+  if (may_be_on_top && top->services().may_command()) resets_.spawn(reset_stopped(*top, reading.path.front()));
+}
+
+// Stopped it carries nothing. Reset it is booted as any other, and started when the bus beneath it runs.
+rt::Task<void> Tree::reset_stopped(operate::Network& network, NodeId gateway) {
+  auto& services = network.services();
+  co_await rt::sleep_for(2 * services.bus.timing.heartbeat_period);
+  if (services.heartbeats.state(gateway) != NmtState::stopped) co_return;
+  events_({executor_->now(),
+           network.bus().name,
+           operate::EventKind::step,
+           {},
+           fmt::format("gateway {} has stopped itself, because a mandatory bus beneath it failed: it is reset",
+                       gateway.value())});
+  const auto sent = co_await services.nmt.send(co::NmtCommand::reset_communication, gateway);
+  static_cast<void>(sent);
+}
+
+void Tree::tell(const std::string& name, const multilevel::LoggedEmcy& entry, const EmcyOrigins& origins) {
+  auto possible = origins.named;
+  if (origins.may_be_deeper) possible.insert(possible.end(), origins.beneath.begin(), origins.beneath.end());
+  multilevel::LoggedEmcy told = entry;
+  if (possible.size() == 1) {
+    const auto& spec = possible.front()->spec;
+    told.profile = bus(spec.name.bus)->slots().at(spec.id)->profile;
+  }
+  const std::string text = "EMCY " + multilevel::text(told, words);
+  if (possible.size() == 1) {
+    const auto& spec = possible.front()->spec;
+    Beneath& line = *bus(spec.name.bus);
+    // Two devices under one node-ID tell of it, and of what it does to their frames, again and again.
+    const bool known = line.slots().at(spec.id)->doubled && is_communication(entry.reading);
+    if (!known) line.slots().events().tell(operate::EventKind::error, spec.name.name, text);
+    if (entry.reading.code == co::emcy_code::id_collision) line.collided(spec.id);
+    return;
+  }
+  std::string whose;
+  for (const auto* const slot : possible) whose += (whose.empty() ? "" : " or ") + path_of(*slot);
+  if (!whose.empty()) whose = fmt::format(" (of {}: it does not say which)", whose);
+  events_({executor_->now(), name, operate::EventKind::error, {}, text + whose});
+}
+
+std::string Tree::path_of(const design::Slot& slot) const {
+  const auto way = way_to(*machine_, slot.spec.name.bus);
+  return fmt::format("{} {}", multilevel::to_string(multilevel::Path{way.gateways, slot.spec.id}), slot.spec.name.name);
+}
+
+// A loss was told of this slot's node, and it is there: a gateway may have told as its own what is beneath it.
+void Tree::still_runs(const Beneath& above, NodeId gateway) {
+  for (const auto& each : buses_) {
+    const auto& line = *each->bus().gateway;
+    if (line.bus == above.bus().name && line.slot == gateway) each->ask_all();
   }
 }
 
@@ -130,6 +221,7 @@ void Tree::start() {
 }
 
 void Tree::stop() noexcept {
+  resets_.cancel();
   for (auto& each : buses_) each->stop();
 }
 

@@ -2,14 +2,17 @@
 /// is reached, and what must run before a gateway is started.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "berth/multilevel/event_log.hpp"
 #include "berth/operate/network.hpp"
 #include "berth/tree/beneath.hpp"
+#include "berth/tree/emcy_origins.hpp"
 
 namespace berth::tree {
 
@@ -19,7 +22,7 @@ class Tree {
 
   /// All must stay. `networks` may be filled later.
   Tree(rt::Executor& executor, const design::Machine& machine, const Networks& networks) noexcept
-      : executor_(&executor), machine_(&machine), networks_(&networks) {}
+      : executor_(&executor), machine_(&machine), networks_(&networks), resets_(executor) {}
 
   /// What a network of this bus must know before it is made.
   [[nodiscard]] operate::BeneathFirst first_of(const std::string& bus);
@@ -50,13 +53,20 @@ class Tree {
   };
   rt::Task<Result<void>> bring_up(std::string bus, NodeId gateway);
   void heard(const std::string& bus, const multilevel::LoggedEmcy& entry);
+  void note_stopping(const std::string& top, const multilevel::EmcyReading& reading, const EmcyOrigins& origins);
+  rt::Task<void> reset_stopped(operate::Network& network, NodeId gateway);
+  void tell(const std::string& bus, const multilevel::LoggedEmcy& entry, const EmcyOrigins& origins);
+  void still_runs(const Beneath& above, NodeId gateway);
+  [[nodiscard]] std::string path_of(const design::Slot& slot) const;
   [[nodiscard]] operate::Network* network(std::string_view bus) const noexcept;
 
   rt::Executor* executor_;
   const design::Machine* machine_;
   const Networks* networks_;
+  std::function<void(const operate::Event&)> events_;
   std::map<const operate::Network*, std::unique_ptr<Root>> roots_;
   std::vector<std::unique_ptr<Beneath>> buses_;  // each above those beneath it
+  rt::Scope resets_;
 };
 
 }  // namespace berth::tree
