@@ -436,6 +436,9 @@ rt::Task<bool> Beneath::look_around(std::optional<NodeId> told) {
     gateway_is_silent(looked.error());
     co_return false;
   }
+  const rt::Time now = executor_.now();
+  const std::string surplus = co_await trouble_.surplus(access(bus_.master), now);
+  if (!surplus.empty()) events_.tell(EventKind::surplus, "", surplus);
   co_return true;
 }
 
@@ -493,15 +496,27 @@ rt::Task<Result<void>> Beneath::look_at(Place& place, bool settled) {
       }
       break;
     default:
-      if (!settled) break;
-      if (place.now.device) {
-        place.identified = false;
-        if (place.now.state != SlotState::absent) set_state(place, SlotState::absent, "the gateway's master misses it");
-      } else {
-        set_state(place, SlotState::empty, "no device of its type was found");
-      }
+      if (settled) co_await tell_missing(place);
   }
   co_return Result<void>{};
+}
+
+// Its master may know more than that it misses it.
+rt::Task<void> Beneath::tell_missing(Place& place) {
+  const std::string path = to_string(multilevel::Path{way_.gateways, bus_.master});
+  const unsigned losses = place.losses;
+  const NodeId node = place.spec.id;
+  co::SdoAccess& master = access(bus_.master);
+  const auto told = co_await trouble_.of(master, node, path);
+  if (place.losses != losses) co_return;
+  place.identified = false;
+  if (told) {
+    if (told->is_news || place.now.state != told->state) set_state(place, told->state, told->reason);
+  } else if (!place.now.device) {
+    set_state(place, SlotState::empty, "no device of its type was found");
+  } else if (place.now.state != SlotState::absent) {
+    set_state(place, SlotState::absent, "the gateway's master misses it");
+  }
 }
 
 // Nothing waits for it, and what the buses above need goes through the same gateways: they come first. False: it was

@@ -19,6 +19,7 @@
 #include "berth/multilevel/event_log.hpp"
 #include "berth/multilevel/gateway_access.hpp"
 #include "berth/operate/events.hpp"
+#include "berth/operate/list_trouble.hpp"
 #include "berth/operate/network_list.hpp"
 #include "berth/operate/seen.hpp"
 #include "berth/rt/mailbox.hpp"
@@ -102,6 +103,7 @@ class Beneath {
   /// `settled`: who is missing now is told; else it may come yet.
   rt::Task<Result<void>> look_at(Place& place, bool settled);
   rt::Task<bool> identify(Place& place);
+  rt::Task<void> tell_missing(Place& place);
   /// `held_back`: these are not booted.
   [[nodiscard]] manager::Wanted list(std::span<const NodeId> held_back = {});
   void set_state(Place& place, places::SlotState state, std::string reason = {});
@@ -132,6 +134,7 @@ class Beneath {
   bool has_list_ = false;  // its gateway, as far as is known; one that could not get it in time is tried again
   rt::Time again_at_{};
   bool was_reset_ = false;  // its gateway, because it missed nodes of a list that it had
+  ListTrouble trouble_;     // what its master tells of node-IDs
   rt::Scope scope_;
 };
 

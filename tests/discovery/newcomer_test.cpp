@@ -31,8 +31,8 @@ TEST_P(Newcomer, IsFoundHoweverSlowItIs) {
   const bool fastscan = GetParam() != Method::identify;
   for (const rt::Duration before : {200us, 1000us}) {
     for (const unsigned count : {1U, 3U}) {
-      for (const auto& [least, most] : {std::pair{1ms, 1ms}, std::pair{2ms, 2ms}, std::pair{5ms, 5ms},
-                                        std::pair{9ms, 9ms}, std::pair{0ms, 9ms}}) {
+      for (const auto& [least, most] :
+           {std::pair{1ms, 1ms}, std::pair{2ms, 2ms}, std::pair{5ms, 5ms}, std::pair{9ms, 9ms}, std::pair{0ms, 9ms}}) {
         for (const bool gone : {false, true}) {
           SCOPED_TRACE(std::to_string(before.count()) + " ns, " + std::to_string(count) + " devices, then " +
                        std::to_string(least.count()) + " to " + std::to_string(most.count()) + " ms" +

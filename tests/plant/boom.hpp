@@ -1,4 +1,5 @@
-/// What the tests of a gateway's NMT master share: a plant of two buses, the network list brought in through the gateway.
+/// What the tests of a gateway's NMT master share: a plant of two buses, the network list brought in through the
+/// gateway.
 #pragma once
 
 #include <gtest/gtest.h>

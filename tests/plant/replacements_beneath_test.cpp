@@ -118,8 +118,8 @@ constexpr std::array<const char*, 4> languages{R"(["lss", "rand"])", R"(["lss"])
 
 }  // namespace
 
-// Case `double` of issue 37 and its kin: the slot's device leaves, and two spares come, one second apart; the gateway is
-// reset in the end. Each of the spares is blank, or has a node-ID of somewhere stored, or the slot's own.
+// Case `double` of issue 37 and its kin: the slot's device leaves, and two spares come, one second apart; the gateway
+// is reset in the end. Each of the spares is blank, or has a node-ID of somewhere stored, or the slot's own.
 TEST_F(Replacements, OneOfTwoSparesHasTheNodeIdEver) {
   for (const char* const speaks : languages) {
     for (const unsigned first : {0U, 9U, 5U}) {
@@ -218,8 +218,8 @@ TEST_F(Replacements, ASlowSpareAfterAQuickDevice) {
   }
 }
 
-// A device that was given away comes back under the node-ID that is another's now: it is asked for by its LSS address and
-// gives the node-ID up. The gateway was reset in between, so that its memory is what tells.
+// A device that was given away comes back under the node-ID that is another's now: it is asked for by its LSS address
+// and gives the node-ID up. The gateway was reset in between, so that its memory is what tells.
 TEST_F(Replacements, ADeviceComesBackUnderWhatWasGivenAway) {
   for (const char* const speaks : languages) {
     SCOPED_TRACE(speaks);
@@ -309,12 +309,16 @@ TEST_F(Replacements, TheMasterLosesItsPowerAtEveryWrite) {
     run(3s);
     auto& gateway = *world->find("boom gateway");
     bool off = false;
-    list_memory(*world->find("boom port"))->cut_after(byte, [&] {
-      world->sim().after(rt::Duration{0}, [&] {
-        gateway.power(false);
-        off = true;
-      });
-    }, byte % 2 == 0 ? -1 : 0x5A);
+    list_memory(*world->find("boom port"))
+        ->cut_after(
+            byte,
+            [&] {
+              world->sim().after(rt::Duration{0}, [&] {
+                gateway.power(false);
+                off = true;
+              });
+            },
+            byte % 2 == 0 ? -1 : 0x5A);
     world->find("a")->plug();
     world->find("b")->plug();
     run_until([&] { return off || (runs("a", 4) && runs("b", 5)) || (runs("a", 5) && runs("b", 4)); }, 20s);
