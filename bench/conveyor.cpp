@@ -112,7 +112,7 @@ struct Full {
     auto world = plant::World::make(file, std::vector<plant::BusRate>{{"field", 500'000}}, findings);
     if (!world) return std::nullopt;
     const auto port = world->attach_master("field");
-    operate::Session session(world->executor(), machine, store);
+    tree::Session session(world->executor(), machine, store);
     if (!session.connect("field", *port) || !session.open()) return std::nullopt;
     world->start();
     session.start();

@@ -14,8 +14,8 @@
 #include "bench/tools/figures.hpp"
 #include "bench/tools/many_buses.hpp"
 #include "berth/can/port.hpp"
-#include "berth/operate/session.hpp"
 #include "berth/plant/world.hpp"
+#include "berth/tree/session.hpp"
 
 using namespace berth;
 using namespace std::chrono_literals;
@@ -94,7 +94,7 @@ Run run(design::Machine machine, const plant::PlantFile& plant, std::uint32_t bi
   world->sim().run_for(booted);
   const auto port = world->attach_master(bus.name);
   places::MemoryStore store;
-  operate::Session session(world->executor(), machine, store);
+  tree::Session session(world->executor(), machine, store);
   if (!session.connect(bus.name, *port) || !session.open()) give_up({}, "no session");
   session.start();
   Seconds seconds(*world->bus(bus.name));

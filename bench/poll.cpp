@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "bench/tools/figures.hpp"
-#include "berth/operate/session.hpp"
 #include "berth/plant/world.hpp"
+#include "berth/tree/session.hpp"
 
 using namespace berth;
 using namespace std::chrono_literals;
@@ -77,7 +77,7 @@ Measured measure(std::uint32_t bit_rate, rt::Duration period, plant::Speaks spea
   world->sim().run_for(200ms);
   const auto port = world->attach_master(bus_name);
   places::MemoryStore store;
-  operate::Session session(world->executor(), machine, store);
+  tree::Session session(world->executor(), machine, store);
   if (!session.connect(bus_name, *port) || !session.open()) give_up("no session");
   session.start();
   const auto all = [&] { return session.operational() && session.idle(); };

@@ -94,18 +94,18 @@ struct Asker::Answer {
 
 namespace {
 
-rt::Task<void> run(operate::Session& session, const command::Request& request, command::Reply& reply, bool& over,
+rt::Task<void> run(tree::Session& session, const command::Request& request, command::Reply& reply, bool& over,
                    rt::Job& then) {
   co_await command::execute(session, request, reply);
   over = true;
   session.executor().post(then);
 }
 
-std::vector<Event> open_questions(const operate::Session& session) { return operate::questions_of(session); }
+std::vector<Event> open_questions(const tree::Session& session) { return tree::questions_of(session); }
 
 }  // namespace
 
-Asker::Asker(operate::Session& session, io::Loop& loop, std::function<void(const std::string&)> say, bool takes_lines)
+Asker::Asker(tree::Session& session, io::Loop& loop, std::function<void(const std::string&)> say, bool takes_lines)
     : session_(&session), loop_(&loop), say_(std::move(say)), takes_lines_(takes_lines), scope_(session.executor()) {}
 
 Asker::~Asker() {

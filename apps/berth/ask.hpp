@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "berth/operate/session.hpp"
 #include "berth/rt/scope.hpp"
+#include "berth/tree/session.hpp"
 #include "interrupt.hpp"
 #include "rig.hpp"
 
@@ -36,7 +36,7 @@ namespace berth::cli {
 class Asker final : private io::Watcher {
  public:
   /// Session and loop must stay. With `takes_lines` it reads nothing itself: what is typed comes by `take`.
-  Asker(operate::Session& session, io::Loop& loop, std::function<void(const std::string&)> say, bool takes_lines);
+  Asker(tree::Session& session, io::Loop& loop, std::function<void(const std::string&)> say, bool takes_lines);
   ~Asker();
   Asker(const Asker&) = delete;
   Asker& operator=(const Asker&) = delete;
@@ -60,7 +60,7 @@ class Asker final : private io::Watcher {
   void read_typed();
   void report_answers();
 
-  operate::Session* session_;
+  tree::Session* session_;
   io::Loop* loop_;
   std::function<void(const std::string&)> say_;
   std::string typed_;

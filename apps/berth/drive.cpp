@@ -26,6 +26,11 @@ Ending::Ending(Rig& rig, std::string until) : rig_(&rig), until_(std::move(until
   // What failed is tried again when the whole bus is asked anew: every 8 looks, and the asking takes its time.
   patience_ = quiet_;
   for (const auto& bus : rig.machine().buses) patience_ = std::max(patience_, quiet_ + 10 * bus.timing.probe_period);
+  // A bus beneath that does not come up in time is left to its gateway's master, and tried again after that time.
+  for (const auto& bus : rig.machine().beneath) {
+    const rt::Duration time = std::max<rt::Duration>(bus.startup.boot_time, tree::Beneath::patience);
+    patience_ = std::max(patience_, quiet_ + 2 * time);
+  }
   limit_ = 10min;
   for (const auto& event : rig.plant().events) limit_ += event.delay + event.duration;
   plan_behind(plant::After::start);
@@ -36,6 +41,8 @@ Ending::Ending(Rig& rig, std::string until) : rig_(&rig), until_(std::move(until
 void Ending::event(const operate::Event& event) {
   look_ = true;
   const auto* const network = rig_->session().network(event.bus);
+  const bool of_a_slot = event.kind == operate::EventKind::state || event.kind == operate::EventKind::bound;
+  if (network == nullptr && of_a_slot) changed_ = rig_->now();  // beneath a gateway
   if (network == nullptr) return;
   auto slots = network->occupancy();
   auto& known = now_[event.bus];

@@ -6,7 +6,7 @@
 namespace berth::cli {
 namespace {
 
-rt::Task<void> run(operate::Session& session, const command::Request& request, command::Reply& reply, bool& over) {
+rt::Task<void> run(tree::Session& session, const command::Request& request, command::Reply& reply, bool& over) {
   co_await command::execute(session, request, reply);
   over = true;
 }

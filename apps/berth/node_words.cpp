@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "berth/command/objects.hpp"
-#include "berth/operate/beneath.hpp"
+#include "berth/tree/beneath.hpp"
 #include "options.hpp"
 
 namespace berth::cli {
@@ -36,7 +36,7 @@ Failure no_port(const design::Bus& bus, const std::string& why, const std::strin
 
 std::string nodes_of(const design::Machine& machine, const design::Bus& bus) {
   std::string text;
-  for (const auto& hop : operate::way_to(machine, bus.name).gateways) text += multilevel::to_string(hop) + "/";
+  for (const auto& hop : tree::way_to(machine, bus.name).gateways) text += multilevel::to_string(hop) + "/";
   return text + "N";
 }
 

@@ -108,7 +108,7 @@ class Finder {
       return;
     }
     for (const auto& slot : running_->session->slots()) {
-      const auto way = operate::way_to(running_->session->machine(), slot.bus);
+      const auto way = tree::way_to(running_->session->machine(), slot.bus);
       const bool is_there = node->bus.empty() || way.bus == node->bus;
       if (slot.id != node->node || !slot.device || way.gateways != node->gateways || !is_there) continue;
       for (const auto& device : running_->world->devices()) {

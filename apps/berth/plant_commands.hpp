@@ -5,8 +5,8 @@
 #include <string>
 
 #include "berth/command/request.hpp"
-#include "berth/operate/session.hpp"
 #include "berth/plant/world.hpp"
+#include "berth/tree/session.hpp"
 
 namespace berth::cli {
 
@@ -14,7 +14,7 @@ namespace berth::cli {
 struct RunningPlant {
   plant::World* world = nullptr;  ///< null: no bus is simulated in this process
   const plant::PlantFile* plant = nullptr;
-  operate::Session* session = nullptr;  ///< null: nothing is known of slots
+  tree::Session* session = nullptr;  ///< null: nothing is known of slots
 };
 
 /// The verb of these requests.

@@ -14,7 +14,7 @@
 #include <filesystem>
 
 #include "berth/command/control.hpp"
-#include "berth/operate/beneath.hpp"
+#include "berth/tree/beneath.hpp"
 
 namespace berth::cli {
 
@@ -102,10 +102,10 @@ tl::expected<void, Failure> override_ports(design::Machine& machine, const Optio
 
 void restrict_to(design::Machine& machine, const std::string& bus) {
   const design::Machine whole = machine;
-  const auto way = operate::way_to(whole, bus);
+  const auto way = tree::way_to(whole, bus);
   // Of a bus without a port: what is on the way to it. Of one with a port: all that it leads to.
   const auto stays = [&](const std::string& name) {
-    const auto to = operate::way_to(whole, name);
+    const auto to = tree::way_to(whole, name);
     const std::size_t common = std::min(to.gateways.size(), way.gateways.size());
     const bool on_the_way = std::equal(to.gateways.begin(), to.gateways.begin() + static_cast<std::ptrdiff_t>(common),
                                        way.gateways.begin());
@@ -126,7 +126,7 @@ std::vector<std::string> control_paths(const Options& options, const design::Mac
   if (!options.control.empty()) return {options.control};
   std::vector<std::string> paths{command::control_path(machine.name)};
   const bool only = options.bus.empty() && machine.buses.size() == 1;
-  const std::string bus = only ? machine.buses.front().name : operate::way_to(machine, options.bus).bus;
+  const std::string bus = only ? machine.buses.front().name : tree::way_to(machine, options.bus).bus;
   if (!bus.empty()) paths.push_back(command::control_path(bus_process(machine.name, bus)));
   return paths;
 }

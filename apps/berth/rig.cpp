@@ -170,7 +170,7 @@ tl::expected<std::vector<can::Port*>, Failure> Rig::attach_all(const Options& op
 
 tl::expected<void, Failure> Rig::open_session(const Options& options, bool links,
                                               const std::vector<can::Port*>& ports) {
-  session_ = std::make_unique<operate::Session>(driver_->executor(), machine_, slot_table_->store());
+  session_ = std::make_unique<tree::Session>(driver_->executor(), machine_, slot_table_->store());
   session_->set_careful(std::ranges::any_of(machine_.buses, [](const auto& b) { return is_real(b.port); }));
   remote_commands_.emplace(*session_);
   guards_.on_foreign([this](const std::string& bus, const std::string& text) {

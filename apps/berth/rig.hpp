@@ -12,9 +12,9 @@
 #include "berth/command/command_buffer.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/io/loop_driver.hpp"
-#include "berth/operate/session.hpp"
 #include "berth/plant/world.hpp"
 #include "berth/sim/world_driver.hpp"
+#include "berth/tree/session.hpp"
 #include "guards.hpp"
 #include "interrupt.hpp"
 #include "options.hpp"
@@ -52,7 +52,7 @@ class Rig {
 
   [[nodiscard]] const design::Machine& machine() const noexcept { return machine_; }
   [[nodiscard]] const plant::PlantFile& plant() const noexcept { return plant_; }
-  [[nodiscard]] operate::Session& session() noexcept { return *session_; }
+  [[nodiscard]] tree::Session& session() noexcept { return *session_; }
   /// The signals that end a command: in place before the store is opened.
   [[nodiscard]] Interrupt& interrupt() noexcept { return *interrupt_; }
   /// What all of it runs on. Real ports have an executor and a loop, and nothing else.
@@ -107,7 +107,7 @@ class Rig {
   std::vector<std::unique_ptr<BusTap>> taps_;
   Guards guards_{machine_, record_};
   std::unique_ptr<SlotTable> slot_table_;
-  std::unique_ptr<operate::Session> session_;
+  std::unique_ptr<tree::Session> session_;
   std::optional<command::RemoteCommands> remote_commands_;  // what comes by SDO
   std::unique_ptr<Strangers> strangers_;
 };

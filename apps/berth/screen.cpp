@@ -44,7 +44,7 @@ bool can_draw() noexcept {
   return on_terminal() && !terminal.empty() && terminal != "dumb";
 }
 
-Screen::Screen(operate::Session& session, ScreenOptions options)
+Screen::Screen(tree::Session& session, ScreenOptions options)
     : session_(&session),
       options_(std::move(options)),
       colours_(variable("NO_COLOR").empty()),

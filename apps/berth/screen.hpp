@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "berth/operate/session.hpp"
+#include "berth/tree/session.hpp"
 #include "board.hpp"
 #include "event_lines.hpp"
 #include "keyboard.hpp"
@@ -30,7 +30,7 @@ struct ScreenOptions {
 
 class Screen {
  public:
-  Screen(operate::Session& session, ScreenOptions options);
+  Screen(tree::Session& session, ScreenOptions options);
   /// From now on keys move the table, and a line that is typed goes to `line`. Live screens only; `loop` must stay.
   void listen(io::Loop& loop, std::function<void(const std::string&)> line);
 
@@ -52,7 +52,7 @@ class Screen {
   void draw_changes(std::string& out, std::vector<BoardLine> lines);
   void moved(Key key);
 
-  operate::Session* session_;
+  tree::Session* session_;
   ScreenOptions options_;
   bool colours_;
   EventLines events_;

@@ -34,9 +34,9 @@ std::string description_file(const Options& options, const design::Machine& mach
     if (word.starts_with(own)) return word.substr(own.size());
   }
   const std::string bus = node.bus.empty() && machine.buses.size() == 1 ? machine.buses.front().name : node.bus;
-  const operate::Way way{bus, node.gateways};
+  const tree::Way way{bus, node.gateways};
   for (const auto& slot : machine.slots) {
-    const bool is_it = slot.spec.id == node.node && operate::way_to(machine, slot.spec.name.bus) == way;
+    const bool is_it = slot.spec.id == node.node && tree::way_to(machine, slot.spec.name.bus) == way;
     if (is_it && !slot.eds_path.empty()) return slot.eds_path;
   }
   const auto any = std::ranges::find_if(options.eds, [](const auto& w) { return w.find('=') == std::string::npos; });

@@ -71,7 +71,7 @@ tl::expected<std::vector<plant::BusRate>, Failure> bus_rates(const std::string& 
   if (machine_file.empty()) return rates;
   const auto machine = design::load_machine(machine_file);
   if (!machine.machine) return tl::unexpected(failure(machine.findings));
-  for (const auto& bus : machine.machine->buses) rates.push_back({bus.name, bus.bitrate});
+  for (const auto* const bus : machine.machine->all_buses()) rates.push_back({bus->name, bus->bitrate});
   return rates;
 }
 

@@ -7,8 +7,8 @@
 #include <tl/expected.hpp>
 
 #include "berth/live/census.hpp"
-#include "berth/operate/session.hpp"
 #include "berth/rt/driver.hpp"
+#include "berth/tree/session.hpp"
 #include "guards.hpp"
 #include "interrupt.hpp"
 
@@ -17,7 +17,7 @@ namespace berth::cli {
 class Strangers {
  public:
   /// The session's buses have their ports. All four must stay.
-  Strangers(rt::Driver& driver, Interrupt& interrupt, operate::Session& session, Guards& guards)
+  Strangers(rt::Driver& driver, Interrupt& interrupt, tree::Session& session, Guards& guards)
       : driver_(&driver), interrupt_(&interrupt), session_(&session), guards_(&guards) {}
 
   /// Waits until every gate has listened long enough (nothing to wait for on simulated buses). Refused, status 1, when
@@ -33,7 +33,7 @@ class Strangers {
   [[nodiscard]] std::string quiet_masters(const design::Bus& bus, live::Census& census);
   rt::Driver* driver_;
   Interrupt* interrupt_;
-  operate::Session* session_;
+  tree::Session* session_;
   Guards* guards_;
   std::map<std::string, std::unique_ptr<live::Census>> heard_;  // by bus, while Berth listens before it takes it
 };

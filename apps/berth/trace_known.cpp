@@ -9,7 +9,7 @@
 
 #include "berth/eds/eds.hpp"
 #include "berth/manager/configuration.hpp"
-#include "berth/operate/beneath.hpp"
+#include "berth/tree/beneath.hpp"
 #include "node_words.hpp"
 
 namespace berth::cli {
@@ -139,7 +139,7 @@ tl::expected<std::vector<NodeView>, Failure> KnownNodes::views(const std::string
   if (!all.empty()) return all;
   const auto meant = meant_node(*machine_, {}, word);
   if (!meant) return tl::unexpected(meant.error());
-  const auto way = operate::way_to(*machine_, meant->bus->name);
+  const auto way = tree::way_to(*machine_, meant->bus->name);
   return views_from(*machine_->bus(way.bus), {way.gateways, meant->node});
 }
 

@@ -18,7 +18,7 @@ namespace berth::cli {
 namespace {
 
 // Why it is not operational, each reason once.
-std::string reasons(operate::Session& session, Ended ended) {
+std::string reasons(tree::Session& session, Ended ended) {
   std::vector<operate::SlotReport> wanting;
   for (auto& s : session.slots()) {
     const design::Slot* const slot = session.machine().slot(s.bus, s.id);
@@ -87,7 +87,7 @@ void print_outcome(Rig& rig, const Options& options, const std::vector<Recorded>
   } else if (table) {
     print_line("");
     print_lines(operate::to_table(rig.session().slots()));
-    for (const auto& question : operate::questions_of(rig.session())) print_line(question.text);
+    for (const auto& question : tree::questions_of(rig.session())) print_line(question.text);
   }
 }
 

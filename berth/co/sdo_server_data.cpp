@@ -119,7 +119,8 @@ AbortCode SdoServerData::open_write(ObjectRef ref, std::optional<std::size_t> si
 }
 
 unsigned SdoServerData::segments(unsigned wanted) const noexcept {
-  const std::size_t room = kind_ == Kind::buffer ? reserve_ - offset_ : std::min(reserve_, od::Stream::longest_piece);
+  const std::size_t longest = std::min(od::Stream::longest_piece, stream_.sub_block());
+  const std::size_t room = kind_ == Kind::buffer ? reserve_ - offset_ : std::min(reserve_, longest);
   return static_cast<unsigned>(std::clamp<std::size_t>(room / sdo::segment_bytes, 1, wanted));
 }
 

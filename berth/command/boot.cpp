@@ -137,6 +137,7 @@ class BusBoot {
     slave.rules.vendor = slot.spec.type.vendor;
     slave.rules.product = slot.spec.type.product;
     if (slot.spec.rule == places::RevisionRule::exact) slave.rules.revision = slot.spec.revision.value_or(0);
+    slave.rules.expected.hardware = slot.spec.software.hardware_number;
     slave.rules.heartbeat = network_.bus().timing.heartbeat_timeout;
     plan_.slaves.push_back(slave);
   }

@@ -35,7 +35,7 @@ rt::Task<void> CommandBuffer::work() {
   works_ = false;
 }
 
-RemoteCommands::RemoteCommands(operate::Session& session) : session_(session), buffer_(session) {
+RemoteCommands::RemoteCommands(tree::Session& session) : session_(session), buffer_(session) {
   buffer_.on_confirmation([this] { confirmed(); });
   session_.on_command(
       [this](const std::string& bus, const std::string& text, operate::NetworkObserver::Confirm confirm) {

@@ -16,8 +16,8 @@
 #include <string>
 
 #include "berth/command/request.hpp"
-#include "berth/operate/session.hpp"
 #include "berth/rt/scope.hpp"
+#include "berth/tree/session.hpp"
 
 namespace berth::command {
 
@@ -31,7 +31,7 @@ class CommandBuffer {
   };
 
   /// `session` must stay.
-  explicit CommandBuffer(operate::Session& session) : session_(session), scope_(session.executor()) {}
+  explicit CommandBuffer(tree::Session& session) : session_(session), scope_(session.executor()) {}
   CommandBuffer(const CommandBuffer&) = delete;
   CommandBuffer& operator=(const CommandBuffer&) = delete;
 
@@ -51,7 +51,7 @@ class CommandBuffer {
   };
   rt::Task<void> work();
 
-  operate::Session& session_;
+  tree::Session& session_;
   std::function<void()> on_confirmation_;
   std::deque<Entry> waiting_;  // the first is carried out
   std::deque<Confirmation> confirmed_;
@@ -66,7 +66,7 @@ class CommandBuffer {
 class RemoteCommands {
  public:
   /// `session` must stay.
-  explicit RemoteCommands(operate::Session& session);
+  explicit RemoteCommands(tree::Session& session);
   ~RemoteCommands();
   RemoteCommands(const RemoteCommands&) = delete;
   RemoteCommands& operator=(const RemoteCommands&) = delete;
@@ -75,7 +75,7 @@ class RemoteCommands {
   bool came(const std::string& bus, const std::string& text, operate::NetworkObserver::Confirm confirm);
   void confirmed();
 
-  operate::Session& session_;
+  tree::Session& session_;
   CommandBuffer buffer_;
   std::map<std::uint32_t, operate::NetworkObserver::Confirm> confirms_;
 };

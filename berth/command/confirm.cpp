@@ -36,7 +36,7 @@ struct Disturbed {
   Network* network = nullptr;
   std::vector<NodeId> nodes{};
   std::string how{};
-  const operate::Beneath* beneath = nullptr;  ///< the bus of the nodes, where Berth has no port there
+  const tree::Beneath* beneath = nullptr;  ///< the bus of the nodes, where Berth has no port there
 };
 
 // Nodes of this bus, or of the one beneath that these gateways lead to. There the slots tell; a node without one may
@@ -45,8 +45,8 @@ Disturbed disturbed_at(Session& session, Network& network, const std::vector<mul
                        co::NmtTarget target, std::string how) {
   if (gateways.empty()) return {&network, operational_of(network, target), std::move(how)};
   Disturbed disturbed{&network, {}, std::move(how)};
-  const operate::Way way{network.bus().name, gateways};
-  const auto beneath = std::ranges::find(session.tree().buses(), way, &operate::Beneath::way);
+  const tree::Way way{network.bus().name, gateways};
+  const auto beneath = std::ranges::find(session.tree().buses(), way, &tree::Beneath::way);
   if (beneath == session.tree().buses().end()) {
     disturbed.nodes.push_back(gateways.back().gateway);
     return disturbed;

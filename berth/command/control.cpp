@@ -256,7 +256,7 @@ rt::Task<void> run(rt::Task<void> answer, bool& answered, rt::Executor& executor
 }  // namespace
 
 tl::expected<std::unique_ptr<ControlServer>, std::string> ControlServer::listen(const std::string& path, io::Loop& loop,
-                                                                                operate::Session& session) {
+                                                                                tree::Session& session) {
   return listen(path, loop,
                 [&session](const Request& request, Reply& reply) { return execute(session, request, reply); });
 }

@@ -13,8 +13,8 @@
 
 #include "berth/command/request.hpp"
 #include "berth/io/loop.hpp"
-#include "berth/operate/session.hpp"
 #include "berth/rt/scope.hpp"
+#include "berth/tree/session.hpp"
 
 namespace berth::command {
 
@@ -43,7 +43,7 @@ class ControlServer final : private io::Watcher {
   /// drives the session's executor.
   [[nodiscard]] static tl::expected<std::unique_ptr<ControlServer>, std::string> listen(const std::string& path,
                                                                                         io::Loop& loop,
-                                                                                        operate::Session& session);
+                                                                                        tree::Session& session);
   /// Carries one request out. Both stay until the task is done, or is destroyed with its connection.
   using Answer = std::function<rt::Task<void>(const Request& request, Reply& reply)>;
   /// The same of a process that answers more than a session does, or has none.

@@ -75,7 +75,7 @@ rt::Task<void> locate(Session& session, const Request& request, Reply& reply) {
   const std::string where = fmt::format("bus {}, {}", network.bus().name, word);
   LssAddress device = target.device.value_or(LssAddress{});
   if (!target.device) {
-    const auto who = co_await places::Binder::read_identity(network.services().sdo, target.id);
+    const auto who = co_await places::read_identity(network.services().sdo, target.id);
     if (!who) co_return fail_with(reply, who.error(), where);
     device = *who;
   }

@@ -110,7 +110,7 @@ rt::Task<void> request_of(Session& session, Network& bus, const NmtArguments& nm
 // NMT ends at a gateway: the master of the bus beneath it sends the command.
 NodeId master_beneath(const design::Machine& machine, const std::string& bus, const NmtArguments& nmt) {
   for (const auto& beneath : machine.beneath) {
-    if (operate::way_to(machine, beneath.name) == operate::Way{bus, nmt.gateways}) return beneath.master;
+    if (tree::way_to(machine, beneath.name) == tree::Way{bus, nmt.gateways}) return beneath.master;
   }
   return {};
 }

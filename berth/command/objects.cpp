@@ -51,10 +51,10 @@ std::string no_slot(const design::Machine& machine, const std::string& word) {
 // "3/5": node 5 beneath gateway 3; by Berth's own port where that bus, or one on the way, has one.
 NodeArgument by_path(const design::Machine& machine, const std::string& bus, const multilevel::Path& path) {
   const auto* const top = bus.empty() ? machine.top() : machine.bus(bus);
-  const auto* const on = top == nullptr ? nullptr : operate::bus_at(machine, {top->name, path.gateways});
+  const auto* const on = top == nullptr ? nullptr : tree::bus_at(machine, {top->name, path.gateways});
   if (on == nullptr) return {bus, path.node, nullptr, path.gateways};
   const auto* const slot = machine.slot(on->name, path.node);
-  auto way = operate::way_to(machine, on->name);
+  auto way = tree::way_to(machine, on->name);
   return {way.bus, path.node, slot == nullptr ? nullptr : slot->description, std::move(way.gateways)};
 }
 
@@ -78,12 +78,12 @@ Checked<NodeArgument> find_node(const design::Machine& machine, const std::strin
   }
   if (!slots.empty()) {
     const auto& spec = slots.front()->spec;
-    auto way = operate::way_to(machine, spec.name.bus);
+    auto way = tree::way_to(machine, spec.name.bus);
     return NodeArgument{way.bus, spec.id, machine.description(spec.name.bus, spec.id), std::move(way.gateways)};
   }
   const auto* const line = machine.bus(bus);
   if (is_id && line != nullptr && !line->own_port) {
-    auto way = operate::way_to(machine, bus);
+    auto way = tree::way_to(machine, bus);
     return NodeArgument{way.bus, id, machine.description(bus, id), std::move(way.gateways)};
   }
   if (is_id) {
@@ -96,7 +96,7 @@ Checked<NodeArgument> find_node(const design::Machine& machine, const std::strin
 
 const design::Bus* bus_of(const design::Machine& machine, const NodeArgument& node) {
   const bool only = node.bus.empty() && machine.buses.size() == 1;
-  return operate::bus_at(machine, {only ? machine.buses.front().name : node.bus, node.gateways});
+  return tree::bus_at(machine, {only ? machine.buses.front().name : node.bus, node.gateways});
 }
 
 Checked<const design::Bus*> known_bus_of(const design::Machine& machine, const NodeArgument& node) {
@@ -122,7 +122,7 @@ NodeArgument node_argument(Arguments& arguments, const design::Machine& machine)
   return {arguments.text("bus"), NodeId(1), nullptr};
 }
 
-Checked<operate::Network*> node_network(operate::Session& session, const NodeArgument& node, Place place) {
+Checked<operate::Network*> node_network(tree::Session& session, const NodeArgument& node, Place place) {
   const auto network = network_for(session, node.bus, Use::send);
   if (network && !node.gateways.empty()) {
     if (place == Place::beneath_too) return network;
@@ -137,7 +137,7 @@ Checked<operate::Network*> node_network(operate::Session& session, const NodeArg
   return network;
 }
 
-co::SdoAccess& objects_of(operate::Session& session, operate::Network& network, const NodeArgument& node,
+co::SdoAccess& objects_of(tree::Session& session, operate::Network& network, const NodeArgument& node,
                           const co::SdoOptions& options, std::optional<co::NodeAccess>& direct) {
   if (!node.gateways.empty()) return session.tree().routes(network).access({node.gateways, node.node});
   return direct.emplace(network.services().sdo, node.node, options);

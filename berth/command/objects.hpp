@@ -15,7 +15,7 @@
 #include "berth/design/machine.hpp"
 #include "berth/multilevel/path.hpp"
 #include "berth/od/description.hpp"
-#include "berth/operate/session.hpp"
+#include "berth/tree/session.hpp"
 
 namespace berth::command {
 
@@ -49,10 +49,10 @@ enum class Place : std::uint8_t {
 };
 /// The network that it is on, or that leads to it, to be sent to; or for people why there is none, it is Berth's own
 /// device, or it is beneath a gateway and should not.
-[[nodiscard]] Checked<operate::Network*> node_network(operate::Session& session, const NodeArgument& node,
+[[nodiscard]] Checked<operate::Network*> node_network(tree::Session& session, const NodeArgument& node,
                                                       Place place = Place::on_the_bus);
 /// Its objects, wherever it is. It stays as long as `direct`; `options` are for a node on the bus itself.
-[[nodiscard]] co::SdoAccess& objects_of(operate::Session& session, operate::Network& network, const NodeArgument& node,
+[[nodiscard]] co::SdoAccess& objects_of(tree::Session& session, operate::Network& network, const NodeArgument& node,
                                         const co::SdoOptions& options, std::optional<co::NodeAccess>& direct);
 
 /// One object of a node, with what is known of it.

@@ -7,7 +7,7 @@
 namespace berth::command {
 
 using operate::Network;
-using operate::Session;
+using tree::Session;
 
 tl::expected<Network*, std::string> network_for(Session& session, const std::string& bus, Use use) {
   Network* const network = session.network(bus);

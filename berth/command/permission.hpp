@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "berth/command/request.hpp"
-#include "berth/operate/session.hpp"
+#include "berth/tree/session.hpp"
 
 namespace berth::command {
 
@@ -16,19 +16,19 @@ enum class Use : std::uint8_t { look, send, command };  ///< nothing, frames, NM
 
 /// The network that a command is for, or for people why there is none or it must not be used so. An empty `bus` means
 /// the machine's only one.
-[[nodiscard]] tl::expected<operate::Network*, std::string> network_for(operate::Session& session,
-                                                                       const std::string& bus, Use use);
+[[nodiscard]] tl::expected<operate::Network*, std::string> network_for(tree::Session& session, const std::string& bus,
+                                                                       Use use);
 /// All buses when none is named.
-[[nodiscard]] tl::expected<std::vector<operate::Network*>, std::string> networks_for(operate::Session& session,
+[[nodiscard]] tl::expected<std::vector<operate::Network*>, std::string> networks_for(tree::Session& session,
                                                                                      const std::string& bus, Use use);
 
 /// A slot by its name, "bus/name" or its node-ID when that is unique, on `bus` or, when that is empty, on all; null
 /// when the machine has none or several, or Berth has no port on its bus. `name` gets the slot's plain name.
-[[nodiscard]] operate::Network* network_of_slot(operate::Session& session, const std::string& bus,
-                                                const std::string& slot, std::string& name);
+[[nodiscard]] operate::Network* network_of_slot(tree::Session& session, const std::string& bus, const std::string& slot,
+                                                std::string& name);
 
 /// On a real bus (`Session::careful`) a command that disturbs operational devices needs "yes", and on every bus so does
 /// "bind" from scratch; false: `reply` says so.
-[[nodiscard]] bool confirmed(operate::Session& session, const Request& request, Reply& reply);
+[[nodiscard]] bool confirmed(tree::Session& session, const Request& request, Reply& reply);
 
 }  // namespace berth::command

@@ -47,7 +47,7 @@ tl::expected<ProgramRequest, std::string> read_program_request(Session& session,
   if (!allowed) return tl::unexpected(allowed.error());
   wanted.network = *network;
   const auto of_node = [&](const design::Slot& slot) {
-    const auto way = operate::way_to(session.machine(), slot.spec.name.bus);
+    const auto way = tree::way_to(session.machine(), slot.spec.name.bus);
     return slot.spec.id == wanted.node.node && way.bus == wanted.network->bus().name &&
            way.gateways == wanted.node.gateways;
   };

@@ -2,14 +2,14 @@
 #pragma once
 
 #include "berth/command/request.hpp"
-#include "berth/operate/session.hpp"
 #include "berth/rt/task.hpp"
+#include "berth/tree/session.hpp"
 
 namespace berth::command {
 
 using operate::Network;
-using operate::Session;
 using operate::SlotReport;
+using tree::Session;
 
 rt::Task<void> report(Session& session, const Request& request, Reply& reply);            // slots.cpp
 rt::Task<void> bind(Session& session, const Request& request, Reply& reply);              // slots.cpp

@@ -57,15 +57,15 @@
 
 #include "berth/can/frame.hpp"
 #include "berth/command/request.hpp"
-#include "berth/operate/session.hpp"
 #include "berth/rt/task.hpp"
+#include "berth/tree/session.hpp"
 
 namespace berth::command {
 
 struct Verb {
   std::string_view name;                         ///< "sdo read"
   std::span<const std::string_view> parameters;  ///< the arguments that it takes beside "yes"; any other is refused
-  rt::Task<void> (*run)(operate::Session& session, const Request& request, Reply& reply);  ///< see `execute`
+  rt::Task<void> (*run)(tree::Session& session, const Request& request, Reply& reply);  ///< see `execute`
 };
 
 /// In the order of the table above.
@@ -81,6 +81,6 @@ struct Verb {
 
 /// Runs one command. `request` and `reply` must stay until the task is done. It waits until the main job has nothing to
 /// do on the bus, and may wait for devices: give it a limit from outside, by destroying the task.
-[[nodiscard]] rt::Task<void> execute(operate::Session& session, const Request& request, Reply& reply);
+[[nodiscard]] rt::Task<void> execute(tree::Session& session, const Request& request, Reply& reply);
 
 }  // namespace berth::command

@@ -421,6 +421,7 @@ class MachineReader {
     auto& software = spec.software;
     software.version = table.string("software_version").value_or("");
     software.hardware = table.string("hardware_version").value_or("");
+    software.hardware_number = table.u32("hardware", {1, 0xFFFF'FFFF}).value_or(0);
     std::uint32_t next = 1;
     for (auto& entry : table.tables("programs")) {
       places::SlotProgram program;

@@ -63,6 +63,7 @@ struct Identify::Run {
   Care care = Care::none;
   unsigned alone = 0;  // ranges in a row, each in the one before, that got one answer
   Haste haste{};
+  rt::Time haste_until{};  // every device has dealt with what was asked in haste by then
   bool late_yes = false;         // the question before the last was answered after all
   bool stopped = false;          // time is over, or the observer said so
   bool no_blank = false;         // no device without a node-ID is left, and no other is wanted

@@ -186,6 +186,8 @@ rt::Task<Result<bool>> Identify::close(Run& run, Cursor& cursor) {
   for (std::size_t i = 0; i < open.size() && !run.over(); ++i) {
     const Box box = open[i];
     if (std::ranges::find(cursor.quiet, box) != cursor.quiet.end()) continue;
+    // What was asked in haste may still fill the receive buffer of a device that had a late moment.
+    co_await rt::sleep_until(run.haste_until);
     const auto heard = co_await ask(run, cursor, box, Window::bound);
     if (!heard) co_return fail(heard.error());
     if (!*heard) cursor.quiet.push_back(box);

@@ -103,6 +103,8 @@ rt::Task<bool> Aside::ask_beside(Place place) {
       const auto found = report_.found.size();
       co_await below(there);
       const bool led_astray = report_.found.size() == found && !devices_.aside().in_this_round();
+      // A slow one there may have answered to the first question below: there it is waited for, next time.
+      if (led_astray) doubted_.push_back({place, there, heard.at});
       if (led_astray) forget_silence(heard.at);
       co_return true;
     }

@@ -54,6 +54,19 @@ rt::Task<Result<Seen>> look(Master& master, LssAddress device, unsigned part, bo
   co_return Seen::absent;
 }
 
+// A part was told by two, again and again: by two devices of this address when the others are, too. What is told by
+// none is told by two at once that differ there.
+rt::Task<Result<Seen>> look_at_the_others(Master& master, LssAddress device, unsigned parts, unsigned doubled,
+                                          AloneOptions options) {
+  for (unsigned part = 0; part <= serial; ++part) {
+    if (part == doubled || (parts >> part & 1U) == 0) continue;
+    const auto seen = co_await look(master, device, part, true, options);
+    if (!seen || *seen == Seen::not_alone) co_return seen;
+    if (*seen == Seen::absent) co_return Seen::not_alone;
+  }
+  co_return Seen::clones;
+}
+
 // A device that is deaf while it stores tells 17h when it hears again: what was listened for as long as the questions
 // one by one would take need not be listened for in them.
 bool calm(const Master& master, const AloneOptions& options) noexcept {
@@ -66,6 +79,8 @@ rt::Task<Result<Seen>> look_in_a_row(Master& master, LssAddress device, unsigned
   for (unsigned part = 0; part <= serial; ++part) {
     if (part != serial && (parts >> part & 1U) == 0) continue;
     const auto seen = co_await look(master, device, part, part == serial, options);
+    const bool clones = seen && *seen == Seen::clones;
+    if (clones) co_return co_await look_at_the_others(master, device, parts, part, options);
     if (!seen || *seen != Seen::alone) co_return seen;
   }
   co_return master.answer_times().calm_since == calm_since ? Seen::alone : Seen::woken;
@@ -78,6 +93,8 @@ rt::Task<Result<Seen>> look_at_all(Master& master, LssAddress device, AloneOptio
     const unsigned part = serial - i;
     if (part != serial && (parts >> part & 1U) == 0) continue;
     const auto seen = co_await look(master, device, part, true, options);
+    const bool clones = seen && *seen == Seen::clones;
+    if (clones) co_return co_await look_at_the_others(master, device, parts, part, options);
     if (!seen || *seen != Seen::alone) co_return seen;
   }
   co_return Seen::alone;

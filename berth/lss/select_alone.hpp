@@ -30,8 +30,9 @@
 ///   again meanwhile, and answers 17h. On a calm bus it was listened for before.
 ///
 /// - Different answers, or one of another device: `not_alone`.
-/// - Two equal answers are a device with the same address, or a frame that came twice; the part is asked again. Three
-///   times so: `clones`; else all is asked once more.
+/// - Two equal answers are those of another device in configuration, or a frame that came twice; the part is asked
+///   again. Three times so, and the other parts are told as they are the device's: `clones`; is one told otherwise, or
+///   by none: `not_alone`. Else all is asked once more.
 /// - A frame on 7E4h that no question asked for is that of a device which hears again and did not hear the questions
 ///   before: all is asked once more.
 /// - Two devices that answer the same may fall into one frame on the wire (one identifier, one content, one instant).

@@ -44,6 +44,7 @@ struct ExpectedVersions {
   std::uint32_t software_time = 0;  ///< 1F54h, ms after midnight, against 1F52h:02
   std::string software_text = {};   ///< against 100Ah; no object has it: a machine file
   std::string hardware_text = {};   ///< against 1009h; as there
+  std::uint32_t hardware = 0;       ///< 5F02h, against the slave's 5F01h (paper 3's numeric hardware version)
 };
 
 /// One slave: 1F81h, 1F84h to 1F88h, 1F8Ah, 1F26h and 1F27h, 1F53h to 1F55h, 1016h. A number of 0 is not checked, as

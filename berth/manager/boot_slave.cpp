@@ -6,6 +6,7 @@
 
 #include "berth/manager/program_loader.hpp"
 #include "berth/od/cia302.hpp"
+#include "berth/od/paper3.hpp"
 
 namespace berth::manager {
 namespace {
@@ -23,6 +24,10 @@ bool fits(std::uint32_t is, const SlaveRules& rules) noexcept {
 }
 
 }  // namespace
+
+rt::Task<bool> BootTarget::runs() { co_return false; }
+
+rt::Task<void> BootTarget::start_sent() { co_return; }
 
 rt::Task<Result<void>> BootSource::configure(BootTarget&, SlaveRules&) { co_return Result<void>{}; }
 
@@ -101,9 +106,17 @@ rt::Task<BootSlave::Verdict> BootSlave::check_identity() {
 }
 
 rt::Task<BootSlave::Verdict> BootSlave::check_hardware() {
-  if (rules_.expected.hardware_text.empty()) co_return Verdict{};
-  const Software is = co_await compare_text(hardware_version, rules_.expected.hardware_text);
-  co_return is == Software::right ? Verdict{} : Verdict{BootStatus::n};
+  if (!rules_.expected.hardware_text.empty()) {
+    const Software is = co_await compare_text(hardware_version, rules_.expected.hardware_text);
+    if (is != Software::right) co_return BootStatus::n;
+  }
+  if (rules_.expected.hardware == 0) co_return Verdict{};
+  constexpr ObjectRef object = od::paper3::hardware_version;
+  const auto number = co_await target_->objects().read_u32(object.index, object.sub);
+  if (number && *number == rules_.expected.hardware) co_return Verdict{};
+  result_.detail = number ? fmt::format("hardware version (5F01h) {} instead of {}", *number, rules_.expected.hardware)
+                          : describe(number.error());
+  co_return BootStatus::n;
 }
 
 rt::Task<BootSlave::Software> BootSlave::compare_text(std::uint16_t index, const std::string& expected) {

@@ -9,15 +9,14 @@
 /// In this order; the letter is how it ends when the step fails:
 ///   1. assigned (A); not to be booted: step 9 at once
 ///   2. 1000h is read, again and again until `give_up` (B), and compared (C)
-///   3. 1018h is read as far as it is expected (D, M, N, O), and the hardware version 1009h (N)
+///   3. 1018h is read as far as it is expected (D, M, N, O), and the hardware version, 1009h and paper 3's 5F01h (N)
 ///   4. keep alive: its state is observed (E, F); operational: step 9, and the end is L; else reset communication. The
 ///      same, but for E and F, of a slave that a former master may have started (`BootOptions::may_run`)
 ///   5. expected software (G, H): 1F56h, else 1F52h, else 100Ah, and whether it runs (1F51h); 6. its update (I), after
 ///      which all begins at 2 again
 ///   7. expected configuration date, 8. configuration (J)
 ///   9. error control is started (K)
-/// The start of the slave (step 10) is the network's: `SlaveBoots` for one, `NetworkBoot` for all. `berth up` gives the
-/// steps itself (operate/starter.hpp; docs/boot-up.md).
+/// The start of the slave (step 10) is its network's (`NetworkStartup`): `SlaveBoots` sends that of one.
 #pragma once
 
 #include <optional>
@@ -46,6 +45,10 @@ class BootTarget {
   /// From now on the master hears when it is lost: by heartbeat when the rules have one, else by node guarding when
   /// they have a guard time, else not at all.
   virtual void supervise(const SlaveRules& rules) = 0;
+  /// Before its NMT start: it is operational already, by another's doing, and is not started.
+  [[nodiscard]] virtual rt::Task<bool> runs();
+  /// Its NMT start was sent.
+  [[nodiscard]] virtual rt::Task<void> start_sent();
   /// The slave is told to restart by other means than NMT (1F51h): its next boot-up message is no error event.
   virtual void expect_boot_up() noexcept {}
 };

@@ -104,6 +104,10 @@ void Configurator::tell(Stage stage, std::size_t done, std::size_t total) const 
   if (options_->progress) options_->progress({stage, done, total});
 }
 
+void Configurator::tell_value(Stage stage, std::size_t done, std::size_t total) const {
+  if (options_->each_value) tell(stage, done, total);
+}
+
 void Configurator::fail_at(ConfigurationReport& report, Stage stage, const Entry& entry, const Error& error) const {
   Failure failure;
   failure.stage = stage;
@@ -248,6 +252,7 @@ rt::Task<bool> Configurator::compare(ConfigurationReport& report) {
   for (std::size_t i = 0; i < entries.size(); ++i) {
     const bool read = co_await read_entry(i, report);
     if (!read) co_return false;
+    tell_value(Stage::comparing, i + 1, entries.size());
   }
   // What cannot be read is written whenever anything is, and when the date does not vouch for it.
   for (std::size_t i = 0; i < entries.size(); ++i) {
@@ -307,6 +312,7 @@ rt::Task<bool> Configurator::download(ConfigurationReport& report) {
       co_return false;
     }
     ++report.written;
+    tell_value(Stage::writing, report.written, steps.size());
   }
   co_return still_there(report, Stage::writing);
 }

@@ -122,6 +122,7 @@ struct ConfiguratorOptions {
   std::function<bool()> before_change;
   std::function<bool()> restarted;                ///< true: the device has booted since `run` began; may be empty
   std::function<void(const Progress&)> progress;  ///< at the beginning of each stage; may be empty
+  bool each_value = false;                        ///< `progress` also after each value that was read or written
 };
 
 class Configurator {
@@ -160,6 +161,7 @@ class Configurator {
   rt::Task<bool> ask_after_saving(ConfigurationReport& report, Error unanswered);
   [[nodiscard]] bool still_there(ConfigurationReport& report, Stage stage) const;
   void tell(Stage stage, std::size_t done, std::size_t total) const;
+  void tell_value(Stage stage, std::size_t done, std::size_t total) const;
   void fail_at(ConfigurationReport& report, Stage stage, const Entry& entry, const Error& error) const;
   void fail_at(ConfigurationReport& report, Stage stage, ObjectRef object, const char* name, const Error& error) const;
 

@@ -5,6 +5,7 @@
 #include "berth/manager/program_loader.hpp"
 #include "berth/manager/stored_dcf.hpp"
 #include "berth/od/cia302.hpp"
+#include "berth/od/paper3.hpp"
 
 namespace berth::manager {
 namespace {
@@ -69,6 +70,7 @@ SlaveRules slave_rules_of(const od::Values& values, NodeId node) noexcept {
   rules.expected.software_date = number(values, cia302::expected_program_date, sub);
   rules.expected.software_time = number(values, cia302::expected_program_time, sub);
   rules.expected.software = number(values, cia302::expected_program, sub);
+  rules.expected.hardware = number(values, od::paper3::expected_hardware, sub);
   rules.heartbeat = heartbeat_time_of(values, node);
   return rules;
 }

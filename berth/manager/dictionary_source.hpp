@@ -15,6 +15,7 @@
 ///     1F89h            boot time, in ms
 ///     1F8Ah            sub-index of the slave's 1011h that restores its factory settings
 ///     1F90h            flying master timing
+///     5F02h            expected hardware version (paper 3; docs/multilevel.md)
 /// Of the arrays the sub-index is the slave's node-ID. An object or sub-index that is not there counts as 0.
 #pragma once
 

@@ -1,17 +1,30 @@
-/// What a network's manager does when a slave fails or restarts (CiA 302-2, error control): a part of `NetworkBoot`,
-/// whose manual says it.
+/// What the master of a network list does when a slave fails or restarts (CiA 302-2, error control): `NetworkBoot`'s
+/// manual says it. `berth up` does otherwise: it asks first which device is there (operate/supervision.hpp).
 #pragma once
 
-#include "berth/manager/boot_network.hpp"
+#include "berth/manager/network_startup.hpp"
 #include "berth/manager/slave_boots.hpp"
 
 namespace berth::manager {
 
-class NetworkBoot;
-
 class ErrorEvents final : public ErrorControl {
  public:
-  explicit ErrorEvents(NetworkBoot& network) noexcept : network_(&network) {}
+  /// The network whose errors these are.
+  class Network {
+   public:
+    /// Nothing has begun, or other slaves are about to come.
+    [[nodiscard]] virtual bool is_off() const noexcept = 0;
+    /// All nodes are about to be stopped, or reset: no boot-up goes on.
+    virtual void end_for_all(bool stopped) noexcept = 0;
+    virtual void command(co::NmtCommand command, co::NmtTarget target, bool with_master) = 0;
+    virtual void tell(const NetworkEvent& event) const = 0;
+
+   protected:
+    ~Network() = default;
+  };
+
+  ErrorEvents(Network& network, const NetworkStartup& startup, SlaveBoots& boots) noexcept
+      : network_(&network), startup_(&startup), boots_(&boots) {}
   void boot_up(NodeId node, bool expected) noexcept override;
   void lost(NodeId node) noexcept override;
   void back(NodeId node) noexcept override;
@@ -19,10 +32,11 @@ class ErrorEvents final : public ErrorControl {
   void overheard(const co::NmtRequest& request) noexcept override;
 
  private:
-  [[nodiscard]] bool deaf() const noexcept;
-  void act(SlaveBoots::Slave& slave, bool rebooted) noexcept;
+  void act(Slave& slave, bool rebooted) noexcept;
 
-  NetworkBoot* network_;
+  Network* network_;
+  const NetworkStartup* startup_;
+  SlaveBoots* boots_;
 };
 
 }  // namespace berth::manager

@@ -33,14 +33,6 @@ rt::Task<void> apply_to(BootBus& bus, NmtCommand command) {
   co_return;
 }
 
-// A mandatory slave that is not ready; null: there is none.
-const SlaveBoots::Slave* missing(const SlaveBoots& boots) noexcept {
-  const auto slaves = boots.all();
-  const auto it = std::ranges::find_if(
-      slaves, [](const auto& slave) { return slave->what.rules.mandatory && !slave->status.ready(); });
-  return it == slaves.end() ? nullptr : it->get();
-}
-
 }  // namespace
 
 NetworkBoot::NetworkBoot(rt::Executor& executor, BootBus& bus, const NetworkTiming& timing)
@@ -48,8 +40,9 @@ NetworkBoot::NetworkBoot(rt::Executor& executor, BootBus& bus, const NetworkTimi
       bus_(&bus),
       timing_(timing),
       boots_(executor, *this, timing),
+      startup_(executor, *this),
       commands_(executor),
-      startup_(executor) {}
+      beginning_(executor) {}
 
 // ---- the startup ----------------------------------------------------------------------------------------------------
 
@@ -58,39 +51,47 @@ Result<void> NetworkBoot::begin(NetworkPlan plan) {
   if (!good) return good;
   std::erase_if(plan.slaves, [&](const auto& slave) { return !slave.rules.assigned || slave.node == plan.own; });
   plan_ = std::move(plan);
-  phase_.begin(plan_.startup);
+  startup_.begin({.rules = plan_.startup});  // its slaves are not there yet
   next_ = Next::begin;
   act_.post();
   return {};
 }
 
 void NetworkBoot::end(bool releases) noexcept {
-  phase_.end();
+  startup_.end();
   if (next_ != Next::release) next_ = releases ? Next::release : Next::cancel;
   act_.post();
+}
+
+bool NetworkBoot::is_off() const noexcept { return startup_.is(Phase::off) || next_ == Next::begin; }
+
+void NetworkBoot::end_for_all(bool stopped) noexcept {
+  end();
+  if (stopped) startup_.stop();
 }
 
 void NetworkBoot::act() noexcept {
   const Next next = std::exchange(next_, Next::nothing);
   if (next == Next::nothing) return;
-  boot_time_over_.cancel();
-  startup_.cancel();
+  beginning_.cancel();
   if (next == Next::cancel) return boots_.cancel();
   if (next == Next::release) {
     commands_.cancel();
     return boots_.release();
   }
   boots_.set(plan_.slaves, plan_.boot_time, plan_.startup.flying);
-  startup_.spawn(startup());
+  NetworkStartup::Plan startup{.rules = plan_.startup, .boot_time = plan_.boot_time, .slaves = {}};
+  startup.resumes = timing_.resumes;
+  for (const auto& slave : boots_.all()) startup.slaves.push_back(slave.get());
+  startup_.begin(std::move(startup));
+  beginning_.spawn(reset_and_boot());
 }
 
-rt::Task<void> NetworkBoot::startup() {
+rt::Task<void> NetworkBoot::reset_and_boot() {
   tell({.kind = Kind::begun});
-  const bool has_mandatory = std::ranges::any_of(boots_.all(), [](const auto& s) { return s->what.rules.mandatory; });
-  if (has_mandatory && plan_.boot_time.count() > 0) boot_time_over_.arm(plan_.boot_time);
   if (plan_.taken_over) {
     for (const auto& slave : boots_.all()) boots_.take_over(*slave);
-    consider();
+    go(startup_.look());
     co_return;
   }
   std::bitset<128> spared;
@@ -106,73 +107,62 @@ rt::Task<void> NetworkBoot::startup() {
     }
   }
   for (const auto& slave : boots_.all()) boots_.boot(*slave, slave->what.rules.keep_alive ? rt::never : since);
-  consider();
+  go(startup_.look());
 }
 
 // Called in a task, so it ends none.
-bool NetworkBoot::starts(const SlaveStatus& slave) noexcept {
-  return phase_.starts(slave.rules, own_ == NmtState::operational);
+void NetworkBoot::ended(Slave& slave) noexcept {
+  const SlaveStatus& status = slave.status;
+  const auto kind = status.ready() ? Kind::slave_ready : Kind::slave_failed;
+  tell({.kind = kind, .node = status.node, .status = status.result.status, .detail = status.result.detail});
+  go(startup_.look());
 }
 
-void NetworkBoot::ended(const SlaveStatus& slave) noexcept {
-  const auto kind = slave.ready() ? Kind::slave_ready : Kind::slave_failed;
-  tell({.kind = kind, .node = slave.node, .status = slave.result.status, .detail = slave.result.detail});
-  if (!slave.ready() && slave.rules.mandatory && phase_.is(Phase::booting)) return halt(slave.node, slave.result);
-  if (timing_.resumes && missing(boots_) == nullptr) phase_.resume();
-  consider();
+void NetworkBoot::started(Slave& slave, const Result<bool>& ran) noexcept {
+  NetworkEvent event{.kind = Kind::slave_started, .node = slave.what.node};
+  if (!ran) event = {.kind = Kind::not_sent, .node = slave.what.node, .detail = describe(ran.error())};
+  tell(event);
 }
 
-void NetworkBoot::boot_time_over() noexcept {
-  const auto* const slave = missing(boots_);
-  if (!phase_.is(Phase::booting) || slave == nullptr) return;
-  const bool silent = !slave->boot || !slave->boot->found();
-  halt(slave->what.node, {.status = silent ? BootStatus::b : BootStatus::booted,
-                          .detail = "its boot-up was not done in the boot time (1F89h)"});
-}
-
-void NetworkBoot::halt(NodeId node, const BootResult& why) noexcept {
-  boot_time_over_.cancel();
-  if (phase_.halt()) tell({.kind = Kind::halted, .node = node, .status = why.status, .detail = why.detail});
-}
-
-void NetworkBoot::consider() noexcept {
-  if (!phase_.is(Phase::booting) || missing(boots_) != nullptr || !phase_.all_ready()) return;
-  boot_time_over_.cancel();
-  tell({.kind = Kind::ready});
-  if (!phase_.is(Phase::ready)) return;  // the callback went on by itself
-  if (own_ == NmtState::operational) return go();
-  if (phase_.operates_itself()) static_cast<void>(operate());
+void NetworkBoot::heard(NetworkStartup::News news, const Slave* slave) noexcept {
+  using News = NetworkStartup::News;
+  if (news == News::all_ready) return tell({.kind = Kind::ready});
+  if (news == News::operational) return tell({.kind = Kind::operational});
+  if (slave == nullptr) return;
+  BootResult why = slave->status.result;
+  if (news == News::late) {
+    const bool silent = !slave->boot || !slave->boot->found();
+    why.status = silent ? BootStatus::b : BootStatus::booted;
+    why.detail = "its boot-up was not done in the boot time (1F89h)";
+  }
+  tell({.kind = Kind::halted, .node = slave->what.node, .status = why.status, .detail = why.detail});
 }
 
 Result<void> NetworkBoot::operate() {
-  if (phase_.is(Phase::operational)) return {};
-  if (!phase_.may_operate()) return fail(Errc::invalid, "the startup has not come so far");
-  if (const auto* const slave = missing(boots_); slave != nullptr) {
-    return fail(
-        Error{.code = Errc::invalid, .node = slave->what.node.value(), .text = "this mandatory slave is not ready"});
-  }
-  phase_.make_ready();
-  bus_->apply(NmtCommand::start);
-  own_state(NmtState::operational);
-  if (phase_.is(Phase::ready)) go();
+  const auto begun = startup_.operate();
+  if (!begun) return fail(begun.error());
+  own_ = NmtState::operational;
+  go(*begun);
   return {};
 }
 
 void NetworkBoot::own_state(NmtState state) noexcept {
-  const NmtState before = std::exchange(own_, state);
-  if (state != NmtState::operational || before == state) return;
-  if (phase_.is(Phase::ready) || phase_.is(Phase::operational)) go();
+  own_ = state;
+  go(startup_.own_state(state));
 }
 
-// The master is operational, and all mandatory slaves are ready.
-void NetworkBoot::go() noexcept {
-  if (phase_.operate()) tell({.kind = Kind::operational});
-  if (phase_.application_starts()) return;
-  if (phase_.starts_all() && !plan_.taken_over) return command(NmtCommand::start, NmtTarget::all());
-  // After a halted startup what became ready meanwhile, and of a network that was taken over what does not run.
+void NetworkBoot::apply(NmtCommand command) noexcept {
+  if (command == NmtCommand::start) own_ = NmtState::operational;
+  bus_->apply(command);
+}
+
+void NetworkBoot::go(NetworkStartup::Go what) noexcept {
+  using Go = NetworkStartup::Go;
+  if (what == Go::nothing) return;
+  // Of a network that was taken over, only what does not run.
+  if (what == Go::all && !plan_.taken_over) return command(NmtCommand::start, NmtTarget::all());
   for (const auto& slave : boots_.all()) {
-    const bool waiting = slave->status.phase == SlavePhase::ready && !slave->starting && slave->what.rules.boots;
-    if (waiting) command(NmtCommand::start, slave->what.node);
+    if (slave->waits_for_start() && startup_.starts(*slave)) command(NmtCommand::start, slave->what.node);
   }
 }
 
@@ -193,8 +183,9 @@ rt::Task<void> NetworkBoot::send(NmtCommand command, NmtTarget target, bool with
     sending = bus_->command(command, target);
   }
   const auto sent = co_await sending;
-  if (!sent) not_sent(target.node == 0 ? NodeId() : NodeId(target.node), sent.error());
-  const bool of_startup = phase_.is(Phase::booting) && startup_.running() > 0 && resets(command);
+  const NodeId whom = target.node == 0 ? NodeId() : NodeId(target.node);
+  if (!sent) tell({.kind = Kind::not_sent, .node = whom, .detail = describe(sent.error())});
+  const bool of_startup = startup_.is(Phase::booting) && beginning_.running() > 0 && resets(command);
   if (sent && !of_startup) {
     for (const auto& slave : boots_.all()) {
       if (target.includes(slave->what.node)) commanded(*slave, command, *sent);
@@ -204,22 +195,18 @@ rt::Task<void> NetworkBoot::send(NmtCommand command, NmtTarget target, bool with
 }
 
 // A command went out to it.
-void NetworkBoot::commanded(SlaveBoots::Slave& slave, NmtCommand command, rt::Time at) noexcept {
+void NetworkBoot::commanded(Slave& slave, NmtCommand command, rt::Time at) noexcept {
   auto& status = slave.status;
   if (resets(command)) {
     status.state.reset();
-    if (status.phase == SlavePhase::awaited || phase_.is(Phase::stopped) || phase_.is(Phase::off)) return;
+    if (status.phase == SlavePhase::awaited || startup_.is(Phase::stopped) || startup_.is(Phase::off)) return;
     return boots_.boot(slave, at);
   }
   if (!status.supervised) status.state = co::state_after(command);
   if (!status.ready()) return;
   const auto before =
       std::exchange(status.phase, command == NmtCommand::start ? SlavePhase::started : SlavePhase::ready);
-  if (before != SlavePhase::started && command == NmtCommand::start) started(status);
-}
-
-void NetworkBoot::not_sent(NodeId node, const Error& error) noexcept {
-  tell({.kind = Kind::not_sent, .node = node, .detail = describe(error)});
+  if (before != SlavePhase::started && command == NmtCommand::start) started(slave, false);
 }
 
 // ---- what is known --------------------------------------------------------------------------------------------------

@@ -39,12 +39,12 @@
 
 #include "berth/manager/boot_network.hpp"
 #include "berth/manager/error_events.hpp"
+#include "berth/manager/network_startup.hpp"
 #include "berth/manager/slave_boots.hpp"
-#include "berth/manager/startup_phase.hpp"
 
 namespace berth::manager {
 
-class NetworkBoot final : private SlaveBoots::Owner {
+class NetworkBoot final : private SlaveBoots::Owner, private NetworkStartup::Owner, private ErrorEvents::Network {
  public:
   using Phase = StartupPhase::Phase;
 
@@ -66,9 +66,9 @@ class NetworkBoot final : private SlaveBoots::Owner {
   void own_state(NmtState state) noexcept;
   /// Sends an NMT command and takes part: a slave that it resets is booted again, and that is no error event. To all:
   /// `with_master` does it to the master too. To the master's own node-ID: nothing is sent, it is done to it.
-  void command(co::NmtCommand command, co::NmtTarget target, bool with_master = false);
+  void command(co::NmtCommand command, co::NmtTarget target, bool with_master = false) override;
 
-  [[nodiscard]] Phase phase() const noexcept { return phase_.now(); }
+  [[nodiscard]] Phase phase() const noexcept { return startup_.phase(); }
   [[nodiscard]] const NetworkPlan& plan() const noexcept { return plan_; }
   [[nodiscard]] NmtState own_state() const noexcept { return own_; }
   /// Null when it is not assigned, and from `begin` until the executor has run once. It stays until `begin`;
@@ -82,24 +82,23 @@ class NetworkBoot final : private SlaveBoots::Owner {
   [[nodiscard]] ErrorControl& error_control() noexcept { return errors_; }
 
  private:
-  friend class ErrorEvents;
   using Kind = NetworkEvent::Kind;
-  bool starts(const SlaveStatus& slave) noexcept override;
-  void ended(const SlaveStatus& slave) noexcept override;
-  void started(const SlaveStatus& slave) noexcept override { tell({.kind = Kind::slave_started, .node = slave.node}); }
-  void not_sent(NodeId node, const Error& error) noexcept override;
-
-  void act() noexcept;
-  void boot_time_over() noexcept;
-  rt::Task<void> startup();
-  rt::Task<void> send(co::NmtCommand command, co::NmtTarget target, bool with_master);
-  void consider() noexcept;
-  void go() noexcept;
-  void halt(NodeId node, const BootResult& why) noexcept;
-  void commanded(SlaveBoots::Slave& slave, co::NmtCommand command, rt::Time at) noexcept;
-  void tell(const NetworkEvent& event) const {
+  bool starts(const Slave& slave) noexcept override { return startup_.starts(slave); }
+  void ended(Slave& slave) noexcept override;
+  void started(Slave& slave, const Result<bool>& ran) noexcept override;
+  void heard(NetworkStartup::News news, const Slave* slave) noexcept override;
+  void apply(co::NmtCommand command) noexcept override;
+  [[nodiscard]] bool is_off() const noexcept override;
+  void end_for_all(bool stopped) noexcept override;
+  void tell(const NetworkEvent& event) const override {
     if (callback_) callback_(event);
   }
+
+  void act() noexcept;
+  rt::Task<void> reset_and_boot();
+  rt::Task<void> send(co::NmtCommand command, co::NmtTarget target, bool with_master);
+  void go(NetworkStartup::Go what) noexcept;
+  void commanded(Slave& slave, co::NmtCommand command, rt::Time at) noexcept;
 
   enum class Next : std::uint8_t { nothing, begin, cancel, release };
   rt::Executor* executor_;
@@ -107,15 +106,14 @@ class NetworkBoot final : private SlaveBoots::Owner {
   NetworkTiming timing_;
   std::function<void(const NetworkEvent&)> callback_;
   NetworkPlan plan_;
-  StartupPhase phase_;
   NmtState own_ = NmtState::pre_operational;
   Next next_ = Next::nothing;
   SlaveBoots boots_;
-  ErrorEvents errors_{*this};
+  NetworkStartup startup_;
+  ErrorEvents errors_{*this, startup_, boots_};
   rt::Later<NetworkBoot, &NetworkBoot::act> act_{*this, *executor_};
-  rt::Later<NetworkBoot, &NetworkBoot::boot_time_over> boot_time_over_{*this, *executor_};
   rt::Scope commands_;
-  rt::Scope startup_;
+  rt::Scope beginning_;
 };
 
 }  // namespace berth::manager

@@ -1,5 +1,7 @@
 #include "berth/manager/slave_boots.hpp"
 
+#include <utility>
+
 namespace berth::manager {
 
 void SlaveBoots::set(std::span<const NetworkSlave> slaves, rt::Duration boot_time, bool other_masters) {
@@ -63,14 +65,12 @@ void SlaveBoots::begin_due() noexcept {
     slave->again = slave->waits = slave->starting = false;
     slave->scope.cancel();
     supervise(*slave, false);
-    slave->scope.spawn(run(*slave));
+    slave->scope.spawn(boot_awaited(*slave));
   }
 }
 
-rt::Task<void> SlaveBoots::run(Slave& slave) {
-  BootTarget& target = *slave.what.target;
+rt::Task<void> SlaveBoots::boot_awaited(Slave& slave) {
   slave.what.source->renew(slave.what.rules);
-  slave.status.rules = slave.what.rules;
   BootOptions options{
       .give_up = slave.what.rules.mandatory && boot_time_.count() > 0 ? executor_->now() + boot_time_ : rt::never,
       .pause = timing_.pause,
@@ -78,12 +78,27 @@ rt::Task<void> SlaveBoots::run(Slave& slave) {
   slave.boot.reset();
   if (slave.since != rt::never) {
     slave.waits = true;
-    const bool booted = co_await target.boots(slave.since, slave.since + timing_.boot_timeout);
+    const bool booted = co_await slave.what.target->boots(slave.since, slave.since + timing_.boot_timeout);
     slave.waits = false;
     if (!booted && other_masters_) slave.may_run = true;
   }
   options.may_run = slave.may_run;
-  slave.boot.emplace(*executor_, target, *slave.what.source, slave.what.rules, options);
+  co_await run(slave, options);
+}
+
+rt::Task<void> SlaveBoots::boot_found(Slave& slave) {
+  slave.status.phase = SlavePhase::booting;
+  slave.what.source->renew(slave.what.rules);
+  BootOptions options;
+  options.identified = true;
+  options.give_up = executor_->now();
+  co_await run(slave, options);
+}
+
+rt::Task<void> SlaveBoots::run(Slave& slave, BootOptions options) {
+  const SlaveRules& rules = slave.what.rules;
+  slave.status.rules = rules;
+  slave.boot.emplace(*executor_, *slave.what.target, *slave.what.source, rules, options);
   BootResult result = co_await slave.boot->run();
   slave.status.result = std::move(result);
   const bool good = is_ready(slave.status.result.status);
@@ -92,23 +107,31 @@ rt::Task<void> SlaveBoots::run(Slave& slave) {
   slave.status.phase = runs ? SlavePhase::started : SlavePhase::ready;
   if (runs) slave.status.state = NmtState::operational;
   if (!good) slave.status.phase = SlavePhase::failed;
-  slave.status.supervised = good && (slave.what.rules.heartbeat.count() > 0 || slave.what.rules.guard_time.count() > 0);
+  slave.status.supervised = good && (rules.heartbeat.count() > 0 || rules.guard_time.count() > 0);
   // Decided before the network goes on by this slave: else it were started alone and with all.
-  slave.starting = good && !runs && owner_->starts(slave.status);
-  owner_->ended(slave.status);
-  if (slave.starting) co_await start(slave);
+  slave.starting = good && !runs && owner_->starts(slave);
+  owner_->ended(slave);
+  const bool starts = slave.starting && slave.status.ready();
+  if (starts) co_await start(slave);
+  slave.starting = false;
 }
 
 rt::Task<void> SlaveBoots::start(Slave& slave) {
-  const auto sent = co_await slave.what.target->command(co::NmtCommand::start);
-  slave.starting = false;
-  if (!sent) {
-    owner_->not_sent(slave.what.node, sent.error());
-    co_return;
+  slave.starting = true;
+  const bool runs = co_await slave.what.target->runs();
+  if (!runs) {
+    const auto sent = co_await slave.what.target->command(co::NmtCommand::start);
+    slave.starting = false;
+    if (!sent) {
+      owner_->started(slave, fail(sent.error()));
+      co_return;
+    }
   }
+  slave.starting = false;
   slave.status.phase = SlavePhase::started;
-  if (!slave.status.supervised) slave.status.state = NmtState::operational;
-  owner_->started(slave.status);
+  if (runs || !slave.status.supervised) slave.status.state = NmtState::operational;
+  owner_->started(slave, runs);
+  if (!runs) co_await slave.what.target->start_sent();
 }
 
 }  // namespace berth::manager

@@ -35,7 +35,7 @@ co::Emcy EmcyGateway::converted(NodeId node, const co::Emcy& message) noexcept {
   const auto number = node.value();
   if (options_.routed.test(number)) return routed(message, node, options_.network, above_->error_register());
   co::Emcy made = message;
-  if (!options_.speaks_layout.test(number)) {
+  if (!options_.speaks_layout.test(number) && !more_speakers_.test(number)) {
     EmcyDetails details;
     if (message.code == 0) {
       details.exiting = pending_[number] == 1 ? single_[number] : std::uint16_t{0};

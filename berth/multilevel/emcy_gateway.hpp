@@ -46,6 +46,13 @@ class EmcyGateway final : private co::EmcyConsumer::Observer, private co::EmcyBa
   EmcyGateway(co::EmcyProducer& above, const EmcyGatewayOptions& options = {});
   ~EmcyGateway();
 
+  /// Of what is heard or reported from now on. `more_speakers`: besides those of `EmcyGatewayOptions::speaks_layout`.
+  void set_layout(EmcyLayout layout, const std::bitset<128>& more_speakers = {}) noexcept {
+    options_.layout = layout;
+    more_speakers_ = more_speakers;
+  }
+  [[nodiscard]] EmcyLayout layout() const noexcept { return options_.layout; }
+
   /// All nodes of a bus beneath on 081h..0FFh. A gateway with several buses beneath hears them all; who reads its
   /// messages cannot tell them apart, so let no two of them have nodes with one node-ID where that matters.
   void hear_all(can::Dispatcher& beneath) { consumer(beneath).hear_all(); }
@@ -90,6 +97,7 @@ class EmcyGateway final : private co::EmcyConsumer::Observer, private co::EmcyBa
 
   co::EmcyProducer* above_;
   EmcyGatewayOptions options_;
+  std::bitset<128> more_speakers_;
   std::vector<Bus> buses_;
   std::deque<Waiting> queue_;
   std::bitset<128> lost_heartbeats_;

@@ -36,6 +36,12 @@ enum class EmcyLayout : std::uint8_t {
   for (std::size_t level = 0; level < levels(layout); ++level) count *= 127;
   return count;
 }
+/// For a machine of so many buses one beneath the other: the one that tells the most of those that reach to the deepest
+/// node. Deeper than six: Figure 7, which loses the deepest node-IDs.
+[[nodiscard]] constexpr EmcyLayout layout_for(std::size_t levels_of_buses) noexcept {
+  if (levels_of_buses <= levels(EmcyLayout::complete)) return EmcyLayout::complete;
+  return levels_of_buses <= levels(EmcyLayout::source_and_exit) ? EmcyLayout::source_and_exit : EmcyLayout::source;
+}
 [[nodiscard]] constexpr bool has_exit(EmcyLayout layout) noexcept { return layout != EmcyLayout::source; }
 
 /// What a message says, read by the layout.

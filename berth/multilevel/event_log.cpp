@@ -47,6 +47,10 @@ void EventLog::emergency(NodeId node, const co::Emcy& message, rt::Time at) noex
   LoggedEmcy entry{.at = at, .reading = read_emcy(layout_, node, message)};
   const auto profile = profiles_.find(entry.reading.path);
   if (profile != profiles_.end()) entry.profile = profile->second;
+  // Figure 7 has no place for what is gone: of one error that is pending 0000h says it all the same.
+  const auto pending_now = pending(entry.reading.path);
+  const bool all_gone = entry.reading.code == 0 && entry.reading.exiting == 0;
+  if (all_gone && !has_exit(layout_) && pending_now.size() == 1) entry.reading.exiting = pending_now.front();
   note(entry.reading);
   ++count_;
   if (entries_.size() == most_) entries_.pop_front();

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "berth/device/dictionary.hpp"
+#include "berth/multilevel/objects.hpp"
 
 namespace berth::multilevel {
 namespace {
@@ -18,6 +19,7 @@ std::shared_ptr<const od::Description> plain_gateway(unsigned ports) {
 
 void add_gateway_objects(od::DescriptionBuilder& builder, unsigned ports) {
   add_sub_buses(builder, ports);
+  add_emcy_layout(builder);
   for (unsigned port = 1; port <= ports; ++port) add_sdo_gateway(builder, port);
 }
 
@@ -61,6 +63,7 @@ GatewayDevice::GatewayDevice(rt::Executor& executor, can::Port& above, const Gat
       upper_(dispatcher_, options.description ? options.description : plain_gateway(options.ports), options.memory,
              options.upper, options.host),
       emcy_(upper_.errors().emcy(), options.emcy),
+      layout_(options.emcy.layout),
       look_(*this, executor) {
   upper_.observe(this);
 }
@@ -114,6 +117,7 @@ void GatewayDevice::look() noexcept {
     bus->gateway_->set_own(own, bus->device_.values());
     bus->sub_bus_.set_mandatory(is_mandatory(upper_.values(), bus->number_));
   }
+  emcy_.set_layout(emcy_layout_of(upper_.values(), layout_), layout_speakers_of(upper_.values()));
   if (std::exchange(was_reset_, false)) {
     upper_state_ = NmtState::initialising;
     for (auto& bus : buses_) bus->gateway_->reset();

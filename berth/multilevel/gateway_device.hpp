@@ -50,7 +50,7 @@ struct BusOptions {
   device::TimedPort* host = nullptr;
 };
 
-/// All objects of a gateway for buses 1 to `ports`: SDO gateways, 5F00h, 1029h:F1h..
+/// All objects of a gateway for buses 1 to `ports`: SDO gateways, 5F00h, 5F03h, 5F04h, 1029h:F1h..
 void add_gateway_objects(od::DescriptionBuilder& builder, unsigned ports = 1);
 
 class GatewayDevice final : private device::Device::Observer {
@@ -119,6 +119,7 @@ class GatewayDevice final : private device::Device::Observer {
   can::Dispatcher dispatcher_;
   device::Device upper_;
   EmcyGateway emcy_;
+  EmcyLayout layout_;  // as long as 5F03h says nothing
   std::vector<std::unique_ptr<Bus>> buses_;
   std::optional<DeviceSignals> signals_;
   NmtState upper_state_ = NmtState::initialising;

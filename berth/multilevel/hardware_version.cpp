@@ -3,7 +3,7 @@
 namespace berth::multilevel {
 
 namespace {
-constexpr std::uint16_t expected_object = 0x5F02;
+constexpr std::uint16_t expected_object = od::paper3::expected_hardware;
 }
 
 void add_hardware_version(od::DescriptionBuilder& builder, std::uint32_t version) {

@@ -5,11 +5,12 @@
 
 #include "berth/co/sdo_access.hpp"
 #include "berth/od/description.hpp"
+#include "berth/od/paper3.hpp"
 #include "berth/od/values.hpp"
 
 namespace berth::multilevel {
 
-inline constexpr ObjectRef hardware_version_object{0x5F01, 0};
+inline constexpr ObjectRef hardware_version_object = od::paper3::hardware_version;
 inline constexpr ObjectRef literal_hardware_version_object{0x1018, 5};
 
 /// 5F01h of a slave.
@@ -18,8 +19,9 @@ void add_hardware_version(od::DescriptionBuilder& builder, std::uint32_t version
 void add_expected_hardware(od::DescriptionBuilder& builder, std::uint8_t most = 127);
 [[nodiscard]] std::uint32_t expected_hardware(const od::Values& master, NodeId node) noexcept;
 
-/// What a boot-up asks before it configures a slave (`manager::BootSource::configure`). Errors: as `co::SdoTransfer`;
-/// Errc::mismatch with the version that the slave has in `detail`. Nothing is asked when anything is expected.
+/// What a boot-up of one's own asks before it configures a slave; `manager::BootSlave` does it itself. Errors: as
+/// `co::SdoTransfer`; Errc::mismatch with the version that the slave has in `detail`. Nothing is asked when anything is
+/// expected.
 [[nodiscard]] rt::Task<Result<void>> check_hardware(co::SdoAccess& slave, std::uint32_t expected, bool literal = false);
 
 }  // namespace berth::multilevel

@@ -2,10 +2,13 @@
 /// manufacturer-specific area, once for each bus beneath the gateway (docs/multilevel.md §Objects).
 #pragma once
 
+#include <bitset>
 #include <cstdint>
 
 #include "berth/base/ids.hpp"
+#include "berth/multilevel/emcy_layout.hpp"
 #include "berth/od/description.hpp"
+#include "berth/od/values.hpp"
 
 namespace berth::multilevel {
 
@@ -27,6 +30,14 @@ struct SdoGatewayObjects {
     return ref.index >= first_index && ref.index <= last_index;
   }
 };
+
+/// 5F03h: 7, 8 or 9 when a client has chosen the layout of emergencies; 0: the gateway's own. 5F04h: nodes beneath
+/// whose emergencies have it.
+void add_emcy_layout(od::DescriptionBuilder& builder);
+/// The layout that 5F03h of the upstream dictionary says, else `own`.
+[[nodiscard]] EmcyLayout emcy_layout_of(const od::Values& upper, EmcyLayout own) noexcept;
+/// By 5F04h.
+[[nodiscard]] std::bitset<128> layout_speakers_of(const od::Values& upper) noexcept;
 
 /// Adds the three objects for this bus beneath.
 void add_sdo_gateway(od::DescriptionBuilder& builder, unsigned port = 1);

@@ -13,6 +13,11 @@ using od::AbortCode;
 
 // More than a sub-block is on its way between the two buses only while the slower one takes the one before.
 constexpr std::size_t crowd = 2 * co::sdo::block_window;
+// What is handed on by gateway after gateway comes to each in sub-blocks of the one above it: while a long one is
+// collected the next server would wait longer for its next frame than it is patient, on a slow bus, and then the client
+// for the end of all that is on its way still.
+constexpr std::size_t passed_sub_block = std::size_t{16} * co::sdo::segment_bytes;
+constexpr std::size_t passed_crowd = 2 * passed_sub_block;
 
 AbortCode code_of(const Error& error) noexcept {
   switch (error.code) {
@@ -22,6 +27,14 @@ AbortCode code_of(const Error& error) noexcept {
     case Errc::bus: return AbortCode::hardware;
     default: return AbortCode::general;
   }
+}
+
+co::SdoOptions options_of(const SdoGatewayOptions& gateway, const GatewayCommand& command) noexcept {
+  co::SdoOptions options = gateway.sdo;
+  options.mode = command.mode;
+  options.retries = 0;  // the client above asks again
+  if (SdoGatewayObjects::contain(command.object)) options.timeout *= 1 + gateway.levels_beneath;
+  return options;
 }
 
 // What goes to the gateway's own device is kept whole, and may be as long as its object.
@@ -122,7 +135,7 @@ AbortCode SdoSession::begin_sending() noexcept {
 
 void SdoSession::start(State state) noexcept {
   state_ = state;
-  begun_ = finished_ = crowded_ = false;
+  begun_ = finished_ = crowded_ = waits_ = false;
   failure_ = AbortCode::none;
   if (state == State::uploading) {
     scope_.spawn(upload());
@@ -149,6 +162,7 @@ void SdoSession::cancel() noexcept {
   queue_.clear();
   size_.reset();
   all_in_ = false;
+  waits_ = false;
   state_ = State::idle;
 }
 
@@ -159,14 +173,6 @@ void SdoSession::reset() noexcept {
 }
 
 // ---- the access beneath
-
-co::SdoOptions SdoSession::sdo_options() const noexcept {
-  co::SdoOptions options = gateway_->options_.sdo;
-  options.mode = command_.mode;
-  options.retries = 0;  // the client above asks again
-  if (SdoGatewayObjects::contain(command_.object)) options.timeout *= 1 + gateway_->options_.levels_beneath;
-  return options;
-}
 
 rt::Task<void> SdoSession::upload() {
   const NodeId node = this->node();
@@ -183,7 +189,7 @@ rt::Task<void> SdoSession::upload() {
     wake_.post();
     co_return;
   }
-  const co::SdoOptions options = sdo_options();
+  const co::SdoOptions options = options_of(gateway_->options_, command_);
   co::SdoSink& sink = sink_;
   const auto done =
       co_await gateway_->beneath_->upload(node, command_.object.index, command_.object.sub, sink, options);
@@ -192,7 +198,7 @@ rt::Task<void> SdoSession::upload() {
 
 rt::Task<void> SdoSession::pass() {
   const NodeId node = this->node();
-  const co::SdoOptions options = sdo_options();
+  const co::SdoOptions options = options_of(gateway_->options_, command_);
   co::SdoSource& source = source_;
   const auto done =
       co_await gateway_->beneath_->download(node, command_.object.index, command_.object.sub, source, options);
@@ -201,7 +207,7 @@ rt::Task<void> SdoSession::pass() {
 
 rt::Task<void> SdoSession::send() {
   const NodeId node = this->node();
-  const co::SdoOptions options = sdo_options();
+  const co::SdoOptions options = options_of(gateway_->options_, command_);
   const std::span<const std::uint8_t> data = queue_.bytes();
   const auto done =
       co_await gateway_->beneath_->download(node, command_.object.index, command_.object.sub, data, options);
@@ -235,7 +241,7 @@ std::size_t SdoSession::Source::ready() const noexcept {
 
 od::Answer<std::size_t> SdoSession::Source::read(std::span<std::uint8_t> into) noexcept {
   const auto count = session_->queue_.take(into);
-  if (session_->crowded_ && session_->queue_.size() <= crowd) session_->wake_.post();
+  if (session_->crowded_ && session_->queue_.size() <= passed_crowd) session_->wake_.post();
   return count;
 }
 
@@ -257,7 +263,7 @@ void SdoSession::wake() noexcept {
       const AbortCode code = failure_;
       if (all_in_) cancel();
       channels.answer(channel_, objects.data, code);
-    } else if (crowded_ && queue_.size() <= crowd) {
+    } else if (crowded_ && queue_.size() <= passed_crowd) {
       crowded_ = false;
       channels.answer(channel_, objects.data, AbortCode::none);
     }
@@ -315,9 +321,14 @@ AbortCode SdoSession::open_write(ObjectRef, std::optional<std::size_t> size) noe
     return AbortCode::none;
   }
   size_ = size;
-  start(State::passing);
+  state_ = State::passing;
+  waits_ = true;
+  finished_ = crowded_ = false;
+  failure_ = AbortCode::none;
   return AbortCode::none;
 }
+
+std::size_t SdoSession::sub_block() const noexcept { return passed_sub_block; }
 
 AbortCode SdoSession::write(std::span<const std::uint8_t> bytes) noexcept {
   if (state_ != State::passing) {
@@ -329,8 +340,9 @@ AbortCode SdoSession::write(std::span<const std::uint8_t> bytes) noexcept {
   }
   if (finished_) return failure_ == AbortCode::none ? AbortCode::general : failure_;
   queue_.put(bytes);
+  if (waits_) start(State::passing);  // with the first bytes: the server beneath is not kept waiting for them
   source_.go_on();
-  if (queue_.size() <= crowd) return AbortCode::none;
+  if (queue_.size() <= passed_crowd) return AbortCode::none;
   crowded_ = true;
   return AbortCode::pending;
 }
@@ -346,6 +358,7 @@ AbortCode SdoSession::close(ObjectRef, bool complete) noexcept {
     state_ = State::stored;
     return AbortCode::none;
   }
+  if (waits_) start(State::passing);
   all_in_ = true;
   crowded_ = false;  // from now on only the end is waited for
   source_.go_on();

@@ -86,11 +86,11 @@ class SdoSession final : public od::Stream {
   [[nodiscard]] ObjectRef named(ObjectRef ref) const noexcept override;
   od::AbortCode open_write(ObjectRef ref, std::optional<std::size_t> size) noexcept override;
   [[nodiscard]] std::size_t piece() const noexcept override { return 1; }
+  [[nodiscard]] std::size_t sub_block() const noexcept override;
   od::AbortCode write(std::span<const std::uint8_t> bytes) noexcept override;
   od::AbortCode close(ObjectRef ref, bool complete) noexcept override;
 
   [[nodiscard]] NodeId node() const noexcept { return NodeId(node_[0]); }
-  [[nodiscard]] co::SdoOptions sdo_options() const noexcept;
   [[nodiscard]] od::AbortCode begin_sending() noexcept;
   void start(State state) noexcept;
   rt::Task<void> upload();
@@ -111,6 +111,7 @@ class SdoSession final : public od::Stream {
   std::array<std::uint8_t, 4> command_bytes_{};
   std::uint8_t channel_;
   State state_ = State::idle;
+  bool waits_ = false;     // passing: nothing has come yet
   bool begun_ = false;     // an upload: its size, or that it has none, is known
   bool all_in_ = false;    // passing: the client above has given all
   bool finished_ = false;  // the access beneath has ended, with `failure_`

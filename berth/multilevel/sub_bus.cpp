@@ -2,10 +2,12 @@
 
 #include <algorithm>
 
+#include "berth/od/paper3.hpp"
+
 namespace berth::multilevel {
 namespace {
 
-constexpr std::uint16_t kinds = 0x5F00;
+constexpr std::uint16_t kinds = od::paper3::mandatory_buses;
 constexpr std::uint16_t error_behaviour = 0x1029;
 constexpr std::uint8_t failure_register = co::error_register::generic | co::error_register::manufacturer;
 

@@ -67,7 +67,7 @@ struct RandWalk::Run {
   /// The serial number that lies alone under this prefix of seven chunks when those below it go on as they did: two
   /// differences agree, and are too large for two under one prefix.
   [[nodiscard]] std::optional<std::uint16_t> guessed(const Prefix& prefix) const {
-    if (!steps || prefix.depth != 7) return std::nullopt;
+    if (!steps || options.prove_all || prefix.depth != 7) return std::nullopt;
     const LssAddress here = address_of(prefix.chunks);
     std::vector<std::uint32_t> serials;
     for (const Entry& e : entries) {
@@ -430,6 +430,9 @@ rt::Task<Result<void>> RandWalk::leaf(Run& run, const Prefix& prefix) {
     entry.doubtful |= run.options.prove_all || stray(h.chunk);
     if (!asked || (entry.doubtful && !run.find(*asked)->doubtful)) asked = entry.device.address;
   }
+  // A DIS behind this way proves what was heard of it since the slave joined it: one that was deaf may have joined late,
+  // when an answer of its own came late too. What is to be proven goes its whole way once more (`settle`).
+  if (run.options.prove_all) co_return Result<void>{};
   // One of them can be asked directly at once; all others are thrown back to unknown by it, where they have to go
   // anyway.
   const LssAddress address = *asked;

@@ -9,6 +9,8 @@ namespace berth::od {
 Stream& Stream::of(std::uint8_t) noexcept { return *this; }
 std::size_t Stream::ready() const noexcept { return std::numeric_limits<std::size_t>::max(); }
 std::size_t Stream::piece() const noexcept { return std::numeric_limits<std::size_t>::max(); }
+
+std::size_t Stream::sub_block() const noexcept { return longest_piece; }
 ObjectRef Stream::named(ObjectRef ref) const noexcept { return ref; }
 Answer<std::optional<std::size_t>> Stream::open_read(ObjectRef) noexcept {
   return refuse(AbortCode::unsupported_access);
@@ -60,6 +62,10 @@ Answer<std::size_t> StreamUse::read(std::span<std::uint8_t> into) noexcept {
 
 std::size_t StreamUse::ready() const noexcept {
   return stream_ != nullptr ? stream_->ready() : std::numeric_limits<std::size_t>::max();
+}
+
+std::size_t StreamUse::sub_block() const noexcept {
+  return stream_ != nullptr ? stream_->sub_block() : Stream::longest_piece;
 }
 
 std::size_t StreamUse::piece() const noexcept {

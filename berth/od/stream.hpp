@@ -43,6 +43,9 @@ class Stream {
   /// So many bytes are enough for a `write`; fewer come only at the end. The server makes them more where its buffer
   /// allows it, unless this says otherwise.
   [[nodiscard]] virtual std::size_t piece() const noexcept;
+  /// A sub-block of a block download is asked for no larger than this: a stream that hands its bytes on gets them
+  /// sooner. At least 7.
+  [[nodiscard]] virtual std::size_t sub_block() const noexcept;
   /// The next bytes, never empty; they are taken (copied) whatever it answers, unless it refuses, which ends the
   /// transfer. `pending`: they are taken, and the server waits for `Channels::answer` before it asks for more (flash
   /// memory is being written). When `close` comes before that, only the answer of `close` is waited for.
@@ -76,6 +79,7 @@ class StreamUse {
   [[nodiscard]] Answer<std::size_t> read(std::span<std::uint8_t> into) noexcept;
   [[nodiscard]] std::size_t ready() const noexcept;
   [[nodiscard]] std::size_t piece() const noexcept;
+  [[nodiscard]] std::size_t sub_block() const noexcept;
   [[nodiscard]] AbortCode write(std::span<const std::uint8_t> bytes) noexcept;
   [[nodiscard]] AbortCode close(bool complete) noexcept;
   /// Closes what is open, as broken off.

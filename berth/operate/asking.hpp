@@ -6,11 +6,9 @@
 #include "berth/lss/select_alone.hpp"
 #include "berth/operate/found_devices.hpp"
 #include "berth/operate/slot_table.hpp"
+#include "berth/places/identity.hpp"
 
 namespace berth::operate {
-
-/// An SDO answer of a second device under one node-ID comes behind that of the first by no more than this.
-inline constexpr rt::Duration second_answer = std::chrono::milliseconds(20);
 
 class Asking {
  public:

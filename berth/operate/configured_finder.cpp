@@ -199,11 +199,11 @@ rt::Task<Result<LssAddress>> ConfiguredFinder::identity_of_one(NodeId id, std::u
   Result<LssAddress> who;
   bool came = false;
   for (int reading = 0; reading < most_readings; ++reading) {
-    who = co_await places::Binder::read_identity(s_.sdo, id);
+    who = co_await places::read_identity(s_.sdo, id);
     const bool alone = s_.boots.boot_ups(id) == boot_ups;
     boot_ups = s_.boots.boot_ups(id);
     came = came || !alone;
-    if (came) co_await rt::sleep_for(second_answer);
+    if (came) co_await rt::sleep_for(places::second_answer);
     if (alone) break;
   }
   co_return who;
@@ -214,8 +214,15 @@ rt::Task<void> ConfiguredFinder::identity_at(NodeId id, std::vector<places::Foun
   const auto boot_ups = s_.boots.boot_ups(id);
   const bool answers = co_await asking_.answers_at(id);
   if (!answers) co_return;
-  const auto who = co_await identity_of_one(id, boot_ups);
-  if (s_.sdo.surplus(id) != surplus || !who) {
+  auto who = co_await identity_of_one(id, boot_ups);
+  bool doubled = s_.sdo.surplus(id) != surplus;
+  if (doubled) {
+    co_await rt::sleep_for(places::second_answer);
+    const auto again = co_await places::identify(s_.sdo, id, places::second_answer);
+    doubled = again.by_two;
+    who = again.who;
+  }
+  if (doubled || !who) {
     doubled_.push_back(id);
     slots_.events().tell_once(
         EventKind::duplicate,

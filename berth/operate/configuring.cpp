@@ -207,7 +207,7 @@ rt::Task<Configuring::Next> Configuring::try_once(Seat& seat, Attempt& attempt) 
   if (restarted && attempt.number < most_attempts) {
     co_await asker_->ask_seat(seat);  // another device may have come under this node-ID
     attempt.identified = seat.checked;
-    co_return seat.there && !seat.started ? Next::again : Next::not_now;
+    co_return seat.there && !seat.is_booted() ? Next::again : Next::not_now;
   }
   if (!good) co_return Next::not_now;
   if (attempt.verifies && !report.differences.empty()) {
@@ -338,7 +338,7 @@ rt::Task<bool> Configuring::reset_and_wait(Seat& seat, rt::Time& identified) {
     co_await rt::sleep_for(std::chrono::milliseconds(5));
   }
   identified = s_.executor.now();
-  const auto who = co_await places::Binder::read_identity(s_.sdo, id);
+  const auto who = co_await places::read_identity(s_.sdo, id);
   const bool same = who && seat.slot.record.confirmed && *who == seat.slot.record.confirmed->device;
   if (same || (who && !seat.slot.record.confirmed)) co_return true;
   slots_.set_state(seat, SlotState::failed,
@@ -369,7 +369,7 @@ rt::Task<void> Configuring::look_at_running(Seat& seat) {
 // Why what answers under the slot's node-ID is not asked further; empty: it is the slot's.
 rt::Task<std::string> Configuring::belongs_elsewhere(Seat& seat) {
   const NodeId id = seat.id();
-  const auto who = co_await places::Binder::read_identity(s_.sdo, id);
+  const auto who = co_await places::read_identity(s_.sdo, id);
   if (!who) co_return "its identity cannot be read: " + describe(who.error());
   const auto& confirmed = seat.slot.record.confirmed;
   const bool right = confirmed ? confirmed->device == *who : places::fits(seat.slot.spec, *who);
@@ -460,7 +460,7 @@ rt::Task<void> Configuring::compare(Seat& seat, bool write, SlotConfiguration& i
   into.problem = elsewhere;
   if (!elsewhere.empty()) co_return;
   const auto heard = s_.boots.heard(id);
-  const bool runs = (seat.started && !seat.held) || (heard && s_.boots.state(id) == NmtState::operational);
+  const bool runs = (seat.is_booted() && !seat.held) || (heard && s_.boots.state(id) == NmtState::operational);
   if (write && !runs) {
     seat.configuration.stuck = false;
     seat.configuration.failed_savings = 0;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 namespace berth::operate {
 
@@ -17,15 +18,26 @@ void put(std::vector<std::uint32_t>& values, std::uint32_t value) {
 }  // namespace
 
 // A second answer to one SDO request: two devices hold this node-ID, or another SDO client is at work.
-void Duplicates::surplus(NodeId node, const can::Frame& frame, rt::Time) noexcept {
+void Duplicates::surplus(NodeId node, const can::Frame& frame, rt::Time now) noexcept {
   const bool others_talk = s_.bus.flying && s_.port.status().listen_only;  // the active master asks
   if (others_talk) return;
-  if (shared_ && shared_->id == node) return note_shared(frame);
+  if (shared_ && shared_->id == node) {
+    shared_->answered_twice = true;
+    return note_shared(frame);
+  }
   agenda_.look_anew = true;
   if (Seat* const seat = slots_.at(node)) {
     seat->doubt.suspect = true;
     seat->doubt.shared = most_tries;
+    return;  // told when it happens again as they are told apart
   }
+  // A frame that CAN repeated is no second device, and seldom the next one too.
+  const rt::Time before = std::exchange(answered_twice_[node.value()], now);
+  const bool again = before != rt::Time{} && now - before > places::second_answer && now - before < std::chrono::minutes(1);
+  if (again) tell(node);
+}
+
+void Duplicates::tell(NodeId node) {
   const std::string text = fmt::format(
       "node {} answered one SDO request twice: two devices hold this node-ID, or another "
       "SDO client is on the bus",
@@ -53,14 +65,14 @@ void Duplicates::note_shared(const can::Frame& frame) {
 
 // Twice, with pauses: a single-slot receive buffer loses a question behind another frame.
 rt::Task<void> Duplicates::hear_parts(NodeId id) {
-  co_await rt::sleep_for(second_answer);
+  co_await rt::sleep_for(places::second_answer);
   for (std::uint8_t i = 0; i < 8; ++i) {
     const std::uint8_t sub = static_cast<std::uint8_t>(i % 4 + 1);
     const auto first = co_await s_.sdo.read<std::uint32_t>(id, 0x1018, sub);
     if (first) put(shared_->parts[sub - 1U], *first);
     const bool none = !first && first.error().code == Errc::aborted;
     if (none) put(shared_->parts[sub - 1U], 0);
-    co_await rt::sleep_for(second_answer);
+    co_await rt::sleep_for(places::second_answer);
   }
 }
 
@@ -99,8 +111,9 @@ rt::Task<void> Duplicates::ask_addresses(NodeId id, std::vector<LssAddress> addr
 // is known.
 rt::Task<bool> Duplicates::tell_one_apart(NodeId id) {
   if (s_.only_observes()) co_return false;
-  shared_ = Shared{id, {}};
+  shared_ = Shared{.id = id};
   co_await hear_parts(id);
+  if (shared_->answered_twice) tell(id);
   std::vector<LssAddress> addresses = addresses_of(*shared_);
   shared_.reset();
   const Seat* const seat = slots_.at(id);

@@ -29,10 +29,12 @@ class Duplicates final : public co::SdoClient::Observer {
  private:
   struct Shared {
     NodeId id;
-    std::array<std::vector<std::uint32_t>, 4> parts;  // of the LSS addresses that were heard under it
+    std::array<std::vector<std::uint32_t>, 4> parts{};  // of the LSS addresses that were heard under it
+    bool answered_twice = false;                        // and not only once before
   };
   void surplus(NodeId node, const can::Frame& frame, rt::Time at) noexcept override;
   void note_shared(const can::Frame& frame);
+  void tell(NodeId node);
   rt::Task<void> hear_parts(NodeId id);
   [[nodiscard]] static std::vector<LssAddress> addresses_of(const Shared& shared);
   rt::Task<void> ask_addresses(NodeId id, std::vector<LssAddress> addresses, bool slowly);
@@ -44,7 +46,8 @@ class Duplicates final : public co::SdoClient::Observer {
   FoundDevices& found_;
   Asking& asking_;
   std::optional<Shared> shared_;            // while two devices are told apart
-  std::array<rt::Time, 128> not_before_{};  // they are not told apart again
+  std::array<rt::Time, 128> not_before_{};      // they are not told apart again
+  std::array<rt::Time, 128> answered_twice_{};  // the last time, of nodes without a slot
 };
 
 }  // namespace berth::operate

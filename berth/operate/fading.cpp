@@ -13,10 +13,9 @@ NodeId Fading::forget(const LssAddress& device) {
 }
 
 bool Fading::rests(const LssAddress& device, NodeId active) noexcept {
-  constexpr unsigned sometimes = 8;
   const auto it = devices_.find(device);
   const bool still = it != devices_.end() && it->second.uses == active;
-  return still && ++it->second.looked_at % sometimes != 0;
+  return still && !is_time(++it->second.looked_at);
 }
 
 bool Fading::uses(const LssAddress& device, NodeId id) const noexcept {
@@ -27,6 +26,13 @@ bool Fading::uses(const LssAddress& device, NodeId id) const noexcept {
 const LssAddress* Fading::user_of(NodeId id) const noexcept {
   for (const auto& [device, each] : devices_) {
     if (each.uses == id) return &device;
+  }
+  return nullptr;
+}
+
+const LssAddress* Fading::waits_for(const places::SlotSpec& slot) const noexcept {
+  for (const auto& [device, each] : devices_) {
+    if (places::fits(slot, device)) return &device;
   }
   return nullptr;
 }

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "berth/base/ids.hpp"
+#include "berth/places/plan.hpp"
 
 namespace berth::operate {
 
@@ -20,6 +21,11 @@ class Fading {
   [[nodiscard]] bool uses(const LssAddress& device, NodeId id) const noexcept;
   /// Null: none of them uses this node-ID.
   [[nodiscard]] const LssAddress* user_of(NodeId id) const noexcept;
+  /// A device that waits for its power cycle is told again at this look at it, counted from 1: seldom, and more seldom
+  /// the longer it waits, for its memory's sake.
+  [[nodiscard]] static bool is_time(unsigned look) noexcept { return look >= 8 && (look & (look - 1)) == 0; }
+  /// One that may sit in this slot when it was switched off and on. Null: none.
+  [[nodiscard]] const LssAddress* waits_for(const places::SlotSpec& slot) const noexcept;
   /// Why a slot waits for this device: for people.
   [[nodiscard]] static std::string reason(const LssAddress& device);
 

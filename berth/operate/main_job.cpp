@@ -1,5 +1,7 @@
 #include "berth/operate/main_job.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -97,12 +99,25 @@ rt::Task<void> MainJob::round() {
     co_await seat_the_configured();
     port_.speak();
   }
-  const char* const why = p_.agenda.alone ? can::no_acknowledge : "no device of its type was found";
-  for (const auto& seat : p_.slots.seats()) {
-    const bool none = seat->state == SlotState::unknown && !p_.agenda.search_open;
-    if (none) p_.slots.set_state(*seat, SlotState::empty, why);
-  }
+  for (const auto& seat : p_.slots.seats()) tell_whether_empty(*seat);
   co_await start();
+}
+
+// A device that gave up another node-ID, and uses it still, is not nobody.
+void MainJob::tell_whether_empty(Seat& seat) {
+  const bool vacant = !seat.slot.record.device() && seat.slot.spec.assign == Assign::lss;
+  const LssAddress* const waits = vacant ? p_.fading.waits_for(seat.slot.spec) : nullptr;
+  const bool none = seat.state == SlotState::unknown && !p_.agenda.search_open;
+  if (waits != nullptr && (none || seat.state == SlotState::empty)) {
+    return p_.slots.set_state(seat, SlotState::power_cycle,
+                              fmt::format("{} is of its type and has given up another node-ID: switch it off and on, and "
+                                          "it is seated",
+                                          to_string(*waits)));
+  }
+  const bool shared = p_.fading.user_of(seat.id()) != nullptr;
+  const bool over = vacant && waits == nullptr && !shared && seat.state == SlotState::power_cycle;
+  const char* const why = p_.agenda.alone ? can::no_acknowledge : "no device of its type was found";
+  if (none || over) p_.slots.set_state(seat, SlotState::empty, why);
 }
 
 rt::Task<void> MainJob::ask_the_troubled() {
@@ -189,6 +204,7 @@ rt::Task<bool> MainJob::look() {
   } else {
     p_.supervision.check_rates();
     p_.supervision.give_up_silent();
+    p_.supervision.look_at_voices();
     anybody = co_await p_.finding.finder.anybody_new();
   }
   const bool anew = agenda.look_anew && p_.bus.executor.now() >= agenda.anew_at;

@@ -29,6 +29,7 @@ class MainJob {
   rt::Task<void> work(bool first);
   rt::Task<void> opening();
   rt::Task<void> round();
+  void tell_whether_empty(Seat& seat);
   rt::Task<void> ask_the_troubled();
   rt::Task<void> look_again_at(Seat& seat);
   rt::Task<void> carry_out();

@@ -114,7 +114,7 @@ Configured configured(const Seat& seat) noexcept {
     default: break;
   }
   const auto& noted = seat.slot.record.configured;
-  const bool done = noted && noted->stage == places::Configured::Stage::done && seat.boot.ready;
+  const bool done = noted && noted->stage == places::Configured::Stage::done && seat.slave.status.ready();
   return done ? Configured::as_it_shall_be : Configured::not_yet;
 }
 
@@ -193,7 +193,7 @@ std::uint64_t ManagerObjects::of_node(std::uint16_t index, NodeId node) const {
     }
     case cia302::request_guarding: return seat->there && !seat->guarded ? 1 : 0;
     case slot_state: return static_cast<std::uint64_t>(seat->state);
-    case boot_letter: return static_cast<std::uint8_t>(manager::letter(seat->boot.status));
+    case boot_letter: return static_cast<std::uint8_t>(manager::letter(seat->letter()));
     case upload_configuration: return static_cast<std::uint64_t>(seat->configuration.upload);
     case cia302::dcf_format: return 0;
     case configuration_status: return static_cast<std::uint64_t>(configured(*seat));

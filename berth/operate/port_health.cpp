@@ -76,7 +76,7 @@ void PortHealth::go_to_rest(const std::string& why) {
   slots_.events().tell_again();
   for (auto& seat : slots_.seats()) {
     s_.heartbeats.supervise(seat->id(), rt::Duration{0});
-    seat->there = seat->started = false;
+    seat->leave();
     seat->checked = {};
     slots_.set_state(*seat, SlotState::unknown, why);
   }

@@ -79,13 +79,14 @@ rt::Task<void> Presence::ask_seat(Seat& seat) {
   const bool stays = co_await places_.stays_in_place(seat);
   if (!stays) co_return;
   seat.there = true;
-  seat.started = sign.state == NmtState::operational || seat.held;
-  seat.boot = {};
+  seat.slave.forget();
+  if (seat.held) seat.slave.status.phase = manager::SlavePhase::awaited;
   if (sign.state != NmtState::operational) {
     slots_.set_state(seat, SlotState::present);
     co_return;
   }
-  seat.boot = {.status = manager::BootStatus::l, .ready = true};
+  seat.set_letter(manager::BootStatus::l);
+  seat.slave.status.phase = manager::SlavePhase::started;
   s_.heartbeats.supervise(id, s_.bus.timing.heartbeat_timeout);
   slots_.set_state(seat, SlotState::operational);
   if (seat.configuration.wanted) co_await configuring_.look_at_running(seat);
@@ -94,8 +95,9 @@ rt::Task<void> Presence::ask_seat(Seat& seat) {
 // False: the slot's state says why, and whether its device is there all the same.
 rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
   const NodeId id = seat.id();
-  const auto surplus = s_.sdo.surplus(id);
-  const auto who = co_await places::Binder::read_identity(s_.sdo, id);
+  // The answer of a second device may come a little after that of the first.
+  const auto answer = co_await places::identify(s_.sdo, id, places::second_answer);
+  const auto& who = answer.who;
   if (!who) {
     // Stopped devices speak no SDO; they are known by their error control alone (the paper's figure).
     const bool stopped = state == NmtState::stopped;
@@ -107,13 +109,11 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
     slots_.set_state(seat, SlotState::present);
     co_return false;
   }
-  // The answer of a second device may come a little behind that of the first.
-  co_await rt::sleep_for(second_answer);
-  const bool doubled = s_.sdo.surplus(id) != surplus;
+  const bool doubled = answer.by_two;
   if (!doubled && *who == seat.slot.record.confirmed->device) co_return true;
   seat.doubt.shared = Duplicates::most_tries;
   agenda_.look_anew = true;
-  seat.boot = {.status = doubled ? manager::BootStatus::booted : letter_of(*who, seat.slot.record.confirmed->device)};
+  seat.set_letter(doubled ? manager::BootStatus::booted : letter_of(*who, seat.slot.record.confirmed->device));
   if (doubled) {
     slots_.set_state(seat, SlotState::duplicate, "two devices answer under this node-ID; take one of them off the bus");
   } else {
@@ -153,10 +153,10 @@ rt::Task<void> Presence::adopt_fixed(Seat& seat) {
   const NodeId id = seat.id();
   const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0, patience);
   if (!type) co_return;
-  const auto who = co_await places::Binder::read_identity(s_.sdo, id);
+  const auto who = co_await places::read_identity(s_.sdo, id);
   if (!who) co_return;
   if (!places::fits(seat.slot.spec, *who)) {
-    seat.boot = {.status = letter_of(*who, {seat.slot.spec.type.vendor, seat.slot.spec.type.product, 0, 0})};
+    seat.set_letter(letter_of(*who, {seat.slot.spec.type.vendor, seat.slot.spec.type.product, 0, 0}));
     slots_.set_state(seat, SlotState::wrong_type, fmt::format("device {} has its node-ID", to_string(*who)));
     co_return;
   }
@@ -182,7 +182,7 @@ rt::Task<void> Presence::adopt_all_fixed() {
 }
 
 rt::Task<bool> Presence::take_where_it_is(Seat& seat, LssAddress device) {
-  const auto who = co_await places::Binder::read_identity(s_.sdo, seat.id());
+  const auto who = co_await places::read_identity(s_.sdo, seat.id());
   if (!who || *who != device) co_return false;
   const places::Assignment wanted{device, seat.id()};
   const std::string reason = "it has the slot's node-ID, and LSS does not change it";

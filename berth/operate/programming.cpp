@@ -70,6 +70,7 @@ std::string Programming::unreadable(const Seat& seat) {
 void Programming::expect(const Seat& seat, manager::SlaveRules& rules) {
   const auto& software = seat.slot.spec.software;
   rules.expected.hardware_text = software.hardware;
+  rules.expected.hardware = software.hardware_number;
   rules.expected.software_text = software.version;
   rules.checks_software = !software.programs.empty() || !software.version.empty();
   rules.may_update = software.updates && !software.programs.empty() && s_.may_command();

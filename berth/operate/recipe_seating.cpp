@@ -73,7 +73,7 @@ rt::Task<void> RecipeSeating::bind(Seat& seat, LssAddress device, NodeId now) {
   seat.checked = s_.executor.now();
   if (binding.step() == RecipeStep::done) {
     seat.there = seat.fresh = true;
-    seat.started = false;
+    seat.boot_again();
     if (now != seat.id()) s_.boots.forget(now);
     slots_.events().tell(EventKind::bound, seat.name(),
                          fmt::format("bound to {} as node-ID {} {}", to_string(device), seat.id().value(), reason));

@@ -9,18 +9,17 @@ namespace berth::operate {
 
 rt::Task<void> Scan::ask(NodeId id, Seen& seen, co::SdoOptions patience) {
   seen.id = id;
-  const auto surplus = p_.bus.sdo.surplus(id);
   const auto type = co_await p_.bus.sdo.read<std::uint32_t>(id, 0x1000, 0, patience);
   if (type) seen.device_type = *type;
   const bool answered = type || type.error().code == Errc::aborted || type.error().code == Errc::mismatch;
   if (answered) {
-    const auto who = co_await places::Binder::read_identity(p_.bus.sdo, id);
-    if (who) seen.device = *who;
+    const auto answer = co_await places::identify(p_.bus.sdo, id);
+    if (answer.who) seen.device = *answer.who;
+    seen.duplicate = answer.by_two;
   } else {
     const auto guarded = co_await co::guard_once(p_.bus.dispatcher, id, p_.bus.bus.timing.guard_timeout, 1);
     if (guarded) seen.state = guarded->state;
   }
-  seen.duplicate = p_.bus.sdo.surplus(id) != surplus;
   const auto heard = p_.bus.boots.heard(id);
   const bool lately = heard && p_.bus.executor.now() - *heard < p_.bus.bus.timing.heartbeat_timeout;
   if (lately) seen.state = p_.bus.boots.state(id);

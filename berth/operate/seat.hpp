@@ -6,8 +6,8 @@
 #include <string>
 
 #include "berth/co/emcy.hpp"
-#include "berth/manager/boot_rules.hpp"
 #include "berth/manager/configuration.hpp"
+#include "berth/manager/slave_boots.hpp"
 #include "berth/places/binding.hpp"
 #include "berth/places/plan.hpp"
 #include "berth/rt/executor.hpp"
@@ -60,22 +60,18 @@ struct LastHeard {
   rt::Time hurried{};                   ///< a boot-up hastened the look at the bus
 };
 
-/// The boot-up of its device (CiA 302-2).
-struct SeatBoot {
-  manager::BootStatus status = manager::BootStatus::booted;  ///< how it ended last; `booted`: well, or not at all yet
-  bool ready = false;                                        ///< the steps are done; it is started, or waits for that
-  bool waits = false;     ///< ready, and not started: the startup of the network says why
-  bool released = false;  ///< a person started it, whatever the startup of the network waits for
-};
-
 struct Seat {
+  Seat(rt::Executor& executor, places::SlotSpec spec)
+      : slave(executor, {.node = spec.id,
+                         .rules = {.assigned = true, .boots = true, .mandatory = spec.mandatory}}) {
+    slot.spec = std::move(spec);
+  }
+
   places::Slot slot;
   places::SlotState state = places::SlotState::unknown;
   rt::Time since{};
   std::string reason;
   bool there = false;      ///< its device was identified under the slot's node-ID
-  bool started = false;    ///< NMT start was sent
-  bool awaited = false;    ///< NMT start was sent just now, and its heartbeat has not told yet
   bool fresh = false;      ///< bound in this run, and not yet looked at for a past elsewhere
   bool left = false;       ///< it told that it left operational, and whether it is the slot's device is not asked yet
   bool held = false;       ///< a person took it out of operational: it is not started again
@@ -84,7 +80,7 @@ struct Seat {
   bool guarded = false;    ///< the device has no 1017h: it is asked by guarding
   rt::Time checked{};      ///< when it was identified last
   Doubt doubt;
-  SeatBoot boot;
+  manager::Slave slave;    ///< the boot-up of its device (CiA 302-2); `awaited`: nor before a person says so
   SeatConfiguration configuration;
   HeartbeatRate rate;
   PowerCycle power_cycle;
@@ -92,6 +88,23 @@ struct Seat {
 
   [[nodiscard]] const std::string& name() const noexcept { return slot.spec.name.name; }
   [[nodiscard]] NodeId id() const noexcept { return slot.spec.id; }
+  /// Its boot-up is done: nothing is to be done before it boots, or a person says so.
+  [[nodiscard]] bool is_booted() const noexcept {
+    return slave.status.ready() || slave.status.phase == manager::SlavePhase::awaited;
+  }
+  /// Its boot-up begins anew with the next round.
+  void boot_again() noexcept { slave.status.phase = manager::SlavePhase::idle; }
+  /// Its device is not there, or is another one.
+  void leave() noexcept {
+    there = false;
+    boot_again();
+  }
+  /// How its boot-up ended that was none, or ended before its first step.
+  void set_letter(manager::BootStatus status) noexcept {
+    slave.forget();
+    slave.status.result.status = status;
+  }
+  [[nodiscard]] manager::BootStatus letter() const noexcept { return slave.status.result.status; }
 };
 
 }  // namespace berth::operate

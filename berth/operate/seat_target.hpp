@@ -7,7 +7,7 @@
 
 namespace berth::operate {
 
-class SeatTarget final : public manager::BootTarget {
+class SeatTarget : public manager::BootTarget {
  public:
   SeatTarget(BusServices& services, Seat& seat) noexcept
       : s_(services), seat_(seat), objects_(services.sdo, seat.id()) {}

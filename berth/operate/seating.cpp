@@ -11,6 +11,23 @@ using places::Binding;
 using places::Mark;
 using places::SlotState;
 
+namespace {
+
+// Free slots that it fits, of which one takes devices that the other does not: who gets which decides whether both are
+// filled.
+bool may_choose(const SlotTable& slots, const LssAddress& device) {
+  const places::SlotSpec* first = nullptr;
+  for (const auto& seat : slots.seats()) {
+    const auto& spec = seat->slot.spec;
+    if (seat->slot.record.device() || !places::fits(spec, device)) continue;
+    if (first == nullptr) first = &spec;
+    if (spec.rule != first->rule || spec.revision != first->revision || spec.also != first->also) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
 rt::Task<void> Seating::carry_out() {
   agenda_.phase = Phase::binding;
   avoid_.clear();
@@ -215,8 +232,8 @@ void Seating::bound(Seat& seat, const Binding& binding) {
   found_.forget(binding.assignment().device);
   places_.forget(binding.assignment().device);
   seat.there = true;
-  seat.started = false;
-  seat.power_cycle.binding.reset();
+  seat.boot_again();
+  seat.power_cycle = {};
   seat.fresh = true;
   seat.checked = s_.executor.now();
   slots_.events().tell(EventKind::bound, seat.name(),
@@ -368,14 +385,16 @@ void Seating::free_for_spares() {
 }
 
 // RAND tells no node-ID. A device that will be bound is asked in its binding; the others must be known by the node-ID
-// they hold, and so must bound devices that answered RAND: after a power-on they may be right where they belong.
+// they hold, and so must bound devices that answered RAND: after a power-on they may be right where they belong. Where
+// a device may choose, one that is not there (RAND has put its address together of two) would leave to the others what
+// they need not have: those are asked first.
 rt::Task<void> Seating::inquire_found(bool all) {
   const std::vector<places::Found> found = found_.all();
   for (const auto& f : found) {
     const Seat* seat = slots_.of(f.device);
     const bool binds =
         std::ranges::any_of(planning_.plan().actions, [&](const Action& a) { return a.device == f.device; });
-    const bool asks = all || seat != nullptr || !binds;
+    const bool asks = all || seat != nullptr || !binds || may_choose(slots_, f.device);
     if (!asks || f.clone) continue;
     const auto id = co_await asking_.active_id(f.device);
     if (id) {
@@ -445,8 +464,7 @@ rt::Task<bool> Seating::answers_by_lss(LssAddress device) {
 // It has stored its node-ID, and uses another still: telling it again would wear its memory out. A power cycle that was
 // not heard, and brought nothing, is thought of now and then.
 rt::Task<bool> Seating::waits_for_its_power_cycle(Seat& seat) {
-  constexpr unsigned sometimes = 8;
-  if (!seat.power_cycle.binding || ++seat.power_cycle.looked_at % sometimes == 0) co_return false;
+  if (!seat.power_cycle.binding || Fading::is_time(++seat.power_cycle.looked_at)) co_return false;
   const NodeId old = seat.power_cycle.binding->old_id();
   const auto booted = old.configured() ? s_.boots.boot_up(old) : std::nullopt;
   if (booted && *booted > seat.since) co_return false;

@@ -17,8 +17,7 @@ SlotTable::SlotTable(BusServices& services, std::string machine, std::vector<pla
       store_(&store),
       events_(services.executor, services.bus.name, std::move(observer)) {
   for (auto& spec : specs) {
-    seats_.push_back(std::make_unique<Seat>());
-    seats_.back()->slot.spec = std::move(spec);
+    seats_.push_back(std::make_unique<Seat>(services.executor, std::move(spec)));
   }
 }
 
@@ -58,7 +57,7 @@ std::vector<SlotReport> SlotTable::report() const {
   std::vector<SlotReport> slots;
   for (const auto& seat : seats_) {
     slots.push_back({s_.bus.name, seat->id(), seat->name(), seat->slot.spec.type, seat->slot.record.device(),
-                     seat->state, seat->since, seat->reason, seat->boot.status});
+                     seat->state, seat->since, seat->reason, seat->letter()});
   }
   std::ranges::sort(slots, {}, &SlotReport::id);
   return slots;
@@ -89,7 +88,7 @@ void SlotTable::set_state(Seat& seat, SlotState state, std::string reason) {
 }
 
 void SlotTable::set_absent(Seat& seat, const std::string& fact) {
-  seat.boot = {.status = manager::BootStatus::b};
+  seat.set_letter(manager::BootStatus::b);
   set_state(seat, SlotState::absent, fact + "; switch the device on, or `berth replace` it");
 }
 
@@ -104,8 +103,8 @@ Result<void> SlotTable::clear(Seat& seat, const std::string& reason) {
   s_.heartbeats.supervise(seat.id(), rt::Duration{0});
   seat.slot.record.intended.reset();
   seat.slot.record.confirmed.reset();
-  seat.there = seat.started = seat.last.seen = false;
-  seat.boot = {};
+  seat.there = seat.last.seen = false;
+  seat.slave.forget();
   seat.slot.record.configured.reset();
   seat.power_cycle.binding.reset();
   seat.configuration.waits_since.reset();

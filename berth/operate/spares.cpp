@@ -52,7 +52,7 @@ rt::Task<bool> Spares::isolate_former(Seat& seat) {
             : fmt::format("a device that sat in slot {} is back: {}", seat.name(), to_string(device));
     slots_.events().tell(EventKind::returned, seat.name(), text);
     const std::string reason = "its slot was given to another device";
-    seat.boot.ready = false;  // the reset reaches the slot's own device too: its boot-up is no error
+    if (seat.is_booted()) seat.slave.status.phase = manager::SlavePhase::awaited;  // the reset reaches the slot's own device too: its boot-up is no error
     const bool gone = co_await seating_.blank(device, reason);
     planning_.returned(device, gone ? NodeId() : *id, text);
     any = true;
@@ -157,7 +157,7 @@ rt::Task<bool> Spares::restore_seat(Seat& seat) {
   const bool booted = co_await s_.boots.wait(id, began, began + s_.bus.timing.boot_timeout);
   slots_.take_mark(Mark::restore, device, booted ? "loaded, and booted with them" : "loaded, and reset");
   slots_.events().tell(EventKind::restored, seat.name(), fmt::format("{} has its factory settings", to_string(device)));
-  const auto who = co_await places::Binder::read_identity(s_.sdo, id);
+  const auto who = co_await places::read_identity(s_.sdo, id);
   const bool same = who && *who == device;
   seat.checked = s_.executor.now();
   if (same) co_return true;

@@ -14,41 +14,35 @@ namespace berth::operate {
 
 using places::SlotState;
 
-bool Starter::is_ready(const Seat& seat) noexcept {
-  return seat.there && !seat.started && seat.state == SlotState::present;
-}
-
-bool Starter::is_due() const noexcept {
-  return startup_.released() || std::ranges::any_of(slots_.seats(), [](const auto& s) { return is_ready(*s); });
-}
-
-// The transfers of a configuration would fill a receive buffer of one frame: its device would lose the `04 00` of the
-// bindings beside it, and the questions that prove that it is not in LSS configuration.
-rt::Task<void> Starter::start_early(Seat& seat) {
-  const bool configures = seat.configuration.any() || !seat.slot.spec.software.programs.empty();
-  const bool waits = slots_.events().beneath().of(seat.id());
-  const bool plain = is_ready(seat) && !configures && !waits && seat.slot.record.confirmed && !spares_.has_past(seat);
-  if (plain) co_await start_seat(seat);
-}
-
-rt::Task<bool> Starter::check_and_start() {
-  agenda_.phase = Phase::start;
-  rt::Scope starts(s_.executor, asking_.most_at_once());
-  for (auto& seat : slots_.seats()) {
-    if (is_ready(*seat)) starts.spawn(start_seat(*seat));
+// How the boot-up reaches a slot's device, and what is done around its start.
+class Starter::Target final : public SeatTarget {
+ public:
+  Target(Starter& starter, Seat& seat) noexcept : SeatTarget(starter.s_, seat), starter_(starter), seat_(seat) {}
+  rt::Task<bool> runs() override { return starter_.runs_already(seat_); }
+  rt::Task<void> start_sent() override {
+    if (seat_.guarded) co_await starter_.ask_by_guarding(seat_);
   }
-  co_await starts.join();
-  if (startup_.goes_on()) co_await start_the_waiting();
-  co_await await_operational();
-  const bool all = slots_.operational() && s_.may_command();
-  if (all) slots_.events().reach(Milestone::operational);
-  co_return all;
-}
+
+ private:
+  Starter& starter_;
+  Seat& seat_;
+};
 
 // What `config =` wants, or the heartbeat alone: what is brought into a device before it is started.
 class Starter::Source final : public manager::BootSource {
  public:
   Source(Starter& starter, Seat& seat) noexcept : starter_(starter), seat_(seat) {}
+  void renew(manager::SlaveRules& rules) const noexcept override {
+    rules = {.assigned = true, .boots = true, .mandatory = seat_.slot.spec.mandatory};
+    rules.device_type = seat_.slot.spec.device_type;
+    if (const auto device = seat_.slot.record.device()) {
+      rules.vendor = device->vendor;
+      rules.product = device->product;
+      rules.revision = device->revision;
+      rules.serial = device->serial;
+    }
+    starter_.programming_.expect(seat_, rules);
+  }
   rt::Task<Result<void>> configure(manager::BootTarget&, manager::SlaveRules&) override {
     co_return co_await starter_.configure(seat_);
   }
@@ -64,13 +58,64 @@ class Starter::Source final : public manager::BootSource {
   Seat& seat_;
 };
 
-rt::Task<void> Starter::start_seat(Seat& seat) {
+Starter::Starter(BusServices& services, SlotTable& slots, Agenda& agenda, Startup& startup, Asking& asking,
+                 Configuring& configuring, Spares& spares, Presence& presence)
+    : s_(services),
+      slots_(slots),
+      agenda_(agenda),
+      startup_(startup),
+      asking_(asking),
+      configuring_(configuring),
+      spares_(spares),
+      presence_(presence),
+      programming_(services, slots),
+      boots_(services.executor, *this, {}) {
+  for (const auto& seat : slots_.seats()) {
+    targets_.push_back(std::make_unique<Target>(*this, *seat));
+    sources_.push_back(std::make_unique<Source>(*this, *seat));
+    seat->slave.what.target = targets_.back().get();
+    seat->slave.what.source = sources_.back().get();
+  }
+}
+
+Starter::~Starter() = default;
+
+bool Starter::is_ready(const Seat& seat) noexcept {
+  return seat.there && !seat.is_booted() && seat.state == SlotState::present;
+}
+
+bool Starter::is_due() const noexcept {
+  return startup_.released() || std::ranges::any_of(slots_.seats(), [](const auto& s) { return is_ready(*s); });
+}
+
+// The transfers of a configuration would fill a receive buffer of one frame: its device would lose the `04 00` of the
+// bindings beside it, and the questions that prove that it is not in LSS configuration.
+rt::Task<void> Starter::start_early(Seat& seat) {
+  const bool configures = seat.configuration.any() || !seat.slot.spec.software.programs.empty();
+  const bool waits = slots_.events().beneath().of(seat.id());
+  const bool plain = is_ready(seat) && !configures && !waits && seat.slot.record.confirmed && !spares_.has_past(seat);
+  if (plain) co_await boot(seat);
+}
+
+rt::Task<bool> Starter::check_and_start() {
+  agenda_.phase = Phase::start;
+  rt::Scope starts(s_.executor, asking_.most_at_once());
+  for (auto& seat : slots_.seats()) {
+    if (is_ready(*seat)) starts.spawn(boot(*seat));
+  }
+  co_await starts.join();
+  const Startup::Go go = startup_.goes_on();
+  if (go == Startup::Go::all) co_await start_all();
+  if (go == Startup::Go::each) co_await start_waiting();
+  co_await await_operational();
+  const bool all = slots_.operational() && s_.may_command();
+  if (all) slots_.events().reach(Milestone::operational);
+  co_return all;
+}
+
+rt::Task<void> Starter::boot(Seat& seat) {
   const bool may = co_await may_boot(seat);
-  if (!may) co_return;
-  const manager::BootResult result = co_await boot_up(seat);
-  if (!manager::is_ready(result.status) || !s_.may_command() || configuring_.rebooted(seat)) co_return;
-  seat.boot.status = result.status;
-  if (startup_.starts(seat)) co_await send_start(seat);
+  if (may) co_await boots_.boot_found(seat.slave);
 }
 
 // Whether it is the right device is settled before: what booted here, and nothing that shares its node-ID.
@@ -86,48 +131,61 @@ rt::Task<bool> Starter::may_boot(Seat& seat) {
   co_return co_await spares_.clear_past(seat);
 }
 
-rt::Task<manager::BootResult> Starter::boot_up(Seat& seat) {
-  SeatTarget target(s_, seat);
-  Source source(*this, seat);
-  manager::BootOptions options;
-  options.identified = true;
-  options.give_up = s_.executor.now();  // one that is silent now is asked for in the next round
-  manager::SlaveRules rules = Startup::rules_of(seat);
-  programming_.expect(seat, rules);
-  manager::BootSlave boot(s_.executor, target, source, rules, options);
-  const manager::BootResult result = co_await boot.run();
-  boot_failed(seat, result);
-  co_return result;
+bool Starter::starts(const manager::Slave& slave) noexcept {
+  const Seat& seat = seat_of(slave);
+  return s_.may_command() && !configuring_.rebooted(seat) && startup_.starts(seat);
 }
 
-void Starter::boot_failed(Seat& seat, const manager::BootResult& result) {
+void Starter::ended(manager::Slave& slave) noexcept {
+  Seat& seat = seat_of(slave);
+  if (!slave.status.ready()) {
+    const bool letter = boot_failed(seat, slave.status.result);
+    if (!letter) seat.set_letter(seat.state == SlotState::absent ? manager::BootStatus::b : manager::BootStatus::booted);
+  } else if (!s_.may_command() || configuring_.rebooted(seat)) {
+    seat.boot_again();
+  } else if (slave.starting) {
+    awaited_.push_back(&seat);
+  } else {
+    startup_.tell_why_waiting(seat);
+  }
+}
+
+void Starter::started(manager::Slave& slave, const Result<bool>& ran) noexcept {
+  Seat& seat = seat_of(slave);
+  if (ran && *ran) slots_.set_state(seat, SlotState::operational);
+  if (ran) return;
+  std::erase(awaited_, &seat);
+  seat.boot_again();
+  slots_.set_state(seat, SlotState::failed, "NMT start could not be sent: " + describe(ran.error()));
+}
+
+// True: the letter is that of its boot-up. Else it is another device's, or of the life before.
+bool Starter::boot_failed(Seat& seat, const manager::BootResult& result) {
   using Status = manager::BootStatus;
   const bool unwritten = result.status == Status::i && seat.state == SlotState::present;
   if (unwritten && configuring_.rebooted(seat)) {
-    return slots_.set_state(seat, SlotState::present, "it booted: it is asked what it is before it is programmed");
+    slots_.set_state(seat, SlotState::present, "it booted: it is asked what it is before it is programmed");
+    return false;
   }
   switch (result.status) {
-    case Status::b: seat.there = false; return slots_.set_absent(seat, "no answer to the upload of 1000h");
-    case Status::c:
-      slots_.set_state(seat, SlotState::wrong_type, result.text());
-      seat.boot.status = result.status;
-      return;
+    case Status::b:
+      seat.there = false;
+      slots_.set_absent(seat, "no answer to the upload of 1000h");
+      return true;
+    case Status::c: slots_.set_state(seat, SlotState::wrong_type, result.text()); return true;
     case Status::g:
     case Status::h:
     case Status::i:
     case Status::n: {
-      if (seat.state == SlotState::absent) return;
+      if (seat.state == SlotState::absent) return false;
       const std::string unreadable = programming_.unreadable(seat);
       slots_.set_state(seat, SlotState::failed, unreadable.empty() ? result.text() : unreadable);
-      seat.boot.status = result.status;
       // Its flash memory is not written again before it boots, or a person says so.
       if (result.status == Status::i) seat.configuration.stuck = true;
-      return;
+      return true;
     }
-    case Status::j:
-      if (seat.state == SlotState::failed) seat.boot.status = result.status;
-      return;
-    default: return;
+    case Status::j: return seat.state == SlotState::failed;
+    default: return false;
   }
 }
 
@@ -137,7 +195,7 @@ rt::Task<Result<void>> Starter::update(Seat& seat, manager::BootTarget& target) 
   const auto updated = co_await programming_.update(seat, target);
   // Its restarts are not those of another device, and no reason to write its flash memory again.
   const rt::Time asked = s_.executor.now();
-  const auto who = co_await places::Binder::read_identity(s_.sdo, seat.id());
+  const auto who = co_await places::read_identity(s_.sdo, seat.id());
   const bool same = who && seat.slot.record.confirmed && *who == seat.slot.record.confirmed->device;
   if (same) seat.checked = asked;
   if (same && updated) slots_.set_state(seat, SlotState::present, "it has its programs");
@@ -188,24 +246,6 @@ rt::Task<bool> Starter::set_heartbeat(Seat& seat) {
   co_return true;
 }
 
-rt::Task<void> Starter::send_start(Seat& seat) {
-  const NodeId id = seat.id();
-  const bool runs = co_await runs_already(seat);
-  if (runs) {
-    seat.started = true;
-    slots_.set_state(seat, SlotState::operational);
-    co_return;
-  }
-  seat.started = seat.awaited = true;
-  const auto sent = co_await s_.nmt.send(co::NmtCommand::start, id);
-  if (!sent) {
-    seat.started = seat.awaited = false;
-    slots_.set_state(seat, SlotState::failed, "NMT start could not be sent: " + describe(sent.error()));
-    co_return;
-  }
-  if (seat.guarded) co_await ask_by_guarding(seat);
-}
-
 // Another master has started it, or it was out of reach and ran on, and the slot does not know: no second start.
 rt::Task<bool> Starter::runs_already(Seat& seat) {
   const NodeId id = seat.id();
@@ -243,13 +283,14 @@ rt::Task<void> Starter::ask_by_guarding(Seat& seat) {
   }
 }
 
-// All mandatory devices are ready.
-rt::Task<void> Starter::start_the_waiting() {
-  if (startup_.together()) co_return co_await start_all();
+// All mandatory devices are ready, or a person said so.
+rt::Task<void> Starter::start_waiting() {
   rt::Scope starts(s_.executor, asking_.most_at_once());
   for (auto& seat : slots_.seats()) {
-    const bool waits = seat->there && seat->boot.waits && !seat->held;
-    if (waits && startup_.starts(*seat)) starts.spawn(send_start(*seat));
+    const bool waits = seat->there && seat->slave.waits_for_start() && !seat->held;
+    if (!waits || !startup_.starts(*seat)) continue;
+    awaited_.push_back(seat.get());
+    starts.spawn(boots_.start(seat->slave));
   }
   co_await starts.join();
 }
@@ -258,34 +299,34 @@ rt::Task<void> Starter::start_all() {
   const auto sent = co_await s_.nmt.send(co::NmtCommand::start, co::NmtTarget::all());
   if (!sent) co_return slots_.events().tell_failure("NMT start of all devices", sent.error());
   for (auto& seat : slots_.seats()) {
-    if (!seat->there || !std::exchange(seat->boot.waits, false)) continue;
-    seat->awaited = true;
+    if (!seat->there || !seat->slave.waits_for_start()) continue;
+    seat->slave.status.phase = manager::SlavePhase::started;
+    awaited_.push_back(seat.get());
     if (seat->guarded) co_await ask_by_guarding(*seat);
   }
 }
 
 // Operational is what the device says in its heartbeat, not what it was told.
 rt::Task<void> Starter::await_operational() {
-  const auto waits = [](const auto& s) { return s->awaited && s->state == SlotState::present; };
+  const auto waits = [](const Seat* s) {
+    return s->slave.status.phase == manager::SlavePhase::started && s->state == SlotState::present;
+  };
   const rt::Time deadline = s_.executor.now() + s_.bus.timing.heartbeat_timeout;
   const rt::Duration patience = s_.bus.timing.heartbeat_period + s_.bus.timing.heartbeat_period / 4;
   rt::Time again = s_.executor.now() + patience;
-  while (s_.executor.now() < deadline && std::ranges::any_of(slots_.seats(), waits)) {
+  while (s_.executor.now() < deadline && std::ranges::any_of(awaited_, waits)) {
     co_await rt::sleep_for(s_.bus.timing.heartbeat_period / 16 + std::chrono::milliseconds(1));
     if (s_.executor.now() < again) continue;
     co_await start_again(again - patience);
     again = s_.executor.now() + patience;
   }
-  for (auto& seat : slots_.seats()) {
-    const bool still = waits(seat);
-    seat->awaited = false;
-    if (!still) continue;
-    seat->started = false;
+  for (Seat* const seat : std::exchange(awaited_, {})) {
+    if (!waits(seat)) continue;
     std::string why = "it was started and no heartbeat told that it is operational";
     if (const auto& e = seat->last.emergency) {
       why += fmt::format("; it told an error: EMCY {:04X}h ({})", e->code, co::emcy_text(e->code));
     }
-    seat->boot = {.status = manager::BootStatus::k};
+    seat->set_letter(manager::BootStatus::k);
     slots_.set_state(*seat, SlotState::failed, why);
   }
 }
@@ -294,8 +335,9 @@ rt::Task<void> Starter::await_operational() {
 // come back to back. A device that tells that it is not operational yet is told again, one after the other at a pace
 // that any device follows. One that tells nothing may run.
 rt::Task<void> Starter::start_again(rt::Time since) {
-  for (auto& seat : slots_.seats()) {
-    if (!seat->awaited || seat->held || seat->state != SlotState::present || configuring_.rebooted(*seat)) continue;
+  const std::vector<Seat*> all = awaited_;
+  for (Seat* const seat : all) {
+    if (seat->held || seat->state != SlotState::present || configuring_.rebooted(*seat)) continue;
     const NodeId id = seat->id();
     const auto heard = s_.boots.heard(id);
     const bool waits = heard && *heard >= since && s_.boots.state(id) != NmtState::operational;

@@ -2,6 +2,9 @@
 /// configuration, error control, start. That it is the slot's device `Presence` has found out before.
 #pragma once
 
+#include <memory>
+#include <vector>
+
 #include "berth/manager/boot_slave.hpp"
 #include "berth/operate/programming.hpp"
 #include "berth/operate/spares.hpp"
@@ -9,19 +12,11 @@
 
 namespace berth::operate {
 
-class Starter final : public EarlyStarter {
+class Starter final : public EarlyStarter, private manager::SlaveBoots::Owner {
  public:
   Starter(BusServices& services, SlotTable& slots, Agenda& agenda, Startup& startup, Asking& asking,
-          Configuring& configuring, Spares& spares, Presence& presence) noexcept
-      : s_(services),
-        slots_(slots),
-        agenda_(agenda),
-        startup_(startup),
-        asking_(asking),
-        configuring_(configuring),
-        spares_(spares),
-        presence_(presence),
-        programming_(services, slots) {}
+          Configuring& configuring, Spares& spares, Presence& presence);
+  ~Starter();
 
   /// A device is in its slot and was not started, or waits and may be started now.
   [[nodiscard]] bool is_due() const noexcept;
@@ -32,23 +27,26 @@ class Starter final : public EarlyStarter {
 
  private:
   [[nodiscard]] static bool is_ready(const Seat& seat) noexcept;
+  class Target;
   class Source;
-  rt::Task<void> start_seat(Seat& seat);
+  bool starts(const manager::Slave& slave) noexcept override;
+  void ended(manager::Slave& slave) noexcept override;
+  void started(manager::Slave& slave, const Result<bool>& ran) noexcept override;
+  rt::Task<void> boot(Seat& seat);
   rt::Task<bool> may_boot(Seat& seat);
-  rt::Task<manager::BootResult> boot_up(Seat& seat);
   rt::Task<Result<void>> update(Seat& seat, manager::BootTarget& target);
-  void boot_failed(Seat& seat, const manager::BootResult& result);
+  [[nodiscard]] bool boot_failed(Seat& seat, const manager::BootResult& result);
   rt::Task<Result<void>> configure(Seat& seat);
   rt::Task<bool> set_heartbeat(Seat& seat);
   rt::Task<Result<void>> bring_up_beneath(Seat& seat);
-  rt::Task<void> send_start(Seat& seat);
   rt::Task<bool> runs_already(Seat& seat);
   rt::Task<void> ask_by_guarding(Seat& seat);
-  rt::Task<void> start_the_waiting();
+  rt::Task<void> start_waiting();
   rt::Task<void> start_all();
   rt::Task<void> await_operational();
   rt::Task<void> start_again(rt::Time since);
   [[nodiscard]] bool beats(NodeId id) const noexcept;
+  [[nodiscard]] Seat& seat_of(const manager::Slave& slave) const noexcept { return *slots_.at(slave.what.node); }
 
   BusServices& s_;
   SlotTable& slots_;
@@ -59,6 +57,10 @@ class Starter final : public EarlyStarter {
   Spares& spares_;
   Presence& presence_;
   Programming programming_;
+  manager::SlaveBoots boots_;
+  std::vector<std::unique_ptr<manager::BootTarget>> targets_;
+  std::vector<std::unique_ptr<manager::BootSource>> sources_;
+  std::vector<Seat*> awaited_;  // NMT start was sent, and their heartbeats have not told yet
 };
 
 }  // namespace berth::operate

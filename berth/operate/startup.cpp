@@ -2,151 +2,105 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <utility>
 
 namespace berth::operate {
 
 using co::NmtCommand;
+using manager::SlavePhase;
 using manager::StartupPhase;
 using places::SlotState;
 
 Startup::Startup(BusServices& services, SlotTable& slots) noexcept
-    : s_(services), slots_(slots), boot_time_over_(*this, services.executor) {}
+    : s_(services), slots_(slots), network_(services.executor, *this) {}
 
 void Startup::begin() {
   s_.nmt.set_inhibit(s_.bus.startup.nmt_inhibit);
-  master_operational_ = released_ = false;
-  has_mandatory_ = std::ranges::any_of(slots_.seats(), [](const auto& s) { return s->slot.spec.mandatory; });
+  released_ = false;
+  released_by_master_ = Go::nothing;
   error_.reset();
   halted_by_.clear();
-  boot_time_over_.cancel();
-  if (!s_.may_command()) return phase_.end();
-  phase_.begin(s_.bus.startup.rules);
-  if (has_mandatory_ && s_.bus.startup.boot_time.count() > 0) boot_time_over_.arm(s_.bus.startup.boot_time);
-}
-
-void Startup::end() noexcept {
-  phase_.end();
-  boot_time_over_.cancel();
+  static_cast<void>(network_.own_state(NmtState::pre_operational));
+  if (!s_.may_command()) return network_.end();
+  manager::NetworkStartup::Plan plan;
+  plan.rules = s_.bus.startup.rules;
+  plan.boot_time = s_.bus.startup.boot_time;
+  plan.resumes = plan.awaits_all = true;
+  for (const auto& seat : slots_.seats()) plan.slaves.push_back(&seat->slave);
+  network_.begin(std::move(plan));
 }
 
 void Startup::tell(const std::string& text) { slots_.events().tell(EventKind::startup, "", text); }
 
-manager::SlaveRules Startup::rules_of(const Seat& seat) {
-  const places::SlotSpec& spec = seat.slot.spec;
-  manager::SlaveRules rules;
-  rules.assigned = rules.boots = true;
-  rules.mandatory = spec.mandatory;
-  rules.device_type = spec.device_type;
-  if (const auto device = seat.slot.record.device()) {
-    rules.vendor = device->vendor;
-    rules.product = device->product;
-    rules.revision = device->revision;
-    rules.serial = device->serial;
-  }
-  return rules;
-}
-
 // ---- when devices are started ---------------------------------------------------------------------------------------
 
-const Seat* Startup::missing() const noexcept {
-  const auto it = std::ranges::find_if(
-      slots_.seats(), [](const auto& s) { return s->slot.spec.mandatory && !(s->there && s->boot.ready); });
-  return it == slots_.seats().end() ? nullptr : it->get();
+bool Startup::is_ready(const manager::Slave& slave) const noexcept {
+  return slave.status.ready() && slots_.at(slave.what.node)->there;
 }
 
-// Its boot-up has ended, and not well. One that is silent is waited for, as long as the boot time is not over.
-const Seat* Startup::failed() const noexcept {
-  const auto it = std::ranges::find_if(slots_.seats(), [](const auto& s) {
-    const bool bad =
-        s->state == SlotState::failed || s->state == SlotState::wrong_type || s->state == SlotState::duplicate;
-    return s->slot.spec.mandatory && bad;
-  });
-  return it == slots_.seats().end() ? nullptr : it->get();
+bool Startup::has_failed(const manager::Slave& slave) const noexcept {
+  const SlotState state = slots_.at(slave.what.node)->state;
+  return state == SlotState::failed || state == SlotState::wrong_type || state == SlotState::duplicate;
 }
 
 std::string Startup::why_waiting() const {
-  if (phase_.is(Phase::stopped)) return "ready; the network is stopped: `berth nmt start all` starts it";
-  if (phase_.is(Phase::halted)) {
+  if (network_.is(Phase::stopped)) return "ready; the network is stopped: `berth nmt start all` starts it";
+  if (network_.is(Phase::halted)) {
     return fmt::format("ready; the startup is halted: slot \"{}\" is mandatory and not ready", halted_by_);
   }
-  if (phase_.application_starts()) return "ready; `berth nmt start` starts it (start = \"by-hand\")";
-  if (const Seat* const seat = missing(); seat != nullptr) {
-    return fmt::format("ready; it is started when slot \"{}\" is ready, which is mandatory", seat->name());
+  if (network_.rules().application_starts) return "ready; `berth nmt start` starts it (start = \"by-hand\")";
+  if (const auto* const slave = network_.missing(); slave != nullptr) {
+    return fmt::format("ready; it is started when slot \"{}\" is ready, which is mandatory",
+                       slots_.at(slave->what.node)->name());
   }
   return fmt::format("ready; it is started when the master is: `berth nmt start {}`", s_.bus.master.value());
 }
 
-bool Startup::starts(Seat& seat) {
-  seat.boot.ready = true;
-  const bool now = seat.boot.released || phase_.starts(rules_of(seat), master_operational_);
-  seat.boot.waits = !now;
-  seat.started = true;
-  if (!now) slots_.set_state(seat, SlotState::present, why_waiting());
-  return now;
-}
+void Startup::tell_why_waiting(Seat& seat) { slots_.set_state(seat, SlotState::present, why_waiting()); }
 
-bool Startup::goes_on() {
-  if (const Seat* const seat = failed(); seat != nullptr && phase_.is(Phase::booting)) halt(*seat, seat->reason);
-  const bool released = std::exchange(released_, false);
-  if (missing() != nullptr) {
-    tell_the_waiting();
-    return false;
-  }
-  if (phase_.is(Phase::halted)) {
-    tell(fmt::format("the startup goes on: slot \"{}\" is ready", halted_by_));
-    phase_.resume();
-  }
-  const bool now = phase_.all_ready();
-  if (!now && !released) return false;
-  boot_time_over_.cancel();
-  if (now && has_mandatory_) tell("all mandatory devices are ready");
-  if (now && has_mandatory_ && phase_.operates_itself()) make_operational();
-  const bool starts = !together() || master_operational_;
-  if (!starts) tell_the_waiting();
-  return starts;
+Startup::Go Startup::goes_on() {
+  released_ = false;
+  const Go by_master = std::exchange(released_by_master_, Go::nothing);
+  Go go = network_.look();
+  if (go == Go::nothing && network_.missing() == nullptr) go = by_master;
+  if (go == Go::nothing) tell_the_waiting();
+  return go;
 }
 
 // Why a device waits changes while it does.
 void Startup::tell_the_waiting() {
   for (const auto& seat : slots_.seats()) {
-    if (seat->boot.waits && seat->there) slots_.set_state(*seat, SlotState::present, why_waiting());
+    if (seat->slave.waits_for_start() && seat->there) tell_why_waiting(*seat);
   }
 }
 
-void Startup::make_operational() noexcept {
-  master_operational_ = true;
-  if (master_ != nullptr) master_->apply(NmtCommand::start);
-  phase_.operate();
-}
-
 void Startup::network_operational() noexcept {
-  const bool stays = s_.bus.startup.rules.application_operates || phase_.is(Phase::stopped);
-  if (!stays && s_.may_command()) make_operational();
+  if (s_.may_command()) network_.all_operational();
 }
 
-void Startup::halt(const Seat& seat, const std::string& why) {
-  boot_time_over_.cancel();
-  if (!phase_.halt()) return;
+void Startup::heard(manager::NetworkStartup::News news, const manager::Slave* slave) noexcept {
+  using News = manager::NetworkStartup::News;
+  if (news == News::resumed) return tell(fmt::format("the startup goes on: slot \"{}\" is ready", halted_by_));
+  if (news == News::all_ready && network_.has_mandatory()) return tell("all mandatory devices are ready");
+  if (slave == nullptr) return;
+  const Seat& seat = *slots_.at(slave->what.node);
   halted_by_ = seat.name();
-  tell(fmt::format("the startup is halted: slot \"{}\", which is mandatory: {}", seat.name(), why));
+  const std::string boot_time = text::write_duration(s_.bus.startup.boot_time);
+  const std::string late = fmt::format("it was not ready within the boot time of {}", boot_time);
+  tell(fmt::format("the startup is halted: slot \"{}\", which is mandatory: {}", seat.name(),
+                   news == News::late ? late : seat.reason));
 }
 
-void Startup::boot_time_over() noexcept {
-  const Seat* const seat = missing();
-  if (seat == nullptr) return;
-  halt(*seat,
-       fmt::format("it was not ready within the boot time of {}", text::write_duration(s_.bus.startup.boot_time)));
+void Startup::apply(NmtCommand command) noexcept {
+  if (master_ != nullptr) master_->apply(command);
 }
 
 // ---- errors ---------------------------------------------------------------------------------------------------------
 
 void Startup::error_event(const Seat& seat, std::string_view what) {
-  const auto asks_for = phase_.on_error(rules_of(seat));
-  const bool runs = s_.may_command() && !phase_.is(Phase::off) && !phase_.is(Phase::stopped);
-  if (!runs || asks_for == StartupPhase::OnError::one) return;
-  error_ = ErrorEvent{asks_for, fmt::format("slot \"{}\", which is mandatory: {}", seat.name(), what)};
+  const auto asks_for = network_.on_error(seat.slave);
+  if (!s_.may_command() || !asks_for || *asks_for == StartupPhase::OnError::one) return;
+  error_ = ErrorEvent{*asks_for, fmt::format("slot \"{}\", which is mandatory: {}", seat.name(), what)};
 }
 
 rt::Task<void> Startup::act_on_error() {
@@ -162,11 +116,11 @@ rt::Task<void> Startup::act_on_error() {
   }
   const auto sent = co_await s_.nmt.send(command, co::NmtTarget::all());
   if (!sent) slots_.events().tell_failure("NMT command to all", sent.error());
-  if (master_ != nullptr) master_->apply(command);
+  apply(command);
 }
 
 void Startup::stop_all(const std::string& why) {
-  phase_.stop();
+  network_.stop();
   for (const auto& seat : slots_.seats()) {
     if (!seat->there) continue;
     seat->held = true;
@@ -179,8 +133,8 @@ void Startup::await_all(const std::string& why) {
   begin();
   for (const auto& seat : slots_.seats()) {
     if (!seat->there) continue;
-    seat->there = seat->started = false;
-    seat->boot = {};
+    seat->there = false;
+    seat->slave.forget();
     slots_.set_state(*seat, SlotState::absent, fmt::format("reset: {}; its boot-up is awaited", why));
   }
 }
@@ -188,25 +142,24 @@ void Startup::await_all(const std::string& why) {
 void Startup::commanded(NmtCommand command, co::NmtTarget target) {
   const bool starts = command == NmtCommand::start;
   if (target.node != 0 && NodeId(target.node) == s_.bus.master) {
-    if (master_ != nullptr) master_->apply(command);
-    master_operational_ = starts;
-    released_ = starts && phase_.is(Phase::ready);
-    if (released_) phase_.operate();
+    apply(command);
+    released_by_master_ = network_.own_state(starts ? NmtState::operational : NmtState::pre_operational);
     return;
   }
   const bool resets = command == NmtCommand::reset_node || command == NmtCommand::reset_communication;
   for (const auto& seat : slots_.seats()) {
-    if (resets && target.includes(seat->id())) seat->boot.ready = false;
+    // Its boot-up is no error then.
+    if (resets && target.includes(seat->id()) && seat->is_booted()) seat->slave.status.phase = SlavePhase::awaited;
   }
   if (!starts) return;
-  if (phase_.is(Phase::stopped) && target.node == 0) {
+  if (network_.is(Phase::stopped) && target.node == 0) {
     begin();
     released_ = true;
   }
   for (const auto& seat : slots_.seats()) {
     if (!target.includes(seat->id())) continue;
-    seat->boot.released = true;
-    seat->boot.waits = false;
+    seat->slave.released = true;
+    if (seat->slave.waits_for_start()) seat->slave.status.phase = SlavePhase::started;
   }
 }
 

@@ -1,15 +1,14 @@
-/// The NMT startup of one bus (CiA 302-2; docs/boot-up.md): what `[bus.NAME.startup]` and the slots' `mandatory` make
-/// of devices that are ready to be started, fail, or are lost. The rules are `manager::StartupPhase`'s; which devices
-/// there are, the slot table's.
+/// The NMT startup of one bus (CiA 302-2; docs/boot-up.md): `manager::NetworkStartup` for the slots of a bus. What
+/// `[bus.NAME.startup]` and the slots' `mandatory` make of devices that are ready to be started, fail, or are lost, in
+/// the slots' states and in words.
 #pragma once
 
 #include <optional>
 #include <string>
 #include <string_view>
 
-#include "berth/manager/startup_phase.hpp"
+#include "berth/manager/network_startup.hpp"
 #include "berth/operate/slot_table.hpp"
-#include "berth/rt/later.hpp"
 
 namespace berth::operate {
 
@@ -22,9 +21,10 @@ class MasterState {
   ~MasterState() = default;
 };
 
-class Startup {
+class Startup final : private manager::NetworkStartup::Owner {
  public:
   using Phase = manager::StartupPhase::Phase;
+  using Go = manager::NetworkStartup::Go;
 
   Startup(BusServices& services, SlotTable& slots) noexcept;
   /// Before the first `begin`; must stay.
@@ -33,20 +33,18 @@ class Startup {
   /// The main job begins: the boot time counts from now.
   void begin();
   /// It was ended where it stood.
-  void end() noexcept;
-  [[nodiscard]] Phase phase() const noexcept { return phase_.now(); }
+  void end() noexcept { network_.end(); }
+  [[nodiscard]] Phase phase() const noexcept { return network_.phase(); }
 
-  /// What the slot's device is expected to be, and what it is to the network.
-  [[nodiscard]] static manager::SlaveRules rules_of(const Seat& seat);
-  /// The seat's device is ready. True: it is started now; else its state says what its start waits for.
-  [[nodiscard]] bool starts(Seat& seat);
-  /// Looks at the mandatory slots: halts the startup for one that failed, and lets it go on when all are ready. True:
-  /// now there is something to start (`together`, or each seat that waits).
-  [[nodiscard]] bool goes_on();
+  /// The seat's device is ready: it is started now, by itself.
+  [[nodiscard]] bool starts(const Seat& seat) const noexcept { return network_.starts(seat.slave); }
+  /// It is not: its state says what its start waits for.
+  void tell_why_waiting(Seat& seat);
+  /// Looks at the mandatory slots, halts the startup for one that failed, and lets it go on when all are ready. What is
+  /// to be started now.
+  [[nodiscard]] Go goes_on();
   /// `goes_on` has something to look at: a person released what waits.
-  [[nodiscard]] bool released() const noexcept { return released_; }
-  /// One NMT start for all is due, not one for each.
-  [[nodiscard]] bool together() const noexcept { return phase_.starts_all(); }
+  [[nodiscard]] bool released() const noexcept { return released_ || released_by_master_ != Go::nothing; }
   /// Every slot that is not optional is operational: the master is too, unless the application makes it so.
   void network_operational() noexcept;
 
@@ -63,13 +61,13 @@ class Startup {
     manager::StartupPhase::OnError asks_for;
     std::string text;  // "slot 'x', which is mandatory: its heartbeat stopped"
   };
-  [[nodiscard]] const Seat* missing() const noexcept;
-  [[nodiscard]] const Seat* failed() const noexcept;
+  [[nodiscard]] bool is_ready(const manager::Slave& slave) const noexcept override;
+  [[nodiscard]] bool has_failed(const manager::Slave& slave) const noexcept override;
+  void heard(manager::NetworkStartup::News news, const manager::Slave* slave) noexcept override;
+  void apply(co::NmtCommand command) noexcept override;
+
   [[nodiscard]] std::string why_waiting() const;
-  void halt(const Seat& seat, const std::string& why);
   void tell_the_waiting();
-  void boot_time_over() noexcept;
-  void make_operational() noexcept;
   void stop_all(const std::string& why);
   void await_all(const std::string& why);
   void tell(const std::string& text);
@@ -77,13 +75,11 @@ class Startup {
   BusServices& s_;
   SlotTable& slots_;
   MasterState* master_ = nullptr;
-  manager::StartupPhase phase_;
+  manager::NetworkStartup network_;
   std::optional<ErrorEvent> error_;
-  std::string halted_by_;  // the mandatory slot
-  bool master_operational_ = false;
-  bool has_mandatory_ = false;
-  bool released_ = false;  // the master became operational by a person's command, and what waits is to be started
-  rt::Later<Startup, &Startup::boot_time_over> boot_time_over_;
+  std::string halted_by_;                 // the mandatory slot
+  bool released_ = false;                 // by a person, who ended a stop
+  Go released_by_master_ = Go::nothing;  // which a person made operational
 };
 
 }  // namespace berth::operate

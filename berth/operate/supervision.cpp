@@ -56,9 +56,10 @@ void Supervision::heartbeat(const co::HeartbeatEvent& event, rt::Time at) {
   }
   Seat* seat = slots_.at(event.node);
   if (seat != nullptr && event.kind == Kind::boot_up) seat->last.emergency.reset();
-  if (seat != nullptr && seat->there && seat->started && event.state == NmtState::operational &&
+  if (seat != nullptr && seat->there && seat->is_booted() && event.state == NmtState::operational &&
       wake.kind == Wake::Kind::state && seat->state != SlotState::duplicate) {
-    seat->left = seat->boot.waits = false;
+    seat->left = false;
+    seat->slave.status.phase = manager::SlavePhase::started;
     slots_.set_state(*seat, SlotState::operational);
     if (slots_.operational()) slots_.events().reach(Milestone::operational);
     return;
@@ -121,7 +122,7 @@ void Supervision::commanded(co::NmtCommand command, co::NmtTarget target, bool l
       const NmtState state = stops ? NmtState::stopped : NmtState::pre_operational;
       slots_.set_state(*seat, SlotState::present, made(state, seat->id()));
     } else if (command == co::NmtCommand::start && seat->state == SlotState::present) {
-      seat->started = false;  // it is started as any other, and asked by guarding
+      seat->boot_again();  // it is started as any other, and asked by guarding
     }
   }
 }
@@ -153,12 +154,12 @@ rt::Task<void> Supervision::handle(Wake wake) {
 rt::Task<void> Supervision::booted(Seat& seat, rt::Time at) {
   if (at <= seat.checked) {
     const bool waits = seat.there && seat.state == SlotState::present && !seat.held;
-    if (waits && s_.heartbeats.state(seat.id()) != NmtState::operational) seat.started = false;
+    if (waits && s_.heartbeats.state(seat.id()) != NmtState::operational) seat.boot_again();
     co_return;
   }
   // It was at work a moment ago: what booted may be a second device, which sends no heartbeat and is not heard again.
-  if (seat.there && seat.boot.ready) startup_.error_event(seat, "it booted by itself");
-  if (seat.there && seat.started) seat.doubt.shared = std::max(seat.doubt.shared, 1U);
+  if (seat.there && seat.slave.status.ready()) startup_.error_event(seat, "it booted by itself");
+  if (seat.there && seat.is_booted()) seat.doubt.shared = std::max(seat.doubt.shared, 1U);
   // The slot's own device, or one that sat here before?
   co_await spares_.isolate_former(seat);
   co_await came_back(seat, at);
@@ -167,8 +168,8 @@ rt::Task<void> Supervision::booted(Seat& seat, rt::Time at) {
 void Supervision::lost(Seat& seat) {
   const bool gone = s_.heartbeats.lost(seat.id()) || !s_.heartbeats.state(seat.id());
   if (!seat.there || !gone) return;
-  if (seat.boot.ready) startup_.error_event(seat, "its heartbeat stopped");
-  seat.there = seat.started = false;
+  if (seat.slave.status.ready()) startup_.error_event(seat, "its heartbeat stopped");
+  seat.there = false;
   slots_.set_absent(seat, "its heartbeat stopped");
   make_free(seat);
 }
@@ -180,6 +181,17 @@ void Supervision::give_up_silent() {
     const auto& record = seat->slot.record;
     const bool settled = record.confirmed && !record.intended;
     if (settled && seat->last.seen && seat->state == SlotState::absent && seat->since <= long_ago) make_free(*seat);
+  }
+}
+
+void Supervision::look_at_voices() {
+  for (auto& seat : slots_.seats()) {
+    const auto heard = s_.boots.heard(seat->id());
+    const bool lately = heard && s_.executor.now() - *heard <= s_.bus.timing.heartbeat_timeout;
+    const bool lent = loans_.to_another(seat->id(), LssAddress{}) != nullptr;
+    if (seat->slot.record.device() || !lately || lent) continue;
+    agenda_.look_anew = true;
+    hurry(*seat);
   }
 }
 
@@ -209,7 +221,7 @@ rt::Task<void> Supervision::told_state(Seat& seat) {
   const rt::Time told = s_.executor.now();
   const bool other = co_await spares_.isolate_former(seat);
   if (other) co_return co_await came_back(seat, told);
-  seat.started = stays(seat, *state);
+  if (!stays(seat, *state)) seat.boot_again();
   slots_.set_state(seat, SlotState::present, text_of_leaving(seat, *state));
 }
 
@@ -227,8 +239,8 @@ rt::Task<void> Supervision::came_back(Seat& seat, rt::Time booted) {
   const bool told = std::exchange(seat.last.heard_again, s_.executor.now()) == s_.executor.now();
   if (!told)
     slots_.events().tell(EventKind::step, seat.name(), fmt::format("node-ID {} is heard again", seat.id().value()));
-  seat.there = seat.started = seat.held = seat.configuration.stuck = false;
-  seat.boot = {};
+  seat.there = seat.held = seat.configuration.stuck = false;
+  seat.slave.forget();
   if (seat.power_cycle.binding) {
     co_await seating_.go_on_after_power_cycle(seat);
     co_return;

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "berth/co/guarding.hpp"
+#include "berth/places/identity.hpp"
 
 namespace berth::places {
 namespace {
@@ -89,7 +90,11 @@ rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::stri
     case Step::write_confirm: co_return write(binding, slot, reason);
     case Step::select: {
       const LssAddress device = binding.assignment().device;
-      co_return co_await select(device);
+      const bool silent = silent_once_;
+      const Outcome selected = co_await select(device);
+      // One that boots need not be slow.
+      if (binding.staying().asked) silent_once_ = silent;
+      co_return selected;
     }
     case Step::inquire: co_return co_await inquire(binding);
     case Step::configure:
@@ -101,10 +106,7 @@ rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::stri
       co_return co_await store_alone(binding);
     case Step::release: co_return co_await release(binding);
     case Step::reset: co_return co_await reset(binding);
-    case Step::await_boot_up: {
-      const NodeId id = binding.assignment().id;
-      co_return co_await await_boot_up(id);
-    }
+    case Step::await_boot_up: co_return co_await await_boot_up(binding);
     case Step::identify: {
       const bool blank = binding.kind() == Binding::Kind::blank;
       if (blank) co_return co_await identify_blank(binding);
@@ -255,15 +257,28 @@ rt::Task<Outcome> Binder::confirm_clone(const LssAddress& device) {
 // A device without a node-ID takes it at `04 00` and boots by itself (CiA 305). Lely core's slaves wait for NMT reset
 // communication, and obey it under the node-ID that they have meanwhile, whatever 5Eh says: 255, which no device with a
 // node-ID has. It is sent to those that are slow, too, and means nothing to them.
-rt::Task<Outcome> Binder::await_boot_up(NodeId id) {
-  const rt::Time began = s_.dispatcher.executor().now();
-  const rt::Time deadline = began + options_.boot_timeout;
+//
+// One that is heard to boot under its old node-ID may be another that had the same: this one may be slower.
+rt::Task<Outcome> Binder::await_boot_up(const Binding& binding) {
+  rt::Executor& executor = s_.dispatcher.executor();
+  const BootWatch::BootUp moves{binding.assignment().id, moved_};
+  const BootWatch::BootUp stays{binding.old_id(), reset_};
+  const rt::Time began = executor.now();
+  const bool asks_soon = !stays.id.configured() && !binding.staying().boots;
+  const rt::Time deadline = began + (asks_soon ? 2 * options_.own_boot : options_.boot_timeout);
   const rt::Time first = std::min(deadline, began + options_.own_boot);
-  const bool by_itself = co_await s_.boots.wait(id, moved_, first);
-  if (by_itself) co_return Outcome::ok;
-  co_await wake();
-  const bool heard = co_await s_.boots.wait(id, moved_, deadline);
-  co_return heard ? Outcome::ok : Outcome::silent;
+  bool heard = co_await s_.boots.wait(moves, stays, first);
+  const auto stayed = [&] { return stays.id.configured() && s_.boots.booted_since(stays.id, stays.since); };
+  if (!heard && !stayed()) {
+    co_await wake();
+    heard = co_await s_.boots.wait(moves, stays, deadline);
+  }
+  if (!heard && stayed()) {
+    const rt::Time late = executor.now() + options_.own_boot;
+    heard = co_await s_.boots.wait(moves.id, moves.since, late);
+  }
+  if (heard) co_return Outcome::ok;
+  co_return asks_soon || stayed() ? Outcome::mismatch : Outcome::silent;
 }
 
 // Not while another device has a node-ID pending that is not stored yet; and LSS rests until it has booted.
@@ -345,23 +360,10 @@ rt::Task<Outcome> Binder::reset(const Binding& binding) {
   // A single-slot receive buffer would lose this behind the `04 00` just sent.
   co_await rt::sleep_for(options_.slow_inhibit);
   if (heard()) co_return Outcome::ok;
-  const auto sent = co_await s_.nmt.send(co::NmtCommand::reset_communication, binding.old_id());
+  const auto command = binding.staying().once ? co::NmtCommand::reset_node : co::NmtCommand::reset_communication;
+  const auto sent = co_await s_.nmt.send(command, binding.old_id());
+  if (sent) reset_ = *sent;
   co_return sent ? Outcome::ok : Outcome::error;
-}
-
-rt::Task<Result<LssAddress>> Binder::read_identity(co::SdoClient& sdo, NodeId node) {
-  std::array<std::uint32_t, 4> parts{};
-  for (std::uint8_t i = 0; i < 4; ++i) {
-    const std::uint8_t sub = static_cast<std::uint8_t>(i + 1);
-    const auto part = co_await sdo.read<std::uint32_t>(node, 0x1018, sub);
-    if (part) {
-      parts[i] = *part;
-      continue;
-    }
-    // Only the vendor-ID is mandatory (CiA 301 §7.5.2.18).
-    if (part.error().code != Errc::aborted || i == 0) co_return fail(part.error());
-  }
-  co_return LssAddress{parts[0], parts[1], parts[2], parts[3]};
 }
 
 rt::Task<Outcome> Binder::identify(const Binding& binding) {
@@ -388,7 +390,13 @@ rt::Task<Outcome> Binder::identify(const Binding& binding) {
     if (booted) who = co_await read_identity(s_.sdo, id);
   }
   if (!who) co_return who.error().code == Errc::timeout ? Outcome::silent : outcome_of(who.error());
-  if (s_.sdo.surplus(id) != surplus) co_return Outcome::several;
+  if (s_.sdo.surplus(id) != surplus) {
+    co_await rt::sleep_for(second_answer);
+    const auto again = co_await places::identify(s_.sdo, id);
+    if (again.by_two) co_return Outcome::several;
+    who = again.who;
+    if (!who) co_return outcome_of(who.error());
+  }
   s_.vacancy[id.value() & 0x7FU].reset();
   co_return *who == binding.assignment().device ? Outcome::ok : Outcome::mismatch;
 }
@@ -407,7 +415,9 @@ rt::Task<Outcome> Binder::identify_blank(const Binding& binding) {
     if (outcome == Outcome::ok) {
       const auto now = co_await s_.lss.inquire_node_id();
       if (now) outcome = now->byte() == NodeId::unconfigured_value ? Outcome::ok : Outcome::mismatch;
-      if (outcome == Outcome::ok) break;
+      const bool stayed = outcome == Outcome::mismatch && reset_ != rt::Time{} && now->byte() == binding.old_id().value() &&
+                          s_.boots.booted_since(binding.old_id(), reset_);
+      if (outcome == Outcome::ok || stayed) break;
     }
     co_await rt::sleep_for(50ms);
   }

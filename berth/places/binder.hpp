@@ -41,7 +41,8 @@ class Binder {
   struct Options {
     unsigned tries = 3;                                    ///< attempts before silence counts
     rt::Duration boot_timeout = std::chrono::seconds(10);  ///< reset to boot-up message
-    /// So long a device may take to boot under its new node-ID before it is told to (NMT, node-ID 255).
+    /// So long a device may take to boot under its new node-ID before it is told to (NMT, node-ID 255), and after
+    /// another was heard to boot under its old one.
     rt::Duration own_boot = std::chrono::milliseconds(500);
     rt::Duration guard_timeout = std::chrono::milliseconds(100);
     /// Least time between LSS requests once a device did not answer: one with a single-slot receive buffer loses the
@@ -67,9 +68,6 @@ class Binder {
   /// What the store said when it refused, or could not be written, last; none: it did what it was told.
   [[nodiscard]] const std::optional<Error>& store_said() const noexcept { return store_said_; }
 
-  /// Reads identity object 1018h, sub-indices 1 to 4. A device without one of 2 to 4 has 0 there.
-  [[nodiscard]] static rt::Task<Result<LssAddress>> read_identity(co::SdoClient& sdo, NodeId node);
-
   /// Is this node-ID free for `device`? `ok`: no device answers, or `device` itself does. `mismatch`: another.
   [[nodiscard]] rt::Task<Outcome> vacant(NodeId id, const LssAddress& device);
 
@@ -84,7 +82,7 @@ class Binder {
   rt::Task<Outcome> inquire(Binding& binding);
   rt::Task<Outcome> configure(NodeId id);
   rt::Task<Outcome> configure_alone(const Binding& binding);
-  rt::Task<Outcome> await_boot_up(NodeId id);
+  rt::Task<Outcome> await_boot_up(const Binding& binding);
   rt::Task<void> wake();
   rt::Task<Outcome> store_alone(const Binding& binding);
   rt::Task<Outcome> store(bool by_all);
@@ -100,6 +98,7 @@ class Binder {
   Options options_;
   rt::Time watch_since_{};  // vacancy was seen then
   rt::Time moved_{};        // the device may boot under its new node-ID from then on
+  rt::Time reset_{};        // it was told to
   std::optional<rt::Held> lss_held_;
   std::optional<Error> store_said_;
   bool silent_once_ = false;

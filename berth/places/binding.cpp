@@ -56,16 +56,18 @@ void Binding::give_up(Why why) noexcept {
 void Binding::again(Why why) noexcept {
   if (tries_ <= 1) return give_up(why);
   --tries_;
+  staying_ = {};
   step_ = touched_ ? Step::revert : Step::select;
 }
 
-Step Binding::after_release() const noexcept {
-  if (kind_ == Kind::blank) return old_id_.configured() ? Step::reset : Step::identify;
-  if (!old_id_.configured()) return Step::await_boot_up;
-  return old_id_ == assignment_.id ? Step::identify : Step::reset;
-}
-
 void Binding::advance_identify(Outcome outcome) noexcept {
+  // LSS told that it has the node-ID, as it has it pending: it does not use it.
+  const bool told = outcome == Outcome::silent && kind_ == Kind::bind && old_id_ == assignment_.id && stored_;
+  if (told && !staying_.once) {
+    staying_.once = true;  // asked once more: it may have been storing
+    return;
+  }
+  const bool stays = outcome == Outcome::silent && kind_ == Kind::bind && staying_.once && !staying_.boots;
   if (outcome == Outcome::ok) {
     step_ = Step::write_confirm;
   } else if (outcome == Outcome::several) {
@@ -74,15 +76,33 @@ void Binding::advance_identify(Outcome outcome) noexcept {
     // This one may have missed `04 00`, and would take the node-ID at the next.
     touched_ = true;
     give_up(Why::other_device);
-  } else if (tries_ <= 1 && stored_ && !volatile_only_) {
+  } else if (outcome == Outcome::mismatch && stored_ && !staying_.once && old_id_.configured()) {
+    staying_.once = true;
+    step_ = Step::reset;
+  } else if ((tries_ <= 1 || outcome == Outcome::mismatch || stays) && stored_ && !volatile_only_) {
     step_ = Step::power_cycle;
   } else {
     again(Why::silent);
   }
 }
 
+// Heard or not, the device there now tells. One that has stored its node-ID need not be told again to see that.
+void Binding::advance_await(Outcome outcome) noexcept {
+  const bool stays = outcome == Outcome::mismatch && stored_ && !volatile_only_;
+  const bool resets = stays && old_id_.configured() && !staying_.once;
+  staying_.asked = stays && !resets;
+  staying_.once = staying_.once || resets;
+  step_ = resets ? Step::reset : stays ? Step::select : Step::identify;
+}
+
 void Binding::advance_selection(Outcome outcome) noexcept {
-  if (outcome == Outcome::ok) {
+  if (staying_.asked && outcome != Outcome::ok) {
+    // It boots, or another device with the same old node-ID has booted in its place.
+    staying_ = {.asked = false, .once = staying_.once, .boots = true};
+    step_ = old_id_.configured() ? Step::identify : Step::await_boot_up;
+  } else if (outcome == Outcome::ok && step_ == Step::inquire && staying_.asked) {
+    step_ = Step::release;
+  } else if (outcome == Outcome::ok) {
     step_ = step_ == Step::select ? Step::inquire : asked_ ? Step::configure : Step::write_ask;
   } else if (outcome == Outcome::several) {
     give_up(Why::clone);  // both are in configuration now and must leave it unchanged
@@ -117,14 +137,24 @@ void Binding::advance_store(Outcome outcome) noexcept {
 }
 
 void Binding::advance_release(Outcome outcome) noexcept {
-  if (failing_) {
-    fail(why_);
-  } else if (outcome == Outcome::ok) {
-    touched_ = false;
-    step_ = after_release();
-  } else {
-    give_up(Why::occupied);
+  if (failing_) return fail(why_);
+  if (outcome != Outcome::ok) return give_up(Why::occupied);
+  touched_ = false;
+  const bool uses = old_id_ == assignment_.id;
+  if (!staying_.asked) {
+    const Step moves = !old_id_.configured() ? Step::await_boot_up : uses ? Step::identify : Step::reset;
+    const bool has_none = kind_ == Kind::blank && !old_id_.configured();
+    step_ = has_none ? Step::identify : kind_ == Kind::blank ? Step::reset : moves;
+    return;
   }
+  // What it was told may have been taken back from it with another, in whose binding it was heard.
+  const bool tells_anew = staying_.once && !old_id_.configured() && tries_ > 1 && !told_anew_;
+  if (tells_anew) {
+    told_anew_ = true;
+    return again(Why::silent);
+  }
+  step_ = uses ? Step::identify : staying_.once ? Step::power_cycle : Step::await_boot_up;
+  staying_ = {.asked = false, .once = true, .boots = staying_.boots};
 }
 
 void Binding::advance(Outcome outcome) noexcept {
@@ -160,7 +190,7 @@ void Binding::advance(Outcome outcome) noexcept {
       else
         step_ = kind_ == Kind::bind ? Step::await_boot_up : Step::identify;
       break;
-    case Step::await_boot_up: step_ = Step::identify; break;  // heard or not, the device there now tells
+    case Step::await_boot_up: advance_await(outcome); break;
     case Step::identify: advance_identify(outcome); break;
     case Step::write_confirm:
       if (ok)

@@ -12,7 +12,7 @@
 ///     store          17h: into its own memory                 code 0     release
 ///     release        04h 00h                                  sent       await_boot_up, reset or identify
 ///     reset          NMT reset communication to the old id    sent       await_boot_up
-///     await_boot_up  700h + id                                heard      identify
+///     await_boot_up  700h + id                                heard      identify; it stays as it was: see below
 ///     identify       1018h under the new id = the address     equal      write_confirm
 ///     write_confirm  what was intended has become so          written    done
 ///     revert         11h: the old one, when it goes wrong;    any        select again, or release and give up
@@ -30,6 +30,11 @@
 /// An intention that an earlier binding left behind may have reached the device: it is dropped by no later failure
 /// (`untouched`), however often it is tried again. A device that is away may have stored the node-ID and lost its power
 /// before `04h 00h`; it comes back under it.
+///
+/// A device may have stored its node-ID and use it only when it was switched off and on. One that boots under its old
+/// node-ID has obeyed the reset; reset node is tried then. One without a node-ID that does not boot soon is asked by LSS
+/// (`select`, `inquire`, `release`): one that boots does not answer, and is waited for. When LSS tells twice that the
+/// device is as it was, it waits for its power cycle; one without a node-ID is told anew once before.
 ///
 /// Taking a node-ID away (`Kind::blank`) walks the same table without `check_vacant` and `await_boot_up`, and from
 /// `write_ask` on: a device that is away loses its node-ID when it comes back. `identify` asks by LSS whether it has
@@ -68,8 +73,8 @@ enum class Outcome : std::uint8_t {
   refused,      ///< an answer with an error code; `write_ask`: the store has the device in another slot
   unsupported,  ///< `store`: the device has no memory for it (error code 1)
   mismatch,     ///< not the expected one: the id is taken (`check_vacant`), another device is in configuration too
-                ///< (`select`), one booted under the id since then (`configure`, `store`, `release`), another device
-                ///< answers or it still has its id (`identify`)
+                ///< (`select`), one booted under the id since then (`configure`, `store`, `release`), it seems to stay
+                ///< as it was (`await_boot_up`), another device answers or it still has its id (`identify`)
   several,      ///< more than one device answered
   error,        ///< the store, or the port, failed
 };
@@ -122,6 +127,14 @@ class Binding {
   [[nodiscard]] bool stored() const noexcept { return stored_; }
   /// The device has no memory for a node-ID: it must be given one at every power-on.
   [[nodiscard]] bool volatile_only() const noexcept { return volatile_only_; }
+  /// Whether the device stays as it was, having stored its node-ID.
+  struct Staying {
+    bool asked = false;  ///< `select` and `inquire` ask it so
+    bool once = false;   ///< it seemed so once: `reset` is by NMT reset node
+    bool boots = false;  ///< LSS has not answered, so it boots: it is waited for, however long it takes
+    friend bool operator==(const Staying&, const Staying&) = default;
+  };
+  [[nodiscard]] const Staying& staying() const noexcept { return staying_; }
   /// The device was never told a node-ID, neither by this binding nor by one before it: nothing in it can have changed,
   /// and the intention may be dropped.
   [[nodiscard]] bool untouched() const noexcept { return untouched_; }
@@ -146,8 +159,8 @@ class Binding {
   void advance_configure(Outcome outcome) noexcept;
   void advance_store(Outcome outcome) noexcept;
   void advance_release(Outcome outcome) noexcept;
+  void advance_await(Outcome outcome) noexcept;
   void advance_identify(Outcome outcome) noexcept;
-  [[nodiscard]] Step after_release() const noexcept;
 
   Kind kind_;
   Assignment assignment_;
@@ -162,6 +175,8 @@ class Binding {
   bool asked_ = false;    // the intention is in the store
   bool touched_ = false;  // a node-ID may be pending in the device
   bool failing_ = false;  // revert, release, then fail
+  bool told_anew_ = false;  // one without a node-ID that stayed so
+  Staying staying_{};
 };
 
 }  // namespace berth::places

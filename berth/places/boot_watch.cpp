@@ -30,7 +30,7 @@ void BootWatch::error_control(Node& node, const can::Frame& frame, rt::Time at) 
   node.boot_up = at;
   for (Wait* waiter = waiters_; waiter != nullptr;) {
     Wait* const next = waiter->next_;
-    if (waiter->id_.value() == (frame.id & 0x7FU)) {
+    if (waiter->is_over()) {
       waiter->leave();
       waiter->cancel();
       waiter->finish();
@@ -49,8 +49,13 @@ void BootWatch::Wait::leave() noexcept {
   }
 }
 
+bool BootWatch::Wait::is_over() const noexcept {
+  const bool other = other_.id.configured() && watch_->booted_since(other_.id, other_.since);
+  return other || watch_->booted_since(id_, since_);
+}
+
 bool BootWatch::Wait::start() noexcept {
-  if (watch_->booted_since(id_, since_) || deadline_ <= executor().now()) return false;
+  if (is_over() || deadline_ <= executor().now()) return false;
   next_ = watch_->waiters_;
   watch_->waiters_ = this;
   executor().at(deadline_, *this);

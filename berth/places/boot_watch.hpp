@@ -45,12 +45,18 @@ class BootWatch final : private can::Handler {
   /// The node gave this node-ID up.
   void forget(NodeId id) noexcept { nodes_[place(id)] = {}; }
 
+  /// A boot-up message under this node-ID, at or after this time.
+  struct BootUp {
+    NodeId id;
+    rt::Time since{};
+  };
+
   /// Waits for a boot-up under `id` at or after `since`; true when it came before `deadline`. Must not outlive the
   /// watch.
   class Wait final : public rt::Operation<Wait>, private rt::Job {
    public:
-    Wait(BootWatch& watch, NodeId id, rt::Time since, rt::Time deadline) noexcept
-        : watch_(&watch), id_(id), since_(since), deadline_(deadline) {}
+    Wait(BootWatch& watch, NodeId id, rt::Time since, rt::Time deadline, const BootUp& other) noexcept
+        : watch_(&watch), id_(id), other_(other), since_(since), deadline_(deadline) {}
     ~Wait();
     bool start() noexcept;
     bool await_resume() noexcept { return watch_->booted_since(id_, since_); }
@@ -59,14 +65,20 @@ class BootWatch final : private can::Handler {
     friend class BootWatch;
     void run() noexcept override;
     void leave() noexcept;
+    [[nodiscard]] bool is_over() const noexcept;
     BootWatch* watch_;
     Wait* next_ = nullptr;
     NodeId id_;
+    BootUp other_;
     rt::Time since_;
     rt::Time deadline_;
   };
   [[nodiscard]] Wait wait(NodeId id, rt::Time since, rt::Time deadline) noexcept {
-    return Wait(*this, id, since, deadline);
+    return Wait(*this, id, since, deadline, BootUp{});
+  }
+  /// The same; `other` ends it too.
+  [[nodiscard]] Wait wait(BootUp id, BootUp other, rt::Time deadline) noexcept {
+    return Wait(*this, id.id, id.since, deadline, other);
   }
 
  private:

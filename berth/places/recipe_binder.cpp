@@ -1,5 +1,7 @@
 #include "berth/places/recipe_binder.hpp"
 
+#include "berth/places/identity.hpp"
+
 namespace berth::places {
 
 rt::Task<void> RecipeBinder::run(RecipeBinding& binding, SlotId slot, const std::string& reason) {
@@ -44,9 +46,9 @@ rt::Task<Outcome> RecipeBinder::perform(const RecipeBinding& binding, SlotId slo
 }
 
 rt::Task<Outcome> RecipeBinder::identify(NodeId id, const LssAddress& device) {
-  const auto surplus = s_.sdo.surplus(id);
-  const auto who = co_await Binder::read_identity(s_.sdo, id);
-  if (s_.sdo.surplus(id) != surplus) co_return Outcome::several;
+  const auto answer = co_await places::identify(s_.sdo, id);
+  if (answer.by_two) co_return Outcome::several;
+  const auto& who = answer.who;
   if (!who) co_return who.error().code == Errc::timeout ? Outcome::silent : outcome_of(who.error());
   co_return *who == device ? Outcome::ok : Outcome::mismatch;
 }

@@ -98,6 +98,7 @@ struct SlotSoftware {
   bool updates = true;                ///< a device that is to be started and has others gets these
   std::string version;                ///< 100Ah; empty: any
   std::string hardware;               ///< 1009h; empty: any
+  std::uint32_t hardware_number = 0;  ///< 5F01h, paper 3's numeric hardware version; 0: any
 };
 
 struct SlotSpec {

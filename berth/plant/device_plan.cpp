@@ -16,6 +16,7 @@
 #include "berth/device/mandatory.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/manager/dictionary_manager.hpp"
+#include "berth/multilevel/hardware_version.hpp"
 #include "berth/od/cia302.hpp"
 #include "berth/od/notation.hpp"
 #include "berth/plant/sim_gateway.hpp"
@@ -57,11 +58,11 @@ std::uint8_t highest_slave(const PlantMaster& master) noexcept {
 /// What tells a minimal device's dictionary from the minimal one; a text that no file is called.
 std::string own_objects(const PlantDevice& plan) {
   if (plan.does.master) {
-    return fmt::format("{} of {}", plan.does.master->flying ? "flying master" : "master",
-                       highest_slave(*plan.does.master));
+    return fmt::format("{} of {}, hardware {}", plan.does.master->flying ? "flying master" : "master",
+                       highest_slave(*plan.does.master), plan.does.hardware);
   }
-  std::string programs =
-      plan.storing.programs.count > 0 ? fmt::format("programs {} ", plan.storing.programs.count) : std::string();
+  std::string programs = plan.does.hardware > 0 ? fmt::format("hardware {} ", plan.does.hardware) : std::string();
+  if (plan.storing.programs.count > 0) programs += fmt::format("programs {} ", plan.storing.programs.count);
   if (!plan.node_id_object.object) return programs;
   std::string text = programs + "node-ID object " + od::write_object(*plan.node_id_object.object);
   if (const auto& s = plan.node_id_object.signature)
@@ -87,6 +88,7 @@ std::shared_ptr<const od::Description> with_own_objects(const PlantDevice& plan,
   od::DescriptionBuilder b;
   device::add_device(b);
   add_signals(b, signals);
+  if (plan.does.hardware > 0) multilevel::add_hardware_version(b, plan.does.hardware);
   if (plan.storing.programs.count > 0) device::add_programs(b, static_cast<std::uint8_t>(plan.storing.programs.count));
   if (!plan.node_id_object.object) return b.build();
   add_object(b, *plan.node_id_object.object, "Node-ID", 1);
@@ -94,7 +96,8 @@ std::shared_ptr<const od::Description> with_own_objects(const PlantDevice& plan,
   return b.build();
 }
 
-std::shared_ptr<const od::Description> with_manager(const PlantMaster& master, unsigned signals) {
+std::shared_ptr<const od::Description> with_manager(const PlantBehaviour& does, unsigned signals) {
+  const PlantMaster& master = *does.master;
   od::DescriptionBuilder b;
   const std::uint8_t most = highest_slave(master);
   device::add_device(b, {.supervised = std::max<std::uint8_t>(most, 8)});
@@ -103,6 +106,8 @@ std::shared_ptr<const od::Description> with_manager(const PlantMaster& master, u
   if (!master.flying) device::add_storage(b);
   if (!master.flying) objects = {.most = most, .longest_concise = room_for_a_configuration, .node_ids = true};
   manager::add_manager_objects(b, objects);
+  if (!master.flying) multilevel::add_expected_hardware(b, most);
+  if (does.hardware > 0) multilevel::add_hardware_version(b, does.hardware);
   add_signals(b, signals);
   return b.build();
 }
@@ -428,20 +433,21 @@ std::vector<std::uint8_t> list_memory_of(const PlantMastery& mastery) {
 
 const Described* Descriptions::of(const PlantDevice& device, Findings& findings, GatewayPart part) {
   const auto& file = device.eds_path.empty() ? device.eds : device.eds_path;
-  const auto path = !file.empty()       ? file
-                    : part.ports != 0   ? fmt::format("gateway of {}, {} signals", part.ports, part.signals)
+  const auto path = !file.empty()     ? file
+                    : part.ports != 0 ? fmt::format("gateway of {}, {} signals, hardware {}", part.ports, part.signals,
+                                                    device.does.hardware)
                     : part.signals != 0 ? fmt::format("{} of a gateway, {} signals", own_objects(device), part.signals)
                                         : own_objects(device);
   auto& described = known_[path + own_variables(device)];
   if (described.description) return &described;
   if (described.unreadable) return nullptr;
   if (device.does.master) {
-    described.description = with_manager(*device.does.master, part.signals);
+    described.description = with_manager(device.does, part.signals);
     return &described;
   }
   if (file.empty()) {
     described.description = path.empty()      ? device::minimal_description()
-                            : part.ports != 0 ? gateway_description(part.ports, part.signals)
+                            : part.ports != 0 ? gateway_description(part.ports, part.signals, device.does.hardware)
                                               : with_own_objects(device, part.signals);
     return &described;
   }

@@ -187,11 +187,12 @@ struct PlantScript {
   std::string path;  ///< the same, relative to the plant file's folder; not compared
 };
 
-/// What it does by itself. Keys `script`, `variables`, `master`.
+/// What its program does and tells by itself. Keys `script`, `variables`, `master`, `hardware`.
 struct PlantBehaviour {
   PlantScript script;
   std::vector<PlantVariable> variables;
   std::optional<PlantMaster> master;  ///< without a description and a script only
+  std::uint32_t hardware = 0;         ///< 5F01h, without a description only; 0: no such object
 };
 
 struct PlantDevice {

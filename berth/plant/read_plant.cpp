@@ -197,6 +197,13 @@ void read_script(Table& table, const std::string& file, PlantDevice& device) {
   }
 }
 
+// Paper 3's number (docs/multilevel.md): of a description's own dictionary the description says it.
+void read_hardware(Table& table, PlantDevice& device) {
+  device.does.hardware = table.u32("hardware", {1, 0xFFFF'FFFF}).value_or(0);
+  if (device.does.hardware != 0 && table.has("eds"))
+    table.error("hardware", "its dictionary is the description's", "give 5F01h a value there, or leave eds out");
+}
+
 // CiA 302-2: 1F80h bit 5, 1F90h:03, 1F81h. Its dictionary is made for it.
 void read_master(Table& table, PlantDevice& device) {
   auto entry = table.table("master");
@@ -219,6 +226,13 @@ void read_master(Table& table, PlantDevice& device) {
   const bool described = table.has("eds") || table.has("script") || table.has("node_id_object");
   if (described) table.error("master", "its dictionary is made for it", "leave eds, script and node_id_object out");
   if (!device.node_id.configured()) table.error("master", "a master has a node-ID", "give it a node_id");
+  // Its own place in 1F22h and 1F81h is what the whole network list goes through.
+  if (!master.flying && device.node_id.configured() && device.node_id.value() > master.most) {
+    entry->error("most",
+                 fmt::format("its own node-ID {} is above the highest that its network list has ({})",
+                             device.node_id.value(), master.most),
+                 fmt::format("write most = {} or more, or give it a lower node_id", device.node_id.value()));
+  }
   if (device.heartbeat == 0s) device.heartbeat = 500ms;  // the others must hear that it is there
   device.does.master = std::move(master);
 }
@@ -363,6 +377,7 @@ class PlantReader {
     read_times(table, device);
     read_script(table, file_, device);
     read_master(table, device);
+    read_hardware(table, device);
     read_variables(table, device);
     read_programs(table, file_, device);
     device.bitrate = table.u32("bitrate", bit_rates).value_or(0);

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "berth/device/dictionary.hpp"
+#include "berth/multilevel/hardware_version.hpp"
 #include "berth/multilevel/objects.hpp"
 #include "berth/multilevel/routing_objects.hpp"
 
@@ -39,11 +40,12 @@ PlantGateway with_gateways_beneath(const PlantGateway& plan, const PlantFile& pl
 
 }  // namespace
 
-std::shared_ptr<const od::Description> gateway_description(unsigned ports, unsigned signals) {
+std::shared_ptr<const od::Description> gateway_description(unsigned ports, unsigned signals, std::uint32_t hardware) {
   od::DescriptionBuilder builder;
   device::add_device(builder, {.name = "Berth simulated gateway"});
   device::add_storage(builder);
   multilevel::add_gateway_objects(builder, ports);
+  if (hardware != 0) multilevel::add_hardware_version(builder, hardware);
   if (signals != 0) multilevel::add_routing_objects(builder, static_cast<std::uint8_t>(signals));
   add_signals(builder, signals);
   return builder.build();
@@ -102,6 +104,7 @@ SimGateway::SimGateway(rt::Executor& executor, GatewaySide& above, std::vector<G
     : executor_(&executor),
       above_(&above),
       emcy_(above.device().errors().emcy(), emcy_options(with_gateways_beneath(plan, plant))),
+      layout_(emcy_.layout()),
       look_(*this, executor) {
   for (GatewaySide* const side : beneath) {
     multilevel::SdoGatewayOptions options;
@@ -144,6 +147,8 @@ void SimGateway::look() noexcept {
     port->bus.set_mandatory(multilevel::is_mandatory(above_->device().values(), port->number));
     if (reset) port->bus.own_state(NmtState::initialising);
   }
+  const auto& upper = above_->device().values();
+  emcy_.set_layout(multilevel::emcy_layout_of(upper, layout_), multilevel::layout_speakers_of(upper));
   if (reset) state_ = NmtState::initialising;
   look_above();
   if (signals_) signals_->look();

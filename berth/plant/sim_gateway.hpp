@@ -18,8 +18,10 @@
 
 namespace berth::plant {
 
-/// The built-in dictionary of a gateway with so many buses beneath; `signals`: `PlantGateway::signals`.
-[[nodiscard]] std::shared_ptr<const od::Description> gateway_description(unsigned ports, unsigned signals = 0);
+/// The built-in dictionary of a gateway with so many buses beneath; `signals`: `PlantGateway::signals`; `hardware`:
+/// 5F01h, 0: no such object.
+[[nodiscard]] std::shared_ptr<const od::Description> gateway_description(unsigned ports, unsigned signals = 0,
+                                                                         std::uint32_t hardware = 0);
 /// The places of signals and the PDOs for them, of any of a gateway's devices; 0: none.
 void add_signals(od::DescriptionBuilder& builder, unsigned signals);
 
@@ -88,6 +90,7 @@ class SimGateway {
   rt::Executor* executor_;
   GatewaySide* above_;
   multilevel::EmcyGateway emcy_;
+  multilevel::EmcyLayout layout_;  // as long as 5F03h says nothing
   std::vector<std::unique_ptr<Port>> ports_;
   NmtState state_ = NmtState::initialising;  // above
   bool was_reset_ = false;

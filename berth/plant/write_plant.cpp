@@ -127,6 +127,7 @@ void write_device(PlantWriter& w, const PlantDevice& d) {
     w.raw("master", fmt::format("{{ priority = {}, slaves = \"{}\", keep_alive = {} }}", d.does.master->priority,
                                 slaves, d.does.master->keep_alive));
   }
+  w.number("hardware", d.does.hardware, usual_device.does.hardware);
   w.number("bitrate", d.bitrate, usual_device.bitrate);
   write_speaks(w, d);
   write_habits(w, d);

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "berth/command/request.hpp"
-#include "berth/operate/session.hpp"
 #include "berth/serve/cia309.hpp"
+#include "berth/tree/session.hpp"
 
 namespace berth::serve::cia309 {
 
@@ -19,7 +19,7 @@ class Pdos;
 
 /// What the conversations of one gateway share. Must stay, and the session too.
 struct House {
-  operate::Session* session = nullptr;
+  tree::Session* session = nullptr;
   bool commands = false;   ///< a person lets clients change real devices: NMT, SDO download, PDO, LSS
   bool confirmed = false;  ///< a person has confirmed what disturbs operational devices on real buses
   /// Told in words why something was refused; may be empty.

@@ -15,7 +15,7 @@ namespace berth::serve::cia309 {
 
 class Server::Impl final {
  public:
-  Impl(io::Loop& loop, int fd, operate::Session& session, ServerOptions options);
+  Impl(io::Loop& loop, int fd, tree::Session& session, ServerOptions options);
   ~Impl() { clients_.clear(); }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -198,7 +198,7 @@ class Server::Impl::Client final : private io::Watcher {
   Conversation conversation_;  // last: it speaks through the rest
 };
 
-Server::Impl::Impl(io::Loop& on, int fd, operate::Session& session, ServerOptions wanted)
+Server::Impl::Impl(io::Loop& on, int fd, tree::Session& session, ServerOptions wanted)
     : loop(&on),
       options(std::move(wanted)),
       where(io::local_endpoint(fd).value_or(io::Endpoint{})),
@@ -242,7 +242,7 @@ void Server::Impl::take(int fd) {
 }
 
 tl::expected<std::unique_ptr<Server>, std::string> Server::listen(io::Loop& loop, const io::Endpoint& where,
-                                                                  operate::Session& session, ServerOptions options) {
+                                                                  tree::Session& session, ServerOptions options) {
   const auto fd = io::listen_tcp(where);
   if (!fd) return tl::unexpected(fd.error());
   return std::unique_ptr<Server>(new Server(std::make_unique<Impl>(loop, *fd, session, std::move(options))));

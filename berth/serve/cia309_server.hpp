@@ -23,7 +23,7 @@
 
 #include "berth/io/loop.hpp"
 #include "berth/io/stream.hpp"
-#include "berth/operate/session.hpp"
+#include "berth/tree/session.hpp"
 
 namespace berth::serve::cia309 {
 
@@ -55,7 +55,7 @@ class Server {
   /// `session` must be open and stay. What is wrong is told in words.
   [[nodiscard]] static tl::expected<std::unique_ptr<Server>, std::string> listen(io::Loop& loop,
                                                                                  const io::Endpoint& where,
-                                                                                 operate::Session& session,
+                                                                                 tree::Session& session,
                                                                                  ServerOptions options);
   ~Server();
   Server(const Server&) = delete;

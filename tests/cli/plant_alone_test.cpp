@@ -176,6 +176,14 @@ TEST(PlantAlone, RecordsEveryFrame) {
   EXPECT_NE(contents(log).find(" cluster 00000100#\n"), std::string::npos);
 }
 
+// Of a bus beneath a gateway the machine file has the bit rate, as of any other.
+TEST(PlantAlone, TheHarvesterAsItIsShipped) {
+  const Outcome outcome = berth({"plant", example("harvester/plant.toml"), "--machine",
+                                 example("harvester/machine.toml"), "--for", "100 ms", "--json"});
+  EXPECT_EQ(outcome.err, "");
+  EXPECT_NE(outcome.out.find("reel motor"), std::string::npos) << outcome.out;
+}
+
 TEST(PlantAlone, WrongWords) {
   const auto plant = example("heating.plant.toml");
   EXPECT_EQ(berth({"plant", plant}).status, 2) << "neither --for nor --listen";

@@ -175,6 +175,13 @@ TEST(Serve, ItEndsByItself) {
   EXPECT_NE(outcome.out.find("/mixed\n"), std::string::npos) << outcome.out;
 }
 
+TEST(Serve, TheHarvesterAsItIsShipped) {
+  const auto outcome = berth({"serve", example("harvester/plant.toml"), "--machine", example("harvester/machine.toml"),
+                              "--listen", "127.0.0.1:0", "--for", "100 ms"});
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_NE(outcome.out.find("/reel\n"), std::string::npos) << outcome.out;
+}
+
 TEST(Serve, WhatIsWrongIsTold) {
   const auto says = [](const Words& words, int status, const std::string& what) {
     const auto outcome = berth(words);

@@ -50,7 +50,7 @@ class World {
     stranger_port_ = bus_.attach({.name = "stranger"});
     stranger_dispatcher_ = std::make_unique<can::Dispatcher>(sim_.executor(), *stranger_port_);
     client_ = std::make_unique<co::SdoClient>(*stranger_dispatcher_);
-    session_ = std::make_unique<operate::Session>(sim_.executor(), machine_, store_);
+    session_ = std::make_unique<tree::Session>(sim_.executor(), machine_, store_);
   }
   bool begin() {
     if (!session_->connect("field", *master_port_) || !session_->open()) return false;
@@ -88,7 +88,7 @@ class World {
     const auto bytes = read(3);
     return json::parse(bytes.begin(), bytes.end(), nullptr, false);
   }
-  operate::Session& session() { return *session_; }
+  tree::Session& session() { return *session_; }
   sim::World& sim() { return sim_; }
 
  private:
@@ -100,7 +100,7 @@ class World {
   std::unique_ptr<can::Dispatcher> device_dispatcher_, stranger_dispatcher_;
   std::unique_ptr<device::Device> device_;
   std::unique_ptr<co::SdoClient> client_;
-  std::unique_ptr<operate::Session> session_;
+  std::unique_ptr<tree::Session> session_;
   rt::Scope scope_{sim_.executor()};
 };
 

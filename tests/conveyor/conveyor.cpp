@@ -74,7 +74,7 @@ std::unique_ptr<Conveyor::Berth> Conveyor::make_berth(design::Machine machine) {
   auto made = std::make_unique<Berth>();
   made->machine = std::move(machine);
   made->port = world_->attach_master("field");
-  made->session = std::make_unique<operate::Session>(world_->executor(), made->machine, made->store);
+  made->session = std::make_unique<tree::Session>(world_->executor(), made->machine, made->store);
   const auto links = command::plan_links(made->machine);
   if (has_errors(links.findings)) {
     problem_ = all_of(links.findings);

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "berth/command/link_network.hpp"
-#include "berth/operate/session.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/plant/world.hpp"
+#include "berth/tree/session.hpp"
 
 namespace berth::test {
 
@@ -48,7 +48,7 @@ class Conveyor final : private plant::World::Observer {
 
   [[nodiscard]] const design::Machine& machine() const noexcept { return machine_; }
   [[nodiscard]] const plant::PlantFile& plant() const noexcept { return plant_; }
-  [[nodiscard]] operate::Session& session() noexcept { return *berth_->session; }
+  [[nodiscard]] tree::Session& session() noexcept { return *berth_->session; }
   [[nodiscard]] plant::World& world() noexcept { return *world_; }
   [[nodiscard]] sim::Bus& bus() noexcept { return *world_->bus("field"); }
   /// What scripts printed and why they failed.
@@ -60,7 +60,7 @@ class Conveyor final : private plant::World::Observer {
     design::Machine machine;
     places::MemoryStore store;
     std::unique_ptr<can::Port> port;
-    std::unique_ptr<operate::Session> session;
+    std::unique_ptr<tree::Session> session;
   };
   std::unique_ptr<Berth> make_berth(design::Machine machine);
   void plant_changed(const plant::SimDevice&) noexcept override {}

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <vector>
 
@@ -195,6 +196,26 @@ TEST(Identify, LateAnswersAreNotWaitedForAtEverySilence) {
   EXPECT_EQ(addresses(*report), addresses(w));
   const double seconds = std::chrono::duration<double>(report->ended - report->began).count();
   EXPECT_LT(seconds / 12, 2.0) << "of bus time for a device";
+}
+
+// A device that is slow to deal with what comes loses questions that are asked in haste; the closing question is none
+// (seed 811701 of `auto`: a late moment, behind which the receive buffer was full).
+TEST(Identify, TheClosingQuestionIsNotLostInAReceiveBufferThatHasteHasFilled) {
+  World w;
+  Node& slow = w.add(lss_only(3, 0x10F9, NodeId(1)));
+  w.add(lss_only(3, 0x10FB, NodeId(2)));
+  w.add(lss_only(3, 0x10FC, NodeId(3)));
+  std::deque<rt::Time> waiting;
+  slow.overhears = [&](const can::Frame&) {
+    while (!waiting.empty() && w.world.now() - waiting.front() > 38ms) waiting.pop_front();
+    waiting.push_back(w.world.now());
+    return waiting.size() > 8;
+  };
+  w.known.kinds = {{type, 3}};
+  w.options.window = 42ms;
+  const auto report = w.find(Method::identify);
+  ASSERT_TRUE(report);
+  EXPECT_EQ(addresses(*report), addresses(w));
 }
 
 // Identify is answered without saying by whom; who is left at the end must answer to its own address.

@@ -606,6 +606,36 @@ TEST_P(Planner, ASlowOneBesideTwoOfOneAddressIsFound) {
   }
 }
 
+// Beside two of one address are others of their type with another revision, a slow one among quick ones. What that one
+// answers when the quick ones have told that they are there is no answer to the first question below them (seed 800486
+// of `planner-feedback`).
+TEST_P(Planner, WhatASlowOneAnswersBesideTwoOfOneAddressLeadsNobodyAstray) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    SCOPED_TRACE(seed);
+    World w(seed);
+    NodeOptions how;
+    const auto add = [&](std::uint32_t rev, std::uint32_t serial, lss::Feedback feedback, rt::Duration low,
+                         rt::Duration high) {
+      how.address = {type.vendor, type.product, rev, serial};
+      how.feedback = feedback;
+      how.timing = {.response_min = low, .response_max = high};
+      w.add(how);
+    };
+    add(0xD3A5'F5EE, 0xB92B'52DE, lss::Feedback::none, 880us, 3300us);
+    add(0xD3A5'F5EE, 0xB92B'52DE, lss::Feedback::none, 880us, 3300us);
+    add(0xD3A5'F56E, 0x10FA, lss::Feedback::extended, 3500us, 8ms);
+    add(0xD3A5'F56E, 0x10FB, lss::Feedback::extended, 230us, 1080us);
+    add(0xD3A5'F56E, 0x10FD, lss::Feedback::base, 2ms, 4300us);
+    Giver giver;
+    w.options.assigner = &giver;
+    w.known.kinds = {{type, 0xD3A5'F5EE}};
+    w.options.window = 60ms;
+    const auto report = w.find(GetParam());
+    ASSERT_TRUE(report);
+    EXPECT_EQ(report->found.size(), 4U) << name(report->end);
+  }
+}
+
 // S1.53: a master that dies in the middle of a scan, and its successor.
 TEST_P(Planner, AMasterThatRestartsInTheMiddle) {
   for (std::uint64_t seed = 1; seed <= 30; ++seed) {

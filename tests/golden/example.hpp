@@ -1,4 +1,4 @@
-// An example machine of examples/, run by `operate::Session` on its plant.
+// An example machine of examples/, run by `tree::Session` on its plant.
 #pragma once
 
 #include <cstdint>
@@ -8,9 +8,9 @@
 #include "../harness/milestone.hpp"
 #include "../paths.hpp"
 #include "berth/design/machine.hpp"
-#include "berth/operate/session.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/plant/world.hpp"
+#include "berth/tree/session.hpp"
 
 namespace berth::golden {
 
@@ -31,7 +31,7 @@ class Example {
     world_ = plant::World::make(*plant.plant, {&rate, 1}, findings);
     if (!world_) return;
     port_ = world_->attach_master(bus.name);
-    session_ = std::make_unique<operate::Session>(world_->executor(), machine_, store_);
+    session_ = std::make_unique<tree::Session>(world_->executor(), machine_, store_);
     session_->on_milestone([this](operate::Milestone m) { world_->milestone(harness::after(m)); });
     ready_ = session_->connect(bus.name, *port_).has_value() && session_->open().has_value();
   }
@@ -52,7 +52,7 @@ class Example {
     return world_->sim().run_until(done, limit);
   }
   [[nodiscard]] sim::Bus& bus() { return *world_->bus(machine_.buses.front().name); }
-  [[nodiscard]] operate::Session& session() { return *session_; }
+  [[nodiscard]] tree::Session& session() { return *session_; }
   [[nodiscard]] plant::World& world() { return *world_; }
 
  private:
@@ -60,7 +60,7 @@ class Example {
   places::MemoryStore store_;
   std::unique_ptr<plant::World> world_;
   std::unique_ptr<sim::Controller> port_;
-  std::unique_ptr<operate::Session> session_;
+  std::unique_ptr<tree::Session> session_;
   bool ready_ = false;
 };
 

@@ -1,5 +1,7 @@
 // Does Berth ever make two devices hold one node-ID, or make it unavoidable? Looked at from the first instant, by the
-// ground truth and by what was on the wire; docs/faults.md says what is promised.
+// ground truth and by what was on the wire; docs/faults.md says what is promised. On every bus of the machine: beneath
+// a gateway it is the gateway's own master that gives node-IDs, and the same is promised of it. Below, "Berth" is the
+// master of the bus.
 //
 // Four ways to fail, each at the instant at which it happens:
 //
@@ -19,6 +21,7 @@
 #include <array>
 #include <chrono>
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <memory>
 #include <set>
@@ -29,6 +32,7 @@
 #include "berth/design/machine.hpp"
 #include "berth/lss/frames.hpp"
 #include "berth/places/slot_store.hpp"
+#include "berth/plant/sim_gateway.hpp"
 #include "berth/plant/world.hpp"
 
 namespace berth::harness {
@@ -38,10 +42,10 @@ class DuplicateWatch final : public plant::World::Observer {
   // `store`: read for what `replacement = "auto"` has cleared; may be null where no slot says that.
   DuplicateWatch(plant::World& world, const design::Machine& machine, places::SlotStore* store)
       : world_(&world), machine_(&machine), store_(store) {
-    for (const auto& bus : machine.buses) {
-      sim::Bus* const on = world.bus(bus.name);
+    for (const auto* const bus : machine.all_buses()) {
+      sim::Bus* const on = world.bus(bus->name);
       if (on == nullptr) continue;
-      wires_.push_back(std::make_unique<Wire>(*this, *on, bus));
+      wires_.push_back(std::make_unique<Wire>(*this, *on, *bus));
       on->add_tap(*wires_.back());
     }
     for (const auto& d : world.devices()) note(*d);
@@ -58,8 +62,7 @@ class DuplicateWatch final : public plant::World::Observer {
   // use.
   void berth_began() {
     for (const auto& wire : wires_) {
-      wire->asked_before = std::exchange(wire->asked, {});
-      wire->began = now();
+      if (wire->master == nullptr) wire->master_began(now());
     }
   }
   // Berth's controller handed this frame on.
@@ -89,7 +92,17 @@ class DuplicateWatch final : public plant::World::Observer {
   // The slot of this node-ID was given away although the device has it by Berth, and rightly: a person did it, or the
   // machine file says `replacement = "auto"` and the device was silent. Whether it really was, `held` judges.
   [[nodiscard]] bool given_up(const plant::Truth& t, NodeId id) const {
-    return replaced_.contains(t.name) || cleared_automatically(t, id);
+    return replaced_.contains(t.name) || cleared_automatically(t, id) || left_its_slot(t, id);
+  }
+  // Powered, and what it uses no master has brought into use since it has power: it came with it from elsewhere, or its
+  // slot was given away while it was away. Nothing can be done about that before it boots.
+  [[nodiscard]] bool came_by_itself(const plant::SimDevice& device) const {
+    const auto it = lives_.find(device.name());
+    if (it == lives_.end()) return false;
+    const Life& life = it->second;
+    const auto t = device.truth();
+    const bool brought = life.came_with == t.active && life.given != t.active;
+    return brought && (life.owned != t.active || given_up(t, t.active));
   }
 
  private:
@@ -105,17 +118,38 @@ class DuplicateWatch final : public plant::World::Observer {
     NodeId given;  // pending by Berth's 11h
     NodeId persistent;
     NodeId owned;              // in memory by Berth's 17h
+    bool seated = false;       // a gateway's master heard it under that node-ID
     std::uint64_t writes = 0;  // ended
   };
 
   // What passes on one bus that counts as a question for a node-ID, or as a device's voice under it.
-  struct Wire final : can::Tap {
+  struct Wire final : can::Tap, private can::Handler {
     struct Asked {
       rt::Time first{}, last{};
       bool over = false;  // by guarding, which is asked when 1000h stayed silent
     };
-    Wire(DuplicateWatch& watch, sim::Bus& on, const design::Bus& described)
-        : watch_(&watch), bus(on), plan(described) {}
+    struct Said {
+      std::uint32_t key = 0;
+      rt::Time at{};
+      std::string who;
+    };
+    Wire(DuplicateWatch& watch, sim::Bus& on, const design::Bus& described) : watch_(&watch), bus(on), plan(described) {
+      for (const auto& d : watch.world_->devices()) {
+        if (&d->bus() != &bus) continue;
+        devices.push_back(d.get());
+        if (!described.own_port && d->plan().does.master) master = d.get();
+      }
+      if (master == nullptr) return;
+      // Identifiers that it hears for itself: nothing more waits in its receive buffer for being listened to.
+      auto& ears = *static_cast<plant::GatewaySide&>(*master).inside().dispatcher;
+      for (const std::uint32_t function : {0x080U, 0x580U, 0x700U})
+        ears.add(can::IdRange{function + 1, function + 127}, *this);
+    }
+    // A new life of the bus's master.
+    void master_began(rt::Time now) {
+      asked_before = std::exchange(asked, {});
+      began = now;
+    }
     void frame(const can::Frame& frame, rt::Time at, int sender) noexcept override {
       const std::uint32_t key = frame.key();
       if (key == lss::master_cob_id) {
@@ -128,10 +162,10 @@ class DuplicateWatch final : public plant::World::Observer {
         if (frame.data[0] == 0x04 && frame.data[1] == 0x00) moved.push_back(at);
       } else if (key == 0x000) {
         moved.push_back(at);
-      } else if ((key & ~0x7FU) == 0x600 && frame.data[0] == 0x40 && frame.data[1] == 0x00 && frame.data[2] == 0x10) {
+      } else if (asks(frame, sender)) {
         Asked& a = asked[key & 0x7FU];
         const bool anew = a.last == rt::Time{} || a.over;
-        if (anew || at - a.last > plan.timing.sdo_timeout + std::chrono::milliseconds(100)) a.first = at;
+        if (anew || at - a.last > longest_wait()) a.first = at;
         a.last = at;
         a.over = false;
       } else if (frame.remote && (key & ~0x7FU) == 0x700) {
@@ -139,20 +173,46 @@ class DuplicateWatch final : public plant::World::Observer {
       }
       const std::uint32_t function = key & ~0x7FU;
       if (frame.remote || (function != 0x080 && function != 0x580 && function != 0x700) || (key & 0x7FU) == 0) return;
-      const std::string who = watch_->name_of(bus, sender);
+      const std::string who = name_of(*this, sender);
       if (who.empty()) return;
       said = {key, at, who};
-      if (heard_key == key && heard_at == at) note_heard();
+      if (master != nullptr) {
+        on_the_way.push_back(said);
+        if (on_the_way.size() > most_on_the_way) on_the_way.pop_front();
+      } else if (heard_key == key && heard_at == at) {
+        note_heard(said, at);
+      }
     }
-    void received(const can::Frame& frame, rt::Time at) noexcept {
+    // Berth's own ear; or that of a gateway's master, whose firmware gets to a frame when it has time.
+    void received(const can::Frame& frame, rt::Time at) noexcept override {
+      if (master != nullptr) {
+        const auto it =
+            std::ranges::find_if(on_the_way, [&](const Said& s) { return s.key == frame.key() && s.at == at; });
+        if (it != on_the_way.end()) note_heard(*it, watch_->now());
+        return;
+      }
       heard_key = frame.key();
       heard_at = at;
-      if (said.key == heard_key && said.at == at) note_heard();
+      if (said.key == heard_key && said.at == at) note_heard(said, at);
     }
-    void note_heard() {
-      auto& times = voices[{said.who, said.key & 0x7FU}];
+    void note_heard(const Said& what, rt::Time at) {
+      auto& times = voices[{what.who, what.key & 0x7FU}];
       if (times.size() == most_voices) times.erase(times.begin(), times.begin() + most_voices / 2);
-      times.push_back(said.at);
+      times.push_back(at);
+      if (master != nullptr) watch_->seated(what.who, NodeId(static_cast<std::uint8_t>(what.key & 0x7FU)));
+    }
+    // Berth asks for 1000h; a gateway's master is its bus's only client, and whatever it reads asks who is there.
+    [[nodiscard]] bool asks(const can::Frame& frame, int sender) const noexcept {
+      if ((frame.key() & ~0x7FU) != 0x600 || frame.data[0] != 0x40) return false;
+      if (master != nullptr) return master->controller().number() == sender;
+      return frame.data[1] == 0x00 && frame.data[2] == 0x10;
+    }
+    // Between two questions of one row.
+    [[nodiscard]] rt::Duration longest_wait() const noexcept {
+      constexpr auto of_a_gateway = std::chrono::milliseconds(100);  // `NodeIdAssigner::sdo_timeout`
+      const rt::Duration timeout =
+          master != nullptr ? rt::Duration(of_a_gateway) : rt::Duration(plan.timing.sdo_timeout);
+      return timeout + std::chrono::milliseconds(100);
     }
     // Whether a device heard anything at all between Berth's last `04 00` and its `11h`.
     void note_hearing(const can::Frame& frame) noexcept {
@@ -163,9 +223,7 @@ class DuplicateWatch final : public plant::World::Observer {
         }
       }
       received_last.clear();
-      for (const auto& d : watch_->world_->devices()) {
-        if (&d->bus() == &bus) received_last[d->name()] = d->host().delivered();
-      }
+      for (auto* const d : devices) received_last[d->name()] = d->host().delivered();
       if (frame.data[0] == 0x04 && frame.data[1] == 0x00) received_at_waiting = received_last;
     }
     // Did a frame of this device under this node-ID reach Berth from `from` on, before `until`?
@@ -193,14 +251,13 @@ class DuplicateWatch final : public plant::World::Observer {
       return rt::Duration(320 * std::int64_t{1'000'000'000} / plan.bitrate) + std::chrono::milliseconds(1);
     }
 
-    struct Said {
-      std::uint32_t key = 0;
-      rt::Time at{};
-      std::string who;
-    };
     DuplicateWatch* watch_;
     sim::Bus& bus;
     const design::Bus& plan;
+    std::vector<plant::SimDevice*> devices{};
+    plant::SimDevice* master = nullptr;  // the gateway's own node; null: Berth has a port here
+    static constexpr std::size_t most_on_the_way = 256;
+    std::deque<Said> on_the_way;             // to the gateway's master
     std::map<unsigned, Asked> asked;         // 1000h of this node-ID, this Berth: the last questions in a row
     std::map<unsigned, Asked> asked_before;  // and the Berth before it
     rt::Time began{};                        // this Berth
@@ -223,11 +280,17 @@ class DuplicateWatch final : public plant::World::Observer {
     }
     return nullptr;
   }
-  [[nodiscard]] std::string name_of(const sim::Bus& bus, int sender) const {
-    for (const auto& d : world_->devices()) {
-      if (&d->bus() == &bus && d->controller().number() == sender) return d->name();
+  // A gateway's own master among them: it has no say about who is there.
+  [[nodiscard]] static std::string name_of(const Wire& wire, int sender) {
+    for (auto* const d : wire.devices) {
+      if (d != wire.master && d->controller().number() == sender) return d->name();
     }
     return {};
+  }
+  // A gateway's master heard this device under this node-ID.
+  void seated(const std::string& device, NodeId id) {
+    Life& life = lives_[device];
+    life.seated = life.seated || life.owned == id;
   }
   [[nodiscard]] rt::Time now() const { return world_->executor().now(); }
   void fail_with(const std::string& text) {
@@ -249,8 +312,10 @@ class DuplicateWatch final : public plant::World::Observer {
   void plant_changed(const plant::SimDevice& device) noexcept override {
     const auto t = device.truth();
     Life& life = lives_[t.name];
-    const Wire* const wire = wire_of(t.bus);
+    Wire* const wire = wire_of(t.bus);
     if (wire == nullptr) return;
+    const bool begins = &device == wire->master && t.powered && (!life.powered || (t.booting && !life.booting));
+    if (begins) wire->master_began(now());
     const bool on = t.powered && !life.powered;
     const bool off = !t.powered && life.powered;
     if (on || off) {
@@ -271,6 +336,7 @@ class DuplicateWatch final : public plant::World::Observer {
     const bool gets = written && !as_it_came && !off && t.persistent.configured() && t.pending == t.persistent &&
                       life.owned != t.persistent;
     if (t.persistent != life.persistent) life.owned = NodeId();
+    if (t.persistent != life.persistent) life.seated = false;
     if (written && !off && t.persistent.configured() && t.pending == t.persistent) life.owned = t.persistent;
     if (written) life.writes = t.memory_written;
     life.persistent = t.persistent;
@@ -376,6 +442,16 @@ class DuplicateWatch final : public plant::World::Observer {
       if (line.event == "cleared") cleared = confirmed;
     }
     return cleared;
+  }
+
+  // Beneath a gateway no person gives slots away and no store is kept: a device that its master heard under the node-ID
+  // that it had given to it, and that is silent, is one whose slot a replacement gets. One that was told a node-ID and
+  // was never heard under it is none: that master still waits for it.
+  [[nodiscard]] bool left_its_slot(const plant::Truth& t, NodeId id) const {
+    const Wire* const wire = wire_of(t.bus);
+    const auto it = lives_.find(t.name);
+    return wire != nullptr && wire->master != nullptr && it != lives_.end() && it->second.owned == id &&
+           it->second.seated;
   }
 
   plant::World* world_;

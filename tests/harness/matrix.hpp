@@ -16,9 +16,9 @@
 #include "berth/base/random.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/lss/interpret.hpp"
-#include "berth/operate/session.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/plant/world.hpp"
+#include "berth/tree/session.hpp"
 
 namespace berth::harness::matrix {
 
@@ -244,7 +244,7 @@ class Run final : private can::Tap {
     world_->start();
     world_->sim().run_for(there);
     const auto port = world_->attach_master("field");
-    operate::Session session(world_->executor(), made_.machine, store_);
+    tree::Session session(world_->executor(), made_.machine, store_);
     if (!session.connect("field", *port) || !session.open()) return failed("no session");
     bool reached = false;
     session.on_milestone([&](operate::Milestone m) { reached = reached || m == operate::Milestone::operational; });
@@ -284,7 +284,7 @@ class Run final : private can::Tap {
   }
 
   // As apps/berth's `Ending::settled`: the table did not change for so long, and nobody works at it.
-  bool settled(operate::Session& session) {
+  bool settled(tree::Session& session) {
     std::vector<std::pair<places::SlotState, bool>> table;
     bool busy = !session.idle();
     for (const auto& s : session.slots()) {
@@ -314,7 +314,7 @@ class Run final : private can::Tap {
   }
 
   // How many slots are in which state, with the first one's reason.
-  void count(operate::Session& session) {
+  void count(tree::Session& session) {
     std::array<unsigned, 16> states{};
     std::array<std::string, 16> reasons{};
     for (const auto& s : session.slots()) {

@@ -110,6 +110,9 @@ class Rig {
   using OnStep = std::function<void(const std::string& bus, const places::Binding&)>;
   void on_step(OnStep on_step) { on_step_ = std::move(on_step); }
 
+  // Every event, as it is told.
+  void on_event(std::function<void(const operate::Event&)> on_event) { on_event_ = std::move(on_event); }
+
   // What the machine's links want of the slots' devices, from the next `begin` on.
   void settle(operate::SlotSettings settings) { settings_ = std::move(settings); }
 
@@ -124,7 +127,10 @@ class Rig {
       Master& master = *masters_.back();
       master.port = world_->attach_master(bus.name);
       can::Port& port = between_ ? *between_(*master.port, bus.name) : *master.port;
-      operate::NetworkObserver observer{[this](const operate::Event& e) { events_.push_back(e); },
+      operate::NetworkObserver observer{[this](const operate::Event& e) {
+                                          events_.push_back(e);
+                                          if (on_event_) on_event_(e);
+                                        },
                                         [this](operate::Milestone m) { world_->milestone(after(m)); }};
       if (on_step_) observer.before_step = [this, name = bus.name](const auto& binding) { on_step_(name, binding); };
       master.network = std::make_unique<operate::Network>(world_->executor(), port, machine_.name, bus,
@@ -206,6 +212,7 @@ class Rig {
   std::vector<std::unique_ptr<Master>> masters_;
   Between between_;
   OnStep on_step_;
+  std::function<void(const operate::Event&)> on_event_;
   operate::SlotSettings settings_;
   std::vector<operate::Event> events_;
 };

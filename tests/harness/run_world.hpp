@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "tests/harness/end_judge.hpp"
+#include "tests/harness/word_judge.hpp"
 #include "tests/harness/world_plan.hpp"
 
 namespace berth::harness {
@@ -36,13 +37,16 @@ class WorldRun final : private can::Tap {
         watch_(rig_.world(), plan.machine, &rig_.store()),
         configured_(rig_.world(), plan.machine, rig_.store()),
         judge_(rig_, plan.machine, watch_, configured_),
+        words_(rig_, plan.machine),
         random_(plan.seed ^ 0xFA17),
-        step_faults_(plan.step_faults) {
+        step_faults_(plan.step_faults),
+        long_cuts_(plan.long_cuts) {
     if (plan.perturbed) rig_.world().executor().perturb(plan.seed);
     rig_.put_between([this](can::Port& port, const std::string& bus) {
       ports_.push_back(std::make_unique<HeardPort>(watch_, bus, port));
       return ports_.back().get();
     });
+    if (plan.words) rig_.on_event([this](const operate::Event& event) { words_.told(event); });
     rig_.on_step([this](const std::string& bus, const places::Binding& binding) { step_begins(bus, binding); });
     for (const auto& bus : plan.machine.buses) {
       if (frames) rig_.world().bus(bus.name)->add_tap(*this);
@@ -53,10 +57,17 @@ class WorldRun final : private can::Tap {
     for (const auto& bus : plan_.machine.buses) rig_.world().bus(bus.name)->remove_tap(*this);
   }
 
-  Outcome go() {
+  // `without`: how long the start of this world takes when no device waits for its power cycle; of a calm one that has
+  // such devices.
+  Outcome go(std::optional<rt::Duration> without = {}) {
     begin();
-    troubles();
+    if (without) start_beside_who_waits(*without);
+    if (sound()) troubles();
+    words_.all_is_quiet();
+    if (plan_.calm && plan_.solvable && sound()) lose_beside_who_waits();
     if (sound()) ending();
+    if (!words_.failure().empty()) outcome_.failure = words_.failure();
+    if (!late_.empty()) outcome_.failure = late_;
     if (!configured_.failure().empty()) outcome_.failure = configured_.failure();
     if (!watch_.failure().empty()) outcome_.failure = watch_.failure();
     outcome_.hash = rig_.world().sim().trace_hash();
@@ -64,6 +75,14 @@ class WorldRun final : private can::Tap {
     outcome_.log = rig_.log();
     if (frames_) outcome_.log = told_ + outcome_.log;
     return std::move(outcome_);
+  }
+
+  // How long it takes until the slots are operational whose devices do not wait; none: some are not, in two minutes.
+  std::optional<rt::Duration> start() {
+    begin();
+    const rt::Time began = now();
+    if (!rig_.run_until([this] { return others_run(); }, 2min)) return std::nullopt;
+    return now() - began;
   }
 
  private:
@@ -79,11 +98,14 @@ class WorldRun final : private can::Tap {
     told_ += head.data() + can::to_string(frame) + "\n";
   }
 
-  [[nodiscard]] bool sound() const noexcept { return watch_.failure().empty() && configured_.failure().empty(); }
+  [[nodiscard]] bool sound() const noexcept {
+    return watch_.failure().empty() && configured_.failure().empty() && words_.failure().empty() && late_.empty();
+  }
   [[nodiscard]] rt::Time now() const noexcept { return rig_.now(); }
 
   void begin() {
     watch_.berth_began();
+    words_.berth_began();
     ports_.clear();
     rig_.begin();
   }
@@ -101,8 +123,9 @@ class WorldRun final : private can::Tap {
     std::vector<PlannedFault> waiting = plan_.faults;
     bool restarted = !plan_.restarts;
     while (sound()) {
-      const bool over = now() >= limit || (waiting.empty() && step_faults_.empty() && restarted);
+      const bool over = now() >= limit || (waiting.empty() && step_faults_.empty() && long_cuts_.empty() && restarted);
       if (over) step_faults_.clear();
+      if (over) long_cuts_.clear();
       if (over && due_.empty()) break;
       perform_due();
       if (!restarted && now() - rt::Time{} >= plan_.restart_at) {
@@ -129,12 +152,45 @@ class WorldRun final : private can::Tap {
   [[nodiscard]] Column column(std::size_t bus) { return column_of(rig_.network(bus).phase()); }
 
   void aim(std::vector<PlannedFault>& waiting) {
+    std::erase_if(long_cuts_, [&](const LongCut& cut) { return cuts(cut); });
     std::erase_if(waiting, [&](const PlannedFault& f) {
       const auto phase = rig_.network(f.bus).phase();
       if (f.column != column_of(phase) || phase == operate::Phase::opening) return false;
       due_.emplace(now() + f.delay, [this, f] { strike(f); });
       return true;
     });
+  }
+
+  // True: its slot is operational, and the cut is planned.
+  bool cuts(const LongCut& cut) {
+    const auto slot = report_of(cut.slot);
+    const auto* const device = slot && slot->state == places::SlotState::operational ? device_of(*slot) : nullptr;
+    if (device == nullptr) return false;
+    const rt::Duration at = now().time_since_epoch() + cut.delay;
+    auto off = event(plant::Action::cut_cable, {}, at);
+    off.bus = slot->bus;
+    off.nodes = {device->name()};
+    plan_event(off);
+    auto on = event(plant::Action::join, {}, at + 30s);
+    on.bus = slot->bus;
+    plan_event(on);
+    return true;
+  }
+  [[nodiscard]] std::optional<operate::SlotReport> report_of(const std::string& slot) {
+    for (std::size_t i = 0; i < rig_.networks(); ++i) {
+      for (const auto& s : rig_.network(i).report()) {
+        if (s.name == slot) return s;
+      }
+    }
+    return std::nullopt;
+  }
+  // Powered, and with the address of the slot's device; null: there is none.
+  [[nodiscard]] plant::SimDevice* device_of(const operate::SlotReport& slot) {
+    for (const auto& d : rig_.world().devices()) {
+      const auto t = d->truth();
+      if (t.powered && t.bus == slot.bus && slot.device == t.address) return d.get();
+    }
+    return nullptr;
   }
 
   void strike(const PlannedFault& f) {
@@ -226,6 +282,77 @@ class WorldRun final : private can::Tap {
     perform_due();
   }
 
+  // ---- who waits for its power cycle delays nobody ----
+
+  [[nodiscard]] static bool by_power(const design::Slot& slot) noexcept {
+    return slot.spec.activate == places::Activate::power_cycle;
+  }
+  [[nodiscard]] bool waits(const std::string& device) const {
+    const auto* const plan = plan_.plant.device(device);
+    return plan != nullptr && plan->storing.power_cycle_after;
+  }
+  // All slots but those whose devices wait, or whose configuration does.
+  [[nodiscard]] bool others_run() {
+    for (std::size_t i = 0; i < rig_.networks(); ++i) {
+      for (const auto& s : rig_.network(i).report()) {
+        const auto* const device = device_of(s);
+        const bool excused = by_power(*plan_.machine.slot(s.bus, s.id)) || (device != nullptr && waits(device->name()));
+        if (s.state != places::SlotState::operational && !excused) return false;
+      }
+    }
+    return true;
+  }
+  // What a device that waits may cost the others, once: it is told to store, and is awaited once as long as a device
+  // may need to boot, since one that has not booted by then cannot be told from one that is slow. Never again: its slot
+  // says that it waits.
+  [[nodiscard]] rt::Duration cost_of_waiting() const {
+    const auto& timing = plan_.machine.buses.front().timing;
+    const auto many = static_cast<int>(plan_.waiting.size());
+    return many * (timing.store_timeout + timing.boot_timeout);
+  }
+
+  void start_beside_who_waits(rt::Duration without) {
+    const rt::Duration limit = without + cost_of_waiting();
+    if (rig_.run_until([this] { return others_run() || !sound(); }, limit)) return;
+    late_ = "beside a device that waits for its power cycle the others are not operational in " + text(limit) +
+            ", and without it in " + text(without);
+  }
+
+  // Each of the others may lose its power for a moment, and is back as soon as if nobody waited: no search goes on, no
+  // slot but those of who waits misses its device.
+  void lose_beside_who_waits() {
+    for (int i = 0; i < 6; ++i) {
+      rig_.run_for(rt::Duration(random_.between(0, rt::Duration(8s).count())));
+      plant::SimDevice* const device = one_that_runs();
+      if (device == nullptr || !others_run()) continue;
+      device->power(false);
+      rig_.run_for(rt::Duration(random_.between(rt::Duration(100ms).count(), rt::Duration(500ms).count())));
+      device->power(true);
+      const bool back = rig_.run_until(
+          [&] { return !sound() || (device->truth().state == NmtState::operational && others_run()); }, back_in);
+      if (back) continue;
+      late_ = device->name() + " was switched on, and is not operational after " + text(back_in);
+      return;
+    }
+  }
+  // Boot-up (200 ms at most), its identity and its configuration, NMT start and the heartbeat behind that.
+  static constexpr rt::Duration back_in = 3s;
+  [[nodiscard]] plant::SimDevice* one_that_runs() {
+    std::vector<plant::SimDevice*> all;
+    for (std::size_t i = 0; i < rig_.networks(); ++i) {
+      for (const auto& s : rig_.network(i).report()) {
+        auto* const device = device_of(s);
+        const bool good = device != nullptr && s.state == places::SlotState::operational && !waits(device->name()) &&
+                          !by_power(*plan_.machine.slot(s.bus, s.id));
+        if (good) all.push_back(device);
+      }
+    }
+    return all.empty() ? nullptr : all[random_.below(all.size())];
+  }
+  [[nodiscard]] static std::string text(rt::Duration time) {
+    return std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(time).count()) + " ms";
+  }
+
   // ---- what a person does ----
 
   // A device left for long: a spare of its kind is brought, and the person may say so.
@@ -270,6 +397,7 @@ class WorldRun final : private can::Tap {
                             [](const auto& s) { return s.spec.activate == places::Activate::power_cycle; });
     for (int round = 0; round < 6; ++round) {
       if (comes_to_rest(15s) || !sound()) break;
+      look_at_words();
       if (cycles) static_cast<void>(power_cycle());
     }
     if (!sound()) return;
@@ -277,6 +405,13 @@ class WorldRun final : private can::Tap {
     if (!sound()) return;
     comes_to_rest(20s);
     if (sound()) check_end();
+  }
+
+  void look_at_words() {
+    for (std::size_t i = 0; i < rig_.networks(); ++i) {
+      if (!rig_.network(i).idle()) continue;
+      for (const auto& s : rig_.network(i).report()) words_.look(s);
+    }
   }
 
   // Everything is as it must be, within this time.
@@ -430,14 +565,30 @@ class WorldRun final : private can::Tap {
   DuplicateWatch watch_;
   ConfigWatch configured_;
   EndJudge judge_;
+  WordJudge words_;
   Random random_;
   std::vector<std::unique_ptr<HeardPort>> ports_;
   std::multimap<rt::Time, Deed> due_;
   std::vector<StepFault> step_faults_;
+  std::vector<LongCut> long_cuts_;
+  std::string late_;
   std::set<std::string> brought_;
   Outcome outcome_;
 };
 
-inline Outcome run_world(const WorldPlan& plan, bool frames = false) { return WorldRun(plan, frames).go(); }
+// Without devices that take a node-ID at power-on only; none: its slots are not all operational then.
+inline std::optional<rt::Duration> start_without_waiting(WorldPlan plan) {
+  for (auto& d : plan.plant.devices) {
+    const bool waits = std::ranges::find(plan.waiting, d.name) != plan.waiting.end();
+    if (waits) d.storing.power_cycle_after = false;
+  }
+  return WorldRun(plan).start();
+}
+
+inline Outcome run_world(const WorldPlan& plan, bool frames = false) {
+  std::optional<rt::Duration> without;
+  if (plan.calm && plan.solvable && !plan.waiting.empty()) without = start_without_waiting(plan);
+  return WorldRun(plan, frames).go(without);
+}
 
 }  // namespace berth::harness

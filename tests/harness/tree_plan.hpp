@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <chrono>
 #include <string>
 #include <vector>
 
@@ -20,8 +21,12 @@ struct TreePlan {
   struct Spare {
     std::string worn;
     std::string fresh;
+    std::string second = {};  // comes too, so long behind it; empty: none
+    std::chrono::milliseconds later{};
   };
   std::vector<Spare> spares;
+  bool calm = false;   // nothing but exchanges goes wrong
+  bool mixed = false;  // `mix` has drawn more (tree_mixture.hpp)
 };
 
 class TreePlanner {

@@ -1,7 +1,11 @@
 // One random machine of many buses from blank devices through troubles to its end (docs/faults.md): cables cut beside
 // gateways, gateways and devices without power or reset, devices exchanged, frames lost, Berth killed. Judged:
-//   - no two powered devices of a bus use one node-ID, ever;
-//   - when the troubles are over everything is operational, by itself;
+//   - no master of any bus makes two devices hold one node-ID (duplicate_watch.hpp), and no two powered devices of a
+//   bus
+//     use one, ever, but where one of them came with it by itself;
+//   - no slot is told anything that was not asked or heard of that slot (told_watch.hpp);
+//   - when the troubles are over every slot has its device, alone under its node-ID and operational, by itself, and
+//     every gateway has in its dictionary which bus beneath it is mandatory (5F00h);
 //   - then a loss is told once, of each slot that it takes away and of no other, and its end is told once.
 #pragma once
 
@@ -15,11 +19,14 @@
 #include <string>
 #include <vector>
 
-#include "berth/operate/session.hpp"
+#include "berth/multilevel/sub_bus.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/plant/world.hpp"
+#include "berth/tree/session.hpp"
+#include "tests/harness/duplicate_watch.hpp"
 #include "tests/harness/mortal.hpp"
-#include "tests/harness/tree_plan.hpp"
+#include "tests/harness/told_watch.hpp"
+#include "tests/harness/tree_mixture.hpp"
 
 namespace berth::harness {
 
@@ -34,6 +41,8 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
     world_ = plant::World::make(plan_.plant, rates, findings);
     for (const auto& finding : findings) failure_ += to_string(finding) + "\n";
     if (!world_) return;
+    watch_ = std::make_unique<DuplicateWatch>(*world_, plan_.machine, &store_);
+    told_watch_ = std::make_unique<ToldWatch>(*world_, plan_.machine);
     world_->add_observer(*this);
     tapped_ = world_->bus(frames);
     if (tapped_ != nullptr) tapped_->add_tap(*this);
@@ -42,8 +51,11 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
   }
   ~TreeWorld() {
     end();
+    heard_port_.reset();
     port_.reset();
     controller_.reset();
+    watch_.reset();
+    told_watch_.reset();
     if (tapped_ != nullptr) tapped_->remove_tap(*this);
     if (world_) world_->remove_observer(*this);
   }
@@ -52,10 +64,13 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
   // `instead`: what happens there in its place.
   void begin(std::optional<std::uint64_t> k = {}, std::function<Axe::Instead()> instead = {}) {
     axe_.life(k, std::move(instead));
+    watch_->berth_began();
+    told_watch_->berth_began();
     port_ = std::make_unique<MortalPort>(axe_, *controller_);
-    session_ = std::make_unique<operate::Session>(world_->executor(), plan_.machine, store_);
+    heard_port_ = std::make_unique<HeardPort>(*watch_, "backbone", *port_);
+    session_ = std::make_unique<tree::Session>(world_->executor(), plan_.machine, store_);
     session_->on_event([this](const operate::Event& event) { take(event); });
-    const bool opened = session_->connect("backbone", *port_) && session_->open();
+    const bool opened = session_->connect("backbone", *heard_port_) && session_->open();
     if (!opened) failure_ += "the session cannot be opened\n";
     session_->start();
   }
@@ -77,6 +92,7 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
     mend();
     settle();
     if (failure_.empty()) lose_one();
+    if (failure_.empty()) failure_ = wrong_mandatory();
     return failure_;
   }
 
@@ -128,6 +144,7 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
       if (device->powered() && device->device().state() != NmtState::operational)
         failure_ += fmt::format("  device {} is {}\n", device->name(), name(device->device().state()));
     }
+    for (const auto& slot : plan_.machine.slots) failure_ += wrong_seat(slot);
     return false;
   }
   [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
@@ -151,23 +168,61 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
   void take(const operate::Event& event) {
     log_ += operate::to_line(event) + "\n";
     if (event.kind == operate::EventKind::state) states_.emplace_back(event.slot, event.text);
+    const std::string wrong = told_watch_->judge(event);
+    if (!wrong.empty()) fail_with(fmt::format("{:.3f} s: {}", seconds(), wrong));
+  }
+  // The first of its kind: what follows from it is no news.
+  void fail_with(const std::string& text) {
+    if (failure_.empty()) failure_ = text;
   }
 
   void plant_changed(const plant::SimDevice&) noexcept override {
+    if (!watch_->failure().empty()) fail_with(watch_->failure() + "\n");
     for (const auto& [one, other] : world_->duplicates()) {
       const auto pair = std::pair(one, other);
+      if (watch_->came_by_itself(*one) || watch_->came_by_itself(*other)) continue;
       if (!told_.insert(pair).second) continue;
       failure_ += fmt::format("{:.3f} s: {} and {} both use node-ID {} on {}\n", seconds(), one->name(), other->name(),
                               one->truth().active.value(), one->truth().bus);
     }
   }
 
-  // A gateway's own node beneath it is the NMT master there, and starts itself or not.
+  // A gateway's own node beneath it is the NMT master there, and starts itself or not. Of two spares for one slot one
+  // is left over.
   [[nodiscard]] bool all_good() const {
-    const auto runs = [](const auto& device) {
-      return !device->powered() || device->plan().does.master || device->device().state() == NmtState::operational;
-    };
-    return session_ && session_->operational() && std::ranges::all_of(world_->devices(), runs) && all_slots_run();
+    const auto good = [&](const auto& slot) { return wrong_seat(slot).empty(); };
+    return session_ && session_->operational() && std::ranges::all_of(plan_.machine.slots, good) && all_slots_run();
+  }
+  [[nodiscard]] std::string wrong_seat(const design::Slot& slot) const {
+    std::vector<std::string> users;
+    bool right = false;
+    for (const auto& device : world_->devices()) {
+      if (!device->powered() || device->bus().name() != slot.spec.name.bus) continue;
+      if (device->device().node_id() != slot.spec.id) continue;
+      users.push_back(device->name());
+      const bool fits = device->truth().address.type() == slot.spec.type;
+      right = fits && device->device().state() == NmtState::operational;
+    }
+    if (users.size() == 1 && right) return {};
+    std::string text = fmt::format("  node-ID {} of slot {} is used by", slot.spec.id.value(), slot.spec.name.name);
+    for (const auto& user : users) text += " " + user;
+    return text + (users.empty() ? " no device\n" : "\n");
+  }
+  [[nodiscard]] std::string wrong_mandatory() const {
+    std::string text;
+    if (!plan_.mixed) return text;
+    for (const auto& line : plan_.machine.beneath) {
+      const auto& gateway = *line.gateway;
+      for (const auto& device : world_->devices()) {
+        const bool is_it = device->powered() && device->bus().name() == gateway.bus &&
+                           device->device().node_id() == gateway.slot &&
+                           plan_.plant.gateway_part(device->name()).ports != 0;
+        if (!is_it || multilevel::is_mandatory(device->device().values(), gateway.port) == gateway.mandatory) continue;
+        text += fmt::format("  5F00h:{:02X} of {} says that {} is {}\n", gateway.port, device->name(), line.name,
+                            gateway.mandatory ? "optional" : "mandatory");
+      }
+    }
+    return text;
   }
   [[nodiscard]] bool all_slots_run() const {
     return std::ranges::all_of(session_->slots(),
@@ -186,6 +241,7 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
   }
 
   void trouble() {
+    if (plan_.calm || (plan_.mixed && random_.below(4) == 0)) return exchange();
     switch (random_.below(8)) {
       case 0: return cut(any_bus());
       case 1: return join(any_bus().name);
@@ -232,8 +288,19 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
     const auto at = plan_.spares.begin() + static_cast<std::ptrdiff_t>(random_.below(plan_.spares.size()));
     note("exchange " + at->worn);
     world_->find(at->worn)->unplug();
-    world_->find(at->fresh)->plug();
+    // At once, or when the worn one is missed.
+    const auto pause = std::chrono::milliseconds(plan_.mixed ? random_.below(6000) : 0);
+    bring(at->fresh, pause);
+    if (!at->second.empty()) bring(at->second, pause + at->later);
     plan_.spares.erase(at);
+  }
+  void bring(const std::string& name, std::chrono::milliseconds later) {
+    auto* const device = world_->find(name);
+    if (later.count() == 0) return device->plug();
+    world_->sim().after(later, [this, device] {
+      note(fmt::format("plug {} with {}", device->name(), device->plan().node_id.value()));
+      device->plug();
+    });
   }
 
   void lose_frames(const std::string& bus) {
@@ -253,6 +320,7 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
       if (device->plugged()) device->power(true);
     }
     if (!runs()) begin();
+    if (plan_.mixed) run_for(std::chrono::seconds(12));  // spares that are on the way
   }
 
   // Slots that a device takes away with it: its own, and all beneath it.
@@ -297,8 +365,19 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
     }
   }
 
+  // A person takes away who has no slot: it would get that of a device which is without power.
+  void clear_away() {
+    for (const auto& device : world_->devices()) {
+      const auto* const slot = plan_.machine.slot(device->bus().name(), device->device().node_id());
+      if (device->plan().does.master || !device->powered() || slot != nullptr) continue;
+      note("unplug " + device->name());
+      device->unplug();
+    }
+  }
+
   // One device of any bus loses its power and gets it back.
   void lose_one() {
+    if (plan_.mixed) clear_away();
     const auto& slot = plan_.machine.slots[random_.below(plan_.machine.slots.size())];
     plant::SimDevice* device = nullptr;
     for (const auto& each : world_->devices()) {
@@ -326,8 +405,11 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
   Axe axe_;
   std::unique_ptr<plant::World> world_;
   std::unique_ptr<sim::Controller> controller_;
+  std::unique_ptr<DuplicateWatch> watch_;
+  std::unique_ptr<ToldWatch> told_watch_;
   std::unique_ptr<MortalPort> port_;
-  std::unique_ptr<operate::Session> session_;
+  std::unique_ptr<HeardPort> heard_port_;
+  std::unique_ptr<tree::Session> session_;
   sim::Bus* tapped_ = nullptr;
   std::set<std::string> cut_;
   std::set<std::pair<const plant::SimDevice*, const plant::SimDevice*>> told_;

@@ -116,6 +116,12 @@ struct StepFault {
   std::optional<rt::Duration> back = 300ms;  // of who loses power, or of Berth; none: for ever
 };
 
+// The cable of the device in this slot is cut for 30 s, `delay` after the slot was operational.
+struct LongCut {
+  std::string slot;
+  rt::Duration delay{0};
+};
+
 struct WorldPlan {
   std::uint64_t seed = 0;
   design::Machine machine;
@@ -127,13 +133,25 @@ struct WorldPlan {
   rt::Duration restart_at{0};
   bool replaces = false;   // a person says `berth replace` of a slot whose device left for long
   bool perturbed = false;  // jobs of one instant in a drawn order
+  std::vector<LongCut> long_cuts;
+  std::vector<std::string> waiting;  // devices of which `waits` has made that they take a node-ID at power-on only
+  bool calm = false;                 // no faults but the long cuts: who waits delays no other device
+  bool words = false;                // what is told is judged (word_judge.hpp)
+};
+
+// Which worlds a seed means.
+struct Draws {
+  // Two or three buses, and devices on them that have the address of one on another bus: other worlds than those of the
+  // same seeds without.
+  bool twins = false;
+  // With what `waits` draws, and `WordJudge`; without, the worlds are those of before there were these.
+  bool waits = true;
 };
 
 class Planner {
  public:
-  // `twins`: two or three buses, and devices on them that have the address of one on another bus. Other worlds than
-  // those of the same seeds without.
-  explicit Planner(std::uint64_t seed, bool twins = false) : random_(seed * 0x9E3779B97F4A7C15ULL + 1), twins_(twins) {
+  explicit Planner(std::uint64_t seed, Draws draws = {})
+      : random_(seed * 0x9E3779B97F4A7C15ULL + 1), twins_(draws.twins), waits_(draws.waits) {
     plan_.seed = seed;
   }
 
@@ -147,6 +165,8 @@ class Planner {
     plan_.perturbed = random_.below(2) == 0;
     habits();
     if (twins_) twins();
+    if (waits_) waits();
+    plan_.words = waits_;
     return std::move(plan_);
   }
 
@@ -254,6 +274,49 @@ class Planner {
       if (!reached || random.below(10) != 0) continue;
       d.habit = static_cast<plant::Habit>(random.below(2));
       d.speaks = {plant::Speaks::fastscan};
+    }
+  }
+
+  // Who waits for a person, and whose cable is off for long. Drawn by itself: worlds without stay as they are.
+  void waits() {
+    Random random(plan_.seed ^ 0xD15C);
+    const bool power = random.below(4) == 0, cuts = random.below(4) == 0;
+    if (power) wait_for_power(random);
+    if (cuts) cut_for_long(random);
+    plan_.calm = (power || cuts) && random.below(2) == 0;
+    if (!plan_.calm) return;
+    plan_.faults.clear();
+    plan_.step_faults.clear();
+    plan_.restarts = plan_.replaces = false;
+  }
+
+  // One device or two take a node-ID at power-on only; what they come with is mostly not what they are to have.
+  void wait_for_power(Random& random) {
+    auto& devices = plan_.plant.devices;
+    const auto many = 1 + random.below(2);
+    for (std::uint64_t i = 0; i < many && !devices.empty(); ++i) {
+      auto& d = devices[random.below(devices.size())];
+      if (!d.plugged || std::ranges::find(plan_.waiting, d.name) != plan_.waiting.end()) continue;
+      plan_.waiting.push_back(d.name);
+      d.storing.power_cycle_after = true;
+      const auto story = random.below(4);
+      if (story == 3) continue;
+      d.source = plant::NodeIdSource::nonvolatile;
+      // No slot's: those are 1 to 12.
+      d.node_id =
+          story == 0 ? plan_.machine.bus(d.bus)->master : NodeId(static_cast<std::uint8_t>(random.between(20, 120)));
+    }
+  }
+
+  void cut_for_long(Random& random) {
+    auto& slots = plan_.machine.slots;
+    const auto many = 1 + random.below(2);
+    for (std::uint64_t i = 0; i < many; ++i) {
+      auto& spec = slots[random.below(slots.size())].spec;
+      spec.optional = true;
+      spec.replacement = places::Replacement::automatic;
+      const auto delay = rt::Duration(random.between(0, rt::Duration(3s).count()));
+      plan_.long_cuts.push_back({spec.name.name, delay});
     }
   }
 
@@ -417,6 +480,7 @@ class Planner {
   WorldPlan plan_;
   bool slow_stores_ = false;
   bool twins_ = false;
+  bool waits_ = false;
 };
 
 // Does this device lose the next `04 00` of its bus? Then `hit` is told, with the number of the frame.

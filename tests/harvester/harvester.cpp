@@ -56,7 +56,7 @@ bool Harvester::begin() {
 }
 
 bool Harvester::attach() {
-  session_ = std::make_unique<operate::Session>(world_->executor(), machine_, store_);
+  session_ = std::make_unique<tree::Session>(world_->executor(), machine_, store_);
   for (std::size_t i = 0; i < ports_.size(); ++i) {
     if (!session_->connect(machine_.buses[i].name, *ports_[i])) return false;
   }

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "berth/operate/session.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/plant/world.hpp"
+#include "berth/tree/session.hpp"
 
 namespace berth::test {
 
@@ -43,7 +43,7 @@ class Harvester final {
   /// Events of this slot from `since` on, in words.
   [[nodiscard]] std::vector<std::string> told(const std::string& slot, rt::Time since) const;
 
-  [[nodiscard]] operate::Session& session() noexcept { return *session_; }
+  [[nodiscard]] tree::Session& session() noexcept { return *session_; }
   [[nodiscard]] plant::World& world() noexcept { return *world_; }
   [[nodiscard]] const design::Machine& machine() const noexcept { return machine_; }
   [[nodiscard]] std::string log() const;
@@ -65,7 +65,7 @@ class Harvester final {
   std::unique_ptr<plant::World> world_;
   std::unique_ptr<Watch> watch_;
   std::vector<std::unique_ptr<can::Port>> ports_;
-  std::unique_ptr<operate::Session> session_;
+  std::unique_ptr<tree::Session> session_;
 };
 
 }  // namespace berth::test

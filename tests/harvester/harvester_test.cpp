@@ -13,8 +13,8 @@
 #include "../pch.hpp"
 #include "berth/co/emcy.hpp"
 #include "berth/command/verbs.hpp"
-#include "berth/operate/beneath.hpp"
 #include "berth/rt/scope.hpp"
+#include "berth/tree/beneath.hpp"
 
 namespace berth::test {
 namespace {
@@ -205,7 +205,7 @@ TEST(HarvesterMachine, AGatewayAtAnotherBitRate) {
   };
   for (int second = 0; second < 120 && !beside(); ++second) machine.run_for(1s);
   ASSERT_TRUE(beside()) << machine.log();
-  machine.run_for(operate::Beneath::patience);
+  machine.run_for(tree::Beneath::patience);
   EXPECT_TRUE(beside()) << machine.log();
   EXPECT_FALSE(machine.operational());
   EXPECT_NE(machine.state("left gateway"), SlotState::operational);

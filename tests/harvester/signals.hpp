@@ -12,10 +12,10 @@
 
 #include "berth/command/link_network.hpp"
 #include "berth/design/machine.hpp"
-#include "berth/operate/session.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/plant/world.hpp"
 #include "berth/text/file.hpp"
+#include "berth/tree/session.hpp"
 #include "tests/paths.hpp"
 
 namespace berth::test {
@@ -55,7 +55,7 @@ class SignalMachine {
     if (!world) return;
     for (const auto& bus : machine.buses) ports[bus.name] = world->attach_master(bus.name);
     world->start();
-    session = std::make_unique<operate::Session>(world->executor(), machine, store);
+    session = std::make_unique<tree::Session>(world->executor(), machine, store);
     for (const auto& [bus, port] : ports) EXPECT_TRUE(session->connect(bus, *port));
     session->configure_with(command::settings_of(links));
     EXPECT_TRUE(session->open());
@@ -96,7 +96,7 @@ class SignalMachine {
   places::MemoryStore store;
   std::unique_ptr<plant::World> world;
   std::map<std::string, std::unique_ptr<can::Port>> ports;
-  std::unique_ptr<operate::Session> session;
+  std::unique_ptr<tree::Session> session;
 };
 
 }  // namespace berth::test

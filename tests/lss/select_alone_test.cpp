@@ -139,6 +139,26 @@ TEST(SelectAlone, S1_22_TwoWithOneAddressAreClones) {
   for (const auto& n : w.nodes) EXPECT_EQ(n->slave.state(), State::waiting);
 }
 
+// A serial number that is told twice is not an address that two devices have: that is told when every part is (seed
+// 800230 of `planner-fastscan`: two of one address stood, unheard, at the serial number of another type).
+TEST(SelectAlone, TwoWithOneSerialNumberOfAnotherTypeAreNoClones) {
+  for (const bool one_is_meant : {false, true}) {
+    for (const PartMask parts : {parts_to_ask(a, std::array{same_serial}), all_parts}) {
+      World w;
+      Node& first = w.add(one_is_meant ? a : same_serial, {}, microseconds(300));
+      Node& second = w.add(same_serial, {}, milliseconds(4));
+      for (Node* const node : {&first, &second}) {
+        if (node->slave.state() == State::waiting) in_configuration(w, *node);
+        node->overhears = [](const can::Frame& f) { return command(f) == Command::switch_global; };
+      }
+      w.master->no_strangers();
+      const auto alone = w.run(prove_alone(*w.master, a, {.parts = parts}));
+      ASSERT_TRUE(alone);
+      EXPECT_EQ(*alone, Selection::not_alone) << one_is_meant << ", parts " << int{parts};
+    }
+  }
+}
+
 TEST(SelectAlone, OneFrameThatCameTwiceIsNoClone) {
   World w;
   Node& one = w.add(a);

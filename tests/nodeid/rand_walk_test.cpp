@@ -286,6 +286,39 @@ TEST(RandWalk, ALateChunkIsNoSerialNumber) {
   }
 }
 
+// One that is late with its chunk(1) and deaf meanwhile does not hear that another way is gone, and goes it to its end:
+// its DIS ends an address whose first part is the other's (seed 800130 of `planner-rand`).
+TEST(RandWalk, AWayThatADeafDeviceHasJoinedProvesNothing) {
+  struct Deafness final : can::Tap {
+    Deafness(WalkWorld& world, Node& node) : w(&world), who(&node), voice(world.bus.attach()) { w->bus.add_tap(*this); }
+    ~Deafness() { w->bus.remove_tap(*this); }
+    void frame(const can::Frame& frame, rt::Time, int) noexcept override {
+      if (frame.data[0] != 0x80 || frame.data[1] != 1 || joined) return;
+      const bool its_own = frame.data[2] == 0 && frame.data[3] == 0;
+      w->world.after(microseconds(1), [this, its_own] { who->port->deaf(its_own); });
+      deaf = deaf || its_own;
+      joined = deaf && !its_own;
+      if (!joined) return;
+      w->world.after(milliseconds(1), [this] { voice->send(ius(1), 0); });
+    }
+    WalkWorld* w;
+    Node* who;
+    std::unique_ptr<sim::Controller> voice;
+    bool deaf = false;
+    bool joined = false;
+  };
+  WalkWorld w;
+  w.put({0x40FB'5B65, 0x81BB'3212, 0xC085'19D3, 0x10FC}, false);
+  Node& late = w.put({1, 0x041A'FBAF, 0xBE2E'1956, 0x10FB}, false);
+  late.mute_at = late.mute_times = 1;
+  const Deafness deafness(w, late);
+  w.walk_options.prove_all = true;
+  const auto report = w.go();
+  ASSERT_TRUE(report);
+  EXPECT_TRUE(deafness.joined);
+  EXPECT_EQ(found(*report), there(w));
+}
+
 TEST(RandWalk, LimitAndBusErrors) {
   WalkWorld w;
   for (const auto& a : {s1, s2, s3}) w.put(a, false);

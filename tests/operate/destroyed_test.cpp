@@ -9,8 +9,8 @@
 
 #include "berth/live/census.hpp"
 #include "berth/live/gate.hpp"
-#include "berth/operate/session.hpp"
 #include "berth/rt/scope.hpp"
+#include "berth/tree/session.hpp"
 #include "tests/harness/rig.hpp"
 
 using namespace berth;
@@ -208,7 +208,7 @@ class Adoption {
     live::GateOptions reader;
     reader.role = live::Role::reader;
     gate_ = std::make_unique<live::Gate>(world.executor(), *port_, reader);
-    session_ = std::make_unique<operate::Session>(world.executor(), machine_, store_);
+    session_ = std::make_unique<tree::Session>(world.executor(), machine_, store_);
     if (!session_->connect("backbone", *gate_) || !session_->open()) std::abort();
     census_.emplace(session_->network("backbone")->services().dispatcher);
     scope_.emplace(world.executor());
@@ -225,7 +225,7 @@ class Adoption {
   places::MemoryStore store_;
   std::unique_ptr<sim::Controller> port_;
   std::unique_ptr<live::Gate> gate_;
-  std::unique_ptr<operate::Session> session_;
+  std::unique_ptr<tree::Session> session_;
   std::optional<live::Census> census_;
   std::optional<rt::Scope> scope_;
 };

@@ -14,6 +14,7 @@ namespace {
 struct Known {
   std::uint64_t seed;
   const char* what;  // docs/faults.md has more
+  Draws draws = {.waits = false};
 };
 void PrintTo(const Known& known, std::ostream* out) { *out << known.seed << ": " << known.what; }
 
@@ -22,7 +23,7 @@ std::string name_of(const ::testing::TestParamInfo<Known>& world) { return "Seed
 class KnownWorld : public ::testing::TestWithParam<Known> {};
 
 TEST_P(KnownWorld, EndsWell) {
-  const auto outcome = run_world(Planner(GetParam().seed).make());
+  const auto outcome = run_world(Planner(GetParam().seed, GetParam().draws).make());
   EXPECT_EQ(outcome.failure, "") << GetParam().what;
 }
 

@@ -23,12 +23,20 @@ constexpr LssAddress address_of[2] = {{1, 1, 0, 0x0A}, {1, 1, 0, 0x0B}};
 constexpr NodeId slot_id[2] = {NodeId(1), NodeId(2)};
 constexpr NodeId master(127);
 
+// What brings a pending node-ID into use at a device that has another.
+enum class Habit : std::uint8_t { reset_communication, reset_node, power_cycle };
+
 struct Device {
   bool powered = true;
   NodeId persistent, pending, active;
   bool configuration = false;
   bool ours = false;  // `persistent` is what Berth's 17h stored, and no person has given its slot away
+  Habit habit = Habit::reset_communication;
 };
+
+void power_on(Device& d) {
+  d = Device{true, d.persistent, d.persistent, d.persistent, false, d.ours, d.habit};
+}
 
 struct State {
   Device devices[2];
@@ -40,13 +48,14 @@ struct State {
   bool quiet = false;                // this run of Berth has sent its opening 11 FF, 04 00
   bool heard[2] = {false, false};    // a boot-up under slot i's id since its vacancy was checked
   bool avoided[2] = {false, false};  // an action for it failed in this round
+  bool waits[2] = {false, false};    // for its power cycle, as this run of Berth knows
   int faults = 0;
 
   [[nodiscard]] std::string key() const {
     std::string k;
     const auto put = [&](unsigned v) { k.push_back(static_cast<char>(v)); };
     for (const auto& d : devices) {
-      put(d.powered + 2U * d.configuration + 4U * d.ours);
+      put(d.powered + 2U * d.configuration + 4U * d.ours + 8U * static_cast<unsigned>(d.habit));
       put(d.persistent.value());
       put(d.pending.value());
       put(d.active.value());
@@ -54,6 +63,7 @@ struct State {
     for (int i = 0; i < 2; ++i)
       put(static_cast<unsigned>((asked[i] + 1) * 16 + (confirmed[i] + 1) * 4 + blank_asked[i] * 2 + heard[i]));
     put(static_cast<unsigned>(quiet * 64 + avoided[0] * 32 + avoided[1] * 16 + faults));
+    put(static_cast<unsigned>(waits[0] + 2 * waits[1]));
     if (work) {
       put(1U + static_cast<unsigned>(work->kind()));
       put(work->assignment().device == address_of[0] ? 0 : 1);
@@ -61,7 +71,9 @@ struct State {
       put(static_cast<unsigned>(work->step()));
       put(static_cast<unsigned>(work->why()));
       put(work->old_id().value());
-      put(work->tries_left() * 8 + work->untouched() * 4 + work->stored() * 2 + work->volatile_only());
+      put(work->staying().boots + 2U * work->staying().asked);
+      put(work->tries_left() * 16 + work->staying().once * 8 + work->untouched() * 4 + work->stored() * 2 +
+          work->volatile_only());
       put(static_cast<unsigned>(slot));
     }
     return k;
@@ -76,7 +88,8 @@ void switch_global_waiting(State& s) {
   for (auto& d : s.devices) {
     if (!d.powered) continue;
     d.configuration = false;
-    if (!d.active.configured() && d.pending.configured()) d.active = d.pending;
+    const bool takes = !d.active.configured() && d.habit != Habit::power_cycle;
+    if (takes && d.pending.configured()) d.active = d.pending;
   }
 }
 
@@ -87,9 +100,10 @@ void note_boot(State& s, NodeId id, int except) {
   }
 }
 
-void reset_communication(State& s, NodeId id) {
+void reset(State& s, NodeId id, bool node) {
   for (auto& d : s.devices) {
-    if (d.powered && d.active == id) d.active = d.pending;
+    const bool takes = d.habit == Habit::reset_communication || (node && d.habit == Habit::reset_node);
+    if (d.powered && d.active == id && takes) d.active = d.pending;
   }
 }
 
@@ -133,11 +147,11 @@ std::vector<LssAddress> blanks_of(const State& s) {
 // The first action whose device did not fail in this round, there or not; when all did, the next round begins.
 bool begin_next(State& s) {
   const auto p = plan(slots_of(s), found_in(s), blanks_of(s), master);
-  const auto waits = [&](const Action& a) { return !s.avoided[index_of(a.device)]; };
-  auto next = std::ranges::find_if(p.actions, waits);
+  const auto due = [&](const Action& a) { return !s.avoided[index_of(a.device)] && !s.waits[index_of(a.device)]; };
+  auto next = std::ranges::find_if(p.actions, due);
   if (next == p.actions.end()) {
     s.avoided[0] = s.avoided[1] = false;
-    next = p.actions.begin();
+    next = std::ranges::find_if(p.actions, due);
   }
   if (next == p.actions.end()) return false;
   const bool bind = next->kind == Action::Kind::bind;
@@ -160,6 +174,7 @@ void end_work(State& s) {
     const bool dropped = bind && s.confirmed[s.slot] < 0 && s.asked[s.slot] >= 0 && w.untouched();
     if (dropped) s.asked[s.slot] = -1;
   }
+  s.waits[who] = w.step() == Step::power_cycle;
   // A node-ID that was given up may be what another one failed for.
   if (w.step() == Step::done && !bind) s.avoided[0] = s.avoided[1] = false;
   s.work.reset();
@@ -222,9 +237,15 @@ Outcome effect(State& s) {
       return Outcome::ok;
     case Step::reset:
       if (bind && s.heard[s.slot]) return Outcome::mismatch;
-      reset_communication(s, w.old_id());
+      reset(s, w.old_id(), w.staying().once);
       return Outcome::ok;
-    case Step::await_boot_up: return Outcome::ok;
+    case Step::await_boot_up: {
+      if (d.powered && d.active == w.assignment().id) return Outcome::ok;
+      // Whoever has the old node-ID has booted under it.
+      const auto stays = [&](const Device& each) { return each.powered && each.active == w.old_id(); };
+      const bool stayed = w.old_id().configured() ? stays(s.devices[0]) || stays(s.devices[1]) : !w.staying().boots;
+      return stayed ? Outcome::mismatch : Outcome::silent;
+    }
     case Step::identify: {
       if (!bind) {
         if (!d.powered) return Outcome::silent;
@@ -253,6 +274,7 @@ void crash(State& s) {
   s.quiet = false;
   s.heard[0] = s.heard[1] = false;
   s.avoided[0] = s.avoided[1] = false;
+  s.waits[0] = s.waits[1] = false;
 }
 
 // One move of Berth without faults; false when it has nothing to do.
@@ -281,11 +303,22 @@ bool settled(const State& s) {
   return s.confirmed[0] != s.confirmed[1];
 }
 
+// A person switches a device that waits for it off and on. False: none does.
+bool power_cycle(State& s) {
+  for (int i = 0; i < 2; ++i) {
+    if (!std::exchange(s.waits[i], false)) continue;
+    power_on(s.devices[i]);
+    note_boot(s, s.devices[i].active, -1);
+    return true;
+  }
+  return false;
+}
+
 // From here on nothing goes wrong and every device has power: Berth must finish.
 bool finishes(State s, std::unordered_map<std::string, bool>& known) {
   for (auto& d : s.devices) {
     if (!d.powered) {
-      d = Device{true, d.persistent, d.persistent, d.persistent, false, d.ours};
+      power_on(d);
       note_boot(s, d.active, -1);
     }
   }
@@ -297,7 +330,9 @@ bool finishes(State s, std::unordered_map<std::string, bool>& known) {
       return it->second;
     }
     path.push_back(key);
-    if (!berth_move(s)) break;
+    const bool looked_at = moves % 40 >= 36 && !s.work;  // another device may wait for what it uses meanwhile
+    if (looked_at && power_cycle(s)) continue;
+    if (!berth_move(s) && !power_cycle(s)) break;
   }
   const bool good = settled(s) && !duplicate_id(s);
   for (const auto& k : path) known[k] = good;
@@ -377,11 +412,12 @@ Explored explore(const State& start, int budget) {
     for (int i = 0; i < 2; ++i) {  // power
       State next = faulty;
       Device& d = next.devices[i];
+      next.waits[i] = false;
       if (d.powered) {
         d.powered = false;
         d.configuration = false;
       } else {
-        d = Device{true, d.persistent, d.persistent, d.persistent, false, d.ours};
+        power_on(d);
         note_boot(next, d.active, i);
       }
       visit(next);
@@ -391,6 +427,7 @@ Explored explore(const State& start, int budget) {
       if (who < 0 || s.devices[who].powered || s.work) continue;
       State next = faulty;
       next.asked[i] = next.confirmed[i] = -1;
+      next.waits[who] = false;
       next.devices[who].ours = false;
       visit(next);
     }
@@ -435,6 +472,28 @@ TEST(BindingModel, S1_36_DevicesThatComeWithNodeIds) {
   for (const auto& [a, b] : starts) {
     const auto what = std::to_string(a.value()) + " and " + std::to_string(b.value());
     expect_sound(with_ids(a, b), 5, what.c_str());
+  }
+}
+
+// Devices that boot under their old node-ID when their communication is reset: some take the new one when the node is,
+// some when they are switched off and on only.
+TEST(BindingModel, S1_36_DevicesThatAResetDoesNotMove) {
+  const NodeId none;
+  const NodeId one(1);
+  const NodeId two(2);
+  const NodeId far(77);
+  const std::pair<NodeId, NodeId> starts[] = {{two, one}, {one, one}, {far, none}, {far, one}, {far, far}, {none, none}};
+  for (const auto habit : {Habit::reset_node, Habit::power_cycle}) {
+    for (const bool both : {false, true}) {
+      for (const auto& [a, b] : starts) {
+        State s = with_ids(a, b);
+        s.devices[0].habit = habit;
+        if (both) s.devices[1].habit = habit;
+        const auto what = std::to_string(a.value()) + " and " + std::to_string(b.value()) +
+                          (habit == Habit::reset_node ? ", reset node" : ", power cycle") + (both ? ", both" : "");
+        expect_sound(s, 4, what.c_str());
+      }
+    }
   }
 }
 

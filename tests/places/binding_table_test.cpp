@@ -108,6 +108,105 @@ bool walk_to(Binding& binding, Step step) {
   return binding.step() == step;
 }
 
+// It boots under its old node-ID: it has obeyed the reset, and is not told to store again. Reset node is tried; then it
+// waits for its power cycle, when LSS tells that it is this device which stays there.
+TEST(BindingTable, ADeviceThatStaysWaitsForItsPowerCycle) {
+  for (const bool another : {false, true}) {
+    Binding binding(Binding::Kind::bind, seat);
+    binding.inquired(NodeId(77));
+    ASSERT_TRUE(walk_to(binding, Step::reset));
+    EXPECT_FALSE(binding.staying().once);
+    binding.advance(Outcome::ok);
+    ASSERT_EQ(binding.step(), Step::await_boot_up);
+    binding.advance(Outcome::mismatch);
+    ASSERT_EQ(binding.step(), Step::reset);
+    EXPECT_TRUE(binding.staying().once);
+    binding.advance(Outcome::ok);
+    binding.advance(Outcome::mismatch);
+    ASSERT_EQ(binding.step(), Step::select);
+    binding.advance(Outcome::ok);
+    ASSERT_EQ(binding.step(), Step::inquire);
+    binding.inquired(another ? seat.id : NodeId(77));
+    binding.advance(Outcome::ok);
+    ASSERT_EQ(binding.step(), Step::release);
+    binding.advance(Outcome::ok);
+    EXPECT_EQ(binding.step(), another ? Step::identify : Step::power_cycle) << "another booted under 77";
+  }
+}
+
+// A blank one that does not boot soon is asked by LSS: twice as it was, it waits for its power cycle; silent, it boots.
+TEST(BindingTable, ABlankDeviceThatDoesNotBootIsAskedWhetherItStays) {
+  for (const bool answers : {false, true}) {
+    Binding binding(Binding::Kind::bind, seat);
+    ASSERT_TRUE(walk_to(binding, Step::await_boot_up));
+    EXPECT_FALSE(binding.staying().boots);
+    binding.advance(Outcome::mismatch);
+    ASSERT_EQ(binding.step(), Step::select);
+    if (!answers) {
+      binding.advance(Outcome::silent);
+      ASSERT_EQ(binding.step(), Step::await_boot_up);
+      EXPECT_TRUE(binding.staying().boots);
+      continue;
+    }
+    binding.advance(Outcome::ok);
+    binding.advance(Outcome::ok);
+    ASSERT_EQ(binding.step(), Step::release);
+    binding.advance(Outcome::ok);
+    ASSERT_EQ(binding.step(), Step::await_boot_up) << "this `04 00` may be the first that it hears";
+    const auto as_it_was = [&] {
+      binding.advance(Outcome::mismatch);
+      binding.advance(Outcome::ok);
+      binding.advance(Outcome::ok);
+      binding.advance(Outcome::ok);
+    };
+    as_it_was();
+    ASSERT_EQ(binding.step(), Step::select) << "it is told anew";
+    ASSERT_TRUE(walk_to(binding, Step::await_boot_up));
+    as_it_was();
+    ASSERT_EQ(binding.step(), Step::await_boot_up);
+    as_it_was();
+    EXPECT_EQ(binding.step(), Step::power_cycle);
+  }
+}
+
+// Some tell the pending node-ID by 5Eh. One that LSS hears and that is silent under it does not use it.
+TEST(BindingTable, ABlankDeviceThatTellsItsPendingNodeIdWaitsForItsPowerCycleToo) {
+  Binding binding(Binding::Kind::bind, seat);
+  ASSERT_TRUE(walk_to(binding, Step::await_boot_up));
+  binding.advance(Outcome::mismatch);
+  binding.advance(Outcome::ok);
+  binding.inquired(seat.id);
+  binding.advance(Outcome::ok);
+  binding.advance(Outcome::ok);
+  ASSERT_EQ(binding.step(), Step::identify);
+  binding.advance(Outcome::silent);
+  EXPECT_EQ(binding.step(), Step::power_cycle);
+}
+
+// It answers no more: it may have booted under its new node-ID after all.
+TEST(BindingTable, ADeviceThatSeemedToStayIsAskedUnderItsNewNodeId) {
+  Binding binding(Binding::Kind::bind, seat);
+  binding.inquired(NodeId(77));
+  ASSERT_TRUE(walk_to(binding, Step::await_boot_up));
+  binding.advance(Outcome::mismatch);
+  binding.advance(Outcome::ok);
+  binding.advance(Outcome::mismatch);
+  ASSERT_EQ(binding.step(), Step::select);
+  binding.advance(Outcome::silent);
+  EXPECT_EQ(binding.step(), Step::identify);
+}
+
+// Without a memory there is nothing that a power cycle could bring into use.
+TEST(BindingTable, ADeviceWithoutMemoryThatStaysIsAskedUnderItsNewNodeId) {
+  Binding binding(Binding::Kind::bind, seat);
+  binding.inquired(NodeId(77));
+  ASSERT_TRUE(walk_to(binding, Step::store));
+  binding.advance(Outcome::unsupported);
+  ASSERT_TRUE(walk_to(binding, Step::await_boot_up));
+  binding.advance(Outcome::mismatch);
+  EXPECT_EQ(binding.step(), Step::identify);
+}
+
 // Another device answers under the new node-ID: this one may have missed `04 00` and would take it at the next.
 TEST(BindingTable, S1_53_WhatAnotherAnswersUnderIsTakenBack) {
   Binding binding(Binding::Kind::bind, seat);
@@ -143,7 +242,7 @@ TEST(BindingTable, S1_53_NothingIsConfirmedUnheard) {
     Binding binding(Binding::Kind::bind, seat);
     ASSERT_TRUE(walk_to(binding, Step::await_boot_up));
     binding.advance(outcome);
-    EXPECT_EQ(binding.step(), Step::identify);
+    EXPECT_EQ(binding.step(), outcome == Outcome::mismatch ? Step::select : Step::identify);
   }
   for (const auto outcome : {Outcome::silent, Outcome::mismatch, Outcome::several}) {
     Binding binding(Binding::Kind::bind, seat);

@@ -302,6 +302,26 @@ TEST(PlantFile, EveryOtherMistakeIsAnError) {
   }
 }
 
+// A gateway's master whose own place is not in its network list could not take the list (1F22h of its own node-ID).
+TEST(PlantFile, AMasterAboveTheHighestOfItsListIsRefusedInWords) {
+  const auto with = [](const std::string& master) {
+    return head + one + "node_id = 40\nmaster = { flying = false" + master + " }\n";
+  };
+  const auto error = only_error(with(""));
+  EXPECT_NE(error.find("its own node-ID 40 is above the highest that its network list has (32)"), std::string::npos)
+      << error;
+  EXPECT_NE(error.find("most = 40"), std::string::npos) << error;
+  EXPECT_TRUE(read_plant(with(", most = 40"), "p.toml").plant);
+}
+
+TEST(PlantFile, ANumericHardwareVersion) {
+  const auto result = read_plant(head + one + "hardware = 3\n", "p.toml");
+  ASSERT_TRUE(result.plant);
+  EXPECT_EQ(result.plant->devices.front().does.hardware, 3U);
+  EXPECT_NE(write_plant(*result.plant).find("hardware = 3"), std::string::npos);
+  EXPECT_FALSE(read_plant(head + "[[device]]\nbus = \"b\"\nname = \"x\"\neds = \"x\"\nhardware = 3\n", "p.toml").plant);
+}
+
 // Both stacks have Fastscan built in, and neither knows RAND.
 TEST(PlantFile, HabitsAreThoseOfAStackThatSpeaksFastscan) {
   const auto result = read_plant(head + one + "habits = [\"canopennode\"]\n", "p.toml");

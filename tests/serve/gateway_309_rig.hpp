@@ -12,10 +12,10 @@
 #include <vector>
 
 #include "berth/device/device.hpp"
-#include "berth/operate/session.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/plant/world.hpp"
 #include "berth/serve/cia309_client.hpp"
+#include "berth/tree/session.hpp"
 
 namespace berth::serve {
 
@@ -99,7 +99,7 @@ class Rig309 {
       sniffers_.push_back(world_->attach_master(bus.name, {.name = "sniffer", .queue_depth = 64}));
       sniffers_.back()->listen(&ears_.emplace_back(std::make_unique<FrameEar>()).operator*(), all_frames);
     }
-    session_ = std::make_unique<operate::Session>(world_->executor(), machine_, store_);
+    session_ = std::make_unique<tree::Session>(world_->executor(), machine_, store_);
     for (std::size_t i = 0; i < ports_.size(); ++i) {
       EXPECT_TRUE(session_->connect(machine_.buses[i].name, *ports_[i]));
     }
@@ -155,7 +155,7 @@ class Rig309 {
   }
   [[nodiscard]] FrameEar& heard(std::size_t net = 1) { return *ears_.at(net - 1); }
   sim::Controller& peer(std::size_t net = 1) { return *sniffers_.at(net - 1); }
-  [[nodiscard]] operate::Session& session() { return *session_; }
+  [[nodiscard]] tree::Session& session() { return *session_; }
   [[nodiscard]] cia309::House& house() { return house_; }
   [[nodiscard]] plant::World& world() { return *world_; }
   void unplug_bench() {
@@ -193,7 +193,7 @@ class Rig309 {
   std::vector<std::unique_ptr<sim::Controller>> sniffers_;
   std::unique_ptr<sim::Controller> bench_port_;
   std::unique_ptr<can::Dispatcher> dispatcher_;
-  std::unique_ptr<operate::Session> session_;
+  std::unique_ptr<tree::Session> session_;
   cia309::House house_;
 };
 

@@ -2,7 +2,9 @@
 // phase, and for a failure the plant file that replays it. Then the same for each method of discovery by itself, and
 // for the negotiation: as many worlds of each as a tenth of N; `--method NAME`: N worlds of this one only ("all",
 // "none"). Then worlds of programs, configurations, links and take-over, as many as a tenth of N (`--intelligence`: N
-// of these only), and trees of buses beneath gateways, a two-hundredth (`--trees`: N of these only).
+// of these only), and trees of buses beneath gateways, a two-hundredth (`--trees`: N of these only, with sister buses,
+// replacements and devices of all kinds). `--waits`: N of the main job's worlds, with devices that wait for a power
+// cycle, cables cut for long, and a judge of what is told. `--plain`: without what these two have more than by default.
 #include <sys/wait.h>
 #include <unistd.h>
 #include <algorithm>
@@ -34,11 +36,13 @@ struct Options {
   bool show = false;
   bool brief = false;  // a failure is named and neither shrunk nor written down
   bool twins = false;  // worlds with devices of one address on several buses
+  bool waits = false;  // with devices that wait for a power cycle, long cuts, and a judge of what is told
   bool main_job = true;
   std::uint64_t method_count = 200;           // worlds of each row
   int first_row = 0, last_row = method_rows;  // excluded
   std::uint64_t intelligence_count = 220;     // worlds of programs, configurations, links and take-over
   std::uint64_t trees = 12;                   // worlds of many buses
+  bool mixed_trees = false;                   // with sister buses, replacements, devices of all kinds
   bool complete = true;                       // fail when a cell of the matrix has too few hits
 };
 
@@ -150,7 +154,7 @@ void sum(Cells& total, const Cells& part) {
 Tally work(const Options& o, unsigned worker) {
   Tally tally;
   for (std::uint64_t seed = o.from + worker; seed < o.from + o.count; seed += o.workers) {
-    const WorldPlan plan = Planner(seed, o.twins).make();
+    const WorldPlan plan = Planner(seed, {.twins = o.twins, .waits = o.waits}).make();
     const Outcome outcome = run_world(plan);
     ++tally.runs;
     tally.solvable += plan.solvable;
@@ -430,16 +434,18 @@ constexpr int troubles_of_a_tree = 8;
 TreeTally work_trees(const Options& o, unsigned worker) {
   TreeTally tally;
   for (std::uint64_t seed = o.from + worker; seed < o.from + o.trees; seed += o.workers) {
-    TreeWorld first(tree_plan(seed)), second(tree_plan(seed));
+    const TreePlan plan = o.mixed_trees ? mix(tree_plan(seed)) : tree_plan(seed);
+    const char* const frames = std::getenv("BERTH_WORLDS_FRAMES");  // of this bus, in the log
+    TreeWorld first(plan, frames == nullptr ? "" : frames), second(plan);
     const std::string wrong = first.go(troubles_of_a_tree);
     static_cast<void>(second.go(troubles_of_a_tree));
     ++tally.runs;
-    const bool differs = first.log() != second.log();
+    const bool differs = frames == nullptr && first.log() != second.log();
     tally.differ += differs ? 1U : 0U;
     tally.failures += wrong.empty() ? 0U : 1U;
     if (differs) std::printf("tree %llu: two runs differ\n", static_cast<unsigned long long>(seed));
     if (!wrong.empty()) std::printf("tree %llu: %s", static_cast<unsigned long long>(seed), wrong.c_str());
-    if (o.show) std::printf("%s", first.log().c_str());
+    if (o.show) std::printf("%s%s", plant::write_plant(plan.plant).c_str(), first.log().c_str());
     std::fflush(stdout);
   }
   return tally;
@@ -448,9 +454,10 @@ TreeTally work_trees(const Options& o, unsigned worker) {
 bool trees(const Options& o) {
   const auto began = std::chrono::steady_clock::now();
   const TreeTally t = side_by_side(o, work_trees);
-  std::printf("%llu trees of buses, each run twice, from seed %llu; %llu differed; %llu failed\n",
-              static_cast<unsigned long long>(t.runs), static_cast<unsigned long long>(o.from),
-              static_cast<unsigned long long>(t.differ), static_cast<unsigned long long>(t.failures));
+  std::printf("%llu trees of buses%s, each run twice, from seed %llu; %llu differed; %llu failed\n",
+              static_cast<unsigned long long>(t.runs), o.mixed_trees ? " with replacements and sister buses" : "",
+              static_cast<unsigned long long>(o.from), static_cast<unsigned long long>(t.differ),
+              static_cast<unsigned long long>(t.failures));
   print_speed(t.runs, began, o.workers);
   return t.differ == 0 && t.failures == 0 && t.runs > 0;
 }
@@ -458,10 +465,13 @@ bool trees(const Options& o) {
 bool main_job(const Options& o) {
   const auto began = std::chrono::steady_clock::now();
   const Tally t = side_by_side(o, work);
-  const bool enough = o.twins || print_matrix(t, o.complete);
+  const bool enough = o.twins || o.waits || print_matrix(t, o.complete);
   std::printf(
       "%llu worlds%s, each run twice, from seed %llu; %llu of them must end operational; %llu differed; %llu failed\n",
-      static_cast<unsigned long long>(t.runs), o.twins ? " with twins on several buses" : "",
+      static_cast<unsigned long long>(t.runs),
+      o.twins   ? " with twins on several buses"
+      : o.waits ? " with who waits"
+                : "",
       static_cast<unsigned long long>(o.from), static_cast<unsigned long long>(t.solvable),
       static_cast<unsigned long long>(t.differ), static_cast<unsigned long long>(t.failures));
   print_speed(t.runs, began, o.workers);
@@ -493,6 +503,7 @@ bool intelligence(const Options& o) {
 int main(int argc, char** argv) {
   Options o;
   bool counted = false, only_methods = false, only_intelligence = false, only_trees = false, only_twins = false;
+  bool only_waits = false, plain = false;
   for (int i = 1; i < argc; ++i) {
     const auto value = [&] { return i + 1 < argc ? std::strtoull(argv[++i], nullptr, 0) : 0ULL; };
     if (std::strcmp(argv[i], "--from") == 0) {
@@ -505,7 +516,11 @@ int main(int argc, char** argv) {
     } else if (std::strcmp(argv[i], "--show") == 0) {
       o.show = true;
     } else if (std::strcmp(argv[i], "--trees") == 0) {
-      only_trees = true;
+      only_trees = o.mixed_trees = true;
+    } else if (std::strcmp(argv[i], "--plain") == 0) {
+      plain = true;
+    } else if (std::strcmp(argv[i], "--waits") == 0) {
+      only_waits = o.waits = true;
     } else if (std::strcmp(argv[i], "--twins") == 0) {
       only_twins = true;
     } else if (std::strcmp(argv[i], "--brief") == 0) {
@@ -518,7 +533,7 @@ int main(int argc, char** argv) {
     } else {
       std::fprintf(stderr,
                    "usage: faults [--from SEED] [--count N] [--method NAME|all|none | --intelligence | --trees | "
-                   "--twins] "
+                   "--twins] [--waits] [--plain] "
                    "[--workers N] [--show] [--brief]\n"
                    "methods:");
       for (int row = 0; row < method_rows; ++row) std::fprintf(stderr, " %s", row_name(row).c_str());
@@ -527,6 +542,7 @@ int main(int argc, char** argv) {
     }
   }
   if (o.workers == 0) o.workers = 1;
+  if (plain) o.mixed_trees = o.waits = false;
   o.complete = o.count >= 2200;
   if (counted) o.method_count = o.main_job ? (o.count + 9) / 10 : o.count;
   if (counted) o.intelligence_count = only_intelligence ? o.count : o.method_count;
@@ -543,6 +559,7 @@ int main(int argc, char** argv) {
   twins.twins = true;
   if (!only_twins) twins.count = (o.count + 9) / 10;
   if (only_twins) return main_job(twins) ? 0 : 1;
+  if (only_waits) return main_job(o) ? 0 : 1;
   if (o.main_job) good = main_job(o);
   if (o.main_job) good = main_job(twins) && good;
   if (with_trees) good = trees(o) && good;

@@ -1,4 +1,4 @@
-#include "berth/operate/network_list.hpp"
+#include "berth/tree/network_list.hpp"
 
 #include <algorithm>
 #include <array>
@@ -7,8 +7,9 @@
 #include "berth/base/bytes.hpp"
 #include "berth/eds/concise_dcf.hpp"
 #include "berth/od/cia302.hpp"
+#include "berth/od/paper3.hpp"
 
-namespace berth::operate {
+namespace berth::tree {
 namespace {
 
 namespace cia302 = od::cia302;
@@ -29,7 +30,7 @@ class List {
     put32({cia302::boot_time, 0}, static_cast<std::uint64_t>(bus_.startup.boot_time.count() / 1'000'000));
   }
 
-  void slot(const places::SlotSpec& slot, bool held_back, const SlotSettings& settings, Findings& findings) {
+  void slot(const places::SlotSpec& slot, bool held_back, const operate::SlotSettings& settings, Findings& findings) {
     const std::uint8_t sub = slot.id.value();
     manager::SlaveRules rules;
     rules.assigned = true;
@@ -41,6 +42,7 @@ class List {
     put32({cia302::expected_product, sub}, slot.type.product);
     const bool exact = slot.rule == places::RevisionRule::exact;
     put32({cia302::expected_revision, sub}, exact ? slot.revision.value_or(0) : 0);
+    if (slot.software.hardware_number != 0) put32({od::paper3::expected_hardware, sub}, slot.software.hardware_number);
     put32({consumer_heartbeat, ++consumers_},
           std::uint64_t{sub} << 16U | static_cast<std::uint64_t>(milliseconds(bus_.timing.heartbeat_timeout)));
     const auto more = settings.find(slot.name.name);
@@ -144,7 +146,8 @@ class List {
 }  // namespace
 
 manager::Wanted network_list(const design::Bus& bus, std::span<const places::SlotSpec> slots,
-                             std::span<const NodeId> held_back, const SlotSettings& settings, Findings& findings) {
+                             std::span<const NodeId> held_back, const operate::SlotSettings& settings,
+                             Findings& findings) {
   List list(bus);
   list.bus();
   for (const auto& slot : slots) {
@@ -156,4 +159,4 @@ manager::Wanted network_list(const design::Bus& bus, std::span<const places::Slo
   return list.done();
 }
 
-}  // namespace berth::operate
+}  // namespace berth::tree

@@ -9,7 +9,7 @@
 #include "berth/manager/node_id_report.hpp"
 #include "berth/places/slot.hpp"
 
-namespace berth::operate {
+namespace berth::tree {
 
 class ListTrouble {
  public:
@@ -33,4 +33,4 @@ class ListTrouble {
   std::uint64_t surplus_ = 0;
 };
 
-}  // namespace berth::operate
+}  // namespace berth::tree

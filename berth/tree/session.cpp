@@ -1,10 +1,10 @@
-#include "berth/operate/session.hpp"
+#include "berth/tree/session.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 
-namespace berth::operate {
+namespace berth::tree {
 
 /// Tells the store the time of each line of its history.
 class Session::StampedStore final : public places::SlotStore {
@@ -91,26 +91,26 @@ Result<void> Session::connect(std::string_view bus, can::Port& port) {
 Result<void> Session::open() {
   if (!networks_.empty()) return fail(Errc::invalid, "the session is open already");
   if (ports_.size() != machine_->buses.size()) return fail(Errc::invalid, "a bus of the machine has no port");
-  NetworkObserver observer;
-  observer.event = [this](const Event& event) { record(event); };
-  observer.milestone = [this](Milestone milestone) {
+  operate::NetworkObserver observer;
+  observer.event = [this](const operate::Event& event) { record(event); };
+  observer.milestone = [this](operate::Milestone milestone) {
     auto& buses = reached_[static_cast<std::size_t>(milestone)];
     if (++buses == networks_.size() && on_milestone_) on_milestone_(milestone);
   };
   for (const auto& bus : machine_->buses) {
-    observer.command = [this, name = bus.name](std::string text, NetworkObserver::Confirm confirm) {
+    observer.command = [this, name = bus.name](std::string text, operate::NetworkObserver::Confirm confirm) {
       return on_command_ && on_command_(name, std::move(text), std::move(confirm));
     };
     observer.beneath = tree_.first_of(bus.name);
     const auto port = std::ranges::find(ports_, &bus, &decltype(ports_)::value_type::first);
-    auto network = std::make_unique<Network>(*executor_, *port->second, machine_->name, bus, machine_->specs(bus.name),
-                                             *store_, observer);
-    SlotDescriptions descriptions;
+    auto network = std::make_unique<operate::Network>(*executor_, *port->second, machine_->name, bus,
+                                                      machine_->specs(bus.name), *store_, observer);
+    operate::SlotDescriptions descriptions;
     for (const auto& slot : machine_->slots) {
       if (slot.spec.name.bus == bus.name && !slot.eds_path.empty())
         descriptions.emplace(slot.spec.name.name, slot.eds_path);
     }
-    const auto opened = network->open(settings_, descriptions);
+    const auto opened = network->open(with_gateways(*machine_, bus.name, settings_), descriptions);
     if (!opened) return opened;
     networks_.push_back(std::move(network));
   }
@@ -131,18 +131,18 @@ void Session::stop() noexcept {
   started_ = false;
 }
 
-void Session::tell(std::string_view bus, EventKind kind, std::string text) {
+void Session::tell(std::string_view bus, operate::EventKind kind, std::string text) {
   record({executor_->now(), std::string(bus), kind, {}, std::move(text)});
 }
 
-void Session::record(const Event& event) {
+void Session::record(const operate::Event& event) {
   if (events_.size() == most_events) events_.pop_front();
   events_.push_back(event);
   if (on_event_) on_event_(event);
 }
 
-std::vector<SlotReport> Session::slots() const {
-  std::vector<SlotReport> all;
+std::vector<operate::SlotReport> Session::slots() const {
+  std::vector<operate::SlotReport> all;
   all.reserve(machine_->slots.size());
   for (const auto& network : networks_) {
     auto slots = network->report();
@@ -155,17 +155,17 @@ std::vector<SlotReport> Session::slots() const {
   return all;
 }
 
-Report Session::take_report() {
+operate::Report Session::take_report() {
   auto events = std::exchange(events_, {});
-  Report last = report();
+  operate::Report last = report();
   last.events = std::move(events);
   return last;
 }
 
-Report Session::report() const {
-  Report report;
+operate::Report Session::report() const {
+  operate::Report report;
   report.slots = slots();
-  const double elapsed = seconds(executor_->now()) - seconds(began_);
+  const double elapsed = operate::seconds(executor_->now()) - operate::seconds(began_);
   for (const auto& network : networks_) report.bus_time_s.emplace_back(network->bus().name, elapsed);
   report.events = events_;
   report.questions = questions_of(*this);
@@ -175,8 +175,8 @@ Report Session::report() const {
   return report;
 }
 
-std::vector<Event> questions_of(const Session& session) {
-  std::vector<Event> all;
+std::vector<operate::Event> questions_of(const Session& session) {
+  std::vector<operate::Event> all;
   for (const auto& network : session.networks()) {
     auto questions = network->planning().question_events();
     std::ranges::move(questions, std::back_inserter(all));
@@ -192,10 +192,10 @@ bool Session::idle() const noexcept {
   return std::ranges::all_of(networks_, [](const auto& n) { return n->idle(); }) && tree_.idle();
 }
 
-Network* Session::network(std::string_view bus) noexcept {
+operate::Network* Session::network(std::string_view bus) noexcept {
   if (bus.empty()) return networks_.size() == 1 ? networks_.front().get() : nullptr;
   const auto it = std::ranges::find_if(networks_, [&](const auto& n) { return n->bus().name == bus; });
   return it == networks_.end() ? nullptr : it->get();
 }
 
-}  // namespace berth::operate
+}  // namespace berth::tree

@@ -2,30 +2,34 @@
 /// is reached, and what must run before a gateway is started.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "berth/operate/beneath.hpp"
+#include "berth/multilevel/event_log.hpp"
 #include "berth/operate/network.hpp"
+#include "berth/tree/beneath.hpp"
+#include "berth/tree/emcy_origins.hpp"
 
-namespace berth::operate {
+namespace berth::tree {
 
 class Tree {
  public:
-  using Networks = std::vector<std::unique_ptr<Network>>;
+  using Networks = std::vector<std::unique_ptr<operate::Network>>;
 
   /// All must stay. `networks` may be filled later.
   Tree(rt::Executor& executor, const design::Machine& machine, const Networks& networks) noexcept
-      : executor_(&executor), machine_(&machine), networks_(&networks) {}
+      : executor_(&executor), machine_(&machine), networks_(&networks), resets_(executor) {}
 
   /// What a network of this bus must know before it is made.
-  [[nodiscard]] BeneathFirst first_of(const std::string& bus);
+  [[nodiscard]] operate::BeneathFirst first_of(const std::string& bus);
   /// Once, when all networks are there. `settings`: of slots on any bus. Errors: `invalid`, a bus beneath gateways
   /// whose topmost bus is not there.
-  Result<void> open(const std::function<void(const Event&)>& events, const SlotSettings& settings = {});
+  Result<void> open(const std::function<void(const operate::Event&)>& events,
+                    const operate::SlotSettings& settings = {});
   void start();
   void stop() noexcept;
   /// Before the networks are gone.
@@ -35,27 +39,34 @@ class Tree {
   /// Null when there is none of this name.
   [[nodiscard]] Beneath* bus(std::string_view name) const noexcept;
   /// All nodes that a bus with a port leads to, by their paths: the one client of its gateways. It stays.
-  [[nodiscard]] multilevel::Routes& routes(Network& network);
+  [[nodiscard]] multilevel::Routes& routes(operate::Network& network);
   /// Every bus that its gateway does not start without.
   [[nodiscard]] bool operational() const noexcept;
   [[nodiscard]] bool idle() const noexcept;
 
  private:
   struct Root {
-    Root(Network& network, const multilevel::GatewayTimes& gateways)
+    Root(operate::Network& network, const multilevel::GatewayTimes& gateways)
         : routes(network.services().sdo, network.services().sdo.options(), gateways) {}
     multilevel::Routes routes;
     std::unique_ptr<multilevel::EventLog> log;
   };
   rt::Task<Result<void>> bring_up(std::string bus, NodeId gateway);
   void heard(const std::string& bus, const multilevel::LoggedEmcy& entry);
-  [[nodiscard]] Network* network(std::string_view bus) const noexcept;
+  void note_stopping(const std::string& top, const multilevel::EmcyReading& reading, const EmcyOrigins& origins);
+  rt::Task<void> reset_stopped(operate::Network& network, NodeId gateway);
+  void tell(const std::string& bus, const multilevel::LoggedEmcy& entry, const EmcyOrigins& origins);
+  void still_runs(const Beneath& above, NodeId gateway);
+  [[nodiscard]] std::string path_of(const design::Slot& slot) const;
+  [[nodiscard]] operate::Network* network(std::string_view bus) const noexcept;
 
   rt::Executor* executor_;
   const design::Machine* machine_;
   const Networks* networks_;
-  std::map<const Network*, std::unique_ptr<Root>> roots_;
+  std::function<void(const operate::Event&)> events_;
+  std::map<const operate::Network*, std::unique_ptr<Root>> roots_;
   std::vector<std::unique_ptr<Beneath>> buses_;  // each above those beneath it
+  rt::Scope resets_;
 };
 
-}  // namespace berth::operate
+}  // namespace berth::tree

@@ -13,10 +13,11 @@
 #include "berth/design/machine.hpp"
 #include "berth/operate/network.hpp"
 #include "berth/operate/report.hpp"
-#include "berth/operate/tree.hpp"
 #include "berth/places/slot_store.hpp"
+#include "berth/tree/gateway_settings.hpp"
+#include "berth/tree/tree.hpp"
 
-namespace berth::operate {
+namespace berth::tree {
 
 class Session {
  public:
@@ -30,10 +31,10 @@ class Session {
   /// `duplicate` it has one already.
   Result<void> connect(std::string_view bus, can::Port& port);
   /// What devices shall have besides `config =`. Before `open`.
-  void configure_with(SlotSettings settings) { settings_ = std::move(settings); }
-  /// The slot has `config =`, or gets settings.
+  void configure_with(operate::SlotSettings settings) { settings_ = std::move(settings); }
+  /// The slot has `config =`, gets settings, or is a gateway.
   [[nodiscard]] bool configures(const design::Slot& slot) const noexcept {
-    return !slot.spec.config.empty() || settings_.contains(slot.spec.name.name);
+    return !slot.spec.config.empty() || settings_.contains(slot.spec.name.name) || is_gateway(*machine_, slot);
   }
   /// Reads the store. Call once, after the ports. Errors: `invalid` a bus without a port, or one
   /// beneath gateways whose topmost bus the machine lacks; the store's.
@@ -49,23 +50,23 @@ class Session {
   void set_careful(bool careful) noexcept { careful_ = careful; }
   [[nodiscard]] bool careful() const noexcept { return careful_; }
   /// An event of what guards a bus's port, or of its plant: `step` or `error`.
-  void tell(std::string_view bus, EventKind kind, std::string text);
+  void tell(std::string_view bus, operate::EventKind kind, std::string text);
 
   /// Every event, as it happens. Events are kept for `report` too, the newest `most_events`.
-  void on_event(std::function<void(const Event&)> handler) { on_event_ = std::move(handler); }
+  void on_event(std::function<void(const operate::Event&)> handler) { on_event_ = std::move(handler); }
   /// Commands that come by SDO (1023h of the master's device of that bus): `NetworkObserver::command`.
   using CommandHandler =
-      std::function<bool(const std::string& bus, std::string text, NetworkObserver::Confirm confirm)>;
+      std::function<bool(const std::string& bus, std::string text, operate::NetworkObserver::Confirm confirm)>;
   void on_command(CommandHandler handler) { on_command_ = std::move(handler); }
   /// When the last bus has reached it.
-  void on_milestone(std::function<void(Milestone)> handler) { on_milestone_ = std::move(handler); }
+  void on_milestone(std::function<void(operate::Milestone)> handler) { on_milestone_ = std::move(handler); }
   static constexpr std::size_t most_events = 10'000;
 
-  [[nodiscard]] Report report() const;
+  [[nodiscard]] operate::Report report() const;
   /// The last one: its events are the session's own, which has none from then on. Of thousands of devices a copy takes
   /// megabytes.
-  [[nodiscard]] Report take_report();
-  [[nodiscard]] std::vector<SlotReport> slots() const;
+  [[nodiscard]] operate::Report take_report();
+  [[nodiscard]] std::vector<operate::SlotReport> slots() const;
   [[nodiscard]] bool operational() const noexcept;
   /// Every network only watches.
   [[nodiscard]] bool idle() const noexcept;
@@ -74,33 +75,33 @@ class Session {
   [[nodiscard]] places::SlotStore& store() noexcept;
   [[nodiscard]] rt::Executor& executor() noexcept { return *executor_; }
   /// Null when there is none; an empty name means the only bus, and null when there are several.
-  [[nodiscard]] Network* network(std::string_view bus) noexcept;
-  [[nodiscard]] const std::vector<std::unique_ptr<Network>>& networks() const noexcept { return networks_; }
+  [[nodiscard]] operate::Network* network(std::string_view bus) noexcept;
+  [[nodiscard]] const std::vector<std::unique_ptr<operate::Network>>& networks() const noexcept { return networks_; }
   /// The buses beneath gateways.
   [[nodiscard]] Tree& tree() noexcept { return tree_; }
 
  private:
   class StampedStore;
-  void record(const Event& event);
+  void record(const operate::Event& event);
 
   rt::Executor* executor_;
   const design::Machine* machine_;
   std::unique_ptr<StampedStore> store_;
   std::vector<std::pair<const design::Bus*, can::Port*>> ports_;
-  SlotSettings settings_;
-  std::vector<std::unique_ptr<Network>> networks_;
+  operate::SlotSettings settings_;
+  std::vector<std::unique_ptr<operate::Network>> networks_;
   Tree tree_;
-  std::deque<Event> events_;
-  std::function<void(const Event&)> on_event_;
-  std::function<void(Milestone)> on_milestone_;
+  std::deque<operate::Event> events_;
+  std::function<void(const operate::Event&)> on_event_;
+  std::function<void(operate::Milestone)> on_milestone_;
   CommandHandler on_command_;
-  std::array<std::size_t, milestones> reached_{};  // buses
+  std::array<std::size_t, operate::milestones> reached_{};  // buses
   rt::Time began_{};
   bool started_ = false;
   bool careful_ = false;
 };
 
 /// The questions that are open now, of all buses.
-[[nodiscard]] std::vector<Event> questions_of(const Session& session);
+[[nodiscard]] std::vector<operate::Event> questions_of(const Session& session);
 
-}  // namespace berth::operate
+}  // namespace berth::tree

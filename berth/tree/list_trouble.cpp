@@ -1,10 +1,10 @@
-#include "berth/operate/list_trouble.hpp"
+#include "berth/tree/list_trouble.hpp"
 
 #include <fmt/format.h>
 
 #include "berth/base/bytes.hpp"
 
-namespace berth::operate {
+namespace berth::tree {
 namespace {
 
 using manager::NodeIdTrouble;
@@ -73,4 +73,4 @@ rt::Task<std::string> ListTrouble::surplus(co::SdoAccess& master, rt::Time now) 
       count == 1 ? "it" : "them");
 }
 
-}  // namespace berth::operate
+}  // namespace berth::tree

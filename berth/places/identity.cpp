@@ -1,0 +1,37 @@
+#include "berth/places/identity.hpp"
+
+#include <array>
+#include <utility>
+
+namespace berth::places {
+
+rt::Task<Result<LssAddress>> read_identity(co::SdoClient& sdo, NodeId node) {
+  std::array<std::uint32_t, 4> parts{};
+  for (std::uint8_t i = 0; i < 4; ++i) {
+    const std::uint8_t sub = static_cast<std::uint8_t>(i + 1);
+    const auto part = co_await sdo.read<std::uint32_t>(node, 0x1018, sub);
+    if (part) {
+      parts[i] = *part;
+      continue;
+    }
+    // Only the vendor-ID is mandatory (CiA 301 §7.5.2.18).
+    if (part.error().code != Errc::aborted || i == 0) co_return fail(part.error());
+  }
+  co_return LssAddress{parts[0], parts[1], parts[2], parts[3]};
+}
+
+rt::Task<Identified> identify(co::SdoClient& sdo, NodeId node, rt::Duration listens) {
+  Identified answer;
+  for (int time = 0; time < 2; ++time) {
+    const auto surplus = sdo.surplus(node);
+    auto who = co_await read_identity(sdo, node);
+    answer.who = std::move(who);
+    if (listens.count() > 0) co_await rt::sleep_for(listens);
+    answer.by_two = sdo.surplus(node) != surplus;
+    if (!answer.by_two) break;
+    if (time == 0) co_await rt::sleep_for(second_answer);
+  }
+  co_return answer;
+}
+
+}  // namespace berth::places

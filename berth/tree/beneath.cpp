@@ -1,0 +1,135 @@
+#include "berth/tree/beneath.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace berth::tree {
+namespace {
+
+using operate::EventKind;
+
+constexpr auto shortest_period = std::chrono::milliseconds(200);  // of looking around
+
+}  // namespace
+
+Beneath::Beneath(rt::Executor& executor, const design::Bus& bus, Way way, std::vector<places::SlotSpec> slots,
+                 const operate::SlotSettings& settings, multilevel::Routes& routes, operate::NetworkObserver observer)
+    : executor_(executor),
+      way_(std::move(way)),
+      routes_(routes),
+      slots_(executor, bus, std::move(slots), std::move(observer)),
+      delivery_(executor, slots_, way_, settings, routes),
+      watch_(slots_, way_, routes),
+      wakes_(executor),
+      scope_(executor) {
+  watch_.set_ready([this](NodeId gateway) { return ready_beneath(gateway); });
+}
+
+void Beneath::know_gateway(std::function<bool()> runs, std::function<void()> operational) {
+  gateway_runs_ = std::move(runs);
+  slots_.on_operational(std::move(operational));
+}
+
+void Beneath::start() {
+  if (scope_.running() == 0) scope_.spawn(watch());
+}
+
+void Beneath::stop() noexcept { scope_.cancel(); }
+
+bool Beneath::ready_beneath(NodeId gateway) const {
+  return std::ranges::all_of(delivery_.deeper(), [&](const Deeper& deeper) {
+    return deeper.gateway.slot != gateway || !deeper.gateway.mandatory || deeper.operational();
+  });
+}
+
+void Beneath::provide(bool provided) noexcept {
+  provided_ = provided;
+  watch_.set_provided(provided);
+}
+
+rt::Task<Result<void>> Beneath::bring_up() {
+  brings_up_ = true;
+  up_ = true;
+  provide(false);
+  watch_.set_hurried(true);
+  bool was_there = false;
+  auto done = co_await delivery_.deliver(was_there);
+  provide(done.has_value());
+  again_at_ = executor_.now() + patience;
+  const rt::Duration boot_time = bus().startup.boot_time;
+  const rt::Time deadline = executor_.now() + (boot_time.count() > 0 ? boot_time : patience);
+  if (done) done = co_await watch_.await_operational(deadline);
+  if (done && was_there) done = co_await delivery_.bring_up_deeper();
+  watch_.set_hurried(false);
+  brings_up_ = false;
+  if (!done && done.error().code == Errc::timeout) watch_.gateway_is_silent(done.error());
+  co_return done;
+}
+
+// One slot after the other, and at once those of which something was heard.
+rt::Task<void> Beneath::watch() {
+  const rt::Duration period = std::max<rt::Duration>(bus().timing.heartbeat_period, shortest_period);
+  for (;;) {
+    const rt::Time deadline = executor_.now() + period;
+    const auto wake = co_await wakes_.next(deadline);
+    static_cast<void>(wake);
+    wakes_.clear();
+    if (slots_.all().empty()) continue;
+    const bool runs = gateway_runs_ && gateway_runs_();
+    watch_.set_gateway_runs(runs);
+    if (brings_up_) {
+      co_await watch_.look_at_asked();
+    } else if (up_ && !provided_ && executor_.now() >= again_at_) {
+      const auto done = co_await bring_up();
+      again_at_ = executor_.now() + (done ? rt::Duration(0) : patience);
+    } else if (up_) {
+      co_await watch_.look_around();
+    } else if (runs) {
+      co_await adopt();
+    }
+  }
+}
+
+// What runs is not disturbed: another list than the machine file's is told, no more. But a Berth that ended in the
+// middle leaves a list that nobody but the next brings into use, or one without its gateways, which nobody else lets
+// in.
+rt::Task<void> Beneath::adopt() {
+  using Found = ListDelivery::Found;
+  const Found found = co_await delivery_.look();
+  up_ = true;
+  if (found == Found::unused || found == Found::unfinished) {
+    slots_.events().tell(
+        EventKind::step, "",
+        fmt::format("finishing what an earlier run began: {}",
+                    found == Found::unused ? "its gateway has no node of its network list"
+                                           : "its gateway's network list is without the gateways on it"));
+    again_at_ = executor_.now();
+    co_return;
+  }
+  if (found == Found::another) {
+    slots_.events().tell_once(
+        EventKind::error,
+        "its gateway runs with another network list than this machine file's: it gets the new one when the "
+        "gateway boots");
+  }
+  provide(true);
+}
+
+void Beneath::ask(NodeId node, bool lost) {
+  if (watch_.ask(node, lost)) wakes_.push(node);
+}
+
+void Beneath::ask_all() {
+  for (const NodeId node : slots_.nodes()) ask(node, true);
+}
+
+void Beneath::collided(NodeId node) {
+  if (auto* const place = slots_.at(node)) watch_.collided(*place);
+}
+
+void Beneath::stops_itself(NodeId gateway) noexcept {
+  if (auto* const place = slots_.at(gateway)) place->stops_itself = executor_.now();
+}
+
+}  // namespace berth::tree

@@ -1,0 +1,118 @@
+#include "berth/tree/gateway_master.hpp"
+
+#include <array>
+
+#include "berth/eds/concise_dcf.hpp"
+#include "berth/manager/configuration_requests.hpp"
+#include "berth/manager/network_requests.hpp"
+#include "berth/od/cia302.hpp"
+
+namespace berth::tree {
+namespace {
+
+constexpr std::uint16_t configuration_date = 0x1020;
+
+Error error_of(const manager::Failure& failure) noexcept {
+  if (failure.why == manager::Failure::Why::error) return failure.error;
+  return {.code = Errc::mismatch,
+          .sub = failure.object.sub,
+          .index = failure.object.index,
+          .text = "the gateway's master does not keep its network list"};
+}
+
+}  // namespace
+
+rt::Task<Result<std::uint8_t>> GatewayMaster::state(NodeId node) {
+  const std::uint8_t sub = node.value();
+  const auto value = co_await master_->read(od::cia302::request_nmt, sub);
+  if (!value) co_return fail(value.error());
+  const auto bytes = value->bytes();
+  co_return bytes.empty() ? std::uint8_t{0} : bytes.front();
+}
+
+rt::Task<Result<void>> GatewayMaster::command(NodeId node, co::NmtCommand command) {
+  const std::array<std::uint8_t, 1> value{manager::request_value(command)};
+  const std::span<const std::uint8_t> data = value;
+  const std::uint8_t sub = node.value();
+  const auto done = co_await master_->write(od::cia302::request_nmt, sub, data);
+  co_return done;
+}
+
+// A master whose list is not in use yet has none of its nodes.
+rt::Task<bool> GatewayMaster::has_all(const std::vector<NodeId>& nodes) {
+  for (const NodeId node : nodes) {
+    const auto known = co_await state(node);
+    if (!known && known.error().code != Errc::aborted) co_return true;
+    if (!known || *known <= missing) co_return false;
+  }
+  co_return true;
+}
+
+rt::Task<bool> GatewayMaster::has_any(const std::vector<NodeId>& nodes) {
+  for (const NodeId node : nodes) {
+    const auto known = co_await state(node);
+    if (!known && known.error().code != Errc::aborted) co_return true;
+    if (known && *known > missing) co_return true;
+  }
+  co_return false;
+}
+
+rt::Task<bool> GatewayMaster::all_run(const std::vector<NodeId>& nodes) {
+  for (const NodeId node : nodes) {
+    const auto known = co_await state(node);
+    if (!known || *known != static_cast<std::uint8_t>(NmtState::operational)) co_return false;
+  }
+  co_return true;
+}
+
+// ---- its network list
+
+rt::Task<bool> GatewayMaster::has_list(const manager::Wanted& list) {
+  const manager::ConfiguratorOptions options;
+  manager::Configurator configurator(*master_, *master_, list, options);
+  co_return co_await configurator.has_date();
+}
+
+rt::Task<Result<void>> GatewayMaster::undate() {
+  const auto done = co_await master_->write_u32(configuration_date, 1, 0);
+  co_return done;
+}
+
+rt::Task<Result<void>> GatewayMaster::bring_objects(const manager::Wanted& list, bool& changed) {
+  manager::ConfiguratorOptions options;
+  options.progress = progress_;
+  options.each_value = true;
+  manager::ConfigurationReport report;
+  manager::Configurator configurator(*master_, *master_, list, options);
+  co_await configurator.run(report);
+  if (report.failure) co_return fail(error_of(*report.failure));
+  changed = report.changed();
+  co_return Result<void>{};
+}
+
+// The master takes each object of it itself. False: it does not do that, or refuses one.
+rt::Task<bool> GatewayMaster::put_whole(const manager::Wanted& list) {
+  eds::ConciseDcf stream;
+  for (const auto& entry : list.entries) {
+    if (!entry.compare_only) stream.entries.push_back({entry.object, entry.bytes});
+  }
+  const auto bytes = eds::encode(eds::in_working_order(std::move(stream)));
+  const std::span<const std::uint8_t> data = bytes;
+  auto done = co_await undate();
+  if (done) done = co_await master_->write(od::cia302::concise_dcf, own_.value(), data);
+  if (!done) co_return false;
+  constexpr std::uint32_t configure = manager::ConfigurationRequests::signature;
+  done = co_await master_->write_u32(od::cia302::request_configuration, own_.value(), configure);
+  co_return done.has_value();
+}
+
+// Through gateways each access costs several.
+rt::Task<Result<void>> GatewayMaster::bring(const manager::Wanted& list, bool& changed) {
+  manager::Wanted rest = list;
+  bool there = co_await has_list(list);
+  if (!there) there = co_await put_whole(list);
+  if (there) rest.entries.clear();
+  co_return co_await bring_objects(rest, changed);
+}
+
+}  // namespace berth::tree
