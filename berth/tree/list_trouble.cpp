@@ -40,7 +40,7 @@ ListTrouble::Told words_of(NodeIdTrouble trouble, std::uint32_t serial, NodeId n
 
 }  // namespace
 
-rt::Task<std::uint64_t> ListTrouble::read(co::SdoAccess& master, std::uint8_t sub) {
+rt::Task<std::uint64_t> ListTrouble::ask(co::SdoAccess& master, std::uint8_t sub) {
   if (!tells_) co_return 0;
   const std::uint16_t object = manager::NodeIdReport::object;
   const auto value = co_await master.read(object, sub);
@@ -51,7 +51,7 @@ rt::Task<std::uint64_t> ListTrouble::read(co::SdoAccess& master, std::uint8_t su
 
 rt::Task<std::optional<ListTrouble::Told>> ListTrouble::of(co::SdoAccess& master, NodeId node, std::string path) {
   const std::uint8_t sub = node.value();
-  const std::uint64_t row = co_await read(master, sub);
+  const std::uint64_t row = co_await ask(master, sub);
   const auto trouble = static_cast<NodeIdTrouble>(row & 0xFFU);
   if (trouble == NodeIdTrouble::none) co_return std::nullopt;
   co_return words_of(trouble, static_cast<std::uint32_t>(row >> 32U), node, path);
@@ -62,7 +62,7 @@ rt::Task<std::string> ListTrouble::surplus(co::SdoAccess& master, rt::Time now) 
   if (now < surplus_at_) co_return std::string();
   surplus_at_ = now + seldom;
   const std::uint8_t sub = manager::NodeIdReport::surplus;
-  const std::uint64_t row = co_await read(master, sub);
+  const std::uint64_t row = co_await ask(master, sub);
   const bool news = std::exchange(surplus_, row) != row && row != 0;
   if (!news) co_return std::string();
   const auto count = row & 0xFFU;

@@ -26,7 +26,7 @@ class ListTrouble {
   [[nodiscard]] rt::Task<std::string> surplus(co::SdoAccess& master, rt::Time now);
 
  private:
-  [[nodiscard]] rt::Task<std::uint64_t> read(co::SdoAccess& master, std::uint8_t sub);
+  [[nodiscard]] rt::Task<std::uint64_t> ask(co::SdoAccess& master, std::uint8_t sub);
 
   bool tells_ = true;  // its master has the object, as far as is known
   rt::Time surplus_at_{};

@@ -20,12 +20,14 @@ struct Spare {
   bool plugged = false;
   std::string speaks = R"(["lss", "rand"])";
   std::string response = R"("500 us")";
+  std::string habits = {};
 };
 
 std::string text_of(const Spare& s) {
   std::string text = "\n[[device]]\nname = \"" + s.name + "\"\nbus = \"boom\"\ntype = { vendor = 1, product = 3 }\n";
   text += "serial = " + std::to_string(s.serial) + "\nheartbeat = \"100 ms\"\nspeaks = " + s.speaks + "\n";
   text += "response = " + s.response + "\n";
+  if (!s.habits.empty()) text += "habits = \"" + s.habits + "\"\n";
   if (s.node != 0) text += "node_id = " + std::to_string(s.node) + "\n";
   if (!s.plugged) text += "plugged = false\n";
   return text;
@@ -112,6 +114,9 @@ struct Replacements : Boom {
   std::string failure;
   bool watches = true;
 };
+
+// Blank and used spares whose LSS is that of known stacks.
+constexpr std::array<const char*, 2> stacks{"canopennode", "lely"};
 
 constexpr std::array<const char*, 4> languages{R"(["lss", "rand"])", R"(["lss"])", R"(["lss", "fastscan"])",
                                                R"(["lss", "fastscan", "feedback-29"])"};
@@ -214,6 +219,30 @@ TEST_F(Replacements, ASlowSpareAfterAQuickDevice) {
         EXPECT_TRUE(run_until([&] { return runs("spare", 5); }, 20s));
         EXPECT_EQ(failure, "");
       }
+    }
+  }
+}
+
+TEST_F(Replacements, SparesWithTheHabitsOfKnownStacks) {
+  for (const char* const stack : stacks) {
+    for (const unsigned stored : {0U, 9U}) {
+      SCOPED_TRACE(std::string(stack) + " " + std::to_string(stored));
+      build_with({{"valve", 11, 0, true, languages[2], R"("500 us")", stack},
+                  {"spare", 12, stored, false, languages[2], R"("500 us")", stack},
+                  {"second", 13, 7, false, languages[2], R"("500 us")", stack}});
+      commission_for({5});
+      ASSERT_TRUE(run_until([&] { return runs("valve", 5); }, 30s));
+      run(2s);
+      world->find("valve")->unplug();
+      run(3s);
+      world->find("spare")->plug();
+      run(1s);
+      world->find("second")->plug();
+      const auto one = [&] { return runs("spare", 5) || runs("second", 5); };
+      EXPECT_TRUE(run_until(one, 30s));
+      run(10s);
+      EXPECT_EQ(failure, "");
+      EXPECT_TRUE(one());
     }
   }
 }
