@@ -27,7 +27,7 @@ std::string text_of(const Spare& s) {
   std::string text = "\n[[device]]\nname = \"" + s.name + "\"\nbus = \"boom\"\ntype = { vendor = 1, product = 3 }\n";
   text += "serial = " + std::to_string(s.serial) + "\nheartbeat = \"100 ms\"\nspeaks = " + s.speaks + "\n";
   text += "response = " + s.response + "\n";
-  if (!s.habits.empty()) text += "habits = \"" + s.habits + "\"\n";
+  if (!s.habits.empty()) text += "habits = [\"" + s.habits + "\"]\n";
   if (s.node != 0) text += "node_id = " + std::to_string(s.node) + "\n";
   if (!s.plugged) text += "plugged = false\n";
   return text;
