@@ -1,7 +1,6 @@
 #include "berth/discovery/by_name.hpp"
 
 #include <algorithm>
-#include <optional>
 
 namespace berth::discovery {
 
@@ -25,59 +24,6 @@ lss::PartMask parts_that_tell(const LssAddress& device, const Known& known, cons
   return lss::parts_to_ask(device, others);
 }
 
-namespace {
-
-// It is alone in configuration. Empty: it does not tell its node-ID, or keeps what it has.
-rt::Task<std::optional<NodeId>> node_id_to_change(lss::Master& lss, LssAddress device, const Options& options,
-                                                  ByName& result) {
-  const lss::ServiceOptions service{.retries = 2, .full_window = false};
-  const auto told = co_await lss.inquire_node_id(service);
-  if (!told) co_return std::nullopt;
-  const NodeId active = NodeId::make(told->byte()).value_or(NodeId());
-  if (!options.assigner->keeps(device, active)) co_return active;
-  result.kept = active;
-  co_return std::nullopt;
-}
-
-// What it has is told to the assigner, and nothing is changed.
-rt::Task<Result<ByName>> look_by_name(lss::Master& lss, LssAddress device, lss::PartMask parts,
-                                      const Options& options) {
-  ByName result;
-  const lss::AloneOptions how{.parts = parts};
-  const auto selected = co_await lss::select_alone(lss, device, how);
-  if (!selected) co_return fail(selected.error());
-  result.not_alone = *selected == lss::Selection::not_alone;
-  if (*selected != lss::Selection::alone) co_return result;
-  const auto told = co_await node_id_to_change(lss, device, options, result);
-  static_cast<void>(told);
-  const auto waiting = co_await lss.switch_global(lss::State::waiting);
-  if (!waiting) co_return fail(waiting.error());
-  co_return result;
-}
-
-// All of them, before the first is given one: what a later one has must not be given to an earlier one.
-rt::Task<Result<void>> look_at_all(lss::Master& lss, const Known& known, Report& report, const Options& options,
-                                   std::vector<LssAddress>& todo) {
-  std::vector<LssAddress> asked = todo;
-  for (unsigned pass = 0; pass < most_passes && !asked.empty(); ++pass) {
-    std::vector<LssAddress> again;
-    for (std::size_t i = 0; i < asked.size(); ++i) {
-      const LssAddress address = asked[i];
-      const lss::PartMask parts = parts_that_tell(address, known, report);
-      const auto looked = co_await look_by_name(lss, address, parts, options);
-      if (!looked) co_return fail(looked.error());
-      if (looked->not_alone) again.push_back(address);
-      if (!looked->kept.configured()) continue;
-      std::ranges::find(report.found, address, &Found::address)->active = looked->kept;
-      std::erase(todo, address);
-    }
-    asked.swap(again);
-  }
-  co_return Result<void>{};
-}
-
-}  // namespace
-
 rt::Task<Result<ByName>> assign_by_name(lss::Master& lss, LssAddress device, lss::PartMask parts,
                                         const Options& options) {
   ByName result;
@@ -86,12 +32,7 @@ rt::Task<Result<ByName>> assign_by_name(lss::Master& lss, LssAddress device, lss
   if (!alone) co_return fail(alone.error());
   result.not_alone = *alone == lss::Selection::not_alone;
   if (*alone != lss::Selection::alone) co_return result;
-  bool wants = options.assigner != nullptr;
-  if (wants && options.inquire) {
-    const auto has = co_await node_id_to_change(lss, device, options, result);
-    wants = has.has_value();
-  }
-  const NodeId id = wants ? options.assigner->assign(device) : NodeId();
+  const NodeId id = options.assigner != nullptr ? options.assigner->assign(device) : NodeId();
   if (!id.configured()) {
     const auto waiting = co_await lss.switch_global(lss::State::waiting);
     if (!waiting) co_return fail(waiting.error());
@@ -109,10 +50,6 @@ rt::Task<Result<void>> assign_all(lss::Master& lss, const Known& known, Report& 
   for (const Found& f : report.found) {
     if (wants_one(f)) todo.push_back(f.address);
   }
-  if (options.inquire) {
-    const auto looked = co_await look_at_all(lss, known, report, options, todo);
-    if (!looked) co_return fail(looked.error());
-  }
   for (unsigned pass = 0; pass < most_passes && !todo.empty(); ++pass) {
     std::vector<LssAddress> again;
     for (std::size_t i = 0; i < todo.size(); ++i) {
@@ -123,7 +60,6 @@ rt::Task<Result<void>> assign_all(lss::Master& lss, const Known& known, Report& 
       if (done->not_alone) again.push_back(address);
       const auto device = std::ranges::find(report.found, address, &Found::address);
       device->assigned = done->id;
-      device->active = done->kept;
       if (options.observer != nullptr) options.observer->found(*device);
     }
     todo.swap(again);

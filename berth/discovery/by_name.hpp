@@ -9,17 +9,15 @@ namespace berth::discovery {
 /// What came of it.
 struct ByName {
   NodeId id{};             ///< it took this; unconfigured: none for it, or it refused, or is gone
-  NodeId kept{};           ///< it had this, and keeps it
   bool not_alone = false;  ///< another device is in configuration too: none was changed, and it may be tried again
 };
-/// Selects the device and proves that it is alone (`lss::select_alone`), asks its node-ID when that is wanted and the
-/// assigner, configures what it says, stores when asked to, switches to waiting. `parts`: what tells it from others.
+/// Selects the device and proves that it is alone (`lss::select_alone`), asks the assigner, configures what it says,
+/// stores when asked to, switches to waiting. `parts`: what tells it from others.
 /// Error: `bus`.
 [[nodiscard]] rt::Task<Result<ByName>> assign_by_name(lss::Master& lss, LssAddress device, lss::PartMask parts,
                                                       const Options& options);
 /// `assign_by_name` for each device of the report that has none, when there is an assigner; one that was not alone is
-/// tried again behind the others. With `Options::inquire` all are asked for their node-ID before. Tells the observer
-/// again.
+/// tried again behind the others. Tells the observer again.
 [[nodiscard]] rt::Task<Result<void>> assign_all(lss::Master& lss, const Known& known, Report& report,
                                                 const Options& options);
 /// What tells `device` from all devices that are known, found, or of a known kind.

@@ -98,11 +98,6 @@ class Assigner : public lss::Vacancy {
   /// Unconfigured: leave it without one; it goes back to waiting. A method on Fastscan then ends with
   /// `Report::End::held`.
   virtual NodeId assign(const LssAddress& device) noexcept = 0;
-  /// With `Options::inquire`: what this device told of its node-ID; unconfigured: it has none. Called for every device
-  /// that was found before `assign` is for the first, and once more before it is for this one. True: it keeps what it
-  /// has, and `assign` is not called for it.
-  virtual bool keeps(const LssAddress&, NodeId) noexcept { return false; }
-
  protected:
   ~Assigner() = default;
 };
@@ -116,9 +111,6 @@ struct Options {
   rt::Duration inhibit{0};   ///< least time between two requests
   Assigner* assigner = nullptr;
   bool store = false;  ///< with an assigner: LSS store too
-  /// With an assigner: all devices that were found without LSS (RAND, AND) tell their node-ID (5Eh) before the first of
-  /// them is given one; those found by LSS always tell theirs. `Assigner::keeps` decides.
-  bool inquire = false;
   /// RAND's planner: every address is proven by DIRS and DIS, so that no device that is slower than `window` spoils
   /// one. Published Fastscan: the address found has to select a device that says its serial number itself, before it is
   /// told and gets a node-ID. The procedures as published do not ask, and a device that lost a request may then stand

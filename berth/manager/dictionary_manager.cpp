@@ -132,7 +132,9 @@ DictionaryManager::DictionaryManager(can::Dispatcher& dispatcher, od::Values& va
 
 void DictionaryManager::assign_by(NodeIdSource* source) noexcept {
   assigning_.cancel();
+  if (node_ids_ != nullptr) node_ids_->used_by(nullptr);
   node_ids_ = source;
+  if (node_ids_ != nullptr) node_ids_->used_by(this);
 }
 
 void DictionaryManager::own_state(NmtState state, NodeId own) noexcept {

@@ -58,11 +58,12 @@ struct ManagerObjects {
 /// kind of check, (1F90h), (1F00h, 1F01h, 1F10h), with 1F20h also 5F0Ah, (5F0Bh). 1016h is the device's own.
 void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& objects = {});
 
-class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
+class DictionaryManager final : private od::Hook, private FlyingMaster::Owner, private NodeIdSource::User {
  public:
   /// All must stay. `apply`: does to the device what an NMT command says.
   DictionaryManager(can::Dispatcher& dispatcher, od::Values& values, std::function<void(co::NmtCommand)> apply,
                     const NetworkTiming& timing = {});
+  ~DictionaryManager() { assign_by(nullptr); }
 
   /// The NMT state that the device has entered, and its node-ID. Initialising ends the network's boot-up, what follows
   /// begins it.
@@ -95,6 +96,7 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   Result<void> lead(NodeId own, bool taken_over);
   rt::Task<void> assign_and_lead();
   void reset_unheard(std::bitset<128> answered);
+  void source_gone() noexcept override { assign_by(nullptr); }
   void role_changed() noexcept override;
   void reset_all() noexcept override;
   void overheard(const co::NmtRequest& request) noexcept override { network_.error_control().overheard(request); }

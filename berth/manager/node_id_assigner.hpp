@@ -9,8 +9,9 @@
 /// device of a type that the list does not have is left alone, and so is the node-ID that it has.
 ///
 ///     manager::ListStore store(&memory);
-///     manager::NodeIdAssigner assigner({dispatcher, manager.bus().sdo(), manager.bus().nmt(), device.values(),
-///     store}); manager.assign_by(&assigner);     // who is destroyed first: the manager
+///     auto& bus = manager.bus();
+///     manager::NodeIdAssigner assigner({dispatcher, bus.sdo(), bus.nmt(), device.values(), store});
+///     manager.assign_by(&assigner);
 ///
 /// **A node-ID that may be in a device's memory belongs to that device until it was seen to have lost it**, also after
 /// the master lost its power: `ListStore` has it before the device is told. A device that was heard under its node-ID
@@ -37,6 +38,8 @@ namespace berth::manager {
 class NodeIdAssigner final : public NodeIdSource {
  public:
   explicit NodeIdAssigner(const ListServices& services);
+  /// Ends what a `DictionaryManager` does with it.
+  ~NodeIdAssigner() { gone(); }
 
   void begin(NodeId own) noexcept override;
   [[nodiscard]] rt::Task<Result<void>> run(std::bitset<128> there) override;

@@ -4,6 +4,7 @@
 
 #include <bitset>
 #include <cstdint>
+#include <utility>
 
 #include "berth/base/ids.hpp"
 #include "berth/base/result.hpp"
@@ -15,6 +16,18 @@ class NodeIdSource {
  public:
   /// What it tells of the node-IDs (`ManagerObjects::node_ids`).
   static constexpr std::uint16_t object = 0x5F0B;
+  /// Who runs it.
+  class User {
+   public:
+    /// It is about to go: no `run` may stay under way.
+    virtual void source_gone() noexcept = 0;
+
+   protected:
+    ~User() = default;
+  };
+  /// Null: nobody does any more.
+  void used_by(User* user) noexcept { user_ = user; }
+
   /// The master has booted, with this node-ID: of the bus only that is known which was remembered for good. What was
   /// under way was cancelled.
   virtual void begin(NodeId own) noexcept = 0;
@@ -28,6 +41,13 @@ class NodeIdSource {
 
  protected:
   ~NodeIdSource() = default;
+  /// To be called first by what is destroyed.
+  void gone() noexcept {
+    if (user_ != nullptr) std::exchange(user_, nullptr)->source_gone();
+  }
+
+ private:
+  User* user_ = nullptr;
 };
 
 }  // namespace berth::manager

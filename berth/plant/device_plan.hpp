@@ -66,7 +66,7 @@ class SimListMemory final : public manager::ListMemory {
 
 /// What makes a device the NMT master of its bus (key `master`).
 struct PlantMastery {
-  // Only of one that is no flying master. The manager goes first: its tasks are in the middle of the others.
+  // Only of one that is no flying master.
   std::unique_ptr<SimListMemory> memory{};
   std::unique_ptr<manager::ListStore> store{};
   std::unique_ptr<manager::NodeIdAssigner> assigner{};

@@ -1,10 +1,11 @@
-// A gateway as its maker writes it: a slave on the backbone, the master of a bus of its own beneath (paper 3). It boots
-// that bus first, carries SDO and emergencies, and hands a lever's position on while it is safe. Here on two simulated
-// buses, with a master above that reads a value of the valve beneath (path 3/5); every frame is printed.
-// docs/multilevel.md says how.
+// A gateway as its maker writes it: a slave on the backbone, the master of a bus of its own beneath (paper 3). It gives
+// the valve there its node-ID by its network list, boots that bus first, carries SDO and emergencies, and hands a
+// lever's position on while it is safe. Here on two simulated buses, with a master above that reads a value of the
+// valve beneath (path 3/5); every frame is printed. docs/multilevel.md says how.
 #include <cstdio>
 
 #include "berth/manager/dictionary_manager.hpp"
+#include "berth/manager/node_id_assigner.hpp"
 #include "berth/multilevel/gateway_access.hpp"
 #include "berth/multilevel/gateway_device.hpp"
 #include "berth/sim/world.hpp"
@@ -44,12 +45,17 @@ int main() {
   device::add_tpdo(lower, 1, {.map = {{{0x2000, 0}, 16}}});
   multilevel::GatewayDevice gateway(world.executor(), *up,
                                     {.upper = {.node_id = NodeId(3)}, .description = upper.build()});
-  auto& bus = gateway.add_bus(*down, {.device = {.node_id = NodeId(1), .presets = {{{0x1F81, 5}, 0x0D}}},
-                                      .description = lower.build(),
-                                      .boots_first = true});
+  auto& bus = gateway.add_bus(
+      *down, {.device = {.node_id = NodeId(1), .presets = {{{0x1F81, 5}, 0x0D}, {{0x1F85, 5}, 1}, {{0x1F86, 5}, 7}}},
+              .description = lower.build(),
+              .boots_first = true});
   manager::DictionaryManager master(bus.dispatcher(), bus.device().values(),
                                     [&](co::NmtCommand command) { bus.device().apply(command); });
   bus.use(master.bus().sdo());
+  manager::ListStore told;  // to whom which node-ID; a real one gets a `ListMemory`, which outlives power
+  manager::NodeIdAssigner assigner(
+      {bus.dispatcher(), master.bus().sdo(), master.bus().nmt(), bus.device().values(), told});
+  master.assign_by(&assigner);
   bus.device().on().state = [&](NmtState state) { master.own_state(state, NodeId(1)); };
   master.network().observe([&](const manager::NetworkEvent& event) {
     if (event.kind == manager::NetworkEvent::Kind::operational) bus.sub_bus().booted();
@@ -58,12 +64,12 @@ int main() {
   gateway.set_signals({{.name = "lever", .source = {0x2000, 0}, .target = {0x2000, 0}, .budget = 2ms}});
   gateway.signals().set_safe(true);
 
-  const auto valve_port = boom.bus.attach();  // ---- the valve beneath, node 5
+  const auto valve_port = boom.bus.attach({.rx_depth = 16});  // ---- the valve beneath, new from the factory
   can::Dispatcher valve_dispatcher(world.executor(), *valve_port);
-  device::Device valve(valve_dispatcher, device::minimal_description(), nullptr, {.node_id = NodeId(5)});
+  device::Device valve(valve_dispatcher, device::minimal_description(), nullptr, {.address = {1, 7, 1, 42}});
   valve.power_on();
   gateway.power_on();
-  world.run_for(500ms);
+  world.run_for(2s);
 
   const auto port = backbone.bus.attach();  // ---- the master above
   can::Dispatcher dispatcher(world.executor(), *port);

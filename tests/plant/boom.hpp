@@ -57,13 +57,16 @@ beneath = ["boom port"]
 
 struct Boom : ::testing::Test {
   Boom() { build(); }
-  void build(const std::string& plant = two_levels) {
+  /// `state`: what its devices remember (`World::state`); empty: nothing.
+  void build(const std::string& plant = two_levels, const std::string& state = {}) {
     clear();
     const auto result = read_plant(plant, "x.plant.toml");
     for (const auto& finding : result.findings) ADD_FAILURE() << finding.message;
     Findings findings;
     world = World::make(*result.plant, {}, findings);
     EXPECT_TRUE(world);
+    const bool restored = state.empty() || world->restore(state).has_value();
+    EXPECT_TRUE(restored);
     port = world->attach_master("backbone", {.queue_depth = 16, .rx_depth = 16});
     record = std::make_unique<Record>(*world->bus("backbone"));
     dispatcher = std::make_unique<can::Dispatcher>(world->executor(), *port);

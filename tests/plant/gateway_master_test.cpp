@@ -180,6 +180,20 @@ TEST_F(Silent, TheOtherPlaceOfItsTypeIsGiven) {
   EXPECT_TRUE(world->duplicates().empty());
 }
 
+// It does not answer guarding either: its heartbeat producer is on, and its next heartbeat far away.
+TEST_F(Silent, NorWhatOneHasThatAnswersLssAlone) {
+  std::string text = std::string(master_beneath) + devices;
+  const std::string own = "name = \"own\"\n";
+  text.insert(text.find(own) + own.size(), "heartbeat = \"60 s\"\n");
+  build(text);
+  commission_for({4, 6});
+  ASSERT_TRUE(world->sim().run_until([&] { return truth("blank").persistent.configured(); }, 10s));
+  world->sim().run_for(2s);
+  EXPECT_EQ(truth("blank").persistent, NodeId(6));
+  EXPECT_EQ(truth("own").persistent, NodeId(4));
+  EXPECT_TRUE(world->duplicates().empty());
+}
+
 // One of another type, which the list does not know.
 TEST_F(Silent, NorWhatADeviceOfAnotherTypeHas) {
   commission_for({5, 6});

@@ -27,21 +27,21 @@ std::string text_of(const Spare& s) {
   std::string text = "\n[[device]]\nname = \"" + s.name + "\"\nbus = \"boom\"\ntype = { vendor = 1, product = 3 }\n";
   text += "serial = " + std::to_string(s.serial) + "\nheartbeat = \"100 ms\"\nspeaks = " + s.speaks + "\n";
   text += "response = " + s.response + "\n";
-  if (!s.habits.empty()) text += "habits = \"" + s.habits + "\"\n";
+  if (!s.habits.empty()) text += "habits = [\"" + s.habits + "\"]\n";
   if (s.node != 0) text += "node_id = " + std::to_string(s.node) + "\n";
   if (!s.plugged) text += "plugged = false\n";
   return text;
 }
 
 struct Replacements : Boom {
-  void build_with(const std::vector<Spare>& devices) {
+  void build_with(const std::vector<Spare>& devices, const std::string& state = {}) {
     std::string text = master_beneath;
     names.clear();
     for (const auto& each : devices) {
       text += text_of(each);
       names.push_back(each.name);
     }
-    build(text);
+    build(text, state);
     failure.clear();
   }
   /// The list has these node-IDs for devices of product 3.
@@ -298,6 +298,26 @@ TEST_F(Replacements, WhatADeviceWasToldIsKeptForIt) {
     EXPECT_TRUE(run_until([&] { return runs("valve", 5); }, 20s));
     EXPECT_EQ(failure, "");
   }
+}
+
+// A state file (`--sim-state`) has it too.
+TEST_F(Replacements, WhatIsKeptOutlivesTheProcess) {
+  const std::vector<Spare> devices{{"valve", 11, 0, true}, {"spare", 12, 0, false}};
+  build_with(devices);
+  commission_for({5});
+  ASSERT_TRUE(run_until([&] { return truth("valve").persistent == NodeId(5); }, 20s));
+  world->find("valve")->unplug();
+  world->find("spare")->plug();
+  const std::string state = world->state();
+  build_with(devices, state);
+  EXPECT_TRUE(world->state() == state);
+  run(20s);
+  EXPECT_TRUE(truth("spare").powered);
+  EXPECT_FALSE(has(truth("spare"), NodeId(5)));
+  EXPECT_EQ(told(5), 11ULL << 32U | 2U);
+  world->find("valve")->plug();
+  EXPECT_TRUE(run_until([&] { return runs("valve", 5); }, 20s));
+  EXPECT_EQ(failure, "");
 }
 
 TEST_F(Replacements, APersonGivesWhatIsKeptFree) {
