@@ -103,13 +103,13 @@ class WaitingJudge {
     const auto report = slot == nullptr ? std::nullopt : report_of(slot->spec.name.name);
     return report && report->state == places::SlotState::operational && t.state == NmtState::operational;
   }
-  // Three seconds for its boot-up (200 ms at most), its identity and its configuration, NMT start and the heartbeat
-  // behind that; and as long as each that waits on its bus may take LSS just then, since a power cycle may not have
-  // been heard: it stores, and restarts.
+  // Two seconds for a look round the bus that has just begun; three for its boot-up (200 ms at most), its identity and
+  // its configuration, NMT start and the heartbeat behind that; and as long as each that waits on its bus may take LSS
+  // just then, since a power cycle may not have been heard: it stores, and restarts.
   [[nodiscard]] rt::Duration back_in(const std::string& bus) const {
     const auto many = std::ranges::count_if(plan_->plant.devices,
                                             [&](const auto& d) { return d.bus == bus && d.storing.power_cycle_after; });
-    return 3s + many * (plan_->machine.bus(bus)->timing.store_timeout + rt::Duration(1s));
+    return 5s + many * (plan_->machine.bus(bus)->timing.store_timeout + rt::Duration(1s));
   }
   [[nodiscard]] plant::SimDevice* one_that_runs(Random& random) {
     std::vector<plant::SimDevice*> all;
