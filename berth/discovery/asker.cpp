@@ -58,7 +58,8 @@ void Question::sent(rt::Time at) noexcept {
   a.asked_patiently_ = patient;
   ready_by_ = at + learnt;
   const bool quick = wait_ == Wait::quick && a.takes_back_;
-  const rt::Duration silence = quick ? learnt : (wait_ == Wait::bound ? bound : learnt) + a.frame_ + o.blocking;
+  const rt::Duration believed = wait_ == Wait::closing ? longest : wait_ == Wait::bound ? bound : learnt;
+  const rt::Duration silence = quick ? learnt : believed + a.frame_ + o.blocking;
   executor().at(at + silence, *this);
 }
 
@@ -147,6 +148,11 @@ void Asker::begin(const Options& options, std::uint16_t feedback_base) noexcept 
   takes_back_ = dispatcher_->port().status().knows_sent;
   const auto rate = dispatcher_->port().status().bit_rate;
   frame_ = rate == 0 ? rt::Duration{0} : rt::Duration(answer_bits * 1'000'000'000 / rate);
+}
+
+void Asker::forget() noexcept {
+  latency_.forget();
+  patience_ = {};
 }
 
 rt::Duration Asker::longest() const noexcept {

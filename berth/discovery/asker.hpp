@@ -15,7 +15,11 @@
 ///   its own outcome.
 /// - `Wait::quick`: `response` alone, where the port takes a queued request back in time (learnt too). For a caller
 ///   that looks at `Heard::late` of the question after.
-/// - `Wait::bound`: silence is believed only after the longest response, `Options::window`.
+/// - `Wait::bound`: silence is believed only after the longest response, `Options::window`; where patience has learnt
+/// how
+///   slow the slowest of this search is, after that.
+/// - `Wait::closing`: by this silence a search ends. It is believed only after `Options::window`, whatever was learnt:
+///   a device that was not met yet may need so long.
 ///
 /// A window is not cut at the first answer before `response` is over: a second device that answers later would be heard
 /// behind the next request, and its yes would be a yes to the wrong question. The one exception is `alone`, for the
@@ -42,6 +46,7 @@ enum class Wait : std::uint8_t {
   quick,
   learnt,
   bound,
+  closing,
 };
 
 /// What came of one question.
@@ -99,6 +104,8 @@ class Asker final : private can::Handler {
   [[nodiscard]] Question ask(const lss::FastscanRequest& request, Wait wait, bool alone = false) noexcept {
     return {*this, request, wait, alone && !wholly_};
   }
+  /// What was learnt is of other devices: those of this search may be slower.
+  void forget() noexcept;
   /// Every window is as long as an answer may need, and no answer cuts it short unless one device is left: for when
   /// haste has led nowhere. So long is the bound, until enough patient questions have told the slowest answer.
   /// `wholly`: nor when one device seems to be left.

@@ -24,7 +24,7 @@ class Identify::Pace {
 
 // ---- questions --------------------------------------------------------------------------------------------------
 
-rt::Task<Result<bool>> Identify::ask(Run& run, const Cursor& cursor, Box box, bool patient) {
+rt::Task<Result<bool>> Identify::ask(Run& run, const Cursor& cursor, Box box, Window window) {
   const lss::IdentifyRanges ranges{.vendor = cursor.kind.type.vendor,
                                    .product = cursor.kind.type.product,
                                    .revision_low = box.revision_low,
@@ -32,15 +32,16 @@ rt::Task<Result<bool>> Identify::ask(Run& run, const Cursor& cursor, Box box, bo
                                    .serial_low = box.serial_low,
                                    .serial_high = box.serial_high};
   const bool alone = run.alone >= enough_alone && run.care != Run::Care::most;
-  const bool whole = patient || (run.care != Run::Care::none && !alone);
+  const bool wary = window == Window::quick && run.care != Run::Care::none && !alone;
+  if (wary) window = Window::patient;
   // What comes later still belongs to no range of the next question: six frames lie between.
-  const lss::ServiceOptions service{.timeout = window_of(run, whole), .retries = 0, .full_window = !alone};
+  const lss::ServiceOptions service{.timeout = window_of(run, window), .retries = 0, .full_window = !alone};
   ++run.report.requests;
   const auto reply = co_await services_.lss.identify_remote(ranges, service);
   if (!reply) co_return fail(reply.error());
   if (reply->answers > 0) {
     latency_.note(reply->heard_at[0] - reply->sent);
-    if (whole) patience_.note(reply->heard_at[0] - reply->sent);
+    if (window != Window::quick) patience_.note(reply->heard_at[0] - reply->sent);
     run.alone = reply->answers == 1 ? run.alone + 1 : 0;
   }
   if (!whole) run.haste_until = reply->sent + run.longest();
@@ -50,10 +51,12 @@ rt::Task<Result<bool>> Identify::ask(Run& run, const Cursor& cursor, Box box, bo
 }
 
 // A sample holds the answer's frame.
-rt::Duration Identify::window_of(const Run& run, bool whole) const {
+rt::Duration Identify::window_of(const Run& run, Window window) const {
   const rt::Duration shortest = run.options.shortest;
   const rt::Duration longest = run.longest();
-  const auto response = whole ? patience_.response(shortest, longest) : latency_.response(shortest, longest);
+  rt::Duration response = longest;
+  if (window == Window::quick) response = latency_.response(shortest, longest);
+  if (window == Window::patient) response = patience_.response(shortest, longest);
   return std::min(response + run.options.blocking, longest);
 }
 
@@ -181,6 +184,10 @@ std::vector<Identify::Cursor> Identify::begin(const Known& known) {
   }
   // The rest of a search that was broken off, as long as the same is wanted.
   const bool same = std::ranges::equal(cursors, cursors_, {}, &Cursor::kind, &Cursor::kind);
+  if (!same) {
+    latency_.forget();  // of other devices: those that come now may be slower
+    patience_ = {};
+  }
   return same ? std::exchange(cursors_, {}) : cursors;
 }
 
@@ -188,7 +195,7 @@ std::vector<Identify::Cursor> Identify::begin(const Known& known) {
 rt::Task<Result<bool>> Identify::one_kind(Run& run, Cursor& cursor, Pace& pace) {
   if (cursor.next == 0 && run.known_of(cursor.kind).empty()) {
     const Box all = box_of(cursor.kind, 0, all_serials);
-    const auto anybody = co_await ask(run, cursor, all, true);
+    const auto anybody = co_await ask(run, cursor, all, Window::bound);
     if (!anybody) co_return fail(anybody.error());
     if (!*anybody && !run.stopped) {
       cursor.next = all_serials;

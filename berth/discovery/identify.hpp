@@ -91,7 +91,13 @@ class Identify final : public Discovery {
     std::vector<std::uint32_t> revisions{};  // that were seen, the last one first
   };
   enum class Sweep : std::uint8_t { nobody, found, unproven };
-  [[nodiscard]] rt::Task<Result<bool>> ask(Run& run, const Cursor& cursor, Box box, bool patient);
+  /// How long a silence is listened to.
+  enum class Window : std::uint8_t {
+    quick,    ///< as answers usually take; patient where haste has led nowhere
+    patient,  ///< as long as the slowest answer of a device that was met in this search
+    bound,    ///< as long as any device may need: by this silence the search ends
+  };
+  [[nodiscard]] rt::Task<Result<bool>> ask(Run& run, const Cursor& cursor, Box box, Window window);
   [[nodiscard]] rt::Task<Result<void>> sweep(Run& run, Cursor& cursor, std::uint64_t end);
   [[nodiscard]] rt::Task<Result<bool>> guess(Run& run, Cursor& cursor);
   [[nodiscard]] rt::Task<Result<bool>> one_kind(Run& run, Cursor& cursor, Pace& pace);
@@ -109,7 +115,7 @@ class Identify final : public Discovery {
   [[nodiscard]] rt::Task<Result<bool>> blank_left(Run& run);
   [[nodiscard]] std::vector<Cursor> begin(const Known& known);
   Services services_;
-  [[nodiscard]] rt::Duration window_of(const Run& run, bool whole) const;
+  [[nodiscard]] rt::Duration window_of(const Run& run, Window window) const;
   Latency latency_;
   Patience patience_;
   std::vector<Cursor> cursors_;  // of a search that ended with `more`

@@ -7,11 +7,12 @@ namespace berth::discovery {
 rt::Task<Result<std::optional<Box>>> Identify::surely(Run& run, const Cursor& cursor, Box box) {
   const std::array<Box, 2> halves{box.lower(), box.upper()};
   std::optional<Box> result;
-  for (const bool patient : {false, true}) {
+  for (const Window window : {Window::quick, Window::patient}) {
     // The late answer belongs to one of both, and says nothing.
-    if (patient && !result) co_await rt::sleep_for(window_of(run, true));
+    const bool again = window == Window::patient && !result;
+    if (again) co_await rt::sleep_for(window_of(run, Window::patient));
     for (std::size_t i = 0; i < halves.size() && !result && !run.stopped; ++i) {
-      const auto heard = co_await ask(run, cursor, halves[i], patient);
+      const auto heard = co_await ask(run, cursor, halves[i], window);
       if (!heard) co_return fail(heard.error());
       if (*heard) result = halves[i];
     }
@@ -53,8 +54,8 @@ rt::Task<Result<std::optional<Box>>> Identify::descend(Run& run, const Cursor& c
 rt::Task<Result<bool>> Identify::step(Run& run, const Cursor& cursor, Descent& way, bool arrived) {
   const bool check = arrived || way.assumed >= most_assumed;
   const Box asked = check ? way.box : way.box.lower();
-  const bool patient = check || way.back > 0;
-  const auto heard = co_await ask(run, cursor, asked, patient);
+  const Window window = check || way.back > 0 ? Window::patient : Window::quick;
+  const auto heard = co_await ask(run, cursor, asked, window);
   if (!heard) co_return fail(heard.error());
   if (run.stopped) co_return true;
   if (run.late_yes && way.silent) {  // it was not empty, only slow
@@ -163,7 +164,7 @@ rt::Task<Result<void>> Identify::sweep(Run& run, Cursor& cursor, std::uint64_t e
     const std::uint64_t width = cursor.width == 0 ? first_width : cursor.width;
     const std::uint64_t high = std::min(limit, low + width);
     const Box box = box_of(cursor.kind, low, high);
-    const auto heard = co_await ask(run, cursor, box, false);
+    const auto heard = co_await ask(run, cursor, box, Window::quick);
     if (!heard) co_return fail(heard.error());
     if (run.stopped) break;
     if (*heard) {
@@ -187,7 +188,7 @@ rt::Task<Result<bool>> Identify::close(Run& run, Cursor& cursor) {
     if (std::ranges::find(cursor.quiet, box) != cursor.quiet.end()) continue;
     // What was asked in haste may still fill the receive buffer of a device that had a late moment.
     co_await rt::sleep_until(run.haste_until);
-    const auto heard = co_await ask(run, cursor, box, true);
+    const auto heard = co_await ask(run, cursor, box, Window::bound);
     if (!heard) co_return fail(heard.error());
     if (!*heard) cursor.quiet.push_back(box);
     if (run.stopped) break;

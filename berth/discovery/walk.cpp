@@ -47,6 +47,7 @@ rt::Task<Result<Report>> Walker::find(const Known& known, const Options& options
   const Busy busy(busy_);
   heard_feedback_ = false;
   asker_.begin(options, feedback_ ? base_of(services_.lss) : std::uint16_t{0});
+  asker_.forget();
   Search search(*this, known, options);
   co_return co_await search.run();
 }
@@ -55,7 +56,7 @@ rt::Task<Result<bool>> Walker::anybody(const Options& options) {
   if (busy_) co_return fail(Errc::invalid, "another walk is under way");
   const Busy busy(busy_);
   asker_.begin(options, feedback_ ? base_of(services_.lss) : std::uint16_t{0});
-  const auto heard = co_await asker_.ask(start_scan, Wait::bound);
+  const auto heard = co_await asker_.ask(start_scan, Wait::closing);
   if (!heard) co_return fail(heard.error());
   heard_feedback_ = heard->feedback;
   co_return heard->yes();

@@ -93,7 +93,7 @@ rt::Task<bool> Aside::ask_beside(Place place) {
     const bool doubted = std::ranges::any_of(doubted_, [&](const Silent& s) { return s.place == place && s.at == at; });
     q_.be_patient_where(doubted);
     const bool last = others && i + 1 == open.size();  // no question follows that a late answer would come to
-    const Wait wait = last ? Wait::bound : Wait::learnt;
+    const Wait wait = last ? Wait::closing : Wait::learnt;
     const Heard heard = co_await q_.ask_once(at, q_.way().sub, wait);
     q_.be_patient_where(true);
     const bool before = heard.late && i > 0;  // the place asked before this one was answered

@@ -26,7 +26,7 @@ rt::Task<Heard> Questions::start() {
   elsewhere();
   Heard result{};
   do {
-    auto question = asker_.ask(start_scan, Wait::bound);
+    auto question = asker_.ask(start_scan, Wait::closing);
     const auto heard = co_await question;
     if (!heard) {
       broken(heard.error());

@@ -101,7 +101,11 @@ void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& 
   if (objects.flying) add_flying(builder, objects.priority);
   if (objects.sdo_manager) add_sdo_manager_objects(builder, most);
   if (objects.node_ids) {
-    add_requests(builder, {.index = NodeIdSource::object, .name = "Node-ID", .type = DataType::unsigned64}, most);
+    add_array(builder, {.index = NodeIdSource::object, .name = "Node-ID", .type = DataType::unsigned64}, most);
+    builder.sub(NodeIdSource::object, {.sub = cia302::all_nodes,
+                                       .name = "Devices without a place",
+                                       .type = DataType::unsigned64,
+                                       .access = Access::ro});
   }
 }
 

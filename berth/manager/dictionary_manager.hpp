@@ -70,8 +70,8 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   /// A device that is switched off has no state. What comes next is a cold start.
   void power_off() noexcept;
 
-  /// Devices get their node-IDs before the network is booted, and while a slave is missing. It must stay as long as this
-  /// object, or until another one comes. Null: none is given, and what was under way ends. Not of a flying master.
+  /// Devices get their node-IDs before the network is booted, and while a slave is missing. It must stay as long as
+  /// this object, or until another one comes. Null: none is given, and what was under way ends. Not of a flying master.
   void assign_by(NodeIdSource* source) noexcept;
 
   [[nodiscard]] NetworkBoot& network() noexcept { return network_; }

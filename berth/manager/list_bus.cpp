@@ -102,9 +102,8 @@ std::vector<places::UnfinishedBlank> ListBus::formers() const {
 ListBus::Planned ListBus::plan() {
   Planned made;
   std::vector<places::Found> known;
-  std::ranges::copy_if(found, std::back_inserter(known), [&](const places::Found& f) {
-    return knows_type(f.device.type()) || of(f.device) != nullptr;
-  });
+  std::ranges::copy_if(found, std::back_inserter(known),
+                       [&](const places::Found& f) { return knows_type(f.device.type()) || of(f.device) != nullptr; });
   std::vector<places::Slot> plain;
   for (std::size_t i = 0; i < slots.size(); ++i) {
     const ListSlot& slot = slots[i];

@@ -43,9 +43,9 @@ enum class NodeIdTrouble : std::uint8_t {
 /// A slave of the list, as a slot.
 struct ListSlot {
   places::Slot slot;
-  bool typed = false;    ///< its vendor-ID and product code are given: it can be given to a device
-  bool there = false;    ///< as the master knows, or it has answered
-  bool guarded = false;  ///< it answered guarding in this run
+  bool typed = false;                  ///< its vendor-ID and product code are given: it can be given to a device
+  bool there = false;                  ///< as the master knows, or it has answered
+  bool guarded = false;                ///< it answered guarding in this run
   std::optional<LssAddress> device{};  ///< what answered under the node-ID in this run
   NodeIdTrouble trouble = NodeIdTrouble::none;  ///< of its last binding in this run
 

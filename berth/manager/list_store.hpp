@@ -1,10 +1,10 @@
-/// What the master of a network list remembers of the node-IDs that it gave: for each node-ID the device that was told it
-/// (intended) and the one that was then heard under it (confirmed), and the devices that may have a node-ID in their
+/// What the master of a network list remembers of the node-IDs that it gave: for each node-ID the device that was told
+/// it (intended) and the one that was then heard under it (confirmed), and the devices that may have a node-ID in their
 /// memory that was given away since (`places::UnfinishedBlank`). A `places::SlotStore` in the device that has the list;
 /// the slot of node-ID 5 is called "5".
 ///
-/// Each writing call of the promise writes the whole image before it returns: two copies, the newer valid one counts, so
-/// that a power loss at any byte leaves old or new. Little-endian:
+/// Each writing call of the promise writes the whole image before it returns: two copies, the newer valid one counts,
+/// so that a power loss at any byte leaves old or new. Little-endian:
 ///
 ///     copy   = sequence U32 | length U16 | rows | CRC-32 over all before
 ///     row    = node-ID U8 (FFh: not known) | kind U8 | LSS address: 4 x U32
@@ -54,8 +54,8 @@ class ListStore final : public places::MemoryStore {
   /// Its slot in the store, the same for ever.
   [[nodiscard]] static places::SlotId slot_of(NodeId node) noexcept { return {node.value()}; }
 
-  /// Errors of these, besides those of `places::SlotStore`: `Errc::io` the memory refused, or is too small; then nothing
-  /// has changed.
+  /// Errors of these, besides those of `places::SlotStore`: `Errc::io` the memory refused, or is too small; then
+  /// nothing has changed.
   Result<void> ask(places::SlotId slot, const places::Assignment& seat, std::string_view reason) override;
   Result<void> confirm(places::SlotId slot, const places::Assignment& seat, std::string_view reason) override;
   Result<void> clear(places::SlotId slot, std::string_view reason) override;

@@ -10,8 +10,8 @@ namespace berth::manager {
 namespace {
 
 constexpr std::uint16_t identity = 0x1018;
-constexpr unsigned seldom = 8;            // runs
-constexpr unsigned most_tries = 3;        // to tell two devices under one node-ID apart, before it is done seldom
+constexpr unsigned seldom = 8;      // runs
+constexpr unsigned most_tries = 3;  // to tell two devices under one node-ID apart, before it is done seldom
 // An SDO answer of a second device under one node-ID comes behind that of the first by no more than this.
 constexpr rt::Duration second_answer = std::chrono::milliseconds(20);
 
@@ -59,8 +59,8 @@ rt::Task<Result<void>> NodeIdAssigner::run(std::bitset<128> there) {
 // A master that was reset in the middle may have left one device in LSS configuration with a node-ID pending, which the
 // next `04 00` would bring into use. The device that listens gives it up first (berth/places/binding.hpp).
 rt::Task<Result<void>> NodeIdAssigner::open() {
-  const bool intends = std::ranges::any_of(
-      bus_.slots, [](const ListSlot& slot) { return slot.slot.record.intended.has_value(); });
+  const bool intends =
+      std::ranges::any_of(bus_.slots, [](const ListSlot& slot) { return slot.slot.record.intended.has_value(); });
   const bool unfinished = intends || !bus_.formers().empty();
   if (unfinished) {
     const lss::ServiceOptions once{.timeout = ListBus::timeout, .retries = 0, .full_window = false};

@@ -1,22 +1,22 @@
-/// Gives the devices of a network list their node-IDs by LSS: what makes a master that has nothing but its dictionary and
-/// a few kilobytes of memory (`DictionaryManager`) work with devices that are new from the factory or come from another
-/// machine, and put a replacement to work. It works as `berth up` does, by the same plan (`places::plan`) and the same
-/// steps (`places::Binding`).
+/// Gives the devices of a network list their node-IDs by LSS: what makes a master that has nothing but its dictionary
+/// and a few kilobytes of memory (`DictionaryManager`) work with devices that are new from the factory or come from
+/// another machine, and put a replacement to work. It works as `berth up` does, by the same plan (`places::plan`) and
+/// the same steps (`places::Binding`).
 ///
-/// Which device belongs to which node-ID the list says: vendor-ID and product code (1F85h, 1F86h) have to be given and to
-/// agree, revision number and serial number (1F87h, 1F88h) where they are not 0. Of several devices of one type that a
-/// search finds the lowest serial number gets the lowest free node-ID; one that has a node-ID of its type keeps it. A
+/// Which device belongs to which node-ID the list says: vendor-ID and product code (1F85h, 1F86h) have to be given and
+/// to agree, revision number and serial number (1F87h, 1F88h) where they are not 0. Of several devices of one type that
+/// a search finds the lowest serial number gets the lowest free node-ID; one that has a node-ID of its type keeps it. A
 /// device of a type that the list does not have is left alone, and so is the node-ID that it has.
 ///
 ///     manager::ListStore store(&memory);
-///     manager::NodeIdAssigner assigner({dispatcher, manager.bus().sdo(), manager.bus().nmt(), device.values(), store});
-///     manager.assign_by(&assigner);     // who is destroyed first: the manager
+///     manager::NodeIdAssigner assigner({dispatcher, manager.bus().sdo(), manager.bus().nmt(), device.values(),
+///     store}); manager.assign_by(&assigner);     // who is destroyed first: the manager
 ///
 /// **A node-ID that may be in a device's memory belongs to that device until it was seen to have lost it**, also after
-/// the master lost its power: `ListStore` has it before the device is told. A device that was heard under its node-ID and
-/// is silent now (no error control, SDO, guarding nor LSS) loses its place to the next one of its type; should it come
-/// back, it is asked for by its LSS address and gives the node-ID up. A node-ID that a device was told and not heard
-/// under is kept for it. 5F0Bh tells which (`NodeIdReport`).
+/// the master lost its power: `ListStore` has it before the device is told. A device that was heard under its node-ID
+/// and is silent now (no error control, SDO, guarding nor LSS) loses its place to the next one of its type; should it
+/// come back, it is asked for by its LSS address and gives the node-ID up. A node-ID that a device was told and not
+/// heard under is kept for it. 5F0Bh tells which (`NodeIdReport`).
 ///
 /// A run asks who is not known to be there, and who has booted; where a slave is missing it looks for devices. So it
 /// costs nothing on a bus that is complete and quiet, but three questions in eight runs (is there a device without a
@@ -71,11 +71,11 @@ class NodeIdAssigner final : public NodeIdSource {
   NodeIdSeating seating_;
   NodeIdReport report_;
   std::bitset<128> answered_;
-  std::bitset<128> doubled_;                   // answered twice, and not told apart yet
-  std::array<unsigned, 128> tries_{};          // to tell them apart
-  std::array<rt::Time, 128> asked_at_{};       // who answers under it
-  std::array<rt::Time, 128> former_asked_{};   // who had it before
-  std::array<std::uint32_t, 128> surplus_{};   // SDO answers beyond one each
+  std::bitset<128> doubled_;                  // answered twice, and not told apart yet
+  std::array<unsigned, 128> tries_{};         // to tell them apart
+  std::array<rt::Time, 128> asked_at_{};      // who answers under it
+  std::array<rt::Time, 128> former_asked_{};  // who had it before
+  std::array<std::uint32_t, 128> surplus_{};  // SDO answers beyond one each
   unsigned runs_ = 0;
   bool open_ = false;
 };

@@ -3,9 +3,10 @@
 ///     5F0Bh:n    n a node-ID of the list: bits 7..0 `NodeIdTrouble`, bits 63..32 the serial number of the device that
 ///                it is about, 0 where none is known. Written 0: a person says that the device for which the node-ID
 ///                is kept is gone for good
-///     5F0Bh:80h  bits 7..0 how many devices were found that have no place, bits 63..32 the serial number of the first
+///     5F0Bh:80h  read-only: bits 7..0 how many devices were found that have no place, bits 63..32 the serial number of
+///                the first
 ///
-/// Refused: another value, or sub-index 80h (0609 0030h); while it is not kept for a device that is away (0800 0022h).
+/// Refused: another value (0609 0030h); while the node-ID is kept for no device that is away (0800 0022h).
 #pragma once
 
 #include <array>

@@ -53,7 +53,7 @@ class NodeIdSeating {
 
   ListBus& bus_;
   std::array<rt::Time, 128> seen_at_{};
-  std::vector<Resting> resting_;  // use an old node-ID until their power cycle
+  std::vector<Resting> resting_;   // use an old node-ID until their power cycle
   std::vector<LssAddress> tried_;  // in vain, in this run
   std::vector<places::Found> without_place_;
 };

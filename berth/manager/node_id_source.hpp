@@ -1,4 +1,5 @@
-/// Who gives the slaves of a network list their node-IDs: what `DictionaryManager` knows of it. `NodeIdAssigner` is one.
+/// Who gives the slaves of a network list their node-IDs: what `DictionaryManager` knows of it. `NodeIdAssigner` is
+/// one.
 #pragma once
 
 #include <bitset>

@@ -56,8 +56,8 @@ enum class WhenAmbiguous : std::uint8_t {
   one_at_a_time,  ///< devices come one by one, each into the lowest free slot
   probe,          ///< an object of the device says it (`SlotSpec::probe`)
   first_seen,     ///< the one that becomes active first gets the lowest free slot
-  in_order,       ///< a network list (1F81h), which asks nobody: as `ascending`, and as far as it goes where devices and
-                  ///< slots are not equal in number
+  in_order,  ///< a network list (1F81h), which asks nobody: as `ascending`, and as far as it goes where devices and
+             ///< slots are not equal in number
 };
 
 /// How much of the revision number must agree with the slot's.

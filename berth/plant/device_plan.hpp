@@ -48,8 +48,8 @@ class SimListMemory final : public manager::ListMemory {
 
   /// Called behind each write; may be empty.
   void on_write(std::function<void()> callback) { on_write_ = std::move(callback); }
-  /// From now on `bytes` more bytes are written, and `cut` is called in the middle of that write: it may only post a job
-  /// that cuts the power. The byte at which it stops holds `torn` (0..255), or what it held (-1).
+  /// From now on `bytes` more bytes are written, and `cut` is called in the middle of that write: it may only post a
+  /// job that cuts the power. The byte at which it stops holds `torn` (0..255), or what it held (-1).
   void cut_after(std::uint64_t bytes, std::function<void()> cut, int torn = -1);
 
   /// The content up to the last byte ever written; the rest is blank.

@@ -122,6 +122,9 @@ rt::Task<bool> WatchBeneath::look_at_all(std::vector<NodeId> nodes) {
     gateway_is_silent(looked.error());
     co_return false;
   }
+  const rt::Time now = slots_.now();
+  const std::string surplus = co_await trouble_.surplus(access(slots_.bus().master), now);
+  if (!surplus.empty()) slots_.events().tell(EventKind::surplus, "", surplus);
   co_return true;
 }
 
@@ -157,7 +160,7 @@ rt::Task<Result<void>> WatchBeneath::look_at(PlaceBeneath& place, bool settled) 
     default:
       place.stops_itself.reset();  // it boots, if at all
       place.doubled = false;
-      if (settled) found_missing(place);
+      if (settled) co_await look_at_missing(place);
   }
   told_lost_.reset(place.spec.id.value());
   co_return Result<void>{};
@@ -197,11 +200,24 @@ rt::Task<bool> WatchBeneath::is_doubled(PlaceBeneath& place) {
   co_return bytes.empty() || (bytes.front() & co::error_register::communication) != 0;
 }
 
-void WatchBeneath::found_missing(PlaceBeneath& place) {
-  const bool told = told_lost_.test(place.spec.id.value());
-  if (!place.now.device && !told) return slots_.set_state(place, SlotState::empty, "no device of its type was found");
+// Its master may know more than that it misses it.
+rt::Task<void> WatchBeneath::look_at_missing(PlaceBeneath& place) {
+  const NodeId node = place.spec.id;
+  const unsigned losses = place.losses;
+  const std::string path = to_string(multilevel::Path{way_.gateways, slots_.bus().master});
+  const auto knows = co_await trouble_.of(access(slots_.bus().master), node, path);
+  if (place.losses != losses) co_return;
   place.identified = false;
-  if (place.now.state == SlotState::absent) return;
+  const bool told = told_lost_.test(node.value());
+  if (knows && (knows->is_news || !told)) {
+    if (knows->is_news || place.now.state != knows->state) slots_.set_state(place, knows->state, knows->reason);
+    co_return;
+  }
+  if (!place.now.device && !told) {
+    slots_.set_state(place, SlotState::empty, "no device of its type was found");
+    co_return;
+  }
+  if (place.now.state == SlotState::absent) co_return;
   slots_.set_state(place, SlotState::absent,
                    told ? "its heartbeat stopped: the gateway told it (EMCY 8130h), and its master misses it"
                         : "the gateway's master misses it");

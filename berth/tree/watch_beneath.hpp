@@ -12,6 +12,7 @@
 #include "berth/multilevel/gateway_access.hpp"
 #include "berth/operate/seen.hpp"
 #include "berth/tree/gateway_master.hpp"
+#include "berth/tree/list_trouble.hpp"
 #include "berth/tree/slots_beneath.hpp"
 #include "berth/tree/way.hpp"
 
@@ -63,7 +64,7 @@ class WatchBeneath {
   rt::Task<Result<void>> look_at(PlaceBeneath& place, bool settled);
   rt::Task<Result<void>> look_at_stopped(PlaceBeneath& place);
   rt::Task<Result<void>> look_at_waiting(PlaceBeneath& place);
-  void found_missing(PlaceBeneath& place);
+  rt::Task<void> look_at_missing(PlaceBeneath& place);
   rt::Task<Result<void>> look_at_running(PlaceBeneath& place);
   rt::Task<bool> is_doubled(PlaceBeneath& place);
   rt::Task<bool> identify(PlaceBeneath& place);
@@ -74,6 +75,7 @@ class WatchBeneath {
   const Way& way_;
   multilevel::Routes& routes_;
   GatewayMaster master_;
+  ListTrouble trouble_;  // what its master tells of node-IDs
   std::function<bool(NodeId)> ready_;
   std::function<void(NodeId)> still_runs_;
   std::bitset<128> asked_;

@@ -350,6 +350,56 @@ TEST_F(Signals, EverySignalInTime) {
   EXPECT_EQ(std::ranges::count_if(beneath.log, [](const auto& frame) { return frame.starts_with("181#"); }), 500);
 }
 
+// S3.35, S3.34: the same while others take two thirds of the bus beneath, all of them with the higher priority: each
+// signal still goes on, each within what one frame of theirs on the wire and those that are waiting take.
+TEST_F(Signals, EverySignalInTimeUnderLoad) {
+  Signal one = first(), two = second();
+  one.budget = two.budget = 2ms;
+  build({one, two});
+  open();
+  Station other(world, beneath);
+  const auto before = beneath.bus.load();
+  for (unsigned i = 1; i <= 500; ++i) {
+    for (int k = 0; k < 5; ++k) other.send("0A" + std::to_string(k) + "#1122334455667788");
+    can::Frame frame = can::Frame::base(0x203, {0, 0, 0, 0});
+    frame.data[0] = frame.data[2] = static_cast<std::uint8_t>(i);
+    frame.data[1] = frame.data[3] = static_cast<std::uint8_t>(i >> 8U);
+    ASSERT_NE(master.controller->send(frame, 0), can::Queued::full);
+    world.run_for(2ms);
+  }
+  EXPECT_GT(beneath.bus.load(), before);
+  EXPECT_GT(beneath.bus.load(), 0.6);
+  for (const std::size_t signal : {0U, 1U}) {
+    EXPECT_EQ(gateway->figures(signal).forwarded, 500U);
+    EXPECT_EQ(gateway->figures(signal).measured, 500U);
+    EXPECT_EQ(gateway->figures(signal).late, 0U);
+  }
+  // And when the bus has no room left, that is told, not hidden.
+  for (unsigned i = 0; i < 200; ++i) {
+    for (int k = 0; k < 9; ++k) other.send("0A" + std::to_string(k) + "#1122334455667788");
+    if (i % 4 == 0) master.send("203#" + std::string(i % 8 == 0 ? "AAAAAAAA" : "BBBBBBBB"));
+    world.run_for(1ms);
+  }
+  EXPECT_GT(gateway->figures(0).late, 0U);
+}
+
+// S3.31: an MPDO is taken apart as a PDO is: what it writes is received.
+TEST_F(Signals, AnMpdoBringsASignalToo) {
+  build({first()});
+  auto& values = upper->values();
+  const auto id = values.get_or<std::uint32_t>({0x1400, 1}, 0U);
+  values.set<std::uint32_t>({0x1400, 1}, id | 0x8000'0000U);
+  values.set<std::uint8_t>({0x1600, 0}, 0xFF);  // destination address mode
+  values.set<std::uint32_t>({0x1400, 1}, id);
+  upper->services().pdos()->refresh();
+  open();
+  above_sends("203#8300210131020000");
+  EXPECT_EQ(values.get<std::uint16_t>({0x2100, 1}), 0x0231);
+  ASSERT_EQ(beneath.log, Log{"181#3102"});
+  above_sends("203#8400210132020000");
+  EXPECT_EQ(beneath.log.size(), 1U) << "it is for node 4";
+}
+
 // S3.36, and a table that is wrong in every way: each is told in words, the rest is forwarded.
 TEST_F(Signals, ATableThatIsWrong) {
   Signal no_side = first(), no_object = first(), wide = first(), text = first(), same = first(), twice = first(),

@@ -1,4 +1,5 @@
-/// What the tests of a gateway's NMT master share: a plant of two buses, the network list brought in through the gateway.
+/// What the tests of a gateway's NMT master share: a plant of two buses, the network list brought in through the
+/// gateway.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -88,8 +89,8 @@ struct Boom : ::testing::Test {
   };
   static rt::Task<void> write_all(co::SdoAccess& node, const std::vector<Row>& rows, unsigned& good) {
     for (const Row& row : rows) {
-      std::array<std::uint8_t, 4> bytes{};
-      store_le(bytes.data(), row.value);
+      std::array<std::uint8_t, 8> bytes{};
+      store_le(bytes.data(), std::uint64_t{row.value});
       const std::span<const std::uint8_t> data = std::span(bytes).first(row.size);
       const auto done = co_await node.write(row.object.index, row.object.sub, data);
       good += done ? 1 : 0;
@@ -132,7 +133,6 @@ struct Boom : ::testing::Test {
   std::unique_ptr<multilevel::Routes> routes;
   std::unique_ptr<rt::Scope> scope;
 };
-
 
 // The rest of the plant is what the master beneath gives node-IDs to.
 inline constexpr const char* master_beneath = R"(

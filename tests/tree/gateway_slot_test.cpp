@@ -6,6 +6,7 @@
 #include "../pch.hpp"
 #include "berth/co/emcy.hpp"
 #include "berth/co/nmt_master.hpp"
+#include "berth/rt/scope.hpp"
 #include "berth/tree/gateway_settings.hpp"
 #include "rig.hpp"
 
@@ -66,7 +67,7 @@ struct AnotherMaster {
 
 }  // namespace
 
-// Paper 3 Figure 1: the gateway tells FF01h and stops.
+// S3.7, S3.9, paper 3 Figure 1: the gateway tells FF01h and stops.
 TEST(GatewaySlot, AMandatoryBusThatFailsStopsItsGateway) {
   const auto made = needs_its_valve(1, 1, "");
   Rig rig(made.machine, made.plant);
@@ -77,7 +78,7 @@ TEST(GatewaySlot, AMandatoryBusThatFailsStopsItsGateway) {
   EXPECT_EQ(rig.device("gateway 1").truth().state, NmtState::stopped);
 }
 
-// Figure 2: FF02h, and it stays operational.
+// S3.8, Figure 2: FF02h, and it stays operational.
 TEST(GatewaySlot, AnOptionalBusThatFailsIsToldOnly) {
   const auto made = needs_its_valve(1, 1, ", mandatory = false");
   Rig rig(made.machine, made.plant);
@@ -147,7 +148,7 @@ TEST(GatewaySlot, AGatewayThatAPersonStoppedStaysSo) {
   EXPECT_EQ(rig.device("gateway 2").truth().state, NmtState::stopped);
 }
 
-// By the depth of the tree: Figure 9, 8 and 7.
+// S3.16, S3.17: by the depth of the tree, Figure 9, 8 and 7.
 TEST(GatewaySlot, TheLayoutIsChosenByTheDepthOfTheTree) {
   using multilevel::EmcyLayout;
   const auto layout = [](int gateways) {
@@ -181,7 +182,8 @@ TEST(GatewaySlot, AnEmergencyFromTheFifthLevel) {
 
 // ---- numeric hardware versions (S3.10)
 
-// Of a gateway, checked by Berth, and of a device beneath, checked by the gateway's master: each before it is started.
+// S3.10: of a gateway, checked by Berth, and of a device beneath, checked by the gateway's master: each before it is
+// started.
 TEST(GatewaySlot, ANumericHardwareVersionIsCheckedAtBoot) {
   for (const bool beneath : {false, true}) {
     for (const int has : {3, 4, 0}) {
@@ -202,6 +204,93 @@ TEST(GatewaySlot, ANumericHardwareVersionIsCheckedAtBoot) {
       EXPECT_EQ(rig.slot(name).reason.substr(0, 2), "N:") << rig.slot(name).reason;
     }
   }
+}
+
+// ---- the objects of a machine that Berth brought up, from the backbone (S3.5, S3.37)
+
+namespace {
+
+rt::Task<void> read_all(co::SdoAccess& node, std::vector<ObjectRef> objects, std::vector<std::uint32_t>& into) {
+  for (const ObjectRef object : objects) {
+    const auto value = co_await node.read(object.index, object.sub);
+    EXPECT_TRUE(value) << std::hex << object.index;
+    std::uint32_t number = 0;
+    if (value) {
+      for (std::size_t i = value->bytes().size(); i-- > 0;) number = number << 8U | value->bytes()[i];
+    }
+    into.push_back(number);
+  }
+}
+
+rt::Task<void> write_one(co::SdoAccess& node, ObjectRef object, std::uint32_t value, bool& good) {
+  const auto done = co_await node.write_u32(object.index, object.sub, value);
+  good = done.has_value();
+}
+
+struct Objects {
+  explicit Objects(Rig& of) : rig(of) {}
+  std::vector<std::uint32_t> read(const char* path, const std::vector<ObjectRef>& objects) {
+    std::vector<std::uint32_t> values;
+    rt::Scope scope(rig.world().executor());
+    scope.spawn(read_all(at(path), objects, values));
+    EXPECT_TRUE(rig.run_until([&] { return scope.running() == 0; }, 30s));
+    return values;
+  }
+  bool write(const char* path, ObjectRef object, std::uint32_t value) {
+    bool good = false;
+    rt::Scope scope(rig.world().executor());
+    scope.spawn(write_one(at(path), object, value, good));
+    EXPECT_TRUE(rig.run_until([&] { return scope.running() == 0; }, 30s));
+    return good;
+  }
+  co::SdoAccess& at(const char* path) {
+    return rig.session().tree().routes(*rig.session().network("top")).access(*multilevel::parse_path(path));
+  }
+  Rig& rig;
+};
+
+}  // namespace
+
+// S3.5: each bus's own master describes the bus below it, and is read and written from the backbone: 1F81h, 1F84h to
+// 1F89h, one gateway down and two.
+TEST(GatewaySlot, TheMastersBeneathAreReadAndWrittenFromTheBackbone) {
+  auto made = needs_its_valve(2, 2, "");
+  Rig rig(made.machine, made.plant);
+  ASSERT_TRUE(rig.up()) << rig.log();
+  rig.run_for(2s);
+  Objects objects(rig);
+  const std::vector<ObjectRef> all{{0x1F81, 5}, {0x1F84, 5}, {0x1F85, 5}, {0x1F86, 5},
+                                   {0x1F87, 5}, {0x1F88, 5}, {0x1F89, 0}};
+  using Values = std::vector<std::uint32_t>;
+  EXPECT_EQ(objects.read("3/1", all), (Values{0x05, 0, 1, 7, 0, 0, 0}));
+  EXPECT_EQ(objects.read("3/3/1", all), (Values{0x0D, 0, 1, 7, 0, 0, 2000}));
+  for (const char* const path : {"3/1", "3/3/1"}) {
+    std::uint32_t value = 0x1000;
+    for (const ObjectRef object : all) {
+      if (object.index == 0x1F81) continue;
+      EXPECT_TRUE(objects.write(path, object, ++value)) << std::hex << object.index;
+      EXPECT_EQ(objects.read(path, {object}), Values{value}) << std::hex << object.index;
+    }
+  }
+}
+
+// S3.37: NMT master: expected hardware versions, the bus beneath mandatory or optional, a sub-index of 1029h for its
+// heartbeats. Slave: its hardware version, and the three entries of the SDO gateway.
+TEST(GatewaySlot, TheObjectsOfMasterAndSlave) {
+  auto made = chain(1);
+  made.machine = replaced(made.machine, "name = \"valve 1\"\n", "name = \"valve 1\"\nhardware = 3\n");
+  made.plant = replaced(made.plant, "name = \"valve 1\"\n", "name = \"valve 1\"\nhardware = 3\n");
+  Rig rig(made.machine, made.plant);
+  ASSERT_TRUE(rig.up()) << rig.log();
+  rig.run_for(2s);
+  Objects objects(rig);
+  using Values = std::vector<std::uint32_t>;
+  EXPECT_EQ(objects.read("3", {{0x5F00, 1}, {0x5F03, 0}, {0x1029, 0xF1}}), (Values{1, 9, 1}));
+  EXPECT_EQ(objects.read("3/1", {{0x5F02, 5}, {0x5F02, 6}}), (Values{3, 0}));
+  EXPECT_EQ(objects.read("3/5", {{0x5F01, 0}}), Values{3});
+  const auto& upper = rig.device("gateway 1").device().values().description();
+  for (const std::uint16_t index : {std::uint16_t{0x5F30}, std::uint16_t{0x5F31}, std::uint16_t{0x5F32}})
+    EXPECT_NE(upper.find(index), nullptr) << index;
 }
 
 }  // namespace berth::tree_tests

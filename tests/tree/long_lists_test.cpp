@@ -41,6 +41,24 @@ TEST(LongLists, OfFiveLevelsAreTakenAtOnce) {
   }
 }
 
+// Berth wrote the list and ended before the reset from which it counts, and another master started the gateway: the next
+// Berth finds a gateway that runs, with its list, and none of its nodes.
+TEST(LongLists, AListThatNobodyBroughtIntoUseIsFinished) {
+  const auto made = chain(1);
+  Rig rig(made.machine, made.plant);
+  const auto written = [&] { return rig.log().find("its gateway has a new network list") != std::string::npos; };
+  ASSERT_TRUE(rig.run_until(written, 30s)) << rig.log();
+  rig.end();
+  rig.run_for(2s);
+  rig.device("gateway 1").device().apply(co::NmtCommand::start);
+  rig.run_for(5s);
+  EXPECT_EQ(rig.device("valve 1").truth().active.configured(), false) << "its list is not in use";
+  rig.forget_events();
+  rig.begin();
+  EXPECT_TRUE(rig.up()) << rig.log();
+  EXPECT_NE(rig.log().find("finishing what an earlier run began"), std::string::npos) << rig.log();
+}
+
 namespace {
 
 /// Refuses a configuration for the master itself, node 1: it takes its list object by object.

@@ -133,7 +133,7 @@ TEST_F(Sisters, AnErrorIsToldOfBoth) {
   EXPECT_NE(lines.front().find("3/5 left valve or 3.2/5 right valve"), std::string::npos) << lines.front();
 }
 
-// The words are those of the producer's device profile (paper 3 Figure 10), which its 1000h tells.
+// S3.20: the words are those of the producer's device profile (paper 3 Figure 10), which its 1000h tells.
 TEST(WhoIsTold, TheWordsOfTheProducersProfile) {
   const auto made = chain(1, 250'000, 3);
   Rig rig(made.machine, made.plant);

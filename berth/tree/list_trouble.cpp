@@ -1,0 +1,76 @@
+#include "berth/tree/list_trouble.hpp"
+
+#include <fmt/format.h>
+
+#include "berth/base/bytes.hpp"
+
+namespace berth::tree {
+namespace {
+
+using manager::NodeIdTrouble;
+using places::SlotState;
+
+ListTrouble::Told words_of(NodeIdTrouble trouble, std::uint32_t serial, NodeId node, const std::string& path) {
+  const std::string device = fmt::format("the device with serial number {:08X}h", serial);
+  switch (trouble) {
+    case NodeIdTrouble::none:
+    case NodeIdTrouble::nobody: break;
+    case NodeIdTrouble::kept:
+      return {SlotState::absent,
+              fmt::format("{} may have node-ID {} in its memory and does not answer: the node-ID is kept for it; "
+                          "switch it on, or `berth sdo write {} 5F0Bh:{:02X} 0` when it is gone for good",
+                          device, node.value(), path, node.value())};
+    case NodeIdTrouble::stranger:
+      return {SlotState::wrong_type, fmt::format("{} has node-ID {} and does not belong here", device, node.value())};
+    case NodeIdTrouble::doubled:
+      return {SlotState::duplicate, "two devices answer under this node-ID; take one of them off the bus"};
+    case NodeIdTrouble::refuses:
+      return {SlotState::failed,
+              fmt::format("{} takes no node-ID by LSS: set its switches to {}", device, node.value())};
+    case NodeIdTrouble::power_cycle: return {SlotState::power_cycle, "node-ID stored; switch the device off and on"};
+    case NodeIdTrouble::failed:
+      return {SlotState::failed, "its device could not be given its node-ID: the gateway's master tries again"};
+    case NodeIdTrouble::lost:
+      return {SlotState::absent,
+              fmt::format("{} does not answer; switch it on, or bring a new one: that gets its node-ID", device),
+              false};
+  }
+  return {SlotState::empty, "no device of its type was found", false};
+}
+
+}  // namespace
+
+rt::Task<std::uint64_t> ListTrouble::read(co::SdoAccess& master, std::uint8_t sub) {
+  if (!tells_) co_return 0;
+  const std::uint16_t object = manager::NodeIdReport::object;
+  const auto value = co_await master.read(object, sub);
+  tells_ = value || value.error().code != Errc::aborted;
+  if (!value || value->bytes().size() != sizeof(std::uint64_t)) co_return 0;
+  co_return load_le<std::uint64_t>(value->bytes().data());
+}
+
+rt::Task<std::optional<ListTrouble::Told>> ListTrouble::of(co::SdoAccess& master, NodeId node, std::string path) {
+  const std::uint8_t sub = node.value();
+  const std::uint64_t row = co_await read(master, sub);
+  const auto trouble = static_cast<NodeIdTrouble>(row & 0xFFU);
+  if (trouble == NodeIdTrouble::none) co_return std::nullopt;
+  co_return words_of(trouble, static_cast<std::uint32_t>(row >> 32U), node, path);
+}
+
+rt::Task<std::string> ListTrouble::surplus(co::SdoAccess& master, rt::Time now) {
+  constexpr auto seldom = std::chrono::seconds(10);
+  if (now < surplus_at_) co_return std::string();
+  surplus_at_ = now + seldom;
+  const std::uint8_t sub = manager::NodeIdReport::surplus;
+  const std::uint64_t row = co_await read(master, sub);
+  const bool news = std::exchange(surplus_, row) != row && row != 0;
+  if (!news) co_return std::string();
+  const auto count = row & 0xFFU;
+  co_return fmt::format(
+      "{} device{} no place here, the first with serial number {:08X}h: every slot that {} has its device; take {} off "
+      "the bus",
+      count, count == 1 ? " has" : "s have", row >> 32U, count == 1 ? "it fits" : "they fit",
+      count == 1 ? "it" : "them");
+}
+
+}  // namespace berth::tree

@@ -1,0 +1,36 @@
+/// What a gateway's own master tells of the node-IDs that it gives (5F0Bh, `manager::NodeIdReport`), read through the
+/// gateway and put in words.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "berth/co/sdo_access.hpp"
+#include "berth/manager/node_id_report.hpp"
+#include "berth/places/slot.hpp"
+
+namespace berth::tree {
+
+class ListTrouble {
+ public:
+  struct Told {
+    places::SlotState state = places::SlotState::empty;
+    std::string reason;
+    bool is_news = true;  ///< also where the slot has this state already, and another reason
+  };
+  /// Why the slave `node` is not there. None: the master does not tell, or knows nothing. `path`: of the master, as
+  /// commands name it.
+  [[nodiscard]] rt::Task<std::optional<Told>> of(co::SdoAccess& master, NodeId node, std::string path);
+  /// The devices that have no place on the bus, in words; empty: there is none, it was told already, or it was asked
+  /// for within the last ten seconds.
+  [[nodiscard]] rt::Task<std::string> surplus(co::SdoAccess& master, rt::Time now);
+
+ private:
+  [[nodiscard]] rt::Task<std::uint64_t> read(co::SdoAccess& master, std::uint8_t sub);
+
+  bool tells_ = true;  // its master has the object, as far as is known
+  rt::Time surplus_at_{};
+  std::uint64_t surplus_ = 0;
+};
+
+}  // namespace berth::tree
