@@ -44,7 +44,7 @@ rt::Task<Result<bool>> Identify::ask(Run& run, const Cursor& cursor, Box box, Wi
     if (window != Window::quick) patience_.note(reply->heard_at[0] - reply->sent);
     run.alone = reply->answers == 1 ? run.alone + 1 : 0;
   }
-  if (!whole) run.haste_until = reply->sent + run.longest();
+  if (window != Window::bound) run.haste_until = reply->sent + run.longest();
   run.late_yes = reply->stale > 0;
   run.look_at_the_time(services_.dispatcher.executor().now());
   co_return reply->answers > 0;
