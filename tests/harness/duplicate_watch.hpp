@@ -84,6 +84,11 @@ class DuplicateWatch final : public plant::World::Observer {
   }
 
   [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
+  // The node-ID stands in its memory by a gateway's master, which has heard it under that.
+  [[nodiscard]] bool is_seated(const std::string& device) const {
+    const auto it = lives_.find(device);
+    return it != lives_.end() && it->second.seated;
+  }
   // The node-ID that stands in the device's memory by Berth; unconfigured: none.
   [[nodiscard]] NodeId owned(const std::string& device) const {
     const auto it = lives_.find(device);
