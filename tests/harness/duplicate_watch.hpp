@@ -84,6 +84,11 @@ class DuplicateWatch final : public plant::World::Observer {
   }
 
   [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
+  // The node-ID stands in its memory by a gateway's master, which has heard under that who it is.
+  [[nodiscard]] bool is_seated(const std::string& device) const {
+    const auto it = lives_.find(device);
+    return it != lives_.end() && it->second.seated;
+  }
   // The node-ID that stands in the device's memory by Berth; unconfigured: none.
   [[nodiscard]] NodeId owned(const std::string& device) const {
     const auto it = lives_.find(device);
@@ -118,7 +123,7 @@ class DuplicateWatch final : public plant::World::Observer {
     NodeId given;  // pending by Berth's 11h
     NodeId persistent;
     NodeId owned;              // in memory by Berth's 17h
-    bool seated = false;       // a gateway's master heard it under that node-ID
+    bool seated = false;       // a gateway's master heard under that node-ID who it is
     std::uint64_t writes = 0;  // ended
   };
 
@@ -132,6 +137,7 @@ class DuplicateWatch final : public plant::World::Observer {
       std::uint32_t key = 0;
       rt::Time at{};
       std::string who;
+      bool identifies = false;  // tells 1018h:04, the last that is asked of who was given a node-ID
     };
     Wire(DuplicateWatch& watch, sim::Bus& on, const design::Bus& described) : watch_(&watch), bus(on), plan(described) {
       for (const auto& d : watch.world_->devices()) {
@@ -175,7 +181,9 @@ class DuplicateWatch final : public plant::World::Observer {
       if (frame.remote || (function != 0x080 && function != 0x580 && function != 0x700) || (key & 0x7FU) == 0) return;
       const std::string who = name_of(*this, sender);
       if (who.empty()) return;
-      said = {key, at, who};
+      const bool identifies =
+          function == 0x580 && frame.data[1] == 0x18 && frame.data[2] == 0x10 && frame.data[3] == 0x04;
+      said = {key, at, who, identifies};
       if (master != nullptr) {
         on_the_way.push_back(said);
         if (on_the_way.size() > most_on_the_way) on_the_way.pop_front();
@@ -199,7 +207,8 @@ class DuplicateWatch final : public plant::World::Observer {
       auto& times = voices[{what.who, what.key & 0x7FU}];
       if (times.size() == most_voices) times.erase(times.begin(), times.begin() + most_voices / 2);
       times.push_back(at);
-      if (master != nullptr) watch_->seated(what.who, NodeId(static_cast<std::uint8_t>(what.key & 0x7FU)));
+      if (master != nullptr && what.identifies)
+        watch_->seated(what.who, NodeId(static_cast<std::uint8_t>(what.key & 0x7FU)));
     }
     // Berth asks for 1000h; a gateway's master is its bus's only client, and whatever it reads asks who is there.
     [[nodiscard]] bool asks(const can::Frame& frame, int sender) const noexcept {
@@ -287,7 +296,7 @@ class DuplicateWatch final : public plant::World::Observer {
     }
     return {};
   }
-  // A gateway's master heard this device under this node-ID.
+  // A gateway's master heard under this node-ID that it is this device.
   void seated(const std::string& device, NodeId id) {
     Life& life = lives_[device];
     life.seated = life.seated || life.owned == id;
@@ -444,9 +453,9 @@ class DuplicateWatch final : public plant::World::Observer {
     return cleared;
   }
 
-  // Beneath a gateway no person gives slots away and no store is kept: a device that its master heard under the node-ID
-  // that it had given to it, and that is silent, is one whose slot a replacement gets. One that was told a node-ID and
-  // was never heard under it is none: that master still waits for it.
+  // Beneath a gateway no person gives slots away: a device that told its master who it is, under the node-ID that it
+  // had from it, and that is silent, is one whose slot a replacement gets. One that was told a node-ID and did not get
+  // so far is none: that master still waits for it.
   [[nodiscard]] bool left_its_slot(const plant::Truth& t, NodeId id) const {
     const Wire* const wire = wire_of(t.bus);
     const auto it = lives_.find(t.name);

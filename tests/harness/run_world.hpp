@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "tests/harness/end_judge.hpp"
+#include "tests/harness/waiting_judge.hpp"
 #include "tests/harness/word_judge.hpp"
 #include "tests/harness/world_plan.hpp"
 
@@ -38,6 +39,7 @@ class WorldRun final : private can::Tap {
         configured_(rig_.world(), plan.machine, rig_.store()),
         judge_(rig_, plan.machine, watch_, configured_),
         words_(rig_, plan.machine),
+        waiting_(rig_, plan),
         random_(plan.seed ^ 0xFA17),
         step_faults_(plan.step_faults),
         long_cuts_(plan.long_cuts) {
@@ -61,13 +63,14 @@ class WorldRun final : private can::Tap {
   // such devices.
   Outcome go(std::optional<rt::Duration> without = {}) {
     begin();
-    if (without) start_beside_who_waits(*without);
+    const auto unsound = [this] { return !sound(); };
+    if (without) waiting_.start(*without, unsound);
     if (sound()) troubles();
     words_.all_is_quiet();
-    if (plan_.calm && plan_.solvable && sound()) lose_beside_who_waits();
+    if (plan_.calm && plan_.solvable && sound()) waiting_.lose(random_, unsound);
     if (sound()) ending();
     if (!words_.failure().empty()) outcome_.failure = words_.failure();
-    if (!late_.empty()) outcome_.failure = late_;
+    if (!waiting_.failure().empty()) outcome_.failure = waiting_.failure();
     if (!configured_.failure().empty()) outcome_.failure = configured_.failure();
     if (!watch_.failure().empty()) outcome_.failure = watch_.failure();
     outcome_.hash = rig_.world().sim().trace_hash();
@@ -81,7 +84,7 @@ class WorldRun final : private can::Tap {
   std::optional<rt::Duration> start() {
     begin();
     const rt::Time began = now();
-    if (!rig_.run_until([this] { return others_run(); }, 2min)) return std::nullopt;
+    if (!rig_.run_until([this] { return waiting_.others_run(); }, 2min)) return std::nullopt;
     return now() - began;
   }
 
@@ -99,7 +102,8 @@ class WorldRun final : private can::Tap {
   }
 
   [[nodiscard]] bool sound() const noexcept {
-    return watch_.failure().empty() && configured_.failure().empty() && words_.failure().empty() && late_.empty();
+    return watch_.failure().empty() && configured_.failure().empty() && words_.failure().empty() &&
+           waiting_.failure().empty();
   }
   [[nodiscard]] rt::Time now() const noexcept { return rig_.now(); }
 
@@ -163,8 +167,9 @@ class WorldRun final : private can::Tap {
 
   // True: its slot is operational, and the cut is planned.
   bool cuts(const LongCut& cut) {
-    const auto slot = report_of(cut.slot);
-    const auto* const device = slot && slot->state == places::SlotState::operational ? device_of(*slot) : nullptr;
+    const auto slot = waiting_.report_of(cut.slot);
+    const auto* const device =
+        slot && slot->state == places::SlotState::operational ? waiting_.device_of(*slot) : nullptr;
     if (device == nullptr) return false;
     const rt::Duration at = now().time_since_epoch() + cut.delay;
     auto off = event(plant::Action::cut_cable, {}, at);
@@ -176,23 +181,6 @@ class WorldRun final : private can::Tap {
     plan_event(on);
     return true;
   }
-  [[nodiscard]] std::optional<operate::SlotReport> report_of(const std::string& slot) {
-    for (std::size_t i = 0; i < rig_.networks(); ++i) {
-      for (const auto& s : rig_.network(i).report()) {
-        if (s.name == slot) return s;
-      }
-    }
-    return std::nullopt;
-  }
-  // Powered, and with the address of the slot's device; null: there is none.
-  [[nodiscard]] plant::SimDevice* device_of(const operate::SlotReport& slot) {
-    for (const auto& d : rig_.world().devices()) {
-      const auto t = d->truth();
-      if (t.powered && t.bus == slot.bus && slot.device == t.address) return d.get();
-    }
-    return nullptr;
-  }
-
   void strike(const PlannedFault& f) {
     if (!rig_.runs()) return;
     const std::string bus = plan_.machine.buses[f.bus].name;
@@ -280,77 +268,6 @@ class WorldRun final : private can::Tap {
       case StepKind::count: break;
     }
     perform_due();
-  }
-
-  // ---- who waits for its power cycle delays nobody ----
-
-  [[nodiscard]] static bool by_power(const design::Slot& slot) noexcept {
-    return slot.spec.activate == places::Activate::power_cycle;
-  }
-  [[nodiscard]] bool waits(const std::string& device) const {
-    const auto* const plan = plan_.plant.device(device);
-    return plan != nullptr && plan->storing.power_cycle_after;
-  }
-  // All slots but those whose devices wait, or whose configuration does.
-  [[nodiscard]] bool others_run() {
-    for (std::size_t i = 0; i < rig_.networks(); ++i) {
-      for (const auto& s : rig_.network(i).report()) {
-        const auto* const device = device_of(s);
-        const bool excused = by_power(*plan_.machine.slot(s.bus, s.id)) || (device != nullptr && waits(device->name()));
-        if (s.state != places::SlotState::operational && !excused) return false;
-      }
-    }
-    return true;
-  }
-  // What a device that waits may cost the others, once: it is told to store, and is awaited once as long as a device
-  // may need to boot, since one that has not booted by then cannot be told from one that is slow. Never again: its slot
-  // says that it waits.
-  [[nodiscard]] rt::Duration cost_of_waiting() const {
-    const auto& timing = plan_.machine.buses.front().timing;
-    const auto many = static_cast<int>(plan_.waiting.size());
-    return many * (timing.store_timeout + timing.boot_timeout);
-  }
-
-  void start_beside_who_waits(rt::Duration without) {
-    const rt::Duration limit = without + cost_of_waiting();
-    if (rig_.run_until([this] { return others_run() || !sound(); }, limit)) return;
-    late_ = "beside a device that waits for its power cycle the others are not operational in " + text(limit) +
-            ", and without it in " + text(without);
-  }
-
-  // Each of the others may lose its power for a moment, and is back as soon as if nobody waited: no search goes on, no
-  // slot but those of who waits misses its device.
-  void lose_beside_who_waits() {
-    for (int i = 0; i < 6; ++i) {
-      rig_.run_for(rt::Duration(random_.between(0, rt::Duration(8s).count())));
-      plant::SimDevice* const device = one_that_runs();
-      if (device == nullptr || !others_run()) continue;
-      device->power(false);
-      rig_.run_for(rt::Duration(random_.between(rt::Duration(100ms).count(), rt::Duration(500ms).count())));
-      device->power(true);
-      const bool back = rig_.run_until(
-          [&] { return !sound() || (device->truth().state == NmtState::operational && others_run()); }, back_in);
-      if (back) continue;
-      late_ = device->name() + " was switched on, and is not operational after " + text(back_in);
-      return;
-    }
-  }
-  // Boot-up (200 ms at most), its identity and its configuration, NMT start and the heartbeat behind that.
-  static constexpr rt::Duration back_in = 3s;
-  [[nodiscard]] plant::SimDevice* one_that_runs() {
-    std::vector<plant::SimDevice*> all;
-    for (std::size_t i = 0; i < rig_.networks(); ++i) {
-      for (const auto& s : rig_.network(i).report()) {
-        auto* const device = device_of(s);
-        const bool good = device != nullptr && s.state == places::SlotState::operational && !waits(device->name()) &&
-                          !by_power(*plan_.machine.slot(s.bus, s.id));
-        if (good) all.push_back(device);
-      }
-    }
-    return all.empty() ? nullptr : all[random_.below(all.size())];
-  }
-  [[nodiscard]] static std::string text(rt::Duration time) {
-    return std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(time).count()) + " ms";
   }
 
   // ---- what a person does ----
@@ -566,12 +483,12 @@ class WorldRun final : private can::Tap {
   ConfigWatch configured_;
   EndJudge judge_;
   WordJudge words_;
+  WaitingJudge waiting_;
   Random random_;
   std::vector<std::unique_ptr<HeardPort>> ports_;
   std::multimap<rt::Time, Deed> due_;
   std::vector<StepFault> step_faults_;
   std::vector<LongCut> long_cuts_;
-  std::string late_;
   std::set<std::string> brought_;
   Outcome outcome_;
 };

@@ -16,6 +16,7 @@
 #include <chrono>
 #include <cstdint>
 #include <cstdlib>
+#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
@@ -77,10 +78,25 @@ class ToldWatch final : private plant::World::Observer {
  private:
   using Node = std::pair<std::string, unsigned>;  // bus, node-ID
 
+  // What 1F82h of the bus's master said. Berth asks for several reasons at a time, and says what it heard when it has
+  // asked for the next slot, too.
   struct Known {
-    std::optional<std::uint8_t> state{};  // 1F82h of the bus's master says so
-    rt::Time at{};
-    bool lost = false;  // EMCY 8130h since then
+    struct Answer {
+      std::uint8_t state = 0;
+      rt::Time at{};
+    };
+    std::deque<Answer> answers{};  // those of a second, and the last one
+    rt::Time lost{};               // EMCY 8130h
+    [[nodiscard]] rt::Time at() const { return answers.empty() ? rt::Time{} : answers.back().at; }
+    void note(Answer answer) {
+      while (!answers.empty() && answer.at - answers.front().at > std::chrono::seconds(1)) answers.pop_front();
+      answers.push_back(answer);
+    }
+    template <class Fits>
+    [[nodiscard]] bool said(const Fits& fits, rt::Time since = {}) const {
+      return std::ranges::any_of(answers, [&](const Answer& a) { return a.at >= since && fits(a.state); });
+    }
+    [[nodiscard]] bool is_lost() const { return lost != rt::Time{} && lost >= at(); }
   };
 
   // The accesses through a gateway's ports, as they stand on the bus above it.
@@ -108,7 +124,7 @@ class ToldWatch final : private plant::World::Observer {
   void frame(const std::string& bus, const can::Frame& frame, rt::Time at) noexcept {
     if (frame.extended || frame.remote || frame.size != 8) return;
     const unsigned function = frame.id & ~0x7FU, node = frame.id & 0x7FU;
-    if (function == 0x080 && node != 0) emergency({bus, node}, frame);
+    if (function == 0x080 && node != 0) emergency({bus, node}, frame, at);
     if (function == 0x580 || function == 0x600) {
       const bool aborted = frame.data[0] == 0x80;
       if (aborted) troubled_[{bus, node}] = at;
@@ -140,11 +156,10 @@ class ToldWatch final : private plant::World::Observer {
     Port& port = ports_[{gateway, number}];
     const design::Bus* const beneath = beneath_of(gateway, number);
     if (!port.asked_of || beneath == nullptr || port.node != beneath->master.value()) return;
-    Known& known = known_[{beneath->name, *port.asked_of}];
-    known = {frame.data[4], at};
+    known_[{beneath->name, *port.asked_of}].note({frame.data[4], at});
   }
 
-  void emergency(const Node& sender, const can::Frame& frame) {
+  void emergency(const Node& sender, const can::Frame& frame, rt::Time at) {
     const unsigned code = frame.data[0] | unsigned{frame.data[1]} << 8U;
     sent_.insert({sender, code});
     if (code != 0x8130 || !machine_->bus(sender.first)->own_port) return;
@@ -157,7 +172,7 @@ class ToldWatch final : private plant::World::Observer {
     std::erase_if(buses, [&](const std::string& bus) { return !has_slot(bus, node); });
     if (buses.size() != 1) return;
     const bool its_own = beneath_of(buses, node).empty() || is_missed(buses.front(), node);
-    if (its_own) known_[{buses.front(), node}].lost = true;
+    if (its_own) known_[{buses.front(), node}].lost = at;
   }
 
   // By the gateway's own master of this bus.
@@ -203,27 +218,28 @@ class ToldWatch final : private plant::World::Observer {
   [[nodiscard]] std::string wrong_state(const design::Bus& bus, NodeId id, const std::string& text) const {
     const auto it = known_.find({bus.name, id.value()});
     const Known known = it == known_.end() ? Known{} : it->second;
-    const auto is = [&](std::uint8_t state) { return known.state == state; };
-    const bool missing = known.state && *known.state <= 1;
+    const auto said = [&](std::uint8_t state, rt::Time since = {}) {
+      return known.said([state](std::uint8_t s) { return s == state; }, since);
+    };
+    const bool missing = known.said([](std::uint8_t s) { return s <= 1; });
     bool good = false;
     if (text.starts_with("operational")) {
-      good = is(5) && !known.lost;
+      good = said(5, known.lost);
     } else if (text.starts_with("present")) {
-      good = is(4) || is(127);
+      good = said(4) || said(127);
     } else if (text.starts_with("duplicate")) {
       good = doubled_.contains({bus.name, id.value()});
     } else if (text.find(" above does not ") != std::string::npos) {
-      good = silent(bus, known.at);
+      good = silent(bus, known.at() - std::chrono::seconds(1));
     } else if (text.starts_with("absent")) {
-      good = missing || known.lost;
+      good = missing || known.is_lost();
     } else {
       good = missing;
     }
     if (good) return {};
-    const std::string answered = known.state ? fmt::format("the last answer of its bus's master, at {:.3f} s, was {}",
-                                                           seconds(known.at), *known.state)
-                                             : std::string("nothing was asked of it");
-    return answered + (known.lost ? ", and its loss was heard" : ", and no loss was heard");
+    if (known.answers.empty()) return "nothing was asked of it";
+    return fmt::format("the last answer of its bus's master, at {:.3f} s, was {}{}", seconds(known.at()),
+                       known.answers.back().state, known.is_lost() ? ", and then its loss was heard" : "");
   }
 
   [[nodiscard]] static double seconds(rt::Time at) {

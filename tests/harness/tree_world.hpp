@@ -130,8 +130,26 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
     return failure_;
   }
 
+  // A device was taken away for good while it was told its node-ID: its slot waits for it, and says so. A person brings
+  // it back; of one that its master had heard under its node-ID that would be the judge's grace.
+  void bring_back() {
+    for (const auto& spare : exchanged_) {
+      const auto slots = session_->slots();
+      const auto slot = std::ranges::find(slots, spare.worn, &operate::SlotReport::name);
+      const bool waits = slot != slots.end() && slot->reason.find("may have node-ID") != std::string::npos;
+      if (!waits || watch_->is_seated(spare.worn)) continue;
+      note("bring back " + spare.worn);
+      for (const auto& name : {spare.fresh, spare.second}) {
+        if (!name.empty()) world_->find(name)->unplug();
+      }
+      world_->find(spare.worn)->plug();
+    }
+  }
+
   // Everything runs, and goes on to. False: `failure` says so.
   bool settle() {
+    const bool early = exchanged_.empty() || run_until([this] { return all_good(); }, std::chrono::minutes(1));
+    if (!early) bring_back();
     const bool good = run_until([this] { return all_good() || !failure_.empty(); }, limit);
     if (good) run_for(std::chrono::seconds(10));
     if (all_good()) return failure_.empty();
@@ -282,11 +300,12 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
     static_cast<void>(world_->perform(event));
   }
 
-  // The worn device goes for good.
+  // The worn device goes for good, unless its slot waits for it: then it is brought back at the end.
   void exchange() {
     if (plan_.spares.empty()) return;
     const auto at = plan_.spares.begin() + static_cast<std::ptrdiff_t>(random_.below(plan_.spares.size()));
     note("exchange " + at->worn);
+    exchanged_.push_back(*at);
     world_->find(at->worn)->unplug();
     // At once, or when the worn one is missed.
     const auto pause = std::chrono::milliseconds(plan_.mixed ? random_.below(6000) : 0);
@@ -412,6 +431,7 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
   std::unique_ptr<tree::Session> session_;
   sim::Bus* tapped_ = nullptr;
   std::set<std::string> cut_;
+  std::vector<TreePlan::Spare> exchanged_;
   std::set<std::pair<const plant::SimDevice*, const plant::SimDevice*>> told_;
   std::vector<std::pair<std::string, std::string>> states_;  // slot, words
   std::string failure_;

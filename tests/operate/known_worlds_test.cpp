@@ -54,7 +54,20 @@ INSTANTIATE_TEST_SUITE_P(
         Known{481048, "one that is storing wakes during the proof, and answers its last question as the other does"},
         Known{571092, "the judge: a memory write that a reset cut off had left what was there"},
         Known{599466, "a slot that failed is not tried again beside a search that two of one address keep alive"},
-        Known{620764, "a device is bound again and again to the node-ID that it shares with two of one address"}),
+        Known{620764, "a device is bound again and again to the node-ID that it shares with two of one address"},
+        Known{922706, "an address that a search put together leaves to a device the slot that another needs"}),
+    name_of);
+
+INSTANTIATE_TEST_SUITE_P(
+    Waits, KnownWorld,
+    ::testing::Values(
+        Known{
+            2, "the slot of a device whose cable was cut stays empty, while its heartbeats are heard", {.waits = true}},
+        Known{5, "a device that waits for its power cycle holds LSS, and the others wait", {.waits = true}},
+        Known{13, "a slot says that no device was found, and an event has named it", {.waits = true}},
+        Known{22, "a frame that came twice is told to be of two devices", {.waits = true}},
+        Known{
+            43, "beside one that waits for its power cycle a device that was switched on waits too", {.waits = true}}),
     name_of);
 
 }  // namespace

@@ -33,6 +33,17 @@ TEST(TreesRandomWorlds, KnownWorlds) {
   }
 }
 
+// The same with replacements, blank and used, two for one slot, sister buses with equal node-IDs beneath one gateway,
+// devices of all kinds, slow ones beside quick ones. Each failed once, for another reason (docs/faults.md §What these
+// found). `./run faults --trees` has more of them.
+TEST(TreesRandomWorlds, KnownMixedWorlds) {
+  for (const std::uint64_t seed : {1U, 2U, 3U, 10U, 16U, 38U, 59U}) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    TreeWorld world(mix(tree_plan(seed)));
+    EXPECT_EQ(world.go(8), "") << world.log();
+  }
+}
+
 // Berth dies at any frame while it brings a machine of many buses up: the next one finishes it.
 TEST(TreesRandomWorlds, BerthDiesWhileItBringsThemUp) {
   const auto range = worlds::seeds(3);

@@ -1,0 +1,138 @@
+// A device that takes a node-ID at power-on only waits for a person. It waits by itself: does any other device notice?
+#pragma once
+
+#include <algorithm>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tests/harness/world_plan.hpp"
+
+namespace berth::harness {
+
+class WaitingJudge {
+ public:
+  // Both must stay.
+  WaitingJudge(Rig& rig, const WorldPlan& plan) noexcept : rig_(&rig), plan_(&plan) {}
+  [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
+
+  // All slots but those whose devices wait, or whose configuration does.
+  [[nodiscard]] bool others_run() {
+    for (std::size_t i = 0; i < rig_->networks(); ++i) {
+      for (const auto& s : rig_->network(i).report()) {
+        if (s.state != places::SlotState::operational && !is_excused(s)) return false;
+      }
+    }
+    return true;
+  }
+  // The start of a world: `without` is how long it takes when nobody waits.
+  void start(rt::Duration without, const std::function<bool()>& unsound) {
+    const rt::Duration limit = without + cost_of_waiting();
+    if (rig_->run_until([&] { return others_run() || unsound(); }, limit)) return;
+    failure_ = "beside a device that waits for its power cycle the others are not operational in " + text(limit) +
+               ", and without it in " + text(without);
+  }
+
+  // Each of the others may lose its power for a moment. No search goes on, no slot but those of who waits misses its
+  // device.
+  void lose(Random& random, const std::function<bool()>& unsound) {
+    for (int i = 0; i < 6; ++i) {
+      rig_->run_for(rt::Duration(random.between(0, rt::Duration(8s).count())));
+      plant::SimDevice* const device = one_that_runs(random);
+      if (device == nullptr || !others_run()) continue;
+      device->power(false);
+      rig_->run_for(rt::Duration(random.between(rt::Duration(100ms).count(), rt::Duration(500ms).count())));
+      device->power(true);
+      const rt::Duration limit = back_in(device->plan().bus);
+      const bool back = rig_->run_until([&] { return unsound() || runs(*device); }, limit);
+      if (back) continue;
+      failure_ = device->name() + " was switched on, and is not operational after " + text(limit);
+      return;
+    }
+  }
+  [[nodiscard]] std::optional<operate::SlotReport> report_of(const std::string& slot) {
+    for (std::size_t i = 0; i < rig_->networks(); ++i) {
+      for (const auto& s : rig_->network(i).report()) {
+        if (s.name == slot) return s;
+      }
+    }
+    return std::nullopt;
+  }
+  // Powered, and with the address of the slot's device; null: there is none.
+  [[nodiscard]] plant::SimDevice* device_of(const operate::SlotReport& slot) {
+    for (const auto& d : rig_->world().devices()) {
+      const auto t = d->truth();
+      if (t.powered && t.bus == slot.bus && slot.device == t.address) return d.get();
+    }
+    return nullptr;
+  }
+
+ private:
+  [[nodiscard]] static bool by_power(const design::Slot& slot) noexcept {
+    return slot.spec.activate == places::Activate::power_cycle;
+  }
+  [[nodiscard]] bool waits(const std::string& device) const {
+    const auto* const plan = plan_->plant.device(device);
+    return plan != nullptr && plan->storing.power_cycle_after;
+  }
+  [[nodiscard]] bool is_excused(const operate::SlotReport& s) {
+    const design::Slot& slot = *plan_->machine.slot(s.bus, s.id);
+    if (by_power(slot)) return true;
+    const auto* const device = device_of(s);
+    if (device != nullptr) return waits(device->name());
+    // One that was to give a node-ID up first gets a slot behind its power cycle.
+    return s.state == places::SlotState::power_cycle &&
+           std::ranges::any_of(rig_->world().devices(), [&](const auto& d) {
+             const auto t = d->truth();
+             return t.bus == s.bus && t.powered && waits(t.name) && places::fits(slot.spec, t.address);
+           });
+  }
+  // What a device that waits may cost the others, once: it is told to store, and is awaited once as long as a device
+  // may need to boot, since one that has not booted by then cannot be told from one that is slow. Never again: its slot
+  // says that it waits.
+  [[nodiscard]] rt::Duration cost_of_waiting() const {
+    const auto& timing = plan_->machine.buses.front().timing;
+    const auto many = static_cast<int>(plan_->waiting.size());
+    return many * (timing.store_timeout + timing.boot_timeout);
+  }
+
+  [[nodiscard]] bool runs(const plant::SimDevice& device) {
+    const auto t = device.truth();
+    const auto* const slot = plan_->machine.slot(t.bus, t.active);
+    const auto report = slot == nullptr ? std::nullopt : report_of(slot->spec.name.name);
+    return report && report->state == places::SlotState::operational && t.state == NmtState::operational;
+  }
+  // Two seconds for a look round the bus that has just begun; three for its boot-up (200 ms at most), its identity and
+  // its configuration, NMT start and the heartbeat behind that; and as long as each that waits on its bus may take LSS
+  // just then, since a power cycle may not have been heard: it stores, and restarts.
+  [[nodiscard]] rt::Duration back_in(const std::string& bus) const {
+    const auto many = std::ranges::count_if(plan_->plant.devices,
+                                            [&](const auto& d) { return d.bus == bus && d.storing.power_cycle_after; });
+    return 5s + many * (plan_->machine.bus(bus)->timing.store_timeout + rt::Duration(1s));
+  }
+  [[nodiscard]] plant::SimDevice* one_that_runs(Random& random) {
+    std::vector<plant::SimDevice*> all;
+    for (std::size_t i = 0; i < rig_->networks(); ++i) {
+      for (const auto& s : rig_->network(i).report()) {
+        auto* const device = device_of(s);
+        const design::Slot& slot = *plan_->machine.slot(s.bus, s.id);
+        // One that is silent for long leaves a slot of `replacement = "auto"`, and is looked for as a new one is.
+        const bool keeps = slot.spec.replacement != places::Replacement::automatic && !by_power(slot);
+        const bool good = device != nullptr && s.state == places::SlotState::operational && !waits(device->name());
+        if (!good || !keeps) continue;
+        all.push_back(device);
+      }
+    }
+    return all.empty() ? nullptr : all[random.below(all.size())];
+  }
+  [[nodiscard]] static std::string text(rt::Duration time) {
+    return std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(time).count()) + " ms";
+  }
+
+  Rig* rig_;
+  const WorldPlan* plan_;
+  std::string failure_;
+};
+
+}  // namespace berth::harness
