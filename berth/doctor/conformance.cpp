@@ -61,6 +61,7 @@ rt::Task<Result<void>> examine(can::Dispatcher& dispatcher, const ConformanceOpt
   if (!options.node.configured()) co_return fail(Errc::invalid, "an unconfigured node-ID cannot be asked");
   DeviceUnderTest device(dispatcher, options);
   Verdicts verdicts(device, report);
+  co_await device.await_quiet();
   const auto type = co_await device.read(0x1000, 0);
   if (type.silent && device.reachable()) co_return fail(Errc::timeout, "the device does not answer");
   CommunicationChecks communication(device, verdicts, options);
@@ -78,6 +79,10 @@ rt::Task<Result<void>> examine(can::Dispatcher& dispatcher, const ConformanceOpt
     co_await nmt.run();
   }
   if (!device.reachable()) co_return fail(*device.bus_error());
+  if (device.others() > 0) {
+    verdicts.skip("7.2.4.3", {}, "no other client asks the node meanwhile",
+                  fmt::format("another one sent {} SDO requests: some verdicts may be of its answers", device.others()));
+  }
   co_return Result<void>();
 }
 

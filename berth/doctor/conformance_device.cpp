@@ -51,9 +51,19 @@ DeviceUnderTest::DeviceUnderTest(can::Dispatcher& dispatcher, const ConformanceO
   const std::uint32_t node = options.node.value();
   for (const std::uint32_t base : {0x580U, 0x700U, 0x080U}) dispatcher.add(can::only(base + node), *this);
   dispatcher.add(can::only(co::sync_id), *this);
+  dispatcher.add(can::only(co::sdo_request_id(options.node)), *this);
 }
 
 DeviceUnderTest::~DeviceUnderTest() { dispatcher_->remove(*this); }
+
+rt::Task<void> DeviceUnderTest::await_quiet() {
+  constexpr auto quiet = std::chrono::milliseconds(1500);
+  constexpr auto longest = std::chrono::seconds(10);
+  const rt::Time began = now();
+  others_at_ = began;
+  while (now() < others_at_ + quiet && now() < began + longest) co_await rt::sleep_until(others_at_ + quiet);
+  others_ = 0;
+}
 
 Told DeviceUnderTest::told_by(const Error& error) {
   if (error.code == Errc::bus) bus_error_ = error;
@@ -142,7 +152,12 @@ rt::Task<std::optional<can::Frame>> DeviceUnderTest::hear(std::uint32_t key, rt:
 }
 
 void DeviceUnderTest::received(const can::Frame& frame, rt::Time at) noexcept {
-  if (!frame.remote) box_.push({frame, at});
+  if (frame.id == co::sdo_request_id(node_)) {
+    others_at_ = at;
+    ++others_;
+  } else if (!frame.remote) {
+    box_.push({frame, at});
+  }
 }
 
 }  // namespace berth::doctor

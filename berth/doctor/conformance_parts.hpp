@@ -73,6 +73,11 @@ class DeviceUnderTest final : private can::Handler {
   DeviceUnderTest(const DeviceUnderTest&) = delete;
   DeviceUnderTest& operator=(const DeviceUnderTest&) = delete;
 
+  /// Until no other client has asked the node for a while, at most ten seconds: its answers would be taken for those to
+  /// the questions of the examination, as of a master that boots the node.
+  rt::Task<void> await_quiet();
+  /// SDO requests of other clients since then.
+  [[nodiscard]] unsigned others() const noexcept { return others_; }
   rt::Task<Told> read(std::uint16_t index, std::uint8_t sub);
   rt::Task<Told> read_by_block(std::uint16_t index, std::uint8_t sub, bool crc);
   rt::Task<Told> write(std::uint16_t index, std::uint8_t sub, const Bytes& bytes);
@@ -109,6 +114,8 @@ class DeviceUnderTest final : private can::Handler {
   rt::Mailbox<Heard, 256> box_;
   std::optional<Error> bus_error_;
   rt::Time heard_at_{};
+  unsigned others_ = 0;
+  rt::Time others_at_{};
 };
 
 /// Writes verdicts into the report. While the device cannot be reached nothing is judged.

@@ -102,10 +102,11 @@ void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& 
   if (objects.sdo_manager) add_sdo_manager_objects(builder, most);
   if (objects.node_ids) {
     add_array(builder, {.index = NodeIdSource::object, .name = "Node-ID", .type = DataType::unsigned64}, most);
-    builder.sub(NodeIdSource::object, {.sub = cia302::all_nodes,
-                                       .name = "Devices without a place",
-                                       .type = DataType::unsigned64,
-                                       .access = Access::ro});
+    std::uint8_t sub = cia302::all_nodes;
+    for (const char* const name : {"Devices without a place", "Told of nodes 1 to 64", "Told of nodes 65 to 127"}) {
+      builder.sub(NodeIdSource::object,
+                  {.sub = sub++, .name = name, .type = DataType::unsigned64, .access = Access::ro});
+    }
   }
 }
 

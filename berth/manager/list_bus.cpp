@@ -35,22 +35,25 @@ void ListBus::begin(NodeId own) {
   found.clear();
   refusing.clear();
   vacancy_ = {};
-  for (std::uint8_t node = 1; node <= 127; ++node) boots_.forget(NodeId(node));
+  list_.clear();
+  for (std::uint8_t number = 1; number <= 127; ++number) {
+    const NodeId node(number);
+    boots_.forget(node);
+    const SlaveRules rules = slave_rules_of(s_.values, node);
+    if (rules.assigned && node != own_) list_.push_back(spec_of(node, rules));
+  }
 }
 
 void ListBus::read_list(std::bitset<128> there) {
   slots.clear();
   found.clear();
   vacancy_ = {};
-  for (std::uint8_t number = 1; number <= 127; ++number) {
-    const NodeId node(number);
-    const SlaveRules rules = slave_rules_of(s_.values, node);
-    if (!rules.assigned || node == own_) continue;
+  for (const auto& spec : list_) {
     ListSlot slot;
-    slot.slot.spec = spec_of(node, rules);
-    slot.slot.record.slot = ListStore::slot_of(node);
-    slot.typed = rules.vendor != 0 && rules.product != 0;
-    slot.there = there[number];
+    slot.slot.spec = spec;
+    slot.slot.record.slot = ListStore::slot_of(spec.id);
+    slot.typed = spec.type.vendor != 0 && spec.type.product != 0;
+    slot.there = there[spec.id.value()];
     slots.push_back(std::move(slot));
     refresh(slots.back());
   }

@@ -63,9 +63,10 @@ class ListBus {
  public:
   explicit ListBus(const ListServices& services);
 
-  /// The master has booted: all is forgotten but what the store has.
+  /// The master has booted: all is forgotten but what the store has, and its list is read. What is written to the list
+  /// after that may be half of another one, and counts from the next boot-up on.
   void begin(NodeId own);
-  /// The slots of the list as it is now. Those in `there` need not be asked.
+  /// The slots of the list as of now. Those in `there` need not be asked.
   void read_list(std::bitset<128> there);
   [[nodiscard]] NodeId own() const noexcept { return own_; }
   [[nodiscard]] rt::Time began() const noexcept { return began_; }
@@ -119,6 +120,7 @@ class ListBus {
   places::BootWatch boots_;
   places::VacancyTable vacancy_{};
   rt::Turn lss_turn_;
+  std::vector<places::SlotSpec> list_;  // as of the last boot-up
   NodeId own_;
   rt::Time began_{};
 };

@@ -17,6 +17,11 @@ NodeIdReport::NodeIdReport(od::Values& values, std::function<bool(NodeId)> forge
 
 void NodeIdReport::tell(NodeId node, NodeIdTrouble trouble, std::uint32_t serial) noexcept {
   told_[node.value()] = row(static_cast<std::uint8_t>(trouble), serial);
+  const unsigned place = node.value() - 1U;
+  const std::uint64_t bit = std::uint64_t{1} << place % 64;
+  std::uint64_t& mask = told_[troubled + place / 64];
+  const bool plain = trouble == NodeIdTrouble::none || trouble == NodeIdTrouble::nobody;
+  mask = plain ? mask & ~bit : mask | bit;
 }
 
 void NodeIdReport::tell_surplus(std::span<const LssAddress> devices) noexcept {

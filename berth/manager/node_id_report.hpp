@@ -5,6 +5,9 @@
 ///                is kept is gone for good
 ///     5F0Bh:80h  read-only: bits 7..0 how many devices were found that have no place, bits 63..32 the serial number of
 ///                the first
+///     5F0Bh:81h  read-only: bit n - 1 is set while 5F0Bh:n, n from 1 to 64, tells more than that its device is there
+///                or that nobody was found
+///     5F0Bh:82h  the same of 65 to 127, bit n - 65
 ///
 /// Refused: another value (0609 0030h); while the node-ID is kept for no device that is away (0800 0022h).
 #pragma once
@@ -21,7 +24,8 @@ namespace berth::manager {
 class NodeIdReport final : private od::Hook {
  public:
   static constexpr std::uint16_t object = NodeIdSource::object;
-  static constexpr std::uint8_t surplus = 0x80;  ///< sub-index
+  static constexpr std::uint8_t surplus = 0x80;   ///< sub-index
+  static constexpr std::uint8_t troubled = 0x81;  ///< sub-index of the first 64; the next has the others
 
   /// `forget`: gives the node-ID free; false: it is not kept.
   NodeIdReport(od::Values& values, std::function<bool(NodeId)> forget);
@@ -37,7 +41,7 @@ class NodeIdReport final : private od::Hook {
   od::AbortCode writing(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept override;
 
   std::function<bool(NodeId)> forget_;
-  std::array<std::uint64_t, 129> told_{};
+  std::array<std::uint64_t, 131> told_{};
   std::array<std::uint8_t, 8> shown_{};
 };
 

@@ -80,7 +80,7 @@ rt::Task<Result<void>> GatewayMaster::undate() {
 
 rt::Task<Result<void>> GatewayMaster::bring_objects(const manager::Wanted& list, bool& changed) {
   manager::ConfiguratorOptions options;
-  options.progress = progress_;
+  if (!list.entries.empty()) options.progress = progress_;
   options.each_value = true;
   manager::ConfigurationReport report;
   manager::Configurator configurator(*master_, *master_, list, options);

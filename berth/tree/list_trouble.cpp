@@ -49,7 +49,21 @@ rt::Task<std::uint64_t> ListTrouble::ask(co::SdoAccess& master, std::uint8_t sub
   co_return load_le<std::uint64_t>(value->bytes().data());
 }
 
+// Through gateways each question costs several on the buses above, and most slots have no more to tell.
+rt::Task<bool> ListTrouble::is_troubled(co::SdoAccess& master, NodeId node) {
+  const unsigned place = node.value() - 1U;
+  auto& mask = troubled_.at(place / 64);
+  if (!mask) {
+    const auto sub = static_cast<std::uint8_t>(manager::NodeIdReport::troubled + place / 64);
+    const auto told = co_await ask(master, sub);
+    mask = told;
+  }
+  co_return (*mask >> place % 64 & 1U) != 0;
+}
+
 rt::Task<std::optional<ListTrouble::Told>> ListTrouble::of(co::SdoAccess& master, NodeId node, std::string path) {
+  const bool troubled = co_await is_troubled(master, node);
+  if (!troubled) co_return std::nullopt;
   const std::uint8_t sub = node.value();
   const std::uint64_t row = co_await ask(master, sub);
   const auto trouble = static_cast<NodeIdTrouble>(row & 0xFFU);

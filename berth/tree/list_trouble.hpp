@@ -2,6 +2,7 @@
 /// gateway and put in words.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 
@@ -18,6 +19,8 @@ class ListTrouble {
     std::string reason;
     bool is_news = true;  ///< also where the slot has this state already, and another reason
   };
+  /// A look at all slaves begins: which of them its master has something to tell of is asked once in it.
+  void begin() noexcept { troubled_ = {}; }
   /// Why the slave `node` is not there. None: the master does not tell, or knows nothing. `path`: of the master, as
   /// commands name it.
   [[nodiscard]] rt::Task<std::optional<Told>> of(co::SdoAccess& master, NodeId node, std::string path);
@@ -28,7 +31,10 @@ class ListTrouble {
  private:
   [[nodiscard]] rt::Task<std::uint64_t> ask(co::SdoAccess& master, std::uint8_t sub);
 
-  bool tells_ = true;  // its master has the object, as far as is known
+  rt::Task<bool> is_troubled(co::SdoAccess& master, NodeId node);
+
+  bool tells_ = true;                                      // its master has the object, as far as is known
+  std::array<std::optional<std::uint64_t>, 2> troubled_{};  // in this look
   rt::Time surplus_at_{};
   std::uint64_t surplus_ = 0;
 };

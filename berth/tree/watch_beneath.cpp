@@ -68,6 +68,7 @@ rt::Task<Result<void>> WatchBeneath::await_operational(rt::Time deadline) {
   for (bool over = false; !over;) {
     over = slots_.now() >= deadline;
     unsigned silent = 0;
+    trouble_.begin();
     for (auto& place : slots_.all()) {
       const std::uint8_t node = place.spec.id.value();
       if (place.now.state == SlotState::operational && !asked_.test(node)) continue;
@@ -114,6 +115,7 @@ rt::Task<void> WatchBeneath::look_at_asked() {
 
 // False: its gateway does not answer.
 rt::Task<bool> WatchBeneath::look_at_all(std::vector<NodeId> nodes) {
+  trouble_.begin();
   for (const NodeId node : nodes) {
     const auto looked = co_await look_at(*slots_.at(node), true);
     silence_.failures = looked ? 0 : silence_.failures + 1;

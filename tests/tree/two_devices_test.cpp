@@ -21,13 +21,19 @@ type = { vendor = 1, product = 7 }
 serial = 999
 node_id = 5
 plugged = false
+speaks = [SPEAKS]
 )";
+
+std::string twin_that_speaks(const std::string& words) {
+  std::string text = twin;
+  return text.replace(text.find("SPEAKS"), 6, words);
+}
 
 }  // namespace
 
 TEST(TwoDevices, UnderOneNodeIdAreAStateOfTheSlot) {
   const auto made = chain(1);
-  Rig rig(made.machine, made.plant + twin);
+  Rig rig(made.machine, made.plant + twin_that_speaks(""));  // no LSS: its node-ID cannot be taken away
   ASSERT_TRUE(rig.up()) << rig.log();
   rig.run_for(5s);
   rig.forget_events();
@@ -45,6 +51,23 @@ TEST(TwoDevices, UnderOneNodeIdAreAStateOfTheSlot) {
   ASSERT_TRUE(rig.up()) << rig.log();
   rig.run_for(10s);
   EXPECT_EQ(rig.state("valve 1"), SlotState::operational);
+}
+
+// By LSS the gateway's master tells them apart: the second one gives the node-ID up, and has no place.
+TEST(TwoDevices, OfWhichOneSpeaksLssAreToldApart) {
+  const auto made = chain(1);
+  Rig rig(made.machine, made.plant + twin_that_speaks("\"lss\""));
+  ASSERT_TRUE(rig.up()) << rig.log();
+  rig.run_for(5s);
+  rig.forget_events();
+  rig.device("twin").plug();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state("valve 1") == SlotState::duplicate; }, 30s)) << rig.log();
+  ASSERT_TRUE(rig.up()) << rig.log();
+  rig.run_for(60s);
+  EXPECT_EQ(rig.state("valve 1"), SlotState::operational);
+  EXPECT_FALSE(rig.device("twin").truth().active.configured());
+  EXPECT_NE(rig.log().find("1 device has no place here, the first with serial number 000003E7h"), std::string::npos)
+      << rig.log();
 }
 
 // A single 8150h is an event, as any other.
