@@ -62,7 +62,6 @@ rt::Task<void> DeviceUnderTest::await_quiet() {
   const rt::Time began = now();
   others_at_ = began;
   while (now() < others_at_ + quiet && now() < began + longest) co_await rt::sleep_until(others_at_ + quiet);
-  others_ = 0;
 }
 
 Told DeviceUnderTest::told_by(const Error& error) {
@@ -137,6 +136,18 @@ rt::Task<std::optional<can::Frame>> DeviceUnderTest::raw(can::Frame request) {
   box_.clear();
   send(request);
   co_return co_await hear(co::sdo_response_id(node_), timeout_);
+}
+
+rt::Task<std::optional<can::Frame>> DeviceUnderTest::raw_undisturbed(can::Frame request) {
+  constexpr unsigned most = 3;
+  std::optional<can::Frame> answer;
+  for (unsigned i = 0; i < most; ++i) {
+    const unsigned before = others_;
+    answer = co_await raw(request);
+    if (others_ == before) break;
+    co_await await_quiet();
+  }
+  co_return answer;
 }
 
 rt::Task<std::optional<can::Frame>> DeviceUnderTest::hear(std::uint32_t key, rt::Duration limit) {

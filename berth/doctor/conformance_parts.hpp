@@ -76,7 +76,7 @@ class DeviceUnderTest final : private can::Handler {
   /// Until no other client has asked the node for a while, at most ten seconds: its answers would be taken for those to
   /// the questions of the examination, as of a master that boots the node.
   rt::Task<void> await_quiet();
-  /// SDO requests of other clients since then.
+  /// SDO requests of other clients.
   [[nodiscard]] unsigned others() const noexcept { return others_; }
   rt::Task<Told> read(std::uint16_t index, std::uint8_t sub);
   rt::Task<Told> read_by_block(std::uint16_t index, std::uint8_t sub, bool crc);
@@ -84,6 +84,8 @@ class DeviceUnderTest final : private can::Handler {
   rt::Task<Told> write_number(std::uint16_t index, std::uint8_t sub, std::size_t size, std::uint64_t value);
   /// One frame on the default channel and the next frame back; empty: silence.
   rt::Task<std::optional<can::Frame>> raw(can::Frame request);
+  /// The same for a request that may be repeated: it is, when another client has asked meanwhile.
+  rt::Task<std::optional<can::Frame>> raw_undisturbed(can::Frame request);
   /// The next frame of the node in this range, if one comes in time.
   rt::Task<std::optional<can::Frame>> hear(std::uint32_t key, rt::Duration limit);
   void send(const can::Frame& frame);

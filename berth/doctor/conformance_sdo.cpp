@@ -47,23 +47,23 @@ rt::Task<void> SdoChecks::refusals() {
 }
 
 rt::Task<void> SdoChecks::commands() {
-  const auto strange = co_await device_.raw(device_.request(unknown, 0x1000, 0));
+  const auto strange = co_await device_.raw_undisturbed(device_.request(unknown, 0x1000, 0));
   report_.refused(abort_codes, "an unknown command specifier", strange, codes::unknown_command);
-  const auto alone = co_await device_.raw(device_.request(upload_segment, 0, 0));
+  const auto alone = co_await device_.raw_undisturbed(device_.request(upload_segment, 0, 0));
   report_.refused(abort_codes, "an upload segment that belongs to no transfer", alone, codes::unknown_command);
-  const auto alone_down = co_await device_.raw(device_.request(0x01, 0, 0));
+  const auto alone_down = co_await device_.raw_undisturbed(device_.request(0x01, 0, 0));
   report_.refused(abort_codes, "a download segment that belongs to no transfer", alone_down, codes::unknown_command);
 
   auto aborting = device_.request(client_abort, 0x1000, 0, static_cast<std::uint32_t>(od::AbortCode::general));
-  const auto aborted = co_await device_.raw(aborting);
+  const auto aborted = co_await device_.raw_undisturbed(aborting);
   report_.silent(abort_codes, "a client's abort is not answered", aborted);
   auto short_one = device_.request(initiate_upload, 0x1000, 0);
   short_one.size = 7;
-  const auto short_answer = co_await device_.raw(short_one);
+  const auto short_answer = co_await device_.raw_undisturbed(short_one);
   report_.silent(protocol, "a request of seven bytes is not answered", short_answer);
   auto remote = device_.request(initiate_upload, 0x1000, 0);
   remote.remote = true;
-  const auto remote_answer = co_await device_.raw(remote);
+  const auto remote_answer = co_await device_.raw_undisturbed(remote);
   report_.silent(protocol, "a remote frame is not answered", remote_answer);
 }
 
