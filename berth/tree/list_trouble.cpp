@@ -42,6 +42,7 @@ ListTrouble::Told words_of(NodeIdTrouble trouble, std::uint32_t serial, NodeId n
 
 rt::Task<std::uint64_t> ListTrouble::ask(co::SdoAccess& master, std::uint8_t sub) {
   if (!tells_) co_return 0;
+  ++asked_;
   const std::uint16_t object = manager::NodeIdReport::object;
   const auto value = co_await master.read(object, sub);
   tells_ = value || value.error().code != Errc::aborted;

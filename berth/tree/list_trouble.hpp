@@ -28,6 +28,9 @@ class ListTrouble {
   /// for within the last ten seconds.
   [[nodiscard]] rt::Task<std::string> surplus(co::SdoAccess& master, rt::Time now);
 
+  /// Questions so far.
+  [[nodiscard]] unsigned asked() const noexcept { return asked_; }
+
  private:
   [[nodiscard]] rt::Task<std::uint64_t> ask(co::SdoAccess& master, std::uint8_t sub);
 
@@ -35,6 +38,7 @@ class ListTrouble {
 
   bool tells_ = true;                                      // its master has the object, as far as is known
   std::array<std::optional<std::uint64_t>, 2> troubled_{};  // in this look
+  unsigned asked_ = 0;
   rt::Time surplus_at_{};
   std::uint64_t surplus_ = 0;
 };

@@ -164,7 +164,9 @@ void Tree::tell(const std::string& name, const multilevel::LoggedEmcy& entry, co
     // Two devices under one node-ID tell of it, and of what it does to their frames, again and again.
     const bool known = line.slots().at(spec.id)->doubled && is_communication(entry.reading);
     if (!known) line.slots().events().tell(operate::EventKind::error, spec.name.name, text);
-    if (entry.reading.code == co::emcy_code::id_collision) line.collided(spec.id);
+    // A gateway without its layout tells as its own what is beneath it.
+    const bool its_own = origins.beneath.empty();
+    if (its_own && entry.reading.code == co::emcy_code::id_collision) line.collided(spec.id);
     return;
   }
   std::string whose;

@@ -154,6 +154,10 @@ rt::Task<Result<void>> WatchBeneath::look_at(PlaceBeneath& place, bool settled) 
     const bool still = co_await is_doubled(place);
     place.doubled = still;
     if (still) co_return Result<void>{};
+    // What it was before those questions is old.
+    state = co_await state_of(place);
+    if (!state) co_return fail(state.error());
+    if (!*state) co_return Result<void>{};
   }
   switch (**state) {
     case static_cast<std::uint8_t>(NmtState::operational): co_return co_await look_at_running(place);
@@ -207,8 +211,15 @@ rt::Task<void> WatchBeneath::look_at_missing(PlaceBeneath& place) {
   const NodeId node = place.spec.id;
   const unsigned losses = place.losses;
   const std::string path = to_string(multilevel::Path{way_.gateways, slots_.bus().master});
+  const unsigned asked = trouble_.asked();
   const auto knows = co_await trouble_.of(access(slots_.bus().master), node, path);
   if (place.losses != losses) co_return;
+  if (trouble_.asked() != asked) {
+    // It may have come back while its master was asked for that.
+    const auto state = co_await state_of(place);
+    const bool still = state && *state && **state <= GatewayMaster::missing;
+    if (!still) co_return;
+  }
   place.identified = false;
   const bool told = told_lost_.test(node.value());
   if (knows && (knows->is_news || !told)) {
