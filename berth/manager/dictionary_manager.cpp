@@ -199,6 +199,9 @@ rt::Task<void> DictionaryManager::assign_and_lead() {
     const auto again = co_await node_ids_->run(there);
     static_cast<void>(again);
     reset_unheard(node_ids_->answered());
+    for (const auto& slave : network_.plan().slaves) {
+      if (node_ids_->silent()[slave.node.value()]) network_.gone(slave.node);
+    }
   }
 }
 

@@ -68,6 +68,9 @@ class NetworkBoot final : private SlaveBoots::Owner, private NetworkStartup::Own
   /// `with_master` does it to the master too. To the master's own node-ID: nothing is sent, it is done to it.
   void command(co::NmtCommand command, co::NmtTarget target, bool with_master = false) override;
 
+  /// It was asked and is not there. Of a slave without error control nothing else tells it: the state that it told last
+  /// (1F82h) counts no more.
+  void gone(NodeId node) noexcept;
   [[nodiscard]] Phase phase() const noexcept { return startup_.phase(); }
   [[nodiscard]] const NetworkPlan& plan() const noexcept { return plan_; }
   [[nodiscard]] NmtState own_state() const noexcept { return own_; }

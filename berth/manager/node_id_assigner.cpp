@@ -38,6 +38,7 @@ void NodeIdAssigner::begin(NodeId own) noexcept {
 
 rt::Task<Result<void>> NodeIdAssigner::run(std::bitset<128> there) {
   answered_.reset();
+  silent_.reset();
   bus_.read_list(there);
   if (bus_.slots.empty()) co_return Result<void>{};
   if (!open_) {
@@ -134,7 +135,10 @@ rt::Task<void> NodeIdAssigner::ask(ListSlot& slot) {
   if (device) slot.device = *device;
   if (device) answered_.set(node.value());
   const bool silent = !device && (device.error().code == Errc::timeout || device.error().code == Errc::bus);
-  if (silent && !slot.guarded && !slot.there) bus_.vacancy()[node.value()] = began;
+  if (silent && !slot.guarded && !slot.there) {
+    bus_.vacancy()[node.value()] = began;
+    silent_.set(node.value());
+  }
   slot.there = slot.there || !silent || slot.guarded;
   if (!doubled_[node.value()]) co_return;
   co_await rt::sleep_for(second_answer);

@@ -44,6 +44,7 @@ class NodeIdAssigner final : public NodeIdSource {
   void begin(NodeId own) noexcept override;
   [[nodiscard]] rt::Task<Result<void>> run(std::bitset<128> there) override;
   [[nodiscard]] std::bitset<128> answered() const noexcept override { return answered_; }
+  [[nodiscard]] std::bitset<128> silent() const noexcept override { return silent_; }
   [[nodiscard]] rt::Duration pause() const noexcept override { return period; }
 
   /// Between two runs.
@@ -74,6 +75,7 @@ class NodeIdAssigner final : public NodeIdSource {
   NodeIdSeating seating_;
   NodeIdReport report_;
   std::bitset<128> answered_;
+  std::bitset<128> silent_;
   std::bitset<128> doubled_;                  // answered twice, and not told apart yet
   std::array<unsigned, 128> tries_{};         // to tell them apart
   std::array<rt::Time, 128> asked_at_{};      // who answers under it

@@ -234,7 +234,7 @@ rt::Task<bool> NodeIdSeating::blank(LssAddress device, std::string reason) {
   const bool good = binding.step() == places::Step::done;
   auto* const now = bus_.find(device);
   if (good) {
-    bus_.boots().forget(binding.old_id());
+    places::gave_up(bus_.boots(), bus_.vacancy(), binding.old_id());
     if (now != nullptr) now->active = NodeId();
     ListSlot* const left = bus_.at(binding.old_id());
     const bool empty = left != nullptr && left->device == device;

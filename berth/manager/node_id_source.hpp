@@ -36,6 +36,8 @@ class NodeIdSource {
   [[nodiscard]] virtual rt::Task<Result<void>> run(std::bitset<128> there) = 0;
   /// Slaves that the last `run` asked for and that answered.
   [[nodiscard]] virtual std::bitset<128> answered() const noexcept = 0;
+  /// Those that it asked for and that are not there: neither SDO nor guarding was answered.
+  [[nodiscard]] virtual std::bitset<128> silent() const noexcept = 0;
   /// Between two runs.
   [[nodiscard]] virtual rt::Duration pause() const noexcept = 0;
 

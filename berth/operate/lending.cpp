@@ -180,7 +180,7 @@ rt::Task<void> Lending::end_or_keep(Loans::Loan loan) {
   const auto found = found_.of(loan.device);
   if (found != nullptr) found->active = NodeId();
   end(loan.device);
-  s_.boots.forget(loan.id);
+  places::gave_up(s_.boots, s_.vacancy, loan.id);
 }
 
 // Two devices of its address may both be told to have none: one of them was lent it, and which cannot be asked. So both

@@ -74,7 +74,7 @@ rt::Task<void> RecipeSeating::bind(Seat& seat, LssAddress device, NodeId now) {
   if (binding.step() == RecipeStep::done) {
     seat.there = seat.fresh = true;
     seat.boot_again();
-    if (now != seat.id()) s_.boots.forget(now);
+    if (now != seat.id()) places::gave_up(s_.boots, s_.vacancy, now);
     slots_.events().tell(EventKind::bound, seat.name(),
                          fmt::format("bound to {} as node-ID {} {}", to_string(device), seat.id().value(), reason));
     slots_.set_state(seat, SlotState::present);

@@ -321,8 +321,7 @@ rt::Task<bool> Seating::blank(LssAddress device, std::string reason) {
         fmt::format("{} has no node-ID in its memory any more, and uses {} until it is switched off and on",
                     to_string(device), binding.old_id().value()));
   } else if (good) {
-    // Whatever was heard under its old node-ID is history.
-    s_.boots.forget(binding.old_id());
+    places::gave_up(s_.boots, s_.vacancy, binding.old_id());
     left_node_id(binding.old_id());
     left_node_id(used);
     lending_.end(device);

@@ -287,6 +287,11 @@ rt::Task<void> Binder::wake() {
   wake_unconfigured(s_.dispatcher);
 }
 
+void gave_up(BootWatch& boots, VacancyTable& vacancy, NodeId id) noexcept {
+  boots.forget(id);
+  vacancy[id.value() & 0x7FU].reset();
+}
+
 void wake_unconfigured(can::Dispatcher& dispatcher) noexcept {
   can::Frame reset;
   reset.id = 0;

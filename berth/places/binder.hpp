@@ -23,6 +23,10 @@ namespace berth::places {
 /// makes a node-ID vacant without asking again.
 using VacancyTable = std::array<std::optional<rt::Time>, 128>;
 
+/// The device that used `id` gave it up: what was heard under it is history. Another one may use it, too: before it is
+/// given, it is asked for anew.
+void gave_up(BootWatch& boots, VacancyTable& vacancy, NodeId id) noexcept;
+
 /// NMT reset communication to node-ID 255. Lely core's slaves begin to use a node-ID that is pending at this command,
 /// and not at `04 00` as CiA 305 has it; others take it for a reset of no node.
 void wake_unconfigured(can::Dispatcher& dispatcher) noexcept;

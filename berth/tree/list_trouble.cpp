@@ -45,7 +45,11 @@ rt::Task<std::uint64_t> ListTrouble::ask(co::SdoAccess& master, std::uint8_t sub
   ++asked_;
   const std::uint16_t object = manager::NodeIdReport::object;
   const auto value = co_await master.read(object, sub);
-  tells_ = value || value.error().code != Errc::aborted;
+  if (!value && value.error().code == Errc::aborted) {
+    const auto abort = static_cast<od::AbortCode>(value.error().detail);
+    // Any other abort may be of a gateway on the way that had no answer.
+    tells_ = abort != od::AbortCode::no_object && abort != od::AbortCode::no_sub_index;
+  }
   if (!value || value->bytes().size() != sizeof(std::uint64_t)) co_return 0;
   co_return load_le<std::uint64_t>(value->bytes().data());
 }

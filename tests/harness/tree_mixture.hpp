@@ -71,7 +71,8 @@ class TreeMixer {
   // The same path elsewhere: a gateway of this node-ID on the sister bus, and beneath it a node-ID of the bus `like`.
   void add_gateway(const std::string& bus, NodeId id, std::size_t above, const std::string& like) {
     const std::string name = bus + " bus" + std::to_string(id.value());
-    add_slot(bus, id, {1, 0x58});
+    // A type of its own: nobody could tell which of two equal gateways this bus is beneath.
+    add_slot(bus, id, {1, 0x8058 + 0x100U * id.value()});
     const std::string upper = plan_.machine.slots.back().spec.name.name;
     auto line = *plan_.machine.bus(bus);
     line.name = name;

@@ -133,6 +133,15 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
   // A device was taken away for good while it was told its node-ID: its slot waits for it, and says so. A person brings
   // it back; of one that its master had heard under its node-ID that would be the judge's grace.
   void bring_back() {
+    // Two that boot under one node-ID at the same instant send one frame together: with nobody else on the bus there is
+    // no acknowledgement, and they repeat it together for ever; or they drive each other to bus-off, and stay there.
+    for (const auto& device : world_->devices()) {
+      const auto status = device->controller().status();
+      if (!device->powered() || !(status.bus_off || status.tec > 127)) continue;
+      note("cannot send, switched off and on: " + device->name());
+      device->power(false);
+      device->power(true);
+    }
     for (const auto& spare : exchanged_) {
       const auto slots = session_->slots();
       const auto slot = std::ranges::find(slots, spare.worn, &operate::SlotReport::name);
@@ -148,7 +157,7 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
 
   // Everything runs, and goes on to. False: `failure` says so.
   bool settle() {
-    const bool early = exchanged_.empty() || run_until([this] { return all_good(); }, std::chrono::minutes(1));
+    const bool early = run_until([this] { return all_good(); }, std::chrono::minutes(1));
     if (!early) bring_back();
     const bool good = run_until([this] { return all_good() || !failure_.empty(); }, limit);
     if (good) run_for(std::chrono::seconds(10));
@@ -161,6 +170,9 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
     for (const auto& device : world_->devices()) {
       if (device->powered() && device->device().state() != NmtState::operational)
         failure_ += fmt::format("  device {} is {}\n", device->name(), name(device->device().state()));
+      const auto status = device->controller().status();
+      if (device->powered() && (status.error_passive() || status.bus_off))
+        failure_ += fmt::format("  device {} is {}\n", device->name(), status.bus_off ? "bus-off" : "error-passive");
     }
     for (const auto& slot : plan_.machine.slots) failure_ += wrong_seat(slot);
     return false;
