@@ -82,6 +82,9 @@ void ListBus::note(const places::Found& device) {
   } else {
     *known = device;
   }
+  // One that came during a long search was not asked in this run.
+  ListSlot* const slot = at(device.active);
+  if (slot != nullptr && !slot->device && !device.clone && !device.shared) slot->device = device.device;
 }
 
 void ListBus::forget(const LssAddress& device) {
