@@ -41,14 +41,15 @@ ListTrouble::Told words_of(NodeIdTrouble trouble, std::uint32_t serial, NodeId n
 }  // namespace
 
 rt::Task<std::uint64_t> ListTrouble::ask(co::SdoAccess& master, std::uint8_t sub) {
-  if (!tells_) co_return 0;
+  if (now_ < not_before_) co_return 0;
   ++asked_;
   const std::uint16_t object = manager::NodeIdReport::object;
   const auto value = co_await master.read(object, sub);
   if (!value && value.error().code == Errc::aborted) {
     const auto abort = static_cast<od::AbortCode>(value.error().detail);
     // Any other abort may be of a gateway on the way that had no answer.
-    tells_ = abort != od::AbortCode::no_object && abort != od::AbortCode::no_sub_index;
+    constexpr auto by_then = std::chrono::seconds(30);
+    if (abort == od::AbortCode::no_object || abort == od::AbortCode::no_sub_index) not_before_ = now_ + by_then;
   }
   if (!value || value->bytes().size() != sizeof(std::uint64_t)) co_return 0;
   co_return load_le<std::uint64_t>(value->bytes().data());
@@ -76,10 +77,10 @@ rt::Task<std::optional<ListTrouble::Told>> ListTrouble::of(co::SdoAccess& master
   co_return words_of(trouble, static_cast<std::uint32_t>(row >> 32U), node, path);
 }
 
-rt::Task<std::string> ListTrouble::surplus(co::SdoAccess& master, rt::Time now) {
+rt::Task<std::string> ListTrouble::surplus(co::SdoAccess& master) {
   constexpr auto seldom = std::chrono::seconds(10);
-  if (now < surplus_at_) co_return std::string();
-  surplus_at_ = now + seldom;
+  if (now_ < surplus_at_) co_return std::string();
+  surplus_at_ = now_ + seldom;
   const std::uint8_t sub = manager::NodeIdReport::surplus;
   const std::uint64_t row = co_await ask(master, sub);
   const bool news = std::exchange(surplus_, row) != row && row != 0;

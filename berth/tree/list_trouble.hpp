@@ -20,13 +20,16 @@ class ListTrouble {
     bool is_news = true;  ///< also where the slot has this state already, and another reason
   };
   /// A look at all slaves begins: which of them its master has something to tell of is asked once in it.
-  void begin() noexcept { troubled_ = {}; }
+  void begin(rt::Time now) noexcept {
+    now_ = now;
+    troubled_ = {};
+  }
   /// Why the slave `node` is not there. None: the master does not tell, or knows nothing. `path`: of the master, as
   /// commands name it.
   [[nodiscard]] rt::Task<std::optional<Told>> of(co::SdoAccess& master, NodeId node, std::string path);
   /// The devices that have no place on the bus, in words; empty: there is none, it was told already, or it was asked
   /// for within the last ten seconds.
-  [[nodiscard]] rt::Task<std::string> surplus(co::SdoAccess& master, rt::Time now);
+  [[nodiscard]] rt::Task<std::string> surplus(co::SdoAccess& master);
 
   /// Questions so far.
   [[nodiscard]] unsigned asked() const noexcept { return asked_; }
@@ -36,7 +39,8 @@ class ListTrouble {
 
   rt::Task<bool> is_troubled(co::SdoAccess& master, NodeId node);
 
-  bool tells_ = true;                                      // its master has the object, as far as is known
+  rt::Time now_{};
+  rt::Time not_before_{};  // its master, or another device under a gateway's node-ID, said that it has no such object
   std::array<std::optional<std::uint64_t>, 2> troubled_{};  // in this look
   unsigned asked_ = 0;
   rt::Time surplus_at_{};

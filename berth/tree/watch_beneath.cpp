@@ -68,7 +68,7 @@ rt::Task<Result<void>> WatchBeneath::await_operational(rt::Time deadline) {
   for (bool over = false; !over;) {
     over = slots_.now() >= deadline;
     unsigned silent = 0;
-    trouble_.begin();
+    trouble_.begin(slots_.now());
     for (auto& place : slots_.all()) {
       const std::uint8_t node = place.spec.id.value();
       if (place.now.state == SlotState::operational && !asked_.test(node)) continue;
@@ -115,7 +115,7 @@ rt::Task<void> WatchBeneath::look_at_asked() {
 
 // False: its gateway does not answer.
 rt::Task<bool> WatchBeneath::look_at_all(std::vector<NodeId> nodes) {
-  trouble_.begin();
+  trouble_.begin(slots_.now());
   for (const NodeId node : nodes) {
     const auto looked = co_await look_at(*slots_.at(node), true);
     silence_.failures = looked ? 0 : silence_.failures + 1;
@@ -124,8 +124,7 @@ rt::Task<bool> WatchBeneath::look_at_all(std::vector<NodeId> nodes) {
     gateway_is_silent(looked.error());
     co_return false;
   }
-  const rt::Time now = slots_.now();
-  const std::string surplus = co_await trouble_.surplus(access(slots_.bus().master), now);
+  const std::string surplus = co_await trouble_.surplus(access(slots_.bus().master));
   if (!surplus.empty()) slots_.events().tell(EventKind::surplus, "", surplus);
   co_return true;
 }
