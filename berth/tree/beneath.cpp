@@ -103,7 +103,7 @@ rt::Task<void> Beneath::adopt() {
         EventKind::step, "",
         fmt::format("finishing what an earlier run began: {}",
                     found == Found::unused ? "its gateway has no node of its network list"
-                                           : "its gateway's network list is without the gateways on it"));
+                                           : "its gateway's network list is not whole"));
     again_at_ = executor_.now();
     co_return;
   }

@@ -73,6 +73,13 @@ rt::Task<bool> GatewayMaster::has_list(const manager::Wanted& list) {
   co_return co_await configurator.has_date();
 }
 
+rt::Task<bool> GatewayMaster::is_bare(const std::vector<NodeId>& nodes) {
+  const auto date = co_await master_->read_u32(configuration_date, 1);
+  if (!date || *date != 0) co_return false;
+  const bool runs = co_await has_any(nodes);
+  co_return !runs;
+}
+
 rt::Task<Result<void>> GatewayMaster::undate() {
   const auto done = co_await master_->write_u32(configuration_date, 1, 0);
   co_return done;

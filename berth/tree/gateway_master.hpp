@@ -44,6 +44,8 @@ class GatewayMaster {
 
   /// 1020h has the list's date.
   [[nodiscard]] rt::Task<bool> has_list(const manager::Wanted& list);
+  /// Its list has no date and none of `nodes` is there: it has none yet, or one that was never finished.
+  [[nodiscard]] rt::Task<bool> is_bare(const std::vector<NodeId>& nodes);
   /// Makes the date of its list another, so that the list is brought in anew.
   [[nodiscard]] rt::Task<Result<void>> undate();
   /// Compares the list, writes what differs, dates and saves it. In one transfer where the master takes it so (1F22h of

@@ -176,6 +176,9 @@ rt::Task<ListDelivery::Found> ListDelivery::look() {
     const bool used = co_await master_.has_any(nodes);
     co_return used ? Found::in_use : Found::unused;
   }
+  const auto nodes = slots_.nodes();
+  const bool bare = co_await master_.is_bare(nodes);
+  if (bare) co_return Found::unfinished;
   if (deeper_.empty()) co_return Found::another;
   const auto waiting = gateways();
   const manager::Wanted first = list(waiting);

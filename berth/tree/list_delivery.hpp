@@ -44,7 +44,7 @@ class ListDelivery {
   enum class Found : std::uint8_t {
     in_use,      ///< with this list
     unused,      ///< with this list, of which its master has no node: an earlier Berth ended before the restart
-    unfinished,  ///< with the first list, without the gateways on the bus
+    unfinished,  ///< with the first list, without the gateways on the bus; or with none that anybody finished
     another      ///< with any other list
   };
   [[nodiscard]] rt::Task<Found> look();
