@@ -127,14 +127,14 @@ rt::Task<void> NodeIdAssigner::ask(ListSlot& slot) {
   const NodeId node = slot.id();
   const rt::Time began = bus_.executor().now();
   asked_at_[node.value()] = began;
-  rt::Scope guarding(bus_.executor());
-  if (!slot.there) guarding.spawn(guard(slot));
   const auto surplus = bus_.services().sdo.surplus(node);
   const auto device = co_await identity_of(node);
-  co_await guarding.join();
   if (device) slot.device = *device;
   if (device) answered_.set(node.value());
   const bool silent = !device && (device.error().code == Errc::timeout || device.error().code == Errc::bus);
+  // Only then: to the master's heartbeat consumer the answer is a heartbeat, and it would wait for the next one.
+  const bool guards = silent && !slot.there;
+  if (guards) co_await guard(slot);
   if (silent && !slot.guarded && !slot.there) {
     bus_.vacancy()[node.value()] = began;
     silent_.set(node.value());
