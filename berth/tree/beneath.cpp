@@ -28,7 +28,8 @@ Beneath::Beneath(rt::Executor& executor, const design::Bus& bus, Way way, std::v
 
 void Beneath::know_gateway(std::function<bool()> runs, std::function<void()> operational) {
   gateway_runs_ = std::move(runs);
-  slots_.on_operational(std::move(operational));
+  operational_call_ = std::move(operational);
+  slots_.on_operational([this] { tell_operational(); });
 }
 
 void Beneath::start() {
@@ -44,8 +45,14 @@ bool Beneath::ready_beneath(NodeId gateway) const {
 }
 
 void Beneath::provide(bool provided) noexcept {
+  const bool news = provided && !provided_;
   provided_ = provided;
   watch_.set_provided(provided);
+  if (news) tell_operational();
+}
+
+void Beneath::tell_operational() {
+  if (operational() && operational_call_) operational_call_();
 }
 
 rt::Task<Result<void>> Beneath::bring_up() {

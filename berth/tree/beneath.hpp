@@ -52,8 +52,9 @@ class Beneath {
   [[nodiscard]] const Way& way() const noexcept { return way_; }
   [[nodiscard]] SlotsBeneath& slots() noexcept { return slots_; }
   [[nodiscard]] std::vector<operate::SlotReport> report() const { return slots_.report(); }
-  /// Every slot that is not optional.
-  [[nodiscard]] bool operational() const noexcept { return slots_.operational(); }
+  /// Every slot that is not optional, and its gateway has the network list, as far as is known: else that is brought
+  /// in later, and restarts them.
+  [[nodiscard]] bool operational() const noexcept { return provided_ && slots_.operational(); }
   /// Nothing goes on here but watching.
   [[nodiscard]] bool idle() const noexcept { return !brings_up_; }
   /// A node of this bus.
@@ -66,6 +67,7 @@ class Beneath {
   rt::Task<void> adopt();
   [[nodiscard]] bool ready_beneath(NodeId gateway) const;
   void provide(bool provided) noexcept;
+  void tell_operational();
 
   rt::Executor& executor_;
   Way way_;
@@ -74,6 +76,7 @@ class Beneath {
   ListDelivery delivery_;
   WatchBeneath watch_;
   std::function<bool()> gateway_runs_;
+  std::function<void()> operational_call_;
   rt::Mailbox<NodeId, 256> wakes_;
   bool up_ = false;         // it was brought up, or found running
   bool brings_up_ = false;  // now
