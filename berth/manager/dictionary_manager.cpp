@@ -205,13 +205,14 @@ rt::Task<void> DictionaryManager::assign_and_lead() {
   }
 }
 
-// Neither their boot-up message nor a heartbeat came here, as of one that was reset while the bus was cut: they are
-// there, and wait to be booted.
+// Neither their boot-up message nor a heartbeat came here, as of one that was reset while the bus was cut, or silent for
+// a while: they are there, and wait to be booted.
 void DictionaryManager::reset_unheard(std::bitset<128> answered) {
   for (const auto& slave : network_.plan().slaves) {
     const auto* const status = network_.find(slave.node);
     if (status == nullptr || !answered[slave.node.value()]) continue;
-    const bool silent = status->phase == SlavePhase::failed && status->result.status == BootStatus::b;
+    const bool silent =
+        status->phase == SlavePhase::failed && (status->result.status == BootStatus::b || !status->state);
     if (silent || status->phase == SlavePhase::awaited) network_.command(co::NmtCommand::reset_node, slave.node);
   }
 }
