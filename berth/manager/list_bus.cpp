@@ -34,6 +34,7 @@ void ListBus::begin(NodeId own) {
   slots.clear();
   found.clear();
   refusing.clear();
+  nobody_listens = false;
   vacancy_ = {};
   list_.clear();
   for (std::uint8_t number = 1; number <= 127; ++number) {

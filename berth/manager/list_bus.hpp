@@ -73,6 +73,9 @@ class ListBus {
 
   std::vector<ListSlot> slots;
   std::vector<places::Found> found;  ///< in this run
+  /// No device is in LSS configuration, as far as is known: a binding whose frames were lost may have left one there
+  /// with a node-ID pending, which the next `04 00` would bring into use.
+  bool nobody_listens = false;
   /// LSS does not give them their node-IDs: they have refused.
   std::vector<LssAddress> refusing;
 

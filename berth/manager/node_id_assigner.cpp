@@ -33,7 +33,6 @@ void NodeIdAssigner::begin(NodeId own) noexcept {
   asked_at_ = former_asked_ = {};
   for (std::uint8_t node = 1; node <= 127; ++node) surplus_[node] = bus_.services().sdo.surplus(NodeId(node));
   runs_ = 0;
-  open_ = false;
 }
 
 rt::Task<Result<void>> NodeIdAssigner::run(std::bitset<128> there) {
@@ -41,10 +40,10 @@ rt::Task<Result<void>> NodeIdAssigner::run(std::bitset<128> there) {
   silent_.reset();
   bus_.read_list(there);
   if (bus_.slots.empty()) co_return Result<void>{};
-  if (!open_) {
+  if (!bus_.nobody_listens) {
     const auto opened = co_await open();
     if (!opened) co_return opened;
-    open_ = true;
+    bus_.nobody_listens = true;
   }
   note_doubles();
   co_await ask_all();
@@ -52,6 +51,7 @@ rt::Task<Result<void>> NodeIdAssigner::run(std::bitset<128> there) {
   for (auto& slot : bus_.slots) settle(slot);
   if (!bus_.found.empty()) co_await seating_.carry_out();
   const auto searched = co_await search();
+  if (!searched) bus_.nobody_listens = false;
   tell();
   ++runs_;
   co_return searched;

@@ -82,7 +82,6 @@ class NodeIdAssigner final : public NodeIdSource {
   std::array<rt::Time, 128> former_asked_{};  // who had it before
   std::array<std::uint32_t, 128> surplus_{};  // SDO answers beyond one each
   unsigned runs_ = 0;
-  bool open_ = false;
 };
 
 }  // namespace berth::manager

@@ -192,6 +192,7 @@ void NodeIdSeating::ended(ListSlot& slot, const Binding& binding, bool fresh) {
     return;
   }
   tried_.push_back(device);
+  if (!binding.untouched()) bus_.nobody_listens = false;
   slot.trouble = NodeIdTrouble::failed;
   if (binding.step() == places::Step::power_cycle) {
     std::erase_if(resting_, [&](const Resting& r) { return r.device == device; });
@@ -242,6 +243,7 @@ rt::Task<bool> NodeIdSeating::blank(LssAddress device, std::string reason) {
     co_return true;
   }
   tried_.push_back(device);
+  if (!binding.untouched()) bus_.nobody_listens = false;
   if (binding.step() == places::Step::power_cycle)
     resting_.push_back({device, binding.old_id(), bus_.executor().now()});
   if (binding.why() == places::Why::refused) bus_.refusing.push_back(device);
