@@ -257,6 +257,9 @@ bool MainJob::retry_due() {
     const bool again = seat->state == SlotState::failed && seat->there && !seat->configuration.stuck;
     const auto heard = p_.bus.boots.heard(seat->id());
     const bool beats = heard && now - *heard <= timing.heartbeat_timeout;
+    // A gateway stops itself when a mandatory bus beneath it has failed, and no SDO reaches a stopped device.
+    const bool stopped_itself = again && beats && !seat->held && p_.bus.boots.state(seat->id()) == NmtState::stopped;
+    if (stopped_itself) p_.bus.nmt.queue(co::NmtCommand::enter_pre_operational, seat->id());
     if (again && beats) p_.slots.set_state(*seat, SlotState::present, "trying again");
     const bool troubled = seat->state == SlotState::absent || seat->state == SlotState::duplicate || seat->misplaced;
     const bool silent = again && !beats;  // it may have left before its heartbeat was waited for
