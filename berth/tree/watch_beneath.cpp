@@ -276,6 +276,7 @@ rt::Task<bool> WatchBeneath::identify(PlaceBeneath& place) {
   const auto known = co_await read_address(node, device);
   if (!known || place.losses != losses) co_return false;
   const auto type = co_await node.read_u32(0x1000, 0);
+  if (place.losses != losses) co_return false;
   if (type) place.profile = static_cast<std::uint16_t>(*type);
   slots_.set_device(place, device);
   co_return true;

@@ -157,9 +157,11 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
 
   // Everything runs, and goes on to. False: `failure` says so.
   bool settle() {
-    const bool early = run_until([this] { return all_good(); }, std::chrono::minutes(1));
-    if (!early) bring_back();
-    const bool good = run_until([this] { return all_good() || !failure_.empty(); }, limit);
+    bool good = false;
+    for (rt::Duration waited{}; !good && waited < limit; waited += person) {
+      good = run_until([this] { return all_good() || !failure_.empty(); }, person);
+      if (!good) bring_back();
+    }
     if (good) run_for(std::chrono::seconds(10));
     if (all_good()) return failure_.empty();
     failure_ += good ? "it does not stay operational:\n" : "it does not become operational:\n";
@@ -184,6 +186,7 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
 
  private:
   static constexpr rt::Duration limit = std::chrono::minutes(10);
+  static constexpr rt::Duration person = std::chrono::minutes(1);  // looks so often
 
   void run_for(rt::Duration time) { world_->sim().run_for(time); }
   bool run_until(const std::function<bool()>& done, rt::Duration most) { return world_->sim().run_until(done, most); }
