@@ -200,7 +200,7 @@ rt::Task<void> DictionaryManager::assign_and_lead() {
     static_cast<void>(again);
     reset_unheard(node_ids_->answered());
     for (const auto& slave : network_.plan().slaves) {
-      if (node_ids_->silent()[slave.node.value()]) network_.gone(slave.node);
+      if (node_ids_->silent()[slave.node.value()]) network_.error_control().silent(slave.node);
     }
   }
 }

@@ -42,6 +42,12 @@ void ErrorEvents::told(NodeId node, NmtState state) noexcept {
   if (slave != nullptr) slave->status.state = state;
 }
 
+void ErrorEvents::silent(NodeId node) noexcept {
+  auto* const slave = boots_->find(node);
+  const bool stale = slave != nullptr && !slave->status.supervised && !slave->status.ready();
+  if (stale) slave->status.state.reset();
+}
+
 void ErrorEvents::overheard(const co::NmtRequest& request) noexcept {
   if (network_->is_off() || request.command != NmtCommand::start) return;
   for (const auto& slave : boots_->all()) {

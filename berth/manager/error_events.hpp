@@ -30,6 +30,9 @@ class ErrorEvents final : public ErrorControl {
   void back(NodeId node) noexcept override;
   void told(NodeId node, NmtState state) noexcept override;
   void overheard(const co::NmtRequest& request) noexcept override;
+  /// It was asked and is not there. Of a slave without error control nothing else tells it: the state that it told last
+  /// (1F82h) counts no more.
+  void silent(NodeId node) noexcept;
 
  private:
   void act(Slave& slave, bool rebooted) noexcept;

@@ -216,12 +216,6 @@ const SlaveStatus* NetworkBoot::find(NodeId node) const noexcept {
   return slave == nullptr ? nullptr : &slave->status;
 }
 
-void NetworkBoot::gone(NodeId node) noexcept {
-  auto* const slave = boots_.find(node);
-  const bool stale = slave != nullptr && !slave->status.supervised && !slave->status.ready();
-  if (stale) slave->status.state.reset();
-}
-
 Result<void> NetworkBoot::supervise(NodeId node, bool on) {
   auto* const slave = boots_.find(node);
   if (slave == nullptr) return fail(Errc::not_found, "the node is not assigned (1F81h)");

@@ -68,9 +68,6 @@ class NetworkBoot final : private SlaveBoots::Owner, private NetworkStartup::Own
   /// `with_master` does it to the master too. To the master's own node-ID: nothing is sent, it is done to it.
   void command(co::NmtCommand command, co::NmtTarget target, bool with_master = false) override;
 
-  /// It was asked and is not there. Of a slave without error control nothing else tells it: the state that it told last
-  /// (1F82h) counts no more.
-  void gone(NodeId node) noexcept;
   [[nodiscard]] Phase phase() const noexcept { return startup_.phase(); }
   [[nodiscard]] const NetworkPlan& plan() const noexcept { return plan_; }
   [[nodiscard]] NmtState own_state() const noexcept { return own_; }
@@ -82,7 +79,7 @@ class NetworkBoot final : private SlaveBoots::Owner, private NetworkStartup::Own
   Result<void> supervise(NodeId node, bool on);
 
   /// Where error control tells what it hears.
-  [[nodiscard]] ErrorControl& error_control() noexcept { return errors_; }
+  [[nodiscard]] ErrorEvents& error_control() noexcept { return errors_; }
 
  private:
   using Kind = NetworkEvent::Kind;
