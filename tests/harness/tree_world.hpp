@@ -199,6 +199,7 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
     note(fmt::format("{:>3} {}", sender, can::to_string(frame)));
   }
   void take(const operate::Event& event) {
+    if (died()) return;  // its process is gone, and nobody reads what it would have told
     log_ += operate::to_line(event) + "\n";
     if (event.kind == operate::EventKind::state) states_.emplace_back(event.slot, event.text);
     const std::string wrong = told_watch_->judge(event);

@@ -326,7 +326,7 @@ TEST_F(Replacements, APersonGivesWhatIsKeptFree) {
   ASSERT_TRUE(run_until([&] { return truth("valve").persistent == NodeId(5); }, 20s));
   world->find("valve")->unplug();
   world->find("spare")->plug();
-  run(10s);
+  run(20s);
   EXPECT_EQ(told(5), 11ULL << 32U | 2U);
   write({{{0x5F0B, 5}, 0, 8}});
   EXPECT_TRUE(run_until([&] { return runs("spare", 5); }, 20s));
