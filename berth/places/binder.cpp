@@ -264,7 +264,7 @@ rt::Task<Outcome> Binder::await_boot_up(const Binding& binding) {
   const BootWatch::BootUp moves{binding.assignment().id, moved_};
   const BootWatch::BootUp stays{binding.old_id(), reset_};
   const rt::Time began = executor.now();
-  const bool asks_soon = !stays.id.configured() && !binding.staying().boots;
+  const bool asks_soon = binding.stored() && !stays.id.configured() && !binding.staying().boots;
   const rt::Time deadline = began + (asks_soon ? 2 * options_.own_boot : options_.boot_timeout);
   const rt::Time first = std::min(deadline, began + options_.own_boot);
   bool heard = co_await s_.boots.wait(moves, stays, first);
