@@ -119,6 +119,11 @@ rt::Task<void> SlaveBoots::run(Slave& slave, BootOptions options) {
 rt::Task<void> SlaveBoots::start(Slave& slave) {
   slave.starting = true;
   const bool runs = co_await slave.what.target->runs();
+  // That may have taken a heartbeat period, and the slave may have booted anew meanwhile.
+  if (!runs && !owner_->starts(slave)) {
+    slave.starting = false;
+    co_return;
+  }
   if (!runs) {
     const auto sent = co_await slave.what.target->command(co::NmtCommand::start);
     slave.starting = false;
