@@ -288,8 +288,9 @@ rt::Task<void> Binder::wake() {
 }
 
 void gave_up(BootWatch& boots, VacancyTable& vacancy, NodeId id) noexcept {
+  if (!id.configured()) return;
   boots.forget(id);
-  vacancy[id.value() & 0x7FU].reset();
+  vacancy[id.value()].reset();
 }
 
 void wake_unconfigured(can::Dispatcher& dispatcher) noexcept {

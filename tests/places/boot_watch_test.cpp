@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdint>
 
+#include "berth/places/binder.hpp"
 #include "berth/sim/world.hpp"
 
 namespace berth::places {
@@ -30,6 +31,20 @@ class Watch : public ::testing::Test {
   can::Dispatcher dispatcher_{world_.executor(), *own_};
   BootWatch boots_{dispatcher_};
 };
+
+// Two used the node-ID, and one gave it up: that it was vacant once counts no more, and the other is asked for.
+TEST_F(Watch, WhatOneGaveUpAnotherMayUse) {
+  VacancyTable vacancy{};
+  vacancy[5] = vacancy[6] = vacancy[127] = world_.executor().now();
+  heard(0x705, 0x00);
+  EXPECT_FALSE(boots_.vacant_since(NodeId(5), *vacancy[5]));
+  gave_up(boots_, vacancy, NodeId(5));
+  EXPECT_FALSE(vacancy[5]);
+  EXPECT_FALSE(boots_.boot_up(NodeId(5)));
+  EXPECT_TRUE(vacancy[6]);
+  gave_up(boots_, vacancy, NodeId());
+  EXPECT_TRUE(vacancy[127]);
+}
 
 // A device that had no node-ID gives up none: FFh is not 127.
 TEST_F(Watch, AnUnconfiguredNodeIdIsNot127) {
