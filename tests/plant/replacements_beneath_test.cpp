@@ -320,6 +320,25 @@ TEST_F(Replacements, WhatIsKeptOutlivesTheProcess) {
   EXPECT_EQ(failure, "");
 }
 
+// To the heartbeat consumer of the gateway's master an answer to guarding is a heartbeat, and it would wait for the next.
+TEST_F(Replacements, WhoAnswersSdoIsNotGuarded) {
+  struct Guarding final : can::Tap {
+    void frame(const can::Frame& frame, rt::Time, int) noexcept override {
+      count += frame.remote && frame.id == 0x705 ? 1U : 0U;
+    }
+    unsigned count = 0;
+  };
+  Guarding guarding;
+  build_with({{"valve", 11, 5, true}});
+  commission_for({5});
+  world->bus("boom")->add_tap(guarding);
+  reset_gateway();
+  EXPECT_TRUE(run_until([&] { return runs("valve", 5); }, 20s));
+  run(10s);
+  world->bus("boom")->remove_tap(guarding);
+  EXPECT_EQ(guarding.count, 0U);
+}
+
 TEST_F(Replacements, APersonGivesWhatIsKeptFree) {
   build_with({{"valve", 11, 0, true}, {"spare", 12, 0, false}});
   commission_for({5});
