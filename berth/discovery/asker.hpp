@@ -16,8 +16,7 @@
 /// - `Wait::quick`: `response` alone, where the port takes a queued request back in time (learnt too). For a caller
 ///   that looks at `Heard::late` of the question after.
 /// - `Wait::bound`: silence is believed only after the longest response, `Options::window`; where patience has learnt
-/// how
-///   slow the slowest of this search is, after that.
+///   how slow the slowest of this search is, after that.
 /// - `Wait::closing`: by this silence a search ends. It is believed only after `Options::window`, whatever was learnt:
 ///   a device that was not met yet may need so long.
 ///

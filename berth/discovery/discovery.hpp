@@ -98,6 +98,7 @@ class Assigner : public lss::Vacancy {
   /// Unconfigured: leave it without one; it goes back to waiting. A method on Fastscan then ends with
   /// `Report::End::held`.
   virtual NodeId assign(const LssAddress& device) noexcept = 0;
+
  protected:
   ~Assigner() = default;
 };

@@ -3,17 +3,15 @@
 #include <algorithm>
 
 #include "berth/co/guarding.hpp"
+#include "berth/places/identity.hpp"
 #include "berth/places/inquiry.hpp"
 #include "berth/rt/scope.hpp"
 
 namespace berth::manager {
 namespace {
 
-constexpr std::uint16_t identity = 0x1018;
 constexpr unsigned seldom = 8;      // runs
 constexpr unsigned most_tries = 3;  // to tell two devices under one node-ID apart, before it is done seldom
-// An SDO answer of a second device under one node-ID comes behind that of the first by no more than this.
-constexpr rt::Duration second_answer = std::chrono::milliseconds(20);
 
 }  // namespace
 
@@ -104,18 +102,7 @@ rt::Task<void> NodeIdAssigner::ask_all() {
 }
 
 rt::Task<Result<LssAddress>> NodeIdAssigner::identity_of(NodeId node) {
-  const co::SdoOptions options = bus_.patience();
-  LssAddress device;
-  std::uint8_t sub = 1;
-  for (std::uint32_t* const part : {&device.vendor, &device.product, &device.revision, &device.serial}) {
-    const auto value = co_await bus_.services().sdo.read<std::uint32_t>(node, identity, sub, options);
-    if (value) *part = *value;
-    // Only the vendor-ID is mandatory (CiA 301 §7.5.2.18).
-    const bool none = !value && value.error().code == Errc::aborted && sub > 1;
-    if (!value && !none) co_return fail(value.error());
-    ++sub;
-  }
-  co_return device;
+  return places::read_identity(bus_.services().sdo, node, bus_.patience());
 }
 
 rt::Task<void> NodeIdAssigner::guard(ListSlot& slot) {
@@ -141,7 +128,7 @@ rt::Task<void> NodeIdAssigner::ask(ListSlot& slot) {
   }
   slot.there = slot.there || !silent || slot.guarded;
   if (!doubled_[node.value()]) co_return;
-  co_await rt::sleep_for(second_answer);
+  co_await rt::sleep_for(places::second_answer);
   if (bus_.services().sdo.surplus(node) != surplus) co_return;
   doubled_.reset(node.value());  // one of them is gone
   tries_[node.value()] = 0;
@@ -151,7 +138,7 @@ rt::Task<void> NodeIdAssigner::ask_stranger(NodeId node) {
   asked_at_[node.value()] = bus_.executor().now();
   const auto surplus = bus_.services().sdo.surplus(node);
   const auto device = co_await identity_of(node);
-  co_await rt::sleep_for(second_answer);
+  co_await rt::sleep_for(places::second_answer);
   if (bus_.services().sdo.surplus(node) != surplus) doubled_.set(node.value());
   if (device && !doubled_[node.value()]) bus_.note({*device, node});
 }

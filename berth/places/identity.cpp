@@ -6,10 +6,14 @@
 namespace berth::places {
 
 rt::Task<Result<LssAddress>> read_identity(co::SdoClient& sdo, NodeId node) {
+  return read_identity(sdo, node, sdo.options());
+}
+
+rt::Task<Result<LssAddress>> read_identity(co::SdoClient& sdo, NodeId node, co::SdoOptions how) {
   std::array<std::uint32_t, 4> parts{};
   for (std::uint8_t i = 0; i < 4; ++i) {
     const std::uint8_t sub = static_cast<std::uint8_t>(i + 1);
-    const auto part = co_await sdo.read<std::uint32_t>(node, 0x1018, sub);
+    const auto part = co_await sdo.read<std::uint32_t>(node, 0x1018, sub, how);
     if (part) {
       parts[i] = *part;
       continue;

@@ -13,8 +13,10 @@ namespace berth::places {
 /// An SDO answer of a second device under one node-ID comes after that of the first by no more than this.
 inline constexpr rt::Duration second_answer = std::chrono::milliseconds(20);
 
-/// Reads the identity object 1018h, sub-indices 1 to 4. A device without one of 2 to 4 has 0 there.
+/// Reads the identity object 1018h, sub-indices 1 to 4. A device without one of 2 to 4 has 0 there. The second one asks
+/// with another patience than the client's.
 [[nodiscard]] rt::Task<Result<LssAddress>> read_identity(co::SdoClient& sdo, NodeId node);
+[[nodiscard]] rt::Task<Result<LssAddress>> read_identity(co::SdoClient& sdo, NodeId node, co::SdoOptions how);
 
 struct Identified {
   Result<LssAddress> who = LssAddress{};

@@ -171,12 +171,11 @@ rt::Task<Result<void>> ListDelivery::let_in(const manager::Wanted& first, const 
 rt::Task<ListDelivery::Found> ListDelivery::look() {
   const manager::Wanted whole = list();
   const bool has_it = co_await master_.has_list(whole);
+  const auto nodes = slots_.nodes();
   if (has_it) {
-    const auto nodes = slots_.nodes();
     const bool used = co_await master_.has_any(nodes);
     co_return used ? Found::in_use : Found::unused;
   }
-  const auto nodes = slots_.nodes();
   const bool bare = co_await master_.is_bare(nodes);
   if (bare) co_return Found::unfinished;
   if (deeper_.empty()) co_return Found::another;

@@ -141,6 +141,13 @@ node_id = 5
     rows.push_back({{0x1F82, 1}, 6, 1});
     write(rows);
   }
+  void the_blank_one_gets_6_and_own_keeps_4() {
+    ASSERT_TRUE(world->sim().run_until([&] { return truth("blank").persistent.configured(); }, 10s));
+    world->sim().run_for(2s);
+    EXPECT_EQ(truth("blank").persistent, NodeId(6));
+    EXPECT_EQ(truth("own").persistent, NodeId(4));
+    EXPECT_TRUE(world->duplicates().empty());
+  }
 };
 
 // Two blank devices of one type.
@@ -173,11 +180,7 @@ TEST_F(Silent, NoneGetsWhatASilentDeviceHas) {
 
 TEST_F(Silent, TheOtherPlaceOfItsTypeIsGiven) {
   commission_for({4, 6});
-  ASSERT_TRUE(world->sim().run_until([&] { return truth("blank").persistent.configured(); }, 10s));
-  world->sim().run_for(2s);
-  EXPECT_EQ(truth("blank").persistent, NodeId(6));
-  EXPECT_EQ(truth("own").persistent, NodeId(4));
-  EXPECT_TRUE(world->duplicates().empty());
+  the_blank_one_gets_6_and_own_keeps_4();
 }
 
 // It does not answer guarding either: its heartbeat producer is on, and its next heartbeat far away.
@@ -187,11 +190,7 @@ TEST_F(Silent, NorWhatOneHasThatAnswersLssAlone) {
   text.insert(text.find(own) + own.size(), "heartbeat = \"60 s\"\n");
   build(text);
   commission_for({4, 6});
-  ASSERT_TRUE(world->sim().run_until([&] { return truth("blank").persistent.configured(); }, 10s));
-  world->sim().run_for(2s);
-  EXPECT_EQ(truth("blank").persistent, NodeId(6));
-  EXPECT_EQ(truth("own").persistent, NodeId(4));
-  EXPECT_TRUE(world->duplicates().empty());
+  the_blank_one_gets_6_and_own_keeps_4();
 }
 
 // One of another type, which the list does not know.
