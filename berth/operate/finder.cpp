@@ -148,11 +148,13 @@ rt::Task<void> Finder::the_rest(bool also_configured) {
   co_await by_rest(true);
 }
 
-// A device that fits each slot without one, no device counted twice: else one is missing.
+// A device that fits each slot without one, no device counted twice: else one is missing. One that waits for its power
+// cycle is known.
 bool Finder::is_one_missing() const {
   std::vector<bool> used(found_.size(), false);
   for (const auto& seat : slots_.seats()) {
-    if (seat->there || seat->slot.spec.assign != places::Assign::lss) continue;
+    const bool waits = seat->power_cycle.binding.has_value();
+    if (seat->there || waits || seat->slot.spec.assign != places::Assign::lss) continue;
     const auto device = seat->slot.record.device();
     std::size_t i = 0;
     const auto here = [&](const places::Found& f) {

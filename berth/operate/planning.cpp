@@ -276,28 +276,40 @@ void Planning::tell_mismatch(const LssAddress& device, NodeId active) {
 }
 
 void Planning::report() {
+  if (!agenda_.search_open) report_questions();  // a missing device may be found yet
   for (const auto& oddity : plan_.oddities) {
     slots_.events().tell_once(event_kind(oddity.kind), oddity.text);
-    for (auto& seat : slots_.seats()) {
-      const bool waits = oddity.kind == places::OddityKind::fixed_mismatch && !seat->slot.record.device();
-      if (waits && places::fits(seat->slot.spec, oddity.device)) slots_.set_state(*seat, SlotState::empty, oddity.text);
-    }
-    if (oddity.kind != places::OddityKind::clone) continue;
-    for (auto& seat : slots_.seats()) {
-      const auto device = seat->slot.record.device();
-      const bool own = device == oddity.device;
-      const bool another = std::ranges::any_of(plan_.actions, [&](const Action& a) {
-        return a.kind == Action::Kind::bind && slots_.seats()[a.slot].get() == seat.get();
-      });
-      const bool waits = !device && !another && places::fits(seat->slot.spec, oddity.device);
-      if (own || waits) slots_.set_state(*seat, SlotState::duplicate, oddity.text);
-    }
+    if (oddity.kind == places::OddityKind::fixed_mismatch) report_mismatch(oddity);
+    if (oddity.kind == places::OddityKind::clone) report_clone(oddity);
   }
-  if (agenda_.search_open) return;  // a missing device may be found yet
+}
+
+void Planning::report_mismatch(const places::Oddity& oddity) {
+  for (auto& seat : slots_.seats()) {
+    const bool waits = !seat->slot.record.device() && places::fits(seat->slot.spec, oddity.device);
+    if (waits) slots_.set_state(*seat, SlotState::empty, oddity.text);
+  }
+}
+
+// A question about a slot names more devices than one of two with one address.
+void Planning::report_clone(const places::Oddity& oddity) {
+  for (auto& seat : slots_.seats()) {
+    const auto device = seat->slot.record.device();
+    const bool own = device == oddity.device;
+    const bool another = std::ranges::any_of(plan_.actions, [&](const Action& a) {
+      return a.kind == Action::Kind::bind && slots_.seats()[a.slot].get() == seat.get();
+    });
+    const bool waits = !device && !another && seat->state != SlotState::question &&
+                       places::fits(seat->slot.spec, oddity.device);
+    if (own || waits) slots_.set_state(*seat, SlotState::duplicate, oddity.text);
+  }
+}
+
+// A slot says one question, the last about it: else its state would change at every round.
+void Planning::report_questions() {
   for (const auto& event : question_events()) {
     slots_.events().tell_once(event);
   }
-  // A slot says one question, the last about it: else its state would change at every round.
   std::vector<const Seat*> asked;
   for (auto question = plan_.questions.rbegin(); question != plan_.questions.rend(); ++question) {
     for (const auto i : question->slots) {
@@ -311,7 +323,7 @@ void Planning::report() {
   for (auto& seat : slots_.seats()) {
     const bool over = seat->state == SlotState::question && !seat->slot.record.device() &&
                       std::ranges::find(asked, seat.get()) == asked.end();
-    if (over) slots_.set_state(*seat, SlotState::empty, "no device of its type was found");
+    if (over) slots_.reconsider(*seat);
   }
 }
 

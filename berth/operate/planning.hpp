@@ -54,6 +54,9 @@ class Planning {
   void ask_about_used();
   void keep_off(const places::Found& f);
   void name_returned();
+  void report_questions();
+  void report_mismatch(const places::Oddity& oddity);
+  void report_clone(const places::Oddity& oddity);
 
   BusServices& s_;
   SlotTable& slots_;

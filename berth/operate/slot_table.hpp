@@ -46,6 +46,8 @@ class SlotTable {
   /// Reads the slot's row again.
   void refresh(Seat& seat);
   void set_state(Seat& seat, places::SlotState state, std::string reason = {});
+  /// What it waited for is over: the round says at its end what the slot is now, and nothing is told before.
+  void reconsider(Seat& seat) noexcept { seat.state = places::SlotState::unknown; }
   /// The slot's device is not there: `fact`, and what a person does about it, which no later fact takes away.
   void set_absent(Seat& seat, const std::string& fact);
   /// Forgets which device sits in the slot, in the store too.

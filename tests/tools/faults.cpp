@@ -111,6 +111,7 @@ std::string machine_text(const design::Machine& m) {
     if (s.spec.activate == places::Activate::reset) out << "activate = \"reset\"\n";
     if (s.spec.activate == places::Activate::power_cycle) out << "activate = \"power-cycle\"\n";
     if (s.spec.replacement == places::Replacement::automatic) out << "replacement = \"auto\"\n";
+    if (s.spec.optional) out << "optional = true\n";
   }
   return out.str();
 }
