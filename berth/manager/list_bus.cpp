@@ -164,6 +164,7 @@ places::Binder::Options ListBus::binder_options() noexcept {
   options.guard_timeout = timeout;
   options.slow_inhibit = pause;
   options.lss_turn = &lss_turn_;
+  options.stores_end = stores_end;
   return options;
 }
 

@@ -62,6 +62,7 @@ rt::Task<Result<void>> NodeIdAssigner::open() {
       std::ranges::any_of(bus_.slots, [](const ListSlot& slot) { return slot.slot.record.intended.has_value(); });
   const bool unfinished = intends || !bus_.formers().empty();
   if (unfinished) {
+    bus_.stores_end = bus_.executor().now() + bus_.lss().options().store.timeout;
     const lss::ServiceOptions once{.timeout = ListBus::timeout, .retries = 0, .full_window = false};
     const NodeId none;
     const auto reverted = co_await bus_.lss().configure_node_id(none, once);

@@ -93,6 +93,7 @@ places::Binder::Options Asking::binder_options() const {
   options.lss_turn = &s_.lss_turn;
   options.before_step = slots_.events().before_step();
   options.on = slots_.bus();
+  options.stores_end = s_.stores_end;
   return options;
 }
 

@@ -46,6 +46,7 @@ struct BusServices {
   /// The SDO manager of the bus (CiA 302-5; docs/sdo-manager.md), which begins with the first request. Made with the
   /// objects of the master's own device.
   std::unique_ptr<manager::SdoRequests> channels{};
+  rt::Time stores_end{};  ///< as in `places::Binder::Options`
   rt::Turn turn;
   rt::Turn lss_turn;
 };

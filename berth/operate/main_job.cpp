@@ -67,6 +67,7 @@ rt::Task<void> MainJob::opening() {
       !p_.slots.unfinished_here().empty();
   const bool other_masters = s.bus.flying.has_value();  // what one of them began is in its own slot table
   if (unfinished) p_.slots.events().tell(EventKind::step, "", "finishing what an earlier run began");
+  if (unfinished || other_masters) s.stores_end = s.executor.now() + s.bus.timing.store_timeout;
   const auto loaded = p_.loans.load();
   if (!loaded)
     p_.slots.events().tell(EventKind::error, "", "the slot table cannot be read: " + describe(loaded.error()));
@@ -212,10 +213,10 @@ rt::Task<bool> MainJob::look() {
     p_.supervision.look_at_voices();
     anybody = co_await p_.finding.finder.anybody_new();
   }
+  if (p_.starter.is_due()) co_await start();  // a search may be due, too, and takes long
   const bool anew = agenda.look_anew && p_.bus.executor.now() >= agenda.anew_at;
   const bool again = retry_due();  // also when a search is due already: two of one address make each look find them
-  const bool due = anybody || anew || again;
-  if (due || p_.starter.is_due()) co_return true;
+  if (anybody || anew || again) co_return true;
   idle_ = agenda.wakes.size() == 0;
   co_return false;
 }

@@ -139,7 +139,12 @@ rt::Task<void> Supervision::handle(Wake wake) {
   }
   switch (wake.kind) {
     case Wake::Kind::boot_up: co_return co_await booted(*seat, wake.at);
-    case Wake::Kind::lost: co_return lost(*seat);
+    case Wake::Kind::lost: {
+      // It was asked behind that, and answered: one that booted sends no heartbeat before it is configured.
+      const bool stale = wake.at <= seat->checked;
+      if (!stale) lost(*seat);
+      co_return;
+    }
     case Wake::Kind::recovered: {
       const bool back = !seat->there && wake.at > seat->checked;
       if (back) co_await came_back(*seat, wake.at);

@@ -334,6 +334,7 @@ rt::Task<Outcome> Binder::store_alone(const Binding& binding) {
 // When more than one device was told (`by_all`), each is waited for: its late answer would be taken for that to the
 // next 17h.
 rt::Task<Outcome> Binder::store(bool by_all) {
+  if (s_.dispatcher.executor().now() < options_.stores_end) co_await rt::sleep_until(options_.stores_end);
   lss::ServiceOptions options = s_.lss.options().store;
   options.full_window = options.full_window || by_all;
   const auto reply = co_await s_.lss.store(options);

@@ -55,6 +55,9 @@ class Binder {
     bool use_guarding = true;  ///< vacancy: ask by a remote frame too
     /// What proves that the selected device is alone (`lss::parts_to_ask`); the first proof on a bus asks all.
     lss::PartMask parts = lss::all_parts;
+    /// What an earlier run told a device to store (17h) is stored by then. A binding stores nothing before: the device
+    /// drops a second request meanwhile, and its late answer to the first would be taken for that to the second.
+    rt::Time stores_end{};
     BusName on{};                                     ///< for the store: where a blanking is begun
     std::function<void(const Binding&)> before_step;  ///< for displays and fault plans; may be empty
     /// Shared by the binders that run side by side on one bus: the one that has it has LSS. Null: LSS is this binder's
