@@ -81,7 +81,9 @@ rt::Task<void> Presence::ask_seat(Seat& seat) {
   seat.there = true;
   seat.slave.forget();
   if (seat.held) seat.slave.status.phase = manager::SlavePhase::awaited;
-  if (sign.state != NmtState::operational) {
+  const auto booted = s_.boots.boot_up(id);
+  const bool booted_since = booted && *booted > seat.checked;
+  if (sign.state != NmtState::operational || booted_since) {
     slots_.set_state(seat, SlotState::present);
     co_return;
   }

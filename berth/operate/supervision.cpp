@@ -140,9 +140,9 @@ rt::Task<void> Supervision::handle(Wake wake) {
   switch (wake.kind) {
     case Wake::Kind::boot_up: co_return co_await booted(*seat, wake.at);
     case Wake::Kind::lost: {
-      // It was asked behind that, and answered: one that booted sends no heartbeat before it is configured.
-      const bool stale = wake.at <= seat->checked;
-      if (!stale) lost(*seat);
+      // One that booted may send no heartbeat before it is configured; its boot-up tells whether it is there.
+      const bool is_to_boot = seat->state == SlotState::present && !seat->is_booted();
+      if (!is_to_boot) lost(*seat);
       co_return;
     }
     case Wake::Kind::recovered: {
