@@ -92,6 +92,7 @@ rt::Task<void> MainJob::opening() {
 
 rt::Task<void> MainJob::round() {
   co_await ask_the_troubled();
+  co_await act_on_wakes(p_.agenda.wakes.pop());  // before a search, which takes long
   if (!p_.bus.only_observes()) {
     co_await p_.presence.adopt_all_fixed();
     co_await p_.finding.finder.discover();
@@ -172,16 +173,20 @@ rt::Task<void> MainJob::start() {
 rt::Task<void> MainJob::handle_what_came() {
   co_await p_.bus.turn.take();
   const rt::Held held(p_.bus.turn);
+  co_await act_on_wakes(p_.agenda.wakes.pop());
+}
+
+// `wake` first, then all that wait. True: somebody wants a round.
+rt::Task<bool> MainJob::act_on_wakes(std::optional<Wake> wake) {
+  bool wants_round = false;
   p_.agenda.calls = false;
-  while (p_.agenda.wakes.size() > 0) {
-    const rt::Time now = p_.bus.executor.now();
-    const auto wake = co_await p_.agenda.wakes.next(now);
-    if (!wake) break;
-    const Wake w = *wake;
-    co_await p_.supervision.handle(w);
+  for (; wake; wake = p_.agenda.wakes.pop()) {
+    wants_round = wants_round || wake->kind == Wake::Kind::look;
+    co_await p_.supervision.handle(*wake);
     co_await p_.startup.act_on_error();
   }
   if (p_.starter.is_due()) co_await start();
+  co_return wants_round;
 }
 
 // Returns when something is to be done about the bus as a whole: a new device, or a slot that became free.
@@ -200,23 +205,17 @@ rt::Task<bool> MainJob::look() {
   co_await p_.bus.turn.take();
   const rt::Held held(p_.bus.turn);
   idle_ = false;
-  agenda.calls = false;
-  bool anybody = false;
-  if (wake) {
-    const Wake w = *wake;
-    co_await p_.supervision.handle(w);
-    co_await p_.startup.act_on_error();
-    anybody = w.kind == Wake::Kind::look;
-  } else {
+  bool wanted = co_await act_on_wakes(wake);
+  if (!wake) {
     p_.supervision.check_rates();
     p_.supervision.give_up_silent();
     p_.supervision.look_at_voices();
-    anybody = co_await p_.finding.finder.anybody_new();
+    const bool anybody = co_await p_.finding.finder.anybody_new();
+    wanted = wanted || anybody;
   }
-  if (p_.starter.is_due()) co_await start();  // a search may be due, too, and takes long
   const bool anew = agenda.look_anew && p_.bus.executor.now() >= agenda.anew_at;
   const bool again = retry_due();  // also when a search is due already: two of one address make each look find them
-  if (anybody || anew || again) co_return true;
+  if (wanted || anew || again) co_return true;
   idle_ = agenda.wakes.size() == 0;
   co_return false;
 }

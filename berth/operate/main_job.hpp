@@ -38,6 +38,7 @@ class MainJob {
   rt::Task<void> watch();
   rt::Task<bool> look();
   rt::Task<void> handle_what_came();
+  rt::Task<bool> act_on_wakes(std::optional<Wake> wake);
   rt::Task<Result<void>> blank_all();
   [[nodiscard]] rt::Duration look_period() const noexcept;
   [[nodiscard]] bool retry_due();

@@ -131,12 +131,18 @@ bool Search::gets_on() {
 // What a slot's device told, and a person's command, do not wait for the end of a long search. What is broken off
 // begins again with the way down to one device: with a device that boots again and again it would never get there.
 bool Search::goes_on() noexcept {
+  // So often in a time in which there is room for the way down to one device (133 questions) between any two of them.
+  constexpr unsigned most = 4;
+  const rt::Duration within = (most + 1) * std::max<rt::Duration>(std::chrono::seconds(5), 133 * s_.bus.timing.lss_timeout);
   const rt::Time now = s_.executor.now();
-  // Twice the questions on the way down to one device.
-  const rt::Duration between = std::max<rt::Duration>(std::chrono::seconds(10), 266 * s_.bus.timing.lss_timeout);
   const bool called = agenda_.calls || s_.turn.waited_for();
-  if (!called || !may_be_interrupted_ || now < not_before_) return true;
-  not_before_ = now + between;
+  if (!called || !may_be_interrupted_) return true;
+  if (now >= interruptions_until_) {
+    interruptions_ = 0;
+    interruptions_until_ = now + within;
+  }
+  if (interruptions_ == most) return true;
+  ++interruptions_;
   interrupted_ = true;
   return false;
 }

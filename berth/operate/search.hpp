@@ -69,7 +69,8 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
   discovery::Progress before_{};
   rt::Time progress_at_{};  // it is told again then
   unsigned idle_ = 0;       // slices in a row that brought nothing
-  rt::Time not_before_{};   // no interruption
+  unsigned interruptions_ = 0;
+  rt::Time interruptions_until_{};  // they are counted anew from then on
   bool may_be_interrupted_ = false;
   bool interrupted_ = false;
   bool rand_open_ = false;
