@@ -81,20 +81,22 @@ class WaitingJudge {
     if (by_power(slot)) return true;
     const auto* const device = device_of(s);
     if (device != nullptr) return waits(device->name());
-    // One that was to give a node-ID up first gets a slot behind its power cycle.
-    return s.state == places::SlotState::power_cycle &&
-           std::ranges::any_of(rig_->world().devices(), [&](const auto& d) {
+    // One that was to give a node-ID up first gets a slot behind its power cycle, and keeps that of another as long.
+    const bool waiting = s.state == places::SlotState::power_cycle || s.state == places::SlotState::binding;
+    return waiting && std::ranges::any_of(rig_->world().devices(), [&](const auto& d) {
              const auto t = d->truth();
-             return t.bus == s.bus && t.powered && waits(t.name) && places::fits(slot.spec, t.address);
+             const bool concerned = places::fits(slot.spec, t.address) || t.active == s.id;
+             return t.bus == s.bus && t.powered && waits(t.name) && concerned;
            });
   }
-  // What a device that waits may cost the others, once: it is told to store, and is awaited once as long as a device
-  // may need to boot, since one that has not booted by then cannot be told from one that is slow. Never again: its slot
-  // says that it waits.
+  // What a device that waits may cost the others, once: it is told to store, and is awaited as long as a device may need
+  // to boot, since one that has not booted by then cannot be told from one that is slow; one without a node-ID is then
+  // told again, in case it missed the first. Three seconds for its identity, asked under the new node-ID behind each.
+  // Never again: its slot says that it waits.
   [[nodiscard]] rt::Duration cost_of_waiting() const {
     const auto& timing = plan_->machine.buses.front().timing;
     const auto many = static_cast<int>(plan_->waiting.size());
-    return many * (timing.store_timeout + timing.boot_timeout);
+    return many * (2 * timing.store_timeout + timing.boot_timeout + rt::Duration(3s));
   }
 
   [[nodiscard]] bool runs(const plant::SimDevice& device) {
