@@ -242,6 +242,11 @@ bool MainJob::needs_retry() const {
   return slots || p_.planning.has_blanks() || waits_for_unfinished();
 }
 
+bool MainJob::lacks_optional() const {
+  return std::ranges::any_of(p_.slots.seats(),
+                             [](const auto& s) { return s->slot.spec.optional && s->state == SlotState::empty; });
+}
+
 // A device that is away is not asked for for ever.
 bool MainJob::waits_for_unfinished() const {
   constexpr unsigned enough = 3;
@@ -252,8 +257,10 @@ bool MainJob::waits_for_unfinished() const {
 bool MainJob::retry_due() {
   const rt::Time now = p_.bus.executor.now();
   const auto& timing = p_.bus.bus.timing;
-  if (now < p_.agenda.retry_at || !needs_retry()) return false;
+  const bool optional_due = now >= optional_at_ && lacks_optional();
+  if (now < p_.agenda.retry_at || !(needs_retry() || optional_due)) return false;
   p_.agenda.retry_at = now + 8 * timing.probe_period;
+  optional_at_ = now + 64 * timing.probe_period;
   const unsigned blanks = p_.seating.blanks();
   unfinished_looks_ = std::exchange(blanks_, blanks) == blanks ? unfinished_looks_ + 1 : 1;
   p_.agenda.retries = true;

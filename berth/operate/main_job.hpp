@@ -43,12 +43,14 @@ class MainJob {
   [[nodiscard]] rt::Duration look_period() const noexcept;
   [[nodiscard]] bool retry_due();
   [[nodiscard]] bool needs_retry() const;
+  [[nodiscard]] bool lacks_optional() const;
   [[nodiscard]] bool waits_for_unfinished() const;
   [[nodiscard]] Result<void> all_there() const;
 
   Parts& p_;
   PortHealth& port_;
   bool idle_ = false;
+  rt::Time optional_at_{};  // what optional slots lack is not looked for before: it may never come
   unsigned blanks_ = 0;            // as they were at the last retry
   unsigned unfinished_looks_ = 0;  // retries since one was tried
 };
