@@ -117,14 +117,11 @@ void MainJob::tell_whether_empty(Seat& seat) {
                                           to_string(*waits)));
   }
   const bool shared = p_.fading.user_of(seat.id()) != nullptr;
+  // What it waited for ended, perhaps behind the plan of this round: the next one that looks for all says what it is.
   const bool over = vacant && waits == nullptr && !shared && seat.state == SlotState::power_cycle;
-  // What it waited for ended in this round, behind the plan.
-  const bool planned_next = over && std::ranges::any_of(p_.found.all(), [&](const places::Found& f) {
-                              return !f.clone && p_.slots.of(f.device) == nullptr && places::fits(seat.slot.spec, f.device);
-                            });
-  if (planned_next) p_.agenda.look_anew = true;
+  if (over && !p_.agenda.retries) p_.agenda.look_anew = true;
   const char* const why = p_.agenda.alone ? can::no_acknowledge : "no device of its type was found";
-  if (none || (over && !planned_next)) p_.slots.set_state(seat, SlotState::empty, why);
+  if (none || (over && p_.agenda.retries)) p_.slots.set_state(seat, SlotState::empty, why);
 }
 
 rt::Task<void> MainJob::ask_the_troubled() {

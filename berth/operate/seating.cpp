@@ -329,6 +329,7 @@ rt::Task<bool> Seating::blank(LssAddress device, std::string reason) {
     if (it != nullptr) it->active = NodeId();
   } else if (binding.why() != places::Why::not_there) {
     learn_fixed(binding);
+    if (binding.why() == places::Why::clone) found_.note({device, binding.old_id(), true});
     slots_.events().tell(EventKind::error, "",
                          fmt::format("{} keeps its node-ID: {}", to_string(device),
                                      places::words_of(binding.why(), binder.store_said())));

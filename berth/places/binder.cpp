@@ -284,6 +284,7 @@ rt::Task<Outcome> Binder::await_boot_up(const Binding& binding) {
 // Not while another device has a node-ID pending that is not stored yet; and LSS rests until it has booted.
 rt::Task<void> Binder::wake() {
   co_await take_lss();
+  co_await rt::sleep_for(options_.slow_inhibit);  // a single-slot receive buffer would lose it behind another's `04 00`
   wake_unconfigured(s_.dispatcher);
 }
 

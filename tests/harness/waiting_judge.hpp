@@ -28,7 +28,8 @@ class WaitingJudge {
   }
   // The start of a world: `without` is how long it takes when nobody waits.
   void start(rt::Duration without, const std::function<bool()>& unsound) {
-    const rt::Duration limit = without + cost_of_waiting();
+    // Twice: a search that misses a slow device is repeated, with other luck than without who waits.
+    const rt::Duration limit = 2 * without + cost_of_waiting();
     if (rig_->run_until([&] { return others_run() || unsound(); }, limit)) return;
     failure_ = "beside a device that waits for its power cycle the others are not operational in " + text(limit) +
                ", and without it in " + text(without);
