@@ -89,8 +89,9 @@ rt::Task<Result<void>> ListDelivery::put(const manager::Wanted& list, std::vecto
   const bool was_there = !changed;
   if (was_there) {
     if (restarted_) co_return Result<void>{};
-    const bool in_use = co_await master_.has_all(nodes);
-    if (in_use) co_return Result<void>{};
+    const auto in_use = co_await master_.knows_all(nodes);
+    if (!in_use) co_return fail(in_use.error());
+    if (*in_use) co_return Result<void>{};
     // What is there may be unsaved: it is brought in again as if its date were another.
     done = co_await master_.undate();
     if (done) done = co_await bring(list, changed);
