@@ -34,14 +34,18 @@ rt::Task<Result<bool>> Identify::ask(Run& run, const Cursor& cursor, Box box, Wi
   const bool alone = run.alone >= enough_alone && run.care != Run::Care::most;
   const bool wary = window == Window::quick && run.care != Run::Care::none && !alone;
   if (wary) window = Window::patient;
+  if (run.slow) window = Window::bound;
   // What comes later still belongs to no range of the next question: six frames lie between.
   const lss::ServiceOptions service{.timeout = window_of(run, window), .retries = 0, .full_window = !alone};
   ++run.report.requests;
   const auto reply = co_await services_.lss.identify_remote(ranges, service);
   if (!reply) co_return fail(reply.error());
   if (reply->answers > 0) {
-    latency_.note(reply->heard_at[0] - reply->sent);
-    if (window != Window::quick) patience_.note(reply->heard_at[0] - reply->sent);
+    // Quick ones that were met before are no measure for it: its halves would all be taken for empty.
+    const rt::Duration took = reply->heard_at[0] - reply->sent;
+    run.slow = run.slow || (window == Window::bound && took > window_of(run, Window::patient));
+    latency_.note(took);
+    if (window != Window::quick) patience_.note(took);
     run.alone = reply->answers == 1 ? run.alone + 1 : 0;
   }
   if (window != Window::bound) run.haste_until = reply->sent + run.longest();
@@ -234,6 +238,7 @@ rt::Task<Result<bool>> Identify::all_kinds(Run& run, std::vector<Cursor>& cursor
     run.kind = k;
     run.unproven = 0;
     run.untrusted = false;
+    run.slow = false;
     run.care = run.haste.pays() ? Run::Care::none : Run::Care::wary;
     run.passed.clear();
     if (cursors[k].closed || run.over()) continue;

@@ -34,6 +34,7 @@ void ListBus::begin(NodeId own) {
   slots.clear();
   found.clear();
   refusing.clear();
+  given_up.reset();
   nobody_listens = false;
   vacancy_ = {};
   list_.clear();

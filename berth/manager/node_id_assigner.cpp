@@ -91,7 +91,8 @@ bool NodeIdAssigner::booted_since_asked(NodeId node) const noexcept {
 rt::Task<void> NodeIdAssigner::ask_all() {
   rt::Scope asked(bus_.executor());
   for (auto& slot : bus_.slots) {
-    const bool asks = !slot.there || slot.free() || doubled_[slot.id().value()] || booted_since_asked(slot.id());
+    const bool doubtful = doubled_[slot.id().value()] || bus_.given_up[slot.id().value()];
+    const bool asks = !slot.there || slot.free() || doubtful || booted_since_asked(slot.id());
     if (asks) asked.spawn(ask(slot));
   }
   for (std::uint8_t number = 1; number <= 127; ++number) {
@@ -119,6 +120,7 @@ rt::Task<void> NodeIdAssigner::ask(ListSlot& slot) {
   const auto device = co_await identity_of(node);
   if (device) slot.device = *device;
   if (device) answered_.set(node.value());
+  if (device && bus_.given_up[node.value()]) co_await boot_who_stayed(node);
   const bool silent = !device && (device.error().code == Errc::timeout || device.error().code == Errc::bus);
   // Only then: to the master's heartbeat consumer the answer is a heartbeat, and it would wait for the next one.
   const bool guards = silent && !slot.there;
@@ -142,6 +144,17 @@ rt::Task<void> NodeIdAssigner::ask_stranger(NodeId node) {
   co_await rt::sleep_for(places::second_answer);
   if (bus_.services().sdo.surplus(node) != surplus) doubled_.set(node.value());
   if (device && !doubled_[node.value()]) bus_.note({*device, node});
+}
+
+// One device gave this node-ID up, and another answers under it. Frames that both sent at once may have driven it off the
+// bus for a while: it came back in NMT state pre-operational (1029h), without a boot-up message, and has missed the reset
+// by which the first one left.
+rt::Task<void> NodeIdAssigner::boot_who_stayed(NodeId node) {
+  bus_.given_up.reset(node.value());
+  const bool lies = bus_.boots().state(node) == NmtState::pre_operational && !bus_.boots().boot_up(node);
+  if (!lies) co_return;
+  const auto sent = co_await bus_.services().nmt.send(co::NmtCommand::reset_communication, node);
+  static_cast<void>(sent);
 }
 
 // Second answers to one SDO request, whoever has asked.

@@ -57,6 +57,7 @@ class NodeIdAssigner final : public NodeIdSource {
   rt::Task<void> ask_stranger(NodeId node);
   rt::Task<Result<LssAddress>> identity_of(NodeId node);
   rt::Task<void> guard(ListSlot& slot);
+  rt::Task<void> boot_who_stayed(NodeId node);
   rt::Task<void> look_for_formers();
   void settle(ListSlot& slot);
   rt::Task<void> recall(places::Found device);

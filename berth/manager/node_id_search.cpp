@@ -5,6 +5,13 @@
 #include "berth/places/inquiry.hpp"
 
 namespace berth::manager {
+namespace {
+
+// A device may need paper 4's 10 ms, and the master that runs in a gateway's firmware gets to the answer later than it
+// came.
+constexpr rt::Duration longest = std::chrono::milliseconds(13);
+
+}  // namespace
 
 NodeIdSearch::NodeIdSearch(ListBus& bus)
     : bus_(bus),
@@ -56,6 +63,7 @@ rt::Task<Result<void>> NodeIdSearch::by_lss(Whom whom) {
   if (kinds.kinds.empty()) co_return Result<void>{};
   discovery::Options how;
   how.assigner = this;
+  how.window = longest;
   const auto report = co_await rest_.find(kinds, how);
   if (!report) co_return fail(report.error());
   const auto quiet = co_await bus_.lss().switch_global(lss::State::waiting);
@@ -70,7 +78,9 @@ rt::Task<Result<bool>> NodeIdSearch::anybody() {
   const discovery::Options options;
   const auto by_rand = co_await rand_planner_->anybody(options);
   if (!by_rand || *by_rand) co_return by_rand;
-  co_return co_await rest_.anybody(options);
+  discovery::Options patient;
+  patient.window = longest;
+  co_return co_await rest_.anybody(patient);
 }
 
 rt::Task<Result<void>> NodeIdSearch::release_found() {

@@ -240,6 +240,7 @@ rt::Task<bool> NodeIdSeating::blank(LssAddress device, std::string reason) {
     ListSlot* const left = bus_.at(binding.old_id());
     const bool empty = left != nullptr && left->device == device;
     if (empty) left->leave();
+    if (left != nullptr) bus_.given_up.set(left->id().value());
     co_return true;
   }
   tried_.push_back(device);

@@ -39,13 +39,18 @@ rt::Task<Result<void>> GatewayMaster::command(NodeId node, co::NmtCommand comman
 }
 
 // A master whose list is not in use yet has none of its nodes.
-rt::Task<bool> GatewayMaster::has_all(const std::vector<NodeId>& nodes) {
+rt::Task<Result<bool>> GatewayMaster::knows_all(const std::vector<NodeId>& nodes) {
   for (const NodeId node : nodes) {
     const auto known = co_await state(node);
-    if (!known && known.error().code != Errc::aborted) co_return true;
+    if (!known && known.error().code != Errc::aborted) co_return fail(known.error());
     if (!known || *known <= missing) co_return false;
   }
   co_return true;
+}
+
+rt::Task<bool> GatewayMaster::has_all(const std::vector<NodeId>& nodes) {
+  const auto known = co_await knows_all(nodes);
+  co_return !known || *known;
 }
 
 rt::Task<bool> GatewayMaster::has_any(const std::vector<NodeId>& nodes) {

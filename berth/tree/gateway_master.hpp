@@ -37,6 +37,8 @@ class GatewayMaster {
 
   /// It hears all of these. True also when it does not answer: such a master is not asked on.
   [[nodiscard]] rt::Task<bool> has_all(const std::vector<NodeId>& nodes);
+  /// The same; why it could not be asked.
+  [[nodiscard]] rt::Task<Result<bool>> knows_all(const std::vector<NodeId>& nodes);
   /// It hears one of these at least. True also when it does not answer.
   [[nodiscard]] rt::Task<bool> has_any(const std::vector<NodeId>& nodes);
   /// All of these are operational.

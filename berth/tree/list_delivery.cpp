@@ -86,11 +86,12 @@ rt::Task<Result<void>> ListDelivery::put(const manager::Wanted& list, std::vecto
   bool changed = false;
   auto done = co_await bring(list, changed);
   if (!done) co_return done;
-  if (!changed) {
+  const bool was_there = !changed;
+  if (was_there) {
     if (restarted_) co_return Result<void>{};
-    const bool in_use = co_await master_.has_all(nodes);
-    if (in_use) co_return Result<void>{};
-    restarted_ = true;
+    const auto in_use = co_await master_.knows_all(nodes);
+    if (!in_use) co_return fail(in_use.error());
+    if (*in_use) co_return Result<void>{};
     // What is there may be unsaved: it is brought in again as if its date were another.
     done = co_await master_.undate();
     if (done) done = co_await bring(list, changed);
@@ -100,7 +101,9 @@ rt::Task<Result<void>> ListDelivery::put(const manager::Wanted& list, std::vecto
   } else {
     slots_.events().tell(operate::EventKind::step, "", "its gateway has a new network list");
   }
-  co_return co_await master_.restart();
+  done = co_await master_.restart();
+  restarted_ = restarted_ || (was_there && done);  // what did not get there is tried again
+  co_return done;
 }
 
 // The gateways on it get their node-IDs with the others and are not booted, so that the buses beneath them come first.

@@ -131,8 +131,10 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
   }
 
   // A device was taken away for good while it was told its node-ID: its slot waits for it, and says so. A person brings
-  // it back; of one that its master had heard under its node-ID that would be the judge's grace.
-  void bring_back() {
+  // it back. The word of its master counts, not whether it was heard under its node-ID (`is_seated`): beside another that
+  // is not enough, and its master goes on waiting for it. False: there is none.
+  bool bring_back() {
+    bool any = false;
     // Two that boot under one node-ID at the same instant send one frame together: with nobody else on the bus there is
     // no acknowledgement, and they repeat it together for ever; or they drive each other to bus-off, and stay there.
     for (const auto& device : world_->devices()) {
@@ -146,23 +148,29 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
       const auto slots = session_->slots();
       const auto slot = std::ranges::find(slots, spare.worn, &operate::SlotReport::name);
       const bool waits = slot != slots.end() && slot->reason.find("may have node-ID") != std::string::npos;
-      if (!waits || watch_->is_seated(spare.worn)) continue;
+      if (!waits) continue;
       note("bring back " + spare.worn);
       for (const auto& name : {spare.fresh, spare.second}) {
         if (!name.empty()) world_->find(name)->unplug();
       }
       world_->find(spare.worn)->plug();
+      any = true;
     }
+    return any;
   }
 
   // Everything runs, and goes on to. False: `failure` says so.
   bool settle() {
     bool good = false;
-    for (rt::Duration waited{}; !good && waited < limit; waited += person) {
+    unsigned fell = 0;
+    for (rt::Duration waited{}; waited < limit; waited += person) {
       good = run_until([this] { return all_good() || !failure_.empty(); }, person);
-      if (!good) bring_back();
+      if (good) run_for(std::chrono::seconds(10));
+      // A spare that came with the node-ID runs under it until its master has searched the bus, and takes it away: for the
+      // device that it waits for, or for the spare of the lower serial number. That is not the end; a second time is.
+      const bool brought = !all_good() && bring_back();
+      if (good && !brought && (all_good() || ++fell > 1 || !plan_.mixed)) break;
     }
-    if (good) run_for(std::chrono::seconds(10));
     if (all_good()) return failure_.empty();
     failure_ += good ? "it does not stay operational:\n" : "it does not become operational:\n";
     for (const auto& slot : session_->slots()) {
