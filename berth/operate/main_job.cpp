@@ -41,6 +41,7 @@ rt::Task<void> MainJob::work(bool first) {
   const rt::Held held(p_.bus.turn);
   idle_ = false;
   if (first) {
+    looked_ = false;
     p_.startup.begin();
     co_await opening();
     co_await p_.presence.prepare();
@@ -67,7 +68,7 @@ rt::Task<void> MainJob::opening() {
       !p_.slots.unfinished_here().empty();
   const bool other_masters = s.bus.flying.has_value();  // what one of them began is in its own slot table
   if (unfinished) p_.slots.events().tell(EventKind::step, "", "finishing what an earlier run began");
-  if (unfinished || other_masters) s.stores_end = s.executor.now() + s.bus.timing.store_timeout;
+  if (unfinished) s.stores_end = s.executor.now() + s.bus.timing.store_timeout;
   const auto loaded = p_.loans.load();
   if (!loaded)
     p_.slots.events().tell(EventKind::error, "", "the slot table cannot be read: " + describe(loaded.error()));
@@ -92,7 +93,9 @@ rt::Task<void> MainJob::opening() {
 
 rt::Task<void> MainJob::round() {
   co_await ask_the_troubled();
-  co_await act_on_wakes(p_.agenda.wakes.pop());  // before a search, which takes long
+  const bool first = !std::exchange(looked_, true);
+  // Before a search, which takes long. The first one finds what may sit under a node-ID beside the slot's own device.
+  if (!first) co_await act_on_wakes(p_.agenda.wakes.pop());
   if (!p_.bus.only_observes()) {
     co_await p_.presence.adopt_all_fixed();
     co_await p_.finding.finder.discover();
@@ -182,7 +185,11 @@ rt::Task<bool> MainJob::act_on_wakes(std::optional<Wake> wake) {
     co_await p_.supervision.handle(*wake);
     co_await p_.startup.act_on_error();
   }
-  if (p_.starter.is_due()) co_await start();
+  if (p_.starter.is_due()) {
+    // A second device under its node-ID is told from it before anything is written there.
+    if (!p_.bus.only_observes()) co_await p_.duplicates.tell_seats_apart();
+    co_await start();
+  }
   co_return wants_round;
 }
 

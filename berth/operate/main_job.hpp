@@ -50,6 +50,7 @@ class MainJob {
   Parts& p_;
   PortHealth& port_;
   bool idle_ = false;
+  bool looked_ = false;  // one round is done
   rt::Time optional_at_{};  // what optional slots lack is not looked for before: it may never come
   unsigned blanks_ = 0;            // as they were at the last retry
   unsigned unfinished_looks_ = 0;  // retries since one was tried

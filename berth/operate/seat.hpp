@@ -58,6 +58,7 @@ struct LastHeard {
   rt::Time heard_again{};               ///< it was told that the node-ID is heard again
   std::optional<co::Emcy> emergency{};  ///< its last error since its boot-up
   rt::Time hurried{};                   ///< a boot-up hastened the look at the bus
+  rt::Time taken_back{};                ///< a search found it where it sits
 };
 
 struct Seat {

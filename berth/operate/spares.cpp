@@ -60,7 +60,7 @@ rt::Task<bool> Spares::isolate_former(Seat& seat) {
   // What spoke here may have been one that did not hear the question: it is asked for twice more.
   seat.doubt.suspect = silent && !any && ++seat.doubt.suspected < 3;
   if (!seat.doubt.suspect) seat.doubt.suspected = 0;
-  if (seat.doubt.suspect) agenda_.look_anew = true;
+  if (seat.doubt.suspect || any) agenda_.look_anew = true;  // the plan knows of it, too, then
   co_return any;
 }
 

@@ -116,7 +116,7 @@ TEST(Unfinished, ABlankIsFinishedWhenTheDeviceComesBack) {
   EXPECT_FALSE(rig.device("stranger").truth().active.configured()) << rig.log();
   EXPECT_FALSE(rig.device("stranger").truth().persistent.configured()) << rig.log();
   EXPECT_TRUE(rig.store().unfinished_blanks().value().empty());
-  EXPECT_EQ(unfinished(rig), nullptr);
+  EXPECT_EQ(unfinished(rig), nullptr) << rig.log();
   ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
   EXPECT_EQ(rig.seats(), (Seats{{5, 1}}));
 }
