@@ -185,11 +185,13 @@ rt::Task<bool> MainJob::act_on_wakes(std::optional<Wake> wake) {
     co_await p_.supervision.handle(*wake);
     co_await p_.startup.act_on_error();
   }
-  if (p_.starter.is_due()) {
-    // A second device under its node-ID is told from it before anything is written there.
-    if (!p_.bus.only_observes()) co_await p_.duplicates.tell_seats_apart();
-    co_await start();
-  }
+  // A second device under a node-ID is told from the slot's own before anything is written there; one that answered, or
+  // was found, is the next round's.
+  const auto doubted = [](const auto& s) { return s->doubt.shared > 1; };
+  const auto shared = [&](const auto& s) { return s->there && p_.found.any_at(s->id()); };
+  if (!p_.starter.is_due() || std::ranges::any_of(p_.slots.seats(), doubted)) co_return wants_round;
+  if (!p_.bus.only_observes()) co_await p_.duplicates.tell_seats_apart();
+  if (std::ranges::none_of(p_.slots.seats(), shared)) co_await start();
   co_return wants_round;
 }
 
@@ -219,7 +221,7 @@ rt::Task<bool> MainJob::look() {
   }
   const bool anew = agenda.look_anew && p_.bus.executor.now() >= agenda.anew_at;
   const bool again = retry_due();  // also when a search is due already: two of one address make each look find them
-  if (wanted || anew || again) co_return true;
+  if (wanted || anew || again || p_.starter.is_due()) co_return true;
   idle_ = agenda.wakes.size() == 0;
   co_return false;
 }
