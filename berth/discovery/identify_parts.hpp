@@ -64,11 +64,11 @@ struct Identify::Run {
   unsigned alone = 0;  // ranges in a row, each in the one before, that got one answer
   Haste haste{};
   rt::Time haste_until{};  // every device has dealt with what was asked in haste by then
-  bool slow = false;             // one that is left answers later than the others let expect: each question waits for it
-  bool late_yes = false;         // the question before the last was answered after all
-  bool stopped = false;          // time is over, or the observer said so
-  bool no_blank = false;         // no device without a node-ID is left, and no other is wanted
-  bool untrusted = false;        // a device answers whatever is asked
+  bool slow = false;       // one that is left answers later than the others let expect: each question waits for it
+  bool late_yes = false;   // the question before the last was answered after all
+  bool stopped = false;    // time is over, or the observer said so
+  bool no_blank = false;   // no device without a node-ID is left, and no other is wanted
+  bool untrusted = false;  // a device answers whatever is asked
   std::optional<Box> left_at{};  // a device is in there, and the search was stopped
   std::vector<R_SN> passed{};    // answered for, and not proven, in this pass
 

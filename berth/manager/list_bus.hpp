@@ -76,7 +76,7 @@ class ListBus {
   /// No device is in LSS configuration, as far as is known: a binding whose frames were lost may have left one there
   /// with a node-ID pending, which the next `04 00` would bring into use.
   bool nobody_listens = false;
-  rt::Time stores_end{};  ///< as in `places::Binder::Options`
+  rt::Time stores_end{};      ///< as in `places::Binder::Options`
   std::bitset<128> given_up;  ///< a device left this node-ID; who answers under it since is not known
   /// LSS does not give them their node-IDs: they have refused.
   std::vector<LssAddress> refusing;

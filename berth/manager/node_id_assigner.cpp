@@ -146,9 +146,9 @@ rt::Task<void> NodeIdAssigner::ask_stranger(NodeId node) {
   if (device && !doubled_[node.value()]) bus_.note({*device, node});
 }
 
-// One device gave this node-ID up, and another answers under it. Frames that both sent at once may have driven it off the
-// bus for a while: it came back in NMT state pre-operational (1029h), without a boot-up message, and has missed the reset
-// by which the first one left.
+// One device gave this node-ID up, and another answers under it. Frames that both sent at once may have driven it off
+// the bus for a while: it came back in NMT state pre-operational (1029h), without a boot-up message, and has missed the
+// reset by which the first one left.
 rt::Task<void> NodeIdAssigner::boot_who_stayed(NodeId node) {
   bus_.given_up.reset(node.value());
   const bool lies = bus_.boots().state(node) == NmtState::pre_operational && !bus_.boots().boot_up(node);

@@ -75,8 +75,8 @@ rt::Task<Result<void>> NodeIdSearch::by_lss(Whom whom) {
 }
 
 rt::Task<Result<bool>> NodeIdSearch::anybody() {
-  const discovery::Options options;
-  const auto by_rand = co_await rand_planner_->anybody(options);
+  const discovery::Options usual;
+  const auto by_rand = co_await rand_planner_->anybody(usual);
   if (!by_rand || *by_rand) co_return by_rand;
   discovery::Options patient;
   patient.window = longest;

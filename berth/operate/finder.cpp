@@ -153,8 +153,7 @@ rt::Task<void> Finder::the_rest(bool also_configured) {
 bool Finder::is_one_missing() const {
   std::vector<bool> used(found_.size(), false);
   for (const auto& seat : slots_.seats()) {
-    const bool waits = seat->power_cycle.binding.has_value();
-    if (seat->there || waits || seat->slot.spec.assign != places::Assign::lss) continue;
+    if (seat->is_accounted_for() || seat->slot.spec.assign != places::Assign::lss) continue;
     const auto device = seat->slot.record.device();
     std::size_t i = 0;
     const auto here = [&](const places::Found& f) {

@@ -41,12 +41,11 @@ rt::Task<void> MainJob::work(bool first) {
   const rt::Held held(p_.bus.turn);
   idle_ = false;
   if (first) {
-    looked_ = false;
     p_.startup.begin();
     co_await opening();
     co_await p_.presence.prepare();
   }
-  co_await round();
+  co_await round(first);
   // A search can take longer than the pause before the next one, which begins when it is over.
   Agenda& agenda = p_.agenda;
   const rt::Time now = p_.bus.executor.now();
@@ -91,9 +90,8 @@ rt::Task<void> MainJob::opening() {
   if (p_.agenda.alone) p_.slots.events().tell_failure("the bus", quiet.error());
 }
 
-rt::Task<void> MainJob::round() {
+rt::Task<void> MainJob::round(bool first) {
   co_await ask_the_troubled();
-  const bool first = !std::exchange(looked_, true);
   // Before a search, which takes long. The first one finds what may sit under a node-ID beside the slot's own device.
   if (!first) co_await act_on_wakes(p_.agenda.wakes.pop());
   if (!p_.bus.only_observes()) {
@@ -114,10 +112,11 @@ void MainJob::tell_whether_empty(Seat& seat) {
   const LssAddress* const waits = vacant ? p_.fading.waits_for(seat.slot.spec) : nullptr;
   const bool none = seat.state == SlotState::unknown && !p_.agenda.search_open;
   if (waits != nullptr && (none || seat.state == SlotState::empty)) {
-    return p_.slots.set_state(seat, SlotState::power_cycle,
-                              fmt::format("{} is of its type and has given up another node-ID: switch it off and on, and "
-                                          "it is seated",
-                                          to_string(*waits)));
+    return p_.slots.set_state(
+        seat, SlotState::power_cycle,
+        fmt::format("{} is of its type and has given up another node-ID: switch it off and on, and "
+                    "it is seated",
+                    to_string(*waits)));
   }
   const bool shared = p_.fading.user_of(seat.id()) != nullptr;
   // What it waited for ended, perhaps behind the plan of this round: the next one that looks for all says what it is.

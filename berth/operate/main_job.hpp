@@ -28,7 +28,7 @@ class MainJob {
  private:
   rt::Task<void> work(bool first);
   rt::Task<void> opening();
-  rt::Task<void> round();
+  rt::Task<void> round(bool first);
   void tell_whether_empty(Seat& seat);
   rt::Task<void> ask_the_troubled();
   rt::Task<void> look_again_at(Seat& seat);
@@ -50,8 +50,7 @@ class MainJob {
   Parts& p_;
   PortHealth& port_;
   bool idle_ = false;
-  bool looked_ = false;  // one round is done
-  rt::Time optional_at_{};  // what optional slots lack is not looked for before: it may never come
+  rt::Time optional_at_{};         // what optional slots lack is not looked for before: it may never come
   unsigned blanks_ = 0;            // as they were at the last retry
   unsigned unfinished_looks_ = 0;  // retries since one was tried
 };

@@ -299,8 +299,8 @@ void Planning::report_clone(const places::Oddity& oddity) {
     const bool another = std::ranges::any_of(plan_.actions, [&](const Action& a) {
       return a.kind == Action::Kind::bind && slots_.seats()[a.slot].get() == seat.get();
     });
-    const bool waits = !device && !another && seat->state != SlotState::question &&
-                       places::fits(seat->slot.spec, oddity.device);
+    const bool waits =
+        !device && !another && seat->state != SlotState::question && places::fits(seat->slot.spec, oddity.device);
     if (own || waits) slots_.set_state(*seat, SlotState::duplicate, oddity.text);
   }
 }

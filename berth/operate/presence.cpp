@@ -81,9 +81,7 @@ rt::Task<void> Presence::ask_seat(Seat& seat) {
   seat.there = true;
   seat.slave.forget();
   if (seat.held) seat.slave.status.phase = manager::SlavePhase::awaited;
-  const auto booted = s_.boots.boot_up(id);
-  const bool booted_since = booted && *booted > seat.checked;
-  if (sign.state != NmtState::operational || booted_since) {
+  if (sign.state != NmtState::operational || configuring_.rebooted(seat)) {
     slots_.set_state(seat, SlotState::present);
     co_return;
   }

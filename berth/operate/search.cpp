@@ -133,7 +133,8 @@ bool Search::gets_on() {
 bool Search::goes_on() noexcept {
   // So often in a time in which there is room for the way down to one device (133 questions) between any two of them.
   constexpr unsigned most = 4;
-  const rt::Duration within = (most + 1) * std::max<rt::Duration>(std::chrono::seconds(5), 133 * s_.bus.timing.lss_timeout);
+  const rt::Duration way_down = std::max<rt::Duration>(std::chrono::seconds(5), 133 * s_.bus.timing.lss_timeout);
+  const rt::Duration within = (most + 1) * way_down;
   const rt::Time now = s_.executor.now();
   const bool called = agenda_.calls || s_.turn.waited_for();
   if (!called || !may_be_interrupted_) return true;

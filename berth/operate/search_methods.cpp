@@ -53,8 +53,7 @@ discovery::Known SearchMethods::known_devices() const {
     add(spec.type, revision);
     for (const auto& other : spec.also) add(other.type, exact ? other.revision : std::nullopt);
     const auto device = seat->slot.record.device();
-    const bool is_there = seat->there || seat->power_cycle.binding;
-    if (device) (is_there ? known.registered : known.expected).push_back(*device);
+    if (device) (seat->is_accounted_for() ? known.registered : known.expected).push_back(*device);
     if (device || !revision) continue;
     for (const auto serial : spec.spares) {
       known.expected.push_back({spec.type.vendor, spec.type.product, *revision, serial});

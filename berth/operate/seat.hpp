@@ -63,8 +63,7 @@ struct LastHeard {
 
 struct Seat {
   Seat(rt::Executor& executor, places::SlotSpec spec)
-      : slave(executor, {.node = spec.id,
-                         .rules = {.assigned = true, .boots = true, .mandatory = spec.mandatory}}) {
+      : slave(executor, {.node = spec.id, .rules = {.assigned = true, .boots = true, .mandatory = spec.mandatory}}) {
     slot.spec = std::move(spec);
   }
 
@@ -81,7 +80,7 @@ struct Seat {
   bool guarded = false;    ///< the device has no 1017h: it is asked by guarding
   rt::Time checked{};      ///< when it was identified last
   Doubt doubt;
-  manager::Slave slave;    ///< the boot-up of its device (CiA 302-2); `awaited`: nor before a person says so
+  manager::Slave slave;  ///< the boot-up of its device (CiA 302-2); `awaited`: nor before a person says so
   SeatConfiguration configuration;
   HeartbeatRate rate;
   PowerCycle power_cycle;
@@ -93,6 +92,12 @@ struct Seat {
   [[nodiscard]] bool is_booted() const noexcept {
     return slave.status.ready() || slave.status.phase == manager::SlavePhase::awaited;
   }
+  /// Its device was identified, and its boot-up is next.
+  [[nodiscard]] bool is_to_boot() const noexcept {
+    return there && !is_booted() && state == places::SlotState::present;
+  }
+  /// Its device is there, or waits for its power cycle: nobody needs to look for it.
+  [[nodiscard]] bool is_accounted_for() const noexcept { return there || power_cycle.binding.has_value(); }
   /// Its boot-up begins anew with the next round.
   void boot_again() noexcept { slave.status.phase = manager::SlavePhase::idle; }
   /// Its device is not there, or is another one.

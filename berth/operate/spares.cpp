@@ -52,7 +52,8 @@ rt::Task<bool> Spares::isolate_former(Seat& seat) {
             : fmt::format("a device that sat in slot {} is back: {}", seat.name(), to_string(device));
     slots_.events().tell(EventKind::returned, seat.name(), text);
     const std::string reason = "its slot was given to another device";
-    if (seat.is_booted()) seat.slave.status.phase = manager::SlavePhase::awaited;  // the reset reaches the slot's own device too: its boot-up is no error
+    // The reset reaches the slot's own device too: its boot-up is no error.
+    if (seat.is_booted()) seat.slave.status.phase = manager::SlavePhase::awaited;
     const bool gone = co_await seating_.blank(device, reason);
     planning_.returned(device, gone ? NodeId() : *id, text);
     any = true;

@@ -80,12 +80,8 @@ Starter::Starter(BusServices& services, SlotTable& slots, Agenda& agenda, Startu
 
 Starter::~Starter() = default;
 
-bool Starter::is_ready(const Seat& seat) noexcept {
-  return seat.there && !seat.is_booted() && seat.state == SlotState::present;
-}
-
 bool Starter::is_due() const noexcept {
-  return startup_.released() || std::ranges::any_of(slots_.seats(), [](const auto& s) { return is_ready(*s); });
+  return startup_.released() || std::ranges::any_of(slots_.seats(), [](const auto& s) { return s->is_to_boot(); });
 }
 
 // The transfers of a configuration would fill a receive buffer of one frame: its device would lose the `04 00` of the
@@ -93,7 +89,8 @@ bool Starter::is_due() const noexcept {
 rt::Task<void> Starter::start_early(Seat& seat) {
   const bool configures = seat.configuration.any() || !seat.slot.spec.software.programs.empty();
   const bool waits = slots_.events().beneath().of(seat.id());
-  const bool plain = is_ready(seat) && !configures && !waits && seat.slot.record.confirmed && !spares_.has_past(seat);
+  const bool plain =
+      seat.is_to_boot() && !configures && !waits && seat.slot.record.confirmed && !spares_.has_past(seat);
   if (plain) co_await boot(seat);
 }
 
@@ -101,7 +98,7 @@ rt::Task<bool> Starter::check_and_start() {
   agenda_.phase = Phase::start;
   rt::Scope starts(s_.executor, asking_.most_at_once());
   for (auto& seat : slots_.seats()) {
-    if (is_ready(*seat)) starts.spawn(boot(*seat));
+    if (seat->is_to_boot()) starts.spawn(boot(*seat));
   }
   co_await starts.join();
   const Startup::Go go = startup_.goes_on();
@@ -140,7 +137,8 @@ void Starter::ended(manager::Slave& slave) noexcept {
   Seat& seat = seat_of(slave);
   if (!slave.status.ready()) {
     const bool letter = boot_failed(seat, slave.status.result);
-    if (!letter) seat.set_letter(seat.state == SlotState::absent ? manager::BootStatus::b : manager::BootStatus::booted);
+    if (!letter)
+      seat.set_letter(seat.state == SlotState::absent ? manager::BootStatus::b : manager::BootStatus::booted);
   } else if (!s_.may_command() || configuring_.rebooted(seat)) {
     seat.boot_again();
   } else if (slave.starting) {

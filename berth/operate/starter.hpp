@@ -26,7 +26,6 @@ class Starter final : public EarlyStarter, private manager::SlaveBoots::Owner {
   rt::Task<void> start_early(Seat& seat) override;
 
  private:
-  [[nodiscard]] static bool is_ready(const Seat& seat) noexcept;
   class Target;
   class Source;
   bool starts(const manager::Slave& slave) noexcept override;

@@ -139,12 +139,10 @@ rt::Task<void> Supervision::handle(Wake wake) {
   }
   switch (wake.kind) {
     case Wake::Kind::boot_up: co_return co_await booted(*seat, wake.at);
-    case Wake::Kind::lost: {
+    case Wake::Kind::lost:
       // One that booted may send no heartbeat before it is configured; its boot-up tells whether it is there.
-      const bool is_to_boot = seat->state == SlotState::present && !seat->is_booted();
-      if (!is_to_boot) lost(*seat);
+      if (!seat->is_to_boot()) lost(*seat);
       co_return;
-    }
     case Wake::Kind::recovered: {
       const bool back = !seat->there && wake.at > seat->checked;
       if (back) co_await came_back(*seat, wake.at);

@@ -423,8 +423,8 @@ rt::Task<Outcome> Binder::identify_blank(const Binding& binding) {
     if (outcome == Outcome::ok) {
       const auto now = co_await s_.lss.inquire_node_id();
       if (now) outcome = now->byte() == NodeId::unconfigured_value ? Outcome::ok : Outcome::mismatch;
-      const bool stayed = outcome == Outcome::mismatch && reset_ != rt::Time{} && now->byte() == binding.old_id().value() &&
-                          s_.boots.booted_since(binding.old_id(), reset_);
+      const bool stayed = outcome == Outcome::mismatch && reset_ != rt::Time{} &&
+                          now->byte() == binding.old_id().value() && s_.boots.booted_since(binding.old_id(), reset_);
       if (outcome == Outcome::ok || stayed) break;
     }
     co_await rt::sleep_for(50ms);

@@ -505,9 +505,8 @@ inline std::optional<rt::Duration> start_without_waiting(WorldPlan plan) {
 inline Outcome run_world(const WorldPlan& plan, bool frames = false) {
   std::optional<rt::Duration> without;
   // A slow device is found by Fastscan alone when it happens to answer in time.
-  const bool by_chance = std::ranges::any_of(plan.machine.buses, [](const design::Bus& bus) {
-    return bus.discovery.find("fastscan") != std::string::npos;
-  });
+  const bool by_chance = std::ranges::any_of(
+      plan.machine.buses, [](const design::Bus& bus) { return bus.discovery.find("fastscan") != std::string::npos; });
   if (plan.calm && plan.solvable && !plan.waiting.empty() && !by_chance) without = start_without_waiting(plan);
   return WorldRun(plan, frames).go(without);
 }

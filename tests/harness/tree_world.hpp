@@ -131,8 +131,8 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
   }
 
   // A device was taken away for good while it was told its node-ID: its slot waits for it, and says so. A person brings
-  // it back. The word of its master counts, not whether it was heard under its node-ID (`is_seated`): beside another that
-  // is not enough, and its master goes on waiting for it. False: there is none.
+  // it back. The word of its master counts, not whether it was heard under its node-ID (`is_seated`): beside another
+  // that is not enough, and its master goes on waiting for it. False: there is none.
   bool bring_back() {
     bool any = false;
     // Two that boot under one node-ID at the same instant send one frame together: with nobody else on the bus there is
@@ -166,8 +166,9 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
     for (rt::Duration waited{}; waited < limit; waited += person) {
       good = run_until([this] { return all_good() || !failure_.empty(); }, person);
       if (good) run_for(std::chrono::seconds(10));
-      // A spare that came with the node-ID runs under it until its master has searched the bus, and takes it away: for the
-      // device that it waits for, or for the spare of the lower serial number. That is not the end; a second time is.
+      // A spare that came with the node-ID runs under it until its master has searched the bus, and takes it away: for
+      // the device that it waits for, or for the spare of the lower serial number. That is not the end; a second time
+      // is.
       const bool brought = !all_good() && bring_back();
       if (good && !brought && (all_good() || ++fell > 1 || !plan_.mixed)) break;
     }

@@ -90,10 +90,10 @@ class WaitingJudge {
              return t.bus == s.bus && t.powered && waits(t.name) && concerned;
            });
   }
-  // What a device that waits may cost the others, once: it is told to store, and is awaited as long as a device may need
-  // to boot, since one that has not booted by then cannot be told from one that is slow; one without a node-ID is then
-  // told again, in case it missed the first. Three seconds for its identity, asked under the new node-ID behind each.
-  // Never again: its slot says that it waits.
+  // What a device that waits may cost the others, once: it is told to store, and is awaited as long as a device may
+  // need to boot, since one that has not booted by then cannot be told from one that is slow; one without a node-ID is
+  // then told again, in case it missed the first. Three seconds for its identity, asked under the new node-ID behind
+  // each. Never again: its slot says that it waits.
   [[nodiscard]] rt::Duration cost_of_waiting() const {
     const auto& timing = plan_->machine.buses.front().timing;
     const auto many = static_cast<int>(plan_->waiting.size());
