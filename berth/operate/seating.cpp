@@ -416,9 +416,10 @@ rt::Task<void> Seating::take_back(const places::Found& found) {
   const bool home =
       seat != nullptr && seat->slot.record.confirmed && !seat->slot.record.intended && found.active == seat->id();
   if (!home) co_return;
-  // One that booted is unknown to RAND, and found once by it: when its boot-up was dealt with, that is no news.
+  // One that booted is unknown to RAND, and found once by it: when it was told that it is back, that is no news. A
+  // restart in the middle of an update was not.
   const auto booted = s_.boots.boot_up(seat->id());
-  const bool known = seat->there && booted && *booted <= seat->checked && *booted > seat->last.taken_back;
+  const bool known = seat->there && booted && *booted <= seat->last.heard_again && *booted > seat->last.taken_back;
   seat->last.taken_back = s_.executor.now();
   if (!known) co_await presence_.ask_seat(*seat);
   if (seat->there) found_.forget(device);
