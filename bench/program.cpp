@@ -12,7 +12,7 @@
 #include "berth/co/heartbeat.hpp"
 #include "berth/device/device.hpp"
 #include "berth/device/dictionary.hpp"
-#include "berth/manager/managed_bus.hpp"
+#include "berth/network/managed_bus.hpp"
 #include "berth/manager/program_loader.hpp"
 #include "berth/rt/scope.hpp"
 #include "berth/sim/world.hpp"
@@ -115,7 +115,7 @@ struct Plant final : can::Tap, co::HeartbeatConsumer::Observer {
   sim::Bus& wire;
   std::unique_ptr<sim::Controller> controller = wire.attach({.queue_depth = 64, .rx_depth = 256});
   can::Dispatcher dispatcher{world.executor(), *controller};
-  manager::ManagedBus managed{dispatcher};
+  network::ManagedBus managed{dispatcher};
   co::HeartbeatConsumer consumer{dispatcher, *this};
   std::vector<std::unique_ptr<Station>> stations;
   std::vector<std::uint8_t> image;

@@ -11,25 +11,25 @@
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
-#include "berth/manager/managed_bus.hpp"
-#include "berth/manager/network_boot.hpp"
+#include "berth/network/managed_bus.hpp"
+#include "berth/network/network_boot.hpp"
 #include "berth/rt/scope.hpp"
 
 namespace berth::command {
 namespace {
 
 using manager::BootStatus;
-using manager::NetworkBoot;
-using manager::SlavePhase;
+using network::NetworkBoot;
+using network::SlavePhase;
 
 // What a slot's device gets before its start: `config =`, else the heartbeat of its bus.
-class SlotSource final : public manager::BootSource {
+class SlotSource final : public network::BootSource {
  public:
   /// `configures`: it has `config =`, or links.
   SlotSource(Network& network, const design::Slot& slot, bool configures) noexcept
       : network_(network), slot_(slot), configures_(configures) {}
 
-  rt::Task<Result<void>> configure(manager::BootTarget& target, manager::SlaveRules& rules) override {
+  rt::Task<Result<void>> configure(network::BootTarget& target, manager::SlaveRules& rules) override {
     if (!configures_) co_return co_await set_heartbeat(target, rules);
     const auto done = co_await network_.configure(slot_.spec.name.name, true);
     if (!done) co_return fail(done.error());
@@ -42,7 +42,7 @@ class SlotSource final : public manager::BootSource {
 
  private:
   // A device without a heartbeat is guarded, as `berth up` does.
-  rt::Task<Result<void>> set_heartbeat(manager::BootTarget& target, manager::SlaveRules& rules) {
+  rt::Task<Result<void>> set_heartbeat(network::BootTarget& target, manager::SlaveRules& rules) {
     const design::Timing& timing = network_.bus().timing;
     const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(timing.heartbeat_period).count();
     const auto period = static_cast<std::uint16_t>(std::clamp<std::int64_t>(ms, 0, 0xFFFF));
@@ -73,7 +73,7 @@ class BusBoot {
     const design::Bus& line = network.bus();
     bus_.nmt().set_inhibit(line.startup.nmt_inhibit);
     bus_.lead_to(&boot_.error_control());
-    boot_.observe([this](const manager::NetworkEvent& event) { note(event); });
+    boot_.observe([this](const network::NetworkEvent& event) { note(event); });
     plan_.startup = line.startup.rules;
     plan_.own = line.master;
     plan_.boot_time = line.startup.boot_time;
@@ -100,7 +100,7 @@ class BusBoot {
   };
   void tell(Json& rows, std::vector<std::string>& lines, Tally& tally) const {
     for (std::size_t i = 0; i < slots_.size(); ++i) {
-      const manager::SlaveStatus slave = status(*slots_[i]);
+      const network::SlaveStatus slave = status(*slots_[i]);
       const bool good = slave.state == NmtState::operational;
       const bool needed = !slots_[i]->spec.optional;
       if (!good && needed) ++tally.wrong;
@@ -130,7 +130,7 @@ class BusBoot {
     sources_.push_back(std::make_unique<SlotSource>(network_, slot, session_.configures(slot)));
     slots_.push_back(&slot);
     surplus_.push_back(network_.services().sdo.surplus(slot.spec.id));
-    manager::NetworkSlave slave{slot.spec.id, {}, &bus_.target(slot.spec.id), sources_.back().get()};
+    network::NetworkSlave slave{slot.spec.id, {}, &bus_.target(slot.spec.id), sources_.back().get()};
     slave.rules.assigned = slave.rules.boots = true;
     slave.rules.mandatory = slot.spec.mandatory;
     slave.rules.device_type = slot.spec.device_type;
@@ -142,20 +142,20 @@ class BusBoot {
     plan_.slaves.push_back(slave);
   }
 
-  void note(const manager::NetworkEvent& event) {
-    using Kind = manager::NetworkEvent::Kind;
-    session_.tell(network_.bus().name, operate::EventKind::step, manager::text(event));
+  void note(const network::NetworkEvent& event) {
+    using Kind = network::NetworkEvent::Kind;
+    session_.tell(network_.bus().name, operate::EventKind::step, network::text(event));
     if (event.kind == Kind::halted || event.kind == Kind::not_sent)
-      events_.push_back(fmt::format("{}: {}", network_.bus().name, manager::text(event)));
+      events_.push_back(fmt::format("{}: {}", network_.bus().name, network::text(event)));
   }
 
   [[nodiscard]] bool answered_twice(std::size_t i) const noexcept {
     return network_.services().sdo.surplus(slots_[i]->spec.id) != surplus_[i];
   }
   // Before the startup has begun there is none.
-  [[nodiscard]] manager::SlaveStatus status(const design::Slot& slot) const {
-    const manager::SlaveStatus* const found = boot_.find(slot.spec.id);
-    return found == nullptr ? manager::SlaveStatus{} : *found;
+  [[nodiscard]] network::SlaveStatus status(const design::Slot& slot) const {
+    const network::SlaveStatus* const found = boot_.find(slot.spec.id);
+    return found == nullptr ? network::SlaveStatus{} : *found;
   }
   [[nodiscard]] bool over() const {
     const bool stands = boot_.phase() == NetworkBoot::Phase::halted;
@@ -166,24 +166,24 @@ class BusBoot {
   }
   [[nodiscard]] bool all_told() const {
     return std::ranges::all_of(slots_, [&](const design::Slot* slot) {
-      const manager::SlaveStatus slave = status(*slot);
+      const network::SlaveStatus slave = status(*slot);
       return slave.phase != SlavePhase::started || slave.state == NmtState::operational;
     });
   }
 
   // One that never answered is asked until the end: B.
-  [[nodiscard]] static char letter_of(const manager::SlaveStatus& slave) {
+  [[nodiscard]] static char letter_of(const network::SlaveStatus& slave) {
     const bool silent = slave.phase == SlavePhase::idle || slave.phase == SlavePhase::booting;
     return manager::letter(silent ? BootStatus::b : slave.result.status);
   }
 
-  [[nodiscard]] std::string trouble(std::size_t i, const manager::SlaveStatus& slave) const {
+  [[nodiscard]] std::string trouble(std::size_t i, const network::SlaveStatus& slave) const {
     const char letter = letter_of(slave);
     if (slave.phase == SlavePhase::ready) return "ready, and not started: the startup is halted, or waits for a person";
     if (letter == '\0') return "it was started, and no heartbeat told that it is operational";
     const auto status = static_cast<BootStatus>(letter);
     const bool ended = slave.result.status == status;
-    const std::string said = ended ? slave.result.text() : manager::BootResult{.status = status}.text();
+    const std::string said = ended ? slave.result.text() : network::BootResult{.status = status}.text();
     const std::string& why = sources_[i]->why();
     return fmt::format("{}{}; {}", said, why.empty() ? "" : ": " + why, manager::advice(status));
   }
@@ -191,9 +191,9 @@ class BusBoot {
   Network& network_;
   Session& session_;
   rt::Executor& executor_;
-  manager::ManagedBus bus_;
+  network::ManagedBus bus_;
   NetworkBoot boot_;
-  manager::NetworkPlan plan_;
+  network::NetworkPlan plan_;
   std::vector<std::unique_ptr<SlotSource>> sources_;
   std::vector<const design::Slot*> slots_;
   std::vector<std::uint32_t> surplus_;  // second answers of each before

@@ -10,7 +10,7 @@
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
-#include "berth/manager/network_requests.hpp"
+#include "berth/network/network_requests.hpp"
 #include "berth/text/quantity.hpp"
 
 namespace berth::command {
@@ -44,9 +44,9 @@ NmtArguments nmt_arguments(Arguments& arguments, const design::Machine& machine)
 }
 
 std::uint8_t NmtArguments::request_sub() const noexcept {
-  return target == co::NmtTarget::all() ? manager::NetworkRequests::all_nodes : target.node;
+  return target == co::NmtTarget::all() ? network::NetworkRequests::all_nodes : target.node;
 }
-std::uint8_t NmtArguments::request_value() const noexcept { return manager::request_value(command); }
+std::uint8_t NmtArguments::request_value() const noexcept { return network::request_value(command); }
 
 namespace {
 

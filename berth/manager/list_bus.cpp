@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <string>
 
-#include "berth/manager/dictionary_source.hpp"
+#include "berth/network/dictionary_source.hpp"
 
 namespace berth::manager {
 namespace {

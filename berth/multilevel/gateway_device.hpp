@@ -5,14 +5,14 @@
 ///     gateway.add_bus(beneath, {.device = {.address = b, .node_id = NodeId(1)}});
 ///     gateway.power_on();
 ///
-/// A bus beneath that has an NMT master in this device (`manager::DictionaryManager`) is booted first:
+/// A bus beneath that has an NMT master in this device (`network::DictionaryManager`) is booted first:
 ///
 ///     auto& boom = gateway.add_bus(beneath, {.device = {...}, .description = with_manager_objects, .boots_first =
-///     true}); manager::DictionaryManager master(boom.dispatcher(), boom.device().values(),
+///     true}); network::DictionaryManager master(boom.dispatcher(), boom.device().values(),
 ///                                       [&](co::NmtCommand command) { boom.device().apply(command); });
 ///     boom.use(master.bus().sdo());
 ///     boom.device().on().state = [&](NmtState state) { master.own_state(state, NodeId(1)); };
-///     master.network().observe([&](const manager::NetworkEvent& event) {
+///     master.network().observe([&](const network::NetworkEvent& event) {
 ///       if (event.kind == Kind::operational) boom.sub_bus().booted();
 ///       if (event.kind == Kind::halted) boom.sub_bus().failed(event.node);
 ///     });

@@ -19,7 +19,7 @@ void add_hardware_version(od::DescriptionBuilder& builder, std::uint32_t version
 void add_expected_hardware(od::DescriptionBuilder& builder, std::uint8_t most = 127);
 [[nodiscard]] std::uint32_t expected_hardware(const od::Values& master, NodeId node) noexcept;
 
-/// What a boot-up of one's own asks before it configures a slave; `manager::BootSlave` does it itself. Errors: as
+/// What a boot-up of one's own asks before it configures a slave; `network::BootSlave` does it itself. Errors: as
 /// `co::SdoTransfer`; Errc::mismatch with the version that the slave has in `detail`. Nothing is asked when anything is
 /// expected.
 [[nodiscard]] rt::Task<Result<void>> check_hardware(co::SdoAccess& slave, std::uint32_t expected, bool literal = false);

@@ -7,9 +7,9 @@
 
 #include "berth/base/bytes.hpp"
 #include "berth/manager/boot_rules.hpp"
-#include "berth/manager/configuration_requests.hpp"
-#include "berth/manager/configuration_uploads.hpp"
-#include "berth/manager/network_requests.hpp"
+#include "berth/network/configuration_requests.hpp"
+#include "berth/network/configuration_uploads.hpp"
+#include "berth/network/network_requests.hpp"
 #include "berth/od/cia302.hpp"
 #include "berth/text/file.hpp"
 
@@ -34,10 +34,10 @@ constexpr std::uint16_t losses = 0x5F07;
 constexpr std::uint16_t boots = 0x5F08;
 constexpr std::uint16_t emergency_history = 0x5F09;
 
-constexpr std::uint16_t upload_configuration = manager::ConfigurationUploads::object;
+constexpr std::uint16_t upload_configuration = network::ConfigurationUploads::object;
 
-constexpr std::uint32_t conf = manager::ConfigurationRequests::signature;
-constexpr std::uint32_t upld = manager::ConfigurationUploads::signature;
+constexpr std::uint32_t conf = network::ConfigurationRequests::signature;
+constexpr std::uint32_t upld = network::ConfigurationUploads::signature;
 constexpr std::uint32_t longest_command = 1000;
 constexpr std::uint32_t longest_reply = 65'536;
 
@@ -309,7 +309,7 @@ AbortCode ManagerObjects::ask_nmt(std::uint8_t sub, std::uint8_t state) {
   if (!s_.may_command()) return AbortCode::local_control;
   const bool all = sub == cia302::all_nodes;
   if (!all && !is_slot(sub)) return AbortCode::invalid_value;
-  const auto wanted = manager::requested_nmt(state);
+  const auto wanted = network::requested_nmt(state);
   if (!wanted || (wanted->others && !all)) return AbortCode::invalid_value;
   if (wanted->others) {
     command_slots(wanted->command);

@@ -80,13 +80,13 @@ rt::Task<void> Presence::ask_seat(Seat& seat) {
   if (!stays) co_return;
   seat.there = true;
   seat.slave.forget();
-  if (seat.held) seat.slave.status.phase = manager::SlavePhase::awaited;
+  if (seat.held) seat.slave.status.phase = network::SlavePhase::awaited;
   if (sign.state != NmtState::operational || configuring_.rebooted(seat)) {
     slots_.set_state(seat, SlotState::present);
     co_return;
   }
   seat.set_letter(manager::BootStatus::l);
-  seat.slave.status.phase = manager::SlavePhase::started;
+  seat.slave.status.phase = network::SlavePhase::started;
   s_.heartbeats.supervise(id, s_.bus.timing.heartbeat_timeout);
   slots_.set_state(seat, SlotState::operational);
   if (seat.configuration.wanted) co_await configuring_.look_at_running(seat);

@@ -81,7 +81,7 @@ void Programming::expect(const Seat& seat, manager::SlaveRules& rules) {
   if (has_first && rules.expected.software == 0) rules.expected.software_text.clear();
 }
 
-rt::Task<Result<std::string>> Programming::others(Seat& seat, manager::BootTarget& target) {
+rt::Task<Result<std::string>> Programming::others(Seat& seat, network::BootTarget& target) {
   for (const auto& program : seat.slot.spec.software.programs) {
     if (program.number == 1) continue;
     const auto is = co_await target.objects().read_u32(od::cia302::program_identification, program.number);
@@ -95,7 +95,7 @@ rt::Task<Result<std::string>> Programming::others(Seat& seat, manager::BootTarge
   co_return std::string();
 }
 
-rt::Task<Result<void>> Programming::is_the_same(const Seat& seat, manager::BootTarget& target) {
+rt::Task<Result<void>> Programming::is_the_same(const Seat& seat, network::BootTarget& target) {
   const auto& confirmed = seat.slot.record.confirmed;
   if (!confirmed) co_return Result<void>{};
   for (std::uint8_t sub = 1; sub <= 4; ++sub) {
@@ -109,7 +109,7 @@ rt::Task<Result<void>> Programming::is_the_same(const Seat& seat, manager::BootT
   co_return Result<void>{};
 }
 
-rt::Task<Result<void>> Programming::update(Seat& seat, manager::BootTarget& target) {
+rt::Task<Result<void>> Programming::update(Seat& seat, network::BootTarget& target) {
   std::vector<manager::ProgramWish> wishes;
   for (const auto& program : seat.slot.spec.software.programs) {
     const auto& loaded = image(program.file);

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "berth/manager/boot_slave.hpp"
+#include "berth/network/boot_slave.hpp"
 #include "berth/manager/program_loader.hpp"
 #include "berth/operate/slot_table.hpp"
 
@@ -31,15 +31,15 @@ class Programming {
   /// What is wrong with the slot's files; empty: nothing.
   [[nodiscard]] std::string unreadable(const Seat& seat);
   /// `BootSource::other_programs` and `BootSource::update` of the slot's device.
-  rt::Task<Result<std::string>> others(Seat& seat, manager::BootTarget& target);
-  rt::Task<Result<void>> update(Seat& seat, manager::BootTarget& target);
+  rt::Task<Result<std::string>> others(Seat& seat, network::BootTarget& target);
+  rt::Task<Result<void>> update(Seat& seat, network::BootTarget& target);
 
   /// Shared by all downloads on this bus.
   [[nodiscard]] manager::ProgramTransfers& transfers() noexcept { return transfers_; }
 
  private:
   /// The slot's device answers under its node-ID. A boot loader may not have all of 1018h: what it has counts.
-  rt::Task<Result<void>> is_the_same(const Seat& seat, manager::BootTarget& target);
+  rt::Task<Result<void>> is_the_same(const Seat& seat, network::BootTarget& target);
   /// Each file is read when it is wanted for the first time, and again when it has changed.
   struct Loaded {
     std::int64_t changed = 0;  ///< time of its last change

@@ -7,7 +7,7 @@
 
 #include "berth/co/emcy.hpp"
 #include "berth/manager/configuration.hpp"
-#include "berth/manager/slave_boots.hpp"
+#include "berth/network/slave_boots.hpp"
 #include "berth/places/binding.hpp"
 #include "berth/places/plan.hpp"
 #include "berth/rt/executor.hpp"
@@ -80,7 +80,7 @@ struct Seat {
   bool guarded = false;    ///< the device has no 1017h: it is asked by guarding
   rt::Time checked{};      ///< when it was identified last
   Doubt doubt;
-  manager::Slave slave;  ///< the boot-up of its device (CiA 302-2); `awaited`: nor before a person says so
+  network::Slave slave;  ///< the boot-up of its device (CiA 302-2); `awaited`: nor before a person says so
   SeatConfiguration configuration;
   HeartbeatRate rate;
   PowerCycle power_cycle;
@@ -90,7 +90,7 @@ struct Seat {
   [[nodiscard]] NodeId id() const noexcept { return slot.spec.id; }
   /// Its boot-up is done: nothing is to be done before it boots, or a person says so.
   [[nodiscard]] bool is_booted() const noexcept {
-    return slave.status.ready() || slave.status.phase == manager::SlavePhase::awaited;
+    return slave.status.ready() || slave.status.phase == network::SlavePhase::awaited;
   }
   /// Its device was identified, and its boot-up is next.
   [[nodiscard]] bool is_to_boot() const noexcept {
@@ -99,7 +99,7 @@ struct Seat {
   /// Its device is there, or waits for its power cycle: nobody needs to look for it.
   [[nodiscard]] bool is_accounted_for() const noexcept { return there || power_cycle.binding.has_value(); }
   /// Its boot-up begins anew with the next round.
-  void boot_again() noexcept { slave.status.phase = manager::SlavePhase::idle; }
+  void boot_again() noexcept { slave.status.phase = network::SlavePhase::idle; }
   /// Its device is not there, or is another one.
   void leave() noexcept {
     there = false;

@@ -2,12 +2,12 @@
 /// bus of the main job.
 #pragma once
 
-#include "berth/manager/boot_slave.hpp"
+#include "berth/network/boot_slave.hpp"
 #include "berth/operate/slot_table.hpp"
 
 namespace berth::operate {
 
-class SeatTarget : public manager::BootTarget {
+class SeatTarget : public network::BootTarget {
  public:
   SeatTarget(BusServices& services, Seat& seat) noexcept
       : s_(services), seat_(seat), objects_(services.sdo, seat.id()) {}

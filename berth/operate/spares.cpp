@@ -53,7 +53,7 @@ rt::Task<bool> Spares::isolate_former(Seat& seat) {
     slots_.events().tell(EventKind::returned, seat.name(), text);
     const std::string reason = "its slot was given to another device";
     // The reset reaches the slot's own device too: its boot-up is no error.
-    if (seat.is_booted()) seat.slave.status.phase = manager::SlavePhase::awaited;
+    if (seat.is_booted()) seat.slave.status.phase = network::SlavePhase::awaited;
     const bool gone = co_await seating_.blank(device, reason);
     planning_.returned(device, gone ? NodeId() : *id, text);
     any = true;

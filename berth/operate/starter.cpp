@@ -29,7 +29,7 @@ class Starter::Target final : public SeatTarget {
 };
 
 // What `config =` wants, or the heartbeat alone: what is brought into a device before it is started.
-class Starter::Source final : public manager::BootSource {
+class Starter::Source final : public network::BootSource {
  public:
   Source(Starter& starter, Seat& seat) noexcept : starter_(starter), seat_(seat) {}
   void renew(manager::SlaveRules& rules) const noexcept override {
@@ -43,13 +43,13 @@ class Starter::Source final : public manager::BootSource {
     }
     starter_.programming_.expect(seat_, rules);
   }
-  rt::Task<Result<void>> configure(manager::BootTarget&, manager::SlaveRules&) override {
+  rt::Task<Result<void>> configure(network::BootTarget&, manager::SlaveRules&) override {
     co_return co_await starter_.configure(seat_);
   }
-  rt::Task<Result<std::string>> other_programs(manager::BootTarget& target, const manager::SlaveRules&) override {
+  rt::Task<Result<std::string>> other_programs(network::BootTarget& target, const manager::SlaveRules&) override {
     co_return co_await starter_.programming_.others(seat_, target);
   }
-  rt::Task<Result<void>> update(manager::BootTarget& target, const manager::SlaveRules&) override {
+  rt::Task<Result<void>> update(network::BootTarget& target, const manager::SlaveRules&) override {
     co_return co_await starter_.update(seat_, target);
   }
 
@@ -128,12 +128,12 @@ rt::Task<bool> Starter::may_boot(Seat& seat) {
   co_return co_await spares_.clear_past(seat);
 }
 
-bool Starter::starts(const manager::Slave& slave) noexcept {
+bool Starter::starts(const network::Slave& slave) noexcept {
   const Seat& seat = seat_of(slave);
   return s_.may_command() && !configuring_.rebooted(seat) && startup_.starts(seat);
 }
 
-void Starter::ended(manager::Slave& slave) noexcept {
+void Starter::ended(network::Slave& slave) noexcept {
   Seat& seat = seat_of(slave);
   if (!slave.status.ready()) {
     const bool letter = boot_failed(seat, slave.status.result);
@@ -148,7 +148,7 @@ void Starter::ended(manager::Slave& slave) noexcept {
   }
 }
 
-void Starter::started(manager::Slave& slave, const Result<bool>& ran) noexcept {
+void Starter::started(network::Slave& slave, const Result<bool>& ran) noexcept {
   Seat& seat = seat_of(slave);
   if (ran && *ran) slots_.set_state(seat, SlotState::operational);
   if (ran) return;
@@ -158,7 +158,7 @@ void Starter::started(manager::Slave& slave, const Result<bool>& ran) noexcept {
 }
 
 // True: the letter is that of its boot-up. Else it is another device's, or of the life before.
-bool Starter::boot_failed(Seat& seat, const manager::BootResult& result) {
+bool Starter::boot_failed(Seat& seat, const network::BootResult& result) {
   using Status = manager::BootStatus;
   const bool unwritten = result.status == Status::i && seat.state == SlotState::present;
   if (unwritten && configuring_.rebooted(seat)) {
@@ -188,7 +188,7 @@ bool Starter::boot_failed(Seat& seat, const manager::BootResult& result) {
 }
 
 // It restarts into its boot loader and out of it; what answers then must be the same device.
-rt::Task<Result<void>> Starter::update(Seat& seat, manager::BootTarget& target) {
+rt::Task<Result<void>> Starter::update(Seat& seat, network::BootTarget& target) {
   if (configuring_.rebooted(seat)) co_return fail(Errc::mismatch, "another device may have booted here");
   const auto updated = co_await programming_.update(seat, target);
   // Its restarts are not those of another device, and no reason to write its flash memory again.
@@ -298,7 +298,7 @@ rt::Task<void> Starter::start_all() {
   if (!sent) co_return slots_.events().tell_failure("NMT start of all devices", sent.error());
   for (auto& seat : slots_.seats()) {
     if (!seat->there || !seat->slave.waits_for_start()) continue;
-    seat->slave.status.phase = manager::SlavePhase::started;
+    seat->slave.status.phase = network::SlavePhase::started;
     awaited_.push_back(seat.get());
     if (seat->guarded) co_await ask_by_guarding(*seat);
   }
@@ -307,7 +307,7 @@ rt::Task<void> Starter::start_all() {
 // Operational is what the device says in its heartbeat, not what it was told.
 rt::Task<void> Starter::await_operational() {
   const auto waits = [](const Seat* s) {
-    return s->slave.status.phase == manager::SlavePhase::started && s->state == SlotState::present;
+    return s->slave.status.phase == network::SlavePhase::started && s->state == SlotState::present;
   };
   const rt::Time deadline = s_.executor.now() + s_.bus.timing.heartbeat_timeout;
   const rt::Duration patience = s_.bus.timing.heartbeat_period + s_.bus.timing.heartbeat_period / 4;

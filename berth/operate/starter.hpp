@@ -5,14 +5,14 @@
 #include <memory>
 #include <vector>
 
-#include "berth/manager/boot_slave.hpp"
+#include "berth/network/boot_slave.hpp"
 #include "berth/operate/programming.hpp"
 #include "berth/operate/spares.hpp"
 #include "berth/operate/startup.hpp"
 
 namespace berth::operate {
 
-class Starter final : public EarlyStarter, private manager::SlaveBoots::Owner {
+class Starter final : public EarlyStarter, private network::SlaveBoots::Owner {
  public:
   Starter(BusServices& services, SlotTable& slots, Agenda& agenda, Startup& startup, Asking& asking,
           Configuring& configuring, Spares& spares, Presence& presence);
@@ -28,13 +28,13 @@ class Starter final : public EarlyStarter, private manager::SlaveBoots::Owner {
  private:
   class Target;
   class Source;
-  bool starts(const manager::Slave& slave) noexcept override;
-  void ended(manager::Slave& slave) noexcept override;
-  void started(manager::Slave& slave, const Result<bool>& ran) noexcept override;
+  bool starts(const network::Slave& slave) noexcept override;
+  void ended(network::Slave& slave) noexcept override;
+  void started(network::Slave& slave, const Result<bool>& ran) noexcept override;
   rt::Task<void> boot(Seat& seat);
   rt::Task<bool> may_boot(Seat& seat);
-  rt::Task<Result<void>> update(Seat& seat, manager::BootTarget& target);
-  [[nodiscard]] bool boot_failed(Seat& seat, const manager::BootResult& result);
+  rt::Task<Result<void>> update(Seat& seat, network::BootTarget& target);
+  [[nodiscard]] bool boot_failed(Seat& seat, const network::BootResult& result);
   rt::Task<Result<void>> configure(Seat& seat);
   rt::Task<bool> set_heartbeat(Seat& seat);
   rt::Task<Result<void>> bring_up_beneath(Seat& seat);
@@ -45,7 +45,7 @@ class Starter final : public EarlyStarter, private manager::SlaveBoots::Owner {
   rt::Task<void> await_operational();
   rt::Task<void> start_again(rt::Time since);
   [[nodiscard]] bool beats(NodeId id) const noexcept;
-  [[nodiscard]] Seat& seat_of(const manager::Slave& slave) const noexcept { return *slots_.at(slave.what.node); }
+  [[nodiscard]] Seat& seat_of(const network::Slave& slave) const noexcept { return *slots_.at(slave.what.node); }
 
   BusServices& s_;
   SlotTable& slots_;
@@ -56,9 +56,9 @@ class Starter final : public EarlyStarter, private manager::SlaveBoots::Owner {
   Spares& spares_;
   Presence& presence_;
   Programming programming_;
-  manager::SlaveBoots boots_;
-  std::vector<std::unique_ptr<manager::BootTarget>> targets_;
-  std::vector<std::unique_ptr<manager::BootSource>> sources_;
+  network::SlaveBoots boots_;
+  std::vector<std::unique_ptr<network::BootTarget>> targets_;
+  std::vector<std::unique_ptr<network::BootSource>> sources_;
   std::vector<Seat*> awaited_;  // NMT start was sent, and their heartbeats have not told yet
 };
 

@@ -7,8 +7,8 @@
 namespace berth::operate {
 
 using co::NmtCommand;
-using manager::SlavePhase;
-using manager::StartupPhase;
+using network::SlavePhase;
+using network::StartupPhase;
 using places::SlotState;
 
 Startup::Startup(BusServices& services, SlotTable& slots) noexcept
@@ -22,7 +22,7 @@ void Startup::begin() {
   halted_by_.clear();
   static_cast<void>(network_.own_state(NmtState::pre_operational));
   if (!s_.may_command()) return network_.end();
-  manager::NetworkStartup::Plan plan;
+  network::NetworkStartup::Plan plan;
   plan.rules = s_.bus.startup.rules;
   plan.boot_time = s_.bus.startup.boot_time;
   plan.resumes = plan.awaits_all = true;
@@ -34,11 +34,11 @@ void Startup::tell(const std::string& text) { slots_.events().tell(EventKind::st
 
 // ---- when devices are started ---------------------------------------------------------------------------------------
 
-bool Startup::is_ready(const manager::Slave& slave) const noexcept {
+bool Startup::is_ready(const network::Slave& slave) const noexcept {
   return slave.status.ready() && slots_.at(slave.what.node)->there;
 }
 
-bool Startup::has_failed(const manager::Slave& slave) const noexcept {
+bool Startup::has_failed(const network::Slave& slave) const noexcept {
   const SlotState state = slots_.at(slave.what.node)->state;
   return state == SlotState::failed || state == SlotState::wrong_type || state == SlotState::duplicate;
 }
@@ -78,8 +78,8 @@ void Startup::network_operational() noexcept {
   if (s_.may_command()) network_.all_operational();
 }
 
-void Startup::heard(manager::NetworkStartup::News news, const manager::Slave* slave) noexcept {
-  using News = manager::NetworkStartup::News;
+void Startup::heard(network::NetworkStartup::News news, const network::Slave* slave) noexcept {
+  using News = network::NetworkStartup::News;
   if (news == News::resumed) return tell(fmt::format("the startup goes on: slot \"{}\" is ready", halted_by_));
   if (news == News::all_ready && network_.has_mandatory()) return tell("all mandatory devices are ready");
   if (slave == nullptr) return;

@@ -1,4 +1,4 @@
-/// The NMT startup of one bus (CiA 302-2; docs/boot-up.md): `manager::NetworkStartup` for the slots of a bus. What
+/// The NMT startup of one bus (CiA 302-2; docs/boot-up.md): `network::NetworkStartup` for the slots of a bus. What
 /// `[bus.NAME.startup]` and the slots' `mandatory` make of devices that are ready to be started, fail, or are lost, in
 /// the slots' states and in words.
 #pragma once
@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-#include "berth/manager/network_startup.hpp"
+#include "berth/network/network_startup.hpp"
 #include "berth/operate/slot_table.hpp"
 
 namespace berth::operate {
@@ -21,10 +21,10 @@ class MasterState {
   ~MasterState() = default;
 };
 
-class Startup final : private manager::NetworkStartup::Owner {
+class Startup final : private network::NetworkStartup::Owner {
  public:
-  using Phase = manager::StartupPhase::Phase;
-  using Go = manager::NetworkStartup::Go;
+  using Phase = network::StartupPhase::Phase;
+  using Go = network::NetworkStartup::Go;
 
   Startup(BusServices& services, SlotTable& slots) noexcept;
   /// Before the first `begin`; must stay.
@@ -58,12 +58,12 @@ class Startup final : private manager::NetworkStartup::Owner {
 
  private:
   struct ErrorEvent {
-    manager::StartupPhase::OnError asks_for;
+    network::StartupPhase::OnError asks_for;
     std::string text;  // "slot 'x', which is mandatory: its heartbeat stopped"
   };
-  [[nodiscard]] bool is_ready(const manager::Slave& slave) const noexcept override;
-  [[nodiscard]] bool has_failed(const manager::Slave& slave) const noexcept override;
-  void heard(manager::NetworkStartup::News news, const manager::Slave* slave) noexcept override;
+  [[nodiscard]] bool is_ready(const network::Slave& slave) const noexcept override;
+  [[nodiscard]] bool has_failed(const network::Slave& slave) const noexcept override;
+  void heard(network::NetworkStartup::News news, const network::Slave* slave) noexcept override;
   void apply(co::NmtCommand command) noexcept override;
 
   [[nodiscard]] std::string why_waiting() const;
@@ -75,7 +75,7 @@ class Startup final : private manager::NetworkStartup::Owner {
   BusServices& s_;
   SlotTable& slots_;
   MasterState* master_ = nullptr;
-  manager::NetworkStartup network_;
+  network::NetworkStartup network_;
   std::optional<ErrorEvent> error_;
   std::string halted_by_;                 // the mandatory slot
   bool released_ = false;                 // by a person, who ended a stop

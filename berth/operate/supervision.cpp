@@ -59,7 +59,7 @@ void Supervision::heartbeat(const co::HeartbeatEvent& event, rt::Time at) {
   if (seat != nullptr && seat->there && seat->is_booted() && event.state == NmtState::operational &&
       wake.kind == Wake::Kind::state && seat->state != SlotState::duplicate) {
     seat->left = false;
-    seat->slave.status.phase = manager::SlavePhase::started;
+    seat->slave.status.phase = network::SlavePhase::started;
     slots_.set_state(*seat, SlotState::operational);
     if (slots_.operational()) slots_.events().reach(Milestone::operational);
     return;

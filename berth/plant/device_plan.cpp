@@ -15,7 +15,7 @@
 #include "berth/device/dictionary.hpp"
 #include "berth/device/mandatory.hpp"
 #include "berth/eds/xdd.hpp"
-#include "berth/manager/dictionary_manager.hpp"
+#include "berth/network/dictionary_manager.hpp"
 #include "berth/multilevel/hardware_version.hpp"
 #include "berth/od/cia302.hpp"
 #include "berth/od/notation.hpp"
@@ -101,11 +101,11 @@ std::shared_ptr<const od::Description> with_manager(const PlantBehaviour& does, 
   od::DescriptionBuilder b;
   const std::uint8_t most = highest_slave(master);
   device::add_device(b, {.supervised = std::max<std::uint8_t>(most, 8)});
-  manager::ManagerObjects objects{.most = most, .startup = 0x21, .longest_concise = 0, .flying = true};
+  network::ManagerObjects objects{.most = most, .startup = 0x21, .longest_concise = 0, .flying = true};
   constexpr std::uint32_t room_for_a_configuration = 16'384;
   if (!master.flying) device::add_storage(b);
   if (!master.flying) objects = {.most = most, .longest_concise = room_for_a_configuration, .node_ids = true};
-  manager::add_manager_objects(b, objects);
+  network::add_manager_objects(b, objects);
   if (!master.flying) multilevel::add_expected_hardware(b, most);
   if (does.hardware > 0) multilevel::add_hardware_version(b, does.hardware);
   add_signals(b, signals);
@@ -408,10 +408,10 @@ void SimListMemory::cut_after(std::uint64_t bytes, std::function<void()> cut, in
 PlantMastery master_of(const PlantDevice& plan, can::Dispatcher& dispatcher, device::Device& device) {
   PlantMastery made;
   if (!plan.does.master) return made;
-  manager::NetworkTiming timing;
+  network::NetworkTiming timing;
   timing.resumes = !plan.does.master->flying;
   const auto apply = [&device](co::NmtCommand command) { device.apply(command); };
-  made.manager = std::make_unique<manager::DictionaryManager>(dispatcher, device.values(), apply, timing);
+  made.manager = std::make_unique<network::DictionaryManager>(dispatcher, device.values(), apply, timing);
   if (!plan.does.master->flying) {
     auto& bus = made.manager->bus();
     made.memory = std::make_unique<SimListMemory>();

@@ -15,7 +15,7 @@
 #include "berth/base/result.hpp"
 #include "berth/can/dispatcher.hpp"
 #include "berth/device/device.hpp"
-#include "berth/manager/dictionary_manager.hpp"
+#include "berth/network/dictionary_manager.hpp"
 #include "berth/manager/node_id_assigner.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/script/behaviour.hpp"
@@ -70,7 +70,7 @@ struct PlantMastery {
   std::unique_ptr<SimListMemory> memory{};
   std::unique_ptr<manager::ListStore> store{};
   std::unique_ptr<manager::NodeIdAssigner> assigner{};
-  std::unique_ptr<manager::DictionaryManager> manager{};  ///< null: it is no master
+  std::unique_ptr<network::DictionaryManager> manager{};  ///< null: it is no master
 };
 /// `device` is the plan's, and observes nothing of its NMT state by `on()` yet. All must stay.
 [[nodiscard]] PlantMastery master_of(const PlantDevice& plan, can::Dispatcher& dispatcher, device::Device& device);

@@ -90,8 +90,8 @@ SimGateway::Port::Port(SimGateway& owner, GatewaySide& of, multilevel::SdoGatewa
   });
   if (!boots_first()) return;
   bus.on_settled([&owner] { owner.look_.post(); });
-  of.inside().manager->network().observe([this](const manager::NetworkEvent& event) {
-    using Kind = manager::NetworkEvent::Kind;
+  of.inside().manager->network().observe([this](const network::NetworkEvent& event) {
+    using Kind = network::NetworkEvent::Kind;
     if (event.kind == Kind::operational) bus.booted();
     if (event.kind == Kind::halted) bus.failed(event.node);
   });

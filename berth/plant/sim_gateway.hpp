@@ -11,7 +11,7 @@
 #include "berth/base/finding.hpp"
 #include "berth/can/dispatcher.hpp"
 #include "berth/device/device.hpp"
-#include "berth/manager/dictionary_manager.hpp"
+#include "berth/network/dictionary_manager.hpp"
 #include "berth/multilevel/gateway_device.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/rt/later.hpp"
@@ -37,7 +37,7 @@ class GatewaySide {
   [[nodiscard]] virtual device::Device& device() noexcept = 0;
   struct Inside {
     can::Dispatcher* dispatcher = nullptr;
-    manager::DictionaryManager* manager = nullptr;  ///< null: it is no NMT master
+    network::DictionaryManager* manager = nullptr;  ///< null: it is no NMT master
     multilevel::MeteredPort* meter = nullptr;       ///< where its frames go; null: no delay of a signal is known
   };
   [[nodiscard]] virtual Inside inside() noexcept = 0;

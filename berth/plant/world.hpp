@@ -23,7 +23,7 @@
 #include "berth/base/result.hpp"
 #include "berth/can/dispatcher.hpp"
 #include "berth/device/device.hpp"
-#include "berth/manager/dictionary_manager.hpp"
+#include "berth/network/dictionary_manager.hpp"
 #include "berth/plant/device_plan.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/plant/sim_gateway.hpp"

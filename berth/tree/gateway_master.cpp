@@ -3,8 +3,8 @@
 #include <array>
 
 #include "berth/eds/concise_dcf.hpp"
-#include "berth/manager/configuration_requests.hpp"
-#include "berth/manager/network_requests.hpp"
+#include "berth/network/configuration_requests.hpp"
+#include "berth/network/network_requests.hpp"
 #include "berth/od/cia302.hpp"
 
 namespace berth::tree {
@@ -31,7 +31,7 @@ rt::Task<Result<std::uint8_t>> GatewayMaster::state(NodeId node) {
 }
 
 rt::Task<Result<void>> GatewayMaster::command(NodeId node, co::NmtCommand command) {
-  const std::array<std::uint8_t, 1> value{manager::request_value(command)};
+  const std::array<std::uint8_t, 1> value{network::request_value(command)};
   const std::span<const std::uint8_t> data = value;
   const std::uint8_t sub = node.value();
   const auto done = co_await master_->write(od::cia302::request_nmt, sub, data);
@@ -113,7 +113,7 @@ rt::Task<bool> GatewayMaster::put_whole(const manager::Wanted& list) {
   auto done = co_await undate();
   if (done) done = co_await master_->write(od::cia302::concise_dcf, own_.value(), data);
   if (!done) co_return false;
-  constexpr std::uint32_t configure = manager::ConfigurationRequests::signature;
+  constexpr std::uint32_t configure = network::ConfigurationRequests::signature;
   done = co_await master_->write_u32(od::cia302::request_configuration, own_.value(), configure);
   co_return done.has_value();
 }

@@ -4,7 +4,7 @@
 // valve beneath (path 3/5); every frame is printed. docs/multilevel.md says how.
 #include <cstdio>
 
-#include "berth/manager/dictionary_manager.hpp"
+#include "berth/network/dictionary_manager.hpp"
 #include "berth/manager/node_id_assigner.hpp"
 #include "berth/multilevel/gateway_access.hpp"
 #include "berth/multilevel/gateway_device.hpp"
@@ -40,7 +40,7 @@ int main() {
                  {.name = "Lever", .type = od::DataType::integer16, .access = od::Access::rww, .mappable = true});
   device::add_rpdo(upper, 1, {.map = {{{0x2000, 0}, 16}}});
   device::add_device(lower, {.name = "Boom master"});
-  manager::add_manager_objects(lower, {.most = 8});
+  network::add_manager_objects(lower, {.most = 8});
   lower.variable(0x2000, {.name = "Lever", .type = od::DataType::integer16, .mappable = true});
   device::add_tpdo(lower, 1, {.map = {{{0x2000, 0}, 16}}});
   multilevel::GatewayDevice gateway(world.executor(), *up,
@@ -49,7 +49,7 @@ int main() {
       *down, {.device = {.node_id = NodeId(1), .presets = {{{0x1F81, 5}, 0x0D}, {{0x1F85, 5}, 1}, {{0x1F86, 5}, 7}}},
               .description = lower.build(),
               .boots_first = true});
-  manager::DictionaryManager master(bus.dispatcher(), bus.device().values(),
+  network::DictionaryManager master(bus.dispatcher(), bus.device().values(),
                                     [&](co::NmtCommand command) { bus.device().apply(command); });
   bus.use(master.bus().sdo());
   manager::ListStore told;  // to whom which node-ID; a real one gets a `ListMemory`, which outlives power
@@ -57,9 +57,9 @@ int main() {
       {bus.dispatcher(), master.bus().sdo(), master.bus().nmt(), bus.device().values(), told});
   master.assign_by(&assigner);
   bus.device().on().state = [&](NmtState state) { master.own_state(state, NodeId(1)); };
-  master.network().observe([&](const manager::NetworkEvent& event) {
-    if (event.kind == manager::NetworkEvent::Kind::operational) bus.sub_bus().booted();
-    if (event.kind == manager::NetworkEvent::Kind::halted) bus.sub_bus().failed(event.node);
+  master.network().observe([&](const network::NetworkEvent& event) {
+    if (event.kind == network::NetworkEvent::Kind::operational) bus.sub_bus().booted();
+    if (event.kind == network::NetworkEvent::Kind::halted) bus.sub_bus().failed(event.node);
   });
   gateway.set_signals({{.name = "lever", .source = {0x2000, 0}, .target = {0x2000, 0}, .budget = 2ms}});
   gateway.signals().set_safe(true);

@@ -29,7 +29,7 @@
 #include <fmt/format.h>
 
 #include "berth/design/machine.hpp"
-#include "berth/manager/network_requests.hpp"
+#include "berth/network/network_requests.hpp"
 #include "berth/operate/report.hpp"
 #include "berth/plant/sim_gateway.hpp"
 #include "berth/plant/world.hpp"
@@ -180,7 +180,7 @@ class ToldWatch final : private plant::World::Observer {
     for (const auto& d : world_->devices()) {
       auto* const manager = static_cast<plant::GatewaySide&>(*d).inside().manager;
       if (manager == nullptr || d->bus().name() != bus) continue;
-      const auto state = manager::NetworkRequests(manager->network()).state(static_cast<std::uint8_t>(node));
+      const auto state = network::NetworkRequests(manager->network()).state(static_cast<std::uint8_t>(node));
       return state && *state <= 1;
     }
     return true;  // Berth's own bus

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "../paths.hpp"
-#include "berth/manager/dictionary_manager.hpp"
+#include "berth/network/dictionary_manager.hpp"
 #include "berth/multilevel/event_log.hpp"
 #include "berth/multilevel/gateway_access.hpp"
 #include "berth/multilevel/gateway_device.hpp"
@@ -75,8 +75,8 @@ struct Machine : ::testing::Test {
                  [this](co::NmtCommand command) { bus.device().apply(command); }) {
       bus.use(master.bus().sdo());
       bus.device().on().state = [this](NmtState state) { master.own_state(state, NodeId(1)); };
-      master.network().observe([this](const manager::NetworkEvent& event) {
-        using Kind = manager::NetworkEvent::Kind;
+      master.network().observe([this](const network::NetworkEvent& event) {
+        using Kind = network::NetworkEvent::Kind;
         if (event.kind == Kind::operational) bus.sub_bus().booted();
         if (event.kind == Kind::halted) bus.sub_bus().failed(event.node);
       });
@@ -85,7 +85,7 @@ struct Machine : ::testing::Test {
     static BusOptions bus_options() {
       od::DescriptionBuilder b;
       device::add_device(b, {.name = "Sub-master"});
-      manager::add_manager_objects(b, {.most = 8});
+      network::add_manager_objects(b, {.most = 8});
       BusOptions options;
       options.description = b.build();
       options.device = {.node_id = NodeId(1), .presets = {{{0x1F81, 5}, 0x0D}, {{0x1F81, 6}, 0x0D}}};
@@ -96,7 +96,7 @@ struct Machine : ::testing::Test {
     std::unique_ptr<sim::Controller> up, down;
     GatewayDevice gateway;
     GatewayDevice::Bus& bus;
-    manager::DictionaryManager master;
+    network::DictionaryManager master;
     std::vector<std::unique_ptr<Leaf>> leaves;
   };
   Machine()

@@ -4,8 +4,8 @@
 #include <optional>
 #include <vector>
 
-#include "berth/manager/managed_bus.hpp"
-#include "berth/manager/network_boot.hpp"
+#include "berth/network/managed_bus.hpp"
+#include "berth/network/network_boot.hpp"
 #include "berth/multilevel/hardware_version.hpp"
 #include "tree.hpp"
 
@@ -32,9 +32,9 @@ struct Versioned : Station {
 };
 
 // What a master does before it configures.
-struct Checked final : manager::BootSource {
+struct Checked final : network::BootSource {
   Checked(const od::Values& own, NodeId of) : values(&own), node(of) {}
-  rt::Task<Result<void>> configure(manager::BootTarget& target, manager::SlaveRules&) override {
+  rt::Task<Result<void>> configure(network::BootTarget& target, manager::SlaveRules&) override {
     const auto expected = expected_hardware(*values, node);
     const auto done = co_await check_hardware(target.objects(), expected);
     co_return done;
@@ -78,12 +78,12 @@ TEST(HardwareVersion, IsCheckedAtBoot) {
     add_expected_hardware(b, 8);
     od::Values own(b.build(), NodeId(100));
     own.set({0x5F02, 5}, right ? 7U : 8U);
-    manager::ManagedBus bus(station.dispatcher);
-    manager::NetworkBoot network(world.executor(), bus);
+    network::ManagedBus bus(station.dispatcher);
+    network::NetworkBoot network(world.executor(), bus);
     bus.lead_to(&network.error_control());
     bus.on_apply([&](co::NmtCommand) { network.own_state(NmtState::operational); });
     Checked source(own, NodeId(5));
-    manager::NetworkPlan plan;
+    network::NetworkPlan plan;
     plan.startup = *manager::startup_of(std::uint32_t{1});
     plan.own = NodeId(100);
     plan.slaves.push_back(
@@ -91,7 +91,7 @@ TEST(HardwareVersion, IsCheckedAtBoot) {
     ASSERT_TRUE(network.begin(plan));
     world.run_for(3s);
     EXPECT_EQ(slave.device.state(), right ? NmtState::operational : NmtState::pre_operational);
-    EXPECT_EQ(network.find(NodeId(5))->phase, right ? manager::SlavePhase::started : manager::SlavePhase::failed);
+    EXPECT_EQ(network.find(NodeId(5))->phase, right ? network::SlavePhase::started : network::SlavePhase::failed);
     network.end();
   }
 }

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "berth/manager/dictionary_manager.hpp"
+#include "berth/network/dictionary_manager.hpp"
 #include "berth/multilevel/emcy_gateway.hpp"
 #include "berth/multilevel/event_log.hpp"
 #include "berth/multilevel/sub_bus.hpp"
@@ -17,7 +17,7 @@
 using namespace berth;
 using namespace berth::multilevel;
 using namespace berth::multilevel::test;
-using Kind = manager::NetworkEvent::Kind;
+using Kind = network::NetworkEvent::Kind;
 
 namespace {
 
@@ -38,7 +38,7 @@ struct Master : Station {
     static const auto made = [] {
       od::DescriptionBuilder b;
       device::add_device(b, {.name = "Master"});
-      manager::add_manager_objects(b, {.most = 8, .startup = 1, .longest_concise = 100});
+      network::add_manager_objects(b, {.most = 8, .startup = 1, .longest_concise = 100});
       return b.build();
     }();
     return made;
@@ -49,7 +49,7 @@ struct Master : Station {
     return made;
   }
   device::Device device;
-  manager::DictionaryManager manager;
+  network::DictionaryManager manager;
 };
 
 // Backbone with master 100 and gateway 3; beneath it master 1 with slaves 5 and 6.
@@ -74,12 +74,12 @@ struct Boot : ::testing::Test {
       bus->set_mandatory(is_mandatory(upper->values(), 1));
       bus->own_state(state);
     };
-    lower->manager.network().observe([this](const manager::NetworkEvent& event) {
+    lower->manager.network().observe([this](const network::NetworkEvent& event) {
       if (event.kind == Kind::operational) bus->booted();
       if (event.kind == Kind::halted) bus->failed(event.node);
     });
     system.emplace(world, above, 100, std::vector<unsigned>{3}, 0U);
-    system->manager.network().observe([this](const manager::NetworkEvent& event) { events.push_back(event); });
+    system->manager.network().observe([this](const network::NetworkEvent& event) { events.push_back(event); });
     log.emplace(system->dispatcher, EmcyLayout::source_and_exit);
     log->hear_all();
     system->device.power_on();
@@ -116,7 +116,7 @@ struct Boot : ::testing::Test {
   std::optional<SubBus> bus;
   std::optional<Master> system;
   std::optional<EventLog> log;
-  std::vector<manager::NetworkEvent> events;
+  std::vector<network::NetworkEvent> events;
   rt::Time settled_at{};
 };
 

@@ -12,7 +12,7 @@
 using namespace berth;
 using namespace berth::harness;
 using operate::EventKind;
-using Phase = manager::StartupPhase::Phase;
+using Phase = network::StartupPhase::Phase;
 using places::SlotState;
 
 namespace {

@@ -1,5 +1,5 @@
 // Two devices under one node-ID beneath a gateway: a state of the slot, not a stream of emergencies. (That a gateway's
-// master gives no node-ID twice is tests/manager's; here somebody brings a second device along.)
+// master gives no node-ID twice is tests/network's; here somebody brings a second device along.)
 #include <algorithm>
 #include <chrono>
 #include <string>

@@ -1,0 +1,45 @@
+/// What the master of a network list does when a slave fails or restarts (CiA 302-2, error control): `NetworkBoot`'s
+/// manual says it. `berth up` does otherwise: it asks first which device is there (operate/supervision.hpp).
+#pragma once
+
+#include "berth/network/network_startup.hpp"
+#include "berth/network/slave_boots.hpp"
+
+namespace berth::network {
+
+class ErrorEvents final : public ErrorControl {
+ public:
+  /// The network whose errors these are.
+  class Network {
+   public:
+    /// Nothing has begun, or other slaves are about to come.
+    [[nodiscard]] virtual bool is_off() const noexcept = 0;
+    /// All nodes are about to be stopped, or reset: no boot-up goes on.
+    virtual void end_for_all(bool stopped) noexcept = 0;
+    virtual void command(co::NmtCommand command, co::NmtTarget target, bool with_master) = 0;
+    virtual void tell(const NetworkEvent& event) const = 0;
+
+   protected:
+    ~Network() = default;
+  };
+
+  ErrorEvents(Network& network, const NetworkStartup& startup, SlaveBoots& boots) noexcept
+      : network_(&network), startup_(&startup), boots_(&boots) {}
+  void boot_up(NodeId node, bool expected) noexcept override;
+  void lost(NodeId node) noexcept override;
+  void back(NodeId node) noexcept override;
+  void told(NodeId node, NmtState state) noexcept override;
+  void overheard(const co::NmtRequest& request) noexcept override;
+  /// It was asked and is not there. Of a slave without error control nothing else tells it: the state that it told last
+  /// (1F82h) counts no more.
+  void silent(NodeId node) noexcept;
+
+ private:
+  void act(Slave& slave, bool rebooted) noexcept;
+
+  Network* network_;
+  const NetworkStartup* startup_;
+  SlaveBoots* boots_;
+};
+
+}  // namespace berth::network
