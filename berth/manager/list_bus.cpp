@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <string>
 
-#include "berth/network/dictionary_source.hpp"
+#include "berth/manager/dictionary_rules.hpp"
 
 namespace berth::manager {
 namespace {

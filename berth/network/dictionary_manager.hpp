@@ -2,7 +2,7 @@
 ///
 ///     network::add_manager_objects(builder);              // to the objects of its description
 ///     device::Device device(dispatcher, builder.build(), &flash, options);
-///     manager::DictionaryManager manager(dispatcher, device.values(),
+///     network::DictionaryManager manager(dispatcher, device.values(),
 ///                                        [&](co::NmtCommand command) { device.apply(command); });
 ///     device.on().state = [&](NmtState state) { manager.own_state(state, device.node_id()); };
 ///     manager.network().observe([](const NetworkEvent& event) { print(text(event)); });

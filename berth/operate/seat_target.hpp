@@ -1,4 +1,4 @@
-/// A slot's device as the boot-up of CiA 302-2 reaches it (manager/boot_slave.hpp): under the slot's node-ID, on the
+/// A slot's device as the boot-up of CiA 302-2 reaches it (network/boot_slave.hpp): under the slot's node-ID, on the
 /// bus of the main job.
 #pragma once
 

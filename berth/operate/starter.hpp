@@ -1,4 +1,4 @@
-/// The boot-up of the devices that are in their slots, by the procedure of CiA 302-2 (manager/boot_slave.hpp):
+/// The boot-up of the devices that are in their slots, by the procedure of CiA 302-2 (network/boot_slave.hpp):
 /// configuration, error control, start. That it is the slot's device `Presence` has found out before.
 #pragma once
 
