@@ -51,7 +51,7 @@ rt::Task<Result<NodeId>> Asking::active_id_once(LssAddress device) {
 // The device of a slot that is there and answers RAND all the same may be another one with its address.
 bool Asking::may_be_doubled(const LssAddress& device) const {
   const Seat* const seat = slots_.of(device);
-  return seat != nullptr && seat->there;
+  return seat != nullptr && seat->there();
 }
 
 // Every address that was seen on this bus, or sits in it: one that may be in LSS configuration unheard is among them.

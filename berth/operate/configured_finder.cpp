@@ -23,7 +23,7 @@ rt::Task<void> ConfiguredFinder::ask_slots_own() {
   std::vector<NodeId> ids;
   if (!agenda_.speaks) ids.push_back(s_.bus.master);  // no binding waits for that question any more
   for (const auto& seat : slots_.seats()) {
-    const bool waits = !seat->there && seat->slot.spec.assign == Assign::lss && !seat->slot.record.confirmed;
+    const bool waits = !seat->there() && seat->slot.spec.assign == Assign::lss && !seat->slot.record.confirmed;
     if (waits) ids.push_back(seat->id());
   }
   // And devices that were heard under a node-ID of no slot: nothing is given away before all that speak are known.
@@ -114,9 +114,9 @@ rt::Task<bool> ConfiguredFinder::ask_borrowers() {
 std::vector<NodeId> ConfiguredFinder::ids_to_ask(bool all) {
   const rt::Time now = s_.executor.now();
   const bool sweeps = all || now >= sweep_at_;  // also the slots' own: none stays empty unasked
-  const auto waits = [](const auto& s) { return !s->slot.record.device() && s->state != SlotState::question; };
+  const auto waits = [](const auto& s) { return !s->slot.record.device() && s->state() != SlotState::question; };
   const bool other = std::ranges::any_of(
-      slots_.seats(), [&](const auto& s) { return s->slot.spec.assign != Assign::lss && !s->there; });
+      slots_.seats(), [&](const auto& s) { return s->slot.spec.assign != Assign::lss && !s->there(); });
   const bool by_lss = std::ranges::any_of(slots_.seats(), waits);
   if (sweeps) sweep_at_ = now + 8 * s_.bus.timing.probe_period;
   std::vector<NodeId> ids;
@@ -125,7 +125,7 @@ std::vector<NodeId> ConfiguredFinder::ids_to_ask(bool all) {
     const Seat* const seat = slots_.at(id);
     const auto heard = s_.boots.heard(id);
     const bool speaks = heard && *heard > asked_at_[i];
-    const bool known = (seat != nullptr && seat->there) ||
+    const bool known = (seat != nullptr && seat->there()) ||
                        (id == s_.bus.master && agenda_.speaks && !speaks && !sweeps) || found_.any_at(id);
     if (known) continue;
     const bool factory = std::ranges::find(factory_ids, id) != factory_ids.end();
@@ -151,7 +151,7 @@ bool ConfiguredFinder::everywhere_due() {
   const bool first = !asked_everywhere_;
   const bool waits = std::ranges::any_of(slots_.seats(), [&](const auto& s) {
     const bool counts = first || !s->slot.spec.optional;
-    return counts && !s->there && s->slot.spec.assign == Assign::lss && !s->slot.record.device();
+    return counts && !s->there() && s->slot.spec.assign == Assign::lss && !s->slot.record.device();
   });
   const bool due = agenda_.method() == "auto" && waits && !agenda_.search_open && now >= everywhere_at_;
   if (!due) return false;
@@ -172,7 +172,7 @@ rt::Task<void> ConfiguredFinder::ask_everywhere() {
   for (std::uint8_t i = std::exchange(everywhere_from_, std::uint8_t{1}); i <= 127; ++i) {
     const NodeId id(i);
     const Seat* const seat = slots_.at(id);
-    const bool known = (seat != nullptr && seat->there) || id == s_.bus.master || found_.any_at(id);
+    const bool known = (seat != nullptr && seat->there()) || id == s_.bus.master || found_.any_at(id);
     if (known) continue;
     // A device that boots meanwhile is more than one that may be there.
     if (agenda_.wakes.size() > waiting) {

@@ -8,6 +8,7 @@
 #include "berth/eds/xdd.hpp"
 #include "berth/od/abort_code.hpp"
 #include "berth/operate/timing_options.hpp"
+#include "berth/places/identity.hpp"
 
 namespace berth::operate {
 
@@ -18,7 +19,6 @@ using manager::Saved;
 using manager::Wanted;
 using places::Activate;
 using places::Configured;
-using places::SlotState;
 
 namespace {
 
@@ -145,13 +145,13 @@ struct Configuring::Attempt {
 bool Configuring::may_be_configured(Seat& seat) {
   if (!seat.configuration.wanted) {
     seat.configuration.stuck = true;
-    slots_.set_state(seat, SlotState::failed, seat.configuration.unreadable);
+    slots_.happened(seat, SlotEvent::boot_failed, seat.configuration.unreadable);
     return false;
   }
   if (seat.configuration.failed_savings < most_attempts) return true;
   seat.configuration.stuck = true;
-  slots_.set_state(
-      seat, SlotState::failed,
+  slots_.happened(
+      seat, SlotEvent::boot_failed,
       fmt::format("it failed to save its configuration {} times and is not asked again, for its memory's sake; "
                   "`berth configure` does",
                   most_attempts));
@@ -161,11 +161,11 @@ bool Configuring::may_be_configured(Seat& seat) {
 rt::Task<bool> Configuring::configure(Seat& seat, ConfigurationReport& report) {
   const bool may = may_be_configured(seat);
   if (!may) co_return false;
-  slots_.set_state(seat, SlotState::configuring, "comparing with " + seat.configuration.file);
+  slots_.happened(seat, SlotEvent::configures, "comparing with " + seat.configuration.file);
   const rt::Time identified = seat.checked;
   const auto wanted = co_await wanted_of(seat);
   if (!wanted) {
-    slots_.set_state(seat, SlotState::failed, "not configured: " + describe(wanted.error()));
+    slots_.happened(seat, SlotEvent::boot_failed, "not configured: " + describe(wanted.error()));
     co_return false;
   }
   const NodeId id = seat.id();
@@ -174,7 +174,7 @@ rt::Task<bool> Configuring::configure(Seat& seat, ConfigurationReport& report) {
   const bool waits = co_await waits_for_power(seat, looking, *wanted);
   if (waits) co_return false;
   if (rebooted(seat)) {
-    slots_.set_state(seat, SlotState::present, "it booted: it is asked what it is before it is configured");
+    slots_.happened(seat, SlotEvent::boots_while_prepared, "it booted: it is asked what it is before it is configured");
     co_return false;
   }
   Attempt attempt{*wanted, looking, report, configurator_options(s_.bus.timing), identified};
@@ -189,11 +189,11 @@ rt::Task<bool> Configuring::configure(Seat& seat, ConfigurationReport& report) {
   seat.checked = s_.executor.now();
   const bool noted = note(seat, Configured::Stage::done, *wanted);
   if (!noted) {
-    slots_.set_state(seat, SlotState::failed, "the slot table cannot be written");
+    slots_.happened(seat, SlotEvent::boot_failed, "the slot table cannot be written");
     co_return false;
   }
   slots_.events().tell(EventKind::configured, seat.name(), summary(report, wanted->file));
-  slots_.set_state(seat, SlotState::present);
+  slots_.happened(seat, SlotEvent::prepared);
   co_return true;
 }
 
@@ -207,7 +207,7 @@ rt::Task<Configuring::Next> Configuring::try_once(Seat& seat, Attempt& attempt) 
   if (restarted && attempt.number < most_attempts) {
     co_await asker_->ask_seat(seat);  // another device may have come under this node-ID
     attempt.identified = seat.checked;
-    co_return seat.there && !seat.is_booted() ? Next::again : Next::not_now;
+    co_return seat.there() && !seat.is_booted() ? Next::again : Next::not_now;
   }
   if (!good) co_return Next::not_now;
   if (attempt.verifies && !report.differences.empty()) {
@@ -224,8 +224,8 @@ rt::Task<Configuring::Next> Configuring::take_into_use(Seat& seat, Attempt& atte
   const bool unsure = report.saved == Saved::unanswered;
   if (activate != Activate::at_once && report.saved == Saved::cannot) {
     seat.configuration.stuck = true;
-    slots_.set_state(seat, SlotState::failed,
-                     "its configuration is in use only after a restart, says the machine file, and it cannot save it");
+    slots_.happened(seat, SlotEvent::boot_failed,
+                    "its configuration is in use only after a restart, says the machine file, and it cannot save it");
     co_return Next::not_now;
   }
   if (!unsure && activate == Activate::at_once) co_return Next::done;
@@ -238,9 +238,9 @@ rt::Task<Configuring::Next> Configuring::take_into_use(Seat& seat, Attempt& atte
     co_await wait_for_power(seat, attempt.looking, attempt.wanted, reason);
     co_return Next::not_now;
   }
-  slots_.set_state(seat, SlotState::configuring,
-                   unsure ? "it did not answer the saving: it is reset to see what it has saved"
-                          : "it is reset to take its configuration into use");
+  slots_.happened(seat, SlotEvent::configures,
+                  unsure ? "it did not answer the saving: it is reset to see what it has saved"
+                         : "it is reset to take its configuration into use");
   // Some answer first and save then: the reset before came too early for them.
   if (attempt.number > 1) co_await rt::sleep_for(s_.bus.timing.save_timeout / 4);
   const bool back = co_await reset_and_wait(seat, attempt.identified);
@@ -254,9 +254,9 @@ rt::Task<Configuring::Next> Configuring::take_into_use(Seat& seat, Attempt& atte
 void Configuring::forgot(Seat& seat, const ConfigurationReport& report, const Wanted& wanted) {
   seat.configuration.stuck = true;
   (void)note(seat, Configured::Stage::writing, wanted);
-  slots_.set_state(seat, SlotState::failed,
-                   fmt::format("after its power cycle it does not have what it saved: {}",
-                               describe(report.differences.front(), wanted.file)));
+  slots_.happened(seat, SlotEvent::boot_failed,
+                  fmt::format("after its power cycle it does not have what it saved: {}",
+                              describe(report.differences.front(), wanted.file)));
 }
 
 rt::Task<bool> Configuring::configure_once(Seat& seat, Attempt& attempt) {
@@ -280,7 +280,7 @@ rt::Task<bool> Configuring::configure_once(Seat& seat, Attempt& attempt) {
                                  ? std::string("its configuration")
                                  : fmt::format("{} values of {}", progress.total, wanted.file);
     const bool worth_telling = progress.stage != Stage::dating && progress.stage != Stage::comparing;
-    if (worth_telling) slots_.set_state(seat, SlotState::configuring, fmt::format("{} {}", name(progress.stage), what));
+    if (worth_telling) slots_.happened(seat, SlotEvent::configures, fmt::format("{} {}", name(progress.stage), what));
   };
   Configurator configurator(values, saving, wanted, options);
   co_await configurator.run(report);
@@ -294,7 +294,7 @@ rt::Task<bool> Configuring::configure_once(Seat& seat, Attempt& attempt) {
       error.code == Errc::aborted && error.detail == static_cast<std::uint32_t>(od::AbortCode::device_state);
   if (report.failure->stage == manager::Stage::saving && !busy) ++seat.configuration.failed_savings;
   seat.configuration.stuck = !report.failure->passing();
-  slots_.set_state(seat, SlotState::failed, "its configuration failed: " + describe(*report.failure, wanted.file));
+  slots_.happened(seat, SlotEvent::boot_failed, "its configuration failed: " + describe(*report.failure, wanted.file));
   co_return false;
 }
 
@@ -310,7 +310,7 @@ rt::Task<bool> Configuring::waits_for_power(Seat& seat, Configurator& configurat
   if (dated) co_return false;
   if (!seat.configuration.waits_since) seat.configuration.waits_since = s_.executor.now();
   seat.checked = s_.executor.now();
-  slots_.set_state(seat, SlotState::power_cycle, "its configuration is saved; switch the device off and on");
+  slots_.happened(seat, SlotEvent::saves_for_power, "its configuration is saved; switch the device off and on");
   co_return true;
 }
 
@@ -320,8 +320,8 @@ rt::Task<void> Configuring::wait_for_power(Seat& seat, Configurator& configurato
   seat.checked = s_.executor.now();
   seat.configuration.waits_since = s_.executor.now();
   const bool noted = note(seat, Configured::Stage::power_cycle, wanted);
-  slots_.set_state(seat, noted ? SlotState::power_cycle : SlotState::failed,
-                   noted ? reason : "the slot table cannot be written");
+  slots_.happened(seat, noted ? SlotEvent::saves_for_power : SlotEvent::boot_failed,
+                  noted ? reason : "the slot table cannot be written");
 }
 
 // A boot-up message that is missed costs the time it was waited for, and nothing else (HU.18).
@@ -330,7 +330,7 @@ rt::Task<bool> Configuring::reset_and_wait(Seat& seat, rt::Time& identified) {
   const rt::Time began = s_.executor.now();
   const auto sent = co_await s_.nmt.send(co::NmtCommand::reset_node, id);
   if (!sent) {
-    slots_.set_state(seat, SlotState::failed, "it could not be reset: " + describe(sent.error()));
+    slots_.happened(seat, SlotEvent::boot_failed, "it could not be reset: " + describe(sent.error()));
     co_return false;
   }
   const rt::Time deadline = began + s_.bus.timing.boot_timeout;
@@ -341,9 +341,9 @@ rt::Task<bool> Configuring::reset_and_wait(Seat& seat, rt::Time& identified) {
   const auto who = co_await places::read_identity(s_.sdo, id);
   const bool same = who && seat.slot.record.confirmed && *who == seat.slot.record.confirmed->device;
   if (same || (who && !seat.slot.record.confirmed)) co_return true;
-  slots_.set_state(seat, SlotState::failed,
-                   who ? fmt::format("device {} answers after it was reset", to_string(*who))
-                       : "it did not come back after it was reset: " + describe(who.error()));
+  slots_.happened(seat, SlotEvent::boot_failed,
+                  who ? fmt::format("device {} answers after it was reset", to_string(*who))
+                      : "it did not come back after it was reset: " + describe(who.error()));
   co_return false;
 }
 
@@ -464,7 +464,7 @@ rt::Task<void> Configuring::compare(Seat& seat, bool write, SlotConfiguration& i
   if (write && !runs) {
     seat.configuration.stuck = false;
     seat.configuration.failed_savings = 0;
-    seat.there = true;
+    if (!seat.there()) slots_.happened(seat, SlotEvent::identified);
     seat.checked = asked;
     const bool ready = co_await configure(seat, into.report);
     (void)ready;

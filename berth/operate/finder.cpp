@@ -103,7 +103,7 @@ rt::Task<void> Finder::tell_which_are_known() {
   }
   co_await rt::sleep_for(apart);
   for (auto& seat : slots_.seats()) {
-    const bool known = seat->there && seat->slot.record.confirmed;
+    const bool known = seat->there() && seat->slot.record.confirmed;
     if (!known) continue;
     const LssAddress device = seat->slot.record.confirmed->device;
     const rt::Duration pause = s_.lss.options().inhibit;

@@ -24,8 +24,8 @@ bool Lending::spoken_for(NodeId id) const noexcept {
 bool Lending::free_for_a_loan(const Seat& seat, const LssAddress& device) const noexcept {
   const NodeId id = seat.id();
   const auto& vacant = s_.vacancy[id.value()];
-  return !seat.there && !seat.slot.record.device() && seat.slot.spec.assign == places::Assign::lss && !spoken_for(id) &&
-         vacant && s_.boots.vacant_since(id, *vacant) && places::fits(seat.slot.spec, device);
+  return !seat.there() && !seat.slot.record.device() && seat.slot.spec.assign == places::Assign::lss &&
+         !spoken_for(id) && vacant && s_.boots.vacant_since(id, *vacant) && places::fits(seat.slot.spec, device);
 }
 
 // The lowest free slot's that it fits: searches find the devices of a type in ascending order, and with `ascending`
@@ -68,7 +68,7 @@ rt::Task<Result<NodeId>> Lending::lend_to(LssAddress device) {
 // As many node-IDs that no device answers under as devices may come, asked side by side: the free slots' own are known.
 rt::Task<void> Lending::prepare() {
   std::size_t wanted = 2;
-  for (const auto& seat : slots_.seats()) wanted += seat->there || s_.vacancy[seat->id().value()] ? 0U : 1U;
+  for (const auto& seat : slots_.seats()) wanted += seat->there() || s_.vacancy[seat->id().value()] ? 0U : 1U;
   rt::Scope asked(s_.executor, asking_.most_at_once());
   for (std::uint8_t value = 126; value > 0 && wanted > 0; --value) {
     const NodeId id(value);
@@ -84,7 +84,7 @@ NodeId Lending::assign(const LssAddress& device) noexcept {
   if (by_rand) return {};  // it waits for its place, and leaves no search by a loan
   const Seat* const seat = slots_.of(device);
   // Lely core's slaves answer Fastscan with a node-ID too: what they use stays, and nothing else is pending.
-  if (seat != nullptr && seat->there && seat->slot.record.confirmed) return seat->id();
+  if (seat != nullptr && seat->there() && seat->slot.record.confirmed) return seat->id();
   const bool own = seat != nullptr && !found_.is_clone(device) && s_.vacancy[seat->id().value()] &&
                    !s_.boots.heard(seat->id()) && !told_[seat->id().value()];
   const NodeId id = own ? seat->id() : id_to_lend(device);
@@ -135,9 +135,9 @@ rt::Task<void> Lending::take_back_all() {
   for (const auto& loan : lent) {
     const Seat* const seat = slots_.of(loan.device);
     // What it has pending is what it stored, and `11 FF` would have it stored again.
-    const bool waits = seat != nullptr && seat->state == places::SlotState::power_cycle && seat->power_cycle.binding;
+    const bool waits = seat != nullptr && seat->state() == places::SlotState::power_cycle && seat->power_cycle.binding;
     if (waits) continue;
-    const bool seated = seat != nullptr && seat->there;
+    const bool seated = seat != nullptr && seat->there();
     const bool one_sits = seated && loan.clones;
     if (one_sits) continue;  // `11 FF` would take its node-ID
     const bool nothing_pending = seated && seat->id() == loan.id;

@@ -110,20 +110,20 @@ rt::Task<void> MainJob::round(bool first) {
 void MainJob::tell_whether_empty(Seat& seat) {
   const bool vacant = !seat.slot.record.device() && seat.slot.spec.assign == Assign::lss;
   const LssAddress* const waits = vacant ? p_.fading.waits_for(seat.slot.spec) : nullptr;
-  const bool none = seat.state == SlotState::unknown && !p_.agenda.search_open;
-  if (waits != nullptr && (none || seat.state == SlotState::empty)) {
-    return p_.slots.set_state(
-        seat, SlotState::power_cycle,
-        fmt::format("{} is of its type and has given up another node-ID: switch it off and on, and "
-                    "it is seated",
-                    to_string(*waits)));
+  const bool none = seat.life == Life::unknown && !p_.agenda.search_open;
+  if (waits != nullptr && (none || seat.life == Life::empty)) {
+    p_.slots.happened(seat, SlotEvent::waits_for_power,
+                      fmt::format("{} is of its type and has given up another node-ID: switch it off and on, and "
+                                  "it is seated",
+                                  to_string(*waits)));
+    return;
   }
   const bool shared = p_.fading.user_of(seat.id()) != nullptr;
   // What it waited for ended, perhaps behind the plan of this round: the next one that looks for all says what it is.
-  const bool over = vacant && waits == nullptr && !shared && seat.state == SlotState::power_cycle;
+  const bool over = vacant && waits == nullptr && !shared && seat.life == Life::waits;
   if (over && !p_.agenda.retries) p_.agenda.look_anew = true;
   const char* const why = p_.agenda.alone ? can::no_acknowledge : "no device of its type was found";
-  if (none || (over && p_.agenda.retries)) p_.slots.set_state(seat, SlotState::empty, why);
+  if (none || (over && p_.agenda.retries)) p_.slots.happened(seat, SlotEvent::nobody, why);
 }
 
 rt::Task<void> MainJob::ask_the_troubled() {
@@ -135,7 +135,7 @@ rt::Task<void> MainJob::ask_the_troubled() {
 
 rt::Task<void> MainJob::look_again_at(Seat& seat) {
   const bool again = std::exchange(seat.ask_again, false);
-  const bool clones = again && seat.state == SlotState::duplicate;
+  const bool clones = again && seat.state() == SlotState::duplicate;
   if (clones) {
     const LssAddress device = seat.slot.record.confirmed->device;
     const auto id = co_await p_.asking.active_id(device);
@@ -144,7 +144,7 @@ rt::Task<void> MainJob::look_again_at(Seat& seat) {
   }
   const bool other = co_await p_.spares.isolate_former(seat);
   if (other || again) co_await p_.presence.ask_seat(seat);
-  const bool elsewhere = again && !seat.there;
+  const bool elsewhere = again && !seat.there();
   if (elsewhere) co_await p_.presence.look_by_lss(seat);
 }
 
@@ -187,7 +187,7 @@ rt::Task<bool> MainJob::act_on_wakes(std::optional<Wake> wake) {
   // A second device under a node-ID is told from the slot's own before anything is written there; one that answered, or
   // was found, is the next round's.
   const auto doubted = [](const auto& s) { return s->doubt.shared > 1; };
-  const auto shared = [&](const auto& s) { return s->there && p_.found.any_at(s->id()); };
+  const auto shared = [&](const auto& s) { return s->there() && p_.found.any_at(s->id()); };
   if (!p_.starter.is_due() || std::ranges::any_of(p_.slots.seats(), doubted)) co_return wants_round;
   if (!p_.bus.only_observes()) co_await p_.duplicates.tell_seats_apart();
   if (std::ranges::none_of(p_.slots.seats(), shared)) co_await start();
@@ -228,7 +228,7 @@ rt::Task<bool> MainJob::look() {
 // While a slot waits for its device, new ones are looked for more often: machine and devices are switched on together.
 rt::Duration MainJob::look_period() const noexcept {
   const bool waits = std::ranges::any_of(
-      p_.slots.seats(), [](const auto& s) { return s->state == SlotState::empty && !s->slot.spec.optional; });
+      p_.slots.seats(), [](const auto& s) { return s->life == Life::empty && !s->slot.spec.optional; });
   const rt::Duration period = p_.bus.bus.timing.probe_period;
   return waits ? period / 8 : period;
 }
@@ -236,11 +236,11 @@ rt::Duration MainJob::look_period() const noexcept {
 bool MainJob::needs_retry() const {
   const bool slots = std::ranges::any_of(p_.slots.seats(), [](const auto& s) {
     const bool asked = s->slot.record.intended.has_value();
-    const bool silent = s->state == SlotState::absent && s->slot.record.confirmed;
-    const bool waits = !s->slot.spec.optional && (s->state == SlotState::empty || s->state == SlotState::question);
-    const bool doubled = s->state == SlotState::duplicate;
-    const bool failed = s->state == SlotState::failed && !s->configuration.stuck;
-    const bool powered = s->state == SlotState::power_cycle && !s->configuration.waits_since;
+    const bool silent = s->life == Life::absent && s->slot.record.confirmed;
+    const bool waits = !s->slot.spec.optional && (s->life == Life::empty || s->state() == SlotState::question);
+    const bool doubled = s->state() == SlotState::duplicate;
+    const bool failed = s->state() == SlotState::failed && !s->configuration.stuck;
+    const bool powered = s->state() == SlotState::power_cycle && !s->configuration.waits_since;
     return failed || powered || asked || silent || waits || doubled;
   });
   // A blank that failed left a device under a node-ID that is not its own, the master's say. It may have been storing.
@@ -249,7 +249,7 @@ bool MainJob::needs_retry() const {
 
 bool MainJob::lacks_optional() const {
   return std::ranges::any_of(p_.slots.seats(),
-                             [](const auto& s) { return s->slot.spec.optional && s->state == SlotState::empty; });
+                             [](const auto& s) { return s->slot.spec.optional && s->life == Life::empty; });
 }
 
 // A device that is away is not asked for for ever.
@@ -271,18 +271,19 @@ bool MainJob::retry_due() {
   p_.agenda.retries = true;
   p_.agenda.look_anew = true;
   for (const auto& seat : p_.slots.seats()) {
-    const bool again = seat->state == SlotState::failed && seat->there && !seat->configuration.stuck;
+    const bool again = seat->life == Life::failed && !seat->configuration.stuck;
     const auto heard = p_.bus.boots.heard(seat->id());
     const bool beats = heard && now - *heard <= timing.heartbeat_timeout;
     // A gateway stops itself when a mandatory bus beneath it has failed, and no SDO reaches a stopped device.
     const bool stopped_itself = again && beats && !seat->held && p_.bus.boots.state(seat->id()) == NmtState::stopped;
     if (stopped_itself) p_.bus.nmt.queue(co::NmtCommand::enter_pre_operational, seat->id());
-    if (again && beats) p_.slots.set_state(*seat, SlotState::present, "trying again");
-    const bool troubled = seat->state == SlotState::absent || seat->state == SlotState::duplicate || seat->misplaced;
+    if (again && beats) p_.slots.happened(*seat, SlotEvent::tried_again, "trying again");
+    const bool troubled =
+        seat->life == Life::absent || seat->state() == SlotState::duplicate || seat->life == Life::misplaced;
     const bool silent = again && !beats;  // it may have left before its heartbeat was waited for
     seat->ask_again = (troubled || silent) && seat->slot.record.confirmed && !seat->slot.record.intended;
-    const bool unknown_duplicate = seat->state == SlotState::duplicate && !seat->slot.record.device();
-    if (unknown_duplicate) p_.slots.set_state(*seat, SlotState::empty, "looking again");
+    const bool unknown_duplicate = seat->life == Life::doubled && !seat->slot.record.device();
+    if (unknown_duplicate) p_.slots.happened(*seat, SlotEvent::nobody, "looking again");
   }
   return true;
 }
@@ -365,7 +366,7 @@ rt::Task<Result<void>> MainJob::blank_all() {
 
 Result<void> MainJob::all_there() const {
   const bool all =
-      std::ranges::all_of(p_.slots.seats(), [](const auto& s) { return s->slot.spec.optional || s->there; });
+      std::ranges::all_of(p_.slots.seats(), [](const auto& s) { return s->slot.spec.optional || s->there(); });
   if (!all) return fail(Errc::not_found, "not every slot has its device; see the report");
   return {};
 }

@@ -106,7 +106,7 @@ void add_record(od::DescriptionBuilder& b, std::uint16_t index, const char* name
 
 Configured configured(const Seat& seat) noexcept {
   if (!seat.configuration.any()) return Configured::none;
-  switch (seat.state) {
+  switch (seat.state()) {
     case SlotState::configuring: return Configured::under_way;
     case SlotState::power_cycle: return Configured::needs_power;
     case SlotState::failed: return Configured::failed;
@@ -188,11 +188,11 @@ std::uint64_t ManagerObjects::of_node(std::uint16_t index, NodeId node) const {
     case cia302::slave_assignment: return assignment(*seat);
     case cia302::request_nmt: {
       constexpr std::uint64_t missing = 1;
-      const bool there = seat->there && s_.boots.heard(node).has_value();
+      const bool there = seat->there() && s_.boots.heard(node).has_value();
       return there ? static_cast<std::uint64_t>(s_.boots.state(node)) : missing;
     }
-    case cia302::request_guarding: return seat->there && !seat->guarded ? 1 : 0;
-    case slot_state: return static_cast<std::uint64_t>(seat->state);
+    case cia302::request_guarding: return seat->there() && !seat->guarded ? 1 : 0;
+    case slot_state: return static_cast<std::uint64_t>(seat->state());
     case boot_letter: return static_cast<std::uint8_t>(manager::letter(seat->letter()));
     case upload_configuration: return static_cast<std::uint64_t>(seat->configuration.upload);
     case cia302::dcf_format: return 0;
@@ -208,7 +208,7 @@ std::uint64_t ManagerObjects::of_node(std::uint16_t index, NodeId node) const {
 std::uint64_t ManagerObjects::of_manager(std::uint8_t sub) const {
   const auto count = [&](auto&& is) {
     return static_cast<std::uint64_t>(
-        std::ranges::count_if(slots_.seats(), [&](const auto& s) { return is(s->state); }));
+        std::ranges::count_if(slots_.seats(), [&](const auto& s) { return is(s->state()); }));
   };
   switch (sub) {
     case 1: return static_cast<std::uint64_t>(agenda_.phase);

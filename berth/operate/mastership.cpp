@@ -68,8 +68,7 @@ void Mastership::tell() {
   slots_.events().tell(EventKind::master, "", text);
   if (flying_.is_master()) return;
   for (const auto& seat : slots_.seats()) {
-    slots_.set_state(*seat, places::SlotState::unknown,
-                     fmt::format("node {} is the active NMT master", active->node.value()));
+    slots_.happened(*seat, SlotEvent::rests, fmt::format("node {} is the active NMT master", active->node.value()));
   }
 }
 

@@ -43,7 +43,7 @@ class Network::Asked final : public ManagerObjects::Requests {
   void configure(NodeId node) override { network_.scope_.spawn(bring(network_, node)); }
   void upload(NodeId node) override {
     for (const auto& seat : network_.parts_.slots.seats()) {
-      const bool meant = node.configured() ? seat->id() == node : seat->there;
+      const bool meant = node.configured() ? seat->id() == node : seat->there();
       if (!meant) continue;
       seat->configuration.upload = Uploading::under_way;
       network_.scope_.spawn(fetch(network_, seat->name()));
@@ -134,14 +134,13 @@ void Network::commanded(co::NmtCommand command, co::NmtTarget target) {
 
 void Network::try_again(NodeId slot) {
   Seat* const seat = parts_.slots.at(slot);
-  if (seat == nullptr || !seat->there || seat->state != SlotState::failed) return;
-  parts_.slots.set_state(*seat, SlotState::present);
+  if (seat == nullptr || !parts_.slots.happened(*seat, SlotEvent::tried_again)) return;
   parts_.agenda.wakes.push({Wake::Kind::look, slot, parts_.bus.executor.now()});
 }
 
 std::vector<Network::Occupancy> Network::occupancy() const {
   std::vector<Occupancy> slots;
-  for (const auto& seat : parts_.slots.seats()) slots.push_back({seat->state, seat->slot.record.device()});
+  for (const auto& seat : parts_.slots.seats()) slots.push_back({seat->state(), seat->slot.record.device()});
   return slots;
 }
 
@@ -150,10 +149,10 @@ Result<void> Network::replace(const std::string& slot, std::optional<LssAddress>
   if (seat == nullptr) return fail(Errc::not_found, "no slot of this name on this bus");
   if (used && !device) {
     const auto sits = seat->slot.record.confirmed;
-    if (seat->there && sits && parts_.slots.is_marked(places::Mark::looks_used, sits->device)) {
+    if (seat->there() && sits && parts_.slots.is_marked(places::Mark::looks_used, sits->device)) {
       parts_.slots.set_mark(places::Mark::restore, sits->device, seat->id(), "a person said that it may be used");
       parts_.spares.make_welcome(sits->device);
-      parts_.slots.set_state(*seat, SlotState::present, "it gets its factory settings");
+      parts_.slots.happened(*seat, SlotEvent::tried_again, "it gets its factory settings");
       parts_.agenda.wakes.push({Wake::Kind::look, seat->id(), parts_.bus.executor.now()});
       return {};
     }
@@ -161,7 +160,7 @@ Result<void> Network::replace(const std::string& slot, std::optional<LssAddress>
     if (!waits) return fail(waits.error());
     device = *waits;
   }
-  if (seat->state == SlotState::operational || (seat->there && seat->state == SlotState::present)) {
+  if (seat->life == Life::operational || (seat->there() && seat->state() == SlotState::present)) {
     return fail(Errc::invalid, "the slot's device is there and answers; switch it off or take it off the bus first");
   }
   if (device && !places::fits(seat->slot.spec, *device)) {
@@ -222,7 +221,7 @@ rt::Task<Result<std::vector<SlotConfiguration>>> Network::configure(std::string 
     co_await side_by_side.join();
   }
   for (std::size_t i = 0; i < chosen.size(); ++i) {
-    results[i].state = chosen[i]->state;
+    results[i].state = chosen[i]->state();
     results[i].reason = chosen[i]->reason;
   }
   co_return results;

@@ -8,7 +8,6 @@ namespace berth::operate {
 
 using places::Probe;
 using places::Reading;
-using places::SlotState;
 
 namespace {
 
@@ -127,8 +126,7 @@ rt::Task<bool> PlaceProbes::stays_in_place(Seat& seat) {
       return r.device == device && r.index == probe.index && r.sub == probe.sub && r.value && probe.matches(*r.value);
     });
   };
-  seat.misplaced = !shows(own);
-  if (!seat.misplaced) {
+  if (shows(own)) {
     forget(device);
     co_return true;
   }
@@ -142,9 +140,9 @@ rt::Task<bool> PlaceProbes::stays_in_place(Seat& seat) {
     const std::string has = !read                   ? "it does not answer"
                             : it == readings_.end() ? "it was not read"
                                                     : "it has " + text_of(it->value);
-    slots_.set_state(seat, SlotState::failed,
-                     fmt::format("its probe {} shall be {:X}h in this place, and {}; is it in the right place?",
-                                 name_of(own), own.value, has));
+    slots_.happened(seat, SlotEvent::misplaced,
+                    fmt::format("its probe {} shall be {:X}h in this place, and {}; is it in the right place?",
+                                name_of(own), own.value, has));
     co_return false;
   }
   const std::string reason =
@@ -152,10 +150,9 @@ rt::Task<bool> PlaceProbes::stays_in_place(Seat& seat) {
   slots_.events().tell(EventKind::moved, seat.name(), reason);
   const auto cleared = slots_.clear(seat, reason);
   if (!cleared) {
-    slots_.set_state(seat, SlotState::failed, "the slot table cannot be written: " + describe(cleared.error()));
+    slots_.happened(seat, SlotEvent::binding_failed, "the slot table cannot be written: " + describe(cleared.error()));
     co_return false;
   }
-  seat.misplaced = false;
   found_.note({device, id});
   agenda_.look_anew = true;
   agenda_.wakes.push({Wake::Kind::look, id, s_.executor.now()});

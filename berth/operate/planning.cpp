@@ -10,7 +10,6 @@ namespace berth::operate {
 using places::Action;
 using places::Assign;
 using places::Mark;
-using places::SlotState;
 using places::UnfinishedBlank;
 
 namespace {
@@ -287,7 +286,7 @@ void Planning::report() {
 void Planning::report_mismatch(const places::Oddity& oddity) {
   for (auto& seat : slots_.seats()) {
     const bool waits = !seat->slot.record.device() && places::fits(seat->slot.spec, oddity.device);
-    if (waits) slots_.set_state(*seat, SlotState::empty, oddity.text);
+    if (waits) slots_.happened(*seat, SlotEvent::nobody, oddity.text);
   }
 }
 
@@ -300,8 +299,8 @@ void Planning::report_clone(const places::Oddity& oddity) {
       return a.kind == Action::Kind::bind && slots_.seats()[a.slot].get() == seat.get();
     });
     const bool waits =
-        !device && !another && seat->state != SlotState::question && places::fits(seat->slot.spec, oddity.device);
-    if (own || waits) slots_.set_state(*seat, SlotState::duplicate, oddity.text);
+        !device && !another && seat->life != Life::question && places::fits(seat->slot.spec, oddity.device);
+    if (own || waits) slots_.happened(*seat, SlotEvent::doubted, oddity.text);
   }
 }
 
@@ -315,15 +314,16 @@ void Planning::report_questions() {
     for (const auto i : question->slots) {
       Seat& seat = *slots_.seats()[i];
       if (std::ranges::find(asked, &seat) != asked.end()) continue;
-      slots_.set_state(seat, SlotState::question, question->brief.empty() ? question->text : question->brief);
+      slots_.happened(seat, SlotEvent::asks_person, question->brief.empty() ? question->text : question->brief);
       asked.push_back(&seat);
     }
   }
   // Its devices left, or sit elsewhere by now.
   for (auto& seat : slots_.seats()) {
-    const bool over = seat->state == SlotState::question && !seat->slot.record.device() &&
+    const bool over = seat->life == Life::question && !seat->slot.record.device() &&
                       std::ranges::find(asked, seat.get()) == asked.end();
-    if (over) slots_.reconsider(*seat);
+    // The round says at its end what the slot is now.
+    if (over) slots_.happened_silently(*seat, SlotEvent::answered);
   }
 }
 

@@ -8,8 +8,6 @@
 
 namespace berth::operate {
 
-using places::SlotState;
-
 PortHealth::PortHealth(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Owner& owner)
     : s_(services),
       slots_(slots),
@@ -76,9 +74,8 @@ void PortHealth::go_to_rest(const std::string& why) {
   slots_.events().tell_again();
   for (auto& seat : slots_.seats()) {
     s_.heartbeats.supervise(seat->id(), rt::Duration{0});
-    seat->leave();
     seat->checked = {};
-    slots_.set_state(*seat, SlotState::unknown, why);
+    slots_.happened(*seat, SlotEvent::rests, why);
   }
   slots_.events().tell(s_.bus.flying ? EventKind::step : EventKind::error, "", why);
 }

@@ -10,8 +10,6 @@
 
 namespace berth::operate {
 
-using places::SlotState;
-
 namespace {
 
 // The first part of its identity that is not the expected one (1F85h to 1F88h).
@@ -47,7 +45,7 @@ rt::Task<void> Presence::prepare() {
   }
   co_await asked.join();
   for (auto& seat : slots_.seats()) {
-    const bool silent = seat->slot.record.confirmed && !seat->there;
+    const bool silent = seat->slot.record.confirmed && !seat->there();
     if (silent) co_await look_by_lss(*seat);
   }
 }
@@ -65,7 +63,6 @@ rt::Task<Presence::Sign> Presence::sign_of_life(NodeId id) {
 
 rt::Task<void> Presence::ask_seat(Seat& seat) {
   const NodeId id = seat.id();
-  seat.there = false;
   const Sign sign = co_await sign_of_life(id);
   seat.checked = s_.executor.now();
   if (!sign.alive) {
@@ -78,17 +75,14 @@ rt::Task<void> Presence::ask_seat(Seat& seat) {
   if (!own) co_return;
   const bool stays = co_await places_.stays_in_place(seat);
   if (!stays) co_return;
-  seat.there = true;
-  seat.slave.forget();
-  if (seat.held) seat.slave.status.phase = network::SlavePhase::awaited;
   if (sign.state != NmtState::operational || configuring_.rebooted(seat)) {
-    slots_.set_state(seat, SlotState::present);
+    slots_.happened(seat, SlotEvent::identified);
+    if (seat.held) seat.slave.status.phase = network::SlavePhase::awaited;
     co_return;
   }
-  seat.set_letter(manager::BootStatus::l);
-  seat.slave.status.phase = network::SlavePhase::started;
   s_.heartbeats.supervise(id, s_.bus.timing.heartbeat_timeout);
-  slots_.set_state(seat, SlotState::operational);
+  slots_.happened(seat, SlotEvent::runs, {}, manager::BootStatus::l);
+  seat.slave.status.phase = network::SlavePhase::started;
   if (seat.configuration.wanted) co_await configuring_.look_at_running(seat);
 }
 
@@ -105,19 +99,19 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
       slots_.set_absent(seat, "its identity cannot be read: " + describe(who.error()));
       co_return false;
     }
-    seat.there = true;
-    slots_.set_state(seat, SlotState::present);
+    slots_.happened(seat, SlotEvent::identified);
     co_return false;
   }
   const bool doubled = answer.by_two;
   if (!doubled && *who == seat.slot.record.confirmed->device) co_return true;
   seat.doubt.shared = Duplicates::most_tries;
   agenda_.look_anew = true;
-  seat.set_letter(doubled ? manager::BootStatus::booted : letter_of(*who, seat.slot.record.confirmed->device));
   if (doubled) {
-    slots_.set_state(seat, SlotState::duplicate, "two devices answer under this node-ID; take one of them off the bus");
+    slots_.happened(seat, SlotEvent::two_answer, "two devices answer under this node-ID; take one of them off the bus",
+                    manager::BootStatus::booted);
   } else {
-    slots_.set_state(seat, SlotState::absent, fmt::format("device {} answers under its node-ID", to_string(*who)));
+    slots_.happened(seat, SlotEvent::gone, fmt::format("device {} answers under its node-ID", to_string(*who)),
+                    letter_of(*who, seat.slot.record.confirmed->device));
   }
   co_return false;
 }
@@ -135,13 +129,12 @@ const LssAddress* Presence::other_at(const Seat& seat) const noexcept {
 bool Presence::waits_beside_another(Seat& seat) {
   const LssAddress* const other = other_at(seat);
   if (other == nullptr) return false;
-  seat.there = false;
-  slots_.set_state(seat, SlotState::power_cycle, Fading::reason(*other));
+  slots_.happened(seat, SlotEvent::waits_for_power, Fading::reason(*other));
   return true;
 }
 
 rt::Task<void> Presence::look_by_lss(Seat& seat) {
-  if (seat.state == SlotState::duplicate || s_.only_observes()) co_return;
+  if (seat.life == Life::doubled || s_.only_observes()) co_return;
   const LssAddress device = seat.slot.record.confirmed->device;
   const auto id = co_await asking_.active_id(device);
   if (!id) co_return;
@@ -156,8 +149,9 @@ rt::Task<void> Presence::adopt_fixed(Seat& seat) {
   const auto who = co_await places::read_identity(s_.sdo, id);
   if (!who) co_return;
   if (!places::fits(seat.slot.spec, *who)) {
-    seat.set_letter(letter_of(*who, {seat.slot.spec.type.vendor, seat.slot.spec.type.product, 0, 0}));
-    slots_.set_state(seat, SlotState::wrong_type, fmt::format("device {} has its node-ID", to_string(*who)));
+    const TypeCode& type = seat.slot.spec.type;
+    slots_.happened(seat, SlotEvent::wrong_type, fmt::format("device {} has its node-ID", to_string(*who)),
+                    letter_of(*who, {type.vendor, type.product, 0, 0}));
     co_return;
   }
   const places::Assignment wanted{*who, id};
@@ -166,7 +160,7 @@ rt::Task<void> Presence::adopt_fixed(Seat& seat) {
       asked ? slots_.store().confirm(seat.slot.record.slot, wanted, "found under its fixed node-ID") : asked;
   slots_.refresh(seat);
   if (!confirmed) {
-    slots_.set_state(seat, SlotState::failed, places::words_of(confirmed.error()));
+    slots_.happened(seat, SlotEvent::binding_failed, places::words_of(confirmed.error()));
     co_return;
   }
   slots_.events().tell(EventKind::bound, seat.name(),
@@ -190,7 +184,7 @@ rt::Task<bool> Presence::take_where_it_is(Seat& seat, LssAddress device) {
   const auto confirmed = asked ? slots_.store().confirm(seat.slot.record.slot, wanted, reason) : asked;
   slots_.refresh(seat);
   if (!confirmed) {
-    slots_.set_state(seat, SlotState::failed, places::words_of(confirmed.error()));
+    slots_.happened(seat, SlotEvent::binding_failed, places::words_of(confirmed.error()));
     co_return true;
   }
   found_.forget(device);

@@ -125,7 +125,7 @@ rt::Task<Result<void>> Programming::update(Seat& seat, network::BootTarget& targ
     const std::size_t now = p.total == 0 ? 0 : p.done * 10 / p.total;
     const bool tells = p.stage != manager::ProgramStage::downloading || now != tenth;
     tenth = now;
-    if (tells) slots_.set_state(seat, places::SlotState::configuring, progress_text(p));
+    if (tells) slots_.happened(seat, SlotEvent::configures, progress_text(p));
   };
   manager::ProgramLoader loader(target.objects(), wishes, options);
   manager::ProgramReport report;

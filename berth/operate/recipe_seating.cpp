@@ -10,7 +10,6 @@ namespace berth::operate {
 
 using places::Assign;
 using places::RecipeStep;
-using places::SlotState;
 using places::WhenAmbiguous;
 
 // The slot of a device that has its node-ID by recipe: its own, else the free one. Null: none, or a person must say.
@@ -18,7 +17,7 @@ Seat* RecipeSeating::seat_for(const places::Found& found) {
   std::vector<Seat*> free;
   for (auto& seat : slots_.seats()) {
     const bool by_recipe = seat->slot.spec.assign == Assign::recipe && seat->slot.spec.recipe != nullptr;
-    if (!by_recipe || seat->there) continue;
+    if (!by_recipe || seat->there()) continue;
     if (seat->slot.record.device() == found.device) return seat.get();
     if (!seat->slot.record.device() && places::fits(seat->slot.spec, found.device)) free.push_back(seat.get());
   }
@@ -33,7 +32,7 @@ Seat* RecipeSeating::seat_for(const places::Found& found) {
       "{}`",
       to_string(found.device), found.active.value(), free.size(), to_string(found.device));
   slots_.events().tell_once(EventKind::question, text);
-  for (Seat* const seat : free) slots_.set_state(*seat, SlotState::question, text);
+  for (Seat* const seat : free) slots_.happened(*seat, SlotEvent::asks_person, text);
   return nullptr;
 }
 
@@ -63,7 +62,7 @@ rt::Task<void> RecipeSeating::bind(Seat& seat, LssAddress device, NodeId now) {
   const bool resumed = seat.slot.record.intended.has_value();
   places::RecipeBinding binding(recipe.after, {device, seat.id()}, now, s_.bus.timing.tries, resumed);
   const std::string reason = fmt::format("by the recipe of {}, from node-ID {}", recipe.name, now.value());
-  slots_.set_state(seat, SlotState::binding, reason);
+  slots_.happened(seat, SlotEvent::binds, reason);
   const places::Binder::Options options = asking_.binder_options();
   places::RecipeBinder binder(asking_.binder_services(), options, recipe);
   const places::SlotId slot = seat.slot.record.slot;
@@ -72,14 +71,13 @@ rt::Task<void> RecipeSeating::bind(Seat& seat, LssAddress device, NodeId now) {
   found_.forget(device);
   seat.checked = s_.executor.now();
   if (binding.step() == RecipeStep::done) {
-    seat.there = seat.fresh = true;
-    seat.boot_again();
+    seat.fresh = true;
     if (now != seat.id()) places::gave_up(s_.boots, s_.vacancy, now);
     slots_.events().tell(EventKind::bound, seat.name(),
                          fmt::format("bound to {} as node-ID {} {}", to_string(device), seat.id().value(), reason));
-    slots_.set_state(seat, SlotState::present);
+    slots_.happened(seat, SlotEvent::bound);
   } else if (binding.step() == RecipeStep::power_cycle) {
-    slots_.set_state(seat, SlotState::power_cycle, "node-ID written; switch the device off and on");
+    slots_.happened(seat, SlotEvent::waits_for_power, "node-ID written; switch the device off and on");
   } else {
     not_bound(seat, binding, binder.store_said());
   }
@@ -104,7 +102,7 @@ void RecipeSeating::not_bound(Seat& seat, const places::RecipeBinding& binding,
                   binding.old_id().value())
             : fmt::format("{}: {} (recipe)", to_string(binding.assignment().device),
                           places::words_of(binding.why(), store_said));
-  slots_.set_state(seat, clone ? SlotState::duplicate : SlotState::failed, reason);
+  slots_.happened(seat, clone ? SlotEvent::two_answer : SlotEvent::binding_failed, reason);
 }
 
 }  // namespace berth::operate

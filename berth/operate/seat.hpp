@@ -8,6 +8,7 @@
 #include "berth/co/emcy.hpp"
 #include "berth/manager/configuration.hpp"
 #include "berth/network/slave_boots.hpp"
+#include "berth/operate/slot_life.hpp"
 #include "berth/places/binding.hpp"
 #include "berth/places/plan.hpp"
 #include "berth/rt/executor.hpp"
@@ -68,15 +69,12 @@ struct Seat {
   }
 
   places::Slot slot;
-  places::SlotState state = places::SlotState::unknown;
+  Life life = Life::unknown;  ///< changed by `SlotTable::happened` alone
   rt::Time since{};
   std::string reason;
-  bool there = false;      ///< its device was identified under the slot's node-ID
   bool fresh = false;      ///< bound in this run, and not yet looked at for a past elsewhere
-  bool left = false;       ///< it told that it left operational, and whether it is the slot's device is not asked yet
   bool held = false;       ///< a person took it out of operational: it is not started again
   bool ask_again = false;  ///< silent, and due to be asked once more
-  bool misplaced = false;  ///< its probe tells another place, which no slot has
   bool guarded = false;    ///< the device has no 1017h: it is asked by guarding
   rt::Time checked{};      ///< when it was identified last
   Doubt doubt;
@@ -88,23 +86,18 @@ struct Seat {
 
   [[nodiscard]] const std::string& name() const noexcept { return slot.spec.name.name; }
   [[nodiscard]] NodeId id() const noexcept { return slot.spec.id; }
+  [[nodiscard]] bool there() const noexcept { return is_there(life); }
+  [[nodiscard]] places::SlotState state() const noexcept { return shown(life); }
   /// Its boot-up is done: nothing is to be done before it boots, or a person says so.
   [[nodiscard]] bool is_booted() const noexcept {
     return slave.status.ready() || slave.status.phase == network::SlavePhase::awaited;
   }
   /// Its device was identified, and its boot-up is next.
-  [[nodiscard]] bool is_to_boot() const noexcept {
-    return there && !is_booted() && state == places::SlotState::present;
-  }
+  [[nodiscard]] bool is_to_boot() const noexcept { return life == Life::present && !is_booted(); }
   /// Its device is there, or waits for its power cycle: nobody needs to look for it.
-  [[nodiscard]] bool is_accounted_for() const noexcept { return there || power_cycle.binding.has_value(); }
+  [[nodiscard]] bool is_accounted_for() const noexcept { return there() || power_cycle.binding.has_value(); }
   /// Its boot-up begins anew with the next round.
   void boot_again() noexcept { slave.status.phase = network::SlavePhase::idle; }
-  /// Its device is not there, or is another one.
-  void leave() noexcept {
-    there = false;
-    boot_again();
-  }
   /// How its boot-up ended that was none, or ended before its first step.
   void set_letter(manager::BootStatus status) noexcept {
     slave.forget();

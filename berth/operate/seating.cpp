@@ -9,7 +9,6 @@ namespace berth::operate {
 using places::Action;
 using places::Binding;
 using places::Mark;
-using places::SlotState;
 
 namespace {
 
@@ -140,14 +139,14 @@ rt::Task<bool> Seating::act(const Action& action) {
   Seat& seat = *slots_.seats()[action.slot];
   const LssAddress* const other = fading_.user_of(seat.id());
   if (other != nullptr && *other != device) {
-    slots_.set_state(seat, SlotState::power_cycle, Fading::reason(*other));
+    slots_.happened(seat, SlotEvent::waits_for_power, Fading::reason(*other));
     co_return false;
   }
   // One that is silent may have it pending, as Lely core's slaves do, and no question finds that out.
   const auto* const loan = loans_.to_another(seat.id(), device);
   if (loan != nullptr && !found_.uses(device, seat.id())) {
-    slots_.set_state(
-        seat, SlotState::empty,
+    slots_.happened(
+        seat, SlotEvent::nobody,
         fmt::format("its node-ID was lent to {}, which does not answer: switch that on, or `berth forget {}` when it "
                     "is gone for good",
                     to_string(loan->device), to_string(loan->device)));
@@ -161,7 +160,7 @@ rt::Task<bool> Seating::bind_seat(Seat& seat, LssAddress device, std::string rea
   const bool borrows = loans_.borrowed(device);
   const bool home = !borrows && found_.uses(device, seat.id());
   Binding binding(Binding::Kind::bind, {device, seat.id()}, s_.bus.timing.tries, resumed);
-  slots_.set_state(seat, SlotState::binding, reason);
+  slots_.happened(seat, SlotEvent::binds, reason);
   places::Binder::Options options = asking_.binder_options();
   options.parts = asking_.parts_to_ask(device);
   places::Binder binder(asking_.binder_services(), options);
@@ -213,10 +212,10 @@ void Seating::left_node_id(NodeId id) {
   if (!id.configured()) return;
   for (const auto& seat : slots_.seats()) {
     if (seat->id() != id) continue;
-    const bool again = seat->configuration.stuck && seat->there && seat->state == SlotState::failed;
+    const bool again = seat->configuration.stuck;
     seat->configuration.stuck = false;
     seat->configuration.failed_savings = 0;
-    if (again) slots_.set_state(*seat, SlotState::present, "trying again: another device has left its node-ID");
+    if (again) slots_.happened(*seat, SlotEvent::tried_again, "trying again: another device has left its node-ID");
   }
 }
 
@@ -231,8 +230,6 @@ void Seating::bound(Seat& seat, const Binding& binding) {
   found_.not_shared(binding.assignment().device);
   found_.forget(binding.assignment().device);
   places_.forget(binding.assignment().device);
-  seat.there = true;
-  seat.boot_again();
   seat.power_cycle = {};
   seat.fresh = true;
   seat.checked = s_.executor.now();
@@ -246,17 +243,16 @@ void Seating::bound(Seat& seat, const Binding& binding) {
         fmt::format("new device: manufacturer {:08X}h, product {:08X}h, serial {:08X}h took slot {}, node-ID {}",
                     device.vendor, device.product, device.serial, seat.name(), seat.id().value()));
   }
-  slots_.set_state(seat, SlotState::present);
+  slots_.happened(seat, SlotEvent::bound);
 }
 
 void Seating::not_bound(Seat& seat, const Binding& binding, const std::optional<Error>& store_said) {
   using places::Step;
   using places::Why;
-  seat.there = false;
   if (binding.step() == Step::power_cycle) {
     seat.power_cycle.binding = binding;
     found_.forget(binding.assignment().device);
-    slots_.set_state(seat, SlotState::power_cycle, "node-ID stored; switch the device off and on");
+    slots_.happened(seat, SlotEvent::waits_for_power, "node-ID stored; switch the device off and on");
     return;
   }
   learn_fixed(binding);
@@ -279,13 +275,13 @@ void Seating::not_bound(Seat& seat, const Binding& binding, const std::optional<
   const std::string reason =
       fmt::format("{}: {}", to_string(binding.assignment().device), places::words_of(binding.why(), store_said));
   if (clone || binding.why() == Why::other_device) {
-    slots_.set_state(seat, SlotState::duplicate, reason);
+    slots_.happened(seat, SlotEvent::two_answer, reason);
   } else if (binding.why() == Why::not_there && fresh) {
-    slots_.set_state(seat, SlotState::empty, reason);
+    slots_.happened(seat, SlotEvent::nobody, reason);
   } else if (binding.why() == Why::not_there) {
     slots_.set_absent(seat, reason);
   } else {
-    slots_.set_state(seat, SlotState::failed, reason);
+    slots_.happened(seat, SlotEvent::binding_failed, reason);
   }
 }
 
@@ -347,7 +343,7 @@ rt::Task<bool> Seating::blank(LssAddress device, std::string reason) {
 // are there as such slots, so that a machine whose devices boot slowly keeps its bindings.
 void Seating::free_absent_slots() {
   const auto freed = [](const Seat& s) {
-    return s.state == SlotState::absent && s.slot.spec.replacement == places::Replacement::automatic &&
+    return s.life == Life::absent && s.slot.spec.replacement == places::Replacement::automatic &&
            s.slot.record.confirmed && !s.slot.record.intended;
   };
   for (const auto& seat : slots_.seats()) {
@@ -372,7 +368,7 @@ void Seating::free_absent_slots() {
 // Listing a spare is the person's answer beforehand: a slot whose device is silent goes to its spare when that comes.
 void Seating::free_for_spares() {
   for (auto& seat : slots_.seats()) {
-    const bool silent = seat->state == SlotState::absent && seat->slot.record.confirmed && !seat->slot.record.intended;
+    const bool silent = seat->life == Life::absent && seat->slot.record.confirmed && !seat->slot.record.intended;
     if (!silent) continue;
     const auto spare = std::ranges::find_if(found_.all(), [&](const places::Found& f) {
       return !f.clone && slots_.of(f.device) == nullptr && places::listed_spare(seat->slot.spec, f.device);
@@ -419,10 +415,10 @@ rt::Task<void> Seating::take_back(const places::Found& found) {
   // One that booted is unknown to RAND, and found once by it: when it was told that it is back, that is no news. A
   // restart in the middle of an update was not.
   const auto booted = s_.boots.boot_up(seat->id());
-  const bool known = seat->there && booted && *booted <= seat->last.heard_again && *booted > seat->last.taken_back;
+  const bool known = seat->there() && booted && *booted <= seat->last.heard_again && *booted > seat->last.taken_back;
   seat->last.taken_back = s_.executor.now();
   if (!known) co_await presence_.ask_seat(*seat);
-  if (seat->there) found_.forget(device);
+  if (seat->there()) found_.forget(device);
 }
 
 // One question for each instead of a whole binding at every look: a device can be away for ever.
@@ -431,7 +427,7 @@ rt::Task<void> Seating::look_for_unfinished() {
     const bool by_lss = seat->slot.spec.assign == places::Assign::lss && seat->slot.record.intended.has_value();
     if (!by_lss) continue;
     const LssAddress device = seat->slot.record.intended->device;
-    if (seat->state == SlotState::power_cycle) {
+    if (seat->life == Life::waits) {
       const bool waits = co_await waits_for_its_power_cycle(*seat);
       if (waits) avoid_.push_back(device);
       continue;
@@ -478,9 +474,8 @@ rt::Task<bool> Seating::waits_for_its_power_cycle(Seat& seat) {
 }
 
 void Seating::keep_for_its_device(Seat& seat) {
-  seat.there = false;
-  slots_.set_state(
-      seat, SlotState::absent,
+  slots_.happened(
+      seat, SlotEvent::gone,
       fmt::format("{} may have node-ID {} in its memory and does not answer: the node-ID is kept for it; switch "
                   "it on, or give the slot away with `berth replace {}`",
                   to_string(seat.slot.record.intended->device), seat.id().value(), seat.name()));

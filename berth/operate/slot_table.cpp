@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 namespace berth::operate {
 
@@ -57,7 +58,7 @@ std::vector<SlotReport> SlotTable::report() const {
   std::vector<SlotReport> slots;
   for (const auto& seat : seats_) {
     slots.push_back({s_.bus.name, seat->id(), seat->name(), seat->slot.spec.type, seat->slot.record.device(),
-                     seat->state, seat->since, seat->reason, seat->letter()});
+                     seat->state(), seat->since, seat->reason, seat->letter()});
   }
   std::ranges::sort(slots, {}, &SlotReport::id);
   return slots;
@@ -65,7 +66,7 @@ std::vector<SlotReport> SlotTable::report() const {
 
 bool SlotTable::operational() const noexcept {
   return std::ranges::all_of(seats_,
-                             [](const auto& s) { return s->slot.spec.optional || s->state == SlotState::operational; });
+                             [](const auto& s) { return s->slot.spec.optional || s->life == Life::operational; });
 }
 
 void SlotTable::refresh(Seat& seat) {
@@ -75,21 +76,30 @@ void SlotTable::refresh(Seat& seat) {
   seat.slot.record = std::move(*record);
 }
 
-void SlotTable::set_state(Seat& seat, SlotState state, std::string reason) {
-  if (seat.state == state && seat.reason == reason) return;
-  if (seat.state != state) seat.since = s_.executor.now();
-  const bool shows_it =
-      state == SlotState::present || state == SlotState::configuring || state == SlotState::operational;
-  if (shows_it) seat.last.seen = true;
-  seat.state = state;
+bool SlotTable::happened(Seat& seat, SlotEvent event, std::string reason, std::optional<manager::BootStatus> letter) {
+  const SlotState before = seat.state();
+  if (!next(seat.life, event)) return false;
+  happened_silently(seat, event);
+  if (letter) seat.set_letter(*letter);
+  const SlotState state = seat.state();
+  if (before == state && seat.reason == reason) return true;
+  if (before != state) seat.since = s_.executor.now();
   seat.reason = std::move(reason);
   events_.tell(EventKind::state, seat.name(),
                seat.reason.empty() ? places::name(state) : fmt::format("{}: {}", places::name(state), seat.reason));
+  return true;
+}
+
+void SlotTable::happened_silently(Seat& seat, SlotEvent event) noexcept {
+  const auto to = next(seat.life, event);
+  if (!to) return;
+  const Life before = std::exchange(seat.life, *to);
+  if (forgets_boot_up(before, event, *to)) seat.slave.forget();
+  if (seat.there()) seat.last.seen = true;
 }
 
 void SlotTable::set_absent(Seat& seat, const std::string& fact) {
-  seat.set_letter(manager::BootStatus::b);
-  set_state(seat, SlotState::absent, fact + "; switch the device on, or `berth replace` it");
+  happened(seat, SlotEvent::gone, fact + "; switch the device on, or `berth replace` it", manager::BootStatus::b);
 }
 
 Seat* SlotTable::with_record(places::SlotId slot) const noexcept {
@@ -103,14 +113,13 @@ Result<void> SlotTable::clear(Seat& seat, const std::string& reason) {
   s_.heartbeats.supervise(seat.id(), rt::Duration{0});
   seat.slot.record.intended.reset();
   seat.slot.record.confirmed.reset();
-  seat.there = seat.last.seen = false;
-  seat.slave.forget();
   seat.slot.record.configured.reset();
   seat.power_cycle.binding.reset();
   seat.configuration.waits_since.reset();
   seat.configuration.stuck = false;
   seat.configuration.failed_savings = 0;
-  set_state(seat, SlotState::empty, reason);
+  happened(seat, SlotEvent::freed, reason);
+  seat.last.seen = false;
   return {};
 }
 

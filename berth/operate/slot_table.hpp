@@ -45,10 +45,13 @@ class SlotTable {
 
   /// Reads the slot's row again.
   void refresh(Seat& seat);
-  void set_state(Seat& seat, places::SlotState state, std::string reason = {});
-  /// What it waited for is over: the round says at its end what the slot is now, and nothing is told before.
-  void reconsider(Seat& seat) noexcept { seat.state = places::SlotState::unknown; }
-  /// The slot's device is not there: `fact`, and what a person does about it, which no later fact takes away.
+  /// Changes the slot's life by the table of slot_life.hpp, and tells it when its state or its reason is another one.
+  /// An event that changes nothing leaves the reason as it is. `letter`: how its boot-up ended that was none, or ended
+  /// before its first step. Returns whether the event counted.
+  bool happened(Seat& seat, SlotEvent event, std::string reason = {}, std::optional<manager::BootStatus> letter = {});
+  /// The same, and nothing is told: the slot keeps its reason until the next event says more.
+  void happened_silently(Seat& seat, SlotEvent event) noexcept;
+  /// `SlotEvent::gone`, with letter B: `fact`, and what a person does about it, which no later fact takes away.
   void set_absent(Seat& seat, const std::string& fact);
   /// Forgets which device sits in the slot, in the store too.
   Result<void> clear(Seat& seat, const std::string& reason);

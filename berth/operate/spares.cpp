@@ -7,7 +7,6 @@
 namespace berth::operate {
 
 using places::Mark;
-using places::SlotState;
 
 namespace {
 
@@ -76,7 +75,6 @@ rt::Task<bool> Spares::clear_past(Seat& seat) {
     const auto dated = co_await foreign_date(seat);
     if (!dated) {
       seat.fresh = true;
-      seat.there = false;
       slots_.set_absent(seat, "its configuration date cannot be read: " + describe(dated.error()));
       co_return false;
     }
@@ -88,8 +86,8 @@ rt::Task<bool> Spares::clear_past(Seat& seat) {
     if (asks) slots_.set_mark(Mark::looks_used, device, seat.id(), "it has a configuration of somewhere else");
   }
   if (asks) {
-    slots_.set_state(
-        seat, SlotState::question,
+    slots_.happened(
+        seat, SlotEvent::asks_person,
         fmt::format("device {} has a configuration that is not of this slot (1020h): shall it be used? `berth "
                     "replace {} --used` gives it its factory settings first; else take it off the bus",
                     to_string(device), seat.name()));
@@ -134,7 +132,6 @@ rt::Task<bool> Spares::restore_seat(Seat& seat) {
   patience.timeout = s_.bus.timing.save_timeout;
   const auto loaded = co_await s_.sdo.write<std::uint32_t>(id, 0x1011, 1, load_signature, patience);
   if (!loaded && loaded.error().code != Errc::aborted) {
-    seat.there = false;
     slots_.set_absent(seat, "its factory settings could not be asked for: " + describe(loaded.error()));
     co_return false;
   }
@@ -145,14 +142,15 @@ rt::Task<bool> Spares::restore_seat(Seat& seat) {
     co_return true;
   }
   if (!s_.may_command()) {
-    slots_.set_state(seat, SlotState::power_cycle, "its factory settings are in use when it was switched off and on");
+    slots_.happened(seat, SlotEvent::saves_for_power,
+                    "its factory settings are in use when it was switched off and on");
     slots_.take_mark(Mark::restore, device, "loaded; in use after a power cycle");
     co_return false;
   }
   const rt::Time began = s_.executor.now();
   const auto sent = co_await s_.nmt.send(co::NmtCommand::reset_node, id);
   if (!sent) {
-    slots_.set_state(seat, SlotState::failed, "it could not be reset: " + describe(sent.error()));
+    slots_.happened(seat, SlotEvent::boot_failed, "it could not be reset: " + describe(sent.error()));
     co_return false;
   }
   const bool booted = co_await s_.boots.wait(id, began, began + s_.bus.timing.boot_timeout);
@@ -162,7 +160,6 @@ rt::Task<bool> Spares::restore_seat(Seat& seat) {
   const bool same = who && *who == device;
   seat.checked = s_.executor.now();
   if (same) co_return true;
-  seat.there = false;
   agenda_.look_anew = true;
   slots_.set_absent(seat, "it did not come back under its node-ID when it got its factory settings");
   co_await presence_.look_by_lss(seat);

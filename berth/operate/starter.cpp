@@ -12,8 +12,6 @@
 
 namespace berth::operate {
 
-using places::SlotState;
-
 // How the boot-up reaches a slot's device, and what is done around its start.
 class Starter::Target final : public SeatTarget {
  public:
@@ -137,8 +135,7 @@ void Starter::ended(network::Slave& slave) noexcept {
   Seat& seat = seat_of(slave);
   if (!slave.status.ready()) {
     const bool letter = boot_failed(seat, slave.status.result);
-    if (!letter)
-      seat.set_letter(seat.state == SlotState::absent ? manager::BootStatus::b : manager::BootStatus::booted);
+    if (!letter) seat.set_letter(seat.life == Life::absent ? manager::BootStatus::b : manager::BootStatus::booted);
   } else if (!s_.may_command() || configuring_.rebooted(seat)) {
     seat.boot_again();
   } else if (slave.starting) {
@@ -150,39 +147,37 @@ void Starter::ended(network::Slave& slave) noexcept {
 
 void Starter::started(network::Slave& slave, const Result<bool>& ran) noexcept {
   Seat& seat = seat_of(slave);
-  if (ran && *ran) slots_.set_state(seat, SlotState::operational);
+  if (ran && *ran) slots_.happened(seat, SlotEvent::operational);
   if (ran) return;
   std::erase(awaited_, &seat);
   seat.boot_again();
-  slots_.set_state(seat, SlotState::failed, "NMT start could not be sent: " + describe(ran.error()));
+  slots_.happened(seat, SlotEvent::boot_failed, "NMT start could not be sent: " + describe(ran.error()));
 }
 
 // True: the letter is that of its boot-up. Else it is another device's, or of the life before.
 bool Starter::boot_failed(Seat& seat, const network::BootResult& result) {
   using Status = manager::BootStatus;
-  const bool unwritten = result.status == Status::i && seat.state == SlotState::present;
+  const bool unwritten = result.status == Status::i && seat.life == Life::present;
   if (unwritten && configuring_.rebooted(seat)) {
-    slots_.set_state(seat, SlotState::present, "it booted: it is asked what it is before it is programmed");
+    slots_.happened(seat, SlotEvent::boots_while_prepared, "it booted: it is asked what it is before it is programmed");
     return false;
   }
   switch (result.status) {
-    case Status::b:
-      seat.there = false;
-      slots_.set_absent(seat, "no answer to the upload of 1000h");
-      return true;
-    case Status::c: slots_.set_state(seat, SlotState::wrong_type, result.text()); return true;
+    case Status::b: slots_.set_absent(seat, "no answer to the upload of 1000h"); return true;
+    case Status::c: slots_.happened(seat, SlotEvent::wrong_type, result.text()); return true;
     case Status::g:
     case Status::h:
     case Status::i:
     case Status::n: {
-      if (seat.state == SlotState::absent) return false;
       const std::string unreadable = programming_.unreadable(seat);
-      slots_.set_state(seat, SlotState::failed, unreadable.empty() ? result.text() : unreadable);
+      const bool counts =
+          slots_.happened(seat, SlotEvent::boot_failed, unreadable.empty() ? result.text() : unreadable);
+      if (!counts) return false;
       // Its flash memory is not written again before it boots, or a person says so.
       if (result.status == Status::i) seat.configuration.stuck = true;
       return true;
     }
-    case Status::j: return seat.state == SlotState::failed;
+    case Status::j: return seat.life == Life::failed;
     default: return false;
   }
 }
@@ -196,11 +191,10 @@ rt::Task<Result<void>> Starter::update(Seat& seat, network::BootTarget& target) 
   const auto who = co_await places::read_identity(s_.sdo, seat.id());
   const bool same = who && seat.slot.record.confirmed && *who == seat.slot.record.confirmed->device;
   if (same) seat.checked = asked;
-  if (same && updated) slots_.set_state(seat, SlotState::present, "it has its programs");
+  if (same && updated) slots_.happened(seat, SlotEvent::prepared, "it has its programs");
   // On a bus that nothing acknowledges it is away, too.
   const bool silent = !who && (who.error().code == Errc::timeout || who.error().code == Errc::bus);
   if (silent) {
-    seat.there = false;
     slots_.set_absent(seat, "it fell silent while it was programmed");
   }
   co_return updated;
@@ -225,7 +219,7 @@ rt::Task<Result<void>> Starter::configure(Seat& seat) {
 rt::Task<Result<void>> Starter::bring_up_beneath(Seat& seat) {
   auto task = slots_.events().beneath().bring_up(seat.id());
   const auto done = co_await task;
-  if (!done && seat.there) slots_.set_state(seat, SlotState::failed, describe(done.error()));
+  if (!done) slots_.happened(seat, SlotEvent::boot_failed, describe(done.error()));
   co_return done;
 }
 
@@ -236,7 +230,6 @@ rt::Task<bool> Starter::set_heartbeat(Seat& seat) {
   const auto period = static_cast<std::uint16_t>(std::clamp<std::int64_t>(ms, 0, 0xFFFF));
   const auto written = co_await s_.sdo.write<std::uint16_t>(id, 0x1017, 0, period);
   if (!written && written.error().code != Errc::aborted) {
-    seat.there = false;
     slots_.set_absent(seat, "its heartbeat could not be set: " + describe(written.error()));
     co_return false;
   }
@@ -275,9 +268,9 @@ rt::Task<void> Starter::ask_by_guarding(Seat& seat) {
   const auto guarded =
       co_await co::guard_once(s_.dispatcher, seat.id(), s_.bus.timing.guard_timeout, s_.bus.timing.tries);
   if (guarded && guarded->state == NmtState::operational) {
-    slots_.set_state(seat, SlotState::operational);
+    slots_.happened(seat, SlotEvent::operational);
   } else {
-    slots_.set_state(seat, SlotState::failed, "it was started and did not become operational");
+    slots_.happened(seat, SlotEvent::boot_failed, "it was started and did not become operational");
   }
 }
 
@@ -285,7 +278,7 @@ rt::Task<void> Starter::ask_by_guarding(Seat& seat) {
 rt::Task<void> Starter::start_waiting() {
   rt::Scope starts(s_.executor, asking_.most_at_once());
   for (auto& seat : slots_.seats()) {
-    const bool waits = seat->there && seat->slave.waits_for_start() && !seat->held;
+    const bool waits = seat->there() && seat->slave.waits_for_start() && !seat->held;
     if (!waits || !startup_.starts(*seat)) continue;
     awaited_.push_back(seat.get());
     starts.spawn(boots_.start(seat->slave));
@@ -297,7 +290,7 @@ rt::Task<void> Starter::start_all() {
   const auto sent = co_await s_.nmt.send(co::NmtCommand::start, co::NmtTarget::all());
   if (!sent) co_return slots_.events().tell_failure("NMT start of all devices", sent.error());
   for (auto& seat : slots_.seats()) {
-    if (!seat->there || !seat->slave.waits_for_start()) continue;
+    if (!seat->there() || !seat->slave.waits_for_start()) continue;
     seat->slave.status.phase = network::SlavePhase::started;
     awaited_.push_back(seat.get());
     if (seat->guarded) co_await ask_by_guarding(*seat);
@@ -307,7 +300,7 @@ rt::Task<void> Starter::start_all() {
 // Operational is what the device says in its heartbeat, not what it was told.
 rt::Task<void> Starter::await_operational() {
   const auto waits = [](const Seat* s) {
-    return s->slave.status.phase == network::SlavePhase::started && s->state == SlotState::present;
+    return s->slave.status.phase == network::SlavePhase::started && s->life == Life::present;
   };
   const rt::Time deadline = s_.executor.now() + s_.bus.timing.heartbeat_timeout;
   const rt::Duration patience = s_.bus.timing.heartbeat_period + s_.bus.timing.heartbeat_period / 4;
@@ -325,7 +318,7 @@ rt::Task<void> Starter::await_operational() {
       why += fmt::format("; it told an error: EMCY {:04X}h ({})", e->code, co::emcy_text(e->code));
     }
     seat->set_letter(manager::BootStatus::k);
-    slots_.set_state(*seat, SlotState::failed, why);
+    slots_.happened(*seat, SlotEvent::boot_failed, why);
   }
 }
 
@@ -335,7 +328,7 @@ rt::Task<void> Starter::await_operational() {
 rt::Task<void> Starter::start_again(rt::Time since) {
   const std::vector<Seat*> all = awaited_;
   for (Seat* const seat : all) {
-    if (seat->held || seat->state != SlotState::present || configuring_.rebooted(*seat)) continue;
+    if (seat->held || seat->life != Life::present || configuring_.rebooted(*seat)) continue;
     const NodeId id = seat->id();
     const auto heard = s_.boots.heard(id);
     const bool waits = heard && *heard >= since && s_.boots.state(id) != NmtState::operational;

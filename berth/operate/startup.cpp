@@ -35,11 +35,11 @@ void Startup::tell(const std::string& text) { slots_.events().tell(EventKind::st
 // ---- when devices are started ---------------------------------------------------------------------------------------
 
 bool Startup::is_ready(const network::Slave& slave) const noexcept {
-  return slave.status.ready() && slots_.at(slave.what.node)->there;
+  return slave.status.ready() && slots_.at(slave.what.node)->there();
 }
 
 bool Startup::has_failed(const network::Slave& slave) const noexcept {
-  const SlotState state = slots_.at(slave.what.node)->state;
+  const SlotState state = slots_.at(slave.what.node)->state();
   return state == SlotState::failed || state == SlotState::wrong_type || state == SlotState::duplicate;
 }
 
@@ -56,7 +56,7 @@ std::string Startup::why_waiting() const {
   return fmt::format("ready; it is started when the master is: `berth nmt start {}`", s_.bus.master.value());
 }
 
-void Startup::tell_why_waiting(Seat& seat) { slots_.set_state(seat, SlotState::present, why_waiting()); }
+void Startup::tell_why_waiting(Seat& seat) { slots_.happened(seat, SlotEvent::pauses, why_waiting()); }
 
 Startup::Go Startup::goes_on() {
   released_ = false;
@@ -70,7 +70,7 @@ Startup::Go Startup::goes_on() {
 // Why a device waits changes while it does.
 void Startup::tell_the_waiting() {
   for (const auto& seat : slots_.seats()) {
-    if (seat->slave.waits_for_start() && seat->there) tell_why_waiting(*seat);
+    if (seat->slave.waits_for_start() && seat->there()) tell_why_waiting(*seat);
   }
 }
 
@@ -122,9 +122,9 @@ rt::Task<void> Startup::act_on_error() {
 void Startup::stop_all(const std::string& why) {
   network_.stop();
   for (const auto& seat : slots_.seats()) {
-    if (!seat->there) continue;
+    if (!seat->there()) continue;
     seat->held = true;
-    slots_.set_state(*seat, SlotState::present, fmt::format("stopped: {}; `berth nmt start all` starts it", why));
+    slots_.happened(*seat, SlotEvent::pauses, fmt::format("stopped: {}; `berth nmt start all` starts it", why));
   }
 }
 
@@ -132,10 +132,8 @@ void Startup::stop_all(const std::string& why) {
 void Startup::await_all(const std::string& why) {
   begin();
   for (const auto& seat : slots_.seats()) {
-    if (!seat->there) continue;
-    seat->there = false;
-    seat->slave.forget();
-    slots_.set_state(*seat, SlotState::absent, fmt::format("reset: {}; its boot-up is awaited", why));
+    if (!seat->there()) continue;
+    slots_.happened(*seat, SlotEvent::gone, fmt::format("reset: {}; its boot-up is awaited", why));
   }
 }
 

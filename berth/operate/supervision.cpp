@@ -9,8 +9,6 @@
 
 namespace berth::operate {
 
-using places::SlotState;
-
 namespace {
 
 // Why a slot stays as it is: a person's command did it.
@@ -30,14 +28,13 @@ std::string text_of_leaving(const Seat& seat, NmtState state) {
 
 // What a slot's device tells shows at once; what has to be asked first waits for the turn.
 void Supervision::show(Seat& seat, const Wake& wake, NmtState state) {
-  if (!seat.there || seat.state != SlotState::operational) return;
+  if (seat.life != Life::operational) return;
   if (wake.kind == Wake::Kind::lost) {
     lost(seat);
   } else if (wake.kind == Wake::Kind::boot_up) {
-    slots_.set_state(seat, SlotState::present, "it booted: it is asked what it is before it is started");
+    slots_.happened(seat, SlotEvent::boots, "it booted: it is asked what it is before it is started");
   } else if (wake.kind == Wake::Kind::state && state != NmtState::operational) {
-    seat.left = true;
-    slots_.set_state(seat, SlotState::present, text_of_leaving(seat, state));
+    slots_.happened(seat, SlotEvent::leaves, text_of_leaving(seat, state));
   }
 }
 
@@ -56,11 +53,9 @@ void Supervision::heartbeat(const co::HeartbeatEvent& event, rt::Time at) {
   }
   Seat* seat = slots_.at(event.node);
   if (seat != nullptr && event.kind == Kind::boot_up) seat->last.emergency.reset();
-  if (seat != nullptr && seat->there && seat->is_booted() && event.state == NmtState::operational &&
-      wake.kind == Wake::Kind::state && seat->state != SlotState::duplicate) {
-    seat->left = false;
+  const bool runs = event.state == NmtState::operational && wake.kind == Wake::Kind::state;
+  if (runs && seat != nullptr && seat->is_booted() && slots_.happened(*seat, SlotEvent::operational)) {
     seat->slave.status.phase = network::SlavePhase::started;
-    slots_.set_state(*seat, SlotState::operational);
     if (slots_.operational()) slots_.events().reach(Milestone::operational);
     return;
   }
@@ -88,8 +83,8 @@ void Supervision::check_rates() {
     const auto beats = s_.boots.beats(seat->id());
     const auto elapsed = s_.executor.now() - seat->rate.at;
     const auto period = s_.bus.timing.heartbeat_period;
-    if (seat->state != SlotState::operational || period.count() == 0 || elapsed < 4 * period) {
-      if (seat->state != SlotState::operational) {
+    if (seat->life != Life::operational || period.count() == 0 || elapsed < 4 * period) {
+      if (seat->life != Life::operational) {
         seat->rate.beats = beats;
         seat->rate.at = s_.executor.now();
       }
@@ -103,8 +98,8 @@ void Supervision::check_rates() {
       seat->doubt.suspect = true;
       seat->doubt.shared = Duplicates::most_tries;
       agenda_.look_anew = true;
-      slots_.set_state(
-          *seat, SlotState::duplicate,
+      slots_.happened(
+          *seat, SlotEvent::doubted,
           "its heartbeat comes too often: a second device holds this node-ID; take one of them off the bus");
     }
   }
@@ -116,12 +111,12 @@ void Supervision::commanded(co::NmtCommand command, co::NmtTarget target, bool l
     const bool stops = command == co::NmtCommand::stop;
     seat->held = stops || command == co::NmtCommand::enter_pre_operational;
     // Its heartbeat tells what it is. Without one, or when nothing listens any more, it is what it was told.
-    const bool unheard = seat->there && (seat->guarded || !listens);
+    const bool unheard = seat->there() && (seat->guarded || !listens);
     if (!unheard) continue;
-    if (seat->held && seat->state == SlotState::operational) {
+    if (seat->held && seat->life == Life::operational) {
       const NmtState state = stops ? NmtState::stopped : NmtState::pre_operational;
-      slots_.set_state(*seat, SlotState::present, made(state, seat->id()));
-    } else if (command == co::NmtCommand::start && seat->state == SlotState::present) {
+      slots_.happened(*seat, SlotEvent::pauses, made(state, seat->id()));
+    } else if (command == co::NmtCommand::start && seat->life == Life::present) {
       seat->boot_again();  // it is started as any other, and asked by guarding
     }
   }
@@ -144,7 +139,7 @@ rt::Task<void> Supervision::handle(Wake wake) {
       if (!seat->is_to_boot()) lost(*seat);
       co_return;
     case Wake::Kind::recovered: {
-      const bool back = !seat->there && wake.at > seat->checked;
+      const bool back = !seat->there() && wake.at > seat->checked;
       if (back) co_await came_back(*seat, wake.at);
       // It came back before its loss was dealt with; what it tells now may be another state than before.
       co_return co_await told_state(*seat);
@@ -156,13 +151,14 @@ rt::Task<void> Supervision::handle(Wake wake) {
 
 rt::Task<void> Supervision::booted(Seat& seat, rt::Time at) {
   if (at <= seat.checked) {
-    const bool waits = seat.there && seat.state == SlotState::present && !seat.held;
+    const bool waits = seat.life == Life::present && !seat.held;
     if (waits && s_.heartbeats.state(seat.id()) != NmtState::operational) seat.boot_again();
     co_return;
   }
   // It was at work a moment ago: what booted may be a second device, which sends no heartbeat and is not heard again.
-  if (seat.there && seat.slave.status.ready()) startup_.error_event(seat, "it booted by itself");
-  if (seat.there && seat.is_booted()) seat.doubt.shared = std::max(seat.doubt.shared, 1U);
+  const bool was_there = seat.there() || seat.life == Life::asked;
+  if (was_there && seat.slave.status.ready()) startup_.error_event(seat, "it booted by itself");
+  if (was_there && seat.is_booted()) seat.doubt.shared = std::max(seat.doubt.shared, 1U);
   // The slot's own device, or one that sat here before?
   co_await spares_.isolate_former(seat);
   co_await came_back(seat, at);
@@ -170,9 +166,8 @@ rt::Task<void> Supervision::booted(Seat& seat, rt::Time at) {
 
 void Supervision::lost(Seat& seat) {
   const bool gone = s_.heartbeats.lost(seat.id()) || !s_.heartbeats.state(seat.id());
-  if (!seat.there || !gone) return;
+  if (!seat.there() || !gone) return;
   if (seat.slave.status.ready()) startup_.error_event(seat, "its heartbeat stopped");
-  seat.there = false;
   slots_.set_absent(seat, "its heartbeat stopped");
   make_free(seat);
 }
@@ -183,7 +178,7 @@ void Supervision::give_up_silent() {
   for (auto& seat : slots_.seats()) {
     const auto& record = seat->slot.record;
     const bool settled = record.confirmed && !record.intended;
-    if (settled && seat->last.seen && seat->state == SlotState::absent && seat->since <= long_ago) make_free(*seat);
+    if (settled && seat->last.seen && seat->life == Life::absent && seat->since <= long_ago) make_free(*seat);
   }
 }
 
@@ -213,11 +208,11 @@ void Supervision::make_free(Seat& seat) {
 
 rt::Task<void> Supervision::told_state(Seat& seat) {
   const auto state = s_.heartbeats.state(seat.id());
-  const bool left = std::exchange(seat.left, false) && seat.there && state && *state != NmtState::operational;
+  const bool left = seat.life == Life::left && state && *state != NmtState::operational;
   if (!left) {
     // From stopped to pre-operational, say, as it was told.
-    const bool made_else = seat.there && seat.held && seat.state == SlotState::present && state;
-    if (made_else) slots_.set_state(seat, SlotState::present, made(*state, seat.id()));
+    const bool made_else = seat.held && seat.life == Life::present && state;
+    if (made_else) slots_.happened(seat, SlotEvent::pauses, made(*state, seat.id()));
     co_return;
   }
   // A second device under this node-ID tells its own state.
@@ -225,7 +220,7 @@ rt::Task<void> Supervision::told_state(Seat& seat) {
   const bool other = co_await spares_.isolate_former(seat);
   if (other) co_return co_await came_back(seat, told);
   if (!stays(seat, *state)) seat.boot_again();
-  slots_.set_state(seat, SlotState::present, text_of_leaving(seat, *state));
+  slots_.happened(seat, SlotEvent::pauses, text_of_leaving(seat, *state));
 }
 
 // A device that boots again and again, and is not taken, does not keep the bus busy.
@@ -242,7 +237,8 @@ rt::Task<void> Supervision::came_back(Seat& seat, rt::Time booted) {
   const bool told = std::exchange(seat.last.heard_again, s_.executor.now()) == s_.executor.now();
   if (!told)
     slots_.events().tell(EventKind::step, seat.name(), fmt::format("node-ID {} is heard again", seat.id().value()));
-  seat.there = seat.held = seat.configuration.stuck = false;
+  slots_.happened_silently(seat, SlotEvent::heard_again);
+  seat.held = seat.configuration.stuck = false;
   seat.slave.forget();
   if (seat.power_cycle.binding) {
     co_await seating_.go_on_after_power_cycle(seat);
