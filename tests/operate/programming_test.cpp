@@ -29,6 +29,7 @@ struct ProgramEar final : can::Tap {
   ~ProgramEar() { rig_.world().bus("backbone")->remove_tap(*this); }
   void frame(const can::Frame& f, rt::Time, int) noexcept override {
     if (f.extended || f.id != 0x605 || f.size != 8) return;
+    ++frames;
     const unsigned index = f.data[1] | f.data[2] << 8U;
     const bool writes = (f.data[0] & 0xE0U) == 0x20 || (f.data[0] & 0xE1U) == 0xC0;
     if (f.data[0] == 0x40 && index == 0x1F56) ++asked;
@@ -36,6 +37,7 @@ struct ProgramEar final : can::Tap {
     if (writes && index == 0x1F50) ++downloads;
     if (changed) changed();
   }
+  unsigned frames = 0;
   unsigned asked = 0;
   unsigned controlled = 0;
   unsigned downloads = 0;
@@ -83,8 +85,8 @@ class Programming : public ::testing::Test {
  protected:
   Programming() : Programming(places::Replacement::ask, "", true) {}
   // `vacant`: the device of a slot of the same type, which is gone before the story begins; none where it is empty.
-  Programming(places::Replacement replacement, const std::string& vacant, bool spare_has_its_node_id)
-      : rig_(machine(replacement, vacant), plant(vacant, spare_has_its_node_id)), vacant_(vacant) {}
+  Programming(places::Replacement replacement, const std::string& vacant, bool spare_has_its_node_id, bool rand = true)
+      : rig_(machine(replacement, vacant), plant(vacant, spare_has_its_node_id, rand)), vacant_(vacant) {}
 
   // The slot's device leaves as soon as `now` holds, and the spare boots in its place.
   void change_places_when(std::function<bool(const ProgramEar&)> now, bool spare_comes = true) {
@@ -95,7 +97,7 @@ class Programming : public ::testing::Test {
     if (!vacant_.empty()) rig_.device(vacant_).unplug();
     rig_.run_for(1s);
     file_.become("controller-2.bprg");
-    ear_.asked = ear_.controlled = ear_.downloads = 0;
+    ear_.frames = ear_.asked = ear_.controlled = ear_.downloads = 0;
     ear_.changed = [this, now = std::move(now), spare_comes] {
       if (changed_ || !now(ear_)) return;
       changed_ = true;
@@ -140,9 +142,10 @@ class Programming : public ::testing::Test {
     }
     return m;
   }
-  [[nodiscard]] static plant::PlantFile plant(const std::string& vacant, bool spare_has_its_node_id) {
+  [[nodiscard]] static plant::PlantFile plant(const std::string& vacant, bool spare_has_its_node_id, bool rand) {
     auto p = one_bus_plant(1);
-    add_controller(p, "own", 1);
+    auto& own = add_controller(p, "own", 1);
+    if (!rand) own.speaks = plant::SpeaksSet{plant::Speaks::lss};
     if (!vacant.empty()) add_controller(p, vacant, 2);
     auto& spare = add_controller(p, "spare", 99);
     spare.plugged = false;
@@ -256,4 +259,41 @@ TEST_F(ExchangedBesideAVacantSlot, WhichSlotTheSpareTakesIsAsked) {
   ASSERT_TRUE(rig_.network().replace("s5", rig_.device("spare").truth().address));
   EXPECT_TRUE(rig_.run_until([&] { return rig_.state(5) == SlotState::operational; }, 120s)) << rig_.log();
   EXPECT_NE(spares_program(), as_it_came);
+}
+
+// It loses its power for a moment, at each kind of step, and comes back under its node-ID. It has no RAND, which would find it again.
+namespace {
+
+using Loss = std::tuple<unsigned, int>;  // at which frame; for how many milliseconds
+
+class PowerLossWhileProgrammed : public Programming, public ::testing::WithParamInterface<Loss> {
+ protected:
+  PowerLossWhileProgrammed() : Programming(places::Replacement::ask, "", false, false) {}
+};
+
+}  // namespace
+
+INSTANTIATE_TEST_SUITE_P(AtEachStep, PowerLossWhileProgrammed,
+                         ::testing::Combine(::testing::Values(1, 4, 8, 9, 10, 11, 12, 40, 300, 1000, 2000, 2340, 2350),
+                                            ::testing::Values(20, 300, 2'000, 12'000)));
+
+TEST_P(PowerLossWhileProgrammed, ItIsProgrammedAllTheSame) {
+  const auto [frame, ms] = GetParam();
+  rig_.begin();
+  ASSERT_TRUE(rig_.until_operational(30s)) << rig_.log();
+  rig_.kill();
+  rig_.device("own").device().apply(co::NmtCommand::enter_pre_operational);
+  rig_.run_for(1s);
+  file_.become("controller-2.bprg");
+  ear_.frames = 0;
+  ear_.changed = [this, at = frame, off = ms] {
+    if (changed_ || ear_.frames != at) return;
+    changed_ = true;
+    rig_.world().sim().after(1us, [this] { rig_.device("own").power(false); });
+    rig_.world().sim().after(std::chrono::milliseconds(off), [this] { rig_.device("own").power(true); });
+  };
+  rig_.begin();
+  ASSERT_TRUE(rig_.run_until([&] { return changed_; }, 60s)) << ear_.frames << " frames\n" << rig_.log();
+  rig_.run_for(15s);
+  EXPECT_TRUE(rig_.run_until([&] { return rig_.state(5) == SlotState::operational; }, 120s)) << rig_.log();
 }
