@@ -148,7 +148,7 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
       const auto slots = session_->slots();
       const auto slot = std::ranges::find(slots, spare.worn, &operate::SlotReport::name);
       const bool waits = slot != slots.end() && slot->reason.find("may have node-ID") != std::string::npos;
-      if (!waits) continue;
+      if (!waits || watch_->is_seated(spare.worn)) continue;
       note("bring back " + spare.worn);
       for (const auto& name : {spare.fresh, spare.second}) {
         if (!name.empty()) world_->find(name)->unplug();
