@@ -30,10 +30,12 @@ class Duplicates final : public co::SdoClient::Observer {
   struct Shared {
     NodeId id;
     std::array<std::vector<std::uint32_t>, 4> parts{};  // of the LSS addresses that were heard under it
-    bool answered_twice = false;                        // and not only once before
+    std::array<std::vector<std::uint32_t>, 4> seconds{};  // those of them that came as second answers
+    std::optional<rt::Time> second_at = std::nullopt;     // the last one
+    bool answered_twice = false;                          // that is no frame which CAN repeated
   };
   void surplus(NodeId node, const can::Frame& frame, rt::Time at) noexcept override;
-  void note_shared(const can::Frame& frame);
+  void note_shared(const can::Frame& frame, rt::Time at);
   void tell(NodeId node);
   rt::Task<void> hear_parts(NodeId id);
   [[nodiscard]] static std::vector<LssAddress> addresses_of(const Shared& shared);
