@@ -93,8 +93,9 @@ rt::Task<bool> ConfiguredFinder::find(bool all) {
   co_return news;
 }
 
-// One that gave back what it was lent and did not hear the reset behind it uses it on, unheard. Without a node-ID it may
-// be hidden from a search that finds one device at a time (Fastscan): behind another that waits for its power cycle.
+// One that gave back what it was lent and did not hear the reset behind it uses it on, unheard. Without a node-ID it
+// may be hidden from a search that finds one device at a time (Fastscan): behind another that waits for its power
+// cycle.
 rt::Task<bool> ConfiguredFinder::ask_borrowers() {
   bool news = false;
   if (!agenda_.retries) co_return news;

@@ -32,7 +32,8 @@ void Duplicates::surplus(NodeId node, const can::Frame& frame, rt::Time now) noe
   }
   // A frame that CAN repeated is no second device, and seldom the next one too.
   const rt::Time before = std::exchange(answered_twice_[node.value()], now);
-  const bool again = before != rt::Time{} && now - before > places::second_answer && now - before < std::chrono::minutes(1);
+  const bool again =
+      before != rt::Time{} && now - before > places::second_answer && now - before < std::chrono::minutes(1);
   if (again) tell(node);
 }
 

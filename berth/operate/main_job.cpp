@@ -122,8 +122,8 @@ void MainJob::tell_whether_empty(Seat& seat) {
   // What it waited for ended, perhaps behind the plan of this round: the next one that looks for all says what it is.
   const bool over = vacant && waits == nullptr && !shared && seat.state == SlotState::power_cycle;
   const bool fits_one = over && std::ranges::any_of(p_.found.all(), [&](const auto& f) {
-    return p_.slots.of(f.device) == nullptr && !f.clone && places::fits(seat.slot.spec, f.device);
-  });
+                          return p_.slots.of(f.device) == nullptr && !f.clone && places::fits(seat.slot.spec, f.device);
+                        });
   if (over && (fits_one || !p_.agenda.retries)) p_.agenda.look_anew = true;
   if (fits_one) return p_.slots.set_state(seat, SlotState::empty, "looking again");
   const char* const why = p_.agenda.alone ? can::no_acknowledge : "no device of its type was found";
