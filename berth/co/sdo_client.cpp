@@ -66,7 +66,6 @@ SdoTransfer::SdoTransfer(SdoLine& line, NodeId node, ObjectRef ref, const SdoOpt
 SdoTransfer::~SdoTransfer() {
   if (state_ == State::idle || state_ == State::done) return;
   if (state_ != State::queued && state_ != State::initiate) send_abort(AbortCode::general);
-  line_->silent_ |= bit_of(ref_);
   leave();
 }
 
@@ -142,12 +141,11 @@ void SdoTransfer::sent(rt::Time at) noexcept {
   if (in_blocks && extra_->block.closing()) return complete();
   request_.on_wire = true;
   auto& line = *line_;
-  if (at > line.owed_until_) {
-    line.owed_ = 0;
-    line.silent_ = 0;
-  }
-  line.owed_ += request_.answers;
-  line.owed_until_ = at + line.settings_->late_window;
+  if (line.open_ + line.owed_ > 0) [[unlikely]]
+    line.give_up_open(at);
+  line.open_ = request_.answers;
+  line.open_ref_ = ref_;
+  line.open_until_ = at + line.settings_->late_window;
   auto patience = options_.timeout;
   if (in_blocks && extra_->block.collecting()) {
     extra_->block.request_sent(at);
@@ -174,7 +172,6 @@ void SdoTransfer::run() noexcept {
 }
 
 void SdoTransfer::timed_out() noexcept {
-  line_->silent_ |= bit_of(ref_);
   const bool again = attempts_ <= options_.retries;
   // A server that collects a sub-block takes everything but an abort for a segment.
   if (block_ || (options_.abort_on_timeout && !again)) send_abort(AbortCode::timeout);
@@ -321,7 +318,6 @@ void SdoTransfer::complete() noexcept {
 
 void SdoTransfer::fail_with(Errc code, std::uint32_t detail, const char* text) noexcept {
   error_ = make_error(code, detail, text);
-  line_->silent_ |= bit_of(ref_);
   leave();
   finish();
 }
@@ -371,6 +367,29 @@ void SdoLine::enqueue(SdoTransfer& transfer) noexcept {
   *end = &transfer;
 }
 
+// What the newest request was not answered is late from now on. Each silence has its own time: requests behind it that
+// are answered do not prolong it.
+void SdoLine::give_up_open(rt::Time at) noexcept {
+  if (at > owed_until_) {
+    owed_ = 0;
+    silent_ = 0;
+  }
+  if (open_ > 0 && at <= open_until_) {
+    owed_ += open_;
+    owed_until_ = open_until_;
+    silent_ |= bit_of(open_ref_);
+  }
+  open_ = 0;
+}
+
+// A device that boots answers nothing that was asked before.
+void SdoLine::booted() noexcept {
+  owed_ = 0;
+  silent_ = 0;
+  const bool on_wire = first_ != nullptr && first_->request_.on_wire;
+  if (!on_wire) open_ = 0;
+}
+
 // Segments and blocks name no object; some servers' aborts name a wrong one.
 bool SdoLine::may_be_owed(const can::Frame& frame) const noexcept {
   const auto scs = static_cast<Scs>(sdo::specifier(frame.data[0]));
@@ -405,16 +424,16 @@ inline void SdoLine::received(NodeId node, const can::Frame& frame, rt::Time at)
   SdoTransfer* const first = first_;
   if (first == nullptr || !first->awaits(frame)) [[unlikely]]
     return received_other(node, frame, at);
-  owed_ = owed_ > 0 && at <= owed_until_ ? owed_ - 1 : 0;
+  open_ = 0;
   first->take_expedited(frame);
 }
 
 void SdoLine::received_other(NodeId node, const can::Frame& frame, rt::Time at) noexcept {
-  if (owed_ > 0 && at > owed_until_) owed_ = 0;
-  const unsigned open = first_ != nullptr && first_->request_.on_wire ? first_->request_.answers : 0;
-  const bool owed = owed_ > open && may_be_owed(frame);
+  const bool on_wire = first_ != nullptr && first_->request_.on_wire;
+  if (!on_wire) give_up_open(at);
+  const bool owed = owed_ > 0 && at <= owed_until_ && may_be_owed(frame);
   if (first_ != nullptr && first_->answer(frame)) {
-    if (owed_ > 0) --owed_;
+    if (open_ > 0) --open_;
   } else if (owed) {
     --owed_;
     ++late_;

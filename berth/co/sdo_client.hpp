@@ -295,6 +295,8 @@ class SdoLine : private rt::Job {
   void remove_of_several(SdoTransfer& transfer) noexcept;
   void cancel() noexcept;
   [[nodiscard]] bool may_be_owed(const can::Frame& frame) const noexcept;
+  void give_up_open(rt::Time at) noexcept;
+  void booted() noexcept;
   void run() noexcept override {
     if (first_ != nullptr) first_->run();
   }
@@ -310,7 +312,10 @@ class SdoLine : private rt::Job {
   CobId request_;
   std::uint32_t surplus_ = 0;
   std::uint32_t late_ = 0;
-  std::uint32_t owed_ = 0;  // answers that requests on the wire have not had
+  std::uint32_t open_ = 0;  // answers that the newest request on the wire has not had
+  ObjectRef open_ref_{};
+  rt::Time open_until_{};
+  std::uint32_t owed_ = 0;  // answers that the requests before it have not had
   rt::Time owed_until_{};
   std::uint64_t silent_ = 0;  // of those requests' objects a bit each: an answer for another object is none of theirs
 };
@@ -386,6 +391,12 @@ class SdoClient final : private can::Handler {
   void set_observer(Observer* observer) noexcept { settings_.observer = observer; }
   /// How long an answer may come late after its request timed out and still not count as surplus. Default 5 s.
   void set_late_window(rt::Duration window) noexcept { settings_.late_window = window; }
+
+  /// A boot-up message of this node was heard: answers that it owed from before are not to come, and what comes behind
+  /// the one answer to a request is surplus.
+  void booted(NodeId node) noexcept {
+    if (node.configured()) line(node).booted();
+  }
 
   /// From now on this client hears what others on this bus ask by the default channels (another process's, a panel's):
   /// each request has its one answer, which is not surplus; a second one to it is. Costs an entry of the dispatcher.

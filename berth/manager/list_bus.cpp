@@ -25,7 +25,8 @@ places::SlotSpec spec_of(NodeId node, const SlaveRules& rules) {
 
 }  // namespace
 
-ListBus::ListBus(const ListServices& services) : s_(services), lss_(services.dispatcher), boots_(services.dispatcher) {}
+ListBus::ListBus(const ListServices& services)
+    : s_(services), lss_(services.dispatcher), boots_(services.dispatcher, &services.sdo) {}
 
 void ListBus::begin(NodeId own) {
   own_ = own;

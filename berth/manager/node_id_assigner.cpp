@@ -130,9 +130,18 @@ rt::Task<void> NodeIdAssigner::ask(ListSlot& slot) {
     silent_.set(node.value());
   }
   slot.there = slot.there || !silent || slot.guarded;
-  if (!doubled_[node.value()]) co_return;
+  const auto& record = slot.slot.record;
+  const bool comes = device && (!record.confirmed || record.intended || record.confirmed->device != *device);
+  if (!doubled_[node.value()] && !comes) co_return;
   co_await rt::sleep_for(places::second_answer);
-  if (bus_.services().sdo.surplus(node) != surplus) co_return;
+  if (bus_.services().sdo.surplus(node) != surplus) {
+    if (doubled_[node.value()]) co_return;
+    // Before it is taken for the slot's: what was answered may be another's word.
+    const auto again = co_await places::identify(bus_.services().sdo, node, places::second_answer);
+    if (again.by_two) doubled_.set(node.value());
+    if (again.who) slot.device = *again.who;
+    co_return;
+  }
   doubled_.reset(node.value());  // one of them is gone
   tries_[node.value()] = 0;
 }

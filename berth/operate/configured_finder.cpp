@@ -93,7 +93,9 @@ rt::Task<bool> ConfiguredFinder::find(bool all) {
   co_return news;
 }
 
-// One that gave back what it was lent and did not hear the reset behind it uses it on, unheard.
+// One that gave back what it was lent and did not hear the reset behind it uses it on, unheard. Without a node-ID it
+// may be hidden from a search that finds one device at a time (Fastscan): behind another that waits for its power
+// cycle.
 rt::Task<bool> ConfiguredFinder::ask_borrowers() {
   bool news = false;
   if (!agenda_.retries) co_return news;
@@ -103,9 +105,16 @@ rt::Task<bool> ConfiguredFinder::ask_borrowers() {
     const bool known = found_.of(device) != nullptr || slots_.of(device) != nullptr;
     if (known) continue;
     const auto id = co_await asking_.active_id_once(device);
-    const bool uses = id && id->configured();
-    if (!uses) continue;
-    note({device, *id});
+    const bool fits_one = std::ranges::any_of(slots_.seats(), [&](const auto& seat) {
+      return !seat->slot.record.device() && seat->slot.spec.assign == Assign::lss &&
+             places::fits(seat->slot.spec, device);
+    });
+    if (!id || (!id->configured() && !fits_one)) continue;
+    if (id->configured()) {
+      note({device, *id});
+    } else {
+      found_.note({device, NodeId()});  // told when it was found
+    }
     news = true;
   }
   co_return news;

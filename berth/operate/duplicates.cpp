@@ -22,8 +22,7 @@ void Duplicates::surplus(NodeId node, const can::Frame& frame, rt::Time now) noe
   const bool others_talk = s_.bus.flying && s_.port.status().listen_only;  // the active master asks
   if (others_talk) return;
   if (shared_ && shared_->id == node) {
-    shared_->answered_twice = true;
-    return note_shared(frame);
+    return note_shared(frame, now);
   }
   agenda_.look_anew = true;
   if (Seat* const seat = slots_.at(node)) {
@@ -33,7 +32,8 @@ void Duplicates::surplus(NodeId node, const can::Frame& frame, rt::Time now) noe
   }
   // A frame that CAN repeated is no second device, and seldom the next one too.
   const rt::Time before = std::exchange(answered_twice_[node.value()], now);
-  const bool again = before != rt::Time{} && now - before > places::second_answer && now - before < std::chrono::minutes(1);
+  const bool again =
+      before != rt::Time{} && now - before > places::second_answer && now - before < std::chrono::minutes(1);
   if (again) tell(node);
 }
 
@@ -52,8 +52,11 @@ Duplicates::Duplicates(BusServices& services, SlotTable& slots, Agenda& agenda, 
   s_.sdo.heed_other_clients();
 }
 
-// An answer to the upload of a part that the first answer had ended.
-void Duplicates::note_shared(const can::Frame& frame) {
+// An answer to the upload of a part that the first answer had ended. CAN repeats a frame whose last bit its sender sees
+// wrong, so that one second answer proves nothing; one to another question does, as all are asked with pauses.
+void Duplicates::note_shared(const can::Frame& frame, rt::Time at) {
+  const auto before = std::exchange(shared_->second_at, at);
+  if (before && at - *before > places::second_answer) shared_->answered_twice = true;
   const bool expedited =
       frame.size == 8 && (frame.data[0] & 0xE3U) == 0x43U && frame.data[1] == 0x18 && frame.data[2] == 0x10;
   const std::size_t sub = frame.data[3];
@@ -61,6 +64,7 @@ void Duplicates::note_shared(const can::Frame& frame) {
   std::uint32_t value = 0;
   for (std::size_t i = 0; i < 4; ++i) value |= std::uint32_t{frame.data[4 + i]} << (8 * i);
   put(shared_->parts[sub - 1], value);
+  put(shared_->seconds[sub - 1], value);
 }
 
 // Twice, with pauses: a single-slot receive buffer loses a question behind another frame.
@@ -70,9 +74,13 @@ rt::Task<void> Duplicates::hear_parts(NodeId id) {
     const std::uint8_t sub = static_cast<std::uint8_t>(i % 4 + 1);
     const auto first = co_await s_.sdo.read<std::uint32_t>(id, 0x1018, sub);
     if (first) put(shared_->parts[sub - 1U], *first);
+    co_await rt::sleep_for(places::second_answer);
+    // Nor does a repeated frame say anything else than the first.
+    const auto& seconds = shared_->seconds[sub - 1U];
+    const bool differs = first && std::ranges::any_of(seconds, [&](std::uint32_t value) { return value != *first; });
+    shared_->answered_twice = shared_->answered_twice || differs;
     const bool none = !first && first.error().code == Errc::aborted;
     if (none) put(shared_->parts[sub - 1U], 0);
-    co_await rt::sleep_for(places::second_answer);
   }
 }
 

@@ -29,11 +29,13 @@ class Duplicates final : public co::SdoClient::Observer {
  private:
   struct Shared {
     NodeId id;
-    std::array<std::vector<std::uint32_t>, 4> parts{};  // of the LSS addresses that were heard under it
-    bool answered_twice = false;                        // and not only once before
+    std::array<std::vector<std::uint32_t>, 4> parts{};    // of the LSS addresses that were heard under it
+    std::array<std::vector<std::uint32_t>, 4> seconds{};  // those of them that came as second answers
+    std::optional<rt::Time> second_at = std::nullopt;     // the last one
+    bool answered_twice = false;                          // that is no frame which CAN repeated
   };
   void surplus(NodeId node, const can::Frame& frame, rt::Time at) noexcept override;
-  void note_shared(const can::Frame& frame);
+  void note_shared(const can::Frame& frame, rt::Time at);
   void tell(NodeId node);
   rt::Task<void> hear_parts(NodeId id);
   [[nodiscard]] static std::vector<LssAddress> addresses_of(const Shared& shared);
@@ -45,7 +47,7 @@ class Duplicates final : public co::SdoClient::Observer {
   Agenda& agenda_;
   FoundDevices& found_;
   Asking& asking_;
-  std::optional<Shared> shared_;            // while two devices are told apart
+  std::optional<Shared> shared_;                // while two devices are told apart
   std::array<rt::Time, 128> not_before_{};      // they are not told apart again
   std::array<rt::Time, 128> answered_twice_{};  // the last time, of nodes without a slot
 };

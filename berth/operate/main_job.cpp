@@ -121,7 +121,14 @@ void MainJob::tell_whether_empty(Seat& seat) {
   const bool shared = p_.fading.user_of(seat.id()) != nullptr;
   // What it waited for ended, perhaps behind the plan of this round: the next one that looks for all says what it is.
   const bool over = vacant && waits == nullptr && !shared && seat.life == Life::waits;
-  if (over && !p_.agenda.retries) p_.agenda.look_anew = true;
+  const bool fits_one = over && std::ranges::any_of(p_.found.all(), [&](const auto& f) {
+                          return p_.slots.of(f.device) == nullptr && !f.clone && places::fits(seat.slot.spec, f.device);
+                        });
+  if (over && (fits_one || !p_.agenda.retries)) p_.agenda.look_anew = true;
+  if (fits_one) {
+    p_.slots.happened(seat, SlotEvent::nobody, "looking again");
+    return;
+  }
   const char* const why = p_.agenda.alone ? can::no_acknowledge : "no device of its type was found";
   if (none || (over && p_.agenda.retries)) p_.slots.happened(seat, SlotEvent::nobody, why);
 }

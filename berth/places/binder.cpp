@@ -398,9 +398,11 @@ rt::Task<Outcome> Binder::identify(const Binding& binding) {
     if (booted) who = co_await read_identity(s_.sdo, id);
   }
   if (!who) co_return who.error().code == Errc::timeout ? Outcome::silent : outcome_of(who.error());
+  // The answers of a slower one that has had the node-ID all along come behind the last question.
+  if (stayed) co_await rt::sleep_for(second_answer);
   if (s_.sdo.surplus(id) != surplus) {
     co_await rt::sleep_for(second_answer);
-    const auto again = co_await places::identify(s_.sdo, id);
+    const auto again = co_await places::identify(s_.sdo, id, second_answer);
     if (again.by_two) co_return Outcome::several;
     who = again.who;
     if (!who) co_return outcome_of(who.error());

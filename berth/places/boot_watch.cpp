@@ -2,7 +2,7 @@
 
 namespace berth::places {
 
-BootWatch::BootWatch(can::Dispatcher& dispatcher) {
+BootWatch::BootWatch(can::Dispatcher& dispatcher, co::SdoClient* sdo) : sdo_(sdo) {
   dispatcher.add({0x081, 0x0FF}, *this);
   dispatcher.add({0x581, 0x5FF}, *this);
   dispatcher.add({0x701, 0x77F}, *this);
@@ -28,6 +28,7 @@ void BootWatch::error_control(Node& node, const can::Frame& frame, rt::Time at) 
   }
   ++node.boot_ups;
   node.boot_up = at;
+  if (sdo_ != nullptr) sdo_->booted(NodeId(static_cast<std::uint8_t>(frame.id & 0x7FU)));
   for (Wait* waiter = waiters_; waiter != nullptr;) {
     Wait* const next = waiter->next_;
     if (waiter->is_over()) {

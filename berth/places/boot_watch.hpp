@@ -10,13 +10,15 @@
 
 #include "berth/base/ids.hpp"
 #include "berth/can/dispatcher.hpp"
+#include "berth/co/sdo_client.hpp"
 #include "berth/rt/task.hpp"
 
 namespace berth::places {
 
 class BootWatch final : private can::Handler {
  public:
-  explicit BootWatch(can::Dispatcher& dispatcher);
+  /// `sdo`: told of each boot-up, so that no silence from before it excuses a second answer; may be null.
+  explicit BootWatch(can::Dispatcher& dispatcher, co::SdoClient* sdo = nullptr);
 
   /// When the last boot-up message under this node-ID was heard.
   [[nodiscard]] std::optional<rt::Time> boot_up(NodeId id) const noexcept { return at(id).boot_up; }
@@ -97,6 +99,7 @@ class BootWatch final : private can::Handler {
 
   void error_control(Node& node, const can::Frame& frame, rt::Time at) noexcept;
 
+  co::SdoClient* sdo_;
   std::array<Node, 128> nodes_{};
   Wait* waiters_ = nullptr;
 };

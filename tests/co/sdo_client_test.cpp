@@ -328,6 +328,58 @@ TEST_F(Client, S15_AnOldSilenceExcusesNoSecondAnswer) {
   EXPECT_EQ(client.late(node), 0U);
 }
 
+// Nor do the requests that are answered meanwhile make it younger.
+TEST_F(Client, S15_AnswersDoNotProlongAnOldSilence) {
+  client.set_late_window(100ms);
+  co::SdoOptions impatient = client.options();
+  impatient.timeout = 20ms;
+  impatient.abort_on_timeout = false;
+  auto silent = client.read<std::uint32_t>(node, 0x1000, 0, impatient);
+  EXPECT_EQ(await(*this, silent).error().code, Errc::timeout);
+  for (int i = 0; i < 4; ++i) {
+    run(40ms);
+    reply("605#4000100000000000", {"585#4300100022222222"});
+    auto answered = client.read<std::uint32_t>(node, 0x1000, 0);
+    EXPECT_EQ(*await(*this, answered), 0x22222222U);
+  }
+  server.send("585#4300100033333333");
+  run(1ms);
+  EXPECT_EQ(client.surplus(node), 1U);
+  EXPECT_EQ(client.late(node), 0U);
+}
+
+// Nobody was there when it was asked first: the device that boots then has nothing late to say.
+TEST_F(Client, S15_ASilenceBeforeABootUpExcusesNoSecondAnswer) {
+  co::SdoOptions impatient = client.options();
+  impatient.timeout = 20ms;
+  impatient.retries = 1;
+  impatient.abort_on_timeout = false;
+  auto silent = client.read<std::uint32_t>(node, 0x1018, 1, impatient);
+  EXPECT_EQ(await(*this, silent).error().code, Errc::timeout);
+  client.booted(node);
+  reply("605#4018100100000000", {"585#4318100101000000"});
+  auto answered = client.read<std::uint32_t>(node, 0x1018, 1);
+  EXPECT_EQ(*await(*this, answered), 1U);
+  server.send("585#4318100133333333");
+  run(1ms);
+  EXPECT_EQ(client.late(node), 0U);
+  EXPECT_EQ(client.surplus(node), 1U);
+}
+
+// A request that is on its way as the device boots is still to be answered, late or not.
+TEST_F(Client, S15_ABootUpWhileARequestIsOpen) {
+  co::SdoOptions impatient = client.options();
+  impatient.timeout = 20ms;
+  impatient.abort_on_timeout = false;
+  auto silent = client.read<std::uint32_t>(node, 0x1018, 1, impatient);
+  executor().post([&] { client.booted(node); });
+  EXPECT_EQ(await(*this, silent).error().code, Errc::timeout);
+  server.send("585#4318100101000000");
+  run(1ms);
+  EXPECT_EQ(client.late(node), 1U);
+  EXPECT_EQ(client.surplus(node), 0U);
+}
+
 // What a request left unanswered is owed for is its own object: a second answer about another one is a second device's.
 TEST_F(Client, S15_ASilenceExcusesNoSecondAnswerAboutAnotherObject) {
   co::SdoOptions impatient = client.options();

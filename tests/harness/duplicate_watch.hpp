@@ -208,7 +208,7 @@ class DuplicateWatch final : public plant::World::Observer {
       if (times.size() == most_voices) times.erase(times.begin(), times.begin() + most_voices / 2);
       times.push_back(at);
       if (master != nullptr && what.identifies)
-        watch_->seated(what.who, NodeId(static_cast<std::uint8_t>(what.key & 0x7FU)));
+        watch_->seated(*this, what.who, NodeId(static_cast<std::uint8_t>(what.key & 0x7FU)));
     }
     // Berth asks for 1000h; a gateway's master is its bus's only client, and whatever it reads asks who is there.
     [[nodiscard]] bool asks(const can::Frame& frame, int sender) const noexcept {
@@ -296,10 +296,15 @@ class DuplicateWatch final : public plant::World::Observer {
     }
     return {};
   }
-  // A gateway's master heard under this node-ID that it is this device.
-  void seated(const std::string& device, NodeId id) {
+  // A gateway's master heard under this node-ID that it is this device. Beside another that answers under it too the
+  // master cannot know whom it heard, and goes on waiting for the device that it told.
+  void seated(const Wire& wire, const std::string& device, NodeId id) {
     Life& life = lives_[device];
-    life.seated = life.seated || life.owned == id;
+    const bool alone = std::ranges::none_of(wire.devices, [&](const plant::SimDevice* other) {
+      const auto t = other->truth();
+      return t.powered && t.active == id && t.name != device;
+    });
+    life.seated = life.seated || (alone && life.owned == id);
   }
   [[nodiscard]] rt::Time now() const { return world_->executor().now(); }
   void fail_with(const std::string& text) {

@@ -75,8 +75,16 @@ INSTANTIATE_TEST_SUITE_P(
         Known{5, "a device that waits for its power cycle holds LSS, and the others wait", {.waits = true}},
         Known{13, "a slot says that no device was found, and an event has named it", {.waits = true}},
         Known{22, "a frame that came twice is told to be of two devices", {.waits = true}},
+        Known{43, "beside one that waits for its power cycle a device that was switched on waits too", {.waits = true}},
+        Known{1003846,
+              "one SDO answer that CAN repeated, and the slot's device asked for another reason",
+              {.waits = true}},
+        Known{1015195, "the same", {.waits = true}},
+        Known{1002339, "Fastscan finds one that waits for its power cycle, and none behind it", {.waits = true}},
         Known{
-            43, "beside one that waits for its power cycle a device that was switched on waits too", {.waits = true}}),
+            1027169, "what a slot waited for ended behind the plan, and a device that fits is known", {.waits = true}},
+        Known{1039403, "the same", {.waits = true}},
+        Known{1036651, "a question is over, as its device was not looked for again", {.waits = true}}),
     name_of);
 
 }  // namespace

@@ -33,9 +33,38 @@ struct Other {
   device::Device device;
 };
 
+// What a device with the slot's node-ID says when it is asked who it is, so long behind the question.
+class Voice final : private can::Handler {
+ public:
+  Voice(sim::World& world, sim::Bus& bus, const LssAddress& who, rt::Duration behind)
+      : world_(world),
+        who_(who),
+        behind_(behind),
+        controller_(bus.attach({.queue_depth = 16, .rx_depth = 16})),
+        dispatcher_(world.executor(), *controller_) {
+    dispatcher_.add(can::only(0x600U + new_id.value()), *this);
+  }
+
+ private:
+  void received(const can::Frame& frame, rt::Time) noexcept override {
+    const std::array parts{std::uint32_t{0}, who_.vendor, who_.product, who_.revision, who_.serial};
+    can::Frame answer = frame;
+    answer.id = 0x580U + new_id.value();
+    answer.data[0] = 0x43;
+    const bool identity = frame.data[1] == 0x18 && frame.data[2] == 0x10;
+    answer.data[4] = static_cast<std::uint8_t>(identity ? parts.at(frame.data[3]) : 0U);
+    world_.after(behind_, [this, answer] { dispatcher_.send(answer); });
+  }
+  sim::World& world_;
+  LssAddress who_;
+  rt::Duration behind_;
+  std::unique_ptr<sim::Controller> controller_;
+  can::Dispatcher dispatcher_;
+};
+
 struct Rig : World {
-  Rig() {
-    Node& node = add({.address = moving, .node_id = old_id, .timing = {}});
+  explicit Rig(NodeId has = old_id) {
+    Node& node = add({.address = moving, .node_id = has, .timing = {}});
     node.overhears = [this](const can::Frame&) { return deaf; };
     binder_options.before_step = [this](const Binding& binding) {
       if (before) before(binding.step());
@@ -97,4 +126,20 @@ TEST(Binder, TheOldNodeIdIsNotGivenBackWhenAnotherHasIt) {
   EXPECT_EQ(rig.bind(), Step::failed);
   EXPECT_EQ(rig.why, Why::other_device);
   EXPECT_EQ(rig.nodes[0]->slave.persistent().node_id, NodeId());
+}
+
+// The device has its slot's node-ID already.
+TEST(Binder, ADeviceThatKeepsItsNodeIdIsConfirmedThere) {
+  Rig rig(new_id);
+  const Voice own(rig.world, rig.bus, moving, 0ms);
+  EXPECT_EQ(rig.bind(), Step::done);
+}
+
+// So has another, whose answers come behind the last question.
+TEST(Binder, ADeviceThatKeepsItsNodeIdIsNotConfirmedBesideASlowOne) {
+  Rig rig(new_id);
+  const Voice own(rig.world, rig.bus, moving, 0ms);
+  const Voice others(rig.world, rig.bus, {0x11, 0x22, 1, 200}, 12ms);
+  EXPECT_EQ(rig.bind(), Step::failed);
+  EXPECT_EQ(rig.why, Why::other_device);
 }
