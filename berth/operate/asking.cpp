@@ -93,7 +93,7 @@ places::Binder::Options Asking::binder_options() const {
   options.lss_turn = &s_.lss_turn;
   options.before_step = slots_.events().before_step();
   options.on = slots_.bus();
-  options.stores_end = s_.stores_end;
+  options.stores_end = std::max(s_.own_stores_end, s_.foreign_stores.end());
   return options;
 }
 

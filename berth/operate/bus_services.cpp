@@ -18,7 +18,8 @@ BusServices::BusServices(rt::Executor& clock, can::Port& port_used, const design
       nmt(dispatcher),
       heartbeats(dispatcher, heartbeat_listener),
       emergencies(dispatcher, emcy_listener),
-      boots(dispatcher, &sdo) {
+      boots(dispatcher, &sdo),
+      foreign_stores(dispatcher, bus_line.timing.store_timeout) {
   const auto& timing = bus.timing;
   // A device that leaves between its last heartbeat before it is watched and the first after is missed too.
   heartbeats.set_never_seen_time(timing.heartbeat_timeout + timing.heartbeat_period);

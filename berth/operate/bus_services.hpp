@@ -13,6 +13,7 @@
 #include "berth/lss/master.hpp"
 #include "berth/manager/sdo_requests.hpp"
 #include "berth/nodeid/rand_master.hpp"
+#include "berth/operate/foreign_stores.hpp"
 #include "berth/operate/report.hpp"
 #include "berth/places/binder.hpp"
 #include "berth/places/boot_watch.hpp"
@@ -46,7 +47,8 @@ struct BusServices {
   /// The SDO manager of the bus (CiA 302-5; docs/sdo-manager.md), which begins with the first request. Made with the
   /// objects of the master's own device.
   std::unique_ptr<manager::SdoRequests> channels{};
-  rt::Time stores_end{};  ///< as in `places::Binder::Options`
+  ForeignStores foreign_stores;
+  rt::Time own_stores_end{};  ///< what an earlier run of this Berth told a device to store is stored then
   rt::Turn turn;
   rt::Turn lss_turn;
 };

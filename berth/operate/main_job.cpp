@@ -67,7 +67,7 @@ rt::Task<void> MainJob::opening() {
       !p_.slots.unfinished_here().empty();
   const bool other_masters = s.bus.flying.has_value();  // what one of them began is in its own slot table
   if (unfinished) p_.slots.events().tell(EventKind::step, "", "finishing what an earlier run began");
-  if (unfinished) s.stores_end = s.executor.now() + s.bus.timing.store_timeout;
+  if (unfinished) s.own_stores_end = s.executor.now() + s.bus.timing.store_timeout;
   const auto loaded = p_.loans.load();
   if (!loaded)
     p_.slots.events().tell(EventKind::error, "", "the slot table cannot be read: " + describe(loaded.error()));

@@ -97,6 +97,43 @@ TEST(Masters, ABetterOneTakesOver) {
   EXPECT_EQ(berths.second_starts, 0U);
 }
 
+// The dead one had told a device to store, which takes long. Its answer looks like one to the next master's own 17h.
+namespace {
+
+struct StoreEar final : can::Tap {
+  explicit StoreEar(Berths& berths) : berths_(berths) { berths.world().bus("backbone")->add_tap(*this); }
+  ~StoreEar() { berths_.world().bus("backbone")->remove_tap(*this); }
+  void frame(const can::Frame& f, rt::Time at, int) noexcept override {
+    if (f.extended || f.size == 0 || f.data[0] != 0x17) return;
+    if (f.id == 0x7E5) asked.push_back(at);
+    if (f.id == 0x7E4) answered.push_back(at);
+  }
+  std::vector<rt::Time> asked;
+  std::vector<rt::Time> answered;
+
+ private:
+  Berths& berths_;
+};
+
+}  // namespace
+
+TEST(Masters, TheNextOneStoresNothingBeforeWhatTheDeadOneToldIsStored) {
+  auto machine = five_slots();
+  machine.buses[0].timing.store_timeout = 20s;
+  auto plant = five_slaves();
+  for (auto& device : plant.devices) device.storing.time = 15s;
+  Berths berths(machine, plant, {0, 1});
+  StoreEar ear(berths);
+  berths.begin(0);
+  berths.begin(1);
+  ASSERT_TRUE(berths.run_until([&] { return !ear.asked.empty(); }, 60s)) << berths.log();
+  berths.kill(0);
+  ASSERT_TRUE(berths.run_until([&] { return ear.asked.size() > 1; }, 120s)) << berths.log();
+  ASSERT_FALSE(ear.answered.empty());
+  EXPECT_GT(ear.asked[1], ear.answered[0]) << berths.log();
+  EXPECT_TRUE(berths.run_until([&] { return berths.leads(1) && berths.operational(1); }, 300s)) << berths.log();
+}
+
 // A device that is exchanged while the one is active is known to the other by what it finds.
 TEST(Masters, ThreeOfThemOneAfterTheOther) {
   Berths berths(five_slots(), five_slaves(), {0, 1, 2});

@@ -1,0 +1,26 @@
+/// LSS store commands (17h) of other LSS masters on this bus: of the master that this one takes over from, or of a
+/// tool. A device that still stores answers that master, and the answer looks like one to this master's own 17h (CiA
+/// 305 §store configuration has no sequence number). So this master stores nothing before `end`.
+#pragma once
+
+#include "berth/can/dispatcher.hpp"
+#include "berth/rt/executor.hpp"
+
+namespace berth::operate {
+
+class ForeignStores final : private can::Handler {
+ public:
+  /// `store_timeout`: how long a device may take to store.
+  ForeignStores(can::Dispatcher& dispatcher, rt::Duration store_timeout);
+
+  /// No answer to another master's 17h comes later.
+  [[nodiscard]] rt::Time end() const noexcept { return end_; }
+
+ private:
+  void received(const can::Frame& frame, rt::Time at) noexcept override;
+
+  rt::Duration store_timeout_;
+  rt::Time end_{};
+};
+
+}  // namespace berth::operate
