@@ -105,11 +105,7 @@ rt::Task<bool> ConfiguredFinder::ask_borrowers() {
     const bool known = found_.of(device) != nullptr || slots_.of(device) != nullptr;
     if (known) continue;
     const auto id = co_await asking_.active_id_once(device);
-    const bool fits_one = std::ranges::any_of(slots_.seats(), [&](const auto& seat) {
-      return !seat->slot.record.device() && seat->slot.spec.assign == Assign::lss &&
-             places::fits(seat->slot.spec, device);
-    });
-    if (!id || (!id->configured() && !fits_one)) continue;
+    if (!id || (!id->configured() && !has_vacancy_for(slots_, device))) continue;
     if (id->configured()) {
       note({device, *id});
     } else {

@@ -154,4 +154,11 @@ std::vector<UnfinishedBlank> SlotTable::unfinished_here() const {
   return here;
 }
 
+bool has_vacancy_for(const SlotTable& slots, const LssAddress& device) {
+  return std::ranges::any_of(slots.seats(), [&](const auto& seat) {
+    const auto& spec = seat->slot.spec;
+    return !seat->slot.record.device() && spec.assign == places::Assign::lss && places::fits(spec, device);
+  });
+}
+
 }  // namespace berth::operate

@@ -78,4 +78,7 @@ class SlotTable {
   Seats seats_;
 };
 
+/// A slot that LSS fills has no device, and this one fits it.
+[[nodiscard]] bool has_vacancy_for(const SlotTable& slots, const LssAddress& device);
+
 }  // namespace berth::operate

@@ -372,8 +372,13 @@ TEST_F(Client, S15_ABootUpWhileARequestIsOpen) {
   impatient.timeout = 20ms;
   impatient.abort_on_timeout = false;
   auto silent = client.read<std::uint32_t>(node, 0x1018, 1, impatient);
-  executor().post([&] { client.booted(node); });
-  EXPECT_EQ(await(*this, silent).error().code, Errc::timeout);
+  Flag flag;
+  ASSERT_FALSE(silent.begin(executor, flag));
+  run(10ms);
+  client.booted(node);
+  run(20ms);
+  ASSERT_TRUE(flag.set);
+  EXPECT_EQ(silent.await_resume().error().code, Errc::timeout);
   server.send("585#4318100101000000");
   run(1ms);
   EXPECT_EQ(client.late(node), 1U);
