@@ -86,6 +86,7 @@ struct BusStartup {
   manager::Startup rules;  ///< 1F80h; bit 0 follows from the bus's role
   Duration boot_time{};    ///< 1F89h: for all mandatory slots together, from the begin of the main job; 0: for ever
   Duration nmt_inhibit{};  ///< 102Ah: shortest time between two NMT commands
+  bool starts_stopped = false;  ///< `stopped = "start"`: a device that is in NMT stopped is booted and started
 };
 
 /// `[bus.NAME.flying_master]`: Berth is one of several masters of this bus (CiA 302-2).

@@ -30,6 +30,7 @@ constexpr std::array<string_view, 3> on_exit_words{"leave", "preop", "stop"};
 constexpr std::array<string_view, 3> start_words{"each", "together", "by-hand"};
 constexpr std::array<string_view, 2> master_words{"automatic", "by-hand"};
 constexpr std::array<string_view, 3> on_error_words{"device", "reset-all", "stop-all"};
+constexpr std::array<string_view, 2> stopped_words{"leave", "start"};
 constexpr std::array<string_view, 2> bus_off_words{"restart", "stay"};
 
 void read_duration(Table& table, string_view key, Duration low, Duration high, Duration& into) {
@@ -133,6 +134,7 @@ void read_startup(Table& table, Bus& bus) {
     rules.resets_all_on_error = on_error_words[*word] == "reset-all";
     rules.stops_all_on_error = on_error_words[*word] == "stop-all";
   }
+  if (const auto word = entry->word("stopped", stopped_words)) bus.startup.starts_stopped = *word == 1;
   read_duration(*entry, "boot_time", 0s, 24h, bus.startup.boot_time);
   read_duration(*entry, "nmt_inhibit", 0s, 6553500us, bus.startup.nmt_inhibit);
   if (bus.startup.nmt_inhibit % 100us != 0ns) {

@@ -99,7 +99,7 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
       slots_.set_absent(seat, "its identity cannot be read: " + describe(who.error()));
       co_return false;
     }
-    slots_.happened(seat, SlotEvent::identified);
+    take_stopped(seat);
     co_return false;
   }
   const bool doubled = answer.by_two;
@@ -114,6 +114,17 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
                     letter_of(*who, seat.slot.record.confirmed->device));
   }
   co_return false;
+}
+
+// It was so before this Berth began, by a person or by another master: it stays so unless the machine file says else.
+void Presence::take_stopped(Seat& seat) {
+  const NodeId id = seat.id();
+  s_.heartbeats.supervise(id, s_.bus.timing.heartbeat_timeout);
+  const bool starts = s_.bus.startup.starts_stopped && s_.may_command() && !seat.held;
+  if (starts) s_.nmt.queue(co::NmtCommand::enter_pre_operational, id);
+  slots_.happened(seat, SlotEvent::stopped,
+                  starts ? "it is in NMT stopped: it is made pre-operational, and booted"
+                         : fmt::format("it is in NMT stopped; `berth nmt start {}` starts it", id.value()));
 }
 
 const LssAddress* Presence::other_at(const Seat& seat) const noexcept {

@@ -47,6 +47,7 @@ class Presence final : public SeatAsker {
   };
   rt::Task<Sign> sign_of_life(NodeId id);
   [[nodiscard]] const LssAddress* other_at(const Seat& seat) const noexcept;
+  void take_stopped(Seat& seat);
   rt::Task<bool> is_its_own(Seat& seat, std::optional<NmtState> state);
 
   BusServices& s_;

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "berth/network/boot_slave.hpp"
 #include "berth/manager/program_loader.hpp"
+#include "berth/network/boot_slave.hpp"
 #include "berth/operate/slot_table.hpp"
 
 namespace berth::operate {

@@ -28,6 +28,7 @@ struct Row {
 
 using E = SlotEvent;
 using L = Life;
+using S = places::SlotState;
 
 // The first row that fits counts; without one the event changes nothing.
 constexpr Row table[] = {
@@ -53,6 +54,7 @@ constexpr Row table[] = {
     {E::gone, any, L::absent},
     {E::identified, any, L::present},
     {E::runs, any, L::operational},
+    {E::stopped, any, L::stopped},
     {E::wrong_type, away, L::stranger},
     {E::wrong_type, there, L::unfit},
     {E::misplaced, any, L::misplaced},
@@ -72,13 +74,10 @@ constexpr Row table[] = {
 };
 
 constexpr std::array<places::SlotState, lives> states = {
-    places::SlotState::unknown,     places::SlotState::empty,       places::SlotState::question,
-    places::SlotState::binding,     places::SlotState::present,     places::SlotState::absent,
-    places::SlotState::power_cycle, places::SlotState::failed,      places::SlotState::failed,
-    places::SlotState::duplicate,   places::SlotState::wrong_type,  places::SlotState::present,
-    places::SlotState::present,     places::SlotState::configuring, places::SlotState::operational,
-    places::SlotState::question,    places::SlotState::power_cycle, places::SlotState::failed,
-    places::SlotState::duplicate,   places::SlotState::wrong_type,
+    S::unknown,     S::empty,   S::question,  S::binding,     S::present,     S::absent,
+    S::power_cycle, S::failed,  S::failed,    S::duplicate,   S::wrong_type,  // there:
+    S::present,     S::present, S::present,   S::configuring, S::operational, S::question,
+    S::power_cycle, S::failed,  S::duplicate, S::wrong_type,
 };
 
 }  // namespace

@@ -31,6 +31,7 @@ enum class Life : std::uint8_t {
 
   // The slot's device was identified under the slot's node-ID.
   present,      ///< pre-operational: its boot-up runs, or waits
+  stopped,      ///< NMT stopped: its error control is heard, and it answers no SDO that would identify it
   left,         ///< the device told that it left operational; the master does not know yet whether it was this device
   configuring,  ///< its configuration is compared and written, or its program is updated
   operational,  ///< it tells that it is operational
@@ -62,6 +63,7 @@ enum class SlotEvent : std::uint8_t {
   gone,         ///< the device does not answer, its heartbeat stopped, or another device answers
   identified,   ///< the device answers under the slot's node-ID
   runs,         ///< the same, and it was operational already
+  stopped,      ///< the device tells that it is in NMT stopped, and answers no SDO
   wrong_type,   ///< a device of another type answers
   misplaced,    ///< its probe tells another place
   two_answer,   ///< two devices answer under the node-ID

@@ -77,8 +77,8 @@ class Startup final : private network::NetworkStartup::Owner {
   MasterState* master_ = nullptr;
   network::NetworkStartup network_;
   std::optional<ErrorEvent> error_;
-  std::string halted_by_;                 // the mandatory slot
-  bool released_ = false;                 // by a person, who ended a stop
+  std::string halted_by_;                // the mandatory slot
+  bool released_ = false;                // by a person, who ended a stop
   Go released_by_master_ = Go::nothing;  // which a person made operational
 };
 

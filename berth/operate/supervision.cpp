@@ -208,6 +208,9 @@ void Supervision::make_free(Seat& seat) {
 
 rt::Task<void> Supervision::told_state(Seat& seat) {
   const auto state = s_.heartbeats.state(seat.id());
+  // Now it answers SDO, and can be asked what it is.
+  const bool answers = seat.life == Life::stopped && state && *state != NmtState::stopped;
+  if (answers) co_return co_await presence_.ask_seat(seat);
   const bool left = seat.life == Life::left && state && *state != NmtState::operational;
   if (!left) {
     // From stopped to pre-operational, say, as it was told.

@@ -31,8 +31,8 @@ class Supervision {
   /// A device can fall silent while nothing listens for its heartbeat: while it is programmed, configured or asked.
   /// What was there in this run and is absent for long is gone, as with a lost heartbeat.
   void give_up_silent();
-  /// A slot has no device, and its node-ID is heard: a device that the slot was taken from while its cable was cut, say,
-  /// whose boot-up message nobody hears.
+  /// A slot has no device, and its node-ID is heard: a device that the slot was taken from while its cable was cut,
+  /// say, whose boot-up message nobody hears.
   void look_at_voices();
   /// A person sent this NMT command: it is not worked against. `listens`: what the device's heartbeat tells of it comes
   /// here; else the slot shows what it was told, as it does of a device without heartbeat.
