@@ -169,9 +169,9 @@ class MachineReader {
   /// What waits for mandatory slots needs one.
   void check_startups() {
     for (const auto& bus : machine_.buses) {
-      const auto& [rules, boot_time, inhibit] = bus.startup;
-      const bool waits =
-          rules.starts_all_at_once || rules.resets_all_on_error || rules.stops_all_on_error || boot_time.count() > 0;
+      const manager::Startup& rules = bus.startup.rules;
+      const bool waits = rules.starts_all_at_once || rules.resets_all_on_error || rules.stops_all_on_error ||
+                         bus.startup.boot_time.count() > 0;
       const bool any = std::ranges::any_of(
           machine_.slots, [&](const Slot& s) { return s.spec.name.bus == bus.name && s.spec.mandatory; });
       if (!waits || any) continue;
