@@ -47,9 +47,7 @@ rt::Task<void> Finder::forget_and_ask_anew() {
   const auto goes = [&](const places::Found& f) { return f.clone || slots_.of(f.device) == nullptr; };
   for (const auto& f : found_.all()) {
     if (!goes(f)) continue;
-    // One that gave its node-ID up may speak LSS alone as well: SDO found it. One without a place is not looked for.
-    const bool waits = !f.active.configured() && !f.clone && has_vacancy_for(slots_, f.device);
-    rest_wanted_ = rest_wanted_ || found_.without_rand(f.device) || waits;
+    rest_wanted_ = rest_wanted_ || found_.without_rand(f.device);
     places_.forget(f.device);
     // No search finds it again when it speaks nothing that finds devices with a node-ID.
     if (f.active.configured() && !f.lent) configured_.look_again_at(f.active);

@@ -83,8 +83,7 @@ INSTANTIATE_TEST_SUITE_P(
         Known{1002339, "Fastscan finds one that waits for its power cycle, and none behind it", {.waits = true}},
         Known{
             1027169, "what a slot waited for ended behind the plan, and a device that fits is known", {.waits = true}},
-        Known{1039403, "the same", {.waits = true}},
-        Known{1036651, "a question is over, as its device was not looked for again", {.waits = true}}),
+        Known{1039403, "the same", {.waits = true}}),
     name_of);
 
 }  // namespace
