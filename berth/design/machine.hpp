@@ -2,6 +2,7 @@
 /// it touches nothing but the device descriptions that slots name by `eds =`, through a function the caller gives.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -95,6 +96,15 @@ struct FlyingBus {
   manager::FlyingTiming timing;  ///< 1F90h
 };
 
+/// `[bus.NAME.commands]`: what a node of this bus may have Berth do, by the objects of the manager's device.
+struct BusCommands {
+  /// Of `command_words`. Empty, as without the table: 1023h, 1F25h, 1F82h and 5F0Ah refuse each write.
+  std::vector<std::string> verbs;
+  [[nodiscard]] bool allow(std::string_view verb) const noexcept {
+    return std::ranges::find(verbs, verb) != verbs.end();
+  }
+};
+
 /// A frame with one byte of data (heartbeat, SYNC that counts): every stuff bit there can be, three of interframe
 /// space.
 inline constexpr unsigned longest_bits_of_a_byte = 65;
@@ -117,6 +127,7 @@ struct Bus {
   BusStartup startup;
   std::optional<FlyingBus> flying;
   std::optional<BusSync> sync;
+  BusCommands commands;
   live::Signs tolerate;  ///< frames of this machine's own devices that else mean another master
   std::optional<Gateway> gateway;
   text::Place gateway_place;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <iterator>
 
+#include "berth/design/command_words.hpp"
 #include "berth/design/read_parts.hpp"
 
 namespace berth::design {
@@ -195,6 +196,22 @@ void read_flying(Table& table, Bus& bus) {
   bus.flying = flying;
 }
 
+void read_commands(Table& table, Bus& bus) {
+  auto entry = table.table("commands");
+  if (!entry) return;
+  if (!entry->require("verbs", "such as [\"report\", \"sdo read\"]")) return;
+  const auto words = entry->strings("verbs");
+  for (const auto& word : words ? *words : std::vector<std::string>()) {
+    const bool known = std::ranges::find(command_words, word) != command_words.end();
+    if (!known) entry->error("verbs", fmt::format("{} is no command", text::quoted(word)), "`berth help` lists them");
+    if (known) bus.commands.verbs.push_back(word);
+  }
+  if (!bus.own_port) {
+    table.error("commands", "Berth has no port on this bus", "give them to the bus that the gateway is on");
+  }
+  entry->finish();
+}
+
 void read_tolerated(Table& table, Bus& bus) {
   const auto words = table.strings("tolerate");
   if (!words) return;
@@ -250,6 +267,7 @@ Bus read_bus(const std::string& name, text::Table& table, const Timing& timing) 
   read_word(table, "on_exit", on_exit_words, bus.on_exit);
   read_word(table, "bus_off", bus_off_words, bus.bus_off);
   read_tolerated(table, bus);
+  read_commands(table, bus);
   read_gateway(table, bus);
   if (!bus.own_port && !table.has("gateway")) {
     table.error("port", "which gateway?", "write gateway = { bus = \"…\", slot = … }");

@@ -12,6 +12,7 @@
 #include "berth/network/network_requests.hpp"
 #include "berth/od/cia302.hpp"
 #include "berth/text/file.hpp"
+#include "berth/text/printable.hpp"
 
 namespace berth::operate {
 namespace {
@@ -306,11 +307,12 @@ AbortCode ManagerObjects::writing(const od::Values&, ObjectRef ref, std::span<co
 }
 
 AbortCode ManagerObjects::ask_nmt(std::uint8_t sub, std::uint8_t state) {
-  if (!s_.may_command()) return AbortCode::local_control;
+  if (!s_.may_command() || !s_.bus.commands.allow("nmt")) return AbortCode::local_control;
   const bool all = sub == cia302::all_nodes;
   if (!all && !is_slot(sub)) return AbortCode::invalid_value;
   const auto wanted = network::requested_nmt(state);
   if (!wanted || (wanted->others && !all)) return AbortCode::invalid_value;
+  if (!note(fmt::format("1F82h:{:02X} = {}", sub, state))) return AbortCode::device_state;
   if (wanted->others) {
     command_slots(wanted->command);
   } else {
@@ -326,19 +328,21 @@ void ManagerObjects::command_slots(co::NmtCommand command) {
 
 AbortCode ManagerObjects::ask_configuration(std::uint8_t sub, std::uint32_t word) {
   if (word != conf) return AbortCode::not_stored;
-  if (!s_.may_command()) return AbortCode::local_control;
+  if (!s_.may_command() || !s_.bus.commands.allow("configure")) return AbortCode::local_control;
   if (sub != cia302::all_nodes && !is_slot(sub)) return AbortCode::invalid_value;
+  if (!note(fmt::format("1F25h:{:02X} = \"conf\"", sub))) return AbortCode::device_state;
   requests_.configure(sub == cia302::all_nodes ? NodeId() : NodeId(sub));
   return AbortCode::none;
 }
 
 AbortCode ManagerObjects::ask_upload(std::uint8_t sub, std::uint32_t word) {
   if (word != upld) return AbortCode::not_stored;
-  if (s_.only_observes()) return AbortCode::local_control;
+  if (s_.only_observes() || !s_.bus.commands.allow("upload")) return AbortCode::local_control;
   const bool all = sub == cia302::all_nodes;
   if (!all && !is_slot(sub)) return AbortCode::invalid_value;
   const Seat* const seat = all ? nullptr : slots_.at(NodeId(sub));
   if (seat != nullptr && seat->configuration.upload == Uploading::under_way) return AbortCode::device_state;
+  if (!note(fmt::format("5F0Ah:{:02X} = \"upld\"", sub))) return AbortCode::device_state;
   requests_.upload(all ? NodeId() : NodeId(sub));
   return AbortCode::none;
 }
@@ -356,12 +360,33 @@ std::string ManagerObjects::dcf_of(std::uint8_t sub) const {
 }
 
 AbortCode ManagerObjects::ask_command(std::span<const std::uint8_t> text) {
+  if (s_.bus.commands.verbs.empty()) return AbortCode::local_control;
   if (status_ == executing) return AbortCode::device_state;
+  if (!note(fmt::format("1023h:01 = {}", text::printable({reinterpret_cast<const char*>(text.data()), text.size()})))) return AbortCode::device_state;
   status_ = executing;
   reply_.clear();
   if (requests_.command(std::string(text.begin(), text.end()))) return AbortCode::none;
   status_ = 0;
   return AbortCode::local_control;
+}
+
+// Into the history, from where a person sees what a node did. An SDO server does not know its client: the frame names
+// none. So that a node cannot fill the disk, one that commands more often than ten times a second is refused, after some
+// at once. False: it is refused.
+bool ManagerObjects::note(const std::string& what) {
+  constexpr rt::Duration pause = std::chrono::milliseconds(100);
+  constexpr unsigned at_once = 32;
+  const rt::Time now = s_.executor.now();
+  if (next_command_ > now + at_once * pause) return false;
+  next_command_ = std::max(next_command_, now) + pause;
+  places::HistoryEntry entry;
+  entry.event = "commanded by a node";
+  entry.reason = what;
+  entry.on = slots_.bus();
+  const auto noted = slots_.store().note(entry);
+  if (!noted) slots_.events().tell(EventKind::error, "", "the slot table cannot be written: " + describe(noted.error()));
+  slots_.events().tell(EventKind::step, "", "a node of this bus commands: " + what);
+  return true;
 }
 
 void ManagerObjects::answer(bool good, std::string reply) {

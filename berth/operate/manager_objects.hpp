@@ -62,6 +62,7 @@ class ManagerObjects final : private od::Hook {
   [[nodiscard]] std::string dcf_of(std::uint8_t sub) const;
   od::AbortCode ask_command(std::span<const std::uint8_t> text);
   [[nodiscard]] bool is_slot(std::uint8_t sub) const;
+  [[nodiscard]] bool note(const std::string& what);
 
   BusServices& s_;
   SlotTable& slots_;
@@ -70,7 +71,8 @@ class ManagerObjects final : private od::Hook {
   std::array<std::uint8_t, 8> number_{};  // of the last read
   std::uint8_t status_ = 0;               // 1023h:02
   std::string reply_;
-  std::string dcf_;  // of the last read of 1F20h
+  std::string dcf_;          // of the last read of 1F20h
+  rt::Time next_command_{};  // a node's commands are paced
 };
 
 }  // namespace berth::operate

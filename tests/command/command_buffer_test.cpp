@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <memory>
@@ -13,6 +14,8 @@
 
 #include "berth/can/dispatcher.hpp"
 #include "berth/co/sdo_client.hpp"
+#include "berth/command/verbs.hpp"
+#include "berth/design/command_words.hpp"
 #include "berth/device/device.hpp"
 #include "berth/device/dictionary.hpp"
 #include "berth/places/slot_store.hpp"
@@ -29,11 +32,14 @@ constexpr TypeCode type{0x11, 0x22};
 /// A machine of one slot and its device, without a plant file.
 class World {
  public:
-  World() : sim_(7), bus_(sim_.add_bus("field", 250'000)) {
+  /// `verbs`: what the machine file lets nodes command.
+  explicit World(std::vector<std::string> verbs = {"report", "sdo read", "sdo write"})
+      : sim_(7), bus_(sim_.add_bus("field", 250'000)) {
     machine_.name = "m";
     design::Bus bus;
     bus.name = "field";
     bus.bitrate = 250'000;
+    bus.commands.verbs = std::move(verbs);
     machine_.buses.push_back(bus);
     design::Slot slot;
     slot.spec.name = {"m", "field", "left"};
@@ -174,6 +180,89 @@ TEST(RemoteCommands, BadCommandsAreConfirmedAsSuch) {
   EXPECT_NE(world.reply().dump().find("a command that comes by a bus is for that bus"), std::string::npos);
   EXPECT_EQ(world.write(std::string(2000, 'x')), 0x0607'0012U) << "longer than the buffer";
   ASSERT_EQ(world.write(R"({"verb": "report"})"), 0U) << "it works on";
+}
+
+// A node of the bus may be anybody's: what a person may do is not its right.
+TEST(RemoteCommands, ANodeCommandsNothingUnlessTheMachineFileSaysSo) {
+  World world({});
+  ASSERT_TRUE(world.begin());
+  const RemoteCommands remote(world.session());
+  for (const Verb& verb : verbs()) {
+    EXPECT_EQ(world.write(json{{"verb", verb.name}}.dump()), 0x0800'0021U) << verb.name;
+    EXPECT_EQ(world.status(), 0U) << verb.name;
+  }
+  const auto history = world.session().store().history(std::nullopt);
+  ASSERT_TRUE(history);
+  EXPECT_TRUE(std::ranges::none_of(*history, [](const auto& h) { return h.event == "commanded by a node"; }));
+}
+
+TEST(RemoteCommands, ANodeCommandsOnlyWhatIsListed) {
+  for (const Verb& allowed : verbs()) {
+    World world({std::string(allowed.name)});
+    ASSERT_TRUE(world.begin());
+    const RemoteCommands remote(world.session());
+    for (const Verb& verb : verbs()) {
+      if (verb.name == allowed.name) continue;
+      ASSERT_EQ(world.write(json{{"verb", verb.name}}.dump()), 0U) << verb.name;
+      const json reply = world.reply();
+      EXPECT_EQ(world.status(), 3U) << verb.name;
+      EXPECT_NE(reply.dump().find("[bus.field.commands] does not list it"), std::string::npos) << reply;
+      world.sim().run_for(100ms);
+    }
+  }
+}
+
+// Whatever is listed: no file of this computer goes out in frames, and a confirmation is a person's.
+TEST(RemoteCommands, NoPathAndNoConfirmationComesFromANode) {
+  std::vector<std::string> all;
+  for (const Verb& verb : verbs()) all.emplace_back(verb.name);
+  World world(all);
+  ASSERT_TRUE(world.begin());
+  const RemoteCommands remote(world.session());
+  for (const Verb& verb : verbs()) {
+    for (const char* const argument : {"file", "yes", "from-scratch"}) {
+      ASSERT_EQ(world.write(json{{"verb", verb.name}, {"arguments", {{argument, "1"}}}}.dump()), 0U) << verb.name;
+      const json reply = world.reply();
+      EXPECT_EQ(world.status(), 3U) << verb.name;
+      EXPECT_NE(reply.dump().find("is for a person to say, not for a node"), std::string::npos) << reply;
+      world.sim().run_for(100ms);
+    }
+  }
+}
+
+// What a verb names of this computer is called "file", here and in what comes later: the rule above knows this name.
+TEST(RemoteCommands, EveryCommandHasItsWordInTheMachineFile) {
+  std::vector<std::string_view> names;
+  for (const Verb& verb : verbs()) names.push_back(verb.name);
+  EXPECT_TRUE(std::ranges::equal(names, design::command_words));
+}
+
+TEST(RemoteCommands, EachStandsInTheHistory) {
+  World world;
+  ASSERT_TRUE(world.begin());
+  const RemoteCommands remote(world.session());
+  ASSERT_EQ(world.write(R"({"verb": "report"})"), 0U);
+  ASSERT_EQ(world.write("x\x1b[2J"), 0x0800'0022U) << "one at a time";
+  const auto history = world.session().store().history(std::nullopt);
+  ASSERT_TRUE(history && !history->empty());
+  EXPECT_EQ(history->back().event, "commanded by a node");
+  EXPECT_EQ(history->back().reason, R"(1023h:01 = {"verb": "report"})");
+}
+
+// A node that writes without end does not fill the disk.
+TEST(RemoteCommands, ManyCommandsAreRefused) {
+  World world;
+  ASSERT_TRUE(world.begin());
+  const RemoteCommands remote(world.session());
+  unsigned taken = 0;
+  const rt::Time began = world.sim().executor().now();
+  while (world.sim().executor().now() < began + 20s) {
+    if (world.write("{") == 0) ++taken;
+  }
+  EXPECT_LE(taken, 32U + 201U);
+  const auto history = world.session().store().history(std::nullopt);
+  ASSERT_TRUE(history);
+  EXPECT_EQ(std::ranges::count(*history, "commanded by a node", &places::HistoryEntry::event), taken);
 }
 
 TEST(RemoteCommands, OneAtATime) {

@@ -27,6 +27,7 @@ constexpr std::uint16_t bus_status = 0x5F01;
 
 design::Machine three_slots() {
   design::Machine m = one_bus(250'000);
+  m.buses[0].commands.verbs = {"nmt", "configure", "upload"};
   add_slot(m, 1, type_b);
   add_slot(m, 2, type_b);
   add_slot(m, 3, type_c);
@@ -201,6 +202,7 @@ TEST(ManagerObjects, AllOthersAreTheSlots) {
 
 TEST(ManagerObjects, AConfigurationIsAskedForByItsSignature) {
   auto machine = one_bus(250'000);
+  machine.buses[0].commands.verbs = {"nmt", "configure"};
   add_slot(machine, 5, type_pump);
   machine.slots[0].spec.config = example_eds("pump.dcf");
   auto plant = one_bus_plant(3);
@@ -221,6 +223,24 @@ TEST(ManagerObjects, AConfigurationIsAskedForByItsSignature) {
   EXPECT_TRUE(rig.run_until([&] { return configured() > before; }, 5s)) << rig.log();
 }
 
+// A node of the bus is nobody's: what it may command, the machine file says. Reading is free.
+TEST(ManagerObjects, ANodeCommandsNothingUnlessTheMachineFileSaysSo) {
+  auto machine = three_slots();
+  machine.buses[0].commands = {};
+  Rig rig(machine, two_devices());
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  Stranger stranger(rig);
+  EXPECT_EQ(stranger.write(0x1F82, 1, {4}), 0x0800'0021U);
+  EXPECT_EQ(stranger.write(0x1F82, 0x80, {0x84}), 0x0800'0021U);
+  EXPECT_EQ(stranger.write(0x1F25, 1, {'c', 'o', 'n', 'f'}), 0x0800'0021U);
+  EXPECT_EQ(stranger.write(0x5F0A, 1, {'u', 'p', 'l', 'd'}), 0x0800'0021U);
+  EXPECT_EQ(stranger.write(0x1023, 1, {'{', '}'}), 0x0800'0021U);
+  rig.run_for(2s);
+  EXPECT_EQ(rig.device("left").device().state(), NmtState::operational);
+  EXPECT_EQ(stranger.read<std::uint8_t>(0x1F82, 1), 5);
+}
+
 // S5.24: without one who carries commands out they are refused, and the buffer is as it was.
 TEST(ManagerObjects, S5_24_CommandsAreRefusedWhereNoneCarriesThemOut) {
   Rig rig(three_slots(), two_devices());
@@ -237,6 +257,7 @@ namespace {
 
 design::Machine two_pumps() {
   design::Machine m = one_bus(250'000);
+  m.buses[0].commands.verbs = {"upload"};
   add_slot(m, 1, type_pump);
   add_slot(m, 2, type_pump);
   for (auto& slot : m.slots) {

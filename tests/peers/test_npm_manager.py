@@ -21,6 +21,7 @@ port      = "socketcand://127.0.0.1:{port}/field"
 bitrate   = 500_000
 master_id = {manager}
 tolerate  = ["sdo"]
+commands  = {{ verbs = ["report", "sdo read", "sdo write", "nmt", "configure", "upload"] }}
 
 [[slot]]
 bus    = "field"

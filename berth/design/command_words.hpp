@@ -1,0 +1,19 @@
+/// The commands that a machine file may let the nodes of a bus give (`[bus.NAME.commands]`): the verbs of
+/// berth/command/verbs.hpp, which is a higher floor; tests/command compares the two.
+#pragma once
+
+#include <array>
+#include <string_view>
+
+namespace berth::design {
+
+inline constexpr std::array<std::string_view, 37> command_words{
+    "report",        "scan",         "bind",           "replace",          "forget",        "locate",
+    "boot",          "configure",    "upload",         "sdo read",         "sdo write",     "sdo probe",
+    "sdo dump",      "sdo connect",  "sdo release",    "sdo channels",     "nmt",           "program status",
+    "program download", "program start", "program stop", "program clear",  "emcy",          "store",
+    "restore",       "send",         "history",        "lss global",       "lss select",    "lss inquire",
+    "lss set-node-id", "lss store",  "lss bit-timing", "lss activate",     "lss identify",  "lss find",
+    "lss move-bit-rate"};
+
+}  // namespace berth::design
