@@ -62,8 +62,9 @@ class CommandBuffer {
 
 /// Takes what is written to 1023h:01 of the master's device of each bus: a line of JSON as the control socket takes it,
 /// `{"verb": "sdo read", "arguments": {"node": "5", "object": "1018h:04"}}`. Only what `[bus.NAME.commands]` lists is
-/// carried out, and no argument that names a file of this computer or confirms something ("yes"). A command without "bus" means the bus by
-/// which it came; one for another bus is refused. The confirmation in 1023h:03 is the reply as JSON.
+/// carried out, and no argument that names a file of this computer or confirms something ("yes"). A command without
+/// "bus" means the bus by which it came; one for another bus is refused. The confirmation in 1023h:03 is the reply as
+/// JSON.
 class RemoteCommands {
  public:
   /// `session` must stay.

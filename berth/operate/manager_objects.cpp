@@ -362,7 +362,8 @@ std::string ManagerObjects::dcf_of(std::uint8_t sub) const {
 AbortCode ManagerObjects::ask_command(std::span<const std::uint8_t> text) {
   if (s_.bus.commands.verbs.empty()) return AbortCode::local_control;
   if (status_ == executing) return AbortCode::device_state;
-  if (!note(fmt::format("1023h:01 = {}", text::printable({reinterpret_cast<const char*>(text.data()), text.size()})))) return AbortCode::device_state;
+  if (!note(fmt::format("1023h:01 = {}", text::printable({reinterpret_cast<const char*>(text.data()), text.size()}))))
+    return AbortCode::device_state;
   status_ = executing;
   reply_.clear();
   if (requests_.command(std::string(text.begin(), text.end()))) return AbortCode::none;
@@ -371,8 +372,8 @@ AbortCode ManagerObjects::ask_command(std::span<const std::uint8_t> text) {
 }
 
 // Into the history, from where a person sees what a node did. An SDO server does not know its client: the frame names
-// none. So that a node cannot fill the disk, one that commands more often than ten times a second is refused, after some
-// at once. False: it is refused.
+// none. So that a node cannot fill the disk, one that commands more often than ten times a second is refused, after
+// some at once. False: it is refused.
 bool ManagerObjects::note(const std::string& what) {
   constexpr rt::Duration pause = std::chrono::milliseconds(100);
   constexpr unsigned at_once = 32;
@@ -384,7 +385,8 @@ bool ManagerObjects::note(const std::string& what) {
   entry.reason = what;
   entry.on = slots_.bus();
   const auto noted = slots_.store().note(entry);
-  if (!noted) slots_.events().tell(EventKind::error, "", "the slot table cannot be written: " + describe(noted.error()));
+  if (!noted)
+    slots_.events().tell(EventKind::error, "", "the slot table cannot be written: " + berth::describe(noted.error()));
   slots_.events().tell(EventKind::step, "", "a node of this bus commands: " + what);
   return true;
 }

@@ -261,7 +261,8 @@ TEST_F(ExchangedBesideAVacantSlot, WhichSlotTheSpareTakesIsAsked) {
   EXPECT_NE(spares_program(), as_it_came);
 }
 
-// It loses its power for a moment, at each kind of step, and comes back under its node-ID. It has no RAND, which would find it again.
+// It loses its power for a moment, at each kind of step, and comes back under its node-ID. It has no RAND, which would
+// find it again.
 namespace {
 
 using Loss = std::tuple<unsigned, int>;  // at which frame; for how many milliseconds
