@@ -184,7 +184,7 @@ TEST(RemoteCommands, BadCommandsAreConfirmedAsSuch) {
 
 // A node of the bus may be anybody's: what a person may do is not its right.
 TEST(RemoteCommands, ANodeCommandsNothingUnlessTheMachineFileSaysSo) {
-  World world({});
+  World world(std::vector<std::string>{});
   ASSERT_TRUE(world.begin());
   const RemoteCommands remote(world.session());
   for (const Verb& verb : verbs()) {
@@ -198,7 +198,7 @@ TEST(RemoteCommands, ANodeCommandsNothingUnlessTheMachineFileSaysSo) {
 
 TEST(RemoteCommands, ANodeCommandsOnlyWhatIsListed) {
   for (const Verb& allowed : verbs()) {
-    World world({std::string(allowed.name)});
+    World world(std::vector<std::string>{std::string(allowed.name)});
     ASSERT_TRUE(world.begin());
     const RemoteCommands remote(world.session());
     for (const Verb& verb : verbs()) {
