@@ -208,7 +208,11 @@ void NodeIdSeating::ended(ListSlot& slot, const Binding& binding, bool fresh) {
   }
   if (binding.why() == Why::clone) bus_.note({device, binding.old_id(), true});
   if (binding.why() == Why::clone || binding.why() == Why::other_device) slot.trouble = NodeIdTrouble::doubled;
-  if (binding.why() == Why::not_there) bus_.forget(device);
+  if (binding.why() == Why::not_there) {
+    bus_.forget(device);
+    // It left before it could be told: the node-ID stays its own, as while it is not found.
+    if (slot.slot.record.intended && !(fresh && binding.untouched())) slot.trouble = NodeIdTrouble::kept;
+  }
   auto* const f = bus_.find(device);
   if (binding.why() == Why::occupied && f != nullptr && f->active == slot.id()) f->shared = true;
   // Nothing in the device can have changed: the slot is free again. Else it stays the slot's until it is seen.

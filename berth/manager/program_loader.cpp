@@ -35,8 +35,12 @@ bool is_missing(const Error& error) noexcept {
   return is_aborted(error, AbortCode::no_object) || is_aborted(error, AbortCode::no_sub_index);
 }
 
+constexpr std::uint32_t no_valid_program = 1;  // 1F57h, bits 1 to 7 (CiA 302-3)
+
 // It may be there again, or ready, in a moment.
 bool is_passing(const Error& error) noexcept {
+  // It took all of the image, and has none: it lost its power while it wrote.
+  if (error.index == od::cia302::flash_status && error.detail == no_valid_program) return true;
   if (error.code != Errc::aborted) return error.code == Errc::timeout || error.code == Errc::bus;
   constexpr std::array passing{AbortCode::timeout,         AbortCode::crc,
                                AbortCode::general,         AbortCode::device_state,
@@ -293,9 +297,11 @@ rt::Task<Result<void>> ProgramLoader::download(const ProgramWish& wish, ProgramR
   if (!status) co_return fail(status.error());
   const char* const error = flash_error(*status);
   // That there is no program follows from a download that broke off, and is not why.
-  const bool explains = *error != '\0' && (done || (*status >> 1U & 0x7FU) != 1);
+  const bool explains = *error != '\0' && (done || (*status >> 1U & 0x7FU) != no_valid_program);
   if (!explains) co_return done;
-  co_return fail(wrong(od::cia302::flash_status, wish.number, error));
+  Error failed = wrong(od::cia302::flash_status, wish.number, error);
+  failed.detail = *status >> 1U & 0x7FU;
+  co_return fail(failed);
 }
 
 rt::Task<Result<void>> ProgramLoader::check(const ProgramWish& wish) {

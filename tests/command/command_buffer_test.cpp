@@ -242,7 +242,6 @@ TEST(RemoteCommands, EachStandsInTheHistory) {
   ASSERT_TRUE(world.begin());
   const RemoteCommands remote(world.session());
   ASSERT_EQ(world.write(R"({"verb": "report"})"), 0U);
-  ASSERT_EQ(world.write("x\x1b[2J"), 0x0800'0022U) << "one at a time";
   const auto history = world.session().store().history(std::nullopt);
   ASSERT_TRUE(history && !history->empty());
   EXPECT_EQ(history->back().event, "commanded by a node");

@@ -24,13 +24,13 @@ class Stopped : public ::testing::Test {
     rig_.run_for(2s);
     rig_.begin();
   }
-  [[nodiscard]] std::string reason() const {
+  [[nodiscard]] std::string reason() {
     for (const auto& slot : rig_.network().report()) {
       if (slot.id == NodeId(1)) return slot.reason;
     }
     return {};
   }
-  [[nodiscard]] long states_told() const {
+  [[nodiscard]] long states_told() {
     return std::ranges::count_if(rig_.events(), [](const operate::Event& e) {
       return e.kind == operate::EventKind::state && e.slots == std::vector<std::string>{"s1"};
     });
