@@ -8,6 +8,7 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
+#include "berth/base/private_file.hpp"
 #include "berth/operate/report.hpp"
 #include "berth/trace/candump.hpp"
 #include "options.hpp"
@@ -43,7 +44,7 @@ Record::~Record() {
 }
 
 tl::expected<void, Failure> Record::write_to(const std::string& path) {
-  log_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  log_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, private_mode(path));
   if (log_ >= 0) return {};
   return tl::unexpected(failure(Exit::failed, path + ": " + std::strerror(errno)));
 }

@@ -2,11 +2,14 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <array>
 #include <cerrno>
+#include <fstream>
+#include <sstream>
+
+#include "berth/base/private_file.hpp"
 
 namespace berth::store {
 
@@ -14,16 +17,36 @@ FileLock::~FileLock() {
   if (fd_ >= 0) ::close(fd_);
 }
 
+namespace {
+
+// By the kernel's list of locks: what an earlier holder wrote into the file says nothing of this one. "" when the list
+// does not show it (another host's, another container's).
+std::string holder_of(int fd) {
+  struct stat what {};
+  if (::fstat(fd, &what) != 0) return {};
+  const std::string inode = ":" + std::to_string(what.st_ino);
+  std::ifstream locks("/proc/locks");
+  std::string line;
+  while (std::getline(locks, line)) {
+    std::istringstream words(line);
+    std::string number, kind, strength, access, pid, file;
+    words >> number >> kind >> strength >> access >> pid >> file;
+    if (kind == "FLOCK" && pid != "0" && file.ends_with(inode)) return pid;
+  }
+  return {};
+}
+
+}  // namespace
+
 FileLock::Outcome FileLock::take(const std::string& file) {
   const std::string path = file + ".lock";
-  fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
+  fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, private_mode(path));
   if (fd_ < 0) return Outcome::failed;
+  // One that an earlier version made may be open to all.
+  static_cast<void>(::fchmod(fd_, private_mode(path)));
   if (::flock(fd_, LOCK_EX | LOCK_NB) != 0) {
     if (errno != EWOULDBLOCK) return Outcome::failed;
-    std::array<char, 16> text{};
-    const auto size = ::pread(fd_, text.data(), text.size(), 0);
-    const auto end = text.begin() + std::max<std::ptrdiff_t>(size, 0);
-    holder_.assign(text.begin(), std::find_if(text.begin(), end, [](char c) { return c < '0' || c > '9'; }));
+    holder_ = holder_of(fd_);
     return Outcome::held_by_other;
   }
   const std::string pid = std::to_string(::getpid()) + "\n";

@@ -16,7 +16,7 @@ class FileLock {
   enum class Outcome { taken, held_by_other, failed };
   /// Tries once, without waiting. `failed`: errno says why.
   [[nodiscard]] Outcome take(const std::string& file);
-  /// After `held_by_other`: the holder's process id as it wrote it, "" when it could not be read.
+  /// After `held_by_other`: the process id of the holder; "" when this computer does not show it.
   [[nodiscard]] const std::string& holder() const noexcept { return holder_; }
 
  private:

@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "berth/base/bytes.hpp"
+#include "berth/base/private_file.hpp"
 #include "berth/store/database_impl.hpp"
 
 namespace berth::store {
@@ -198,6 +199,8 @@ Database::Opened Database::open(const std::string& given, const OpenOptions& opt
   }
   const bool has_log = !options.vfs.empty() || has_content(path + "-wal");
   try {
+    // What SQLite makes beside it gets the same mode. Where it cannot be made, SQLite says so.
+    if (options.vfs.empty()) static_cast<void>(make_private(path));
     const int flags = SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE | SQLITE_OPEN_EXRESCODE;
     impl->db.emplace(path, flags, 0, options.vfs);
     impl->ended = options.ended;

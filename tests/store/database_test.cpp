@@ -1,8 +1,11 @@
 #include "berth/store/database.hpp"
 
 #include <SQLiteCpp/Database.h>
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+#include <sys/file.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 #include <algorithm>
@@ -281,6 +284,57 @@ TEST(Store, OneOwnerAtATimeNamedByItsProcessId) {
   EXPECT_FALSE(Database::open(folder.file("link.db")));
   store.reset();
   EXPECT_TRUE(Database::open(folder.file()));
+}
+
+// Another user must not read a slot table, and must not lock it: that would stop Berth's next start.
+TEST(Store, ItsFilesAreThisUsersAlone) {
+  const mode_t before = ::umask(0);
+  for (const bool shared : {false, true}) {
+    const Folder folder;
+    ASSERT_EQ(::chmod(fs::path(folder.file()).parent_path().c_str(), shared ? 02770 : 0700), 0);
+    const auto store = must_open(folder.file());
+    ASSERT_TRUE(store->declare({"m", "b", "s"}));
+    for (const char* const name : {"berth.db", "berth.db.lock", "berth.db-wal", "berth.db-shm"}) {
+      struct stat what {};
+      ASSERT_EQ(::stat(folder.file(name).c_str(), &what), 0) << name;
+      EXPECT_EQ(what.st_mode & 0777U, shared ? 0640U : 0600U) << name;
+    }
+  }
+  ::umask(before);
+}
+
+TEST(Store, ALockFileThatWasOpenToAllIsClosed) {
+  const Folder folder;
+  write_bytes(folder.file("berth.db.lock"), "1\n");
+  ASSERT_EQ(::chmod(folder.file("berth.db.lock").c_str(), 0666), 0);
+  const auto store = must_open(folder.file());
+  struct stat what {};
+  ASSERT_EQ(::stat(folder.file("berth.db.lock").c_str(), &what), 0);
+  EXPECT_EQ(what.st_mode & 0777U, 0600U);
+}
+
+// What stands in the lock file is who held it last; who holds it now may have written nothing.
+TEST(Store, TheMessageNamesTheProcessThatHoldsTheLock) {
+  const Folder folder;
+  write_bytes(folder.file("berth.db.lock"), "1\n");
+  int ready[2];
+  ASSERT_EQ(::pipe(ready), 0);
+  const auto child = ::fork();
+  if (child == 0) {
+    const int fd = ::open(folder.file("berth.db.lock").c_str(), O_RDONLY | O_CLOEXEC);
+    const char byte = ::flock(fd, LOCK_EX) == 0 ? 'y' : 'n';
+    if (::write(ready[1], &byte, 1) != 1) ::_exit(1);
+    for (;;) ::pause();
+  }
+  char byte = 0;
+  ASSERT_EQ(::read(ready[0], &byte, 1), 1);
+  ASSERT_EQ(byte, 'y');
+  const auto opened = Database::open(folder.file());
+  ::kill(child, SIGKILL);
+  ::waitpid(child, nullptr, 0);
+  ASSERT_FALSE(opened);
+  EXPECT_NE(opened.error().message.find("process " + std::to_string(child) + " uses"), std::string::npos)
+      << opened.error().message;
 }
 
 TEST(Store, AKilledOwnerLeavesNoLockAndLosesNothing) {
