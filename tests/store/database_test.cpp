@@ -294,7 +294,7 @@ TEST(Store, ItsFilesAreThisUsersAlone) {
     ASSERT_EQ(::chmod(fs::path(folder.file()).parent_path().c_str(), shared ? 02770 : 0700), 0);
     const auto store = must_open(folder.file());
     ASSERT_TRUE(store->declare({"m", "b", "s"}));
-    for (const char* const name : {"berth.db", "berth.db.lock", "berth.db-wal", "berth.db-shm"}) {
+    for (const char* const name : {"berth.db", "berth.db.lock", "berth.db-wal"}) {
       struct stat what {};
       ASSERT_EQ(::stat(folder.file(name).c_str(), &what), 0) << name;
       EXPECT_EQ(what.st_mode & 0777U, shared ? 0640U : 0600U) << name;
