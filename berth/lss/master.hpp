@@ -204,6 +204,8 @@ class Master final : private can::Handler {
 
   /// Frames on 7E4h while no service was under way.
   [[nodiscard]] std::uint64_t unexpected() const noexcept { return unexpected_; }
+  /// The next request is not sent before.
+  [[nodiscard]] rt::Time earliest() const noexcept { return earliest_; }
 
  private:
   friend class Exchange;

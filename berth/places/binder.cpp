@@ -185,20 +185,25 @@ rt::Task<Outcome> Binder::configure(NodeId id) {
   co_return lss::suspicious(*reply) ? Outcome::several : Outcome::ok;
 }
 
-// A device that was deaf while the proof was asked may have heard the repetition, and its answer is not waited for.
-rt::Task<Outcome> Binder::configure_alone(const Binding& binding) {
-  lss::ServiceOptions service = s_.lss.options().service;
-  service.full_window = s_.lss.answer_times().lost;
-  const auto reply = co_await s_.lss.configure_node_id(binding.assignment().id, service);
-  if (!reply) co_return outcome_of(reply.error());
-  if (lss::suspicious(*reply)) co_return Outcome::several;
-  if (reply->attempts == 1) co_return Outcome::ok;
-  s_.lss.lost_one();
+rt::Task<Outcome> Binder::still_alone(const Binding& binding) {
   const LssAddress device = binding.assignment().device;
   const lss::AloneOptions options{.parts = options_.parts};
   const auto alone = co_await lss::still_alone(s_.lss, device, options);
   if (!alone) co_return Outcome::error;
   co_return *alone == lss::Selection::alone ? Outcome::ok : Outcome::several;
+}
+
+// A device that was deaf while the proof was asked may have heard the repetition, and its answer is not waited for.
+rt::Task<Outcome> Binder::configure_alone(const Binding& binding) {
+  lss::ServiceOptions service = s_.lss.options().service;
+  service.full_window = s_.lss.answer_times().lost;
+  const auto reply = co_await s_.lss.configure_node_id(binding.assignment().id, service);
+  unexpected_ = s_.lss.unexpected();
+  if (!reply) co_return outcome_of(reply.error());
+  if (lss::suspicious(*reply)) co_return Outcome::several;
+  if (reply->attempts == 1) co_return Outcome::ok;
+  s_.lss.lost_one();
+  co_return co_await still_alone(binding);
 }
 
 // A node-ID is given back to the device that had it alone: another that is left in configuration would take it at the
@@ -320,16 +325,18 @@ rt::Task<Outcome> Binder::inquire(Binding& binding) {
   co_return Outcome::ok;
 }
 
-// One that was lost in configuration may have heard the 17h in the place of this one, and answered.
+// One that was deaf while the proof was asked, and heard the 11h, answers it, too: behind the first answer, while
+// nothing is asked. One that was lost in configuration may have heard the 17h in the place of this one, and answered.
 rt::Task<Outcome> Binder::store_alone(const Binding& binding) {
+  co_await rt::sleep_until(s_.lss.earliest());
+  if (s_.lss.unexpected() != unexpected_) {
+    const Outcome alone = co_await still_alone(binding);
+    if (alone != Outcome::ok) co_return alone;
+  }
   const Outcome outcome = co_await store(false);
   const bool sure = outcome != Outcome::ok || !s_.lss.answer_times().lost;
   if (sure) co_return outcome;
-  const LssAddress device = binding.assignment().device;
-  const lss::AloneOptions options{.parts = options_.parts};
-  const auto alone = co_await lss::still_alone(s_.lss, device, options);
-  if (!alone) co_return Outcome::error;
-  co_return *alone == lss::Selection::alone ? Outcome::ok : Outcome::several;
+  co_return co_await still_alone(binding);
 }
 
 // When more than one device was told (`by_all`), each is waited for: its late answer would be taken for that to the

@@ -92,6 +92,7 @@ class Binder {
   rt::Task<Outcome> await_boot_up(const Binding& binding);
   rt::Task<void> wake();
   rt::Task<Outcome> store_alone(const Binding& binding);
+  rt::Task<Outcome> still_alone(const Binding& binding);
   rt::Task<Outcome> store(bool by_all);
   rt::Task<Outcome> revert(const Binding& binding);
   rt::Task<Outcome> release(const Binding& binding);
@@ -103,9 +104,10 @@ class Binder {
 
   Services s_;
   Options options_;
-  rt::Time watch_since_{};  // vacancy was seen then
-  rt::Time moved_{};        // the device may boot under its new node-ID from then on
-  rt::Time reset_{};        // it was told to
+  rt::Time watch_since_{};        // vacancy was seen then
+  rt::Time moved_{};              // the device may boot under its new node-ID from then on
+  std::uint64_t unexpected_ = 0;  // answers that nobody waited for, at the end of the 11h
+  rt::Time reset_{};              // it was told to
   std::optional<rt::Held> lss_held_;
   std::optional<Error> store_said_;
   bool silent_once_ = false;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "berth/rt/scope.hpp"
 
@@ -86,16 +87,22 @@ rt::Task<Result<void>> ListDelivery::put(const manager::Wanted& list, std::vecto
   bool changed = false;
   auto done = co_await bring(list, changed);
   if (!done) co_return done;
-  const bool was_there = !changed;
+  // Undated here before, and what followed failed: it was there all the time, and is in use if its nodes are known.
+  const bool again = std::exchange(undated_, std::nullopt) == list.date;
+  const bool was_there = !changed || again;
   if (was_there) {
     if (restarted_) co_return Result<void>{};
     const auto in_use = co_await master_.knows_all(nodes);
     if (!in_use) co_return fail(in_use.error());
     if (*in_use) co_return Result<void>{};
     // What is there may be unsaved: it is brought in again as if its date were another.
-    done = co_await master_.undate();
-    if (done) done = co_await bring(list, changed);
-    if (!done) co_return done;
+    if (!changed) {
+      undated_ = list.date;
+      done = co_await master_.undate();
+      if (done) done = co_await bring(list, changed);
+      if (!done) co_return done;
+      undated_.reset();
+    }
     slots_.events().tell(operate::EventKind::step, "",
                          "its gateway boots it again: it misses nodes of its network list");
   } else {

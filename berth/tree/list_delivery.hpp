@@ -68,7 +68,8 @@ class ListDelivery {
   GatewayMaster master_;
   std::vector<Deeper> deeper_;
   manager::Progress progress_;
-  bool restarted_ = false;  // the master, because it missed nodes of a list that it had
+  bool restarted_ = false;                             // the master, because it missed nodes of a list that it had
+  std::optional<manager::ConfigurationDate> undated_;  // the list that was there, and is to be saved anew
 };
 
 }  // namespace berth::tree
