@@ -19,6 +19,7 @@ class Fading {
   /// It is told to give its node-ID up again now and then only, for its memory's sake. `active`: what it uses now.
   [[nodiscard]] bool rests(const LssAddress& device, NodeId active) noexcept;
   [[nodiscard]] bool uses(const LssAddress& device, NodeId id) const noexcept;
+  [[nodiscard]] bool contains(const LssAddress& device) const noexcept { return devices_.contains(device); }
   /// Null: none of them uses this node-ID.
   [[nodiscard]] const LssAddress* user_of(NodeId id) const noexcept;
   /// A device that waits for its power cycle is told again at this look at it, counted from 1: seldom, and more seldom

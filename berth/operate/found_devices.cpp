@@ -9,6 +9,7 @@ void FoundDevices::note(const places::Found& found) {
   const auto booted = found.active.configured() ? s_.boots.boot_up(found.active) : std::nullopt;
   if (booted && !loans_.of_ours(found.active, *booted)) seen->second = std::min(seen->second, *booted);
   loans_.seen(found.device);
+  std::erase(silent_, found.device);
   if (found.clone && !is_clone(found.device)) clones_.push_back(found.device);
   places::Found noted = found;
   noted.seen = seen->second;
@@ -25,7 +26,18 @@ void FoundDevices::forget(const LssAddress& device) {
   std::erase_if(list_, [&](const places::Found& f) { return f.device == device; });
 }
 
+void FoundDevices::fell_silent(const LssAddress& device) {
+  forget(device);
+  if (std::ranges::find(silent_, device) == silent_.end()) silent_.push_back(device);
+}
+
+const LssAddress* FoundDevices::silent_for(const places::SlotSpec& slot) const noexcept {
+  const auto it = std::ranges::find_if(silent_, [&](const LssAddress& device) { return places::fits(slot, device); });
+  return it == silent_.end() ? nullptr : &*it;
+}
+
 void FoundDevices::forget_who_left() {
+  silent_.clear();
   std::erase_if(first_seen_, [&](const auto& seen) { return of(seen.first) == nullptr; });
 }
 

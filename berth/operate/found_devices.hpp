@@ -20,6 +20,10 @@ class FoundDevices {
   /// first answer that it gave.
   void note(const places::Found& found);
   void forget(const LssAddress& device);
+  /// It was found, and does not answer now. Until it is found again, or a search for all is over.
+  void fell_silent(const LssAddress& device);
+  /// One that fell silent and may sit in this slot. Null: none.
+  [[nodiscard]] const LssAddress* silent_for(const places::SlotSpec& slot) const noexcept;
   template <class Goes>
   void forget_if(const Goes& goes) {
     std::erase_if(list_, goes);
@@ -62,6 +66,7 @@ class FoundDevices {
   std::map<LssAddress, rt::Time> first_seen_;
   std::vector<LssAddress> clones_;
   std::vector<LssAddress> shared_;
+  std::vector<LssAddress> silent_;
   std::vector<LssAddress> without_rand_;
 };
 

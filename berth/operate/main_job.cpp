@@ -108,8 +108,15 @@ rt::Task<void> MainJob::round(bool first) {
 
 // A device that gave up another node-ID, and uses it still, is not nobody.
 void MainJob::tell_whether_empty(Seat& seat) {
-  const bool vacant = !seat.slot.record.device() && seat.slot.spec.assign == Assign::lss;
-  const LssAddress* const waits = vacant ? p_.fading.waits_for(seat.slot.spec) : nullptr;
+  const auto& record = seat.slot.record;
+  const bool by_lss = seat.slot.spec.assign == Assign::lss;
+  const bool vacant = !record.device() && by_lss;
+  // An earlier run told it its node-ID, or began to: the slot is kept for it.
+  const bool asked = by_lss && record.intended && !record.confirmed && !seat.power_cycle.binding;
+  const bool own = asked && p_.fading.contains(record.intended->device);
+  const LssAddress* const waits = own      ? &record.intended->device
+                                  : vacant ? p_.fading.waits_for(seat.slot.spec)
+                                           : nullptr;
   const bool none = seat.life == Life::unknown && !p_.agenda.search_open;
   if (waits != nullptr && (none || seat.life == Life::empty)) {
     p_.slots.happened(seat, SlotEvent::waits_for_power,
@@ -120,7 +127,7 @@ void MainJob::tell_whether_empty(Seat& seat) {
   }
   const bool shared = p_.fading.user_of(seat.id()) != nullptr;
   // What it waited for ended, perhaps behind the plan of this round: the next one that looks for all says what it is.
-  const bool over = vacant && waits == nullptr && !shared && seat.life == Life::waits;
+  const bool over = (vacant || asked) && waits == nullptr && !shared && seat.life == Life::waits;
   const bool fits_one = over && std::ranges::any_of(p_.found.all(), [&](const auto& f) {
                           return p_.slots.of(f.device) == nullptr && !f.clone && places::fits(seat.slot.spec, f.device);
                         });
@@ -129,8 +136,14 @@ void MainJob::tell_whether_empty(Seat& seat) {
     p_.slots.happened(seat, SlotEvent::nobody, "looking again");
     return;
   }
-  const char* const why = p_.agenda.alone ? can::no_acknowledge : "no device of its type was found";
-  if (none || (over && p_.agenda.retries)) p_.slots.happened(seat, SlotEvent::nobody, why);
+  const LssAddress* const silent = vacant ? p_.found.silent_for(seat.slot.spec) : nullptr;
+  const bool stale = seat.misses_one && silent == nullptr && seat.life == Life::empty && !p_.agenda.search_open;
+  if (!none && !stale && !(over && p_.agenda.retries)) return;
+  seat.misses_one = silent != nullptr;
+  std::string why = "no device of its type was found";
+  if (silent != nullptr) why = fmt::format("{} was found and answers no more: it is looked for", to_string(*silent));
+  if (p_.agenda.alone) why = can::no_acknowledge;
+  p_.slots.happened(seat, SlotEvent::nobody, why);
 }
 
 rt::Task<void> MainJob::ask_the_troubled() {

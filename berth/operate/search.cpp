@@ -51,6 +51,7 @@ rt::Task<void> Search::by_rand() {
     if (plans) tell_found(d.address, d.possible_clone);
     found_.note({d.address, found_.active_of(d.address), d.possible_clone});  // RAND tells no node-ID
   }
+  if (!rand_open_) interruptions_ = 0;
   tell_end(*report);
 }
 
@@ -111,6 +112,7 @@ void Search::take(const discovery::Report& report) {
   using End = discovery::Report::End;
   agenda_.search_open = report.end == End::more && gets_on();
   if (agenda_.search_open) tell_progress();
+  if (!agenda_.search_open) interruptions_ = 0;
   tell_end(report);
 }
 
@@ -142,7 +144,11 @@ bool Search::goes_on() noexcept {
     interruptions_ = 0;
     interruptions_until_ = now + within;
   }
+  // One that got on since has lost nothing: what it swept is kept.
+  const bool got_on = now_.kind != broken_at_.kind || now_.swept > broken_at_.swept;
+  if (got_on) interruptions_ = 0;
   if (interruptions_ == most) return true;
+  broken_at_ = now_;
   ++interruptions_;
   interrupted_ = true;
   return false;

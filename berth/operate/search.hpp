@@ -67,9 +67,10 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
   std::vector<LssAddress> known_before_;  // by the one before
   discovery::Progress now_{};
   discovery::Progress before_{};
-  rt::Time progress_at_{};  // it is told again then
-  unsigned idle_ = 0;       // slices in a row that brought nothing
-  unsigned interruptions_ = 0;
+  rt::Time progress_at_{};      // it is told again then
+  unsigned idle_ = 0;           // slices in a row that brought nothing
+  unsigned interruptions_ = 0;  // since the last search that came to its end, or got on
+  discovery::Progress broken_at_{};
   rt::Time interruptions_until_{};  // they are counted anew from then on
   bool may_be_interrupted_ = false;
   bool interrupted_ = false;

@@ -92,6 +92,7 @@ nodeid::DiscoveryOptions SearchMethods::rand_options() const {
   nodeid::DiscoveryOptions o;
   o.t_resp = s_.bus.timing.rand_response;
   o.t_proc = s_.bus.timing.rand_processing;
+  o.inhibit = s_.bus.timing.rand_response;  // a small receive buffer loses what comes back to back
   return o;
 }
 

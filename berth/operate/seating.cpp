@@ -400,7 +400,7 @@ rt::Task<void> Seating::inquire_found(bool all) {
     } else if (id.error().code == Errc::duplicate) {
       found_.note({f.device, f.active, true});
     } else if (seat == nullptr && id.error().code == Errc::timeout && !f.active.configured()) {
-      found_.forget(f.device);  // it left; one that was found by its node-ID may speak no LSS
+      found_.fell_silent(f.device);  // it left; one that was found by its node-ID may speak no LSS
     }
   }
 }

@@ -83,7 +83,12 @@ INSTANTIATE_TEST_SUITE_P(
         Known{1002339, "Fastscan finds one that waits for its power cycle, and none behind it", {.waits = true}},
         Known{
             1027169, "what a slot waited for ended behind the plan, and a device that fits is known", {.waits = true}},
-        Known{1039403, "the same", {.waits = true}}),
+        Known{1039403, "the same", {.waits = true}},
+        Known{1103274, "one that was found and is deaf is told as nobody", {.waits = true}},
+        Known{1109087, "a slot's own device waits for its power cycle, and the slot says nobody", {.waits = true}},
+        Known{1112819, "a device that returned four times waits for a whole search", {.waits = true}},
+        Known{1115129, "RAND's frames back to back are lost in small receive buffers", {.waits = true}},
+        Known{1120635, "two devices answer 11h, and both store the node-ID", {.waits = true}}),
     name_of);
 
 }  // namespace
