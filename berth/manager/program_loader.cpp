@@ -35,7 +35,9 @@ bool is_missing(const Error& error) noexcept {
   return is_aborted(error, AbortCode::no_object) || is_aborted(error, AbortCode::no_sub_index);
 }
 
-constexpr std::uint32_t no_valid_program = 1;  // 1F57h, bits 1 to 7 (CiA 302-3)
+// 1F57h, bits 1 to 7 (CiA 302-3).
+constexpr std::uint32_t error_code(std::uint32_t status) noexcept { return status >> 1U & 0x7FU; }
+constexpr std::uint32_t no_valid_program = 1;
 
 // It may be there again, or ready, in a moment.
 bool is_passing(const Error& error) noexcept {
@@ -179,8 +181,8 @@ std::string_view name(ProgramControl state) noexcept {
 std::string_view name(ProgramStage stage) noexcept { return stage_names.at(static_cast<std::size_t>(stage)); }
 
 const char* flash_error(std::uint32_t status) noexcept {
-  const std::size_t field = (status >> 1U) & 0x7FU;
-  return flash_errors.at(std::min(field, flash_errors.size() - 1));
+  const std::size_t code = error_code(status);
+  return flash_errors.at(std::min(code, flash_errors.size() - 1));
 }
 
 std::string describe(const ProgramReport& report, const Error& error) {
@@ -297,10 +299,10 @@ rt::Task<Result<void>> ProgramLoader::download(const ProgramWish& wish, ProgramR
   if (!status) co_return fail(status.error());
   const char* const error = flash_error(*status);
   // That there is no program follows from a download that broke off, and is not why.
-  const bool explains = *error != '\0' && (done || (*status >> 1U & 0x7FU) != no_valid_program);
+  const bool explains = *error != '\0' && (done || error_code(*status) != no_valid_program);
   if (!explains) co_return done;
   Error failed = wrong(od::cia302::flash_status, wish.number, error);
-  failed.detail = *status >> 1U & 0x7FU;
+  failed.detail = error_code(*status);
   co_return fail(failed);
 }
 

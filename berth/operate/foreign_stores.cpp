@@ -10,7 +10,7 @@ ForeignStores::ForeignStores(can::Dispatcher& dispatcher, rt::Duration store_tim
 
 // This master's own requests do not come back to it.
 void ForeignStores::received(const can::Frame& frame, rt::Time at) noexcept {
-  const bool stores = frame.size > 0 && frame.data[0] == static_cast<std::uint8_t>(lss::Command::store);
+  const bool stores = frame.size > 0 && lss::command(frame) == lss::Command::store;
   if (stores) end_ = at + store_timeout_;
 }
 

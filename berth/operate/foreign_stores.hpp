@@ -1,6 +1,6 @@
 /// LSS store commands (17h) of other LSS masters on this bus: of the master that this one takes over from, or of a
-/// tool. A device that still stores answers that master, and the answer looks like one to this master's own 17h (CiA
-/// 305 §store configuration has no sequence number). So this master stores nothing before `end`.
+/// tool. A device that is still storing answers that master, and the answer looks like one to this master's own 17h,
+/// because it names no request (CiA 305, store configuration). So this master stores nothing before `end`.
 #pragma once
 
 #include "berth/can/dispatcher.hpp"

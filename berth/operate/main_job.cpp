@@ -106,17 +106,41 @@ rt::Task<void> MainJob::round(bool first) {
   co_await start();
 }
 
-// A device that gave up another node-ID, and uses it still, is not nobody.
-void MainJob::tell_whether_empty(Seat& seat) {
+namespace {
+
+// An earlier run told the slot's device its node-ID, or began to: the slot is kept for it.
+bool is_kept(const Seat& seat) {
   const auto& record = seat.slot.record;
   const bool by_lss = seat.slot.spec.assign == Assign::lss;
-  const bool vacant = !record.device() && by_lss;
-  // An earlier run told it its node-ID, or began to: the slot is kept for it.
-  const bool asked = by_lss && record.intended && !record.confirmed && !seat.power_cycle.binding;
-  const bool own = asked && p_.fading.contains(record.intended->device);
-  const LssAddress* const waits = own      ? &record.intended->device
-                                  : vacant ? p_.fading.waits_for(seat.slot.spec)
-                                           : nullptr;
+  return by_lss && record.intended && !record.confirmed && !seat.power_cycle.binding;
+}
+
+bool is_vacant(const Seat& seat) { return seat.slot.spec.assign == Assign::lss && !seat.slot.record.device(); }
+
+// A device that gave up another node-ID, and uses it still, is not nobody. Null: the slot waits for none.
+const LssAddress* who_fades(const Parts& p, const Seat& seat) {
+  if (is_vacant(seat)) return p.fading.waits_for(seat.slot.spec);
+  const auto& intended = seat.slot.record.intended;
+  const bool own = is_kept(seat) && p.fading.contains(intended->device);
+  return own ? &intended->device : nullptr;
+}
+
+// `news`: it was not told yet. A device that was found and is silent now is named, until a search for all is over.
+void tell_nobody(Parts& p, Seat& seat, bool news) {
+  const LssAddress* const silent = is_vacant(seat) ? p.found.silent_for(seat.slot.spec) : nullptr;
+  const bool stale = seat.misses_one && silent == nullptr && seat.life == Life::empty && !p.agenda.search_open;
+  if (!news && !stale) return;
+  seat.misses_one = silent != nullptr;
+  std::string why = "no device of its type was found";
+  if (silent != nullptr) why = fmt::format("{} was found and answers no more: it is looked for", to_string(*silent));
+  if (p.agenda.alone) why = can::no_acknowledge;
+  p.slots.happened(seat, SlotEvent::nobody, why);
+}
+
+}  // namespace
+
+void MainJob::tell_whether_empty(Seat& seat) {
+  const LssAddress* const waits = who_fades(p_, seat);
   const bool none = seat.life == Life::unknown && !p_.agenda.search_open;
   if (waits != nullptr && (none || seat.life == Life::empty)) {
     p_.slots.happened(seat, SlotEvent::waits_for_power,
@@ -127,7 +151,7 @@ void MainJob::tell_whether_empty(Seat& seat) {
   }
   const bool shared = p_.fading.user_of(seat.id()) != nullptr;
   // What it waited for ended, perhaps behind the plan of this round: the next one that looks for all says what it is.
-  const bool over = (vacant || asked) && waits == nullptr && !shared && seat.life == Life::waits;
+  const bool over = (is_vacant(seat) || is_kept(seat)) && waits == nullptr && !shared && seat.life == Life::waits;
   const bool fits_one = over && std::ranges::any_of(p_.found.all(), [&](const auto& f) {
                           return p_.slots.of(f.device) == nullptr && !f.clone && places::fits(seat.slot.spec, f.device);
                         });
@@ -136,14 +160,7 @@ void MainJob::tell_whether_empty(Seat& seat) {
     p_.slots.happened(seat, SlotEvent::nobody, "looking again");
     return;
   }
-  const LssAddress* const silent = vacant ? p_.found.silent_for(seat.slot.spec) : nullptr;
-  const bool stale = seat.misses_one && silent == nullptr && seat.life == Life::empty && !p_.agenda.search_open;
-  if (!none && !stale && !(over && p_.agenda.retries)) return;
-  seat.misses_one = silent != nullptr;
-  std::string why = "no device of its type was found";
-  if (silent != nullptr) why = fmt::format("{} was found and answers no more: it is looked for", to_string(*silent));
-  if (p_.agenda.alone) why = can::no_acknowledge;
-  p_.slots.happened(seat, SlotEvent::nobody, why);
+  tell_nobody(p_, seat, none || (over && p_.agenda.retries));
 }
 
 rt::Task<void> MainJob::ask_the_troubled() {

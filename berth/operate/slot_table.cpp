@@ -78,8 +78,7 @@ void SlotTable::refresh(Seat& seat) {
 
 bool SlotTable::happened(Seat& seat, SlotEvent event, std::string reason, std::optional<manager::BootStatus> letter) {
   const SlotState before = seat.state();
-  if (!next(seat.life, event)) return false;
-  happened_silently(seat, event);
+  if (!happened_silently(seat, event)) return false;
   if (letter) seat.set_letter(*letter);
   const SlotState state = seat.state();
   if (before == state && seat.reason == reason) return true;
@@ -90,12 +89,13 @@ bool SlotTable::happened(Seat& seat, SlotEvent event, std::string reason, std::o
   return true;
 }
 
-void SlotTable::happened_silently(Seat& seat, SlotEvent event) noexcept {
+bool SlotTable::happened_silently(Seat& seat, SlotEvent event) noexcept {
   const auto to = next(seat.life, event);
-  if (!to) return;
+  if (!to) return false;
   const Life before = std::exchange(seat.life, *to);
   if (forgets_boot_up(before, event, *to)) seat.slave.forget();
   if (seat.there()) seat.last.seen = true;
+  return true;
 }
 
 void SlotTable::set_absent(Seat& seat, const std::string& fact) {

@@ -50,7 +50,7 @@ class SlotTable {
   /// before its first step. Returns whether the event counted.
   bool happened(Seat& seat, SlotEvent event, std::string reason = {}, std::optional<manager::BootStatus> letter = {});
   /// The same, and nothing is told: the slot keeps its reason until the next event says more.
-  void happened_silently(Seat& seat, SlotEvent event) noexcept;
+  bool happened_silently(Seat& seat, SlotEvent event) noexcept;
   /// `SlotEvent::gone`, with letter B: `fact`, and what a person does about it, which no later fact takes away.
   void set_absent(Seat& seat, const std::string& fact);
   /// Forgets which device sits in the slot, in the store too.

@@ -36,6 +36,14 @@ struct Client : ::testing::Test, Bench {
   Client() { client.set_observer(&surplus); }
   // Each request has its answers in order; the last one is repeated.
   void reply(const std::string& request, std::vector<std::string> answers) { table[request] = std::move(answers); }
+  // A transfer that ends soon, and without an abort.
+  [[nodiscard]] co::SdoOptions gives_up_soon(std::optional<unsigned> retries = {}) const {
+    co::SdoOptions options = client.options();
+    options.timeout = 20ms;
+    options.retries = retries.value_or(options.retries);
+    options.abort_on_timeout = false;
+    return options;
+  }
   std::map<std::string, std::vector<std::string>> table;
   Peer server{wire, co::all_sdo_requests, [this](Peer& self, const can::Frame& f) {
                 const auto it = table.find(can::to_string(f));
@@ -296,9 +304,7 @@ TEST_F(Client, TheTimeOfTheTransferBeforeIsNotTheNextOnes) {
 // HC1.S15: the answer to a request that was given up comes while the next one is on its way. An answer outranks the
 // next request, so what is heard before the request's confirmation is not its answer.
 TEST_F(Client, S15_LateAnswerOfTheSameObjectBeforeTheFence) {
-  co::SdoOptions impatient = client.options();
-  impatient.timeout = 20ms;
-  impatient.abort_on_timeout = false;
+  const co::SdoOptions impatient = gives_up_soon();
   auto first = client.read<std::uint32_t>(node, 0x1000, 0, impatient);
   EXPECT_EQ(await(*this, first).error().code, Errc::timeout);
   reply("605#4000100000000000", {"585#4300100022222222"});
@@ -313,9 +319,7 @@ TEST_F(Client, S15_LateAnswerOfTheSameObjectBeforeTheFence) {
 // it.
 TEST_F(Client, S15_AnOldSilenceExcusesNoSecondAnswer) {
   client.set_late_window(100ms);
-  co::SdoOptions impatient = client.options();
-  impatient.timeout = 20ms;
-  impatient.abort_on_timeout = false;
+  const co::SdoOptions impatient = gives_up_soon();
   auto silent = client.read<std::uint32_t>(node, 0x1000, 0, impatient);
   EXPECT_EQ(await(*this, silent).error().code, Errc::timeout);
   run(200ms);
@@ -331,9 +335,7 @@ TEST_F(Client, S15_AnOldSilenceExcusesNoSecondAnswer) {
 // Nor do the requests that are answered meanwhile make it younger.
 TEST_F(Client, S15_AnswersDoNotProlongAnOldSilence) {
   client.set_late_window(100ms);
-  co::SdoOptions impatient = client.options();
-  impatient.timeout = 20ms;
-  impatient.abort_on_timeout = false;
+  const co::SdoOptions impatient = gives_up_soon();
   auto silent = client.read<std::uint32_t>(node, 0x1000, 0, impatient);
   EXPECT_EQ(await(*this, silent).error().code, Errc::timeout);
   for (int i = 0; i < 4; ++i) {
@@ -350,10 +352,7 @@ TEST_F(Client, S15_AnswersDoNotProlongAnOldSilence) {
 
 // Nobody was there when it was asked first: the device that boots then has nothing late to say.
 TEST_F(Client, S15_ASilenceBeforeABootUpExcusesNoSecondAnswer) {
-  co::SdoOptions impatient = client.options();
-  impatient.timeout = 20ms;
-  impatient.retries = 1;
-  impatient.abort_on_timeout = false;
+  const co::SdoOptions impatient = gives_up_soon(1);
   auto silent = client.read<std::uint32_t>(node, 0x1018, 1, impatient);
   EXPECT_EQ(await(*this, silent).error().code, Errc::timeout);
   client.booted(node);
@@ -368,9 +367,7 @@ TEST_F(Client, S15_ASilenceBeforeABootUpExcusesNoSecondAnswer) {
 
 // A request that is on its way as the device boots is still to be answered, late or not.
 TEST_F(Client, S15_ABootUpWhileARequestIsOpen) {
-  co::SdoOptions impatient = client.options();
-  impatient.timeout = 20ms;
-  impatient.abort_on_timeout = false;
+  const co::SdoOptions impatient = gives_up_soon();
   auto silent = client.read<std::uint32_t>(node, 0x1018, 1, impatient);
   Flag flag;
   ASSERT_FALSE(silent.begin(executor, flag));
@@ -387,10 +384,7 @@ TEST_F(Client, S15_ABootUpWhileARequestIsOpen) {
 
 // What a request left unanswered is owed for is its own object: a second answer about another one is a second device's.
 TEST_F(Client, S15_ASilenceExcusesNoSecondAnswerAboutAnotherObject) {
-  co::SdoOptions impatient = client.options();
-  impatient.timeout = 20ms;
-  impatient.retries = 2;
-  impatient.abort_on_timeout = false;
+  const co::SdoOptions impatient = gives_up_soon(2);
   auto silent = client.read<std::uint32_t>(node, 0x1000, 0, impatient);
   EXPECT_EQ(await(*this, silent).error().code, Errc::timeout);
   reply("605#4018100100000000", {"585#4318100101000000"});
