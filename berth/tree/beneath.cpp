@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 namespace berth::tree {
 namespace {
@@ -10,6 +11,18 @@ namespace {
 using operate::EventKind;
 
 constexpr auto shortest_period = std::chrono::milliseconds(200);  // of looking around
+
+// It goes on until the end of the block, or of the task if that is cancelled.
+class While {
+ public:
+  explicit While(bool& flag) noexcept : flag_(&flag) { flag = true; }
+  ~While() { *flag_ = false; }
+  While(const While&) = delete;
+  While& operator=(const While&) = delete;
+
+ private:
+  bool* flag_;
+};
 
 }  // namespace
 
@@ -56,20 +69,22 @@ void Beneath::tell_operational() {
 }
 
 rt::Task<Result<void>> Beneath::bring_up() {
-  brings_up_ = true;
+  while (brings_up_) co_await rt::sleep_for(shortest_period);
+  const While now(brings_up_);
   up_ = true;
+  foreign_ = false;
   provide(false);
   watch_.set_hurried(true);
   bool was_there = false;
   auto done = co_await delivery_.deliver(was_there);
   provide(done.has_value());
   again_at_ = executor_.now() + patience;
+  again_early_ = !done;
   const rt::Duration boot_time = bus().startup.boot_time;
   const rt::Time deadline = executor_.now() + (boot_time.count() > 0 ? boot_time : patience);
   if (done) done = co_await watch_.await_operational(deadline);
   if (done && was_there) done = co_await delivery_.bring_up_deeper();
   watch_.set_hurried(false);
-  brings_up_ = false;
   if (!done && done.error().code == Errc::timeout) watch_.gateway_is_silent(done.error());
   co_return done;
 }
@@ -84,18 +99,26 @@ rt::Task<void> Beneath::watch() {
     wakes_.clear();
     if (slots_.all().empty()) continue;
     const bool runs = gateway_runs_ && gateway_runs_();
+    const bool returned = runs && !ran_;
+    ran_ = runs;
     watch_.set_gateway_runs(runs);
     if (brings_up_) {
       co_await watch_.look_at_asked();
-    } else if (up_ && !provided_ && executor_.now() >= again_at_) {
+    } else if (up_ && !provided_ && is_due_again()) {
       const auto done = co_await bring_up();
       again_at_ = executor_.now() + (done ? rt::Duration(0) : patience);
     } else if (up_) {
+      if (runs) co_await look_at_list(returned);
       co_await watch_.look_around();
     } else if (runs) {
       co_await adopt();
     }
   }
+}
+
+// All runs, and what failed was an answer of its gateway, perhaps: to be found out before the next device is missed.
+bool Beneath::is_due_again() noexcept {
+  return executor_.now() >= again_at_ || (slots_.operational() && std::exchange(again_early_, false));
 }
 
 // What runs is not disturbed: another list than the machine file's is told, no more. But a Berth that ended in the
@@ -106,21 +129,35 @@ rt::Task<void> Beneath::adopt() {
   const Found found = co_await delivery_.look();
   up_ = true;
   if (found == Found::unused || found == Found::unfinished) {
-    slots_.events().tell(
-        EventKind::step, "",
-        fmt::format("finishing what an earlier run began: {}",
-                    found == Found::unused ? "its gateway has no node of its network list"
-                                           : "its gateway's network list is not whole"));
+    slots_.events().tell(EventKind::step, "",
+                         fmt::format("finishing what an earlier run began: {}",
+                                     found == Found::unused ? "its gateway has no node of its network list"
+                                                            : "its gateway's network list is not whole"));
     again_at_ = executor_.now();
     co_return;
   }
-  if (found == Found::another) {
+  foreign_ = found == Found::another;
+  if (foreign_) {
     slots_.events().tell_once(
         EventKind::error,
         "its gateway runs with another network list than this machine file's: it gets the new one when the "
         "gateway boots");
   }
   provide(true);
+}
+
+// A gateway on this bus's own port is brought up when it boots. One beneath another boots without Berth: it may have
+// lost what was not saved yet, or be a new one.
+rt::Task<void> Beneath::look_at_list(bool returned) {
+  const bool boots_unseen = way_.gateways.size() > 1;
+  const bool due = returned || (!slots_.operational() && executor_.now() >= list_at_);
+  if (!boots_unseen || !provided_ || foreign_ || !due) co_return;
+  list_at_ = executor_.now() + patience;
+  const bool lost = co_await delivery_.is_lost();
+  if (!lost) co_return;
+  slots_.events().tell(EventKind::step, "", "its gateway does not have its network list any more");
+  provide(false);
+  again_at_ = executor_.now();
 }
 
 void Beneath::ask(NodeId node, bool lost) {

@@ -65,6 +65,8 @@ class Beneath {
  private:
   rt::Task<void> watch();
   rt::Task<void> adopt();
+  rt::Task<void> look_at_list(bool returned);
+  [[nodiscard]] bool is_due_again() noexcept;
   [[nodiscard]] bool ready_beneath(NodeId gateway) const;
   void provide(bool provided) noexcept;
   void tell_operational();
@@ -81,7 +83,11 @@ class Beneath {
   bool up_ = false;         // it was brought up, or found running
   bool brings_up_ = false;  // now
   bool provided_ = false;   // its gateway has its list, as far as is known; else it is tried again
+  bool foreign_ = false;    // its gateway ran with another list when Berth began
+  bool ran_ = false;        // its gateway, at the last look
   rt::Time again_at_{};
+  bool again_early_ = false;  // and once as soon as all of it runs
+  rt::Time list_at_{};        // whether its gateway still has its list is asked then, while not all of it runs
   rt::Scope scope_;
 };
 

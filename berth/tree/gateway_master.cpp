@@ -78,6 +78,13 @@ rt::Task<bool> GatewayMaster::has_list(const manager::Wanted& list) {
   co_return co_await configurator.has_date();
 }
 
+rt::Task<bool> GatewayMaster::has_another_list(const manager::Wanted& list) {
+  const auto days = co_await master_->read_u32(configuration_date, 1);
+  if (!days) co_return false;
+  const auto ms = co_await master_->read_u32(configuration_date, 2);
+  co_return ms && manager::ConfigurationDate{*days, *ms} != list.date;
+}
+
 rt::Task<bool> GatewayMaster::is_bare(const std::vector<NodeId>& nodes) {
   const auto date = co_await master_->read_u32(configuration_date, 1);
   if (!date || *date != 0) co_return false;

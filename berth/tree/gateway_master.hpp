@@ -46,6 +46,8 @@ class GatewayMaster {
 
   /// 1020h has the list's date.
   [[nodiscard]] rt::Task<bool> has_list(const manager::Wanted& list);
+  /// 1020h answers, with another date or none.
+  [[nodiscard]] rt::Task<bool> has_another_list(const manager::Wanted& list);
   /// Its list has no date and none of `nodes` is there: it has none yet, or one that was never finished.
   [[nodiscard]] rt::Task<bool> is_bare(const std::vector<NodeId>& nodes);
   /// Makes the date of its list another, so that the list is brought in anew.

@@ -195,4 +195,9 @@ rt::Task<ListDelivery::Found> ListDelivery::look() {
   co_return begun ? Found::unfinished : Found::another;
 }
 
+rt::Task<bool> ListDelivery::is_lost() {
+  const manager::Wanted whole = list();
+  co_return co_await master_.has_another_list(whole);
+}
+
 }  // namespace berth::tree

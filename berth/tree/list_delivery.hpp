@@ -48,6 +48,8 @@ class ListDelivery {
     another      ///< with any other list
   };
   [[nodiscard]] rt::Task<Found> look();
+  /// The list that was brought in is there no more: the master lost its power before it was saved, or is another one.
+  [[nodiscard]] rt::Task<bool> is_lost();
 
  private:
   rt::Task<Result<void>> bring(const manager::Wanted& list, bool& changed);

@@ -250,6 +250,7 @@ rt::Task<Result<void>> WatchBeneath::look_at_stopped(PlaceBeneath& place) {
 
 rt::Task<Result<void>> WatchBeneath::look_at_waiting(PlaceBeneath& place) {
   const NodeId node = place.spec.id;
+  place.identified = false;  // it booted: it may be another one
   told_lost_.reset(node.value());
   if (place.stops_itself) {
     slots_.set_state(place, SlotState::present, bus_failed);

@@ -8,6 +8,7 @@
 #include "berth/co/nmt_master.hpp"
 #include "berth/rt/scope.hpp"
 #include "berth/tree/gateway_settings.hpp"
+#include "objects.hpp"
 #include "rig.hpp"
 
 namespace berth::tree_tests {
@@ -207,49 +208,6 @@ TEST(GatewaySlot, ANumericHardwareVersionIsCheckedAtBoot) {
 }
 
 // ---- the objects of a machine that Berth brought up, from the backbone (S3.5, S3.37)
-
-namespace {
-
-rt::Task<void> read_all(co::SdoAccess& node, std::vector<ObjectRef> objects, std::vector<std::uint32_t>& into) {
-  for (const ObjectRef object : objects) {
-    const auto value = co_await node.read(object.index, object.sub);
-    EXPECT_TRUE(value) << std::hex << object.index;
-    std::uint32_t number = 0;
-    if (value) {
-      for (std::size_t i = value->bytes().size(); i-- > 0;) number = number << 8U | value->bytes()[i];
-    }
-    into.push_back(number);
-  }
-}
-
-rt::Task<void> write_one(co::SdoAccess& node, ObjectRef object, std::uint32_t value, bool& good) {
-  const auto done = co_await node.write_u32(object.index, object.sub, value);
-  good = done.has_value();
-}
-
-struct Objects {
-  explicit Objects(Rig& of) : rig(of) {}
-  std::vector<std::uint32_t> read(const char* path, const std::vector<ObjectRef>& objects) {
-    std::vector<std::uint32_t> values;
-    rt::Scope scope(rig.world().executor());
-    scope.spawn(read_all(at(path), objects, values));
-    EXPECT_TRUE(rig.run_until([&] { return scope.running() == 0; }, 30s));
-    return values;
-  }
-  bool write(const char* path, ObjectRef object, std::uint32_t value) {
-    bool good = false;
-    rt::Scope scope(rig.world().executor());
-    scope.spawn(write_one(at(path), object, value, good));
-    EXPECT_TRUE(rig.run_until([&] { return scope.running() == 0; }, 30s));
-    return good;
-  }
-  co::SdoAccess& at(const char* path) {
-    return rig.session().tree().routes(*rig.session().network("top")).access(*multilevel::parse_path(path));
-  }
-  Rig& rig;
-};
-
-}  // namespace
 
 // S3.5: each bus's own master describes the bus below it, and is read and written from the backbone: 1F81h, 1F84h to
 // 1F89h, one gateway down and two.
