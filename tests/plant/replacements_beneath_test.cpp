@@ -320,7 +320,8 @@ TEST_F(Replacements, WhatIsKeptOutlivesTheProcess) {
   EXPECT_EQ(failure, "");
 }
 
-// To the heartbeat consumer of the gateway's master an answer to guarding is a heartbeat, and it would wait for the next.
+// To the heartbeat consumer of the gateway's master an answer to guarding is a heartbeat, and it would wait for the
+// next.
 TEST_F(Replacements, WhoAnswersSdoIsNotGuarded) {
   struct Guarding final : can::Tap {
     void frame(const can::Frame& frame, rt::Time, int) noexcept override {
@@ -361,6 +362,28 @@ TEST_F(Replacements, TwoThatComeWithOneNodeId) {
     EXPECT_TRUE(run_until([&] { return runs("valve", 4) && runs("other", 5); }, 40s) ||
                 (runs("valve", 5) && runs("other", 4)));
     EXPECT_TRUE(world->duplicates().empty());
+  }
+}
+
+// Of two under one node-ID one was moved, and the other kept it: that one is replaced as any other.
+TEST_F(Replacements, OneThatKeptADoubledNodeIdIsReplaced) {
+  for (const char* const speaks : languages) {
+    for (const unsigned kept : {4U, 5U}) {
+      SCOPED_TRACE(std::string(speaks) + std::to_string(kept));
+      watches = false;
+      build_with({{"valve", 11, 5, true, speaks}, {"other", 12, 5, true, speaks}, {"spare", 13, 0, false, speaks}});
+      commission_for({4, 5});
+      const auto both = [&] {
+        return (runs("valve", 4) && runs("other", 5)) || (runs("valve", 5) && runs("other", 4));
+      };
+      ASSERT_TRUE(run_until(both, 40s));
+      run(30s);
+      world->find(runs("valve", kept) ? "valve" : "other")->unplug();
+      run(5s);
+      world->find("spare")->plug();
+      EXPECT_TRUE(run_until([&] { return runs("spare", kept); }, 40s))
+          << std::hex << told(static_cast<std::uint8_t>(kept));
+    }
   }
 }
 
