@@ -6,9 +6,9 @@
 /// goes bit by bit through one 64-bit word. Bits count from bit 0 of byte 0 (CiA 301 §7.1.4).
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <span>
 
 #include "berth/od/values.hpp"
@@ -93,13 +93,14 @@ class PdoMapping {
   void join() noexcept;
   void pack_bits(const std::uint8_t* base, std::uint8_t* into) const noexcept;
   void unpack_bits(std::uint8_t* base, const std::uint8_t* from) const noexcept;
+  // Not std::memcpy, of which the C library asks the bounds at each field: `map` has, once for all.
   static void copy(std::uint8_t* to, const std::uint8_t* from, unsigned bytes) noexcept {
     if (bytes == 8) {
-      std::memcpy(to, from, 8);
+      std::copy_n(from, 8, to);
     } else if (bytes == 4) {
-      std::memcpy(to, from, 4);
+      std::copy_n(from, 4, to);
     } else if (bytes == 2) {
-      std::memcpy(to, from, 2);
+      std::copy_n(from, 2, to);
     } else {
       for (unsigned i = 0; i < bytes; ++i) to[i] = from[i];
     }
