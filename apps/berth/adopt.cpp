@@ -1,5 +1,6 @@
 // `berth adopt`: the machine file and the bindings of a machine that runs, without disturbing it.
 #include "adopt.hpp"
+#include "outputs.hpp"
 
 #include <fmt/format.h>
 
@@ -273,7 +274,7 @@ int run_adopt(const Options& wanted, const AdoptOptions& adopt) {
   }
   const auto checked = design::read_machine(text, adopt.file, {});
   if (!checked.machine) return tell(failure(checked.findings), options.json);
-  if (const auto written = write_file(adopt.file, text)) return tell(*written, options.json);
+  if (const auto written = write_output(adopt.file, text)) return tell(*written, options.json);
   if (const auto good = write_store(store, adopt.name, learnt->bus, seats); !good) {
     take_back(adopt.file, store);
     return tell(good.error(), options.json);

@@ -15,6 +15,7 @@
 #include "crossing_words.hpp"
 #include "machine_file.hpp"
 #include "node_words.hpp"
+#include "outputs.hpp"
 #include "verbs.hpp"
 
 namespace berth::cli {
@@ -192,6 +193,9 @@ class Ends {
 };
 
 int analyze(const Options& options, const AnalyzeOptions& how) {
+  if (!how.plot.empty()) {
+    if (const auto bad = may_write(how.plot, "--plot", options.force)) return tell(*bad, options.json);
+  }
   const auto machine = machine_of(options);
   if (!machine) return tell(machine.error(), options.json);
   if (!options.bus.empty() && machine->bus(options.bus) == nullptr)
@@ -230,7 +234,7 @@ int analyze(const Options& options, const AnalyzeOptions& how) {
     for (const auto& note : found.notes) print_error(to_string(note));
   }
   if (!how.plot.empty()) {
-    if (const auto bad = write_file(how.plot, picture.svg())) return tell(*bad, options.json);
+    if (const auto bad = write_output(how.plot, picture.svg())) return tell(*bad, options.json);
   }
   // Of a part of the buses no way is whole.
   Json crossings = Json::array();
@@ -252,6 +256,7 @@ void add_analyze(Verb& berth, Options& options) {
                         "how late each message can be at worst, from the machine's files; exit 1 when one is too late",
                         [&options, how] { return analyze(options, *how); });
   json_flag(verb, options);
+  force_word(verb, options);
   machine_word(verb, options);
   verb.word("--bus", options.bus, "one bus of the machine").shown("NAME");
   verb.word("--node", how->nodes, "only the messages of these: a slot, a node-ID, a path such as 3/5")

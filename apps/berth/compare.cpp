@@ -10,6 +10,7 @@
 
 #include "berth/study/contest.hpp"
 #include "output.hpp"
+#include "outputs.hpp"
 #include "study.hpp"
 
 namespace berth::cli {
@@ -121,21 +122,31 @@ void print_table(const std::vector<Cell>& cells, const Contest& contest) {
   }
 }
 
+std::optional<Failure> may_write_all(const StudyOptions& study, bool force) {
+  if (!study.csv.empty()) {
+    if (auto bad = may_write(study.csv, "--csv", force)) return bad;
+  }
+  return study.plot.empty() ? std::nullopt : may_write(study.plot, "--plot", force);
+}
+
 }  // namespace
 
 int run_compare(const Options& options, const StudyOptions& study) {
   Contest contest;
   if (const auto bad = read(study, contest)) return tell(*bad, options.json);
+  if (const auto bad = may_write_all(study, options.force)) return tell(*bad, options.json);
   const unsigned threads = study.threads > 0 ? study.threads : std::max(1U, std::thread::hardware_concurrency());
   const bool live = on_terminal() && !options.json;
   const auto cells = study::compare(contest, threads, [live](std::size_t done, std::size_t all) {
     if (live) fmt::print(stderr, "\r{} of {} cells{}", done, all, done == all ? "\r\x1b[K" : "");
   });
   if (!study.csv.empty()) {
-    if (const auto bad = write_file(study.csv, csv(cells))) return tell(*bad, options.json);
+    const std::string table = csv(cells);
+    if (const auto bad = write_output(study.csv, table)) return tell(*bad, options.json);
   }
   if (!study.plot.empty()) {
-    if (const auto bad = write_file(study.plot, study::plot(cells))) return tell(*bad, options.json);
+    const std::string plot = study::plot(cells);
+    if (const auto bad = write_output(study.plot, plot)) return tell(*bad, options.json);
   }
   const bool wrong = std::ranges::any_of(cells, [](const Cell& c) { return !c.wrong.empty(); });
   const int status = wrong ? Exit::failed : Exit::done;

@@ -15,6 +15,7 @@
 #include "berth/serve/hub.hpp"
 #include "interrupt.hpp"
 #include "output.hpp"
+#include "outputs.hpp"
 #include "ports.hpp"
 #include "simulated.hpp"
 #include "verbs.hpp"
@@ -358,6 +359,7 @@ int run_device(const Options& options, const DeviceOptions& wanted) {
     return tell(filled.error(), options.json);
   }
   if (!options.sim.state.empty()) {
+    if (const auto bad = may_keep(options.sim.state, "--sim-state")) return tell(*bad, options.json);
     const auto kept = house.devices.keep_state(options.sim.state);
     if (!kept)
       return tell(failure(Exit::failed, fmt::format("{}: {}", options.sim.state, describe(kept.error()))),
@@ -394,6 +396,7 @@ void add_device(Verb& berth, Options& options) {
   device.word("--except", wanted->others, "all that are plugged in but these").one_each().excludes(names).shown("NAME");
   device.word("--bus", options.bus, "bus of --port, where the plant has several").shown("NAME");
   device.word("--bitrate", wanted->bit_rate, "bit/s to set the interface to (default: as it stands)").shown("BIT/S");
+  reach_word(device, options);
   plant_words(device, options);
   device.time("--for", wanted->duration, "end after this time (default: Ctrl-C)");
   json_flag(device, options, "one JSON object a line");

@@ -20,6 +20,7 @@
 #include "berth/text/printable.hpp"
 #include "berth/text/quantity.hpp"
 #include "eds.hpp"
+#include "outputs.hpp"
 
 namespace berth::cli {
 namespace {
@@ -63,34 +64,6 @@ const char* name(Format format) {
     case Format::concise: return "concise DCF";
   }
   return "";
-}
-
-// The file is there whole or not at all: written beside, synchronised, renamed.
-std::optional<std::string> replace_file(const std::string& path, const std::string& bytes) {
-  std::string fresh = path + ".XXXXXX";
-  const int fd = ::mkostemp(fresh.data(), O_CLOEXEC);
-  if (fd < 0) return std::strerror(errno);
-  const auto give_up = [&]() -> std::optional<std::string> {
-    const std::string why = std::strerror(errno);
-    ::close(fd);
-    ::unlink(fresh.c_str());
-    return why;
-  };
-  for (std::size_t done = 0; done < bytes.size();) {
-    const ::ssize_t wrote = ::write(fd, bytes.data() + done, bytes.size() - done);
-    if (wrote < 0 && errno == EINTR) continue;
-    if (wrote < 0) return give_up();
-    done += static_cast<std::size_t>(wrote);
-  }
-  const ::mode_t mask = ::umask(0);
-  ::umask(mask);
-  if (::fchmod(fd, 0666U & ~mask) != 0 || ::fsync(fd) != 0) return give_up();
-  if (::close(fd) != 0 || ::rename(fresh.c_str(), path.c_str()) != 0) {
-    const std::string why = std::strerror(errno);
-    ::unlink(fresh.c_str());
-    return why;
-  }
-  return std::nullopt;
 }
 
 struct Converted {
@@ -297,6 +270,9 @@ int run_eds_convert(const Options& options, const EdsOptions& asked) {
   if (same_file(in, out))
     return tell(failure(Exit::usage, fmt::format("{} is the file to be read; name another for the result", out)),
                 options.json);
+  if (out != "-") {
+    if (const auto bad = may_write(out, "the result", options.force)) return tell(*bad, options.json);
+  }
   auto converted = Converter(asked, *to).run();
   if (!converted) return tell(converted.error(), options.json);
   const bool to_stream = out == "-";
@@ -305,8 +281,8 @@ int run_eds_convert(const Options& options, const EdsOptions& asked) {
   if (to_stream) {
     const std::string bytes = on_terminal() ? text::printable(converted->bytes) : converted->bytes;
     write_text(bytes);
-  } else if (const auto why = replace_file(out, converted->bytes)) {
-    return tell(failure(Exit::failed, fmt::format("{} cannot be written: {}", out, *why)), options.json);
+  } else if (const auto bad = write_output(out, converted->bytes)) {
+    return tell(*bad, options.json);
   }
   Json json;
   json["in"] = in;

@@ -44,6 +44,7 @@ void add_convert(const Verb& eds, Options& options, const EdsWords& wanted) {
   convert.word("--eds", wanted->eds, "of a concise DCF: the device's description").shown("FILE");
   node_word(convert, wanted, "node-ID, for $NODEID and the commissioning");
   json_flag(convert, options);
+  force_word(convert, options);
 }
 
 void add_diff(const Verb& eds, Options& options, const EdsWords& wanted) {

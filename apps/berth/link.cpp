@@ -17,6 +17,7 @@
 #include "crossing_words.hpp"
 #include "machine_file.hpp"
 #include "node_words.hpp"
+#include "outputs.hpp"
 #include "verbs.hpp"
 #include "whole_files.hpp"
 
@@ -243,6 +244,16 @@ std::vector<std::string> changed_files(const std::vector<linker::MadeFile>& file
   return changed;
 }
 
+// A folder with a plan is Berth's own: what is made of the plan is made anew. Else what is there is somebody's.
+std::optional<Failure> may_fill(const std::vector<linker::MadeFile>& files, const fs::path& folder, bool force) {
+  std::error_code ignored;
+  if (force || fs::exists(folder / "plan.toml", ignored)) return std::nullopt;
+  for (const auto& file : files) {
+    if (auto bad = may_write((folder / file.name).string(), "--output", false)) return bad;
+  }
+  return std::nullopt;
+}
+
 std::optional<Failure> write_files(const std::vector<linker::MadeFile>& files, const fs::path& folder) {
   if (::mkdir(folder.c_str(), 0777) != 0 && errno != EEXIST) {
     return failure(Exit::failed, fmt::format("{}: {}", folder.string(), std::strerror(errno)));
@@ -328,6 +339,7 @@ int link(const Options& options, const LinkOptions& how) {
   if (planned.good() && !how.output.empty()) {
     const auto files = linker::make_files(made.network, planned.plan);
     if (!files) return tell(failure(Exit::usage, files.error()), options.json);
+    if (const auto bad = may_fill(*files, how.output, options.force)) return tell(*bad, options.json);
     changed = changed_files(*files, how.output);
     if (!options.dry_run) {
       if (const auto wrong = write_files(*files, how.output)) return tell(*wrong, options.json);
@@ -345,6 +357,7 @@ void add_link(Verb& berth, Options& options) {
   Verb verb = berth.add("link", "make PDOs and network variables of the machine's links; exit 1 when one cannot be",
                         [&options, how] { return link(options, *how); });
   json_flag(verb, options);
+  force_word(verb, options);
   machine_word(verb, options);
   verb.word("--output,-o", how->output, "write DCFs, concise DCFs, network.cpj, symbols and plan.toml there")
       .shown("FOLDER");

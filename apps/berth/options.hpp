@@ -59,11 +59,13 @@ struct SingleOptions {
 struct Options {
   bool json = false;
   bool dry_run = false;
-  bool yes = false;  ///< a person confirms what is asked for
+  bool yes = false;    ///< a person confirms what is asked for
+  bool force = false;  ///< files that are there are replaced
   OutsideOptions outside;
   StoreOptions store;
   MasterOptions master;
   std::string machine;
+  std::vector<std::string> allow_outside;  ///< folders that the machine's files may name files in, beside their own
   std::string bus;
   std::vector<std::string> ports;    ///< "socketcan:can0" or "BUS=socketcan:can0": instead of the machine file's
   std::optional<unsigned> bit_rate;  ///< of the one port, where no machine file says it

@@ -113,12 +113,4 @@ void print_error(const std::string& message) {
 
 bool on_terminal() { return ::isatty(STDOUT_FILENO) == 1; }
 
-std::optional<Failure> write_file(const std::string& path, const std::string& text) {
-  std::ofstream file(path, std::ios::binary);
-  file << text;
-  file.close();
-  if (file.good()) return std::nullopt;
-  return failure(Exit::failed, path + ": " + std::strerror(errno));
-}
-
 }  // namespace berth::cli

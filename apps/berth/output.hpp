@@ -41,7 +41,5 @@ void print_error(const std::string& message);
 /// What moves a cursor, with the texts in it filtered already.
 void write_text(const std::string& text);
 [[nodiscard]] bool on_terminal();
-/// Writes a whole file; what went wrong, if anything did. Status 3.
-[[nodiscard]] std::optional<Failure> write_file(const std::string& path, const std::string& text);
 
 }  // namespace berth::cli

@@ -10,6 +10,7 @@
 #include "berth/io/loop_driver.hpp"
 #include "berth/io/plant_port.hpp"
 #include "interrupt.hpp"
+#include "outputs.hpp"
 #include "plant_commands.hpp"
 #include "simulated.hpp"
 #include "verbs.hpp"
@@ -18,7 +19,7 @@ namespace berth::cli {
 namespace {
 
 tl::expected<std::unique_ptr<plant::World>, Failure> world_of(const plant::PlantFile& plant, const Options& options) {
-  const auto rates = bus_rates(options.machine);
+  const auto rates = bus_rates(options);
   if (!rates) return tl::unexpected(rates.error());
   return make_world(plant, *rates, options.sim.plant, options);
 }
@@ -121,6 +122,9 @@ std::string event_line(const NodeIds::Event& event) {
 // The plant by itself, as fast as possible. Status 1: a device that has power has no node-ID of its own, or a script
 // failed.
 int run_alone(plant::World& world, const Options& options) {
+  if (!options.record.empty()) {
+    if (const auto bad = may_write(options.record, "--record", options.force)) return tell(*bad, options.json);
+  }
   std::FILE* const log = options.record.empty() ? nullptr : std::fopen(options.record.c_str(), "we");
   if (log == nullptr && !options.record.empty()) {
     return tell(failure(Exit::failed, options.record + ": cannot be written"), options.json);
@@ -234,6 +238,8 @@ void add_plant(Verb& berth, Options& options) {
       .shown("FILE");
   plant.word("--machine,-m", options.machine, "machine file: bit rates of buses that the plant file gives none")
       .shown("MACHINE");
+  reach_word(plant, options);
+  force_word(plant, options);
   plant_words(plant, options);
   json_flag(plant, options);
   plant.footer(

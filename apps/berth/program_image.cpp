@@ -7,6 +7,7 @@
 #include "berth/device/program_image.hpp"
 #include "berth/text/file.hpp"
 #include "output.hpp"
+#include "outputs.hpp"
 #include "verbs.hpp"
 
 namespace berth::cli {
@@ -35,8 +36,9 @@ int make_image(const Options& options, const ImageOptions& wanted) {
   const auto image = device::make_program_image(head, content);
   const auto made = device::read_program_head(image);
   if (!wanted.dry_run) {
-    if (const auto bad = write_file(wanted.image, std::string(image.begin(), image.end())))
-      return tell(*bad, options.json);
+    const std::string bytes(image.begin(), image.end());
+    if (const auto bad = may_write(wanted.image, "the image", options.force)) return tell(*bad, options.json);
+    if (const auto bad = write_output(wanted.image, bytes)) return tell(*bad, options.json);
   }
   const std::string identification = fmt::format("0x{:08X}", made->crc);
   if (options.json) {
@@ -56,6 +58,7 @@ void add_program_image(const Verb& program, Options& options) {
   const Verb image = program.add("image", "an image for a device of Berth's, out of a program's bytes",
                                  [&options, wanted] { return make_image(options, *wanted); });
   json_flag(image, options);
+  force_word(image, options);
   image.word("content", wanted->content, "the program").required();
   image.word("image", wanted->image, "the file to write").required();
   image.word("--vendor", wanted->vendor, "vendor-ID of the product (default: any)").shown("NUMBER");

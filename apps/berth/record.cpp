@@ -12,6 +12,7 @@
 #include "berth/operate/report.hpp"
 #include "berth/trace/candump.hpp"
 #include "options.hpp"
+#include "outputs.hpp"
 
 namespace berth::cli {
 
@@ -43,7 +44,8 @@ Record::~Record() {
   if (log_ >= 0) ::close(log_);
 }
 
-tl::expected<void, Failure> Record::write_to(const std::string& path) {
+tl::expected<void, Failure> Record::write_to(const std::string& path, bool force) {
+  if (auto bad = may_write(path, "--record", force)) return tl::unexpected(*std::move(bad));
   log_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, private_mode(path));
   if (log_ >= 0) return {};
   return tl::unexpected(failure(Exit::failed, path + ": " + std::strerror(errno)));

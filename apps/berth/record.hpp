@@ -40,7 +40,7 @@ class Record {
   Record& operator=(const Record&) = delete;
 
   /// A line for each frame from now on, as candump -L writes it.
-  [[nodiscard]] tl::expected<void, Failure> write_to(const std::string& path);
+  [[nodiscard]] tl::expected<void, Failure> write_to(const std::string& path, bool force);
   /// Keeps the frames that Berth sends from now on.
   void collect_sent(std::vector<Recorded>& into) { sent_ = &into; }
   /// Gives each frame's line to `take` from now on, while `wanted`; empty functions end that.

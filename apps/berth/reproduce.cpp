@@ -13,6 +13,7 @@
 #include "berth/study/words.hpp"
 #include "berth/trace/candump.hpp"
 #include "output.hpp"
+#include "outputs.hpp"
 #include "study.hpp"
 
 namespace berth::cli {
@@ -75,12 +76,15 @@ void print_rows(const study::Figures& figures) {
   }
 }
 
-std::optional<Failure> write_traces(const study::Figures& figures, const std::string& folder) {
+std::optional<Failure> write_traces(const study::Figures& figures, const std::string& folder, bool force) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) return failure(Exit::failed, folder + ": " + error.message());
   for (const auto& each : figures.traces) {
-    if (auto bad = write_file(folder + "/" + each.name + ".log", trace::write_candump(each.trace))) return bad;
+    const std::string path = folder + "/" + each.name + ".log";
+    const std::string text = trace::write_candump(each.trace);
+    if (auto bad = may_write(path, "--traces", force)) return bad;
+    if (auto bad = write_output(path, text)) return bad;
   }
   return std::nullopt;
 }
@@ -101,7 +105,7 @@ int print_listing(const Options& options, const StudyOptions& study, const study
   }
   if (!study.folder.empty()) {
     const study::Figures one{{}, {{found->name, 0, found->trace}}};
-    if (const auto bad = write_traces(one, study.folder)) return tell(*bad, options.json);
+    if (const auto bad = write_traces(one, study.folder, options.force)) return tell(*bad, options.json);
   }
   using Form = study::Listing::Form;
   const auto lines = found->form == Form::messages ? study::message_table(found->trace)
@@ -180,7 +184,7 @@ int run_reproduce(const Options& options, const StudyOptions& study) {
   if (study.negotiation_load) return print_load(options);
   const auto figures = study::reproduce(conditions);
   if (!study.folder.empty()) {
-    if (const auto bad = write_traces(figures, study.folder)) return tell(*bad, options.json);
+    if (const auto bad = write_traces(figures, study.folder, options.force)) return tell(*bad, options.json);
   }
   if (!options.json) {
     print_rows(figures);

@@ -38,7 +38,7 @@ design::MachineResult Rig::read_machine(const Options& options, const Sources& s
   if (!sources.machine_text.empty()) {
     return design::read_machine(sources.machine_text, sources.machine_name, design::eds_loader());
   }
-  if (!sources.machine_name.empty()) return design::load_machine(sources.machine_name);
+  if (!sources.machine_name.empty()) return design::load_machine(sources.machine_name, options.allow_outside);
   const auto text = ad_hoc_machine(options);
   if (!text) {
     problem = text.error();
@@ -74,9 +74,10 @@ tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sou
   auto machine = read_machine(options, sources, problem);
   if (problem) return tl::unexpected(std::move(*problem));
   const bool simulate = !sources.plant_name.empty() || !sources.plant_text.empty();
-  auto plant = !simulate                    ? plant::PlantResult{plant::PlantFile{}, {}}
-               : sources.plant_text.empty() ? read_plant_file(sources.plant_name, sources.machine_name)
-                                            : plant::read_plant(sources.plant_text, sources.plant_name);
+  auto plant = !simulate ? plant::PlantResult{plant::PlantFile{}, {}}
+               : sources.plant_text.empty()
+                   ? read_plant_file(sources.plant_name, sources.machine_name, options.allow_outside)
+                   : plant::read_plant(sources.plant_text, sources.plant_name);
   Findings findings = machine.findings;
   findings.insert(findings.end(), plant.findings.begin(), plant.findings.end());
   if (!machine.machine || !plant.plant) return tl::unexpected(failure(findings));
@@ -182,7 +183,7 @@ tl::expected<void, Failure> Rig::open_session(const Options& options, bool links
   }
   strangers_ = std::make_unique<Strangers>(*driver_, *interrupt_, *session_, guards_);
   if (!options.record.empty()) {
-    if (auto good = record_.write_to(options.record); !good) return good;
+    if (auto good = record_.write_to(options.record, options.force); !good) return good;
   }
   if (links && !machine_.links.empty()) {
     const auto planned = command::plan_links(machine_);

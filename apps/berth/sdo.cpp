@@ -9,6 +9,7 @@
 
 #include "berth/text/file.hpp"
 #include "output.hpp"
+#include "outputs.hpp"
 #include "request_verb.hpp"
 #include "single.hpp"
 #include "verbs.hpp"
@@ -107,13 +108,14 @@ void flag_of(const Verb& verb, const std::shared_ptr<SdoWords>& wanted, const st
 
 // The bytes of the one object that was read, as they are.
 int read_into_file(const Options& options, const SdoWords& wanted) {
+  if (const auto bad = may_write(wanted.file, "--file", options.force)) return tell(*bad, options.json);
   const auto reply = carry_out(options, wanted.request);
   if (!reply) return tell(reply.error(), options.json);
   if (reply->status != Exit::done) return tell({reply->status, reply->error, reply->json}, options.json);
   const auto json = nlohmann::ordered_json::parse(reply->json);
   const auto bytes = bytes_of(json.at("bytes").get<std::string>());
-  if (const auto bad = write_file(wanted.file, std::string(bytes.begin(), bytes.end())))
-    return tell(*bad, options.json);
+  const std::string content(bytes.begin(), bytes.end());
+  if (const auto bad = write_output(wanted.file, content)) return tell(*bad, options.json);
   if (options.json) {
     nlohmann::ordered_json told = json;
     told.erase("bytes");

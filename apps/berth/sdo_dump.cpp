@@ -10,6 +10,7 @@
 #include "berth/eds/xdd.hpp"
 #include "machine_file.hpp"
 #include "output.hpp"
+#include "outputs.hpp"
 #include "request_verb.hpp"
 #include "sdo.hpp"
 #include "single.hpp"
@@ -108,11 +109,14 @@ int give(const DumpOptions& wanted, const std::string& text, bool json) {
     print_line(text.ends_with('\n') ? text.substr(0, text.size() - 1) : text);
     return Exit::done;
   }
-  const auto bad = write_file(wanted.output, text);
+  const auto bad = write_output(wanted.output, text);
   return bad ? tell(*bad, json) : static_cast<int>(Exit::done);
 }
 
 int run_dump(const Options& options, const DumpOptions& wanted) {
+  if (!wanted.output.empty()) {
+    if (const auto bad = may_write(wanted.output, "--output", options.force)) return tell(*bad, options.json);
+  }
   const auto reply = carry_out(options, wanted.request);
   if (!reply) return tell(reply.error(), options.json);
   if (reply->status != Exit::done) return tell({reply->status, reply->error, reply->json}, options.json);

@@ -115,7 +115,7 @@ using Made = tl::expected<std::unique_ptr<Buses>, Failure>;
 Made plant_buses(const Options& options, const ServeOptions& serve) {
   const auto plant = load_plant(serve.plant, options);
   if (!plant) return tl::unexpected(plant.error());
-  const auto rates = bus_rates(options.machine);
+  const auto rates = bus_rates(options);
   if (!rates) return tl::unexpected(rates.error());
   auto world = make_world(*plant, *rates, serve.plant, options);
   if (!world) return tl::unexpected(world.error());
@@ -140,7 +140,7 @@ Done add_port(PortBuses& buses, const std::string& written, const ServeOptions& 
 }
 
 Done add_machine(PortBuses& buses, const Options& options, const ServeOptions& serve) {
-  const auto machine = design::load_machine(options.machine);
+  const auto machine = design::load_machine(options.machine, options.allow_outside);
   if (!machine.machine) return tl::unexpected(failure(machine.findings));
   for (const auto& bus : machine.machine->buses) {
     if (bus.port.kind == can::PortKind::sim) {
@@ -249,6 +249,7 @@ void add_serve(Verb& berth, Options& options) {
             "machine file: with PLANT the bit rates of its buses; alone, or in PLANT's place: its buses' own ports "
             "(default: berth.toml, or the only one of the folder)")
       .shown("MACHINE");
+  reach_word(serve, options);
   serve.word("--port", wanted->ports, "this port, as PORT or NAME=PORT; as often as wanted")
       .shown("[NAME=]PORT")
       .one_each()

@@ -58,7 +58,7 @@ tl::expected<std::string, Failure> running_plant(Options options) {
   if (options.machine.empty()) {
     return tl::unexpected(failure(Exit::usage, "which machine? Name its file, --machine FILE"));
   }
-  auto machine = design::load_machine(options.machine);
+  auto machine = design::load_machine(options.machine, options.allow_outside);
   if (!machine.machine) return tl::unexpected(failure(machine.findings));
   if (auto good = override_ports(*machine.machine, options); !good) return tl::unexpected(good.error());
   const auto paths = where_it_may_run(options, *machine.machine);
@@ -88,6 +88,7 @@ int ask_plant(const Options& options, command::Request request) {
 void running_words(const Verb& verb, Options& options) {
   json_flag(verb, options);
   verb.word("--machine,-m", options.machine, "machine file (default: berth.toml, or the only one of the folder)");
+  reach_word(verb, options);
   verb.word("--bus", options.bus, "one bus of the machine");
   verb.word("--port,-p", options.ports, "a plant by itself: plant:SOCKET of `berth plant --listen`")
       .one_each()

@@ -1,4 +1,5 @@
 #include "simulated.hpp"
+#include "outputs.hpp"
 
 #include <fmt/format.h>
 
@@ -50,8 +51,9 @@ std::string plant_file_like(const std::string& file, const std::string& machine)
 
 }  // namespace
 
-plant::PlantResult read_plant_file(const std::string& file, const std::string& machine) {
-  auto read = plant::load_plant(file);
+plant::PlantResult read_plant_file(const std::string& file, const std::string& machine,
+                                   std::span<const std::string> allowed) {
+  auto read = plant::load_plant(file, allowed);
   if (read.plant || (file.ends_with(plant_ending) && is_there(file))) return read;
   const auto meant = plant_file_like(file, machine);
   const auto wrong = std::ranges::find(read.findings, Finding::Severity::error, &Finding::severity);
@@ -60,16 +62,16 @@ plant::PlantResult read_plant_file(const std::string& file, const std::string& m
 }
 
 tl::expected<plant::PlantFile, Failure> load_plant(const std::string& file, const Options& options) {
-  auto read = read_plant_file(file, options.machine);
+  auto read = read_plant_file(file, options.machine, options.allow_outside);
   if (!read.plant) return tl::unexpected(failure(read.findings));
   if (options.sim.seed) read.plant->seed = *options.sim.seed;
   return std::move(*read.plant);
 }
 
-tl::expected<std::vector<plant::BusRate>, Failure> bus_rates(const std::string& machine_file) {
+tl::expected<std::vector<plant::BusRate>, Failure> bus_rates(const Options& options) {
   std::vector<plant::BusRate> rates;
-  if (machine_file.empty()) return rates;
-  const auto machine = design::load_machine(machine_file);
+  if (options.machine.empty()) return rates;
+  const auto machine = design::load_machine(options.machine, options.allow_outside);
   if (!machine.machine) return tl::unexpected(failure(machine.findings));
   for (const auto* const bus : machine.machine->all_buses()) rates.push_back({bus->name, bus->bitrate});
   return rates;
@@ -81,6 +83,7 @@ tl::expected<void, Failure> remember(plant::World& world, const Options& options
   if (options.sim.state.empty()) return {};
   Result<void> kept;
   if (!options.dry_run) {
+    if (auto bad = may_keep(options.sim.state, "--sim-state")) return tl::unexpected(*std::move(bad));
     kept = world.keep_state(options.sim.state);
   } else if (std::filesystem::exists(options.sim.state)) {
     Findings unreadable;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <string>
 #include <tl/expected.hpp>
 #include <vector>
@@ -14,12 +15,13 @@ namespace berth::cli {
 
 /// The plant file as it reads; where it cannot be used and a plant file of a like name is there, the mistake names it:
 /// NAME.plant.toml for NAME, NAME.toml and the machine file NAME.toml, or one that is a letter or two away.
-[[nodiscard]] plant::PlantResult read_plant_file(const std::string& file, const std::string& machine);
+[[nodiscard]] plant::PlantResult read_plant_file(const std::string& file, const std::string& machine,
+                                                 std::span<const std::string> allowed);
 /// The plant file, with `--seed`.
 [[nodiscard]] tl::expected<plant::PlantFile, Failure> load_plant(const std::string& file, const Options& options);
 
 /// Bit rates of a machine file's buses, for a plant that gives them none; empty when no machine file is named.
-[[nodiscard]] tl::expected<std::vector<plant::BusRate>, Failure> bus_rates(const std::string& machine_file);
+[[nodiscard]] tl::expected<std::vector<plant::BusRate>, Failure> bus_rates(const Options& options);
 
 /// What a device's script printed or how it failed, as a line for people.
 [[nodiscard]] std::string script_line(double at_s, const std::string& device, const script::Told& told);

@@ -8,9 +8,11 @@
 #include <filesystem>
 #include <thread>
 
+#include "berth/base/read_files.hpp"
 #include "berth/store/database.hpp"
 #include "interrupt.hpp"
 #include "machine_file.hpp"
+#include "outputs.hpp"
 #include "ports.hpp"
 
 namespace berth::cli {
@@ -87,9 +89,13 @@ tl::expected<std::unique_ptr<SlotTable>, Failure> SlotTable::open(const design::
     table->store_ = std::make_unique<places::MemoryStore>();
     return table;
   }
+  if (!copies) {
+    if (auto bad = may_keep(path, "--store")) return tl::unexpected(*std::move(bad));
+  }
   auto opened = store::Database::open(path, {.ended = ended_by(options.timeout)});
   if (!opened) return tl::unexpected(failure(Exit::failed, opened.error().message));
   table->store_ = std::move(*opened);
+  note_read(path);
   return table;
 }
 

@@ -35,6 +35,7 @@ void add_reproduce(Verb& berth, Options& options) {
       .excludes(trace);
   reproduce.seed("--seed", options.sim.seed, "with --negotiation-load: seed of the worlds");
   json_flag(reproduce, options);
+  force_word(reproduce, options);
 }
 
 void add_compare(Verb& berth, Options& options) {
@@ -54,6 +55,7 @@ void add_compare(Verb& berth, Options& options) {
   compare.word("--csv", study->csv, "write the table to this file").shown("FILE");
   compare.word("--plot", study->plot, "write a plot to this file").shown("FILE.svg");
   json_flag(compare, options);
+  force_word(compare, options);
 }
 
 }  // namespace berth::cli

@@ -59,10 +59,10 @@ class Pipeline final : public trace::Sink, private decode::Rows {
                             : RowPrinter::Form::words,
               live_) {}
 
-  std::optional<Failure> open() {
+  std::optional<Failure> open(bool force) {
     if (!trace_.to) return std::nullopt;
     writer_ = trace::make_writer(*trace_.to, {.trc_1_1 = trace_.trc_1_1, .directions = trace_.directions});
-    return file_.open(trace_.output.empty() ? "-" : trace_.output, live_);
+    return file_.open(trace_.output.empty() ? "-" : trace_.output, live_, force);
   }
   void attach(const TraceSource& source) { source_ = &source; }
 
@@ -377,7 +377,7 @@ int run_trace(const Options& given, const TraceOptions& written) {
   if (!source) return tell(source.error(), options.json);
   Pipeline pipeline(options, trace, *known, std::move(*nodes));
   pipeline.attach(**source);
-  if (const auto bad = pipeline.open()) return tell(*bad, options.json);
+  if (const auto bad = pipeline.open(options.force)) return tell(*bad, options.json);
   const auto begin = std::chrono::steady_clock::now();
   std::optional<Failure> failed;
   for (;;) {

@@ -33,7 +33,7 @@ bool describes(const std::string& path) {
 tl::expected<KnownNodes, Failure> KnownNodes::load(const Options& options, const TraceOptions& trace) {
   KnownNodes known;
   if (!options.machine.empty()) {
-    if (auto bad = known.add_machine(options.machine)) return tl::unexpected(std::move(*bad));
+    if (auto bad = known.add_machine(options)) return tl::unexpected(std::move(*bad));
   }
   for (const auto& text : trace.eds) {
     if (auto bad = known.add_eds(text, trace)) return tl::unexpected(std::move(*bad));
@@ -41,8 +41,8 @@ tl::expected<KnownNodes, Failure> KnownNodes::load(const Options& options, const
   return known;
 }
 
-std::optional<Failure> KnownNodes::add_machine(const std::string& path) {
-  auto loaded = design::load_machine(path);
+std::optional<Failure> KnownNodes::add_machine(const Options& options) {
+  auto loaded = design::load_machine(options.machine, options.allow_outside);
   if (!loaded.machine) return failure(loaded.findings);
   machine_ = std::move(*loaded.machine);
   std::map<std::string, std::shared_ptr<const od::Description>> read;

@@ -10,6 +10,7 @@
 #include "berth/decode/decoder.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/multilevel/path.hpp"
+#include "options.hpp"
 #include "output.hpp"
 #include "trace.hpp"
 
@@ -48,7 +49,7 @@ class KnownNodes {
     NodeId node;
     decode::Profile profile;
   };
-  [[nodiscard]] std::optional<Failure> add_machine(const std::string& path);
+  [[nodiscard]] std::optional<Failure> add_machine(const Options& options);
   [[nodiscard]] std::optional<Failure> add_eds(const std::string& text, const TraceOptions& trace);
 
   std::optional<design::Machine> machine_;

@@ -124,6 +124,8 @@ void add_trace(Verb& berth, Options& options) {
   add_formats(trace, *wanted);
   trace.word("--machine,-m", options.machine, "machine file: its slots' names, descriptions and configurations")
       .shown("MACHINE");
+  reach_word(trace, options);
+  force_word(trace, options);
   trace.word("--eds", wanted->eds, "description of a node: N=FILE, or FILE with one --node")
       .shown("[N=]FILE")
       .one_each();

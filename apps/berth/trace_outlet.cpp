@@ -1,4 +1,5 @@
 #include "trace_outlet.hpp"
+#include "outputs.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -22,10 +23,11 @@ Outlet::~Outlet() {
   if (!temporary_.empty()) ::unlink(temporary_.c_str());
 }
 
-std::optional<Failure> Outlet::open(const std::string& path, bool grows) {
+std::optional<Failure> Outlet::open(const std::string& path, bool grows, bool force) {
   path_ = path;
   screen_ = false;
   if (path == "-") return std::nullopt;
+  if (auto bad = may_write(path, "--output", force)) return bad;
   struct stat what {};
   // What is no plain file (a pipe, a terminal) cannot be replaced.
   const bool plain = ::stat(path.c_str(), &what) != 0 || S_ISREG(what.st_mode);

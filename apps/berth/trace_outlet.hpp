@@ -21,7 +21,7 @@ class Outlet {
   Outlet& operator=(const Outlet&) = delete;
 
   /// `grows`: what a live source recorded stays when the program dies. "-": standard output.
-  [[nodiscard]] std::optional<Failure> open(const std::string& path, bool grows);
+  [[nodiscard]] std::optional<Failure> open(const std::string& path, bool grows, bool force);
   /// Append here, then call `full`.
   std::string& buffer() noexcept { return buffer_; }
   void full() {

@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "berth/base/read_files.hpp"
 #include "berth/can/port_spec.hpp"
 #include "berth/command/control.hpp"
 #include "berth/io/open_port.hpp"
@@ -300,6 +301,7 @@ Opened open_source(const Options& options, const TraceOptions& trace, const Know
   }
   if (trace.file.empty()) return open_live(trace, known);
   if (trace.file == "-") return std::make_unique<FileSource>(STDIN_FILENO, "standard input", trace);
+  note_read(trace.file);
   const int fd = ::open(trace.file.c_str(), O_RDONLY | O_CLOEXEC);
   struct stat what {};
   if (fd >= 0 && ::fstat(fd, &what) == 0 && S_ISDIR(what.st_mode)) {

@@ -21,7 +21,6 @@ using Json = nlohmann::ordered_json;
 struct UploadOptions {
   command::Request request{"upload", {{"dcf", "1"}}};
   std::string output;
-  bool force = false;
   bool dry_run = false;
 };
 
@@ -61,7 +60,7 @@ int run_upload(const Options& given, const UploadOptions& wanted) {
   json["file"] = *target;
   json["written"] = !wanted.dry_run;
   if (!wanted.dry_run) {
-    if (const auto bad = write_whole({{*target, text}}, wanted.force)) return tell(*bad, options.json);
+    if (const auto bad = write_whole({{*target, text}}, given.force)) return tell(*bad, options.json);
   }
   if (options.json) {
     print_line(json.dump(2));
@@ -85,7 +84,6 @@ void add_upload(Verb& berth, Options& options) {
           "its name, BUS/NAME or node-ID")
       .required();
   upload.word("--output,-o", wanted->output, "into this file (default: that of config =)").shown("FILE");
-  upload.flag("--force", wanted->force, "replace a file that is there");
   upload.flag("--dry-run", wanted->dry_run, "read the device, say what differs, and write nothing");
   upload.footer(
       "Examples:\n  berth upload drive --dry-run\n  berth upload drive --force\n  berth upload drive -o drive.dcf\n"

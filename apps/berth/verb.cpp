@@ -349,6 +349,17 @@ int run_command_line(int argc, char** argv, const std::vector<AddVerb>& verbs) {
 
 void json_flag(const Verb& verb, Options& options, const char* help) { verb.flag("--json", options.json, help); }
 
+void reach_word(const Verb& verb, Options& options) {
+  verb.word("--allow-outside", options.allow_outside,
+            "folder outside of the machine's own and its project that its files may name files in")
+      .one_each()
+      .shown("FOLDER");
+}
+
+void force_word(const Verb& verb, Options& options) {
+  verb.flag("--force", options.force, "replace files that are there");
+}
+
 void plant_words(const Verb& verb, Options& options) {
   verb.word("--sim-state,--plant-state", options.sim.state,
             "file that keeps what the simulated devices remember between runs")
@@ -362,12 +373,14 @@ void world_words(const Verb& verb, Options& options, bool stores) {
     verb.word("--store", options.store.file, "slot table's file (default: in memory on a simulated world)")
         .shown("FILE");
   verb.word("--record", options.record, "write every frame to this file, as candump -L does").shown("FILE");
+  force_word(verb, options);
   verb.time("--timeout", options.timeout, "longest time, of the bus when it is simulated");
 }
 
 void machine_option(const Verb& verb, Options& options) {
   verb.word("--machine,-m", options.machine, "machine file (default: berth.toml, or the only one of the folder)")
       .shown("MACHINE");
+  reach_word(verb, options);
 }
 
 void machine_words(const Verb& verb, Options& options, MachineWords which) {

@@ -132,6 +132,10 @@ void machine_word(const Verb& verb, Options& options);
 void control_word(const Verb& verb, Options& options);
 /// `--sim-state` and `--seed` of a simulated plant.
 void plant_words(const Verb& verb, Options& options);
+/// `--allow-outside`; `machine_option` has it.
+void reach_word(const Verb& verb, Options& options);
+/// `--force`; `world_words` has it.
+void force_word(const Verb& verb, Options& options);
 /// `--real-time PRIORITY`: of what runs for long on a real bus.
 void real_time_word(const Verb& verb, Options& options);
 

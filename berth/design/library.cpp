@@ -7,7 +7,7 @@
 
 #include "berth/design/read_parts.hpp"
 #include "berth/od/notation.hpp"
-#include "berth/text/file.hpp"
+#include "berth/text/reach.hpp"
 
 namespace berth::design {
 namespace {
@@ -23,8 +23,8 @@ constexpr string_view id_word = "{id}";
 
 class LibraryReader {
  public:
-  LibraryReader(const std::string& file, const TypeLoader& loader, Findings& findings)
-      : file_(file), loader_(loader), findings_(findings) {}
+  LibraryReader(const std::string& file, const text::Reach& reach, const TypeLoader& loader, Findings& findings)
+      : file_(file), reach_(reach), loader_(loader), findings_(findings) {}
 
   Library read(Table& root) {
     for (auto& table : root.tables("device-type")) read_device(table);
@@ -68,7 +68,8 @@ class LibraryReader {
   void read_eds(Table& table, KnownDevice& device) {
     device.eds = table.string("eds").value_or("");
     if (device.eds.empty()) return table.error("eds", "the file name is empty", "name a device description");
-    device.eds_path = text::beside(file_, device.eds);
+    device.eds_path = reach_.path(table, "eds", device.eds);
+    if (device.eds_path.empty()) return;
     Findings said;
     const auto type = loader_ ? loader_(device.eds_path, said) : std::nullopt;
     std::ranges::copy_if(said, std::back_inserter(findings_),
@@ -158,6 +159,7 @@ class LibraryReader {
   }
 
   const std::string& file_;
+  const text::Reach& reach_;
   const TypeLoader& loader_;
   Findings& findings_;
   Library library_;
@@ -165,15 +167,18 @@ class LibraryReader {
 
 }  // namespace
 
-Library read_device_types(text::Table& root, const std::string& file, const TypeLoader& loader, Findings& findings) {
-  return LibraryReader(file, loader, findings).read(root);
+Library read_device_types(text::Table& root, const std::string& file, const text::Reach& reach,
+                          const TypeLoader& loader, Findings& findings) {
+  return LibraryReader(file, reach, loader, findings).read(root);
 }
 
-Library read_library(std::string_view text, const std::string& file, const TypeLoader& loader, Findings& findings) {
+Library read_library(std::string_view text, const std::string& file, const TypeLoader& loader,
+                     std::span<const std::string> allowed, Findings& findings) {
   const auto root = text::parse_toml(text, file, findings);
   if (!root) return {};
   Table table(*root, "", file, findings);
-  auto library = read_device_types(table, file, loader, findings);
+  const text::Reach reach(file, allowed);
+  auto library = read_device_types(table, file, reach, loader, findings);
   table.finish();
   return library;
 }

@@ -8,6 +8,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -16,6 +17,7 @@
 #include "berth/base/ids.hpp"
 #include "berth/od/description.hpp"
 #include "berth/places/recipe.hpp"
+#include "berth/text/reach.hpp"
 #include "berth/text/toml.hpp"
 
 namespace berth::design {
@@ -44,11 +46,12 @@ struct KnownDevice {
 using Library = std::vector<KnownDevice>;
 
 /// Reads the `[[device-type]]` tables beneath `root`. `loader` as in `read_machine`.
-[[nodiscard]] Library read_device_types(text::Table& root, const std::string& file, const TypeLoader& loader,
-                                        Findings& findings);
+[[nodiscard]] Library read_device_types(text::Table& root, const std::string& file, const text::Reach& reach,
+                                        const TypeLoader& loader, Findings& findings);
 
 /// Reads a library file's text: nothing but `[[device-type]]` tables. What is wrong is a finding, all of it at once.
+/// `allowed`: folders besides the file's own (`text::Reach`).
 [[nodiscard]] Library read_library(std::string_view text, const std::string& file, const TypeLoader& loader,
-                                   Findings& findings);
+                                   std::span<const std::string> allowed, Findings& findings);
 
 }  // namespace berth::design

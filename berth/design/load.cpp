@@ -38,13 +38,13 @@ ConfigLoader config_loader() {
   };
 }
 
-MachineResult load_machine(const std::string& path) {
+MachineResult load_machine(const std::string& path, std::span<const std::string> allowed) {
   MachineResult result;
   const auto text = text::read_file(path, result.findings);
   const TextLoader libraries = [](const std::string& file, Findings& findings) {
     return text::read_file(file, findings);
   };
-  return text ? read_machine(*text, path, eds_loader(), config_loader(), libraries) : result;
+  return text ? read_machine(*text, path, eds_loader(), config_loader(), libraries, allowed) : result;
 }
 
 }  // namespace berth::design

@@ -7,6 +7,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -228,12 +229,14 @@ struct MachineResult {
 
 /// Reads a machine file's text. `file_name` is shown in findings, and its folder is where `eds` and `config` are looked
 /// for. An empty `loader`: slots with `eds` are an error. An empty `configs`: files of `config` are not looked at. An
-/// empty `libraries`: a file of `devices` is an error.
+/// empty `libraries`: a file of `devices` is an error. What it names and that leads out of its folder, its project and the
+/// folders of `allowed` is an error too (`text::Reach`).
 [[nodiscard]] MachineResult read_machine(std::string_view text, const std::string& file_name, const TypeLoader& loader,
-                                         const ConfigLoader& configs = {}, const TextLoader& libraries = {});
+                                         const ConfigLoader& configs = {}, const TextLoader& libraries = {},
+                                         std::span<const std::string> allowed = {});
 
 /// The same from a file; a file that cannot be read is a finding.
-[[nodiscard]] MachineResult load_machine(const std::string& path);
+[[nodiscard]] MachineResult load_machine(const std::string& path, std::span<const std::string> allowed = {});
 
 /// The share of a bus that `nodes` heartbeats of this period take, each of the longest frame that it can be (65 bits,
 /// interframe space included): 1 is all of it.

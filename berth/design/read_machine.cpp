@@ -9,7 +9,7 @@
 #include "berth/design/machine.hpp"
 #include "berth/design/read_parts.hpp"
 #include "berth/od/notation.hpp"
-#include "berth/text/file.hpp"
+#include "berth/text/reach.hpp"
 
 namespace berth::design {
 namespace {
@@ -112,8 +112,13 @@ void read_type_table(Table& table, places::SlotSpec& spec) {
 class MachineReader {
  public:
   MachineReader(const std::string& file, const TypeLoader& loader, const ConfigLoader& configs,
-                const TextLoader& libraries, Findings& findings)
-      : file_(file), loader_(loader), configs_(configs), libraries_(libraries), findings_(findings) {
+                const TextLoader& libraries, std::span<const std::string> allowed, Findings& findings)
+      : file_(file),
+        reach_(file, allowed),
+        loader_(loader),
+        configs_(configs),
+        libraries_(libraries),
+        findings_(findings) {
     machine_.file = file;
   }
 
@@ -125,7 +130,7 @@ class MachineReader {
     for (auto& [name, bus] : table.named_tables("bus")) {
       auto& read = machine_.buses.emplace_back(read_bus(name, bus, timing_));
       if (read.gateway && !read.gateway->eds.empty()) {
-        read.gateway->eds_path = text::beside(file_, read.gateway->eds);
+        read.gateway->eds_path = reach_.path(bus, "gateway", read.gateway->eds);
       }
     }
     if (machine_.buses.empty()) table.error("", "there is no bus", "write a table [bus.NAME]");
@@ -192,7 +197,7 @@ class MachineReader {
     read_library_file(*head);
     if (const auto plan = head->string("link_plan")) {
       if (plan->empty()) head->error("link_plan", "the file name is empty", "name a plan.toml, or leave the key out");
-      machine_.link_plan = text::beside(file_, *plan);
+      machine_.link_plan = plan->empty() ? std::string() : reach_.path(*head, "link_plan", *plan);
     }
     head->finish();
   }
@@ -201,18 +206,19 @@ class MachineReader {
     const auto name = head.string("devices");
     if (!name) return;
     if (name->empty()) return head.error("devices", "the file name is empty", "name a library, or leave the key out");
-    const auto path = text::beside(file_, *name);
+    const auto path = reach_.path(head, "devices", *name);
+    if (path.empty()) return;
     const auto text = libraries_ ? libraries_(path, findings_) : std::nullopt;
     if (!text) {
       return head.error("devices", fmt::format("{} cannot be read", text::quoted(path)),
                         "name a file of [[device-type]] tables");
     }
     library_file_ = path;  // findings keep a reference to no temporary
-    machine_.library = read_library(*text, library_file_, loader_, findings_);
+    machine_.library = read_library(*text, library_file_, loader_, reach_.allowed(), findings_);
   }
 
   void read_own_library(Table& root) {
-    for (auto& device : read_device_types(root, file_, loader_, findings_)) {
+    for (auto& device : read_device_types(root, file_, reach_, loader_, findings_)) {
       const bool taken = std::ranges::find(machine_.library, device.name, &KnownDevice::name) != machine_.library.end();
       if (taken) {
         error_at(device.place, "device-type.name", fmt::format("the library has {} too", text::quoted(device.name)),
@@ -412,8 +418,8 @@ class MachineReader {
     if (config->empty())
       return table.error("config", "the file name is empty",
                          "name a DCF, an XDC or a concise DCF, or leave the key out");
-    spec.config = text::beside(file_, *config);
-    if (configs_) check_config(table, slot, ids);
+    spec.config = reach_.path(table, "config", *config);
+    if (configs_ && !spec.config.empty()) check_config(table, slot, ids);
   }
 
   // `programs = [{ file = "…" }, …]`: the first is program 1, and so on, unless they say their numbers.
@@ -431,7 +437,7 @@ class MachineReader {
       if (entry.require("file", "the image of the program")) {
         const auto file = entry.string("file");
         if (file && file->empty()) entry.error("file", "the file name is empty", "name the image of a program");
-        if (file) program.file = text::beside(file_, *file);
+        if (file && !file->empty()) program.file = reach_.path(entry, "file", *file);
       }
       program.identification = entry.u32("identification", {1, 0xFFFF'FFFF});
       entry.finish();
@@ -520,7 +526,8 @@ class MachineReader {
     if (!file) return;
     if (file->empty()) return table.error("eds", "the file name is empty", "name a device description");
     slot.eds = *file;
-    slot.eds_path = text::beside(file_, *file);
+    slot.eds_path = reach_.path(table, "eds", *file);
+    if (slot.eds_path.empty()) return;
     const auto type = load_type(slot.eds_path);
     if (!type) {
       return table.error("eds", fmt::format("{} gives no device type", text::quoted(slot.eds_path)),
@@ -568,6 +575,7 @@ class MachineReader {
   }
 
   const std::string& file_;
+  text::Reach reach_;
   const TypeLoader& loader_;
   const ConfigLoader& configs_;
   const TextLoader& libraries_;
@@ -589,11 +597,12 @@ void sort_findings(Findings& findings, const std::string& file) {
 }  // namespace
 
 MachineResult read_machine(std::string_view text, const std::string& file_name, const TypeLoader& loader,
-                           const ConfigLoader& configs, const TextLoader& libraries) {
+                           const ConfigLoader& configs, const TextLoader& libraries,
+                           std::span<const std::string> allowed) {
   MachineResult result;
   const auto root = text::parse_toml(text, file_name, result.findings);
   if (!root) return result;
-  auto machine = MachineReader(file_name, loader, configs, libraries, result.findings).read(*root);
+  auto machine = MachineReader(file_name, loader, configs, libraries, allowed, result.findings).read(*root);
   sort_findings(result.findings, file_name);
   if (!has_errors(result.findings)) result.machine = std::move(machine);
   return result;

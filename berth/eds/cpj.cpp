@@ -129,6 +129,14 @@ std::optional<std::filesystem::path> inner_path(std::string text) {
   return path;
 }
 
+bool is_link_out(const std::filesystem::path& path, const std::filesystem::path& folder) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  const auto home = fs::weakly_canonical(fs::absolute(folder.empty() ? fs::path(".") : folder), error);
+  const auto leads_to = error ? fs::path() : fs::weakly_canonical(fs::absolute(path), error);
+  return error || std::mismatch(home.begin(), home.end(), leads_to.begin(), leads_to.end()).first != home.end();
+}
+
 }  // namespace
 
 ProjectReading read_cpj(std::string text, std::string_view file_name, const ReadOptions& options) {
@@ -169,7 +177,10 @@ Result<std::filesystem::path> dcf_path(const std::filesystem::path& project, con
   const auto folder = inner_path(topology.eds_base_name);
   const auto name = inner_path(node.dcf_name);
   if (!folder || !name) return fail(Errc::invalid, "the DCF's path leads out of the project's folder");
-  return (project.parent_path() / *folder / *name).lexically_normal();
+  const auto path = (project.parent_path() / *folder / *name).lexically_normal();
+  if (is_link_out(path, project.parent_path()))
+    return fail(Errc::invalid, "the DCF's path is a link that leads out of the project's folder");
+  return path;
 }
 
 Written write_cpj(const Project& project, std::string_view line_end) {

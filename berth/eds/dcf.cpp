@@ -12,6 +12,7 @@
 #include "berth/eds/copy.hpp"
 #include "berth/eds/objects.hpp"
 #include "berth/eds/write.hpp"
+#include "berth/base/read_files.hpp"
 
 namespace berth::eds {
 namespace {
@@ -307,6 +308,7 @@ Result<std::vector<std::uint8_t>> read_beside(const std::filesystem::path& dcf, 
   if (ec) return about(ref, Errc::not_found, "the file that the DCF names is not there");
   if (path.parent_path() != folder) return about(ref, Errc::invalid, "the file is a link that leads elsewhere");
   if (!fs::is_regular_file(path, ec)) return about(ref, Errc::invalid, "what the DCF names is not a plain file");
+  note_read(path.string());
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> in(std::fopen(path.c_str(), "rb"), &std::fclose);
   const auto failed = [ref](const char* text) {
     return tl::unexpected<Error>(Error{.code = Errc::io,

@@ -5,6 +5,7 @@
 
 #include "berth/eds/info.hpp"
 #include "berth/eds/objects.hpp"
+#include "berth/base/read_files.hpp"
 
 namespace berth::eds {
 namespace {
@@ -62,6 +63,7 @@ Reading read_file(const std::filesystem::path& path, const ReadOptions& options)
 }
 
 tl::expected<std::string, std::string> read_text_file(const std::filesystem::path& path, std::size_t max_bytes) {
+  note_read(path.string());
   std::FILE* const file = std::fopen(path.string().c_str(), "rb");
   if (file == nullptr) return tl::unexpected<std::string>("the file cannot be opened");
   std::string text;

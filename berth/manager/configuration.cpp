@@ -17,6 +17,7 @@
 #include "berth/eds/dcf.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/manager/object_ranges_parts.hpp"
+#include "berth/base/read_files.hpp"
 
 namespace berth::manager {
 namespace {
@@ -179,6 +180,7 @@ class Loader {
     const auto size = std::filesystem::is_regular_file(path_, code) ? std::filesystem::file_size(path_, code) : 0;
     if (size > longest_file) return error("the file is longer than 64 MiB", "name a concise DCF");
     std::vector<std::uint8_t> bytes(size);
+    note_read(path_);
     const std::unique_ptr<std::FILE, int (*)(std::FILE*)> in(std::fopen(path_.c_str(), "rb"), std::fclose);
     const bool is_file = !code && std::filesystem::is_regular_file(path_, code) && in != nullptr;
     if (!is_file || std::fread(bytes.data(), 1, bytes.size(), in.get()) != bytes.size()) {

@@ -9,6 +9,7 @@
 #include "berth/base/crc.hpp"
 #include "berth/device/program_image.hpp"
 #include "berth/od/cia302.hpp"
+#include "berth/base/read_files.hpp"
 
 namespace berth::operate {
 namespace {
@@ -31,6 +32,7 @@ std::string progress_text(const manager::ProgramProgress& p) {
 }  // namespace
 
 Result<ProgramImage> load_program(const std::string& file) {
+  note_read(file);
   std::ifstream in(file, std::ios::binary);
   ProgramImage image;
   std::error_code unknown;

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <initializer_list>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -304,9 +305,11 @@ struct PlantResult {
 };
 
 /// Reads a plant file's text; `file_name` is shown in findings, its folder is where `eds` is looked for.
-[[nodiscard]] PlantResult read_plant(std::string_view text, const std::string& file_name);
+/// What it names and that leads out of that, its project and the folders of `allowed` is an error (`text::Reach`).
+[[nodiscard]] PlantResult read_plant(std::string_view text, const std::string& file_name,
+                                     std::span<const std::string> allowed = {});
 /// The same from a file; a file that cannot be read is a finding.
-[[nodiscard]] PlantResult load_plant(const std::string& path);
+[[nodiscard]] PlantResult load_plant(const std::string& path, std::span<const std::string> allowed = {});
 
 struct EventResult {
   std::optional<PlantEvent> event;  ///< empty when a finding is an error

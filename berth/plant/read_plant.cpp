@@ -13,6 +13,7 @@
 #include "berth/plant/plant_file.hpp"
 #include "berth/plant/plant_words.hpp"
 #include "berth/text/file.hpp"
+#include "berth/text/reach.hpp"
 #include "berth/text/toml.hpp"
 
 namespace berth::plant {
@@ -189,9 +190,9 @@ void read_times(Table& table, PlantDevice& device) {
   if (device.heartbeat % 1ms != 0ns) table.error("heartbeat", "heartbeat counts whole milliseconds", "round it");
 }
 
-void read_script(Table& table, const std::string& file, PlantDevice& device) {
+void read_script(Table& table, const text::Reach& reach, PlantDevice& device) {
   device.does.script.file = table.string("script").value_or("");
-  if (!device.does.script.file.empty()) device.does.script.path = text::beside(file, device.does.script.file);
+  if (!device.does.script.file.empty()) device.does.script.path = reach.path(table, "script", device.does.script.file);
   if (table.has("script") && device.does.script.file.empty() && table.string("script")) {
     table.error("script", "the file name is empty", "name a Lua file");
   }
@@ -264,7 +265,7 @@ void read_variables(Table& table, PlantDevice& device) {
   }
 }
 
-void read_programs(Table& table, const std::string& file, PlantDevice& device) {
+void read_programs(Table& table, const text::Reach& reach, PlantDevice& device) {
   if (!table.has("programs")) return;
   auto entry = table.table("programs");
   if (!entry) return;
@@ -277,7 +278,7 @@ void read_programs(Table& table, const std::string& file, PlantDevice& device) {
   p.write = entry->duration("write", 0s, 1s).value_or(p.write);
   p.checked = entry->boolean("checked").value_or(true);
   p.loaded = entry->string("loaded").value_or("");
-  if (!p.loaded.empty()) p.loaded_path = text::beside(file, p.loaded);
+  if (!p.loaded.empty()) p.loaded_path = reach.path(*entry, "loaded", p.loaded);
   constexpr std::uint64_t most = std::uint64_t{1} << 28U;
   if (std::uint64_t{p.count} * p.images * (p.size + p.sector) > most) {
     entry->error("size", "the programs take more than 256 MiB of memory", "give it fewer or shorter ones");
@@ -299,7 +300,8 @@ void read_when(Table& table, PlantEvent& event) {
 
 class PlantReader {
  public:
-  PlantReader(const std::string& file, Findings& findings) : file_(file), findings_(findings) {}
+  PlantReader(const std::string& file, std::span<const std::string> allowed, Findings& findings)
+      : file_(file), reach_(file, allowed), findings_(findings) {}
 
   PlantFile read(const Value& root) {
     Table table(root, "", file_, findings_);
@@ -375,11 +377,11 @@ class PlantReader {
     read_habits(table, device);
     read_response(table, device);
     read_times(table, device);
-    read_script(table, file_, device);
+    read_script(table, reach_, device);
     read_master(table, device);
     read_hardware(table, device);
     read_variables(table, device);
-    read_programs(table, file_, device);
+    read_programs(table, reach_, device);
     device.bitrate = table.u32("bitrate", bit_rates).value_or(0);
     device.storing.deaf = table.boolean("deaf_while_storing").value_or(false);
     device.storing.power_cycle_after = table.boolean("power_cycle_after_store").value_or(false);
@@ -437,7 +439,7 @@ class PlantReader {
     }
     if (eds && eds->empty()) table.error("eds", "the file name is empty", "name a device description");
     device.eds = eds.value_or("");
-    if (!device.eds.empty()) device.eds_path = text::beside(file_, device.eds);
+    if (!device.eds.empty()) device.eds_path = reach_.path(table, "eds", device.eds);
     device.address_of_eds = !has_type;
     if (auto type = table.table("type")) {
       if (type->require("vendor", "vendor-ID, 1018h:01")) device.address.vendor = type->u32("vendor").value_or(0);
@@ -630,6 +632,7 @@ class PlantReader {
   }
 
   const std::string& file_;
+  text::Reach reach_;
   Findings& findings_;
   PlantFile plant_;
   bool many_ = false;                                      ///< the table being read stands for several devices
@@ -640,11 +643,11 @@ class PlantReader {
 
 }  // namespace
 
-PlantResult read_plant(std::string_view text, const std::string& file_name) {
+PlantResult read_plant(std::string_view text, const std::string& file_name, std::span<const std::string> allowed) {
   PlantResult result;
   const auto root = text::parse_toml(text, file_name, result.findings);
   if (!root) return result;
-  auto plant = PlantReader(file_name, result.findings).read(*root);
+  auto plant = PlantReader(file_name, allowed, result.findings).read(*root);
   std::ranges::stable_sort(result.findings, [](const Finding& a, const Finding& b) {
     return std::pair(a.line, a.column) < std::pair(b.line, b.column);
   });
@@ -657,15 +660,15 @@ EventResult read_event(std::string_view keys, const PlantFile& plant) {
   const std::string no_file;
   const auto root = text::parse_toml(keys, no_file, result.findings);
   if (!root) return result;
-  auto event = PlantReader(no_file, result.findings).read_event_now(*root, plant);
+  auto event = PlantReader(no_file, {}, result.findings).read_event_now(*root, plant);
   if (!has_errors(result.findings)) result.event = std::move(event);
   return result;
 }
 
-PlantResult load_plant(const std::string& path) {
+PlantResult load_plant(const std::string& path, std::span<const std::string> allowed) {
   PlantResult result;
   const auto text = text::read_file(path, result.findings);
-  return text ? read_plant(*text, path) : result;
+  return text ? read_plant(*text, path, allowed) : result;
 }
 
 }  // namespace berth::plant

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 #include <system_error>
+#include "berth/base/read_files.hpp"
 
 namespace berth::text {
 
@@ -19,6 +20,7 @@ std::optional<std::string> read_file(const std::string& path, Findings& findings
   errno = 0;
   std::ifstream in(path, std::ios::binary);
   if (!in) return refuse(std::string("cannot be read: ") + std::strerror(errno != 0 ? errno : EIO));
+  note_read(path);
   constexpr std::uintmax_t limit = 64U << 20U;
   const auto size = std::filesystem::file_size(path, code);
   if (!code && size > limit) return refuse("is larger than 64 MiB");

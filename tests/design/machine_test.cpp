@@ -209,7 +209,10 @@ TEST(MachineFile, AConfigurationIsLookedAt) {
 
 // What shall run in a slot's device: `programs`, `update`, and the texts of its versions.
 TEST(MachineFile, TheProgramsOfASlot) {
-  const auto read = [](const std::string& line) { return read_machine(head + slot2 + line, "dir/m.toml", {}); };
+  const std::vector<std::string> anywhere{"/"};
+  const auto read = [&](const std::string& line) {
+    return read_machine(head + slot2 + line, "dir/m.toml", {}, {}, {}, anywhere);
+  };
   const auto good = read(
       "programs = [{ file = \"a.bprg\" }, { number = 9, file = \"/b.bin\", identification = 0x12 }, { file = \"c\" }]\n"
       "hardware_version = \"1.0\"\nsoftware_version = \"2.1\"\nupdate = \"by-hand\"\n");

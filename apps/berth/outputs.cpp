@@ -1,0 +1,104 @@
+#include "outputs.hpp"
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "berth/base/read_files.hpp"
+#include "options.hpp"
+#include "whole_files.hpp"
+
+namespace berth::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Claimed {
+  std::string path;  // without links
+  std::string option;
+};
+
+std::string real_path(const std::string& path) {
+  std::error_code error;
+  const auto real = fs::weakly_canonical(fs::absolute(path, error), error);
+  return error ? path : real.string();
+}
+
+std::vector<Claimed>& all_claimed() {
+  static std::vector<Claimed> all;
+  return all;
+}
+
+bool is_claimed(const std::string& path, const char* option) {
+  const auto it = std::ranges::find(all_claimed(), real_path(path), &Claimed::path);
+  return it != all_claimed().end() && it->option == option;
+}
+
+// Two options that name one file, which is perhaps not there yet.
+std::optional<Failure> claim(const std::string& path, const char* option) {
+  const std::string real = real_path(path);
+  const auto it = std::ranges::find(all_claimed(), real, &Claimed::path);
+  if (it == all_claimed().end()) {
+    all_claimed().push_back({real, option});
+    return std::nullopt;
+  }
+  if (it->option == option) return std::nullopt;
+  return failure(Exit::usage,
+                 fmt::format("{}: {} and {} both name it; give each a file of its own", path, it->option, option));
+}
+
+bool is_plain(const std::string& path, bool& empty) {
+  struct stat about {};
+  if (::stat(path.c_str(), &about) != 0) return false;
+  empty = about.st_size == 0;
+  return S_ISREG(about.st_mode);
+}
+
+std::optional<Failure> is_input(const std::string& path, const char* option) {
+  if (!was_read(path)) return std::nullopt;
+  return failure(Exit::usage, fmt::format("{}: this command reads it; name another file for {}", path, option));
+}
+
+}  // namespace
+
+std::optional<Failure> may_write(const std::string& path, const char* option, bool force) {
+  if (is_claimed(path, option)) return std::nullopt;
+  if (auto input = is_input(path, option)) return input;
+  bool empty = false;
+  if (!is_plain(path, empty)) {
+    std::error_code none;
+    return fs::exists(path, none) ? std::nullopt : claim(path, option);
+  }
+  if (!force && !empty) {
+    return failure(Exit::no,
+                   fmt::format("{}: is there already; --force replaces it, or name another file for {}", path, option));
+  }
+  return claim(path, option);
+}
+
+std::optional<Failure> write_output(const std::string& path, std::string_view bytes) {
+  bool empty = false;
+  std::error_code none;
+  if (is_plain(path, empty) || !fs::exists(path, none)) return write_whole({{real_path(path), bytes}}, true);
+  std::ofstream stream(path, std::ios::binary);
+  stream << bytes;
+  stream.close();
+  if (stream.good()) return std::nullopt;
+  return failure(Exit::failed, path + ": " + std::strerror(errno));
+}
+
+std::optional<Failure> may_keep(const std::string& path, const char* option) {
+  if (is_claimed(path, option)) return std::nullopt;  // it has been read as its own since
+  if (auto input = is_input(path, option)) return input;
+  return claim(path, option);
+}
+
+}  // namespace berth::cli

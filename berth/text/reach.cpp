@@ -1,0 +1,76 @@
+#include "berth/text/reach.hpp"
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <system_error>
+
+#include "berth/text/file.hpp"
+#include "berth/text/quantity.hpp"
+
+namespace berth::text {
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path real(const fs::path& path) {
+  std::error_code error;
+  auto found = fs::weakly_canonical(fs::absolute(path, error), error);
+  std::error_code not_there;
+  const bool leads_nowhere = fs::is_symlink(fs::symlink_status(found, not_there));
+  return error || leads_nowhere ? fs::path() : found;
+}
+
+bool is_beneath(const fs::path& path, const fs::path& folder) {
+  return std::mismatch(folder.begin(), folder.end(), path.begin(), path.end()).first == folder.end();
+}
+
+// Another user of the computer could make all of a folder that both write to, such as /tmp, a project.
+bool marks_project(const fs::path& folder) {
+  struct stat about {};
+  if (::stat((folder / Reach::project_file).c_str(), &about) != 0) return false;
+  return about.st_uid == ::geteuid() || about.st_uid == 0;
+}
+
+fs::path project_of(const fs::path& folder) {
+  for (fs::path at = folder;; at = at.parent_path()) {
+    if (marks_project(at)) return at;
+    if (at == at.parent_path()) return folder;
+  }
+}
+
+}  // namespace
+
+Reach::Reach(const std::string& file, std::span<const std::string> allowed)
+    : file_(file), allowed_(allowed.begin(), allowed.end()) {
+  folders_.push_back(project_of(real(fs::path(file)).parent_path()).string());
+  for (const auto& each : allowed_) {
+    const fs::path folder = real(each);
+    // A name that ends in a slash has an empty last part.
+    if (!folder.empty()) folders_.push_back((folder.has_filename() ? folder : folder.parent_path()).string());
+  }
+}
+
+std::optional<std::string> Reach::path(const std::string& name) const {
+  std::string made = beside(file_, name);
+  const fs::path leads_to = real(made);
+  if (leads_to.empty()) return std::nullopt;
+  const bool reached = std::ranges::any_of(folders_, [&](const auto& each) { return is_beneath(leads_to, each); });
+  if (!reached) return std::nullopt;
+  return made;
+}
+
+std::string Reach::path(Table& table, std::string_view key, const std::string& name) const {
+  auto found = path(name);
+  if (found) return *std::move(found);
+  table.error(key, fmt::format("{} leads out of {}", text::quoted(name), folder()),
+              fmt::format("put the file there; or put an empty {} into a folder above that has both; or say "
+                          "--allow-outside FOLDER",
+                          project_file));
+  return {};
+}
+
+}  // namespace berth::text

@@ -1,0 +1,41 @@
+/// Which files a file may name (docs/security.md): those in its own folder, in the folders of that, and in its project,
+/// which is the nearest folder above with a file `berth-project.toml`. Machine, plant and library files come from
+/// others too, and what they name is opened with the rights of the person who uses them.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "berth/text/toml.hpp"
+
+namespace berth::text {
+
+/// What the names in one file reach. A link counts as what it leads to, as far as it leads somewhere.
+class Reach {
+ public:
+  /// Marks the folder of a project. One that belongs to another user (not root) marks nothing.
+  static constexpr const char* project_file = "berth-project.toml";
+
+  /// `file`: the one that names others; need not be there. `allowed`: folders that a person named besides
+  /// (`--allow-outside`).
+  explicit Reach(const std::string& file, std::span<const std::string> allowed = {});
+
+  /// `name` as seen from the folder of the file; an absolute name stays. Empty: it leads elsewhere.
+  [[nodiscard]] std::optional<std::string> path(const std::string& name) const;
+  /// The same for the value of `key`; what leads elsewhere is an error of the table, and empty.
+  [[nodiscard]] std::string path(Table& table, std::string_view key, const std::string& name) const;
+
+  /// The folder of the project, or that of the file.
+  [[nodiscard]] const std::string& folder() const noexcept { return folders_.front(); }
+  [[nodiscard]] const std::vector<std::string>& allowed() const noexcept { return allowed_; }
+
+ private:
+  std::string file_;
+  std::vector<std::string> allowed_;
+  std::vector<std::string> folders_;  // real ones
+};
+
+}  // namespace berth::text
