@@ -153,7 +153,10 @@ rt::Task<Result<Fastscan::Outcome>> Fastscan::once() {
   device_ = {};
   const unsigned before = requests_;
   const FastscanRequest start;
-  const auto anybody = co_await ask(start);
+  auto anybody = co_await ask(start);
+  // Feedback goes before the answer, which other frames may delay past the window.
+  const bool late = anybody && !*anybody && heard_.count > 0;
+  if (late) anybody = co_await ask(start);
   if (!anybody) co_return fail(anybody.error());
   if (!*anybody) co_return Outcome::nobody;
   std::array<std::uint32_t, 4> parts{};
@@ -249,7 +252,6 @@ std::uint8_t Fastscan::after(std::uint8_t sub) const noexcept {
 // Values of the half that was asked for stand before others: those are late, or of a slave that toggles in its own way.
 void Fastscan::keep(const Reply& reply, bool lower) noexcept {
   heard_ = {.answers = reply.answers};
-  if (reply.answers == 0) return;
   for (const bool fitting : {true, false}) {
     for (const auto& h : reply.feedback) {
       const bool fits = h.feedback.kind == Feedback::base || h.feedback.toggle == lower;

@@ -149,16 +149,16 @@ rt::Task<void> Finder::the_rest(bool also_configured) {
 }
 
 // A device that fits each slot without one, no device counted twice: else one is missing. One that waits for its power
-// cycle is known.
+// cycle is known, and one that is a slot's own fills no other.
 bool Finder::is_one_missing() const {
   std::vector<bool> used(found_.size(), false);
   for (const auto& seat : slots_.seats()) {
     if (seat->is_accounted_for() || seat->slot.spec.assign != places::Assign::lss) continue;
-    const auto device = seat->slot.record.device();
     std::size_t i = 0;
     const auto here = [&](const places::Found& f) {
       const bool clone = f.clone || found_.is_clone(f.device);
-      return !clone && (device == f.device || places::fits(seat->slot.spec, f.device));
+      const Seat* const owner = slots_.of(f.device);
+      return !clone && (owner == nullptr ? places::fits(seat->slot.spec, f.device) : owner == seat.get());
     };
     while (i < found_.size() && (used[i] || !here(found_.all()[i]))) ++i;
     if (i == found_.size()) return true;

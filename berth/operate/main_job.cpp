@@ -125,14 +125,34 @@ const LssAddress* who_fades(const Parts& p, const Seat& seat) {
   return own ? &intended->device : nullptr;
 }
 
-// `news`: it was not told yet. A device that was found and is silent now is named, until a search for all is over.
+// The plan of this round is carried out: whom it still has for this slot did not give up another node-ID, or failed in
+// another slot.
+const LssAddress* who_is_left(const Parts& p, const Seat& seat) {
+  const auto& actions = p.planning.plan().actions;
+  const auto left = std::ranges::find_if(actions, [&](const places::Action& a) {
+    return a.kind == places::Action::Kind::bind && p.slots.seats()[a.slot].get() == &seat;
+  });
+  return left == actions.end() ? nullptr : &left->device;
+}
+
+// A device that was found is not nobody: one that is silent now, until a search for all is over, and one that could not
+// be seated yet. Empty: there is none.
+std::string who_is_known(const Parts& p, const Seat& seat) {
+  if (!is_vacant(seat)) return {};
+  const LssAddress* const left = who_is_left(p, seat);
+  if (left != nullptr) return fmt::format("{} was found and could not be seated: it is tried again", to_string(*left));
+  const LssAddress* const silent = p.found.silent_for(seat.slot.spec);
+  if (silent == nullptr) return {};
+  return fmt::format("{} was found and answers no more: it is looked for", to_string(*silent));
+}
+
+// `news`: it was not told yet.
 void tell_nobody(Parts& p, Seat& seat, bool news) {
-  const LssAddress* const silent = is_vacant(seat) ? p.found.silent_for(seat.slot.spec) : nullptr;
-  const bool stale = seat.misses_one && silent == nullptr && seat.life == Life::empty && !p.agenda.search_open;
+  std::string why = who_is_known(p, seat);
+  const bool stale = seat.misses_one && why.empty() && seat.life == Life::empty && !p.agenda.search_open;
   if (!news && !stale) return;
-  seat.misses_one = silent != nullptr;
-  std::string why = "no device of its type was found";
-  if (silent != nullptr) why = fmt::format("{} was found and answers no more: it is looked for", to_string(*silent));
+  seat.misses_one = !why.empty();
+  if (why.empty()) why = "no device of its type was found";
   if (p.agenda.alone) why = can::no_acknowledge;
   p.slots.happened(seat, SlotEvent::nobody, why);
 }

@@ -75,7 +75,7 @@ struct Seat {
   bool fresh = false;       ///< bound in this run, and not yet looked at for a past elsewhere
   bool held = false;        ///< a person took it out of operational: it is not started again
   bool ask_again = false;   ///< silent, and due to be asked once more
-  bool misses_one = false;  ///< empty, and says which device was found and answers no more
+  bool misses_one = false;  ///< empty, and says which device was found and is not seated
   bool guarded = false;     ///< the device has no 1017h: it is asked by guarding
   rt::Time checked{};       ///< when it was identified last
   Doubt doubt;

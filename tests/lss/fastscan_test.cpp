@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "berth/base/random.hpp"
@@ -400,7 +401,8 @@ TEST(Fastscan, S4_12_SixteenNodesWithFeedback) {
   w.expect_truth(*report);
 }
 
-// Feedback that nobody sent, lower than all: it is asked for, nobody answers, and the next is asked for.
+// Feedback that nobody sent, lower than all: it is asked for, nobody answers, and the next is asked for. Behind the
+// last device the closing question is asked twice.
 TEST(Fastscan, ForgedFeedbackCostsARequestAndNothingElse) {
   FastscanWorld w;
   auto& n = w.with(paper4, Feedback::extended);
@@ -412,7 +414,19 @@ TEST(Fastscan, ForgedFeedbackCostsARequestAndNothingElse) {
   ASSERT_TRUE(report);
   ASSERT_EQ(report->found.size(), 1U);
   EXPECT_EQ(report->found[0].address, paper4);
-  EXPECT_EQ(report->requests, 9 + 8 + 1U);
+  EXPECT_EQ(report->requests, 9 + 8 + 2U);
+}
+
+// The feedback comes in the window, and the answer behind it does not: the bus is not taken for empty.
+TEST(Fastscan, FeedbackWhoseAnswerIsLateIsNotNobody) {
+  FastscanWorld w;
+  auto& n = w.with(paper4, Feedback::base);
+  bool first = true;
+  n.own_latency = [&]() -> rt::Duration { return std::exchange(first, false) ? microseconds(9'300) : milliseconds(1); };
+  const auto report = w.discover({.feedback = Feedback::base});
+  ASSERT_TRUE(report);
+  ASSERT_EQ(report->found.size(), 1U);
+  EXPECT_EQ(report->found[0].address, paper4);
 }
 
 TEST(Fastscan, TheOwnerMayGiveNobodyAnId) {

@@ -88,7 +88,12 @@ INSTANTIATE_TEST_SUITE_P(
         Known{1109087, "a slot's own device waits for its power cycle, and the slot says nobody", {.waits = true}},
         Known{1112819, "a device that returned four times waits for a whole search", {.waits = true}},
         Known{1115129, "RAND's frames back to back are lost in small receive buffers", {.waits = true}},
-        Known{1120635, "two devices answer 11h, and both store the node-ID", {.waits = true}}),
+        Known{1120635, "two devices answer 11h, and both store the node-ID", {.waits = true}},
+        Known{1302935, "one that is back in its slot is taken for the one that another slot misses", {.waits = true}},
+        Known{1420464, "one that could not give up another slot's node-ID is told as nobody", {.waits = true}},
+        Known{1436010,
+              "Fastscan hears feedback, and the answer behind the window: it ends, and finds nobody",
+              {.waits = true}}),
     name_of);
 
 }  // namespace

@@ -1,5 +1,5 @@
-// A device that waits, for its power cycle or for its cable, waits by itself: no other device notices, and its slot says
-// what is so.
+// A device that waits, for its power cycle or for its cable, waits by itself: no other device notices, and its slot
+// says what is so.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -126,8 +126,8 @@ TEST(Waiting, ADeviceThatWaitsForItsPowerCycleDelaysNobody) {
   }
 }
 
-// Each SDO answer of a start in turn is sent twice, as CAN does when a sender sees the last bit of its frame wrong: that
-// is no second device.
+// Each SDO answer of a start in turn is sent twice, as CAN does when a sender sees the last bit of its frame wrong:
+// that is no second device.
 TEST(Waiting, AnAnswerThatCanRepeatsIsNoSecondDevice) {
   for (std::uint32_t strike = 0; strike < 30; ++strike) {
     design::Machine m = one_bus(125'000);
@@ -151,4 +151,31 @@ TEST(Waiting, AnAnswerThatCanRepeatsIsNoSecondDevice) {
     EXPECT_EQ(log.find("two devices"), std::string::npos) << strike << "\n" << log;
     EXPECT_EQ(log.find("duplicate"), std::string::npos) << strike << "\n" << log;
   }
+}
+
+// It is slow just when it is told to give up the node-ID of another slot, so that its own waits for the next round.
+TEST(Waiting, OneThatKeepsAnotherSlotsNodeIdForARoundIsNotNobody) {
+  design::Machine m = one_bus(125'000);
+  add_slot(m, 3, type_b);
+  add_slot(m, 4, type_a);
+  auto p = one_bus_plant(1);
+  add_device(p, "other", type_b, 5);
+  auto& d = add_device(p, "d", type_a, 7);
+  d.source = plant::NodeIdSource::nonvolatile;
+  d.node_id = NodeId(3);
+  Rig rig(m, p);
+  bool slowed = false;
+  rig.on_step([&](const std::string&, const places::Binding& binding) {
+    if (binding.kind() != places::Binding::Kind::blank || std::exchange(slowed, true)) return;
+    auto slow = event(plant::Action::slow, 0s, "d");
+    slow.duration = 2s;
+    slow.latency = 300ms;
+    rig.world().perform(slow);
+  });
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  EXPECT_TRUE(slowed);
+  const std::string log = rig.log();
+  EXPECT_EQ(log.find("no device of its type was found"), std::string::npos) << log;
+  EXPECT_NE(log.find("s4: empty: 01000001-00000001-00000000-00000007 was found"), std::string::npos) << log;
 }
