@@ -194,7 +194,7 @@ class Ends {
 
 int analyze(const Options& options, const AnalyzeOptions& how) {
   if (!how.plot.empty()) {
-    if (const auto bad = may_write(how.plot, "--plot", options.force)) return tell(*bad, options.json);
+    if (const auto bad = may_write(how.plot, "--plot", options.files.force)) return tell(*bad, options.json);
   }
   const auto machine = machine_of(options);
   if (!machine) return tell(machine.error(), options.json);

@@ -83,7 +83,7 @@ tl::expected<can::PortSpec, Failure> port_of(const Options& options) {
     if (!port) return tl::unexpected(failure(Exit::usage, port.error()));
     return *port;
   }
-  auto loaded = design::load_machine(options.machine, options.allow_outside);
+  auto loaded = design::load_machine(options.machine, options.files.allow_outside);
   if (!loaded.machine) return tl::unexpected(failure(loaded.findings));
   if (auto good = override_ports(*loaded.machine, options); !good) return tl::unexpected(good.error());
   if (!options.bus.empty()) restrict_to(*loaded.machine, options.bus);

@@ -134,7 +134,7 @@ std::optional<Failure> may_write_all(const StudyOptions& study, bool force) {
 int run_compare(const Options& options, const StudyOptions& study) {
   Contest contest;
   if (const auto bad = read(study, contest)) return tell(*bad, options.json);
-  if (const auto bad = may_write_all(study, options.force)) return tell(*bad, options.json);
+  if (const auto bad = may_write_all(study, options.files.force)) return tell(*bad, options.json);
   const unsigned threads = study.threads > 0 ? study.threads : std::max(1U, std::thread::hardware_concurrency());
   const bool live = on_terminal() && !options.json;
   const auto cells = study::compare(contest, threads, [live](std::size_t done, std::size_t all) {

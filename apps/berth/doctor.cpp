@@ -391,7 +391,7 @@ int run_doctor(const Options& given, DoctorOptions wanted) {
                 options.json);
   }
   if (!options.machine.empty()) {
-    const auto machine = design::load_machine(options.machine, options.allow_outside);
+    const auto machine = design::load_machine(options.machine, options.files.allow_outside);
     if (!machine.machine) return tell(failure(machine.findings), options.json);
     const auto wrong = settle_bus(*machine.machine, !options.sim.plant.empty(), options, wanted);
     if (wrong) return tell(*wrong, options.json);

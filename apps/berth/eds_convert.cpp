@@ -271,7 +271,7 @@ int run_eds_convert(const Options& options, const EdsOptions& asked) {
     return tell(failure(Exit::usage, fmt::format("{} is the file to be read; name another for the result", out)),
                 options.json);
   if (out != "-") {
-    if (const auto bad = may_write(out, "the result", options.force)) return tell(*bad, options.json);
+    if (const auto bad = may_write(out, "the result", options.files.force)) return tell(*bad, options.json);
   }
   auto converted = Converter(asked, *to).run();
   if (!converted) return tell(converted.error(), options.json);

@@ -260,7 +260,7 @@ int run_export(const Options& given, const std::string& to) {
   if (options.machine.empty()) {
     return tell(failure(Exit::usage, "of which machine? Name its file: berth export machine.toml " + to), options.json);
   }
-  auto loaded = design::load_machine(options.machine, options.allow_outside);
+  auto loaded = design::load_machine(options.machine, options.files.allow_outside);
   if (!loaded.machine) return tell(failure(loaded.findings), options.json);
   const auto names = files_of(*loaded.machine);
   if (!names) return tell(names.error(), options.json);

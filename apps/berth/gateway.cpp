@@ -99,8 +99,9 @@ int run_gateway(const Options& wanted, const GatewayOptions& gateway) {
   tell_counters((*host)->counters(), options.json);
   rig.session().on_event({});
   host->reset();
-  return rig.record().kept() ? Exit::done
-                             : tell(failure(Exit::failed, options.record + ": the record could not be written"), false);
+  return rig.record().kept()
+             ? Exit::done
+             : tell(failure(Exit::failed, options.files.record + ": the record could not be written"), false);
 }
 
 }  // namespace
@@ -122,7 +123,7 @@ void add_gateway(Verb& berth, Options& options) {
   gateway.word("--port", options.ports, "port of the bus, or BUS=PORT, instead of the machine file's")
       .one_each()
       .shown("[BUS=]PORT");
-  gateway.word("--record", options.record, "write every frame to this file, as candump does").shown("FILE");
+  gateway.word("--record", options.files.record, "write every frame to this file, as candump does").shown("FILE");
   gateway.word("--listen", wanted->listen, "where to listen (default 127.0.0.1:7000; port 0: any that is free)")
       .shown("HOST:PORT");
   gateway.time("--for", wanted->duration, "end after this time");

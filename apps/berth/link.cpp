@@ -339,7 +339,7 @@ int link(const Options& options, const LinkOptions& how) {
   if (planned.good() && !how.output.empty()) {
     const auto files = linker::make_files(made.network, planned.plan);
     if (!files) return tell(failure(Exit::usage, files.error()), options.json);
-    if (const auto bad = may_fill(*files, how.output, options.force)) return tell(*bad, options.json);
+    if (const auto bad = may_fill(*files, how.output, options.files.force)) return tell(*bad, options.json);
     changed = changed_files(*files, how.output);
     if (!options.dry_run) {
       if (const auto wrong = write_files(*files, how.output)) return tell(*wrong, options.json);

@@ -99,7 +99,7 @@ tl::expected<design::Machine, Failure> machine_of(const Options& options) {
     if (!text) return tl::unexpected(text.error());
     read = design::read_machine(*text, no_machine_file, {});
   } else {
-    read = design::load_machine(options.machine, options.allow_outside);
+    read = design::load_machine(options.machine, options.files.allow_outside);
   }
   if (!read.machine) return tl::unexpected(failure(read.findings));
   if (auto good = describe_nodes(*read.machine, options); !good) return tl::unexpected(good.error());

@@ -44,6 +44,13 @@ struct StoreOptions {
   bool made = false;  ///< by the command, on a real machine when there is none
 };
 
+/// Files beside the machine's own.
+struct FileOptions {
+  std::string record;                      ///< candump log of every frame; empty: none
+  bool force = false;                      ///< those that are there are replaced
+  std::vector<std::string> allow_outside;  ///< folders that the machine's files may name files in, beside their own
+};
+
 /// What is not sent on ports outside this process.
 struct OutsideOptions {
   bool observe = false;    ///< nothing is sent there, and none of them owned
@@ -59,20 +66,18 @@ struct SingleOptions {
 struct Options {
   bool json = false;
   bool dry_run = false;
-  bool yes = false;    ///< a person confirms what is asked for
-  bool force = false;  ///< files that are there are replaced
+  bool yes = false;  ///< a person confirms what is asked for
   OutsideOptions outside;
   StoreOptions store;
   MasterOptions master;
   std::string machine;
-  std::vector<std::string> allow_outside;  ///< folders that the machine's files may name files in, beside their own
+  FileOptions files;
   std::string bus;
   std::vector<std::string> ports;    ///< "socketcan:can0" or "BUS=socketcan:can0": instead of the machine file's
   std::optional<unsigned> bit_rate;  ///< of the one port, where no machine file says it
   std::vector<std::string> eds;      ///< "FILE" or "NODE=FILE": what devices are like that are in no slot
   SimulationOptions sim;
   std::string control;  ///< empty: command::control_path of the machine
-  std::string record;   ///< candump log of every frame
   Cia309 gateway;
   std::optional<std::chrono::nanoseconds> timeout;
   std::string until;    ///< "", "operational", "replaced"

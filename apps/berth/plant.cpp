@@ -101,6 +101,32 @@ class Recorder final : public can::Tap {
   std::string bus_;
 };
 
+// Every bus of the world, into one file; an empty name: none.
+class Recording {
+ public:
+  Recording(plant::World& world, const std::string& file) : world_(&world), wanted_(!file.empty()) {
+    if (wanted_) log_ = std::fopen(file.c_str(), "we");
+    if (log_ == nullptr) return;
+    for (const auto& bus : world.sim().buses()) {
+      recorders_.push_back(std::make_unique<Recorder>(log_, bus->name()));
+      bus->add_tap(*recorders_.back());
+    }
+  }
+  ~Recording() {
+    for (std::size_t i = 0; i < recorders_.size(); ++i) world_->sim().buses()[i]->remove_tap(*recorders_[i]);
+    if (log_ != nullptr) std::fclose(log_);
+  }
+  Recording(const Recording&) = delete;
+  Recording& operator=(const Recording&) = delete;
+  [[nodiscard]] bool good() const noexcept { return !wanted_ || log_ != nullptr; }
+
+ private:
+  plant::World* world_;
+  bool wanted_;
+  std::FILE* log_ = nullptr;
+  std::vector<std::unique_ptr<Recorder>> recorders_;
+};
+
 Json device_json(const plant::SimDevice& device, bool duplicate) {
   const auto truth = device.truth();
   const auto why = duplicate ? "another device has it too" : reason(device);
@@ -122,25 +148,18 @@ std::string event_line(const NodeIds::Event& event) {
 // The plant by itself, as fast as possible. Status 1: a device that has power has no node-ID of its own, or a script
 // failed.
 int run_alone(plant::World& world, const Options& options) {
-  if (!options.record.empty()) {
-    if (const auto bad = may_write(options.record, "--record", options.force)) return tell(*bad, options.json);
-  }
-  std::FILE* const log = options.record.empty() ? nullptr : std::fopen(options.record.c_str(), "we");
-  if (log == nullptr && !options.record.empty()) {
-    return tell(failure(Exit::failed, options.record + ": cannot be written"), options.json);
-  }
-  std::vector<std::unique_ptr<Recorder>> recorders;
-  for (const auto& bus : world.sim().buses()) {
-    if (log == nullptr) break;
-    recorders.push_back(std::make_unique<Recorder>(log, bus->name()));
-    bus->add_tap(*recorders.back());
+  if (!options.files.record.empty()) {
+    if (const auto bad = may_write(options.files.record, "--record", options.files.force))
+      return tell(*bad, options.json);
   }
   NodeIds ids(world);
-  world.start();
-  world.sim().run_for(*options.timeout);
-  for (std::size_t i = 0; i < recorders.size(); ++i) world.sim().buses()[i]->remove_tap(*recorders[i]);
-  if (log != nullptr) std::fclose(log);
-
+  {
+    const Recording recording(world, options.files.record);
+    if (!recording.good())
+      return tell(failure(Exit::failed, options.files.record + ": cannot be written"), options.json);
+    world.start();
+    world.sim().run_for(*options.timeout);
+  }
   std::set<std::string> doubled;
   for (const auto& [one, other] : world.duplicates()) doubled.insert({one->name(), other->name()});
   Json report{{"plant", options.sim.plant}, {"time_s", seconds(world.sim().now())}};
@@ -234,7 +253,7 @@ void add_plant(Verb& berth, Options& options) {
         .shown("SOCKET");
     how.time("--for", options.timeout, "no socket: the plant by itself, so long, as fast as possible");
   });
-  plant.word("--record", options.record, "with --for: write every frame to this file, as candump -L does")
+  plant.word("--record", options.files.record, "with --for: write every frame to this file, as candump -L does")
       .shown("FILE");
   plant.word("--machine,-m", options.machine, "machine file: bit rates of buses that the plant file gives none")
       .shown("MACHINE");

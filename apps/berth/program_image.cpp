@@ -37,7 +37,7 @@ int make_image(const Options& options, const ImageOptions& wanted) {
   const auto made = device::read_program_head(image);
   if (!wanted.dry_run) {
     const std::string bytes(image.begin(), image.end());
-    if (const auto bad = may_write(wanted.image, "the image", options.force)) return tell(*bad, options.json);
+    if (const auto bad = may_write(wanted.image, "the image", options.files.force)) return tell(*bad, options.json);
     if (const auto bad = write_output(wanted.image, bytes)) return tell(*bad, options.json);
   }
   const std::string identification = fmt::format("0x{:08X}", made->crc);

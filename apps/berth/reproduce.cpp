@@ -105,7 +105,7 @@ int print_listing(const Options& options, const StudyOptions& study, const study
   }
   if (!study.folder.empty()) {
     const study::Figures one{{}, {{found->name, 0, found->trace}}};
-    if (const auto bad = write_traces(one, study.folder, options.force)) return tell(*bad, options.json);
+    if (const auto bad = write_traces(one, study.folder, options.files.force)) return tell(*bad, options.json);
   }
   using Form = study::Listing::Form;
   const auto lines = found->form == Form::messages ? study::message_table(found->trace)
@@ -184,7 +184,7 @@ int run_reproduce(const Options& options, const StudyOptions& study) {
   if (study.negotiation_load) return print_load(options);
   const auto figures = study::reproduce(conditions);
   if (!study.folder.empty()) {
-    if (const auto bad = write_traces(figures, study.folder, options.force)) return tell(*bad, options.json);
+    if (const auto bad = write_traces(figures, study.folder, options.files.force)) return tell(*bad, options.json);
   }
   if (!options.json) {
     print_rows(figures);

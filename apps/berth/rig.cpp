@@ -38,7 +38,7 @@ design::MachineResult Rig::read_machine(const Options& options, const Sources& s
   if (!sources.machine_text.empty()) {
     return design::read_machine(sources.machine_text, sources.machine_name, design::eds_loader());
   }
-  if (!sources.machine_name.empty()) return design::load_machine(sources.machine_name, options.allow_outside);
+  if (!sources.machine_name.empty()) return design::load_machine(sources.machine_name, options.files.allow_outside);
   const auto text = ad_hoc_machine(options);
   if (!text) {
     problem = text.error();
@@ -76,7 +76,7 @@ tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sou
   const bool simulate = !sources.plant_name.empty() || !sources.plant_text.empty();
   auto plant = !simulate ? plant::PlantResult{plant::PlantFile{}, {}}
                : sources.plant_text.empty()
-                   ? read_plant_file(sources.plant_name, sources.machine_name, options.allow_outside)
+                   ? read_plant_file(sources.plant_name, sources.machine_name, options.files.allow_outside)
                    : plant::read_plant(sources.plant_text, sources.plant_name);
   Findings findings = machine.findings;
   findings.insert(findings.end(), plant.findings.begin(), plant.findings.end());
@@ -149,7 +149,7 @@ tl::expected<can::Port*, Failure> Rig::attach(const design::Bus& bus, const Opti
   auto port = world_->attach_master(bus.name);
   if (!port)
     return tl::unexpected(failure(Exit::failed, fmt::format("the simulated world has no bus \"{}\"", bus.name)));
-  if (options.dry_run || !options.record.empty() || loop_ != nullptr) {
+  if (options.dry_run || !options.files.record.empty() || loop_ != nullptr) {
     taps_.push_back(std::make_unique<BusTap>(record_, *world_->bus(bus.name), port->number()));
   }
   ours_.push_back(std::move(port));
@@ -182,8 +182,8 @@ tl::expected<void, Failure> Rig::open_session(const Options& options, bool links
     if (!connected) return tl::unexpected(failure(Exit::failed, describe(connected.error())));
   }
   strangers_ = std::make_unique<Strangers>(*driver_, *interrupt_, *session_, guards_);
-  if (!options.record.empty()) {
-    if (auto good = record_.write_to(options.record, options.force); !good) return good;
+  if (!options.files.record.empty()) {
+    if (auto good = record_.write_to(options.files.record, options.files.force); !good) return good;
   }
   if (links && !machine_.links.empty()) {
     const auto planned = command::plan_links(machine_);

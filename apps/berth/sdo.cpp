@@ -108,7 +108,7 @@ void flag_of(const Verb& verb, const std::shared_ptr<SdoWords>& wanted, const st
 
 // The bytes of the one object that was read, as they are.
 int read_into_file(const Options& options, const SdoWords& wanted) {
-  if (const auto bad = may_write(wanted.file, "--file", options.force)) return tell(*bad, options.json);
+  if (const auto bad = may_write(wanted.file, "--file", options.files.force)) return tell(*bad, options.json);
   const auto reply = carry_out(options, wanted.request);
   if (!reply) return tell(reply.error(), options.json);
   if (reply->status != Exit::done) return tell({reply->status, reply->error, reply->json}, options.json);

@@ -115,7 +115,7 @@ int give(const DumpOptions& wanted, const std::string& text, bool json) {
 
 int run_dump(const Options& options, const DumpOptions& wanted) {
   if (!wanted.output.empty()) {
-    if (const auto bad = may_write(wanted.output, "--output", options.force)) return tell(*bad, options.json);
+    if (const auto bad = may_write(wanted.output, "--output", options.files.force)) return tell(*bad, options.json);
   }
   const auto reply = carry_out(options, wanted.request);
   if (!reply) return tell(reply.error(), options.json);

@@ -140,7 +140,7 @@ Done add_port(PortBuses& buses, const std::string& written, const ServeOptions& 
 }
 
 Done add_machine(PortBuses& buses, const Options& options, const ServeOptions& serve) {
-  const auto machine = design::load_machine(options.machine, options.allow_outside);
+  const auto machine = design::load_machine(options.machine, options.files.allow_outside);
   if (!machine.machine) return tl::unexpected(failure(machine.findings));
   for (const auto& bus : machine.machine->buses) {
     if (bus.port.kind == can::PortKind::sim) {

@@ -58,7 +58,7 @@ tl::expected<std::string, Failure> running_plant(Options options) {
   if (options.machine.empty()) {
     return tl::unexpected(failure(Exit::usage, "which machine? Name its file, --machine FILE"));
   }
-  auto machine = design::load_machine(options.machine, options.allow_outside);
+  auto machine = design::load_machine(options.machine, options.files.allow_outside);
   if (!machine.machine) return tl::unexpected(failure(machine.findings));
   if (auto good = override_ports(*machine.machine, options); !good) return tl::unexpected(good.error());
   const auto paths = where_it_may_run(options, *machine.machine);

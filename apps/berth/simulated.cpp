@@ -62,7 +62,7 @@ plant::PlantResult read_plant_file(const std::string& file, const std::string& m
 }
 
 tl::expected<plant::PlantFile, Failure> load_plant(const std::string& file, const Options& options) {
-  auto read = read_plant_file(file, options.machine, options.allow_outside);
+  auto read = read_plant_file(file, options.machine, options.files.allow_outside);
   if (!read.plant) return tl::unexpected(failure(read.findings));
   if (options.sim.seed) read.plant->seed = *options.sim.seed;
   return std::move(*read.plant);
@@ -71,7 +71,7 @@ tl::expected<plant::PlantFile, Failure> load_plant(const std::string& file, cons
 tl::expected<std::vector<plant::BusRate>, Failure> bus_rates(const Options& options) {
   std::vector<plant::BusRate> rates;
   if (options.machine.empty()) return rates;
-  const auto machine = design::load_machine(options.machine, options.allow_outside);
+  const auto machine = design::load_machine(options.machine, options.files.allow_outside);
   if (!machine.machine) return tl::unexpected(failure(machine.findings));
   for (const auto* const bus : machine.machine->all_buses()) rates.push_back({bus->name, bus->bitrate});
   return rates;

@@ -377,7 +377,7 @@ int run_trace(const Options& given, const TraceOptions& written) {
   if (!source) return tell(source.error(), options.json);
   Pipeline pipeline(options, trace, *known, std::move(*nodes));
   pipeline.attach(**source);
-  if (const auto bad = pipeline.open(options.force)) return tell(*bad, options.json);
+  if (const auto bad = pipeline.open(options.files.force)) return tell(*bad, options.json);
   const auto begin = std::chrono::steady_clock::now();
   std::optional<Failure> failed;
   for (;;) {

@@ -42,7 +42,7 @@ tl::expected<KnownNodes, Failure> KnownNodes::load(const Options& options, const
 }
 
 std::optional<Failure> KnownNodes::add_machine(const Options& options) {
-  auto loaded = design::load_machine(options.machine, options.allow_outside);
+  auto loaded = design::load_machine(options.machine, options.files.allow_outside);
   if (!loaded.machine) return failure(loaded.findings);
   machine_ = std::move(*loaded.machine);
   std::map<std::string, std::shared_ptr<const od::Description>> read;

@@ -60,7 +60,7 @@ int run_upload(const Options& given, const UploadOptions& wanted) {
   json["file"] = *target;
   json["written"] = !wanted.dry_run;
   if (!wanted.dry_run) {
-    if (const auto bad = write_whole({{*target, text}}, given.force)) return tell(*bad, options.json);
+    if (const auto bad = write_whole({{*target, text}}, given.files.force)) return tell(*bad, options.json);
   }
   if (options.json) {
     print_line(json.dump(2));

@@ -350,14 +350,14 @@ int run_command_line(int argc, char** argv, const std::vector<AddVerb>& verbs) {
 void json_flag(const Verb& verb, Options& options, const char* help) { verb.flag("--json", options.json, help); }
 
 void reach_word(const Verb& verb, Options& options) {
-  verb.word("--allow-outside", options.allow_outside,
+  verb.word("--allow-outside", options.files.allow_outside,
             "folder outside of the machine's own and its project that its files may name files in")
       .one_each()
       .shown("FOLDER");
 }
 
 void force_word(const Verb& verb, Options& options) {
-  verb.flag("--force", options.force, "replace files that are there");
+  verb.flag("--force", options.files.force, "replace files that are there");
 }
 
 void plant_words(const Verb& verb, Options& options) {
@@ -372,7 +372,7 @@ void world_words(const Verb& verb, Options& options, bool stores) {
   if (stores)
     verb.word("--store", options.store.file, "slot table's file (default: in memory on a simulated world)")
         .shown("FILE");
-  verb.word("--record", options.record, "write every frame to this file, as candump -L does").shown("FILE");
+  verb.word("--record", options.files.record, "write every frame to this file, as candump -L does").shown("FILE");
   force_word(verb, options);
   verb.time("--timeout", options.timeout, "longest time, of the bus when it is simulated");
 }

@@ -17,7 +17,7 @@ Arguments::Arguments(const Request& request) : request_(request) {
     return;
   }
   for (const auto& [key, value] : request.arguments) {
-    const bool takes = key == "yes" || std::ranges::find(known->parameters, key) != known->parameters.end();
+    const bool takes = known->parameter(key) != nullptr;
     if (!takes) wrong(fmt::format("\"{}\" has no argument \"{}\"", request.verb, key));
   }
 }

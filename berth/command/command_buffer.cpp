@@ -3,9 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <utility>
 
+#include "berth/command/rights.hpp"
 #include "berth/command/verbs.hpp"
 #include "berth/text/quantity.hpp"
 
@@ -48,21 +48,10 @@ RemoteCommands::~RemoteCommands() { session_.on_command({}); }
 
 namespace {
 
-// What a node may not say, whatever it may ask for: a file of this computer, and "yes", which only a person says.
-constexpr std::array<std::string_view, 3> of_people{"file", "yes", "from-scratch"};
-
 // Empty: a node of this bus may have it done.
 std::string why_not(const design::Machine& machine, const std::string& bus, const Request& request) {
   const auto it = std::ranges::find(machine.buses, bus, &design::Bus::name);
-  if (it == machine.buses.end() || !it->commands.allow(request.verb)) {
-    return fmt::format("no node of bus {} may command {}: [bus.{}.commands] does not list it", text::quoted(bus),
-                       text::quoted(request.verb), bus);
-  }
-  for (const auto& name : of_people) {
-    if (request.arguments.contains(std::string(name)))
-      return fmt::format("{} is for a person to say, not for a node", text::quoted(name));
-  }
-  return {};
+  return why_refused(Face::node, request, {.listed = it == machine.buses.end() ? nullptr : &it->commands});
 }
 
 }  // namespace
@@ -73,7 +62,7 @@ bool RemoteCommands::came(const std::string& bus, const std::string& text, opera
   const Verb* const known = verb(request.verb);
   if (error.empty() && known == nullptr) error = fmt::format("there is no command {}", text::quoted(request.verb));
   if (error.empty()) error = why_not(session_.machine(), bus, request);
-  if (error.empty() && std::ranges::find(known->parameters, "bus") != known->parameters.end()) {
+  if (error.empty() && known->parameter("bus") != nullptr) {
     const auto [named, fresh] = request.arguments.try_emplace("bus", bus);
     if (!fresh && named->second != bus) error = "a command that comes by a bus is for that bus";
   }

@@ -13,7 +13,9 @@
 ///     scan              bus?
 ///     bind              bus?, method? ("auto" or a discovery method; default: the machine file's),
 ///                       from-scratch? ("1": take every node-ID that LSS can change first), yes? ("1": confirms that)
-///     replace           slot (name, "bus/name" or node-ID), device? (LSS address that shall sit there)
+///     replace           slot (name, "bus/name" or node-ID), device? (LSS address that shall sit there), used? ("1":
+///     also
+///                       one that has a node-ID of elsewhere)
 ///     forget            bus?, device (LSS address): gone for good; its unfinished loss of a node-ID is given up
 ///     locate            bus?, target (slot, LSS address or node-ID), seconds? (1..600, default 10), anyway? ("1")
 ///     boot              bus?                                      not while the main job runs
@@ -50,6 +52,7 @@
 ///     lss move-bit-rate rate (bit/s), delay? (ms), yes? ("1"; without it nothing is changed)
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <string>
 #include <string_view>
@@ -62,10 +65,26 @@
 
 namespace berth::command {
 
+/// What carrying out a verb does at most, whatever its arguments.
+enum class Effect : std::uint8_t {
+  asks,    ///< it reads and asks: devices, bus and store are afterwards as they were
+  changes  ///< devices, what the bus does, or what the store knows
+};
+
+/// An argument of a verb.
+struct Parameter {
+  std::string_view name;
+  bool personal = false;  ///< a person alone may give it: a file of this computer, or a confirmation
+};
+
 struct Verb {
-  std::string_view name;                         ///< "sdo read"
-  std::span<const std::string_view> parameters;  ///< the arguments that it takes beside "yes"; any other is refused
+  std::string_view name;                  ///< "sdo read"
+  Effect effect;                          ///< what rights ask about (rights.hpp)
+  std::span<const Parameter> parameters;  ///< the arguments that it takes beside "yes"; any other is refused
   rt::Task<void> (*run)(tree::Session& session, const Request& request, Reply& reply);  ///< see `execute`
+
+  /// Null: it takes no argument of this name. "yes" is a personal one of all.
+  [[nodiscard]] const Parameter* parameter(std::string_view name) const noexcept;
 };
 
 /// In the order of the table above.

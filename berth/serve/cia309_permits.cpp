@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "berth/command/permission.hpp"
+#include "berth/command/rights.hpp"
 #include "berth/serve/cia309_net.hpp"
 
 namespace berth::serve::cia309 {
@@ -16,18 +17,29 @@ bool is_lss(Verb verb) noexcept { return verb >= Verb::lss_switch_global && verb
 
 namespace {
 
-/// Changes a device, or sends what devices act on. LSS questions leave everything as it is.
-bool changes(Verb verb) noexcept {
+/// The verb of berth/command/verbs.hpp that does the same; empty: it is about the conversation, or only listens.
+std::string_view verb_of(Verb verb) noexcept {
   using enum Verb;
   switch (verb) {
-    case lss_inquire_address:
-    case lss_get_node:
-    case lss_identity:
-    case lss_identify_non_configured: return false;
-    case write:
+    case read: return "sdo read";
+    case write: return "sdo write";
     case set_tpdo:
-    case write_pdo: return true;
-    default: return is_for_all_nodes(verb) || is_lss(verb);
+    case write_pdo: return "send";
+    case lss_inquire_address:
+    case lss_get_node: return "lss inquire";
+    case lss_identity:
+    case lss_identify_non_configured: return "lss identify";
+    case lss_switch_global: return "lss global";
+    case lss_set_node:
+    case lss_allnodes: return "lss set-node-id";
+    case lss_conf_bitrate: return "lss bit-timing";
+    case lss_activate_bitrate: return "lss activate";
+    case lss_store: return "lss store";
+    // A search leaves the device that it finds in LSS configuration.
+    case lss_switch_selective:
+    case lss_fastscan:
+    case lss_slowscan: return "lss select";
+    default: return is_for_all_nodes(verb) ? "nmt" : "";
   }
 }
 
@@ -48,14 +60,12 @@ bool Permits::may_send(const Net& net, bool commands) const {
 }
 
 bool Permits::allowed(const Request& request, const Net& net) const {
-  const bool refused = house_->session->careful() && !house_->commands && changes(request.verb);
-  if (refused) {
-    tell(
-        fmt::format("bus {}: a client wanted to command devices; on a real bus it may only read and ask. Nothing was "
-                    "sent. Allow it with --commands (berth gateway) or --gateway-commands (berth up)",
-                    net.network.bus().name));
-  }
-  return !refused;
+  const bool may_change = house_->commands || !house_->session->careful();
+  const std::string verb(verb_of(request.verb));
+  const auto refused = command::why_refused(command::Face::gateway, {verb, {}}, {.changes = may_change});
+  if (!refused.empty())
+    tell(fmt::format("bus {}: a client asked for it; nothing was sent: {}", net.network.bus().name, refused));
+  return refused.empty();
 }
 
 bool Permits::undisturbing(const command::Request& wanted) const {

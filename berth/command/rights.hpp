@@ -1,0 +1,30 @@
+/// Who may have which verb carried out (docs/security.md §Who may command what): one function for every face of Berth,
+/// by the columns of the table of verbs.
+#pragma once
+
+#include <string>
+
+#include "berth/command/request.hpp"
+#include "berth/design/machine.hpp"
+
+namespace berth::command {
+
+/// Where a request came from.
+enum class Face : std::uint8_t {
+  person,   ///< the command line, or the control socket: this account's, or root's
+  program,  ///< the command buffer of the library: the application itself
+  gateway,  ///< a client of CiA 309-3: whoever reaches its port
+  node      ///< a node of the bus, by the objects of Berth's own device (1023h)
+};
+
+/// What was granted to a face, beside what it has by itself.
+struct Granted {
+  const design::BusCommands* listed = nullptr;  ///< node: `[bus.NAME.commands]` of its bus; null: nothing
+  bool changes = false;                         ///< gateway: `--commands`, or no real bus is touched
+};
+
+/// Empty: it may. Else what to tell the one who asked. A verb that there is not, or an argument that it does not take,
+/// is none of its business (`Arguments` refuses those).
+[[nodiscard]] std::string why_refused(Face face, const Request& request, const Granted& granted);
+
+}  // namespace berth::command

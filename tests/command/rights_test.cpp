@@ -1,0 +1,90 @@
+// Who may have which verb carried out: every verb by every face, beside what docs/security.md says.
+#include "berth/command/rights.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <set>
+#include <sstream>
+#include <string>
+
+#include "../paths.hpp"
+#include "../pch.hpp"
+#include "berth/command/verbs.hpp"
+
+namespace berth::command {
+namespace {
+
+// The verbs in backquotes between "only read and ask:" and the full stop.
+std::set<std::string> asking_verbs_of_the_page() {
+  std::ifstream file(test::source_dir() + "/docs/security.md");
+  std::ostringstream all;
+  all << file.rdbuf();
+  const std::string page = all.str();
+  const auto begin = page.find("Verbs that only read and ask:");
+  const auto end = page.find(". All others", begin);
+  if (begin == std::string::npos || end == std::string::npos) return {};
+  std::set<std::string> verbs;
+  const std::string list = page.substr(begin, end - begin);
+  for (std::size_t at = list.find('`'); at != std::string::npos;) {
+    const auto close = list.find('`', at + 1);
+    verbs.insert(list.substr(at + 1, close - at - 1));
+    at = list.find('`', close + 1);
+  }
+  return verbs;
+}
+
+bool may(Face face, const std::string& verb, const Granted& granted = {}, const std::string& argument = {}) {
+  Request request{verb, {}};
+  if (!argument.empty()) request.arguments[argument] = "1";
+  return why_refused(face, request, granted).empty();
+}
+
+}  // namespace
+
+TEST(Rights, EveryVerbByEveryFace) {
+  const auto asking = asking_verbs_of_the_page();
+  ASSERT_EQ(asking.size(), 12U);
+  for (const auto& each : verbs()) {
+    const std::string verb(each.name);
+    SCOPED_TRACE(verb);
+    const bool asks = asking.contains(verb);
+    EXPECT_EQ(each.effect == Effect::asks, asks) << "docs/security.md has it otherwise";
+    EXPECT_TRUE(may(Face::person, verb));
+    EXPECT_TRUE(may(Face::program, verb));
+    EXPECT_EQ(may(Face::gateway, verb), asks);
+    EXPECT_TRUE(may(Face::gateway, verb, {.changes = true}));
+    EXPECT_FALSE(may(Face::node, verb));
+    const design::BusCommands none;
+    EXPECT_FALSE(may(Face::node, verb, {.listed = &none, .changes = true}));
+    const design::BusCommands listed{{verb}};
+    EXPECT_TRUE(may(Face::node, verb, {.listed = &listed}));
+    const design::BusCommands another{{verb == "report" ? "scan" : "report"}};
+    EXPECT_FALSE(may(Face::node, verb, {.listed = &another}));
+  }
+}
+
+// "yes" is taken by every verb; the others by those that have them.
+TEST(Rights, WhatIsAPersonsToSay) {
+  std::set<std::string> personal;
+  for (const auto& each : verbs()) {
+    const std::string verb(each.name);
+    SCOPED_TRACE(verb);
+    const design::BusCommands listed{{verb}};
+    std::set<std::string> names{"yes"};
+    for (const auto& parameter : each.parameters) names.insert(std::string(parameter.name));
+    for (const auto& name : names) {
+      const auto* const parameter = each.parameter(name);
+      ASSERT_NE(parameter, nullptr) << name;
+      if (parameter->personal) personal.insert(name);
+      EXPECT_TRUE(may(Face::person, verb, {}, name)) << name;
+      EXPECT_TRUE(may(Face::program, verb, {}, name)) << name;
+      EXPECT_EQ(may(Face::node, verb, {.listed = &listed}, name), !parameter->personal) << name;
+      EXPECT_EQ(may(Face::gateway, verb, {.changes = true}, name), !parameter->personal) << name;
+    }
+  }
+  EXPECT_EQ(personal, (std::set<std::string>{"file", "from-scratch", "yes"}));
+}
+
+}  // namespace berth::command
