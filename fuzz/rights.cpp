@@ -1,5 +1,5 @@
-// A request as a node writes it to 1023h, or a client sends it: whatever its text, what is let through is a verb that was
-// listed, without a person's arguments; and of a client's, on a real bus, a verb that only asks.
+// A request as a node writes it to 1023h, or a client sends it: whatever its text, what is let through is a verb that
+// was listed, without a person's arguments; and of a client's, on a real bus, a verb that only asks.
 #include <algorithm>
 #include <cstdint>
 #include <cstdlib>
