@@ -73,7 +73,9 @@ class NodeIds final : public plant::World::Observer {
   }
   void script_told(const plant::SimDevice& device, const script::Told& told) noexcept override {
     scripts.push_back({seconds(world_->sim().now()), device.name(), told});
+    end_run_of(told);
   }
+  bool scripts_must_end() noexcept override { return ended_by(std::nullopt)(); }
   struct Script {
     double at_s;
     std::string device;
@@ -133,7 +135,7 @@ int run_alone(plant::World& world, const Options& options) {
   }
   NodeIds ids(world);
   world.start();
-  world.sim().run_for(*options.timeout);
+  world.sim().run_until(&run_must_end, *options.timeout);
   for (std::size_t i = 0; i < recorders.size(); ++i) world.sim().buses()[i]->remove_tap(*recorders[i]);
   if (log != nullptr) std::fclose(log);
 
@@ -155,7 +157,7 @@ int run_alone(plant::World& world, const Options& options) {
   }
   report["scripts"] = Json::array();
   for (const auto& s : ids.scripts) {
-    const bool failed = s.told.kind == script::Told::Kind::failed;
+    const bool failed = s.told.kind != script::Told::Kind::printed;
     if (failed) good = false;
     report["scripts"].push_back({{"at_s", s.at_s},
                                  {"device", s.device},
