@@ -190,15 +190,17 @@ class Voice final : public plant::PortDevices::Observer {
   }
 
   void script_told(const plant::PortDevice& device, const script::Told& told) noexcept override {
+    end_run_of(told);
     if (!json_) return print_error(script_line(now(), device.name(), told));
     auto json = line("script");
     json["device"] = device.name();
     json["file"] = told.file;
     json["line"] = told.line;
-    json["failed"] = told.kind == script::Told::Kind::failed;
+    json["failed"] = told.kind != script::Told::Kind::printed;
     json["text"] = told.text;
     print_line(json.dump());
   }
+  bool scripts_must_end() noexcept override { return ended_by(std::nullopt)(); }
 
   void started(const Options& options, const plant::PortDevices& devices,
                const std::map<std::string, std::unique_ptr<BusPorts>>& ports) {

@@ -45,7 +45,7 @@ Interrupt::~Interrupt() {
 
 bool Interrupt::came() noexcept {
   signalfd_siginfo info{};
-  came_ = came_ || output_broken() || ::read(fd_, &info, sizeof info) == static_cast<ssize_t>(sizeof info);
+  came_ = came_ || run_must_end() || ::read(fd_, &info, sizeof info) == static_cast<ssize_t>(sizeof info);
   return came_;
 }
 
@@ -55,7 +55,7 @@ void Interrupt::ready(std::uint32_t) noexcept { static_cast<void>(came()); }
 bool Interrupt::noticed() noexcept {
   constexpr unsigned seldom = 256;
   const bool looks = loop_ == nullptr && ++asked_ % seldom == 0;
-  return looks ? came() : came_ || output_broken();
+  return looks ? came() : came_ || run_must_end();
 }
 
 bool wait_until(rt::Driver& driver, Interrupt& interrupt, const rt::Driver::Predicate& over, rt::Duration most) {
@@ -74,7 +74,7 @@ std::function<bool()> ended_by(std::optional<std::chrono::nanoseconds> after) {
     sigset_t waiting;
     ::sigpending(&waiting);
     const bool ends = std::ranges::any_of(ending, [&](int s) { return ::sigismember(&waiting, s) == 1; });
-    return ends || output_broken() || Clock::now() >= end;
+    return ends || run_must_end() || Clock::now() >= end;
   };
 }
 

@@ -24,6 +24,7 @@ namespace {
 constexpr std::size_t most_told = 100;  // errors of one file, and warnings
 
 int broken_by = 0;  // errno of the first write that failed
+bool run_ended = false;
 
 std::string dump(const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace); }
 
@@ -86,9 +87,13 @@ void secure_streams() {
 
 bool output_broken() noexcept { return broken_by != 0; }
 
+void end_run() noexcept { run_ended = true; }
+
+bool run_must_end() noexcept { return run_ended || output_broken(); }
+
 int with_output(int status) {
   if (std::fflush(stdout) != 0 && broken_by == 0) broken_by = errno;
-  if (broken_by == 0) return status;
+  if (broken_by == 0) return run_ended ? int{Exit::failed} : status;
   // The reader that closed the pipe knows.
   if (broken_by != EPIPE) print_error(std::string("standard output: ") + std::strerror(broken_by));
   return Exit::failed;

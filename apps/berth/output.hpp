@@ -30,7 +30,12 @@ void secure_streams();
 /// Something could not be written to standard output: the reader has left, or the disk is full. What runs ends then,
 /// as by SIGTERM.
 [[nodiscard]] bool output_broken() noexcept;
-/// Last thing in a program: `status`, or 3 when standard output could not be written, which is told once.
+/// What runs cannot go on: it ends, as by SIGTERM, and with status 3. Whoever calls this has told why.
+void end_run() noexcept;
+/// `end_run` was called, or the output is broken.
+[[nodiscard]] bool run_must_end() noexcept;
+/// Last thing in a program: `status`, or 3 when standard output could not be written, which is told once, or after
+/// `end_run`.
 [[nodiscard]] int with_output(int status);
 
 /// These, `Screen` and `Outlet` are the only places that write to a terminal, and each filters what it writes

@@ -74,7 +74,9 @@ class NodeIds final : public plant::World::Observer {
   }
   void script_told(const plant::SimDevice& device, const script::Told& told) noexcept override {
     scripts.push_back({seconds(world_->sim().now()), device.name(), told});
+    end_run_of(told);
   }
+  bool scripts_must_end() noexcept override { return ended_by(std::nullopt)(); }
   struct Script {
     double at_s;
     std::string device;
@@ -145,6 +147,19 @@ std::string event_line(const NodeIds::Event& event) {
   return fmt::format("{:>10.4f} s  {:<20} none: {}", event.at_s, event.device, event.why);
 }
 
+void print_alone(const NodeIds& ids, const Json& report) {
+  for (const auto& e : ids.events) print_line(event_line(e));
+  for (const auto& s : ids.scripts) print_line(script_line(s.at_s, s.device, s.told));
+  print_line(
+      fmt::format("\n{:<20} {:<8} {:>4}  {:<16} {:<36} {}", "device", "bus", "id", "state", "LSS address", "why"));
+  for (const auto& d : report["devices"]) {
+    const auto text = [&](const char* key) { return d.at(key).is_null() ? "-" : d.at(key).get<std::string>(); };
+    const auto id = d.at("node_id").is_null() ? "-" : fmt::format("{}", d.at("node_id").get<int>());
+    print_line(fmt::format("{:<20} {:<8} {:>4}  {:<16} {:<36} {}", text("name"), text("bus"), id, text("state"),
+                           text("lss_address"), d.at("why").is_null() ? "" : text("why")));
+  }
+}
+
 // The plant by itself, as fast as possible. Status 1: a device that has power has no node-ID of its own, or a script
 // failed.
 int run_alone(plant::World& world, const Options& options) {
@@ -158,7 +173,7 @@ int run_alone(plant::World& world, const Options& options) {
     if (!recording.good())
       return tell(failure(Exit::failed, options.files.record + ": cannot be written"), options.json);
     world.start();
-    world.sim().run_for(*options.timeout);
+    world.sim().run_until(&run_must_end, *options.timeout);
   }
   std::set<std::string> doubled;
   for (const auto& [one, other] : world.duplicates()) doubled.insert({one->name(), other->name()});
@@ -178,7 +193,7 @@ int run_alone(plant::World& world, const Options& options) {
   }
   report["scripts"] = Json::array();
   for (const auto& s : ids.scripts) {
-    const bool failed = s.told.kind == script::Told::Kind::failed;
+    const bool failed = s.told.kind != script::Told::Kind::printed;
     if (failed) good = false;
     report["scripts"].push_back({{"at_s", s.at_s},
                                  {"device", s.device},
@@ -191,16 +206,7 @@ int run_alone(plant::World& world, const Options& options) {
     print_line(report.dump());
     return good ? Exit::done : Exit::no;
   }
-  for (const auto& e : ids.events) print_line(event_line(e));
-  for (const auto& s : ids.scripts) print_line(script_line(s.at_s, s.device, s.told));
-  print_line(
-      fmt::format("\n{:<20} {:<8} {:>4}  {:<16} {:<36} {}", "device", "bus", "id", "state", "LSS address", "why"));
-  for (const auto& d : report["devices"]) {
-    const auto text = [&](const char* key) { return d.at(key).is_null() ? "-" : d.at(key).get<std::string>(); };
-    const auto id = d.at("node_id").is_null() ? "-" : fmt::format("{}", d.at("node_id").get<int>());
-    print_line(fmt::format("{:<20} {:<8} {:>4}  {:<16} {:<36} {}", text("name"), text("bus"), id, text("state"),
-                           text("lss_address"), d.at("why").is_null() ? "" : text("why")));
-  }
+  print_alone(ids, report);
   return good ? Exit::done : Exit::no;
 }
 

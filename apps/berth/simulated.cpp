@@ -9,6 +9,7 @@
 #include "berth/base/words.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/text/file.hpp"
+#include "interrupt.hpp"
 
 namespace berth::cli {
 
@@ -98,14 +99,23 @@ tl::expected<void, Failure> remember(plant::World& world, const Options& options
 }  // namespace
 
 std::string script_line(double at_s, const std::string& device, const script::Told& told) {
-  const bool failed = told.kind == script::Told::Kind::failed;
-  return fmt::format("{:>10.4f} s  {:<20} {}{}", at_s, device, failed ? "script failed: " : "", to_string(told));
+  const bool overran = told.kind == script::Told::Kind::overran;
+  const bool failed = overran || told.kind == script::Told::Kind::failed;
+  const char* const end = overran ? "; the run ends here" : "";
+  return fmt::format("{:>10.4f} s  {:<20} {}{}{}", at_s, device, failed ? "script failed: " : "", to_string(told), end);
+}
+
+void end_run_of(const script::Told& told) noexcept {
+  if (told.kind == script::Told::Kind::overran) end_run();
 }
 
 void ScriptTeller::script_told(const plant::SimDevice& device, const script::Told& told) noexcept {
   const auto now = world_->sim().now().time_since_epoch();
   print_error(script_line(std::chrono::duration<double>(now).count(), device.name(), told));
+  end_run_of(told);
 }
+
+bool ScriptTeller::scripts_must_end() noexcept { return ended_by(std::nullopt)(); }
 
 tl::expected<std::unique_ptr<plant::World>, Failure> make_world(const plant::PlantFile& plant,
                                                                 const std::vector<plant::BusRate>& rates,

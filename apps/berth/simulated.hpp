@@ -23,10 +23,14 @@ namespace berth::cli {
 /// Bit rates of a machine file's buses, for a plant that gives them none; empty when no machine file is named.
 [[nodiscard]] tl::expected<std::vector<plant::BusRate>, Failure> bus_rates(const Options& options);
 
-/// What a device's script printed or how it failed, as a line for people.
+/// What a device's script printed or how it ended, as a line for people.
 [[nodiscard]] std::string script_line(double at_s, const std::string& device, const script::Told& told);
 
-/// Tells on standard error what the scripts of a world print and how they fail.
+/// Ends the command when the script took too much of the host's processor: no seed gives that run again.
+void end_run_of(const script::Told& told) noexcept;
+
+/// Tells on standard error what the scripts of a world print and how they fail. One that takes too much of the host's
+/// processor ends the command (`end_run`); a signal that ends a command ends a script, too.
 class ScriptTeller final : public plant::World::Observer {
  public:
   explicit ScriptTeller(plant::World& world) : world_(&world) { world.add_observer(*this); }
@@ -35,6 +39,7 @@ class ScriptTeller final : public plant::World::Observer {
   ScriptTeller& operator=(const ScriptTeller&) = delete;
   void plant_changed(const plant::SimDevice&) noexcept override {}
   void script_told(const plant::SimDevice& device, const script::Told& told) noexcept override;
+  bool scripts_must_end() noexcept override;
 
  private:
   plant::World* world_;

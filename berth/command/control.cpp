@@ -23,7 +23,6 @@ namespace {
 
 constexpr std::size_t longest_request = 64 * 1024;
 constexpr std::size_t longest_answer = std::size_t{16} << 20U;
-constexpr std::size_t most_clients = 16;
 
 class Descriptor {
  public:
@@ -204,7 +203,8 @@ tl::expected<Reply, std::string> control_call(const std::string& path, const Req
   if (!made) return tl::unexpected(made.error());
   const Descriptor fd(*made);
   const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(timeout_ms);
-  if (auto problem = give(fd.get(), to_json(request) + "\n", end); !problem.empty())
+  const auto problem = give(fd.get(), to_json(request) + "\n", end);
+  if (!problem.empty() && problem != reason(EPIPE))  // one that has hung up may have said why
     return tl::unexpected(fmt::format("{}: the request could not be sent: {}", path, problem));
   std::string answer;
   for (;;) {
@@ -226,13 +226,23 @@ tl::expected<Reply, std::string> control_call(const std::string& path, const Req
 // ---- the serving side ----
 
 /// One connection: one request at a time; the next is read when the answer is out.
-struct ControlServer::Client {
-  Client(int descriptor, io::Loop& its_loop) : loop(&its_loop), fd(descriptor), scope(its_loop.executor()) {}
+struct ControlServer::Client final : private io::Seat::Sitter {
+  Client(int descriptor, io::Loop& its_loop, io::Seats& seats, rt::Job& its_end)
+      : loop(&its_loop), end(&its_end), fd(descriptor), seat(seats, *this, {}), scope(its_loop.executor()) {}
   ~Client() { loop->forget(fd.get()); }
   Client(const Client&) = delete;
   Client& operator=(const Client&) = delete;
+  [[nodiscard]] bool owed() const noexcept override { return busy; }
+  void seat_lost(io::Seat::End) noexcept override {
+    lost = true;
+    loop->executor().post(*end);
+  }
   io::Loop* loop;
+  rt::Job* end;
   Descriptor fd;
+  io::Seat seat;
+  std::uint64_t taken = 0;    // bytes of `out`, ever
+  bool lost = false;          // its seat
   std::uint32_t watched = 0;  // events
   std::string in;
   std::string out;
@@ -288,14 +298,14 @@ tl::expected<std::unique_ptr<ControlServer>, std::string> ControlServer::listen(
 }
 
 ControlServer::ControlServer(std::string path, int fd, io::Loop& loop, Answer answer)
-    : path_(std::move(path)), fd_(fd), loop_(&loop), answer_(std::move(answer)) {
-  loop_->watch(fd_, *this, EPOLLIN);
-}
+    : path_(std::move(path)),
+      loop_(&loop),
+      answer_(std::move(answer)),
+      seats_(loop.executor(), seat_rules),
+      acceptor_(loop, fd, [this](int client) { take(client); }) {}
 
 ControlServer::~ControlServer() {
   clients_.clear();
-  loop_->forget(fd_);
-  ::close(fd_);
   ::unlink(path_.c_str());
 }
 
@@ -303,29 +313,28 @@ void ControlServer::ready(std::uint32_t) noexcept { serve(); }
 
 // All of them, whichever it was: there are few, and none of them blocks.
 void ControlServer::serve() {
-  const bool were_full = clients_.size() == most_clients;
-  accept_all();
-  std::erase_if(clients_, [&](const auto& client) { return !read_from(*client) || !write_to(*client); });
+  std::erase_if(clients_, [&](const auto& client) {
+    if (client->lost || !read_from(*client) || !write_to(*client)) return true;
+    client->seat.output(client->taken, client->out.size());
+    client->seat.begun(!client->busy && client->out.empty() && !client->in.empty());
+    return false;
+  });
   for (const auto& client : clients_) {
     const std::uint32_t events = client->out.empty() ? EPOLLIN : EPOLLIN | EPOLLOUT;
     if (std::exchange(client->watched, events) != events) loop_->watch(client->fd.get(), *this, events);
   }
-  // A client that waits to be accepted would let the loop never sleep.
-  const bool full = clients_.size() == most_clients;
-  if (full && !were_full) loop_->forget(fd_);
-  if (!full && were_full) loop_->watch(fd_, *this, EPOLLIN);
 }
 
-void ControlServer::accept_all() {
-  while (clients_.size() < most_clients) {
-    const int fd = ::accept4(fd_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
-    if (fd < 0) return;
-    if (!trusted(peer_of(fd))) {
-      ::close(fd);
-      continue;
-    }
-    clients_.push_back(std::make_unique<Client>(fd, *loop_));
+void ControlServer::take(int fd) {
+  Descriptor client(fd);
+  if (!trusted(peer_of(fd))) return;
+  if (seats_.make_room({})) {
+    clients_.push_back(std::make_unique<Client>(client.release(), *loop_, seats_, answering_));
+    return serve();
   }
+  const auto words = fmt::format("{} commands are under way already: try again when one is done", seat_rules.most);
+  const std::string line = to_json(refusal(3, words)) + "\n";
+  static_cast<void>(::send(fd, line.data(), line.size(), MSG_NOSIGNAL | MSG_DONTWAIT));
 }
 
 bool ControlServer::read_from(Client& client) {
@@ -367,6 +376,7 @@ void ControlServer::begin(Client& client) {
   if (end == std::string::npos) return;
   const std::string line = client.in.substr(0, end);
   client.in.erase(0, end + 1);
+  client.seat.whole_request();
   std::string problem;
   client.request = parse_request(line, problem);
   if (client.request.verb == "frames") {
@@ -393,6 +403,7 @@ bool ControlServer::write_to(Client& client) {
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) return errno == EAGAIN || errno == EWOULDBLOCK;
     client.out.erase(0, static_cast<std::size_t>(n));
+    client.taken += static_cast<std::uint64_t>(n);
   }
   if (!client.busy) begin(client);  // what came while the answer was on its way
   return true;

@@ -12,7 +12,9 @@
 #include <vector>
 
 #include "berth/command/request.hpp"
+#include "berth/io/acceptor.hpp"
 #include "berth/io/loop.hpp"
+#include "berth/io/seats.hpp"
 #include "berth/rt/scope.hpp"
 #include "berth/tree/session.hpp"
 
@@ -35,7 +37,8 @@ namespace berth::command {
 /// A process accepts connections at `path`.
 [[nodiscard]] bool control_answers(const std::string& path);
 
-/// Listens and runs what it is asked, in the loop's executor. Never blocks.
+/// Listens and runs what it is asked, in the loop's executor. Never blocks. Who keeps its seat is `io::Seats`' rule: a
+/// whole request is a line, and one too many is refused in words.
 class ControlServer final : private io::Watcher {
  public:
   /// Makes the socket (mode 0600; its folder, when it has to be made, 0700). Refused when another process answers
@@ -61,6 +64,7 @@ class ControlServer final : private io::Watcher {
   /// (`most_behind` bytes): further lines are left out and counted, and the count is a line of its own, "dropped N".
   void frame(const std::string& line);
   static constexpr std::size_t most_behind = std::size_t{1} << 20U;
+  static constexpr io::SeatRules seat_rules{.most = 16};
 
  private:
   struct Client;
@@ -75,17 +79,18 @@ class ControlServer final : private io::Watcher {
   ControlServer(std::string path, int fd, io::Loop& loop, Answer answer);
   void ready(std::uint32_t events) noexcept override;
   void serve();
-  void accept_all();
+  void take(int fd);
   bool read_from(Client& client);
   bool write_to(Client& client);
   void begin(Client& client);
 
   std::string path_;
-  int fd_;
   io::Loop* loop_;
   Answer answer_;
+  io::Seats seats_;
   std::vector<std::unique_ptr<Client>> clients_;
   Answering answering_{*this};  // posted when a command is done
+  io::Acceptor acceptor_;
 };
 
 }  // namespace berth::command

@@ -46,9 +46,11 @@ class PlantPort final : public can::Port {
   std::unique_ptr<Impl> impl_;
 };
 
+/// Who keeps its seat is `Seats`' rule. A whole request is a client's `hello`; then it is a node of the bus, and never
+/// makes room for another.
 class PlantServer {
  public:
-  static constexpr std::size_t most_clients = 16;
+  static constexpr std::size_t most_clients = 16;  ///< that are nodes; one more is refused in words
   /// Gives a new client its own node on the bus; null, and `why` in words: there is none of that name. Destroying the
   /// port takes the node off the bus.
   using Factory = std::function<std::unique_ptr<can::Port>(const std::string& bus, std::string& why)>;

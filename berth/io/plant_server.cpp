@@ -7,21 +7,22 @@
 #include <cerrno>
 #include <cstring>
 
+#include "berth/io/acceptor.hpp"
 #include "berth/io/plant_port.hpp"
 #include "berth/io/plant_socket.hpp"
+#include "berth/io/seats.hpp"
 
 namespace berth::io {
 
-class PlantServer::Impl final : private Watcher {
+class PlantServer::Impl final {
  public:
   Impl(Loop& loop, int fd, std::string path, Factory factory)
-      : loop_(&loop), fd_(fd), path_(std::move(path)), factory_(std::move(factory)) {
-    loop_->watch(fd_, *this, EPOLLIN);
-  }
+      : loop_(&loop),
+        path_(std::move(path)),
+        factory_(std::move(factory)),
+        acceptor_(loop, fd, [this](int client) { take(client); }) {}
   ~Impl() {
     clients_.clear();
-    loop_->forget(fd_);
-    ::close(fd_);
     ::unlink(path_.c_str());
   }
   Impl(const Impl&) = delete;
@@ -30,17 +31,29 @@ class PlantServer::Impl final : private Watcher {
 
  private:
   /// One client: its socket and its node.
-  class Client final : private Watcher, private can::Listener, private rt::Job {
+  class Client final : private Watcher, private can::Listener, private rt::Job, private Seat::Sitter {
    public:
-    Client(Impl& server, int fd) : server_(&server), socket_(*server.loop_, fd, *this) {}
+    Client(Impl& server, int fd)
+        : server_(&server), socket_(*server.loop_, fd, *this), seat_(server.seats_, *this, {}) {}
     ~Client() {
       if (port_) port_->listen(nullptr, {});
     }
     [[nodiscard]] bool over() const noexcept { return socket_.closing(); }
+    [[nodiscard]] bool is_node() const noexcept { return port_ != nullptr; }
 
    private:
+    [[nodiscard]] bool owed() const noexcept override { return is_node(); }
+    void seat_lost(Seat::End) noexcept override {
+      socket_.close();
+      server_->loop_->executor().post(server_->reaper_);
+    }
+    void say(const Message& message) {
+      socket_.send(message);
+      seat_.output(socket_.taken(), socket_.waiting());
+    }
     void ready(std::uint32_t events) noexcept override {
       if ((events & EPOLLOUT) != 0) socket_.flush();
+      seat_.output(socket_.taken(), socket_.waiting());
       // So many at a time, that a client which writes without end holds up no other.
       for (unsigned i = 0; i < PlantSocket::most_at_once; ++i) {
         const auto message = socket_.receive();
@@ -62,13 +75,14 @@ class PlantServer::Impl final : private Watcher {
     }
     bool enter(const std::string& bus) {
       std::string why = "the plant takes no more";
-      if (server_->clients_.size() <= most_clients) port_ = server_->factory_(bus, why);
+      if (server_->nodes() < most_clients) port_ = server_->factory_(bus, why);
       if (!port_) {
         Message refused{.kind = MessageKind::refused};
         refused.text = why;
-        socket_.send(refused);
+        say(refused);
         return false;
       }
+      seat_.whole_request();
       port_->listen(this, {});
       tell_status(MessageKind::welcome, port_->status());
       server_->loop_->executor().after(status_period, *this);
@@ -80,13 +94,13 @@ class PlantServer::Impl final : private Watcher {
       Message answer{.kind = MessageKind::not_sent};
       answer.tag = m.tag;
       answer.reason = queued;
-      socket_.send(answer);
+      say(answer);
     }
     void tell_status(MessageKind kind, const can::Status& status) {
       Message m{.kind = kind};
       m.status = status;
       told_ = status;
-      socket_.send(m);
+      say(m);
     }
     // Counters move without a word of the port's.
     void run() noexcept override {
@@ -100,42 +114,48 @@ class PlantServer::Impl final : private Watcher {
       if (now.errors != told_.errors) tell_status(MessageKind::changed, now);
       Message m{.kind = MessageKind::received};
       m.frame = frame;
-      socket_.send(m);
+      say(m);
     }
     void sent(std::uint32_t tag, rt::Time) noexcept override {
       Message m{.kind = MessageKind::sent};
       m.tag = tag;
-      socket_.send(m);
+      say(m);
     }
     void changed(const can::Status& status, rt::Time) noexcept override { tell_status(MessageKind::changed, status); }
 
     Impl* server_;
     PlantSocket socket_;
+    Seat seat_;
     std::unique_ptr<can::Port> port_;
     can::Status told_{};
   };
+  class Reaper final : public rt::Job {
+   public:
+    explicit Reaper(Impl& server) : server_(&server) {}
+    void run() noexcept override { server_->reap(); }
 
-  void ready(std::uint32_t) noexcept override {
-    for (;;) {
-      const int fd = ::accept4(fd_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
-      if (fd < 0 && errno == EINTR) continue;
-      if (fd < 0) return;
-      if (clients_.size() > most_clients) {
-        ::close(fd);
-        continue;
-      }
-      clients_.push_back(std::make_unique<Client>(*this, fd));
-    }
+   private:
+    Impl* server_;
+  };
+
+  void take(int fd) {
+    if (!seats_.make_room({})) return static_cast<void>(::close(fd));
+    clients_.push_back(std::make_unique<Client>(*this, fd));
+  }
+  [[nodiscard]] std::size_t nodes() const noexcept {
+    return static_cast<std::size_t>(std::ranges::count_if(clients_, [](const auto& c) { return c->is_node(); }));
   }
   void reap() noexcept {
     std::erase_if(clients_, [](const auto& c) { return c->over(); });
   }
 
   Loop* loop_;
-  int fd_;
   std::string path_;
   Factory factory_;
+  Reaper reaper_{*this};
+  Seats seats_{loop_->executor(), {.most = most_clients + 1}};  // one that is told that there is no room
   std::vector<std::unique_ptr<Client>> clients_;
+  Acceptor acceptor_;
 };
 
 tl::expected<std::unique_ptr<PlantServer>, std::string> PlantServer::listen(Loop& loop, const std::string& path,

@@ -42,6 +42,7 @@ void PlantSocket::give_up() noexcept {
 bool PlantSocket::put(const std::vector<std::uint8_t>& packet) {
   for (;;) {
     const auto n = ::send(fd_, packet.data(), packet.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+    if (n >= 0) ++taken_;
     if (n >= 0) return true;
     if (errno == EINTR) continue;
     if (errno != EAGAIN && errno != EWOULDBLOCK && errno != ENOBUFS) give_up();

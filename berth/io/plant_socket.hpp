@@ -28,6 +28,10 @@ class PlantSocket {
   PlantSocket& operator=(const PlantSocket&) = delete;
 
   [[nodiscard]] bool open() const noexcept { return fd_ >= 0; }
+  /// Packets that the peer took, ever.
+  [[nodiscard]] std::uint64_t taken() const noexcept { return taken_; }
+  /// Packets that it did not take yet.
+  [[nodiscard]] std::size_t waiting() const noexcept { return waiting_.size(); }
   /// False: the peer is gone or takes nothing any more; then the socket is as good as closed, and `closing`.
   bool send(const Message& message);
   /// Sends what waits; call when the descriptor can be written.
@@ -45,6 +49,7 @@ class PlantSocket {
   int fd_;
   Watcher* watcher_;
   std::deque<std::vector<std::uint8_t>> waiting_;
+  std::uint64_t taken_ = 0;
   bool closing_ = false;
 };
 

@@ -216,6 +216,7 @@ bool Stream::flush() noexcept {
                                          : ::write(fd_, from, waiting());
     if (n >= 0) {
       sent_ += static_cast<std::size_t>(n);
+      taken_ += static_cast<std::uint64_t>(n);
     } else if (errno == EAGAIN || errno == EWOULDBLOCK || errno == ENOBUFS) {
       break;
     } else if (errno != EINTR) {

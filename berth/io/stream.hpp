@@ -75,6 +75,8 @@ class Stream {
   [[nodiscard]] bool gone() const noexcept { return fd_ < 0 || gone_; }
   /// The peer did not take what it was sent.
   [[nodiscard]] bool too_slow() const noexcept { return too_slow_; }
+  /// Bytes that were sent, ever.
+  [[nodiscard]] std::uint64_t taken() const noexcept { return taken_; }
   /// Bytes that wait to be sent.
   [[nodiscard]] std::size_t waiting() const noexcept { return out_.size() - sent_; }
   [[nodiscard]] int descriptor() const noexcept { return fd_; }
@@ -91,6 +93,7 @@ class Stream {
   std::size_t most_waiting_;
   std::string out_;
   std::size_t sent_ = 0;  // of out_
+  std::uint64_t taken_ = 0;
   std::uint32_t events_ = 0;
   bool held_ = false;
   bool hung_up_ = false;

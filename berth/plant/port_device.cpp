@@ -55,6 +55,10 @@ void PortDevice::script_told(const script::Told& told) noexcept {
   if (all_->observer_ != nullptr) all_->observer_->script_told(*this, told);
 }
 
+bool PortDevice::script_must_end() noexcept {
+  return all_->observer_ != nullptr && all_->observer_->scripts_must_end();
+}
+
 // --- PortDevices -----------------------------------------------------------------------------------------------------
 
 PortDevice* PortDevices::add(const PlantDevice& plan, std::unique_ptr<can::Port> port, std::uint32_t rate,

@@ -57,6 +57,9 @@ class SimDevice::Scripted final : private script::Behaviour::Listener {
   void script_told(const script::Told& told) noexcept override {
     for (auto* observer : device_.world_->observers_) observer->script_told(device_, told);
   }
+  bool script_must_end() noexcept override {
+    return std::ranges::any_of(device_.world_->observers_, [](auto* observer) { return observer->scripts_must_end(); });
+  }
   SimDevice& device_;
   script::Behaviour behaviour_;
 };

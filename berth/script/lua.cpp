@@ -5,22 +5,25 @@
 #include <cstdlib>
 #include <cstring>
 #include <string_view>
+#include <utility>
 
 #include "berth/script/prelude.hpp"
 
 namespace berth::script {
 namespace {
 
-constexpr int counted_at_once = 1000;
-constexpr std::size_t bytes_an_instruction = 256;
+constexpr int counted_at_once = 100;
+constexpr std::size_t caught_error = 100;        // instructions: an exception, and the search for what it names
+constexpr std::size_t longest_complaint = 1000;  // bytes: it goes to a terminal
 constexpr const char* prelude_name = "=berth";
 
 /// Hands the text over byte by byte, so that it is known how far the compiler has come.
 struct Reader {
   std::string_view text;
   std::size_t at = 0;
-  static const char* next(lua_State*, void* self, std::size_t* size) {
+  static const char* next(lua_State* state, void* self, std::size_t* size) {
     auto& reader = *static_cast<Reader*>(self);
+    if (!Lua::of(state).meter().compile_byte()) luaL_error(state, "the compiler was ended");
     if (reader.at >= reader.text.size()) return nullptr;
     *size = 1;
     return reader.text.data() + reader.at++;
@@ -74,18 +77,24 @@ int current_line(lua_State* state) {
   return 0;
 }
 
-Lua::Lua(const Limits& limits, Random random, void* owner)
-    : limits_(limits), random_(random), owner_(owner), state_(lua_newstate(&Lua::allocate, this)) {
+Lua::Lua(const Limits& limits, Random random, void* owner, std::function<bool()> must_end)
+    : limits_(limits),
+      meter_(limits, std::move(must_end)),
+      random_(random),
+      owner_(owner),
+      state_(lua_newstate(&Lua::allocate, this)) {
   if (!state_) return;
   *static_cast<Lua**>(lua_getextraspace(state())) = this;
+  meter_.find_stack();
+  const bool grown = lua_checkstack(state(), 2 * LUA_MINSTACK + 10) != 0;
+  meter_.stack_known();
   lua_sethook(state(), &Lua::count, LUA_MASKCOUNT, counted_at_once);
-  begin();
   lua_pushcfunction(state(), &Lua::open);
-  good_ = lua_pcall(state(), 0, 0, 0) == LUA_OK;
-  bounded_ = true;
+  good_ = grown && lua_pcall(state(), 0, 0, 0) == LUA_OK;
+  meter_.bind();
 }
 
-Lua::~Lua() { bounded_ = false; }
+Lua::~Lua() { meter_.release(); }
 
 int Lua::open(lua_State* state) {
   luaL_requiref(state, LUA_GNAME, luaopen_base, 1);
@@ -109,45 +118,44 @@ int Lua::open(lua_State* state) {
   lua_settop(state, 0);
   if (luaL_loadbufferx(state, prelude, std::strlen(prelude), prelude_name, "t") != LUA_OK) return lua_error(state);
   lua_call(state, 0, 0);
+  lua_pushliteral(state, "error in error handling");  // Lua would make it where no error may come
+  luaL_ref(state, LUA_REGISTRYINDEX);
   return 0;
 }
 
 void Lua::begin() noexcept {
-  left_ = limits_.instructions;
+  meter_.begin();
   lines_ = 0;
   line_ = 0;
 }
 
+// Of a new block Lua gives its kind instead of a size.
 void* Lua::allocate(void* self, void* old, std::size_t old_size, std::size_t size) noexcept {
   auto& lua = *static_cast<Lua*>(self);
-  const std::size_t had = old == nullptr ? 0 : old_size;  // without `old` it is the kind of what is made
-  if (size == 0) {
-    std::free(old);
-    lua.used_ -= had;
-    return nullptr;
-  }
-  if (lua.bounded_ && size > had) {
-    lua.left_ -= static_cast<std::int64_t>((size - had) / bytes_an_instruction);
-    if (lua.used_ - had + size > lua.limits_.memory) {
-      if (lua.state_) lua.line_ = current_line(lua.state());
-      return nullptr;
-    }
-  }
-  void* const fresh = std::realloc(old, size);
-  if (fresh != nullptr) lua.used_ += size - had;
+  void* const fresh = lua.meter_.allocate(old, old_size, size, old == nullptr && old_size == LUA_TSTRING);
+  if (fresh == nullptr && size > 0 && lua.good_) lua.note_line();
   return fresh;
 }
 
 void Lua::count(lua_State* state, lua_Debug*) {
   Lua& lua = of(state);
-  lua.left_ -= counted_at_once;
-  if (!lua.bounded_ || lua.left_ > 0) return;
-  luaL_error(state, "the call took more than %d instructions", static_cast<int>(lua.limits_.instructions));
+  if (lua.meter_.run(counted_at_once)) return;
+  lua.note_line();
+  lua_pushnil(state);  // `failure` says why
+  lua_error(state);
+}
+
+// Where the script stands; what is undone after an error stands nowhere.
+void Lua::note_line() noexcept {
+  const int line = current_line(state());
+  if (line > 0) line_ = line;
 }
 
 int Lua::explain(lua_State* state) {
   Lua& lua = of(state);
-  lua.line_ = current_line(state);
+  if (lua.meter_.over() && lua.line_ != 0) return 1;  // where it was ended, not where it was caught
+  lua.line_ = 0;
+  lua.note_line();
   if (lua_type(state, 1) == LUA_TSTRING || lua_type(state, 1) == LUA_TNUMBER) return 1;
   lua_pushfstring(state, "an error that is no text but a %s", luaL_typename(state, 1));
   return 1;
@@ -157,7 +165,9 @@ int Lua::explain(lua_State* state) {
 int Lua::protect(lua_State* state) {
   luaL_checkany(state, 1);
   const int status = lua_pcall(state, lua_gettop(state) - 1, LUA_MULTRET, 0);
-  if (status != LUA_OK && (status == LUA_ERRMEM || of(state).left_ <= 0)) return lua_error(state);
+  Meter& meter = of(state).meter_;
+  if (status != LUA_OK && (status == LUA_ERRMEM || meter.over())) return lua_error(state);
+  if (status != LUA_OK) meter.charge(caught_error);
   lua_pushboolean(state, status == LUA_OK ? 1 : 0);
   lua_insert(state, 1);
   return lua_gettop(state);
@@ -177,16 +187,46 @@ int Lua::draw(lua_State* state) {
   return 1;
 }
 
+std::string Lua::why_so_few() const {
+  if (meter_.weight() == 1) return {};
+  const auto of_text = static_cast<std::int64_t>(meter_.longest_text() / Meter::bytes_of_text);
+  const auto cause = 2 * of_text >= meter_.weight()
+                         ? fmt::format("a text of {} bytes; make shorter ones", meter_.longest_text())
+                         : std::string("many values or calls in each other at once; have fewer");
+  return fmt::format(" (each counts {} times because of {})", meter_.weight(), cause);
+}
+
+std::string Lua::why(Meter::End end) const {
+  switch (end) {
+    case Meter::End::instructions:
+      return fmt::format("the call took more than {} instructions{}", limits_.instructions, why_so_few());
+    case Meter::End::memory: return fmt::format("the script wants more than {} KiB of memory", limits_.memory / 1024);
+    case Meter::End::block:
+      return fmt::format("the script wants more than {} KiB in one piece: a shorter text or a smaller table will do",
+                         limits_.block / 1024);
+    case Meter::End::processor:
+      return fmt::format("one call took more than {} s of this computer's processor: let it do less",
+                         std::chrono::duration<double>(limits_.processor).count());
+    case Meter::End::host: return "it was ended with the run";
+    case Meter::End::none: break;
+  }
+  return "there is no memory for it";
+}
+
 Failure Lua::failure(int status) {
   std::size_t length = 0;
   const char* const text = lua_type(state(), -1) == LUA_TSTRING ? lua_tolstring(state(), -1, &length) : nullptr;
   Failure failure{line_, text == nullptr ? "an error without a text" : std::string(text, length)};
   lua_settop(state(), 0);
-  if (status == LUA_ERRMEM) {
-    failure.text = fmt::format("the script wants more than {} KiB of memory", limits_.memory / 1024);
+  const auto end = meter_.end();
+  if (status == LUA_ERRMEM || meter_.over()) {
+    failure.text = why(end);
   } else {
     failure.text = without_place(std::move(failure.text), failure.line);
+    if (failure.text.size() > longest_complaint) failure.text.resize(longest_complaint);
   }
+  if (end == Meter::End::processor) failure.kind = Told::Kind::overran;
+  if (end == Meter::End::host) failure.kind = Told::Kind::ended;
   return failure;
 }
 
@@ -210,6 +250,21 @@ std::optional<Failure> Lua::call(int arguments) {
   if (status != LUA_OK) return failure(status);
   lua_settop(state(), function - 1);
   return std::nullopt;
+}
+
+std::optional<Failure> Lua::run() { return call(0); }
+
+int Lua::work(lua_State* state) {
+  const Work& work = *static_cast<const Work*>(lua_touserdata(state, 1));
+  lua_settop(state, 0);
+  work(state);
+  return 0;
+}
+
+std::optional<Failure> Lua::run(const Work& work) {
+  lua_pushcfunction(state(), &Lua::work);
+  lua_pushlightuserdata(state(), const_cast<Work*>(&work));
+  return call(1);
 }
 
 std::optional<Finding> check(const Script& script) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <lua5.4/lua.hpp>
 #include <memory>
 #include <optional>
@@ -10,6 +11,7 @@
 
 #include "berth/base/random.hpp"
 #include "berth/script/behaviour.hpp"
+#include "berth/script/meter_parts.hpp"
 
 namespace berth::script {
 
@@ -17,12 +19,13 @@ namespace berth::script {
 struct Failure {
   int line = 0;
   std::string text;
+  Told::Kind kind = Told::Kind::failed;
 };
 
 class Lua {
  public:
-  /// With the libraries that a script may use. `owner` comes back from `owner_of`.
-  Lua(const Limits& limits, Random random, void* owner);
+  /// With the libraries that a script may use. `owner` comes back from `owner_of`; `must_end` as of `Meter`.
+  Lua(const Limits& limits, Random random, void* owner, std::function<bool()> must_end = {});
   ~Lua();
   Lua(const Lua&) = delete;
   Lua& operator=(const Lua&) = delete;
@@ -33,11 +36,16 @@ class Lua {
   [[nodiscard]] std::optional<Failure> compile(const Script& script);
   /// The column at which the last `compile` failed, from 1.
   [[nodiscard]] int column() const noexcept { return column_; }
-  /// Calls the function beneath `arguments` values, all of which leave the stack.
-  [[nodiscard]] std::optional<Failure> call(int arguments);
+  /// Calls the function that `compile` left.
+  [[nodiscard]] std::optional<Failure> run();
+  /// `work` runs protected and within the limits; it begins with an empty stack. What it does outside of such a call
+  /// and wants memory for would end the process when there is none.
+  using Work = std::function<void(lua_State*)>;
+  [[nodiscard]] std::optional<Failure> run(const Work& work);
 
   [[nodiscard]] lua_State* state() noexcept { return state_.get(); }
-  [[nodiscard]] std::size_t memory() const noexcept { return used_; }
+  [[nodiscard]] std::size_t memory() const noexcept { return meter_.used(); }
+  [[nodiscard]] Meter& meter() noexcept { return meter_; }
   [[nodiscard]] static Lua& of(lua_State* state) noexcept { return **static_cast<Lua**>(lua_getextraspace(state)); }
   [[nodiscard]] void* owner() noexcept { return owner_; }
   [[nodiscard]] int most_lines() const noexcept { return static_cast<int>(limits_.lines); }
@@ -54,18 +62,21 @@ class Lua {
   static int protect(lua_State* state);
   static int draw(lua_State* state);
   static int open(lua_State* state);
+  static int work(lua_State* state);
+  [[nodiscard]] std::optional<Failure> call(int arguments);
   [[nodiscard]] Failure failure(int status);
+  [[nodiscard]] std::string why_so_few() const;
+  [[nodiscard]] std::string why(Meter::End end) const;
   void begin() noexcept;
+  void note_line() noexcept;
 
   Limits limits_;
+  Meter meter_;
   Random random_;
   void* owner_;
-  std::size_t used_ = 0;
-  std::int64_t left_ = 0;
   std::uint32_t lines_ = 0;
   int line_ = 0;
   int column_ = 0;
-  bool bounded_ = false;  // no limit while the state and its libraries are made
   bool good_ = false;
   std::unique_ptr<lua_State, Close> state_;
 };

@@ -31,12 +31,12 @@ Machine::~Machine() { device_.on() = {}; }
 
 void Machine::start() {
   stop();
-  lua_ = std::make_unique<Lua>(limits_, random_, this);
+  lua_ = std::make_unique<Lua>(limits_, random_, this, [this] { return listener_.script_must_end(); });
   if (!lua_->good()) return fail({0, "there is no memory for it"});
-  give_functions(lua_->state());
+  if (auto wrong = lua_->run(&give_functions)) return fail(std::move(*wrong));
   if (auto wrong = lua_->compile(script_)) return fail(std::move(*wrong));
   beginning_ = true;
-  auto wrong = lua_->call(0);
+  auto wrong = lua_->run();
   beginning_ = false;
   if (wrong) fail(std::move(*wrong));
 }
@@ -68,9 +68,11 @@ void Machine::run() noexcept {
   const auto failure = *std::exchange(failure_, std::nullopt);
   forget();
   const auto line = static_cast<std::uint16_t>(std::min(failure.line, 0xFFFF));
-  device_.errors().raise(emcy_failed, co::error_register::generic,
-                         {static_cast<std::uint8_t>(line), static_cast<std::uint8_t>(line >> 8U)});
-  listener_.script_told({Told::Kind::failed, script_.file, failure.line, failure.text});
+  const bool its_own = failure.kind == Told::Kind::failed;  // else it is the run that ends, and nothing of the device
+  if (its_own)
+    device_.errors().raise(emcy_failed, co::error_register::generic,
+                           {static_cast<std::uint8_t>(line), static_cast<std::uint8_t>(line >> 8U)});
+  listener_.script_told({failure.kind, script_.file, failure.line, failure.text});
 }
 
 void Machine::print(int line, std::string text) {
@@ -79,11 +81,11 @@ void Machine::print(int line, std::string text) {
 
 template <class Push>
 bool Machine::call(int function, Push push) {
-  lua_State* const state = lua_->state();
-  lua_rawgeti(state, LUA_REGISTRYINDEX, function);
-  const int before = lua_gettop(state);
-  push(state);
-  auto wrong = lua_->call(lua_gettop(state) - before);
+  auto wrong = lua_->run([&](lua_State* state) {
+    lua_rawgeti(state, LUA_REGISTRYINDEX, function);
+    push(state);
+    lua_call(state, lua_gettop(state) - 1, 0);
+  });
   if (!wrong) return true;
   fail(std::move(*wrong));
   return false;

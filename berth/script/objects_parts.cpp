@@ -11,6 +11,8 @@ namespace berth::script {
 namespace {
 
 constexpr std::size_t most_known_words = 1000;
+constexpr std::size_t longest_word = 500;
+constexpr std::size_t objects_an_instruction = 8;  // that a search for a name looks at
 
 std::string range_of(od::DataType type) {
   const unsigned bits = od::bit_length(type);
@@ -28,9 +30,15 @@ ObjectRef Objects::find(lua_State* state, int argument) {
   const char* const text = luaL_checklstring(state, argument, &length);
   const std::string_view word(text, length);
   if (const auto known = words_.find(word); known != words_.end()) return known->second;
+  if (length > longest_word) luaL_error(state, "no object has a name of %d bytes", static_cast<int>(length));
   const auto& description = device_.values().description();
+  Meter& meter = Lua::of(state).meter();
+  meter.charge(1 + description.objects().size() / objects_an_instruction);
   const auto found = od::find_object(description, word);
-  if (!found) luaL_error(state, "\"%s\": %s", text, found.error().why.c_str());
+  if (!found) {
+    meter.charge(description.objects().size());  // it looked for what was meant
+    luaL_error(state, "\"%s\": %s", text, found.error().why.c_str());
+  }
   if (description.find(*found) == nullptr) luaL_error(state, "\"%s\": the device has no such object", text);
   if (words_.size() < most_known_words) words_.emplace(word, *found);
   return *found;
@@ -57,6 +65,7 @@ void Objects::write(lua_State* state, ObjectRef ref) {
   }
   const auto stored = device_.values().bytes(ref);
   const std::vector<std::uint8_t> before(stored.begin(), stored.end());
+  Lua::of(state).meter().charge(1 + before.size() / Meter::bytes_an_instruction);
   store(state, ref, sub(ref));
   if (!std::ranges::equal(before, device_.values().bytes(ref))) device_.services().changed(ref);
 }

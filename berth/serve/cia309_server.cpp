@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 #include <vector>
 
 #include "berth/io/acceptor.hpp"
@@ -22,13 +23,14 @@ class Server::Impl final {
 
   class Client;
   void take(int fd);
-  bool make_room(std::string_view peer);
   [[nodiscard]] std::size_t clients() const noexcept;
 
   io::Loop* loop;
   ServerOptions options;
   Counters counters;
   io::Endpoint where;
+  io::BoundedLines tell;
+  io::Seats seats;
   House house;
 
   class Reaper final : public rt::Job {
@@ -47,36 +49,32 @@ class Server::Impl final {
 };
 
 /// One connection: bytes to lines, lines to a conversation, replies to bytes.
-class Server::Impl::Client final : private io::Watcher {
+class Server::Impl::Client final : private io::Watcher, private io::Seat::Sitter {
  public:
   Client(Impl& server, int fd)
       : server_(&server),
         name_(io::peer_name(fd)),
-        heard_(server.loop->executor().now()),
         stream_(*server.loop, fd, io::Stream::Kind::socket, *this, server.options.most_waiting),
         conversation_(
-            server.house, [this](std::string_view text) { say(text); }, [this] { work(); }) {
-    server.loop->executor().after(server.options.patience, patience_);
-  }
+            server.house, [this](std::string_view text) { say(text); }, [this] { work(); }) {}
   Client(const Client&) = delete;
   Client& operator=(const Client&) = delete;
   ~Client() = default;
 
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
-  /// Its name without the port.
-  [[nodiscard]] std::string_view peer() const noexcept { return std::string_view(name_).substr(0, name_.rfind(':')); }
   [[nodiscard]] bool over() const noexcept { return over_; }
-  [[nodiscard]] bool busy() const noexcept { return !conversation_.idle() || !in_.empty(); }
-  /// When it said something last.
-  [[nodiscard]] rt::Time heard() const noexcept { return heard_; }
+  void sit_down() {
+    io::Seat::Sitter& sitter = *this;
+    seat_.emplace(server_->seats, sitter, std::string(io::without_port(name_)));
+  }
   void end(const std::string& why) {
     if (std::exchange(over_, true)) return;
     if (stream_.too_slow()) ++server_->counters.too_slow;
     if (!stream_.gone()) last_word();
     stream_.close();
     flush_.cancel();
-    patience_.cancel();
-    if (server_->options.tell) server_->options.tell(fmt::format("{}: {}", name_, why));
+    if (seat_) seat_->leave();
+    server_->tell(fmt::format("{}: {}", name_, why));
     server_->loop->executor().post(server_->reaper);
   }
 
@@ -98,10 +96,11 @@ class Server::Impl::Client final : private io::Watcher {
     std::array<char, 4096> unread{};
     for (int i = 0; i < 16 && !stream_.get(unread).empty();) ++i;
   }
-  void out_of_patience() {
-    if (commanded_ || over_) return;
+  // io::Seat::Sitter
+  [[nodiscard]] bool owed() const noexcept override { return !conversation_.idle(); }
+  void seat_lost(io::Seat::End how) noexcept override {
     ++server_->counters.silent;
-    end("no command in time");
+    end(server_->seats.why(how));
   }
 
   void say(std::string_view text) {
@@ -114,6 +113,7 @@ class Server::Impl::Client final : private io::Watcher {
   void flush() {
     if (over_) return;
     if (!stream_.flush()) return end("gone");
+    if (seat_) seat_->output(stream_.taken(), stream_.waiting());
     if (hung_up_ && in_.empty() && conversation_.idle() && stream_.waiting() == 0) end("left");
   }
 
@@ -129,7 +129,6 @@ class Server::Impl::Client final : private io::Watcher {
     if (::recv(stream_.descriptor(), &one, 1, MSG_PEEK | MSG_DONTWAIT) == 0) return half_closed();
     std::array<char, 4096> buffer;  // so much at a time, that no other has to wait long
     in_ += stream_.get(buffer);
-    heard_ = server_->loop->executor().now();
     if (stream_.gone()) return end("gone");
     work();
   }
@@ -149,6 +148,7 @@ class Server::Impl::Client final : private io::Watcher {
     if (over_) return;
     in_.erase(0, std::exchange(at_, 0));
     stream_.hold(hung_up_ || conversation_.full());
+    if (seat_) seat_->begun(!stream_.held() && !in_.empty());  // else it is the server that takes no more
     if (hung_up_ && !flush_.ready()) server_->loop->executor().post(flush_);
   }
 
@@ -161,6 +161,7 @@ class Server::Impl::Client final : private io::Watcher {
     if (!skipping_) {
       ++server_->counters.lines;
       if (!commanded_ && !begins(rest, too_long)) return false;
+      if (commanded_ && seat_) seat_->whole_request();
       too_long ? conversation_.take_too_long(rest) : conversation_.take(rest);
     }
     skipping_ = end == std::string::npos;
@@ -185,10 +186,9 @@ class Server::Impl::Client final : private io::Watcher {
 
   Impl* server_;
   std::string name_;
-  rt::Time heard_;
   io::Stream stream_;
   Call<&Client::flush> flush_{*this};
-  Call<&Client::out_of_patience> patience_{*this};
+  std::optional<io::Seat> seat_;  // none: one too many
   std::string in_;
   std::size_t at_ = 0;     // of `in_`: lines before it are taken
   bool skipping_ = false;  // the rest of a line that is too long
@@ -202,7 +202,9 @@ Server::Impl::Impl(io::Loop& on, int fd, tree::Session& session, ServerOptions w
     : loop(&on),
       options(std::move(wanted)),
       where(io::local_endpoint(fd).value_or(io::Endpoint{})),
-      house{&session, options.commands, options.confirmed, options.tell, {}},
+      tell(on.executor(), options.tell),
+      seats(on.executor(), options.seats),
+      house{&session, options.commands, options.confirmed, [this](const std::string& line) { tell(line); }, {}},
       acceptor_(on, fd, [this](int connection) { take(connection); }) {}
 
 void Server::Impl::Reaper::run() noexcept {
@@ -213,32 +215,16 @@ std::size_t Server::Impl::clients() const noexcept {
   return static_cast<std::size_t>(std::ranges::count_if(clients_, [](const auto& c) { return !c->over(); }));
 }
 
-// Room for one more of this peer; a silent one may have to go for it.
-bool Server::Impl::make_room(std::string_view peer) {
-  const auto of_peer = std::ranges::count_if(clients_, [&](const auto& c) { return !c->over() && c->peer() == peer; });
-  const bool its_own = static_cast<std::size_t>(of_peer) >= options.most_per_peer;
-  if (!its_own && clients() < options.most_clients) return true;
-  Client* silent = nullptr;
-  for (const auto& c : clients_) {
-    if (c->over() || c->busy() || (its_own && c->peer() != peer)) continue;
-    if (silent == nullptr || c->heard() < silent->heard()) silent = c.get();
-  }
-  if (silent == nullptr || loop->executor().now() - silent->heard() < options.idle) return false;
-  ++counters.silent;
-  silent->end("silent, and another wants in");
-  return true;
-}
-
 void Server::Impl::take(int fd) {
   io::tune_tcp(fd);
   ++counters.clients;
   const std::string name = io::peer_name(fd);
-  const auto peer = std::string_view(name).substr(0, name.rfind(':'));
-  const bool room = make_room(peer);
+  const bool room = seats.make_room(io::without_port(name));
   if (!room) ++counters.too_many;
   clients_.push_back(std::make_unique<Client>(*this, fd));
   if (!room) return clients_.back()->end("one too many");
-  if (options.tell) options.tell(clients_.back()->name() + ": connected");
+  clients_.back()->sit_down();
+  tell(name + ": connected");
 }
 
 tl::expected<std::unique_ptr<Server>, std::string> Server::listen(io::Loop& loop, const io::Endpoint& where,

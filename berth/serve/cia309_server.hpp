@@ -10,9 +10,8 @@
 ///
 /// A web page can make a browser connect to loopback, too, and its text follows header lines. So a connection ends at a
 /// syntax error before its first valid command (an HTTP request line is one), and nothing behind it is carried out.
-/// Silent connections lock no client out: without a valid command one ends after `patience`; when there is no room for
-/// a new one, that of the same peer (or, at `most_clients`, of any) which was silent longest goes, if it was for
-/// `idle`.
+/// Silent connections lock no client out: who keeps its seat is `io::Seats`' rule, and a whole request is a valid
+/// command.
 #pragma once
 
 #include <chrono>
@@ -22,6 +21,7 @@
 #include <tl/expected.hpp>
 
 #include "berth/io/loop.hpp"
+#include "berth/io/seats.hpp"
 #include "berth/io/stream.hpp"
 #include "berth/tree/session.hpp"
 
@@ -30,14 +30,12 @@ namespace berth::serve::cia309 {
 inline constexpr std::uint16_t default_port = 7000;
 
 struct ServerOptions {
-  bool commands = false;                             ///< see `House`
-  bool confirmed = false;                            ///< see `House`
-  std::size_t most_clients = 16;                     ///< one more is let go, or one that is silent
-  std::size_t most_per_peer = 8;                     ///< connections from one address
-  rt::Duration patience = std::chrono::seconds(30);  ///< for the first valid command
-  rt::Duration idle = std::chrono::seconds(10);      ///< silence after which a connection may make room for another
+  bool commands = false;   ///< see `House`
+  bool confirmed = false;  ///< see `House`
+  io::SeatRules seats{.most = 16, .most_per_peer = 8};
   std::size_t most_waiting = std::size_t{4} << 20U;  ///< bytes that a client did not take; then it is let go
-  /// Told in words which client came and why it went, and what was refused why. Must not destroy the server.
+  /// Told in words which client came and why it went, and what was refused why; `io::BoundedLines`. Must not destroy
+  /// the server.
   std::function<void(const std::string&)> tell{};
 };
 
@@ -45,7 +43,7 @@ struct Counters {
   std::uint64_t clients = 0;   ///< that came, ever
   std::uint64_t too_slow = 0;  ///< let go because they took too little
   std::uint64_t too_many = 0;  ///< let go because there were enough
-  std::uint64_t silent = 0;    ///< let go because they said nothing, for too long or when there was no room
+  std::uint64_t silent = 0;    ///< let go by `io::Seats`: silent, half a line, nothing taken, idle when another came
   std::uint64_t strange = 0;   ///< let go because they began with something else than a command
   std::uint64_t lines = 0;     ///< taken
 };

@@ -26,16 +26,21 @@ std::string shown(const std::string& name) {
 Client::Client(House& house, int fd, std::string name)
     : house_(&house),
       stream_(*house.loop, fd, io::Stream::Kind::socket, *this, house.options->most_waiting),
-      name_(std::move(name)),
-      patience_until_(house.executor().now() + house.options->patience) {}
+      name_(std::move(name)) {}
 
 Client::~Client() {
   if (port_) port_->listen(nullptr, {});
 }
 
 void Client::greet() {
+  io::Seat::Sitter& sitter = *this;
+  seat_.emplace(*house_->seats, sitter, std::string(io::without_port(name_)));
   say("< hi >");
-  arm(patience_until_);
+}
+
+void Client::seat_lost(io::Seat::End how) noexcept {
+  ++house_->counters->silent;
+  end(house_->seats->why(how));
 }
 
 // ---- the connection ----
@@ -50,7 +55,10 @@ void Client::say(std::string_view bytes) {
 }
 
 void Client::flush() noexcept {
-  if (!over_ && !leaving_ && !stream_.flush()) end("gone");
+  if (over_ || stream_.gone()) return;
+  const bool good = stream_.flush();
+  if (seat_) seat_->output(stream_.taken(), stream_.waiting());
+  if (!good && !leaving_) end("gone");
 }
 
 // It has hung up; the frames that it gave are sent first, if the bus takes them, as the kernel would do.
@@ -76,13 +84,17 @@ void Client::end(const std::string& why, std::string_view last_word) {
   stream_.close();
   flush_.cancel();
   clock_.cancel();
-  if (house_->options->tell) house_->options->tell(fmt::format("{}: {}", name_, why));
+  if (seat_) seat_->leave();
+  (*house_->tell)(fmt::format("{}: {}", name_, why));
   house_->executor().post(*house_->reaper);
 }
 
 void Client::ready(std::uint32_t events) noexcept {
   if (over_) return;
-  if ((events & EPOLLOUT) != 0 && !stream_.flush()) return end("gone");
+  if ((events & EPOLLOUT) != 0) {
+    flush();
+    if (over_ || stream_.gone()) return end("gone");
+  }
   if (stream_.held()) {
     if ((events & (EPOLLHUP | EPOLLERR)) != 0) return end("gone");
     if ((events & EPOLLRDHUP) != 0) {
@@ -115,8 +127,11 @@ void Client::work() {
     if (!element) break;
     const auto command = io::parse_command(*element);
     mode_ == Mode::no_bus ? act_without_bus(command) : act_on_bus(command);
+    if (mode_ != Mode::no_bus && seat_) seat_->whole_request();
   }
-  if (!over_ && !stream_.gone()) stream_.hold(outbox_.stalled());
+  if (over_ || stream_.gone()) return;
+  stream_.hold(outbox_.stalled());
+  if (seat_) seat_->begun(!stream_.held() && reader_.kept() > 0);  // else it is the bus that takes no more
 }
 
 // The bus may have room again.
@@ -133,10 +148,7 @@ void Client::arm(rt::Time when) noexcept {
 
 void Client::tick() noexcept {
   const rt::Time now = house_->executor().now();
-  if (!port_) {
-    if (now >= patience_until_) return end("no < open > in time");
-    return arm(patience_until_);
-  }
+  if (!port_) return;
   if (leaving_ && now >= *leaving_ + linger) return end("left");
   if (quiet_until_ && now >= *quiet_until_) release();
   if (restart_at_ && now >= *restart_at_) {
@@ -160,21 +172,18 @@ void Client::tick() noexcept {
 // ---- what the client says ----
 
 void Client::act_without_bus(const Command& command) {
-  switch (command.kind) {
-    case Kind::open: return open(command.bus);
-    case Kind::configure:
-      ++house_->counters->misbehaved;
-      return end("wanted to set a bus's bit timing", fmt::format("< error configuring interface {} >", command.bus));
-    default: return say(unknown_command);
+  if (command.kind == Kind::configure) {
+    ++house_->counters->misbehaved;
+    return end("wanted to set a bus's bit timing", fmt::format("< error configuring interface {} >", command.bus));
   }
-}
-
-void Client::open(const std::string& bus) {
+  if (command.kind != Kind::open) return say(unknown_command);
   std::string why;
-  port_ = (*house_->factory)(bus, why);
-  if (!port_) return end(fmt::format("wanted the bus \"{}\": {}", shown(bus), why), "< error could not open bus >");
-  bus_ = bus;
-  if (house_->options->tell) house_->options->tell(fmt::format("{}: on bus {}", name_, shown(bus_)));
+  port_ = (*house_->factory)(command.bus, why);
+  if (!port_) {
+    return end(fmt::format("wanted the bus \"{}\": {}", shown(command.bus), why), "< error could not open bus >");
+  }
+  bus_ = command.bus;
+  (*house_->tell)(fmt::format("{}: on bus {}", name_, shown(bus_)));
   enter(Mode::bcm);
 }
 

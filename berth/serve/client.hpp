@@ -7,6 +7,7 @@
 #include <string>
 #include <string_view>
 
+#include "berth/io/seats.hpp"
 #include "berth/io/socketcand_protocol.hpp"
 #include "berth/io/stream.hpp"
 #include "berth/serve/broadcast_manager.hpp"
@@ -33,7 +34,10 @@ class BusStatistics {
   rt::Time due_{};
 };
 
-class Client final : private io::Watcher, private can::Listener, private BroadcastManager::Client {
+class Client final : private io::Watcher,
+                     private can::Listener,
+                     private BroadcastManager::Client,
+                     private io::Seat::Sitter {
  public:
   static constexpr rt::Duration quiet_after_ok = std::chrono::milliseconds(100);
   static constexpr rt::Duration bus_off_pause = std::chrono::seconds(1);
@@ -47,6 +51,8 @@ class Client final : private io::Watcher, private can::Listener, private Broadca
     ServerCounters* counters = nullptr;
     std::chrono::microseconds epoch{0};
     rt::Job* reaper = nullptr;  ///< posted when a client is over
+    io::Seats* seats = nullptr;
+    io::BoundedLines* tell = nullptr;
     [[nodiscard]] rt::Executor& executor() const noexcept { return loop->executor(); }
   };
   Client(House& house, int fd, std::string name);
@@ -54,6 +60,7 @@ class Client final : private io::Watcher, private can::Listener, private Broadca
   Client(const Client&) = delete;
   Client& operator=(const Client&) = delete;
 
+  /// Takes a seat.
   void greet();
   /// Says why and ends; what is still to be sent is sent as far as the peer takes it at once.
   void end(const std::string& why, std::string_view last_word = {});
@@ -92,6 +99,10 @@ class Client final : private io::Watcher, private can::Listener, private Broadca
   void arm(rt::Time when) noexcept override;
   void filter() override;
 
+  // io::Seat::Sitter
+  [[nodiscard]] bool owed() const noexcept override { return !outbox_.empty() || outbox_.echo_deadline().has_value(); }
+  void seat_lost(io::Seat::End how) noexcept override;
+
   void say(std::string_view bytes);
   void flush() noexcept;
   void tick() noexcept;
@@ -100,7 +111,6 @@ class Client final : private io::Watcher, private can::Listener, private Broadca
   void leave();
   void act_without_bus(const io::SocketcandCommand& command);
   void act_on_bus(const io::SocketcandCommand& command);
-  void open(const std::string& bus);
   void enter(Mode mode);
   void answer_echoes(rt::Time now);
   void release();
@@ -116,7 +126,7 @@ class Client final : private io::Watcher, private can::Listener, private Broadca
   Mode mode_ = Mode::no_bus;
   bool over_ = false;
   std::optional<rt::Time> leaving_;  // it has hung up: since then nothing of its was sent
-  rt::Time patience_until_;
+  std::optional<io::Seat> seat_;     // none: one too many
   Outbox outbox_;
   std::optional<rt::Time> quiet_until_;  // frames wait in `later_`
   std::string later_;

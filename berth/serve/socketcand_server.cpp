@@ -14,9 +14,13 @@ namespace berth::serve {
 class SocketcandServer::Impl final {
  public:
   Impl(io::Loop& loop, int fd, Factory factory, ServerOptions options)
-      : loop_(&loop), factory_(std::move(factory)), options_(std::move(options)) {
+      : loop_(&loop),
+        factory_(std::move(factory)),
+        options_(std::move(options)),
+        seats_(loop.executor(), options_.seats),
+        tell_(loop.executor(), options_.tell) {
     where_ = io::local_endpoint(fd).value_or(io::Endpoint{});
-    house_ = {loop_, &options_, &factory_, &counters_, options_.epoch, &reaper_};
+    house_ = {loop_, &options_, &factory_, &counters_, options_.epoch, &reaper_, &seats_, &tell_};
     if (house_.epoch.count() == 0) {
       const auto wall = std::chrono::system_clock::now().time_since_epoch();
       house_.epoch = std::chrono::duration_cast<std::chrono::microseconds>(wall - loop.clock().time_since_epoch());
@@ -48,8 +52,9 @@ class SocketcandServer::Impl final {
     const int kernel_buffer = 1 << 17;  // what waits shall wait here, where it is counted
     ::setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &kernel_buffer, sizeof kernel_buffer);
     ++counters_.clients;
-    const bool room = clients() < options_.most_clients;
-    clients_.push_back(std::make_unique<Client>(house_, fd, io::peer_name(fd)));
+    const std::string name = io::peer_name(fd);
+    const bool room = seats_.make_room(io::without_port(name));
+    clients_.push_back(std::make_unique<Client>(house_, fd, name));
     if (room) return clients_.back()->greet();
     clients_.back()->end("one too many", "< error too many clients >");
   }
@@ -59,6 +64,8 @@ class SocketcandServer::Impl final {
   Factory factory_;
   ServerOptions options_;
   ServerCounters counters_;
+  io::Seats seats_;
+  io::BoundedLines tell_;
   Reaper reaper_{*this};
   Client::House house_;
   std::vector<std::unique_ptr<Client>> clients_;

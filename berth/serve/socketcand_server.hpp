@@ -28,17 +28,17 @@
 
 #include "berth/can/port.hpp"
 #include "berth/io/loop.hpp"
+#include "berth/io/seats.hpp"
 #include "berth/io/stream.hpp"
 
 namespace berth::serve {
 
 struct ServerOptions {
-  std::size_t most_clients = 64;                    ///< one more is told so and let go
-  std::size_t most_waiting = 1U << 22U;             ///< bytes that a client did not take; then it is let go
-  rt::Duration patience = std::chrono::minutes(1);  ///< for a client's `< open >`
+  io::SeatRules seats{.most = 64};       ///< a whole request is a bus that was opened, or a command to it
+  std::size_t most_waiting = 1U << 22U;  ///< bytes that a client did not take; then it is let go
   /// Wall-clock time of the executor's time 0, for the frames' times; 0: by the system's clock at the beginning.
   std::chrono::microseconds epoch{0};
-  /// Told in words which client came, opened what and why it went. Must not destroy the server.
+  /// Told in words which client came, opened what and why it went; `io::BoundedLines`. Must not destroy the server.
   std::function<void(const std::string&)> tell{};
 };
 
@@ -46,6 +46,7 @@ struct ServerCounters {
   std::uint64_t clients = 0;      ///< that came, ever
   std::uint64_t too_slow = 0;     ///< let go because they took too little
   std::uint64_t misbehaved = 0;   ///< let go because of what they sent
+  std::uint64_t silent = 0;       ///< let go by `io::Seats`
   std::uint64_t frames_out = 0;   ///< from a bus to clients
   std::uint64_t frames_in = 0;    ///< from clients, queued on a bus
   std::uint64_t not_sent = 0;     ///< from clients, that the bus did not take (bus-off, listening only, down)

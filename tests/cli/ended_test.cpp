@@ -8,6 +8,7 @@
 
 #include <chrono>
 #include <filesystem>
+#include <sstream>
 
 #include "../pch.hpp"
 #include "machines.hpp"
@@ -104,6 +105,32 @@ TEST(EndedBeforeItsBus, WhileItListens) {
   const Outcome end = run.end();
   EXPECT_EQ(end.status, 1) << end.out << end.err;
   EXPECT_EQ(end.err, "berth: ended before its work on a bus began\n");
+}
+
+// One instant of such scripts takes many minutes: each of 250 timers goes through a chain of 1,900 tables 90,000 times.
+TEST(EndedInAScript, WhileItRuns) {
+  const Folder folder;
+  std::string fields;
+  for (int i = 0; i < 150; ++i) fields += "t.x = 1 ";
+  folder.write("busy.lua",
+               "local t = {} for i = 1, 1900 do t = setmetatable({}, {__newindex = t}) end\n"
+               "for i = 1, 250 do device.every(100, function() for j = 1, 600 do " +
+                   fields + "end end) end");
+  std::string plant = small_plant;
+  plant.replace(plant.find("serial = 0x21"), 0, "script = \"busy.lua\"\n");
+  Background run({"up", folder.write("machine.toml", small_machine), "--sim", folder.write("plant.toml", plant)});
+  const auto processor_ticks = [&] {
+    const std::string stat = contents("/proc/" + std::to_string(run.pid()) + "/stat");
+    std::istringstream words(stat.substr(std::min(stat.size(), stat.rfind(") ") + 2)));
+    std::string word;
+    for (int i = 0; i < 12 && words >> word;) ++i;  // from the state, the third, to utime, the fourteenth
+    return std::atol(word.c_str());
+  };
+  ASSERT_TRUE(eventually([&] { return processor_ticks() > 200 || !lives(run.pid()); }));
+  run.signal(SIGTERM);
+  const Outcome end = run.end();
+  EXPECT_EQ(end.status, 1) << end.out << end.err;
+  EXPECT_NE(end.err.find("busy.lua:2: it was ended with the run"), std::string::npos) << end.err;
 }
 
 // A signal is no answer: nothing is done, and what is known is told.

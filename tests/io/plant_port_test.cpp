@@ -1,6 +1,7 @@
 #include "berth/io/plant_port.hpp"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -395,6 +396,59 @@ TEST_F(PlantPortTest, AFastWriterGetsItsShareOfATurn) {
   unsigned rest = 0;
   EXPECT_TRUE(run_until([&] { return (rest += answers()) + PlantSocket::most_at_once >= given; }));
   ::close(fd);
+}
+
+// ---- seats ----
+
+class PlantSeats : public PlantPortTest {
+ protected:
+  int stranger() const {
+    sockaddr_un address{};
+    EXPECT_TRUE(address_of(path_, address));
+    const int fd = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+    EXPECT_EQ(::connect(fd, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+    return fd;
+  }
+  // By the executor's clock alone.
+  void pass(rt::Duration time) {
+    run(4);
+    world_.executor().advance(world_.executor().now() + time);
+    run(4);
+  }
+};
+
+TEST_F(PlantSeats, WhoIsSilentHoldsNone) {
+  const auto node = connect("backbone");
+  ASSERT_TRUE(node);
+  std::vector<int> silent;
+  for (std::size_t i = 0; i < PlantServer::most_clients; ++i) silent.push_back(stranger());
+  pass(std::chrono::seconds(11));
+  EXPECT_EQ(server_->clients(), PlantServer::most_clients + 1);
+  const auto late = connect("backbone");
+  EXPECT_TRUE(late) << "the one that was silent for the longest makes room";
+  pass(std::chrono::seconds(31));
+  EXPECT_EQ(server_->clients(), 2U) << "the nodes; the silent are gone";
+  EXPECT_TRUE(node->status().up);
+  for (const int fd : silent) ::close(fd);
+}
+
+TEST_F(PlantSeats, WithoutDescriptorsTheListenerPauses) {
+  run(4);
+  ASSERT_FALSE(world_.executor().next().has_value());
+  const int waits = stranger();
+  rlimit before{};
+  ::getrlimit(RLIMIT_NOFILE, &before);
+  const int next = ::dup(0);
+  ::close(next);
+  const rlimit none{static_cast<rlim_t>(next), before.rlim_max};
+  ::setrlimit(RLIMIT_NOFILE, &none);
+  run(4);
+  const bool pauses = world_.executor().next().has_value();
+  ::setrlimit(RLIMIT_NOFILE, &before);
+  EXPECT_TRUE(pauses) << "else the loop is told of it again and again";
+  pass(std::chrono::seconds(2));
+  EXPECT_EQ(server_->clients(), 1U) << "it is taken when there is room again";
+  ::close(waits);
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
 // Scripts of simulated devices: what they see, what one seed gives, and how each ends that does not behave.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -25,6 +26,7 @@ std::shared_ptr<const od::Description> description() {
   b.variable(0x2002, {.name = "Jam", .type = DataType::boolean, .mappable = true});
   b.variable(0x2003, {.name = "Heat", .type = DataType::real32, .mappable = true});
   b.variable(0x2004, {.name = "Big", .type = DataType::unsigned64, .mappable = true});
+  b.variable(0x2005, {.name = "Name", .type = DataType::visible_string, .capacity = 300});
   device::add_rpdo(b, 1, {.map = {{{0x2000, 0}, 8}}});
   device::add_tpdo(b, 1, {.map = {{{0x2001, 0}, 16}}});
   return b.build();
@@ -45,7 +47,11 @@ struct Scene : Behaviour::Listener {
     run();
   }
   ~Scene() { bus.remove_tap(tap); }
-  void script_told(const Told& one) noexcept override { told.push_back(to_string(one)); }
+  void script_told(const Told& one) noexcept override {
+    told.push_back(to_string(one));
+    kinds.push_back(one.kind);
+  }
+  bool script_must_end() noexcept override { return ends; }
   void run(rt::Duration time = milliseconds(5)) { world.run_for(time); }
   void send(std::string_view frame) {
     master->send(*can::parse_frame(frame), 0);
@@ -69,6 +75,8 @@ struct Scene : Behaviour::Listener {
   device::Device device;
   Tap tap;
   std::vector<std::string> told;
+  std::vector<Told::Kind> kinds;
+  bool ends = false;
   Behaviour behaviour;
 };
 
@@ -153,14 +161,13 @@ TEST(Behaviour, AScriptThatLoopsEndsInAnEmcy) {
   expect_end("while true do pcall(function() while true do end end) end", why);
   expect_end("local function f() return f() end f()", why);
   expect_end("table.insert(setmetatable({}, {__len = function() return 1 << 60 end}), 1, 5)", why);
-  expect_end("local s = string.rep('x', 400000) while true do local t = s .. device.now() end", why);
+  expect_end("local s = string.rep('x', 900) while true do local t = s .. device.now() end", why);
 }
 
 TEST(Behaviour, AScriptThatWantsMemoryEndsInAnEmcy) {
   const std::string why = "the script wants more than 1024 KiB of memory";
-  expect_end("x = string.rep('x', 1 << 30)", why);
-  expect_end("pcall(string.rep, 'x', 1 << 30)", why);
-  expect_end("pcall(string.rep, 'x', 1 << 20)", why);  // costs few instructions
+  expect_end("x = {} for i = 1, 9 do x[i] = string.rep('x', 200000) .. i end", why);
+  expect_end("pcall(function() x = {} for i = 1, 9 do x[i] = string.rep('x', 200000) .. i end end)", why);
 }
 
 TEST(Behaviour, AScriptThatThrowsEndsInAnEmcy) {
@@ -203,6 +210,176 @@ TEST(Behaviour, OneSeedIsOneRun) {
   ASSERT_EQ(one.size(), 1U);
   EXPECT_EQ(run(7), one);
   EXPECT_NE(run(8), one);
+}
+
+// --- What one instruction can cost -----------------------------------------------------------------------------------
+
+/// `loop` runs again and again, after `setup`, until the call's instructions are over. How often it did.
+std::uint64_t runs(const std::string& setup, const std::string& loop) {
+  Scene s("local n = 0 local write = device.write\n" + setup + " while true do " + loop +
+          " n = n + 1 write('Big', n) end");
+  EXPECT_EQ(s.told.size(), 1U) << loop;
+  const std::string end = s.told.empty() ? "" : s.told[0];
+  EXPECT_TRUE(end.starts_with("belt.lua:2: the call took more than 100000 instructions")) << loop << ": " << end;
+  return s.value<std::uint64_t>(0x2004);
+}
+
+// An instruction that walks a text of n bytes counts n / 1024 times at least: 100 MB in a call.
+TEST(ScriptCosts, WhatWalksATextCountsItsLength) {
+  constexpr std::uint64_t length = 32 * 1024;
+  const std::string texts =
+      "local a, b = string.rep('\\0', 32768), string.rep('\\0', 32767) .. '\\0' local t = {[b] = 1} local blank = "
+      "string.rep(' ', 32768) local q = ''";
+  for (const auto* const loop : {"local c = a < b",
+                                 "local c = a <= b",
+                                 "local c = a > b",
+                                 "local c = a >= b",
+                                 "local c = a == b",
+                                 "local c = t[a]",
+                                 "q = a .. 'x'",
+                                 "q = a:rep(1)",
+                                 "q = a:sub(2)",
+                                 "q = a:upper()",
+                                 "q = a:lower()",
+                                 "q = a:reverse()",
+                                 "q = string.format('%s', a)",
+                                 "q = string.pack('s', a)",
+                                 "q = table.concat({a, a})",
+                                 "q = string.unpack('z', blank .. '\\0')",
+                                 "q = string.packsize(blank)",
+                                 "q = tonumber(blank)",
+                                 "q = pcall(function() return blank + 1 end)",
+                                 "q = rawequal(a, b)",
+                                 "q = pcall(device.read, a)"}) {
+    EXPECT_LE(runs(texts, loop) * length, 100'000U * 1024U) << loop;
+  }
+}
+
+// And one that moves n values counts the square of n / 256 times, because a chain of __call moves them n times.
+TEST(ScriptCosts, WhatMovesManyValuesCountsThem) {
+  constexpr std::uint64_t values = 2000;
+  const std::string many =
+      "local t = {} for i = 1, 2000 do t[i] = i end local u, c = table.unpack, string.rep('x', 2000)";
+  for (const auto* const loop : {"local x = select('#', u(t))", "local x = math.max(u(t))", "local x = c:byte(1, -1)"})
+    EXPECT_LE(runs(many, loop) * values, 100'000U * 256U) << loop;
+  const std::string chain = "local f = function() end for i = 1, 1000 do f = setmetatable({}, {__call = f}) end";
+  EXPECT_LE(runs(chain, "f()") * 1000 * 1000 / 2, 100'000U * 2500U);
+}
+
+// At its bound Lua goes through all of its memory for each piece more.
+TEST(ScriptCosts, CollectingAllMemoryCounts) {
+  EXPECT_LE(runs("local t = {} for i = 1, 12500 do t[i] = {} end", "local x = string.rep('x', 20000)"), 100U);
+}
+
+// Whatever is put together, it ends by a bound, and twice in the same way.
+TEST(ScriptCosts, RandomScriptsEndAlike) {
+  static constexpr const char* pieces[] = {"a = a .. b",
+                                           "b = a:rep(3)",
+                                           "b = b:sub(1, 9000)",
+                                           "c = a < b",
+                                           "c = a == b .. ''",
+                                           "t[#t + 1] = a",
+                                           "t[a] = b",
+                                           "c = pcall(string.unpack, a, b)",
+                                           "c = tonumber(b)",
+                                           "a = string.format('%s%q', a, n)",
+                                           "a = '\\0'",
+                                           "b = string.rep('\\0', 5000)",
+                                           "c = select('#', table.unpack(t))",
+                                           "table.sort(t, function() return true end)",
+                                           "for k, v in pairs(t) do c = k end",
+                                           "c = pcall(device.read, b)",
+                                           "f = setmetatable({}, {__call = f})",
+                                           "c = pcall(f)",
+                                           "t = setmetatable({}, {__index = t})",
+                                           "c = t.x",
+                                           "c = a:byte(1, 200)",
+                                           "t = {}",
+                                           "a = table.concat({a, b}, a)",
+                                           "c = string.packsize(b:gsub and '' or 'i4')"};
+  Random random(20261127);
+  for (int i = 0; i < 60; ++i) {
+    std::string text =
+        "local a, b, c, t, n = 'x', 'y', 0, {}, 0 local f = function() end while true do n = n + 1 device.write('Big', "
+        "n)";
+    for (int j = 0; j < 6; ++j) text += std::string(" ") + pieces[random.below(std::size(pieces))];
+    text += " end";
+    SCOPED_TRACE(text);
+    Scene one(text);
+    ASSERT_EQ(one.told.size(), 1U);
+    EXPECT_EQ(one.kinds[0], Told::Kind::failed);
+    Scene again(text);
+    EXPECT_EQ(again.told, one.told);
+    EXPECT_EQ(again.value<std::uint64_t>(0x2004), one.value<std::uint64_t>(0x2004));
+  }
+}
+
+TEST(ScriptCosts, ErrorsThatAreCaughtCount) { EXPECT_LE(runs("", "pcall(error)"), 1000U); }
+
+TEST(ScriptCosts, ASearchForANameCountsTheObjects) {
+  const auto objects = description()->objects().size();
+  ASSERT_GT(objects, 12U);
+  EXPECT_LE(runs("", "pcall(device.read, 'nobody')"), 100'000U / (100U + objects));
+}
+
+TEST(ScriptCosts, ALongWordIsNoName) {
+  expect_end("device.read(string.rep('x', 501))", "no object has a name of 501 bytes");
+}
+
+TEST(Behaviour, APieceOfMoreThanABlockEndsTheScript) {
+  const std::string why = "the script wants more than 256 KiB in one piece: a shorter text or a smaller table will do";
+  expect_end("x = string.rep('x', 256 * 1024)", why);
+  expect_end("x = {} for i = 1, 16385 do x[i] = i end", why);
+  expect_end(
+      "local function f() return 1 + f() end f()",
+      "the call took more than 100000 instructions (each counts 101 times because of many values or calls in each "
+      "other at once; have fewer)");
+}
+
+// The value is made for the handler, before any of the script runs. How much is left when the table is full differs.
+TEST(Behaviour, AValueThatFindsNoMemoryEndsTheScript) {
+  for (std::size_t more = 0; more < 64; more += 8) {
+    Limits limits;
+    limits.memory = 64 * 1024 + more;
+    Scene s(
+        "local t = {}"
+        "device.on_write('Speed', function() t = {t} end) device.on_write('Name', function() end)",
+        1, limits);
+    for (int i = 1; i < 1000 && s.behaviour.running(); ++i) {
+      s.send("605#2F00200001000000");
+      s.send(fmt::format("605#23052000{:08X}", i));
+    }
+    EXPECT_GT(s.value<std::uint8_t>(0x2000), 0);
+    ASSERT_EQ(s.told.size(), 1U);
+    EXPECT_NE(s.told[0].find("the script wants more than 64 KiB of memory"), std::string::npos) << s.told[0];
+  }
+}
+
+TEST(Behaviour, WhatAScriptComplainsOfIsShort) {
+  Scene s("error(string.rep('x', 100000))");
+  ASSERT_EQ(s.told.size(), 1U);
+  EXPECT_LT(s.told[0].size(), 1100U);
+}
+
+TEST(Behaviour, AnEndOfTheRunEndsACallAndIsNoFaultOfTheDevice) {
+  Scene s("device.on_write('Speed', function() while true do end end)");
+  s.ends = true;
+  s.send("000#0105");
+  s.send("205#01");
+  ASSERT_EQ(s.kinds, std::vector{Told::Kind::ended});
+  EXPECT_EQ(s.told[0], "belt.lua:1: it was ended with the run");
+  EXPECT_EQ(s.frames("085#0062010100000000"), 0);
+  EXPECT_FALSE(s.behaviour.running());
+}
+
+TEST(Behaviour, TheHostsClockIsTheLastResort) {
+  Limits limits;
+  limits.instructions = 1'000'000'000;
+  limits.processor = milliseconds(1);
+  Scene s("local x\nwhile true do pcall(function() while true do end end) end", 1, limits);
+  ASSERT_EQ(s.kinds, std::vector{Told::Kind::overran});
+  EXPECT_TRUE(s.told[0].starts_with("belt.lua:2: one call took more than 0.001 s of this computer's processor"));
+  EXPECT_EQ(s.frames("085#0062010200000000"), 0);
 }
 
 TEST(Check, NamesLineAndColumn) {

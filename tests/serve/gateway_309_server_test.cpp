@@ -162,7 +162,7 @@ TEST_F(Gateway309Tcp, ALineThatIsTooLongBeforeTheFirstCommandEndsTheConnection) 
 }
 
 TEST_F(Gateway309Tcp, WhoSaysNothingIsLetGo) {
-  serve({.patience = 50ms});
+  serve({.seats = {.patience = 50ms}});
   Socket silent(*this);
   Socket listener(*this);
   listener.say("[1] set network 1\n");
@@ -174,9 +174,47 @@ TEST_F(Gateway309Tcp, WhoSaysNothingIsLetGo) {
   EXPECT_EQ(server_->clients(), 1U);
 }
 
+// By the executor's clock: the test moves it.
+TEST_F(Gateway309Tcp, HalfALineDoesNotHoldASeat) {
+  serve();
+  Socket half(*this);
+  Socket listener(*this);
+  for (auto* const each : {&half, &listener}) {
+    each->say("[1] set network 1\n");
+    ASSERT_TRUE(each->hear("[1] OK\r\n"));
+  }
+  half.say("[2] set netw");
+  for (int i = 0; i < 10; ++i) loop_.turn(1ms);
+  rig_.run_for(31s);
+  EXPECT_TRUE(half.hung_up());
+  EXPECT_EQ(server_->counters().silent, 1U);
+  rig_.run_for(60s);
+  EXPECT_EQ(server_->clients(), 1U);
+}
+
+TEST_F(Gateway309Tcp, WhoTakesNothingLosesItsSeat) {
+  serve({.most_waiting = std::size_t{64} << 20U});
+  Socket slow(*this, 4096);
+  const std::string line = "[1] help\n";
+  std::size_t pushed = 0;
+  int stood_still = 0;
+  ASSERT_TRUE(until([&] {  // until the answers do not go any more, and all that was said are whole lines
+    const auto before = server_->counters().lines;
+    if (before < 4000 || pushed % line.size() != 0) pushed += slow.push(line.substr(pushed % line.size()));
+    loop_.turn(1ms);
+    stood_still = server_->counters().lines == before ? stood_still + 1 : 0;
+    return stood_still > 20 || server_->clients() == 0;
+  }));
+  ASSERT_EQ(server_->clients(), 1U);
+  rig_.run_for(61s);
+  EXPECT_EQ(server_->clients(), 0U);
+  ASSERT_FALSE(told_.empty());
+  EXPECT_NE(told_.back().find("took nothing of its answers"), std::string::npos) << told_.back();
+}
+
 // All are of one peer here, so its own bound counts.
 TEST_F(Gateway309Tcp, SilentConnectionsLockNobodyOut) {
-  serve({.most_clients = 16, .most_per_peer = 8, .idle = 0ms});
+  serve({.seats = {.most = 16, .most_per_peer = 8, .idle = 0ms}});
   std::vector<std::unique_ptr<Socket>> silent;
   for (int i = 0; i < 16; ++i) {
     silent.push_back(std::make_unique<Socket>(*this));
@@ -191,7 +229,7 @@ TEST_F(Gateway309Tcp, SilentConnectionsLockNobodyOut) {
 }
 
 TEST_F(Gateway309Tcp, OneTooManyIsLetGo) {
-  serve({.most_clients = 1});
+  serve({.seats = {.most = 1}});
   Socket a(*this);
   a.say("[1] set network 1\n");
   ASSERT_TRUE(a.hear("[1] OK\r\n"));

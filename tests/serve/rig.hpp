@@ -68,6 +68,9 @@ class Rig : public ::testing::Test {
     run_until([&] { return std::chrono::steady_clock::now() > end; });
   }
 
+  // By the executor's clock alone.
+  void pass(rt::Duration time) { world_.executor().advance(world_.executor().now() + time); }
+
   class Socket : public ClientSocket {
    public:
     explicit Socket(Rig& rig, int receive_buffer = 0)

@@ -156,7 +156,7 @@ TEST_F(Server, WhoSpeaksSomethingElseIsLetGoAndNobodyElse) {
 }
 
 TEST_F(Server, OneTooManyIsToldSo) {
-  serve({.most_clients = 2});
+  serve({.seats = {.most = 2}});
   Socket a(*this);
   Socket b(*this);
   ASSERT_TRUE(a.hear("< hi >"));
@@ -173,11 +173,76 @@ TEST_F(Server, OneTooManyIsToldSo) {
 }
 
 TEST_F(Server, WhoOpensNothingIsLetGo) {
-  serve({.patience = 200ms});
+  serve({.seats = {.patience = 200ms}});
   Socket idle(*this);
   ASSERT_TRUE(idle.hear("< hi >"));
   idle.say("< op");
   EXPECT_TRUE(idle.hung_up());
+}
+
+// The clocks of the seats are the executor's: the test moves it, and waits for nothing.
+TEST_F(Server, HalfAnElementDoesNotHoldASeat) {
+  serve();
+  Socket half(*this);
+  Socket listener(*this);
+  half.join("backbone", false);
+  listener.join("backbone", false);
+  half.say("< send 123 1 ");
+  ASSERT_TRUE(run_until([&] { return server_->clients() == 2; }));
+  run_for(20ms);
+  pass(31s);
+  EXPECT_TRUE(half.hung_up());
+  EXPECT_EQ(server_->counters().silent, 1U);
+  pass(10h);
+  EXPECT_EQ(server_->clients(), 1U) << "one that listens may stay";
+}
+
+TEST_F(Server, ASilentClientMakesRoomForAnother) {
+  serve({.seats = {.most = 3}});
+  Socket first(*this);
+  first.join("backbone", false);
+  pass(1s);
+  Socket second(*this);
+  second.join("backbone", false);
+  Socket third(*this);
+  third.join();
+  pass(11s);
+  first.say("< echo >");
+  ASSERT_TRUE(first.hear("< echo >"));
+  peer_->send(can::Frame::base(0x181, {1}), 0);
+  ASSERT_TRUE(third.contains("181"));
+  Socket late(*this);
+  EXPECT_TRUE(late.hear("< hi >"));
+  EXPECT_TRUE(second.hung_up()) << "idle for the longest";
+  EXPECT_FALSE(first.ended || third.ended);
+  Socket one_too_many(*this);
+  EXPECT_TRUE(one_too_many.contains("too many clients")) << "nobody is idle any more";
+}
+
+TEST_F(Server, AClientThatTakesNothingLosesItsSeat) {
+  serve();
+  Socket slow(*this, 4096);
+  slow.join();
+  int given = 0;
+  ASSERT_TRUE(run_until([&] {
+    for (; given < 20'000 && peer_->send(can::Frame::base(0x181, {1, 2}), 0) == can::Queued::yes;) ++given;
+    return server_->counters().frames_out >= 20'000;
+  }));
+  EXPECT_EQ(server_->clients(), 1U);
+  pass(61s);
+  EXPECT_EQ(server_->clients(), 0U);
+  EXPECT_EQ(server_->counters().silent, 1U);
+}
+
+TEST_F(Server, ConnectionsFillNoLog) {
+  serve();
+  for (int i = 0; i < 300; ++i) {
+    Socket stranger(*this);
+    stranger.say("x");
+    ASSERT_TRUE(stranger.hung_up());
+  }
+  EXPECT_EQ(server_->counters().misbehaved, 300U);
+  EXPECT_LT(told_.size(), 250U);
 }
 
 // It is thrown out; meanwhile the bus works, and the other client gets every frame.
