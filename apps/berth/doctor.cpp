@@ -241,7 +241,7 @@ int report(std::vector<Patient>& patients, rt::Duration listened, const Options&
   const auto found = json["findings"].size();
   const bool failed = !json["problems"].empty();
   if (options.json) {
-    print_line(json.dump(2));
+    print_text(json.dump(2));
   } else {
     if (!silent.empty()) {
       print_line(
@@ -306,7 +306,7 @@ int report_conformance(const doctor::Conformance& report, const Patient& patient
               {"skipped", skipped},       {"problem", nullptr}, {"checks", Json::array()}};
     if (!patient.problem.empty()) json["problem"] = patient.problem;
     for (const auto& check : report.checks) json["checks"].push_back(json_of(check));
-    print_line(json.dump(2));
+    print_text(json.dump(2));
   } else {
     for (const auto& check : report.checks) {
       if (check.verdict != Verdict::passed) print_line(to_string(check));

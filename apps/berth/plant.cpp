@@ -174,8 +174,8 @@ int run_alone(plant::World& world, const Options& options) {
   }
   for (const auto& e : ids.events) print_line(event_line(e));
   for (const auto& s : ids.scripts) print_line(script_line(s.at_s, s.device, s.told));
-  print_line(
-      fmt::format("\n{:<20} {:<8} {:>4}  {:<16} {:<36} {}", "device", "bus", "id", "state", "LSS address", "why"));
+  print_line("");
+  print_line(fmt::format("{:<20} {:<8} {:>4}  {:<16} {:<36} {}", "device", "bus", "id", "state", "LSS address", "why"));
   for (const auto& d : report["devices"]) {
     const auto text = [&](const char* key) { return d.at(key).is_null() ? "-" : d.at(key).get<std::string>(); };
     const auto id = d.at("node_id").is_null() ? "-" : fmt::format("{}", d.at("node_id").get<int>());

@@ -26,7 +26,7 @@ std::string candump_line(const Recorded& f) {
 void print_dry_run(const std::vector<Recorded>& frames, const command::Reply* reply, bool json) {
   if (!json) {
     for (const auto& f : frames) print_line(candump_line(f));
-    if (reply != nullptr && !reply->error.empty()) print_error(reply->error);
+    if (reply != nullptr && !reply->error.empty()) print_errors(reply->error);
     return;
   }
   Json all;
@@ -36,7 +36,7 @@ void print_dry_run(const std::vector<Recorded>& frames, const command::Reply* re
     all["frames"].push_back({{"at_s", f.at_s ? Json(*f.at_s) : Json(nullptr)}, {"bus", f.bus}, {"frame", f.frame}});
   }
   if (reply != nullptr) all["reply"] = Json::parse(reply->json);
-  print_line(all.dump(2));
+  print_text(all.dump(2));
 }
 
 Record::~Record() {

@@ -35,11 +35,11 @@ bool may_ask(const Options& options) { return !options.json && !options.yes && s
 // A watched reply is one line.
 int show(const command::Reply& reply, const Options& options) {
   if (options.json) {
-    print_line(Json::parse(reply.json).dump(options.single.watch ? -1 : 2));
+    print_text(Json::parse(reply.json).dump(options.single.watch ? -1 : 2));
     return reply.status;
   }
   print_lines(reply.lines);
-  if (!reply.error.empty()) print_error(reply.error);
+  if (!reply.error.empty()) print_errors(reply.error);
   return reply.status;
 }
 
@@ -198,10 +198,11 @@ Replied ask_running_up(const Options& options, const command::Request& request, 
       command::control_call(path, request, static_cast<int>(std::min<std::int64_t>(patience, 24 * 3'600'000)));
   if (reply) return *reply;
   const std::string machine = options.machine.empty() ? "MACHINE" : options.machine;
-  return tl::unexpected(failure(
-      Exit::failed, fmt::format("no running `berth up` does this for {}: {}\nstart one (berth up {} --sim PLANT "
-                                "--pace), or give --sim PLANT to do it in a simulated world of its own",
-                                machine, reply.error(), machine)));
+  return tl::unexpected(failure_in_lines(
+      Exit::failed, {fmt::format("no running `berth up` does this for {}: {}", machine, reply.error()),
+                     fmt::format("start one (berth up {} --sim PLANT --pace), or give --sim PLANT to do it in a "
+                                 "simulated world of its own",
+                                 machine)}));
 }
 
 // --watch, by a running `berth up`.
@@ -325,7 +326,7 @@ int run_single(const Options& given, command::Request request) {
   auto reply = carry_out_again(options, request, watching(options));
   if (reply && wants_yes(*reply) && may_ask(options)) {
     print_lines(reply->lines);
-    print_line(reply->error);
+    print_text(reply->error);
     if (Interrupt interrupt; !ask_yes("Do it?", interrupt)) return Exit::no;
     request.arguments["yes"] = "1";
     Options sure = options;
