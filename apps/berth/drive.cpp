@@ -130,8 +130,10 @@ tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Optio
                         [server](const std::string& line) { server->frame(line); });
   }
   if (!options.gateway.where.empty()) {
-    auto host = GatewayHost::listen(rig, options.gateway.where,
-                                    {options.gateway.commands, options.gateway.commands && options.yes}, say);
+    const auto rights = gateway_rights(options);
+    const auto where = gateway_endpoint("--gateway", options.gateway.where, rights);
+    if (!where) return tl::unexpected(where.error());
+    auto host = GatewayHost::listen(rig, *where, rights, say);
     if (!host) return tl::unexpected(host.error());
     beside.gateway = std::move(*host);
     screen.line("CiA 309-3 gateway at " + beside.gateway->where());

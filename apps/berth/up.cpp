@@ -10,6 +10,7 @@
 #include "berth/operate/report.hpp"
 #include "berth/text/printable.hpp"
 #include "drive.hpp"
+#include "gateway.hpp"
 #include "machine_file.hpp"
 #include "ports.hpp"
 #include "verbs.hpp"
@@ -151,6 +152,10 @@ int run_up(const Options& options) {
   }
   if (own.machine.empty())
     return tell(failure(Exit::usage, "name the machine file: berth up machine.toml"), options.json);
+  if (!options.gateway.where.empty()) {
+    const auto where = gateway_endpoint("--gateway", options.gateway.where, gateway_rights(options));
+    if (!where) return tell(where.error(), options.json);
+  }
   own.store.made = true;
   own.master.takes_part = true;
   return bring_up(own, {own.machine, options.sim.plant, {}, {}, true});
@@ -164,6 +169,7 @@ void gateway_words(const Verb& up, Options& options, const Word& fast) {
       .excludes(fast);
   up.flag("--gateway-commands", options.gateway.commands,
           "clients of --gateway may command a real machine: NMT, SDO download, PDO, LSS; else they only read");
+  anywhere_flag(up, options.gateway.anywhere);
 }
 
 }  // namespace
