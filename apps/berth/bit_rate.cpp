@@ -8,6 +8,7 @@
 #include "berth/io/open_port.hpp"
 #include "berth/live/rate_search.hpp"
 #include "interrupt.hpp"
+#include "port_lock.hpp"
 #include "ports.hpp"
 
 namespace berth::cli {
