@@ -419,13 +419,13 @@ int run_doctor(const Options& given, DoctorOptions wanted) {
     const auto clear = rig.strangers().listen_first();
     if (!clear) return tell(clear.error(), options.json);
   }
-  if (!wanted.conformance.empty()) return run_conformance(rig, *patients, options, wanted);
+  if (!wanted.conformance.empty()) return rig.record().finish(run_conformance(rig, *patients, options, wanted));
   const auto began = rig.now();
   wait_for(rig.driver(), rig.interrupt(), listening_time(*patients, wanted));
   for (auto& p : *patients) p.heard = p.ear->heard();
   if (wanted.active) ask_all(rig, *patients, options);
-  return report(*patients, rig.now() - began, options, wanted,
-                not_heard(rig.machine(), rig.world() != nullptr, options));
+  return rig.record().finish(
+      report(*patients, rig.now() - began, options, wanted, not_heard(rig.machine(), rig.world() != nullptr, options)));
 }
 
 }  // namespace

@@ -170,6 +170,7 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
     ending.milestone(milestone);
     rig.milestone(milestone);
   });
+  if (screen.live()) rig.record().on_trouble([&screen](const std::string& line) { screen.line(line); });
   rig.power_on();
   rig.session().start();
   Ended how = Ended::timeout;
@@ -188,6 +189,7 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
   rig.driver().run_until(over, rig.driver().later(allowed(ending, options, real_time)));
   screen.refresh(true);
   rig.record().follow({}, {});
+  rig.record().on_trouble({});
   rig.session().on_event({});
   rig.session().on_milestone({});
   return how;

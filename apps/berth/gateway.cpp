@@ -113,12 +113,15 @@ int run_gateway(const Options& wanted, const GatewayOptions& gateway) {
   if (!host) return tell(host.error(), options.json);
   announce(**host, rig.machine(), options.json);
   rig.power_on();
-  wait_for(rig.driver(), interrupt, gateway.duration.value_or(rt::Duration::max()));
+  const auto records = [&rig] {
+    rig.record().settle();
+    return false;
+  };
+  wait_until(rig.driver(), interrupt, records, gateway.duration.value_or(rt::Duration::max()));
   tell_counters((*host)->counters(), options.json);
   rig.session().on_event({});
   host->reset();
-  return rig.record().kept() ? Exit::done
-                             : tell(failure(Exit::failed, options.record + ": the record could not be written"), false);
+  return rig.record().finish(Exit::done);
 }
 
 }  // namespace

@@ -27,7 +27,8 @@ void warn(const Findings& findings, bool json);
 int tell(const Failure& failure, bool json);
 
 /// First thing in a program. A closed standard stream gets /dev/null, so that no file that is opened later takes its
-/// number and gets the text; and a reader of the output that leaves is an error of the output, not the program's end.
+/// number and gets the text; and a reader of the output that leaves is an error of the output, not the program's end;
+/// so is a file that is as large as `ulimit -f` allows.
 void secure_streams();
 /// Something could not be written to standard output: the reader has left, or the disk is full. What runs ends then,
 /// as by SIGTERM.

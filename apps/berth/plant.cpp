@@ -10,8 +10,8 @@
 #include "berth/io/loop_driver.hpp"
 #include "berth/io/plant_port.hpp"
 #include "interrupt.hpp"
-#include "outputs.hpp"
 #include "plant_commands.hpp"
+#include "record.hpp"
 #include "simulated.hpp"
 #include "verbs.hpp"
 
@@ -89,18 +89,6 @@ class NodeIds final : public plant::World::Observer {
   std::set<std::string> powered_;
 };
 
-class Recorder final : public can::Tap {
- public:
-  Recorder(std::FILE* file, std::string bus) : file_(file), bus_(std::move(bus)) {}
-  void frame(const can::Frame& frame, rt::Time at, int) noexcept override {
-    fmt::print(file_, "({:.6f}) {} {}\n", seconds(at), bus_, can::to_string(frame));
-  }
-
- private:
-  std::FILE* file_;
-  std::string bus_;
-};
-
 Json device_json(const plant::SimDevice& device, bool duplicate) {
   const auto truth = device.truth();
   const auto why = duplicate ? "another device has it too" : reason(device);
@@ -122,24 +110,18 @@ std::string event_line(const NodeIds::Event& event) {
 // The plant by itself, as fast as possible. Status 1: a device that has power has no node-ID of its own, or a script
 // failed.
 int run_alone(plant::World& world, const Options& options) {
+  Record record;
   if (!options.record.empty()) {
-    if (const auto bad = may_write(options.record, "--record", options.force)) return tell(*bad, options.json);
+    if (const auto good = record.write_to(options.record, options.force); !good)
+      return tell(good.error(), options.json);
   }
-  std::FILE* const log = options.record.empty() ? nullptr : std::fopen(options.record.c_str(), "we");
-  if (log == nullptr && !options.record.empty()) {
-    return tell(failure(Exit::failed, options.record + ": cannot be written"), options.json);
-  }
-  std::vector<std::unique_ptr<Recorder>> recorders;
-  for (const auto& bus : world.sim().buses()) {
-    if (log == nullptr) break;
-    recorders.push_back(std::make_unique<Recorder>(log, bus->name()));
-    bus->add_tap(*recorders.back());
-  }
+  constexpr int nobody = -1;  // there is no master of Berth's
+  std::vector<std::unique_ptr<BusTap>> taps;
+  for (const auto& bus : world.sim().buses()) taps.push_back(std::make_unique<BusTap>(record, *bus, nobody));
   NodeIds ids(world);
   world.start();
   world.sim().run_for(*options.timeout);
-  for (std::size_t i = 0; i < recorders.size(); ++i) world.sim().buses()[i]->remove_tap(*recorders[i]);
-  if (log != nullptr) std::fclose(log);
+  taps.clear();
 
   std::set<std::string> doubled;
   for (const auto& [one, other] : world.duplicates()) doubled.insert({one->name(), other->name()});
@@ -170,7 +152,7 @@ int run_alone(plant::World& world, const Options& options) {
   }
   if (options.json) {
     print_line(report.dump());
-    return good ? Exit::done : Exit::no;
+    return record.finish(good ? Exit::done : Exit::no);
   }
   for (const auto& e : ids.events) print_line(event_line(e));
   for (const auto& s : ids.scripts) print_line(script_line(s.at_s, s.device, s.told));
@@ -182,7 +164,7 @@ int run_alone(plant::World& world, const Options& options) {
     print_line(fmt::format("{:<20} {:<8} {:>4}  {:<16} {:<36} {}", text("name"), text("bus"), id, text("state"),
                            text("lss_address"), d.at("why").is_null() ? "" : text("why")));
   }
-  return good ? Exit::done : Exit::no;
+  return record.finish(good ? Exit::done : Exit::no);
 }
 
 // `berth sim` from another process. Nothing is known of slots here.

@@ -130,12 +130,8 @@ void tell_progress(Rig& rig, const command::Request& request, const Options& opt
 
 // Buses that are outside this process are listened to before anything is sent, and asked for other masters before a
 // master's right is used.
-Replied reply_of_own_world(const Options& options, const command::Request& request, std::vector<Recorded>& sent,
-                           const Repeat& repeat) {
-  const bool links = options.single.bring_up || request.verb == "boot" || request.verb == "configure";
-  auto made = Rig::make(own_options(options, request), {options.machine, options.sim.plant, {}, {}, links});
-  if (!made) return tl::unexpected(made.error());
-  Rig& rig = **made;
+Replied done_in(Rig& rig, const Options& options, const command::Request& request, std::vector<Recorded>& sent,
+                const Repeat& repeat) {
   Strangers& strangers = rig.strangers();
   if (const auto clear = strangers.listen_first(); !clear) return tl::unexpected(clear.error());
   if (options.single.bring_up) {
@@ -167,6 +163,16 @@ Replied reply_of_own_world(const Options& options, const command::Request& reque
   const double s = std::chrono::duration<double>(limit).count();
   return command::refusal(
       Exit::failed, fmt::format("{}: not done within {} s of bus time; give a longer --timeout", request.verb, s));
+}
+
+Replied reply_of_own_world(const Options& options, const command::Request& request, std::vector<Recorded>& sent,
+                           const Repeat& repeat) {
+  const bool links = options.single.bring_up || request.verb == "boot" || request.verb == "configure";
+  auto made = Rig::make(own_options(options, request), {options.machine, options.sim.plant, {}, {}, links});
+  if (!made) return tl::unexpected(made.error());
+  auto reply = done_in(**made, options, request, sent, repeat);
+  if (reply) reply->status = (*made)->record().finish(reply->status);
+  return reply;
 }
 
 // Nothing leaves this world, so the user is not asked.

@@ -127,8 +127,7 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
   screen.keep();
   print_outcome(rig, options, sent, !live);
   if (options.dry_run && !rig.guards().empty()) return Exit::done;
-  if (!rig.record().kept())
-    return tell(failure(Exit::failed, options.record + ": the record could not be written"), false);
+  if (rig.record().finish(Exit::done) != Exit::done) return Exit::failed;
   const bool tells = !options.json && !options.dry_run;
   if (tells) print_lines(story.end);
   if (good) return Exit::done;
