@@ -242,7 +242,7 @@ void add_serve(Verb& berth, Options& options) {
   serve.footer(
       "Examples:\n  berth serve plant.toml -m machine.toml\n  berth serve machine.toml\n"
       "  berth serve --port slcan:/dev/ttyACM0 --bitrate 125000\n"
-      "  berth serve --port socketcan:can0 --listen 0.0.0.0:29536 --listen-anywhere --for \"1 h\"\n"
+      "  berth serve --port socketcan:can0 --listen 0.0.0.0 --listen-anywhere\n"
       "  berth serve --port backbone=plant:/tmp/plant.sock\n"
       "Clients: a machine file's port = \"socketcand://127.0.0.1:29536/BUS\"; python-can:\n"
       "  can.Bus(interface=\"socketcand\", host=\"127.0.0.1\", port=29536, channel=\"BUS\")\n"
