@@ -12,6 +12,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (const char c : text) fuzz::require(c == '\n' || c == '\t' || static_cast<unsigned char>(c) >= 0x20);
   if (text::is_printable(bytes)) fuzz::require(text == bytes);
   fuzz::require(text::printable(text) == text);
+  const auto line = text::one_line(bytes);
+  fuzz::require(text::is_printable(line) && line.find('\n') == std::string::npos);
   return 0;
 }
 

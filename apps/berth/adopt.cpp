@@ -214,7 +214,7 @@ void report(const Learnt& learnt, const std::vector<Seated>& seats, const std::s
            {"master", learnt.master}};
   all["nodes"] = Json::array();
   for (const auto& node : learnt.nodes) all["nodes"].push_back(json_of(node));
-  if (json) return print_line(all.dump(2));
+  if (json) return print_text(all.dump(2));
   for (const auto& line : learnt.master) print_line(line);
   for (const auto& node : learnt.nodes) {
     print_line(fmt::format("{:>3}  {:<35}  {}{}", node.id.value(),

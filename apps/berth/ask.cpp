@@ -37,7 +37,7 @@ std::optional<std::string> typed_line(Interrupt& interrupt) {
 }  // namespace
 
 std::optional<std::string> ask_line(const std::string& question, Interrupt& interrupt) {
-  write_text(text::printable(question) + " ");
+  write_text(text::one_line(question) + " ");
   auto line = typed_line(interrupt);
   if (!line) return line;
   constexpr const char* blanks = " \t\r";
@@ -47,7 +47,7 @@ std::optional<std::string> ask_line(const std::string& question, Interrupt& inte
 }
 
 bool ask_yes(const std::string& question, Interrupt& interrupt) {
-  write_text(text::printable(question) + " [y/N] ");
+  write_text(text::one_line(question) + " [y/N] ");
   const auto answer = typed_line(interrupt);
   return answer == "y" || answer == "yes";
 }
@@ -182,7 +182,7 @@ void ask_here(Rig& rig, rt::Duration limit) {
     }
     command::Reply reply;
     if (!execute_in(rig, request, reply, limit)) return;
-    if (!reply.error.empty()) print_error(reply.error);
+    if (!reply.error.empty()) print_errors(reply.error);
   }
 }
 

@@ -8,6 +8,7 @@
 #include "berth/io/open_port.hpp"
 #include "berth/live/rate_search.hpp"
 #include "interrupt.hpp"
+#include "port_lock.hpp"
 #include "ports.hpp"
 
 namespace berth::cli {
@@ -111,7 +112,7 @@ int report(const can::PortSpec& spec, const std::vector<live::RateHeard>& heard,
                                                     "look at a device's switches";
   all["what"] = why;
   if (json) {
-    print_line(all.dump(2));
+    print_text(all.dump(2));
   } else {
     for (const auto& h : heard) {
       print_line(fmt::format("{:>8} bit/s  {}", h.rate,

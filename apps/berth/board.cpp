@@ -65,7 +65,7 @@ Columns columns_of(const std::vector<BoardSlot>& slots) {
 }
 
 std::string fitted(const std::string& name, std::size_t width) {
-  const std::string shown = text::printable(name);
+  const std::string shown = text::one_line(name);
   return text::padded(text::columns(shown) > width ? text::cut(shown, width - 1) + "~" : shown, width);
 }
 
@@ -85,7 +85,7 @@ std::string heading(const Columns& c) {
 void add_wrapped(std::vector<BoardLine>& lines, const std::string& text, std::size_t width) {
   constexpr std::size_t indent = 4;
   const std::size_t room = width > 2 * indent ? width - indent : width;
-  for (const auto& part : text::wrapped(text::printable(text), room)) {
+  for (const auto& part : text::wrapped(text::one_line(text), room)) {
     lines.push_back({std::string(width - room, ' ') + part, true});
   }
 }
@@ -148,7 +148,7 @@ std::vector<BoardLine> Board::draw(const BoardContent& content, BoardSize size) 
   if (partial_ && room > 0) {
     lines.push_back({fmt::format("lines {} to {} of {}: Page Up, Page Down", from + 1, to, slots.size()), false});
   }
-  for (auto& line : lines) line.text = text::cut(text::printable(line.text), size.columns);
+  for (auto& line : lines) line.text = text::cut(text::one_line(line.text), size.columns);
   return lines;
 }
 

@@ -169,7 +169,7 @@ int run_compare(const Options& options, const StudyOptions& study) {
                             {"note", remark(c)}});
   }
   json["seeds"] = contest.seeds;
-  print_line(json.dump(2));
+  print_text(json.dump(2));
   return status;
 }
 

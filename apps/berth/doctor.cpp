@@ -241,7 +241,7 @@ int report(std::vector<Patient>& patients, rt::Duration listened, const Options&
   const auto found = json["findings"].size();
   const bool failed = !json["problems"].empty();
   if (options.json) {
-    print_line(json.dump(2));
+    print_text(json.dump(2));
   } else {
     if (!silent.empty()) {
       print_line(
@@ -306,7 +306,7 @@ int report_conformance(const doctor::Conformance& report, const Patient& patient
               {"skipped", skipped},       {"problem", nullptr}, {"checks", Json::array()}};
     if (!patient.problem.empty()) json["problem"] = patient.problem;
     for (const auto& check : report.checks) json["checks"].push_back(json_of(check));
-    print_line(json.dump(2));
+    print_text(json.dump(2));
   } else {
     for (const auto& check : report.checks) {
       if (check.verdict != Verdict::passed) print_line(to_string(check));
@@ -419,13 +419,13 @@ int run_doctor(const Options& given, DoctorOptions wanted) {
     const auto clear = rig.strangers().listen_first();
     if (!clear) return tell(clear.error(), options.json);
   }
-  if (!wanted.conformance.empty()) return run_conformance(rig, *patients, options, wanted);
+  if (!wanted.conformance.empty()) return rig.record().finish(run_conformance(rig, *patients, options, wanted));
   const auto began = rig.now();
   wait_for(rig.driver(), rig.interrupt(), listening_time(*patients, wanted));
   for (auto& p : *patients) p.heard = p.ear->heard();
   if (wanted.active) ask_all(rig, *patients, options);
-  return report(*patients, rig.now() - began, options, wanted,
-                not_heard(rig.machine(), rig.world() != nullptr, options));
+  return rig.record().finish(
+      report(*patients, rig.now() - began, options, wanted, not_heard(rig.machine(), rig.world() != nullptr, options)));
 }
 
 }  // namespace

@@ -130,8 +130,10 @@ tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Optio
                         [server](const std::string& line) { server->frame(line); });
   }
   if (!options.gateway.where.empty()) {
-    auto host = GatewayHost::listen(rig, options.gateway.where,
-                                    {options.gateway.commands, options.gateway.commands && options.yes}, say);
+    const auto rights = gateway_rights(options);
+    const auto where = gateway_endpoint("--gateway", options.gateway.where, rights);
+    if (!where) return tl::unexpected(where.error());
+    auto host = GatewayHost::listen(rig, *where, rights, say);
     if (!host) return tl::unexpected(host.error());
     beside.gateway = std::move(*host);
     screen.line("CiA 309-3 gateway at " + beside.gateway->where());
@@ -168,6 +170,7 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
     ending.milestone(milestone);
     rig.milestone(milestone);
   });
+  if (screen.live()) rig.record().on_trouble([&screen](const std::string& line) { screen.line(line); });
   rig.power_on();
   rig.session().start();
   Ended how = Ended::timeout;
@@ -186,6 +189,7 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
   rig.driver().run_until(over, rig.driver().later(allowed(ending, options, real_time)));
   screen.refresh(true);
   rig.record().follow({}, {});
+  rig.record().on_trouble({});
   rig.session().on_event({});
   rig.session().on_milestone({});
   return how;

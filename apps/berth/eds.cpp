@@ -193,7 +193,7 @@ int run_eds_check(const Options& options, const EdsOptions& asked) {
   if (options.json) {
     all["errors"] = errors;
     all["warnings"] = warnings;
-    print_line(json_text(all));
+    print_text(json_text(all));
   }
   return status;
 }
@@ -452,7 +452,7 @@ int run_eds_show(const Options& options, const EdsOptions& asked) {
     for (const od::Object* const object : wanted.objects) {
       json["objects"].push_back(json_of(read, *object, wanted.sub));
     }
-    print_line(json_text(json));
+    print_text(json_text(json));
     return Exit::done;
   }
   if (asked.object.empty()) {

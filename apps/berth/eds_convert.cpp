@@ -300,7 +300,7 @@ int run_eds_convert(const Options& options, const EdsOptions& asked) {
       print_line(to_string(finding));
     }
   }
-  if (options.json) print_line(json.dump(2, ' ', false, Json::error_handler_t::replace));
+  if (options.json) print_text(json.dump(2, ' ', false, Json::error_handler_t::replace));
   if (!options.json && !to_stream)
     print_line(fmt::format("{}: {}, {} bytes, from {}", out, name(*to), converted->bytes.size(), in));
   return Exit::done;

@@ -36,7 +36,7 @@ int show(const std::vector<Difference>& differences, const std::string& first, c
     json["same"] = differences.empty();
     json["differences"] = Json::array();
     for (const Difference& each : differences) json["differences"].push_back(json_of(each));
-    print_line(json.dump(2, ' ', false, Json::error_handler_t::replace));
+    print_text(json.dump(2, ' ', false, Json::error_handler_t::replace));
     return differences.empty() ? Exit::done : Exit::no;
   }
   for (const Difference& each : differences) print_line(eds::to_string(each));

@@ -247,7 +247,7 @@ std::string in_the_way(const fs::path& base, const std::string& name) {
     std::error_code ignored;
     const auto status = fs::symlink_status(path, ignored);
     const bool last = path == base / name;
-    if (fs::exists(status) && (last || !fs::is_directory(status))) return "\n  " + path.string();
+    if (fs::exists(status) && (last || !fs::is_directory(status))) return "  " + path.string();
   }
   return {};
 }
@@ -287,7 +287,7 @@ int run_export(const Options& given, const std::string& to) {
   const std::string written = all.dump(1) + "\n";
   if (const auto wrong = write_whole({{to, written}}, false)) return tell(*wrong, options.json);
   if (options.json) {
-    print_line(Json{{"export", to}, {"files", names->size()}, {"store", has_store}}.dump(2));
+    print_text(Json{{"export", to}, {"files", names->size()}, {"store", has_store}}.dump(2));
   } else {
     print_line(fmt::format("{}: {} file{}{}", to, names->size(), names->size() == 1 ? "" : "s",
                            has_store ? " and the slot table" : "; there is no slot table (" + store + ")"));
@@ -301,14 +301,11 @@ int run_import(const Options& options, const std::string& from, const std::strin
   const auto contents = contents_of(*text, from);
   if (!contents) return tell(contents.error(), options.json);
   const fs::path base(folder.empty() ? "." : folder);
-  std::string there;
+  std::vector<std::string> there{"import overwrites nothing, and these files are there already:"};
   for (const auto& content : *contents) {
-    there += in_the_way(base, content.name);
+    if (auto path = in_the_way(base, content.name); !path.empty()) there.push_back(std::move(path));
   }
-  if (!there.empty()) {
-    return tell(failure(Exit::no, "import overwrites nothing, and these files are there already:" + there),
-                options.json);
-  }
+  if (there.size() > 1) return tell(failure_in_lines(Exit::no, there), options.json);
   Json written = Json::array();
   Written made;
   for (const auto& content : *contents) {
@@ -320,7 +317,7 @@ int run_import(const Options& options, const std::string& from, const std::strin
   if (!options.json) {
     for (const auto& path : written) print_line(path.get<std::string>());
   }
-  if (options.json) print_line(Json{{"written", written}}.dump(2));
+  if (options.json) print_text(Json{{"written", written}}.dump(2));
   return Exit::done;
 }
 

@@ -7,6 +7,7 @@
 
 #include "berth/operate/report.hpp"
 #include "interrupt.hpp"
+#include "listening.hpp"
 #include "machine_file.hpp"
 #include "output.hpp"
 #include "verbs.hpp"
@@ -15,20 +16,33 @@ namespace berth::cli {
 
 using Json = nlohmann::ordered_json;
 
-tl::expected<std::unique_ptr<GatewayHost>, Failure> GatewayHost::listen(Rig& rig, const std::string& where,
+GatewayRights gateway_rights(const Options& options) noexcept {
+  const bool commands = options.gateway.commands;
+  return {commands, commands && options.yes, options.gateway.anywhere};
+}
+
+tl::expected<io::Endpoint, Failure> gateway_endpoint(const std::string& option, const std::string& where,
+                                                     GatewayRights rights) {
+  const char* const may =
+      rights.confirmed  ? "command the machine (NMT, SDO download, PDO, LSS) and disturb devices that are operational"
+      : rights.commands ? "command the machine (NMT, SDO download, PDO, LSS)"
+                        : "read every object of its devices, and command them where the buses are simulated";
+  return may_listen({.option = option,
+                     .where = where,
+                     .default_port = serve::cia309::default_port,
+                     .anywhere = rights.anywhere,
+                     .may = may});
+}
+
+tl::expected<std::unique_ptr<GatewayHost>, Failure> GatewayHost::listen(Rig& rig, const io::Endpoint& where,
                                                                         GatewayRights rights,
                                                                         std::function<void(const std::string&)> say) {
-  const auto endpoint = io::parse_endpoint(where, serve::cia309::default_port);
-  if (!endpoint) {
-    return tl::unexpected(
-        failure(Exit::usage, fmt::format("gateway at {}: write HOST:PORT, such as 127.0.0.1:7000", where)));
-  }
   std::unique_ptr<GatewayHost> host(new GatewayHost);
   serve::cia309::ServerOptions options;
   options.commands = rights.commands;
   options.confirmed = rights.confirmed;
   options.tell = std::move(say);
-  auto server = serve::cia309::Server::listen(*rig.loop(), *endpoint, rig.session(), std::move(options));
+  auto server = serve::cia309::Server::listen(*rig.loop(), where, rig.session(), std::move(options));
   if (!server) return tl::unexpected(failure(Exit::failed, server.error()));
   host->server_ = std::move(*server);
   return host;
@@ -40,6 +54,7 @@ struct GatewayOptions {
   std::string listen = "127.0.0.1:7000";
   std::optional<std::chrono::nanoseconds> duration;
   bool commands = false;
+  bool anywhere = false;
 };
 
 void announce(const GatewayHost& host, const design::Machine& machine, bool json) {
@@ -82,6 +97,9 @@ int run_gateway(const Options& wanted, const GatewayOptions& gateway) {
   if (options.machine.empty()) {
     return tell(failure(Exit::usage, "name the machine file: berth gateway machine.toml"), options.json);
   }
+  const GatewayRights rights{gateway.commands || options.yes, options.yes, gateway.anywhere};
+  const auto where = gateway_endpoint("--listen", gateway.listen, rights);
+  if (!where) return tell(where.error(), options.json);
   auto made = Rig::make(options, {options.machine, options.sim.plant, {}, {}});
   if (!made) return tell(made.error(), options.json);
   Rig& rig = **made;
@@ -91,17 +109,19 @@ int run_gateway(const Options& wanted, const GatewayOptions& gateway) {
   };
   rig.session().on_event([&](const operate::Event& event) { say(operate::to_line(event)); });
   if (const auto clear = rig.strangers().listen_first(); !clear) return tell(clear.error(), options.json);
-  auto host = GatewayHost::listen(rig, gateway.listen, {gateway.commands || options.yes, options.yes}, say);
+  auto host = GatewayHost::listen(rig, *where, rights, say);
   if (!host) return tell(host.error(), options.json);
   announce(**host, rig.machine(), options.json);
   rig.power_on();
-  wait_for(rig.driver(), interrupt, gateway.duration.value_or(rt::Duration::max()));
+  const auto records = [&rig] {
+    rig.record().settle();
+    return false;
+  };
+  wait_until(rig.driver(), interrupt, records, gateway.duration.value_or(rt::Duration::max()));
   tell_counters((*host)->counters(), options.json);
   rig.session().on_event({});
   host->reset();
-  return rig.record().kept()
-             ? Exit::done
-             : tell(failure(Exit::failed, options.files.record + ": the record could not be written"), false);
+  return rig.record().finish(Exit::done);
 }
 
 }  // namespace
@@ -126,6 +146,7 @@ void add_gateway(Verb& berth, Options& options) {
   gateway.word("--record", options.files.record, "write every frame to this file, as candump does").shown("FILE");
   gateway.word("--listen", wanted->listen, "where to listen (default 127.0.0.1:7000; port 0: any that is free)")
       .shown("HOST:PORT");
+  anywhere_flag(gateway, wanted->anywhere);
   gateway.time("--for", wanted->duration, "end after this time");
   gateway.flag("--commands", wanted->commands,
                "clients may command a real machine: NMT, SDO download, PDO, LSS; else they only read");

@@ -14,14 +14,21 @@ namespace berth::cli {
 struct GatewayRights {
   bool commands = false;   ///< NMT, SDO download, PDO, LSS
   bool confirmed = false;  ///< disturb operational devices
+  bool anywhere = false;   ///< clients on other computers, too
 };
+
+/// Of `berth up --gateway`.
+[[nodiscard]] GatewayRights gateway_rights(const Options& options) noexcept;
+/// Where clients may connect; `option` is how the person named `where`. Refused as `may_listen` does.
+[[nodiscard]] tl::expected<io::Endpoint, Failure> gateway_endpoint(const std::string& option, const std::string& where,
+                                                                   GatewayRights rights);
 
 /// A gateway to the session of a rig that runs in real time.
 class GatewayHost {
  public:
   /// `say` gets what a person may want to know. The rig must stay, and have a loop.
   [[nodiscard]] static tl::expected<std::unique_ptr<GatewayHost>, Failure> listen(
-      Rig& rig, const std::string& where, GatewayRights rights, std::function<void(const std::string&)> say);
+      Rig& rig, const io::Endpoint& where, GatewayRights rights, std::function<void(const std::string&)> say);
   /// "127.0.0.1:7000".
   [[nodiscard]] std::string where() const { return io::to_string(server_->where()); }
   [[nodiscard]] const serve::cia309::Counters& counters() const noexcept { return server_->counters(); }

@@ -54,18 +54,18 @@ bool Guards::decided() const noexcept {
 }
 
 tl::expected<void, Failure> Guards::no_foreign_frames() const {
-  std::string problem;
+  std::vector<std::string> problem;
   for (const auto& [bus, gate] : gates_) {
     if (gate->state() != live::GateState::foreign) continue;
     const auto report = gate->report();
-    problem += fmt::format("{}bus {}: {}", problem.empty() ? "" : "\n", bus, report.front());
-    for (auto line = report.begin() + 1; line != report.end(); ++line) problem += "\n    " + *line;
+    problem.push_back(fmt::format("bus {}: {}", bus, report.front()));
+    for (auto line = report.begin() + 1; line != report.end(); ++line) problem.push_back("    " + *line);
   }
   if (problem.empty()) return {};
-  return tl::unexpected(failure(
-      Exit::no, problem +
-                    "\nBerth sends nothing there. End that master; or use the bus as role = \"commissioner\" or "
-                    "\"observer\"; or, when the machine's own devices send these frames, say so by tolerate = […]"));
+  problem.emplace_back(
+      "Berth sends nothing there. End that master; or use the bus as role = \"commissioner\" or \"observer\"; or, when "
+      "the machine's own devices send these frames, say so by tolerate = […]");
+  return tl::unexpected(failure_in_lines(Exit::no, problem));
 }
 
 bool Guards::shut_out() const noexcept {

@@ -130,7 +130,7 @@ int write_machine(const InitPlan& plan, const Options& options, const InitOption
   } else if (!options.json) {
     tell_written(plan, init);
   }
-  if (options.json) print_line(json.dump(2, ' ', false, Json::error_handler_t::replace));
+  if (options.json) print_text(json.dump(2, ' ', false, Json::error_handler_t::replace));
   return Exit::done;
 }
 

@@ -379,9 +379,10 @@ tl::expected<InitPlan, Failure> plan_of(const Ask& ask, const Options& options, 
     for (const auto& line : bus.left_out) plan.notes.push_back(fmt::format("bus {}: {}", bus.name, line));
   }
   if (plan.devices() > 0) return plan;
-  std::string why = "no device answered on " + options.ports.front();
-  for (const auto& note : plan.notes) why += "\n" + note;
-  return tl::unexpected(failure(Exit::no, why + "\nnothing was written; `berth doctor` says what may be wrong"));
+  std::vector<std::string> why{"no device answered on " + options.ports.front()};
+  why.insert(why.end(), plan.notes.begin(), plan.notes.end());
+  why.emplace_back("nothing was written; `berth doctor` says what may be wrong");
+  return tl::unexpected(failure_in_lines(Exit::no, why));
 }
 
 tl::expected<InitPlan, Failure> plan_of_port(const Options& options, const InitOptions& init) {

@@ -26,6 +26,7 @@ struct MasterOptions {
 struct Cia309 {
   std::string where;      ///< HOST:PORT; empty: not offered
   bool commands = false;  ///< its clients may command a real machine
+  bool anywhere = false;  ///< `where` may be an address that other computers reach
 };
 
 /// A plant file instead of ports, and how its world runs.

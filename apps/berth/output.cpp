@@ -30,10 +30,19 @@ std::string dump(const Json& json) { return json.dump(2, ' ', false, Json::error
 
 }  // namespace
 
-Failure failure(int status, const std::string& message) {
+Failure failure(int status, const std::string& message) { return failure_in_lines(status, {message}); }
+
+Failure failure_in_lines(int status, const std::vector<std::string>& lines) {
+  std::string raw;
+  std::string shown;
+  for (const auto& line : lines) {
+    const char* const separator = &line == &lines.front() ? "" : "\n";
+    raw += separator + line;
+    shown += separator + text::one_line(line);
+  }
   Json json;
-  json["error"]["message"] = message;
-  return {status, message, dump(json)};
+  json["error"]["message"] = raw;
+  return {status, shown, dump(json)};
 }
 
 Failure failure(const Findings& findings) {
@@ -44,7 +53,7 @@ Failure failure(const Findings& findings) {
   for (const auto& finding : findings) {
     if (finding.severity != Finding::Severity::error) continue;
     if (++told > most_told) continue;
-    f.message += (f.message.empty() ? "" : "\n") + to_string(finding);
+    f.message += (f.message.empty() ? "" : "\n") + text::one_line(to_string(finding));
     Json one;
     one["file"] = finding.file;
     one["line"] = finding.line;
@@ -71,9 +80,9 @@ void warn(const Findings& findings, bool json) {
 
 int tell(const Failure& failure, bool json) {
   if (json) {
-    print_line(failure.json);
+    print_text(failure.json);
   } else {
-    print_error(failure.message);
+    print_errors(failure.message);
   }
   return failure.status;
 }
@@ -83,6 +92,7 @@ void secure_streams() {
     if (::fcntl(fd, F_GETFD) < 0 && errno == EBADF) static_cast<void>(::open("/dev/null", O_RDWR));
   }
   std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
 }
 
 bool output_broken() noexcept { return broken_by != 0; }
@@ -105,13 +115,17 @@ void write_text(const std::string& text) {
   if (!good) broken_by = errno;
 }
 
-void print_line(const std::string& line) { write_text(text::printable(line) + "\n"); }
+void print_line(const std::string& line) { write_text(text::one_line(line) + "\n"); }
 
 void print_lines(const std::vector<std::string>& lines) {
   for (const auto& line : lines) print_line(line);
 }
 
-void print_error(const std::string& message) {
+void print_text(const std::string& text) { write_text(text::printable(text) + "\n"); }
+
+void print_error(const std::string& message) { print_errors(text::one_line(message)); }
+
+void print_errors(const std::string& message) {
   std::fflush(stdout);
   std::fprintf(stderr, "berth: %s\n", text::printable(message).c_str());
 }

@@ -12,10 +12,12 @@ namespace berth::cli {
 /// Something went wrong: words for people, and one JSON object.
 struct Failure {
   int status = 0;
-  std::string message;  ///< may have several lines
+  std::string message;  ///< may have several lines, each filtered (`text::one_line`)
   std::string json;
 };
 [[nodiscard]] Failure failure(int status, const std::string& message);
+/// In several lines: each of `lines` begins a new one, a line feed within one does not.
+[[nodiscard]] Failure failure_in_lines(int status, const std::vector<std::string>& lines);
 /// Of a file: every error with its place. Status 2.
 [[nodiscard]] Failure failure(const Findings& findings);
 
@@ -25,7 +27,8 @@ void warn(const Findings& findings, bool json);
 int tell(const Failure& failure, bool json);
 
 /// First thing in a program. A closed standard stream gets /dev/null, so that no file that is opened later takes its
-/// number and gets the text; and a reader of the output that leaves is an error of the output, not the program's end.
+/// number and gets the text; and a reader of the output that leaves is an error of the output, not the program's end;
+/// so is a file that is as large as `ulimit -f` allows.
 void secure_streams();
 /// Something could not be written to standard output: the reader has left, or the disk is full. What runs ends then,
 /// as by SIGTERM.
@@ -39,10 +42,15 @@ void end_run() noexcept;
 [[nodiscard]] int with_output(int status);
 
 /// These, `Screen` and `Outlet` are the only places that write to a terminal, and each filters what it writes
-/// (`text::printable`): texts of devices, files and peers reach them as they came.
+/// (`text::one_line`): texts of devices, files and peers reach them as they came. One line feed each, at its end.
 void print_line(const std::string& line);
 void print_lines(const std::vector<std::string>& lines);
 void print_error(const std::string& message);
+/// Text whose line feeds are this program's own: JSON, a file that Berth wrote. The rest is filtered
+/// (`text::printable`).
+void print_text(const std::string& text);
+/// Errors one a line, as `Failure::message` and `command::Reply::error` have them.
+void print_errors(const std::string& message);
 /// What moves a cursor, with the texts in it filtered already.
 void write_text(const std::string& text);
 [[nodiscard]] bool on_terminal();

@@ -11,6 +11,7 @@
 #include "berth/io/loop.hpp"
 #include "options.hpp"
 #include "output.hpp"
+#include "port_lock.hpp"
 #include "ports.hpp"
 
 namespace berth::cli {

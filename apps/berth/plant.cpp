@@ -10,8 +10,8 @@
 #include "berth/io/loop_driver.hpp"
 #include "berth/io/plant_port.hpp"
 #include "interrupt.hpp"
-#include "outputs.hpp"
 #include "plant_commands.hpp"
+#include "record.hpp"
 #include "simulated.hpp"
 #include "verbs.hpp"
 
@@ -91,44 +91,6 @@ class NodeIds final : public plant::World::Observer {
   std::set<std::string> powered_;
 };
 
-class Recorder final : public can::Tap {
- public:
-  Recorder(std::FILE* file, std::string bus) : file_(file), bus_(std::move(bus)) {}
-  void frame(const can::Frame& frame, rt::Time at, int) noexcept override {
-    fmt::print(file_, "({:.6f}) {} {}\n", seconds(at), bus_, can::to_string(frame));
-  }
-
- private:
-  std::FILE* file_;
-  std::string bus_;
-};
-
-// Every bus of the world, into one file; an empty name: none.
-class Recording {
- public:
-  Recording(plant::World& world, const std::string& file) : world_(&world), wanted_(!file.empty()) {
-    if (wanted_) log_ = std::fopen(file.c_str(), "we");
-    if (log_ == nullptr) return;
-    for (const auto& bus : world.sim().buses()) {
-      recorders_.push_back(std::make_unique<Recorder>(log_, bus->name()));
-      bus->add_tap(*recorders_.back());
-    }
-  }
-  ~Recording() {
-    for (std::size_t i = 0; i < recorders_.size(); ++i) world_->sim().buses()[i]->remove_tap(*recorders_[i]);
-    if (log_ != nullptr) std::fclose(log_);
-  }
-  Recording(const Recording&) = delete;
-  Recording& operator=(const Recording&) = delete;
-  [[nodiscard]] bool good() const noexcept { return !wanted_ || log_ != nullptr; }
-
- private:
-  plant::World* world_;
-  bool wanted_;
-  std::FILE* log_ = nullptr;
-  std::vector<std::unique_ptr<Recorder>> recorders_;
-};
-
 Json device_json(const plant::SimDevice& device, bool duplicate) {
   const auto truth = device.truth();
   const auto why = duplicate ? "another device has it too" : reason(device);
@@ -150,8 +112,8 @@ std::string event_line(const NodeIds::Event& event) {
 void print_alone(const NodeIds& ids, const Json& report) {
   for (const auto& e : ids.events) print_line(event_line(e));
   for (const auto& s : ids.scripts) print_line(script_line(s.at_s, s.device, s.told));
-  print_line(
-      fmt::format("\n{:<20} {:<8} {:>4}  {:<16} {:<36} {}", "device", "bus", "id", "state", "LSS address", "why"));
+  print_line("");
+  print_line(fmt::format("{:<20} {:<8} {:>4}  {:<16} {:<36} {}", "device", "bus", "id", "state", "LSS address", "why"));
   for (const auto& d : report["devices"]) {
     const auto text = [&](const char* key) { return d.at(key).is_null() ? "-" : d.at(key).get<std::string>(); };
     const auto id = d.at("node_id").is_null() ? "-" : fmt::format("{}", d.at("node_id").get<int>());
@@ -163,18 +125,18 @@ void print_alone(const NodeIds& ids, const Json& report) {
 // The plant by itself, as fast as possible. Status 1: a device that has power has no node-ID of its own, or a script
 // failed.
 int run_alone(plant::World& world, const Options& options) {
+  Record record;
   if (!options.files.record.empty()) {
-    if (const auto bad = may_write(options.files.record, "--record", options.files.force))
-      return tell(*bad, options.json);
+    if (const auto good = record.write_to(options.files.record, options.files.force); !good)
+      return tell(good.error(), options.json);
   }
+  constexpr int nobody = -1;  // there is no master of Berth's
+  std::vector<std::unique_ptr<BusTap>> taps;
+  for (const auto& bus : world.sim().buses()) taps.push_back(std::make_unique<BusTap>(record, *bus, nobody));
   NodeIds ids(world);
-  {
-    const Recording recording(world, options.files.record);
-    if (!recording.good())
-      return tell(failure(Exit::failed, options.files.record + ": cannot be written"), options.json);
-    world.start();
-    world.sim().run_until(&run_must_end, *options.timeout);
-  }
+  world.start();
+  world.sim().run_until(&run_must_end, *options.timeout);
+  taps.clear();
   std::set<std::string> doubled;
   for (const auto& [one, other] : world.duplicates()) doubled.insert({one->name(), other->name()});
   Json report{{"plant", options.sim.plant}, {"time_s", seconds(world.sim().now())}};
@@ -204,10 +166,10 @@ int run_alone(plant::World& world, const Options& options) {
   }
   if (options.json) {
     print_line(report.dump());
-    return good ? Exit::done : Exit::no;
+    return record.finish(good ? Exit::done : Exit::no);
   }
   print_alone(ids, report);
-  return good ? Exit::done : Exit::no;
+  return record.finish(good ? Exit::done : Exit::no);
 }
 
 // `berth sim` from another process. Nothing is known of slots here.

@@ -179,7 +179,7 @@ std::string words_of(const Findings& findings) {
   std::string words;
   for (const auto& finding : findings) {
     if (finding.severity != Finding::Severity::error) continue;
-    words += fmt::format("{}{}{}{}{}{}", words.empty() ? "" : "\n", finding.key, finding.key.empty() ? "" : ": ",
+    words += fmt::format("{}{}{}{}{}{}", words.empty() ? "" : "; ", finding.key, finding.key.empty() ? "" : ": ",
                          finding.message, finding.fix.empty() ? "" : "; ", finding.fix);
   }
   return words;

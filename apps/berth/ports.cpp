@@ -2,15 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <fcntl.h>
-#include <sys/file.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <array>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
 
 #include "berth/command/control.hpp"
@@ -139,41 +131,6 @@ std::string running_control(const Options& options, const design::Machine& machi
 
 bool all_elsewhere(const design::Machine& machine) noexcept {
   return std::ranges::none_of(machine.buses, [](const auto& b) { return b.port.kind == can::PortKind::sim; });
-}
-
-// Beside the control sockets: that folder is this user's.
-tl::expected<PortLock, Failure> PortLock::take(const can::PortSpec& port) {
-  std::string name = can::to_string(port);
-  std::error_code error;
-  const auto canonical = port.kind == can::PortKind::slcan ? std::filesystem::canonical(port.address, error) : "";
-  if (!canonical.empty()) name = "slcan:" + canonical.string();
-  std::string path = command::control_path("port-" + name);
-  path.replace(path.size() - std::strlen(".sock"), std::string::npos, ".lock");
-  ::mkdir(std::filesystem::path(path).parent_path().c_str(), 0700);
-  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
-  if (fd < 0) {
-    return tl::unexpected(failure(Exit::failed, fmt::format("{}: {}", path, std::strerror(errno))));
-  }
-  if (::flock(fd, LOCK_EX | LOCK_NB) == 0) {
-    const auto pid = fmt::format("{}\n", ::getpid());
-    const bool told = ::ftruncate(fd, 0) == 0 && ::pwrite(fd, pid.data(), pid.size(), 0) > 0;
-    static_cast<void>(told);  // only for the message below
-    return PortLock(fd);
-  }
-  std::array<char, 16> text{};
-  const auto size = ::pread(fd, text.data(), text.size() - 1, 0);
-  ::close(fd);
-  std::string holder(text.data(), size > 0 ? static_cast<std::size_t>(size) : 0);
-  std::erase(holder, '\n');
-  return tl::unexpected(
-      failure(Exit::failed,
-              fmt::format("{} belongs to {} already: one process owns a port. Ask that one (its control socket is "
-                          "found by the machine's name, or give --control), or end it",
-                          can::to_string(port), holder.empty() ? "another process of Berth" : "process " + holder)));
-}
-
-PortLock::~PortLock() {
-  if (fd_ >= 0) ::close(fd_);
 }
 
 bool is_real(const can::PortSpec& port) noexcept {

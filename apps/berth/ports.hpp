@@ -2,7 +2,6 @@
 #pragma once
 
 #include <tl/expected.hpp>
-#include <utility>
 
 #include "berth/design/machine.hpp"
 #include "options.hpp"
@@ -35,21 +34,6 @@ void restrict_to(design::Machine& machine, const std::string& bus);
 
 /// Real devices hang on it: neither a simulated bus of this process nor a plant's of another.
 [[nodiscard]] bool is_real(const can::PortSpec& port) noexcept;
-
-/// One process of this user owns a real port: a lock that goes with the process however it ends. Not for ports that
-/// give each user a node of its own (`plant:`).
-class PortLock {
- public:
-  /// Refused with the process that has it.
-  [[nodiscard]] static tl::expected<PortLock, Failure> take(const can::PortSpec& port);
-  PortLock(PortLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  PortLock& operator=(PortLock&&) = delete;
-  ~PortLock();
-
- private:
-  explicit PortLock(int fd) noexcept : fd_(fd) {}
-  int fd_;
-};
 
 /// Why the machine cannot run without `--sim`, when it cannot: a bus that is simulated beside one that is not.
 [[nodiscard]] Failure needs_plant(const design::Machine& machine);

@@ -52,7 +52,7 @@ int run_ports(const Options& options) {
     Json json;
     json["ports"] = Json::array();
     for (const auto& seen : ports) json["ports"].push_back(json_of(seen));
-    print_line(json.dump(2));
+    print_text(json.dump(2));
     return Exit::done;
   }
   for (const auto& seen : ports) print_line(line_of(seen));

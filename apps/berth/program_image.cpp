@@ -44,7 +44,7 @@ int make_image(const Options& options, const ImageOptions& wanted) {
   if (options.json) {
     const nlohmann::ordered_json json{
         {"file", wanted.image}, {"bytes", image.size()}, {"identification", identification}};
-    print_line(json.dump(2));
+    print_text(json.dump(2));
   } else {
     print_line(fmt::format("{}  {} bytes, identification {}", wanted.image, image.size(), identification));
   }

@@ -1,12 +1,15 @@
 #include "record.hpp"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "berth/base/private_file.hpp"
 #include "berth/operate/report.hpp"
@@ -26,7 +29,7 @@ std::string candump_line(const Recorded& f) {
 void print_dry_run(const std::vector<Recorded>& frames, const command::Reply* reply, bool json) {
   if (!json) {
     for (const auto& f : frames) print_line(candump_line(f));
-    if (reply != nullptr && !reply->error.empty()) print_error(reply->error);
+    if (reply != nullptr && !reply->error.empty()) print_errors(reply->error);
     return;
   }
   Json all;
@@ -36,7 +39,7 @@ void print_dry_run(const std::vector<Recorded>& frames, const command::Reply* re
     all["frames"].push_back({{"at_s", f.at_s ? Json(*f.at_s) : Json(nullptr)}, {"bus", f.bus}, {"frame", f.frame}});
   }
   if (reply != nullptr) all["reply"] = Json::parse(reply->json);
-  print_line(all.dump(2));
+  print_text(all.dump(2));
 }
 
 Record::~Record() {
@@ -46,6 +49,7 @@ Record::~Record() {
 
 tl::expected<void, Failure> Record::write_to(const std::string& path, bool force) {
   if (auto bad = may_write(path, "--record", force)) return tl::unexpected(*std::move(bad));
+  path_ = path;
   log_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, private_mode(path));
   if (log_ >= 0) return {};
   return tl::unexpected(failure(Exit::failed, path + ": " + std::strerror(errno)));
@@ -64,44 +68,89 @@ void Record::frame(const std::string& bus, const can::Frame& frame, rt::Time at,
   if (log_ >= 0 || followed) {
     const std::string line = candump_line(recorded) + '\n';
     if (followed) take_(line);
-    if (log_ >= 0) lines_ += line;
+    if (log_ >= 0) add(line);
   }
   if (sent) sent_->push_back(recorded);
-  constexpr std::size_t enough = std::size_t{1} << 16U;
-  if (lines_.size() >= enough) write_out();
 }
 
-void Record::settle() noexcept {
+void Record::add(const std::string& line) {
+  constexpr std::size_t enough = std::size_t{1} << 16U;
+  constexpr std::size_t most = std::size_t{1} << 20U;
+  if (error_ != 0) settle();
+  if (lines_.size() + line.size() > most) {
+    ++missing_;
+    return;
+  }
+  lines_ += line;
+  if (error_ == 0 && lines_.size() >= enough) write_out();
+}
+
+void Record::settle() {
   constexpr auto often = std::chrono::milliseconds(100);
   if (lines_.empty() || std::chrono::steady_clock::now() - written_ < often) return;
   write_out();
 }
 
-bool Record::kept() noexcept {
+int Record::finish(int status) {
   write_out();
-  return !failed_;
+  const auto missing = missing_ + static_cast<std::uint64_t>(std::ranges::count(lines_, '\n'));
+  if (missing == 0) return status;
+  told_ = true;
+  lines_.clear();
+  print_error(fmt::format("{}: {} frame{} missing in this record, because the file took nothing for some time{}", path_,
+                          missing, missing == 1 ? " is" : "s are",
+                          error_ == 0 ? std::string() : fmt::format(" ({})", std::strerror(error_))));
+  return Exit::failed;
 }
 
-// Whole lines or none: what a full disk cut off is taken back.
-void Record::write_out() noexcept {
-  if (log_ < 0 || lines_.empty()) return;
-  written_ = std::chrono::steady_clock::now();
+// Bytes that the file took.
+std::size_t Record::put() noexcept {
+  error_ = 0;
   std::size_t done = 0;
-  while (done < lines_.size() && !failed_) {
+  while (log_ >= 0 && done < lines_.size() && error_ == 0) {
     const auto n = ::write(log_, lines_.data() + done, lines_.size() - done);
     if (n > 0) {
       done += static_cast<std::size_t>(n);
-    } else {
-      failed_ = n == 0 || errno != EINTR;
+    } else if (n == 0) {
+      error_ = ENOSPC;
+    } else if (errno != EINTR) {
+      error_ = errno;
     }
   }
-  if (failed_ && done > 0) {
+  return done;
+}
+
+// False: what is no plain file (a pipe) keeps what it got.
+bool Record::take_back(std::size_t bytes) const noexcept {
+  const off_t end = ::lseek(log_, 0, SEEK_CUR) - static_cast<off_t>(bytes);
+  return end >= 0 && ::ftruncate(log_, end) == 0 && ::lseek(log_, end, SEEK_SET) == end;
+}
+
+// Whole lines or none: what a full disk cut off is taken back, and written when there is room.
+void Record::write_out() {
+  if (log_ < 0 || lines_.empty()) return;
+  written_ = std::chrono::steady_clock::now();
+  std::size_t done = put();
+  if (done > 0 && done < lines_.size()) {
     const auto newline = lines_.rfind('\n', done - 1);
     const std::size_t whole = newline == std::string::npos ? 0 : newline + 1;
-    const off_t end = ::lseek(log_, 0, SEEK_CUR) - static_cast<off_t>(done - whole);
-    static_cast<void>(::ftruncate(log_, end));
+    if (take_back(done - whole)) done = whole;
   }
-  lines_.clear();
+  lines_.erase(0, done);
+  if (error_ != 0) tell_trouble();
+}
+
+void Record::tell_trouble() {
+  if (std::exchange(told_, true)) return;
+  const bool full = error_ == ENOSPC || error_ == EDQUOT || error_ == EFBIG;
+  const auto line =
+      fmt::format("{}: {}: the record stands still, and frames will be missing in it; {}", path_, std::strerror(error_),
+                  full ? "make room there, and it goes on" : "Berth tries again ten times a second");
+  if (tell_) {
+    tell_(line);
+  } else {
+    print_error(line);
+  }
 }
 
 }  // namespace berth::cli

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -31,7 +32,9 @@ struct Recorded {
 /// null.
 void print_dry_run(const std::vector<Recorded>& frames, const command::Reply* reply, bool json);
 
-/// Takes the frames of all buses as they come.
+/// Takes the frames of all buses as they come. While the file takes nothing (a full disk), it keeps up to 1 MiB of
+/// lines and tries again ten times a second, so that the record goes on when there is room; what comes beyond that is
+/// counted. The file has whole lines only.
 class Record {
  public:
   Record() = default;
@@ -46,21 +49,31 @@ class Record {
   /// Gives each frame's line to `take` from now on, while `wanted`; empty functions end that.
   void follow(std::function<bool()> wanted, std::function<void(const std::string& line)> take);
   void frame(const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master);
-  /// What came is in the file, so that it can be followed: whole lines, always.
-  void settle() noexcept;
-  /// False when a line could not be written.
-  [[nodiscard]] bool kept() noexcept;
+  /// Takes, once, that the file takes nothing: what, where, what to do. Empty: standard error, as at the beginning.
+  void on_trouble(std::function<void(const std::string& line)> tell) { tell_ = std::move(tell); }
+  /// What came is in the file, so that it can be followed.
+  void settle();
+  /// Last thing of a command: `status`, or 3 when frames are missing in the file, which is told with their number.
+  [[nodiscard]] int finish(int status);
 
  private:
-  void write_out() noexcept;
+  void add(const std::string& line);
+  void write_out();
+  [[nodiscard]] std::size_t put() noexcept;
+  [[nodiscard]] bool take_back(std::size_t bytes) const noexcept;
+  void tell_trouble();
 
   std::vector<Recorded>* sent_ = nullptr;
   std::function<bool()> wanted_;
   std::function<void(const std::string&)> take_;
+  std::function<void(const std::string&)> tell_;
+  std::string path_;
   int log_ = -1;
-  std::string lines_;  // that are not in the file yet
+  std::string lines_;          // that are not in the file yet
+  std::uint64_t missing_ = 0;  // frames that came while there were too many of them
   std::chrono::steady_clock::time_point written_{};
-  bool failed_ = false;
+  int error_ = 0;  // of the last writing
+  bool told_ = false;
 };
 
 /// Records every frame of one simulated bus. Both must stay.

@@ -125,7 +125,7 @@ int print_listing(const Options& options, const StudyOptions& study, const study
                                 {"details", interpreter.words(e.frame)},
                                 {"raw", study::raw(e.frame)}});
   }
-  print_line(json.dump(2));
+  print_text(json.dump(2));
   return verdict(found->wrong);
 }
 
@@ -160,7 +160,7 @@ int print_load(const Options& options) {
                               {"pdo_waited_s", in_seconds(r.pdo_waited)},
                               {"pdo_undisturbed_s", in_seconds(r.pdo_undisturbed)}});
     }
-    print_line(json.dump(2));
+    print_text(json.dump(2));
     return verdict(incomplete(rows));
   }
   print_line("What the negotiation of node-IDs (paper 2) costs the rest of the bus; all devices get power at once");
@@ -193,7 +193,7 @@ int run_reproduce(const Options& options, const StudyOptions& study) {
   Json json{{"rows", Json::array()}};
   for (const auto& row : figures.rows) json["rows"].push_back(json_of(row));
   json["wrong"] = figures.wrong;
-  print_line(json.dump(2));
+  print_text(json.dump(2));
   return verdict(figures.wrong);
 }
 

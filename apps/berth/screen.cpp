@@ -118,7 +118,7 @@ std::vector<BoardLine> Screen::drawing(BoardSize size) {
   auto lines = board_.draw(content(), room);
   if (types) {
     // The end of a long one is what is being typed.
-    std::string typed = text::printable(keyboard_->typed());
+    std::string typed = text::one_line(keyboard_->typed());
     while (text::columns(typed) + 3 > size.columns && !typed.empty()) typed.erase(0, 1);
     lines.push_back({text::cut("> " + typed + "_", size.columns), false});
   }
@@ -168,7 +168,7 @@ void Screen::refresh(bool now) {
     draw_changes(out, std::move(lines));
   } else {
     erase(out);
-    for (const auto& line : waiting_) out += text::printable(line) + "\n";
+    for (const auto& line : waiting_) out += text::one_line(line) + "\n";
     waiting_.clear();
     draw_all(out, std::move(lines));
   }

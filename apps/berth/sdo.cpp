@@ -122,7 +122,7 @@ int read_into_file(const Options& options, const SdoWords& wanted) {
     told.erase("value");
     told["file"] = wanted.file;
     told["size"] = bytes.size();
-    print_line(told.dump(2));
+    print_text(told.dump(2));
   } else {
     print_line(fmt::format("{}: {} bytes", wanted.file, bytes.size()));
   }

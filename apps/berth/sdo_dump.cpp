@@ -8,6 +8,7 @@
 #include "berth/command/objects.hpp"
 #include "berth/eds/dcf.hpp"
 #include "berth/eds/xdd.hpp"
+#include "berth/text/printable.hpp"
 #include "machine_file.hpp"
 #include "output.hpp"
 #include "outputs.hpp"
@@ -106,7 +107,7 @@ tl::expected<std::string, Failure> dcf_of(const Options& given, const DumpOption
 
 int give(const DumpOptions& wanted, const std::string& text, bool json) {
   if (wanted.output.empty()) {
-    print_line(text.ends_with('\n') ? text.substr(0, text.size() - 1) : text);
+    print_text(text.ends_with('\n') ? text.substr(0, text.size() - 1) : text);
     return Exit::done;
   }
   const auto bad = write_output(wanted.output, text);
@@ -130,7 +131,7 @@ int run_dump(const Options& options, const DumpOptions& wanted) {
     return Exit::done;
   }
   std::string text;
-  for (const auto& line : reply->lines) text += line + "\n";
+  for (const auto& line : reply->lines) text += text::one_line(line) + "\n";
   return give(wanted, text, options.json);
 }
 

@@ -15,6 +15,7 @@
 #include "berth/serve/hub.hpp"
 #include "berth/serve/socketcand_server.hpp"
 #include "interrupt.hpp"
+#include "listening.hpp"
 #include "machine_file.hpp"
 #include "output.hpp"
 #include "ports.hpp"
@@ -33,6 +34,7 @@ struct ServeOptions {
   std::string listen = "127.0.0.1:29536";
   std::optional<std::chrono::nanoseconds> duration;
   std::uint32_t bit_rate = 0;
+  bool anywhere = false;
   bool listen_only = false;
 };
 
@@ -86,6 +88,7 @@ class PlantBuses final : public Buses {
     return world_->attach_master(bus, options);
   }
   std::unique_ptr<plant::World> world_;
+  bool anywhere = false;
   bool listen_only_;
 };
 
@@ -195,12 +198,13 @@ void complete(Options& options, ServeOptions& serve) {
 
 int run_serve(Options options, ServeOptions serve) {
   complete(options, serve);
-  const auto where = io::parse_endpoint(serve.listen, io::socketcand_port);
-  if (!where) {
-    return tell(
-        failure(Exit::usage, fmt::format("--listen {}: write HOST:PORT, such as 127.0.0.1:29536", serve.listen)),
-        options.json);
-  }
+  const auto where = may_listen({.option = "--listen",
+                                 .where = serve.listen,
+                                 .default_port = io::socketcand_port,
+                                 .anywhere = serve.anywhere,
+                                 .may = serve.listen_only ? "hear every frame of the buses"
+                                                          : "hear and send every frame of the buses, as a node can"});
+  if (!where) return tell(where.error(), options.json);
   if (serve.plant.empty() && serve.ports.empty() && options.machine.empty()) {
     return tell(failure(Exit::usage, "what is to be served? Give a plant file, --port PORT, or --machine FILE"),
                 options.json);
@@ -238,7 +242,7 @@ void add_serve(Verb& berth, Options& options) {
   serve.footer(
       "Examples:\n  berth serve plant.toml -m machine.toml\n  berth serve machine.toml\n"
       "  berth serve --port slcan:/dev/ttyACM0 --bitrate 125000\n"
-      "  berth serve --port socketcan:can0 --listen 0.0.0.0:29536 --for \"1 h\"\n"
+      "  berth serve --port socketcan:can0 --listen 0.0.0.0 --listen-anywhere\n"
       "  berth serve --port backbone=plant:/tmp/plant.sock\n"
       "Clients: a machine file's port = \"socketcand://127.0.0.1:29536/BUS\"; python-can:\n"
       "  can.Bus(interface=\"socketcand\", host=\"127.0.0.1\", port=29536, channel=\"BUS\")\n"
@@ -257,6 +261,7 @@ void add_serve(Verb& berth, Options& options) {
   serve.word("--bitrate", wanted->bit_rate, "bit rate of the ports").shown("BIT/S");
   serve.word("--listen", wanted->listen, "where to listen (default 127.0.0.1:29536; port 0: any that is free)")
       .shown("HOST:PORT");
+  anywhere_flag(serve, wanted->anywhere);
   serve.flag("--listen-only", wanted->listen_only, "clients hear and cannot send");
   serve.time("--for", wanted->duration, "end after this time");
   plant_words(serve, options);

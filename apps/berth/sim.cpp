@@ -31,7 +31,7 @@ int run_scenario(const Options& options, const std::string& scenario) {
         s["nodes"].push_back({{"name", n.name}, {"tec", n.tec}, {"rec", n.rec}, {"state", sim::name(n.state)}});
       }
     }
-    print_line(json.dump(2));
+    print_text(json.dump(2));
     return Exit::done;
   }
   std::size_t width = 5;

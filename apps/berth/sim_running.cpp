@@ -76,11 +76,11 @@ int ask_plant(const Options& options, command::Request request) {
   const auto reply = command::control_call(*path, request, patience_ms);
   if (!reply) return tell(failure(Exit::failed, reply.error()), options.json);
   if (options.json) {
-    print_line(Json::parse(reply->json).dump(2));
+    print_text(Json::parse(reply->json).dump(2));
     return reply->status;
   }
   print_lines(reply->lines);
-  if (!reply->error.empty()) print_error(reply->error);
+  if (!reply->error.empty()) print_errors(reply->error);
   return reply->status;
 }
 

@@ -35,11 +35,11 @@ bool may_ask(const Options& options) { return !options.json && !options.yes && s
 // A watched reply is one line.
 int show(const command::Reply& reply, const Options& options) {
   if (options.json) {
-    print_line(Json::parse(reply.json).dump(options.single.watch ? -1 : 2));
+    print_text(Json::parse(reply.json).dump(options.single.watch ? -1 : 2));
     return reply.status;
   }
   print_lines(reply.lines);
-  if (!reply.error.empty()) print_error(reply.error);
+  if (!reply.error.empty()) print_errors(reply.error);
   return reply.status;
 }
 
@@ -130,12 +130,8 @@ void tell_progress(Rig& rig, const command::Request& request, const Options& opt
 
 // Buses that are outside this process are listened to before anything is sent, and asked for other masters before a
 // master's right is used.
-Replied reply_of_own_world(const Options& options, const command::Request& request, std::vector<Recorded>& sent,
-                           const Repeat& repeat) {
-  const bool links = options.single.bring_up || request.verb == "boot" || request.verb == "configure";
-  auto made = Rig::make(own_options(options, request), {options.machine, options.sim.plant, {}, {}, links});
-  if (!made) return tl::unexpected(made.error());
-  Rig& rig = **made;
+Replied done_in(Rig& rig, const Options& options, const command::Request& request, std::vector<Recorded>& sent,
+                const Repeat& repeat) {
   Strangers& strangers = rig.strangers();
   if (const auto clear = strangers.listen_first(); !clear) return tl::unexpected(clear.error());
   if (options.single.bring_up) {
@@ -169,6 +165,16 @@ Replied reply_of_own_world(const Options& options, const command::Request& reque
       Exit::failed, fmt::format("{}: not done within {} s of bus time; give a longer --timeout", request.verb, s));
 }
 
+Replied reply_of_own_world(const Options& options, const command::Request& request, std::vector<Recorded>& sent,
+                           const Repeat& repeat) {
+  const bool links = options.single.bring_up || request.verb == "boot" || request.verb == "configure";
+  auto made = Rig::make(own_options(options, request), {options.machine, options.sim.plant, {}, {}, links});
+  if (!made) return tl::unexpected(made.error());
+  auto reply = done_in(**made, options, request, sent, repeat);
+  if (reply) reply->status = (*made)->record().finish(reply->status);
+  return reply;
+}
+
 // Nothing leaves this world, so the user is not asked.
 int dry_in_own_world(const Options& options, command::Request request) {
   request.arguments["yes"] = "1";
@@ -198,10 +204,11 @@ Replied ask_running_up(const Options& options, const command::Request& request, 
       command::control_call(path, request, static_cast<int>(std::min<std::int64_t>(patience, 24 * 3'600'000)));
   if (reply) return *reply;
   const std::string machine = options.machine.empty() ? "MACHINE" : options.machine;
-  return tl::unexpected(failure(
-      Exit::failed, fmt::format("no running `berth up` does this for {}: {}\nstart one (berth up {} --sim PLANT "
-                                "--pace), or give --sim PLANT to do it in a simulated world of its own",
-                                machine, reply.error(), machine)));
+  return tl::unexpected(failure_in_lines(
+      Exit::failed, {fmt::format("no running `berth up` does this for {}: {}", machine, reply.error()),
+                     fmt::format("start one (berth up {} --sim PLANT --pace), or give --sim PLANT to do it in a "
+                                 "simulated world of its own",
+                                 machine)}));
 }
 
 // --watch, by a running `berth up`.
@@ -325,7 +332,7 @@ int run_single(const Options& given, command::Request request) {
   auto reply = carry_out_again(options, request, watching(options));
   if (reply && wants_yes(*reply) && may_ask(options)) {
     print_lines(reply->lines);
-    print_line(reply->error);
+    print_text(reply->error);
     if (Interrupt interrupt; !ask_yes("Do it?", interrupt)) return Exit::no;
     request.arguments["yes"] = "1";
     Options sure = options;

@@ -39,7 +39,7 @@ rt::Task<void> ask_whether_masters(live::Census& census, live::CensusOptions opt
 }  // namespace
 
 // "another master: node 100, its 1F80h bit 0 is set": one line for each; empty when there is none.
-std::string Strangers::quiet_masters(const design::Bus& bus, live::Census& census) {
+std::vector<std::string> Strangers::quiet_masters(const design::Bus& bus, live::Census& census) {
   live::CensusOptions ask;
   ask.masters_only = true;
   ask.own = bus.master;
@@ -52,33 +52,33 @@ std::string Strangers::quiet_masters(const design::Bus& bus, live::Census& censu
     const auto ends = [&] { return over || gate.state() != live::GateState::open || guards_->dry_run_over(); };
     wait_until(*driver_, *interrupt_, ends, rt::Duration::max());
   }
-  std::string text;
+  std::vector<std::string> lines;
   for (const auto& node : census.nodes()) {
     if (!node.nmt_master) continue;
-    text += fmt::format(
-        "{}bus {}: another master: node {}, its 1F80h bit 0 is set{}{}; it sent no command while Berth "
-        "listened",
-        text.empty() ? "" : "\n", bus.name, node.id.value(), node.network_list ? ", it has a network list (1F81h)" : "",
-        node.device_type ? fmt::format(", its device type is {:08X}h", *node.device_type) : "");
+    lines.push_back(fmt::format(
+        "bus {}: another master: node {}, its 1F80h bit 0 is set{}{}; it sent no command while Berth listened",
+        bus.name, node.id.value(), node.network_list ? ", it has a network list (1F81h)" : "",
+        node.device_type ? fmt::format(", its device type is {:08X}h", *node.device_type) : ""));
   }
-  return text;
+  return lines;
 }
 
 tl::expected<void, Failure> Strangers::ask() {
-  std::string problem;
+  std::vector<std::string> problem;
   const auto heard = std::exchange(heard_, {});
   for (const auto& bus : session_->machine().buses) {
     const auto census = heard.find(bus.name);
     if (bus.flying) continue;  // others may be master here
     if (census == heard.end() || guards_->gate(bus.name)->state() != live::GateState::open) continue;
-    const std::string masters = quiet_masters(bus, *census->second);
-    if (!masters.empty()) problem += (problem.empty() ? "" : "\n") + masters;
+    std::ranges::copy(quiet_masters(bus, *census->second), std::back_inserter(problem));
   }
   if (auto goes_on = not_ended(); !goes_on) return goes_on;
   if (problem.empty()) return guards_->no_foreign_frames();
-  return tl::unexpected(failure(
-      Exit::no, problem + "\nBerth does not take its bus. End that master; or use the bus as role = "
-                          "\"commissioner\" or \"observer\"; or, when it is a device of this machine, give it a slot"));
+  problem.emplace_back(
+      "Berth does not take its bus. End that master; or use the bus as role = \"commissioner\" or \"observer\"; or, "
+      "when "
+      "it is a device of this machine, give it a slot");
+  return tl::unexpected(failure_in_lines(Exit::no, problem));
 }
 
 }  // namespace berth::cli

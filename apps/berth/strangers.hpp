@@ -30,7 +30,7 @@ class Strangers {
 
  private:
   [[nodiscard]] tl::expected<void, Failure> not_ended();
-  [[nodiscard]] std::string quiet_masters(const design::Bus& bus, live::Census& census);
+  [[nodiscard]] std::vector<std::string> quiet_masters(const design::Bus& bus, live::Census& census);
   rt::Driver* driver_;
   Interrupt* interrupt_;
   tree::Session* session_;

@@ -7,6 +7,7 @@
 #include <cctype>
 #include <nlohmann/json.hpp>
 
+#include "berth/text/printable.hpp"
 #include "machine_file.hpp"
 #include "trace_known.hpp"
 #include "trace_nodes.hpp"
@@ -278,7 +279,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
   }
 
   void print_stats(std::string& out, const std::string& bus, const trace::Statistics& all) const {
-    out += fmt::format("bus {}\n  frames       {}\n  bits         {}{}\n", bus, all.frames, all.bits,
+    out += fmt::format("bus {}\n  frames       {}\n  bits         {}{}\n", text::one_line(bus), all.frames, all.bits,
                        all.fd_frames > 0 ? fmt::format(" (without {} FD frames)", all.fd_frames) : "");
     out += fmt::format("  first        {:.6f} s (end of the frame)\n  last         {:.6f} s\n  span         {:.6f} s\n",
                        seconds_of(all.first), seconds_of(all.last), seconds_of(all.span()));
@@ -318,7 +319,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
     std::string words = fmt::format("{} ({}) to {} ({}): {} frames", file, source_->format(), trace_.output,
                                     trace::name(*trace_.to), taken_);
     if (taken_ < read_) words += fmt::format(" of {}", read_);
-    if (!to_screen && !live_) rows_.screen().buffer() += words + "\n";
+    if (!to_screen && !live_) rows_.screen().buffer() += text::one_line(words) + "\n";
     if (lost.empty()) return;
     rows_.screen().flush();
     for (const auto& line : lost)

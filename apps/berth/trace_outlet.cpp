@@ -109,6 +109,19 @@ void put_json(std::string& out, const Finding& finding) {
   out += '}';
 }
 
+namespace {
+
+// Names of objects and devices are in it. `flush` filters the rest, but a row's line feed looks like any other there.
+void put_line(std::string& out, std::string_view words) {
+  if (words.find('\n') == std::string_view::npos) {
+    out += words;
+  } else {
+    out += text::one_line(words);
+  }
+}
+
+}  // namespace
+
 void RowText::words(std::string& out, const decode::Row& row, const std::string& bus, const std::string& path) {
   constexpr std::size_t width = 60;
   const std::size_t begin = out.size();
@@ -116,7 +129,7 @@ void RowText::words(std::string& out, const decode::Row& row, const std::string&
   out.pop_back();  // the end of its line
   const std::size_t used = out.size() - begin;
   out.append(used < width ? width - used : 2, ' ');
-  out += row.words;
+  put_line(out, row.words);
   if (!path.empty()) out += "  (" + path + ")";
   if (row.frames > 1)
     fmt::format_to(std::back_inserter(out), "  [{} frames, {:.3f} ms]", row.frames,
@@ -166,8 +179,9 @@ void RowText::json(std::string& out, const decode::Row& row, const std::string& 
 }
 
 void RowText::table(std::string& out, const decode::Row& row) {
-  fmt::format_to(std::back_inserter(out), "{}\t{}\t{}\n", study::id_text(row.entry->frame), row.words,
-                 study::raw(row.entry->frame));
+  out += study::id_text(row.entry->frame) + "\t";
+  put_line(out, row.words);
+  out += "\t" + study::raw(row.entry->frame) + "\n";
 }
 
 }  // namespace berth::cli

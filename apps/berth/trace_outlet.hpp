@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 #include "berth/decode/decoder.hpp"
 #include "berth/trace/candump.hpp"

@@ -10,6 +10,7 @@
 #include "berth/operate/report.hpp"
 #include "berth/text/printable.hpp"
 #include "drive.hpp"
+#include "gateway.hpp"
 #include "machine_file.hpp"
 #include "ports.hpp"
 #include "verbs.hpp"
@@ -18,7 +19,7 @@ namespace berth::cli {
 namespace {
 
 // Why it is not operational, each reason once.
-std::string reasons(tree::Session& session, Ended ended) {
+Failure not_operational(tree::Session& session, Ended ended) {
   std::vector<operate::SlotReport> wanting;
   for (auto& s : session.slots()) {
     const design::Slot* const slot = session.machine().slot(s.bus, s.id);
@@ -28,9 +29,12 @@ std::string reasons(tree::Session& session, Ended ended) {
     s.name = fmt::format("slot {} (node-ID {})", s.name, s.id.value());
     wanting.push_back(std::move(s));
   }
-  std::string text = ended == Ended::timeout ? "the time allowed is over" : "";
-  for (const auto& line : operate::reasons_of(wanting)) text += (text.empty() ? "" : "\n") + line;
-  return "not operational: " + text;
+  std::vector<std::string> lines;
+  if (ended == Ended::timeout) lines.emplace_back("the time allowed is over");
+  std::ranges::copy(operate::reasons_of(wanting), std::back_inserter(lines));
+  if (lines.empty()) lines.emplace_back();
+  lines.front().insert(0, "not operational: ");
+  return failure_in_lines(Exit::no, lines);
 }
 
 // Where other commands reach this one. A process for one of several buses leaves the machine's name to the one that
@@ -42,30 +46,31 @@ std::string control_of(Rig& rig, const Options& options) {
   return command::control_path(!rig.guards().empty() && !options.bus.empty() ? bus_process(name, options.bus) : name);
 }
 
-std::string first_start_text(Rig& rig) {
-  std::string text = fmt::format("this is the first start of {}: no slot has a device yet.", rig.machine().name);
+std::vector<std::string> first_start_lines(Rig& rig) {
+  std::vector<std::string> lines{
+      fmt::format("this is the first start of {}: no slot has a device yet.", rig.machine().name)};
   for (const auto& bus : rig.machine().buses) {
     if (!is_real(bus.port) || bus.role == design::Role::observer) continue;
-    text += fmt::format(
-        "\nbus {} on {}: Berth will search for devices (LSS, RAND), give the {} slots' node-IDs to those that fit and "
+    lines.push_back(fmt::format(
+        "bus {} on {}: Berth will search for devices (LSS, RAND), give the {} slots' node-IDs to those that fit and "
         "let them store these{}",
         bus.name, can::to_string(bus.port), rig.machine().specs(bus.name).size(),
-        bus.role == design::Role::master ? ", reset and configure them, and start them: outputs may switch" : "");
+        bus.role == design::Role::master ? ", reset and configure them, and start them: outputs may switch" : ""));
   }
-  return text;
+  return lines;
 }
 
 bool confirmed(Rig& rig, const Options& options) {
   if (options.yes || !rig.first_start()) return true;
   if (options.json || !someone_types()) return false;
-  print_line(first_start_text(rig));
+  print_lines(first_start_lines(rig));
   return ask_yes("Start it?", rig.interrupt());
 }
 
 Failure unconfirmed(Rig& rig) {
-  return failure(Exit::no, first_start_text(rig) +
-                               "\nNothing was sent. Confirm it with --yes; --dry-run shows what "
-                               "would be sent first");
+  auto lines = first_start_lines(rig);
+  lines.emplace_back("Nothing was sent. Confirm it with --yes; --dry-run shows what would be sent first");
+  return failure_in_lines(Exit::no, lines);
 }
 
 // Another master on a bus, or no consent of a person's: nothing is started.
@@ -122,13 +127,14 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
   screen.keep();
   print_outcome(rig, options, sent, !live);
   if (options.dry_run && !rig.guards().empty()) return Exit::done;
-  if (!rig.record().kept())
-    return tell(failure(Exit::failed, options.files.record + ": the record could not be written"), false);
+  if (rig.record().finish(Exit::done) != Exit::done) return Exit::failed;
   const bool tells = !options.json && !options.dry_run;
   if (tells) print_lines(story.end);
   if (good) return Exit::done;
   if (!options.json && !output_broken()) {
-    print_error(rig.session().operational() ? "no device was replaced" : reasons(rig.session(), *ended));
+    tell(rig.session().operational() ? failure(Exit::no, "no device was replaced")
+                                     : not_operational(rig.session(), *ended),
+         false);
   }
   return Exit::no;
 }
@@ -145,6 +151,10 @@ int run_up(const Options& options) {
   }
   if (own.machine.empty())
     return tell(failure(Exit::usage, "name the machine file: berth up machine.toml"), options.json);
+  if (!options.gateway.where.empty()) {
+    const auto where = gateway_endpoint("--gateway", options.gateway.where, gateway_rights(options));
+    if (!where) return tell(where.error(), options.json);
+  }
   own.store.made = true;
   own.master.takes_part = true;
   return bring_up(own, {own.machine, options.sim.plant, {}, {}, true});
@@ -158,6 +168,7 @@ void gateway_words(const Verb& up, Options& options, const Word& fast) {
       .excludes(fast);
   up.flag("--gateway-commands", options.gateway.commands,
           "clients of --gateway may command a real machine: NMT, SDO download, PDO, LSS; else they only read");
+  anywhere_flag(up, options.gateway.anywhere);
 }
 
 }  // namespace

@@ -63,7 +63,7 @@ int run_upload(const Options& given, const UploadOptions& wanted) {
     if (const auto bad = write_whole({{*target, text}}, given.files.force)) return tell(*bad, options.json);
   }
   if (options.json) {
-    print_line(json.dump(2));
+    print_text(json.dump(2));
     return Exit::done;
   }
   print_lines(reply->lines);

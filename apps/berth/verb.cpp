@@ -356,6 +356,11 @@ void reach_word(const Verb& verb, Options& options) {
       .shown("FOLDER");
 }
 
+void anywhere_flag(const Verb& verb, bool& anywhere) {
+  verb.flag("--listen-anywhere", anywhere,
+            "allow an address that other computers reach: anybody who reaches the port may use it, without a password");
+}
+
 void force_word(const Verb& verb, Options& options) {
   verb.flag("--force", options.files.force, "replace files that are there");
 }

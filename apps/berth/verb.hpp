@@ -134,6 +134,8 @@ void control_word(const Verb& verb, Options& options);
 void plant_words(const Verb& verb, Options& options);
 /// `--allow-outside`; `machine_option` has it.
 void reach_word(const Verb& verb, Options& options);
+/// `--listen-anywhere`: of what offers a TCP port.
+void anywhere_flag(const Verb& verb, bool& anywhere);
 /// `--force`; `world_words` has it.
 void force_word(const Verb& verb, Options& options);
 /// `--real-time PRIORITY`: of what runs for long on a real bus.

@@ -70,7 +70,7 @@ void tell(const BitRateReport& report, const BitRateOptions& options, const std:
     json["error"]["fix"] = fix;
     give(reply, json, {});
     reply.status = status;
-    reply.error = message + "; " + fix;
+    reply.error = error_line(message, fix);
   };
   switch (report.end) {
     case End::moved: {

@@ -150,7 +150,7 @@ void unconfirmed(Reply& reply, Json json, const std::string& text) {
   json["what"] = text;
   give(reply, json, {});
   reply.status = 1;
-  reply.error = text;
+  reply.error = error_line(text);
 }
 
 std::string whom(const std::vector<SlotReport>& slots, const std::vector<NodeId>& nodes) {

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "berth/od/abort_code.hpp"
+#include "berth/text/printable.hpp"
 
 namespace berth::command {
 
@@ -17,6 +18,10 @@ void give(Reply& reply, const Json& json, std::vector<std::string> lines) {
   reply.lines = std::move(lines);
 }
 
+std::string error_line(const std::string& message, const std::string& fix) {
+  return text::one_line(fix.empty() ? message : message + "; " + fix);
+}
+
 void refuse(Reply& reply, int status, const std::string& message, const std::string& fix) {
   Json json;
   json["error"]["message"] = message;
@@ -24,7 +29,7 @@ void refuse(Reply& reply, int status, const std::string& message, const std::str
   reply.status = status;
   reply.json = dump(json);
   reply.lines.clear();
-  reply.error = fix.empty() ? message : message + "; " + fix;
+  reply.error = error_line(message, fix);
 }
 
 int status_of(Errc code) noexcept {
@@ -66,7 +71,7 @@ void fail_with(Reply& reply, const Error& error, const std::string& where, const
   reply.status = status_of(error.code);
   reply.json = dump(json);
   reply.lines.clear();
-  reply.error = fix.empty() ? message : message + "; " + fix;
+  reply.error = error_line(message, fix);
 }
 
 void put_address(Json& json, const LssAddress& address) {

@@ -15,6 +15,8 @@ namespace berth::command {
 using Json = nlohmann::ordered_json;
 
 void give(Reply& reply, const Json& json, std::vector<std::string> lines);
+/// One line for people: a name of a device or of a client's request begins no other.
+[[nodiscard]] std::string error_line(const std::string& message, const std::string& fix = {});
 /// `message` for people, `fix` what to do.
 void refuse(Reply& reply, int status, const std::string& message, const std::string& fix = {});
 /// The exit status of an error: 3 when the bus or a file failed, else 1.

@@ -20,7 +20,7 @@ struct Reply {
   int status = 0;
   std::string json;                ///< one JSON object on one line, always; a failure is {"error": {"message", ...}}
   std::vector<std::string> lines;  ///< the same for people
-  std::string error;               ///< for people, when the status is not 0: what, where, what to do
+  std::string error;  ///< for people, when the status is not 0: what, where, what to do; each error is one line
 };
 
 /// One line of JSON: {"verb": ..., "arguments": {...}}. `parse_request` gives a request with an empty verb, and the

@@ -77,7 +77,7 @@ std::string why_unreached(const Session& session, const design::Bus& bus, const 
 // What to do: a gateway is reached when its bus above was brought up.
 std::string not_reached(const std::vector<Unreached>& all) {
   std::string text;
-  for (const auto& each : all) text += fmt::format("bus {} was not asked: {}\n", each.bus, each.why);
+  for (const auto& each : all) text += fmt::format("bus {} was not asked: {}; ", each.bus, each.why);
   return text +
          "a gateway answers when it has its node-ID and power: `berth up` gives it the one (in a simulated world "
          "of its own: --up)";
@@ -143,7 +143,7 @@ rt::Task<void> scan(Session& session, const Request& request, Reply& reply) {
   if (duplicates > 0) reply.status = 1;
   if (unreached.empty()) co_return;
   for (const auto& each : unreached) reply.status = std::max(reply.status, each.status);
-  reply.error = not_reached(unreached);
+  reply.error = error_line(not_reached(unreached));
 }
 
 }  // namespace berth::command

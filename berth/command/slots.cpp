@@ -75,7 +75,7 @@ rt::Task<void> bind(Session& session, const Request& request, Reply& reply) {
   }
   give_report(session, reply);
   reply.status = status;
-  reply.error = problem;
+  reply.error = error_line(problem);
 }
 
 namespace {
@@ -157,9 +157,10 @@ rt::Task<void> replace(Session& session, const Request& request, Reply& reply) {
   }
   if (seated) co_return;
   reply.status = 1;
-  reply.error = fmt::format("slot {} has no new device yet; its binding is cleared, and {}", name,
-                            session.started() ? "the next device of its type that comes gets it"
-                                              : "`berth up` or `berth bind` gives it to the next device of its type");
+  reply.error =
+      error_line(fmt::format("slot {} has no new device yet; its binding is cleared, and {}", name,
+                             session.started() ? "the next device of its type that comes gets it"
+                                               : "`berth up` or `berth bind` gives it to the next device of its type"));
 }
 
 namespace {

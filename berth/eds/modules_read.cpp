@@ -46,10 +46,10 @@ od::SubSpec ModuleValue::spec(std::uint8_t at) const {
 std::optional<ModuleSection> module_section(std::string_view name) noexcept {
   if (name.size() < 3 || (name[0] != 'M' && name[0] != 'm')) return std::nullopt;
   const std::size_t end = name.find_first_not_of("0123456789", 1);
-  const auto number = end == std::string_view::npos ? std::nullopt : number_key(name.substr(1, end - 1));
-  if (!number || *number == 0 || *number > 0xFFFF) return std::nullopt;
+  const auto number = end == std::string_view::npos ? 0 : number_key(name.substr(1, end - 1)).value_or(0);
+  if (number == 0 || number > 0xFFFF) return std::nullopt;
   ModuleSection found;
-  found.module = static_cast<std::uint16_t>(*number);
+  found.module = static_cast<std::uint16_t>(number);
   const std::string_view rest = name.substr(end);
   constexpr std::array<std::pair<std::string_view, ModulePart>, 4> words{{{"ModuleInfo", ModulePart::info},
                                                                           {"Comments", ModulePart::comments},

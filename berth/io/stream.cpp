@@ -92,6 +92,30 @@ std::string to_string(const Endpoint& endpoint) {
   return fmt::format("{}{}{}:{}", brackets ? "[" : "", endpoint.host, brackets ? "]" : "", endpoint.port);
 }
 
+namespace {
+
+bool is_loopback(const addrinfo& address) noexcept {
+  const void* const plain = address.ai_addr;
+  if (address.ai_family == AF_INET) {
+    const auto& v4 = static_cast<const sockaddr_in*>(plain)->sin_addr;
+    return ntohl(v4.s_addr) >> 24U == 127;
+  }
+  if (address.ai_family != AF_INET6) return false;
+  const in6_addr& v6 = static_cast<const sockaddr_in6*>(plain)->sin6_addr;
+  return IN6_IS_ADDR_LOOPBACK(&v6) || (IN6_IS_ADDR_V4MAPPED(&v6) && v6.s6_addr[12] == 127);
+}
+
+}  // namespace
+
+tl::expected<bool, std::string> is_loopback(const Endpoint& endpoint) {
+  const auto addresses = resolve(endpoint, AI_PASSIVE);
+  if (!addresses) return tl::unexpected(addresses.error());
+  for (const addrinfo* a = addresses->get(); a != nullptr; a = a->ai_next) {
+    if (!is_loopback(*a)) return false;
+  }
+  return true;
+}
+
 tl::expected<int, std::string> listen_tcp(const Endpoint& endpoint) {
   const auto addresses = resolve(endpoint, AI_PASSIVE);
   if (!addresses) return tl::unexpected(addresses.error());

@@ -27,6 +27,10 @@ struct Endpoint {
                                                      std::string_view default_host = "127.0.0.1");
 [[nodiscard]] std::string to_string(const Endpoint& endpoint);
 
+/// Whether only programs of this computer reach a server there: every address that the host stands for is loopback
+/// (127.0.0.0/8, ::1, ::ffff:127.0.0.0/104). 0.0.0.0 and :: are not. The error says in words why the host is none.
+[[nodiscard]] tl::expected<bool, std::string> is_loopback(const Endpoint& endpoint);
+
 /// A listening, non-blocking socket; its owner closes it. Port 0: the system takes a free one (`local_endpoint`). What
 /// is wrong is told in words.
 [[nodiscard]] tl::expected<int, std::string> listen_tcp(const Endpoint& endpoint);

@@ -362,7 +362,7 @@ std::string ManagerObjects::dcf_of(std::uint8_t sub) const {
 AbortCode ManagerObjects::ask_command(std::span<const std::uint8_t> text) {
   if (s_.bus.commands.verbs.empty()) return AbortCode::local_control;
   if (status_ == executing) return AbortCode::device_state;
-  if (!note(fmt::format("1023h:01 = {}", text::printable({reinterpret_cast<const char*>(text.data()), text.size()}))))
+  if (!note(fmt::format("1023h:01 = {}", text::one_line({reinterpret_cast<const char*>(text.data()), text.size()}))))
     return AbortCode::device_state;
   status_ = executing;
   reply_.clear();

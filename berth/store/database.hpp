@@ -9,8 +9,8 @@
 /// run (so it has no trigger, view, CHECK or default of its own), and it is opened in SQLite's defensive mode.
 ///
 /// The file is never the only copy of what a person wrote; it holds what Berth learnt. While a store is open, or after
-/// a crash, `<file>-wal` belongs to it: move both or neither. `<file>.lock` holds the owner's process id and stays
-/// behind.
+/// a crash, `<file>-wal` belongs to it: move both or neither. `<file>.lock` holds the owner's process id and is
+/// removed when the store is closed; after a crash it stays and holds up nobody.
 ///
 /// One thread. SQLite's errors come back as `Errc::io` with SQLite's extended code in `Error::detail`; after one, the
 /// call has changed nothing and the store can be used on.

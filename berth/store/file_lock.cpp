@@ -13,8 +13,25 @@
 
 namespace berth::store {
 
+namespace {
+
+/// The name still leads to the file that is open.
+bool is_at(int fd, const std::string& path) noexcept {
+  struct stat open {};
+  struct stat named {};
+  return ::fstat(fd, &open) == 0 && ::lstat(path.c_str(), &named) == 0 && open.st_dev == named.st_dev &&
+         open.st_ino == named.st_ino;
+}
+
+}  // namespace
+
+// Two processes could own two files of one name: one that opened the file before it was removed, and one that made it
+// anew. So the file is removed only by who holds its lock, and a lock counts only if the file still has its name after
+// it was locked (`take`).
 FileLock::~FileLock() {
-  if (fd_ >= 0) ::close(fd_);
+  if (fd_ < 0) return;
+  if (!path_.empty() && is_at(fd_, path_)) ::unlink(path_.c_str());
+  ::close(fd_);
 }
 
 namespace {
@@ -38,17 +55,27 @@ std::string holder_of(int fd) {
 
 }  // namespace
 
+FileLock::Outcome FileLock::lock(const std::string& path) {
+  // Each turn another process has removed the file in between: it held the lock, and ended.
+  for (;;) {
+    fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, private_mode(path));
+    if (fd_ < 0) return Outcome::failed;
+    // One that an earlier version made may be open to all.
+    static_cast<void>(::fchmod(fd_, private_mode(path)));
+    if (::flock(fd_, LOCK_EX | LOCK_NB) != 0) {
+      if (errno != EWOULDBLOCK) return Outcome::failed;
+      holder_ = holder_of(fd_);
+      return Outcome::held_by_other;
+    }
+    if (is_at(fd_, path)) return Outcome::taken;
+    ::close(fd_);
+  }
+}
+
 FileLock::Outcome FileLock::take(const std::string& file) {
   const std::string path = file + ".lock";
-  fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, private_mode(path));
-  if (fd_ < 0) return Outcome::failed;
-  // One that an earlier version made may be open to all.
-  static_cast<void>(::fchmod(fd_, private_mode(path)));
-  if (::flock(fd_, LOCK_EX | LOCK_NB) != 0) {
-    if (errno != EWOULDBLOCK) return Outcome::failed;
-    holder_ = holder_of(fd_);
-    return Outcome::held_by_other;
-  }
+  if (const auto outcome = lock(path); outcome != Outcome::taken) return outcome;
+  path_ = path;
   const std::string pid = std::to_string(::getpid()) + "\n";
   if (::ftruncate(fd_, 0) != 0) return Outcome::failed;
   if (::pwrite(fd_, pid.data(), pid.size(), 0) != static_cast<ssize_t>(pid.size())) return Outcome::failed;

@@ -1,5 +1,6 @@
 /// One process owns a file: an advisory lock (flock) on `<file>.lock`, which also says which process holds it. The lock
-/// goes with the process however it ends; the lock file stays, so that two processes never lock two files of one name.
+/// goes with the process however it ends. The lock file is removed at an orderly end; after a crash it stays and does
+/// no harm.
 #pragma once
 
 #include <string>
@@ -20,7 +21,10 @@ class FileLock {
   [[nodiscard]] const std::string& holder() const noexcept { return holder_; }
 
  private:
+  [[nodiscard]] Outcome lock(const std::string& path);
+
   int fd_ = -1;
+  std::string path_;  // of the lock file; empty: it is another process's
   std::string holder_;
 };
 

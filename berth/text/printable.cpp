@@ -73,4 +73,12 @@ std::string printable(std::string_view text) {
   return out;
 }
 
+std::string one_line(std::string_view text) {
+  std::string line = printable(text);
+  constexpr std::string_view shown = "\\u000a";
+  for (auto at = line.find('\n'); at != std::string::npos; at = line.find('\n', at + shown.size()))
+    line.replace(at, 1, shown);
+  return line;
+}
+
 }  // namespace berth::text

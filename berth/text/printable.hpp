@@ -12,7 +12,11 @@ namespace berth::text {
 [[nodiscard]] bool is_printable(std::string_view text) noexcept;
 
 /// The text with each such character as \u001b, and each byte that is no UTF-8 as \x9b. Inside a JSON string the first
-/// form is JSON's own.
+/// form is JSON's own. Line feeds stay: only for a text whose lines are Berth's own (JSON, a file that it wrote).
 [[nodiscard]] std::string printable(std::string_view text);
+
+/// The same as one line: a line feed becomes \u000a, too. For every text that a device, a file or a client may have a
+/// part in, so that a name with a line feed forges no row of a table, no event and no line of a log.
+[[nodiscard]] std::string one_line(std::string_view text);
 
 }  // namespace berth::text

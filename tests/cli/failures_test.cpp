@@ -1,9 +1,13 @@
 // What fails names its file or its bus, the cause and what to do about it: a disk that is full or read-only, a port
 // that is not there, a bus on which nothing acknowledges.
 #include <gtest/gtest.h>
+#include <signal.h>
 #include <sys/mount.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -32,6 +36,7 @@ class SmallDisk {
     const std::string page(4096, 'x');
     while (all.write(page.data(), static_cast<std::streamsize>(page.size())).flush()) continue;
   }
+  void empty() const { ::unlink(file("filler").c_str()); }
   void make_read_only() const {
     ASSERT_EQ(::mount("tmpfs", path_.c_str(), "tmpfs", MS_REMOUNT | MS_RDONLY, nullptr), 0);
   }
@@ -52,6 +57,69 @@ TEST_F(Command, AStoreOnAFullDiskNamesFileCauseAndRemedy) {
   EXPECT_TRUE(contains(run.err, store)) << run.err;
   EXPECT_TRUE(contains(run.err, "No space left on device") || contains(run.err, "the disk is full")) << run.err;
   EXPECT_TRUE(contains(run.err, "make room on")) << run.err;
+}
+
+std::ptrdiff_t lines_in(const std::string& text) { return std::ranges::count(text, '\n'); }
+
+TEST_F(Command, ARecordThatNoLongerFitsHasWholeLinesAndTellsHowManyFramesAreMissing) {
+  const SmallDisk disk;
+  if (!disk.there()) GTEST_SKIP() << "only root mounts a disk";
+  const auto listen = [&](const std::string& record) {
+    return berth({"doctor", machine, "--sim", plant, "--up", "--for", "2000 s", "--record", record});
+  };
+  const std::string whole = folder.file("whole.log");
+  const Outcome roomy = listen(whole);
+  EXPECT_EQ(contents(whole).find("No space"), std::string::npos);
+  const std::string all = contents(whole);
+  ASSERT_GT(all.size(), std::size_t{1} << 20U) << "more than is kept for later";
+  const std::string record = disk.file("frames.log");
+  const Outcome full = listen(record);
+  EXPECT_EQ(full.status, 3) << full.out << full.err;
+  EXPECT_EQ(full.out, roomy.out) << "and nothing else is wrong";
+  const std::string kept = contents(record);
+  ASSERT_FALSE(kept.empty());
+  EXPECT_TRUE(kept.ends_with('\n'));
+  EXPECT_EQ(kept, all.substr(0, kept.size()));
+  const std::string told = record + ": No space left on device: the record stands still";
+  const auto first = full.err.find(told);
+  EXPECT_NE(first, std::string::npos) << full.err;
+  EXPECT_EQ(full.err.find(told, first + 1), std::string::npos) << "once: " << full.err;
+  EXPECT_TRUE(contains(full.err, "make room")) << full.err;
+  const std::string missing = std::to_string(lines_in(all) - lines_in(kept)) + " frames are missing in this record";
+  EXPECT_TRUE(contains(full.err, missing)) << missing << "\n" << full.err;
+}
+
+TEST_F(Command, ARecordGoesOnWhenThereIsRoomAgain) {
+  const SmallDisk disk;
+  if (!disk.there()) GTEST_SKIP() << "only root mounts a disk";
+  const std::string record = disk.file("frames.log");
+  disk.fill();
+  Background up({"up", machine, "--sim", plant, "--control", folder.file("s"), "--record", record},
+                OnTerminal{300, 40});
+  ASSERT_TRUE(up.says("the record stands still")) << "at once: " << up.said();
+  EXPECT_EQ(contents(record), "");
+  disk.empty();
+  ASSERT_TRUE(eventually([&] { return contains(contents(record), " 709#05\n"); })) << contents(record);
+  EXPECT_TRUE(contains(contents(record), "(0000000000.")) << "those that waited";
+  up.signal(SIGTERM);
+  const Outcome end = up.end();
+  EXPECT_EQ(end.status, 0) << "none is missing: " << end.err;
+  EXPECT_TRUE(contents(record).ends_with('\n'));
+}
+
+// A limit of the shell's is a full disk, and no end.
+TEST_F(Command, AFileThatMayNotGrowIsAFullDisk) {
+  const std::string record = folder.file("frames.log");
+  const Words words{"doctor", machine, "--sim", plant, "--up", "--for", "2000 s", "--record", record};
+  rlimit before{};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
+  const rlimit small{64 * 1024, before.rlim_max};
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &small), 0);
+  const Outcome full = berth(words);
+  ::setrlimit(RLIMIT_FSIZE, &before);
+  EXPECT_EQ(full.status, 3) << full.out << full.err;
+  EXPECT_TRUE(contains(full.err, "frames are missing in this record")) << full.err;
+  EXPECT_TRUE(contents(record).ends_with('\n'));
 }
 
 // Room for the lock file's entry, and none for the table.

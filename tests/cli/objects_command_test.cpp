@@ -36,6 +36,36 @@ TEST_F(Command, SdoOfSeveralObjects) {
   EXPECT_EQ(written.at("objects").at(1).at("error").at("abort_code"), "0x06010002");
 }
 
+// A value that a device holds, what its script says, and words of a request.
+TEST_F(Command, ALineFeedFromOutsideForgesNoLine) {
+  const std::string eds = folder.write("teller.eds",
+                                       "[ManufacturerObjects]\nSupportedObjects=1\n1=0x2000\n"
+                                       "[2000]\nParameterName=Words\nObjectType=7\nDataType=9\nAccessType=rw\n");
+  folder.write("teller.lua", "device.write(\"2000h\", \"x\\nforged\")\nprint(\"said\\nforged\")\n");
+  const std::string of_c = "serial = 0x30\n";
+  std::string devices = small_plant;
+  devices.replace(devices.find(of_c), of_c.size(), of_c + "eds = \"teller.eds\"\nscript = \"teller.lua\"\n");
+  folder.write("plant.toml", devices);
+  const auto no_line_begins = [](const std::string& text) { return !contains("\n" + text, "\nforged"); };
+
+  for (const Words& words :
+       {Words{"sdo", "read", "9", "2000h", "-t", "vs"}, Words{"status"}, Words{"emcy", "9"},
+        Words{"sdo", "read", "no\nforged", "1017h"}, Words{"sdo", "read", "9", "a\nforged", "1017h"}, Words{"history"},
+        Words{"sdo", "dump", "9", "--eds", "drive\nforged=" + eds}}) {
+    Words all = words;
+    all.insert(all.end(), {"--machine", machine, "--sim", plant, "--up"});
+    const Outcome outcome = berth(all);
+    EXPECT_TRUE(no_line_begins(outcome.out)) << words[0] << "\n" << outcome.out;
+    EXPECT_TRUE(no_line_begins(outcome.err)) << words[0] << "\n" << outcome.err;
+  }
+  const Outcome value = berth({"sdo", "read", "9", "2000h", "-t", "vs", "--machine", machine, "--sim", plant, "--up"});
+  EXPECT_TRUE(contains(value.out, "x\\u000aforged")) << value.out << value.err;
+  const Outcome up = berth({"up", machine, "--sim", plant, "--until", "operational"});
+  EXPECT_TRUE(contains(up.err, "said\\u000aforged")) << up.out << up.err;
+  const Outcome json = run({"sdo", "read", "9", "2000h", "-t", "vs"}, true);
+  EXPECT_EQ(Json::parse(json.out).at("value"), "x\nforged") << "as it came";
+}
+
 // What `sdo read` prints of an object is taken back as it stands, from the line and from the JSON.
 TEST_F(Command, WhatIsPrintedCanBePastedBack) {
   const Outcome line = berth({"sdo", "read", "9", "1018h:3", "--machine", machine, "--sim", plant, "--up"});

@@ -89,9 +89,11 @@ TEST_F(Shell, AReaderThatLeavesEndsAPacedRunToo) {
 
 // Without a descriptor of its own the text would land in the first file that is opened.
 TEST_F(Shell, ClosedStreamsTakeNoFilesNumber) {
-  const auto closed = run("$B up $M --sim $P --store slots.db --fast >&- 2>&- <&-; echo $?; cat slots.db.lock");
+  const auto closed =
+      run("$B up $M --sim $P --store slots.db --record frames.log --fast >&- 2>&- <&-; echo $?; cat frames.log");
   EXPECT_EQ(closed.out.substr(0, 2), "0\n") << closed.out;
   EXPECT_EQ(closed.out.find("bound to"), std::string::npos) << closed.out;
+  EXPECT_NE(closed.out.find("#"), std::string::npos) << "frames are in it";
 }
 
 // A terminal that is closed hangs up: the devices are left as --on-exit says, as by SIGTERM.

@@ -19,6 +19,7 @@
 #include <iterator>
 
 #include "berth/base/random.hpp"
+#include "berth/store/file_lock.hpp"
 #include "berth/store/schema.hpp"
 #include "tests/pch.hpp"
 
@@ -311,6 +312,55 @@ TEST(Store, ALockFileThatWasOpenToAllIsClosed) {
   struct stat what {};
   ASSERT_EQ(::stat(folder.file("berth.db.lock").c_str(), &what), 0);
   EXPECT_EQ(what.st_mode & 0777U, 0600U);
+}
+
+TEST(Store, TheLockFileGoesWithItsOwner) {
+  const Folder folder;
+  auto store = must_open(folder.file());
+  EXPECT_TRUE(fs::exists(folder.file("berth.db.lock")));
+  EXPECT_FALSE(Database::open(folder.file()));
+  EXPECT_TRUE(fs::exists(folder.file("berth.db.lock"))) << "the one that was refused removes nothing";
+  store.reset();
+  EXPECT_FALSE(fs::exists(folder.file("berth.db.lock")));
+  // Another's file under that name is left alone.
+  store = must_open(folder.file());
+  fs::remove(folder.file("berth.db.lock"));
+  write_bytes(folder.file("berth.db.lock"), "1\n");
+  store.reset();
+  EXPECT_TRUE(fs::exists(folder.file("berth.db.lock")));
+  fs::remove(folder.file("berth.db.lock"));
+  write_bytes(folder.file("broken.db"), "this is no slot table, and long enough to be looked at");
+  EXPECT_FALSE(Database::open(folder.file("broken.db")));
+  EXPECT_FALSE(fs::exists(folder.file("broken.db.lock"))) << "nor does a refusal leave one";
+}
+
+// Removing a lock file lets two processes own two files of one name, unless the name is looked at after locking.
+TEST(Store, NoTwoOwnThatRemoveTheLockFile) {
+  const Folder folder;
+  std::vector<pid_t> children;
+  for (int i = 0; i < 4; ++i) {
+    const auto child = ::fork();
+    if (child != 0) {
+      children.push_back(child);
+      continue;
+    }
+    for (int taken = 0, tries = 0; taken < 2000 && tries < 2'000'000; ++tries) {
+      FileLock lock;
+      if (lock.take(folder.file()) != FileLock::Outcome::taken) continue;
+      ++taken;
+      const int only = ::open(folder.file("owner").c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600);
+      if (only < 0) ::_exit(1);
+      ::close(only);
+      ::unlink(folder.file("owner").c_str());
+    }
+    ::_exit(0);
+  }
+  for (const auto child : children) {
+    int status = -1;
+    ::waitpid(child, &status, 0);
+    EXPECT_EQ(status, 0) << "two owned the file at once";
+  }
+  EXPECT_FALSE(fs::exists(folder.file("berth.db.lock")));
 }
 
 // What stands in the lock file is who held it last; who holds it now may have written nothing.

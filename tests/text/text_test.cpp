@@ -79,6 +79,13 @@ TEST(Printable, WhatMovesATerminalIsShownInstead) {
   EXPECT_EQ(printable("\xE2\x82"), "\\xe2\\x82") << "cut short";
 }
 
+TEST(OneLine, ALineFeedBeginsNoLine) {
+  EXPECT_EQ(one_line("a\n9  forged\n"), "a\\u000a9  forged\\u000a");
+  EXPECT_EQ(one_line("\x1B[2J\n\xFF\ttab"), "\\u001b[2J\\u000a\\xff\ttab");
+  EXPECT_EQ(one_line("plain"), "plain");
+  EXPECT_EQ(one_line(""), "");
+}
+
 TEST(Closest, NearWordsOnly) {
   const std::array<std::string_view, 3> words{"bitrate", "port", "master_id"};
   EXPECT_EQ(closest("bitrat", words), "bitrate");
