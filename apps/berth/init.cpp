@@ -59,9 +59,9 @@ tl::expected<void, Failure> check_files(const Options& options, const InitOption
 // The files as Berth itself will read them: what it would not run is not written.
 tl::expected<void, Failure> check_texts(const std::string& machine, const std::string& plant, const InitOptions& init,
                                         const Options& options) {
-  const auto read = design::read_machine(machine, init.file, design::eds_loader());
+  const auto read = design::read_machine(machine, init.file, design::eds_loader(), {}, {}, options.files.allow_outside);
   if (!read.machine) return tl::unexpected(failure(read.findings));
-  const auto devices = plant::read_plant(plant, init.plant);
+  const auto devices = plant::read_plant(plant, init.plant, options.files.allow_outside);
   if (!devices.plant) return tl::unexpected(failure(devices.findings));
   std::vector<plant::BusRate> rates;
   for (const auto& bus : read.machine->buses) rates.push_back({bus.name, bus.bitrate});
@@ -200,6 +200,7 @@ void add_init(Verb& berth, Options& options) {
   init.word("--name", wanted->name, "name of the machine (default: the folder's)").shown("NAME");
   init.word("--plant", wanted->plant, "plant file to write (default: MACHINE with .plant.toml)").shown("FILE");
   init.flag("--force", wanted->force, "replace files that are there");
+  reach_word(init, options);
   init.flag("--dry-run", options.dry_run, "print both files, and write none");
   init.time("--timeout", options.timeout, "with --port: longest time");
   json_flag(init, options);

@@ -51,7 +51,7 @@ namespace {
 // Empty: a node of this bus may have it done.
 std::string why_not(const design::Machine& machine, const std::string& bus, const Request& request) {
   const auto it = std::ranges::find(machine.buses, bus, &design::Bus::name);
-  return why_refused(Face::node, request, {.listed = it == machine.buses.end() ? nullptr : &it->commands});
+  return why_refused(Face::node, request, {.bus = bus, .listed = it == machine.buses.end() ? nullptr : &it->commands});
 }
 
 }  // namespace

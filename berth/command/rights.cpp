@@ -2,18 +2,26 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "berth/command/verbs.hpp"
 #include "berth/text/quantity.hpp"
 
 namespace berth::command {
 namespace {
 
-// A person's arguments: a file of this computer, and "yes".
-std::string personal_argument(const Verb& verb, const Request& request) {
+// Of any verb: also where this one would not take it.
+bool is_personal(std::string_view name) {
+  return std::ranges::any_of(verbs(), [&](const Verb& each) {
+    const Parameter* const parameter = each.parameter(name);
+    return parameter != nullptr && parameter->personal;
+  });
+}
+
+// A file of this computer, and "yes".
+std::string personal_argument(const Request& request) {
   for (const auto& [name, value] : request.arguments) {
-    const Parameter* const parameter = verb.parameter(name);
-    if (parameter != nullptr && parameter->personal)
-      return fmt::format("{} is for a person to say, not for a node or a client", text::quoted(name));
+    if (is_personal(name)) return fmt::format("{} is for a person to say, not for a node", text::quoted(name));
   }
   return {};
 }
@@ -25,14 +33,14 @@ std::string why_refused(Face face, const Request& request, const Granted& grante
   const bool trusted = face == Face::person || face == Face::program;
   if (trusted || known == nullptr) return {};
   if (face == Face::node && (granted.listed == nullptr || !granted.listed->allow(request.verb)))
-    return fmt::format("no node of this bus may command {}: its [bus.NAME.commands] does not list it",
-                       text::quoted(request.verb));
+    return fmt::format("no node of bus {} may command {}: [bus.{}.commands] does not list it",
+                       text::quoted(granted.bus), text::quoted(request.verb), granted.bus);
   if (face == Face::gateway && known->effect == Effect::changes && !granted.changes)
     return fmt::format(
         "{} changes something, and on a real bus a client may only read and ask: allow it with --commands "
         "(berth gateway) or --gateway-commands (berth up)",
         text::quoted(request.verb));
-  return personal_argument(*known, request);
+  return personal_argument(request);
 }
 
 }  // namespace berth::command

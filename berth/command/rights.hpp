@@ -2,7 +2,9 @@
 /// by the columns of the table of verbs.
 #pragma once
 
+#include <cstdint>
 #include <string>
+#include <string_view>
 
 #include "berth/command/request.hpp"
 #include "berth/design/machine.hpp"
@@ -19,6 +21,7 @@ enum class Face : std::uint8_t {
 
 /// What was granted to a face, beside what it has by itself.
 struct Granted {
+  std::string_view bus{};                       ///< node: for the answer
   const design::BusCommands* listed = nullptr;  ///< node: `[bus.NAME.commands]` of its bus; null: nothing
   bool changes = false;                         ///< gateway: `--commands`, or no real bus is touched
 };

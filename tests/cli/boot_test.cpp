@@ -30,7 +30,7 @@ class Boot : public ::testing::Test {
     EXPECT_NE(at, std::string::npos);
     machine.insert(machine.find('\n', at) + 1, text);
     for (std::size_t i = 0; (i = machine.find("\"eds/", i)) != std::string::npos; i += 2) {
-      machine.replace(i, 5, "\"" + example("eds/"));
+      machine.replace(i, 5, "\"" + folder.bring("eds/"));
     }
     return folder.write("changed.toml", machine);
   }
@@ -117,10 +117,10 @@ TEST_F(Boot, WrongWordsAreUsage) {
 // Two devices of one node-ID, which both answer, the one later than the other (two equal answers at one instant are one
 // frame): each request has two answers.
 TEST_F(Boot, TwoDevicesUnderOneNodeIdAreTold) {
-  const auto device = [](const char* name, int serial) {
+  const auto device = [this](const char* name, int serial) {
     return fmt::format(
         "[[device]]\nbus = \"field\"\nname = \"{}\"\nserial = {}\nnode_id = 1\nresponse = \"{} ms\"\neds = \"{}\"\n",
-        name, serial, serial, example("eds/sensor.eds"));
+        name, serial, serial, folder.bring("eds/sensor.eds"));
   };
   const std::string one = folder.write("one.plant.toml", "[bus.field]\n" + device("a", 1));
   const std::string two = folder.write("two.plant.toml", "[bus.field]\n" + device("a", 1) + device("b", 2));
@@ -128,7 +128,7 @@ TEST_F(Boot, TwoDevicesUnderOneNodeIdAreTold) {
                                            "[machine]\nname = \"two\"\n[bus.field]\nport = \"sim\"\nbitrate = "
                                            "250_000\nmaster_id = 127\n[[slot]]\nbus = \"field\"\n"
                                            "id = 1\nname = \"s\"\neds = \"" +
-                                               example("eds/sensor.eds") + "\"\n");
+                                               folder.bring("eds/sensor.eds") + "\"\n");
   const Outcome alone = berth({"boot", "--machine", machine, "--sim", one});
   EXPECT_EQ(alone.status, 0) << alone.out << alone.err;
   EXPECT_FALSE(contains(alone.out + alone.err, "twice")) << alone.out << alone.err;

@@ -30,7 +30,7 @@ const std::map<std::string, Expected>& expected() {
   static const std::string blank = "00000001-00000004-00010000-00000009";
   static const std::map<std::string, Expected> all{
       {"berth trace --port can0 --timeout \"1 s\"", {"Heartbeat of node 5"}},
-      {"berth trace --port can0 -o run.log --timeout \"1 s\"", {"Heartbeat of node 5", 0, "run.log", "can0 705#"}},
+      {"berth trace --port can0 -o can0.log --timeout \"1 s\"", {"Heartbeat of node 5", 0, "can0.log", "can0 705#"}},
       {"berth trace --port can0 --node 5 --service heartbeat --timeout \"1 s\"", {"Heartbeat of node 5"}},
       {"berth trace run.log", {"Heartbeat of node 5"}},
       {"berth trace run.log --eds 5=pump.eds --service sdo", {"Serial number"}},

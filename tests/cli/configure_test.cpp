@@ -85,7 +85,7 @@ TEST_F(Configure, AWrongFileIsAnErrorOfTheMachineFile) {
       text.replace(at, what.size(), by);
     }
   };
-  replace("eds/", example("eds/"));
+  replace("eds/", folder.bring("eds/"));
   auto wrong = text;
   const auto booster = wrong.find("booster.dcf");
   ASSERT_NE(booster, std::string::npos);
@@ -113,7 +113,7 @@ TEST_F(Configure, WhatWaitsForAPowerCycleIsKeptOverProcesses) {
       const auto at = text.find("eds/", from);
       all += text.substr(from, at - from);
       if (at == std::string::npos) return all;
-      all += example("eds/");
+      all += folder.bring("eds/");
       from = at + 4;
     }
   };
@@ -178,7 +178,7 @@ TEST_F(Configure, S5_22_WhatADeviceHasBecomesAFileThatItsReplacementGets) {
   for (const std::string what : {"eds/pump.dcf", "eds/pump.eds", "eds/booster.dcf"}) {
     const auto at = other.find(what);
     ASSERT_NE(at, std::string::npos) << what;
-    other.replace(at, what.size(), what == "eds/pump.dcf" ? dcf : example(what));
+    other.replace(at, what.size(), what == "eds/pump.dcf" ? dcf : folder.bring(what));
   }
   const std::string second = folder.write("second.toml", other);
   const Outcome check =
@@ -204,7 +204,7 @@ TEST_F(Configure, AnUploadThatCannotBeSaysWhy) {
   ASSERT_NE(text.find(config), std::string::npos);
   text.erase(text.find(config), config.size());
   for (const std::string what : {"eds/pump.eds", "eds/booster.dcf"})
-    text.replace(text.find(what), what.size(), example(what));
+    text.replace(text.find(what), what.size(), folder.bring(what));
   const Outcome nowhere = berth({"upload", "pump 1", folder.write("plain.toml", text), "--sim", plant, "--up"});
   EXPECT_EQ(nowhere.status, 2);
   EXPECT_NE(nowhere.err.find("--output FILE.dcf"), std::string::npos) << nowhere.err;

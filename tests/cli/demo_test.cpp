@@ -241,7 +241,7 @@ TEST_F(Up, TheRecordedFramesTellTheSameTable) {
   for (const auto& [m, p] :
        {std::pair(machine, plant), {example("five-slaves.toml"), example("five-slaves.plant.toml")}}) {
     const std::string log = folder.file("frames.log");
-    const Outcome run = berth({"up", m, "--sim", p, "--until", "operational", "--record", log, "--json"});
+    const Outcome run = berth({"up", m, "--sim", p, "--until", "operational", "--record", log, "--force", "--json"});
     ASSERT_EQ(run.status, 0) << run.err;
     struct Node {
       bool booted = false;

@@ -146,7 +146,7 @@ class Taken : public ::testing::Test {
     };
     return {
         {"demo", {"--fast"}},
-        {"init", {folder.file("made.toml"), "--eds", drive, "--force"}},
+        {"init", {folder.file("made.toml"), "--eds", drive, "--force", "--allow-outside", source_dir()}},
         {"ports", {}},
         {"up", on({"--fast"})},
         {"scan", on({})},

@@ -138,10 +138,10 @@ above   = "tip gateway"
 beneath = ["tip port"]
 )";
 
-std::string with_io(std::string text) {
+std::string with_io(const Folder& folder, std::string text) {
   const std::string word = "\"IO\"";
   for (auto at = text.find(word); at != std::string::npos; at = text.find(word))
-    text.replace(at, word.size(), "\"" + example("eds/io.eds") + "\"");
+    text.replace(at, word.size(), "\"" + folder.bring("eds/io.eds") + "\"");
   return text;
 }
 
@@ -153,9 +153,9 @@ class LevelsCommand : public ::testing::Test {
   }
 
   Folder folder;
-  std::string machine = folder.write("machine.toml", with_io(tower_machine));
-  std::string linked = folder.write("linked.toml", with_io(tower_machine) + tower_link);
-  std::string plant = folder.write("plant.toml", with_io(tower_plant));
+  std::string machine = folder.write("machine.toml", with_io(folder, tower_machine));
+  std::string linked = folder.write("linked.toml", with_io(folder, tower_machine) + tower_link);
+  std::string plant = folder.write("plant.toml", with_io(folder, tower_plant));
 };
 
 }  // namespace
@@ -196,7 +196,7 @@ TEST_F(LevelsCommand, AScanOfAllBuses) {
 
 TEST_F(LevelsCommand, ADoctorWithoutAPortSaysWhatToDo) {
   const std::string real = folder.write("real.toml", [&] {
-    std::string text = with_io(tower_machine);
+    std::string text = with_io(folder, tower_machine);
     return text.replace(text.find("\"sim\""), 5, "\"socketcan:no-such-interface\"");
   }());
   for (const Words& words : {Words{"doctor", real, "--bus", "boom"}, Words{"doctor", real, "--conformance", "3/4"}}) {
@@ -363,7 +363,7 @@ TEST_F(LevelsCommand, APathThatIsNone) {
 
 // Of gateways that are said to wait 10 ms Berth believes after half a second that they are silent.
 TEST_F(LevelsCommand, HowLongAGatewayWaitsIsInTheMachineFile) {
-  std::string text = with_io(tower_machine);
+  std::string text = with_io(folder, tower_machine);
   for (const std::string slot : {"slot = 3", "slot = 5"}) text.insert(text.find(slot), "timeout = \"10 ms\", ");
   const std::string hasty = folder.write("hasty.toml", text);
   const Outcome run = berth({"sdo", "read", "3/9", "1000h", "--machine", hasty, "--sim", plant, "--up"});
@@ -391,12 +391,12 @@ class PortBeneath : public LevelsCommand {
     text.replace(at, from.size(), to);
   }
   PortBeneath() {
-    std::string text = with_io(tower_machine);
+    std::string text = with_io(folder, tower_machine);
     put(text, "port      = \"gateway\"\nbitrate   = 250_000\nmaster_id = 1\n", "port = \"sim\"\nbitrate = 250_000\n");
     put(text, "slot = 3 }", "slot = 3, node = 9 }");
     text += "\n[[slot]]\nbus = \"boom\"\nid = 9\nname = \"boom port\"\ntype = { vendor = 1, product = 0x59 }\n";
     machine = folder.write("machine.toml", text);
-    std::string devices = with_io(tower_plant);
+    std::string devices = with_io(folder, tower_plant);
     put(devices, "node_id = 1\nsource  = \"hard-coded\"\nmaster  = { flying = false, most = 10 }\n", "");
     plant = folder.write("plant.toml", devices);
   }

@@ -171,6 +171,14 @@ Folder::~Folder() {
   std::filesystem::remove_all(path_, ignored);
 }
 
+std::string Folder::bring(const std::string& name) const {
+  namespace fs = std::filesystem;
+  const fs::path to = file(name);
+  fs::create_directories(to.parent_path());
+  fs::copy(example(name), to, fs::copy_options::recursive | fs::copy_options::overwrite_existing);
+  return to.string();
+}
+
 std::string Folder::write(const std::string& name, const std::string& text) const {
   std::ofstream(file(name), std::ios::binary) << text;
   return file(name);

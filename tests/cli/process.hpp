@@ -73,6 +73,8 @@ class Folder {
   [[nodiscard]] std::string file(const std::string& name) const { return path_ + "/" + name; }
   /// Writes a file and gives its name.
   std::string write(const std::string& name, const std::string& text) const;
+  /// Copies this file or folder of examples/ under the same name and gives that: what a machine file may name.
+  [[nodiscard]] std::string bring(const std::string& example) const;
 
  private:
   std::string path_;

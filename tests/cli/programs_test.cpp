@@ -58,7 +58,7 @@ TEST_F(ProgramCommand, ByHandItIsOnlyTold) {
                    "[[slot]]\nbus = \"line\"\nids = \"1..3\"\nname = \"c{id}\"\n"
                    "type = { vendor = 0x0000_0001, product = 0x0000_0060 }\nupdate = \"by-hand\"\n"
                    "programs = [{ file = \"" +
-                       example("programs/controller-2.bprg") + "\" }]\n");
+                       folder.bring("programs/controller-2.bprg") + "\" }]\n");
   const Outcome up = berth({"up", by_hand, "--sim", plant, "--fast", "--timeout", "20 s"});
   EXPECT_NE(up.status, 0);
   EXPECT_NE(up.out.find("c2: failed: H: its software is not the expected one"), std::string::npos) << up.out;
@@ -105,8 +105,8 @@ TEST_F(ProgramCommand, TheIdentificationIsThatOfTheCommand) {
                    "[[slot]]\nbus = \"line\"\nids = \"1..3\"\nname = \"c{id}\"\n"
                    "type = { vendor = 0x0000_0001, product = 0x0000_0060 }\nupdate = \"by-hand\"\n"
                    "programs = [{ file = \"" +
-                       example("programs/controller-2.bprg") + "\" }, { number = 2, file = \"" +
-                       example("programs/controller-1.bprg") + "\" }]\n");
+                       folder.bring("programs/controller-2.bprg") + "\" }, { number = 2, file = \"" +
+                       folder.bring("programs/controller-1.bprg") + "\" }]\n");
   const Outcome which = berth({"program", "download", "c2", "--identification", "5", "--machine", two, "--sim", plant});
   EXPECT_EQ(which.status, 2);
   EXPECT_NE(which.err.find("--identification is of one program"), std::string::npos) << which.err;
