@@ -113,7 +113,8 @@ class Plants(Judge):
 class Services(Judge):
     def one(self, *command):
         log = self.path("one.log")
-        berth(*command, "--machine", example("five-slaves.toml"), "--sim", example("five-slaves.plant.toml"), "--record", log)
+        berth(*command, "--machine", example("five-slaves.toml"), "--sim", example("five-slaves.plant.toml"), "--record", log,
+              "--force")
         return self.judge(log)
 
     def test_sdo(self):
