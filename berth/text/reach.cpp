@@ -55,6 +55,7 @@ Reach::Reach(const std::string& file, std::span<const std::string> allowed)
 }
 
 std::optional<std::string> Reach::path(const std::string& name) const {
+  if (name.size() > longest) return std::nullopt;
   std::string made = beside(file_, name);
   const fs::path leads_to = real(made);
   if (leads_to.empty()) return std::nullopt;
@@ -64,6 +65,10 @@ std::optional<std::string> Reach::path(const std::string& name) const {
 }
 
 std::string Reach::path(Table& table, std::string_view key, const std::string& name) const {
+  if (name.size() > longest) {
+    table.error(key, fmt::format("the file name has {} bytes, {} at most", name.size(), longest), "shorten it");
+    return {};
+  }
   auto found = path(name);
   if (found) return *std::move(found);
   table.error(key, fmt::format("{} leads out of {}", text::quoted(name), folder()),

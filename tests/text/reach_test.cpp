@@ -82,6 +82,14 @@ TEST_F(ReachOf, AProjectOfAnotherUserIsNone) {
   EXPECT_FALSE(reaches("../shared/b.eds"));
 }
 
+// Two million folders deep it would take 271 MB to follow.
+TEST_F(ReachOf, ANameThatNoSystemOpensIsNotFollowed) {
+  std::string name;
+  while (name.size() < 1000) name += "x/";
+  EXPECT_TRUE(reaches(name));
+  EXPECT_FALSE(reaches(std::string(Reach::longest + 1, 'x')));
+}
+
 TEST_F(ReachOf, APersonAllowsFolders) {
   for (const char* const slash : {"", "/"}) {
     const std::vector<std::string> allowed{at("plants/shared") + slash};
