@@ -1,6 +1,5 @@
 // `berth adopt`: the machine file and the bindings of a machine that runs, without disturbing it.
 #include "adopt.hpp"
-#include "outputs.hpp"
 
 #include <fmt/format.h>
 
@@ -13,6 +12,7 @@
 #include "berth/store/database.hpp"
 #include "berth/text/quantity.hpp"
 #include "interrupt.hpp"
+#include "outputs.hpp"
 #include "rig.hpp"
 
 namespace berth::cli {

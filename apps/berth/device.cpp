@@ -200,7 +200,7 @@ class Voice final : public plant::PortDevices::Observer {
     json["text"] = told.text;
     print_line(json.dump());
   }
-  bool scripts_must_end() noexcept override { return ended_by(std::nullopt)(); }
+  bool scripts_must_end() noexcept override { return is_ending(); }
 
   void started(const Options& options, const plant::PortDevices& devices,
                const std::map<std::string, std::unique_ptr<BusPorts>>& ports) {

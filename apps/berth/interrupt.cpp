@@ -68,14 +68,16 @@ void wait_for(rt::Driver& driver, Interrupt& interrupt, rt::Duration time) {
       driver, interrupt, [] { return false; }, time);
 }
 
+bool is_ending() noexcept {
+  sigset_t waiting;
+  ::sigpending(&waiting);
+  const bool ends = std::ranges::any_of(ending, [&](int s) { return ::sigismember(&waiting, s) == 1; });
+  return ends || run_must_end();
+}
+
 std::function<bool()> ended_by(std::optional<std::chrono::nanoseconds> after) {
   const auto end = after ? Clock::now() + *after : Clock::time_point::max();
-  return [end] {
-    sigset_t waiting;
-    ::sigpending(&waiting);
-    const bool ends = std::ranges::any_of(ending, [&](int s) { return ::sigismember(&waiting, s) == 1; });
-    return ends || run_must_end() || Clock::now() >= end;
-  };
+  return [end] { return is_ending() || Clock::now() >= end; };
 }
 
 }  // namespace berth::cli

@@ -45,8 +45,10 @@ bool wait_until(rt::Driver& driver, Interrupt& interrupt, const rt::Driver::Pred
 /// Runs for `time`, or until a signal came.
 void wait_for(rt::Driver& driver, Interrupt& interrupt, rt::Duration time);
 
-/// True when such a signal waits to be taken, or `after` is over from now on: what ends a call that takes long.
+/// True when such a signal waits to be taken, or the run must end (`run_must_end`): what ends a call that takes long.
 /// There must be an `Interrupt`, and its loop must not turn meanwhile.
+[[nodiscard]] bool is_ending() noexcept;
+/// The same, or `after` is over from now on.
 [[nodiscard]] std::function<bool()> ended_by(std::optional<std::chrono::nanoseconds> after);
 
 }  // namespace berth::cli

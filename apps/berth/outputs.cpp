@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "berth/base/read_files.hpp"
+#include "berth/base/real_path.hpp"
 #include "options.hpp"
 #include "whole_files.hpp"
 
@@ -26,33 +27,35 @@ struct Claimed {
   std::string option;
 };
 
-std::string real_path(const std::string& path) {
-  std::error_code error;
-  const auto real = fs::weakly_canonical(fs::absolute(path, error), error);
-  return error ? path : real.string();
-}
-
 std::vector<Claimed>& all_claimed() {
   static std::vector<Claimed> all;
   return all;
 }
 
-bool is_claimed(const std::string& path, const char* option) {
-  const auto it = std::ranges::find(all_claimed(), real_path(path), &Claimed::path);
-  return it != all_claimed().end() && it->option == option;
+std::string name_of(const std::string& path) {
+  const auto real = real_path(path);
+  return real.empty() ? path : real.string();
 }
 
-// Two options that name one file, which is perhaps not there yet.
+// The option that has named it, which is perhaps not there yet; null: none.
+const std::string* claimed_by(const std::string& path) {
+  const auto it = std::ranges::find(all_claimed(), name_of(path), &Claimed::path);
+  return it == all_claimed().end() ? nullptr : &it->option;
+}
+
 std::optional<Failure> claim(const std::string& path, const char* option) {
-  const std::string real = real_path(path);
-  const auto it = std::ranges::find(all_claimed(), real, &Claimed::path);
-  if (it == all_claimed().end()) {
-    all_claimed().push_back({real, option});
-    return std::nullopt;
+  const auto* const other = claimed_by(path);
+  if (other != nullptr) {
+    return failure(Exit::usage,
+                   fmt::format("{}: {} and {} both name it; give each a file of its own", path, *other, option));
   }
-  if (it->option == option) return std::nullopt;
-  return failure(Exit::usage,
-                 fmt::format("{}: {} and {} both name it; give each a file of its own", path, it->option, option));
+  all_claimed().push_back({name_of(path), option});
+  return std::nullopt;
+}
+
+bool has_claimed(const std::string& path, const char* option) {
+  const auto* const by = claimed_by(path);
+  return by != nullptr && *by == option;
 }
 
 bool is_plain(const std::string& path, bool& empty) {
@@ -70,7 +73,7 @@ std::optional<Failure> is_input(const std::string& path, const char* option) {
 }  // namespace
 
 std::optional<Failure> may_write(const std::string& path, const char* option, bool force) {
-  if (is_claimed(path, option)) return std::nullopt;
+  if (has_claimed(path, option)) return std::nullopt;
   if (auto input = is_input(path, option)) return input;
   bool empty = false;
   if (!is_plain(path, empty)) {
@@ -85,9 +88,10 @@ std::optional<Failure> may_write(const std::string& path, const char* option, bo
 }
 
 std::optional<Failure> write_output(const std::string& path, std::string_view bytes) {
+  if (auto input = is_input(path, "its output")) return input;
   bool empty = false;
   std::error_code none;
-  if (is_plain(path, empty) || !fs::exists(path, none)) return write_whole({{real_path(path), bytes}}, true);
+  if (is_plain(path, empty) || !fs::exists(path, none)) return write_whole({{name_of(path), bytes}}, true);
   std::ofstream stream(path, std::ios::binary);
   stream << bytes;
   stream.close();
@@ -96,7 +100,7 @@ std::optional<Failure> write_output(const std::string& path, std::string_view by
 }
 
 std::optional<Failure> may_keep(const std::string& path, const char* option) {
-  if (is_claimed(path, option)) return std::nullopt;  // it has been read as its own since
+  if (has_claimed(path, option)) return std::nullopt;  // it has been read as its own since
   if (auto input = is_input(path, option)) return input;
   return claim(path, option);
 }

@@ -16,7 +16,7 @@ namespace berth::cli {
 [[nodiscard]] std::optional<Failure> may_write(const std::string& path, const char* option, bool force);
 
 /// Writes it whole or not at all, over what is there: `may_write` was asked. Into what is no plain file it is written
-/// as it goes. Status 3: the system says why.
+/// as it goes. Status 2: it has been read since `may_write` was asked. Status 3: the system says why.
 [[nodiscard]] std::optional<Failure> write_output(const std::string& path, std::string_view bytes);
 
 /// The same as `may_write` for a file that the command keeps for itself from run to run, such as that of `--sim-state`:

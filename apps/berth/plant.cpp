@@ -76,7 +76,7 @@ class NodeIds final : public plant::World::Observer {
     scripts.push_back({seconds(world_->sim().now()), device.name(), told});
     end_run_of(told);
   }
-  bool scripts_must_end() noexcept override { return ended_by(std::nullopt)(); }
+  bool scripts_must_end() noexcept override { return is_ending(); }
   struct Script {
     double at_s;
     std::string device;

@@ -115,7 +115,7 @@ void ScriptTeller::script_told(const plant::SimDevice& device, const script::Tol
   end_run_of(told);
 }
 
-bool ScriptTeller::scripts_must_end() noexcept { return ended_by(std::nullopt)(); }
+bool ScriptTeller::scripts_must_end() noexcept { return is_ending(); }
 
 tl::expected<std::unique_ptr<plant::World>, Failure> make_world(const plant::PlantFile& plant,
                                                                 const std::vector<plant::BusRate>& rates,

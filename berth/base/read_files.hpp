@@ -6,7 +6,7 @@
 
 namespace berth {
 
-/// To be called where a file is opened for reading. One that is no plain file counts for nothing.
+/// To be called where a file is opened for reading, or named to be. One that is no plain file counts for nothing.
 void note_read(const std::string& path) noexcept;
 
 /// It is one of them.

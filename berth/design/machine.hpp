@@ -229,8 +229,8 @@ struct MachineResult {
 
 /// Reads a machine file's text. `file_name` is shown in findings, and its folder is where `eds` and `config` are looked
 /// for. An empty `loader`: slots with `eds` are an error. An empty `configs`: files of `config` are not looked at. An
-/// empty `libraries`: a file of `devices` is an error. What it names and that leads out of its folder, its project and the
-/// folders of `allowed` is an error too (`text::Reach`).
+/// empty `libraries`: a file of `devices` is an error. What it names and that leads out of its folder, its project and
+/// the folders of `allowed` is an error too (`text::Reach`).
 [[nodiscard]] MachineResult read_machine(std::string_view text, const std::string& file_name, const TypeLoader& loader,
                                          const ConfigLoader& configs = {}, const TextLoader& libraries = {},
                                          std::span<const std::string> allowed = {});

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <map>
 
+#include "berth/base/real_path.hpp"
 #include "berth/eds/context.hpp"
 #include "berth/eds/text.hpp"
 
@@ -130,11 +131,8 @@ std::optional<std::filesystem::path> inner_path(std::string text) {
 }
 
 bool is_link_out(const std::filesystem::path& path, const std::filesystem::path& folder) {
-  namespace fs = std::filesystem;
-  std::error_code error;
-  const auto home = fs::weakly_canonical(fs::absolute(folder.empty() ? fs::path(".") : folder), error);
-  const auto leads_to = error ? fs::path() : fs::weakly_canonical(fs::absolute(path), error);
-  return error || std::mismatch(home.begin(), home.end(), leads_to.begin(), leads_to.end()).first != home.end();
+  const auto home = real_path(folder.empty() ? "." : folder);
+  return home.empty() || !is_beneath(real_path(path), home);
 }
 
 }  // namespace

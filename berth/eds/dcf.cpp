@@ -9,10 +9,10 @@
 #include <memory>
 #include <set>
 
+#include "berth/base/read_files.hpp"
 #include "berth/eds/copy.hpp"
 #include "berth/eds/objects.hpp"
 #include "berth/eds/write.hpp"
-#include "berth/base/read_files.hpp"
 
 namespace berth::eds {
 namespace {

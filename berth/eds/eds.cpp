@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "berth/base/read_files.hpp"
 #include "berth/eds/info.hpp"
 #include "berth/eds/objects.hpp"
-#include "berth/base/read_files.hpp"
 
 namespace berth::eds {
 namespace {

@@ -13,11 +13,11 @@
 #include <set>
 
 #include "berth/base/bytes.hpp"
+#include "berth/base/read_files.hpp"
 #include "berth/eds/concise_dcf.hpp"
 #include "berth/eds/dcf.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/manager/object_ranges_parts.hpp"
-#include "berth/base/read_files.hpp"
 
 namespace berth::manager {
 namespace {

@@ -7,9 +7,9 @@
 #include <iterator>
 
 #include "berth/base/crc.hpp"
+#include "berth/base/read_files.hpp"
 #include "berth/device/program_image.hpp"
 #include "berth/od/cia302.hpp"
-#include "berth/base/read_files.hpp"
 
 namespace berth::operate {
 namespace {

@@ -23,19 +23,6 @@ bool is_at(int fd, const std::string& path) noexcept {
          open.st_ino == named.st_ino;
 }
 
-}  // namespace
-
-// Two processes could own two files of one name: one that opened the file before it was removed, and one that made it
-// anew. So the file is removed only by who holds its lock, and a lock counts only if the file still has its name after
-// it was locked (`take`).
-FileLock::~FileLock() {
-  if (fd_ < 0) return;
-  if (!path_.empty() && is_at(fd_, path_)) ::unlink(path_.c_str());
-  ::close(fd_);
-}
-
-namespace {
-
 // By the kernel's list of locks: what an earlier holder wrote into the file says nothing of this one. "" when the list
 // does not show it (another host's, another container's).
 std::string holder_of(int fd) {
@@ -54,6 +41,15 @@ std::string holder_of(int fd) {
 }
 
 }  // namespace
+
+// Two processes could own two files of one name: one that opened the file before it was removed, and one that made it
+// anew. So the file is removed only by who holds its lock, and a lock counts only if the file still has its name after
+// it was locked (`lock`).
+FileLock::~FileLock() {
+  if (fd_ < 0) return;
+  if (!path_.empty() && is_at(fd_, path_)) ::unlink(path_.c_str());
+  ::close(fd_);
+}
 
 FileLock::Outcome FileLock::lock(const std::string& path) {
   // Each turn another process has removed the file in between: it held the lock, and ended.

@@ -8,6 +8,8 @@
 #include <filesystem>
 #include <system_error>
 
+#include "berth/base/read_files.hpp"
+#include "berth/base/real_path.hpp"
 #include "berth/text/file.hpp"
 #include "berth/text/quantity.hpp"
 
@@ -16,16 +18,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-fs::path real(const fs::path& path) {
-  std::error_code error;
-  auto found = fs::weakly_canonical(fs::absolute(path, error), error);
+bool leads_nowhere(const fs::path& real) {
   std::error_code not_there;
-  const bool leads_nowhere = fs::is_symlink(fs::symlink_status(found, not_there));
-  return error || leads_nowhere ? fs::path() : found;
-}
-
-bool is_beneath(const fs::path& path, const fs::path& folder) {
-  return std::mismatch(folder.begin(), folder.end(), path.begin(), path.end()).first == folder.end();
+  return fs::is_symlink(fs::symlink_status(real, not_there));
 }
 
 // Another user of the computer could make all of a folder that both write to, such as /tmp, a project.
@@ -46,9 +41,9 @@ fs::path project_of(const fs::path& folder) {
 
 Reach::Reach(const std::string& file, std::span<const std::string> allowed)
     : file_(file), allowed_(allowed.begin(), allowed.end()) {
-  folders_.push_back(project_of(real(fs::path(file)).parent_path()).string());
+  folders_.push_back(project_of(real_path(file).parent_path()).string());
   for (const auto& each : allowed_) {
-    const fs::path folder = real(each);
+    const fs::path folder = real_path(each);
     // A name that ends in a slash has an empty last part.
     if (!folder.empty()) folders_.push_back((folder.has_filename() ? folder : folder.parent_path()).string());
   }
@@ -57,10 +52,11 @@ Reach::Reach(const std::string& file, std::span<const std::string> allowed)
 std::optional<std::string> Reach::path(const std::string& name) const {
   if (name.size() > longest) return std::nullopt;
   std::string made = beside(file_, name);
-  const fs::path leads_to = real(made);
-  if (leads_to.empty()) return std::nullopt;
+  const fs::path leads_to = real_path(made);
+  if (leads_to.empty() || leads_nowhere(leads_to)) return std::nullopt;
   const bool reached = std::ranges::any_of(folders_, [&](const auto& each) { return is_beneath(leads_to, each); });
   if (!reached) return std::nullopt;
+  note_read(made);
   return made;
 }
 

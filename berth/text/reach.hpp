@@ -26,7 +26,8 @@ class Reach {
   /// Bytes of the longest name: the system opens no longer one.
   static constexpr std::size_t longest = 4096;
 
-  /// `name` as seen from the folder of the file; an absolute name stays. Empty: it leads elsewhere, or is longer.
+  /// `name` as seen from the folder of the file; an absolute name stays. Empty: it leads elsewhere, or is longer. What
+  /// is named counts as read (`note_read`), though it may be opened much later.
   [[nodiscard]] std::optional<std::string> path(const std::string& name) const;
   /// The same for the value of `key`; what leads elsewhere is an error of the table, and empty.
   [[nodiscard]] std::string path(Table& table, std::string_view key, const std::string& name) const;

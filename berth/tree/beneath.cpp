@@ -99,9 +99,7 @@ rt::Task<void> Beneath::watch() {
     wakes_.clear();
     if (slots_.all().empty()) continue;
     const bool runs = gateway_runs_ && gateway_runs_();
-    const bool returned = runs && !ran_;
-    ran_ = runs;
-    watch_.set_gateway_runs(runs);
+    const bool returned = watch_.set_gateway_runs(runs);
     if (brings_up_) {
       co_await watch_.look_at_asked();
     } else if (up_ && !provided_ && is_due_again()) {

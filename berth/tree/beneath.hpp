@@ -84,7 +84,6 @@ class Beneath {
   bool brings_up_ = false;  // now
   bool provided_ = false;   // its gateway has its list, as far as is known; else it is tried again
   bool foreign_ = false;    // its gateway ran with another list when Berth began
-  bool ran_ = false;        // its gateway, at the last look
   rt::Time again_at_{};
   bool again_early_ = false;  // and once as soon as all of it runs
   rt::Time list_at_{};        // whether its gateway still has its list is asked then, while not all of it runs

@@ -82,7 +82,7 @@ rt::Task<bool> GatewayMaster::has_another_list(const manager::Wanted& list) {
   const auto days = co_await master_->read_u32(configuration_date, 1);
   if (!days) co_return false;
   const auto ms = co_await master_->read_u32(configuration_date, 2);
-  co_return ms && manager::ConfigurationDate{*days, *ms} != list.date;
+  co_return ms&& manager::ConfigurationDate{*days, *ms} != list.date;
 }
 
 rt::Task<bool> GatewayMaster::is_bare(const std::vector<NodeId>& nodes) {

@@ -39,9 +39,11 @@ WatchBeneath::WatchBeneath(SlotsBeneath& slots, const Way& way, multilevel::Rout
       routes_(routes),
       master_(routes.access({way.gateways, slots.bus().master}), slots.bus().master) {}
 
-void WatchBeneath::set_gateway_runs(bool runs) noexcept {
-  if (runs && !silence_.ran) silence_.rest_until = {};
+bool WatchBeneath::set_gateway_runs(bool runs) noexcept {
+  const bool returned = runs && !silence_.ran;
+  if (returned) silence_.rest_until = {};
   silence_.ran = runs;
+  return returned;
 }
 
 bool WatchBeneath::ask(NodeId node, bool lost) {

@@ -23,8 +23,8 @@ class WatchBeneath {
   /// All must stay; `routes`: of the bus at which `way` begins.
   WatchBeneath(SlotsBeneath& slots, const Way& way, multilevel::Routes& routes);
 
-  /// What the bus above knows of the gateway: it runs.
-  void set_gateway_runs(bool runs) noexcept;
+  /// What the bus above knows of the gateway: it runs. True: and did not before.
+  bool set_gateway_runs(bool runs) noexcept;
   /// A bus beneath the gateway in this slot of this bus fails or recovers; true: all of them run, and the gateway may
   /// be started again when it has stopped itself.
   void set_ready(std::function<bool(NodeId gateway)> ready) { ready_ = std::move(ready); }

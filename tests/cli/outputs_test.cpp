@@ -16,17 +16,18 @@ namespace fs = std::filesystem;
 
 class Outputs : public Command {
  protected:
-  // The command is refused by a usage error that names the file, and the file is as it was, also with --force.
-  void expect_spared(const std::string& file, const Words& words) const {
+  void expect_refused(const std::string& file, const Words& words) const {
     const std::string before = contents(file);
-    for (const bool force : {false, true}) {
-      Words all = words;
-      if (force) all.emplace_back("--force");
-      const Outcome run = berth(all);
-      EXPECT_EQ(run.status, 2) << run.out << run.err;
-      EXPECT_TRUE(contains(run.err, "this command reads it")) << run.err;
-      EXPECT_TRUE(contents(file) == before) << file;
-    }
+    const Outcome run = berth(words);
+    EXPECT_EQ(run.status, 2) << run.out << run.err;
+    EXPECT_TRUE(contains(run.err, "this command reads it")) << run.err;
+    EXPECT_TRUE(contents(file) == before) << file;
+  }
+  // By a usage error, and the file is as it was, also with --force.
+  void expect_spared(const std::string& file, Words words) const {
+    expect_refused(file, words);
+    words.emplace_back("--force");
+    expect_refused(file, words);
   }
   std::string store = folder.file("slots.db");
   std::string state = folder.file("plant.state");
@@ -54,6 +55,22 @@ TEST_F(Outputs, ARecordOverAnInputIsRefused) {
   fs::create_hard_link(plant, second);
   words.back() = second;
   expect_spared(plant, words);
+}
+
+// Also where the output is asked for before the inputs are read, and for what is named and read late.
+TEST_F(Outputs, NoOtherOutputGoesOverAnInputEither) {
+  const std::string eds = folder.write("booster.eds", contents(example("eds/booster.eds")));
+  const std::string concise = folder.file("booster.cdcf");
+  ASSERT_EQ(berth({"eds", "convert", example("eds/booster.dcf"), concise, "--to", "cdcf", "--node", "5"}).status, 0);
+  const std::string program = folder.write("drive.bprg", contents(example("programs/controller-1.bprg")));
+  const std::string programmed = folder.write(
+      "programmed.toml", std::string(small_machine) + "programs = [{ file = \"drive.bprg\", identification = 1 }]\n");
+  expect_refused(machine, {"analyze", machine, "--plot", machine, "--force"});
+  expect_refused(machine, {"sdo", "dump", "left", "-m", machine, "--sim", plant, "--up", "-o", machine, "--force"});
+  expect_refused(
+      plant, {"sdo", "read", "left", "1018h:01", "-m", machine, "--sim", plant, "--up", "--file", plant, "--force"});
+  expect_refused(eds, {"eds", "convert", concise, eds, "--eds", eds, "--to", "dcf", "--node", "5", "--force"});
+  expect_refused(program, {"up", programmed, "--sim", plant, "--until", "operational", "--record", program, "--force"});
 }
 
 TEST_F(Outputs, TwoOptionsOfOneFileAreRefused) {

@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
@@ -15,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "../no_descriptors.hpp"
 #include "../pch.hpp"
 
 namespace berth::command {
@@ -145,15 +145,12 @@ TEST_F(ControlSeats, AFollowerThatTakesNothingEnds) {
 // A loop that is told of a connection again and again never sleeps; what pauses has a timer.
 TEST_F(ControlSeats, WithoutDescriptorsTheListenerPauses) {
   Client waits(path_);
-  rlimit before{};
-  ::getrlimit(RLIMIT_NOFILE, &before);
-  const int next = ::dup(0);
-  ::close(next);
-  const rlimit none{static_cast<rlim_t>(next), before.rlim_max};
-  ::setrlimit(RLIMIT_NOFILE, &none);
-  turn();
-  const bool pauses = executor_.next().has_value();
-  ::setrlimit(RLIMIT_NOFILE, &before);
+  bool pauses = false;
+  {
+    const test::NoDescriptors none;
+    turn();
+    pauses = executor_.next().has_value();
+  }
   EXPECT_TRUE(pauses);
   waits.say(ask);
   pass(2s);

@@ -188,7 +188,9 @@ TEST(MachineKeys, LinkPlanStandsBesideTheMachineFile) {
     return text.insert(text.find("[bus.b]"), line);
   };
   const std::vector<std::string> anywhere{"/"};
-  const auto read = [&](const std::string& text) { return read_machine(text, "some/where/m.toml", {}, {}, {}, anywhere); };
+  const auto read = [&](const std::string& text) {
+    return read_machine(text, "some/where/m.toml", {}, {}, {}, anywhere);
+  };
   EXPECT_EQ(read(file("")).machine->link_plan, "");
   const auto named = read(with("link_plan = \"plan.toml\"\n"));
   ASSERT_TRUE(named.machine);

@@ -1,7 +1,6 @@
 #include "berth/io/plant_port.hpp"
 
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -14,6 +13,7 @@
 #include <atomic>
 #include <thread>
 
+#include "../no_descriptors.hpp"
 #include "berth/io/plant_protocol.hpp"
 #include "berth/io/plant_socket.hpp"
 #include "berth/sim/world.hpp"
@@ -436,15 +436,12 @@ TEST_F(PlantSeats, WithoutDescriptorsTheListenerPauses) {
   run(4);
   ASSERT_FALSE(world_.executor().next().has_value());
   const int waits = stranger();
-  rlimit before{};
-  ::getrlimit(RLIMIT_NOFILE, &before);
-  const int next = ::dup(0);
-  ::close(next);
-  const rlimit none{static_cast<rlim_t>(next), before.rlim_max};
-  ::setrlimit(RLIMIT_NOFILE, &none);
-  run(4);
-  const bool pauses = world_.executor().next().has_value();
-  ::setrlimit(RLIMIT_NOFILE, &before);
+  bool pauses = false;
+  {
+    const test::NoDescriptors none;
+    run(4);
+    pauses = world_.executor().next().has_value();
+  }
   EXPECT_TRUE(pauses) << "else the loop is told of it again and again";
   pass(std::chrono::seconds(2));
   EXPECT_EQ(server_->clients(), 1U) << "it is taken when there is room again";
