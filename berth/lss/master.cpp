@@ -86,7 +86,10 @@ void Exchange::heard(const can::Frame& frame, rt::Time at) noexcept {
   ++reply_.answers;
   reply_.last_at = at;
   if (plan_.expected != Command::store) master_->times_.learn(at - reply_.sent);
-  if (!options_.full_window) window_over();
+  if (options_.full_window) return;
+  const rt::Time until = reply_.sent + std::min(options_.listen, options_.timeout);
+  if (until <= executor().now()) return window_over();
+  if (reply_.answers == 1) executor().at(until, *this);
 }
 
 // The one job: the pause before a frame, the wait for its confirmation, and the window share it.

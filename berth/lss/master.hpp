@@ -35,6 +35,9 @@ struct ServiceOptions {
   /// Listen to the end of the window although an answer came: two devices with one LSS address answer twice (unless
   /// their frames fell into one on the bus), and a late answer cannot be taken for the next request's.
   bool full_window = false;
+  /// So long after `sent` it is listened at least, answered or not, for the answer of another device. Not more than
+  /// `timeout`.
+  rt::Duration listen{0};
 };
 
 struct MasterOptions {

@@ -17,13 +17,6 @@ rt::Duration longest_of(const Master& master, const AloneOptions& options) noexc
   return options.longest.count() > 0 ? options.longest : master.options().service.timeout;
 }
 
-rt::Duration window_of(const Master& master, const AloneOptions& options) noexcept {
-  const AnswerTimes& times = master.answer_times();
-  const rt::Duration longest = longest_of(master, options);
-  if (times.strangers || times.heard < enough_answers) return longest;
-  return std::clamp(3 * times.slowest, std::min(shortest_window, longest), longest);
-}
-
 // What a row of questions said. Woken: a device that hears again may be in configuration too.
 enum class Seen : std::uint8_t { alone, absent, not_alone, clones, woken };
 
@@ -73,12 +66,14 @@ bool calm(const Master& master, const AloneOptions& options) noexcept {
   return master.now() - master.answer_times().calm_since >= 4 * longest_of(master, options);
 }
 
-// One behind the other, the serial number last: a late answer to any of them comes within its window.
+// One behind the other, the serial number last: a late answer to any of them comes within its window, or that of the
+// question which the caller asks at once.
 rt::Task<Result<Seen>> look_in_a_row(Master& master, LssAddress device, unsigned parts, AloneOptions options) {
   const rt::Time calm_since = master.answer_times().calm_since;
   for (unsigned part = 0; part <= serial; ++part) {
     if (part != serial && (parts >> part & 1U) == 0) continue;
-    const auto seen = co_await look(master, device, part, part == serial, options);
+    const bool whole = part == serial && !options.followed;
+    const auto seen = co_await look(master, device, part, whole, options);
     const bool clones = seen && *seen == Seen::clones;
     if (clones) co_return co_await look_at_the_others(master, device, parts, part, options);
     if (!seen || *seen != Seen::alone) co_return seen;
@@ -108,6 +103,13 @@ rt::Task<Result<void>> leave_unchanged(Master& master) {
 }
 
 }  // namespace
+
+rt::Duration window_of(const Master& master, const AloneOptions& options) noexcept {
+  const AnswerTimes& times = master.answer_times();
+  const rt::Duration longest = longest_of(master, options);
+  if (times.strangers || times.heard < enough_answers) return longest;
+  return std::clamp(3 * times.slowest, std::min(shortest_window, longest), longest);
+}
 
 const char* name(Selection selection) noexcept {
   switch (selection) {
@@ -192,7 +194,8 @@ Given::Outcome outcome_of(const Result<Reply>& reply) noexcept {
 rt::Task<Result<Given>> configure_alone(Master& master, LssAddress device, NodeId id, bool store,
                                         AloneOptions options) {
   const bool lost = master.answer_times().lost;
-  const ServiceOptions service{.timeout = longest_of(master, options), .retries = 1, .full_window = lost};
+  const ServiceOptions service{
+      .timeout = longest_of(master, options), .retries = 1, .full_window = lost, .listen = window_of(master, options)};
   const auto set = co_await master.configure_node_id(id, service);
   if (!set && of_the_bus(set.error())) co_return fail(set.error());
   Given given{.outcome = outcome_of(set)};

@@ -83,8 +83,14 @@ struct AloneOptions {
   unsigned attempts = 2;       ///< of 40h to 43h, each behind a `04 00`
   /// The device may well not be there: one attempt, and 44h is waited for as long as answers usually take.
   bool guess = false;
+  /// The caller asks 5Eh at once and listens for as long as `window_of` told before the proof: what the last question
+  /// of a row would be waited for comes then, too (`suspicious`).
+  bool followed = false;
   const Vacancy* vacancy = nullptr;  ///< `configure_alone` asks it before the node-ID comes into use; null: no
 };
+
+/// So long after a request another device in configuration may answer it, too.
+[[nodiscard]] rt::Duration window_of(const Master& master, const AloneOptions& options = {}) noexcept;
 
 /// `04 00`, 40h to 43h, and the proof. All but `alone`: `04 00` was sent, no device was changed. Errors: `bus`,
 /// `cancelled`.

@@ -207,9 +207,9 @@ rt::Task<bool> Lending::tell_pending(LssAddress device, NodeId id) {
     if (told) loans_.doubled(device, false);
     co_return told;
   }
-  const auto given = co_await s_.lss.configure_node_id(id);
-  const auto released = co_await s_.lss.switch_global(lss::State::waiting);
-  co_return given&& released;
+  const bool store = false;
+  const auto given = co_await lss::configure_alone(s_.lss, device, id, store);
+  co_return given && given->outcome == lss::Given::Outcome::taken;
 }
 
 // False: it did not confirm that it gives the node-ID up.

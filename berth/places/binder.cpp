@@ -91,7 +91,8 @@ rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::stri
     case Step::select: {
       const LssAddress device = binding.assignment().device;
       const bool silent = silent_once_;
-      const Outcome selected = co_await select(device);
+      const bool inquires = true;
+      const Outcome selected = co_await select(device, inquires);
       // One that boots need not be slow.
       if (binding.staying().asked) silent_once_ = silent;
       co_return selected;
@@ -157,13 +158,14 @@ Outcome Binder::write(const Binding& binding, SlotId slot, const std::string& re
   return outcome_of(written, store_said_);
 }
 
-rt::Task<Outcome> Binder::select(const LssAddress& device) {
+rt::Task<Outcome> Binder::select(const LssAddress& device, bool inquires) {
   if (silent_once_) {
     lss::MasterOptions slower = s_.lss.options();
     slower.inhibit = std::max(slower.inhibit, options_.slow_inhibit);
     s_.lss.set_options(slower);
   }
-  lss::AloneOptions options{.parts = options_.parts, .attempts = 1};
+  lss::AloneOptions options{.parts = options_.parts, .attempts = 1, .followed = inquires};
+  window_ = lss::window_of(s_.lss, options);
   if (s_.lss.answer_times().strangers) options.parts = lss::all_parts;
   const auto selected = co_await lss::select_alone(s_.lss, device, options);
   if (!selected) co_return Outcome::error;
@@ -197,8 +199,8 @@ rt::Task<Outcome> Binder::still_alone(const Binding& binding) {
 rt::Task<Outcome> Binder::configure_alone(const Binding& binding) {
   lss::ServiceOptions service = s_.lss.options().service;
   service.full_window = s_.lss.answer_times().lost;
-  const auto reply = co_await s_.lss.configure_node_id(binding.assignment().id, service);
   unexpected_ = s_.lss.unexpected();
+  const auto reply = co_await s_.lss.configure_node_id(binding.assignment().id, service);
   if (!reply) co_return outcome_of(reply.error());
   if (lss::suspicious(*reply)) co_return Outcome::several;
   if (reply->attempts == 1) co_return Outcome::ok;
@@ -229,7 +231,8 @@ rt::Task<Outcome> Binder::revert(const Binding& binding) {
   Outcome outcome = co_await configure(first);
   const bool waits = outcome == Outcome::silent && binding.why() == Why::other_device;
   if (waits) {
-    outcome = co_await select(device);
+    const bool inquires = false;
+    outcome = co_await select(device, inquires);
     if (outcome == Outcome::ok) {
       outcome = co_await configure(id);
       told = true;
@@ -308,15 +311,23 @@ void wake_unconfigured(can::Dispatcher& dispatcher) noexcept {
   dispatcher.send(reset);
 }
 
+// The last question before the 11h: another device in configuration that heard it, or any before it, answers behind the
+// first answer, and is waited for.
 rt::Task<Outcome> Binder::inquire(Binding& binding) {
   const LssAddress device = binding.assignment().device;
-  auto reply = co_await s_.lss.inquire_node_id();
+  lss::ServiceOptions service = s_.lss.options().service;
+  service.listen = window_;
+  auto reply = co_await s_.lss.inquire_node_id(service);
   if (!reply) co_return outcome_of(reply.error());
   if (lss::suspicious(*reply)) {
+    s_.lss.suspect_strangers();
     const Outcome single = co_await confirm_clone(device);
     if (single != Outcome::ok) co_return single;
-    auto again = co_await s_.lss.inquire_node_id();
+    const Outcome alone = co_await still_alone(binding);
+    if (alone != Outcome::ok) co_return alone == Outcome::several ? Outcome::mismatch : alone;
+    auto again = co_await s_.lss.inquire_node_id(service);
     if (!again) co_return outcome_of(again.error());
+    if (lss::suspicious(*again)) co_return Outcome::mismatch;
     reply = again;
   }
   const auto now = NodeId::make(reply->byte());
@@ -328,7 +339,7 @@ rt::Task<Outcome> Binder::inquire(Binding& binding) {
 // One that was deaf while the proof was asked, and heard the 11h, answers it, too: behind the first answer, while
 // nothing is asked. One that was lost in configuration may have heard the 17h in the place of this one, and answered.
 rt::Task<Outcome> Binder::store_alone(const Binding& binding) {
-  co_await rt::sleep_until(s_.lss.earliest());
+  co_await rt::sleep_until(std::max(s_.lss.earliest(), options_.stores_end));
   if (s_.lss.unexpected() != unexpected_) {
     const Outcome alone = co_await still_alone(binding);
     if (alone != Outcome::ok) co_return alone;

@@ -85,7 +85,7 @@ class Binder {
  private:
   rt::Task<void> take_lss();
   rt::Task<Outcome> perform(Binding& binding, SlotId slot, const std::string& reason);
-  rt::Task<Outcome> select(const LssAddress& device);
+  rt::Task<Outcome> select(const LssAddress& device, bool inquires);
   rt::Task<Outcome> inquire(Binding& binding);
   rt::Task<Outcome> configure(NodeId id);
   rt::Task<Outcome> configure_alone(const Binding& binding);
@@ -105,8 +105,9 @@ class Binder {
   Services s_;
   Options options_;
   rt::Time watch_since_{};        // vacancy was seen then
+  rt::Duration window_{};         // of the proof, before it was asked
   rt::Time moved_{};              // the device may boot under its new node-ID from then on
-  std::uint64_t unexpected_ = 0;  // answers that nobody waited for, at the end of the 11h
+  std::uint64_t unexpected_ = 0;  // answers that nobody waited for, before the 11h
   rt::Time reset_{};              // it was told to
   std::optional<rt::Held> lss_held_;
   std::optional<Error> store_said_;

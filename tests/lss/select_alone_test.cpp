@@ -378,6 +378,27 @@ TEST(ConfigureAlone, S1_53_WhatHadToBeSaidTwiceIsProvenOnceMore) {
   for (const Node* node : {&left, &one}) EXPECT_FALSE(node->slave.active().node_id.configured());
 }
 
+// Another hears the first 11h, and its answer comes behind that of the device which is meant.
+TEST(ConfigureAlone, S1_53_AnAnswerBehindTheFirstIsWaitedFor) {
+  for (const int late_us : {1'000, 2'000, 4'000}) {
+    World w;
+    Node& left = w.add(a, {}, microseconds(late_us));
+    in_configuration(w, left);
+    deaf_until_11h(left, 1);
+    Node& one = w.add(b);
+    for (int i = 0; i < 2; ++i) {  // the windows are learnt
+      const auto alone = w.run(select_alone(*w.master, b));
+      ASSERT_TRUE(alone && *alone == Selection::alone);
+    }
+    left.hears = [&](const can::Frame&) { left.overhears = nullptr; };
+    const bool store = false;
+    const auto given = w.run(configure_alone(*w.master, b, NodeId(5), store));
+    ASSERT_TRUE(given);
+    EXPECT_EQ(given->outcome, Given::Outcome::not_alone) << late_us;
+    for (const Node* node : {&left, &one}) EXPECT_FALSE(node->slave.active().node_id.configured()) << late_us;
+  }
+}
+
 // One that was selected and stopped answering is in configuration somewhere: who answers 11h is heard to the end.
 TEST(ConfigureAlone, S1_53_WhereADeviceWasLostEveryAnswerIsWaitedFor) {
   World w;

@@ -89,6 +89,7 @@ INSTANTIATE_TEST_SUITE_P(
         Known{1112819, "a device that returned four times waits for a whole search", {.waits = true}},
         Known{1115129, "RAND's frames back to back are lost in small receive buffers", {.waits = true}},
         Known{1120635, "two devices answer 11h, and both store the node-ID", {.waits = true}},
+        Known{1484984, "one that hears the last question before the 11h answers behind it", {.waits = true}},
         Known{1302935, "one that is back in its slot is taken for the one that another slot misses", {.waits = true}},
         Known{1420464, "one that could not give up another slot's node-ID is told as nobody", {.waits = true}},
         Known{1436010,

@@ -81,6 +81,20 @@ struct Rig : World {
     why = binding.why();
     return binding.step();
   }
+  rt::Task<bool> select(LssAddress device) {
+    const auto selected = co_await lss.switch_selective(device);
+    co_return selected.has_value();
+  }
+  // As after a binding: the master knows how long answers take, and of nobody left in configuration.
+  void learn_windows() {
+    for (int i = 0; i < 2; ++i) EXPECT_TRUE(run(learn(moving)));
+    lss.no_strangers();
+  }
+  rt::Task<bool> learn(LssAddress device) {
+    const auto selected = co_await lss::select_alone(lss, device);
+    const auto waiting = co_await lss.switch_global(lss::State::waiting);
+    co_return selected&& waiting;
+  }
   void hear_boot_up(NodeId id) {
     can::Frame boot_up;
     boot_up.id = 0x700U + id.value();
@@ -145,4 +159,32 @@ TEST(Binder, ADeviceThatKeepsItsNodeIdIsNotConfirmedBesideASlowOne) {
   rig.before = [&](Step step) { others.speaks = step == Step::identify; };
   EXPECT_EQ(rig.bind(), Step::failed);
   EXPECT_EQ(rig.why, Why::clone) << "two answered each time";
+}
+
+// Another is in LSS configuration, since it missed `04 00`, was deaf, and hears again while the last questions before
+// the 11h are asked: its answer comes behind the device's own, and is waited for; the first time on a bus, where nobody
+// knows how slow it is, for longer.
+TEST(Binder, NobodyIsToldBesideASlowOneThatHearsTheLastQuestions) {
+  for (const int hears_from : {0x5A, 0x5D, 0x5E}) {
+    for (const auto& [calm, learnt] : {std::pair(false, true), {true, true}, {true, false}}) {
+      SCOPED_TRACE(::testing::Message() << "from " << hears_from << (calm ? ", calm" : "")
+                                        << (learnt ? ", learnt" : ""));
+      Rig rig;
+      const rt::Duration late = learnt ? 4ms : 30ms;
+      Node& left = rig.add({.address = {0x11, 0x22, 1, 200}, .timing = {.response_min = late, .response_max = late}});
+      ASSERT_TRUE(rig.run(rig.select(left.options.address)));
+      bool asked = false, hears = false;
+      left.overhears = [&](const can::Frame& f) {
+        hears = hears || (asked && f.data[0] == hears_from);
+        return !hears || f.data[0] == 0x04;
+      };
+      if (learnt) rig.learn_windows();
+      asked = true;
+      discovery::test::Record record(rig.bus);
+      record.on_frame = [&](const can::Frame&) { EXPECT_NE(left.slave.pending().node_id, new_id); };
+      if (calm) rig.world.run_for(500ms);
+      rig.bind();
+      EXPECT_TRUE(hears) << "this case is not the one that is meant";
+    }
+  }
 }
