@@ -204,6 +204,10 @@ class Master final : private can::Handler {
   void no_strangers() noexcept { times_.strangers = false; }
   /// A device was lost in configuration: from now on every answer to 11h is waited for, before 17h.
   void lost_one() noexcept;
+  /// More than one device may have been in configuration when all in it were told to have no node-ID: so may have been
+  /// one that was released before, and whose node-ID is not confirmed yet.
+  void took_back() noexcept { ++taken_back_; }
+  [[nodiscard]] std::uint64_t taken_back() const noexcept { return taken_back_; }
 
   /// Frames on 7E4h while no service was under way.
   [[nodiscard]] std::uint64_t unexpected() const noexcept { return unexpected_; }
@@ -223,6 +227,7 @@ class Master final : private can::Handler {
   rt::Time earliest_{};        // inhibit
   AnswerTimes times_{};
   std::uint64_t unexpected_ = 0;
+  std::uint64_t taken_back_ = 0;
   FeedbackWindow feedback_;  // of the last window
 };
 

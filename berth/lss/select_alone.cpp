@@ -215,8 +215,10 @@ rt::Task<Result<Given>> configure_alone(Master& master, LssAddress device, NodeI
     if (!stored && stored.error().code == Errc::timeout) master.suspect_strangers();
     given.stored = stored.has_value();
   }
+  if (given.outcome == Given::Outcome::silent) master.lost_one();
   if (given.outcome != Given::Outcome::taken) {
     master.suspect_strangers();
+    if (given.outcome == Given::Outcome::not_alone) master.took_back();
     const NodeId none;
     const auto back = co_await master.configure_node_id(none, service);
     if (!back && of_the_bus(back.error())) co_return fail(back.error());

@@ -5,6 +5,14 @@
 namespace berth::operate {
 
 rt::Task<void> Finder::discover() {
+  const bool anew = co_await search_for_all();
+  if (agenda_.search_open) co_return;
+  co_await ask_for_the_forgotten();
+  if (anew) found_.forget_who_left();
+}
+
+// True: all are asked anew.
+rt::Task<bool> Finder::search_for_all() {
   agenda_.phase = Phase::discovery;
   if (agenda_.rest_at == rt::Time{}) agenda_.rest_at = s_.executor.now() + 2 * s_.bus.timing.probe_period;
   const bool by_rand_first = agenda_.method() == "auto" || agenda_.method() == "rand";
@@ -16,7 +24,7 @@ rt::Task<void> Finder::discover() {
   if (agenda_.search_open) {
     const bool ended = co_await search_.go_on();
     if (ended) searched();
-    co_return;
+    co_return false;
   }
   // Devices that wait without a seat are identified and would not answer: all are asked anew, and what left is
   // forgotten.
@@ -27,18 +35,18 @@ rt::Task<void> Finder::discover() {
   if (by_rand_first) co_return co_await rand_first(anew);
   const bool ended = co_await search_.by_method();
   if (ended) searched();
-  if (anew) found_.forget_who_left();
+  co_return anew;
 }
 
 // Broken off, it goes on at the next round; what else is done waits for its end.
-rt::Task<void> Finder::rand_first(bool anew) {
+rt::Task<bool> Finder::rand_first(bool anew) {
   const std::size_t before = found_.size();
   open_anew_ = anew;
   co_await by_rand();
-  if (search_.rand_is_open()) co_return;
+  if (search_.rand_is_open()) co_return false;
   const bool any = found_.size() > before;
   co_await rest_behind_rand(anew, any);
-  if (anew) found_.forget_who_left();
+  co_return anew;
 }
 
 rt::Task<void> Finder::forget_and_ask_anew() {
@@ -51,12 +59,28 @@ rt::Task<void> Finder::forget_and_ask_anew() {
     places_.forget(f.device);
     // No search finds it again when it speaks nothing that finds devices with a node-ID.
     if (f.active.configured() && !f.lent) configured_.look_again_at(f.active);
+    const bool told = std::ranges::find(forgotten_, f.device) != forgotten_.end();
+    if (!f.active.configured() && !f.clone && !told) forgotten_.push_back(f.device);
   }
   found_.forget_if(goes);
   co_await configured_.ask_slots_own();
   const auto& method = agenda_.method();
   const bool speaks_rand = method == "auto" || method == "rand" || method == "planner-rand";
   if (speaks_rand) co_await tell_which_are_known();
+}
+
+// A search need not find again what an earlier one, SDO or a blanking found: the device may speak no RAND, and a
+// published Fastscan finds one of several. Each is asked for once, by its LSS address.
+rt::Task<void> Finder::ask_for_the_forgotten() {
+  const std::vector<LssAddress> devices = std::exchange(forgotten_, {});
+  for (const LssAddress& device : devices) {
+    const bool known = found_.of(device) != nullptr || slots_.of(device) != nullptr;
+    if (known) continue;
+    const auto active = co_await asking_.active_id(device);
+    const bool clone = !active && active.error().code == Errc::duplicate;
+    if (active) found_.note({device, *active});
+    if (clone) found_.note({device, NodeId(), true});
+  }
 }
 
 rt::Task<void> Finder::rest_behind_rand(bool anew, bool any_by_rand) {

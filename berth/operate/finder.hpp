@@ -8,12 +8,13 @@ namespace berth::operate {
 
 class Finder {
  public:
-  Finder(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, PlaceProbes& places,
-         ConfiguredFinder& configured, Search& search) noexcept
+  Finder(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Asking& asking,
+         PlaceProbes& places, ConfiguredFinder& configured, Search& search) noexcept
       : s_(services),
         slots_(slots),
         agenda_(agenda),
         found_(found),
+        asking_(asking),
         places_(places),
         configured_(configured),
         search_(search) {}
@@ -30,9 +31,11 @@ class Finder {
   void rest_from_searching();
 
  private:
+  rt::Task<bool> search_for_all();
   rt::Task<void> forget_and_ask_anew();
+  rt::Task<void> ask_for_the_forgotten();
   rt::Task<void> tell_which_are_known();
-  rt::Task<void> rand_first(bool anew);
+  rt::Task<bool> rand_first(bool anew);
   rt::Task<void> rest_behind_rand(bool anew, bool any_by_rand);
   rt::Task<void> by_rand();
   rt::Task<void> the_rest(bool also_configured);
@@ -45,6 +48,7 @@ class Finder {
   SlotTable& slots_;
   Agenda& agenda_;
   FoundDevices& found_;
+  Asking& asking_;
   PlaceProbes& places_;
   ConfiguredFinder& configured_;
   Search& search_;
@@ -54,6 +58,7 @@ class Finder {
   bool by_fastscan_ = false;  // it was to that
   bool open_anew_ = false;    // the search by RAND that was broken off asks all devices anew
   unsigned looks_ = 0;
+  std::vector<LssAddress> forgotten_;  // without a node-ID, since all are asked anew: no search need find them again
 };
 
 }  // namespace berth::operate

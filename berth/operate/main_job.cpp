@@ -305,8 +305,9 @@ bool MainJob::needs_retry() const {
 }
 
 bool MainJob::lacks_optional() const {
-  return std::ranges::any_of(p_.slots.seats(),
-                             [](const auto& s) { return s->slot.spec.optional && s->life == Life::empty; });
+  return std::ranges::any_of(p_.slots.seats(), [](const auto& s) {
+    return s->slot.spec.optional && (s->life == Life::empty || s->state() == SlotState::question);
+  });
 }
 
 // A device that is away is not asked for for ever.

@@ -22,7 +22,7 @@ Parts::Parts(rt::Executor& executor, can::Port& port, std::string machine, const
       planning(bus, slots, agenda, found, loans),
       finding{ConfiguredFinder(bus, slots, agenda, found, loans, asking, duplicates, presence, planning),
               Search(bus, slots, agenda, found, lending),
-              Finder(bus, slots, agenda, found, places, finding.configured, finding.search)},
+              Finder(bus, slots, agenda, found, asking, places, finding.configured, finding.search)},
       seating(bus, slots, agenda, found, loans, asking, lending, places, presence, planning, fading),
       recipes(bus, slots, found, asking),
       spares(bus, slots, agenda, asking, configuring, presence, planning, seating, fading),

@@ -179,11 +179,18 @@ rt::Task<Outcome> Binder::select(const LssAddress& device, bool inquires) {
   co_return Outcome::error;
 }
 
+// It was selected, and is in configuration wherever it is.
+Outcome Binder::unanswered(const Error& error) noexcept {
+  const Outcome outcome = outcome_of(error);
+  if (outcome == Outcome::silent) s_.lss.lost_one();
+  return outcome;
+}
+
 // A second answer is that of a device which heard nothing while the proof was asked: what it was told is taken back by
 // `revert`, which all that are in configuration hear, and the device is selected anew.
 rt::Task<Outcome> Binder::configure(NodeId id) {
   const auto reply = co_await s_.lss.configure_node_id(id);
-  if (!reply) co_return outcome_of(reply.error());
+  if (!reply) co_return unanswered(reply.error());
   co_return lss::suspicious(*reply) ? Outcome::several : Outcome::ok;
 }
 
@@ -195,13 +202,17 @@ rt::Task<Outcome> Binder::still_alone(const Binding& binding) {
   co_return *alone == lss::Selection::alone ? Outcome::ok : Outcome::several;
 }
 
-// A device that was deaf while the proof was asked may have heard the repetition, and its answer is not waited for.
+// A device that was deaf while the proof was asked may have heard the 11h: its answer is waited for half as long again as
+// answers take here, for a whole window where a device was lost. It may have heard the repetition alone, whose second answer is
+// not waited for.
 rt::Task<Outcome> Binder::configure_alone(const Binding& binding) {
   lss::ServiceOptions service = s_.lss.options().service;
   service.full_window = s_.lss.answer_times().lost;
+  service.listen = s_.lss.answer_times().slowest * 3 / 2;
   unexpected_ = s_.lss.unexpected();
+  taken_back_ = s_.lss.taken_back();
   const auto reply = co_await s_.lss.configure_node_id(binding.assignment().id, service);
-  if (!reply) co_return outcome_of(reply.error());
+  if (!reply) co_return unanswered(reply.error());
   if (lss::suspicious(*reply)) co_return Outcome::several;
   if (reply->attempts == 1) co_return Outcome::ok;
   s_.lss.lost_one();
@@ -239,6 +250,7 @@ rt::Task<Outcome> Binder::revert(const Binding& binding) {
     }
   }
   const bool stores = told && (binding.shared() || binding.stored());
+  if (binding.shared()) s_.lss.took_back();
   if (!stores) co_return outcome;
   if (!binding.shared()) co_return co_await store(false);
   // Both twice: one that is still storing what it was told before hears nothing of the first.
@@ -318,7 +330,7 @@ rt::Task<Outcome> Binder::inquire(Binding& binding) {
   lss::ServiceOptions service = s_.lss.options().service;
   service.listen = window_;
   auto reply = co_await s_.lss.inquire_node_id(service);
-  if (!reply) co_return outcome_of(reply.error());
+  if (!reply) co_return unanswered(reply.error());
   if (lss::suspicious(*reply)) {
     s_.lss.suspect_strangers();
     const Outcome single = co_await confirm_clone(device);
@@ -326,7 +338,7 @@ rt::Task<Outcome> Binder::inquire(Binding& binding) {
     const Outcome alone = co_await still_alone(binding);
     if (alone != Outcome::ok) co_return alone == Outcome::several ? Outcome::mismatch : alone;
     auto again = co_await s_.lss.inquire_node_id(service);
-    if (!again) co_return outcome_of(again.error());
+    if (!again) co_return unanswered(again.error());
     if (lss::suspicious(*again)) co_return Outcome::mismatch;
     reply = again;
   }
@@ -359,7 +371,7 @@ rt::Task<Outcome> Binder::store(bool by_all) {
   const auto reply = co_await s_.lss.store(options);
   if (reply) co_return lss::suspicious(*reply) ? Outcome::several : Outcome::ok;
   const bool unsupported = reply.error().code == Errc::aborted && (reply.error().detail & 0xFFU) == store_unsupported;
-  co_return unsupported ? Outcome::unsupported : outcome_of(reply.error());
+  co_return unsupported ? Outcome::unsupported : unanswered(reply.error());
 }
 
 // Another device came under the node-ID since it was asked for.
@@ -426,7 +438,8 @@ rt::Task<Outcome> Binder::identify(const Binding& binding) {
     if (!who) co_return outcome_of(who.error());
   }
   s_.vacancy[id.value() & 0x7FU].reset();
-  co_return *who == binding.assignment().device ? Outcome::ok : Outcome::mismatch;
+  if (*who != binding.assignment().device) co_return Outcome::mismatch;
+  co_return taken_back_.value_or(s_.lss.taken_back()) == s_.lss.taken_back() ? Outcome::ok : Outcome::taken_back;
 }
 
 // The device may still be resetting; it is asked until it answers without a node-ID, or time is up.

@@ -86,6 +86,7 @@ class Binder {
   rt::Task<void> take_lss();
   rt::Task<Outcome> perform(Binding& binding, SlotId slot, const std::string& reason);
   rt::Task<Outcome> select(const LssAddress& device, bool inquires);
+  [[nodiscard]] Outcome unanswered(const Error& error) noexcept;
   rt::Task<Outcome> inquire(Binding& binding);
   rt::Task<Outcome> configure(NodeId id);
   rt::Task<Outcome> configure_alone(const Binding& binding);
@@ -104,11 +105,12 @@ class Binder {
 
   Services s_;
   Options options_;
-  rt::Time watch_since_{};        // vacancy was seen then
-  rt::Duration window_{};         // of the proof, before it was asked
-  rt::Time moved_{};              // the device may boot under its new node-ID from then on
-  std::uint64_t unexpected_ = 0;  // answers that nobody waited for, before the 11h
-  rt::Time reset_{};              // it was told to
+  rt::Time watch_since_{};                   // vacancy was seen then
+  rt::Duration window_{};                    // of the proof, before it was asked
+  rt::Time moved_{};                         // the device may boot under its new node-ID from then on
+  std::uint64_t unexpected_ = 0;             // answers that nobody waited for, before the 11h
+  std::optional<std::uint64_t> taken_back_;  // `lss::Master::taken_back` before the 11h
+  rt::Time reset_{};                         // it was told to
   std::optional<rt::Held> lss_held_;
   std::optional<Error> store_said_;
   bool silent_once_ = false;

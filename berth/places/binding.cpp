@@ -72,6 +72,8 @@ void Binding::advance_identify(Outcome outcome) noexcept {
     step_ = Step::write_confirm;
   } else if (outcome == Outcome::several) {
     fail(Why::clone);
+  } else if (outcome == Outcome::taken_back) {
+    again(Why::not_alone);
   } else if (outcome == Outcome::mismatch && kind_ == Kind::bind) {
     // This one may have missed `04 00`, and would take the node-ID at the next.
     touched_ = true;

@@ -32,7 +32,8 @@
 /// before `04h 00h`; it comes back under it.
 ///
 /// A device may have stored its node-ID and use it only when it was switched off and on. One that boots under its old
-/// node-ID has obeyed the reset; reset node is tried then. One without a node-ID that does not boot soon is asked by LSS
+/// node-ID has obeyed the reset; reset node is tried then. One without a node-ID that does not boot soon is asked by
+/// LSS
 /// (`select`, `inquire`, `release`): one that boots does not answer, and is waited for. When LSS tells twice that the
 /// device is as it was, it waits for its power cycle; one without a node-ID is told anew once before.
 ///
@@ -76,6 +77,7 @@ enum class Outcome : std::uint8_t {
                 ///< (`select`), one booted under the id since then (`configure`, `store`, `release`), it seems to stay
                 ///< as it was (`await_boot_up`), another device answers or it still has its id (`identify`)
   several,      ///< more than one device answered
+  taken_back,   ///< `identify`: it may have been told since then to have no node-ID, with another (`lss::Master`)
   error,        ///< the store, or the port, failed
 };
 
@@ -172,9 +174,9 @@ class Binding {
   bool stored_ = false;
   bool volatile_only_ = false;
   bool untouched_;
-  bool asked_ = false;    // the intention is in the store
-  bool touched_ = false;  // a node-ID may be pending in the device
-  bool failing_ = false;  // revert, release, then fail
+  bool asked_ = false;      // the intention is in the store
+  bool touched_ = false;    // a node-ID may be pending in the device
+  bool failing_ = false;    // revert, release, then fail
   bool told_anew_ = false;  // one without a node-ID that stayed so
   Staying staying_{};
 };

@@ -263,9 +263,9 @@ TEST(Promise, ANodeIdThatBootsElsewhereIsNotTold) {
   EXPECT_EQ(rig.seats(), (Seats{{2, 1}}));
 }
 
-// Y hears neither the `04 00` that ends its binding nor the proof that X is alone, and then the 11h for X. What both
-// are told to store then is waited for from both: a device that is still storing executes no further 17h, and its late
-// answer would be taken for that of the next.
+// Y hears neither the `04 00` that ends its binding nor the proof that X is alone, and then the 11h for X. That they
+// have none is what both are told to store then, and it is waited for from both: a device that is still storing
+// executes no further 17h, and its late answer would be taken for that of the next.
 TEST(Promise, WhatTwoDevicesAreToldToStoreIsWaitedForFromBoth) {
   design::Machine m = one_bus(125'000);
   m.buses.front().timing.boot_timeout = 1s;
@@ -280,7 +280,7 @@ TEST(Promise, WhatTwoDevicesAreToldToStoreIsWaitedForFromBoth) {
   const At stored(rig, 0x7E4, {0x17, 0x00}, [&] { y.controller().deaf(++stores == 1); });
   const At proven(rig, 0x7E4, {0x5E}, [&] { y.controller().deaf(false); });
   bool both = false;
-  const At taken(rig, 0x7E5, {0x17}, [&] { both = both || y.truth().pending == NodeId(3); });
+  const At taken(rig, 0x7E5, {0x11, 0xFF}, [&] { both = both || y.truth().pending == NodeId(3); });
   std::vector<NodeId> before;
   const At told(rig, 0x7E5, {0x11, 0x02}, [&] { before.push_back(y.truth().persistent); });
   rig.begin();
@@ -291,8 +291,9 @@ TEST(Promise, WhatTwoDevicesAreToldToStoreIsWaitedForFromBoth) {
   for (const auto& t : rig.world().truth()) EXPECT_EQ(t.persistent, t.active) << t.name;
 }
 
-// Y hears neither the `04 00` that ends its binding, nor the proof that X is alone, nor the first 11h for X, of which the
-// answer is lost: the repetition is Y's too, and both answer it in one frame. X is not told to store before it is alone.
+// Y hears neither the `04 00` that ends its binding, nor the proof that X is alone, nor the first 11h for X, of which
+// the answer is lost: the repetition is Y's too, and both answer it in one frame. X is not told to store before it is
+// alone.
 TEST(Promise, S1_53_ARepeated11hIsProvenBeforeAnythingIsStored) {
   design::Machine m = one_bus(125'000);
   add_slot(m, 2, type_a);

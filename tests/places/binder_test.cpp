@@ -72,10 +72,10 @@ struct Rig : World {
       if (before) before(binding.step());
     };
   }
-  Step bind() {
+  Step bind(unsigned tries = 1) {
     const SlotId slot = *store.declare({"machine", "bus", "slot"});
     Binder binder({dispatcher, lss, sdo, nmt, boots, store, vacancy}, binder_options);
-    Binding binding(Binding::Kind::bind, {.device = moving, .id = new_id}, 1);
+    Binding binding(Binding::Kind::bind, {.device = moving, .id = new_id}, tries);
     const std::string reason = "test";
     run(binder.run(binding, slot, reason));
     why = binding.why();
@@ -187,4 +187,51 @@ TEST(Binder, NobodyIsToldBesideASlowOneThatHearsTheLastQuestions) {
       EXPECT_TRUE(hears) << "this case is not the one that is meant";
     }
   }
+}
+
+// Another hears nothing before the 11h, which both execute: its answer comes a little behind, and nothing is stored.
+TEST(Binder, NobodyStoresWhatTwoWereTold) {
+  Rig rig;
+  Node& moves = *rig.nodes[0];
+  Node& left = rig.add({.address = {0x11, 0x22, 1, 200}, .timing = {.response_min = 4ms, .response_max = 4ms}});
+  ASSERT_TRUE(rig.run(rig.select(left.options.address)));
+  bool hears = false;
+  left.overhears = [&](const can::Frame& f) {
+    hears = hears || (f.data[0] == 0x11 && f.data[1] == new_id.value());
+    return !hears || f.data[0] == 0x04;
+  };
+  rig.learn_windows();
+  bool both = false;
+  const auto has = [](const Node& node) { return node.slave.pending().node_id == new_id; };
+  discovery::test::Record record(rig.bus);
+  record.on_frame = [&](const can::Frame&) {
+    both = both || (has(moves) && has(left));
+    EXPECT_NE(left.slave.persistent().node_id, new_id);
+  };
+  rig.bind();
+  EXPECT_TRUE(both) << "this case is not the one that is meant";
+}
+
+// It was proven alone, so that it is in configuration, wherever it is.
+TEST(Binder, ADeviceThatIsSilentInConfigurationIsLostThere) {
+  for (const Step from : {Step::inquire, Step::configure, Step::store}) {
+    Rig rig;
+    rig.before = [&](Step step) { rig.deaf = rig.deaf || step == from; };
+    EXPECT_EQ(rig.bind(), Step::failed);
+    EXPECT_TRUE(rig.lss.answer_times().lost) << name(from);
+  }
+}
+
+// While it boots, another binding takes back from all in configuration what two of them were told: this one may have
+// missed `04 00`, and have been told, too.
+TEST(Binder, WhoMayHaveLostItsNodeIdWithAnotherIsToldAnew) {
+  Rig rig(new_id);
+  const Voice own(rig.world, rig.bus, moving, 0ms);
+  unsigned told = 0;
+  rig.before = [&](Step step) {
+    if (step == Step::configure) ++told;
+    if (step == Step::identify && told == 1) rig.lss.took_back();
+  };
+  EXPECT_EQ(rig.bind(2), Step::done);
+  EXPECT_EQ(told, 2U);
 }

@@ -236,6 +236,16 @@ TEST(BindingTable, S1_53_WhatTwoWereToldIsTakenBackFromBoth) {
   }
 }
 
+// It may have been in configuration when another's binding took back what two had been told: it is told anew.
+TEST(BindingTable, S1_53_WhoMayHaveLostItsNodeIdWithAnotherIsToldAnew) {
+  Binding binding(Binding::Kind::bind, seat);
+  ASSERT_TRUE(walk_to(binding, Step::identify));
+  binding.advance(Outcome::taken_back);
+  EXPECT_EQ(binding.step(), Step::select);
+  ASSERT_TRUE(walk_to(binding, Step::store));
+  ASSERT_TRUE(walk_to(binding, Step::done));
+}
+
 // No way but `identify` leads to `write_confirm`, whatever the boot-up's wait ended with.
 TEST(BindingTable, S1_53_NothingIsConfirmedUnheard) {
   for (const auto outcome : {Outcome::ok, Outcome::silent, Outcome::mismatch}) {
@@ -244,7 +254,7 @@ TEST(BindingTable, S1_53_NothingIsConfirmedUnheard) {
     binding.advance(outcome);
     EXPECT_EQ(binding.step(), outcome == Outcome::mismatch ? Step::select : Step::identify);
   }
-  for (const auto outcome : {Outcome::silent, Outcome::mismatch, Outcome::several}) {
+  for (const auto outcome : {Outcome::silent, Outcome::mismatch, Outcome::several, Outcome::taken_back}) {
     Binding binding(Binding::Kind::bind, seat);
     ASSERT_TRUE(walk_to(binding, Step::identify));
     binding.advance(outcome);
