@@ -9,7 +9,6 @@ namespace berth::cli {
 void add_emcy(Verb& berth, Options& options) {
   const auto time = std::make_shared<std::optional<std::chrono::nanoseconds>>();
   const RequestVerb emcy(berth, options, "emcy", "emcy",
-                         "what devices say is wrong with them: now, before, as it comes",
                          [time](command::Request& request) -> std::string {
                            if (*time) {
                              const auto seconds = std::chrono::ceil<std::chrono::seconds>(**time).count();
@@ -20,40 +19,34 @@ void add_emcy(Verb& berth, Options& options) {
                            return {};
                          },
                          {.machine = {.confirms = false}});
-  emcy.word("node", "node", "node-ID or slot's name: its error register (1001h) and history (1003h)");
   emcy.verb().time("--listen", *time, "instead: the messages that come, for so long");
   emcy.footer("Examples:\n  berth emcy drive\n  berth emcy 5 --port can0\n  berth emcy --listen \"30 s\" --port can0");
 }
 
 namespace {
 
-void add_memory(Verb& berth, Options& options, const std::string& name, const std::string& help,
-                const std::string& example) {
-  const RequestVerb memory(berth, options, name, name, help);
-  memory.word("node", "node", "node-ID or slot's name").required();
-  memory.word("group", "group", "all (default), communication, application, or a sub-index that the maker describes");
+void add_memory(Verb& berth, Options& options, const std::string& name, const std::string& example) {
+  const RequestVerb memory(berth, options, name, name);
   memory.footer("Example:\n  " + example);
 }
 
 }  // namespace
 
 void add_store(Verb& berth, Options& options) {
-  add_memory(berth, options, "store", "a device stores its parameters (1010h)", "berth store drive communication");
+  add_memory(berth, options, "store", "berth store drive communication");
 }
 
 void add_restore(Verb& berth, Options& options) {
-  add_memory(berth, options, "restore", "a device takes its default parameters, after a reset (1011h)",
-             "berth restore drive && berth nmt reset-node drive");
+  add_memory(berth, options, "restore", "berth restore drive && berth nmt reset-node drive");
 }
 
 void add_send(Verb& berth, Options& options) {
   const auto frames = std::make_shared<std::vector<std::string>>();
-  const RequestVerb send(berth, options, "send", "send", "frames as they are written, through the gate as ever",
-                         [frames](command::Request& request) {
-                           std::string& lines = request.arguments["frame"];
-                           for (const auto& frame : *frames) lines += (lines.empty() ? "" : "\n") + frame;
-                           return std::string();
-                         });
+  const RequestVerb send(berth, options, "send", "send", [frames](command::Request& request) {
+    std::string& lines = request.arguments["frame"];
+    for (const auto& frame : *frames) lines += (lines.empty() ? "" : "\n") + frame;
+    return std::string();
+  });
   send.verb().word("frame", *frames, "as candump writes it: 601#4018100400000000").required().shown("FRAME...");
   send.footer("Example:\n  berth send 080# 601#4018100400000000 --port can0");
 }
@@ -64,15 +57,12 @@ constexpr RequestWords tells{.alone = false, .machine = {.confirms = false, .sen
 }  // namespace
 
 void add_history(Verb& berth, Options& options) {
-  const RequestVerb history(berth, options, "history", "history", "which device sat where, since when and why", {},
-                            tells);
-  history.word("slot", "slot", "its name, BUS/NAME or node-ID (default: all)");
+  const RequestVerb history(berth, options, "history", "history", {}, tells);
   history.footer("Examples:\n  berth history\n  berth history left machine.toml");
 }
 
 void add_status(Verb& berth, Options& options) {
-  const RequestVerb status(berth, options, "status", "report",
-                           "the slot table as it stands; exit status 1 when a slot is not operational", {}, tells);
+  const RequestVerb status(berth, options, "status", "report", {}, tells);
   status.verb().time("--watch", options.single.watch, "again and again, so far apart");
   status.footer("Examples:\n  berth status\n  berth status machine.toml --bus drives --watch \"2 s\"");
 }

@@ -1,6 +1,7 @@
 #include "request_verb.hpp"
 
 #include "adopt.hpp"
+#include "berth/command/verbs.hpp"
 #include "output.hpp"
 #include "single.hpp"
 
@@ -19,18 +20,42 @@ int run_request(const Options& options, command::Request request, const RequestV
   return run_single(options, std::move(request));
 }
 
-}  // namespace
-
-RequestVerb::RequestVerb(const Verb& parent, Options& options, const std::string& name, const std::string& request,
-                         const std::string& help, Finish finish, RequestWords which)
-    : request_(std::make_shared<command::Request>(command::Request{request, {}})),
-      verb_(parent.add(name, help, [&options, made = request_, finish = std::move(finish)] {
-        return run_request(options, *made, finish);
-      })) {
-  request_words(verb_, options, which);
+// "--save" for store, "--serial-low" for serial-low.
+std::string spelled(const command::Parameter& parameter) {
+  const std::string name(parameter.name);
+  if (parameter.form == command::Form::word) return name;
+  return parameter.spelled.empty() ? "--" + name : std::string(parameter.spelled);
 }
 
-void request_words(const Verb& verb, Options& options, RequestWords which) {
+void word_of(const Verb& verb, const std::shared_ptr<command::Request>& request, const command::Parameter& parameter) {
+  const std::string key(parameter.name);
+  const std::string help(parameter.help);
+  if (parameter.form == command::Form::flag) {
+    verb.flag(
+        spelled(parameter), [request, key] { request->arguments[key] = "1"; }, help);
+    return;
+  }
+  Word word = verb.word(
+      spelled(parameter), [request, key](const std::string& text) { request->arguments[key] = text; }, help);
+  if (parameter.required) word.required();
+  if (!parameter.value.empty()) word.shown(std::string(parameter.value));
+}
+
+}  // namespace
+
+std::string help_of(const std::string& request) { return std::string(command::verb(request)->help); }
+
+RequestVerb::RequestVerb(const Verb& parent, Options& options, const std::string& name, const std::string& request,
+                         Finish finish, RequestWords which)
+    : request_(std::make_shared<command::Request>(command::Request{request, {}})),
+      verb_(parent.add(name, help_of(request), [&options, made = request_, finish = std::move(finish)] {
+        return run_request(options, *made, finish);
+      })) {
+  request_words(verb_, options, request_, which);
+}
+
+void request_words(const Verb& verb, Options& options, const std::shared_ptr<command::Request>& request,
+                   RequestWords which) {
   machine_words(verb, options, which.machine);
   control_word(verb, options);
   if (which.alone && which.bit_rate) {
@@ -45,16 +70,10 @@ void request_words(const Verb& verb, Options& options, RequestWords which) {
   }
   if (which.up)
     verb.flag("--up", options.single.bring_up, "with --sim: first run the main job until the machine is operational");
-}
-
-Word RequestVerb::word(const std::string& names, const std::string& key, const std::string& help) const {
-  return verb_.word(
-      names, [made = request_, key](const std::string& text) { made->arguments[key] = text; }, help);
-}
-
-Word RequestVerb::flag(const std::string& names, const std::string& key, const std::string& help) const {
-  return verb_.flag(
-      names, [made = request_, key] { made->arguments[key] = "1"; }, help);
+  for (const command::Parameter& parameter : command::verb(request->verb)->parameters) {
+    const bool reads = parameter.form != command::Form::common && parameter.form != command::Form::own;
+    if (reads) word_of(verb, request, parameter);
+  }
 }
 
 }  // namespace berth::cli

@@ -1,4 +1,5 @@
-/// Verbs that are one request: what may stand behind them becomes the request's arguments.
+/// Verbs that are one request. Their help, and what may stand behind them, are the table's (berth/command/verbs.hpp):
+/// words, options and flags become the request's arguments.
 #pragma once
 
 #include <functional>
@@ -25,13 +26,11 @@ class RequestVerb {
   /// Makes the request whole when everything is read; what is wrong, empty when it is good.
   using Finish = std::function<std::string(command::Request&)>;
 
-  /// `request`: its name in `command::execute`.
+  /// `request`: its name in the table.
   RequestVerb(const Verb& parent, Options& options, const std::string& name, const std::string& request,
-              const std::string& help, Finish finish = {}, RequestWords which = {});
-  Word word(const std::string& names, const std::string& key, const std::string& help) const;
-  Word flag(const std::string& names, const std::string& key, const std::string& help) const;
+              Finish finish = {}, RequestWords which = {});
   void footer(const std::string& text) const { verb_.footer(text); }
-  /// For words that `Finish` reads.
+  /// For words of the form `own`, which `Finish` reads.
   [[nodiscard]] const Verb& verb() const noexcept { return verb_; }
 
  private:
@@ -39,7 +38,11 @@ class RequestVerb {
   Verb verb_;
 };
 
-/// What stands behind every verb that is a request: the machine, or the bus alone, and what carries it out.
-void request_words(const Verb& verb, Options& options, RequestWords which = {});
+/// What stands behind every verb that is a request: the machine, or the bus alone, and what carries it out; and, of the
+/// verb that `request` names, the words, options and flags of the table, which become its arguments.
+void request_words(const Verb& verb, Options& options, const std::shared_ptr<command::Request>& request,
+                   RequestWords which = {});
+/// One line, of the table.
+[[nodiscard]] std::string help_of(const std::string& request);
 
 }  // namespace berth::cli

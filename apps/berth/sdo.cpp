@@ -89,27 +89,13 @@ std::string take_objects_and_values(const Words& words, command::Request& reques
 struct SdoWords {
   Words words;
   std::string file;
-  command::Request request;
+  std::shared_ptr<command::Request> request;
 };
-
-void word_of(const Verb& verb, const std::shared_ptr<SdoWords>& wanted, const std::string& names,
-             const std::string& key, const std::string& help, bool required = false) {
-  Word word = verb.word(
-      names, [wanted, key](const std::string& text) { wanted->request.arguments[key] = text; }, help);
-  if (required) word.required();
-  if (names.starts_with("--type")) word.shown("TYPE");
-}
-
-void flag_of(const Verb& verb, const std::shared_ptr<SdoWords>& wanted, const std::string& names,
-             const std::string& key, const std::string& help) {
-  verb.flag(
-      names, [wanted, key] { wanted->request.arguments[key] = "1"; }, help);
-}
 
 // The bytes of the one object that was read, as they are.
 int read_into_file(const Options& options, const SdoWords& wanted) {
   if (const auto bad = may_write(wanted.file, "--file", options.files.force)) return tell(*bad, options.json);
-  const auto reply = carry_out(options, wanted.request);
+  const auto reply = carry_out(options, *wanted.request);
   if (!reply) return tell(reply.error(), options.json);
   if (reply->status != Exit::done) return tell({reply->status, reply->error, reply->json}, options.json);
   const auto json = nlohmann::ordered_json::parse(reply->json);
@@ -129,47 +115,43 @@ int read_into_file(const Options& options, const SdoWords& wanted) {
   return Exit::done;
 }
 
-int run_read(const Options& options, SdoWords wanted) {
-  take_objects(wanted.words, wanted.request);
-  if (options.yes) wanted.request.arguments["yes"] = "1";
-  if (wanted.file.empty()) return run_single(options, std::move(wanted.request));
-  const bool several = wanted.request.arguments["object"].find('\n') != std::string::npos;
+int run_read(const Options& options, const SdoWords& wanted) {
+  take_objects(wanted.words, *wanted.request);
+  if (options.yes) wanted.request->arguments["yes"] = "1";
+  if (wanted.file.empty()) return run_single(options, *wanted.request);
+  const bool several = wanted.request->arguments["object"].find('\n') != std::string::npos;
   if (several) return tell(failure(Exit::usage, "--file takes the bytes of one object"), options.json);
   return read_into_file(options, wanted);
 }
 
-int run_write(const Options& options, SdoWords wanted) {
+int run_write(const Options& options, const SdoWords& wanted) {
   if (!wanted.file.empty()) {
     Findings findings;
     const auto text = text::read_file(wanted.file, findings);
     if (!text) return tell(failure(findings), options.json);
-    take_objects(wanted.words, wanted.request);
-    wanted.request.arguments["value"] = hex_of(*text);
-    wanted.request.arguments["type"] = "d";  // as it stands, whatever the object's type
+    take_objects(wanted.words, *wanted.request);
+    wanted.request->arguments["value"] = hex_of(*text);
+    wanted.request->arguments["type"] = "d";  // as it stands, whatever the object's type
   } else {
-    const std::string wrong = take_objects_and_values(wanted.words, wanted.request);
+    const std::string wrong = take_objects_and_values(wanted.words, *wanted.request);
     if (!wrong.empty()) return tell(failure(Exit::usage, wrong), options.json);
   }
-  if (options.yes) wanted.request.arguments["yes"] = "1";
-  return run_single(options, std::move(wanted.request));
+  if (options.yes) wanted.request->arguments["yes"] = "1";
+  return run_single(options, *wanted.request);
 }
 
 // The words of both.
 void sdo_words(const Verb& verb, const std::shared_ptr<SdoWords>& wanted, const std::string& objects_help,
                const std::string& objects_shown, const std::string& file_help) {
-  word_of(verb, wanted, "node", "node", "node-ID or slot's name", true);
   verb.word("object", wanted->words, objects_help).required().shown(objects_shown);
-  word_of(verb, wanted, "--type,-t", "type", "u8 u16 u32 i8 i16 i32 r32 vs os … (default: what the slot's eds = says)");
-  flag_of(verb, wanted, "--block", "block", "by SDO block transfer");
   verb.word("--file", wanted->file, file_help).shown("FILE");
 }
 
 void add_read(const Verb& sdo, Options& options) {
   const auto wanted = std::make_shared<SdoWords>();
-  wanted->request.verb = "sdo read";
-  const Verb read =
-      sdo.add("read", "read objects of a device", [&options, wanted] { return run_read(options, *wanted); });
-  request_words(read, options, {.machine = {.confirms = false}});
+  wanted->request = std::make_shared<command::Request>(command::Request{"sdo read", {}});
+  const Verb read = sdo.add("read", help_of("sdo read"), [&options, wanted] { return run_read(options, *wanted); });
+  request_words(read, options, wanted->request, {.machine = {.confirms = false}});
   sdo_words(read, wanted, "1018h:04, 0x1018:4, 1018sub4, or its name: \"Producer heartbeat time\"", "OBJECT...",
             "write the bytes of the object there");
   read.time("--watch", options.single.watch, "again and again, so far apart");
@@ -181,49 +163,33 @@ void add_read(const Verb& sdo, Options& options) {
 
 void add_write(const Verb& sdo, Options& options) {
   const auto wanted = std::make_shared<SdoWords>();
-  wanted->request.verb = "sdo write";
-  const Verb write =
-      sdo.add("write", "write objects of a device", [&options, wanted] { return run_write(options, *wanted); });
-  request_words(write, options);
+  wanted->request = std::make_shared<command::Request>(command::Request{"sdo write", {}});
+  const Verb write = sdo.add("write", help_of("sdo write"), [&options, wanted] { return run_write(options, *wanted); });
+  request_words(write, options, wanted->request);
   sdo_words(write, wanted,
             "an object and its value, or several as OBJECT=VALUE; of an unknown type hex bytes such as \"F4 01\"",
             "OBJECT VALUE", "the value is what stands in this file");
-  flag_of(write, wanted, "--anyway", "anyway", "also a value outside of the description's limits");
   write.footer(
       "Examples:\n  berth sdo write 5 1017h 500\n  berth sdo write drive 1017h \"0.5 s\"\n"
       "  berth sdo write drive 1017h=500 6000h:01=3\n  berth sdo write 5 2000h:01 -3 --type i16\n"
       "  berth sdo write 5 1F50h:01 --file program.bin");
 }
 
-// What a channel is between, and which manager gives it.
-void channel_words(const RequestVerb& verb) {
-  verb.word("client", "client", "node-ID or slot's name of the node that will ask").required();
-  verb.word("server", "server", "that of the node that will answer").required();
-  verb.word("--request", "request", "the SDO manager with this node-ID is asked to do it (1F00h, 1F01h)")
-      .shown("NODE-ID");
-}
-
 void add_channels(const Verb& sdo, Options& options) {
   const auto lease = std::make_shared<std::optional<std::chrono::nanoseconds>>();
-  const RequestVerb connect(sdo, options, "connect", "sdo connect",
-                            "a channel of their own for two nodes (SDO manager, CiA 302-5)",
-                            [lease](command::Request& request) {
-                              if (*lease) {
-                                const auto seconds = std::chrono::ceil<std::chrono::seconds>(**lease).count();
-                                request.arguments["lease"] = std::to_string(seconds);
-                              }
-                              return std::string();
-                            });
-  channel_words(connect);
+  const RequestVerb connect(sdo, options, "connect", "sdo connect", [lease](command::Request& request) {
+    if (*lease) {
+      const auto seconds = std::chrono::ceil<std::chrono::seconds>(**lease).count();
+      request.arguments["lease"] = std::to_string(seconds);
+    }
+    return std::string();
+  });
   connect.verb().time("--lease", *lease, "it is taken back then (default: 10 min); asking again renews it");
   connect.footer(
       "Examples:\n  berth sdo connect panel drive\n  berth sdo connect 3 5 --lease \"60 s\" --request 1 --port can0");
-  const RequestVerb release(sdo, options, "release", "sdo release", "takes the channel of two nodes back");
-  channel_words(release);
+  const RequestVerb release(sdo, options, "release", "sdo release");
   release.footer("Example:\n  berth sdo release panel drive");
-  const RequestVerb channels(sdo, options, "channels", "sdo channels",
-                             "the channels that the SDO manager of a bus has given", {},
-                             {.machine = {.confirms = false}});
+  const RequestVerb channels(sdo, options, "channels", "sdo channels", {}, {.machine = {.confirms = false}});
   channels.footer("Example:\n  berth sdo channels machine.toml");
 }
 

@@ -23,7 +23,8 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 struct DumpOptions {
-  command::Request request{"sdo dump", {}};
+  std::shared_ptr<command::Request> request =
+      std::make_shared<command::Request>(command::Request{"sdo dump", {}});
   std::string to = "table";
   std::string output;
 };
@@ -88,7 +89,7 @@ tl::expected<std::string, Failure> dcf_of(const Options& given, const DumpOption
   options.machine = default_machine(given);
   const auto machine = machine_of(options);
   if (!machine) return tl::unexpected(machine.error());
-  const auto node = command::find_node(*machine, options.bus, wanted.request.arguments.at("node"));
+  const auto node = command::find_node(*machine, options.bus, wanted.request->arguments.at("node"));
   if (!node) return tl::unexpected(failure(Exit::usage, node.error()));
   const std::string path = description_file(options, *machine, *node);
   if (path.empty()) {
@@ -118,7 +119,7 @@ int run_dump(const Options& options, const DumpOptions& wanted) {
   if (!wanted.output.empty()) {
     if (const auto bad = may_write(wanted.output, "--output", options.files.force)) return tell(*bad, options.json);
   }
-  const auto reply = carry_out(options, wanted.request);
+  const auto reply = carry_out(options, *wanted.request);
   if (!reply) return tell(reply.error(), options.json);
   if (reply->status != Exit::done) return tell({reply->status, reply->error, reply->json}, options.json);
   if (wanted.to == "dcf") {
@@ -139,13 +140,8 @@ int run_dump(const Options& options, const DumpOptions& wanted) {
 
 void add_dump(const Verb& sdo, Options& options) {
   const auto wanted = std::make_shared<DumpOptions>();
-  const Verb dump = sdo.add("dump", "every object of a device that can be read: a table, JSON, or a DCF",
-                            [&options, wanted] { return run_dump(options, *wanted); });
-  request_words(dump, options, {.machine = {.confirms = false, .sends = false}});
-  dump.word(
-          "node", [wanted](const std::string& text) { wanted->request.arguments["node"] = text; },
-          "node-ID or slot's name")
-      .required();
+  const Verb dump = sdo.add("dump", help_of("sdo dump"), [&options, wanted] { return run_dump(options, *wanted); });
+  request_words(dump, options, wanted->request, {.machine = {.confirms = false, .sends = false}});
   dump.word("--to", wanted->to, "table, json, dcf: what can be written, with the device's values")
       .one_of(std::vector<std::string>{"table", "json", "dcf"});
   dump.word("--output,-o", wanted->output, "into this file").shown("FILE");

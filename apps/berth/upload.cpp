@@ -19,7 +19,8 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 struct UploadOptions {
-  command::Request request{"upload", {{"dcf", "1"}}};
+  std::shared_ptr<command::Request> request =
+      std::make_shared<command::Request>(command::Request{"upload", {{"dcf", "1"}}});
   std::string output;
   bool dry_run = false;
 };
@@ -48,7 +49,7 @@ tl::expected<std::string, Failure> target_of(const Options& options, const Uploa
 int run_upload(const Options& given, const UploadOptions& wanted) {
   Options options = given;
   options.machine = default_machine(given);
-  const auto reply = carry_out(options, wanted.request);
+  const auto reply = carry_out(options, *wanted.request);
   if (!reply) return tell(reply.error(), options.json);
   if (reply->status != Exit::done) return tell({reply->status, reply->error, reply->json}, options.json);
   Json json = Json::parse(reply->json);
@@ -75,14 +76,9 @@ int run_upload(const Options& given, const UploadOptions& wanted) {
 
 void add_upload(Verb& berth, Options& options) {
   const auto wanted = std::make_shared<UploadOptions>();
-  const Verb upload = berth.add("upload", "a device's configuration, as it is now, becomes its slot's file",
-                                [&options, wanted] { return run_upload(options, *wanted); });
-  request_words(upload, options, {.alone = false, .machine = {.confirms = false, .sends = false}});
-  upload
-      .word(
-          "slot", [wanted](const std::string& text) { wanted->request.arguments["slot"] = text; },
-          "its name, BUS/NAME or node-ID")
-      .required();
+  const Verb upload =
+      berth.add("upload", help_of("upload"), [&options, wanted] { return run_upload(options, *wanted); });
+  request_words(upload, options, wanted->request, {.alone = false, .machine = {.confirms = false, .sends = false}});
   upload.word("--output,-o", wanted->output, "into this file (default: that of config =)").shown("FILE");
   upload.flag("--dry-run", wanted->dry_run, "read the device, say what differs, and write nothing");
   upload.footer(

@@ -20,6 +20,10 @@ Arguments::Arguments(const Request& request) : request_(request) {
     const bool takes = known->parameter(key) != nullptr;
     if (!takes) wrong(fmt::format("\"{}\" has no argument \"{}\"", request.verb, key));
   }
+  for (const Parameter& parameter : known->parameters) {
+    const bool missing = parameter.required && !has(std::string(parameter.name));
+    if (missing) wrong(fmt::format("\"{}\" needs {}", request.verb, parameter.name));
+  }
 }
 
 bool Arguments::has(const std::string& key) const { return request_.arguments.contains(key); }

@@ -13,80 +13,158 @@
 namespace berth::command {
 namespace {
 
-constexpr std::array<Parameter, 1> bus{{{"bus"}}};
-constexpr std::array<Parameter, 3> of_bind{{{"bus"}, {"method"}, {"from-scratch", true}}};
-constexpr std::array<Parameter, 4> of_replace{{{"bus"}, {"slot"}, {"device"}, {"used"}}};
-constexpr std::array<Parameter, 2> of_forget{{{"bus"}, {"device"}}};
-constexpr std::array<Parameter, 4> of_locate{{{"bus"}, {"target"}, {"seconds"}, {"anyway"}}};
-constexpr std::array<Parameter, 3> of_configure{{{"bus"}, {"slot"}, {"check"}}};
-constexpr std::array<Parameter, 3> of_upload{{{"bus"}, {"slot"}, {"dcf"}}};
-constexpr std::array<Parameter, 6> of_sdo_read{{{"bus"}, {"node"}, {"object"}, {"sub"}, {"type"}, {"block"}}};
-constexpr std::array<Parameter, 8> of_sdo_write{
-    {{"bus"}, {"node"}, {"object"}, {"sub"}, {"value"}, {"type"}, {"block"}, {"anyway"}}};
-constexpr std::array<Parameter, 3> of_sdo_probe{{{"bus"}, {"node"}, {"objects"}}};
-constexpr std::array<Parameter, 2> of_sdo_dump{{{"bus"}, {"node"}}};
-constexpr std::array<Parameter, 5> of_sdo_connect{{{"bus"}, {"client"}, {"server"}, {"lease"}, {"request"}}};
-constexpr std::array<Parameter, 4> of_sdo_release{{{"bus"}, {"client"}, {"server"}, {"request"}}};
-constexpr std::array<Parameter, 3> of_program{{{"bus"}, {"node"}, {"number"}}};
-constexpr std::array<Parameter, 5> of_program_download{
-    {{"bus"}, {"node"}, {"number"}, {"file", true}, {"identification"}}};
-constexpr std::array<Parameter, 3> of_emcy{{{"bus"}, {"node"}, {"listen"}}};
-constexpr std::array<Parameter, 3> of_memory{{{"bus"}, {"node"}, {"group"}}};
-constexpr std::array<Parameter, 2> of_send{{{"bus"}, {"frame"}}};
-constexpr std::array<Parameter, 2> of_history{{{"bus"}, {"slot"}}};
-constexpr std::array<Parameter, 4> of_nmt{{{"bus"}, {"command"}, {"node"}, {"request"}}};
-constexpr std::array<Parameter, 2> of_lss_global{{{"bus"}, {"state"}}};
-constexpr std::array<Parameter, 2> of_lss_device{{{"bus"}, {"address"}}};
-constexpr std::array<Parameter, 4> of_lss_set_node_id{{{"bus"}, {"address"}, {"id"}, {"store"}}};
-constexpr std::array<Parameter, 3> of_lss_bit_timing{{{"bus"}, {"rate"}, {"address"}}};
-constexpr std::array<Parameter, 3> of_lss_activate{{{"bus"}, {"delay"}, {"rate"}}};
-constexpr std::array<Parameter, 7> of_lss_identify{
-    {{"bus"}, {"vendor"}, {"product"}, {"revision-low"}, {"revision-high"}, {"serial-low"}, {"serial-high"}}};
+using enum Form;
+
+constexpr Parameter of_bus{.name = "bus", .help = "the machine file's name of it"};
+constexpr std::string_view a_node = "node-ID or slot's name";
+constexpr std::string_view a_slot = "its name, BUS/NAME or node-ID";
+constexpr std::string_view an_address = "VENDOR-PRODUCT-REVISION-SERIAL, eight hex digits each";
+
+constexpr Parameter word_of(std::string_view name, std::string_view help, bool required = true) {
+  return {.name = name, .form = word, .help = help, .required = required};
+}
+constexpr Parameter option_of(std::string_view name, std::string_view value, std::string_view help,
+                              std::string_view spelled = {}) {
+  return {.name = name, .form = option, .help = help, .value = value, .spelled = spelled};
+}
+constexpr Parameter flag_of(std::string_view name, std::string_view help, std::string_view spelled = {}) {
+  return {.name = name, .form = flag, .help = help, .spelled = spelled};
+}
+constexpr Parameter own_of(std::string_view name, std::string_view help, bool required = false) {
+  return {.name = name, .form = own, .help = help, .required = required};
+}
+constexpr Parameter personal(Parameter parameter) {
+  parameter.personal = true;
+  return parameter;
+}
+
+constexpr std::array bus{of_bus};
+constexpr std::array of_bind{
+    of_bus,
+    option_of("method", "METHOD", "how new devices are found: auto, rand, fastscan, … (default: as the machine file)"),
+    personal(flag_of("from-scratch",
+                     "stop the bus, forget every binding, take every node-ID that LSS can change, and bind all anew"))};
+constexpr std::array of_replace{
+    of_bus, word_of("slot", a_slot), option_of("device", "ADDRESS", "LSS address of the device that shall sit there"),
+    flag_of("used", "the used device that waits for the slot, or sits in it: it gets its factory settings first")};
+constexpr std::array of_forget{of_bus, word_of("device", "its LSS address")};
+constexpr std::array of_locate{of_bus, word_of("target", "slot, LSS address or node-ID"),
+                               option_of("seconds", "N", "for so long (1 to 600, default 10)"),
+                               flag_of("anyway", "also when it is operational")};
+constexpr std::array of_configure{
+    of_bus, word_of("slot", "its name, BUS/NAME or node-ID (default: every slot with a configuration)", false),
+    flag_of("check", "compare only, and say what differs")};
+constexpr std::array of_upload{of_bus, word_of("slot", a_slot), own_of("dcf", "the whole DCF in the answer")};
+constexpr auto an_object = own_of("object", "1018h:04, 0x1018:4, 1018sub4, or its name", true);
+constexpr auto a_sub = own_of("sub", "the sub-index, where object is the index alone");
+constexpr auto a_type =
+    option_of("type", "TYPE", "u8 u16 u32 i8 i16 i32 r32 vs os … (default: what the slot's eds = says)", "--type,-t");
+constexpr auto by_block = flag_of("block", "by SDO block transfer");
+constexpr std::array of_sdo_read{of_bus, word_of("node", a_node), an_object, a_sub, a_type, by_block};
+constexpr std::array of_sdo_write{of_bus,
+                                  word_of("node", a_node),
+                                  an_object,
+                                  a_sub,
+                                  own_of("value", "of an unknown type hex bytes: 91 01 0F", true),
+                                  a_type,
+                                  by_block,
+                                  flag_of("anyway", "also a value outside of the description's limits")};
+constexpr std::array of_sdo_probe{of_bus, word_of("node", a_node),
+                                  word_of("objects", "hex: 1000:0,1018:0-4; a refusal is told, and is no failure")};
+constexpr std::array of_sdo_dump{of_bus, word_of("node", a_node)};
+constexpr auto a_client = word_of("client", "node-ID or slot's name of the node that will ask");
+constexpr auto a_server = word_of("server", "that of the node that will answer");
+constexpr auto a_manager =
+    option_of("request", "NODE-ID", "the SDO manager with this node-ID is asked to do it (1F00h, 1F01h)");
+constexpr std::array of_sdo_connect{of_bus, a_client, a_server,
+                                    own_of("lease", "it is taken back after so many seconds (default 600)"), a_manager};
+constexpr std::array of_sdo_release{of_bus, a_client, a_server, a_manager};
+constexpr auto a_program = option_of("number", "N", "1 to 254", "--program");
+constexpr std::array of_program{of_bus, word_of("node", a_node), a_program};
+constexpr std::array of_program_download{
+    of_bus, word_of("node", a_node), a_program,
+    personal(option_of("file", "FILE", "its image (default: the programs of its slot)")),
+    option_of("identification", "NUMBER", "what 1F56h tells then (default: the CRC-32 of the content)")};
+constexpr std::array of_emcy{
+    of_bus, word_of("node", "node-ID or slot's name: its error register (1001h) and history (1003h)", false),
+    own_of("listen", "instead: the messages that come, for so many seconds")};
+constexpr std::array of_memory{
+    of_bus, word_of("node", a_node),
+    word_of("group", "all (default), communication, application, or a sub-index that the maker describes", false)};
+constexpr std::array of_send{of_bus, own_of("frame", "as candump writes it: 601#4018100400000000", true)};
+constexpr std::array of_history{of_bus, word_of("slot", "its name, BUS/NAME or node-ID (default: all)", false)};
+constexpr std::array of_nmt{
+    of_bus, word_of("command", "start, stop, preop, reset-node, reset-comm"),
+    word_of("node", "node-ID, slot's name, or all"),
+    option_of("request", "NODE-ID", "the NMT master with this node-ID is asked to do it (1F82h)")};
+constexpr std::array of_lss_global{of_bus, word_of("state", "waiting or configuration")};
+constexpr std::array of_lss_select{of_bus, word_of("address", an_address)};
+constexpr std::array of_lss_device{of_bus, word_of("address", an_address, false)};
+constexpr std::array of_lss_set_node_id{of_bus, word_of("address", an_address),
+                                        word_of("id", "1 to 127, or 255 for none"),
+                                        flag_of("store", "and let the device store it", "--save")};
+constexpr std::array of_lss_bit_timing{of_bus, word_of("rate", "bit/s"), word_of("address", an_address, false)};
+constexpr std::array of_lss_activate{of_bus, word_of("delay", "switch delay in ms"),
+                                     option_of("rate", "BIT/S", "bit/s that Berth's own port changes to")};
+constexpr std::array of_move_bit_rate{of_bus, word_of("rate", "bit/s"),
+                                      option_of("delay", "MS", "switch delay in ms (default 200)")};
+constexpr std::array of_lss_identify{of_bus,
+                                     word_of("vendor", "vendor-ID"),
+                                     word_of("product", "product code"),
+                                     option_of("revision-low", "N", "default 0"),
+                                     option_of("revision-high", "N", "default 0xFFFFFFFF"),
+                                     option_of("serial-low", "N", "default 0"),
+                                     option_of("serial-high", "N", "default 0xFFFFFFFF")};
 
 constexpr auto asks = Effect::asks;
 constexpr auto changes = Effect::changes;
 
 constexpr std::array table{
-    Verb{"report", asks, bus, report},
-    Verb{"scan", asks, bus, scan},
-    Verb{"bind", changes, of_bind, bind},
-    Verb{"replace", changes, of_replace, replace},
-    Verb{"forget", changes, of_forget, forget},
-    Verb{"locate", changes, of_locate, locate},
-    Verb{"boot", changes, bus, boot},
-    Verb{"configure", changes, of_configure, configure},
-    Verb{"upload", changes, of_upload, upload},
-    Verb{"sdo read", asks, of_sdo_read, sdo_read},
-    Verb{"sdo write", changes, of_sdo_write, sdo_write},
-    Verb{"sdo probe", asks, of_sdo_probe, sdo_probe},
-    Verb{"sdo dump", asks, of_sdo_dump, sdo_dump},
-    Verb{"sdo connect", changes, of_sdo_connect, sdo_connect},
-    Verb{"sdo release", changes, of_sdo_release, sdo_release},
-    Verb{"sdo channels", asks, bus, sdo_channels},
-    Verb{"nmt", changes, of_nmt, nmt_command},
-    Verb{"program status", asks, of_program, program_status},
-    Verb{"program download", changes, of_program_download, program_download},
-    Verb{"program start", changes, of_program, program_control},
-    Verb{"program stop", changes, of_program, program_control},
-    Verb{"program clear", changes, of_program, program_control},
-    Verb{"emcy", asks, of_emcy, emcy},
-    Verb{"store", changes, of_memory, device_memory},
-    Verb{"restore", changes, of_memory, device_memory},
-    Verb{"send", changes, of_send, send},
-    Verb{"history", asks, of_history, history},
-    Verb{"lss global", changes, of_lss_global, lss_command},
-    Verb{"lss select", changes, of_lss_device, lss_command},
-    Verb{"lss inquire", asks, of_lss_device, lss_command},
-    Verb{"lss set-node-id", changes, of_lss_set_node_id, lss_command},
-    Verb{"lss store", changes, of_lss_device, lss_command},
-    Verb{"lss bit-timing", changes, of_lss_bit_timing, lss_command},
-    Verb{"lss activate", changes, of_lss_activate, lss_command},
-    Verb{"lss identify", asks, of_lss_identify, lss_command},
-    Verb{"lss find", asks, bus, lss_command},
-    Verb{"lss move-bit-rate", changes, of_lss_activate, bit_rate_command},
+    Verb{"report", "the slot table as it stands; exit status 1 when a slot is not operational", asks, bus, report},
+    Verb{"scan", "which devices are on this bus: configured, unconfigured, duplicates", asks, bus, scan},
+    Verb{"bind", "discovery and binding once, without starting anything", changes, of_bind, bind},
+    Verb{"replace", "give a slot to a new device", changes, of_replace, replace},
+    Verb{"forget", "a device that was to give its node-ID up is gone for good", changes, of_forget, forget},
+    Verb{"locate", "a device shows itself: both of its indicators flicker", changes, of_locate, locate},
+    Verb{"boot", "reset, check, configure and start the devices of the slots once (CiA 302-2)", changes, bus, boot},
+    Verb{"configure", "bring devices to what their configuration files want", changes, of_configure, configure},
+    Verb{"upload", "a device's configuration, as it is now, becomes its slot's file", changes, of_upload, upload},
+    Verb{"sdo read", "read objects of a device", asks, of_sdo_read, sdo_read},
+    Verb{"sdo write", "write objects of a device", changes, of_sdo_write, sdo_write},
+    Verb{"sdo probe", "read all of these objects, whichever the device has", asks, of_sdo_probe, sdo_probe},
+    Verb{"sdo dump", "every object of a device that can be read: a table, JSON, or a DCF", asks, of_sdo_dump, sdo_dump},
+    Verb{"sdo connect", "a channel of their own for two nodes (SDO manager, CiA 302-5)", changes, of_sdo_connect,
+         sdo_connect},
+    Verb{"sdo release", "takes the channel of two nodes back", changes, of_sdo_release, sdo_release},
+    Verb{"sdo channels", "the channels that the SDO manager of a bus has given", asks, bus, sdo_channels},
+    Verb{"nmt", "one NMT command to one node or all", changes, of_nmt, nmt_command},
+    Verb{"program status", "which programs it has, and whether they run", asks, of_program, program_status},
+    Verb{"program download", "stop, clear, download and start a program", changes, of_program_download,
+         program_download},
+    Verb{"program start", "start a program", changes, of_program, program_control},
+    Verb{"program stop", "stop a program; the device's own: it restarts into its boot loader", changes, of_program,
+         program_control},
+    Verb{"program clear", "take a stopped program away", changes, of_program, program_control},
+    Verb{"emcy", "what devices say is wrong with them: now, before, as it comes", asks, of_emcy, emcy},
+    Verb{"store", "a device stores its parameters (1010h)", changes, of_memory, device_memory},
+    Verb{"restore", "a device takes its default parameters, after a reset (1011h)", changes, of_memory, device_memory},
+    Verb{"send", "frames as they are written, through the gate as ever", changes, of_send, send},
+    Verb{"history", "which device sat where, since when and why", asks, of_history, history},
+    Verb{"lss global", "all devices to waiting or configuration state", changes, of_lss_global, lss_command},
+    Verb{"lss select", "one device to configuration state", changes, of_lss_select, lss_command},
+    Verb{"lss inquire", "vendor, product, revision, serial number, node-ID", asks, of_lss_device, lss_command},
+    Verb{"lss set-node-id", "give a device a node-ID", changes, of_lss_set_node_id, lss_command},
+    Verb{"lss store", "a device stores node-ID and bit rate", changes, of_lss_device, lss_command},
+    Verb{"lss bit-timing", "give a device a bit rate", changes, of_lss_bit_timing, lss_command},
+    Verb{"lss activate", "devices in configuration state change to their new bit rate", changes, of_lss_activate,
+         lss_command},
+    Verb{"lss identify", "is a device within these ranges?", asks, of_lss_identify, lss_command},
+    Verb{"lss find", "every device that no slot has; is any device without a node-ID?", asks, bus, lss_command},
+    Verb{"lss move-bit-rate", "every device of a bus to another bit rate, together", changes, of_move_bit_rate,
+         bit_rate_command},
 };
 
-constexpr Parameter confirmation{"yes", true};
+constexpr Parameter confirmation{.name = "yes", .help = "it may disturb operational devices", .personal = true};
 
 }  // namespace
 

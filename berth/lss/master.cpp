@@ -191,7 +191,7 @@ void Master::received(const can::Frame& frame, rt::Time at) noexcept {
   if (first_ != nullptr) {
     first_->heard(frame, at);
   } else {
-    ++unexpected_;
+    ++times_.unexpected;
     times_.calm_since = at;
   }
 }

@@ -91,6 +91,10 @@ struct AnswerTimes {
   /// No service went unanswered that has an answer, no device was lost, and no frame came on 7E4h that no request had
   /// asked for.
   rt::Time calm_since{};
+  std::uint64_t unexpected = 0;  ///< frames on 7E4h while no service was under way
+  /// How often more than one device may have been told to have no node-ID: with the one that is meant another that was
+  /// released before, and whose node-ID is not confirmed yet.
+  std::uint64_t taken_back = 0;
 
   void learn(rt::Duration answer_time) noexcept;
 };
@@ -204,13 +208,9 @@ class Master final : private can::Handler {
   void no_strangers() noexcept { times_.strangers = false; }
   /// A device was lost in configuration: from now on every answer to 11h is waited for, before 17h.
   void lost_one() noexcept;
-  /// More than one device may have been in configuration when all in it were told to have no node-ID: so may have been
-  /// one that was released before, and whose node-ID is not confirmed yet.
-  void took_back() noexcept { ++taken_back_; }
-  [[nodiscard]] std::uint64_t taken_back() const noexcept { return taken_back_; }
+  /// All in configuration were told to have no node-ID, and they may have been more than one.
+  void took_back() noexcept { ++times_.taken_back; }
 
-  /// Frames on 7E4h while no service was under way.
-  [[nodiscard]] std::uint64_t unexpected() const noexcept { return unexpected_; }
   /// The next request is not sent before.
   [[nodiscard]] rt::Time earliest() const noexcept { return earliest_; }
 
@@ -226,8 +226,6 @@ class Master final : private can::Handler {
   Exchange* first_ = nullptr;  // the one on the wire, then those that wait
   rt::Time earliest_{};        // inhibit
   AnswerTimes times_{};
-  std::uint64_t unexpected_ = 0;
-  std::uint64_t taken_back_ = 0;
   FeedbackWindow feedback_;  // of the last window
 };
 

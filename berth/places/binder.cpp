@@ -202,15 +202,15 @@ rt::Task<Outcome> Binder::still_alone(const Binding& binding) {
   co_return *alone == lss::Selection::alone ? Outcome::ok : Outcome::several;
 }
 
-// A device that was deaf while the proof was asked may have heard the 11h: its answer is waited for half as long again as
-// answers take here, for a whole window where a device was lost. It may have heard the repetition alone, whose second answer is
-// not waited for.
+// A device that was deaf while the proof was asked may have heard the 11h: its answer is waited for half as long again
+// as answers take here, for a whole window where a device was lost. It may have heard the repetition alone, whose
+// second answer is not waited for.
 rt::Task<Outcome> Binder::configure_alone(const Binding& binding) {
   lss::ServiceOptions service = s_.lss.options().service;
   service.full_window = s_.lss.answer_times().lost;
   service.listen = s_.lss.answer_times().slowest * 3 / 2;
-  unexpected_ = s_.lss.unexpected();
-  taken_back_ = s_.lss.taken_back();
+  unexpected_ = s_.lss.answer_times().unexpected;
+  taken_back_ = s_.lss.answer_times().taken_back;
   const auto reply = co_await s_.lss.configure_node_id(binding.assignment().id, service);
   if (!reply) co_return unanswered(reply.error());
   if (lss::suspicious(*reply)) co_return Outcome::several;
@@ -352,7 +352,7 @@ rt::Task<Outcome> Binder::inquire(Binding& binding) {
 // nothing is asked. One that was lost in configuration may have heard the 17h in the place of this one, and answered.
 rt::Task<Outcome> Binder::store_alone(const Binding& binding) {
   co_await rt::sleep_until(std::max(s_.lss.earliest(), options_.stores_end));
-  if (s_.lss.unexpected() != unexpected_) {
+  if (s_.lss.answer_times().unexpected != unexpected_) {
     const Outcome alone = co_await still_alone(binding);
     if (alone != Outcome::ok) co_return alone;
   }
@@ -439,7 +439,8 @@ rt::Task<Outcome> Binder::identify(const Binding& binding) {
   }
   s_.vacancy[id.value() & 0x7FU].reset();
   if (*who != binding.assignment().device) co_return Outcome::mismatch;
-  co_return taken_back_.value_or(s_.lss.taken_back()) == s_.lss.taken_back() ? Outcome::ok : Outcome::taken_back;
+  const auto taken_back = s_.lss.answer_times().taken_back;
+  co_return taken_back_.value_or(taken_back) == taken_back ? Outcome::ok : Outcome::taken_back;
 }
 
 // The device may still be resetting; it is asked until it answers without a node-ID, or time is up.

@@ -149,6 +149,8 @@ rt::Task<Outcome> NetCommands::write(const Request& request, Net& net) {
   command::Request command = permits_->request_for(net, "sdo write");
   command.arguments["node"] = fmt::format("{}", *request.node);
   command.arguments["object"] = od::write_object({request.index, request.sub});
+  command.arguments["value"] = fmt::format("{:02X}", fmt::join(request.data, ""));
+  command.arguments["type"] = "d";
   if (!permits_->undisturbing(command)) co_return Outcome::refused(Code::internal_state);
   const auto options = sdo_options(net.network, net.sdo_timeout, net.sdo_block);
   const NodeId node(*request.node);

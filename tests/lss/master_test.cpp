@@ -285,7 +285,7 @@ TEST(LssMaster, ASlowStoreHasItsOwnTimeoutAndADeafDeviceMissesWhatCame) {
   ASSERT_TRUE(w.run(w.master->switch_global(State::waiting)));  // not heard: deaf
   w.settle(seconds(3));
   EXPECT_EQ(n.slave.state(), State::configuration);
-  EXPECT_EQ(w.master->unexpected(), 1U) << "the late answer to 17h";
+  EXPECT_EQ(w.master->answer_times().unexpected, 1U) << "the late answer to 17h";
 }
 
 // A frame that CAN itself delivers twice (error in the last bit of end of frame) breaks 40h..43h; the retry mends it.

@@ -262,7 +262,7 @@ TEST(SelectAlone, OnACalmBusAnAnswerRightBehindAnotherCounts) {
   const auto alone = w.run(select_alone(*w.master, a));
   ASSERT_TRUE(alone);
   EXPECT_EQ(*alone, Selection::alone);
-  EXPECT_EQ(w.master->unexpected(), 1U);
+  EXPECT_EQ(w.master->answer_times().unexpected, 1U);
   EXPECT_EQ(answers, 2U) << "all parts are asked once more";
   w.master.reset();
 }
