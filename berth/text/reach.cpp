@@ -65,8 +65,10 @@ std::string Reach::path(Table& table, std::string_view key, const std::string& n
     table.error(key, fmt::format("the file name has {} bytes, {} at most", name.size(), longest), "shorten it");
     return {};
   }
+  if (refused_ >= most_refused) return {};
   auto found = path(name);
   if (found) return *std::move(found);
+  ++refused_;
   table.error(key, fmt::format("{} leads out of {}", text::quoted(name), folder()),
               fmt::format("put the file there; or put an empty {} into a folder above that has both; or say "
                           "--allow-outside FOLDER",

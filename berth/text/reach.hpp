@@ -29,7 +29,11 @@ class Reach {
   /// `name` as seen from the folder of the file; an absolute name stays. Empty: it leads elsewhere, or is longer. What
   /// is named counts as read (`note_read`), though it may be opened much later.
   [[nodiscard]] std::optional<std::string> path(const std::string& name) const;
-  /// The same for the value of `key`; what leads elsewhere is an error of the table, and empty.
+  /// Of so many names in one file that lead elsewhere the next are not followed: the file is refused as it is.
+  static constexpr unsigned most_refused = 100;
+
+  /// The same for the value of `key`; what leads elsewhere is an error of the table, and empty. Behind `most_refused`
+  /// of them it is empty without another error.
   [[nodiscard]] std::string path(Table& table, std::string_view key, const std::string& name) const;
 
   /// The folder of the project, or that of the file.
@@ -40,6 +44,7 @@ class Reach {
   std::string file_;
   std::vector<std::string> allowed_;
   std::vector<std::string> folders_;  // real ones
+  mutable unsigned refused_ = 0;
 };
 
 }  // namespace berth::text

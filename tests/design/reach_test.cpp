@@ -1,6 +1,8 @@
 // What a machine file and a device library name stays in their folder, by every key (docs/security.md).
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include <string>
 #include <utility>
 #include <vector>
@@ -71,6 +73,21 @@ TEST(Reach, NoKeyOfAMachineFileLeadsOut) {
       opened = 0;
     }
   }
+}
+
+// Each is followed on the disk: a file of names that lead out would take long.
+TEST(Reach, OfManyNamesThatLeadOutTheFirstHundredAreFollowed) {
+  std::string text = "[machine]\nname = \"m\"\n[bus.a]\nport = \"sim\"\nbitrate = 125000\n";
+  for (int i = 1; i <= 120; ++i) {
+    const std::string number = std::to_string(i);
+    text += "[[slot]]\nbus = \"a\"\nid = " + number + "\nname = \"s" + number + "\"\neds = \"../" + number + "\"\n";
+  }
+  const TypeLoader none = [](const std::string&, Findings&) -> std::optional<DeviceType> { return std::nullopt; };
+  const auto result = read_machine(text, "/tmp/machines/m.toml", none);
+  EXPECT_FALSE(result.machine);
+  EXPECT_EQ(std::ranges::count_if(result.findings,
+                                  [](const auto& f) { return f.message.find("leads out") != std::string::npos; }),
+            100);
 }
 
 }  // namespace berth::design
