@@ -23,8 +23,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 struct DumpOptions {
-  std::shared_ptr<command::Request> request =
-      std::make_shared<command::Request>(command::Request{"sdo dump", {}});
+  std::shared_ptr<command::Request> request = std::make_shared<command::Request>(command::Request{"sdo dump", {}});
   std::string to = "table";
   std::string output;
 };
