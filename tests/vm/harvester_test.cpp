@@ -119,6 +119,10 @@ TEST_F(HarvesterProcesses, FromBlankToOperationalAndAGatewayProcessIsKilledAndSt
     EXPECT_EQ(said(std::string(slot) + ": operational"), 1) << slot;
   }
   EXPECT_EQ(said("left gateway: absent"), 0);
+  // An emulated machine that does much else may miss a heartbeat while they come up.
+  constexpr std::array others{"knife motor", "reel motor", "reel gateway", "header gateway"};
+  std::map<std::string, long> before;
+  for (const char* const slot : others) before[slot] = said(std::string(slot) + ": absent");
   processes.at("left gateway")->kill();
   ASSERT_TRUE(up->says("left gateway: absent"));
   ASSERT_TRUE(up->says("left front motor: absent"));
@@ -127,8 +131,8 @@ TEST_F(HarvesterProcesses, FromBlankToOperationalAndAGatewayProcessIsKilledAndSt
   ASSERT_TRUE(eventually([&] { return said("left gateway: operational") == 2; }));
   EXPECT_EQ(said("left gateway: absent"), 1);
   EXPECT_EQ(said("left front motor: absent"), 1);
-  for (const char* const slot : {"knife motor", "reel motor", "reel gateway", "header gateway"}) {
-    EXPECT_EQ(said(std::string(slot) + ": absent"), 0) << slot << " runs on";
+  for (const char* const slot : others) {
+    EXPECT_EQ(said(std::string(slot) + ": absent"), before.at(slot)) << slot << " runs on";
   }
   up->signal(SIGTERM);
   EXPECT_EQ(up->wait(), 0);
