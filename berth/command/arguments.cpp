@@ -21,8 +21,8 @@ Arguments::Arguments(const Request& request) : request_(request) {
     if (!takes) wrong(fmt::format("\"{}\" has no argument \"{}\"", request.verb, key));
   }
   for (const Parameter& parameter : known->parameters) {
-    const bool missing = parameter.required && !has(std::string(parameter.name));
-    if (missing) wrong(fmt::format("\"{}\" needs {}", request.verb, parameter.name));
+    const std::string name(parameter.name);
+    if (parameter.required && !has(name)) required(name);
   }
 }
 

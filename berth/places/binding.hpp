@@ -33,9 +33,8 @@
 ///
 /// A device may have stored its node-ID and use it only when it was switched off and on. One that boots under its old
 /// node-ID has obeyed the reset; reset node is tried then. One without a node-ID that does not boot soon is asked by
-/// LSS
-/// (`select`, `inquire`, `release`): one that boots does not answer, and is waited for. When LSS tells twice that the
-/// device is as it was, it waits for its power cycle; one without a node-ID is told anew once before.
+/// LSS (`select`, `inquire`, `release`): one that boots does not answer, and is waited for. When LSS tells twice that
+/// the device is as it was, it waits for its power cycle; one without a node-ID is told anew once before.
 ///
 /// Taking a node-ID away (`Kind::blank`) walks the same table without `check_vacant` and `await_boot_up`, and from
 /// `write_ask` on: a device that is away loses its node-ID when it comes back. `identify` asks by LSS whether it has
