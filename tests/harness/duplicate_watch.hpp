@@ -122,8 +122,9 @@ class DuplicateWatch final : public plant::World::Observer {
     NodeId pending;
     NodeId given;  // pending by Berth's 11h
     NodeId persistent;
-    NodeId owned;              // in memory by Berth's 17h
-    bool seated = false;       // a gateway's master heard under that node-ID who it is
+    NodeId owned;         // in memory by Berth's 17h
+    bool seated = false;  // a gateway's master heard under that node-ID who it is
+    rt::Time seated_at{};
     std::uint64_t writes = 0;  // ended
   };
 
@@ -131,7 +132,8 @@ class DuplicateWatch final : public plant::World::Observer {
   struct Wire final : can::Tap, private can::Handler {
     struct Asked {
       rt::Time first{}, last{};
-      bool over = false;  // by guarding, which is asked when 1000h stayed silent
+      rt::Time identity{};  // 1018h:01, the first that is asked of who was given a node-ID
+      bool over = false;    // by guarding, which is asked when 1000h stayed silent
     };
     struct Said {
       std::uint32_t key = 0;
@@ -174,6 +176,7 @@ class DuplicateWatch final : public plant::World::Observer {
         if (anew || at - a.last > longest_wait()) a.first = at;
         a.last = at;
         a.over = false;
+        if (frame.data[1] == 0x18 && frame.data[2] == 0x10 && frame.data[3] == 0x01) a.identity = at;
       } else if (frame.remote && (key & ~0x7FU) == 0x700) {
         asked[key & 0x7FU].over = true;
       }
@@ -207,8 +210,10 @@ class DuplicateWatch final : public plant::World::Observer {
       auto& times = voices[{what.who, what.key & 0x7FU}];
       if (times.size() == most_voices) times.erase(times.begin(), times.begin() + most_voices / 2);
       times.push_back(at);
-      if (master != nullptr && what.identifies)
-        watch_->seated(*this, what.who, NodeId(static_cast<std::uint8_t>(what.key & 0x7FU)));
+      if (master == nullptr || (what.key & ~0x7FU) != 0x580) return;
+      const NodeId id(static_cast<std::uint8_t>(what.key & 0x7FU));
+      watch_->answered_beside(*this, what.who, id);
+      if (what.identifies) watch_->seated(*this, what.who, id);
     }
     // Berth asks for 1000h; a gateway's master is its bus's only client, and whatever it reads asks who is there.
     [[nodiscard]] bool asks(const can::Frame& frame, int sender) const noexcept {
@@ -296,15 +301,29 @@ class DuplicateWatch final : public plant::World::Observer {
     }
     return {};
   }
-  // A gateway's master heard under this node-ID that it is this device. Beside another that answers under it too the
-  // master cannot know whom it heard, and goes on waiting for the device that it told.
+  // A gateway's master heard under this node-ID that it is this device. When another answered the same questions, the
+  // master cannot know whom it heard, and goes on waiting for the device that it told. Of one that is bus-off, or whose
+  // answers no master gets, it cannot know.
   void seated(const Wire& wire, const std::string& device, NodeId id) {
     Life& life = lives_[device];
-    const bool alone = std::ranges::none_of(wire.devices, [&](const plant::SimDevice* other) {
-      const auto t = other->truth();
-      return t.powered && t.active == id && t.name != device;
-    });
-    life.seated = life.seated || (alone && life.owned == id);
+    if (life.owned != id) return;
+    const auto* const asked = wire.asked_by(now(), id);
+    const bool alone =
+        asked != nullptr && std::ranges::none_of(wire.devices, [&](const plant::SimDevice* other) {
+          return other->name() != device && wire.heard(other->name(), id, asked->identity, rt::Time::max());
+        });
+    if (alone && !life.seated) life.seated_at = now();
+    life.seated = life.seated || alone;
+  }
+  // An answer that comes behind that of the device that was identified, and before any other question, is a second
+  // answer to the last one.
+  void answered_beside(const Wire& wire, const std::string& device, NodeId id) {
+    const auto* const asked = wire.asked_by(now(), id);
+    for (const auto* const other : wire.devices) {
+      Life& life = lives_[other->name()];
+      const bool to_the_same = life.seated && life.owned == id && asked != nullptr && asked->last <= life.seated_at;
+      if (other->name() != device && to_the_same) life.seated = false;
+    }
   }
   [[nodiscard]] rt::Time now() const { return world_->executor().now(); }
   void fail_with(const std::string& text) {
