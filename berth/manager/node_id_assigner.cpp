@@ -284,6 +284,13 @@ rt::Task<void> NodeIdAssigner::recall(places::Found device) {
 
 // ---- what is told ---------------------------------------------------------------------------------------------------
 
+// Two devices answer to its LSS address, wherever they are.
+bool NodeIdAssigner::is_clone(const std::optional<LssAddress>& device) {
+  const auto* const found = device ? bus_.find(*device) : nullptr;
+  return found != nullptr && found->clone;
+}
+
+// A binding that heard another device under the slot's node-ID says nothing any more when nobody answers there.
 void NodeIdAssigner::tell() {
   for (const auto& slot : bus_.slots) {
     const auto& record = slot.slot.record;
@@ -297,7 +304,7 @@ void NodeIdAssigner::tell() {
       about = slot.device;
     } else if (slot.there || !slot.typed) {
       trouble = slot.trouble == NodeIdTrouble::doubled ? slot.trouble : NodeIdTrouble::none;
-    } else if (trouble == NodeIdTrouble::none) {
+    } else if (trouble == NodeIdTrouble::none || (trouble == NodeIdTrouble::doubled && !is_clone(about))) {
       trouble = record.intended ? NodeIdTrouble::kept : record.confirmed ? NodeIdTrouble::lost : NodeIdTrouble::nobody;
     }
     const bool tells_who = trouble != NodeIdTrouble::none && about.has_value();

@@ -68,6 +68,7 @@ class NodeIdAssigner final : public NodeIdSource {
   [[nodiscard]] bool tells_apart();
   [[nodiscard]] bool booted_since_asked(NodeId node) const noexcept;
   void note_doubles();
+  [[nodiscard]] bool is_clone(const std::optional<LssAddress>& device);
   void tell();
   bool forget(NodeId node);
 

@@ -84,10 +84,11 @@ class DuplicateWatch final : public plant::World::Observer {
   }
 
   [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
-  // The node-ID stands in its memory by a gateway's master, which has heard under that who it is.
-  [[nodiscard]] bool is_seated(const std::string& device) const {
+  // The node-ID stands in its memory by a gateway's master, which has heard under that who it is, while no other device
+  // used it: nothing keeps that master from confirming the device.
+  [[nodiscard]] bool is_confirmed(const std::string& device) const {
     const auto it = lives_.find(device);
-    return it != lives_.end() && it->second.seated;
+    return it != lives_.end() && it->second.confirmed;
   }
   // The node-ID that stands in the device's memory by Berth; unconfigured: none.
   [[nodiscard]] NodeId owned(const std::string& device) const {
@@ -125,6 +126,7 @@ class DuplicateWatch final : public plant::World::Observer {
     NodeId owned;         // in memory by Berth's 17h
     bool seated = false;  // a gateway's master heard under that node-ID who it is
     rt::Time seated_at{};
+    bool confirmed = false;    // and no other device used it
     std::uint64_t writes = 0;  // ended
   };
 
@@ -314,6 +316,11 @@ class DuplicateWatch final : public plant::World::Observer {
         });
     if (alone && !life.seated) life.seated_at = now();
     life.seated = life.seated || alone;
+    const bool only = std::ranges::none_of(wire.devices, [&](const plant::SimDevice* other) {
+      const auto t = other->truth();
+      return t.powered && t.active == id && t.name != device;
+    });
+    life.confirmed = life.confirmed || only;
   }
   // An answer that comes behind that of the device that was identified, and before any other question, is a second
   // answer to the last one.
@@ -369,7 +376,7 @@ class DuplicateWatch final : public plant::World::Observer {
     const bool gets = written && !as_it_came && !off && t.persistent.configured() && t.pending == t.persistent &&
                       life.owned != t.persistent;
     if (t.persistent != life.persistent) life.owned = NodeId();
-    if (t.persistent != life.persistent) life.seated = false;
+    if (t.persistent != life.persistent) life.seated = life.confirmed = false;
     if (written && !off && t.persistent.configured() && t.pending == t.persistent) life.owned = t.persistent;
     if (written) life.writes = t.memory_written;
     life.persistent = t.persistent;

@@ -131,8 +131,8 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
   }
 
   // A device was taken away for good while it was told its node-ID: its slot waits for it, and says so. A person brings
-  // it back; not one that its master heard alone under its node-ID (`is_seated`): that one is to be given up. Beside
-  // another that answered there too it was not heard alone, and its master goes on waiting. False: there is none.
+  // it back; not one that its master heard under its node-ID while no other device used it (`is_confirmed`): that one
+  // is to be given up. Beside another its master may go on waiting. False: there is none.
   bool bring_back() {
     bool any = false;
     // Two that boot under one node-ID at the same instant send one frame together: with nobody else on the bus there is
@@ -148,7 +148,7 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
       const auto slots = session_->slots();
       const auto slot = std::ranges::find(slots, spare.worn, &operate::SlotReport::name);
       const bool waits = slot != slots.end() && slot->reason.find("may have node-ID") != std::string::npos;
-      if (!waits || watch_->is_seated(spare.worn)) continue;
+      if (!waits || watch_->is_confirmed(spare.worn)) continue;
       note("bring back " + spare.worn);
       for (const auto& name : {spare.fresh, spare.second}) {
         if (!name.empty()) world_->find(name)->unplug();
