@@ -297,7 +297,8 @@ void NodeIdAssigner::tell() {
     NodeIdTrouble trouble = slot.trouble;
     std::optional<LssAddress> about = record.device();
     const bool strange = slot.there && slot.typed && slot.device && record.device() != slot.device;
-    if (doubled_[slot.id().value()]) {
+    // One that left in this run is asked about in the next one.
+    if (doubled_[slot.id().value()] && !bus_.given_up[slot.id().value()]) {
       trouble = NodeIdTrouble::doubled;
     } else if (strange) {
       trouble = NodeIdTrouble::stranger;
