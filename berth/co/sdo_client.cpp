@@ -419,6 +419,15 @@ bool SdoAnothers::take(const can::Frame& answer, rt::Time at) noexcept {
   return true;
 }
 
+// Before anybody has asked, as far as was heard, what a node answers is meant for a client that was here before this
+// one: a master that died a moment ago, say.
+bool SdoLine::is_for_another(NodeId node, const can::Frame& answer, rt::Time at) noexcept {
+  if (settings_->anothers == nullptr) return false;
+  SdoAnothers& another = settings_->anothers[node.value() & 0x7FU];
+  const bool nobody_asked = open_until_ == rt::Time{} && !another.any();
+  return nobody_asked || another.take(answer, at);
+}
+
 inline void SdoLine::received(NodeId node, const can::Frame& frame, rt::Time at) noexcept {
   if (!sdo::well_formed(frame)) return;
   SdoTransfer* const first = first_;
@@ -437,7 +446,7 @@ void SdoLine::received_other(NodeId node, const can::Frame& frame, rt::Time at) 
   } else if (owed) {
     --owed_;
     ++late_;
-  } else if (settings_->anothers != nullptr && settings_->anothers[node.value() & 0x7FU].take(frame, at)) {
+  } else if (is_for_another(node, frame, at)) {
     return;
   } else if (static_cast<Scs>(sdo::specifier(frame.data[0])) != Scs::abort ||
              sdo::abort_code(frame) != AbortCode::timeout) {  // a server may give up by itself

@@ -258,6 +258,8 @@ class SdoAnothers {
   void asked(const can::Frame& request, rt::Time at, rt::Duration patience) noexcept;
   /// True, once for each answer: it is the other client's.
   [[nodiscard]] bool take(const can::Frame& answer, rt::Time at) noexcept;
+  /// A request of its was heard, however long ago.
+  [[nodiscard]] bool any() const noexcept { return until_ != rt::Time{}; }
 
  private:
   std::uint32_t answers_ = 0;  // that are still to come
@@ -295,6 +297,7 @@ class SdoLine : private rt::Job {
   void remove_of_several(SdoTransfer& transfer) noexcept;
   void cancel() noexcept;
   [[nodiscard]] bool may_be_owed(const can::Frame& frame) const noexcept;
+  [[nodiscard]] bool is_for_another(NodeId node, const can::Frame& answer, rt::Time at) noexcept;
   void give_up_open(rt::Time at) noexcept;
   void booted() noexcept;
   void run() noexcept override {

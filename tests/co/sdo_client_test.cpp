@@ -681,6 +681,18 @@ TEST_F(BesideAnother, TwoDevicesAnswerItTwice) {
   EXPECT_EQ(client.surplus(node), 1U);
 }
 
+// A master that died has asked a slow device, and the next one hears the answer.
+TEST_F(BesideAnother, AnAnswerBeforeAnyQuestionIsNoSecondAnswer) {
+  server.send("585#431810040A000000");
+  run(1ms);
+  EXPECT_EQ(client.surplus(node), 0U);
+  reply("605#4018100400000000", {"585#431810040A000000"});
+  read_serial();
+  server.send("585#431810040B000000");
+  run(1ms);
+  EXPECT_EQ(surplus.log, (Log{"5 585#431810040B000000"}));
+}
+
 // One that asks for another object all the time hides no double.
 TEST_F(BesideAnother, ASecondAnswerAboutAnotherObjectIsTold) {
   reply("605#4018100400000000", {"585#431810040A000000"});
