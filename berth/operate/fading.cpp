@@ -12,10 +12,18 @@ NodeId Fading::forget(const LssAddress& device) {
   return used;
 }
 
-bool Fading::rests(const LssAddress& device, NodeId active) noexcept {
+bool Fading::rests(const LssAddress& device, NodeId active, bool& told_one) noexcept {
   const auto it = devices_.find(device);
   const bool still = it != devices_.end() && it->second.uses == active;
-  return still && !is_time(++it->second.looked_at);
+  return still && !tells_again(it->second.looked_at, told_one);
+}
+
+bool Fading::tells_again(unsigned& looks, bool& told_one) noexcept {
+  const bool due = is_time(looks + 1);
+  const bool tells = due && !told_one;
+  if (!due || tells) ++looks;  // else the next round tells it
+  told_one = told_one || tells;
+  return tells;
 }
 
 bool Fading::uses(const LssAddress& device, NodeId id) const noexcept {

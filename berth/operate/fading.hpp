@@ -16,21 +16,23 @@ class Fading {
   void note(const LssAddress& device, NodeId uses) { devices_[device] = {uses}; }
   /// It was switched off and on, or left. What it used; unconfigured: it was not noted.
   NodeId forget(const LssAddress& device);
-  /// It is told to give its node-ID up again now and then only, for its memory's sake. `active`: what it uses now.
-  [[nodiscard]] bool rests(const LssAddress& device, NodeId active) noexcept;
+  /// It is told to give its node-ID up again now and then only (`tells_again`). `active`: what it uses now.
+  [[nodiscard]] bool rests(const LssAddress& device, NodeId active, bool& told_one) noexcept;
   [[nodiscard]] bool uses(const LssAddress& device, NodeId id) const noexcept;
   [[nodiscard]] bool contains(const LssAddress& device) const noexcept { return devices_.contains(device); }
   /// Null: none of them uses this node-ID.
   [[nodiscard]] const LssAddress* user_of(NodeId id) const noexcept;
-  /// A device that waits for its power cycle is told again at this look at it, counted from 1: seldom, and more seldom
-  /// the longer it waits, for its memory's sake.
-  [[nodiscard]] static bool is_time(unsigned look) noexcept { return look >= 8 && (look & (look - 1)) == 0; }
+  /// Is a device that waits for its power cycle told again at this look at it? Seldom, and more seldom the longer it
+  /// waits, for its memory's sake; and one device in a round, as the others of the bus wait for that. `looks`: so far;
+  /// `told_one`: in this round.
+  [[nodiscard]] static bool tells_again(unsigned& looks, bool& told_one) noexcept;
   /// One that may sit in this slot when it was switched off and on. Null: none.
   [[nodiscard]] const LssAddress* waits_for(const places::SlotSpec& slot) const noexcept;
   /// Why a slot waits for this device: for people.
   [[nodiscard]] static std::string reason(const LssAddress& device);
 
  private:
+  static bool is_time(unsigned look) noexcept { return look >= 8 && (look & (look - 1)) == 0; }
   struct Device {
     NodeId uses;
     unsigned looked_at = 0;

@@ -423,12 +423,13 @@ rt::Task<void> Seating::take_back(const places::Found& found) {
 
 // One question for each instead of a whole binding at every look: a device can be away for ever.
 rt::Task<void> Seating::look_for_unfinished() {
+  bool told_one = false;
   for (auto& seat : slots_.seats()) {
     const bool by_lss = seat->slot.spec.assign == places::Assign::lss && seat->slot.record.intended.has_value();
     if (!by_lss) continue;
     const LssAddress device = seat->slot.record.intended->device;
     if (seat->life == Life::waits) {
-      const bool waits = co_await waits_for_its_power_cycle(*seat);
+      const bool waits = co_await waits_for_its_power_cycle(*seat, told_one);
       if (waits) avoid_.push_back(device);
       continue;
     }
@@ -448,7 +449,7 @@ rt::Task<void> Seating::look_for_unfinished() {
     // One that was lent what it used before had none when it was found: it was switched off and on.
     const auto* const loan = loans_.of(device);
     const bool lent = found != nullptr && loan != nullptr && loan->id == found->active;
-    const bool rests = found != nullptr && !lent && fading_.rests(device, found->active);
+    const bool rests = found != nullptr && !lent && fading_.rests(device, found->active, told_one);
     if (rests) avoid_.push_back(device);
   }
 }
@@ -464,8 +465,8 @@ rt::Task<bool> Seating::answers_by_lss(LssAddress device) {
 
 // It has stored its node-ID, and uses another still: telling it again would wear its memory out. A power cycle that was
 // not heard, and brought nothing, is thought of now and then.
-rt::Task<bool> Seating::waits_for_its_power_cycle(Seat& seat) {
-  if (!seat.power_cycle.binding || Fading::is_time(++seat.power_cycle.looked_at)) co_return false;
+rt::Task<bool> Seating::waits_for_its_power_cycle(Seat& seat, bool& told_one) {
+  if (!seat.power_cycle.binding || Fading::tells_again(seat.power_cycle.looked_at, told_one)) co_return false;
   const NodeId old = seat.power_cycle.binding->old_id();
   const auto booted = old.configured() ? s_.boots.boot_up(old) : std::nullopt;
   if (booted && *booted > seat.since) co_return false;

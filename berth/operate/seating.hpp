@@ -72,7 +72,7 @@ class Seating {
   // What an earlier run, or an earlier try, left unfinished (S1.29, S1.53).
   rt::Task<void> look_for_unfinished();
   rt::Task<bool> answers_by_lss(LssAddress device);
-  rt::Task<bool> waits_for_its_power_cycle(Seat& seat);
+  rt::Task<bool> waits_for_its_power_cycle(Seat& seat, bool& told_one);
   void keep_for_its_device(Seat& seat);
 
   BusServices& s_;

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "berth/operate/fading.hpp"
 #include "tests/harness/rig.hpp"
 
 using namespace berth;
@@ -64,6 +65,19 @@ class Boots final : private can::Handler {
 };
 
 }  // namespace
+
+// Telling takes seconds, and who was switched on meanwhile waits for it.
+TEST(Waiting, OneDeviceInARoundIsToldAgain) {
+  unsigned first = 0;
+  unsigned second = 0;
+  std::vector<int> told;
+  for (int round = 1; round <= 33; ++round) {
+    bool told_one = false;
+    if (operate::Fading::tells_again(first, told_one)) told.push_back(round);
+    if (operate::Fading::tells_again(second, told_one)) told.push_back(-round);
+  }
+  EXPECT_EQ(told, (std::vector<int>{8, -9, 16, -17, 32, -33}));
+}
 
 // Its slot was given away while it was cut off (`replacement = "auto"`): it runs on, boots not, and is heard.
 TEST(Waiting, ADeviceWhoseCableIsMendedComesBackToItsSlot) {
