@@ -124,6 +124,7 @@ void add_lss(Verb& berth, Options& options) {
   lss_verb(lss, options, "find", "find --port can0");
   lss_verb(lss, options, "move-bit-rate", "move-bit-rate 250000 --dry-run");
   lss_verb(lss, options, "identify", "identify 0x1 0x2 --serial-low 16 --serial-high 31");
+  lss_verb(lss, options, "identify-unconfigured", "identify-unconfigured --port can0");
 }
 
 }  // namespace berth::cli

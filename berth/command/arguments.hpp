@@ -48,7 +48,8 @@ struct LssArguments {
   lss::State state = lss::State::waiting;
   NodeId id;
   bool store = false;
-  std::uint32_t rate = 0;
+  std::uint32_t rate = 0;  ///< 0: none, or automatic
+  std::string part;        ///< of the address, or "node-id"; empty: all of both
   std::uint16_t delay_ms = 0;
   lss::IdentifyRanges ranges;
 };

@@ -88,8 +88,10 @@ Disturbed by_lss(Session& session, const Request& request) {
   const auto wanted = lss_arguments(request, problem);
   const auto network = network_for(session, wanted.bus, Use::look);
   const std::string& service = wanted.service;
-  if (!problem.empty() || !network || service == "find" || service == "identify") return {};
-  const bool harmless = service == "global" && wanted.state == lss::State::waiting;
+  if (!problem.empty() || !network || service == "find" || service.starts_with("identify")) return {};
+  // Without an address it is asked of who is in configuration state already.
+  const bool harmless =
+      (service == "global" && wanted.state == lss::State::waiting) || (service == "inquire" && !wanted.device);
   if (harmless) return {};
   const std::string how = "is configured by LSS while it works; some devices stop then";
   if (!wanted.device) return {*network, operational_of(**network, co::NmtTarget::all()), how};

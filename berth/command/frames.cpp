@@ -76,6 +76,8 @@ Frames lss_frames(const Request& request, std::string& problem) {
     select(*lss.device);
   } else if (lss.service == "identify") {
     for (unsigned i = 0; i < 6; ++i) frames.push_back(lss::request_identify(lss.ranges, i));
+  } else if (lss.service == "identify-unconfigured") {
+    frames.push_back(lss::request(lss::Command::identify_non_configured));
   } else if (lss.service == "activate") {
     frames.push_back(lss::request_activate(lss.delay_ms));
   } else if (lss.service == "store" && !lss.device) {

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <nlohmann/json.hpp>
 
 #include "berth/co/guarding.hpp"
@@ -34,7 +35,10 @@ void lss_failed(Reply& reply, const Network& network, const Error& error, const 
       return fail_with(
           reply, {.code = error.code, .text = "no answer"}, where,
           "is the device on this bus, and does it speak LSS? `berth lss find` shows the devices that are there");
-    case Errc::aborted: return refuse(reply, 1, where + ": the device refused: " + refusal_text(error.detail, code1));
+    case Errc::aborted:
+      refuse(reply, 1, where + ": the device refused: " + refusal_text(error.detail, code1));
+      reply.cause = error;
+      return;
     default: return fail_with(reply, error, where);
   }
 }
@@ -90,6 +94,24 @@ rt::Task<void> select_one(Network& network, LssAddress device, Reply& reply) {
        {fmt::format("{} is in LSS configuration state, every other device in waiting", to_string(device))});
 }
 
+constexpr std::array<std::string_view, 4> part_names{"vendor", "product", "revision", "serial"};
+
+void put_parts(Json& json, const LssAddress& address) {
+  json["vendor"] = hex(address.vendor);
+  json["product"] = hex(address.product);
+  json["revision"] = hex(address.revision);
+  json["serial"] = hex(address.serial);
+}
+
+std::vector<std::string> part_lines(const LssAddress& address) {
+  return {fmt::format("vendor-ID     {}", hex(address.vendor)), fmt::format("product code  {}", hex(address.product)),
+          fmt::format("revision      {}", hex(address.revision)), fmt::format("serial number {}", hex(address.serial))};
+}
+
+std::string node_id_line(unsigned id) {
+  return fmt::format("node-ID       {}", id == 0xFF ? "255 (none)" : fmt::format("{}", id));
+}
+
 rt::Task<void> inquire(Network& network, std::optional<LssAddress> device, Reply& reply) {
   const auto selected = co_await select(network, device);
   if (!selected) co_return lss_failed(reply, network, selected.error(), "inquire " + named(device));
@@ -100,15 +122,45 @@ rt::Task<void> inquire(Network& network, std::optional<LssAddress> device, Reply
   if (!id) co_return lss_failed(reply, network, id.error(), "inquire node-ID of " + named(device));
   Json json = start_json(network, "inquire");
   put_address(json, *address);
-  json["vendor"] = hex(address->vendor);
-  json["product"] = hex(address->product);
-  json["revision"] = hex(address->revision);
-  json["serial"] = hex(address->serial);
+  put_parts(json, *address);
   json["node_id"] = id->byte();
-  give(reply, json,
-       {fmt::format("vendor-ID     {}", hex(address->vendor)), fmt::format("product code  {}", hex(address->product)),
-        fmt::format("revision      {}", hex(address->revision)), fmt::format("serial number {}", hex(address->serial)),
-        fmt::format("node-ID       {}", id->byte() == 0xFF ? "255 (none)" : fmt::format("{}", id->byte()))});
+  auto lines = part_lines(*address);
+  lines.push_back(node_id_line(id->byte()));
+  give(reply, json, std::move(lines));
+}
+
+// One of its answers is the whole reply. `part` is one of the words that `lss_arguments` takes.
+rt::Task<void> inquire_selected(Network& network, const std::string& part, Reply& reply) {
+  const std::string doing = fmt::format("inquire {} of {}", part, named({}));
+  lss::Master& lss = network.services().lss;
+  Json json = start_json(network, "inquire");
+  std::vector<std::string> lines;
+  if (part == "address") {
+    const auto address = co_await lss.inquire_address();
+    if (!address) co_return lss_failed(reply, network, address.error(), doing);
+    put_address(json, *address);
+    put_parts(json, *address);
+    lines = part_lines(*address);
+  } else if (part == "node-id") {
+    const auto id = co_await lss.inquire_node_id();
+    if (!id) co_return lss_failed(reply, network, id.error(), doing);
+    json["node_id"] = id->byte();
+    lines.push_back(node_id_line(id->byte()));
+  } else {
+    const auto number = static_cast<unsigned>(std::ranges::find(part_names, part) - part_names.begin());
+    const auto value = co_await lss.inquire(number);
+    if (!value) co_return lss_failed(reply, network, value.error(), doing);
+    json[part] = hex(value->value());
+    lines.push_back(hex(value->value()));
+  }
+  give(reply, json, std::move(lines));
+}
+
+rt::Task<void> inquire_part(Network& network, std::optional<LssAddress> device, std::string part, Reply& reply) {
+  const auto selected = co_await select(network, device);
+  if (!selected) co_return lss_failed(reply, network, selected.error(), "inquire " + named(device));
+  co_await inquire_selected(network, part, reply);
+  co_await release(network, device);
 }
 
 // Does another device hold this node-ID? Asked by SDO, then by guarding: either answer is one.
@@ -126,36 +178,38 @@ rt::Task<Result<bool>> is_taken(Network& network, NodeId id) {
 }
 
 struct NewId {
-  LssAddress device;
+  std::optional<LssAddress> device;  // none: the one in configuration state
   NodeId id;
   bool store = false;
 };
 
 // Gives the node-ID to the device that is selected already; `old` is the one in use.
 rt::Task<void> configure_node_id(Network& network, const NewId& wanted, NodeId old, Reply& reply) {
-  const std::string doing = fmt::format("set node-ID {} of {}", wanted.id.value(), to_string(wanted.device));
+  const std::string doing = fmt::format("set node-ID {} of {}", wanted.id.value(), named(wanted.device));
   if (wanted.id.configured() && wanted.id != old) {
     const auto taken = co_await is_taken(network, wanted.id);
     if (!taken) co_return lss_failed(reply, network, taken.error(), doing);
     if (*taken) {
-      co_return refuse(
-          reply, 1, fmt::format("bus {}, LSS {}: another device answers under this node-ID", network.bus().name, doing),
-          "take that device off the bus, or give it another node-ID first");
+      refuse(reply, 1,
+             fmt::format("bus {}, LSS {}: another device answers under this node-ID", network.bus().name, doing),
+             "take that device off the bus, or give it another node-ID first");
+      reply.cause = Error{.code = Errc::duplicate};
+      co_return;
     }
   }
   const auto set = co_await network.services().lss.configure_node_id(wanted.id);
   if (!set) co_return lss_failed(reply, network, set.error(), doing, "it does not take this node-ID");
   if (wanted.store) {
     const auto stored = co_await network.services().lss.store();
-    if (!stored) co_return lss_failed(reply, network, stored.error(), "store of " + to_string(wanted.device));
+    if (!stored) co_return lss_failed(reply, network, stored.error(), "store of " + named(wanted.device));
   }
   Json json = start_json(network, "set-node-id");
-  put_address(json, wanted.device);
+  if (wanted.device) put_address(json, *wanted.device);
   json["node_id"] = wanted.id.value();
   json["stored"] = wanted.store;
   const bool reset = old.configured() && wanted.id != old;
   json["takes_effect"] = reset ? "reset communication" : "now";
-  std::vector<std::string> lines{fmt::format("{}: node-ID {}{}", to_string(wanted.device), wanted.id.value(),
+  std::vector<std::string> lines{fmt::format("{}: node-ID {}{}", named(wanted.device), wanted.id.value(),
                                              wanted.store ? ", stored" : ", not stored: lost when it is switched off")};
   if (reset) lines.push_back(fmt::format("it counts after: berth nmt reset-comm {}", old.value()));
   give(reply, json, std::move(lines));
@@ -164,13 +218,13 @@ rt::Task<void> configure_node_id(Network& network, const NewId& wanted, NodeId o
 rt::Task<void> set_node_id(Network& network, const NewId& wanted, Reply& reply) {
   const std::optional<LssAddress> device = wanted.device;
   const auto selected = co_await select(network, device);
-  if (!selected) co_return lss_failed(reply, network, selected.error(), "select " + to_string(wanted.device));
+  if (!selected) co_return lss_failed(reply, network, selected.error(), "select " + named(device));
   const auto now = co_await network.services().lss.inquire_node_id();
   if (now) {
     const NodeId old = NodeId::make(now->byte()).value_or(NodeId());
     co_await configure_node_id(network, wanted, old, reply);
   } else {
-    lss_failed(reply, network, now.error(), "inquire node-ID of " + to_string(wanted.device));
+    lss_failed(reply, network, now.error(), "inquire node-ID of " + named(device));
   }
   co_await release(network, device);
 }
@@ -187,7 +241,7 @@ rt::Task<void> store(Network& network, std::optional<LssAddress> device, Reply& 
 }
 
 rt::Task<void> bit_timing(Network& network, std::uint32_t rate, std::optional<LssAddress> device, Reply& reply) {
-  const auto index = lss::bit_rate_index(rate);
+  const auto index = rate == 0 ? lss::BitRateIndex::automatic : lss::bit_rate_index(rate);
   if (!index) {
     co_return refuse(reply, 2, fmt::format("LSS has no index for {} bit/s", rate),
                      "use 10000, 20000, 50000, 125000, 250000, 500000, 800000 or 1000000");
@@ -202,10 +256,9 @@ rt::Task<void> bit_timing(Network& network, std::uint32_t rate, std::optional<Ls
   json["bit_rate"] = rate;
   json["index"] = static_cast<unsigned>(*index);
   give(reply, json,
-       {fmt::format(
-           "{} will use {} bit/s: `berth lss store` keeps it for the next power-on, `berth lss activate` changes "
-           "now",
-           named(device), rate)});
+       {fmt::format("{} will use {}: `berth lss store` keeps it for the next power-on, `berth lss activate` changes "
+                    "now",
+                    named(device), rate == 0 ? "the bit rate that it finds" : fmt::format("{} bit/s", rate))});
 }
 
 // CiA 305: each device is silent for one delay, changes, and is silent for another.
@@ -238,6 +291,17 @@ rt::Task<void> identify(Network& network, const lss::IdentifyRanges& ranges, Rep
   json["answers"] = heard->answers;
   give(reply, json,
        {heard->answers > 0 ? "at least one device lies in these ranges" : "no device lies in these ranges"});
+  if (heard->answers == 0) reply.status = 1;
+}
+
+rt::Task<void> identify_unconfigured(Network& network, Reply& reply) {
+  const auto heard = co_await network.services().lss.identify_non_configured();
+  if (!heard) co_return lss_failed(reply, network, heard.error(), "identify non-configured slaves");
+  Json json = start_json(network, "identify-unconfigured");
+  json["anybody"] = heard->answers > 0;
+  json["answers"] = heard->answers;
+  give(reply, json,
+       {heard->answers > 0 ? "at least one device has no node-ID" : "no device without a node-ID answers"});
   if (heard->answers == 0) reply.status = 1;
 }
 
@@ -287,14 +351,18 @@ LssArguments lss_arguments(const Request& request, std::string& problem) {
     r.device = a.address("address");
   } else if (r.service == "inquire" || r.service == "store") {
     r.device = a.optional_address("address");
+    r.part = a.text("part");
+    const bool known = r.part.empty() || r.part == "address" || r.part == "node-id" ||
+                       std::ranges::find(part_names, r.part) != part_names.end();
+    if (!known) a.wrong("part is address, vendor, product, revision, serial or node-id");
   } else if (r.service == "set-node-id") {
-    r.device = a.address("address");
+    if (a.text("address") != "selected") r.device = a.address("address");
     const auto id = NodeId::make(a.number("id", 1, 255));
     if (!id) a.wrong("id is 1 to 127, or 255 for none");
     r.id = id.value_or(NodeId());
     r.store = a.text("store") == "1";
   } else if (r.service == "bit-timing") {
-    r.rate = a.number("rate", 1, 1'000'000);
+    if (a.text("rate") != "auto") r.rate = a.number("rate", 1, 1'000'000);
     r.device = a.optional_address("address");
   } else if (r.service == "activate") {
     r.delay_ms = static_cast<std::uint16_t>(a.number("delay", 0, 0xFFFF));
@@ -317,19 +385,33 @@ rt::Task<void> lss_command(Session& session, const Request& request, Reply& repl
   const auto found = network_for(session, r.bus, Use::send);
   if (!found) co_return refuse(reply, 2, found.error());
   Network& network = **found;
-  if (r.service == "set-node-id" && r.id == network.bus().master) {
-    co_return refuse(reply, 2, fmt::format("node-ID {} is Berth's own on bus {}", r.id.value(), network.bus().name));
-  }
   co_await network.services().turn.take();
   const rt::Held held(network.services().turn);
+  co_await lss_service(session, request, reply);
+}
+
+rt::Task<void> lss_service(Session& session, const Request& request, Reply& reply) {
+  std::string problem;
+  const LssArguments r = lss_arguments(request, problem);
+  if (!problem.empty()) co_return refuse(reply, 2, problem);
+  const auto found = network_for(session, r.bus, Use::send);
+  if (!found) co_return refuse(reply, 2, found.error());
+  Network& network = **found;
+  if (r.service == "set-node-id" && r.id == network.bus().master) {
+    refuse(reply, 2, fmt::format("node-ID {} is Berth's own on bus {}", r.id.value(), network.bus().name));
+    reply.cause = Error{.code = Errc::duplicate};
+    co_return;
+  }
   if (r.service == "global") {
     co_await global(network, r.state, reply);
   } else if (r.service == "select") {
     co_await select_one(network, *r.device, reply);
+  } else if (r.service == "inquire" && !r.part.empty()) {
+    co_await inquire_part(network, r.device, r.part, reply);
   } else if (r.service == "inquire") {
     co_await inquire(network, r.device, reply);
   } else if (r.service == "set-node-id") {
-    const NewId wanted{*r.device, r.id, r.store};
+    const NewId wanted{r.device, r.id, r.store};
     co_await set_node_id(network, wanted, reply);
   } else if (r.service == "store") {
     co_await store(network, r.device, reply);
@@ -339,6 +421,8 @@ rt::Task<void> lss_command(Session& session, const Request& request, Reply& repl
     co_await activate(network, r.delay_ms, r.rate, reply);
   } else if (r.service == "identify") {
     co_await identify(network, r.ranges, reply);
+  } else if (r.service == "identify-unconfigured") {
+    co_await identify_unconfigured(network, reply);
   } else {
     co_await find(network, reply);
   }

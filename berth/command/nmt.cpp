@@ -140,7 +140,8 @@ rt::Task<void> nmt_command(Session& session, const Request& request, Reply& repl
   if (!sent)
     co_return fail_with(reply, sent.error(), fmt::format("bus {}, NMT {} to {}", bus.bus().name, nmt.word, whom(nmt)));
   bus.commanded(nmt.command, nmt.target);
-  if (session.started()) co_await wait_for_heartbeats(bus, nmt);
+  const bool waits = session.started() && !arguments.has("no-wait");
+  if (waits) co_await wait_for_heartbeats(bus, nmt);
   Json json = json_of(bus, nmt);
   json["sent_s"] = operate::seconds(*sent);
   give(reply, json, {fmt::format("NMT {} sent to {}", co::name(nmt.command), whom(nmt))});

@@ -30,6 +30,7 @@ void refuse(Reply& reply, int status, const std::string& message, const std::str
   reply.json = dump(json);
   reply.lines.clear();
   reply.error = error_line(message, fix);
+  reply.cause.reset();
 }
 
 int status_of(Errc code) noexcept {
@@ -72,6 +73,7 @@ void fail_with(Reply& reply, const Error& error, const std::string& where, const
   reply.json = dump(json);
   reply.lines.clear();
   reply.error = error_line(message, fix);
+  reply.cause = error;
 }
 
 void put_address(Json& json, const LssAddress& address) {

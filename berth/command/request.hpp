@@ -3,8 +3,11 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
+
+#include "berth/base/result.hpp"
 
 namespace berth::command {
 
@@ -21,6 +24,8 @@ struct Reply {
   std::string json;                ///< one JSON object on one line, always; a failure is {"error": {"message", ...}}
   std::vector<std::string> lines;  ///< the same for people
   std::string error;  ///< for people, when the status is not 0: what, where, what to do; each error is one line
+  /// Of a service that failed, for who answers in codes (CiA 309). It does not pass the control socket.
+  std::optional<Error> cause{};
 };
 
 /// One line of JSON: {"verb": ..., "arguments": {...}}. `parse_request` gives a request with an empty verb, and the

@@ -17,12 +17,18 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-// By block transfer when it is wanted, and then by nothing else.
-co::SdoOptions transfer_options(Network& bus, const Arguments& arguments) {
+// By block transfer when it is wanted, and then by nothing else, unless it is left to the device.
+co::SdoOptions transfer_options(Network& bus, Arguments& arguments) {
   co::SdoOptions options = bus.services().sdo.options();
-  if (arguments.text("block").empty()) return options;
-  options.mode = co::SdoMode::block;
-  options.fall_back = false;
+  if (arguments.has("sdo-timeout")) {
+    options.timeout = std::chrono::milliseconds(arguments.number("sdo-timeout", 1, 65'535));
+    options.retries = 0;
+  }
+  const std::string block = arguments.text("block");
+  if (block.empty()) return options;
+  const bool is_devices_choice = block == "auto";
+  options.mode = is_devices_choice ? co::SdoMode::automatic : co::SdoMode::block;
+  options.fall_back = is_devices_choice;
   return options;
 }
 
@@ -110,6 +116,7 @@ class Answers {
 
   void add(const KnownObject& object, const Reply& one) {
     reply_.status = std::max(reply_.status, one.status);
+    if (one.cause) reply_.cause = one.cause;
     reply_.error += (reply_.error.empty() ? "" : "\n") + one.error;
     Json json = Json::parse(one.json);
     if (several_) {
@@ -148,6 +155,7 @@ rt::Task<void> sdo_read(Session& session, const Request& request, Reply& reply) 
   if (!network) co_return refuse(reply, 2, network.error());
   Network& bus = **network;
   const auto how = transfer_options(bus, arguments);
+  if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
   std::optional<co::NodeAccess> direct;
   co::SdoAccess& device = objects_of(session, bus, wanted.node, how, direct);
   Answers answers(reply, bus, wanted, "read");
@@ -216,6 +224,7 @@ rt::Task<void> sdo_write(Session& session, const Request& request, Reply& reply)
   if (!network) co_return refuse(reply, 2, network.error());
   Network& bus = **network;
   const auto how = transfer_options(bus, arguments);
+  if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
   std::optional<co::NodeAccess> direct;
   co::SdoAccess& device = objects_of(session, bus, wanted.to.node, how, direct);
   Answers answers(reply, bus, wanted.to, "write");

@@ -60,7 +60,9 @@ constexpr auto a_sub = own_of("sub", "the sub-index, where object is the index a
 constexpr auto a_type =
     option_of("type", "TYPE", "u8 u16 u32 i8 i16 i32 r32 vs os … (default: what the slot's eds = says)", "--type,-t");
 constexpr auto by_block = flag_of("block", "by SDO block transfer");
-constexpr std::array of_sdo_read{of_bus, word_of("node", a_node), an_object, a_sub, a_type, by_block};
+constexpr auto an_answer =
+    option_of("sdo-timeout", "MS", "for each answer, and nothing is asked twice (default: the machine file's)");
+constexpr std::array of_sdo_read{of_bus, word_of("node", a_node), an_object, a_sub, a_type, by_block, an_answer};
 constexpr std::array of_sdo_write{of_bus,
                                   word_of("node", a_node),
                                   an_object,
@@ -68,6 +70,7 @@ constexpr std::array of_sdo_write{of_bus,
                                   own_of("value", "of an unknown type hex bytes: 91 01 0F", true),
                                   a_type,
                                   by_block,
+                                  an_answer,
                                   flag_of("anyway", "also a value outside of the description's limits")};
 constexpr std::array of_sdo_probe{of_bus, word_of("node", a_node),
                                   word_of("objects", "hex: 1000:0,1018:0-4; a refusal is told, and is no failure")};
@@ -96,14 +99,19 @@ constexpr std::array of_history{of_bus, word_of("slot", "its name, BUS/NAME or n
 constexpr std::array of_nmt{
     of_bus, word_of("command", "start, stop, preop, reset-node, reset-comm"),
     word_of("node", "node-ID, slot's name, or all"),
-    option_of("request", "NODE-ID", "the NMT master with this node-ID is asked to do it (1F82h)")};
+    option_of("request", "NODE-ID", "the NMT master with this node-ID is asked to do it (1F82h)"),
+    flag_of("no-wait", "does not wait for the heartbeats that tell the new state")};
 constexpr std::array of_lss_global{of_bus, word_of("state", "waiting or configuration")};
 constexpr std::array of_lss_select{of_bus, word_of("address", an_address)};
 constexpr std::array of_lss_device{of_bus, word_of("address", an_address, false)};
-constexpr std::array of_lss_set_node_id{of_bus, word_of("address", an_address),
-                                        word_of("id", "1 to 127, or 255 for none"),
-                                        flag_of("store", "and let the device store it", "--save")};
-constexpr std::array of_lss_bit_timing{of_bus, word_of("rate", "bit/s"), word_of("address", an_address, false)};
+constexpr std::array of_lss_inquire{
+    of_bus, word_of("address", an_address, false),
+    option_of("part", "WORD", "only address, vendor, product, revision, serial or node-id (default: all)")};
+constexpr std::array of_lss_set_node_id{
+    of_bus, word_of("address", "its LSS address, or selected: who is in configuration state"),
+    word_of("id", "1 to 127, or 255 for none"), flag_of("store", "and let the device store it", "--save")};
+constexpr std::array of_lss_bit_timing{of_bus, word_of("rate", "bit/s, or auto: it finds out (index 9)"),
+                                       word_of("address", an_address, false)};
 constexpr std::array of_lss_activate{of_bus, word_of("delay", "switch delay in ms"),
                                      option_of("rate", "BIT/S", "bit/s that Berth's own port changes to")};
 constexpr std::array of_move_bit_rate{of_bus, word_of("rate", "bit/s"),
@@ -152,13 +160,14 @@ constexpr std::array table{
     Verb{"history", "which device sat where, since when and why", asks, of_history, history},
     Verb{"lss global", "all devices to waiting or configuration state", changes, of_lss_global, lss_command},
     Verb{"lss select", "one device to configuration state", changes, of_lss_select, lss_command},
-    Verb{"lss inquire", "vendor, product, revision, serial number, node-ID", asks, of_lss_device, lss_command},
+    Verb{"lss inquire", "vendor, product, revision, serial number, node-ID", asks, of_lss_inquire, lss_command},
     Verb{"lss set-node-id", "give a device a node-ID", changes, of_lss_set_node_id, lss_command},
     Verb{"lss store", "a device stores node-ID and bit rate", changes, of_lss_device, lss_command},
     Verb{"lss bit-timing", "give a device a bit rate", changes, of_lss_bit_timing, lss_command},
     Verb{"lss activate", "devices in configuration state change to their new bit rate", changes, of_lss_activate,
          lss_command},
     Verb{"lss identify", "is a device within these ranges?", asks, of_lss_identify, lss_command},
+    Verb{"lss identify-unconfigured", "is a device without a node-ID there? (4Ch)", asks, bus, lss_command},
     Verb{"lss find", "every device that no slot has; is any device without a node-ID?", asks, bus, lss_command},
     Verb{"lss move-bit-rate", "every device of a bus to another bit rate, together", changes, of_move_bit_rate,
          bit_rate_command},
@@ -181,13 +190,16 @@ const Verb* verb(std::string_view name) noexcept {
   return it == table.end() ? nullptr : it;
 }
 
-rt::Task<void> execute(Session& session, const Request& request, Reply& reply) {
+rt::Task<void> execute(Session& session, const Request& request, Reply& reply, Turn turn) {
   reply = Reply{};
   const Verb* const wanted = verb(request.verb);
   if (wanted == nullptr) {
     co_return refuse(reply, 2, fmt::format("there is no command {}", text::quoted(request.verb)));
   }
-  if (confirmed(session, request, reply)) co_await wanted->run(session, request, reply);
+  if (!confirmed(session, request, reply)) co_return;
+  const bool holds = turn == Turn::held && wanted->run == lss_command;
+  if (holds) co_return co_await lss_service(session, request, reply);
+  co_await wanted->run(session, request, reply);
 }
 
 }  // namespace berth::command

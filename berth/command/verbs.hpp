@@ -73,8 +73,15 @@ struct Verb {
 [[nodiscard]] std::vector<can::Frame> foreseeable_frames(const Request& request, const design::Machine& machine,
                                                          std::string& problem);
 
+/// Who has a network's turn, without which nothing of LSS is sent there (`operate::BusServices::turn`).
+enum class Turn : std::uint8_t {
+  taken_for_it,  ///< by the command, and given back at its end
+  held           ///< by who asks, for several LSS services in a row
+};
+
 /// Runs one command. `request` and `reply` must stay until the task is done. It waits until the main job has nothing to
 /// do on the bus, and may wait for devices: give it a limit from outside, by destroying the task.
-[[nodiscard]] rt::Task<void> execute(tree::Session& session, const Request& request, Reply& reply);
+[[nodiscard]] rt::Task<void> execute(tree::Session& session, const Request& request, Reply& reply,
+                                     Turn turn = Turn::taken_for_it);
 
 }  // namespace berth::command

@@ -7,7 +7,7 @@
 
 namespace berth::design {
 
-inline constexpr std::array<std::string_view, 37> command_words{"report",
+inline constexpr std::array<std::string_view, 38> command_words{"report",
                                                                 "scan",
                                                                 "bind",
                                                                 "replace",
@@ -42,6 +42,7 @@ inline constexpr std::array<std::string_view, 37> command_words{"report",
                                                                 "lss bit-timing",
                                                                 "lss activate",
                                                                 "lss identify",
+                                                                "lss identify-unconfigured",
                                                                 "lss find",
                                                                 "lss move-bit-rate"};
 

@@ -1,4 +1,5 @@
-/// The LSS commands of CiA 309-3. A device that is put into configuration state stays there from one command to the
+/// The LSS commands of CiA 309-3: requests that hold the network's turn, and the scans that only CiA 309's clients
+/// know. A device that is put into configuration state stays there from one command to the
 /// next, and so does the network's turn (`Net::has_turn`). Inside of room `serve`.
 #pragma once
 
@@ -6,35 +7,29 @@
 #include "berth/lss/frames.hpp"
 #include "berth/rt/task.hpp"
 #include "berth/serve/cia309_permits.hpp"
+#include "berth/serve/cia309_requests.hpp"
 
 namespace berth::serve::cia309 {
 
 class LssCommands {
  public:
   /// `permits` must stay.
-  explicit LssCommands(const Permits& permits) noexcept : permits_(&permits) {}
+  explicit LssCommands(const Permits& permits) noexcept : permits_(&permits), requests_(permits) {}
   /// Waits for the network's turn, and gives it back when no device may be in configuration state. Takes requests that
   /// are `allowed`.
   rt::Task<Outcome> run(const Request& request, Net& net);
 
  private:
   rt::Task<Outcome> service(const Request& request, Net& net);
-  rt::Task<Outcome> switch_global(bool configuration, Net& net);
-  rt::Task<Outcome> switch_selective(LssAddress address, Net& net);
-  rt::Task<Outcome> set_node(NodeId id, Net& net);
-  rt::Task<Outcome> configure(const Request& request, Net& net);
-  rt::Task<Outcome> inquire(const Request& request, Net& net);
-  rt::Task<Outcome> identify(const Request& request, Net& net);
+  rt::Task<Outcome> select(const Request& request, Net& net);
+  rt::Task<Outcome> switch_global(const Request& request, Net& net);
   rt::Task<Outcome> slowscan(const Request& request, Net& net);
   rt::Task<Outcome> fastscan(const Request& request, Net& net);
   rt::Task<Outcome> allnodes(const Request& request, Net& net);
-  rt::Task<bool> is_taken(NodeId id, Net& net);
   rt::Task<Result<bool>> anybody_in(lss::IdentifyRanges ranges, Net& net);
-  [[nodiscard]] bool may_select(const LssAddress& address, Net& net) const;
-  [[nodiscard]] bool may_configure(Net& net) const;
-  [[nodiscard]] Outcome failed(const Error& error, Net& net, Code refused) const;
 
   const Permits* permits_;
+  Requests requests_;
 };
 
 }  // namespace berth::serve::cia309

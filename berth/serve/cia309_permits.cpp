@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include "berth/command/arguments.hpp"
 #include "berth/command/permission.hpp"
 #include "berth/command/rights.hpp"
 #include "berth/serve/cia309_net.hpp"
@@ -16,9 +15,6 @@ bool is_for_all_nodes(Verb verb) noexcept {
 
 bool is_lss(Verb verb) noexcept { return verb >= Verb::lss_switch_global && verb <= Verb::lss_allnodes; }
 
-namespace {
-
-/// The verb of berth/command/verbs.hpp that does the same; empty: it is about the conversation, or only listens.
 std::string_view verb_of(Verb verb) noexcept {
   using enum Verb;
   switch (verb) {
@@ -28,8 +24,8 @@ std::string_view verb_of(Verb verb) noexcept {
     case write_pdo: return "send";
     case lss_inquire_address:
     case lss_get_node: return "lss inquire";
-    case lss_identity:
-    case lss_identify_non_configured: return "lss identify";
+    case lss_identity: return "lss identify";
+    case lss_identify_non_configured: return "lss identify-unconfigured";
     case lss_switch_global: return "lss global";
     case lss_set_node:
     case lss_allnodes: return "lss set-node-id";
@@ -42,15 +38,6 @@ std::string_view verb_of(Verb verb) noexcept {
     case lss_slowscan: return "lss select";
     default: return is_for_all_nodes(verb) ? "nmt" : "";
   }
-}
-
-}  // namespace
-
-command::Request Permits::request_for(const Net& net, std::string verb) const {
-  command::Request request;
-  request.verb = std::move(verb);
-  request.arguments["bus"] = net.network.bus().name;
-  return request;
 }
 
 bool Permits::may_send(const Net& net, bool commands) const {
@@ -67,21 +54,6 @@ bool Permits::allowed(const Request& request, const Net& net) const {
   if (!refused.empty())
     tell(fmt::format("bus {}: a client asked for it; nothing was sent: {}", net.network.bus().name, refused));
   return refused.empty();
-}
-
-bool Permits::undisturbing(const command::Request& wanted) const {
-  command::Request request = wanted;
-  if (house_->confirmed) request.arguments["yes"] = "1";
-  // What the table would refuse disturbs nobody, as far as `confirmed` knows: a client's command is a whole request.
-  const command::Arguments whole(request);
-  if (!whole.good()) {
-    tell(whole.problem());
-    return false;
-  }
-  command::Reply reply;
-  const bool goes = command::confirmed(*house_->session, request, reply);
-  if (!goes) tell(reply.error);
-  return goes;
 }
 
 void Permits::tell(const std::string& text) const {

@@ -42,6 +42,8 @@ struct Outcome {
 /// A command whose node-ID may be 0: all devices.
 [[nodiscard]] bool is_for_all_nodes(Verb verb) noexcept;
 [[nodiscard]] bool is_lss(Verb verb) noexcept;
+/// The verb of berth/command/verbs.hpp whose rights it needs; empty: it is about the conversation, or only listens.
+[[nodiscard]] std::string_view verb_of(Verb verb) noexcept;
 
 /// Each refusal is told in words.
 class Permits {
@@ -52,9 +54,6 @@ class Permits {
   [[nodiscard]] bool may_send(const Net& net, bool commands) const;
   /// On a real bus a client commands devices only when a person lets it.
   [[nodiscard]] bool allowed(const Request& request, const Net& net) const;
-  /// It disturbs no operational device, or a person has confirmed that it may.
-  [[nodiscard]] bool undisturbing(const command::Request& request) const;
-  [[nodiscard]] command::Request request_for(const Net& net, std::string verb) const;
   void tell(const std::string& text) const;
   [[nodiscard]] const House& house() const noexcept { return *house_; }
 

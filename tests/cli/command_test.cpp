@@ -144,6 +144,8 @@ TEST_F(Command, WrongArgumentsAreExitTwo) {
            {"lss", "set-node-id", left, "128"},
            {"lss", "set-node-id", left, "127"},  // Berth's own
            {"lss", "bit-timing", "100000"},
+           {"lss", "inquire", left, "--part", "name"},
+           {"sdo", "read", "2", "0x1000", "--sdo-timeout", "0"},
            {"lss", "activate", "65536"},
            {"lss", "global", "asleep"},
            {"lss", "identify", "1"},
@@ -181,6 +183,14 @@ TEST_F(Command, LssServices) {
   EXPECT_EQ(inquired.at("revision"), "0x00000003");
   EXPECT_EQ(inquired.at("serial"), "0x00000030");
   EXPECT_EQ(inquired.at("node_id"), 255);
+  const Json part = reply({"lss", "inquire", left, "--part", "serial"}, 0);
+  EXPECT_EQ(part.at("serial"), "0x00000020");
+  EXPECT_FALSE(part.contains("vendor"));
+  EXPECT_EQ(reply({"lss", "inquire", left, "--part", "node-id"}, 0).at("node_id"), 255);
+  EXPECT_EQ(reply({"lss", "inquire", left, "--part", "address"}, 0).at("address"), left);
+  EXPECT_EQ(reply({"lss", "identify-unconfigured"}, 0).at("anybody"), true);
+  EXPECT_EQ(reply({"lss", "bit-timing", "auto", left}, 1, true).at("error").at("message").get<std::string>().empty(),
+            false);
   EXPECT_EQ(reply({"lss", "select", left}, 0).at("address"), left);
   static_cast<void>(reply({"lss", "select", "00000001-00000001-00000000-00000099"}, 1));
   EXPECT_EQ(reply({"lss", "set-node-id", left, "9", "--save"}, 0).at("stored"), true);

@@ -184,6 +184,7 @@ class Taken : public ::testing::Test {
         {"lss find", on({})},
         {"lss move-bit-rate", on({"250000"})},
         {"lss identify", on({"1", "1"})},
+        {"lss identify-unconfigured", on({})},
         {"emcy", on({"2", "--up"})},
         {"store", on({"2", "--up"})},
         {"restore", on({"2", "--up"})},

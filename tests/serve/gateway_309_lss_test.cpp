@@ -54,6 +54,48 @@ TEST(Gateway309Lss, SelectConfigureStoreOneDevice) {
   EXPECT_FALSE(rig.session().network("backbone")->services().turn.taken());
 }
 
+// A device without SDO, that is guarded.
+class Guarded final : public can::Listener {
+ public:
+  Guarded(plant::World& world, NodeId id) : id_(id), port_(world.attach_master("backbone", {.name = "guarded"})) {
+    port_->listen(this, all_frames);
+  }
+  void received(const can::Frame& f, rt::Time) noexcept override {
+    if (f.remote && f.id == 0x700U + id_.value()) port_->send(*can::parse_frame(fmt::format("{:03X}#05", f.id)), 0);
+  }
+  void sent(std::uint32_t, rt::Time) noexcept override {}
+  void changed(const can::Status&, rt::Time) noexcept override {}
+
+ private:
+  NodeId id_;
+  std::unique_ptr<sim::Controller> port_;
+};
+
+TEST(Gateway309Lss, ANodeIdThatAnswersGuardingAloneIsTaken) {
+  Rig309 rig({.blank = 1});
+  Guarded guarded(rig.world(), NodeId(20));
+  rig.play(R"(
+> [1] 1 lss_switch_sel 0x11 0x22 0x33 0x101
+< [1] OK
+> [2] 1 lss_set_node 20
+< [2] ERROR:502
+> [3] 1 lss_set_node 21
+< [3] OK
+)");
+  ASSERT_EQ(rig.told.size(), 1U);
+  EXPECT_NE(rig.told.front().find("another device answers under this node-ID"), std::string::npos) << rig.told.front();
+}
+
+// Two devices of one LSS address in configuration state would both take the node-ID.
+TEST(Gateway309Lss, OfTwoWithOneAddressNoneIsSelected) {
+  Rig309 rig({.blank = 1, .clone = true});
+  rig.play(R"(
+> [1] 1 lss_switch_sel 0x11 0x22 0x33 0x101
+< [1] ERROR:501
+)");
+  EXPECT_FALSE(rig.session().network("backbone")->services().turn.taken());
+}
+
 TEST(Gateway309Lss, NobodyAnswers) {
   Rig309 rig;
   rig.play(R"(

@@ -67,6 +67,7 @@ struct Rig309Options {
   design::Role role = design::Role::master;
   bool bench = true;   ///< node 5 on net 1
   unsigned blank = 0;  ///< LSS devices without a node-ID on net 1, serial numbers 0x101, 0x102, ...
+  bool clone = false;  ///< another one of blank0's LSS address
   std::uint32_t bit_rate = 500'000;
 };
 
@@ -83,11 +84,13 @@ class Rig309 {
       file_.buses.push_back({name, 0});
       rates_.push_back({name, bus.bitrate});
     }
-    for (unsigned i = 0; i < options.blank; ++i) {
+    const unsigned devices = options.blank + (options.clone ? 1U : 0U);
+    for (unsigned i = 0; i < devices; ++i) {
       plant::PlantDevice d;
-      d.name = "blank" + std::to_string(i);
+      d.name = i < options.blank ? "blank" + std::to_string(i) : "clone";
       d.bus = "backbone";
-      d.address = {0x11, 0x22, 0x33, 0x101 + i};
+      d.address = {0x11, 0x22, 0x33, 0x101 + i % options.blank};
+      if (i >= options.blank) d.response = {.min = 2ms, .max = 3ms};
       d.speaks = {plant::Speaks::fastscan};
       file_.devices.push_back(d);
     }
