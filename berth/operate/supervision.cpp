@@ -135,6 +135,8 @@ rt::Task<void> Supervision::handle(Wake wake) {
   switch (wake.kind) {
     case Wake::Kind::boot_up: co_return co_await booted(*seat, wake.at);
     case Wake::Kind::lost:
+      // It was asked since, and there or not.
+      if (wake.at <= seat->checked) co_return;
       // One that booted may send no heartbeat before it is configured; its boot-up tells whether it is there.
       if (!seat->is_to_boot()) lost(*seat);
       co_return;

@@ -417,6 +417,13 @@ rt::Task<Outcome> Binder::identify(const Binding& binding) {
   // this node-ID. Neither must be woken.
   const bool came = !who && who.error().code == Errc::timeout && !s_.boots.silent_since(id, began);
   if (came) who = co_await read_identity(s_.sdo, id);
+  // In NMT stopped it answers no SDO (CiA 301 §7.3.2.2). It is being seated, and started as any other after that.
+  const bool stopped = !who && who.error().code == Errc::timeout && stayed && s_.boots.state(id) == NmtState::stopped;
+  if (stopped) {
+    const auto sent = co_await s_.nmt.send(co::NmtCommand::enter_pre_operational, id);
+    if (sent) co_await rt::sleep_for(options_.slow_inhibit);
+    who = co_await read_identity(s_.sdo, id);
+  }
   // Lely core's slaves tell the pending node-ID by 5Eh, so that they were not waited for: they have not booted yet.
   const bool asleep = !who && who.error().code == Errc::timeout && binding.old_id() == id && !woken_;
   if (asleep) {

@@ -43,11 +43,16 @@ class Voice final : private can::Handler {
         controller_(bus.attach({.queue_depth = 16, .rx_depth = 16})),
         dispatcher_(world.executor(), *controller_) {
     dispatcher_.add(can::only(0x600U + new_id.value()), *this);
+    dispatcher_.add(can::only(0x000), *this);
   }
   bool speaks = true;
 
  private:
   void received(const can::Frame& frame, rt::Time) noexcept override {
+    if (frame.id == 0) {
+      speaks = speaks || (frame.data[0] == 0x80 && frame.data[1] == new_id.value());
+      return;
+    }
     if (!speaks) return;
     const std::array parts{std::uint32_t{0}, who_.vendor, who_.product, who_.revision, who_.serial};
     can::Frame answer = frame;
@@ -95,11 +100,13 @@ struct Rig : World {
     const auto waiting = co_await lss.switch_global(lss::State::waiting);
     co_return selected&& waiting;
   }
-  void hear_boot_up(NodeId id) {
-    can::Frame boot_up;
-    boot_up.id = 0x700U + id.value();
-    boot_up.size = 1;
-    port_of_another->send(boot_up, 0);
+  void hear_boot_up(NodeId id) { hear(id, 0x00); }
+  void hear(NodeId id, std::uint8_t state) {
+    can::Frame error_control;
+    error_control.id = 0x700U + id.value();
+    error_control.size = 1;
+    error_control.data[0] = state;
+    port_of_another->send(error_control, 0);
   }
 
   co::SdoClient sdo{dispatcher, {.timeout = 50ms}};
@@ -148,6 +155,16 @@ TEST(Binder, TheOldNodeIdIsNotGivenBackWhenAnotherHasIt) {
 TEST(Binder, ADeviceThatKeepsItsNodeIdIsConfirmedThere) {
   Rig rig(new_id);
   const Voice own(rig.world, rig.bus, moving, 0ms);
+  EXPECT_EQ(rig.bind(), Step::done);
+}
+
+// It is in NMT stopped, where it answers no SDO: a gateway, say, that stopped itself (FF01h) while its slot was free.
+TEST(Binder, ADeviceThatKeepsItsNodeIdAndIsStoppedIsAskedAllTheSame) {
+  Rig rig(new_id);
+  Voice own(rig.world, rig.bus, moving, 0ms);
+  own.speaks = false;
+  rig.hear(new_id, 0x04);
+  rig.world.run_for(1ms);
   EXPECT_EQ(rig.bind(), Step::done);
 }
 

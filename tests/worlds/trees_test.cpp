@@ -40,7 +40,7 @@ TEST(TreesRandomWorlds, KnownMixedWorlds) {
   for (const std::uint64_t seed :
        {1U,      2U,      3U,      10U,     16U,     38U,     59U,     673U,    745U,    797U,
         101323U, 102063U, 103084U, 104140U, 104681U, 106138U, 106158U, 106560U, 106969U, 200862U,
-        206904U, 211399U, 214567U, 501980U, 601549U, 823150U, 822718U, 829594U}) {
+        206904U, 211399U, 214567U, 501980U, 601549U, 823150U, 822718U, 829594U, 860830U}) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     TreeWorld world(mix(tree_plan(seed)));
     EXPECT_EQ(world.go(8), "") << world.log();
