@@ -56,12 +56,14 @@ tl::expected<void, Failure> check_files(const Options& options, const InitOption
   return {};
 }
 
-// The files as Berth itself will read them: what it would not run is not written.
-tl::expected<void, Failure> check_texts(const std::string& machine, const std::string& plant, const InitOptions& init,
-                                        const Options& options) {
-  const auto read = design::read_machine(machine, init.file, design::eds_loader(), {}, {}, options.files.allow_outside);
+// The files as Berth itself will read them, with the descriptions where they lie now: what it would not run is not
+// written.
+tl::expected<void, Failure> check_texts(const InitPlan& plan, const InitOptions& init, const Options& options,
+                                        const std::vector<std::string>& allowed) {
+  const std::string machine = machine_text(plan, init.file, init.plant);
+  const auto read = design::read_machine(machine, init.file, design::eds_loader(), {}, {}, allowed);
   if (!read.machine) return tl::unexpected(failure(read.findings));
-  const auto devices = plant::read_plant(plant, init.plant, options.files.allow_outside);
+  const auto devices = plant::read_plant(plant_text(plan, init.file, init.plant), init.plant, allowed);
   if (!devices.plant) return tl::unexpected(failure(devices.findings));
   std::vector<plant::BusRate> rates;
   for (const auto& bus : read.machine->buses) rates.push_back({bus.name, bus.bitrate});
@@ -112,10 +114,32 @@ void tell_written(const InitPlan& plan, const InitOptions& init) {
   print_line(fmt::format("  berth up {}{} --dry-run", init.file, simulated ? " --port can0" : ""));
 }
 
-int write_machine(const InitPlan& plan, const Options& options, const InitOptions& init) {
+std::vector<WholeFile> files_of(const std::vector<InitCopy>& copies) {
+  std::vector<WholeFile> files;
+  for (const auto& copy : copies) {
+    if (!copy.there) files.push_back({copy.to, copy.bytes});
+  }
+  return files;
+}
+
+// The folders that the machine file may name files in, and those of the descriptions that will come along.
+std::vector<std::string> folders_of(const std::vector<InitCopy>& copies, const Options& options) {
+  std::vector<std::string> folders = options.files.allow_outside;
+  for (const auto& copy : copies) folders.push_back(fs::absolute(copy.from).parent_path().string());
+  return folders;
+}
+
+int write_machine(const InitPlan& as_found, const Options& options, const InitOptions& init) {
+  InitPlan plan = as_found;
+  const auto copies = take_along(plan, init, options.files.allow_outside);
+  if (!copies) return tell(copies.error(), options.json);
+  if (const auto good = check_texts(as_found, init, options, folders_of(*copies, options)); !good)
+    return tell(good.error(), options.json);
   const std::string machine = machine_text(plan, init.file, init.plant);
   const std::string plant = plant_text(plan, init.file, init.plant);
-  if (const auto good = check_texts(machine, plant, init, options); !good) return tell(good.error(), options.json);
+  auto files = files_of(*copies);
+  files.push_back({init.plant, plant});
+  files.push_back({init.file, machine});
   Json json = json_of(plan, init);
   json["written"] = !options.dry_run;
   if (options.dry_run) {
@@ -125,7 +149,7 @@ int write_machine(const InitPlan& plan, const Options& options, const InitOption
       write_text(fmt::format("# ---- {}\n{}\n# ---- {}\n{}", text::printable(init.file), text::printable(machine),
                              text::printable(init.plant), text::printable(plant)));
     }
-  } else if (const auto wrong = write_whole({{init.plant, plant}, {init.file, machine}}, init.force)) {
+  } else if (const auto wrong = write_whole(files, init.force)) {
     return tell(*wrong, options.json);
   } else if (!options.json) {
     tell_written(plan, init);

@@ -58,6 +58,17 @@ struct InitPlan {
 /// What answers on the bus of `options.ports`; devices that fit one of `init.eds` get it as description. At a running
 /// `berth up`'s socket all its buses are asked.
 [[nodiscard]] tl::expected<InitPlan, Failure> plan_of_bus(const Options& options, const InitOptions& init);
+/// A description that is to lie beside the machine file.
+struct InitCopy {
+  std::string from;
+  std::string to;
+  std::string bytes;
+  bool there = false;  ///< already
+};
+/// The descriptions that the machine file may not name where they lie (berth/text/reach.hpp); the plan names their
+/// copies. `allowed`: folders whose files it may name. Of machine and plant files in two folders: none.
+[[nodiscard]] tl::expected<std::vector<InitCopy>, Failure> take_along(InitPlan& plan, const InitOptions& init,
+                                                                      const std::vector<std::string>& allowed);
 /// Asks a person for what `options` and `init` lack. Status 1: nothing is to be written.
 [[nodiscard]] tl::expected<void, Failure> ask_for_machine(Options& options, InitOptions& init, Interrupt& interrupt);
 

@@ -102,6 +102,41 @@ TEST_F(Init, NothingIsOverwrittenWithoutForce) {
   runs(1);
 }
 
+// A machine file names files of its own folder; descriptions lie where they were downloaded to.
+TEST_F(Init, ADescriptionFromElsewhereComesAlong) {
+  const Folder elsewhere;
+  const std::string drive = elsewhere.write("drive.eds", contents(eds("drive.eds")));
+  const std::string named = drive + ":2";
+  const Outcome dry = init({"--eds", named, "--dry-run"});
+  EXPECT_EQ(dry.status, 0) << dry.err;
+  EXPECT_EQ(files(), 0U);
+  const Outcome made = init({"--eds", named, "--eds", drive});
+  ASSERT_EQ(made.status, 0) << made.err;
+  EXPECT_TRUE(has(made.out, "drive.eds comes along: copied to " + folder.file("drive.eds"))) << made.out;
+  EXPECT_EQ(contents(folder.file("drive.eds")), contents(drive));
+  EXPECT_TRUE(has(contents(file), "eds  = \"drive.eds\"")) << contents(file);
+  runs(3);
+  // The same once more is the same file.
+  EXPECT_EQ(berth({"init", folder.file("once_more.toml"), "--eds", drive}).status, 0);
+  elsewhere.write("drive.eds", contents(eds("io.eds")));
+  const std::string before = contents(folder.file("drive.eds"));
+  const Outcome other = berth({"init", folder.file("other.toml"), "--eds", drive});
+  EXPECT_EQ(other.status, 1);
+  EXPECT_TRUE(has(other.err, "another file is there already")) << other.err;
+  EXPECT_EQ(contents(folder.file("drive.eds")), before);
+  EXPECT_FALSE(exists(folder.file("other.toml")));
+}
+
+TEST_F(Init, TwoDescriptionsOfOneNameDoNotComeAlong) {
+  const Folder one;
+  const Folder other;
+  const std::string first = one.write("d.eds", contents(eds("drive.eds")));
+  const Outcome made = init({"--eds", first, "--eds", other.write("d.eds", contents(eds("io.eds")))});
+  EXPECT_EQ(made.status, 1);
+  EXPECT_TRUE(has(made.err, "and so is " + first)) << made.err;
+  EXPECT_EQ(files(), 0U);
+}
+
 TEST_F(Init, BothFilesOrNone) {
   fs::create_directories(folder.file("taken.plant.toml"));
   const Outcome folder_there = berth({"init", folder.file("taken.toml"), "--eds", eds("drive.eds"), "--force"});
