@@ -142,7 +142,6 @@ class FlyingNegotiation {
   /// As active master: nothing was reset before, so slaves may be running under a former master.
   [[nodiscard]] bool took_over() const noexcept { return !all_reset_; }
   [[nodiscard]] const FlyingOptions& options() const noexcept { return options_; }
-  friend bool operator==(const FlyingNegotiation&, const FlyingNegotiation&) = default;
 
  private:
   Step heard_master(const MasterRank& sender, rt::Time now) noexcept;
