@@ -159,6 +159,7 @@ function(berth_rooms)
   target_link_libraries(berth_eds PRIVATE pugixml::pugixml)
   find_package(ZLIB REQUIRED)
   target_link_libraries(berth_manager PRIVATE ZLIB::ZLIB)
+  target_link_libraries(berth_trace PRIVATE ZLIB::ZLIB)
   target_link_libraries(berth_text PRIVATE tomlplusplus::tomlplusplus)
   # Compiled as C++: its errors are exceptions, and destructors run.
   find_library(BERTH_LUA lua5.4-c++ REQUIRED)

@@ -356,7 +356,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
 std::optional<Failure> complete(TraceOptions& trace) {
   if (trace.to || trace.output.empty()) return std::nullopt;
   trace.to = trace.output == "-" ? trace::Format::candump : trace::format_of_path(trace.output);
-  if (trace.to) return std::nullopt;
+  if (trace.to && trace::is_written(*trace.to)) return std::nullopt;
   return failure(Exit::usage,
                  fmt::format("{}: which format? Write --to, or a name with .log, .pcapng, .asc or .trc", trace.output));
 }

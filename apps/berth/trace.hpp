@@ -34,9 +34,15 @@ struct ObjectFilter {
   std::string name;
 };
 
+/// How a file is read.
+struct TraceFrom {
+  std::optional<trace::Format> format;  ///< empty: by its content
+  trace::ReadOptions how;
+};
+
 struct TraceOptions {
   std::string file;  ///< "-": standard input; empty: a live port
-  std::optional<trace::Format> from;
+  TraceFrom from;
   // Where it goes; neither: words to standard output.
   std::optional<trace::Format> to;
   bool trc_1_1 = false;

@@ -44,18 +44,19 @@ void add_formats(const Verb& verb, TraceOptions& trace) {
   format_word(
       verb, "--from", "format of the file (default: by its content)",
       [&trace](const std::string& text) {
-        trace.from = trace::parse_format(text);
-        return trace.from.has_value();
+        trace.from.format = trace::parse_format(text);
+        return trace.from.format.has_value();
       },
-      "candump, pcapng, asc and trc");
+      "candump, pcapng, asc, trc and pcap");
   format_word(
       verb, "--to", "convert: candump, pcapng, asc, trc or trc1.1 (default: by the ending of -o)",
       [&trace](const std::string& text) {
         trace.trc_1_1 = text == "trc1.1";
         trace.to = trace::parse_format(trace.trc_1_1 ? "trc" : text);
-        return trace.to.has_value();
+        return trace.to && trace::is_written(*trace.to);
       },
       "candump, pcapng, asc, trc and trc1.1");
+  verb.flag("--deltas", trace.from.how.deltas, "candump -td: each time counts from the line before");
   verb.word("--output,-o,--record", trace.output, "write the frames to this file (- for standard output)")
       .shown("FILE");
   verb.flag(

@@ -15,6 +15,7 @@
 #include "berth/command/control.hpp"
 #include "berth/io/open_port.hpp"
 #include "berth/trace/candump.hpp"
+#include "berth/trace/gunzip.hpp"
 #include "interrupt.hpp"
 #include "node_words.hpp"
 #include "ports.hpp"
@@ -34,9 +35,12 @@ constexpr auto look_again = 50ms;  // at a file that may have grown
 class FileSource final : public TraceSource {
  public:
   FileSource(int fd, std::string name, const TraceOptions& options)
-      : fd_(fd), name_(std::move(name)), follow_(options.follow), format_(options.from) {
+      : fd_(fd),
+        name_(std::move(name)),
+        follow_(options.follow),
+        format_(options.from.format),
+        reading_(options.from.how) {
     if (follow_) interrupt_ = std::make_unique<Interrupt>();
-    if (format_) reader_ = trace::make_reader(*format_, name_);
   }
   ~FileSource() override {
     if (fd_ > STDIN_FILENO) ::close(fd_);
@@ -50,19 +54,45 @@ class FileSource final : public TraceSource {
       if (errno == EINTR) return State::more;
       return tl::unexpected(failure(Exit::failed, fmt::format("{}: {}", name_, std::strerror(errno))));
     }
-    if (got == 0) return follow_ ? wait(sink) : State::over;
+    if (got == 0) return follow_ ? wait(sink) : end(sink);
     read_ += got;
-    return feed({buffer_.data(), static_cast<std::size_t>(got)}, sink);
+    return unpack({buffer_.data(), static_cast<std::size_t>(got)}, sink);
   }
 
   void finish(trace::Sink& sink) override {
-    if (!reader_ && !head_.empty()) (void)begin(sink, true);
     if (reader_) reader_->finish(sink);
   }
   const std::vector<std::string>& buses() const noexcept override { return reader_ ? reader_->buses() : none_; }
   std::string format() const override { return format_ ? std::string(trace::name(*format_)) : "empty"; }
 
  private:
+  [[nodiscard]] Failure unreadable(const std::string& why) const {
+    return failure(Exit::usage, fmt::format("{}: {}", name_, why));
+  }
+
+  // A log in gzip is one like any other.
+  Turned unpack(std::string_view bytes, trace::Sink& sink) {
+    if (read_ == static_cast<std::int64_t>(bytes.size()) && trace::is_gzip(bytes))
+      gunzip_ = std::make_unique<trace::Gunzip>();
+    if (!gunzip_) return feed(bytes, sink);
+    Turned turned = State::more;
+    const std::string wrong = gunzip_->feed(bytes, [&](std::string_view piece) {
+      if (turned) turned = feed(piece, sink);
+    });
+    if (!wrong.empty() && turned) return tl::unexpected(unreadable(wrong));
+    return turned;
+  }
+
+  // Nothing more comes. A file without a frame is told as what it is.
+  Turned end(trace::Sink& sink) {
+    if (gunzip_ && !gunzip_->whole()) return tl::unexpected(unreadable("the gzip file is cut short"));
+    if (reader_) return State::over;
+    if (head_.empty()) return tl::unexpected(unreadable("the file is empty"));
+    const auto begun = begin(sink, true);
+    if (!begun) return begun;
+    return State::over;
+  }
+
   Turned feed(std::string_view bytes, trace::Sink& sink) {
     if (reader_) {
       reader_->feed(bytes, sink);
@@ -74,17 +104,19 @@ class FileSource final : public TraceSource {
 
   // Which format it is, as soon as that can be told.
   Turned begin(trace::Sink& sink, bool whole_head) {
-    format_ = trace::recognise(head_);
+    if (!format_) format_ = trace::recognise(head_);
+    const bool other = !format_ || *format_ == trace::Format::candump;
+    if (const auto kind = trace::foreign(head_); other && !kind.empty())
+      return tl::unexpected(unreadable(fmt::format("this is {}", kind)));
     if (!format_ && whole_head) {
       // Without a word of its own a text is read as candump, whose errors say what is wrong with each line.
       if (head_.find('\0') != std::string::npos)
-        return tl::unexpected(failure(
-            Exit::usage,
-            fmt::format("{}: this is neither candump, pcapng, Vector ASC nor PEAK TRC; name it by --from", name_)));
+        return tl::unexpected(
+            unreadable("this is neither candump, pcapng, pcap, Vector ASC nor PEAK TRC; name it by --from"));
       format_ = trace::Format::candump;
     }
     if (!format_) return State::more;
-    reader_ = trace::make_reader(*format_, name_);
+    reader_ = trace::make_reader(*format_, name_, reading_);
     reader_->feed(head_, sink);
     head_.clear();
     return State::more;
@@ -108,7 +140,9 @@ class FileSource final : public TraceSource {
   std::string name_;
   bool follow_;
   std::optional<trace::Format> format_;
+  trace::ReadOptions reading_;
   std::unique_ptr<trace::Reader> reader_;
+  std::unique_ptr<trace::Gunzip> gunzip_;  // of a file in gzip
   std::unique_ptr<Interrupt> interrupt_;
   std::string head_;  // until the format is known
   std::vector<std::string> none_;

@@ -13,6 +13,9 @@ namespace {
 
 constexpr std::string_view channel_comment = "// berth: channel ";
 constexpr unsigned most_channels = 65'535;
+// Of a CANFD row, as CANoe writes them also for classic frames.
+constexpr std::uint32_t remote_flag = 1U << 4U;
+constexpr std::uint32_t fd_flag = 1U << 12U;
 
 bool is_direction(std::string_view word) noexcept { return word == "Rx" || word == "Tx"; }
 bool same_letters(std::string_view text, std::string_view small) noexcept {
@@ -148,8 +151,9 @@ void AscReader::classic(unsigned channel) {
   entry_.direction = way == "Rx" ? Direction::received : Direction::sent;
   frame.fd = frame.brs = frame.esi = false;
   const auto kind = word();
-  frame.remote = kind == "r";
-  if (!frame.remote && kind != "d") return wrong(kind, "behind the direction stands d (data) or r (remote)");
+  frame.remote = kind == "r" || kind == "R";
+  if (!frame.remote && kind != "d" && kind != "D")
+    return wrong(kind, "behind the direction stands d (data) or r (remote)");
   const auto size = word();
   const auto dlc = number(size, 16, 15);
   if (frame.remote) {
@@ -166,7 +170,12 @@ void AscReader::classic(unsigned channel) {
 void AscReader::flexible() {
   const auto channel_word = word();
   const auto channel = number(channel_word, 10, most_channels);
-  if (!channel || *channel == 0) return wrong(channel_word, "behind CANFD stands the channel");
+  if (!channel || *channel == 0) {
+    const bool event = !channel_word.empty() && !is_digit(channel_word.front());
+    if (!event) return wrong(channel_word, "behind CANFD stands the channel");
+    if (channel_word != "Start") ++others_;
+    return;
+  }
   const auto way = word();
   if (way == "ErrorFrame") return error_frame(*channel);
   if (!is_direction(way)) {
@@ -194,10 +203,26 @@ void AscReader::flexible() {
   frame.brs = flag == "1";
   frame.esi = state == "1";
   frame.fd = true;
-  if (can::fd_dlc(*size) != std::min(*dlc, 15U))
-    return wrong(dlc_word, fmt::format("a frame of {} data bytes does not have DLC {}", *size, dlc_word));
   frame.size = static_cast<std::uint8_t>(*size);
-  if (data(size_word)) keep_on(*channel);
+  if (!data(size_word)) return;
+  const auto flags = row_flags();
+  const bool classic = flags && (*flags & fd_flag) == 0;
+  if (classic) {
+    frame.fd = frame.brs = frame.esi = false;
+    frame.remote = (*flags & remote_flag) != 0;
+    if (frame.remote) frame.size = static_cast<std::uint8_t>(std::min(*dlc, 8U));
+  }
+  const bool fits = frame.remote || (classic ? *size == std::min(*dlc, 8U) : can::fd_dlc(*size) == std::min(*dlc, 15U));
+  if (!fits) return wrong(dlc_word, fmt::format("a frame of {} data bytes does not have DLC {}", *size, dlc_word));
+  keep_on(*channel);
+}
+
+// Behind the data of a CANFD row stand how long it took, its bits, and flags in hex. None: the row is shorter.
+std::optional<std::uint32_t> AscReader::row_flags() {
+  static_cast<void>(word());
+  static_cast<void>(word());
+  const auto text = word();
+  return number(text, 16, 0xFFFF'FFFF);
 }
 
 void AscReader::error_frame(unsigned channel) {

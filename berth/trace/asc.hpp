@@ -49,6 +49,7 @@ class AscReader final : public LineReader {
   void error_frame(unsigned channel);
   [[nodiscard]] bool identifier(std::string_view word, std::size_t column);
   [[nodiscard]] bool data(std::string_view last);
+  [[nodiscard]] std::optional<std::uint32_t> row_flags();
   void keep_on(unsigned channel);
   [[nodiscard]] std::string_view word();
   [[nodiscard]] std::optional<unsigned> number(std::string_view word, unsigned base, unsigned most) const noexcept;

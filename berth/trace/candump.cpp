@@ -6,6 +6,7 @@
 #include <charconv>
 #include <optional>
 
+#include "berth/trace/calendar.hpp"
 #include "berth/trace/candump_plain.hpp"
 
 namespace berth::trace {
@@ -16,6 +17,14 @@ bool is_error_frame(std::string_view text) noexcept {
   std::uint32_t id = 0;
   const auto [end, bad] = std::from_chars(text.data(), text.data() + 8, id, 16);
   return bad == std::errc{} && end == text.data() + 8 && (id & 0xE000'0000U) == 0x2000'0000U;
+}
+
+// "_F" behind eight bytes, or behind "R8".
+bool has_raw_dlc(std::string_view text) noexcept {
+  if (text.size() < 4 || text[text.size() - 2] != '_' || !is_hex(text.back()) || hex_value(text.back()) <= 8)
+    return false;
+  const auto frame = can::parse_frame(text.substr(0, text.size() - 2));
+  return frame && !frame->fd && frame->size == 8;
 }
 
 // Where a frame that cannot be read goes wrong.
@@ -73,7 +82,51 @@ class Collector final : public Sink {
 
 }  // namespace
 
+DeltaTimes::Turn DeltaTimes::add(Entry& entry) {
+  constexpr auto from_zero = std::chrono::hours(1);  // no clock of a computer says so
+  if (kind_ == Kind::times) return Turn::as_it_is;
+  if (kind_ == Kind::deltas) {
+    entry.at = sum_ += entry.at;
+    return Turn::as_it_is;
+  }
+  const bool falls = !held_.empty() && entry.at < held_.back().at;
+  if (falls) {
+    kind_ = Kind::deltas;
+  } else if (entry.at >= from_zero || held_.size() == enough) {
+    kind_ = Kind::times;
+  }
+  held_.push_back(entry);
+  return kind_ == Kind::open ? Turn::held : Turn::decided;
+}
+
+std::vector<Entry> DeltaTimes::take() {
+  if (kind_ == Kind::deltas) {
+    for (Entry& entry : held_) entry.at = sum_ += entry.at;
+  }
+  return std::exchange(held_, {});
+}
+
+void CandumpReader::keep_timed() {
+  const auto turn = deltas_.add(entry_);
+  if (turn == DeltaTimes::Turn::as_it_is) return keep(entry_);
+  if (turn != DeltaTimes::Turn::decided) return;
+  if (deltas_.deltas()) {
+    tell(Finding::Severity::warning, 0,
+         "times near 0 that fall are those between two lines (candump -td): they are summed from the first line on");
+  }
+  give_held();
+}
+
+void CandumpReader::give_held() {
+  for (const Entry& entry : deltas_.take()) keep(entry);
+}
+
 void CandumpReader::line(std::string_view line) {
+  const bool words = std::exchange(words_follow_, false) && line.front() == '\t';
+  if (words) {
+    words_follow_ = true;
+    return;
+  }
   if (quick(line) || for_people(line)) return;
   line_ = line;
   column_ = 0;
@@ -156,6 +209,7 @@ bool CandumpReader::for_people(std::string_view text) {
   if (!plain) return false;
   if (plain->error && !error_frames_) {
     tell(Finding::Severity::warning, 0, "an error frame of SocketCAN: it is left out");
+    words_follow_ = true;
     return true;
   }
   const auto number = bus(plain->bus);
@@ -165,7 +219,12 @@ bool CandumpReader::for_people(std::string_view text) {
   entry_.frame = plain->frame;
   entry_.direction = plain->direction;
   entry_.error = plain->error;
-  keep(entry_);
+  words_follow_ = plain->error;
+  if (plain->timed) {
+    keep_timed();
+  } else {
+    keep(entry_);
+  }
   return true;
 }
 
@@ -183,6 +242,7 @@ void CandumpReader::careful() {
     return tell(Finding::Severity::warning, frame_column, "an error frame of SocketCAN: it is left out");
   // What is left of an error frame's identifier is an extended one's, so that the same code reads it.
   std::string plain(*text);
+  if (has_raw_dlc(plain)) plain.resize(plain.size() - 2);
   if (is_error) plain[0] = plain[0] == '3' ? '1' : '0';
   auto frame = can::parse_frame(plain);
   if (!frame || (is_error && (frame->fd || frame->remote))) {
@@ -201,7 +261,7 @@ void CandumpReader::careful() {
 // "(1436509052.249713) "
 std::optional<rt::Duration> CandumpReader::time() {
   const auto wrong = [&](std::size_t column, const char* message) -> std::optional<rt::Duration> {
-    error(column, message, "write (SECONDS.MICROSECONDS), six digits behind the point, and one blank");
+    error(column, message, "write (SECONDS.MICROSECONDS) and a blank");
     return std::nullopt;
   };
   if (line_.front() != '(') return wrong(0, "the line does not begin with its time");
@@ -213,18 +273,22 @@ std::optional<rt::Duration> CandumpReader::time() {
   if (bad != std::errc{} || seconds > most_seconds) return wrong(1, "so many seconds cannot be");
   std::size_t at = static_cast<std::size_t>(point - line_.data());
   if (at >= line_.size() || line_[at] != '.') return wrong(at, "there is no point behind the seconds");
-  std::int64_t micros = 0;
-  for (int i = 0; i < 6; ++i) {
-    if (++at >= line_.size() || !is_digit(line_[at])) return wrong(at, "microseconds have six digits");
-    micros = micros * 10 + (line_[at] - '0');
-  }
-  if (++at >= line_.size() || line_[at] != ')') return wrong(at, "the time does not end with )");
+  if (++at >= line_.size() || !is_digit(line_[at])) return wrong(at, "digits are missing behind the point");
+  while (at < line_.size() && is_digit(line_[at])) ++at;
+  const auto time = parse_seconds(line_.substr(1, at - 1));
+  if (!time) return wrong(1, "so many seconds cannot be");
+  if (at >= line_.size() || line_[at] != ')') return wrong(at, "the time does not end with )");
   if (++at >= line_.size() || line_[at] != ' ') return wrong(at, "there is no blank behind the time");
-  column_ = at + 1;
-  return std::chrono::seconds(seconds) + std::chrono::microseconds(micros);
+  column_ = at;
+  skip_blanks();
+  return *time;
 }
 
-// Up to a blank or the end of the line; one blank behind it is passed.
+void CandumpReader::skip_blanks() {
+  while (column_ < line_.size() && is_blank(line_[column_])) ++column_;
+}
+
+// Up to a blank or the end of the line; the blanks behind it are passed.
 std::optional<std::string_view> CandumpReader::word(const char* what) {
   std::size_t end = column_;
   while (end < line_.size() && !is_blank(line_[end])) ++end;
@@ -233,12 +297,14 @@ std::optional<std::string_view> CandumpReader::word(const char* what) {
     return std::nullopt;
   }
   const auto found = line_.substr(column_, end - column_);
-  column_ = end < line_.size() && line_[end] == ' ' ? end + 1 : end;
+  column_ = end;
+  skip_blanks();
   return found;
 }
 
 bool CandumpReader::tail() {
-  const auto rest = line_.substr(column_);
+  auto rest = line_.substr(column_);
+  while (!rest.empty() && is_blank(rest.back())) rest.remove_suffix(1);
   entry_.direction = rest == "R" ? Direction::received : rest == "T" ? Direction::sent : Direction::unknown;
   if (rest.empty() || entry_.direction != Direction::unknown) return true;
   error(column_, "there is something behind the frame", "one frame a line");

@@ -5,10 +5,14 @@
 ///     (1436509052.250400) can0 701#R                       remote
 ///     (1436509052.250900) can0 123##1AABB                  FD, flags 1 = BRS, 2 = ESI
 ///
-/// Time is seconds and six digits of microseconds; the bus's name has no blanks; the frame is as `can::to_string`
-/// writes it. A direction may stand behind it (` R`, ` T`: `candump -x`). SocketCAN's error frames are lines like any
+/// Time is seconds and digits behind the point, six or, with -N, nine; blanks pad the bus's name, which has none; the
+/// frame is as `can::to_string` writes it, perhaps with a DLC above 8 behind it (`_F`: `candump -8`). A direction may
+/// stand behind it (` R`, ` T`: `candump -x`). SocketCAN's error frames are lines like any
 /// other, with 2000 0000h in the identifier: (1436509052.251100) can0 20000004#0008000000000000. What `candump` prints
-/// without -L is read too (candump_plain.hpp).
+/// without -L is read too (candump_plain.hpp), and the words that -e prints below an error frame.
+///
+/// `candump -td` prints the time since the line before. Where times near 0 fall, they are such, and are summed, which
+/// is told; `ReadOptions::deltas` says so of a log whose times do not fall.
 #pragma once
 
 #include <string>
@@ -20,15 +24,41 @@
 
 namespace berth::trace {
 
-/// Piece by piece (stream.hpp). Strict: anything that candump does not write is an error, and its line is left out.
+/// Lines whose times count from 0 are held until it is clear what they are: times fall, or enough of them do not.
+class DeltaTimes {
+ public:
+  static constexpr std::size_t enough = 64;
+  explicit DeltaTimes(bool known) noexcept : kind_(known ? Kind::deltas : Kind::open) {}
+  enum class Turn : std::uint8_t {
+    as_it_is,  ///< the entry is to be kept now
+    held,      ///< it is taken along
+    decided    ///< `take` has it and those before it
+  };
+  /// The next line with a time. `entry.at` is the sum where times are known to be deltas.
+  [[nodiscard]] Turn add(Entry& entry);
+  /// What was held, with its times as they are to be; `deltas` says which. The log may be over.
+  [[nodiscard]] std::vector<Entry> take();
+  [[nodiscard]] bool deltas() const noexcept { return kind_ == Kind::deltas; }
+
+ private:
+  enum class Kind : std::uint8_t { open, times, deltas };
+  Kind kind_;
+  rt::Duration sum_{};
+  std::vector<Entry> held_;
+};
+
+/// Piece by piece (stream.hpp). Anything that candump does not write is an error, and its line is left out.
 class CandumpReader final : public LineReader {
  public:
-  /// Without `error_frames` they are warnings, and left out.
-  explicit CandumpReader(std::string file, bool error_frames = true)
-      : LineReader(std::move(file)), error_frames_(error_frames) {}
+  /// Without `error_frames` they are warnings, and left out. `deltas`: each time counts from the line before.
+  explicit CandumpReader(std::string file, bool error_frames = true, bool deltas = false)
+      : LineReader(std::move(file)), error_frames_(error_frames), deltas_(deltas) {}
 
  private:
   void line(std::string_view line) override;
+  void over() override { give_held(); }
+  void keep_timed();
+  void give_held();
   [[nodiscard]] bool quick(std::string_view line);
   [[nodiscard]] std::size_t quick_name(std::string_view text);
   [[nodiscard]] bool for_people(std::string_view line);
@@ -36,8 +66,11 @@ class CandumpReader final : public LineReader {
   [[nodiscard]] std::optional<rt::Duration> time();
   [[nodiscard]] std::optional<std::string_view> word(const char* what);
   [[nodiscard]] bool tail();
+  void skip_blanks();
 
   bool error_frames_;
+  DeltaTimes deltas_;
+  bool words_follow_ = false;  // of an error frame
   Entry entry_;
   std::string last_name_;  // the bus of the line before
   std::uint16_t last_bus_ = 0;

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <string>
 
+#include "berth/trace/calendar.hpp"
 #include "berth/trace/lines.hpp"
 
 namespace berth::trace {
@@ -33,43 +34,30 @@ bool read_number(std::string_view text, Number& into, int base = 10) {
   return !text.empty() && bad == std::errc{} && end == text.data() + text.size();
 }
 
-// "249713"
-std::optional<rt::Duration> micros_of(std::string_view text) {
-  std::uint32_t micros = 0;
-  if (text.size() != 6 || !is_digit(text.front()) || !read_number(text, micros)) return std::nullopt;
-  return std::chrono::microseconds(micros);
-}
-
 // "1436509052.249713", "000.000120"
 std::optional<rt::Duration> seconds_of(std::string_view text) {
-  const auto point = text.find('.');
-  if (point == std::string_view::npos || !is_digit(text.front())) return std::nullopt;
-  std::int64_t seconds = 0;
-  const auto micros = micros_of(text.substr(point + 1));
-  if (!micros || !read_number(text.substr(0, point), seconds) || seconds > most_seconds) return std::nullopt;
-  return std::chrono::seconds(seconds) + *micros;
+  const bool has_point = text.find('.') != std::string_view::npos;
+  return has_point && is_digit(text.front()) ? parse_seconds(text) : std::nullopt;
 }
 
 // "2015-07-10" and "14:24:12.249713"
 std::optional<rt::Duration> date_of(std::string_view date, std::string_view time) {
-  if (date.size() != 10 || time.size() != 15 || date[4] != '-' || date[7] != '-' || time[2] != ':' || time[5] != ':' ||
-      time[8] != '.') {
-    return std::nullopt;
-  }
+  const bool forms = date.size() == 10 && time.size() >= 10 && date[4] == '-' && date[7] == '-' && time[2] == ':' &&
+                     time[5] == ':' && time[8] == '.';
+  if (!forms) return std::nullopt;
   int year = 0;
   unsigned month = 0;
   unsigned day = 0;
   unsigned h = 0;
   unsigned m = 0;
-  unsigned s = 0;
-  const auto micros = micros_of(time.substr(9));
+  const auto seconds = seconds_of(time.substr(6));
   const bool numbers = read_number(date.substr(0, 4), year) && read_number(date.substr(5, 2), month) &&
                        read_number(date.substr(8), day) && read_number(time.substr(0, 2), h) &&
-                       read_number(time.substr(3, 2), m) && read_number(time.substr(6, 2), s);
+                       read_number(time.substr(3, 2), m);
   const std::chrono::year_month_day ymd{std::chrono::year(year), std::chrono::month(month), std::chrono::day(day)};
-  if (!numbers || !micros || !ymd.ok() || year < 1970 || year > 2250 || h > 23 || m > 59 || s > 60) return std::nullopt;
-  return std::chrono::sys_days(ymd).time_since_epoch() + std::chrono::hours(h) + std::chrono::minutes(m) +
-         std::chrono::seconds(s) + *micros;
+  const bool good = numbers && seconds && ymd.ok() && year >= 1970 && year <= 2250 && h <= 23 && m <= 59;
+  if (!good || *seconds >= std::chrono::seconds(61)) return std::nullopt;
+  return std::chrono::sys_days(ymd).time_since_epoch() + std::chrono::hours(h) + std::chrono::minutes(m) + *seconds;
 }
 
 // "(TIME)" or "(DATE TIME)", whose first word is given.
@@ -102,9 +90,15 @@ bool take_identifier(std::string_view text, PlainLine& line) {
   return line.frame.id == id || line.error;
 }
 
+// "{F}": a classic frame of eight bytes whose DLC is said as it was.
+bool is_raw_dlc(std::string_view text) noexcept {
+  return text.size() == 3 && text.front() == '{' && text.back() == '}' && is_hex(text[1]) && hex_value(text[1]) > 8;
+}
+
 // "[8]" or, FD, "[12]" and "[08]", with the data behind it.
 bool take_data(Words& words, PlainLine& line) {
-  const auto brackets = words.next();
+  auto brackets = words.next();
+  if (is_raw_dlc(brackets)) brackets = "[8]";
   if (brackets.size() < 3 || brackets.front() != '[' || brackets.back() != ']') return false;
   const auto digits = brackets.substr(1, brackets.size() - 2);
   unsigned size = 0;
@@ -140,6 +134,7 @@ std::optional<PlainLine> parse_plain_candump(std::string_view text) {
     const auto at = time_of(word, words);
     if (!at) return std::nullopt;
     line.at = *at;
+    line.timed = true;
     word = words.next();
   }
   if (word.empty()) return std::nullopt;

@@ -6,7 +6,9 @@
 ///      (2015-07-10 14:24:12.249713)  can0  RX - -  701   [0]  remote request
 ///       can0  123  [12]  00 11 22 33 44 55 66 77 88 99 AA BB      FD
 ///       can0  20000004   [8]  00 08 00 00 00 00 00 00   ERRORFRAME
+///       can0  123   {F}  00 11 22 33 44 55 66 77             -8: a DLC above 8
 ///
+/// Times have any number of digits behind the point (-N: nine).
 /// candump -a's text behind the data is passed over. The FD flags BRS and ESI are not in it (-x has them).
 #pragma once
 
@@ -18,7 +20,8 @@
 namespace berth::trace {
 
 struct PlainLine {
-  rt::Duration at{};     ///< 0: the line has no time; by date: since 1970, as if the date were UTC
+  rt::Duration at{};     ///< by date: since 1970, as if the date were UTC
+  bool timed = false;    ///< else `at` is 0
   std::string_view bus;  ///< points into the line
   can::Frame frame;
   Direction direction = Direction::unknown;

@@ -127,7 +127,7 @@ class LineReader : public Reader {
 
  private:
   void one(std::string_view line) {
-    ++number_;
+    if (++number_ == 1 && line.starts_with("\xEF\xBB\xBF")) line.remove_prefix(3);
     if (line.ends_with('\r')) line.remove_suffix(1);
     if (!line.empty()) this->line(line);
   }

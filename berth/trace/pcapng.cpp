@@ -6,7 +6,7 @@
 #include <cstring>
 
 #include "berth/base/bytes.hpp"
-#include "berth/can/length.hpp"
+#include "berth/trace/captured.hpp"
 #include "berth/trace/lines.hpp"
 
 namespace berth::trace {
@@ -18,14 +18,7 @@ constexpr std::uint32_t obsolete_packet = 2;
 constexpr std::uint32_t simple_packet = 3;
 constexpr std::uint32_t enhanced_packet = 6;
 constexpr std::uint32_t byte_order_magic = 0x1A2B'3C4D;
-constexpr std::uint16_t link_type_can = 227;
 constexpr std::size_t most_interfaces = 65'536;  // of which few are CAN
-
-constexpr std::uint32_t flag_remote = 0x4000'0000;
-constexpr std::uint32_t flag_error = 0x2000'0000;
-constexpr std::uint8_t fd_brs = 1;
-constexpr std::uint8_t fd_esi = 2;
-constexpr std::uint8_t fd_format = 4;
 
 constexpr std::size_t padded(std::size_t size) noexcept { return (size + 3) & ~std::size_t{3}; }
 std::uint8_t byte_at(std::string_view bytes, std::size_t at) noexcept { return static_cast<std::uint8_t>(bytes[at]); }
@@ -189,7 +182,8 @@ void PcapngReader::interface(std::string_view block) {
     return tell(Finding::Severity::error, fmt::format("a section has at most {} interfaces", most_interfaces));
   Interface it;
   const std::uint16_t link_type = u16(block, 8);
-  it.can = link_type == link_type_can;
+  it.link = link_type_of(link_type);
+  it.can = it.link != LinkType::other;
   it.snap_length = u32(block, 12);
   std::string name = fmt::format("can{}", interfaces_.size());
   options(block.substr(16, block.size() - 20), [&](std::uint16_t code, std::string_view value) {
@@ -198,8 +192,9 @@ void PcapngReader::interface(std::string_view block) {
     if (code == 14 && value.size() == 8) it.offset = static_cast<std::int64_t>(u64(value, 0));
   });
   if (!it.can) {
-    tell(Finding::Severity::note, fmt::format("interface {} has link type {}, not {} (CAN): its packets are left out",
-                                              name, link_type, link_type_can));
+    tell(Finding::Severity::note,
+         fmt::format("interface {} has link type {}, which is none of CAN's: its packets are left out", name,
+                     link_type));
   } else {
     const auto known = std::find(buses_.begin(), buses_.end(), name);
     if (known == buses_.end() && buses_.size() >= LineReader::most_buses) {
@@ -264,36 +259,9 @@ void PcapngReader::packet(const Packet& packet, std::string_view block) {
     entry_.at = *at;
   }
   entry_.bus = it.bus;
-  if (frame(block.substr(packet.data, packet.captured))) sink_->entry(entry_);
-}
-
-bool PcapngReader::frame(std::string_view bytes) {
-  const auto wrong = [&](std::string message) {
-    tell(Finding::Severity::error, std::move(message));
-    return false;
-  };
-  if (bytes.size() < 8) return wrong("a packet of CAN has at least 8 bytes");
-  const std::uint32_t id = big_u32(bytes, 0);
-  const std::uint8_t flags = byte_at(bytes, 5);
-  can::Frame& frame = entry_.frame;
-  frame.size = byte_at(bytes, 4);
-  entry_.error = (id & flag_error) != 0;
-  frame.extended = !entry_.error && (id & can::extended_flag) != 0;
-  frame.remote = !entry_.error && (id & flag_remote) != 0;
-  frame.fd = !entry_.error && ((flags & fd_format) != 0 || frame.size > 8 || bytes.size() == 72);
-  frame.brs = frame.fd && (flags & fd_brs) != 0;
-  frame.esi = frame.fd && (flags & fd_esi) != 0;
-  frame.id = id & can::extended_mask;
-  if (!entry_.error && !frame.extended && frame.id > can::base_mask)
-    return wrong(fmt::format("identifier {:X}h without the flag for extended ones", frame.id));
-  if (frame.fd && frame.remote) return wrong("an FD frame is never remote");
-  if (frame.fd ? !can::fd_dlc(frame.size).has_value() : frame.size > 8)
-    return wrong(fmt::format("a frame cannot have {} data bytes", frame.size));
-  if (frame.remote) return true;
-  if (bytes.size() < 8U + frame.size)
-    return wrong(fmt::format("only {} of {} data bytes were captured", bytes.size() - 8, frame.size));
-  std::memcpy(frame.data.data(), bytes.data() + 8, frame.size);
-  return true;
+  const auto taken = take_packet(it.link, big_endian_, block.substr(packet.data, packet.captured), entry_);
+  if (taken.frame) sink_->entry(entry_);
+  if (!taken.wrong.empty()) tell(Finding::Severity::error, taken.wrong);
 }
 
 std::optional<rt::Duration> PcapngReader::time(const Interface& it, std::uint64_t count) const noexcept {
@@ -381,7 +349,7 @@ std::uint32_t PcapngWriter::interface(std::uint16_t bus, std::string_view name, 
   if (bus >= numbers_.size()) numbers_.resize(bus + std::size_t{1});
   numbers_[bus] = ++interfaces_;
   std::string body;
-  put_u16(body, link_type_can);
+  put_u16(body, link_type_can_socketcan);
   put_u16(body, 0);
   put_u32(body, 0);
   put_option(body, 2, name.substr(0, 60'000));

@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "berth/trace/captured.hpp"
 #include "berth/trace/stream.hpp"
 
 namespace berth::trace {
@@ -29,6 +30,7 @@ class PcapngReader final : public Reader {
  private:
   struct Interface {
     bool can = false;
+    LinkType link = LinkType::other;
     bool told = false;              // that it is not CAN
     std::uint16_t bus = 0;          // index of `buses_`
     std::uint32_t snap_length = 0;  // 0: no limit
@@ -54,7 +56,6 @@ class PcapngReader final : public Reader {
   void simple(std::string_view block);
   void obsolete(std::string_view block);
   void packet(const Packet& packet, std::string_view block);
-  [[nodiscard]] bool frame(std::string_view bytes);
   [[nodiscard]] std::optional<rt::Duration> time(const Interface& interface, std::uint64_t count) const noexcept;
   template <class F>
   void options(std::string_view bytes, F each);

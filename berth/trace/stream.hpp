@@ -5,6 +5,7 @@
 /// | --- | --- | --- |
 /// | candump | can-utils `candump -L` (candump.hpp) | time below 1 us |
 /// | pcapng | PCAP Next Generation, LINKTYPE_CAN_SOCKETCAN (pcapng.hpp) | nothing |
+/// | pcap | the older format of tcpdump (pcap.hpp) | it is read only |
 /// | asc | Vector's ASCII log (asc.hpp) | time below 1 us; what an error frame says; that a direction is unknown (Rx) |
 /// | trc | PEAK's trace 2.1 (trc.hpp) | time below 1 us; most of what an error frame says; unknown direction (Rx) |
 /// | trc, version 1.1 | the same, older | besides: time below 100 us, FD frames (left out), buses (one is left) |
@@ -33,16 +34,21 @@
 
 namespace berth::trace {
 
-enum class Format : std::uint8_t { candump, pcapng, asc, trc };
+enum class Format : std::uint8_t { candump, pcapng, asc, trc, pcap };
+/// Those that are written, too.
 inline constexpr Format all_formats[] = {Format::candump, Format::pcapng, Format::asc, Format::trc};
-[[nodiscard]] std::string_view name(Format format) noexcept;  ///< "candump", "pcapng", "asc", "trc"
+[[nodiscard]] std::string_view name(Format format) noexcept;  ///< "candump", "pcapng", "asc", "trc", "pcap"
+[[nodiscard]] bool is_written(Format format) noexcept;
 /// Of a name; "log" is candump too.
 [[nodiscard]] std::optional<Format> parse_format(std::string_view name) noexcept;
-/// By the ending of a file's name: .log .pcapng .asc .trc, in either case.
+/// By the ending of a file's name: .log .pcapng .asc .trc .pcap, in either case.
 [[nodiscard]] std::optional<Format> format_of_path(std::string_view path) noexcept;
 /// By content: the first bytes of a file. 4096 are enough for all that tools write; empty: none of them.
 [[nodiscard]] std::optional<Format> recognise(std::string_view head) noexcept;
 inline constexpr std::size_t head_size = 4096;
+/// What a file is that no reader reads, by its first bytes, for people: "a BLF file (Vector's binary log)", with what
+/// to do about it behind a semicolon. Empty: not known.
+[[nodiscard]] std::string_view foreign(std::string_view head) noexcept;
 
 /// Gets what a reader reads, in the order of the file. Called from inside `feed` and `finish`.
 class Sink {
@@ -72,8 +78,12 @@ class Reader {
   std::vector<std::string> buses_;
 };
 
+struct ReadOptions {
+  bool deltas = false;  ///< candump: each time counts from the line before (-td)
+};
 /// `file_name` stands in the findings, nothing is opened.
-[[nodiscard]] std::unique_ptr<Reader> make_reader(Format format, std::string file_name);
+[[nodiscard]] std::unique_ptr<Reader> make_reader(Format format, std::string file_name,
+                                                  const ReadOptions& options = {});
 
 /// What a written file does not say of what it was given.
 enum class Loss : std::uint8_t {
@@ -111,6 +121,7 @@ struct WriteOptions {
   bool directions = true;  ///< candump: ` R` or ` T` behind a frame whose direction is known, as `candump -x` does.
                            ///< canplayer passes over it; tshark 4.0 takes it for an error.
 };
+/// `format`: one that is written.
 [[nodiscard]] std::unique_ptr<Writer> make_writer(Format format, const WriteOptions& options = {});
 
 }  // namespace berth::trace

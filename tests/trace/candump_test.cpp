@@ -56,12 +56,9 @@ TEST(Candump, SaysWhereItIsWrong) {
       {"(99999999999999999999.000000) can0 1#", 2},      // no 64 bits
       {"(9999999999.000000) can0 1#", 2},                // no nanoseconds in 64 bits
       {"(1,000000) can0 1#", 3},                         // no point
-      {"(1.00000) can0 1#", 9},                          // five digits
-      {"(1.0000000) can0 1#", 10},                       // seven
+      {"(1.) can0 1#", 4},                               // no digit behind the point
       {"(1.000000)can0 1#", 11},                         // no blank
-      {"(1.000000)  can0 1#", 12},                       // two
       {"(1.000000) can0", 16},                           // no frame
-      {"(1.000000) can0  1#", 17},                       // two blanks
       {"(1.000000) can0 123", 20},                       // no #
       {"(1.000000) can0 12G#", 19},                      // no digit
       {"(1.000000) can0 #12", 17},                       // no identifier

@@ -1,5 +1,6 @@
 // Other people's tools on what is written here, and what they write read here: tshark (pcapng, candump), log2asc and
 // asc2log of can-utils. Where a tool is missing the test says so.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 #include <chrono>
@@ -109,6 +110,27 @@ TEST(OtherTools, WhatTsharkWritesIsReadHere) {
   const auto kept = read(Format::pcapng, bytes);
   EXPECT_EQ(kept.errors(), 0U) << kept.text();
   EXPECT_EQ(kept.trace, trace);
+}
+
+// The same as classic pcap, which has one bus.
+TEST(OtherTools, WhatTsharkWritesAsPcapIsReadHere) {
+  NEEDS("tshark");
+  const Folder folder;
+  Trace trace = sample();
+  std::erase_if(trace.entries, [](const Entry& entry) { return entry.bus != 0; });
+  for (auto& entry : trace.entries) entry.direction = Direction::unknown;
+  trace.buses.resize(1);
+  const auto path = folder.file("t.pcapng", write(Format::pcapng, trace).bytes);
+  for (const char* const kind : {"pcap", "nsecpcap"}) {
+    const auto again = folder.file("again.pcap", "");
+    ASSERT_EQ(std::system(fmt::format("tshark -F {} -r {} -w {} >/dev/null 2>&1", kind, path, again).c_str()), 0);
+    std::ifstream in(again, std::ios::binary);
+    const std::string bytes((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+    EXPECT_EQ(recognise(bytes), Format::pcap) << kind;
+    const auto kept = read(Format::pcap, bytes);
+    EXPECT_EQ(kept.errors(), 0U) << kept.text();
+    EXPECT_EQ(kept.trace, trace) << kind;
+  }
 }
 
 TEST(OtherTools, WhatLog2ascWritesIsReadHere) {

@@ -1,0 +1,35 @@
+/// Frames of CAN as packet captures hold them, in pcapng and in classic pcap: Linux's struct can_frame, by itself or
+/// behind the header of a capture of all interfaces ("any", LINUX_SLL). Inside of room `trace`.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "berth/trace/trace.hpp"
+
+namespace berth::trace {
+
+// Of struct can_frame and struct canfd_frame (linux/can.h).
+inline constexpr std::uint32_t flag_remote = 0x4000'0000;
+inline constexpr std::uint32_t flag_error = 0x2000'0000;
+inline constexpr std::uint8_t fd_brs = 1;
+inline constexpr std::uint8_t fd_esi = 2;
+inline constexpr std::uint8_t fd_format = 4;
+
+/// Link types (tcpdump.org/linktypes.html) that carry frames of CAN.
+enum class LinkType : std::uint8_t { other, can_socketcan, linux_sll };
+inline constexpr std::uint16_t link_type_can_socketcan = 227;
+[[nodiscard]] LinkType link_type_of(std::uint32_t number) noexcept;
+
+/// What became of a packet.
+struct Captured {
+  bool frame = false;  ///< `entry` has it: frame, error, and with LINUX_SLL the direction
+  std::string wrong;   ///< why it is none; empty: a packet of another protocol
+};
+/// `big_endian`: the byte order of the file, which is that of an identifier behind LINUX_SLL's header; alone it is
+/// big-endian always.
+[[nodiscard]] Captured take_packet(LinkType type, bool big_endian, std::string_view packet, Entry& entry);
+
+}  // namespace berth::trace
