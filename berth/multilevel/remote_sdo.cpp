@@ -245,8 +245,8 @@ Error RemoteAccess::about(const Error& error) const noexcept {
 rt::Task<Result<co::SdoOptions>> RemoteAccess::reach() {
   co::SdoOptions options = client_->options();
   options.timeout *= 2;
-  Indication indication(*dispatcher_, router_, network_, node_, options.timeout);
-  const auto indicated = co_await indication;
+  Indication request(*dispatcher_, router_, network_, node_, options.timeout);
+  const auto indicated = co_await request;
   if (!indicated) co_return fail(about(indicated.error()));
   co_return options;
 }

@@ -160,9 +160,9 @@ rt::Task<void> Presence::adopt_fixed(Seat& seat) {
   const auto who = co_await places::read_identity(s_.sdo, id);
   if (!who) co_return;
   if (!places::fits(seat.slot.spec, *who)) {
-    const TypeCode& type = seat.slot.spec.type;
+    const TypeCode& wanted = seat.slot.spec.type;
     slots_.happened(seat, SlotEvent::wrong_type, fmt::format("device {} has its node-ID", to_string(*who)),
-                    letter_of(*who, {type.vendor, type.product, 0, 0}));
+                    letter_of(*who, {wanted.vendor, wanted.product, 0, 0}));
     co_return;
   }
   const places::Assignment wanted{*who, id};

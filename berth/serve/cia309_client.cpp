@@ -28,6 +28,8 @@ Conversation::Conversation(House& house, std::function<void(std::string_view)> s
       house.pdos.push_back(&nets_.back()->pdos);
     }
   }
+  // Where there is one net, none need be named.
+  if (house.session->machine().buses.size() == 1 && !nets_.empty()) defaults_.net = 1;
   executor().after(status_period, watch_);
 }
 

@@ -50,7 +50,7 @@ std::vector<discovery::Kind> kinds_of(const plant::PlantFile& plant) {
 class Commissioner {
  public:
   Commissioner(Stage& stage, Method method, const plant::PlantFile& plant)
-      : stage_(&stage), lss_(stage.master()), discovery_(discovery::make(method, {stage.master(), lss_})) {
+      : lss_(stage.master()), discovery_(discovery::make(method, {stage.master(), lss_})) {
     if (is_planner(method) || method == Method::identify) known_.kinds = kinds_of(plant);
     if (assigns_at_once(method)) options_.assigner = &ids_;
     for (const auto& device : plant.devices) real_.insert(device.address);
@@ -89,7 +89,6 @@ class Commissioner {
   std::vector<places::Assignment> given;
 
  private:
-  Stage* stage_;
   lss::Master lss_;
   Ascending ids_;
   std::unique_ptr<discovery::Discovery> discovery_;

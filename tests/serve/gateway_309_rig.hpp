@@ -69,13 +69,15 @@ struct Rig309Options {
   unsigned blank = 0;  ///< LSS devices without a node-ID on net 1, serial numbers 0x101, 0x102, ...
   bool clone = false;  ///< another one of blank0's LSS address
   std::uint32_t bit_rate = 500'000;
+  bool one_net = false;
 };
 
 class Rig309 {
  public:
   explicit Rig309(Rig309Options options = {}) {
     machine_.name = "rig";
-    for (const auto* const name : {"backbone", "drives"}) {
+    for (const std::string name : {"backbone", "drives"}) {
+      if (options.one_net && name == "drives") continue;
       design::Bus bus;
       bus.name = name;
       bus.bitrate = options.bit_rate;

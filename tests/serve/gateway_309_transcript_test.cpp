@@ -12,6 +12,22 @@
 namespace berth::serve {
 namespace {
 
+TEST(Gateway309, WhereThereIsOneNetNoneNeedBeNamed) {
+  Rig309 rig({.one_net = true});
+  rig.play(R"(
+> [1] 5 r 0x1000 0 x32
+< [1] 0x00012345
+> [2] 5 preop
+< [2] OK
+> [3] lss_switch_glob 0
+< [3] OK
+> [4] 2 5 r 0x1000 0 x32
+< [4] ERROR:106
+)");
+  Rig309 two;
+  two.play("> [1] 5 r 0x1000 0 x32\n< [1] ERROR:104\n");
+}
+
 TEST(Gateway309, DefaultsAndWhatIsNotThere) {
   Rig309 rig;
   rig.play(R"(
