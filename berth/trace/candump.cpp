@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <charconv>
 #include <optional>
+#include <utility>
 
 #include "berth/trace/calendar.hpp"
 #include "berth/trace/candump_plain.hpp"
