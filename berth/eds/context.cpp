@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "berth/eds/odd_values.hpp"
+
 namespace berth::eds {
 
 void Context::tell(Severity severity, const Section& section, const Entry* entry, std::string message, std::string fix,
@@ -21,7 +23,13 @@ std::optional<std::uint64_t> Context::number(const Section& section, const Entry
                                              Severity severity) {
   const std::string_view value = raw(entry);
   if (value.empty()) return std::nullopt;
-  const auto parsed = od::parse_number(value);
+  auto parsed = od::parse_number(value);
+  const auto plain = parsed ? std::nullopt : plain_sense(od::DataType::unsigned64, value);
+  if (plain) {
+    warn(section, entry, fmt::format("\"{}\" is taken as {}", document_.utf8(value.substr(0, 40)), *plain),
+         "write a decimal or 0x number");
+    parsed = od::parse_number(*plain);
+  }
   if (!parsed) {
     tell(severity, section, entry, fmt::format("\"{}\": {}", document_.utf8(value.substr(0, 40)), parsed.error().what),
          "write a decimal or 0x number", parsed.error().at);

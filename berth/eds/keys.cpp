@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "berth/eds/dcf.hpp"
+#include "berth/eds/odd_values.hpp"
 
 namespace berth::eds {
 namespace {
@@ -187,16 +188,33 @@ od::SubSpec KeyReader::spec(const ObjectGroup& group, const Section& section, co
   return made;
 }
 
-std::optional<od::Literal> KeyReader::literal(const Section& section, const Entry* entry, od::DataType type) {
+// One odd value refuses no description: it is taken in its plain sense, or left out.
+tl::expected<od::Parsed, od::TextError> KeyReader::parsed(const Section& section, const Entry* entry,
+                                                          od::DataType type) {
+  const std::string_view raw = context_.raw(entry);
+  auto parsed = od::parse(type, raw);
+  if (parsed) return parsed;
+  const auto plain = plain_sense(type, raw);
+  auto again = plain ? od::parse(type, *plain) : parsed;
+  if (!again) return parsed;
+  context_.warn(section, entry,
+                fmt::format("\"{}\" is no {} as CiA 306 writes it; taken as {}",
+                            context_.document().utf8(raw.substr(0, 40)), od::name(type), *plain));
+  return again;
+}
+
+std::optional<od::Literal> KeyReader::literal(const Section& section, const Entry* entry, od::DataType type,
+                                              Severity wrong) {
   const std::string_view raw = context_.raw(entry);
   if (raw.empty()) return std::nullopt;
-  auto parsed = od::parse(type, raw);
+  auto parsed = this->parsed(section, entry, type);
   if (!parsed) {
     const std::string_view name = od::name(type);
-    context_.tell(
-        Severity::error, section, entry,
-        fmt::format("\"{}\" is no {}: {}", context_.document().utf8(raw.substr(0, 40)), name, parsed.error().what), "",
-        parsed.error().at);
+    const char* const so = wrong == Severity::error ? "" : "; left out";
+    context_.tell(wrong, section, entry,
+                  fmt::format("\"{}\" is no {}: {}{}", context_.document().utf8(raw.substr(0, 40)), name,
+                              parsed.error().what, so),
+                  "", parsed.error().at);
     return std::nullopt;
   }
   if (!od::known(type) && parsed->notes.has(od::Note::plain_text)) {
@@ -222,7 +240,7 @@ od::Literal KeyReader::limit(const Section& section, const Entry* entry, od::Dat
         fmt::format("\"{}\" lies outside of {}; there is no {} limit", raw, od::name(type), low ? "low" : "high"));
     return {};
   }
-  return literal(section, entry, type).value_or(od::Literal{});
+  return literal(section, entry, type, Severity::warning).value_or(od::Literal{});
 }
 
 void KeyReader::limits(const Section& section, const Keys& keys, od::SubSpec& spec) {
@@ -254,10 +272,11 @@ void KeyReader::check_limits(const Section& section, const Entry* entry, const o
 void KeyReader::initial(ObjectRef ref, const Section& section, const Keys& keys, od::SubSpec& spec) {
   const Entry* const default_key = entry(keys, Key::default_value);
   const Entry* const set_key = entry(keys, Key::parameter_value);
-  if (auto value = literal(section, default_key, spec.type)) {
+  if (auto value = literal(section, default_key, spec.type, Severity::warning)) {
     check_limits(section, default_key, spec, *value);
     spec.initial = std::move(*value);
   }
+  // What a configuration is to write is not left out.
   if (auto value = literal(section, set_key, spec.type)) {
     check_limits(section, set_key, spec, *value);
     values_.parameters.push_back({ref, spec.type, *value, set_key->line});

@@ -110,9 +110,13 @@ class KeyReader {
                                                 const Fallback& fallback);
   [[nodiscard]] od::DataType data_type(const Section& section, const Keys& keys, const Fallback& fallback);
   void check_limits(const Section& section, const Entry* entry, const od::SubSpec& spec, const od::Literal& value);
-  [[nodiscard]] std::optional<od::Literal> literal(const Section& section, const Entry* entry, od::DataType type);
+  /// `wrong`: how grave it is that the text is no value.
+  [[nodiscard]] std::optional<od::Literal> literal(const Section& section, const Entry* entry, od::DataType type,
+                                                   Finding::Severity wrong = Finding::Severity::error);
 
  private:
+  [[nodiscard]] tl::expected<od::Parsed, od::TextError> parsed(const Section& section, const Entry* entry,
+                                                               od::DataType type);
   [[nodiscard]] od::Access access(const Section& section, const Keys& keys, const Fallback& fallback,
                                   od::DataType type);
   void limits(const Section& section, const Keys& keys, od::SubSpec& spec);

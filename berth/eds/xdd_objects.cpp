@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 
+#include "berth/eds/odd_values.hpp"
 #include "berth/eds/xdd_reader.hpp"
 
 namespace berth::eds::xml {
@@ -381,15 +382,22 @@ ObjectList::Found ObjectList::limit_text(const Facts& facts, bool low) {
   return {};
 }
 
-std::optional<od::Literal> ObjectList::literal(const Facts& facts, const Found& found, DataType type) {
+std::optional<od::Literal> ObjectList::literal(const Facts& facts, const Found& found, DataType type, Severity wrong) {
   std::string_view text = type == DataType::visible_string ? found.text : trimmed(found.text);
   if (text.empty()) return std::nullopt;
   if (type == DataType::boolean && same_word(text, "true")) text = "1";
   if (type == DataType::boolean && same_word(text, "false")) text = "0";
   auto parsed = od::parse(type, text);
+  const auto plain = parsed ? std::nullopt : plain_sense(type, text);
+  if (auto again = plain ? od::parse(type, *plain) : parsed; plain && again) {
+    warn(facts, found.node, found.attribute,
+         fmt::format("\"{}\" is no {} as CiA 311 writes it; taken as {}", text.substr(0, 40), od::name(type), *plain));
+    parsed = std::move(again);
+  }
   if (!parsed) {
-    source_.tell(Severity::error, found.node, found.attribute, facts.key,
-                 fmt::format("\"{}\" is no {}: {}", text.substr(0, 40), od::name(type), parsed.error().what));
+    source_.tell(wrong, found.node, found.attribute, facts.key,
+                 fmt::format("\"{}\" is no {}: {}{}", text.substr(0, 40), od::name(type), parsed.error().what,
+                             wrong == Severity::error ? "" : "; left out"));
     return std::nullopt;
   }
   if (!od::known(type) && parsed->notes.has(od::Note::plain_text)) {
@@ -458,7 +466,7 @@ void ObjectList::values(const Facts& facts, od::SubSpec& spec) {
     spec.initial = std::move(*value);
   }
   const Found actual = value_text(facts, "actualValue");
-  if (auto value = literal(facts, actual, spec.type)) {
+  if (auto value = literal(facts, actual, spec.type, Severity::error)) {
     check_limits(facts, actual, spec, *value);
     if (spec.initial.present())
       defaults_.push_back({ref, spec.type, std::move(spec.initial), source_.line_of(given.node)});

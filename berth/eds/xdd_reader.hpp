@@ -114,7 +114,8 @@ class ObjectList {
   void meaning(const Facts& facts, const od::SubSpec& spec);
   [[nodiscard]] Found value_text(const Facts& facts, std::string_view name) const;
   [[nodiscard]] Found limit_text(const Facts& facts, bool low);
-  [[nodiscard]] std::optional<od::Literal> literal(const Facts& facts, const Found& found, od::DataType type);
+  [[nodiscard]] std::optional<od::Literal> literal(const Facts& facts, const Found& found, od::DataType type,
+                                                   Finding::Severity wrong = Finding::Severity::warning);
   void check_limits(const Facts& facts, const Found& found, const od::SubSpec& spec, const od::Literal& value);
   [[nodiscard]] std::string object_name(const Facts& facts);
   [[nodiscard]] std::uint8_t flags(const Facts& facts);

@@ -184,8 +184,8 @@ TEST(EdsModules, E2_6_BrokenModules) {
   EXPECT_TRUE(warned(with("[M4Fixed2400sub1]\nParameterName=x\nDataType=5\nAccessType=ro\n"), "[M4Fixed2400sub1]"));
   EXPECT_TRUE(warned(with("[M1FixedObjects]\nNrOfEntries=1\n1=0x2999\n"), "[M1FixedObjects] 1"));
   EXPECT_TRUE(noted(with("[M0ModuleInfo]\n"), "[M0ModuleInfo]")) << "modules count from 1";
-  EXPECT_TRUE(refused(with("[M4Fixed2400]\nParameterName=x\nDataType=5\nAccessType=ro\nDefaultValue=300\n"),
-                      "[M4Fixed2400] DefaultValue"));
+  EXPECT_TRUE(left_out(with("[M4Fixed2400]\nParameterName=x\nDataType=5\nAccessType=ro\nDefaultValue=300\n"),
+                       "[M4Fixed2400] DefaultValue"));
   std::string many = file_with(coupler, {});
   for (int i = 4; i < 300; ++i) {
     many += "[M" + std::to_string(i) +

@@ -63,6 +63,11 @@ inline bool warned(const Reading& reading, std::string_view key) {
 inline bool refused(const Reading& reading, std::string_view key) {
   return find(reading, Severity::error, key) != nullptr && !reading.usable();
 }
+/// A value that is none: told at its place, and the rest is used.
+inline bool left_out(const Reading& reading, std::string_view key) {
+  const auto* const told = find(reading, Severity::warning, key);
+  return told != nullptr && told->message.find("left out") != std::string::npos && reading.usable();
+}
 inline bool noted(const Reading& reading, std::string_view key) {
   return find(reading, Severity::note, key) != nullptr;
 }

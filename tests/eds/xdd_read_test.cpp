@@ -274,14 +274,14 @@ TEST(XddRead, FindingsHaveLineAndColumn) {
            "defaultValue='300' />\n"
            "<CANopenObject index=\"2002\" name=\"B\" dataType=\"0007\" accessType=\"rw\" defaultValue=\"0xZ\"/>"});
   const auto r = read_xdd(text, "t.xdd");
-  const auto* const high = find(r, Severity::error, "2001 defaultValue");
+  const auto* const high = find(r, Severity::warning, "2001 defaultValue");
   ASSERT_NE(high, nullptr) << all_findings(r.findings);
   EXPECT_EQ(high->line, line_of(text, "defaultValue='300'"));
   EXPECT_EQ(high->column, 18) << "of the value: 3 blanks, 12 letters, =, quote";
-  const auto* const broken = find(r, Severity::error, "2002 defaultValue");
+  const auto* const broken = find(r, Severity::warning, "2002 defaultValue");
   ASSERT_NE(broken, nullptr);
   EXPECT_EQ(broken->line, line_of(text, "0xZ"));
-  EXPECT_FALSE(r.usable());
+  EXPECT_TRUE(r.usable()) << "the rest is used";
   EXPECT_EQ(broken->file, "t.xdd");
 }
 
