@@ -15,8 +15,9 @@ class Asking {
   Asking(BusServices& services, SlotTable& slots, FoundDevices& found) noexcept
       : s_(services), slots_(slots), found_(found) {}
 
-  /// To ask whether a device is there: silence is the expected answer, so it is not waited for long nor aborted.
-  [[nodiscard]] co::SdoOptions patience(unsigned retries) const;
+  /// To ask whether a device is there: silence is the expected answer, so it is not waited for long nor aborted. Of a
+  /// node that was heard to answer later than that, as long as for any other of its answers.
+  [[nodiscard]] co::SdoOptions patience(NodeId id, unsigned retries) const;
   /// So many questions at once that those that stay unanswered leave room on the bus for the answers to the others.
   [[nodiscard]] std::size_t most_at_once() const noexcept;
   /// LSS with pauses, so that a single-slot receive buffer loses none of the frames.

@@ -153,8 +153,8 @@ rt::Task<void> Presence::look_by_lss(Seat& seat) {
 }
 
 rt::Task<void> Presence::adopt_fixed(Seat& seat) {
-  const co::SdoOptions patience = asking_.patience(1);
   const NodeId id = seat.id();
+  const co::SdoOptions patience = asking_.patience(id, 1);
   const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0, patience);
   if (!type) co_return;
   const auto who = co_await places::read_identity(s_.sdo, id);

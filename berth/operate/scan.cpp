@@ -7,7 +7,8 @@
 
 namespace berth::operate {
 
-rt::Task<void> Scan::ask(NodeId id, Seen& seen, co::SdoOptions patience) {
+rt::Task<void> Scan::ask(NodeId id, Seen& seen) {
+  const co::SdoOptions patience = p_.asking.patience(id, 1);
   seen.id = id;
   const auto type = co_await p_.bus.sdo.read<std::uint32_t>(id, 0x1000, 0, patience);
   if (type) seen.device_type = *type;
@@ -29,12 +30,11 @@ rt::Task<Result<std::vector<Seen>>> Scan::run() {
   co_await p_.bus.turn.take();
   const rt::Held held(p_.bus.turn);
   std::vector<Seen> nodes(127);
-  const co::SdoOptions patience = p_.asking.patience(1);
   {
     rt::Scope asked(p_.bus.executor, p_.asking.most_at_once());
     for (std::uint8_t i = 1; i <= 127; ++i) {
       const NodeId id(i);
-      if (id != p_.bus.bus.master) asked.spawn(ask(id, nodes[i - 1U], patience));
+      if (id != p_.bus.bus.master) asked.spawn(ask(id, nodes[i - 1U]));
     }
     co_await asked.join();
   }

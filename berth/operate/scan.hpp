@@ -16,7 +16,7 @@ class Scan {
   [[nodiscard]] rt::Task<Result<std::vector<Seen>>> run();
 
  private:
-  rt::Task<void> ask(NodeId id, Seen& seen, co::SdoOptions patience);
+  rt::Task<void> ask(NodeId id, Seen& seen);
   Parts& p_;
 };
 

@@ -408,6 +408,26 @@ TEST(Troubles, FixedNodeIdsAreTakenAsTheyAre) {
   EXPECT_EQ(rig.device("right").truth().memory_writes + rig.device("wrong").truth().memory_writes, 0U);
 }
 
+// Each question whether it is there is over (guard_timeout) when it answers, and no question to what it answers
+// (sdo_timeout) is.
+TEST(Troubles, AFixedDeviceThatAnswersLateIsTaken) {
+  for (const rt::Duration late : {150ms, 300ms, 450ms}) {
+    SCOPED_TRACE(late.count());
+    auto machine = slots_of({{5, type_b}});
+    machine.slots[0].spec.assign = places::Assign::fixed;
+    machine.buses[0].timing.sdo_timeout = 500ms;
+    auto plant = one_bus_plant(1);
+    auto& device = add_device(plant, "slow", type_b, 1);
+    device.source = plant::NodeIdSource::switches;
+    device.node_id = NodeId(5);
+    device.response = {.min = late, .max = late};
+    Rig rig(machine, plant);
+    rig.begin();
+    rig.run_for(30s);
+    EXPECT_EQ(rig.state(5), SlotState::operational) << rig.log();
+  }
+}
+
 // The device left while no Berth was watching.
 TEST(Troubles, ReplacementAutomaticAfterARestart) {
   auto machine = slots_of({{5, type_b}});
