@@ -178,13 +178,14 @@ TEST_F(EdsCommand, CheckNamesPlaceReasonAndFix) {
 }
 
 TEST_F(EdsCommand, CheckOfABrokenFileFails) {
-  const std::string file = folder.write("bad.eds", changed(sound_eds, "DefaultValue=$NODEID+0x10", "DefaultValue=ten"));
+  const std::string file =
+      folder.write("bad.eds", changed(sound_eds, "DefaultValue=$NODEID+0x10", "ParameterValue=ten"));
   const Json report = json({"check", sensor, file}, 1);
   EXPECT_EQ(report.at("errors"), 1);
   EXPECT_EQ(report.at("files").at(0).at("errors"), 0);
   const Json& finding = report.at("files").at(1).at("findings").at(0);
   EXPECT_EQ(finding.at("severity"), "error");
-  EXPECT_EQ(finding.at("key"), "[2000] DefaultValue");
+  EXPECT_EQ(finding.at("key"), "[2000] ParameterValue");
   EXPECT_GT(finding.at("line"), 90);
 }
 
@@ -289,12 +290,13 @@ TEST_F(EdsCommand, ConvertRefusesInWords) {
     int status;
     const char* says;
   };
-  const std::string bad = folder.write("bad.eds", changed(sound_eds, "DefaultValue=$NODEID+0x10", "DefaultValue=ten"));
+  const std::string bad =
+      folder.write("bad.eds", changed(sound_eds, "DefaultValue=$NODEID+0x10", "ParameterValue=ten"));
   const std::string broken = folder.write("broken.cdcf", "\x05");
   for (const Case& each :
        {Case{{sensor, folder.file("x.pdf")}, 2, "does not say the format"},
         Case{{sensor, folder.file("x"), "--to", "pdf"}, 2, "is no format"}, Case{{sensor, sensor}, 2, "name another"},
-        Case{{bad, folder.file("x.xdd")}, 2, "[2000] DefaultValue"},
+        Case{{bad, folder.file("x.xdd")}, 2, "[2000] ParameterValue"},
         Case{{sensor, folder.file("x.cdcf")}, 1, "sets no value"},
         Case{{sensor, "/no such folder/x.xdd"}, 3, "No such file or directory"},
         Case{{broken, folder.file("x.dcf"), "--eds", sensor, "--node", "5"}, 2, "at byte"},

@@ -263,6 +263,8 @@ class Taken : public ::testing::Test {
                                                            {"--serial-low", "0"},
                                                            {"--serial-high", "9"},
                                                            {"--request", "1"},
+                                                           {"--sdo-timeout", "500"},
+                                                           {"--part", "serial"},
                                                            {"--lease", "1 min"},
                                                            {"--master", "126"}};
     const auto known = values.find(option);

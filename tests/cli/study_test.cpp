@@ -37,7 +37,7 @@ TEST(TraceCommand, WordsTableAndNumbers) {
 
 TEST(TraceCommand, ABadLineIsNamedAndTheRestIsShown) {
   const Folder folder;
-  const auto log = folder.write("t.log", "(0000000001.000000) can0 705#00\n(1.5) can0 1#\n");
+  const auto log = folder.write("t.log", "(0000000001.000000) can0 705#00\n(1,5) can0 1#\n");
   const auto shown = berth({"trace", log});
   EXPECT_EQ(shown.status, 2);
   EXPECT_NE(shown.out.find("Boot up of node 5"), std::string::npos) << shown.out;

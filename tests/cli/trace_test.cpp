@@ -209,7 +209,29 @@ TEST(TraceCommand, WrongLinesAreNamedAndNothingElseIsLost) {
   EXPECT_NE(bad.err.find("900 more findings"), std::string::npos) << bad.err;
   EXPECT_NE(bad.out.find("Boot up"), std::string::npos);
   EXPECT_EQ(berth({"trace", folder.write("b.bin", std::string(5000, '\0'))}).status, 2);
-  EXPECT_EQ(berth({"trace", folder.write("empty.log", "")}).status, 0);
+}
+
+// Never silence: what a file is, or that it is empty, with status 2.
+TEST(TraceCommand, AFileThatNoReaderReadsIsNamed) {
+  using namespace std::string_literals;
+  const Folder folder;
+  for (const auto& [bytes, says] :
+       std::vector<std::pair<std::string, const char*>>{{"", "the file is empty"},
+                                                        {"LOGG\x90\0\0\0"s, "a BLF file"},
+                                                        {"\xFF\xFE(\0"s, "UTF-16"},
+                                                        {"\x1F\x8B\x08\0"s, "the gzip file is cut short"},
+                                                        {"PK\x03\x04"s, "a ZIP archive"},
+                                                        {"hello\n", "the line does not begin with its time"},
+                                                        {"\x01\x02\0\x03"s, "this is neither candump"}}) {
+    for (const Words& more :
+         {Words{}, Words{"--stats"}, Words{"--to", "asc", "-o", folder.file("out.asc"), "--force"}}) {
+      Words words{"trace", folder.write("odd.log", bytes)};
+      words.insert(words.end(), more.begin(), more.end());
+      const auto run = berth(words);
+      EXPECT_EQ(run.status, 2) << says << run.out;
+      EXPECT_NE(run.err.find(says), std::string::npos) << run.err;
+    }
+  }
 }
 
 TEST(TraceCommand, NamesOfTheMachineFileAndOfDescriptions) {
