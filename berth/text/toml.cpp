@@ -87,7 +87,7 @@ std::optional<Place> too_deep(std::string_view text) noexcept {
 
 // Each value and each line costs the parser some hundred bytes.
 std::optional<Place> too_long(std::string_view text) noexcept {
-  constexpr std::size_t most = 200'000;
+  constexpr std::size_t most = 80'000;
   Place at{1, 0};
   std::size_t seen = 0;
   for (const char c : text) {
@@ -144,7 +144,7 @@ std::optional<Value> parse_toml(std::string_view text, const std::string& file, 
   }
   if (const auto end = too_long(text)) {
     findings.push_back({Finding::Severity::error, file, end->line, end->column, "",
-                        "more than 200,000 lines and values up to here", "no file of a machine or plant is so long"});
+                        "more than 80,000 lines and values up to here", "no file of a machine or plant is so long"});
     return std::nullopt;
   }
   try {

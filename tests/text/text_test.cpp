@@ -102,16 +102,16 @@ std::optional<Value> read(std::string_view text, Findings& findings) { return pa
 TEST(Toml, AFileOfVeryManyValuesIsRefused) {
   Findings findings;
   std::string lines;
-  for (int i = 0; i < 200'001; ++i) lines += "#\n";
+  for (int i = 0; i < 80'001; ++i) lines += "#\n";
   EXPECT_FALSE(read(lines, findings));
   ASSERT_EQ(findings.size(), 1U);
-  EXPECT_EQ(findings[0].line, 200'001);
+  EXPECT_EQ(findings[0].line, 80'001);
   findings.clear();
   std::string row = "a = [";
-  for (int i = 0; i < 200'001; ++i) row += "1,";
+  for (int i = 0; i < 80'001; ++i) row += "1,";
   EXPECT_FALSE(read(row + "]", findings));
   ASSERT_EQ(findings.size(), 1U);
-  EXPECT_EQ(findings[0].column, 5 + 2 * 200'001);
+  EXPECT_EQ(findings[0].column, 5 + 2 * 80'001);
 }
 
 // The stack is not theirs: a key of many parts is a table in a table in a table.
