@@ -159,7 +159,9 @@ rt::Task<bool> Seating::bind_seat(Seat& seat, LssAddress device, std::string rea
   const bool resumed = seat.slot.record.intended.has_value();
   const bool borrows = loans_.borrowed(device);
   const bool home = !borrows && found_.uses(device, seat.id());
-  Binding binding(Binding::Kind::bind, {device, seat.id()}, s_.bus.timing.tries, resumed);
+  // One that waits for its power cycle is told again for a case that is seldom; the others of the bus wait for that.
+  const unsigned tries = seat.power_cycle.binding ? 1 : s_.bus.timing.tries;
+  Binding binding(Binding::Kind::bind, {device, seat.id()}, tries, resumed);
   slots_.happened(seat, SlotEvent::binds, reason);
   places::Binder::Options options = asking_.binder_options();
   options.parts = asking_.parts_to_ask(device);

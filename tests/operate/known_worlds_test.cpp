@@ -97,6 +97,8 @@ INSTANTIATE_TEST_SUITE_P(
         Known{1623423, "the same, behind two of one address", {.waits = true}},
         Known{1477607, "a question about optional slots, and nobody looks further", {.waits = true}},
         Known{1727836, "two that wait for their power cycle are told again in one round", {.waits = true}},
+        Known{1858024, "one that waits for its power cycle is told again by all tries", {.waits = true}},
+        Known{1625347, "the same", {.waits = true}},
         Known{1798257, "answers to a Berth that died are second answers to the next one", {.waits = true}},
         Known{1302935, "one that is back in its slot is taken for the one that another slot misses", {.waits = true}},
         Known{1420464, "one that could not give up another slot's node-ID is told as nobody", {.waits = true}},
