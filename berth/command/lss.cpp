@@ -283,26 +283,32 @@ rt::Task<void> activate(Network& network, std::uint16_t delay_ms, std::uint32_t 
   give(reply, json, std::move(lines));
 }
 
+struct AnybodyWords {
+  const char* yes;
+  const char* no;
+};
+
+void tell_anybody(const Network& network, const char* service, std::size_t answers, const AnybodyWords& words,
+                  Reply& reply) {
+  Json json = start_json(network, service);
+  json["anybody"] = answers > 0;
+  json["answers"] = answers;
+  give(reply, json, {answers > 0 ? words.yes : words.no});
+  if (answers == 0) reply.status = 1;
+}
+
 rt::Task<void> identify(Network& network, const lss::IdentifyRanges& ranges, Reply& reply) {
   const auto heard = co_await network.services().lss.identify_remote(ranges);
   if (!heard) co_return lss_failed(reply, network, heard.error(), "identify remote slave");
-  Json json = start_json(network, "identify");
-  json["anybody"] = heard->answers > 0;
-  json["answers"] = heard->answers;
-  give(reply, json,
-       {heard->answers > 0 ? "at least one device lies in these ranges" : "no device lies in these ranges"});
-  if (heard->answers == 0) reply.status = 1;
+  tell_anybody(network, "identify", heard->answers,
+               {"at least one device lies in these ranges", "no device lies in these ranges"}, reply);
 }
 
 rt::Task<void> identify_unconfigured(Network& network, Reply& reply) {
   const auto heard = co_await network.services().lss.identify_non_configured();
   if (!heard) co_return lss_failed(reply, network, heard.error(), "identify non-configured slaves");
-  Json json = start_json(network, "identify-unconfigured");
-  json["anybody"] = heard->answers > 0;
-  json["answers"] = heard->answers;
-  give(reply, json,
-       {heard->answers > 0 ? "at least one device has no node-ID" : "no device without a node-ID answers"});
-  if (heard->answers == 0) reply.status = 1;
+  tell_anybody(network, "identify-unconfigured", heard->answers,
+               {"at least one device has no node-ID", "no device without a node-ID answers"}, reply);
 }
 
 // A device that is found is left "unknown" as before when no slot knows it, so that a running main job finds it too.
@@ -378,30 +384,27 @@ LssArguments lss_arguments(const Request& request, std::string& problem) {
   return r;
 }
 
-rt::Task<void> lss_command(Session& session, const Request& request, Reply& reply) {
-  std::string problem;
-  const LssArguments r = lss_arguments(request, problem);
-  if (!problem.empty()) co_return refuse(reply, 2, problem);
-  const auto found = network_for(session, r.bus, Use::send);
-  if (!found) co_return refuse(reply, 2, found.error());
-  Network& network = **found;
-  co_await network.services().turn.take();
-  const rt::Held held(network.services().turn);
-  co_await lss_service(session, request, reply);
+namespace {
+
+// The network that a service is for. Null: the reply says why there is none, or what is wrong with the request.
+Network* network_of(Session& session, const LssArguments& wanted, const std::string& problem, Reply& reply) {
+  if (!problem.empty()) {
+    refuse(reply, 2, problem);
+    return nullptr;
+  }
+  const auto found = network_for(session, wanted.bus, Use::send);
+  if (!found) {
+    refuse(reply, 2, found.error());
+    return nullptr;
+  }
+  Network* const network = *found;
+  if (wanted.service != "set-node-id" || wanted.id != network->bus().master) return network;
+  refuse(reply, 2, fmt::format("node-ID {} is Berth's own on bus {}", wanted.id.value(), network->bus().name));
+  reply.cause = Error{.code = Errc::duplicate};
+  return nullptr;
 }
 
-rt::Task<void> lss_service(Session& session, const Request& request, Reply& reply) {
-  std::string problem;
-  const LssArguments r = lss_arguments(request, problem);
-  if (!problem.empty()) co_return refuse(reply, 2, problem);
-  const auto found = network_for(session, r.bus, Use::send);
-  if (!found) co_return refuse(reply, 2, found.error());
-  Network& network = **found;
-  if (r.service == "set-node-id" && r.id == network.bus().master) {
-    refuse(reply, 2, fmt::format("node-ID {} is Berth's own on bus {}", r.id.value(), network.bus().name));
-    reply.cause = Error{.code = Errc::duplicate};
-    co_return;
-  }
+rt::Task<void> carry_out(Network& network, LssArguments r, Reply& reply) {
   if (r.service == "global") {
     co_await global(network, r.state, reply);
   } else if (r.service == "select") {
@@ -426,6 +429,25 @@ rt::Task<void> lss_service(Session& session, const Request& request, Reply& repl
   } else {
     co_await find(network, reply);
   }
+}
+
+}  // namespace
+
+rt::Task<void> lss_service(Session& session, const Request& request, Reply& reply) {
+  std::string problem;
+  LssArguments wanted = lss_arguments(request, problem);
+  Network* const network = network_of(session, wanted, problem, reply);
+  if (network != nullptr) co_await carry_out(*network, std::move(wanted), reply);
+}
+
+rt::Task<void> lss_command(Session& session, const Request& request, Reply& reply) {
+  std::string problem;
+  LssArguments wanted = lss_arguments(request, problem);
+  Network* const network = network_of(session, wanted, problem, reply);
+  if (network == nullptr) co_return;
+  co_await network->services().turn.take();
+  const rt::Held held(network->services().turn);
+  co_await carry_out(*network, std::move(wanted), reply);
 }
 
 }  // namespace berth::command

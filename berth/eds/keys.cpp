@@ -189,25 +189,16 @@ od::SubSpec KeyReader::spec(const ObjectGroup& group, const Section& section, co
 }
 
 // One odd value refuses no description: it is taken in its plain sense, or left out.
-tl::expected<od::Parsed, od::TextError> KeyReader::parsed(const Section& section, const Entry* entry,
-                                                          od::DataType type) {
-  const std::string_view raw = context_.raw(entry);
-  auto parsed = od::parse(type, raw);
-  if (parsed) return parsed;
-  const auto plain = plain_sense(type, raw);
-  auto again = plain ? od::parse(type, *plain) : parsed;
-  if (!again) return parsed;
-  context_.warn(section, entry,
-                fmt::format("\"{}\" is no {} as CiA 306 writes it; taken as {}",
-                            context_.document().utf8(raw.substr(0, 40)), od::name(type), *plain));
-  return again;
-}
-
 std::optional<od::Literal> KeyReader::literal(const Section& section, const Entry* entry, od::DataType type,
                                               Severity wrong) {
   const std::string_view raw = context_.raw(entry);
   if (raw.empty()) return std::nullopt;
-  auto parsed = this->parsed(section, entry, type);
+  auto [parsed, plain] = understand(type, raw);
+  if (plain) {
+    context_.warn(section, entry,
+                  fmt::format("\"{}\" is no {} as CiA 306 writes it; taken as {}",
+                              context_.document().utf8(raw.substr(0, 40)), od::name(type), *plain));
+  }
   if (!parsed) {
     const std::string_view name = od::name(type);
     const char* const so = wrong == Severity::error ? "" : "; left out";

@@ -115,8 +115,6 @@ class KeyReader {
                                                    Finding::Severity wrong = Finding::Severity::error);
 
  private:
-  [[nodiscard]] tl::expected<od::Parsed, od::TextError> parsed(const Section& section, const Entry* entry,
-                                                               od::DataType type);
   [[nodiscard]] od::Access access(const Section& section, const Keys& keys, const Fallback& fallback,
                                   od::DataType type);
   void limits(const Section& section, const Keys& keys, od::SubSpec& spec);

@@ -74,4 +74,12 @@ std::optional<std::string> plain_sense(DataType type, std::string_view text) {
   return whole_number(text);
 }
 
+Understood understand(DataType type, std::string_view text) {
+  auto parsed = od::parse(type, text);
+  auto plain = parsed ? std::nullopt : plain_sense(type, text);
+  auto again = plain ? od::parse(type, *plain) : parsed;
+  if (!plain || !again) return {std::move(parsed)};
+  return {std::move(again), std::move(plain)};
+}
+
 }  // namespace berth::eds

@@ -387,12 +387,10 @@ std::optional<od::Literal> ObjectList::literal(const Facts& facts, const Found& 
   if (text.empty()) return std::nullopt;
   if (type == DataType::boolean && same_word(text, "true")) text = "1";
   if (type == DataType::boolean && same_word(text, "false")) text = "0";
-  auto parsed = od::parse(type, text);
-  const auto plain = parsed ? std::nullopt : plain_sense(type, text);
-  if (auto again = plain ? od::parse(type, *plain) : parsed; plain && again) {
+  auto [parsed, plain] = understand(type, text);
+  if (plain) {
     warn(facts, found.node, found.attribute,
          fmt::format("\"{}\" is no {} as CiA 311 writes it; taken as {}", text.substr(0, 40), od::name(type), *plain));
-    parsed = std::move(again);
   }
   if (!parsed) {
     source_.tell(wrong, found.node, found.attribute, facts.key,

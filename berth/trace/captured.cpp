@@ -19,11 +19,6 @@ std::uint8_t octet(std::string_view bytes, std::size_t at) noexcept { return sta
 unsigned big_u16(std::string_view bytes, std::size_t at) noexcept {
   return static_cast<unsigned>(octet(bytes, at)) << 8U | octet(bytes, at + 1);
 }
-std::uint32_t word_of(std::string_view bytes, bool big_endian) noexcept {
-  std::uint32_t value = 0;
-  for (std::size_t i = 0; i < 4; ++i) value = value << 8U | octet(bytes, big_endian ? i : 3 - i);
-  return value;
-}
 
 // One frame with at least the eight bytes before its data, of which the first four are `id`.
 std::string take_frame(std::uint32_t id, std::string_view bytes, Entry& entry) {
@@ -51,6 +46,12 @@ std::string take_frame(std::uint32_t id, std::string_view bytes, Entry& entry) {
 
 }  // namespace
 
+std::uint32_t u32_at(std::string_view bytes, std::size_t at, bool big_endian) noexcept {
+  std::uint32_t value = 0;
+  for (std::size_t i = 0; i < 4; ++i) value = value << 8U | octet(bytes, at + (big_endian ? i : 3 - i));
+  return value;
+}
+
 LinkType link_type_of(std::uint32_t number) noexcept {
   constexpr std::uint32_t linux_sll = 113;
   if (number == link_type_can_socketcan) return LinkType::can_socketcan;
@@ -68,7 +69,7 @@ Captured take_packet(LinkType type, bool big_endian, std::string_view packet, En
     id_is_big = big_endian;
   }
   if (packet.size() < 8) return {false, "a packet of CAN has at least 8 bytes"};
-  std::string wrong = take_frame(word_of(packet, id_is_big), packet, entry);
+  std::string wrong = take_frame(u32_at(packet, 0, id_is_big), packet, entry);
   return {wrong.empty(), std::move(wrong)};
 }
 

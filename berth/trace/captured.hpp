@@ -23,6 +23,9 @@ enum class LinkType : std::uint8_t { other, can_socketcan, linux_sll };
 inline constexpr std::uint16_t link_type_can_socketcan = 227;
 [[nodiscard]] LinkType link_type_of(std::uint32_t number) noexcept;
 
+/// The four bytes from `at` on, which are there.
+[[nodiscard]] std::uint32_t u32_at(std::string_view bytes, std::size_t at, bool big_endian) noexcept;
+
 /// What became of a packet.
 struct Captured {
   bool frame = false;  ///< `entry` has it: frame, error, and with LINUX_SLL the direction

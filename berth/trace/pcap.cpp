@@ -14,23 +14,16 @@ constexpr std::uint32_t magic_nanos = 0xA1B2'3C4D;
 constexpr std::size_t head_bytes = 24;
 constexpr std::size_t packet_head = 16;
 
-std::uint32_t u32_of(std::string_view bytes, std::size_t at, bool big_endian) noexcept {
-  std::uint32_t value = 0;
-  for (std::size_t i = 0; i < 4; ++i)
-    value = value << 8U | static_cast<std::uint8_t>(bytes[at + (big_endian ? i : 3 - i)]);
-  return value;
-}
-
 bool is_magic(std::uint32_t value) noexcept { return value == magic_micros || value == magic_nanos; }
 
 }  // namespace
 
 bool is_pcap(std::string_view head) noexcept {
-  return head.size() >= 4 && (is_magic(u32_of(head, 0, false)) || is_magic(u32_of(head, 0, true)));
+  return head.size() >= 4 && (is_magic(u32_at(head, 0, false)) || is_magic(u32_at(head, 0, true)));
 }
 
 std::uint32_t PcapReader::u32(std::string_view bytes, std::size_t at) const noexcept {
-  return u32_of(bytes, at, big_endian_);
+  return u32_at(bytes, at, big_endian_);
 }
 
 void PcapReader::tell(Finding::Severity severity, std::string message) {
@@ -73,7 +66,7 @@ std::size_t PcapReader::step(std::string_view bytes) {
 
 void PcapReader::head(std::string_view bytes) {
   begun_ = true;
-  big_endian_ = is_magic(u32_of(bytes, 0, true));
+  big_endian_ = is_magic(u32_at(bytes, 0, true));
   if (!is_pcap(bytes)) {
     tell(Finding::Severity::error, "a pcap file begins with A1 B2 C3 D4, or that backwards");
     over_ = true;
