@@ -27,10 +27,10 @@ struct InitDevice {
   std::string name;    ///< "{id}" in it stands for the node-ID when there are several
   std::string remark;  ///< what it is, for a comment
   std::string eds;     ///< description, as the person named it; empty: known by its identity alone
-  LssAddress address;  ///< of the first; the serial numbers of the others count on
+  Identity device;     ///< the first; the serial numbers of the others count on
   unsigned first_id = 0;
   unsigned count = 1;
-  bool fixed = false;   ///< it has no LSS: its node-ID is set by hand
+  bool fixed = false;   ///< it has no LSS, or nothing but its node-ID tells which it is: that is set by hand
   bool has_id = false;  ///< it has its node-ID already
 };
 

@@ -25,6 +25,7 @@ using namespace std::chrono_literals;
 using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
+constexpr std::uint8_t any_type = 3;    // `Identity::unknown`: vendor-ID and product code
 constexpr unsigned most_devices = 126;  // one node-ID is Berth's own
 
 struct DeviceKind {
@@ -62,12 +63,6 @@ tl::expected<DeviceKind, Failure> described(const std::string& word) {
   }
   auto reading = eds::read_any_file(one->path);
   if (!reading.usable()) return tl::unexpected(failure(reading.findings));
-  if (reading.file.type_code() == TypeCode{}) {
-    return tl::unexpected(
-        misuse(fmt::format("{}: neither object 1018h nor [DeviceInfo] gives vendor-ID and product "
-                           "code, so no device can be told to be of this type; correct the file",
-                           one->path)));
-  }
   one->file = std::move(reading.file);
   return one;
 }
@@ -90,13 +85,17 @@ tl::expected<Descriptions, Failure> read_all(const std::vector<std::string>& wor
   return all;
 }
 
+/// What answers under its node-ID cannot be told to be one of these.
+bool is_any(const DeviceKind& d) { return d.file.type_code() == TypeCode{}; }
+
 /// What it is, for a comment.
 std::string remark_of(const DeviceKind& d) {
   const auto type = d.file.type_code();
   std::string text = d.file.device.product_name;
   if (!d.file.device.vendor_name.empty()) text += (text.empty() ? "" : ", ") + d.file.device.vendor_name;
-  return fmt::format("{}{}vendor-ID 0x{:08X}, product code 0x{:08X}", text, text.empty() ? "" : ": ", type.vendor,
-                     type.product);
+  text += text.empty() ? "" : ": ";
+  if (is_any(d)) return text + "the description has neither vendor-ID nor product code";
+  return fmt::format("{}vendor-ID 0x{:08X}, product code 0x{:08X}", text, type.vendor, type.product);
 }
 
 std::string base_name(const DeviceKind& d) {
@@ -180,15 +179,23 @@ tl::expected<InitPlan, Failure> plan_of_descriptions(const Options& options, con
                       "second machine of the rest, or add a second bus to the file",
                       most_devices)));
     }
-    InitDevice device{base_name(d), remark_of(d), d.path, {}, next, d.count, has_no_lss(d.file), false};
-    device.address.serial = serial;
+    InitDevice device{base_name(d), remark_of(d), d.path, {}, next, d.count, has_no_lss(d.file) || is_any(d), false};
+    device.device.address.serial = serial;
+    if (is_any(d)) {
+      device.device.unknown = any_type;
+      plan.notes.push_back(
+          fmt::format("{} gives neither vendor-ID nor product code (1018h, [DeviceInfo]): its slots "
+                      "take what answers at their node-IDs (type = \"any\")",
+                      d.path));
+    }
     serial += d.count;
     next += d.count;
     if (!device.fixed) {
       bus.devices.push_back(device);
       continue;
     }
-    for (const std::string name = device.name; device.first_id < next; ++device.first_id, ++device.address.serial) {
+    for (const std::string name = device.name; device.first_id < next;
+         ++device.first_id, ++device.device.address.serial) {
       device.count = 1;
       if (d.count > 1) device.name = fmt::format("{} {}", name, device.first_id);
       bus.devices.push_back(device);
@@ -217,7 +224,7 @@ tl::expected<Json, Failure> json_of(const command::Reply& reply) {
 struct Found {
   std::string bus;
   unsigned id = 0;  ///< 0: none
-  std::optional<LssAddress> address;
+  std::optional<Identity> device;
   std::string name;
   bool duplicate = false;
 };
@@ -225,7 +232,7 @@ struct Found {
 Found found_in(const Json& node, const std::string& bus) {
   Found found{node.value("bus", bus), 0, std::nullopt, node.value("slot", ""), node.value("duplicate", false)};
   if (node.contains("id") && node.at("id").is_number_unsigned()) found.id = node.at("id").get<unsigned>();
-  if (node.contains("address")) found.address = parse_lss_address(node.at("address").get<std::string>());
+  if (node.contains("address")) found.device = parse_identity(node.at("address").get<std::string>());
   return found;
 }
 
@@ -235,6 +242,11 @@ std::string name_of(const Ask& ask, const Found& found) {
       {"sdo read", {{"bus", found.bus}, {"node", std::to_string(found.id)}, {"object", "1008h:00"}, {"type", "vs"}}});
   if (!read || !read->contains("value") || !read->at("value").is_string()) return {};
   return read->at("value").get<std::string>();
+}
+
+// LSS tells the address of one of several that have no serial number.
+bool is_same(const Identity& known, const Identity& by_lss) {
+  return known == by_lss || (!by_lss.has_serial() && known.agrees(by_lss));
 }
 
 tl::expected<std::vector<Found>, Failure> look(const Ask& ask, const std::string& only_bus) {
@@ -254,17 +266,20 @@ tl::expected<std::vector<Found>, Failure> look(const Ask& ask, const std::string
     if (!more) continue;
     for (const auto& device : more->value("devices", Json::array())) {
       Found found = found_in(device, bus);
-      const bool known = std::ranges::any_of(
-          all, [&](const Found& f) { return f.bus == bus && f.address && f.address == found.address; });
+      const bool known = std::ranges::any_of(all, [&](const Found& f) {
+        return f.bus == bus && f.device && found.device && is_same(*f.device, *found.device);
+      });
       if (!known) all.push_back(std::move(found));
     }
   }
   return all;
 }
 
-const DeviceKind* description_of(const Descriptions& all, const LssAddress& device) {
+const DeviceKind* description_of(const Descriptions& all, const Identity& device) {
   const auto fits = std::ranges::find_if(all, [&](const auto& d) {
-    return d.file.type_code() == TypeCode{device.vendor, device.product};
+    const TypeCode type = d.file.type_code();
+    return !is_any(d) && device.knows(0) &&
+           device.agrees(Identity(type.vendor, type.product, device.address.revision, device.address.serial));
   });
   return fits == all.end() ? nullptr : &*fits;
 }
@@ -306,25 +321,28 @@ void add_found(InitBus& bus, const Found& found, const Descriptions& description
   const bool again = found.id != 0 && std::ranges::any_of(bus.devices, [&](const auto& d) {
                        return d.has_id && d.first_id == found.id;
                      });
-  if (!found.address) {
+  if (!found.device) {
     bus.left_out.push_back(who + ": does not tell its identity (1018h); write its [[slot]] by hand");
     return;
   }
   const unsigned id = found.id != 0 && !again ? found.id : ids.next();
   if (id == 0) {
-    bus.left_out.push_back(fmt::format("{}: no node-ID is left for it", to_string(*found.address)));
+    bus.left_out.push_back(fmt::format("{}: no node-ID is left for it", to_string(*found.device)));
     return;
   }
-  const DeviceKind* const description = description_of(descriptions, *found.address);
+  const DeviceKind* const description = description_of(descriptions, *found.device);
   InitDevice device{base_name(found, description, id),
                     {},
                     description != nullptr ? description->path : "",
-                    *found.address,
+                    *found.device,
                     id,
                     1,
-                    false,
+                    found.device->at.configured() || (found.device->unknown & any_type) == any_type,
                     found.id != 0 && !again};
-  device.remark = fmt::format("serial number 0x{:08X}; {}", found.address->serial,
+  const std::string number = found.device->has_serial()
+                                 ? fmt::format("serial number 0x{:08X}", found.device->address.serial)
+                                 : std::string("no serial number");
+  device.remark = fmt::format("{}; {}", number,
                               again           ? fmt::format("another device has its node-ID {}, too", found.id)
                               : device.has_id ? "it has this node-ID already"
                                               : "it had no node-ID");

@@ -50,15 +50,16 @@ std::string seen_from(const std::string& file, const std::string& eds) {
 
 std::string hex(std::uint32_t number) { return fmt::format("0x{:04X}_{:04X}", number >> 16U, number & 0xFFFFU); }
 
-std::string type_of(const LssAddress& device, const std::string& space) {
-  std::string type =
-      fmt::format("type{}= {{ vendor = {}, product = {}", space.substr(1), hex(device.vendor), hex(device.product));
-  if (device.revision != 0) type += ", revision = " + hex(device.revision);
+std::string type_of(const Identity& device, const std::string& space) {
+  if (!device.knows(0)) return fmt::format("type{}= \"any\"", space.substr(1));
+  std::string type = fmt::format("type{}= {{ vendor = {}", space.substr(1), hex(device.address.vendor));
+  if (device.knows(1)) type += ", product = " + hex(device.address.product);
+  if (device.knows(2) && device.address.revision != 0) type += ", revision = " + hex(device.address.revision);
   return type + " }";
 }
 
 std::string what_it_is(const InitDevice& device, const std::string& file, const std::string& space) {
-  return device.eds.empty() ? type_of(device.address, space)
+  return device.eds.empty() ? type_of(device.device, space)
                             : "eds" + space + "= " + text::quoted(seen_from(file, device.eds));
 }
 
@@ -72,7 +73,11 @@ void add_slot(std::string& text, const InitBus& bus, const InitDevice& device, c
     text += fmt::format("ids  = \"{}..{}\"\n", device.first_id, device.first_id + device.count - 1);
   }
   text += fmt::format("name = {}\n{}\n", text::quoted(device.name), what_it_is(device, file, "  "));
-  if (device.fixed) text += "assign = \"fixed\"                # no LSS: set its node-ID on the device itself\n";
+  const bool any = !device.eds.empty() && !device.device.knows(0);
+  if (any) text += "type = \"any\"                    # what answers at its node-ID is taken for it\n";
+  if (!device.fixed) return;
+  text += fmt::format("assign = \"fixed\"                # {}: set its node-ID on the device itself\n",
+                      device.device.has_serial() && device.device.knows(0) ? "no LSS" : "known by its node-ID");
 }
 
 void add_device(std::string& text, const InitBus& bus, const InitDevice& device, const std::string& file) {
@@ -80,9 +85,9 @@ void add_device(std::string& text, const InitBus& bus, const InitDevice& device,
                       text::quoted(text::fill(device.name, "id", device.count > 1 ? "{n}" : "")),
                       what_it_is(device, file, "    "));
   if (device.count == 1) {
-    text += fmt::format("serial = 0x{:X}\n", device.address.serial);
+    text += fmt::format("serial = 0x{:X}\n", device.device.address.serial);
   } else {
-    text += fmt::format("count  = {}\nserial_first = 0x{:X}\n", device.count, device.address.serial);
+    text += fmt::format("count  = {}\nserial_first = 0x{:X}\n", device.count, device.device.address.serial);
   }
   if (device.fixed || device.has_id) text += fmt::format("node_id = {}\n", device.first_id);
   if (device.fixed) text += "source = \"switches\"\n";

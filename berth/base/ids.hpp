@@ -75,6 +75,47 @@ struct LssAddress {
 /// Reads what `to_string` writes; upper and lower case, with or without 0x before each part.
 [[nodiscard]] std::optional<LssAddress> parse_lss_address(std::string_view text);
 
+/// Which device it is, on its bus: what it says of itself in 1018h. CiA 301 makes the vendor-ID alone mandatory
+/// (§7.5.2.18), and what a device does not say is unknown, which is not 0. A serial number other than 0 tells a device
+/// from all others; one without (unknown, or 0, which CiA 301 reserves) is known by its node-ID, too.
+///
+/// A master that asks by LSS, or by RAND, hears whole addresses: an address is an identity of which all is known.
+struct Identity {
+  static constexpr std::uint8_t all_unknown = 0xF;
+
+  constexpr Identity() noexcept = default;
+  // NOLINTNEXTLINE(google-explicit-constructor): each whole address is the identity of a device
+  constexpr Identity(const LssAddress& whole) noexcept : address(whole) {}
+  constexpr Identity(std::uint32_t vendor, std::uint32_t product, std::uint32_t revision, std::uint32_t serial) noexcept
+      : address{vendor, product, revision, serial} {}
+
+  LssAddress address{};      ///< 0 in the parts that are unknown
+  std::uint8_t unknown = 0;  ///< parts that the device does not say: bit 0 vendor-ID to bit 3 serial number
+  NodeId at;  ///< of one without a serial number: the node-ID that tells it from its equals; unconfigured while it has
+              ///< none, and always of one with a serial number
+
+  /// Part 0..3 (`LssAddress::part`) was said.
+  [[nodiscard]] constexpr bool knows(unsigned part) const noexcept { return (unknown >> part & 1U) == 0; }
+  [[nodiscard]] constexpr bool has_serial() const noexcept { return knows(3) && address.serial != 0; }
+  [[nodiscard]] constexpr TypeCode type() const noexcept { return address.type(); }
+  [[nodiscard]] constexpr R_SN r_sn() const noexcept { return address.r_sn(); }
+  /// The same device when `id` is the node-ID that it uses (unconfigured: none).
+  [[nodiscard]] constexpr Identity with(NodeId id) const noexcept {
+    Identity moved = *this;
+    moved.at = has_serial() ? NodeId() : id;
+    return moved;
+  }
+  /// What both say is the same. True of two devices of one kind without serial numbers: `at` is not looked at.
+  [[nodiscard]] bool agrees(const Identity& other) const noexcept;
+  friend constexpr auto operator<=>(const Identity&, const Identity&) noexcept = default;
+};
+
+/// As an LSS address; "xxxxxxxx" is a part that is unknown, and "@5" stands behind that of a device which is known by
+/// its node-ID: "00000001-00000002-xxxxxxxx-xxxxxxxx@5".
+[[nodiscard]] std::string to_string(const Identity& identity);
+/// Reads what `to_string` writes, as tolerantly as `parse_lss_address`.
+[[nodiscard]] std::optional<Identity> parse_identity(std::string_view text);
+
 /// Index and sub-index of an object.
 struct ObjectRef {
   std::uint16_t index = 0;

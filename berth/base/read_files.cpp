@@ -10,17 +10,17 @@
 namespace berth {
 namespace {
 
-using Identity = std::pair<dev_t, ino_t>;
+using FileNumber = std::pair<dev_t, ino_t>;
 
-std::optional<Identity> identity(const std::string& path) noexcept {
+std::optional<FileNumber> identity(const std::string& path) noexcept {
   struct stat about {};
   if (::stat(path.c_str(), &about) != 0 || !S_ISREG(about.st_mode)) return std::nullopt;
-  return Identity{about.st_dev, about.st_ino};
+  return FileNumber{about.st_dev, about.st_ino};
 }
 
 struct Noted {
   std::mutex mutex;
-  std::set<Identity> files;
+  std::set<FileNumber> files;
 };
 
 Noted& noted() noexcept {

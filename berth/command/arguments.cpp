@@ -72,4 +72,21 @@ std::optional<LssAddress> Arguments::optional_address(const std::string& key) {
   return address(key);
 }
 
+Identity Arguments::device(const std::string& key) {
+  const std::string word = required(key);
+  const auto parsed = parse_identity(word);
+  if (parsed) return *parsed;
+  wrong(
+      fmt::format("{} {} is no device; write vendor-product-revision-serial, eight hex digits each, such as "
+                  "00000001-00000001-00000000-00000005, and @ with its node-ID behind that of one without a serial "
+                  "number",
+                  key, text::quoted(word)));
+  return {};
+}
+
+std::optional<Identity> Arguments::optional_device(const std::string& key) {
+  if (!has(key)) return std::nullopt;
+  return device(key);
+}
+
 }  // namespace berth::command

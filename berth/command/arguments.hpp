@@ -31,6 +31,10 @@ class Arguments {
   LssAddress address(const std::string& key);
   /// Empty when absent.
   std::optional<LssAddress> optional_address(const std::string& key);
+  /// A device as Berth names it (`to_string`).
+  Identity device(const std::string& key);
+  /// Empty when absent.
+  std::optional<Identity> optional_device(const std::string& key);
   void wrong(std::string problem);
   [[nodiscard]] bool good() const noexcept { return problem_.empty(); }
   [[nodiscard]] const std::string& problem() const noexcept { return problem_; }

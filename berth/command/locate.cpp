@@ -15,12 +15,12 @@ namespace {
 
 struct Target {
   Network* network = nullptr;
-  std::optional<LssAddress> device;
+  std::optional<Identity> device;
   NodeId id;            // to be asked for its identity
   std::string problem;  // why there is none
 };
 
-std::optional<LssAddress> device_of(const Network& network, const std::string& slot) {
+std::optional<Identity> device_of(const Network& network, const std::string& slot) {
   const auto slots = network.report();
   const auto it = std::ranges::find(slots, slot, &SlotReport::name);
   return it == slots.end() ? std::nullopt : it->device;
@@ -29,7 +29,7 @@ std::optional<LssAddress> device_of(const Network& network, const std::string& s
 // An LSS address, else a slot, else a node-ID.
 Target target_of(Session& session, const std::string& bus, const std::string& word) {
   Target target;
-  if (const auto address = parse_lss_address(word)) {
+  if (const auto address = parse_identity(word)) {
     const auto network = network_for(session, bus, Use::send);
     if (!network) return {nullptr, {}, {}, network.error()};
     return {*network, *address, {}, {}};
@@ -73,7 +73,7 @@ rt::Task<void> locate(Session& session, const Request& request, Reply& reply) {
   const auto usable = network_for(session, network.bus().name, Use::send);
   if (!usable) co_return refuse(reply, 2, usable.error());
   const std::string where = fmt::format("bus {}, {}", network.bus().name, word);
-  LssAddress device = target.device.value_or(LssAddress{});
+  Identity device = target.device.value_or(Identity{});
   if (!target.device) {
     const auto who = co_await places::read_identity(network.services().sdo, target.id);
     if (!who) co_return fail_with(reply, who.error(), where);

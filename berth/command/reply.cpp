@@ -76,10 +76,13 @@ void fail_with(Reply& reply, const Error& error, const std::string& where, const
   reply.cause = error;
 }
 
-void put_address(Json& json, const LssAddress& address) {
-  json["address"] = to_string(address);
-  json["type"] = fmt::format("0x{:08X}{:08X}", address.vendor, address.product);
-  json["r_sn"] = fmt::format("0x{:016X}", address.r_sn().value());
+void put_address(Json& json, const Identity& device) {
+  json["address"] = to_string(device);
+  json["type"] = nullptr;
+  json["r_sn"] = nullptr;
+  if (device.knows(0) && device.knows(1))
+    json["type"] = fmt::format("0x{:08X}{:08X}", device.address.vendor, device.address.product);
+  if (device.knows(2) && device.knows(3)) json["r_sn"] = fmt::format("0x{:016X}", device.r_sn().value());
 }
 
 }  // namespace berth::command

@@ -29,6 +29,6 @@ void fail_with(Reply& reply, const Error& error, const std::string& where, const
 [[nodiscard]] std::string hex(std::uint32_t value, unsigned digits = 8);  ///< "0x0000000A"
 [[nodiscard]] std::string dump(const Json& json);                         ///< one line; bad UTF-8 replaced
 /// Adds "address", "type" and "r_sn".
-void put_address(Json& json, const LssAddress& address);
+void put_address(Json& json, const Identity& device);
 
 }  // namespace berth::command

@@ -43,7 +43,7 @@ rt::Task<void> make_unknown_again(Network& network, const std::vector<operate::S
   for (const auto& s : seen) {
     const bool stranger = s.device && s.slot.empty();
     if (!stranger) continue;
-    const LssAddress device = *s.device;
+    const LssAddress device = s.device->address;
     const auto told = co_await network.services().rand.switch_selective(device, nodeid::Identification::unknown);
     if (!told) co_return;
   }

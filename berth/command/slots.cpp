@@ -116,7 +116,7 @@ rt::Task<void> replace(Session& session, const Request& request, Reply& reply) {
   Arguments arguments(request);
   const bool used = arguments.has("used");
   const std::string wanted = arguments.required("slot");
-  const std::optional<LssAddress> device = arguments.optional_address("device");
+  const std::optional<Identity> device = arguments.optional_device("device");
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
   const std::string bus = arguments.text("bus");
   std::string name;
@@ -166,7 +166,7 @@ rt::Task<void> replace(Session& session, const Request& request, Reply& reply) {
 namespace {
 
 // The buses on which the device is waited for, when they are several: a twin on each, or one device that was moved.
-std::vector<std::string> waiting_buses(const std::vector<Network*>& networks, const LssAddress& device) {
+std::vector<std::string> waiting_buses(const std::vector<Network*>& networks, const Identity& device) {
   std::vector<std::string> buses;
   for (const Network* const network : networks) {
     if (network->planning().waits_for(device)) buses.push_back(network->bus().name);
@@ -178,7 +178,7 @@ std::vector<std::string> waiting_buses(const std::vector<Network*>& networks, co
 
 rt::Task<void> forget(Session& session, const Request& request, Reply& reply) {
   Arguments arguments(request);
-  const LssAddress device = arguments.address("device");
+  const Identity device = arguments.device("device");
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
   const auto networks = networks_for(session, arguments.text("bus"), Use::look);
   if (!networks) co_return refuse(reply, 2, networks.error());

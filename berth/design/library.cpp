@@ -58,7 +58,8 @@ class LibraryReader {
     }
     if (auto type = table.table("type")) {
       if (type->require("vendor", "vendor-ID, 1018h:01")) device.type.vendor = type->u32("vendor").value_or(0);
-      if (type->require("product", "product code, 1018h:02")) device.type.product = type->u32("product").value_or(0);
+      if (!type->has("product")) device.unasked = 2;
+      device.type.product = type->u32("product").value_or(0);
       device.revision = type->u32("revision");
       type->finish();
     }
@@ -80,6 +81,7 @@ class LibraryReader {
     }
     device.type = type->type;
     device.revision = type->revision;
+    device.unasked = type->unasked;
     device.description = type->description;
   }
 

@@ -27,6 +27,7 @@ struct DeviceType {
   TypeCode type;
   std::optional<std::uint32_t> revision;
   std::shared_ptr<const od::Description> description = {};  ///< null: the loader has none to give
+  std::uint8_t unasked = 0;  ///< parts of `type` that it does not say (`places::SlotSpec::unasked`)
 };
 /// Reads the description at `path`; remarks go to `findings`, and at least one error when it gives nothing.
 using TypeLoader = std::function<std::optional<DeviceType>(const std::string& path, Findings& findings)>;
@@ -40,6 +41,7 @@ struct KnownDevice {
   std::string eds_path;                                ///< the same, relative to the library's folder
   std::shared_ptr<const od::Description> description;  ///< what `eds` says; null without one
   std::shared_ptr<const places::Recipe> recipe;        ///< null: it has LSS, or a fixed node-ID
+  std::uint8_t unasked = 0;                            ///< as in `DeviceType`
   std::string file;                                    ///< where it is written
   text::Place place;
 };

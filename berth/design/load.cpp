@@ -15,14 +15,10 @@ TypeLoader eds_loader() {
     if (!reading.usable()) return std::nullopt;
     // Descriptions give revision 0 where it was not filled in.
     const auto revision = reading.file.revision();
-    const DeviceType type{reading.file.type_code(), revision == 0 ? std::nullopt : std::optional(revision),
-                          reading.file.description};
-    if (type.type == TypeCode{}) {
-      findings.push_back({Finding::Severity::error, path, 0, 0, "[1018sub1]",
-                          "neither object 1018h nor [DeviceInfo] gives vendor-ID and product code",
-                          "write type = { vendor = …, product = … } in the machine file"});
-      return std::nullopt;
-    }
+    DeviceType type{reading.file.type_code(), revision == 0 ? std::nullopt : std::optional(revision),
+                    reading.file.description, 0};
+    if (type.type.vendor == 0) type.unasked |= 1U;
+    if (type.type.product == 0) type.unasked |= 2U;
     return type;
   };
 }

@@ -100,13 +100,42 @@ std::string read_name(Table& table, bool of_range) {
   return *name;
 }
 
+constexpr std::uint8_t product_unasked = 2;  // `places::SlotSpec::unasked`
+constexpr std::uint8_t any_type = 3;
+
 void read_type_table(Table& table, places::SlotSpec& spec) {
   auto type = table.table("type");
   if (!type) return;
   if (type->require("vendor", "vendor-ID, 1018h:01")) spec.type.vendor = type->u32("vendor").value_or(0);
-  if (type->require("product", "product code, 1018h:02")) spec.type.product = type->u32("product").value_or(0);
+  if (!type->has("product")) spec.unasked = product_unasked;
+  spec.type.product = type->u32("product").value_or(0);
   spec.revision = type->u32("revision");
   type->finish();
+}
+
+void read_any(Table& table, places::SlotSpec& spec) {
+  constexpr std::array<string_view, 1> words{"any"};
+  static_cast<void>(table.word("type", words));
+  spec.type = {};
+  spec.unasked = any_type;
+  spec.revision.reset();
+}
+
+// 1000h of a description that says nothing else of what it is.
+std::uint32_t described_type(const Slot& slot) {
+  const bool any = slot.spec.unasked == any_type && slot.description != nullptr;
+  const auto* const type = any ? slot.description->find(ObjectRef{0x1000, 0}) : nullptr;
+  return type == nullptr ? 0 : static_cast<std::uint32_t>(slot.description->default_of(*type).raw);
+}
+
+// Its node-ID is all that is known of its device.
+void read_assign(Table& table, places::SlotSpec& spec) {
+  const bool any = spec.unasked == any_type;
+  if (any) spec.assign = places::Assign::fixed;
+  read_word(table, "assign", assign_words, spec.assign);
+  if (!any || spec.assign == places::Assign::fixed) return;
+  table.error("assign", "a device of any type is known by its node-ID alone",
+              "write assign = \"fixed\", or type = { vendor = …, product = … }");
 }
 
 class MachineReader {
@@ -305,7 +334,7 @@ class MachineReader {
     read_word(table, "when_ambiguous", ambiguous_words, spec.when_ambiguous);
     read_probe(table, spec, says_how);
     read_word(table, "replacement", replacement_words, spec.replacement);
-    read_word(table, "assign", assign_words, spec.assign);
+    read_assign(table, spec);
     read_word(table, "revision", revision_words, spec.rule);
     if (spec.rule != places::RevisionRule::any && !spec.revision) {
       table.error("revision", "the slot's revision number is not known",
@@ -316,7 +345,7 @@ class MachineReader {
     if (spec.optional && spec.mandatory) {
       table.error("mandatory", "optional and mandatory exclude each other", "keep one of them");
     }
-    spec.device_type = table.u32("device_type").value_or(0);
+    spec.device_type = table.u32("device_type").value_or(described_type(slot));
     read_also(table, spec);
     read_spares(table, slot);
     find_recipe(table, slot);
@@ -474,7 +503,8 @@ class MachineReader {
       return table.error("config", fmt::format("{} cannot be used as a configuration", text::quoted(path)),
                          "see what is said about that file");
     }
-    const bool other = type->type != TypeCode{} && slot.spec.type != TypeCode{} && type->type != slot.spec.type;
+    const bool other = type->type != TypeCode{} && slot.spec.unasked == 0 && slot.spec.type != TypeCode{} &&
+                       type->type != slot.spec.type;
     if (other) {
       table.error("config",
                   fmt::format("{} is for devices of type {}, and the slot is for {}", text::quoted(path),
@@ -497,7 +527,9 @@ class MachineReader {
     const bool has_type = table.has("type");
     const bool has_eds = table.has("eds");
     const bool has_device = table.has("device");
-    if (has_type && has_eds) table.error("eds", "type and eds exclude each other", "keep one of them");
+    const auto* const type = has_type ? table.get("type") : nullptr;
+    const bool any = type != nullptr && type->kind == text::Value::Kind::string;
+    if (has_type && has_eds && !any) table.error("eds", "type and eds exclude each other", "keep one of them");
     if (has_device && (has_type || has_eds)) {
       table.error("device", "device and type or eds exclude each other", "keep one of them");
     }
@@ -505,8 +537,9 @@ class MachineReader {
       table.error("type", "the slot has no device type", "write type = { vendor = …, product = … } or eds = \"…\"");
     }
     if (has_device) read_device(table, slot);
-    if (has_type) read_type_table(table, slot.spec);
-    if (has_eds) read_eds(table, slot);
+    if (has_type && !any) read_type_table(table, slot.spec);
+    if (has_eds) read_eds(table, slot, any);
+    if (any) read_any(table, slot.spec);
   }
 
   void read_device(Table& table, Slot& slot) {
@@ -518,10 +551,11 @@ class MachineReader {
     slot.eds_path = device->eds_path;
     slot.description = device->description;
     slot.spec.type = device->type;
+    slot.spec.unasked = device->unasked;
     slot.spec.revision = device->revision;
   }
 
-  void read_eds(Table& table, Slot& slot) {
+  void read_eds(Table& table, Slot& slot, bool any) {
     const auto file = table.string("eds");
     if (!file) return;
     if (file->empty()) return table.error("eds", "the file name is empty", "name a device description");
@@ -534,8 +568,15 @@ class MachineReader {
                          loader_ ? "see what is said about that file" : "write type = { … } instead");
     }
     slot.spec.type = type->type;
+    slot.spec.unasked = type->unasked;
     slot.spec.revision = type->revision;
     slot.description = type->description;
+    if (type->unasked != any_type || any) return;
+    table.warning("eds",
+                  fmt::format("{} gives neither vendor-ID nor product code: whatever answers at the slot's node-ID is "
+                              "taken for its device",
+                              text::quoted(slot.eds_path)),
+                  "write type = \"any\" beside it when that is meant");
   }
 
   std::optional<DeviceType> load_type(const std::string& path) {

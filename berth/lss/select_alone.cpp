@@ -165,6 +165,39 @@ rt::Task<Result<Selection>> prove_alone(Master& master, LssAddress device, Alone
   co_return *seen;
 }
 
+namespace {
+
+// The last match of Fastscan brings the device into configuration.
+rt::Task<Result<Reply>> match(Master& master, LssAddress device, ServiceOptions service) {
+  const FastscanRequest anybody;
+  auto reply = co_await master.fastscan(anybody, service);
+  for (std::uint8_t sub = 0; sub < 4 && reply && reply->answers > 0; ++sub) {
+    const FastscanRequest part{
+        .id = device.part(sub), .bit_checked = 0, .sub = sub, .next = static_cast<std::uint8_t>((sub + 1U) & 3U)};
+    reply = co_await master.fastscan(part, service);
+  }
+  if (reply && reply->answers == 0) co_return fail(Errc::timeout, "no device without a node-ID has this address");
+  co_return reply;
+}
+
+rt::Task<Result<Reply>> select(Master& master, LssAddress device, ServiceOptions service, bool without_node_id) {
+  if (without_node_id) co_return co_await match(master, device, service);
+  co_return co_await master.switch_selective(device, service);
+}
+
+}  // namespace
+
+rt::Task<Result<bool>> any_without_node_id(Master& master, LssAddress device) {
+  const auto waiting = co_await master.switch_global(State::waiting);
+  if (!waiting) co_return fail(waiting.error());
+  const ServiceOptions service{.timeout = master.options().service.timeout, .retries = 1, .full_window = false};
+  const auto matched = co_await match(master, device, service);
+  if (!matched && of_the_bus(matched.error())) co_return fail(matched.error());
+  const auto left = co_await master.switch_global(State::waiting);
+  if (!left) co_return fail(left.error());
+  co_return matched.has_value();
+}
+
 rt::Task<Result<Selection>> select_alone(Master& master, LssAddress device, AloneOptions options) {
   const unsigned attempts = options.guess ? 1U : options.attempts;
   for (unsigned attempt = 0; attempt < attempts; ++attempt) {
@@ -172,7 +205,7 @@ rt::Task<Result<Selection>> select_alone(Master& master, LssAddress device, Alon
     if (!waiting) co_return fail(waiting.error());
     const auto window = options.guess ? window_of(master, options) : longest_of(master, options);
     const ServiceOptions once{.timeout = window, .retries = 0, .full_window = false};
-    const auto selected = co_await master.switch_selective(device, once);
+    const auto selected = co_await select(master, device, once, options.without_node_id);
     if (selected) co_return co_await prove_alone(master, device, options);
     if (of_the_bus(selected.error())) co_return fail(selected.error());
     if (!options.guess) master.suspect_strangers();  // it may have been selected unheard

@@ -11,6 +11,10 @@
 ///
 /// or 11h, 13h, 17h of your own, and `04 00` behind them whatever came of it.
 ///
+/// Equal devices without a serial number have one address. Those that have a node-ID stay in LSS waiting when the one
+/// without is selected by Fastscan (`AloneOptions::without_node_id`); several without one are `clones`, when they do
+/// not answer at one instant.
+///
 /// `select_alone` sends `04 00`, because CiA 305 serves 40h to 43h in LSS waiting only (docs/protocols/cia305.md §State
 /// table), then 40h to 43h, and proves. Each further attempt begins with `04 00` too: the device may be in
 /// configuration and its 44h lost. `prove_alone` proves only, for a device that Fastscan's last match brought there.
@@ -83,6 +87,9 @@ struct AloneOptions {
   unsigned attempts = 2;       ///< of 40h to 43h, each behind a `04 00`
   /// The device may well not be there: one attempt, and 44h is waited for as long as answers usually take.
   bool guess = false;
+  /// Of several devices with this address only one that has no node-ID is meant, and it speaks Fastscan: it is selected
+  /// by that, which no device with a node-ID answers (CiA 305 §Fastscan), instead of by 40h to 43h, which all do.
+  bool without_node_id = false;
   /// The caller asks 5Eh at once and listens for as long as `window_of` told before the proof: what the last question
   /// of a row would be waited for comes then, too (`suspicious`).
   bool followed = false;
@@ -95,6 +102,9 @@ struct AloneOptions {
 /// `04 00`, 40h to 43h, and the proof. All but `alone`: `04 00` was sent, no device was changed. Errors: `bus`,
 /// `cancelled`.
 [[nodiscard]] rt::Task<Result<Selection>> select_alone(Master& master, LssAddress device, AloneOptions options = {});
+/// By Fastscan: a device of this address is there that has no node-ID. All are waiting again. Errors: `bus`,
+/// `cancelled`.
+[[nodiscard]] rt::Task<Result<bool>> any_without_node_id(Master& master, LssAddress device);
 /// The proof for a device that is in configuration already. As above.
 [[nodiscard]] rt::Task<Result<Selection>> prove_alone(Master& master, LssAddress device, AloneOptions options = {});
 /// The questions alone: no `04 00`, whatever comes of it. For between 11h and `04 00`, which would bring the node-ID

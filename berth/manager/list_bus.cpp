@@ -67,7 +67,7 @@ ListSlot* ListBus::at(NodeId id) noexcept {
   return it == slots.end() ? nullptr : &*it;
 }
 
-ListSlot* ListBus::of(const LssAddress& device) noexcept {
+ListSlot* ListBus::of(const Identity& device) noexcept {
   const auto it = std::ranges::find_if(slots, [&](const ListSlot& s) { return s.slot.record.device() == device; });
   return it == slots.end() ? nullptr : &*it;
 }
@@ -90,11 +90,11 @@ void ListBus::note(const places::Found& device) {
   if (slot != nullptr && !slot->device && !device.clone && !device.shared) slot->device = device.device;
 }
 
-void ListBus::forget(const LssAddress& device) {
+void ListBus::forget(const Identity& device) {
   std::erase_if(found, [&](const places::Found& f) { return f.device == device; });
 }
 
-places::Found* ListBus::find(const LssAddress& device) noexcept {
+places::Found* ListBus::find(const Identity& device) noexcept {
   const auto it = std::ranges::find(found, device, &places::Found::device);
   return it == found.end() ? nullptr : &*it;
 }
@@ -122,7 +122,7 @@ ListBus::Planned ListBus::plan() {
     plain.push_back(slot.slot);
     made.slots.push_back(i);
   }
-  std::vector<LssAddress> blanks;
+  std::vector<Identity> blanks;
   for (const auto& former : formers()) {
     if (find(former.device) != nullptr) blanks.push_back(former.device);
   }
@@ -146,15 +146,15 @@ co::SdoOptions ListBus::patience() const noexcept {
   return options;
 }
 
-lss::PartMask ListBus::parts_to_ask(const LssAddress& device) const {
+lss::PartMask ListBus::parts_to_ask(const Identity& device) const {
   std::vector<LssAddress> others;
-  for (const auto& f : found) others.push_back(f.device);
+  for (const auto& f : found) others.push_back(f.device.address);
   for (const auto& slot : slots) {
-    if (const auto sits = slot.slot.record.device()) others.push_back(*sits);
-    if (slot.device) others.push_back(*slot.device);
+    if (const auto sits = slot.slot.record.device()) others.push_back(sits->address);
+    if (slot.device) others.push_back(slot.device->address);
   }
-  for (const auto& former : formers()) others.push_back(former.device);
-  return lss::parts_to_ask(device, others);
+  for (const auto& former : formers()) others.push_back(former.device.address);
+  return lss::parts_to_ask(device.address, others);
 }
 
 places::Binder::Services ListBus::binder_services() noexcept {

@@ -43,10 +43,10 @@ enum class NodeIdTrouble : std::uint8_t {
 /// A slave of the list, as a slot.
 struct ListSlot {
   places::Slot slot;
-  bool typed = false;                  ///< its vendor-ID and product code are given: it can be given to a device
-  bool there = false;                  ///< as the master knows, or it has answered
-  bool guarded = false;                ///< it answered guarding in this run
-  std::optional<LssAddress> device{};  ///< what answered under the node-ID in this run
+  bool typed = false;                ///< its vendor-ID and product code are given: it can be given to a device
+  bool there = false;                ///< as the master knows, or it has answered
+  bool guarded = false;              ///< it answered guarding in this run
+  std::optional<Identity> device{};  ///< what answered under the node-ID in this run
   NodeIdTrouble trouble = NodeIdTrouble::none;  ///< of its last binding in this run
 
   [[nodiscard]] NodeId id() const noexcept { return slot.spec.id; }
@@ -79,15 +79,15 @@ class ListBus {
   rt::Time stores_end{};      ///< as in `places::Binder::Options`
   std::bitset<128> given_up;  ///< a device left this node-ID; who answers under it since is not known
   /// LSS does not give them their node-IDs: they have refused.
-  std::vector<LssAddress> refusing;
+  std::vector<Identity> refusing;
 
   /// Null: there is none.
   [[nodiscard]] ListSlot* at(NodeId id) noexcept;
-  [[nodiscard]] ListSlot* of(const LssAddress& device) noexcept;
+  [[nodiscard]] ListSlot* of(const Identity& device) noexcept;
   void refresh(ListSlot& slot);
   void note(const places::Found& device);
-  void forget(const LssAddress& device);
-  [[nodiscard]] places::Found* find(const LssAddress& device) noexcept;
+  void forget(const Identity& device);
+  [[nodiscard]] places::Found* find(const Identity& device) noexcept;
   /// The list has a slave of this type.
   [[nodiscard]] bool knows_type(const TypeCode& type) const noexcept;
   /// It was to give a node-ID up and was not seen to have done so.
@@ -104,7 +104,7 @@ class ListBus {
   [[nodiscard]] bool vacant(NodeId id) const noexcept;
   /// To ask whether a device is there: silence is the expected answer.
   [[nodiscard]] co::SdoOptions patience() const noexcept;
-  [[nodiscard]] lss::PartMask parts_to_ask(const LssAddress& device) const;
+  [[nodiscard]] lss::PartMask parts_to_ask(const Identity& device) const;
   [[nodiscard]] places::Binder::Services binder_services() noexcept;
   [[nodiscard]] places::Binder::Options binder_options() noexcept;
 

@@ -16,12 +16,13 @@ constexpr bool keeps_history = false;
 
 enum class RowKind : std::uint8_t { intended = 1, confirmed = 2, former = 3 };
 
-void put_row(std::vector<std::uint8_t>& rows, NodeId node, RowKind kind, const LssAddress& device) {
+void put_row(std::vector<std::uint8_t>& rows, NodeId node, RowKind kind, const Identity& device) {
   const std::size_t at = rows.size();
   rows.resize(at + row_size);
   rows[at] = node.value();
   rows[at + 1] = static_cast<std::uint8_t>(kind);
-  for (unsigned part = 0; part < 4; ++part) store_le(rows.data() + at + 2 + std::size_t{4} * part, device.part(part));
+  for (unsigned part = 0; part < 4; ++part)
+    store_le(rows.data() + at + 2 + std::size_t{4} * part, device.address.part(part));
 }
 
 }  // namespace
@@ -65,7 +66,7 @@ bool ListStore::read_copy(unsigned copy, std::vector<std::uint8_t>& rows, std::u
 void ListStore::take(std::span<const std::uint8_t> rows) {
   for (; rows.size() >= row_size; rows = rows.subspan(row_size)) {
     const auto number = [&](unsigned part) { return load_le<std::uint32_t>(rows.data() + 2 + 4 * part); };
-    const LssAddress device{number(0), number(1), number(2), number(3)};
+    const Identity device{number(0), number(1), number(2), number(3)};
     const auto node = NodeId::make(rows[0]);
     const auto kind = static_cast<RowKind>(rows[1]);
     if (!node) continue;

@@ -103,8 +103,11 @@ rt::Task<void> NodeIdAssigner::ask_all() {
   co_await asked.join();
 }
 
-rt::Task<Result<LssAddress>> NodeIdAssigner::identity_of(NodeId node) {
-  return places::read_identity(bus_.services().sdo, node, bus_.patience());
+rt::Task<Result<Identity>> NodeIdAssigner::identity_of(NodeId node) {
+  auto who = co_await places::read_identity(bus_.services().sdo, node, bus_.patience());
+  // A network list knows its devices by their addresses: what one does not say is 0 there (1F85h to 1F88h).
+  if (who) who = Identity(who->address);
+  co_return who;
 }
 
 rt::Task<void> NodeIdAssigner::guard(ListSlot& slot) {
@@ -139,7 +142,7 @@ rt::Task<void> NodeIdAssigner::ask(ListSlot& slot) {
     // Before it is taken for the slot's: what was answered may be another's word.
     const auto again = co_await places::identify(bus_.services().sdo, node, places::second_answer);
     if (again.by_two) doubled_.set(node.value());
-    if (again.who) slot.device = *again.who;
+    if (again.who) slot.device = Identity(again.who->address);
     co_return;
   }
   doubled_.reset(node.value());  // one of them is gone
@@ -191,11 +194,11 @@ rt::Task<void> NodeIdAssigner::look_for_formers() {
     if (due[node]) former_asked_[node] = bus_.executor().now();
   }
   for (const auto& each : formers) {
-    const LssAddress device = each.device;
+    const Identity device = each.device;
     const bool asks = each.id.configured() && due[each.id.value()] && bus_.find(device) == nullptr;
     if (!asks) continue;
     const bool whole = false;
-    const auto id = co_await inquiry.active_id_once(device, whole);
+    const auto id = co_await inquiry.active_id_once(device.address, whole);
     const bool clone = !id && id.error().code == Errc::duplicate;
     if (id || clone) bus_.note({device, id ? *id : NodeId(), clone});
   }
@@ -285,7 +288,7 @@ rt::Task<void> NodeIdAssigner::recall(places::Found device) {
 // ---- what is told ---------------------------------------------------------------------------------------------------
 
 // Two devices answer to its LSS address, wherever they are.
-bool NodeIdAssigner::is_clone(const std::optional<LssAddress>& device) {
+bool NodeIdAssigner::is_clone(const std::optional<Identity>& device) {
   const auto* const found = device ? bus_.find(*device) : nullptr;
   return found != nullptr && found->clone;
 }
@@ -295,7 +298,7 @@ void NodeIdAssigner::tell() {
   for (const auto& slot : bus_.slots) {
     const auto& record = slot.slot.record;
     NodeIdTrouble trouble = slot.trouble;
-    std::optional<LssAddress> about = record.device();
+    std::optional<Identity> about = record.device();
     const bool strange = slot.there && slot.typed && slot.device && record.device() != slot.device;
     // One that left in this run is asked about in the next one.
     if (doubled_[slot.id().value()] && !bus_.given_up[slot.id().value()]) {
@@ -309,9 +312,9 @@ void NodeIdAssigner::tell() {
       trouble = record.intended ? NodeIdTrouble::kept : record.confirmed ? NodeIdTrouble::lost : NodeIdTrouble::nobody;
     }
     const bool tells_who = trouble != NodeIdTrouble::none && about.has_value();
-    report_.tell(slot.id(), trouble, tells_who ? about->serial : 0);
+    report_.tell(slot.id(), trouble, tells_who ? about->address.serial : 0);
   }
-  std::vector<LssAddress> surplus;
+  std::vector<Identity> surplus;
   for (const auto& f : seating_.without_place()) surplus.push_back(f.device);
   report_.tell_surplus(surplus);
 }

@@ -55,7 +55,7 @@ class NodeIdAssigner final : public NodeIdSource {
   rt::Task<void> ask_all();
   rt::Task<void> ask(ListSlot& slot);
   rt::Task<void> ask_stranger(NodeId node);
-  rt::Task<Result<LssAddress>> identity_of(NodeId node);
+  rt::Task<Result<Identity>> identity_of(NodeId node);
   rt::Task<void> guard(ListSlot& slot);
   rt::Task<void> boot_who_stayed(NodeId node);
   rt::Task<void> look_for_formers();
@@ -68,7 +68,7 @@ class NodeIdAssigner final : public NodeIdSource {
   [[nodiscard]] bool tells_apart();
   [[nodiscard]] bool booted_since_asked(NodeId node) const noexcept;
   void note_doubles();
-  [[nodiscard]] bool is_clone(const std::optional<LssAddress>& device);
+  [[nodiscard]] bool is_clone(const std::optional<Identity>& device);
   void tell();
   bool forget(NodeId node);
 

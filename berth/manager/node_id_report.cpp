@@ -24,9 +24,9 @@ void NodeIdReport::tell(NodeId node, NodeIdTrouble trouble, std::uint32_t serial
   mask = plain ? mask & ~bit : mask | bit;
 }
 
-void NodeIdReport::tell_surplus(std::span<const LssAddress> devices) noexcept {
+void NodeIdReport::tell_surplus(std::span<const Identity> devices) noexcept {
   const auto count = static_cast<std::uint8_t>(std::min<std::size_t>(devices.size(), 0xFF));
-  told_[surplus] = devices.empty() ? 0 : row(count, devices.front().serial);
+  told_[surplus] = devices.empty() ? 0 : row(count, devices.front().address.serial);
 }
 
 od::AbortCode NodeIdReport::reading(const od::Values&, ObjectRef ref, std::span<const std::uint8_t>& value) noexcept {

@@ -32,7 +32,7 @@ class NodeIdReport final : private od::Hook {
 
   void begin() noexcept { told_ = {}; }
   void tell(NodeId node, NodeIdTrouble trouble, std::uint32_t serial) noexcept;
-  void tell_surplus(std::span<const LssAddress> devices) noexcept;
+  void tell_surplus(std::span<const Identity> devices) noexcept;
   [[nodiscard]] std::uint64_t told(std::uint8_t sub) const noexcept { return sub < told_.size() ? told_[sub] : 0; }
 
  private:

@@ -23,12 +23,12 @@ NodeIdSearch::NodeIdSearch(ListBus& bus)
 discovery::Known NodeIdSearch::known(bool all_types) {
   discovery::Known known;
   for (const auto& slot : bus_.slots) {
-    if (slot.device) known.registered.push_back(*slot.device);
+    if (slot.device) known.registered.push_back(slot.device->address);
     const discovery::Kind kind{slot.slot.spec.type, std::nullopt};
     const bool named = std::ranges::find(known.kinds, kind) != known.kinds.end();
     if ((slot.missing() || (all_types && slot.typed)) && !named) known.kinds.push_back(kind);
   }
-  for (const auto& f : bus_.found) known.registered.push_back(f.device);
+  for (const auto& f : bus_.found) known.registered.push_back(f.device.address);
   return known;
 }
 
@@ -44,10 +44,10 @@ rt::Task<Result<void>> NodeIdSearch::by_rand() {
   if (!report) co_return fail(report.error());
   places::Inquiry inquiry(bus_.binder_services());
   for (std::size_t i = 0; i < report->found.size(); ++i) {
-    const LssAddress device = report->found[i].address;
+    const Identity device = report->found[i].address;
     by_rand_.push_back(device);
     const bool whole = report->found[i].possible_clone;
-    const auto id = co_await inquiry.active_id(device, whole, ListBus::pause);
+    const auto id = co_await inquiry.active_id(device.address, whole, ListBus::pause);
     const bool clone = !id && id.error().code == Errc::duplicate;
     if (!id && id.error().code == Errc::bus) co_return fail(id.error());
     if (id || clone) bus_.note({device, id ? *id : NodeId(), clone});
@@ -85,10 +85,10 @@ rt::Task<Result<bool>> NodeIdSearch::anybody() {
 
 rt::Task<Result<void>> NodeIdSearch::release_found() {
   for (std::size_t i = 0; i < by_rand_.size(); ++i) {
-    const LssAddress device = by_rand_[i];
+    const Identity device = by_rand_[i];
     const ListSlot* const seat = bus_.of(device);
     if (seat != nullptr && seat->there) continue;
-    const auto told = co_await rand_.switch_selective(device, nodeid::Identification::unknown);
+    const auto told = co_await rand_.switch_selective(device.address, nodeid::Identification::unknown);
     if (!told) co_return fail(told.error());
   }
   by_rand_.clear();

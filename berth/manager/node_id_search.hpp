@@ -39,7 +39,7 @@ class NodeIdSearch final : private discovery::Assigner {
   nodeid::RandMaster rand_;
   std::unique_ptr<discovery::Discovery> rand_planner_;
   discovery::Auto rest_;
-  std::vector<LssAddress> by_rand_;  // in this run
+  std::vector<Identity> by_rand_;  // in this run
 };
 
 }  // namespace berth::manager

@@ -33,9 +33,9 @@ rt::Task<void> NodeIdSeating::carry_out() {
 rt::Task<void> NodeIdSeating::free_lost() {
   places::Inquiry inquiry(bus_.binder_services());
   std::vector<NodeId> reserved;
-  const std::vector<LssAddress> devices = new_devices();
-  for (const LssAddress& each : devices) {
-    const LssAddress device = each;
+  const std::vector<Identity> devices = new_devices();
+  for (const Identity& each : devices) {
+    const Identity device = each;
     const auto open = std::ranges::find_if(bus_.slots, [&](const ListSlot& slot) {
       const bool reserves = std::ranges::find(reserved, slot.id()) != reserved.end();
       return slot.free() && !slot.there && !reserves && places::fits(slot.slot.spec, device);
@@ -46,8 +46,8 @@ rt::Task<void> NodeIdSeating::free_lost() {
     }
     ListSlot* const slot = lost_slot_for(device);
     if (slot == nullptr) continue;
-    const LssAddress away = slot->slot.record.confirmed->device;
-    const auto id = co_await inquiry.active_id(away, false, ListBus::pause);
+    const Identity away = slot->slot.record.confirmed->device;
+    const auto id = co_await inquiry.active_id(away.address, false, ListBus::pause);
     const bool clone = !id && id.error().code == Errc::duplicate;
     if (id || clone) bus_.note({away, id ? *id : NodeId(), clone});
     const bool silent = !id && id.error().code == Errc::timeout;
@@ -59,8 +59,8 @@ rt::Task<void> NodeIdSeating::free_lost() {
 }
 
 // Found, and neither seated nor about to lose a node-ID of before; the lowest serial number first.
-std::vector<LssAddress> NodeIdSeating::new_devices() const {
-  std::vector<LssAddress> devices;
+std::vector<Identity> NodeIdSeating::new_devices() const {
+  std::vector<Identity> devices;
   for (const auto& f : bus_.found) {
     const bool refuses = std::ranges::find(bus_.refusing, f.device) != bus_.refusing.end();
     if (!f.clone && !refuses && bus_.of(f.device) == nullptr) devices.push_back(f.device);
@@ -70,7 +70,7 @@ std::vector<LssAddress> NodeIdSeating::new_devices() const {
 }
 
 // The one under whose node-ID the new device was found comes first.
-ListSlot* NodeIdSeating::lost_slot_for(const LssAddress& device) {
+ListSlot* NodeIdSeating::lost_slot_for(const Identity& device) {
   const auto* const f = bus_.find(device);
   ListSlot* lowest = nullptr;
   for (auto& slot : bus_.slots) {
@@ -100,7 +100,7 @@ rt::Task<bool> NodeIdSeating::act_on(const ListBus::Planned& planned) {
   for (const auto& action : planned.plan.actions) {
     const bool blanks = action.kind == Action::Kind::blank && !was_tried(action.device);
     if (!blanks) continue;
-    const LssAddress device = action.device;
+    const Identity device = action.device;
     const std::string reason = action.reason;
     const bool good = co_await blank(device, reason);
     changed = changed || good;
@@ -150,7 +150,7 @@ rt::Task<void> NodeIdSeating::ask_one(NodeId id) {
 }
 
 // It is where it belongs: there is nothing to tell it.
-bool NodeIdSeating::adopt(ListSlot& slot, const LssAddress& device) {
+bool NodeIdSeating::adopt(ListSlot& slot, const Identity& device) {
   const places::Assignment seat{device, slot.id()};
   const auto number = slot.slot.record.slot;
   const auto asked = bus_.store().ask(number, seat, "it came with the slot's node-ID");
@@ -163,13 +163,15 @@ bool NodeIdSeating::adopt(ListSlot& slot, const LssAddress& device) {
   return true;
 }
 
-rt::Task<void> NodeIdSeating::bind(ListSlot& slot, LssAddress device, bool& changed) {
+rt::Task<void> NodeIdSeating::bind(ListSlot& slot, Identity device, bool& changed) {
   const bool resumed = slot.slot.record.intended.has_value();
   const bool fresh = !slot.slot.record.device();
   const places::Binder::Options defaults = bus_.binder_options();
   Binding binding(Binding::Kind::bind, {device, slot.id()}, defaults.tries, resumed);
   places::Binder::Options options = defaults;
   options.parts = bus_.parts_to_ask(device);
+  const auto* const found = bus_.find(device);
+  if (found != nullptr) options.uses = found->active;
   places::Binder binder(bus_.binder_services(), options);
   const places::SlotId number = slot.slot.record.slot;
   const std::string reason = "the network list has a place for it";
@@ -180,7 +182,7 @@ rt::Task<void> NodeIdSeating::bind(ListSlot& slot, LssAddress device, bool& chan
 
 void NodeIdSeating::ended(ListSlot& slot, const Binding& binding, bool fresh) {
   using places::Why;
-  const LssAddress device = binding.assignment().device;
+  const Identity device = binding.assignment().device;
   bus_.refresh(slot);
   if (binding.step() == places::Step::done) {
     slot.there = true;
@@ -223,7 +225,7 @@ void NodeIdSeating::ended(ListSlot& slot, const Binding& binding, bool fresh) {
   bus_.refresh(slot);
 }
 
-rt::Task<bool> NodeIdSeating::blank(LssAddress device, std::string reason) {
+rt::Task<bool> NodeIdSeating::blank(Identity device, std::string reason) {
   const auto known = bus_.formers();
   const bool resumed = std::ranges::find(known, device, &places::UnfinishedBlank::device) != known.end();
   if (rests(device)) co_return false;
@@ -260,7 +262,7 @@ rt::Task<bool> NodeIdSeating::blank(LssAddress device, std::string reason) {
 }
 
 // It has stored its node-ID, and uses another still: to tell it again would wear its memory out.
-bool NodeIdSeating::rests(const LssAddress& device) {
+bool NodeIdSeating::rests(const Identity& device) {
   const auto it = std::ranges::find(resting_, device, &Resting::device);
   if (it == resting_.end()) return false;
   const auto* const f = bus_.find(device);
@@ -270,7 +272,7 @@ bool NodeIdSeating::rests(const LssAddress& device) {
   return !over;
 }
 
-bool NodeIdSeating::was_tried(const LssAddress& device) const {
+bool NodeIdSeating::was_tried(const Identity& device) const {
   return std::ranges::find(tried_, device) != tried_.end();
 }
 

@@ -32,29 +32,29 @@ class NodeIdSeating {
 
  private:
   struct Resting {
-    LssAddress device;
+    Identity device;
     NodeId old;
     rt::Time since{};
   };
   rt::Task<void> free_lost();
-  [[nodiscard]] ListSlot* lost_slot_for(const LssAddress& device);
+  [[nodiscard]] ListSlot* lost_slot_for(const Identity& device);
   [[nodiscard]] bool is_lost(const ListSlot& slot) const;
-  [[nodiscard]] std::vector<LssAddress> new_devices() const;
+  [[nodiscard]] std::vector<Identity> new_devices() const;
   rt::Task<bool> act_on(const ListBus::Planned& planned);
   rt::Task<void> ask_vacancy(const ListBus::Planned& planned);
   rt::Task<void> ask_one(NodeId id);
-  rt::Task<void> bind(ListSlot& slot, LssAddress device, bool& changed);
-  rt::Task<bool> blank(LssAddress device, std::string reason);
-  bool adopt(ListSlot& slot, const LssAddress& device);
+  rt::Task<void> bind(ListSlot& slot, Identity device, bool& changed);
+  rt::Task<bool> blank(Identity device, std::string reason);
+  bool adopt(ListSlot& slot, const Identity& device);
   void ended(ListSlot& slot, const places::Binding& binding, bool fresh);
-  [[nodiscard]] bool rests(const LssAddress& device);
-  [[nodiscard]] bool was_tried(const LssAddress& device) const;
+  [[nodiscard]] bool rests(const Identity& device);
+  [[nodiscard]] bool was_tried(const Identity& device) const;
   void take_stock(const ListBus::Planned& planned);
 
   ListBus& bus_;
   std::array<rt::Time, 128> seen_at_{};
-  std::vector<Resting> resting_;   // use an old node-ID until their power cycle
-  std::vector<LssAddress> tried_;  // in vain, in this run
+  std::vector<Resting> resting_;  // use an old node-ID until their power cycle
+  std::vector<Identity> tried_;   // in vain, in this run
   std::vector<places::Found> without_place_;
 };
 

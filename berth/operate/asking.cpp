@@ -40,40 +40,60 @@ rt::Task<bool> Asking::answers_at(NodeId id) {
 
 rt::Task<void> Asking::vacancy(NodeId id) { co_await answers_at(id); }
 
-rt::Task<Result<NodeId>> Asking::active_id(LssAddress device) {
-  places::Inquiry inquiry(binder_services());
-  co_return co_await inquiry.active_id(device, may_be_doubled(device), s_.bus.timing.rand_response);
+bool has_equals(const SlotTable& slots, const FoundDevices& found, const Identity& device, std::optional<NodeId> own) {
+  if (device.has_serial()) return false;
+  const auto equal = [&](const Identity& other) {
+    return other.address == device.address && other.at != device.at && other.at != own;
+  };
+  return std::ranges::any_of(found.all(), [&](const places::Found& f) { return equal(f.device); }) ||
+         std::ranges::any_of(slots.seats(), [&](const auto& seat) {
+           const auto sits = seat->slot.record.device();
+           return sits && seat->is_accounted_for() && equal(*sits);
+         });
 }
 
-rt::Task<Result<NodeId>> Asking::active_id_once(LssAddress device) {
+bool has_no_address(const SlotTable& slots, const FoundDevices& found, const Identity& device) {
+  const Identity one = found.one_for(device);
+  return one.unknown != 0 || (one.at.configured() && has_equals(slots, found, one, device.at));
+}
+
+rt::Task<Result<NodeId>> Asking::active_id(Identity device) {
+  if (has_equals(device)) co_return fail(Errc::timeout, "several devices have its LSS address");
   places::Inquiry inquiry(binder_services());
-  co_return co_await inquiry.active_id_once(device, may_be_doubled(device));
+  co_return co_await inquiry.active_id(device.address, may_be_doubled(device), s_.bus.timing.rand_response);
+}
+
+rt::Task<Result<NodeId>> Asking::active_id_once(Identity device) {
+  if (has_equals(device)) co_return fail(Errc::timeout, "several devices have its LSS address");
+  places::Inquiry inquiry(binder_services());
+  co_return co_await inquiry.active_id_once(device.address, may_be_doubled(device));
 }
 
 // The device of a slot that is there and answers RAND all the same may be another one with its address.
-bool Asking::may_be_doubled(const LssAddress& device) const {
+bool Asking::may_be_doubled(const Identity& device) const {
   const Seat* const seat = slots_.of(device);
   return seat != nullptr && seat->there();
 }
 
 // Every address that was seen on this bus, or sits in it: one that may be in LSS configuration unheard is among them.
-lss::PartMask Asking::parts_to_ask(const LssAddress& device) const {
+lss::PartMask Asking::parts_to_ask(const Identity& device) const {
   std::vector<LssAddress> others = found_.addresses();
   for (const auto& seat : slots_.seats()) {
-    if (const auto sits = seat->slot.record.device()) others.push_back(*sits);
+    if (const auto sits = seat->slot.record.device()) others.push_back(sits->address);
   }
-  return lss::parts_to_ask(device, others);
+  return lss::parts_to_ask(device.address, others);
 }
 
-rt::Task<Result<void>> Asking::select_alone(LssAddress device) {
+rt::Task<Result<void>> Asking::select_alone(Identity device) {
+  if (has_equals(device)) co_return fail(Errc::timeout, "several devices have its LSS address");
   const lss::AloneOptions options{.parts = parts_to_ask(device)};
-  auto selected = co_await lss::select_alone(s_.lss, device, options);
+  auto selected = co_await lss::select_alone(s_.lss, device.address, options);
   const bool unheard = selected && *selected == lss::Selection::absent;
   if (unheard) {
     // Again with pauses: a single-slot receive buffer loses frames that come back to back.
     const lss::MasterOptions before = s_.lss.options();
     s_.lss.set_options(with_pauses());
-    selected = co_await lss::select_alone(s_.lss, device, options);
+    selected = co_await lss::select_alone(s_.lss, device.address, options);
     s_.lss.set_options(before);
   }
   if (!selected) co_return fail(selected.error());

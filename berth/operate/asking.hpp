@@ -10,6 +10,14 @@
 
 namespace berth::operate {
 
+/// It has no serial number, and another that sits and is there, or was found, has its LSS address, too: what is said to
+/// that address all of them do. `own`: a node-ID under which it is no other.
+[[nodiscard]] bool has_equals(const SlotTable& slots, const FoundDevices& found, const Identity& device,
+                              std::optional<NodeId> own = {});
+
+/// Its LSS address is not known, or is said to others as well: its node-ID is not for LSS to give.
+[[nodiscard]] bool has_no_address(const SlotTable& slots, const FoundDevices& found, const Identity& device);
+
 class Asking {
  public:
   Asking(BusServices& services, SlotTable& slots, FoundDevices& found) noexcept
@@ -28,23 +36,28 @@ class Asking {
   /// The same, for a scope.
   rt::Task<void> vacancy(NodeId id);
 
+  /// Of the slots and the devices found here.
+  [[nodiscard]] bool has_equals(const Identity& device, std::optional<NodeId> own = {}) const {
+    return operate::has_equals(slots_, found_, device, own);
+  }
   /// The node-ID that the device with this address uses now, by LSS; every other device in waiting meanwhile. Errors:
-  /// `timeout` no device has this address; `duplicate` two have; those of the bus. The turn must be held.
-  rt::Task<Result<NodeId>> active_id(LssAddress device);
+  /// `timeout` no device has this address, or it has equals; `duplicate` two have; those of the bus. The turn must be
+  /// held.
+  rt::Task<Result<NodeId>> active_id(Identity device);
   /// Once, without pauses.
-  rt::Task<Result<NodeId>> active_id_once(LssAddress device);
+  rt::Task<Result<NodeId>> active_id_once(Identity device);
   /// What proves that the selected device is alone: every address that was seen here may be in LSS configuration.
-  [[nodiscard]] lss::PartMask parts_to_ask(const LssAddress& device) const;
+  [[nodiscard]] lss::PartMask parts_to_ask(const Identity& device) const;
   /// Puts the device into LSS configuration state, where no other is. Errors: `timeout` absent; `mismatch` not alone;
   /// `duplicate` two devices have its address. The turn must be held.
-  rt::Task<Result<void>> select_alone(LssAddress device);
+  rt::Task<Result<void>> select_alone(Identity device);
 
   /// For `places::Binder`, and for `places::RecipeBinder`.
   [[nodiscard]] places::Binder::Services binder_services() const noexcept;
   [[nodiscard]] places::Binder::Options binder_options() const;
 
  private:
-  [[nodiscard]] bool may_be_doubled(const LssAddress& device) const;
+  [[nodiscard]] bool may_be_doubled(const Identity& device) const;
   BusServices& s_;
   SlotTable& slots_;
   FoundDevices& found_;

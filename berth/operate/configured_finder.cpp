@@ -99,9 +99,9 @@ rt::Task<bool> ConfiguredFinder::find(bool all) {
 rt::Task<bool> ConfiguredFinder::ask_borrowers() {
   bool news = false;
   if (!agenda_.retries) co_return news;
-  const std::vector<LssAddress> borrowers = loans_.borrowers();
-  for (const LssAddress& borrower : borrowers) {
-    const LssAddress device = borrower;
+  const std::vector<Identity> borrowers = loans_.borrowers();
+  for (const Identity& borrower : borrowers) {
+    const Identity device = borrower;
     const bool known = found_.of(device) != nullptr || slots_.of(device) != nullptr;
     if (known) continue;
     const auto id = co_await asking_.active_id_once(device);
@@ -199,9 +199,9 @@ rt::Task<void> ConfiguredFinder::knock(NodeId id) {
 
 // When another comes under the node-ID between the questions, the parts may be those of two devices; when it stays, its
 // answers come a little behind.
-rt::Task<Result<LssAddress>> ConfiguredFinder::identity_of_one(NodeId id, std::uint64_t boot_ups) {
+rt::Task<Result<Identity>> ConfiguredFinder::identity_of_one(NodeId id, std::uint64_t boot_ups) {
   constexpr int most_readings = 3;
-  Result<LssAddress> who;
+  Result<Identity> who;
   bool came = false;
   for (int reading = 0; reading < most_readings; ++reading) {
     who = co_await places::read_identity(s_.sdo, id);
@@ -237,8 +237,8 @@ rt::Task<void> ConfiguredFinder::identity_at(NodeId id, std::vector<places::Foun
     co_return;
   }
   places::Found found;
-  found.device = *who;
   found.active = id;
+  found.device = found_.known_as({*who, id});
   found.seen = s_.executor.now();
   into.push_back(found);
 }

@@ -41,7 +41,7 @@ class ConfiguredFinder {
   rt::Task<bool> ask_borrowers();
   rt::Task<void> ask_everywhere();
   rt::Task<void> knock(NodeId id);
-  rt::Task<Result<LssAddress>> identity_of_one(NodeId id, std::uint64_t boot_ups);
+  rt::Task<Result<Identity>> identity_of_one(NodeId id, std::uint64_t boot_ups);
   rt::Task<void> identity_at(NodeId id, std::vector<places::Found>& into);
   rt::Task<std::vector<places::Found>> identities(std::vector<NodeId> ids);
   rt::Task<bool> tell_duplicates_apart();

@@ -339,7 +339,7 @@ rt::Task<bool> Configuring::reset_and_wait(Seat& seat, rt::Time& identified) {
   }
   identified = s_.executor.now();
   const auto who = co_await places::read_identity(s_.sdo, id);
-  const bool same = who && seat.slot.record.confirmed && *who == seat.slot.record.confirmed->device;
+  const bool same = who && seat.sits(*who);
   if (same || (who && !seat.slot.record.confirmed)) co_return true;
   slots_.happened(seat, SlotEvent::boot_failed,
                   who ? fmt::format("device {} answers after it was reset", to_string(*who))
@@ -372,7 +372,7 @@ rt::Task<std::string> Configuring::belongs_elsewhere(Seat& seat) {
   const auto who = co_await places::read_identity(s_.sdo, id);
   if (!who) co_return "its identity cannot be read: " + describe(who.error());
   const auto& confirmed = seat.slot.record.confirmed;
-  const bool right = confirmed ? confirmed->device == *who : places::fits(seat.slot.spec, *who);
+  const bool right = confirmed ? seat.sits(*who) : places::fits(seat.slot.spec, *who);
   if (right) co_return std::string();
   co_return fmt::format("device {} answers at node-ID {}, which does not belong there", to_string(*who), id.value());
 }

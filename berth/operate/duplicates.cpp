@@ -84,8 +84,8 @@ rt::Task<void> Duplicates::hear_parts(NodeId id) {
   }
 }
 
-std::vector<LssAddress> Duplicates::addresses_of(const Shared& shared) {
-  std::vector<LssAddress> all;
+std::vector<Identity> Duplicates::addresses_of(const Shared& shared) {
+  std::vector<Identity> all;
   for (const auto vendor : shared.parts[0]) {
     for (const auto product : shared.parts[1]) {
       for (const auto revision : shared.parts[2]) {
@@ -99,9 +99,9 @@ std::vector<LssAddress> Duplicates::addresses_of(const Shared& shared) {
 }
 
 // Those of the addresses at which a device uses this node-ID. `slowly`: with pauses between the frames.
-rt::Task<void> Duplicates::ask_addresses(NodeId id, std::vector<LssAddress> addresses, bool slowly) {
-  for (const LssAddress& address : addresses) {
-    const LssAddress device = address;
+rt::Task<void> Duplicates::ask_addresses(NodeId id, std::vector<Identity> addresses, bool slowly) {
+  for (const Identity& address : addresses) {
+    const Identity device = address;
     Result<NodeId> active = NodeId();
     if (slowly) {
       active = co_await asking_.active_id(device);
@@ -122,19 +122,19 @@ rt::Task<bool> Duplicates::tell_one_apart(NodeId id) {
   shared_ = Shared{.id = id};
   co_await hear_parts(id);
   if (shared_->answered_twice) tell(id);
-  std::vector<LssAddress> addresses = addresses_of(*shared_);
+  std::vector<Identity> addresses = addresses_of(*shared_);
   shared_.reset();
   const Seat* const seat = slots_.at(id);
   const bool sits = seat != nullptr && seat->slot.record.confirmed;
   if (sits) std::erase(addresses, seat->slot.record.confirmed->device);
-  const auto found = [&](const LssAddress& device) {
+  const auto found = [&](const Identity& device) {
     return std::ranges::any_of(found_.all(),
                                [&](const places::Found& f) { return f.device == device && f.active == id; });
   };
   const std::ptrdiff_t enough = sits ? 1 : 2;
   for (const bool slowly : {false, true}) {
-    std::vector<LssAddress> left;
-    std::ranges::copy_if(addresses, std::back_inserter(left), [&](const LssAddress& a) { return !found(a); });
+    std::vector<Identity> left;
+    std::ranges::copy_if(addresses, std::back_inserter(left), [&](const Identity& a) { return !found(a); });
     if (std::ssize(addresses) - std::ssize(left) >= enough) break;
     co_await ask_addresses(id, left, slowly);
   }

@@ -38,8 +38,8 @@ class Duplicates final : public co::SdoClient::Observer {
   void note_shared(const can::Frame& frame, rt::Time at);
   void tell(NodeId node);
   rt::Task<void> hear_parts(NodeId id);
-  [[nodiscard]] static std::vector<LssAddress> addresses_of(const Shared& shared);
-  rt::Task<void> ask_addresses(NodeId id, std::vector<LssAddress> addresses, bool slowly);
+  [[nodiscard]] static std::vector<Identity> addresses_of(const Shared& shared);
+  rt::Task<void> ask_addresses(NodeId id, std::vector<Identity> addresses, bool slowly);
   rt::Task<bool> tell_one_apart(NodeId id);
 
   BusServices& s_;

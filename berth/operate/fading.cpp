@@ -4,7 +4,7 @@
 
 namespace berth::operate {
 
-NodeId Fading::forget(const LssAddress& device) {
+NodeId Fading::forget(const Identity& device) {
   const auto it = devices_.find(device);
   if (it == devices_.end()) return {};
   const NodeId used = it->second.uses;
@@ -12,7 +12,7 @@ NodeId Fading::forget(const LssAddress& device) {
   return used;
 }
 
-bool Fading::rests(const LssAddress& device, NodeId active, bool& told_one) noexcept {
+bool Fading::rests(const Identity& device, NodeId active, bool& told_one) noexcept {
   const auto it = devices_.find(device);
   const bool still = it != devices_.end() && it->second.uses == active;
   return still && !tells_again(it->second.looked_at, told_one);
@@ -26,26 +26,26 @@ bool Fading::tells_again(unsigned& looks, bool& told_one) noexcept {
   return tells;
 }
 
-bool Fading::uses(const LssAddress& device, NodeId id) const noexcept {
+bool Fading::uses(const Identity& device, NodeId id) const noexcept {
   const auto it = devices_.find(device);
   return it != devices_.end() && it->second.uses == id;
 }
 
-const LssAddress* Fading::user_of(NodeId id) const noexcept {
+const Identity* Fading::user_of(NodeId id) const noexcept {
   for (const auto& [device, each] : devices_) {
     if (each.uses == id) return &device;
   }
   return nullptr;
 }
 
-const LssAddress* Fading::waits_for(const places::SlotSpec& slot) const noexcept {
+const Identity* Fading::waits_for(const places::SlotSpec& slot) const noexcept {
   for (const auto& [device, each] : devices_) {
     if (places::fits(slot, device)) return &device;
   }
   return nullptr;
 }
 
-std::string Fading::reason(const LssAddress& device) {
+std::string Fading::reason(const Identity& device) {
   return fmt::format("{} uses its node-ID, too, until it is switched off and on: switch that one off and on",
                      to_string(device));
 }

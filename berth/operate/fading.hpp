@@ -13,23 +13,23 @@ namespace berth::operate {
 class Fading {
  public:
   /// The device confirmed that its memory has no node-ID; it uses this one.
-  void note(const LssAddress& device, NodeId uses) { devices_[device] = {uses}; }
+  void note(const Identity& device, NodeId uses) { devices_[device] = {uses}; }
   /// It was switched off and on, or left. What it used; unconfigured: it was not noted.
-  NodeId forget(const LssAddress& device);
+  NodeId forget(const Identity& device);
   /// It is told to give its node-ID up again now and then only (`tells_again`). `active`: what it uses now.
-  [[nodiscard]] bool rests(const LssAddress& device, NodeId active, bool& told_one) noexcept;
-  [[nodiscard]] bool uses(const LssAddress& device, NodeId id) const noexcept;
-  [[nodiscard]] bool contains(const LssAddress& device) const noexcept { return devices_.contains(device); }
+  [[nodiscard]] bool rests(const Identity& device, NodeId active, bool& told_one) noexcept;
+  [[nodiscard]] bool uses(const Identity& device, NodeId id) const noexcept;
+  [[nodiscard]] bool contains(const Identity& device) const noexcept { return devices_.contains(device); }
   /// Null: none of them uses this node-ID.
-  [[nodiscard]] const LssAddress* user_of(NodeId id) const noexcept;
+  [[nodiscard]] const Identity* user_of(NodeId id) const noexcept;
   /// Is a device that waits for its power cycle told again at this look at it? Seldom, and more seldom the longer it
   /// waits, for its memory's sake; and one device in a round, as the others of the bus wait for that. `looks`: so far;
   /// `told_one`: in this round.
   [[nodiscard]] static bool tells_again(unsigned& looks, bool& told_one) noexcept;
   /// One that may sit in this slot when it was switched off and on. Null: none.
-  [[nodiscard]] const LssAddress* waits_for(const places::SlotSpec& slot) const noexcept;
+  [[nodiscard]] const Identity* waits_for(const places::SlotSpec& slot) const noexcept;
   /// Why a slot waits for this device: for people.
-  [[nodiscard]] static std::string reason(const LssAddress& device);
+  [[nodiscard]] static std::string reason(const Identity& device);
 
  private:
   static bool is_time(unsigned look) noexcept { return look >= 8 && (look & (look - 1)) == 0; }
@@ -37,7 +37,7 @@ class Fading {
     NodeId uses;
     unsigned looked_at = 0;
   };
-  std::map<LssAddress, Device> devices_;
+  std::map<Identity, Device> devices_;
 };
 
 }  // namespace berth::operate

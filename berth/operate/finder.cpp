@@ -72,8 +72,8 @@ rt::Task<void> Finder::forget_and_ask_anew() {
 // A search need not find again what an earlier one, SDO or a blanking found: the device may speak no RAND, and a
 // published Fastscan finds one of several. Each is asked for once, by its LSS address.
 rt::Task<void> Finder::ask_for_the_forgotten() {
-  const std::vector<LssAddress> devices = std::exchange(forgotten_, {});
-  for (const LssAddress& device : devices) {
+  const std::vector<Identity> devices = std::exchange(forgotten_, {});
+  for (const Identity& device : devices) {
     const bool known = found_.of(device) != nullptr || slots_.of(device) != nullptr;
     if (known) continue;
     const auto active = co_await asking_.active_id(device);
@@ -129,7 +129,7 @@ rt::Task<void> Finder::tell_which_are_known() {
   for (auto& seat : slots_.seats()) {
     const bool known = seat->there() && seat->slot.record.confirmed;
     if (!known) continue;
-    const LssAddress device = seat->slot.record.confirmed->device;
+    const LssAddress device = seat->slot.record.confirmed->device.address;
     const rt::Duration pause = s_.lss.options().inhibit;
     const auto told = co_await s_.rand.switch_selective(device, nodeid::Identification::identified, pause);
     if (!told) co_return;

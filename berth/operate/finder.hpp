@@ -58,7 +58,7 @@ class Finder {
   bool by_fastscan_ = false;  // it was to that
   bool open_anew_ = false;    // the search by RAND that was broken off asks all devices anew
   unsigned looks_ = 0;
-  std::vector<LssAddress> forgotten_;  // without a node-ID, since all are asked anew: no search need find them again
+  std::vector<Identity> forgotten_;  // without a node-ID, since all are asked anew: no search need find them again
 };
 
 }  // namespace berth::operate

@@ -21,7 +21,7 @@ bool Lending::spoken_for(NodeId id) const noexcept {
   return held || loans_.lent(id) || told_[id.value()];
 }
 
-bool Lending::free_for_a_loan(const Seat& seat, const LssAddress& device) const noexcept {
+bool Lending::free_for_a_loan(const Seat& seat, const Identity& device) const noexcept {
   const NodeId id = seat.id();
   const auto& vacant = s_.vacancy[id.value()];
   return !seat.there() && !seat.slot.record.device() && seat.slot.spec.assign == places::Assign::lss &&
@@ -31,7 +31,7 @@ bool Lending::free_for_a_loan(const Seat& seat, const LssAddress& device) const 
 // The lowest free slot's that it fits: searches find the devices of a type in ascending order, and with `ascending`
 // that is where it stays. Else, and to one of two with its address, which of them cannot be asked back, one that no
 // slot has.
-NodeId Lending::id_to_lend(const LssAddress& device) const noexcept {
+NodeId Lending::id_to_lend(const Identity& device) const noexcept {
   NodeId lowest;
   const bool clone = found_.is_clone(device);
   for (const auto& seat : slots_.seats()) {
@@ -45,7 +45,8 @@ NodeId Lending::id_to_lend(const LssAddress& device) const noexcept {
   return {};
 }
 
-rt::Task<Result<NodeId>> Lending::lend_to(LssAddress device) {
+rt::Task<Result<NodeId>> Lending::lend_to(Identity device) {
+  if (asking_.has_equals(device)) co_return fail(Errc::unsupported, "several devices have its LSS address");
   const NodeId id = id_to_lend(device);
   if (!id.configured()) co_return fail(Errc::exhausted, "no node-ID is left that could be lent to it");
   const rt::Time began = s_.executor.now();
@@ -56,7 +57,7 @@ rt::Task<Result<NodeId>> Lending::lend_to(LssAddress device) {
   if (!written) co_return fail(Errc::io, "the slot table cannot be written");
   const lss::AloneOptions how{.vacancy = this};
   const bool store = false;
-  const auto given = co_await lss::configure_alone(s_.lss, device, id, store, how);
+  const auto given = co_await lss::configure_alone(s_.lss, device.address, id, store, how);
   if (!given) co_return fail(given.error());
   if (given->outcome != lss::Given::Outcome::taken) co_return fail(Errc::timeout, "it did not take what it was lent");
   const rt::Time deadline = began + s_.bus.timing.boot_timeout;
@@ -79,7 +80,9 @@ rt::Task<void> Lending::prepare() {
   co_await asked.join();
 }
 
-NodeId Lending::assign(const LssAddress& device) noexcept {
+NodeId Lending::assign(const LssAddress& address) noexcept {
+  const Identity device(address);
+  if (asking_.has_equals(device)) return {};  // what is said to that address by LSS, all of them would do
   const bool by_rand = found_.of(device) != nullptr && !found_.without_rand(device);
   if (by_rand) return {};  // it waits for its place, and leaves no search by a loan
   const Seat* const seat = slots_.of(device);
@@ -100,14 +103,14 @@ bool Lending::still_vacant(NodeId id) const noexcept {
   return !vacant || s_.boots.silent_since(id, *vacant);
 }
 
-bool Lending::lend(const LssAddress& device, NodeId id) {
+bool Lending::lend(const Identity& device, NodeId id) {
   const auto written = loans_.lend(device, id);
   if (!written)
     slots_.events().tell_once(EventKind::error, "the slot table cannot be written: " + describe(written.error()));
   return written.has_value();
 }
 
-void Lending::end(const LssAddress& device) {
+void Lending::end(const Identity& device) {
   const auto* const loan = loans_.of(device);
   // Of clones the other one may have it pending.
   const bool stays = loan == nullptr || loan->clones;
@@ -185,18 +188,18 @@ rt::Task<void> Lending::end_or_keep(Loans::Loan loan) {
 
 // Two devices of its address may both be told to have none: one of them was lent it, and which cannot be asked. So both
 // must answer.
-rt::Task<bool> Lending::tell_both(LssAddress device) {
+rt::Task<bool> Lending::tell_both(Identity device) {
   const NodeId none;
   lss::ServiceOptions whole = s_.lss.options().service;
   whole.full_window = true;
-  const auto selected = co_await s_.lss.switch_selective(device, whole);
+  const auto selected = co_await s_.lss.switch_selective(device.address, whole);
   if (!selected) co_return false;
   const auto given = co_await s_.lss.configure_node_id(none, whole);
   const auto released = co_await s_.lss.switch_global(lss::State::waiting);
   co_return given && given->answers > 1 && released;
 }
 
-rt::Task<bool> Lending::tell_pending(LssAddress device, NodeId id) {
+rt::Task<bool> Lending::tell_pending(Identity device, NodeId id) {
   const auto selected = co_await asking_.select_alone(device);
   const bool clones = !selected && selected.error().code == Errc::duplicate;
   if (clones) loans_.doubled(device, true);
@@ -208,12 +211,12 @@ rt::Task<bool> Lending::tell_pending(LssAddress device, NodeId id) {
     co_return told;
   }
   const bool store = false;
-  const auto given = co_await lss::configure_alone(s_.lss, device, id, store);
+  const auto given = co_await lss::configure_alone(s_.lss, device.address, id, store);
   co_return given && given->outcome == lss::Given::Outcome::taken;
 }
 
 // False: it did not confirm that it gives the node-ID up.
-rt::Task<bool> Lending::take_back(LssAddress device, NodeId id) {
+rt::Task<bool> Lending::take_back(Identity device, NodeId id) {
   const NodeId none;
   const auto told = co_await tell_pending(device, none);
   if (!told) co_return false;

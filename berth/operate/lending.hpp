@@ -20,35 +20,35 @@ class Lending final : public discovery::Assigner {
   rt::Task<void> prepare();
   /// For a search: the node-ID that the only device in LSS configuration is lent, or its slot's own. It is seated, or
   /// blank again, before the round is over.
-  NodeId assign(const LssAddress& device) noexcept override;
+  NodeId assign(const LssAddress& address) noexcept override;
   [[nodiscard]] bool still_vacant(NodeId id) const noexcept override;
   /// A search was told that a device has this node-ID, or will have it when it boots.
   void told(NodeId id) noexcept { told_[id.value()] = true; }
   void forget_told() noexcept { told_ = {}; }
 
   /// Lends the device a node-ID and waits for its boot-up under it. The turn must be held.
-  rt::Task<Result<NodeId>> lend_to(LssAddress device);
+  rt::Task<Result<NodeId>> lend_to(Identity device);
   /// A slot's node-ID that was lent to another device than the plan gives it to.
   rt::Task<void> take_back_what_is_in_the_way(std::vector<places::Action> actions);
   /// All that was lent. A device that does not confirm keeps its loan, and is asked again in the next rounds; later,
   /// when the whole bus is asked anew.
   rt::Task<void> take_back_all();
   /// Only this device has the node-ID pending, and is in LSS waiting then. False: it did not confirm that.
-  rt::Task<bool> tell_pending(LssAddress device, NodeId id);
+  rt::Task<bool> tell_pending(Identity device, NodeId id);
   /// It has another node-ID than it was lent now, in use and pending.
-  void end(const LssAddress& device);
+  void end(const Identity& device);
 
  private:
   [[nodiscard]] bool may_be_lent(NodeId id) const noexcept;
   [[nodiscard]] bool spoken_for(NodeId id) const noexcept;
-  [[nodiscard]] bool free_for_a_loan(const Seat& seat, const LssAddress& device) const noexcept;
-  [[nodiscard]] NodeId id_to_lend(const LssAddress& device) const noexcept;
+  [[nodiscard]] bool free_for_a_loan(const Seat& seat, const Identity& device) const noexcept;
+  [[nodiscard]] NodeId id_to_lend(const Identity& device) const noexcept;
   [[nodiscard]] bool may_be_asked(const Loans::Loan& loan) const noexcept;
-  bool lend(const LssAddress& device, NodeId id);
-  rt::Task<bool> tell_both(LssAddress device);
+  bool lend(const Identity& device, NodeId id);
+  rt::Task<bool> tell_both(Identity device);
   rt::Task<void> end_or_keep(Loans::Loan loan);
   rt::Task<void> make_pending(Loans::Loan loan, NodeId own);
-  rt::Task<bool> take_back(LssAddress device, NodeId id);
+  rt::Task<bool> take_back(Identity device, NodeId id);
 
   BusServices& s_;
   SlotTable& slots_;

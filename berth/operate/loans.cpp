@@ -19,7 +19,7 @@ Result<void> Loans::load() {
   return {};
 }
 
-Result<void> Loans::lend(const LssAddress& device, NodeId id) {
+Result<void> Loans::lend(const Identity& device, NodeId id) {
   const auto written = store_->lend({device, bus_.machine, bus_.bus, id});
   if (!written) return written;
   std::erase_if(all_, [&](const Loan& l) { return l.device == device; });
@@ -28,7 +28,7 @@ Result<void> Loans::lend(const LssAddress& device, NodeId id) {
   return {};
 }
 
-Result<void> Loans::end(const LssAddress& device) {
+Result<void> Loans::end(const Identity& device) {
   if (of(device) == nullptr) return {};
   const auto written = store_->give_back({device, bus_});
   if (!written) return written;
@@ -36,37 +36,38 @@ Result<void> Loans::end(const LssAddress& device) {
   return {};
 }
 
-void Loans::kept(const LssAddress& device) noexcept {
+void Loans::kept(const Identity& device) noexcept {
   const auto loan = std::ranges::find(all_, device, &Loan::device);
   if (loan != all_.end()) ++loan->tries;
 }
 
-void Loans::doubled(const LssAddress& device, bool so) noexcept {
+void Loans::doubled(const Identity& device, bool so) noexcept {
   const auto loan = std::ranges::find(all_, device, &Loan::device);
   if (loan != all_.end()) loan->clones = so;
 }
 
-void Loans::seen(const LssAddress& device) noexcept {
+void Loans::seen(const Identity& device) noexcept {
   const auto loan = std::ranges::find(all_, device, &Loan::device);
   if (loan != all_.end()) loan->tries = 0;
 }
 
-const Loans::Loan* Loans::of(const LssAddress& device) const noexcept {
+const Loans::Loan* Loans::of(const Identity& device) const noexcept {
   const auto loan = std::ranges::find(all_, device, &Loan::device);
   return loan == all_.end() ? nullptr : &*loan;
 }
 
-const Loans::Loan* Loans::to_another(NodeId id, const LssAddress& device) const noexcept {
-  const auto loan = std::ranges::find_if(all_, [&](const Loan& l) { return l.id == id && l.device != device; });
+const Loans::Loan* Loans::to_another(NodeId id, const Identity& device) const noexcept {
+  const auto loan =
+      std::ranges::find_if(all_, [&](const Loan& l) { return l.id == id && l.device.with(id) != device.with(id); });
   return loan == all_.end() ? nullptr : &*loan;
 }
 
 bool Loans::lent(NodeId id) const noexcept { return std::ranges::find(all_, id, &Loan::id) != all_.end(); }
 
-bool Loans::borrowed(const LssAddress& device) const noexcept {
+bool Loans::borrowed(const Identity& device) const noexcept {
   return std::ranges::find(borrowers_, device) != borrowers_.end();
 }
 
-void Loans::bound(const LssAddress& device) noexcept { std::erase(borrowers_, device); }
+void Loans::bound(const Identity& device) noexcept { std::erase(borrowers_, device); }
 
 }  // namespace berth::operate

@@ -18,7 +18,7 @@ namespace berth::operate {
 class Loans {
  public:
   struct Loan {
-    LssAddress device;
+    Identity device;
     NodeId id;
     unsigned tries = 0;   ///< to take it back, in vain, since the device was found last
     bool clones = false;  ///< two devices answered to the address: which of them has it cannot be asked
@@ -30,32 +30,32 @@ class Loans {
   /// Takes over what an earlier run lent here and did not see given back.
   Result<void> load();
   /// Before the `11h` that does it. An earlier loan of the device ends.
-  Result<void> lend(const LssAddress& device, NodeId id);
+  Result<void> lend(const Identity& device, NodeId id);
   /// The device has another node-ID or none, in use and pending. No error when nothing was lent to it.
-  Result<void> end(const LssAddress& device);
+  Result<void> end(const Identity& device);
   /// The device was asked to give its node-ID back and did not confirm it.
-  void kept(const LssAddress& device) noexcept;
+  void kept(const Identity& device) noexcept;
   /// Two devices answered to this address; false: both were told to have none.
-  void doubled(const LssAddress& device, bool so) noexcept;
+  void doubled(const Identity& device, bool so) noexcept;
   /// The device was found, on this bus: it can be asked again.
-  void seen(const LssAddress& device) noexcept;
+  void seen(const Identity& device) noexcept;
 
   [[nodiscard]] const std::vector<Loan>& all() const noexcept { return all_; }
   [[nodiscard]] bool empty() const noexcept { return all_.empty(); }
   /// Null: nothing is lent to this device.
-  [[nodiscard]] const Loan* of(const LssAddress& device) const noexcept;
-  /// The node-ID is lent to another device than this one.
-  [[nodiscard]] const Loan* to_another(NodeId id, const LssAddress& device) const noexcept;
+  [[nodiscard]] const Loan* of(const Identity& device) const noexcept;
+  /// The node-ID is lent to another device than this one, or one of its kind without a serial number.
+  [[nodiscard]] const Loan* to_another(NodeId id, const Identity& device) const noexcept;
   [[nodiscard]] bool lent(NodeId id) const noexcept;
   /// It did not confirm often enough that it gives its node-ID back: it is not asked at every round.
   [[nodiscard]] static bool given_up(const Loan& loan) noexcept { return loan.tries >= most_tries; }
 
   /// Had a loan in this run, or in one before it that did not end it, and was not bound since: what it uses may be what
   /// it was lent, whatever it confirmed (the reset behind it can have been lost).
-  [[nodiscard]] bool borrowed(const LssAddress& device) const noexcept;
-  [[nodiscard]] const std::vector<LssAddress>& borrowers() const noexcept { return borrowers_; }
+  [[nodiscard]] bool borrowed(const Identity& device) const noexcept;
+  [[nodiscard]] const std::vector<Identity>& borrowers() const noexcept { return borrowers_; }
   /// It was bound: what it uses is stored.
-  void bound(const LssAddress& device) noexcept;
+  void bound(const Identity& device) noexcept;
 
   /// Boot-up messages under this node-ID are of Berth's making from now on, and until when they are.
   void expect_boot_up(NodeId id) noexcept { of_ours_until_[id.value()] = rt::never; }
@@ -67,7 +67,7 @@ class Loans {
   places::SlotStore* store_;
   places::BusName bus_;
   std::vector<Loan> all_;
-  std::vector<LssAddress> borrowers_;
+  std::vector<Identity> borrowers_;
   std::array<rt::Time, 128> of_ours_until_{};
 };
 

@@ -26,7 +26,7 @@ class Shown {
 
 }  // namespace
 
-rt::Task<Result<Network::Located>> Network::locate(LssAddress device, rt::Duration time, bool anyway) {
+rt::Task<Result<Network::Located>> Network::locate(Identity device, rt::Duration time, bool anyway) {
   co_await parts_.bus.turn.take();
   const rt::Held held(parts_.bus.turn);
   Located located;
@@ -52,7 +52,7 @@ rt::Task<Result<Network::Located>> Network::locate(LssAddress device, rt::Durati
   }
   if (!anyway && !located.state) co_return fail(Errc::invalid, "whether it is operational cannot be known");
   if (!anyway && *located.state == NmtState::operational) co_return fail(Errc::invalid, "it is operational");
-  const auto selected = co_await parts_.bus.lss.switch_selective(device);
+  const auto selected = co_await parts_.bus.lss.switch_selective(device.address);
   if (!selected) {
     if (selected.error().code != Errc::timeout) co_return fail(selected.error());
     co_return fail(Errc::not_found, "no device answers to this LSS address");

@@ -118,7 +118,7 @@ bool is_kept(const Seat& seat) {
 bool is_vacant(const Seat& seat) { return seat.slot.spec.assign == Assign::lss && !seat.slot.record.device(); }
 
 // A device that gave up another node-ID, and uses it still, is not nobody. Null: the slot waits for none.
-const LssAddress* who_fades(const Parts& p, const Seat& seat) {
+const Identity* who_fades(const Parts& p, const Seat& seat) {
   if (is_vacant(seat)) return p.fading.waits_for(seat.slot.spec);
   const auto& intended = seat.slot.record.intended;
   const bool own = is_kept(seat) && p.fading.contains(intended->device);
@@ -127,7 +127,7 @@ const LssAddress* who_fades(const Parts& p, const Seat& seat) {
 
 // The plan of this round is carried out: whom it still has for this slot did not give up another node-ID, or failed in
 // another slot.
-const LssAddress* who_is_left(const Parts& p, const Seat& seat) {
+const Identity* who_is_left(const Parts& p, const Seat& seat) {
   const auto& actions = p.planning.plan().actions;
   const auto left = std::ranges::find_if(actions, [&](const places::Action& a) {
     return a.kind == places::Action::Kind::bind && p.slots.seats()[a.slot].get() == &seat;
@@ -139,9 +139,9 @@ const LssAddress* who_is_left(const Parts& p, const Seat& seat) {
 // be seated yet. Empty: there is none.
 std::string who_is_known(const Parts& p, const Seat& seat) {
   if (!is_vacant(seat)) return {};
-  const LssAddress* const left = who_is_left(p, seat);
+  const Identity* const left = who_is_left(p, seat);
   if (left != nullptr) return fmt::format("{} was found and could not be seated: it is tried again", to_string(*left));
-  const LssAddress* const silent = p.found.silent_for(seat.slot.spec);
+  const Identity* const silent = p.found.silent_for(seat.slot.spec);
   if (silent == nullptr) return {};
   return fmt::format("{} was found and answers no more: it is looked for", to_string(*silent));
 }
@@ -160,7 +160,7 @@ void tell_nobody(Parts& p, Seat& seat, bool news) {
 }  // namespace
 
 void MainJob::tell_whether_empty(Seat& seat) {
-  const LssAddress* const waits = who_fades(p_, seat);
+  const Identity* const waits = who_fades(p_, seat);
   const bool none = seat.life == Life::unknown && !p_.agenda.search_open;
   if (waits != nullptr && (none || seat.life == Life::empty)) {
     p_.slots.happened(seat, SlotEvent::waits_for_power,
@@ -194,7 +194,7 @@ rt::Task<void> MainJob::look_again_at(Seat& seat) {
   const bool again = std::exchange(seat.ask_again, false);
   const bool clones = again && seat.state() == SlotState::duplicate;
   if (clones) {
-    const LssAddress device = seat.slot.record.confirmed->device;
+    const Identity device = seat.slot.record.confirmed->device;
     const auto id = co_await p_.asking.active_id(device);
     const bool still = !id && id.error().code == Errc::duplicate;
     if (still) co_return;
@@ -416,7 +416,7 @@ rt::Task<Result<void>> MainJob::blank_all() {
   for (const auto& f : found) {
     const bool blanks = f.active.configured() && !f.clone && !p_.planning.never_by_lss(f.device);
     if (!blanks) continue;
-    const LssAddress device = f.device;
+    const Identity device = f.device;
     co_await p_.seating.blank(device, reason);
   }
   co_return Result<void>{};

@@ -134,7 +134,7 @@ std::uint32_t expected(const Seat& seat, std::uint16_t index) noexcept {
     case cia302::expected_vendor: return spec.type.vendor;
     case cia302::expected_product: return spec.type.product;
     case cia302::expected_revision: return spec.rule == places::RevisionRule::exact ? spec.revision.value_or(0) : 0;
-    default: return seat.slot.record.device() ? seat.slot.record.device()->serial : 0;
+    default: return seat.slot.record.device() ? seat.slot.record.device()->address.serial : 0;
   }
 }
 

@@ -144,7 +144,7 @@ std::vector<Network::Occupancy> Network::occupancy() const {
   return slots;
 }
 
-Result<void> Network::replace(const std::string& slot, std::optional<LssAddress> device, bool used) {
+Result<void> Network::replace(const std::string& slot, std::optional<Identity> device, bool used) {
   Seat* seat = parts_.slots.named(slot);
   if (seat == nullptr) return fail(Errc::not_found, "no slot of this name on this bus");
   if (used && !device) {
@@ -170,7 +170,7 @@ Result<void> Network::replace(const std::string& slot, std::optional<LssAddress>
   if (sits != nullptr && sits != seat) return fail(places::sits_in(sits->slot.spec.name));
   const auto cleared = parts_.slots.clear(*seat, std::string(places::by_a_person));
   if (!cleared) return cleared;
-  while (const auto* const loan = parts_.loans.to_another(seat->id(), device.value_or(LssAddress{}))) {
+  while (const auto* const loan = parts_.loans.to_another(seat->id(), device.value_or(Identity{}))) {
     const auto ended = parts_.loans.end(loan->device);
     if (!ended) return ended;
   }
@@ -186,7 +186,7 @@ Result<void> Network::replace(const std::string& slot, std::optional<LssAddress>
   return {};
 }
 
-Result<void> Network::forget(const LssAddress& device) {
+Result<void> Network::forget(const Identity& device) {
   if (parts_.loans.of(device) != nullptr) {
     const auto ended = parts_.loans.end(device);
     if (!ended) return ended;

@@ -54,7 +54,7 @@ class Network final : private PortHealth::Owner {
   /// The part of `report` that is cheap enough to be looked at on every event, in the slots' own order.
   struct Occupancy {
     places::SlotState state;
-    std::optional<LssAddress> device;
+    std::optional<Identity> device;
     friend bool operator==(const Occupancy&, const Occupancy&) = default;
   };
   [[nodiscard]] std::vector<Occupancy> occupancy() const;
@@ -75,7 +75,7 @@ class Network final : private PortHealth::Owner {
   /// is and so answers a question. Errors: `not_found` no such slot; `invalid` the slot's device is there and
   /// operational, or `device` is not of the slot's type; `duplicate` the device sits in another slot of this bus.
   /// `used`: the used device that waits for this slot, or sits in it, may be used; it gets its factory settings first.
-  Result<void> replace(const std::string& slot, std::optional<LssAddress> device, bool used = false);
+  Result<void> replace(const std::string& slot, std::optional<Identity> device, bool used = false);
 
   /// A person sent this NMT command beside the main job, which then does not work against it: a node that was stopped
   /// or made pre-operational stays so until it is started by a person or boots.
@@ -89,7 +89,7 @@ class Network final : private PortHealth::Owner {
 
   /// `berth forget DEVICE`: gives up an unfinished intention to take the device's node-ID away. Errors: `not_found`
   /// there is none on this bus.
-  Result<void> forget(const LssAddress& device);
+  Result<void> forget(const Identity& device);
 
   /// For single commands (`berth sdo`, `berth nmt`, `berth lss`). A caller that uses LSS or RAND takes the turn first:
   /// the main job holds it while it works.
@@ -118,7 +118,7 @@ class Network final : private PortHealth::Owner {
 
   /// What `locate` found and showed.
   struct Located {
-    LssAddress device;
+    Identity device;
     NodeId id;                      ///< that it has
     std::optional<NmtState> state;  ///< as far as it can be known
   };
@@ -127,7 +127,7 @@ class Network final : private PortHealth::Owner {
   /// keeps it, so that no device is searched for meanwhile. A device that is operational, or of which that is not
   /// known, is shown `anyway` only: it goes on working, but some makers' devices do not like LSS there. Errors:
   /// `not_found` it does not answer; `invalid` operational, or not known.
-  [[nodiscard]] rt::Task<Result<Located>> locate(LssAddress device, rt::Duration time, bool anyway);
+  [[nodiscard]] rt::Task<Result<Located>> locate(Identity device, rt::Duration time, bool anyway);
 
   friend rt::Task<Result<SlotUpload>> upload_slot(Network& network, std::string slot);
 

@@ -90,9 +90,10 @@ rt::Task<void> Move::who_is_there() {
   for (const auto& s : *seen) {
     Node node;
     node.id = s.id;
-    node.device = s.device;
+    const bool whole = s.device && s.device->unknown == 0;
+    if (whole) node.device = s.device->address;
     if (s.duplicate) node.problem = "two devices answer here: they cannot be told from each other";
-    if (!s.device) node.problem = "it does not tell its LSS address (1018h)";
+    if (!whole) node.problem = "it does not tell its LSS address (1018h)";
     if (s.state) node.problem = wrong_state(*s.state).value_or(node.problem);
     report_.nodes.push_back(node);
   }

@@ -12,7 +12,7 @@ Parts::Parts(rt::Executor& executor, can::Port& port, std::string machine, const
       agenda(executor, line.discovery),
       startup(bus, slots),
       loans(store, slots.bus()),
-      found(bus, loans),
+      found(bus, slots, loans),
       asking(bus, slots, found),
       lending(bus, slots, agenda, found, loans, asking),
       duplicates(bus, slots, agenda, found, asking),

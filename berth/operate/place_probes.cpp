@@ -21,12 +21,12 @@ std::string text_of(const std::optional<std::uint32_t>& value) {
 
 }  // namespace
 
-void PlaceProbes::forget(const LssAddress& device) {
+void PlaceProbes::forget(const Identity& device) {
   std::erase_if(readings_, [&](const Reading& r) { return r.device == device; });
 }
 
 // False: it does not answer.
-rt::Task<bool> PlaceProbes::read_probes(LssAddress device, NodeId id) {
+rt::Task<bool> PlaceProbes::read_probes(Identity device, NodeId id) {
   const std::vector<places::Slot> all = slots_.plain();
   const std::vector<Probe> probes = places::probes_for(all, device);
   forget(device);
@@ -56,15 +56,15 @@ void PlaceProbes::note_puzzling(const std::vector<places::Question>& questions) 
   }
 }
 
-rt::Task<bool> PlaceProbes::read_places(std::vector<LssAddress> devices) {
+rt::Task<bool> PlaceProbes::read_places(std::vector<Identity> devices) {
   constexpr unsigned patience = 3;
   bool any = false;
   co_await lending_.prepare();
-  for (const LssAddress& device : devices) {
+  for (const Identity& device : devices) {
     const auto read = co_await read_place(device);
     any = any || read;
   }
-  const auto unheard = [&](const LssAddress& device) {
+  const auto unheard = [&](const Identity& device) {
     return slots_.of(device) == nullptr && found_.of(device) == nullptr;
   };
   const bool gone = std::ranges::any_of(devices, unheard) || std::ranges::any_of(puzzling_, unheard);
@@ -77,7 +77,7 @@ rt::Task<bool> PlaceProbes::read_places(std::vector<LssAddress> devices) {
   co_return any;
 }
 
-rt::Task<bool> PlaceProbes::read_place(LssAddress device) {
+rt::Task<bool> PlaceProbes::read_place(Identity device) {
   const auto active = co_await asking_.active_id(device);
   if (!active) {
     if (active.error().code == Errc::duplicate) found_.note({device, NodeId(), true});
@@ -117,7 +117,7 @@ rt::Task<bool> PlaceProbes::read_place(LssAddress device) {
 
 rt::Task<bool> PlaceProbes::stays_in_place(Seat& seat) {
   if (!seat.slot.spec.probe || s_.only_observes()) co_return true;
-  const LssAddress device = seat.slot.record.confirmed->device;
+  const Identity device = seat.slot.record.confirmed->device;
   const NodeId id = seat.id();
   const Probe own = *seat.slot.spec.probe;
   const auto read = co_await read_probes(device, id);

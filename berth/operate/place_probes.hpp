@@ -16,10 +16,10 @@ class PlaceProbes {
 
   /// Of devices that sit in no slot, as last read.
   [[nodiscard]] const std::vector<places::Reading>& readings() const noexcept { return readings_; }
-  void forget(const LssAddress& device);
+  void forget(const Identity& device);
   /// Reads the probes of these devices. False: none could be read, or one did not answer that was found just now: it
   /// may be resetting, and the place that two show is not the one's that is alone for a moment. The turn must be held.
-  rt::Task<bool> read_places(std::vector<LssAddress> devices);
+  rt::Task<bool> read_places(std::vector<Identity> devices);
   /// Devices whose probes did not tell their places: the next look must hear all of them before one gets a place.
   void note_puzzling(const std::vector<places::Question>& questions);
   /// At every boot of a slot's device: does it still sit in this place? The probe wins over the serial number that the
@@ -27,8 +27,8 @@ class PlaceProbes {
   rt::Task<bool> stays_in_place(Seat& seat);
 
  private:
-  rt::Task<bool> read_probes(LssAddress device, NodeId id);
-  rt::Task<bool> read_place(LssAddress device);
+  rt::Task<bool> read_probes(Identity device, NodeId id);
+  rt::Task<bool> read_place(Identity device);
 
   BusServices& s_;
   SlotTable& slots_;
@@ -37,7 +37,7 @@ class PlaceProbes {
   Asking& asking_;
   Lending& lending_;
   std::vector<places::Reading> readings_;
-  std::vector<LssAddress> puzzling_;
+  std::vector<Identity> puzzling_;
   unsigned unread_rounds_ = 0;  // in a row in which a device was found and did not answer when its place was asked
 };
 

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 
+#include "berth/operate/asking.hpp"
+
 namespace berth::operate {
 
 using places::Action;
@@ -58,8 +60,8 @@ std::vector<places::Found> Planning::without_used() {
     // A device that a mechanic moved has sat elsewhere; where it belongs its probe says.
     const bool by_probe = std::ranges::any_of(
         slots_.seats(), [&](const auto& s) { return s->slot.spec.probe && places::fits(s->slot.spec, f.device); });
-    const bool known =
-        f.clone || by_probe || slots_.of(f.device) != nullptr || slots_.is_marked(Mark::restore, f.device);
+    const bool known = f.clone || by_probe || !f.device.has_serial() || slots_.of(f.device) != nullptr ||
+                       slots_.is_marked(Mark::restore, f.device);
     const auto sat = known ? std::nullopt : slots_.former_seat_of(f.device);
     const bool listed = sat && std::ranges::any_of(slots_.seats(), [&](const auto& s) {
                           return !s->slot.record.device() && places::listed_spare(s->slot.spec, f.device);
@@ -75,8 +77,8 @@ std::vector<places::Found> Planning::without_used() {
 }
 
 // Only a device that is there can give anything up.
-std::vector<LssAddress> Planning::blanks_to_finish() const {
-  std::vector<LssAddress> devices;
+std::vector<Identity> Planning::blanks_to_finish() const {
+  std::vector<Identity> devices;
   for (const auto& blank : slots_.unfinished_here()) {
     const bool there = found_.of(blank.device) != nullptr;
     if (there) devices.push_back(blank.device);
@@ -162,17 +164,17 @@ void Planning::name_returned() {
   }
 }
 
-void Planning::returned(const LssAddress& device, NodeId holds, const std::string& text) {
+void Planning::returned(const Identity& device, NodeId holds, const std::string& text) {
   std::erase_if(returned_, [&](const places::Oddity& o) { return o.device == device; });
   returned_.push_back({places::OddityKind::returned, device, holds, text});
 }
 
-bool Planning::waits_for(const LssAddress& device) const {
+bool Planning::waits_for(const Identity& device) const {
   const auto here = slots_.unfinished_here();
   return loans_.of(device) != nullptr || std::ranges::find(here, device, &UnfinishedBlank::device) != here.end();
 }
 
-void Planning::drop_unfinished(const LssAddress& device) {
+void Planning::drop_unfinished(const Identity& device) {
   std::erase_if(plan_.oddities, [&](const places::Oddity& o) {
     return o.device == device && o.kind == places::OddityKind::unfinished;
   });
@@ -182,7 +184,7 @@ bool Planning::has_blanks() const noexcept {
   return std::ranges::any_of(plan_.actions, [](const Action& a) { return a.kind == Action::Kind::blank; });
 }
 
-std::string Planning::text_of_return(const LssAddress& device, const places::FormerSeat& sat) const {
+std::string Planning::text_of_return(const Identity& device, const places::FormerSeat& sat) const {
   const Seat* const seat = slots_.with_record(sat.slot);
   const auto owner = seat == nullptr ? std::nullopt : seat->slot.record.device();
   return fmt::format("the device that sat in {} until {} is back: {}{}; take it off the bus", place_of(sat),
@@ -196,8 +198,8 @@ std::string Planning::place_of(const places::FormerSeat& sat) const {
                          : fmt::format("slot {}", seat->name());
 }
 
-Result<LssAddress> Planning::used_for(const Seat& seat) const {
-  std::vector<LssAddress> fitting;
+Result<Identity> Planning::used_for(const Seat& seat) const {
+  std::vector<Identity> fitting;
   for (const auto& each : used_) {
     if (places::fits(seat.slot.spec, each.found.device)) fitting.push_back(each.found.device);
   }
@@ -206,8 +208,8 @@ Result<LssAddress> Planning::used_for(const Seat& seat) const {
   return fail(Errc::duplicate, "several used devices wait for this slot; name one with --device");
 }
 
-bool Planning::never_by_lss(const LssAddress& device) const {
-  if (slots_.is_marked(Mark::fixed, device)) return true;
+bool Planning::never_by_lss(const Identity& device) const {
+  if (slots_.is_marked(Mark::fixed, device) || has_no_address(slots_, found_, device)) return true;
   bool any = false;
   for (const auto& seat : slots_.seats()) {
     if (!places::fits(seat->slot.spec, device)) continue;
@@ -219,12 +221,15 @@ bool Planning::never_by_lss(const LssAddress& device) const {
 
 // Takes out of the plan what LSS cannot do, and says what is the matter instead.
 void Planning::respect_fixed() {
-  std::vector<LssAddress> told;
+  std::vector<Identity> told;
   std::erase_if(plan_.actions, [&](const Action& a) {
     const bool bind = a.kind == Action::Kind::bind;
     const auto assign = bind ? slots_.seats()[a.slot]->slot.spec.assign : Assign::lss;
     if (assign == Assign::recipe) return true;  // `RecipeSeating`
-    const bool drops = assign == Assign::fixed || never_by_lss(a.device);
+    // It is taken where it is.
+    const bool home =
+        bind && has_no_address(slots_, found_, a.device) && found_.uses(a.device, slots_.seats()[a.slot]->id());
+    const bool drops = assign == Assign::fixed || (never_by_lss(a.device) && !home);
     if (drops) told.push_back(a.device);
     return drops;
   });
@@ -234,7 +239,7 @@ void Planning::respect_fixed() {
   std::ranges::sort(told);
   const auto twice = std::ranges::unique(told);
   told.erase(twice.begin(), twice.end());
-  const auto by_recipe = [&](const LssAddress& device) {
+  const auto by_recipe = [&](const Identity& device) {
     return std::ranges::any_of(slots_.seats(), [&](const auto& s) {
       return s->slot.spec.assign == Assign::recipe && places::fits(s->slot.spec, device);
     });
@@ -251,7 +256,7 @@ void Planning::respect_fixed() {
   }
 }
 
-void Planning::tell_mismatch(const LssAddress& device, NodeId active) {
+void Planning::tell_mismatch(const Identity& device, NodeId active) {
   std::string needed;
   std::string number;
   for (const auto& seat : slots_.seats()) {
@@ -285,7 +290,8 @@ void Planning::report() {
 
 void Planning::report_mismatch(const places::Oddity& oddity) {
   for (auto& seat : slots_.seats()) {
-    const bool waits = !seat->slot.record.device() && places::fits(seat->slot.spec, oddity.device);
+    const bool waits =
+        !seat->slot.record.device() && seat->life != Life::question && places::fits(seat->slot.spec, oddity.device);
     if (waits) slots_.happened(*seat, SlotEvent::nobody, oddity.text);
   }
 }

@@ -25,18 +25,19 @@ class Planning {
   /// The questions as events, with the names of the slots.
   [[nodiscard]] std::vector<Event> question_events() const;
 
-  /// It refused 11h once, or all slots that it fits say that its node-ID is not given by LSS.
-  [[nodiscard]] bool never_by_lss(const LssAddress& device) const;
+  /// It refused 11h once, has no LSS address of its own, or all slots that it fits say that their node-ID is not given
+  /// by LSS.
+  [[nodiscard]] bool never_by_lss(const Identity& device) const;
   /// The used device that waits for this slot. Errors: `not_found` none does; `duplicate` several do.
-  [[nodiscard]] Result<LssAddress> used_for(const Seat& seat) const;
+  [[nodiscard]] Result<Identity> used_for(const Seat& seat) const;
   /// For people: the device that sat there is back.
-  [[nodiscard]] std::string text_of_return(const LssAddress& device, const places::FormerSeat& sat) const;
+  [[nodiscard]] std::string text_of_return(const Identity& device, const places::FormerSeat& sat) const;
   /// A device came back after its slot was given away, and gave its node-ID up or holds it still.
-  void returned(const LssAddress& device, NodeId holds, const std::string& text);
+  void returned(const Identity& device, NodeId holds, const std::string& text);
   /// What was begun with the device on this bus is not finished: it is to give a node-ID up, or back.
-  [[nodiscard]] bool waits_for(const LssAddress& device) const;
+  [[nodiscard]] bool waits_for(const Identity& device) const;
   /// A person says that nothing is waited for any more.
-  void drop_unfinished(const LssAddress& device);
+  void drop_unfinished(const Identity& device);
 
  private:
   struct Used {
@@ -44,11 +45,11 @@ class Planning {
     places::FormerSeat sat;
   };
   [[nodiscard]] std::string place_of(const places::FormerSeat& sat) const;
-  [[nodiscard]] std::vector<LssAddress> blanks_to_finish() const;
+  [[nodiscard]] std::vector<Identity> blanks_to_finish() const;
   void send_home();
   [[nodiscard]] std::vector<places::Found> without_used();
   void respect_fixed();
-  void tell_mismatch(const LssAddress& device, NodeId active);
+  void tell_mismatch(const Identity& device, NodeId active);
   void name_unfinished();
   void name_loans();
   void ask_about_used();

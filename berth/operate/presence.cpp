@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 
 #include "berth/co/guarding.hpp"
 #include "berth/operate/duplicates.hpp"
+#include "berth/operate/error_control.hpp"
 #include "berth/rt/scope.hpp"
 
 namespace berth::operate {
@@ -13,10 +15,12 @@ namespace berth::operate {
 namespace {
 
 // The first part of its identity that is not the expected one (1F85h to 1F88h).
-manager::BootStatus letter_of(const LssAddress& is, const LssAddress& expected) noexcept {
-  if (is.vendor != expected.vendor) return manager::BootStatus::d;
-  if (is.product != expected.product) return manager::BootStatus::m;
-  if (is.revision != expected.revision) return manager::BootStatus::n;
+manager::BootStatus letter_of(const Identity& is, const Identity& expected) noexcept {
+  constexpr std::array letters{manager::BootStatus::d, manager::BootStatus::m, manager::BootStatus::n};
+  for (unsigned i = 0; i < letters.size(); ++i) {
+    const bool both = is.knows(i) && expected.knows(i);
+    if (both && is.address.part(i) != expected.address.part(i)) return letters[i];
+  }
   return manager::BootStatus::o;
 }
 
@@ -80,7 +84,9 @@ rt::Task<void> Presence::ask_seat(Seat& seat) {
     if (seat.held) seat.slave.status.phase = network::SlavePhase::awaited;
     co_return;
   }
-  s_.heartbeats.supervise(id, s_.bus.timing.heartbeat_timeout);
+  ErrorControl control(s_, slots_);
+  co_await control.learn(seat);
+  s_.heartbeats.supervise(id, heartbeat_timeout(s_.bus.timing, seat));
   slots_.happened(seat, SlotEvent::runs, {}, manager::BootStatus::l);
   seat.slave.status.phase = network::SlavePhase::started;
   if (seat.configuration.wanted) co_await configuring_.look_at_running(seat);
@@ -103,7 +109,14 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
     co_return false;
   }
   const bool doubled = answer.by_two;
-  if (!doubled && *who == seat.slot.record.confirmed->device) co_return true;
+  if (!doubled && seat.sits(*who)) co_return true;
+  const bool replaces =
+      !doubled && seat.slot.spec.assign == places::Assign::fixed && places::fits(seat.slot.spec, *who);
+  if (replaces) {
+    const Identity device = *who;
+    co_await take_replacement(seat, device);
+    co_return false;
+  }
   seat.doubt.shared = Duplicates::most_tries;
   agenda_.look_anew = true;
   if (doubled) {
@@ -114,6 +127,27 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
                     letter_of(*who, seat.slot.record.confirmed->device));
   }
   co_return false;
+}
+
+// A new device with the node-ID that its switches, its plug or its firmware give it.
+rt::Task<void> Presence::take_replacement(Seat& seat, Identity device) {
+  const Identity& before = seat.slot.record.confirmed->device;
+  if (seat.slot.spec.replacement != places::Replacement::automatic) {
+    slots_.happened(seat, SlotEvent::gone,
+                    fmt::format("device {} answers under its node-ID instead of {}: `berth replace {}` takes it, or "
+                                "replacement = \"auto\" in the machine file",
+                                to_string(device), to_string(before), seat.name()),
+                    letter_of(device, before));
+    co_return;
+  }
+  const auto cleared = slots_.clear(seat, fmt::format("{} has its fixed node-ID now, and the machine file says "
+                                                      "replacement = \"auto\"",
+                                                      to_string(device)));
+  if (!cleared) {
+    slots_.happened(seat, SlotEvent::binding_failed, places::words_of(cleared.error()));
+    co_return;
+  }
+  co_await adopt_fixed(seat);
 }
 
 // It was so before this Berth began, by a person or by another master: it stays so unless the machine file says else.
@@ -127,7 +161,7 @@ void Presence::take_stopped(Seat& seat) {
                          : fmt::format("it is in NMT stopped; `berth nmt start {}` starts it", id.value()));
 }
 
-const LssAddress* Presence::other_at(const Seat& seat) const noexcept {
+const Identity* Presence::other_at(const Seat& seat) const noexcept {
   for (const auto& each : slots_.seats()) {
     const bool waits =
         each.get() != &seat && each->power_cycle.binding && each->power_cycle.binding->old_id() == seat.id();
@@ -138,7 +172,7 @@ const LssAddress* Presence::other_at(const Seat& seat) const noexcept {
 
 // It is asked for again, as each slot's device that is not there.
 bool Presence::waits_beside_another(Seat& seat) {
-  const LssAddress* const other = other_at(seat);
+  const Identity* const other = other_at(seat);
   if (other == nullptr) return false;
   slots_.happened(seat, SlotEvent::waits_for_power, Fading::reason(*other));
   return true;
@@ -146,7 +180,7 @@ bool Presence::waits_beside_another(Seat& seat) {
 
 rt::Task<void> Presence::look_by_lss(Seat& seat) {
   if (seat.life == Life::doubled || s_.only_observes()) co_return;
-  const LssAddress device = seat.slot.record.confirmed->device;
+  const Identity device = seat.slot.record.confirmed->device;
   const auto id = co_await asking_.active_id(device);
   if (!id) co_return;
   found_.note({device, *id});
@@ -162,7 +196,7 @@ rt::Task<void> Presence::adopt_fixed(Seat& seat) {
   if (!places::fits(seat.slot.spec, *who)) {
     const TypeCode& wanted = seat.slot.spec.type;
     slots_.happened(seat, SlotEvent::wrong_type, fmt::format("device {} has its node-ID", to_string(*who)),
-                    letter_of(*who, {wanted.vendor, wanted.product, 0, 0}));
+                    letter_of(*who, Identity(wanted.vendor, wanted.product, 0, 0)));
     co_return;
   }
   const places::Assignment wanted{*who, id};
@@ -186,9 +220,9 @@ rt::Task<void> Presence::adopt_all_fixed() {
   }
 }
 
-rt::Task<bool> Presence::take_where_it_is(Seat& seat, LssAddress device) {
+rt::Task<bool> Presence::take_where_it_is(Seat& seat, Identity device) {
   const auto who = co_await places::read_identity(s_.sdo, seat.id());
-  if (!who || *who != device) co_return false;
+  if (!who || !who->agrees(device)) co_return false;
   const places::Assignment wanted{device, seat.id()};
   const std::string reason = "it has the slot's node-ID, and LSS does not change it";
   const auto asked = slots_.store().ask(seat.slot.record.slot, wanted, reason);

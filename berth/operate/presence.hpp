@@ -35,7 +35,7 @@ class Presence final : public SeatAsker {
   rt::Task<void> adopt_all_fixed();
   /// Nothing needs to be assigned: the device that LSS does not reach, or that does not take a node-ID, sits under the
   /// slot's already. False: it is not there any more.
-  rt::Task<bool> take_where_it_is(Seat& seat, LssAddress device);
+  rt::Task<bool> take_where_it_is(Seat& seat, Identity device);
   /// True: a device that stored another node-ID, or none, uses the slot's until its power cycle. The slot's state says
   /// so.
   bool waits_beside_another(Seat& seat);
@@ -46,8 +46,9 @@ class Presence final : public SeatAsker {
     std::optional<NmtState> state;
   };
   rt::Task<Sign> sign_of_life(NodeId id);
-  [[nodiscard]] const LssAddress* other_at(const Seat& seat) const noexcept;
+  [[nodiscard]] const Identity* other_at(const Seat& seat) const noexcept;
   void take_stopped(Seat& seat);
+  rt::Task<void> take_replacement(Seat& seat, Identity device);
   rt::Task<bool> is_its_own(Seat& seat, std::optional<NmtState> state);
 
   BusServices& s_;

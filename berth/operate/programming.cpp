@@ -104,7 +104,7 @@ rt::Task<Result<void>> Programming::is_the_same(const Seat& seat, network::BootT
     const auto part = co_await target.objects().read_u32(0x1018, sub);
     const bool lacks = !part && part.error().code == Errc::aborted;
     if (!part && !lacks) co_return fail(part.error());
-    if (part && *part != confirmed->device.part(sub - 1U)) {
+    if (part && confirmed->device.knows(sub - 1U) && *part != confirmed->device.address.part(sub - 1U)) {
       co_return fail(Error{.code = Errc::mismatch, .sub = sub, .index = 0x1018, .text = "another device answers"});
     }
   }

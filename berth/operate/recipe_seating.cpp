@@ -42,13 +42,13 @@ rt::Task<void> RecipeSeating::bind_all() {
     if (f.clone || !f.active.configured()) continue;
     Seat* const seat = seat_for(f);
     if (seat == nullptr) continue;
-    const LssAddress device = f.device;
+    const Identity device = f.device;
     const NodeId now = f.active;
     co_await bind(*seat, device, now);
   }
 }
 
-rt::Task<void> RecipeSeating::bind(Seat& seat, LssAddress device, NodeId now) {
+rt::Task<void> RecipeSeating::bind(Seat& seat, Identity device, NodeId now) {
   const places::Recipe& recipe = *seat.slot.spec.recipe;
   const bool leaves_factory = std::ranges::find(recipe.from, now) != recipe.from.end();
   const bool own = seat.slot.record.device() == device || now == seat.id();

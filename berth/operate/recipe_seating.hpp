@@ -16,7 +16,7 @@ class RecipeSeating {
 
  private:
   [[nodiscard]] Seat* seat_for(const places::Found& found);
-  rt::Task<void> bind(Seat& seat, LssAddress device, NodeId now);
+  rt::Task<void> bind(Seat& seat, Identity device, NodeId now);
   void not_bound(Seat& seat, const places::RecipeBinding& binding, const std::optional<Error>& store_said);
 
   BusServices& s_;

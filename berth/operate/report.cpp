@@ -70,8 +70,9 @@ Json json_of(const SlotReport& s) {
   j["bus"] = s.bus;
   j["id"] = s.id.value();
   j["name"] = s.name;
-  j["type"] = fmt::format("0x{:08X}{:08X}", s.type.vendor, s.type.product);
-  if (s.device) {
+  j["type"] = nullptr;
+  if (s.unasked == 0) j["type"] = fmt::format("0x{:08X}{:08X}", s.type.vendor, s.type.product);
+  if (s.device && s.device->knows(2) && s.device->knows(3)) {
     j["r_sn"] = fmt::format("0x{:016X}", s.device->r_sn().value());
   } else {
     j["r_sn"] = nullptr;
@@ -226,6 +227,24 @@ std::vector<std::string> reasons_of(const std::vector<SlotReport>& slots) {
   return lines;
 }
 
+namespace {
+
+// The slot's, else what its device says.
+std::string type_of(const SlotReport& s) {
+  if (s.unasked == 0) return to_string(s.type);
+  Identity type(s.type.vendor, s.type.product, 0, 0);
+  type.unknown = s.unasked;
+  constexpr std::size_t columns = 17;
+  return to_string(s.device.value_or(type)).substr(0, columns);
+}
+
+std::string r_sn_of(const SlotReport& s) {
+  if (!s.device || (!s.device->knows(2) && !s.device->knows(3))) return "-";
+  return fmt::format("{:016X}", s.device->r_sn().value());
+}
+
+}  // namespace
+
 std::vector<std::string> to_table(const std::vector<SlotReport>& slots) {
   std::size_t bus = 3;
   std::size_t name = 4;
@@ -240,8 +259,8 @@ std::vector<std::string> to_table(const std::vector<SlotReport>& slots) {
                               "state", state, "since", "type", "R_SN"));
   for (const auto& s : slots) {
     lines.push_back(fmt::format("{}  {:>3}  {}  {:<{}}  {:>7.3f} s  {:<17}  {}", text::padded(s.bus, bus), s.id.value(),
-                                text::padded(s.name, name), places::name(s.state), state, seconds(s.since),
-                                to_string(s.type), s.device ? fmt::format("{:016X}", s.device->r_sn().value()) : "-"));
+                                text::padded(s.name, name), places::name(s.state), state, seconds(s.since), type_of(s),
+                                r_sn_of(s)));
   }
   std::ranges::move(reasons_of(slots), std::back_inserter(lines));
   return lines;

@@ -25,11 +25,12 @@ struct SlotReport {
   NodeId id;
   std::string name;
   TypeCode type;
-  std::optional<LssAddress> device;  ///< that is bound here, intended or confirmed
+  std::optional<Identity> device;  ///< that is bound here, intended or confirmed
   places::SlotState state = places::SlotState::unknown;
   rt::Time since{};                                        ///< since when it is in this state
   std::string reason;                                      ///< for states that need one: what is wrong and what to do
   manager::BootStatus boot = manager::BootStatus::booted;  ///< how its boot-up ended: the letter of CiA 302-2
+  std::uint8_t unasked = 0;                                ///< parts of `type`: `places::SlotSpec::unasked`
 };
 
 /// What an event is about.

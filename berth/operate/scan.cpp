@@ -42,8 +42,8 @@ rt::Task<Result<std::vector<Seen>>> Scan::run() {
   const auto found = co_await p_.finding.search.find_new();
   if (!found) co_return fail(found.error());
   for (const auto& d : found->found) {
-    const auto known =
-        std::ranges::find(nodes, d.address, [](const Seen& s) { return s.device.value_or(LssAddress{}); });
+    const Identity device(d.address);
+    const auto known = std::ranges::find_if(nodes, [&](const Seen& s) { return s.device == device; });
     if (known != nodes.end()) {
       known->duplicate = known->duplicate || d.possible_clone;
       continue;
@@ -55,9 +55,14 @@ rt::Task<Result<std::vector<Seen>>> Scan::run() {
     seen.duplicate = d.possible_clone;
     const auto under = std::ranges::find(nodes, seen.id, &Seen::id);
     const bool shares = seen.id.configured() && under != nodes.end();
-    // A stopped device speaks no SDO: it is known by its node-ID from guarding, and by its address from LSS.
-    if (shares && !under->device) {
-      under->device = d.address;
+    // One of several that LSS does not tell apart, and that are known by their node-IDs.
+    const bool listed = !id && !device.has_serial() &&
+                        std::ranges::any_of(nodes, [&](const Seen& s) { return s.device && s.device->agrees(device); });
+    if (listed) continue;
+    // A stopped device speaks no SDO: it is known by its node-ID from guarding, and by its address from LSS. And 1018h
+    // may have less than LSS tells.
+    if (shares && (!under->device || under->device->agrees(device))) {
+      if (!under->device) under->device = device.with(seen.id);
       under->duplicate = under->duplicate || d.possible_clone;
       continue;
     }

@@ -49,7 +49,11 @@ rt::Task<void> Search::by_rand() {
   }
   for (const auto& d : report->found) {
     if (plans) tell_found(d.address, d.possible_clone);
-    found_.note({d.address, found_.active_of(d.address), d.possible_clone});  // RAND tells no node-ID
+    // RAND tells no node-ID.
+    const Identity device(d.address);
+    if (d.possible_clone && has_equals(slots_, found_, device)) continue;  // they are known by their node-IDs
+    const Identity known = d.possible_clone ? device : found_.one_for(device);
+    found_.note({known, found_.active_of(known), d.possible_clone});
   }
   if (!rand_open_) interruptions_ = 0;
   tell_end(*report);
@@ -105,6 +109,7 @@ rt::Task<bool> Search::by(discovery::Discovery& way) {
 void Search::take(const discovery::Report& report) {
   news_ = false;
   for (const auto& d : report.found) {
+    if (d.possible_clone && has_equals(slots_, found_, d.address)) continue;
     found_.note_without_rand(d.address);
     tell_found(d.address, d.possible_clone);
     found_.note({d.address, d.assigned.configured() ? d.assigned : d.active, d.possible_clone});
@@ -163,7 +168,7 @@ void Search::found(const discovery::Found& device) noexcept {
 void Search::found(const nodeid::Discovered& device) noexcept { tell_found(device.address, device.possible_clone); }
 
 // The same devices found again and again, because they wait for a place, are told once.
-void Search::tell_found(const LssAddress& device, bool clone) {
+void Search::tell_found(const Identity& device, bool clone) {
   heard_of_.push_back(device);
   if (std::ranges::find(known_before_, device) != known_before_.end()) return;
   news_ = true;

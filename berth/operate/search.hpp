@@ -45,7 +45,7 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
   rt::Task<Result<void>> find_the_rest(discovery::Discovery& way, NewDevices& all);
   rt::Task<bool> by(discovery::Discovery& way);
   void take(const discovery::Report& report);
-  void tell_found(const LssAddress& device, bool clone);
+  void tell_found(const Identity& device, bool clone);
   void tell_end(const discovery::Report& report);
   void tell_progress();
   [[nodiscard]] bool gets_on();
@@ -63,8 +63,8 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
   FoundDevices& found_;
   Lending& lending_;
   SearchMethods methods_;
-  std::vector<LssAddress> heard_of_;      // found by this search
-  std::vector<LssAddress> known_before_;  // by the one before
+  std::vector<Identity> heard_of_;      // found by this search
+  std::vector<Identity> known_before_;  // by the one before
   discovery::Progress now_{};
   discovery::Progress before_{};
   rt::Time progress_at_{};      // it is told again then

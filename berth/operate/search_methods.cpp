@@ -50,17 +50,20 @@ discovery::Known SearchMethods::known_devices() const {
     const auto& spec = seat->slot.spec;
     const bool exact = spec.rule == places::RevisionRule::exact;
     const auto revision = exact ? spec.revision : std::nullopt;
-    add(spec.type, revision);
+    if (spec.unasked == 0) add(spec.type, revision);
     for (const auto& other : spec.also) add(other.type, exact ? other.revision : std::nullopt);
     const auto device = seat->slot.record.device();
-    if (device) (seat->is_accounted_for() ? known.registered : known.expected).push_back(*device);
+    // One without a serial number has equals, which are searched for.
+    const bool one = device && device->has_serial();
+    if (one) (seat->is_accounted_for() ? known.registered : known.expected).push_back(device->address);
     if (device || !revision) continue;
     for (const auto serial : spec.spares) {
       known.expected.push_back({spec.type.vendor, spec.type.product, *revision, serial});
     }
   }
   for (const auto& f : found_.all()) {
-    if (std::ranges::find(known.registered, f.device) == known.registered.end()) known.registered.push_back(f.device);
+    const bool named = std::ranges::find(known.registered, f.device.address) != known.registered.end();
+    if (!named && f.device.has_serial()) known.registered.push_back(f.device.address);
   }
   return known;
 }

@@ -42,6 +42,8 @@ struct SeatConfiguration {
 
 /// How often its heartbeat comes.
 struct HeartbeatRate {
+  rt::Duration period{};    ///< other than the bus's: what the device takes, or has; 0: the bus's
+  std::string refused{};    ///< why it is not what was wanted; empty: it is
   std::uint64_t beats = 0;  ///< heard when it was looked at last
   rt::Time at{};
   unsigned fast = 0;  ///< looks in a row at which there were too many
@@ -76,7 +78,7 @@ struct Seat {
   bool held = false;        ///< a person took it out of operational: it is not started again
   bool ask_again = false;   ///< silent, and due to be asked once more
   bool misses_one = false;  ///< empty, and says which device was found and is not seated
-  bool guarded = false;     ///< the device has no 1017h: it is asked by guarding
+  bool guarded = false;     ///< the device sends no heartbeat: it is asked by guarding
   rt::Time checked{};       ///< when it was identified last
   Doubt doubt;
   network::Slave slave;  ///< the boot-up of its device (CiA 302-2); `awaited`: nor before a person says so
@@ -88,6 +90,10 @@ struct Seat {
   [[nodiscard]] const std::string& name() const noexcept { return slot.spec.name.name; }
   [[nodiscard]] NodeId id() const noexcept { return slot.spec.id; }
   [[nodiscard]] bool there() const noexcept { return is_there(life); }
+  /// What answers under its node-ID says nothing else than its device does.
+  [[nodiscard]] bool sits(const Identity& who) const noexcept {
+    return slot.record.confirmed && who.agrees(slot.record.confirmed->device);
+  }
   [[nodiscard]] places::SlotState state() const noexcept { return shown(life); }
   /// Its boot-up is done: nothing is to be done before it boots, or a person says so.
   [[nodiscard]] bool is_booted() const noexcept {

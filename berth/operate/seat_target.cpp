@@ -1,6 +1,7 @@
 #include "berth/operate/seat_target.hpp"
 
 #include "berth/co/guarding.hpp"
+#include "berth/operate/error_control.hpp"
 
 namespace berth::operate {
 
@@ -31,7 +32,7 @@ rt::Task<std::optional<NmtState>> SeatTarget::guard() {
 }
 
 void SeatTarget::supervise(const manager::SlaveRules&) {
-  if (!seat_.guarded) s_.heartbeats.supervise(seat_.id(), s_.bus.timing.heartbeat_timeout);
+  if (!seat_.guarded) s_.heartbeats.supervise(seat_.id(), heartbeat_timeout(s_.bus.timing, seat_));
 }
 
 }  // namespace berth::operate

@@ -17,7 +17,7 @@ class SeatTarget : public network::BootTarget {
   rt::Task<bool> boots(rt::Time since, rt::Time deadline) override;
   rt::Task<std::optional<NmtState>> heartbeat(rt::Duration within) override;
   rt::Task<std::optional<NmtState>> guard() override;
-  /// By the bus's `heartbeat_timeout`; a device without 1017h is asked by guarding when it was started.
+  /// By `heartbeat_timeout`; a device without a heartbeat is asked by guarding when it was started.
   void supervise(const manager::SlaveRules& rules) override;
 
  private:

@@ -12,9 +12,16 @@ using places::Mark;
 
 namespace {
 
+// As what the device was found: one without a serial number has another node-ID now.
+std::vector<Identity> names_of(const Binding& binding) {
+  const Identity& device = binding.assignment().device;
+  if (device.has_serial()) return {device};
+  return {device, device.with(NodeId()), device.with(binding.old_id())};
+}
+
 // Free slots that it fits, of which one takes devices that the other does not: who gets which decides whether both are
 // filled.
-bool may_choose(const SlotTable& slots, const LssAddress& device) {
+bool may_choose(const SlotTable& slots, const Identity& device) {
   const places::SlotSpec* first = nullptr;
   for (const auto& seat : slots.seats()) {
     const auto& spec = seat->slot.spec;
@@ -36,6 +43,7 @@ rt::Task<void> Seating::carry_out() {
   if (!found_.empty()) {
     co_await inquire_found(false);
     free_for_spares();
+    equals_.seat_again();
     free_absent_slots();
     planning_.make(places_.readings());
   }
@@ -62,7 +70,7 @@ rt::Task<void> Seating::carry_out_actions(bool& inquired_all) {
     co_await lending_.take_back_what_is_in_the_way(planning_.plan().actions);
     co_await verify_vacancy();
     const std::vector<Action> actions = planning_.plan().actions;
-    std::vector<LssAddress> failed;
+    std::vector<Identity> failed;
     bool freed = false;  // node-IDs, since they were asked for last
     for (const auto& action : actions) {
       if (action.kind != Action::Kind::blank || is_avoided(action.device)) continue;
@@ -109,12 +117,12 @@ rt::Task<void> Seating::verify_vacancy() {
   co_await asked.join();
 }
 
-bool Seating::is_avoided(const LssAddress& device) const noexcept {
+bool Seating::is_avoided(const Identity& device) const noexcept {
   return std::ranges::find(avoid_, device) != avoid_.end();
 }
 
 // While one device boots under its new node-ID the next is told its own, and those that have theirs are started.
-rt::Task<void> Seating::bind_side_by_side(const std::vector<Action>& actions, std::vector<LssAddress>& failed) {
+rt::Task<void> Seating::bind_side_by_side(const std::vector<Action>& actions, std::vector<Identity>& failed) {
   constexpr std::size_t most_bindings = 16;
   rt::Scope starts(s_.executor, asking_.most_at_once());
   rt::Scope bindings(s_.executor, std::min(most_bindings, asking_.most_at_once()));
@@ -126,18 +134,18 @@ rt::Task<void> Seating::bind_side_by_side(const std::vector<Action>& actions, st
   co_await starts.join();
 }
 
-rt::Task<void> Seating::act_aside(const Action& action, std::vector<LssAddress>& failed, rt::Scope& starts) {
+rt::Task<void> Seating::act_aside(const Action& action, std::vector<Identity>& failed, rt::Scope& starts) {
   const bool good = co_await act(action);
   if (!good) failed.push_back(action.device);
   if (good && !agenda_.once) starts.spawn(starter_->start_early(*slots_.seats()[action.slot]));
 }
 
 rt::Task<bool> Seating::act(const Action& action) {
-  const LssAddress device = action.device;
+  const Identity device = action.device;
   const std::string reason = action.reason;
   if (action.kind == Action::Kind::blank) co_return co_await blank(device, reason);
   Seat& seat = *slots_.seats()[action.slot];
-  const LssAddress* const other = fading_.user_of(seat.id());
+  const Identity* const other = fading_.user_of(seat.id());
   if (other != nullptr && *other != device) {
     slots_.happened(seat, SlotEvent::waits_for_power, Fading::reason(*other));
     co_return false;
@@ -155,16 +163,26 @@ rt::Task<bool> Seating::act(const Action& action) {
   co_return co_await bind_seat(seat, device, reason);
 }
 
-rt::Task<bool> Seating::bind_seat(Seat& seat, LssAddress device, std::string reason) {
+rt::Task<bool> Seating::bind_seat(Seat& seat, Identity device, std::string reason) {
   const bool resumed = seat.slot.record.intended.has_value();
-  const bool borrows = loans_.borrowed(device);
-  const bool home = !borrows && found_.uses(device, seat.id());
+  const Identity seated = device.with(seat.id());
+  const Identity comes = found_.one_for(device);
+  const bool borrows = loans_.borrowed(comes);
+  const bool home = !borrows && found_.uses(seated, seat.id());
+  // LSS does not tell it from its equals: it is where it belongs, whether it has stored that or not.
+  const bool stays = home && has_no_address(slots_, found_, device);
+  if (stays) {
+    const bool taken = co_await presence_.take_where_it_is(seat, seated);
+    if (taken) co_return true;
+  }
   // One that waits for its power cycle is told again for a case that is seldom; the others of the bus wait for that.
   const unsigned tries = seat.power_cycle.binding ? 1 : s_.bus.timing.tries;
-  Binding binding(Binding::Kind::bind, {device, seat.id()}, tries, resumed);
+  Binding binding(Binding::Kind::bind, {seated, seat.id()}, tries, resumed);
   slots_.happened(seat, SlotEvent::binds, reason);
   places::Binder::Options options = asking_.binder_options();
   options.parts = asking_.parts_to_ask(device);
+  options.uses = found_.active_of(comes);
+  options.among_equals = asking_.has_equals(comes, seat.id());
   places::Binder binder(asking_.binder_services(), options);
   const places::SlotId slot = seat.slot.record.slot;
   co_await binder.run(binding, slot, reason);
@@ -177,12 +195,12 @@ rt::Task<bool> Seating::bind_seat(Seat& seat, LssAddress device, std::string rea
     if (taken) co_return true;
   }
   // What it was lent is another's by now: the next reset of all would bring it into use.
-  if (binding.why() == places::Why::occupied && loans_.of(device) != nullptr) {
+  if (binding.why() == places::Why::occupied && loans_.of(comes) != nullptr) {
     co_await s_.lss_turn.take();
     const rt::Held lss(s_.lss_turn);
     const NodeId none;
-    const auto given_up = co_await lending_.tell_pending(device, none);
-    if (given_up) lending_.end(device);
+    const auto given_up = co_await lending_.tell_pending(comes, none);
+    if (given_up) lending_.end(comes);
   }
   ended(seat, binding, binder.store_said());
   co_return good || binding.step() == places::Step::power_cycle;
@@ -226,12 +244,14 @@ void Seating::bound(Seat& seat, const Binding& binding) {
   left_node_id(fading_.forget(binding.assignment().device));
   if (seat.power_cycle.binding && seat.power_cycle.binding->old_id() != seat.id())
     left_node_id(seat.power_cycle.binding->old_id());
-  lending_.end(binding.assignment().device);
-  loans_.bound(binding.assignment().device);
-  found_.no_clone(binding.assignment().device);
-  found_.not_shared(binding.assignment().device);
-  found_.forget(binding.assignment().device);
-  places_.forget(binding.assignment().device);
+  for (const Identity& device : names_of(binding)) {
+    lending_.end(device);
+    loans_.bound(device);
+    found_.no_clone(device);
+    found_.not_shared(device);
+    found_.forget(device);
+    places_.forget(device);
+  }
   seat.power_cycle = {};
   seat.fresh = true;
   seat.checked = s_.executor.now();
@@ -239,7 +259,7 @@ void Seating::bound(Seat& seat, const Binding& binding) {
                        fmt::format("bound to {} as node-ID {}{}", to_string(binding.assignment().device),
                                    seat.id().value(), binding.volatile_only() ? ", which it cannot store" : ""));
   if (seat.slot.spec.when_ambiguous == places::WhenAmbiguous::one_at_a_time) {
-    const LssAddress& device = binding.assignment().device;
+    const LssAddress& device = binding.assignment().device.address;
     slots_.events().tell(
         EventKind::new_device, seat.name(),
         fmt::format("new device: manufacturer {:08X}h, product {:08X}h, serial {:08X}h took slot {}, node-ID {}",
@@ -253,14 +273,15 @@ void Seating::not_bound(Seat& seat, const Binding& binding, const std::optional<
   using places::Why;
   if (binding.step() == Step::power_cycle) {
     seat.power_cycle.binding = binding;
-    found_.forget(binding.assignment().device);
+    for (const Identity& device : names_of(binding)) found_.forget(device);
     slots_.happened(seat, SlotEvent::waits_for_power, "node-ID stored; switch the device off and on");
     return;
   }
   learn_fixed(binding);
   const bool clone = binding.why() == Why::clone;
-  if (clone) found_.note({binding.assignment().device, binding.old_id(), true});
-  if (binding.why() == Why::not_there) found_.forget(binding.assignment().device);
+  const Identity was = binding.assignment().device.with(binding.old_id());
+  if (clone) found_.note({was, binding.old_id(), true});
+  if (binding.why() == Why::not_there) found_.forget(was);
   // It came with that node-ID, and so did another, which stays: a device that answers to one address with its clone.
   const bool shares = binding.why() == Why::occupied && found_.active_of(binding.assignment().device) == seat.id();
   if (shares) found_.note_shared(binding.assignment().device);
@@ -290,13 +311,14 @@ void Seating::not_bound(Seat& seat, const Binding& binding, const std::optional<
 // 11h was refused: the node-ID is not LSS's to give. It is not tried again, for the sake of the device and of time.
 void Seating::learn_fixed(const places::Binding& binding) {
   if (binding.why() != places::Why::refused) return;
-  const LssAddress& device = binding.assignment().device;
+  const Identity device = binding.kind() == Binding::Kind::bind ? binding.assignment().device.with(binding.old_id())
+                                                                : binding.assignment().device;
   slots_.set_mark(Mark::fixed, device, binding.old_id(), "LSS configure node-ID was refused");
   const auto found = found_.of(device);
   if (found != nullptr) found->active = binding.old_id();
 }
 
-rt::Task<bool> Seating::blank(LssAddress device, std::string reason) {
+rt::Task<bool> Seating::blank(Identity device, std::string reason) {
   ++blanks_;
   const auto known = slots_.unfinished_here();
   const bool resumed = std::ranges::find(known, device, &places::UnfinishedBlank::device) != known.end();
@@ -324,7 +346,8 @@ rt::Task<bool> Seating::blank(LssAddress device, std::string reason) {
     left_node_id(used);
     lending_.end(device);
     const auto it = found_.of(device);
-    if (it != nullptr) it->active = NodeId();
+    if (it != nullptr && device.has_serial()) it->active = NodeId();
+    if (it != nullptr && !device.has_serial()) found_.note({device, NodeId()});
   } else if (binding.why() != places::Why::not_there) {
     learn_fixed(binding);
     if (binding.why() == places::Why::clone) found_.note({device, binding.old_id(), true});
@@ -393,10 +416,17 @@ rt::Task<void> Seating::inquire_found(bool all) {
     const bool binds =
         std::ranges::any_of(planning_.plan().actions, [&](const Action& a) { return a.device == f.device; });
     const bool asks = all || seat != nullptr || !binds || may_choose(slots_, f.device);
-    if (!asks || f.clone) continue;
+    if (f.clone) continue;
+    if (asking_.has_equals(f.device)) {
+      co_await equals_.look_for_another(f);
+      continue;
+    }
+    if (!asks) continue;
     const auto id = co_await asking_.active_id(f.device);
     if (id) {
-      const places::Found heard{f.device, *id, false};
+      places::Found heard{f.device, *id, false};
+      heard.device = found_.known_as(heard);
+      if (heard.device != f.device) found_.forget(f.device);
       found_.note(heard);
       co_await take_back(heard);
     } else if (id.error().code == Errc::duplicate) {
@@ -409,7 +439,7 @@ rt::Task<void> Seating::inquire_found(bool all) {
 
 // A slot's own device under its own node-ID, whose boot-up was not heard: it is checked and started like one that was.
 rt::Task<void> Seating::take_back(const places::Found& found) {
-  const LssAddress device = found.device;
+  const Identity device = found.device;
   Seat* const seat = slots_.of(device);
   const bool home =
       seat != nullptr && seat->slot.record.confirmed && !seat->slot.record.intended && found.active == seat->id();
@@ -429,7 +459,7 @@ rt::Task<void> Seating::look_for_unfinished() {
   for (auto& seat : slots_.seats()) {
     const bool by_lss = seat->slot.spec.assign == places::Assign::lss && seat->slot.record.intended.has_value();
     if (!by_lss) continue;
-    const LssAddress device = seat->slot.record.intended->device;
+    const Identity device = seat->slot.record.intended->device;
     if (seat->life == Life::waits) {
       const bool waits = co_await waits_for_its_power_cycle(*seat, told_one);
       if (waits) avoid_.push_back(device);
@@ -441,7 +471,11 @@ rt::Task<void> Seating::look_for_unfinished() {
     keep_for_its_device(*seat);
   }
   for (const auto& blank : slots_.unfinished_here()) {
-    const LssAddress device = blank.device;
+    const Identity device = blank.device;
+    if (equals_.came_without(device)) {
+      left_node_id(fading_.forget(device));
+      continue;
+    }
     const bool answers = co_await answers_by_lss(device);
     if (!answers) {
       left_node_id(fading_.forget(device));
@@ -456,8 +490,8 @@ rt::Task<void> Seating::look_for_unfinished() {
   }
 }
 
-rt::Task<bool> Seating::answers_by_lss(LssAddress device) {
-  const bool known = found_.of(device) != nullptr;
+rt::Task<bool> Seating::answers_by_lss(Identity device) {
+  const bool known = found_.of(device) != nullptr || found_.of(device.with(NodeId())) != nullptr;
   if (known) co_return true;
   const auto id = co_await asking_.active_id(device);
   const bool clone = !id && id.error().code == Errc::duplicate;

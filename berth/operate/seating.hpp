@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "berth/operate/equals.hpp"
 #include "berth/operate/fading.hpp"
 #include "berth/operate/planning.hpp"
 #include "berth/operate/presence.hpp"
@@ -35,7 +36,8 @@ class Seating {
         places_(places),
         presence_(presence),
         planning_(planning),
-        fading_(fading) {}
+        fading_(fading),
+        equals_(services, slots, found, planning) {}
 
   /// Before the first `carry_out`; must stay.
   void set_starter(EarlyStarter& starter) noexcept { starter_ = &starter; }
@@ -46,7 +48,7 @@ class Seating {
   /// no binding asks. The turn must be held.
   rt::Task<void> inquire_found(bool all);
   /// Takes the device's node-ID away. The turn must be held.
-  rt::Task<bool> blank(LssAddress device, std::string reason);
+  rt::Task<bool> blank(Identity device, std::string reason);
   /// How often a device was told to give its node-ID up.
   [[nodiscard]] unsigned blanks() const noexcept { return blanks_; }
   /// A device that waited for its power cycle is heard again.
@@ -56,10 +58,10 @@ class Seating {
   rt::Task<void> carry_out_actions(bool& inquired_all);
   rt::Task<void> verify_vacancy();
   rt::Task<bool> act(const places::Action& action);
-  rt::Task<void> act_aside(const places::Action& action, std::vector<LssAddress>& failed, rt::Scope& starts);
-  rt::Task<void> bind_side_by_side(const std::vector<places::Action>& actions, std::vector<LssAddress>& failed);
-  [[nodiscard]] bool is_avoided(const LssAddress& device) const noexcept;
-  rt::Task<bool> bind_seat(Seat& seat, LssAddress device, std::string reason);
+  rt::Task<void> act_aside(const places::Action& action, std::vector<Identity>& failed, rt::Scope& starts);
+  rt::Task<void> bind_side_by_side(const std::vector<places::Action>& actions, std::vector<Identity>& failed);
+  [[nodiscard]] bool is_avoided(const Identity& device) const noexcept;
+  rt::Task<bool> bind_seat(Seat& seat, Identity device, std::string reason);
   // `store_said`: `Binder::store_said`.
   void ended(Seat& seat, const places::Binding& binding, const std::optional<Error>& store_said);
   void left_node_id(NodeId id);
@@ -71,7 +73,7 @@ class Seating {
   void free_for_spares();
   // What an earlier run, or an earlier try, left unfinished (S1.29, S1.53).
   rt::Task<void> look_for_unfinished();
-  rt::Task<bool> answers_by_lss(LssAddress device);
+  rt::Task<bool> answers_by_lss(Identity device);
   rt::Task<bool> waits_for_its_power_cycle(Seat& seat, bool& told_one);
   void keep_for_its_device(Seat& seat);
 
@@ -86,8 +88,9 @@ class Seating {
   Presence& presence_;
   Planning& planning_;
   Fading& fading_;
+  Equals equals_;
   EarlyStarter* starter_ = nullptr;
-  std::vector<LssAddress> avoid_;  // devices whose action failed in this round
+  std::vector<Identity> avoid_;  // devices whose action failed in this round
   unsigned blanks_ = 0;
 };
 

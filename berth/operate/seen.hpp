@@ -13,7 +13,7 @@ namespace berth::operate {
 /// What a scan found at one node-ID, or without one.
 struct Seen {
   NodeId id;                                 ///< unconfigured: found by RAND, without a node-ID
-  std::optional<LssAddress> device;          ///< from 1018h, or from RAND
+  std::optional<Identity> device;            ///< from 1018h, or from RAND
   std::optional<std::uint32_t> device_type;  ///< 1000h
   std::optional<NmtState> state;             ///< from its error control messages
   bool duplicate = false;                    ///< more than one device answered under this node-ID or address

@@ -29,8 +29,21 @@ Result<void> SlotTable::open() {
     seat->slot.record.slot = *slot;
     seat->slot.record.name = seat->slot.spec.name;
     refresh(*seat);
+    const auto cleared = forget_who_had_switches(*seat);
+    if (!cleared) return cleared;
   }
   return {};
+}
+
+// A device without a serial number is known by its node-ID: with another one the slot has another device.
+Result<void> SlotTable::forget_who_had_switches(Seat& seat) {
+  const auto device = seat.slot.record.device();
+  const bool other =
+      seat.slot.spec.assign == places::Assign::fixed && device && device->at.configured() && device->at != seat.id();
+  if (!other) return {};
+  const auto cleared = store_->clear(seat.slot.record.slot, "its node-ID is another now, and it has no serial number");
+  refresh(seat);
+  return cleared;
 }
 
 Seat* SlotTable::at(NodeId id) const noexcept {
@@ -43,7 +56,7 @@ Seat* SlotTable::named(const std::string& name) const noexcept {
   return it == seats_.end() ? nullptr : it->get();
 }
 
-Seat* SlotTable::of(const LssAddress& device) const noexcept {
+Seat* SlotTable::of(const Identity& device) const noexcept {
   const auto it = std::ranges::find_if(seats_, [&](const auto& s) { return s->slot.record.device() == device; });
   return it == seats_.end() ? nullptr : it->get();
 }
@@ -58,7 +71,7 @@ std::vector<SlotReport> SlotTable::report() const {
   std::vector<SlotReport> slots;
   for (const auto& seat : seats_) {
     slots.push_back({s_.bus.name, seat->id(), seat->name(), seat->slot.spec.type, seat->slot.record.device(),
-                     seat->state(), seat->since, seat->reason, seat->letter()});
+                     seat->state(), seat->since, seat->reason, seat->letter(), seat->slot.spec.unasked});
   }
   std::ranges::sort(slots, {}, &SlotReport::id);
   return slots;
@@ -123,24 +136,24 @@ Result<void> SlotTable::clear(Seat& seat, const std::string& reason) {
   return {};
 }
 
-bool SlotTable::is_marked(Mark mark, const LssAddress& device) const {
+bool SlotTable::is_marked(Mark mark, const Identity& device) const {
   const auto marked = store_->is_marked(mark, known(device));
   return marked && *marked;
 }
 
-void SlotTable::set_mark(Mark mark, const LssAddress& device, NodeId id, const std::string& reason) {
+void SlotTable::set_mark(Mark mark, const Identity& device, NodeId id, const std::string& reason) {
   if (is_marked(mark, device)) return;
   const auto marked = store_->mark(mark, known(device), id, reason);
   if (!marked) events_.tell(EventKind::error, "", "the slot table cannot be written: " + describe(marked.error()));
 }
 
-void SlotTable::take_mark(Mark mark, const LssAddress& device, const std::string& reason) {
+void SlotTable::take_mark(Mark mark, const Identity& device, const std::string& reason) {
   if (!is_marked(mark, device)) return;
   const auto taken = store_->unmark(mark, known(device), reason);
   if (!taken) events_.tell(EventKind::error, "", "the slot table cannot be written: " + describe(taken.error()));
 }
 
-std::optional<places::FormerSeat> SlotTable::former_seat_of(const LssAddress& device) const {
+std::optional<places::FormerSeat> SlotTable::former_seat_of(const Identity& device) const {
   const auto lines = store_->history_of(known(device));
   return lines ? places::former_seat(*lines) : std::nullopt;
 }
@@ -154,7 +167,7 @@ std::vector<UnfinishedBlank> SlotTable::unfinished_here() const {
   return here;
 }
 
-bool has_vacancy_for(const SlotTable& slots, const LssAddress& device) {
+bool has_vacancy_for(const SlotTable& slots, const Identity& device) {
   return std::ranges::any_of(slots.seats(), [&](const auto& seat) {
     const auto& spec = seat->slot.spec;
     return !seat->slot.record.device() && spec.assign == places::Assign::lss && places::fits(spec, device);

@@ -28,7 +28,7 @@ class SlotTable {
   [[nodiscard]] places::SlotStore& store() const noexcept { return *store_; }
   /// This bus, as the store knows it, and a device that is on it.
   [[nodiscard]] const places::BusName& bus() const noexcept { return bus_; }
-  [[nodiscard]] places::BusDevice known(const LssAddress& device) const { return {device, bus_}; }
+  [[nodiscard]] places::BusDevice known(const Identity& device) const { return {device, bus_}; }
 
   [[nodiscard]] const Seats& seats() const noexcept { return seats_; }
   /// Null: there is none.
@@ -36,7 +36,7 @@ class SlotTable {
   [[nodiscard]] Seat* named(const std::string& name) const noexcept;
   [[nodiscard]] Seat* with_record(places::SlotId slot) const noexcept;
   /// The slot that the device is bound to, asked for or confirmed.
-  [[nodiscard]] Seat* of(const LssAddress& device) const noexcept;
+  [[nodiscard]] Seat* of(const Identity& device) const noexcept;
   /// For `places::plan`.
   [[nodiscard]] std::vector<places::Slot> plain() const;
   [[nodiscard]] std::vector<SlotReport> report() const;
@@ -57,11 +57,11 @@ class SlotTable {
   Result<void> clear(Seat& seat, const std::string& reason);
 
   // Of devices on this bus: what the store has of a twin on another one is the twin's.
-  [[nodiscard]] bool is_marked(places::Mark mark, const LssAddress& device) const;
-  void set_mark(places::Mark mark, const LssAddress& device, NodeId id, const std::string& reason);
-  void take_mark(places::Mark mark, const LssAddress& device, const std::string& reason);
+  [[nodiscard]] bool is_marked(places::Mark mark, const Identity& device) const;
+  void set_mark(places::Mark mark, const Identity& device, NodeId id, const std::string& reason);
+  void take_mark(places::Mark mark, const Identity& device, const std::string& reason);
   /// Where the device sat on this bus before its slot was given away.
-  [[nodiscard]] std::optional<places::FormerSeat> former_seat_of(const LssAddress& device) const;
+  [[nodiscard]] std::optional<places::FormerSeat> former_seat_of(const Identity& device) const;
   /// The intentions to take a node-ID away that were begun on this bus and are open. Those of stores of before schema 5
   /// are of any bus.
   [[nodiscard]] std::vector<places::UnfinishedBlank> unfinished_here() const;
@@ -70,6 +70,8 @@ class SlotTable {
   [[nodiscard]] Diagnosis& diagnosis() noexcept { return diagnosis_; }
 
  private:
+  Result<void> forget_who_had_switches(Seat& seat);
+
   BusServices& s_;
   places::BusName bus_;
   places::SlotStore* store_;
@@ -79,6 +81,6 @@ class SlotTable {
 };
 
 /// A slot that LSS fills has no device, and this one fits it.
-[[nodiscard]] bool has_vacancy_for(const SlotTable& slots, const LssAddress& device);
+[[nodiscard]] bool has_vacancy_for(const SlotTable& slots, const Identity& device);
 
 }  // namespace berth::operate

@@ -17,8 +17,8 @@ constexpr std::size_t most_formers = 4;                // of one slot that are l
 
 // The devices that may have this slot's node-ID in their memory and sit nowhere now, newest first: they sat here, were
 // told it once and never heard under it, or were to give it up.
-std::vector<LssAddress> Spares::formers_of(const Seat& seat) const {
-  std::vector<LssAddress> devices;
+std::vector<Identity> Spares::formers_of(const Seat& seat) const {
+  std::vector<Identity> devices;
   const auto lines = slots_.store().history(seat.slot.record.slot);
   if (!lines) return devices;
   for (auto line = lines->rbegin(); line != lines->rend() && devices.size() < most_formers; ++line) {
@@ -35,7 +35,7 @@ std::vector<LssAddress> Spares::formers_of(const Seat& seat) const {
 
 rt::Task<bool> Spares::isolate_former(Seat& seat) {
   if (s_.only_observes() || !seat.slot.record.confirmed) co_return false;
-  const std::vector<LssAddress> formers = formers_of(seat);
+  const std::vector<Identity> formers = formers_of(seat);
   bool any = false;
   bool silent = false;
   for (const auto& device : formers) {
@@ -66,7 +66,7 @@ rt::Task<bool> Spares::isolate_former(Seat& seat) {
 
 rt::Task<bool> Spares::clear_past(Seat& seat) {
   if (s_.only_observes()) co_return true;
-  const LssAddress device = seat.slot.record.confirmed->device;
+  const Identity device = seat.slot.record.confirmed->device;
   const bool fresh = std::exchange(seat.fresh, false);
   bool restores = slots_.is_marked(Mark::restore, device);
   bool asks = slots_.is_marked(Mark::looks_used, device);
@@ -98,12 +98,12 @@ rt::Task<bool> Spares::clear_past(Seat& seat) {
 }
 
 bool Spares::has_past(const Seat& seat) const {
-  const LssAddress& device = seat.slot.record.confirmed->device;
+  const Identity& device = seat.slot.record.confirmed->device;
   const bool marked = slots_.is_marked(Mark::restore, device) || slots_.is_marked(Mark::looks_used, device);
   return marked || had_another(seat, device);
 }
 
-bool Spares::had_another(const Seat& seat, const LssAddress& device) const {
+bool Spares::had_another(const Seat& seat, const Identity& device) const {
   const auto lines = slots_.store().history(seat.slot.record.slot);
   return lines && std::ranges::any_of(*lines, [&](const places::HistoryEntry& line) {
            return line.event == "confirmed" && line.device != device;
@@ -127,7 +127,7 @@ rt::Task<Result<bool>> Spares::foreign_date(Seat& seat) {
 // 1011h:01 "load", then a reset: the device has its factory settings, perhaps no node-ID, and then is bound again.
 rt::Task<bool> Spares::restore_seat(Seat& seat) {
   const NodeId id = seat.id();
-  const LssAddress device = seat.slot.record.confirmed->device;
+  const Identity device = seat.slot.record.confirmed->device;
   co::SdoOptions patience = s_.sdo.options();
   patience.timeout = s_.bus.timing.save_timeout;
   const auto loaded = co_await s_.sdo.write<std::uint32_t>(id, 0x1011, 1, load_signature, patience);
@@ -157,7 +157,7 @@ rt::Task<bool> Spares::restore_seat(Seat& seat) {
   slots_.take_mark(Mark::restore, device, booted ? "loaded, and booted with them" : "loaded, and reset");
   slots_.events().tell(EventKind::restored, seat.name(), fmt::format("{} has its factory settings", to_string(device)));
   const auto who = co_await places::read_identity(s_.sdo, id);
-  const bool same = who && *who == device;
+  const bool same = who && seat.sits(*who);
   seat.checked = s_.executor.now();
   if (same) co_return true;
   agenda_.look_anew = true;
@@ -166,7 +166,7 @@ rt::Task<bool> Spares::restore_seat(Seat& seat) {
   co_return false;
 }
 
-void Spares::make_welcome(const LssAddress& device) {
+void Spares::make_welcome(const Identity& device) {
   welcome_.push_back(device);
   if (slots_.former_seat_of(device))
     slots_.set_mark(Mark::restore, device, NodeId(), "a person said that it may be used again");

@@ -32,11 +32,11 @@ class Spares {
   /// `clear_past` would do more than to say so.
   [[nodiscard]] bool has_past(const Seat& seat) const;
   /// A person named this device, or said that a used one may be used.
-  void make_welcome(const LssAddress& device);
+  void make_welcome(const Identity& device);
 
  private:
-  [[nodiscard]] std::vector<LssAddress> formers_of(const Seat& seat) const;
-  [[nodiscard]] bool had_another(const Seat& seat, const LssAddress& device) const;
+  [[nodiscard]] std::vector<Identity> formers_of(const Seat& seat) const;
+  [[nodiscard]] bool had_another(const Seat& seat, const Identity& device) const;
   rt::Task<Result<bool>> foreign_date(Seat& seat);
   rt::Task<bool> restore_seat(Seat& seat);
 
@@ -49,7 +49,7 @@ class Spares {
   Planning& planning_;
   Seating& seating_;
   const Fading& fading_;
-  std::vector<LssAddress> welcome_;
+  std::vector<Identity> welcome_;
 };
 
 }  // namespace berth::operate

@@ -18,7 +18,7 @@ class Starter::Target final : public SeatTarget {
   Target(Starter& starter, Seat& seat) noexcept : SeatTarget(starter.s_, seat), starter_(starter), seat_(seat) {}
   rt::Task<bool> runs() override { return starter_.runs_already(seat_); }
   rt::Task<void> start_sent() override {
-    if (seat_.guarded) co_await starter_.ask_by_guarding(seat_);
+    if (seat_.guarded) co_await starter_.control_.ask_started(seat_);
   }
 
  private:
@@ -34,10 +34,10 @@ class Starter::Source final : public network::BootSource {
     rules = {.assigned = true, .boots = true, .mandatory = seat_.slot.spec.mandatory};
     rules.device_type = seat_.slot.spec.device_type;
     if (const auto device = seat_.slot.record.device()) {
-      rules.vendor = device->vendor;
-      rules.product = device->product;
-      rules.revision = device->revision;
-      rules.serial = device->serial;
+      rules.vendor = device->address.vendor;
+      rules.product = device->address.product;
+      rules.revision = device->address.revision;
+      rules.serial = device->address.serial;
     }
     starter_.programming_.expect(seat_, rules);
   }
@@ -66,6 +66,7 @@ Starter::Starter(BusServices& services, SlotTable& slots, Agenda& agenda, Startu
       configuring_(configuring),
       spares_(spares),
       presence_(presence),
+      control_(services, slots),
       programming_(services, slots),
       boots_(services.executor, *this, {}) {
   for (const auto& seat : slots_.seats()) {
@@ -189,7 +190,7 @@ rt::Task<Result<void>> Starter::update(Seat& seat, network::BootTarget& target) 
   // Its restarts are not those of another device, and no reason to write its flash memory again.
   const rt::Time asked = s_.executor.now();
   const auto who = co_await places::read_identity(s_.sdo, seat.id());
-  const bool same = who && seat.slot.record.confirmed && *who == seat.slot.record.confirmed->device;
+  const bool same = who && seat.sits(*who);
   if (same) seat.checked = asked;
   if (same && updated) slots_.happened(seat, SlotEvent::prepared, "it has its programs");
   // On a bus that nothing acknowledges it is away, too.
@@ -208,7 +209,7 @@ rt::Task<Result<void>> Starter::configure(Seat& seat) {
     ready = co_await configuring_.configure(seat, report);
     if (seat.doubt.shared > 0) agenda_.look_anew = true;
   } else {
-    ready = co_await set_heartbeat(seat);
+    ready = co_await control_.set(seat);
   }
   if (!ready) co_return fail(Errc::invalid, "the slot says why");
   if (slots_.events().beneath().of(seat.id()) && s_.may_command()) co_return co_await bring_up_beneath(seat);
@@ -221,20 +222,6 @@ rt::Task<Result<void>> Starter::bring_up_beneath(Seat& seat) {
   const auto done = co_await task;
   if (!done) slots_.happened(seat, SlotEvent::boot_failed, describe(done.error()));
   co_return done;
-}
-
-// False: it is not there any more.
-rt::Task<bool> Starter::set_heartbeat(Seat& seat) {
-  const NodeId id = seat.id();
-  const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(s_.bus.timing.heartbeat_period).count();
-  const auto period = static_cast<std::uint16_t>(std::clamp<std::int64_t>(ms, 0, 0xFFFF));
-  const auto written = co_await s_.sdo.write<std::uint16_t>(id, 0x1017, 0, period);
-  if (!written && written.error().code != Errc::aborted) {
-    slots_.set_absent(seat, "its heartbeat could not be set: " + describe(written.error()));
-    co_return false;
-  }
-  seat.guarded = !written.has_value();
-  co_return true;
 }
 
 // Another master has started it, or it was out of reach and ran on, and the slot does not know: no second start.
@@ -250,7 +237,7 @@ rt::Task<bool> Starter::runs_already(Seat& seat) {
   // One that was out of reach answers questions before its next heartbeat tells its state.
   const rt::Time asked = s_.executor.now();
   const auto told = [&] { return beats(id) && (!alone || *s_.boots.heard(id) > asked); };
-  const rt::Duration period = s_.bus.timing.heartbeat_period;
+  const rt::Duration period = heartbeat_period(s_.bus.timing, seat);
   const rt::Time deadline = asked + period + period / 4;
   while (!told() && s_.executor.now() < deadline) {
     co_await rt::sleep_for(period / 16 + std::chrono::milliseconds(1));
@@ -261,17 +248,6 @@ rt::Task<bool> Starter::runs_already(Seat& seat) {
 bool Starter::beats(NodeId id) const noexcept {
   const auto heard = s_.boots.heard(id);
   return heard && s_.executor.now() - *heard <= s_.bus.timing.heartbeat_timeout;
-}
-
-// No heartbeat in this device: it is asked once by guarding, which is all that can be known of it.
-rt::Task<void> Starter::ask_by_guarding(Seat& seat) {
-  const auto guarded =
-      co_await co::guard_once(s_.dispatcher, seat.id(), s_.bus.timing.guard_timeout, s_.bus.timing.tries);
-  if (guarded && guarded->state == NmtState::operational) {
-    slots_.happened(seat, SlotEvent::operational);
-  } else {
-    slots_.happened(seat, SlotEvent::boot_failed, "it was started and did not become operational");
-  }
 }
 
 // All mandatory devices are ready, or a person said so.
@@ -293,7 +269,7 @@ rt::Task<void> Starter::start_all() {
     if (!seat->there() || !seat->slave.waits_for_start()) continue;
     seat->slave.status.phase = network::SlavePhase::started;
     awaited_.push_back(seat.get());
-    if (seat->guarded) co_await ask_by_guarding(*seat);
+    if (seat->guarded) co_await control_.ask_started(*seat);
   }
 }
 
@@ -302,7 +278,9 @@ rt::Task<void> Starter::await_operational() {
   const auto waits = [](const Seat* s) {
     return s->slave.status.phase == network::SlavePhase::started && s->life == Life::present;
   };
-  const rt::Time deadline = s_.executor.now() + s_.bus.timing.heartbeat_timeout;
+  rt::Duration longest = s_.bus.timing.heartbeat_timeout;
+  for (const Seat* const seat : awaited_) longest = std::max(longest, heartbeat_timeout(s_.bus.timing, *seat));
+  const rt::Time deadline = s_.executor.now() + longest;
   const rt::Duration patience = s_.bus.timing.heartbeat_period + s_.bus.timing.heartbeat_period / 4;
   rt::Time again = s_.executor.now() + patience;
   while (s_.executor.now() < deadline && std::ranges::any_of(awaited_, waits)) {

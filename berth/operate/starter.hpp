@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "berth/network/boot_slave.hpp"
+#include "berth/operate/error_control.hpp"
 #include "berth/operate/programming.hpp"
 #include "berth/operate/spares.hpp"
 #include "berth/operate/startup.hpp"
@@ -36,10 +37,8 @@ class Starter final : public EarlyStarter, private network::SlaveBoots::Owner {
   rt::Task<Result<void>> update(Seat& seat, network::BootTarget& target);
   [[nodiscard]] bool boot_failed(Seat& seat, const network::BootResult& result);
   rt::Task<Result<void>> configure(Seat& seat);
-  rt::Task<bool> set_heartbeat(Seat& seat);
   rt::Task<Result<void>> bring_up_beneath(Seat& seat);
   rt::Task<bool> runs_already(Seat& seat);
-  rt::Task<void> ask_by_guarding(Seat& seat);
   rt::Task<void> start_waiting();
   rt::Task<void> start_all();
   rt::Task<void> await_operational();
@@ -55,6 +54,7 @@ class Starter final : public EarlyStarter, private network::SlaveBoots::Owner {
   Configuring& configuring_;
   Spares& spares_;
   Presence& presence_;
+  ErrorControl control_;
   Programming programming_;
   network::SlaveBoots boots_;
   std::vector<std::unique_ptr<network::BootTarget>> targets_;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "berth/operate/duplicates.hpp"
+#include "berth/operate/error_control.hpp"
 
 namespace berth::operate {
 
@@ -82,7 +83,7 @@ void Supervision::check_rates() {
   for (auto& seat : slots_.seats()) {
     const auto beats = s_.boots.beats(seat->id());
     const auto elapsed = s_.executor.now() - seat->rate.at;
-    const auto period = s_.bus.timing.heartbeat_period;
+    const auto period = heartbeat_period(s_.bus.timing, *seat);
     if (seat->life != Life::operational || period.count() == 0 || elapsed < 4 * period) {
       if (seat->life != Life::operational) {
         seat->rate.beats = beats;
@@ -188,7 +189,7 @@ void Supervision::look_at_voices() {
   for (auto& seat : slots_.seats()) {
     const auto heard = s_.boots.heard(seat->id());
     const bool lately = heard && s_.executor.now() - *heard <= s_.bus.timing.heartbeat_timeout;
-    const bool lent = loans_.to_another(seat->id(), LssAddress{}) != nullptr;
+    const bool lent = loans_.to_another(seat->id(), Identity{}) != nullptr;
     if (seat->slot.record.device() || !lately || lent) continue;
     agenda_.look_anew = true;
     hurry(*seat);

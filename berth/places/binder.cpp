@@ -83,13 +83,13 @@ rt::Task<void> Binder::run(Binding& binding, SlotId slot, const std::string& rea
 rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::string& reason) {
   switch (binding.step()) {
     case Step::check_vacant: {
-      const LssAddress device = binding.assignment().device;
+      const Identity device = binding.assignment().device;
       co_return co_await vacant(binding.assignment().id, device);
     }
     case Step::write_ask:
     case Step::write_confirm: co_return write(binding, slot, reason);
     case Step::select: {
-      const LssAddress device = binding.assignment().device;
+      const LssAddress device = binding.assignment().device.address;
       const bool silent = silent_once_;
       const bool inquires = true;
       const Outcome selected = co_await select(device, inquires);
@@ -120,7 +120,7 @@ rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::stri
   co_return Outcome::error;
 }
 
-rt::Task<Outcome> Binder::vacant(NodeId id, const LssAddress& device) {
+rt::Task<Outcome> Binder::vacant(NodeId id, const Identity& device) {
   auto& vacant_at = s_.vacancy[id.value() & 0x7FU];
   if (vacant_at && s_.boots.vacant_since(id, *vacant_at)) {
     watch_since_ = *vacant_at;
@@ -135,7 +135,8 @@ rt::Task<Outcome> Binder::vacant(NodeId id, const LssAddress& device) {
   if (!type && type.error().code == Errc::bus) co_return Outcome::error;
   if (!silent) {
     const auto who = co_await read_identity(s_.sdo, id);
-    co_return who&&* who == device ? Outcome::ok : Outcome::mismatch;
+    const bool itself = who && who->agrees(device) && (device.has_serial() || id == options_.uses);
+    co_return itself ? Outcome::ok : Outcome::mismatch;
   }
   if (options_.use_guarding) {
     const auto guarded = co_await co::guard_once(s_.dispatcher, id, options_.guard_timeout, 1);
@@ -164,7 +165,8 @@ rt::Task<Outcome> Binder::select(const LssAddress& device, bool inquires) {
     slower.inhibit = std::max(slower.inhibit, options_.slow_inhibit);
     s_.lss.set_options(slower);
   }
-  lss::AloneOptions options{.parts = options_.parts, .attempts = 1, .followed = inquires};
+  lss::AloneOptions options{
+      .parts = options_.parts, .attempts = 1, .without_node_id = options_.among_equals, .followed = inquires};
   window_ = lss::window_of(s_.lss, options);
   if (s_.lss.answer_times().strangers) options.parts = lss::all_parts;
   const auto selected = co_await lss::select_alone(s_.lss, device, options);
@@ -195,7 +197,7 @@ rt::Task<Outcome> Binder::configure(NodeId id) {
 }
 
 rt::Task<Outcome> Binder::still_alone(const Binding& binding) {
-  const LssAddress device = binding.assignment().device;
+  const LssAddress device = binding.assignment().device.address;
   const lss::AloneOptions options{.parts = options_.parts};
   const auto alone = co_await lss::still_alone(s_.lss, device, options);
   if (!alone) co_return Outcome::error;
@@ -226,7 +228,7 @@ rt::Task<Outcome> Binder::configure_alone(const Binding& binding) {
 // use when the device is reset. A device that is in LSS waiting with a node-ID that another device uses is looked for:
 // as Lely core's slaves it may wait for the next reset of all to use it.
 rt::Task<Outcome> Binder::revert(const Binding& binding) {
-  const LssAddress device = binding.assignment().device;
+  const LssAddress device = binding.assignment().device.address;
   NodeId id = binding.revert_to();
   // Since it left its old node-ID one was heard there: perhaps another, which came from elsewhere with the same.
   const bool used = id.configured() && moved_ != rt::Time{} && !s_.boots.silent_since(id, moved_);
@@ -326,7 +328,7 @@ void wake_unconfigured(can::Dispatcher& dispatcher) noexcept {
 // The last question before the 11h: another device in configuration that heard it, or any before it, answers behind the
 // first answer, and is waited for.
 rt::Task<Outcome> Binder::inquire(Binding& binding) {
-  const LssAddress device = binding.assignment().device;
+  const LssAddress device = binding.assignment().device.address;
   lss::ServiceOptions service = s_.lss.options().service;
   service.listen = window_;
   auto reply = co_await s_.lss.inquire_node_id(service);
@@ -445,14 +447,14 @@ rt::Task<Outcome> Binder::identify(const Binding& binding) {
     if (!who) co_return outcome_of(who.error());
   }
   s_.vacancy[id.value() & 0x7FU].reset();
-  if (*who != binding.assignment().device) co_return Outcome::mismatch;
+  if (!who->agrees(binding.assignment().device)) co_return Outcome::mismatch;
   const auto taken_back = s_.lss.answer_times().taken_back;
   co_return taken_back_.value_or(taken_back) == taken_back ? Outcome::ok : Outcome::taken_back;
 }
 
 // The device may still be resetting; it is asked until it answers without a node-ID, or time is up.
 rt::Task<Outcome> Binder::identify_blank(const Binding& binding) {
-  const LssAddress device = binding.assignment().device;
+  const LssAddress device = binding.assignment().device.address;
   const rt::Time deadline = s_.dispatcher.executor().now() + options_.boot_timeout;
   Outcome outcome = Outcome::silent;
   while (s_.dispatcher.executor().now() < deadline) {

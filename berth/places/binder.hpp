@@ -60,6 +60,10 @@ class Binder {
     rt::Time stores_end{};
     BusName on{};                                     ///< for the store: where a blanking is begun
     std::function<void(const Binding&)> before_step;  ///< for displays and fault plans; may be empty
+    NodeId uses;  ///< what the device is known to use; of one without a serial number nothing else tells that it does
+    /// The device has no node-ID, and others on this bus have its LSS address and node-IDs of their own: it is selected
+    /// by Fastscan, which is for devices without a node-ID alone (CiA 305 §Fastscan).
+    bool among_equals = false;
     /// Shared by the binders that run side by side on one bus: the one that has it has LSS. Null: LSS is this binder's
     /// alone.
     rt::Turn* lss_turn = nullptr;
@@ -75,8 +79,9 @@ class Binder {
   /// What the store said when it refused, or could not be written, last; none: it did what it was told.
   [[nodiscard]] const std::optional<Error>& store_said() const noexcept { return store_said_; }
 
-  /// Is this node-ID free for `device`? `ok`: no device answers, or `device` itself does. `mismatch`: another.
-  [[nodiscard]] rt::Task<Outcome> vacant(NodeId id, const LssAddress& device);
+  /// Is this node-ID free for `device`? `ok`: no device answers, or `device` itself does. `mismatch`: another, which
+  /// one of the same kind without a serial number is.
+  [[nodiscard]] rt::Task<Outcome> vacant(NodeId id, const Identity& device);
 
   /// Do two devices answer to this LSS address? `several`: at least twice in three looks (S1.22). Leaves the device in
   /// configuration state.

@@ -5,23 +5,22 @@
 
 namespace berth::places {
 
-rt::Task<Result<LssAddress>> read_identity(co::SdoClient& sdo, NodeId node) {
+rt::Task<Result<Identity>> read_identity(co::SdoClient& sdo, NodeId node) {
   return read_identity(sdo, node, sdo.options());
 }
 
-rt::Task<Result<LssAddress>> read_identity(co::SdoClient& sdo, NodeId node, co::SdoOptions how) {
+rt::Task<Result<Identity>> read_identity(co::SdoClient& sdo, NodeId node, co::SdoOptions how) {
   std::array<std::uint32_t, 4> parts{};
-  for (std::uint8_t i = 0; i < 4; ++i) {
-    const std::uint8_t sub = static_cast<std::uint8_t>(i + 1);
-    const auto part = co_await sdo.read<std::uint32_t>(node, 0x1018, sub, how);
-    if (part) {
-      parts[i] = *part;
-      continue;
-    }
-    // Only the vendor-ID is mandatory (CiA 301 §7.5.2.18).
-    if (part.error().code != Errc::aborted || i == 0) co_return fail(part.error());
+  std::uint8_t unknown = 0;
+  for (unsigned i = 0; i < 4; ++i) {
+    const auto part = co_await sdo.read<std::uint32_t>(node, 0x1018, static_cast<std::uint8_t>(i + 1), how);
+    if (!part && part.error().code != Errc::aborted) co_return fail(part.error());
+    if (part) parts[i] = *part;
+    if (!part) unknown = static_cast<std::uint8_t>(unknown | 1U << i);
   }
-  co_return LssAddress{parts[0], parts[1], parts[2], parts[3]};
+  Identity who(parts[0], parts[1], parts[2], parts[3]);
+  who.unknown = unknown;
+  co_return who.with(node);
 }
 
 rt::Task<Identified> identify(co::SdoClient& sdo, NodeId node, rt::Duration listens) {

@@ -13,19 +13,19 @@ namespace berth::places {
 /// An SDO answer of a second device under one node-ID comes after that of the first by no more than this.
 inline constexpr rt::Duration second_answer = std::chrono::milliseconds(20);
 
-/// Reads the identity object 1018h, sub-indices 1 to 4. A device without one of 2 to 4 has 0 there. The second one asks
-/// with another patience than the client's.
-[[nodiscard]] rt::Task<Result<LssAddress>> read_identity(co::SdoClient& sdo, NodeId node);
-[[nodiscard]] rt::Task<Result<LssAddress>> read_identity(co::SdoClient& sdo, NodeId node, co::SdoOptions how);
+/// Reads the identity object 1018h, sub-indices 1 to 4. What the device refuses to tell is unknown. The second one asks
+/// with another patience than the client's. Errors: those of an answer that did not come.
+[[nodiscard]] rt::Task<Result<Identity>> read_identity(co::SdoClient& sdo, NodeId node);
+[[nodiscard]] rt::Task<Result<Identity>> read_identity(co::SdoClient& sdo, NodeId node, co::SdoOptions how);
 
 struct Identified {
-  Result<LssAddress> who = LssAddress{};
+  Result<Identity> who = Identity{};
   bool by_two = false;  ///< two devices answered each time that they were asked
 };
 
 /// The same. A second answer is no proof of a second device: CAN repeats a frame whose last bit is seen wrong by its
-/// sender, question or answer, and receivers have it twice. So all is asked again after a second answer, and two devices
-/// are believed when a second answer comes again. `listens`: so long a second answer is waited for.
+/// sender, question or answer, and receivers have it twice. So all is asked again after a second answer, and two
+/// devices are believed when a second answer comes again. `listens`: so long a second answer is waited for.
 [[nodiscard]] rt::Task<Identified> identify(co::SdoClient& sdo, NodeId node, rt::Duration listens = {});
 
 }  // namespace berth::places

@@ -24,7 +24,7 @@ enum class OddityKind : std::uint8_t {
 
 struct Oddity {
   OddityKind kind = OddityKind::surplus;
-  LssAddress device;
+  Identity device;
   NodeId id;         ///< its own, or the one that it is about
   std::string text;  ///< what is wrong and what to do
 };

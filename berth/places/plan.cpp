@@ -30,23 +30,29 @@ class Draft {
       : slots_(slots), found_(found), master_(master) {}
 
   [[nodiscard]] Plan& plan() noexcept { return plan_; }
-  [[nodiscard]] const Slot* seat_of(const LssAddress& device) const {
-    const auto it = std::ranges::find_if(slots_, [&](const Slot& s) { return s.record.device() == device; });
+  [[nodiscard]] const Slot* seat_of(const Identity& device) const {
+    auto it = std::ranges::find_if(slots_, [&](const Slot& s) { return s.record.device() == device; });
+    // One without a serial number is, wherever it was found, the one of its kind that a slot waits for.
+    if (it == slots_.end() && !device.has_serial()) {
+      it = std::ranges::find_if(slots_, [&](const Slot& s) {
+        return s.record.intended && s.record.intended->device.address == device.address;
+      });
+    }
     return it == slots_.end() ? nullptr : &*it;
   }
 
-  void blank(const LssAddress& device, std::string reason) {
+  void blank(const Identity& device, std::string reason) {
     const bool planned = std::ranges::any_of(
         plan_.actions, [&](const Action& a) { return a.kind == Action::Kind::blank && a.device == device; });
     if (!planned) plan_.actions.push_back({Action::Kind::blank, 0, device, std::move(reason)});
   }
 
-  void bind(std::size_t slot, const LssAddress& device, std::string reason) {
+  void bind(std::size_t slot, const Identity& device, std::string reason) {
     plan_.actions.push_back({Action::Kind::bind, slot, device, std::move(reason)});
   }
 
   /// A device found at `id` that is not `device` must leave it first.
-  void make_way(const LssAddress& device, NodeId id) {
+  void make_way(const Identity& device, NodeId id) {
     for (const auto& other : found_) {
       if (other.device != device && other.active == id && !other.clone && !other.lent) {
         blank(other.device, fmt::format("it holds node-ID {} of another slot", id.value()));
@@ -55,10 +61,15 @@ class Draft {
   }
 
   void report_clone(const Found& f) {
-    plan_.oddities.push_back({OddityKind::clone, f.device, f.active,
-                              fmt::format("more than one device answers to LSS address {}; take one away, or give it a "
-                                          "serial number of its own",
-                                          to_string(f.device))});
+    plan_.oddities.push_back(
+        {OddityKind::clone, f.device, f.active,
+         f.device.has_serial()
+             ? fmt::format("more than one device answers to LSS address {}; take one away, or give it a serial number "
+                           "of its own",
+                           to_string(f.device))
+             : fmt::format("several devices {} have no serial number and wait for a node-ID: LSS does not tell them "
+                           "apart; switch them on one at a time",
+                           to_string(f.device))});
   }
 
   /// A device without a seat may keep a node-ID only when no slot here needs it.
@@ -134,7 +145,7 @@ class Draft {
 
 class PlanMaker {
  public:
-  PlanMaker(const std::vector<Slot>& slots, const std::vector<Found>& found, const std::vector<LssAddress>& blanks,
+  PlanMaker(const std::vector<Slot>& slots, const std::vector<Found>& found, const std::vector<Identity>& blanks,
             NodeId master, const std::vector<Reading>& readings)
       : slots_(slots),
         found_(found),
@@ -206,7 +217,7 @@ class PlanMaker {
   }
 
   /// A successor (`also`) belongs to the type of the slot that it may sit in, a free one if there is one.
-  [[nodiscard]] TypeCode group_of(const LssAddress& device) const {
+  [[nodiscard]] TypeCode group_of(const Identity& device) const {
     const auto free = std::ranges::find_if(slots_, [&](const Slot& s) {
       return !s.record.device() && s.spec.assign == Assign::lss && fits(s.spec, device);
     });
@@ -273,7 +284,7 @@ class PlanMaker {
   void take(Group& group, std::size_t slot, const Found& f) {
     draft_.seat(slot, f);
     std::erase(group.free, slot);
-    const LssAddress device = f.device;  // `f` may be the one that goes
+    const Identity device = f.device;  // `f` may be the one that goes
     std::erase_if(group.fresh, [&](const Found& each) { return each.device == device; });
   }
 
@@ -318,13 +329,13 @@ class PlanMaker {
 
   // ---- probe ----
 
-  [[nodiscard]] const Reading* reading(const LssAddress& device, const Probe& probe) const {
+  [[nodiscard]] const Reading* reading(const Identity& device, const Probe& probe) const {
     const auto it = std::ranges::find_if(readings_, [&](const Reading& r) {
       return r.device == device && r.index == probe.index && r.sub == probe.sub;
     });
     return it == readings_.end() ? nullptr : &*it;
   }
-  [[nodiscard]] bool shows(const LssAddress& device, const Probe& probe) const {
+  [[nodiscard]] bool shows(const Identity& device, const Probe& probe) const {
     const auto* const read = reading(device, probe);
     return read != nullptr && read->value && probe.matches(*read->value);
   }
@@ -416,6 +427,13 @@ class PlanMaker {
       case WhenAmbiguous::ask:
       case WhenAmbiguous::probe: break;
     }
+    const bool unnumbered =
+        std::ranges::any_of(fresh, [](const Found& f) { return !f.device.has_serial() && !f.device.at.configured(); });
+    if (unnumbered && free.size() > fresh.size()) {
+      return draft_.ask(free, fresh,
+                        "it has no serial number, and LSS does not tell it from its equals: leave only the next one "
+                        "switched on (when_ambiguous = \"one-at-a-time\" seats them in that order)");
+    }
     if (mode != WhenAmbiguous::ascending || free.size() == fresh.size()) return draft_.ask(free, fresh, nullptr);
     draft_.ask(free, fresh,
                free.size() > fresh.size() ? "plug in the others too" : "unplug those that do not belong here");
@@ -448,7 +466,7 @@ class PlanMaker {
 
   const std::vector<Slot>& slots_;
   const std::vector<Found>& found_;
-  const std::vector<LssAddress>& blanks_;
+  const std::vector<Identity>& blanks_;
   NodeId master_;
   const std::vector<Reading>& readings_;
   Draft draft_;
@@ -457,6 +475,13 @@ class PlanMaker {
 }  // namespace
 
 namespace {
+
+bool type_fits(const TypeCode& type, std::uint8_t unasked, const Identity& device) noexcept {
+  const auto same = [&](unsigned part, std::uint32_t wanted) {
+    return (unasked >> part & 1U) != 0 || !device.knows(part) || device.address.part(part) == wanted;
+  };
+  return same(0, type.vendor) && same(1, type.product);
+}
 
 bool revision_fits(RevisionRule rule, const std::optional<std::uint32_t>& wanted, std::uint32_t has) noexcept {
   if (!wanted) return true;
@@ -470,19 +495,22 @@ bool revision_fits(RevisionRule rule, const std::optional<std::uint32_t>& wanted
 
 }  // namespace
 
-bool fits(const SlotSpec& slot, const LssAddress& device) noexcept {
-  if (slot.serial && *slot.serial != device.serial) return false;
-  if (slot.type == device.type()) return revision_fits(slot.rule, slot.revision, device.revision);
-  return std::ranges::any_of(slot.also, [&](const AlsoType& other) {
-    return other.type == device.type() && revision_fits(slot.rule, other.revision, device.revision);
-  });
+bool fits(const SlotSpec& slot, const Identity& device) noexcept {
+  if (slot.serial && device.knows(3) && *slot.serial != device.address.serial) return false;
+  const auto revision = [&](const std::optional<std::uint32_t>& wanted) {
+    return !device.knows(2) || revision_fits(slot.rule, wanted, device.address.revision);
+  };
+  if (type_fits(slot.type, slot.unasked, device) && revision(slot.revision)) return true;
+  return std::ranges::any_of(
+      slot.also, [&](const AlsoType& other) { return type_fits(other.type, 0, device) && revision(other.revision); });
 }
 
-bool listed_spare(const SlotSpec& slot, const LssAddress& device) noexcept {
-  return std::ranges::find(slot.spares, device.serial) != slot.spares.end() && fits(slot, device);
+bool listed_spare(const SlotSpec& slot, const Identity& device) noexcept {
+  return device.has_serial() && std::ranges::find(slot.spares, device.address.serial) != slot.spares.end() &&
+         fits(slot, device);
 }
 
-std::vector<Probe> probes_for(const std::vector<Slot>& slots, const LssAddress& device) {
+std::vector<Probe> probes_for(const std::vector<Slot>& slots, const Identity& device) {
   std::vector<Probe> probes;
   for (const auto& slot : slots) {
     const auto& probe = slot.spec.probe;
@@ -495,7 +523,7 @@ std::vector<Probe> probes_for(const std::vector<Slot>& slots, const LssAddress& 
 }
 
 Plan plan(const std::vector<Slot>& slots, const std::vector<Found>& found,
-          const std::vector<LssAddress>& unfinished_blanks, NodeId master, const std::vector<Reading>& readings) {
+          const std::vector<Identity>& unfinished_blanks, NodeId master, const std::vector<Reading>& readings) {
   return PlanMaker(slots, found, unfinished_blanks, master, readings).make();
 }
 

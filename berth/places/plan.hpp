@@ -13,7 +13,7 @@ namespace berth::places {
 
 /// A device that was found on the bus.
 struct Found {
-  LssAddress device;
+  Identity device;
   NodeId active;        ///< the node-ID it uses now; unconfigured for a blank device
   bool clone = false;   ///< more than one device answered to this address
   rt::Time seen = {};   ///< when it became active: its boot-up message, else the first answer to a search
@@ -34,14 +34,14 @@ struct Action {
   enum class Kind : std::uint8_t { blank, bind };
   Kind kind = Kind::bind;
   std::size_t slot = 0;  ///< index into the slots given; meaningless for `blank`
-  LssAddress device;
+  Identity device;
   std::string reason;  ///< for the history
 };
 
 /// What only a person can answer: which of these devices belongs in which of these slots?
 struct Question {
   std::vector<std::size_t> slots;
-  std::vector<LssAddress> devices;
+  std::vector<Identity> devices;
   std::string brief;  ///< what is asked, without the names and what to do
   std::string text;   ///< the whole; of many devices and slots the first ones only
 };
@@ -50,14 +50,14 @@ struct Plan {
   std::vector<Action> actions;  ///< in this order: blanks, unfinished bindings, repairs, new bindings
   std::vector<Question> questions;
   std::vector<Oddity> oddities;
-  std::vector<LssAddress> probes;  ///< new devices whose place is not known before their `SlotSpec::probe` was read
+  std::vector<Identity> probes;  ///< new devices whose place is not known before their `SlotSpec::probe` was read
 };
 
 /// True when a device of this address may sit in this slot: rule 1 and the slot's revision rule.
-[[nodiscard]] bool fits(const SlotSpec& slot, const LssAddress& device) noexcept;
+[[nodiscard]] bool fits(const SlotSpec& slot, const Identity& device) noexcept;
 
 /// The objects that tell a device of this address from others of its kind, each once: those of all slots it fits.
-[[nodiscard]] std::vector<Probe> probes_for(const std::vector<Slot>& slots, const LssAddress& device);
+[[nodiscard]] std::vector<Probe> probes_for(const std::vector<Slot>& slots, const Identity& device);
 
 /// Plans one bus. `slots` are the slots of that bus; `found` what discovery heard, registered devices included when
 /// they were heard at a node-ID that is not theirs; `unfinished_blanks` from the store; `master` is the master's
@@ -67,7 +67,7 @@ struct Plan {
 /// device with a probe the slot whose probe it shows. What is left goes by `when_ambiguous` of the type's lowest free
 /// slot.
 [[nodiscard]] Plan plan(const std::vector<Slot>& slots, const std::vector<Found>& found,
-                        const std::vector<LssAddress>& unfinished_blanks, NodeId master,
+                        const std::vector<Identity>& unfinished_blanks, NodeId master,
                         const std::vector<Reading>& readings = {});
 
 }  // namespace berth::places

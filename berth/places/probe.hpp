@@ -23,7 +23,7 @@ struct Probe {
 
 /// What was read from an object of a device that no slot can be given to without it.
 struct Reading {
-  LssAddress device;
+  Identity device;
   std::uint16_t index = 0;
   std::uint8_t sub = 0;
   std::optional<std::uint32_t> value;  ///< none: the device has no such object, or it is longer than four bytes

@@ -45,12 +45,12 @@ rt::Task<Outcome> RecipeBinder::perform(const RecipeBinding& binding, SlotId slo
   co_return Outcome::error;
 }
 
-rt::Task<Outcome> RecipeBinder::identify(NodeId id, const LssAddress& device) {
+rt::Task<Outcome> RecipeBinder::identify(NodeId id, const Identity& device) {
   const auto answer = co_await places::identify(s_.sdo, id);
   if (answer.by_two) co_return Outcome::several;
   const auto& who = answer.who;
   if (!who) co_return who.error().code == Errc::timeout ? Outcome::silent : outcome_of(who.error());
-  co_return *who == device ? Outcome::ok : Outcome::mismatch;
+  co_return who->agrees(device) ? Outcome::ok : Outcome::mismatch;
 }
 
 std::vector<std::uint8_t> RecipeBinder::bytes(const Recipe::Write& write, NodeId id) {

@@ -24,7 +24,7 @@ class RecipeBinder {
 
  private:
   rt::Task<Outcome> perform(const RecipeBinding& binding, SlotId slot, const std::string& reason);
-  rt::Task<Outcome> identify(NodeId id, const LssAddress& device);
+  rt::Task<Outcome> identify(NodeId id, const Identity& device);
   rt::Task<Outcome> write(NodeId at, NodeId id);
   rt::Task<Outcome> reset(const RecipeBinding& binding);
 

@@ -21,9 +21,9 @@ struct SlotId {
   friend constexpr auto operator<=>(SlotId, SlotId) noexcept = default;
 };
 
-/// A bus of a machine. An LSS address is one device's within one network only (CiA 305): devices without a serial
-/// number all have 0. So whatever is remembered of a device is remembered of one bus, and the same address on another
-/// bus is another device: its twin, or the device itself, which was moved there.
+/// A bus of a machine. An LSS address is one device's within one network only (CiA 305), and so is a node-ID. So
+/// whatever is remembered of a device is remembered of one bus, and the same identity on another bus is another device:
+/// its twin, or the device itself, which was moved there.
 struct BusName {
   std::string machine;
   std::string bus;
@@ -35,7 +35,7 @@ struct BusName {
 
 /// A device as a store knows it.
 struct BusDevice {
-  LssAddress device;
+  Identity device;
   BusName on;
   friend auto operator<=>(const BusDevice&, const BusDevice&) = default;
 };
@@ -105,6 +105,7 @@ struct SlotSpec {
   SlotName name;
   NodeId id;
   TypeCode type;
+  std::uint8_t unasked = 0;  ///< parts of `type` that are not known of its device: bit 0 vendor-ID, bit 1 product code
   std::optional<std::uint32_t> revision;  ///< expected revision number, when `rule` is not `any`
   RevisionRule rule = RevisionRule::any;
   WhenAmbiguous when_ambiguous = WhenAmbiguous::ascending;
@@ -124,11 +125,12 @@ struct SlotSpec {
   std::optional<std::uint32_t> serial = {};   ///< the only device that may sit here (1F88h of a network list)
 };
 /// A device that `fits` this slot and is kept for it.
-[[nodiscard]] bool listed_spare(const SlotSpec& slot, const LssAddress& device) noexcept;
+[[nodiscard]] bool listed_spare(const SlotSpec& slot, const Identity& device) noexcept;
 
-/// The device that sits, or shall sit, in a slot, with the node-ID that it has there.
+/// The device that sits, or shall sit, in a slot, with the node-ID that it has there. A device without a serial number
+/// is known by that (`Identity::with`).
 struct Assignment {
-  LssAddress device;
+  Identity device;
   NodeId id;
   friend bool operator==(const Assignment&, const Assignment&) = default;
 };
@@ -142,7 +144,7 @@ struct Configured {
     done,         ///< it has it
   };
   Stage stage = Stage::writing;
-  LssAddress device;
+  Identity device;
   std::uint32_t days = 0;  ///< the configuration date that 1020h shall have
   std::uint32_t ms = 0;
   friend bool operator==(const Configured&, const Configured&) = default;
@@ -151,7 +153,7 @@ struct Configured {
 
 /// The intention to take a device's node-ID away, not confirmed yet: the device may have it in its memory still.
 struct UnfinishedBlank {
-  LssAddress device;
+  Identity device;
   std::string machine;  ///< where it was begun; empty in stores of before schema 5, which means any
   std::string bus;
   NodeId id;  ///< that the device had then; unconfigured: not known
@@ -162,7 +164,7 @@ struct UnfinishedBlank {
 /// A node-ID that a device was lent for a search (`11h`, not stored), and was not seen to give back: it may use it, or
 /// have it pending, as long as it has power.
 struct LentId {
-  LssAddress device;
+  Identity device;
   std::string machine;  ///< where it was lent; empty in stores of before schema 6, which means any
   std::string bus;
   NodeId id;
@@ -181,7 +183,7 @@ struct SlotRecord {
   std::optional<Configured> configured = {};
 
   /// The device that this slot is about: the one intended, else the one confirmed.
-  [[nodiscard]] std::optional<LssAddress> device() const noexcept {
+  [[nodiscard]] std::optional<Identity> device() const noexcept {
     if (intended) return intended->device;
     if (confirmed) return confirmed->device;
     return std::nullopt;
@@ -202,7 +204,7 @@ enum class Mark : std::uint8_t {
 
 /// A device with a mark.
 struct Marked {
-  LssAddress device;
+  Identity device;
   NodeId id;        ///< that it had then
   BusName on = {};  ///< no bus: of before schema 7, which means any
   friend bool operator==(const Marked&, const Marked&) = default;
@@ -216,7 +218,7 @@ struct HistoryEntry {
   std::string event;           ///< "declared", "asked", "confirmed", "cleared", "blank asked", "blanked",
                       ///< "blank dropped", "configuring", "power cycle needed", "configured", what a `Mark` says,
                       ///< or a note
-  std::optional<LssAddress> device;
+  std::optional<Identity> device;
   NodeId id;
   std::string reason;
   BusName on = {};  ///< the slot's, else the device's; empty: not known, as before schema 7

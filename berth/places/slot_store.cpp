@@ -86,6 +86,10 @@ std::string words_of(const Error& store_said) {
   return "the slot table cannot be written: " + describe(store_said);
 }
 
+bool is_of(const Identity& known, const Assignment& seat) noexcept {
+  return known == seat.device || known.with(seat.id) == seat.device;
+}
+
 Error owned_by_another() noexcept {
   return Error{.code = Errc::duplicate,
                .text = "the slot table has another device in this slot: give the slot away first, by `berth replace`"};
@@ -93,7 +97,7 @@ Error owned_by_another() noexcept {
 
 namespace {
 
-HistoryEntry line_of(SlotId slot, std::string_view event, std::optional<LssAddress> device, NodeId id,
+HistoryEntry line_of(SlotId slot, std::string_view event, std::optional<Identity> device, NodeId id,
                      std::string_view reason) {
   return {0, 0, slot, std::string(event), device, id, std::string(reason), {}};
 }
@@ -155,7 +159,8 @@ Result<void> MemoryStore::ask(SlotId slot, const Assignment& seat, std::string_v
   const BusDevice who{seat.device, record->name.on()};
   const auto sits = sits_.find(who);
   if (sits != sits_.end() && sits->second != slot) return fail(sits_in(find(sits->second)->name));
-  if (record->device() && record->device() != seat.device) return fail(owned_by_another());
+  if (record->device() && !is_of(*record->device(), seat)) return fail(owned_by_another());
+  if (record->device()) sits_.erase({*record->device(), record->name.on()});
   record->intended = seat;
   sits_[who] = slot;
   log(line_of(slot, "asked", seat.device, seat.id, reason));

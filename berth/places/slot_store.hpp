@@ -1,6 +1,6 @@
 /// Where the slot table is kept. `store::Database` keeps it in SQLite, `MemoryStore` in memory.
 ///
-/// A device is known by machine, bus and LSS address (`BusDevice`): twins on two buses are two devices, and what is
+/// A device is known by machine, bus and identity (`BusDevice`): twins on two buses are two devices, and what is
 /// written or ended of one leaves the other alone. A device that is moved to another bus is a new one there, and its
 /// old slot keeps it.
 ///
@@ -30,7 +30,8 @@ class SlotStore {
   /// One slot, in a time that does not grow with their number. Errors: `not_found`.
   virtual Result<SlotRecord> load(SlotId slot) = 0;
 
-  /// Writes the intention to seat a device, before the first frame that does it. Refused (`Errc::duplicate`): the
+  /// Writes the intention to seat a device, before the first frame that does it. One without a
+  /// serial number is known by the node-ID of the seat. Refused (`Errc::duplicate`): the
   /// device is intended or confirmed in another slot of this bus, which the error's text names; another device is
   /// intended or confirmed in this slot, whose node-ID may be in that device's memory: `clear` comes first, and says
   /// why.
@@ -85,6 +86,8 @@ class SlotStore {
 /// `Errc::duplicate` of `SlotStore::ask`: the device's address sits in the slot `there` of the same bus, and what to
 /// do.
 [[nodiscard]] Error sits_in(const SlotName& there);
+/// The device that a slot has is the one of this seat, perhaps with another node-ID.
+[[nodiscard]] bool is_of(const Identity& known, const Assignment& seat) noexcept;
 /// The same when another device is intended or confirmed in the slot that is asked for.
 [[nodiscard]] Error owned_by_another() noexcept;
 /// What a store did not write, for people: a refusal in its own words, else that it cannot be written, and why.
@@ -137,7 +140,7 @@ class MemoryStore : public SlotStore {
   std::map<BusDevice, LentId> lent_;
   std::vector<HistoryEntry> history_;
   std::map<SlotId, std::vector<std::size_t>> lines_of_slot_;  // indices into `history_`
-  std::map<LssAddress, std::vector<std::size_t>> lines_of_device_;
+  std::map<Identity, std::vector<std::size_t>> lines_of_device_;
   std::int64_t stamp_ms_ = 0;
   bool keeps_history_;
 };

@@ -52,6 +52,12 @@ struct Truth {
   std::uint64_t memory_writes = 0;   ///< begun
   std::uint64_t memory_written = 0;  ///< ended, with all that was to be written
   device::Leds leds;                 ///< what its indicators show; dark without power
+
+  /// It is the device that a slot table calls so: one without a serial number is known by its node-ID.
+  [[nodiscard]] bool is(const Identity& named) const noexcept {
+    const Identity own = Identity(address).with(powered ? active : persistent);
+    return own.agrees(named) && (own.has_serial() || own.at == named.at);
+  }
 };
 
 /// One device of the plant: controller, host, dictionary and services, memory.

@@ -23,90 +23,100 @@ constexpr const char* find_slot_sql = "SELECT id FROM slots WHERE machine = ? AN
 constexpr const char* add_slot_sql = "INSERT INTO slots (machine, bus, name) VALUES (?, ?, ?)";
 constexpr const char* bus_of_slot_sql = "SELECT machine, bus FROM slots WHERE id = ?";
 constexpr const char* load_sql =
-    "SELECT s.id, s.machine, s.bus, s.name, t.fact, t.vendor, t.product, t.revision, t.serial, t.node_id "
+    "SELECT s.id, s.machine, s.bus, s.name, t.fact, t.vendor, t.product, t.revision, t.serial, t.apart, t.node_id "
     "FROM slots s LEFT JOIN seats t ON t.slot = s.id WHERE s.machine = ? ORDER BY s.id, t.fact";
 constexpr const char* load_slot_sql =
-    "SELECT s.id, s.machine, s.bus, s.name, t.fact, t.vendor, t.product, t.revision, t.serial, t.node_id "
+    "SELECT s.id, s.machine, s.bus, s.name, t.fact, t.vendor, t.product, t.revision, t.serial, t.apart, t.node_id "
     "FROM slots s LEFT JOIN seats t ON t.slot = s.id WHERE s.id = ? ORDER BY t.fact";
 // Where the device sits beside this slot, on the slot's bus. By the index of the addresses: the twins of one are few.
 constexpr const char* other_seat_sql =
     "SELECT o.machine, o.bus, o.name FROM slots s CROSS JOIN seats t CROSS JOIN slots o WHERE t.vendor = ? AND "
-    "t.product = ? AND t.revision = ? AND t.serial = ? AND s.id = ? AND o.id = t.slot AND o.id <> s.id AND "
+    "t.product = ? AND t.revision = ? AND t.serial = ? AND t.apart = ? AND s.id = ? AND o.id = t.slot AND "
+    "o.id <> s.id AND "
     "o.machine = s.machine AND o.bus = s.bus LIMIT 1";
 constexpr const char* get_seat_sql =
-    "SELECT vendor, product, revision, serial, node_id FROM seats WHERE slot = ? AND fact = ?";
+    "SELECT vendor, product, revision, serial, apart, node_id FROM seats WHERE slot = ? AND fact = ?";
 constexpr const char* put_seat_sql =
-    "INSERT INTO seats (vendor, product, revision, serial, node_id, slot, fact) VALUES (?, ?, ?, ?, ?, ?, ?) "
+    "INSERT INTO seats (vendor, product, revision, serial, apart, node_id, slot, fact) VALUES (?, ?, ?, ?, ?, ?, ?, ?) "
     "ON CONFLICT (slot, fact) DO UPDATE SET vendor = excluded.vendor, product = excluded.product, "
-    "revision = excluded.revision, serial = excluded.serial, node_id = excluded.node_id";
+    "revision = excluded.revision, serial = excluded.serial, apart = excluded.apart, node_id = excluded.node_id";
 constexpr const char* configurations_sql =
-    "SELECT c.slot, c.stage, c.vendor, c.product, c.revision, c.serial, c.days, c.ms FROM configurations c "
+    "SELECT c.slot, c.stage, c.vendor, c.product, c.revision, c.serial, c.apart, c.days, c.ms FROM configurations c "
     "JOIN slots s ON s.id = c.slot WHERE s.machine = ? ORDER BY c.slot";
 constexpr const char* configuration_sql =
-    "SELECT slot, stage, vendor, product, revision, serial, days, ms FROM configurations WHERE slot = ?";
+    "SELECT slot, stage, vendor, product, revision, serial, apart, days, ms FROM configurations WHERE slot = ?";
 constexpr const char* put_configuration_sql =
-    "INSERT OR REPLACE INTO configurations (vendor, product, revision, serial, slot, stage, days, ms) "
-    "VALUES (?, ?, ?, ?, ?, ?, ?, ?)";
+    "INSERT OR REPLACE INTO configurations (vendor, product, revision, serial, apart, slot, stage, days, ms) "
+    "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)";
 constexpr const char* drop_configuration_sql = "DELETE FROM configurations WHERE slot = ?";
 constexpr const char* drop_asked_sql = "DELETE FROM seats WHERE slot = ? AND fact = 'asked'";
 constexpr const char* drop_seats_sql = "DELETE FROM seats WHERE slot = ?";
 constexpr const char* put_blank_sql =
-    "INSERT INTO blanks (vendor, product, revision, serial, machine, bus, node_id) VALUES (?, ?, ?, ?, ?, ?, ?) "
+    "INSERT INTO blanks (vendor, product, revision, serial, apart, machine, bus, node_id) "
+    "VALUES (?, ?, ?, ?, ?, ?, ?, ?) "
     "ON CONFLICT DO UPDATE SET node_id = excluded.node_id";
 // What names no bus is of any bus, and ends with the row of the bus on which it is written anew or ended.
 constexpr const char* drop_blank_of_any_bus_sql =
-    "DELETE FROM blanks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND bus = ''";
+    "DELETE FROM blanks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND apart = ? AND "
+    "bus = ''";
 constexpr const char* drop_blank_sql =
-    "DELETE FROM blanks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND "
+    "DELETE FROM blanks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND apart = ? AND "
     "(machine = ? AND bus = ? OR bus = '')";
 constexpr const char* blanks_sql =
-    "SELECT vendor, product, revision, serial, machine, bus, node_id FROM blanks ORDER BY id";
+    "SELECT vendor, product, revision, serial, apart, machine, bus, node_id FROM blanks ORDER BY id";
 constexpr const char* get_blank_sql =
-    "SELECT node_id FROM blanks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND "
+    "SELECT node_id FROM blanks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND apart = ? AND "
     "(machine = ? AND bus = ? OR bus = '') ORDER BY id LIMIT 1";
 // Kept as the numbers of `places::Mark`, which are never given to another.
 constexpr const char* put_mark_sql =
-    "INSERT OR REPLACE INTO marks (vendor, product, revision, serial, machine, bus, mark, node_id) "
-    "VALUES (?, ?, ?, ?, ?, ?, ?, ?)";
+    "INSERT OR REPLACE INTO marks (vendor, product, revision, serial, apart, machine, bus, mark, node_id) "
+    "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)";
 constexpr const char* drop_mark_of_any_bus_sql =
-    "DELETE FROM marks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND mark = ? AND bus = ''";
+    "DELETE FROM marks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND apart = ? AND mark = ? AND "
+    "bus = ''";
 constexpr const char* drop_mark_sql =
-    "DELETE FROM marks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND "
+    "DELETE FROM marks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND apart = ? AND "
     "(machine = ? AND bus = ? OR bus = '') AND mark = ?";
 constexpr const char* marked_sql =
-    "SELECT vendor, product, revision, serial, node_id, machine, bus FROM marks WHERE mark = ? "
-    "ORDER BY 1, 2, 3, 4, 6, 7";
+    "SELECT vendor, product, revision, serial, apart, node_id, machine, bus FROM marks WHERE mark = ? "
+    "ORDER BY 1, 2, 3, 4, 5, 7, 8";
 constexpr const char* is_marked_sql =
-    "SELECT 1 FROM marks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND "
+    "SELECT 1 FROM marks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND apart = ? AND "
     "(machine = ? AND bus = ? OR bus = '') AND mark = ?";
 constexpr const char* put_loan_sql =
-    "INSERT OR REPLACE INTO loans (vendor, product, revision, serial, machine, bus, node_id) "
-    "VALUES (?, ?, ?, ?, ?, ?, ?)";
+    "INSERT OR REPLACE INTO loans (vendor, product, revision, serial, apart, machine, bus, node_id) "
+    "VALUES (?, ?, ?, ?, ?, ?, ?, ?)";
 constexpr const char* drop_loan_of_any_bus_sql =
-    "DELETE FROM loans WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND bus = ''";
+    "DELETE FROM loans WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND apart = ? AND "
+    "bus = ''";
 constexpr const char* drop_loan_sql =
-    "DELETE FROM loans WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND "
+    "DELETE FROM loans WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND apart = ? AND "
     "(machine = ? AND bus = ? OR bus = '')";
 constexpr const char* loans_sql =
-    "SELECT vendor, product, revision, serial, machine, bus, node_id FROM loans ORDER BY 1, 2, 3, 4, 5, 6";
+    "SELECT vendor, product, revision, serial, apart, machine, bus, node_id FROM loans "
+    "ORDER BY 1, 2, 3, 4, 5, 6, 7";
 constexpr const char* log_sql =
-    "INSERT INTO history (vendor, product, revision, serial, stamp_ms, slot, event, node_id, reason, machine, bus) "
-    "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)";
+    "INSERT INTO history (vendor, product, revision, serial, apart, stamp_ms, slot, event, node_id, reason, machine, "
+    "bus) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)";
 // The bus of a slot's line is the slot's; a line without one has its own.
 constexpr const char* history_sql =
-    "SELECT h.vendor, h.product, h.revision, h.serial, h.sequence, h.stamp_ms, h.slot, h.event, h.node_id, h.reason, "
-    "coalesce(s.machine, h.machine), coalesce(s.bus, h.bus) FROM history h LEFT JOIN slots s ON s.id = h.slot "
+    "SELECT h.vendor, h.product, h.revision, h.serial, h.apart, h.sequence, h.stamp_ms, h.slot, h.event, h.node_id, "
+    "h.reason, coalesce(s.machine, h.machine), coalesce(s.bus, h.bus) FROM history h LEFT JOIN slots s ON s.id = "
+    "h.slot "
     "ORDER BY h.sequence";
 constexpr const char* history_of_slot_sql =
-    "SELECT h.vendor, h.product, h.revision, h.serial, h.sequence, h.stamp_ms, h.slot, h.event, h.node_id, h.reason, "
-    "coalesce(s.machine, h.machine), coalesce(s.bus, h.bus) FROM history h LEFT JOIN slots s ON s.id = h.slot "
+    "SELECT h.vendor, h.product, h.revision, h.serial, h.apart, h.sequence, h.stamp_ms, h.slot, h.event, h.node_id, "
+    "h.reason, coalesce(s.machine, h.machine), coalesce(s.bus, h.bus) FROM history h LEFT JOIN slots s ON s.id = "
+    "h.slot "
     "WHERE h.slot = ? ORDER BY h.sequence";
 constexpr const char* history_of_device_sql =
-    "SELECT h.vendor, h.product, h.revision, h.serial, h.sequence, h.stamp_ms, h.slot, h.event, h.node_id, h.reason, "
-    "coalesce(s.machine, h.machine), coalesce(s.bus, h.bus) FROM history h LEFT JOIN slots s ON s.id = h.slot "
-    "WHERE h.vendor = ? AND h.product = ? AND h.revision = ? AND h.serial = ? ORDER BY h.sequence";
+    "SELECT h.vendor, h.product, h.revision, h.serial, h.apart, h.sequence, h.stamp_ms, h.slot, h.event, h.node_id, "
+    "h.reason, coalesce(s.machine, h.machine), coalesce(s.bus, h.bus) FROM history h LEFT JOIN slots s ON s.id = "
+    "h.slot "
+    "WHERE h.vendor = ? AND h.product = ? AND h.revision = ? AND h.serial = ? AND h.apart = ? ORDER BY h.sequence";
 constexpr const char* devices_sql =
-    "SELECT vendor, product, revision, serial, first_ms, last_ms, lines FROM devices ORDER BY 1, 2, 3, 4";
+    "SELECT vendor, product, revision, serial, apart, first_ms, last_ms, lines FROM devices "
+    "ORDER BY 1, 2, 3, 4, 5";
 
 }  // namespace
 
@@ -126,9 +136,10 @@ class Query {
     statement_.bind(next_++, std::string(value));
     return *this;
   }
-  Query& operator<<(const LssAddress& a) {
-    for (unsigned i = 0; i < 4; ++i) *this << static_cast<std::int64_t>(a.part(i));
-    return *this;
+  /// Five parameters: the address, and what tells the device from others beside it (`apart`).
+  Query& operator<<(const Identity& device) {
+    for (unsigned i = 0; i < 4; ++i) *this << static_cast<std::int64_t>(device.address.part(i));
+    return *this << (std::int64_t{device.unknown} << 8 | device.at.value());
   }
   Query& operator<<(const BusDevice& who) { return *this << who.device << who.on.machine << who.on.bus; }
   Query& skip(int parameters) {  // NULL
@@ -141,9 +152,12 @@ class Query {
   [[nodiscard]] bool null(int column) { return statement_.getColumn(column).isNull(); }
   [[nodiscard]] std::int64_t number(int column) { return statement_.getColumn(column).getInt64(); }
   [[nodiscard]] std::string text(int column) { return statement_.getColumn(column).getString(); }
-  [[nodiscard]] LssAddress address(int column) {
+  [[nodiscard]] Identity identity(int column) {
     const auto part = [&](int i) { return static_cast<std::uint32_t>(number(column + i)); };
-    return {part(0), part(1), part(2), part(3)};
+    Identity device(part(0), part(1), part(2), part(3));
+    device.unknown = static_cast<std::uint8_t>(part(4) >> 8 & Identity::all_unknown);
+    device.at = NodeId::make(part(4) & 0xFFU).value_or(NodeId());
+    return device;
   }
   [[nodiscard]] NodeId node_id(int column) { return NodeId(static_cast<std::uint8_t>(number(column))); }
 
@@ -159,14 +173,14 @@ std::vector<HistoryEntry> lines_of(Query& query) {
   std::vector<HistoryEntry> lines;
   while (query.row()) {
     HistoryEntry line;
-    if (!query.null(0)) line.device = query.address(0);
-    line.sequence = query.number(4);
-    line.stamp_ms = query.number(5);
-    if (!query.null(6)) line.slot = SlotId{query.number(6)};
-    line.event = query.text(7);
-    line.id = query.node_id(8);
-    line.reason = query.text(9);
-    line.on = {query.text(10), query.text(11)};
+    if (!query.null(0)) line.device = query.identity(0);
+    line.sequence = query.number(5);
+    line.stamp_ms = query.number(6);
+    if (!query.null(7)) line.slot = SlotId{query.number(7)};
+    line.event = query.text(8);
+    line.id = query.node_id(9);
+    line.reason = query.text(10);
+    line.on = {query.text(11), query.text(12)};
     lines.push_back(std::move(line));
   }
   return lines;
@@ -231,7 +245,7 @@ std::optional<Assignment> Database::Impl::seat(SlotId slot, std::string_view fac
   Query query(statement(get_seat_sql));
   query << slot.value << fact;
   if (!query.row()) return std::nullopt;
-  return Assignment{query.address(0), query.node_id(4)};
+  return Assignment{query.identity(0), query.node_id(5)};
 }
 
 void Database::Impl::put_seat(SlotId slot, std::string_view fact, const Assignment& seat) {
@@ -249,7 +263,7 @@ std::vector<SlotRecord> Database::Impl::records_of(Query& query) {
     }
     if (query.null(4)) continue;
     auto& fact = query.text(4) == "asked" ? records.back().intended : records.back().confirmed;
-    fact = Assignment{query.address(5), query.node_id(9)};
+    fact = Assignment{query.identity(5), query.node_id(10)};
   }
   return records;
 }
@@ -267,7 +281,7 @@ void Database::Impl::add_configurations(Query& query, std::vector<SlotRecord>& r
                        : text == name(Stage::power_cycle) ? Stage::power_cycle
                                                           : Stage::writing;
     const auto number = [&](int column) { return static_cast<std::uint32_t>(query.number(column)); };
-    it->configured = places::Configured{stage, query.address(2), number(6), number(7)};
+    it->configured = places::Configured{stage, query.identity(2), number(7), number(8)};
   }
 }
 
@@ -276,7 +290,7 @@ void Database::Impl::log(const HistoryEntry& line) {
   if (line.device) {
     query << *line.device;
   } else {
-    query.skip(4);
+    query.skip(4) << std::int64_t{NodeId::unconfigured_value};
   }
   query << stamp_ms;
   if (line.slot) {
@@ -289,7 +303,7 @@ void Database::Impl::log(const HistoryEntry& line) {
   query.run();
 }
 
-void Database::Impl::log(SlotId slot, std::string_view event, const std::optional<LssAddress>& device, NodeId id,
+void Database::Impl::log(SlotId slot, std::string_view event, const std::optional<Identity>& device, NodeId id,
                          std::string_view reason) {
   log({0, 0, slot, std::string(event), device, id, std::string(reason), {}});
 }
@@ -394,7 +408,7 @@ Result<void> Database::ask(SlotId slot, const Assignment& seat, std::string_view
     }
     for (const char* const fact : {"asked", "confirmed"}) {
       const auto other = impl_->seat(slot, fact);
-      if (other && other->device != seat.device) return fail(places::owned_by_another());
+      if (other && !places::is_of(other->device, seat)) return fail(places::owned_by_another());
     }
     impl_->put_seat(slot, "asked", seat);
     impl_->log(slot, "asked", seat.device, seat.id, reason);
@@ -489,7 +503,7 @@ Result<std::vector<places::UnfinishedBlank>> Database::unfinished_blanks() {
   return impl_->read("loading intentions", [&]() -> Result<std::vector<places::UnfinishedBlank>> {
     std::vector<places::UnfinishedBlank> blanks;
     Query query(impl_->statement(blanks_sql));
-    while (query.row()) blanks.push_back({query.address(0), query.text(4), query.text(5), query.node_id(6)});
+    while (query.row()) blanks.push_back({query.identity(0), query.text(5), query.text(6), query.node_id(7)});
     return blanks;
   });
 }
@@ -528,7 +542,7 @@ Result<std::vector<places::Marked>> Database::marked(places::Mark mark) {
     std::vector<places::Marked> devices;
     Query query(impl_->statement(marked_sql));
     query << static_cast<std::int64_t>(mark);
-    while (query.row()) devices.push_back({query.address(0), query.node_id(4), {query.text(5), query.text(6)}});
+    while (query.row()) devices.push_back({query.identity(0), query.node_id(5), {query.text(6), query.text(7)}});
     return devices;
   });
 }
@@ -562,7 +576,7 @@ Result<std::vector<places::LentId>> Database::lent() {
   return impl_->read("loading loans", [&]() -> Result<std::vector<places::LentId>> {
     std::vector<places::LentId> all;
     Query query(impl_->statement(loans_sql));
-    while (query.row()) all.push_back({query.address(0), query.text(4), query.text(5), query.node_id(6)});
+    while (query.row()) all.push_back({query.identity(0), query.text(5), query.text(6), query.node_id(7)});
     return all;
   });
 }
@@ -596,7 +610,7 @@ Result<std::vector<DeviceSeen>> Database::devices() {
   return impl_->read("loading devices", [&]() -> Result<std::vector<DeviceSeen>> {
     std::vector<DeviceSeen> devices;
     Query query(impl_->statement(devices_sql));
-    while (query.row()) devices.push_back({query.address(0), query.number(4), query.number(5), query.number(6)});
+    while (query.row()) devices.push_back({query.identity(0), query.number(5), query.number(6), query.number(7)});
     return devices;
   });
 }

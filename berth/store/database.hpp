@@ -29,11 +29,11 @@
 namespace berth::store {
 
 /// The schema this Berth writes. Older ones are brought up to it when a store is opened, in one transaction.
-inline constexpr int schema_version = 7;
+inline constexpr int schema_version = 8;
 
-/// A device that was ever named in the store, by its LSS address alone: twins on several buses are one here.
+/// A device that was ever named in the store, by its identity alone: twins on several buses are one here.
 struct DeviceSeen {
-  LssAddress device;
+  Identity device;
   std::int64_t first_ms = 0;  ///< `HistoryEntry::stamp_ms` of the first line about it
   std::int64_t last_ms = 0;   ///< and of the last
   std::int64_t lines = 0;     ///< how many there are
@@ -92,7 +92,7 @@ class Database final : public places::SlotStore {
   Result<std::vector<places::HistoryEntry>> history_of(const places::BusDevice& who) override;
   void stamp(std::int64_t now_ms) noexcept override;
 
-  /// All devices ever named, in the order of their addresses.
+  /// All devices ever named, in the order of their identities.
   Result<std::vector<DeviceSeen>> devices();
 
   struct Impl;

@@ -41,10 +41,10 @@ struct Database::Impl {
   static void add_configurations(Query& query, std::vector<places::SlotRecord>& records);
   /// Adds a line to the history, with the time that was told last. The bus of a slot's line is the slot's.
   void log(const places::HistoryEntry& line);
-  void log(places::SlotId slot, std::string_view event, const std::optional<LssAddress>& device, NodeId id,
+  void log(places::SlotId slot, std::string_view event, const std::optional<Identity>& device, NodeId id,
            std::string_view reason);
   void log(const places::BusDevice& who, std::string_view event, NodeId id, std::string_view reason);
-  /// Runs a statement whose parameters are the device's address, or that and its bus.
+  /// Runs a statement whose parameters are the device, or that and its bus.
   template <class Device>
   void run_on(const char* sql, const Device& device);
 

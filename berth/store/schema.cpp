@@ -201,6 +201,113 @@ DROP TABLE loans;
 ALTER TABLE loans_of_buses RENAME TO loans;
 ALTER TABLE history ADD COLUMN machine TEXT NOT NULL DEFAULT '';
 ALTER TABLE history ADD COLUMN bus TEXT NOT NULL DEFAULT '';
+)",
+    // 8: a device without a serial number is known by its node-ID, and what a device does not say is unknown. `apart`:
+    // 256 times the parts that are unknown (bit 0 vendor-ID to bit 3 serial number), and the node-ID that tells it from
+    // its equals, else 255. Before, what was unknown was 0; what is known of such a device stays where it was.
+    R"(
+CREATE TABLE seats_of_devices (
+  slot     INTEGER NOT NULL REFERENCES slots (id),
+  fact     TEXT NOT NULL CHECK (fact IN ('asked', 'confirmed')),
+  vendor   INTEGER NOT NULL CHECK (vendor BETWEEN 0 AND 4294967295),
+  product  INTEGER NOT NULL CHECK (product BETWEEN 0 AND 4294967295),
+  revision INTEGER NOT NULL CHECK (revision BETWEEN 0 AND 4294967295),
+  serial   INTEGER NOT NULL CHECK (serial BETWEEN 0 AND 4294967295),
+  apart    INTEGER NOT NULL CHECK (apart BETWEEN 0 AND 4095),
+  node_id  INTEGER NOT NULL CHECK (node_id BETWEEN 0 AND 255),
+  PRIMARY KEY (slot, fact)
+) STRICT;
+INSERT INTO seats_of_devices SELECT slot, fact, vendor, product, revision, serial,
+  CASE WHEN serial = 0 AND node_id BETWEEN 1 AND 127 THEN node_id ELSE 255 END, node_id FROM seats;
+DROP TABLE seats;
+ALTER TABLE seats_of_devices RENAME TO seats;
+CREATE INDEX seats_of_device ON seats (vendor, product, revision, serial, apart);
+CREATE TABLE configurations_of_devices (
+  slot     INTEGER PRIMARY KEY REFERENCES slots (id),
+  stage    TEXT NOT NULL CHECK (stage IN ('configuring', 'power cycle needed', 'configured')),
+  vendor   INTEGER NOT NULL CHECK (vendor BETWEEN 0 AND 4294967295),
+  product  INTEGER NOT NULL CHECK (product BETWEEN 0 AND 4294967295),
+  revision INTEGER NOT NULL CHECK (revision BETWEEN 0 AND 4294967295),
+  serial   INTEGER NOT NULL CHECK (serial BETWEEN 0 AND 4294967295),
+  apart    INTEGER NOT NULL CHECK (apart BETWEEN 0 AND 4095),
+  days     INTEGER NOT NULL CHECK (days BETWEEN 0 AND 4294967295),
+  ms       INTEGER NOT NULL CHECK (ms BETWEEN 0 AND 4294967295)
+) STRICT;
+INSERT INTO configurations_of_devices SELECT slot, stage, vendor, product, revision, serial,
+  coalesce((SELECT apart FROM seats s WHERE s.slot = c.slot AND c.serial = 0 ORDER BY fact DESC LIMIT 1), 255), days, ms
+  FROM configurations c;
+DROP TABLE configurations;
+ALTER TABLE configurations_of_devices RENAME TO configurations;
+CREATE TABLE blanks_of_devices (
+  id       INTEGER PRIMARY KEY,
+  vendor   INTEGER NOT NULL CHECK (vendor BETWEEN 0 AND 4294967295),
+  product  INTEGER NOT NULL CHECK (product BETWEEN 0 AND 4294967295),
+  revision INTEGER NOT NULL CHECK (revision BETWEEN 0 AND 4294967295),
+  serial   INTEGER NOT NULL CHECK (serial BETWEEN 0 AND 4294967295),
+  apart    INTEGER NOT NULL CHECK (apart BETWEEN 0 AND 4095),
+  machine  TEXT NOT NULL,
+  bus      TEXT NOT NULL,
+  node_id  INTEGER NOT NULL CHECK (node_id BETWEEN 0 AND 255),
+  UNIQUE (vendor, product, revision, serial, apart, machine, bus)
+) STRICT;
+INSERT INTO blanks_of_devices SELECT id, vendor, product, revision, serial,
+  CASE WHEN serial = 0 AND node_id BETWEEN 1 AND 127 THEN node_id ELSE 255 END, machine, bus, node_id FROM blanks;
+DROP TABLE blanks;
+ALTER TABLE blanks_of_devices RENAME TO blanks;
+CREATE TABLE marks_of_devices (
+  vendor   INTEGER NOT NULL CHECK (vendor BETWEEN 0 AND 4294967295),
+  product  INTEGER NOT NULL CHECK (product BETWEEN 0 AND 4294967295),
+  revision INTEGER NOT NULL CHECK (revision BETWEEN 0 AND 4294967295),
+  serial   INTEGER NOT NULL CHECK (serial BETWEEN 0 AND 4294967295),
+  apart    INTEGER NOT NULL CHECK (apart BETWEEN 0 AND 4095),
+  mark     INTEGER NOT NULL,
+  machine  TEXT NOT NULL,
+  bus      TEXT NOT NULL,
+  node_id  INTEGER NOT NULL CHECK (node_id BETWEEN 0 AND 255),
+  PRIMARY KEY (vendor, product, revision, serial, apart, mark, machine, bus)
+) STRICT, WITHOUT ROWID;
+INSERT INTO marks_of_devices SELECT vendor, product, revision, serial,
+  CASE WHEN serial = 0 AND node_id BETWEEN 1 AND 127 THEN node_id ELSE 255 END, mark, machine, bus, node_id FROM marks;
+DROP TABLE marks;
+ALTER TABLE marks_of_devices RENAME TO marks;
+CREATE TABLE loans_of_devices (
+  vendor   INTEGER NOT NULL CHECK (vendor BETWEEN 0 AND 4294967295),
+  product  INTEGER NOT NULL CHECK (product BETWEEN 0 AND 4294967295),
+  revision INTEGER NOT NULL CHECK (revision BETWEEN 0 AND 4294967295),
+  serial   INTEGER NOT NULL CHECK (serial BETWEEN 0 AND 4294967295),
+  apart    INTEGER NOT NULL CHECK (apart BETWEEN 0 AND 4095),
+  machine  TEXT NOT NULL,
+  bus      TEXT NOT NULL,
+  node_id  INTEGER NOT NULL CHECK (node_id BETWEEN 0 AND 255),
+  PRIMARY KEY (vendor, product, revision, serial, apart, machine, bus)
+) STRICT, WITHOUT ROWID;
+INSERT INTO loans_of_devices SELECT vendor, product, revision, serial, 255, machine, bus, node_id FROM loans;
+DROP TABLE loans;
+ALTER TABLE loans_of_devices RENAME TO loans;
+ALTER TABLE history ADD COLUMN apart INTEGER NOT NULL DEFAULT 255;
+DROP INDEX history_of_device;
+CREATE INDEX history_of_device ON history (vendor, product, revision, serial, apart) WHERE vendor IS NOT NULL;
+DROP TRIGGER history_names_devices;
+CREATE TABLE all_devices (
+  vendor   INTEGER NOT NULL,
+  product  INTEGER NOT NULL,
+  revision INTEGER NOT NULL,
+  serial   INTEGER NOT NULL,
+  apart    INTEGER NOT NULL,
+  first_ms INTEGER NOT NULL,
+  last_ms  INTEGER NOT NULL,
+  lines    INTEGER NOT NULL,
+  PRIMARY KEY (vendor, product, revision, serial, apart)
+) STRICT, WITHOUT ROWID;
+INSERT INTO all_devices SELECT vendor, product, revision, serial, 255, first_ms, last_ms, lines FROM devices;
+DROP TABLE devices;
+ALTER TABLE all_devices RENAME TO devices;
+CREATE TRIGGER history_names_devices AFTER INSERT ON history WHEN NEW.vendor IS NOT NULL
+BEGIN
+  INSERT INTO devices VALUES
+    (NEW.vendor, NEW.product, NEW.revision, NEW.serial, NEW.apart, NEW.stamp_ms, NEW.stamp_ms, 1)
+    ON CONFLICT DO UPDATE SET last_ms = NEW.stamp_ms, lines = lines + 1;
+END;
 )"};
 
 /// What a schema is made of: tables, indices, triggers and views, SQLite's own tables too.

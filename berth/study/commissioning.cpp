@@ -31,7 +31,7 @@ rt::Task<void> Commissioning::bind(std::vector<places::Assignment> seats) {
   for (const auto& seat : seats) asked.spawn(ask(seat));
   co_await asked.join();
   others_.clear();
-  for (const auto& seat : seats) others_.push_back(seat.device);
+  for (const auto& seat : seats) others_.push_back(seat.device.address);
   for (const auto& seat : seats) co_await bind_one(seat);
 }
 
@@ -48,7 +48,7 @@ rt::Task<void> Commissioning::bind_one(places::Assignment seat) {
   const places::SlotId place = *slot;
   const std::string reason = "found";
   places::Binder::Options options;
-  options.parts = lss::parts_to_ask(seat.device, others_);  // as the main job does
+  options.parts = lss::parts_to_ask(seat.device.address, others_);  // as the main job does
   places::Binder binder(services(), options);
   places::Binding binding(places::Binding::Kind::bind, seat, options.tries);
   co_await binder.run(binding, place, reason);

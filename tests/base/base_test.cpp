@@ -44,3 +44,39 @@ TEST(LssAddress, TextForm) {
     EXPECT_FALSE(parse_lss_address(bad)) << bad;
   }
 }
+
+TEST(Identity, WhatIsUnknownIsNotNought) {
+  Identity less(1, 0, 0, 0);
+  less.unknown = 0b1110;
+  const Identity whole(1, 2, 3, 4);
+  EXPECT_TRUE(less.agrees(whole));
+  EXPECT_TRUE(whole.agrees(less));
+  EXPECT_NE(less, whole);
+  EXPECT_FALSE(less.agrees(Identity(9, 2, 3, 4)));
+  EXPECT_FALSE(Identity(1, 0, 3, 4).agrees(whole)) << "0 is what it says";
+  EXPECT_FALSE(less.has_serial());
+  EXPECT_TRUE(whole.has_serial());
+}
+
+TEST(Identity, OneWithoutASerialNumberIsKnownByItsNodeId) {
+  const Identity one = Identity(1, 2, 3, 0).with(NodeId(5));
+  EXPECT_NE(one, one.with(NodeId(6)));
+  EXPECT_TRUE(one.agrees(one.with(NodeId(6))));
+  EXPECT_EQ(one.with(NodeId()), Identity(1, 2, 3, 0));
+  EXPECT_EQ(Identity(1, 2, 3, 4).with(NodeId(5)), Identity(1, 2, 3, 4)) << "a serial number is enough";
+}
+
+TEST(Identity, IsReadAsItIsWritten) {
+  Identity less = Identity(1, 2, 0, 0);
+  less.unknown = 0b1100;
+  for (const Identity& each : {Identity(1, 2, 3, 4), Identity(1, 2, 3, 0), Identity(1, 2, 3, 0).with(NodeId(127)), less,
+                               less.with(NodeId(5))}) {
+    EXPECT_EQ(parse_identity(to_string(each)), each) << to_string(each);
+  }
+  EXPECT_EQ(to_string(less.with(NodeId(5))), "00000001-00000002-xxxxxxxx-xxxxxxxx@5");
+  EXPECT_EQ(parse_identity("1-2-3-0@5"), Identity(1, 2, 3, 0).with(NodeId(5)));
+  for (const char* bad : {"", "1-2-3", "1-2-3-4@5", "1-2-3-0@0", "1-2-3-0@128", "1-2-3-0@", "1-2-3-0@5x", "1-2-3-0@@5",
+                          "xxxxxxxxxxxxxxxx-2-3-0", "1-2-3-xxxxxxx", "1-2-3-4-xxxxxxxx", "1-xxxxxxxx7-3-4"}) {
+    EXPECT_FALSE(parse_identity(bad)) << bad;
+  }
+}

@@ -26,6 +26,11 @@ const std::string slot2 =
 MachineResult read(const std::string& text) {
   const TypeLoader loader = [](const std::string& path, Findings& findings) -> std::optional<DeviceType> {
     if (path.ends_with("sensor.eds")) return DeviceType{{0x11, 0x22}, 0x00010002};
+    if (path.ends_with("nameless.eds")) {
+      od::DescriptionBuilder b;
+      b.variable(0x1000, {.name = "Device type", .initial = od::Literal::number(0x0002'0192)});
+      return DeviceType{{}, std::nullopt, b.build(), 3};
+    }
     findings.push_back({Finding::Severity::error, path, 0, 0, "", "cannot be read", ""});
     return std::nullopt;
   };
@@ -247,6 +252,34 @@ TEST(MachineFile, TheTypeOfASlotComesFromItsDeviceDescription) {
 }
 
 // Bad input: each error names file, line and column.
+TEST(MachineFile, ASlotForADeviceOfAnyType) {
+  const std::string slot = head + "[[slot]]\nbus = \"b\"\nid = 2\nname = \"left\"\n";
+  const auto any = read(slot + "type = \"any\"\n");
+  ASSERT_TRUE(any.machine);
+  EXPECT_TRUE(any.findings.empty());
+  EXPECT_EQ(any.machine->slots[0].spec.unasked, 3);
+  EXPECT_EQ(any.machine->slots[0].spec.assign, places::Assign::fixed);
+  EXPECT_EQ(any.machine->slots[0].spec.device_type, 0U);
+  const auto vendor = read(slot + "type = { vendor = 7 }\n");
+  ASSERT_TRUE(vendor.machine);
+  EXPECT_EQ(vendor.machine->slots[0].spec.unasked, 2);
+  EXPECT_EQ(vendor.machine->slots[0].spec.assign, places::Assign::lss);
+  const auto said = read(slot + "eds = \"nameless.eds\"\ntype = \"any\"\n");
+  ASSERT_TRUE(said.machine);
+  EXPECT_TRUE(said.findings.empty());
+  EXPECT_EQ(said.machine->slots[0].spec.device_type, 0x0002'0192U) << "what else the description says";
+  const auto unsaid = read(slot + "eds = \"nameless.eds\"\n");
+  ASSERT_TRUE(unsaid.machine);
+  ASSERT_EQ(unsaid.findings.size(), 1U);
+  EXPECT_EQ(unsaid.findings[0].severity, Finding::Severity::warning);
+  EXPECT_EQ(only_error(slot + "type = \"any\"\nassign = \"lss\"\n"),
+            "11:10: error: slot[1].assign: a device of any type is known by its node-ID alone; write assign = "
+            "\"fixed\", or type = { vendor = …, product = … }");
+  EXPECT_FALSE(read(slot + "type = \"all\"\n").machine);
+  EXPECT_FALSE(read(slot + "type = 7\n").machine);
+  EXPECT_FALSE(read(slot + "eds = \"sensor.eds\"\ntype = { vendor = 1, product = 2 }\n").machine);
+}
+
 TEST(MachineFile, SaysWhatIsWrongAndWhere) {
   EXPECT_EQ(only_error(head + "bitrat = 5\n" + slot2),
             "6:1: error: bus.b.bitrat: unknown key; did you mean \"bitrate\"?");
@@ -300,7 +333,7 @@ TEST(MachineFile, EveryOtherMistakeIsAnError) {
       head + "[[slot]]\nbus = \"b\"\nid = 2\nname = \"x\"\n",
       head + "[[slot]]\nbus = \"b\"\nid = 2\nname = \"x\"\neds = \"gone.eds\"\n",
       head + "[[slot]]\nbus = \"b\"\nid = 2\nname = \"x\"\neds = \"\"\n",
-      head + "[[slot]]\nbus = \"b\"\nid = 2\nname = \"x\"\ntype = { vendor = 1 }\n",
+      head + "[[slot]]\nbus = \"b\"\nid = 2\nname = \"x\"\ntype = { product = 1 }\n",
       head + "[[slot]]\nbus = \"b\"\nid = 2\nname = \"x\"\ntype = { vendor = 1, product = 0x1_0000_0000 }\n",
       head + "[[slot]]\nbus = \"b\"\nid = 2\nname = \"x\"\ntype = { vendor = 1, product = -1 }\n",
       head + "[[slot]]\nbus = \"b\"\nid = 2\nname = \"a/b\"\n" + type,

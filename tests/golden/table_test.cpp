@@ -25,7 +25,8 @@ void compare(const std::map<unsigned, TraceReader::Place>& seen, const std::vect
     const auto& place = seen.at(id);
     EXPECT_EQ(place.operational, slot.state == SlotState::operational) << "node-ID " << id;
     ASSERT_TRUE(place.device && slot.device) << "node-ID " << id;
-    const Address device{slot.device->vendor, slot.device->product, slot.device->revision, slot.device->serial};
+    const Address device{slot.device->address.vendor, slot.device->address.product, slot.device->address.revision,
+                         slot.device->address.serial};
     EXPECT_EQ(*place.device, device) << "node-ID " << id;
   }
   for (const auto& [id, place] : seen) {
@@ -71,7 +72,7 @@ TEST(TableFromFrames, S1_51_FiveSlavesReplaced) {
   const auto report = example.session().report();
   compare(trace.ear.table(), report.slots);
   std::vector<std::uint32_t> serials;
-  for (const auto& slot : report.slots) serials.push_back(slot.device ? slot.device->serial : 0);
+  for (const auto& slot : report.slots) serials.push_back(slot.device ? slot.device->address.serial : 0);
   EXPECT_EQ(serials, (std::vector<std::uint32_t>{0x0A, 0x15, 0x08, 0x18, 0x07}));
 }
 

@@ -89,7 +89,7 @@ class ConfigWatch final : public plant::World::Observer {
     const auto records = store_->load(machine_->name);
     if (!records) return false;
     const auto r = std::ranges::find(*records, slot.spec.name, &places::SlotRecord::name);
-    if (r == records->end() || !r->confirmed || r->confirmed->device != t.address) return false;
+    if (r == records->end() || !r->confirmed || !t.is(r->confirmed->device)) return false;
     return std::ranges::count_if(world_->devices(), [&](const auto& d) {
              const auto o = d->truth();
              return o.powered && o.bus == t.bus && o.active == t.active;

@@ -458,7 +458,7 @@ class DuplicateWatch final : public plant::World::Observer {
   // Its memory still has what the store says was taken away from it, and nothing was asked of it since.
   [[nodiscard]] bool was_blanked(const plant::Truth& t) const {
     if (store_ == nullptr) return false;
-    const auto lines = store_->history_of({t.address, {machine_->name, t.bus}});
+    const auto lines = store_->history_of({Identity(t.address).with(t.active), {machine_->name, t.bus}});
     if (!lines) return false;
     bool blanked = false;
     for (const auto& line : *lines) {
@@ -471,7 +471,7 @@ class DuplicateWatch final : public plant::World::Observer {
   [[nodiscard]] bool cleared_automatically(const plant::Truth& t, NodeId id) const {
     const design::Slot* const slot = machine_->slot(t.bus, id);
     if (store_ == nullptr || slot == nullptr || slot->spec.replacement != places::Replacement::automatic) return false;
-    const auto lines = store_->history_of({t.address, {machine_->name, t.bus}});
+    const auto lines = store_->history_of({Identity(t.address).with(id), {machine_->name, t.bus}});
     if (!lines) return false;
     bool confirmed = false;
     bool cleared = false;

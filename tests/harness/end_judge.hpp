@@ -83,16 +83,21 @@ class EndJudge {
     if (wrong_.empty()) wrong_ = text;
   }
   [[nodiscard]] static bool is_present(const plant::Truth& t) { return t.powered && !t.booting; }
-  [[nodiscard]] const plant::Truth* present(const LssAddress& address, const std::string& bus) const {
+  [[nodiscard]] const plant::Truth* present(const Identity& device, const std::string& bus) const {
     const auto it = std::ranges::find_if(
-        truth_, [&](const plant::Truth& t) { return is_present(t) && t.bus == bus && t.address == address; });
+        truth_, [&](const plant::Truth& t) { return is_present(t) && t.bus == bus && t.is(device); });
     return it == truth_.end() ? nullptr : &*it;
+  }
+  // Without serial numbers, and known by the node-IDs of their slots. LSS does not tell one that has another node-ID
+  // from them.
+  [[nodiscard]] bool told_apart(const plant::Truth& a, const plant::Truth& b) const {
+    return a.address.serial == 0 && a.active != b.active && record_of(a) != nullptr && record_of(b) != nullptr;
   }
   // Two devices with one LSS address on one bus cannot be told apart by anything that Berth may ask: told, and not
   // judged. Twins on two buses are two devices like any others.
   [[nodiscard]] bool clones(const plant::Truth& t) const {
     return std::ranges::count_if(truth_, [&](const plant::Truth& o) {
-             return is_present(o) && o.bus == t.bus && o.address == t.address;
+             return is_present(o) && o.bus == t.bus && o.address == t.address && !told_apart(o, t);
            }) > 1;
   }
   [[nodiscard]] bool any_clones() const {
@@ -103,8 +108,8 @@ class EndJudge {
     return it == records_.end() ? nullptr : &*it;
   }
   [[nodiscard]] const places::SlotRecord* record_of(const plant::Truth& t) const {
-    const auto it =
-        std::ranges::find_if(records_, [&](const auto& r) { return r.name.bus == t.bus && r.device() == t.address; });
+    const auto it = std::ranges::find_if(
+        records_, [&](const auto& r) { return r.name.bus == t.bus && r.device() && t.is(*r.device()); });
     return it == records_.end() ? nullptr : &*it;
   }
 
@@ -181,7 +186,7 @@ class EndJudge {
     for (const auto& t : truth_) {
       if (!t.powered || t.active != s.id || t.bus != s.bus) continue;
       ++holders;
-      const bool its_own = s.device && t.address == *s.device;
+      const bool its_own = s.device && t.is(*s.device);
       right = right || (its_own && t.state == NmtState::operational);
       if (!its_own || clones(t)) continue;
       const auto wrong = configured_->check(rig_->device(t.name), slot);
@@ -210,7 +215,7 @@ class EndJudge {
     if (slot == nullptr) return;
     if (out_of_reach(t)) return;
     const places::SlotRecord* const there = record_of(slot->spec.name);
-    if (there == nullptr || there->device() != t.address)
+    if (there == nullptr || !there->device() || !t.is(*there->device()))
       say(t.name + " holds the node-ID of slot " + slot->spec.name.name + " and does not sit there");
   }
   // The other device of this one's address has this in its memory: what was asked of the one was asked of both.
@@ -328,7 +333,8 @@ class EndJudge {
     const bool open =
         std::ranges::any_of(fitting, [&](const auto* t) { return places::fits(slots[at]->spec, t->address); });
     if (!open) {
-      if (state == places::SlotState::question && fitting.empty() && !used_) say(what + " and no device fits it");
+      if (state == places::SlotState::question && fitting.empty() && !used_ && !any_clones())
+        say(what + " and no device fits it");
       return;
     }
     if (state != places::SlotState::question) return say(what + " and " + fitting.front()->name + " fits it");

@@ -313,7 +313,7 @@ class KillWorld final {
     if (!rig_.network().idle() || rig_.device("d2").powered()) return;
     for (const auto& s : rig_.network().report()) {
       const bool silent =
-          s.name == "s2" && s.state == places::SlotState::absent && s.device && s.device->serial == 0x22;
+          s.name == "s2" && s.state == places::SlotState::absent && s.device && s.device->address.serial == 0x22;
       if (silent) watch_.replaced_by_a_person("d2");
       if (silent && !rig_.network().replace("s2", std::nullopt)) axe_.fall();  // its store has just died
     }
@@ -481,7 +481,8 @@ class KillWorld final {
       const auto& r = (*after)[i];
       if (r.intended) return "slot " + r.name.name + " has an intention left in the store";
       const auto seat = seats.find(static_cast<unsigned>(i) + 1);
-      if (!r.confirmed || r.confirmed->device.serial != seat->second || r.confirmed->id.value() != seat->first) {
+      if (!r.confirmed || r.confirmed->device.address.serial != seat->second ||
+          r.confirmed->id.value() != seat->first) {
         return "slot " + r.name.name + " is not confirmed for its device in the store";
       }
       if (r.confirmed != (*before)[i].confirmed) return "slot " + r.name.name + " was not safely on the disk";

@@ -168,7 +168,7 @@ class Rig {
     std::vector<std::pair<unsigned, std::uint32_t>> result;
     const auto records = store_->load(machine_.name);
     for (const auto& r : *records) {
-      if (r.confirmed) result.emplace_back(r.confirmed->id.value(), r.confirmed->device.serial);
+      if (r.confirmed) result.emplace_back(r.confirmed->id.value(), r.confirmed->device.address.serial);
     }
     std::ranges::sort(result);
     return result;

@@ -295,7 +295,7 @@ class WorldRun final : private can::Tap {
     if (!rig_.runs() || !rig_.idle()) return again();
     for (std::size_t i = 0; i < rig_.networks(); ++i) {
       for (const auto& s : rig_.network(i).report()) {
-        if (s.device != t.address || s.state != places::SlotState::absent || s.bus != t.bus) continue;
+        if (!s.device || !t.is(*s.device) || s.state != places::SlotState::absent || s.bus != t.bus) continue;
         // From the instant on at which it is said; what the command says is judged elsewhere.
         watch_.replaced_by_a_person(who);
         if (rig_.network(i).replace(s.name, std::nullopt)) return;
@@ -344,7 +344,7 @@ class WorldRun final : private can::Tap {
   // What a person does who reads "power cycle needed". False: nothing says so.
   bool power_cycle() {
     bool any = false;
-    std::vector<LssAddress> waiting;
+    std::vector<Identity> waiting;
     for (std::size_t i = 0; i < rig_.networks(); ++i) {
       for (const auto& s : rig_.network(i).report()) {
         if (s.state == places::SlotState::power_cycle && s.device) waiting.push_back(*s.device);
@@ -353,7 +353,7 @@ class WorldRun final : private can::Tap {
     for (const auto& d : rig_.world().devices()) {
       const auto t = d->truth();
       // Devices that were to be blanked wait for power too, in no slot's name.
-      const bool waits = std::ranges::find(waiting, t.address) != waiting.end() ||
+      const bool waits = std::ranges::any_of(waiting, [&](const Identity& w) { return t.is(w); }) ||
                          (d->plan().storing.power_cycle_after && (t.active != t.persistent || t.active != t.pending));
       if (!waits || !t.powered) continue;
       any = true;

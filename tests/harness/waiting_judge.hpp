@@ -64,7 +64,7 @@ class WaitingJudge {
   [[nodiscard]] plant::SimDevice* device_of(const operate::SlotReport& slot) {
     for (const auto& d : rig_->world().devices()) {
       const auto t = d->truth();
-      if (t.powered && t.bus == slot.bus && slot.device == t.address) return d.get();
+      if (t.powered && t.bus == slot.bus && slot.device && t.is(*slot.device)) return d.get();
     }
     return nullptr;
   }

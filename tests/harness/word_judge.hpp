@@ -90,8 +90,8 @@ class WordJudge final : private plant::World::Observer {
       const auto t = d->truth();
       const auto named = named_.find(t.name);
       const bool there = t.bus == spec.name.bus && t.powered && !t.booting && named != named_.end();
-      const bool seated =
-          std::ranges::any_of(*records, [&](const auto& r) { return r.name.bus == t.bus && r.device() == t.address; });
+      const bool seated = std::ranges::any_of(
+          *records, [&](const auto& r) { return r.name.bus == t.bus && r.device() && t.is(*r.device()); });
       if (there && !seated && named->second < quiet_since_ && places::fits(spec, t.address)) devices.push_back(t.name);
     }
     const auto is_open = [&](const design::Slot& slot) {

@@ -296,7 +296,7 @@ TEST_F(Running, ReplacementsBeneathGateways) {
     const auto slots = machine.session().slots();
     const auto slot = std::ranges::find(slots, name, &operate::SlotReport::name);
     ASSERT_TRUE(slot != slots.end() && slot->device);
-    EXPECT_EQ(slot->device->serial, serial);
+    EXPECT_EQ(slot->device->address.serial, serial);
   }
 }
 

@@ -141,7 +141,7 @@ class RealKill : public ::testing::Test {
     if (!store) return;
     const auto records = store->load("killed");
     ASSERT_TRUE(records);
-    std::set<LssAddress> devices;
+    std::set<Identity> devices;
     for (const auto& r : *records) {
       if (r.intended && r.intended != r.confirmed) ++left_asked_;
       const bool alone = !r.device() || devices.insert(*r.device()).second;

@@ -45,6 +45,24 @@ TEST(SelectAlone, SelectsTheOneAndAsksAllItsParts) {
   }
 }
 
+// Equal devices without serial numbers: 40h to 43h would select all of them.
+TEST(SelectAlone, TheOneWithoutANodeIdAmongItsEquals) {
+  constexpr LssAddress unnumbered{0x0100'0001, 0x0000'0001, 0x0002'0003, 0};
+  World w;
+  Node& seated = w.add(unnumbered, {.node_id = NodeId(5)});
+  EXPECT_EQ(w.run(any_without_node_id(*w.master, unnumbered)), false);
+  Node& blank = w.add(unnumbered);
+  EXPECT_EQ(w.run(any_without_node_id(*w.master, unnumbered)), true);
+  EXPECT_EQ(blank.slave.state(), State::waiting);
+  EXPECT_EQ(w.run(any_without_node_id(*w.master, b)), false);
+  const AloneOptions options{.without_node_id = true};
+  const auto alone = w.run(select_alone(*w.master, unnumbered, options));
+  ASSERT_TRUE(alone);
+  EXPECT_EQ(*alone, Selection::alone);
+  EXPECT_EQ(blank.slave.state(), State::configuration);
+  EXPECT_EQ(seated.slave.state(), State::waiting);
+}
+
 // CiA 305: switch selective is served in waiting only, so a device that is in configuration already needs `04 00`.
 TEST(SelectAlone, WhoIsInConfigurationAlreadyIsSelectedToo) {
   World w;

@@ -248,7 +248,7 @@ TEST(Configuration, ASpareThatBootsWhileOthersAreBoundIsNotConfigured) {
   rig.run_for(20s);
   EXPECT_EQ(watch.savings, 0U) << rig.log();
   EXPECT_EQ(watch.starts, 0U) << rig.log();
-  EXPECT_EQ(record(rig, 5)->device.serial, 1U);
+  EXPECT_EQ(record(rig, 5)->device.address.serial, 1U);
 }
 
 // The same, and the slot's device was to get its factory settings: the spare keeps its own.
@@ -350,7 +350,7 @@ TEST(Configuration, AReplacementGetsTheConfiguration) {
   ASSERT_TRUE(rig.run_until([&] { return !rig.network().operational(); }, 10s));
   ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
   expect_configured(rig, "spare", 5);
-  EXPECT_EQ(record(rig, 5)->device.serial, 99U);
+  EXPECT_EQ(record(rig, 5)->device.address.serial, 99U);
 }
 
 // S5.19: no memory for it: configured at every start.

@@ -54,7 +54,10 @@ plant::PlantFile twins(std::uint32_t serial = 0) {
 }
 
 LssAddress with_serial(std::uint32_t serial) { return {type_b.vendor, type_b.product, 0, serial}; }
-places::BusDevice on(const std::string& bus, std::uint32_t serial) { return {with_serial(serial), {"rig", bus}}; }
+// One without a serial number is known by the node-ID of its slot.
+places::BusDevice on(const std::string& bus, std::uint32_t serial) {
+  return {Identity(with_serial(serial)).with(NodeId(1)), {"rig", bus}};
+}
 
 operate::SlotReport slot(Rig& rig, std::size_t bus) { return rig.network(bus).report().front(); }
 SlotState state(Rig& rig, std::size_t bus) { return slot(rig, bus).state; }
@@ -68,7 +71,7 @@ places::SlotRecord record(Rig& rig, const std::string& bus, const std::string& m
 std::optional<std::uint32_t> sits(Rig& rig, const std::string& bus) {
   const auto r = record(rig, bus);
   if (!r.confirmed || r.intended) return std::nullopt;
-  return r.confirmed->device.serial;
+  return r.confirmed->device.address.serial;
 }
 
 std::vector<std::string> events_of(Rig& rig, const std::string& bus) {

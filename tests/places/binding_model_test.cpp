@@ -19,7 +19,7 @@ using namespace berth::places;
 
 namespace {
 
-constexpr LssAddress address_of[2] = {{1, 1, 0, 0x0A}, {1, 1, 0, 0x0B}};
+constexpr Identity address_of[2] = {{1, 1, 0, 0x0A}, {1, 1, 0, 0x0B}};
 constexpr NodeId slot_id[2] = {NodeId(1), NodeId(2)};
 constexpr NodeId master(127);
 
@@ -34,9 +34,7 @@ struct Device {
   Habit habit = Habit::reset_communication;
 };
 
-void power_on(Device& d) {
-  d = Device{true, d.persistent, d.persistent, d.persistent, false, d.ours, d.habit};
-}
+void power_on(Device& d) { d = Device{true, d.persistent, d.persistent, d.persistent, false, d.ours, d.habit}; }
 
 struct State {
   Device devices[2];
@@ -80,7 +78,7 @@ struct State {
   }
 };
 
-int index_of(const LssAddress& a) { return a == address_of[0] ? 0 : 1; }
+int index_of(const Identity& a) { return a == address_of[0] ? 0 : 1; }
 
 // ---- what the bus and the devices do (docs/protocols/cia305.md) ----
 
@@ -136,8 +134,8 @@ std::vector<Found> found_in(const State& s) {
   return found;
 }
 
-std::vector<LssAddress> blanks_of(const State& s) {
-  std::vector<LssAddress> blanks;
+std::vector<Identity> blanks_of(const State& s) {
+  std::vector<Identity> blanks;
   for (int i = 0; i < 2; ++i) {
     if (s.blank_asked[i]) blanks.push_back(address_of[i]);
   }
@@ -482,7 +480,8 @@ TEST(BindingModel, S1_36_DevicesThatAResetDoesNotMove) {
   const NodeId one(1);
   const NodeId two(2);
   const NodeId far(77);
-  const std::pair<NodeId, NodeId> starts[] = {{two, one}, {one, one}, {far, none}, {far, one}, {far, far}, {none, none}};
+  const std::pair<NodeId, NodeId> starts[] = {{two, one}, {one, one}, {far, none},
+                                              {far, one}, {far, far}, {none, none}};
   for (const auto habit : {Habit::reset_node, Habit::power_cycle}) {
     for (const bool both : {false, true}) {
       for (const auto& [a, b] : starts) {

@@ -38,7 +38,7 @@ std::vector<Slot> table_1() { return {slot(1, A), slot(2, B), slot(3, C), slot(4
 std::map<unsigned, std::uint32_t> seats(const std::vector<Slot>& slots, const Plan& p) {
   std::map<unsigned, std::uint32_t> result;
   for (const auto& a : p.actions) {
-    if (a.kind == Action::Kind::bind) result[slots[a.slot].spec.id.value()] = a.device.serial;
+    if (a.kind == Action::Kind::bind) result[slots[a.slot].spec.id.value()] = a.device.address.serial;
   }
   return result;
 }
@@ -101,7 +101,7 @@ TEST(Planner, S1_34_FewerDevicesThanSlotsIsAQuestion) {
   EXPECT_TRUE(p.actions.empty());
   ASSERT_EQ(p.questions.size(), 1U);
   EXPECT_EQ(p.questions[0].slots, (std::vector<std::size_t>{0, 1}));
-  EXPECT_EQ(p.questions[0].devices, (std::vector<LssAddress>{address_of(B, 5)}));
+  EXPECT_EQ(p.questions[0].devices, (std::vector<Identity>{address_of(B, 5)}));
 }
 
 TEST(Planner, S1_34_MoreDevicesThanSlotsIsAQuestion) {
@@ -295,7 +295,7 @@ RC_GTEST_PROP(Planner, NeverTwoInOneSlotNorOneInTwo, ()) {
   }
   const auto p = plan(slots, found, {}, master);
   std::map<std::size_t, int> per_slot;
-  std::map<LssAddress, int> per_device;
+  std::map<Identity, int> per_device;
   for (const auto& a : p.actions) {
     if (a.kind != Action::Kind::bind) continue;
     RC_ASSERT(fits(slots[a.slot].spec, a.device));

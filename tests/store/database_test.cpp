@@ -834,6 +834,57 @@ TEST(Store, MigratesSchemaSixAndKnowsADeviceByItsBus) {
   EXPECT_EQ(store->load(SlotId{2}).value().confirmed, seat);
 }
 
+// Schema 7 took devices without a serial number for one: each of them is known by its node-ID from then on.
+TEST(Store, MigratesSchemaSevenAndKnowsADeviceWithoutASerialNumberByItsNodeId) {
+  const Folder folder;
+  {
+    SQLite::Database raw(folder.file(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    create_schema(raw, 7);
+    raw.exec(
+        "INSERT INTO slots (machine, bus, name) VALUES ('m', 'a', 'left'), ('m', 'a', 'right'), ('m', 'a', 'more');"
+        "INSERT INTO seats VALUES (1, 'confirmed', 1, 2, 3, 0, 5), (2, 'confirmed', 1, 2, 3, 7, 6);"
+        "INSERT INTO configurations VALUES (1, 'configured', 1, 2, 3, 0, 11, 12), (2, 'configured', 1, 2, 3, 7, 13, "
+        "14);"
+        "INSERT INTO blanks (vendor, product, revision, serial, machine, bus, node_id) VALUES"
+        " (1, 2, 3, 0, 'm', 'a', 9), (1, 2, 4, 0, 'm', 'a', 255);"
+        "INSERT INTO marks VALUES (1, 2, 3, 0, 1, 'm', 'a', 5), (1, 2, 3, 7, 1, 'm', 'a', 6);"
+        "INSERT INTO loans VALUES (1, 2, 3, 0, 'm', 'a', 126);"
+        "INSERT INTO history (stamp_ms, slot, event, vendor, product, revision, serial, node_id, reason) VALUES"
+        " (1, 1, 'confirmed', 1, 2, 3, 0, 5, 'heard'), (2, 2, 'confirmed', 1, 2, 3, 7, 6, 'heard');");
+  }
+  const Identity kind(1, 2, 3, 0);
+  const Identity left = kind.with(NodeId(5));
+  const Identity seven(1, 2, 3, 7);
+  for (int time = 0; time < 2; ++time) {
+    auto store = must_open(folder.file());
+    ASSERT_NE(store, nullptr);
+    const auto first = store->load(SlotId{1}).value();
+    EXPECT_EQ(first.confirmed, (Assignment{left, NodeId(5)}));
+    EXPECT_EQ(first.configured->device, left) << "it is not configured once more";
+    EXPECT_EQ(store->load(SlotId{2}).value().confirmed, (Assignment{seven, NodeId(6)}));
+    EXPECT_EQ(store->load(SlotId{2}).value().configured->device, seven);
+    EXPECT_EQ(store->unfinished_blanks().value().front().device, kind.with(NodeId(9)));
+    EXPECT_EQ(store->unfinished_blanks().value().back().device, Identity(1, 2, 4, 0));
+    EXPECT_EQ(store->lent().value().front().device, kind);
+    const places::BusName here{"m", "a"};
+    EXPECT_TRUE(store->is_marked(places::Mark::fixed, {left, here}).value());
+    EXPECT_FALSE(store->is_marked(places::Mark::fixed, {kind.with(NodeId(6)), here}).value());
+    EXPECT_TRUE(store->is_marked(places::Mark::fixed, {seven, here}).value());
+    EXPECT_EQ(store->history(std::nullopt).value().size(), 2U);
+  }
+  // Its equals have slots of their own; two of one node-ID have not.
+  auto store = must_open(folder.file());
+  EXPECT_EQ(store->ask(SlotId{3}, {left, NodeId(5)}, "once more").error().code, Errc::duplicate);
+  ASSERT_TRUE(store->ask(SlotId{3}, {kind.with(NodeId(8)), NodeId(8)}, "its equal"));
+  Identity less = kind.with(NodeId(8));
+  less.unknown = 0b1110;
+  EXPECT_EQ(store->load(SlotId{3}).value().intended->device, kind.with(NodeId(8)));
+  ASSERT_TRUE(store->clear(SlotId{3}, "x"));
+  ASSERT_TRUE(store->ask(SlotId{3}, {less, NodeId(8)}, "it says less"));
+  EXPECT_EQ(store->load(SlotId{3}).value().intended->device, less);
+  EXPECT_EQ(store->history_of({less, {"m", "a"}}).value().size(), 1U);
+}
+
 // Many twins: whether a device sits in another slot of its bus is looked up, not searched for in all seats.
 TEST(Store, TwinsAreLookedUpByAnIndex) {
   const Folder folder;
@@ -843,7 +894,7 @@ TEST(Store, TwinsAreLookedUpByAnIndex) {
     raw.exec(
         "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n LIMIT 50000) INSERT INTO slots (machine, bus, "
         "name) SELECT 'm', 'b', i FROM n;"
-        "INSERT INTO seats SELECT id, 'confirmed', 1, 2, 0, id, 2 FROM slots WHERE id < 49999;");
+        "INSERT INTO seats SELECT id, 'confirmed', 1, 2, 0, id, 255, 2 FROM slots WHERE id < 49999;");
   }
   unsigned asked = 0;  // once in 100,000 steps
   auto opened = Database::open(folder.file(), {.ended = [&] { return ++asked > 200; }});

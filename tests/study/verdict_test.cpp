@@ -20,7 +20,7 @@ Cast blank(unsigned devices) { return {.devices = devices, .speaks = {plant::Spe
 rt::Task<void> without_waiting(Stage& stage, std::vector<places::Assignment> seats) {
   lss::Master lss(stage.master());
   for (const auto& seat : seats) {
-    const auto selected = co_await lss.switch_selective(seat.device);
+    const auto selected = co_await lss.switch_selective(seat.device.address);
     const auto configured = co_await lss.configure_node_id(seat.id);
     EXPECT_TRUE(selected.has_value() && configured.has_value());
   }
@@ -59,8 +59,8 @@ TEST(Verdict, BerthsBindingIsStoredAndInUse) {
 TEST(Verdict, WhoWasFoundIsComparedByAddress) {
   Stage stage(plant_of(blank(2)), 125'000);
   const auto seats = seats_from(stage, 1);
-  const LssAddress one = seats[0].device;
-  const LssAddress two = seats[1].device;
+  const LssAddress one = seats[0].device.address;
+  const LssAddress two = seats[1].device.address;
   EXPECT_TRUE(differences(stage, {two, one}).empty());
   EXPECT_EQ(differences(stage, {one, one}).size(), 2U) << "one twice, the other not";
   EXPECT_EQ(differences(stage, {one, two, LssAddress{1, 2, 3, 4}}).size(), 1U);

@@ -54,7 +54,7 @@ TEST(GatewaysReturn, ANewOneGetsTheNetworkListOfItsBus) {
       const auto n = std::to_string(level);
       EXPECT_EQ(rig.device("spare gateway " + n).truth().state, NmtState::operational);
       EXPECT_EQ(rig.device("valve " + n).truth().state, NmtState::operational);
-      EXPECT_EQ(rig.slot("gateway " + n).device->serial, static_cast<std::uint32_t>(900 + level)) << rig.log();
+      EXPECT_EQ(rig.slot("gateway " + n).device->address.serial, static_cast<std::uint32_t>(900 + level)) << rig.log();
     }
   }
 }

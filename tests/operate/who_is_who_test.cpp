@@ -1,0 +1,260 @@
+// Devices as shops sell them (CiA 301 §7.5.2.18 makes the vendor-ID alone mandatory): one without a serial number is
+// known by its bus and node-ID, and what a device does not say is unknown, which is not 0.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <fstream>
+#include <string>
+
+#include "tests/harness/rig.hpp"
+
+using namespace berth;
+using namespace berth::harness;
+using places::SlotState;
+
+namespace who_is_who_tests {
+namespace {
+
+NodeId id_of(unsigned id) { return NodeId(static_cast<std::uint8_t>(id)); }
+Identity named(std::uint32_t serial, unsigned id) {
+  return Identity(type_b.vendor, type_b.product, 0, serial).with(id_of(id));
+}
+
+// Slots 5 to `last`, for devices with node-ID switches.
+design::Machine fixed_slots(unsigned last, places::Assign assign = places::Assign::fixed) {
+  design::Machine m = one_bus(125'000);
+  for (unsigned id = 5; id <= last; ++id) {
+    add_slot(m, id, type_b);
+    m.slots.back().spec.assign = assign;
+  }
+  return m;
+}
+
+plant::PlantDevice& add_switched(plant::PlantFile& p, unsigned id, std::uint32_t serial, bool with_lss = false) {
+  auto& d = add_device(p, "v" + std::to_string(id) + "-" + std::to_string(serial), type_b, serial);
+  d.source = plant::NodeIdSource::switches;
+  d.node_id = id_of(id);
+  d.speaks = {};
+  if (with_lss) d.speaks = {plant::Speaks::lss, plant::Speaks::rand};
+  return d;
+}
+
+plant::PlantFile switched(unsigned last, bool with_lss = false) {
+  auto p = one_bus_plant(1);
+  for (unsigned id = 5; id <= last; ++id) add_switched(p, id, 0, with_lss);
+  return p;
+}
+
+operate::SlotReport slot(Rig& rig, unsigned id) {
+  const auto all = rig.network(0).report();
+  const auto it = std::ranges::find(all, id_of(id), &operate::SlotReport::id);
+  return it == all.end() ? operate::SlotReport() : *it;
+}
+
+std::size_t lines(Rig& rig) { return rig.store().history(std::nullopt).value().size(); }
+
+}  // namespace
+
+TEST(WhoIsWho, EqualDevicesWithSwitchesAndWithoutSerialNumbersAllHaveTheirSlots) {
+  for (const unsigned last : {5U, 7U, 40U}) {
+    Rig rig(fixed_slots(last), switched(last));
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+    for (unsigned id = 5; id <= last; ++id) EXPECT_EQ(slot(rig, id).device, named(0, id)) << id;
+    const std::size_t before = lines(rig);
+    rig.kill();
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+    EXPECT_EQ(lines(rig), before) << "nothing is new to the next run";
+  }
+}
+
+// `assign` is left as it is, and LSS and RAND hear all of them at once.
+TEST(WhoIsWho, SwitchesAndLssBesideEachOther) {
+  Rig rig(fixed_slots(7, places::Assign::lss), switched(7, true));
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  rig.run_for(30s);
+  EXPECT_TRUE(rig.operational()) << rig.log();
+  for (unsigned id = 5; id <= 7; ++id) EXPECT_EQ(rig.device("v" + std::to_string(id) + "-0").truth().active, id_of(id));
+}
+
+TEST(WhoIsWho, AnEqualOneInItsPlaceNeedsNobody) {
+  auto p = switched(7);
+  p.devices.push_back(p.devices.front());
+  p.devices.back().name = "new";
+  p.devices.back().plugged = false;
+  Rig rig(fixed_slots(7), p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  rig.device("v5-0").unplug();
+  ASSERT_TRUE(rig.run_until([&] { return slot(rig, 5).state == SlotState::absent; }, 20s)) << rig.log();
+  rig.device("new").plug();
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  EXPECT_EQ(rig.device("new").truth().state, NmtState::operational);
+}
+
+// With serial numbers the new one is another device, and `replacement` says whether that is asked about.
+TEST(WhoIsWho, AnotherAtTheNodeIdOfAFixedSlotIsItsReplacement) {
+  for (const bool automatic : {false, true}) {
+    auto p = one_bus_plant(1);
+    add_switched(p, 5, 7);
+    add_switched(p, 5, 8).plugged = false;
+    auto machine = fixed_slots(5);
+    if (automatic) machine.slots.front().spec.replacement = places::Replacement::automatic;
+    Rig rig(machine, p);
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+    rig.device("v5-7").unplug();
+    ASSERT_TRUE(rig.run_until([&] { return slot(rig, 5).state != SlotState::operational; }, 20s)) << rig.log();
+    rig.device("v5-8").plug();
+    if (!automatic) {
+      rig.run_for(20s);
+      EXPECT_NE(rig.device("v5-8").truth().state, NmtState::operational);
+      EXPECT_NE(slot(rig, 5).reason.find("`berth replace s5` takes it"), std::string::npos) << slot(rig, 5).reason;
+      ASSERT_TRUE(rig.network(0).replace("s5", std::nullopt));
+    }
+    ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+    EXPECT_EQ(slot(rig, 5).device, named(8, 5));
+  }
+}
+
+// The row of the store is of the node-ID before: it holds up no device.
+TEST(WhoIsWho, ASlotWithAnotherNodeIdHasAnotherDevice) {
+  places::MemoryStore store;
+  const auto row = store.declare({"rig", "backbone", "s5"}).value();
+  ASSERT_TRUE(store.ask(row, {named(0, 6), id_of(6)}, "x"));
+  ASSERT_TRUE(store.confirm(row, {named(0, 6), id_of(6)}, "x"));
+  Rig rig(fixed_slots(6), switched(6), &store);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  EXPECT_EQ(slot(rig, 5).device, named(0, 5));
+  EXPECT_EQ(slot(rig, 6).device, named(0, 6));
+}
+
+// ---- 1018h has less than it may ----
+
+namespace {
+
+// A description whose 1018h has its vendor-ID and, as far as `parts` says, product code, revision and serial number.
+std::string write_description(unsigned parts) {
+  const std::string file = ::testing::TempDir() + "who-is-who-" + std::to_string(parts) + ".eds";
+  std::ofstream out(file);
+  out << "[DeviceInfo]\nVendorNumber=0x1\nProductNumber=0x1\nLSS_Supported=0\n"
+         "[MandatoryObjects]\nSupportedObjects=3\n1=0x1000\n2=0x1001\n3=0x1018\n"
+         "[1000]\nParameterName=Device type\nObjectType=7\nDataType=7\nAccessType=ro\nDefaultValue=0x20192\n"
+         "[1001]\nParameterName=Error register\nObjectType=7\nDataType=5\nAccessType=ro\nDefaultValue=0\n"
+         "[1018]\nParameterName=Identity\nObjectType=9\nSubNumber="
+      << parts + 1 << "\n[1018sub0]\nParameterName=n\nObjectType=7\nDataType=5\nAccessType=ro\nDefaultValue=" << parts
+      << "\n";
+  for (unsigned sub = 1; sub <= parts; ++sub) {
+    out << "[1018sub" << sub
+        << "]\nParameterName=p\nObjectType=7\nDataType=7\nAccessType=ro\nDefaultValue=" << (sub <= 2 ? 1 : 0) << "\n";
+  }
+  return file;
+}
+
+}  // namespace
+
+TEST(WhoIsWho, WhatADeviceDoesNotSayIsUnknown) {
+  for (const unsigned parts : {1U, 2U, 3U, 4U}) {
+    auto p = switched(7);
+    for (auto& d : p.devices) d.eds = d.eds_path = write_description(parts);
+    Rig rig(fixed_slots(7), p);
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(60s)) << parts << rig.log();
+    const auto device = slot(rig, 6).device;
+    ASSERT_TRUE(device);
+    for (unsigned part = 0; part < 4; ++part) EXPECT_EQ(device->knows(part), part < parts) << part;
+    EXPECT_EQ(device->at, id_of(6));
+  }
+}
+
+// LSS tells the whole address, 1018h its vendor-ID: it is one device.
+TEST(WhoIsWho, LssTellsMoreThan1018h) {
+  design::Machine machine = one_bus(125'000);
+  add_slot(machine, 5, type_b);
+  auto p = one_bus_plant(1);
+  auto& d = add_device(p, "d", type_b, 77);
+  d.eds = d.eds_path = write_description(1);
+  Rig rig(machine, p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  EXPECT_EQ(slot(rig, 5).device, named(77, 5));
+  rig.device("d").power(false);
+  rig.run_for(5s);
+  rig.device("d").power(true);
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  rig.run_for(20s);
+  EXPECT_TRUE(rig.operational()) << rig.log();
+  const auto seen = rig.log().find("DUPLICATE");
+  EXPECT_EQ(seen, std::string::npos);
+}
+
+// ---- without a node-ID ----
+
+namespace {
+
+design::Machine two_slots(places::WhenAmbiguous when) {
+  design::Machine m = one_bus(125'000);
+  for (const unsigned id : {5U, 6U}) {
+    add_slot(m, id, type_b);
+    m.slots.back().spec.when_ambiguous = when;
+  }
+  return m;
+}
+
+plant::PlantFile two_blanks(plant::SpeaksSet speaks) {
+  auto p = one_bus_plant(1);
+  for (const char* name : {"a", "b"}) {
+    auto& d = add_device(p, name, type_b, 0);
+    d.speaks = speaks;
+  }
+  p.devices.back().plugged = false;
+  return p;
+}
+
+}  // namespace
+
+TEST(WhoIsWho, BlankOnesAreSeatedOneAtATime) {
+  using plant::Speaks;
+  for (const plant::SpeaksSet speaks : {plant::SpeaksSet{Speaks::lss, Speaks::fastscan},
+                                        plant::SpeaksSet{Speaks::lss, Speaks::rand, Speaks::fastscan}}) {
+    Rig rig(two_slots(places::WhenAmbiguous::one_at_a_time), two_blanks(speaks));
+    rig.begin();
+    ASSERT_TRUE(rig.run_until([&] { return slot(rig, 5).state == SlotState::operational; }, 60s)) << rig.log();
+    rig.device("b").plug();
+    ASSERT_TRUE(rig.until_operational(90s)) << rig.log();
+    EXPECT_EQ(rig.device("a").truth().persistent, id_of(5));
+    EXPECT_EQ(rig.device("b").truth().persistent, id_of(6));
+    EXPECT_EQ(slot(rig, 5).device, named(0, 5));
+    EXPECT_EQ(slot(rig, 6).device, named(0, 6));
+    // Both lose their power: each comes back under what it has stored.
+    for (const char* name : {"a", "b"}) rig.device(name).power(false);
+    rig.run_for(5s);
+    for (const char* name : {"a", "b"}) rig.device(name).power(true);
+    ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  }
+}
+
+TEST(WhoIsWho, OneOfSeveralSlotsIsAskedFor) {
+  Rig rig(two_slots(places::WhenAmbiguous::ascending), two_blanks({plant::Speaks::lss, plant::Speaks::fastscan}));
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return slot(rig, 5).state == SlotState::question; }, 60s)) << rig.log();
+  EXPECT_NE(rig.log().find("leave only the next one switched on"), std::string::npos) << rig.log();
+  EXPECT_EQ(rig.log().find("lug in the others too"), std::string::npos) << rig.log();
+}
+
+// It forgets its node-ID, or is one in the place of the one that sat here: nobody can tell, and nobody is asked.
+TEST(WhoIsWho, OneThatComesWithoutItsNodeIdIsTheOneThatIsMissing) {
+  using plant::Speaks;
+  Rig rig(two_slots(places::WhenAmbiguous::one_at_a_time), two_blanks({Speaks::lss, Speaks::fastscan}));
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return slot(rig, 5).state == SlotState::operational; }, 60s)) << rig.log();
+  rig.device("a").unplug();
+  ASSERT_TRUE(rig.run_until([&] { return slot(rig, 5).state == SlotState::absent; }, 20s)) << rig.log();
+  rig.device("b").plug();
+  ASSERT_TRUE(rig.run_until([&] { return slot(rig, 5).state == SlotState::operational; }, 60s)) << rig.log();
+  EXPECT_EQ(rig.device("b").truth().persistent, id_of(5));
+}
+
+}  // namespace who_is_who_tests
