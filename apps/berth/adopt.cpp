@@ -72,6 +72,15 @@ std::optional<std::chrono::milliseconds> common_period(const std::vector<live::N
   return period;
 }
 
+// And how it gets its node-ID: nothing but that tells one without a serial number from its equals.
+std::string type_of(const Identity& device) {
+  if (!device.knows(0)) return "type = \"any\"\n";
+  std::string text = fmt::format("type = {{ vendor = 0x{:08X}", device.address.vendor);
+  if (device.knows(1)) text += fmt::format(", product = 0x{:08X}", device.address.product);
+  if (device.knows(2)) text += fmt::format(", revision = 0x{:08X}", device.address.revision);
+  return text + (device.has_serial() ? " }\n" : " }\nassign = \"fixed\"\n");
+}
+
 struct Seated {
   std::string name;
   places::Assignment seat;
@@ -103,10 +112,10 @@ std::string machine_text(const Learnt& learnt, const design::Bus& bus, const Ado
     }
     const std::string name = slot_name(node, taken);
     const auto& device = *node.identity;
-    text += fmt::format(
-        "\n# {}\n# serial number 0x{:08X}\n[[slot]]\nbus  = \"{}\"\nid   = {}\nname = \"{}\"\n"
-        "type = {{ vendor = 0x{:08X}, product = 0x{:08X}, revision = 0x{:08X} }}\n",
-        remarks(node), device.serial, bus.name, node.id.value(), name, device.vendor, device.product, device.revision);
+    const std::string number =
+        device.has_serial() ? fmt::format("serial number 0x{:08X}", device.address.serial) : "no serial number";
+    text += fmt::format("\n# {}\n# {}\n[[slot]]\nbus  = \"{}\"\nid   = {}\nname = \"{}\"\n{}", remarks(node), number,
+                        bus.name, node.id.value(), name, type_of(device));
     seats.push_back({name, {device, node.id}});
   }
   return text;
@@ -269,7 +278,9 @@ int run_adopt(const Options& wanted, const AdoptOptions& adopt) {
     if (options.json) return Exit::no;
     return tell(failure(Exit::no, adopt.passive ? "listening alone tells no device's identity, so no slot can be "
                                                   "written; without --passive devices are asked by SDO"
-                                                : "no device told its identity; nothing was written"),
+                                  : learnt->nodes.empty() && !adopt.everybody
+                                      ? "nobody was heard, so nobody was asked; --all asks every node-ID"
+                                      : "no device told its identity; nothing was written"),
                 false);
   }
   const auto checked = design::read_machine(text, adopt.file, {});

@@ -70,7 +70,8 @@ void Census::beat(Node& node, const can::Frame& frame, rt::Time at) {
   const auto state = co::nmt_state(frame.data[0]);
   if (!state) return;
   node.heard = true;
-  node.seen.state = *state;
+  // Behind its boot-up message a device is pre-operational (CiA 301 §7.3.2.2.2).
+  node.seen.state = *state == NmtState::initialising ? NmtState::pre_operational : *state;
   if (*state == NmtState::initialising) {
     node.last_beat.reset();
     return;
@@ -213,7 +214,7 @@ rt::Task<Result<void>> Census::ask_node(NodeId id, CensusOptions options) {
   node.heard = true;
   node.seen.device_type = *type;
   std::array<std::uint32_t, 4> parts{};
-  bool complete = true;
+  std::uint8_t unknown = 0;
   for (std::uint8_t sub = 1; sub <= 4; ++sub) {
     const ObjectRef ref{0x1018, sub};
     const auto part = co_await number(id, ref, 4, options);
@@ -221,15 +222,13 @@ rt::Task<Result<void>> Census::ask_node(NodeId id, CensusOptions options) {
       node.seen.problem = describe(part.error());
       co_return Result<void>();
     }
-    // Revision and serial number may be missing: they count as 0, as LSS has it.
-    complete = complete && (*part || sub > 2);
+    if (!*part) unknown = static_cast<std::uint8_t>(unknown | 1U << (sub - 1U));
     parts[sub - 1U] = part->value_or(0);
   }
-  if (complete) {
-    node.seen.identity = LssAddress{parts[0], parts[1], parts[2], parts[3]};
-  } else {
-    node.seen.problem = "it has no identity object 1018h";
-  }
+  Identity who(parts[0], parts[1], parts[2], parts[3]);
+  who.unknown = unknown;
+  node.seen.identity = who.with(id);
+  if (unknown == Identity::all_unknown) node.seen.problem = "it has no identity object 1018h";
   const auto period = co_await ask_period(node, options);
   if (!period) co_return Result<void>();
   const auto master = co_await ask_whether_master(node, options);

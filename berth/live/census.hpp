@@ -33,7 +33,7 @@ struct NodeSeen {
   bool nmt_master = false;          ///< 1F80h bit 0: a master, however quiet (CiA 302-2)
   std::optional<std::uint8_t> network_list{};  ///< 1F81h:00 of such a master: node-IDs that it may have in its care
   std::optional<std::uint32_t> device_type{};  ///< 1000h
-  std::optional<LssAddress> identity{};        ///< 1018h, complete
+  std::optional<Identity> identity{};          ///< 1018h, as far as it says it; empty: it was not asked
   std::string name{};                          ///< 1008h
   std::string hardware{};                      ///< 1009h
   std::string software{};                      ///< 100Ah

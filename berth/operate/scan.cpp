@@ -24,6 +24,8 @@ rt::Task<void> Scan::ask(NodeId id, Seen& seen) {
   const auto heard = p_.bus.boots.heard(id);
   const bool lately = heard && p_.bus.executor.now() - *heard < p_.bus.bus.timing.heartbeat_timeout;
   if (lately) seen.state = p_.bus.boots.state(id);
+  // Behind its boot-up message a device is pre-operational (CiA 301 §7.3.2.2.2).
+  if (seen.state == NmtState::initialising) seen.state = NmtState::pre_operational;
 }
 
 rt::Task<Result<std::vector<Seen>>> Scan::run() {

@@ -172,8 +172,22 @@ TEST_F(CensusOnABus, WithoutAnIdentityItSaysSo) {
   node.beat();
   world.run_for(1ms);
   const auto nodes = ask();
-  EXPECT_FALSE(nodes.at(0).identity);
+  ASSERT_TRUE(nodes.at(0).identity);
+  EXPECT_EQ(nodes[0].identity->unknown, Identity::all_unknown);
+  EXPECT_EQ(nodes[0].identity->at, nodes[0].id) << "it is known by its node-ID";
   EXPECT_EQ(nodes[0].problem, "it has no identity object 1018h");
+}
+
+// CiA 301 makes the vendor-ID alone mandatory.
+TEST_F(CensusOnABus, WhatItDoesNotSayIsUnknown) {
+  Node node(device, {{0x100000, {0, 0, 0, 0}}, {0x101801, {7, 0, 0, 0}}});
+  node.beat();
+  world.run_for(1ms);
+  const auto nodes = ask();
+  ASSERT_TRUE(nodes.at(0).identity);
+  EXPECT_EQ(nodes[0].identity->address.vendor, 7U);
+  EXPECT_EQ(nodes[0].identity->unknown, 0b1110);
+  EXPECT_EQ(nodes[0].problem, "");
 }
 
 // A node may give segments for ever, fast or each just in time: it is left, and the next one is asked.

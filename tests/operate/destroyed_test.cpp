@@ -234,7 +234,7 @@ class Adoption {
 Seats learnt(const std::vector<live::NodeSeen>& nodes) {
   Seats seats;
   for (const auto& node : nodes) {
-    if (node.identity) seats.emplace_back(node.id.value(), node.identity->serial);
+    if (node.identity) seats.emplace_back(node.id.value(), node.identity->address.serial);
   }
   return seats;
 }
