@@ -60,10 +60,11 @@ rt::Task<void> RecipeSeating::bind(Seat& seat, Identity device, NodeId now) {
     co_return;
   }
   const bool resumed = seat.slot.record.intended.has_value();
-  places::RecipeBinding binding(recipe.after, {device, seat.id()}, now, s_.bus.timing.tries, resumed);
+  places::RecipeBinding binding(recipe.after, {device.with(seat.id()), seat.id()}, now, s_.bus.timing.tries, resumed);
   const std::string reason = fmt::format("by the recipe of {}, from node-ID {}", recipe.name, now.value());
   slots_.happened(seat, SlotEvent::binds, reason);
-  const places::Binder::Options options = asking_.binder_options();
+  places::Binder::Options options = asking_.binder_options();
+  options.uses = now;
   places::RecipeBinder binder(asking_.binder_services(), options, recipe);
   const places::SlotId slot = seat.slot.record.slot;
   co_await binder.run(binding, slot, reason);

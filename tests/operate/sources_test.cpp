@@ -236,6 +236,26 @@ TEST(Recipe, OneAfterTheOther) {
   EXPECT_EQ(rig.seats(), (Seats{{5, 1}, {6, 2}}));
 }
 
+// Known by their node-IDs, which the recipe changes; Berth ends in the middle of the first.
+TEST(Recipe, OneAfterTheOtherWithoutSerialNumbers) {
+  for (rt::Duration at = 100ms; at < 1500ms; at += 90ms) {
+    auto p = one_bus_plant(1);
+    add_drive(p, "d", 0);
+    add_drive(p, "e", 0).plugged = false;
+    Rig rig(recipe_machine({5, 6}), p);
+    rig.begin();
+    rig.run_for(at);
+    rig.kill();
+    rig.begin();
+    ASSERT_TRUE(rig.run_until([&] { return rig.seats().size() == 1; }, 60s)) << at.count() << "\n" << rig.log();
+    rig.device("e").plug();
+    ASSERT_TRUE(rig.until_operational(60s)) << at.count() << "\n" << rig.log();
+    EXPECT_EQ(rig.device("d").truth().persistent, NodeId(5));
+    EXPECT_EQ(rig.device("e").truth().persistent, NodeId(6));
+    EXPECT_EQ(rig.seats(), (Seats{{5, 0}, {6, 0}}));
+  }
+}
+
 TEST(Recipe, TwoUnderTheFactoryNodeIdAreNotTouched) {
   auto p = one_bus_plant(1);
   add_drive(p, "d", 1).response = {500us, 2ms, 0, 0ms};
