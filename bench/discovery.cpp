@@ -30,7 +30,7 @@ constexpr unsigned slaves = 30;
 constexpr rt::Duration window = 10ms;
 
 struct Giver final : discovery::Assigner {
-  NodeId assign(const LssAddress&) noexcept override { return NodeId(next++); }
+  NodeId assign(const LssAddress&, bool) noexcept override { return NodeId(next++); }
   std::uint8_t next = 100 - slaves;
 };
 

@@ -320,6 +320,7 @@ class SdoLine : private rt::Job {
   rt::Time open_until_{};
   std::uint32_t owed_ = 0;  // answers that the requests before it have not had
   rt::Time owed_until_{};
+  rt::Duration patience_{0};  // no answer of this node is waited for less
   std::uint64_t silent_ = 0;  // of those requests' objects a bit each: an answer for another object is none of theirs
 };
 
@@ -394,6 +395,12 @@ class SdoClient final : private can::Handler {
   void set_observer(Observer* observer) noexcept { settings_.observer = observer; }
   /// How long an answer may come late after its request timed out and still not count as surplus. Default 5 s.
   void set_late_window(rt::Duration window) noexcept { settings_.late_window = window; }
+
+  /// A slow node: each of its answers is waited for at least so long, whatever the options of a transfer say. 0: as the
+  /// options say.
+  void set_patience(NodeId node, rt::Duration least) noexcept {
+    if (node.configured()) line(node).patience_ = least;
+  }
 
   /// A boot-up message of this node was heard: answers that it owed from before are not to come, and what comes behind
   /// the one answer to a request is surplus.

@@ -114,7 +114,7 @@ void tell_report(places::SlotStore& store, const design::Machine& machine, const
     line.id = spec.id;
     line.name = spec.name.name;
     line.type = spec.type;
-    line.unasked = spec.unasked;
+    line.unasked = spec.asks.unasked;
     const auto record = std::ranges::find(*records, spec.name, &places::SlotRecord::name);
     if (record != records->end()) line.device = record->device();
     line.state = line.device ? places::SlotState::unknown : places::SlotState::empty;

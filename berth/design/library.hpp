@@ -27,7 +27,7 @@ struct DeviceType {
   TypeCode type;
   std::optional<std::uint32_t> revision;
   std::shared_ptr<const od::Description> description = {};  ///< null: the loader has none to give
-  std::uint8_t unasked = 0;  ///< parts of `type` that it does not say (`places::SlotSpec::unasked`)
+  std::uint8_t unasked = 0;  ///< parts of `type` that it does not say (`places::SlotAsks::unasked`)
 };
 /// Reads the description at `path`; remarks go to `findings`, and at least one error when it gives nothing.
 using TypeLoader = std::function<std::optional<DeviceType>(const std::string& path, Findings& findings)>;

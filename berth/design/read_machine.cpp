@@ -100,14 +100,14 @@ std::string read_name(Table& table, bool of_range) {
   return *name;
 }
 
-constexpr std::uint8_t product_unasked = 2;  // `places::SlotSpec::unasked`
+constexpr std::uint8_t product_unasked = 2;  // `places::SlotAsks::unasked`
 constexpr std::uint8_t any_type = 3;
 
 void read_type_table(Table& table, places::SlotSpec& spec) {
   auto type = table.table("type");
   if (!type) return;
   if (type->require("vendor", "vendor-ID, 1018h:01")) spec.type.vendor = type->u32("vendor").value_or(0);
-  if (!type->has("product")) spec.unasked = product_unasked;
+  if (!type->has("product")) spec.asks.unasked = product_unasked;
   spec.type.product = type->u32("product").value_or(0);
   spec.revision = type->u32("revision");
   type->finish();
@@ -117,20 +117,20 @@ void read_any(Table& table, places::SlotSpec& spec) {
   constexpr std::array<string_view, 1> words{"any"};
   static_cast<void>(table.word("type", words));
   spec.type = {};
-  spec.unasked = any_type;
+  spec.asks.unasked = any_type;
   spec.revision.reset();
 }
 
 // 1000h of a description that says nothing else of what it is.
 std::uint32_t described_type(const Slot& slot) {
-  const bool any = slot.spec.unasked == any_type && slot.description != nullptr;
+  const bool any = slot.spec.asks.unasked == any_type && slot.description != nullptr;
   const auto* const type = any ? slot.description->find(ObjectRef{0x1000, 0}) : nullptr;
   return type == nullptr ? 0 : static_cast<std::uint32_t>(slot.description->default_of(*type).raw);
 }
 
 // Its node-ID is all that is known of its device.
 void read_assign(Table& table, places::SlotSpec& spec) {
-  const bool any = spec.unasked == any_type;
+  const bool any = spec.asks.unasked == any_type;
   if (any) spec.assign = places::Assign::fixed;
   read_word(table, "assign", assign_words, spec.assign);
   if (!any || spec.assign == places::Assign::fixed) return;
@@ -351,8 +351,23 @@ class MachineReader {
     find_recipe(table, slot);
     read_config(table, slot, ids);
     read_software(table, spec);
+    read_watch(table, spec.watch);
+    check_watch_beneath(table, spec);
     table.finish();
     for (const unsigned id : ids) add_slot(table, slot, id, pattern);
+  }
+
+  // A gateway's own master watches the devices beneath it, all by the bus's [timing] (1F81h, 1016h).
+  void check_watch_beneath(Table& table, const places::SlotSpec& spec) {
+    const Bus* const bus = machine_.bus(spec.name.bus);
+    const bool beneath = bus != nullptr && !bus->own_port;
+    if (!beneath || spec.watch == places::SlotWatch{}) return;
+    for (const char* const key :
+         {"error_control", "heartbeat_period", "heartbeat_timeout", "guard_time", "life_time_factor", "sdo_timeout"}) {
+      if (!table.has(key)) continue;
+      return table.error(key, "the gateway's own master watches this device, by the [timing] of its bus",
+                         "leave the key out, or set it in [bus.NAME.timing]");
+    }
   }
 
   const KnownDevice* known_device(Table& table, string_view key, const std::string& name) {
@@ -503,7 +518,7 @@ class MachineReader {
       return table.error("config", fmt::format("{} cannot be used as a configuration", text::quoted(path)),
                          "see what is said about that file");
     }
-    const bool other = type->type != TypeCode{} && slot.spec.unasked == 0 && slot.spec.type != TypeCode{} &&
+    const bool other = type->type != TypeCode{} && slot.spec.asks.unasked == 0 && slot.spec.type != TypeCode{} &&
                        type->type != slot.spec.type;
     if (other) {
       table.error("config",
@@ -551,7 +566,7 @@ class MachineReader {
     slot.eds_path = device->eds_path;
     slot.description = device->description;
     slot.spec.type = device->type;
-    slot.spec.unasked = device->unasked;
+    slot.spec.asks.unasked = device->unasked;
     slot.spec.revision = device->revision;
   }
 
@@ -568,7 +583,7 @@ class MachineReader {
                          loader_ ? "see what is said about that file" : "write type = { … } instead");
     }
     slot.spec.type = type->type;
-    slot.spec.unasked = type->unasked;
+    slot.spec.asks.unasked = type->unasked;
     slot.spec.revision = type->revision;
     slot.description = type->description;
     if (type->unasked != any_type || any) return;

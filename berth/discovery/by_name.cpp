@@ -32,7 +32,7 @@ rt::Task<Result<ByName>> assign_by_name(lss::Master& lss, LssAddress device, lss
   if (!alone) co_return fail(alone.error());
   result.not_alone = *alone == lss::Selection::not_alone;
   if (*alone != lss::Selection::alone) co_return result;
-  const NodeId id = options.assigner != nullptr ? options.assigner->assign(device) : NodeId();
+  const NodeId id = options.assigner != nullptr ? options.assigner->assign(device, false) : NodeId();
   if (!id.configured()) {
     const auto waiting = co_await lss.switch_global(lss::State::waiting);
     if (!waiting) co_return fail(waiting.error());

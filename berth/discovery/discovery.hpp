@@ -95,9 +95,9 @@ class Observer {
 /// Gives each found device a node-ID at once, when it is proven to be the only one in configuration.
 class Assigner : public lss::Vacancy {
  public:
-  /// Unconfigured: leave it without one; it goes back to waiting. A method on Fastscan then ends with
-  /// `Report::End::held`.
-  virtual NodeId assign(const LssAddress& device) noexcept = 0;
+  /// `says_none`: it told that it uses none (5Eh); else it was not asked, or did not answer. Unconfigured: leave it
+  /// without one; it goes back to waiting. A method on Fastscan then ends with `Report::End::held`.
+  virtual NodeId assign(const LssAddress& device, bool says_none) noexcept = 0;
 
  protected:
   ~Assigner() = default;

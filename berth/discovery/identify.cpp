@@ -124,7 +124,7 @@ rt::Task<Result<void>> Identify::settle(Run& run, Found& found, const lss::Alone
   if (told) found.active = NodeId::make(told->byte()).value_or(NodeId());
   NodeId id;
   const bool blank = told && !found.active.configured();
-  if (blank && run.options.assigner != nullptr) id = run.options.assigner->assign(found.address);
+  if (blank && run.options.assigner != nullptr) id = run.options.assigner->assign(found.address, blank);
   if (id.configured()) {
     const LssAddress device = found.address;
     lss::AloneOptions watched = how;

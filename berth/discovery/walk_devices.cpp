@@ -70,9 +70,11 @@ rt::Task<Outcome> Devices::selected(LssAddress device) {
     co_return Outcome::nobody;
   }
   found.possible_clone = clones;
+  bool says_none = false;
   if (alone) {
-    const NodeId has = co_await active_id();
-    found.active = has;
+    const auto has = co_await active_id();
+    found.active = has.value_or(NodeId());
+    says_none = has && !has->configured();
   }
   const bool told = is_found(device);
   if (alone && (told || found.active.configured())) {
@@ -81,7 +83,7 @@ rt::Task<Outcome> Devices::selected(LssAddress device) {
     co_return outcome;
   }
   if (alone) {
-    const NodeId id = co_await give(device);
+    const NodeId id = co_await give(device, says_none);
     found.assigned = id;
   }
   if (q_.is_broken()) co_return Outcome::nobody;
@@ -92,7 +94,7 @@ rt::Task<Outcome> Devices::selected(LssAddress device) {
 }
 
 // Lely core's slaves answer Fastscan whatever node-ID they have.
-rt::Task<NodeId> Devices::active_id() {
+rt::Task<std::optional<NodeId>> Devices::active_id() {
   const lss::ServiceOptions service{.timeout = q_.asker().longest(), .retries = 0, .full_window = false};
   const auto told = co_await services_.lss.inquire_node_id(service);
   const auto now = services_.dispatcher.executor().now();
@@ -100,7 +102,7 @@ rt::Task<NodeId> Devices::active_id() {
   if (told) co_return NodeId::make(told->byte()).value_or(NodeId());
   if (told.error().code == Errc::bus || told.error().code == Errc::cancelled) q_.broken(told.error());
   services_.lss.suspect_strangers();  // its answer may come to the next question
-  co_return NodeId();
+  co_return std::nullopt;
 }
 
 // It was proven alone, and no node-ID of ours takes it out of the search. That it is met again makes it no clone.
@@ -122,9 +124,9 @@ rt::Task<Outcome> Devices::stays(const Found& device, bool told) {
   co_return Outcome::found;
 }
 
-rt::Task<NodeId> Devices::give(LssAddress device) {
+rt::Task<NodeId> Devices::give(LssAddress device, bool says_none) {
   NodeId id;
-  if (options_.assigner != nullptr) id = options_.assigner->assign(device);
+  if (options_.assigner != nullptr) id = options_.assigner->assign(device, says_none);
   if (!id.configured()) {
     co_await release();
     co_return id;

@@ -19,7 +19,7 @@ places::SlotSpec spec_of(NodeId node, const SlaveRules& rules) {
     spec.rule = places::RevisionRule::exact;
     spec.revision = rules.revision;
   }
-  if (rules.serial != 0) spec.serial = rules.serial;
+  if (rules.serial != 0) spec.asks.serial = rules.serial;
   return spec;
 }
 

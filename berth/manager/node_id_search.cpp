@@ -96,7 +96,7 @@ rt::Task<Result<void>> NodeIdSearch::release_found() {
 }
 
 // The slot that the plan has for it when all that was found so far is known.
-NodeId NodeIdSearch::assign(const LssAddress& device) noexcept {
+NodeId NodeIdSearch::assign(const LssAddress& device, bool) noexcept {
   if (bus_.find(device) == nullptr) bus_.note({device, NodeId()});
   const auto planned = bus_.plan();
   const auto bind = std::ranges::find_if(planned.plan.actions, [&](const places::Action& action) {

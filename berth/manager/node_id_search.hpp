@@ -31,7 +31,7 @@ class NodeIdSearch final : private discovery::Assigner {
   rt::Task<Result<void>> release_found();
 
  private:
-  NodeId assign(const LssAddress& device) noexcept override;
+  NodeId assign(const LssAddress& device, bool says_none) noexcept override;
   bool still_vacant(NodeId id) const noexcept override { return bus_.vacant(id); }
   [[nodiscard]] discovery::Known known(bool all_types);
 

@@ -7,7 +7,8 @@
 namespace berth::operate {
 
 BusServices::BusServices(rt::Executor& clock, can::Port& port_used, const design::Bus& bus_line,
-                         co::HeartbeatConsumer::Observer& heartbeat_listener, co::EmcyConsumer::Observer& emcy_listener)
+                         co::HeartbeatConsumer::Observer& heartbeat_listener,
+                         co::GuardingMaster::Observer& guarding_listener, co::EmcyConsumer::Observer& emcy_listener)
     : executor(clock),
       bus(bus_line),
       port(port_used),
@@ -17,6 +18,7 @@ BusServices::BusServices(rt::Executor& clock, can::Port& port_used, const design
       sdo(dispatcher, sdo_options(bus_line.timing)),
       nmt(dispatcher),
       heartbeats(dispatcher, heartbeat_listener),
+      guarding(dispatcher, guarding_listener),
       emergencies(dispatcher, emcy_listener),
       boots(dispatcher, &sdo),
       foreign_stores(dispatcher, bus_line.timing.store_timeout) {
@@ -25,6 +27,15 @@ BusServices::BusServices(rt::Executor& clock, can::Port& port_used, const design
   heartbeats.set_never_seen_time(timing.heartbeat_timeout + timing.heartbeat_period);
   // A saving may be answered long after it was given up.
   sdo.set_late_window(std::max<rt::Duration>(std::chrono::seconds(5), 2 * timing.save_timeout));
+}
+
+std::optional<NmtState> BusServices::watched_state(NodeId node) const noexcept {
+  return guarding.guarded(node) ? guarding.state(node) : heartbeats.state(node);
+}
+
+void BusServices::unwatch(NodeId node) noexcept {
+  heartbeats.supervise(node, rt::Duration{0});
+  guarding.end(node);
 }
 
 }  // namespace berth::operate

@@ -6,6 +6,7 @@
 
 #include "berth/can/dispatcher.hpp"
 #include "berth/co/emcy.hpp"
+#include "berth/co/guarding.hpp"
 #include "berth/co/heartbeat.hpp"
 #include "berth/co/nmt_master.hpp"
 #include "berth/co/sdo_client.hpp"
@@ -22,9 +23,16 @@
 namespace berth::operate {
 
 struct BusServices {
-  /// All must stay. The listeners hear what `heartbeats` and `emergencies` are told to hear.
+  /// All must stay. The listeners hear what `heartbeats`, `guarding` and `emergencies` are told to hear.
   BusServices(rt::Executor& clock, can::Port& port_used, const design::Bus& bus_line,
-              co::HeartbeatConsumer::Observer& heartbeat_listener, co::EmcyConsumer::Observer& emcy_listener);
+              co::HeartbeatConsumer::Observer& heartbeat_listener, co::GuardingMaster::Observer& guarding_listener,
+              co::EmcyConsumer::Observer& emcy_listener);
+
+  /// The last state that the error control protocol by which a node is watched told; empty: it is not watched, has told
+  /// none yet, or is lost.
+  [[nodiscard]] std::optional<NmtState> watched_state(NodeId node) const noexcept;
+  /// No error control protocol watches it any more.
+  void unwatch(NodeId node) noexcept;
 
   /// NMT commands are Berth's to send.
   [[nodiscard]] bool may_command() const noexcept { return bus.role == design::Role::master; }
@@ -40,6 +48,7 @@ struct BusServices {
   co::SdoClient sdo;
   co::NmtMaster nmt;
   co::HeartbeatConsumer heartbeats;
+  co::GuardingMaster guarding;
   co::EmcyConsumer emergencies;
   places::BootWatch boots;
   places::VacancyTable vacancy;

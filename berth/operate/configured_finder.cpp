@@ -72,9 +72,6 @@ rt::Task<bool> ConfiguredFinder::find(bool all) {
   const bool apart = co_await tell_duplicates_apart();
   news = news || apart;
   for (const auto& f : answered) {
-    const auto known = found_.of(f.device);
-    const bool same = known != nullptr && known->active == f.active;
-    if (same) continue;
     Seat* const seat = slots_.at(f.active);
     const bool home = seat != nullptr && slots_.of(f.device) == seat && seat->slot.record.confirmed;
     if (home) {
@@ -87,6 +84,9 @@ rt::Task<bool> ConfiguredFinder::find(bool all) {
       co_await presence_.adopt_fixed(*seat);
       continue;
     }
+    const auto known = found_.of(f.device);
+    const bool same = known != nullptr && known->active == f.active;
+    if (same) continue;
     note(f);
     news = true;
   }
@@ -130,16 +130,18 @@ std::vector<NodeId> ConfiguredFinder::ids_to_ask(bool all) {
     const Seat* const seat = slots_.at(id);
     const auto heard = s_.boots.heard(id);
     const bool speaks = heard && *heard > asked_at_[i];
-    const bool known = (seat != nullptr && seat->there()) ||
-                       (id == s_.bus.master && agenda_.speaks && !speaks && !sweeps) || found_.any_at(id);
-    if (known) continue;
+    const bool known =
+        (seat != nullptr && seat->there()) || (id == s_.bus.master && agenda_.speaks && !speaks && !sweeps);
+    const bool found = found_.any_at(id);
+    const bool takes = seat != nullptr && seat->slot.spec.assign == Assign::fixed && !seat->slot.record.device();
+    if (known || (found && !takes)) continue;
     const bool factory = std::ranges::find(factory_ids, id) != factory_ids.end();
     const bool own = seat != nullptr && seat->slot.spec.assign != Assign::fixed;
     const bool again = std::exchange(look_again_at_[i], false);
     const bool masters =
         sweeps && id == s_.bus.master &&
         (agenda_.speaks || !s_.vacancy[i]);  // the master's own device does not hear its own port's question
-    const bool asks = speaks || again || masters || all || (sweeps && (own || other || (factory && by_lss)));
+    const bool asks = speaks || again || masters || all || found || (sweeps && (own || other || (factory && by_lss)));
     if (!asks) continue;
     asked_at_[i] = now;
     ids.push_back(id);

@@ -7,6 +7,7 @@
 
 #include "berth/eds/xdd.hpp"
 #include "berth/od/abort_code.hpp"
+#include "berth/operate/error_control.hpp"
 #include "berth/operate/timing_options.hpp"
 #include "berth/places/identity.hpp"
 
@@ -38,6 +39,16 @@ bool is_in(const places::SlotRecord& record, Configured::Stage stage, const Want
 bool was_begun(const places::SlotRecord& record) noexcept {
   return record.configured && record.confirmed && record.configured->device == record.confirmed->device &&
          record.configured->stage == Configured::Stage::writing;
+}
+
+// 1017h as the machine file wants it beside `config =`, for the first time.
+bool refuses_heartbeat(const Seat& seat, const ConfigurationReport& report) {
+  using Why = manager::Failure::Why;
+  if (!report.failure || !report.failure->own || !seat.rate.refused.empty()) return false;
+  const manager::Failure& failure = *report.failure;
+  const bool refused = failure.why == Why::error && failure.error.code == Errc::aborted;
+  const bool has_another = failure.why == Why::differs || failure.why == Why::not_kept;
+  return failure.object == ObjectRef{0x1017, 0} && (refused || has_another);
 }
 
 std::string short_name(const std::string& path) {
@@ -111,13 +122,14 @@ bool Configuring::note(Seat& seat, Configured::Stage stage, const Wanted& wanted
 }
 
 rt::Task<Result<Wanted>> Configuring::wanted_of(Seat& seat) {
-  const auto period = std::chrono::duration_cast<std::chrono::milliseconds>(s_.bus.timing.heartbeat_period).count();
   std::vector<manager::Entry> own;
   const NodeId id = seat.id();
-  const auto has = co_await s_.sdo.read<std::uint16_t>(id, 0x1017, 0);
-  seat.guarded = !has && has.error().code == Errc::aborted;
-  if (!has && !seat.guarded) co_return fail(has.error());
-  if (!seat.guarded) {
+  ErrorControl control(s_, slots_);
+  const auto has = co_await control.look(seat);
+  if (!has) co_return fail(has.error());
+  if (*has) {
+    const auto period =
+        std::chrono::duration_cast<std::chrono::milliseconds>(heartbeat_period(s_.bus.timing, seat)).count();
     manager::Entry heartbeat;
     heartbeat.object = {0x1017, 0};
     heartbeat.type = od::DataType::unsigned16;
@@ -185,6 +197,13 @@ rt::Task<bool> Configuring::configure(Seat& seat, ConfigurationReport& report) {
   seat.configuration.waits_since.reset();
   Next next = Next::again;
   for (; next == Next::again; ++attempt.number) next = co_await try_once(seat, attempt);
+  if (next == Next::not_now && refuses_heartbeat(seat, report)) {
+    ErrorControl control(s_, slots_);
+    const std::vector<std::uint8_t> held = report.failure->held;
+    const bool learnt = co_await control.learn(seat, held);
+    report = {};
+    if (learnt) co_return co_await configure(seat, report);
+  }
   if (next == Next::not_now) co_return false;
   seat.checked = s_.executor.now();
   const bool noted = note(seat, Configured::Stage::done, *wanted);
@@ -288,6 +307,7 @@ rt::Task<bool> Configuring::configure_once(Seat& seat, Attempt& attempt) {
     if (report.saved != Saved::unanswered) seat.configuration.failed_savings = 0;
     co_return true;
   }
+  if (refuses_heartbeat(seat, report)) co_return false;
   // One that is saving still, for a run of Berth before this one, wrote nothing for this one.
   const Error& error = report.failure->error;
   const bool busy =

@@ -18,17 +18,38 @@ std::uint16_t in_ms(rt::Duration period) {
   return static_cast<std::uint16_t>(std::clamp<std::int64_t>(ms, 0, 0xFFFF));
 }
 
+constexpr std::uint8_t usual_factor = 3;  // unanswered questions of guarding
+
+rt::Duration wanted_period(const design::Timing& timing, const Seat& seat) noexcept {
+  const auto& watch = seat.slot.spec.watch;
+  return watch.heartbeat_period.count() > 0 ? watch.heartbeat_period : timing.heartbeat_period;
+}
+
+rt::Duration guard_time(const design::Timing& timing, const Seat& seat) noexcept {
+  const auto& watch = seat.slot.spec.watch;
+  if (watch.guard_time.count() > 0) return watch.guard_time;
+  return std::max<rt::Duration>(wanted_period(timing, seat), milliseconds(1));
+}
+
+std::string text_of(rt::Duration time) {
+  return fmt::format("{} ms", std::chrono::duration_cast<milliseconds>(time).count());
+}
+
 }  // namespace
 
 rt::Duration heartbeat_period(const design::Timing& timing, const Seat& seat) noexcept {
-  return seat.rate.period.count() > 0 ? seat.rate.period : timing.heartbeat_period;
+  return seat.rate.period.count() > 0 ? seat.rate.period : wanted_period(timing, seat);
 }
 
 rt::Duration heartbeat_timeout(const design::Timing& timing, const Seat& seat) noexcept {
-  if (seat.rate.period <= timing.heartbeat_period || timing.heartbeat_period.count() == 0)
-    return timing.heartbeat_timeout;
-  const double times =
-      static_cast<double>(seat.rate.period.count()) / static_cast<double>(timing.heartbeat_period.count());
+  const auto& watch = seat.slot.spec.watch;
+  const rt::Duration period = heartbeat_period(timing, seat);
+  const bool says = watch.heartbeat_timeout.count() > 0;
+  if (says && period < watch.heartbeat_timeout) return watch.heartbeat_timeout;
+  const rt::Duration base = timing.heartbeat_period;
+  const bool shorter = watch.heartbeat_period.count() == 0 && period <= base;
+  if (shorter || base.count() == 0) return timing.heartbeat_timeout;
+  const double times = static_cast<double>(period.count()) / static_cast<double>(base.count());
   return rt::Duration(static_cast<std::int64_t>(times * static_cast<double>(timing.heartbeat_timeout.count())));
 }
 
@@ -60,17 +81,66 @@ void ErrorControl::tell(Seat& seat, const std::string& instead) {
                                                          seat.name(), seat.rate.refused, instead));
 }
 
+void ErrorControl::begin_anew(Seat& seat) {
+  seat.guarded = seat.rate.by_sdo = false;
+  seat.rate.period = {};
+  seat.rate.refused.clear();
+}
+
+rt::Task<Result<bool>> ErrorControl::look(Seat& seat) {
+  using By = places::SlotWatch::By;
+  const By by = seat.slot.spec.watch.by;
+  s_.guarding.end(seat.id());
+  if (by == By::none || by == By::guarding) {
+    const bool there = co_await set(seat);
+    if (!there) co_return fail(Errc::timeout, "it did not answer what error_control wants");
+    co_return false;
+  }
+  const auto has = co_await s_.sdo.read<std::uint16_t>(seat.id(), 0x1017, 0);
+  const bool lacks = !has && has.error().code == Errc::aborted;
+  if (!has && !lacks) co_return fail(has.error());
+  if (lacks) begin_anew(seat);
+  if (lacks) seat.rate.refused = describe(has.error());
+  seat.guarded = lacks || (seat.guarded && !seat.rate.refused.empty());
+  seat.rate.by_sdo = false;
+  co_return !seat.guarded;
+}
+
+rt::Task<bool> ErrorControl::learn(Seat& seat, std::vector<std::uint8_t> held) {
+  begin_anew(seat);
+  const std::uint32_t ms = held.size() == 2 ? held[0] + (std::uint32_t{held[1]} << 8U) : 0;
+  if (ms == 0) {
+    const bool there = co_await set_heartbeat(seat);
+    if (there && seat.rate.refused.empty()) seat.rate.refused = "it was refused beside the configuration";
+    co_return there;
+  }
+  seat.rate.refused = fmt::format("{} ms: it has another", in_ms(wanted_period(s_.bus.timing, seat)));
+  seat.rate.period = milliseconds(ms);
+  tell(seat, fmt::format("it comes every {} ms, as the device has it", ms));
+  co_return true;
+}
+
 rt::Task<bool> ErrorControl::set(Seat& seat) {
+  using By = places::SlotWatch::By;
+  s_.guarding.end(seat.id());
+  begin_anew(seat);
+  switch (seat.slot.spec.watch.by) {
+    case By::automatic:
+    case By::heartbeat: break;
+    case By::guarding: co_return co_await set_guarding(seat);
+    case By::none: seat.guarded = true; co_return true;
+  }
+  co_return co_await set_heartbeat(seat);
+}
+
+rt::Task<bool> ErrorControl::set_heartbeat(Seat& seat) {
   const NodeId id = seat.id();
-  const std::uint16_t wanted = in_ms(s_.bus.timing.heartbeat_period);
+  const std::uint16_t wanted = in_ms(wanted_period(s_.bus.timing, seat));
   const auto written = co_await write(id, wanted);
   if (!written && written.error().code != Errc::aborted) {
     slots_.set_absent(seat, "its heartbeat could not be set: " + describe(written.error()));
     co_return false;
   }
-  seat.guarded = false;
-  seat.rate.period = {};
-  seat.rate.refused.clear();
   if (written) co_return true;
   seat.rate.refused = fmt::format("{} ms: {}", wanted, describe(written.error()));
   const auto own = co_await s_.sdo.read<std::uint16_t>(id, 0x1017, 0);
@@ -84,38 +154,91 @@ rt::Task<bool> ErrorControl::set(Seat& seat) {
   co_return true;
 }
 
-rt::Task<void> ErrorControl::learn(Seat& seat) {
-  if (!seat.last.seen || seat.rate.period.count() > 0) co_return;
-  const auto own = co_await s_.sdo.read<std::uint16_t>(seat.id(), 0x1017, 0);
-  if (own && *own != 0 && *own != in_ms(s_.bus.timing.heartbeat_period)) seat.rate.period = milliseconds(*own);
+// A device guards or beats, not both: 1017h decides (CiA 301 §7.2.8.3.2). One that has no 1017h, or cannot be told its
+// guard time, is asked all the same.
+rt::Task<bool> ErrorControl::set_guarding(Seat& seat) {
+  const NodeId id = seat.id();
+  const auto& watch = seat.slot.spec.watch;
+  seat.guarded = true;
+  const auto beats = co_await s_.sdo.read<std::uint16_t>(id, 0x1017, 0);
+  Result<void> done = {};
+  if (beats && *beats != 0) done = co_await write(id, 0);
+  const bool stays = !done && done.error().code == Errc::aborted;
+  if (stays)
+    slots_.events().tell_once(EventKind::step, fmt::format("{}: it cannot be guarded while it sends a heartbeat, and "
+                                                           "refuses to send none ({})",
+                                                           seat.name(), describe(done.error())));
+  if (watch.guard_time.count() > 0) done = co_await s_.sdo.write<std::uint16_t>(id, 0x100C, 0, in_ms(watch.guard_time));
+  if (!done && done.error().code == Errc::aborted) seat.rate.refused = "100Ch: " + describe(done.error());
+  if (watch.life_time_factor > 0) {
+    const auto factor = co_await s_.sdo.write<std::uint8_t>(id, 0x100D, 0, watch.life_time_factor);
+    if (!factor && factor.error().code == Errc::aborted) seat.rate.refused = "100Dh: " + describe(factor.error());
+    done = factor;
+  }
+  if (!seat.rate.refused.empty())
+    slots_.events().tell_once(EventKind::step, fmt::format("{}: it is guarded, and does not guard Berth ({})",
+                                                           seat.name(), seat.rate.refused));
+  const bool there = done || done.error().code == Errc::aborted;
+  if (!there) slots_.set_absent(seat, "its guard time could not be set: " + describe(done.error()));
+  co_return there;
+}
+
+void ErrorControl::guard(Seat& seat) {
+  const auto& factor = seat.slot.spec.watch.life_time_factor;
+  s_.guarding.guard(seat.id(), guard_time(s_.bus.timing, seat), factor > 0 ? factor : usual_factor);
+}
+
+rt::Task<void> ErrorControl::watch_running(Seat& seat) {
+  using By = places::SlotWatch::By;
+  const NodeId id = seat.id();
+  const By by = seat.slot.spec.watch.by;
+  const bool asked = seat.guarded || by == By::guarding || by == By::none;
+  seat.guarded = asked;
+  if (by == By::none) co_return;
+  if (asked && !seat.rate.by_sdo && !s_.guarding.guarded(id)) guard(seat);
+  if (asked) co_return;
+  if (seat.last.seen && seat.rate.period.count() == 0) {
+    const auto own = co_await s_.sdo.read<std::uint16_t>(id, 0x1017, 0);
+    if (own && *own != 0 && *own != in_ms(wanted_period(s_.bus.timing, seat))) seat.rate.period = milliseconds(*own);
+  }
+  s_.heartbeats.supervise(id, heartbeat_timeout(s_.bus.timing, seat));
 }
 
 rt::Task<void> ErrorControl::ask_started(Seat& seat) {
   const NodeId id = seat.id();
+  const bool none = seat.slot.spec.watch.by == places::SlotWatch::By::none;
   const auto guarded = co_await co::guard_once(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
-  if (guarded && guarded->state == NmtState::operational) {
-    slots_.happened(seat, SlotEvent::operational);
-    co_return;
-  }
-  if (guarded) {
-    slots_.happened(seat, SlotEvent::boot_failed,
-                    fmt::format("it was started, and says by guarding that it is {}", berth::name(guarded->state)));
-    co_return;
-  }
-  // Neither error control protocol: that it answers is all that can be known.
-  const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0);
-  const bool answers = type || type.error().code == Errc::aborted;
-  if (!answers) {
+  if (guarded && guarded->state != NmtState::operational) {
     slots_.happened(
         seat, SlotEvent::boot_failed,
-        fmt::format("it was started, and answers neither guarding nor SDO; 1017h refused {}", seat.rate.refused));
+        fmt::format("it was started, and says by error control that it is {}", berth::name(guarded->state)));
     co_return;
   }
-  slots_.events().tell_once(
-      EventKind::step,
-      fmt::format("{}: it has neither heartbeat (1017h refused {}) nor guarding: it was told to start and answers SDO, "
-                  "and whether it runs is not known",
-                  seat.name(), seat.rate.refused));
+  const std::string why = seat.rate.refused.empty() ? std::string() : " (1017h refused " + seat.rate.refused + ")";
+  std::string how = "it is not watched (error_control = \"none\")";
+  if (guarded && !none) {
+    guard(seat);
+    how = fmt::format("{}it is watched by guarding, every {}", why.empty() ? why : "it sends no heartbeat" + why + ": ",
+                      text_of(guard_time(s_.bus.timing, seat)));
+  }
+  if (!guarded) {
+    // Neither error control protocol: that it answers is all that can be known.
+    const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0);
+    const bool answers = type || type.error().code == Errc::aborted;
+    if (!answers) {
+      slots_.happened(seat, SlotEvent::boot_failed,
+                      fmt::format("it was started, and answers neither guarding nor SDO{}", why));
+      co_return;
+    }
+    how = fmt::format(
+        "it has neither heartbeat{} nor guarding: it was told to start and answers SDO, and whether it "
+        "runs is not known",
+        why);
+    seat.rate.by_sdo = !none;
+    seat.rate.at = s_.executor.now();
+    if (!none) how += fmt::format("; it is asked by SDO, every {}", text_of(heartbeat_timeout(s_.bus.timing, seat)));
+  }
+  slots_.events().tell_once(EventKind::step, fmt::format("{}: {}", seat.name(), how));
   slots_.happened(seat, SlotEvent::operational);
 }
 

@@ -1,13 +1,14 @@
-/// How the device of a slot is watched (CiA 301 §7.2.8.3.2): by its heartbeat at the bus's period, at the nearest one
-/// that it takes, or at its own when that cannot be changed; one without a heartbeat is asked by guarding when it is
-/// started, and by SDO when it knows no guarding either.
+/// How the device of a slot is watched (CiA 301 §7.2.8.3.2): by its heartbeat at the period that is wanted, at the
+/// nearest one that it takes, or at its own when that cannot be changed; one without a heartbeat by guarding, and by
+/// SDO when it knows no guarding either. What a slot says of it (`places::SlotWatch`) comes first.
 #pragma once
 
 #include "berth/operate/slot_table.hpp"
 
 namespace berth::operate {
 
-/// How often its heartbeat comes, and when it is missed: in the same proportion as the bus's.
+/// How often its heartbeat comes: what the device takes, else what the slot wants, else the bus's. And when it is
+/// missed: what the slot wants, else in the same proportion as the bus's.
 [[nodiscard]] rt::Duration heartbeat_period(const design::Timing& timing, const Seat& seat) noexcept;
 [[nodiscard]] rt::Duration heartbeat_timeout(const design::Timing& timing, const Seat& seat) noexcept;
 
@@ -15,16 +16,26 @@ class ErrorControl {
  public:
   ErrorControl(BusServices& services, SlotTable& slots) noexcept : s_(services), slots_(slots) {}
 
-  /// Writes 1017h, and says what the device has instead when it refuses. False: it is not there any more.
+  /// Writes 1017h, or what guarding needs, and says what the device has instead when it refuses. False: it is not there
+  /// any more.
   rt::Task<bool> set(Seat& seat);
-  /// At which period a device beats that runs already, and whose heartbeat was missed.
-  rt::Task<void> learn(Seat& seat);
-  /// It was started, and has no heartbeat: what can be known of it.
+  /// Beside `config =`, whose values are written together. True: 1017h is one of them. Errors: it did not answer.
+  rt::Task<Result<bool>> look(Seat& seat);
+  /// It did not take that 1017h. `held`: what it has instead, little-endian; empty: it is asked. False: it is not there
+  /// any more.
+  rt::Task<bool> learn(Seat& seat, std::vector<std::uint8_t> held);
+  /// It runs already: it is watched, by its heartbeat at the period that it has when that was missed.
+  rt::Task<void> watch_running(Seat& seat);
+  /// It was started, and sends no heartbeat: what can be known of it, and it is watched by guarding or SDO.
   rt::Task<void> ask_started(Seat& seat);
 
  private:
   rt::Task<Result<void>> write(NodeId id, std::uint16_t period_ms);
   rt::Task<std::uint16_t> nearest(NodeId id, std::uint16_t refused_ms, std::uint32_t abort_code);
+  rt::Task<bool> set_heartbeat(Seat& seat);
+  rt::Task<bool> set_guarding(Seat& seat);
+  static void begin_anew(Seat& seat);
+  void guard(Seat& seat);
   void tell(Seat& seat, const std::string& instead);
 
   BusServices& s_;

@@ -80,14 +80,17 @@ rt::Task<void> Lending::prepare() {
   co_await asked.join();
 }
 
-NodeId Lending::assign(const LssAddress& address) noexcept {
+NodeId Lending::assign(const LssAddress& address, bool says_none) noexcept {
   const Identity device(address);
   if (asking_.has_equals(device)) return {};  // what is said to that address by LSS, all of them would do
   const bool by_rand = found_.of(device) != nullptr && !found_.without_rand(device);
   if (by_rand) return {};  // it waits for its place, and leaves no search by a loan
   const Seat* const seat = slots_.of(device);
+  const bool sits = seat != nullptr && seat->there() && seat->slot.record.confirmed;
+  // The one that sits may speak no LSS, and have a twin that does: the binding tells.
+  if (sits && says_none) return {};
   // Lely core's slaves answer Fastscan with a node-ID too: what they use stays, and nothing else is pending.
-  if (seat != nullptr && seat->there() && seat->slot.record.confirmed) return seat->id();
+  if (sits) return seat->id();
   const bool own = seat != nullptr && !found_.is_clone(device) && s_.vacancy[seat->id().value()] &&
                    !s_.boots.heard(seat->id()) && !told_[seat->id().value()];
   const NodeId id = own ? seat->id() : id_to_lend(device);

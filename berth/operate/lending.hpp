@@ -20,7 +20,7 @@ class Lending final : public discovery::Assigner {
   rt::Task<void> prepare();
   /// For a search: the node-ID that the only device in LSS configuration is lent, or its slot's own. It is seated, or
   /// blank again, before the round is over.
-  NodeId assign(const LssAddress& address) noexcept override;
+  NodeId assign(const LssAddress& address, bool says_none) noexcept override;
   [[nodiscard]] bool still_vacant(NodeId id) const noexcept override;
   /// A search was told that a device has this node-ID, or will have it when it boots.
   void told(NodeId id) noexcept { told_[id.value()] = true; }

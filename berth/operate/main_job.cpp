@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "berth/can/empty_bus.hpp"
+#include "berth/operate/error_control.hpp"
 
 namespace berth::operate {
 
@@ -142,8 +143,14 @@ std::string who_is_known(const Parts& p, const Seat& seat) {
   const Identity* const left = who_is_left(p, seat);
   if (left != nullptr) return fmt::format("{} was found and could not be seated: it is tried again", to_string(*left));
   const Identity* const silent = p.found.silent_for(seat.slot.spec);
-  if (silent == nullptr) return {};
-  return fmt::format("{} was found and answers no more: it is looked for", to_string(*silent));
+  if (silent != nullptr) return fmt::format("{} was found and answers no more: it is looked for", to_string(*silent));
+  const auto equal = std::ranges::find_if(p.found.all(), [&](const auto& f) {
+    return !f.device.has_serial() && !f.clone && p.slots.of(f.device) == nullptr &&
+           places::fits(seat.slot.spec, f.device);
+  });
+  if (equal == p.found.all().end()) return {};
+  return fmt::format("{} has no serial number: it may be the one that another slot waits for",
+                     to_string(equal->device));
 }
 
 // `news`: it was not told yet.
@@ -271,6 +278,7 @@ rt::Task<bool> MainJob::look() {
   if (!wake) {
     p_.supervision.check_rates();
     p_.supervision.give_up_silent();
+    co_await p_.supervision.ask_the_unwatched();
     p_.supervision.look_at_voices();
     const bool anybody = co_await p_.finding.finder.anybody_new();
     wanted = wanted || anybody;
@@ -331,7 +339,7 @@ bool MainJob::retry_due() {
   for (const auto& seat : p_.slots.seats()) {
     const bool again = seat->life == Life::failed && !seat->configuration.stuck;
     const auto heard = p_.bus.boots.heard(seat->id());
-    const bool beats = heard && now - *heard <= timing.heartbeat_timeout;
+    const bool beats = heard && now - *heard <= heartbeat_timeout(timing, *seat);
     // A gateway stops itself when a mandatory bus beneath it has failed, and no SDO reaches a stopped device.
     const bool stopped_itself = again && beats && !seat->held && p_.bus.boots.state(seat->id()) == NmtState::stopped;
     if (stopped_itself) p_.bus.nmt.queue(co::NmtCommand::enter_pre_operational, seat->id());

@@ -80,7 +80,8 @@ class Network::Asked final : public ManagerObjects::Requests {
 Network::Network(rt::Executor& executor, can::Port& port, std::string machine, const design::Bus& bus,
                  std::vector<places::SlotSpec> slots, places::SlotStore& store, const NetworkObserver& observer)
     : role_(bus.flying ? std::make_unique<RolePort>(executor, port) : nullptr),
-      parts_(executor, role_ ? *role_ : port, std::move(machine), bus, std::move(slots), store, observer, ears_, ears_),
+      parts_(executor, role_ ? *role_ : port, std::move(machine), bus, std::move(slots), store, observer, ears_, ears_,
+             ears_),
       port_(parts_.bus, parts_.slots, parts_.agenda, parts_.found, *this),
       job_(parts_, port_),
       scan_(parts_),
@@ -90,6 +91,8 @@ Network::Network(rt::Executor& executor, can::Port& port, std::string machine, c
   asked_ = std::make_unique<Asked>(*this, observer.command);
   ears_.lead_to(parts_.supervision);
   parts_.startup.set_master(port_);
+  for (const auto& seat : parts_.slots.seats())
+    parts_.bus.sdo.set_patience(seat->id(), seat->slot.spec.watch.sdo_timeout);
 }
 
 Network::~Network() { stop(); }

@@ -19,7 +19,8 @@ struct Finding {
 struct Parts {
   Parts(rt::Executor& executor, can::Port& port, std::string machine, const design::Bus& bus,
         std::vector<places::SlotSpec> specs, places::SlotStore& store, NetworkObserver observer,
-        co::HeartbeatConsumer::Observer& heartbeats, co::EmcyConsumer::Observer& emergencies);
+        co::HeartbeatConsumer::Observer& heartbeats, co::GuardingMaster::Observer& guarding,
+        co::EmcyConsumer::Observer& emergencies);
 
   BusServices bus;
   SlotTable slots;

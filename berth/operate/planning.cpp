@@ -227,8 +227,7 @@ void Planning::respect_fixed() {
     const auto assign = bind ? slots_.seats()[a.slot]->slot.spec.assign : Assign::lss;
     if (assign == Assign::recipe) return true;  // `RecipeSeating`
     // It is taken where it is.
-    const bool home =
-        bind && has_no_address(slots_, found_, a.device) && found_.uses(a.device, slots_.seats()[a.slot]->id());
+    const bool home = bind && found_.uses(a.device, slots_.seats()[a.slot]->id());
     const bool drops = assign == Assign::fixed || (never_by_lss(a.device) && !home);
     if (drops) told.push_back(a.device);
     return drops;
@@ -293,6 +292,9 @@ void Planning::report_mismatch(const places::Oddity& oddity) {
     const bool waits =
         !seat->slot.record.device() && seat->life != Life::question && places::fits(seat->slot.spec, oddity.device);
     if (waits) slots_.happened(*seat, SlotEvent::nobody, oddity.text);
+    // Nothing but a hand ends it: the slot's own device is not alone at its node-ID.
+    const bool shares = seat->id() == oddity.id && seat->there() && !seat->sits(oddity.device);
+    if (shares) slots_.happened(*seat, SlotEvent::doubted, oddity.text);
   }
 }
 

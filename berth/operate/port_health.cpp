@@ -73,7 +73,7 @@ void PortHealth::go_to_rest(const std::string& why) {
   found_.clear();
   slots_.events().tell_again();
   for (auto& seat : slots_.seats()) {
-    s_.heartbeats.supervise(seat->id(), rt::Duration{0});
+    s_.unwatch(seat->id());
     seat->checked = {};
     slots_.happened(*seat, SlotEvent::rests, why);
   }

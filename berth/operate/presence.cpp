@@ -56,7 +56,10 @@ rt::Task<void> Presence::prepare() {
 
 rt::Task<Presence::Sign> Presence::sign_of_life(NodeId id) {
   const auto heard = s_.boots.heard(id);
-  const bool beats = heard && s_.executor.now() - *heard <= s_.bus.timing.heartbeat_timeout;
+  const Seat* const seat = slots_.at(id);
+  const rt::Duration patience =
+      seat == nullptr ? s_.bus.timing.heartbeat_timeout : heartbeat_timeout(s_.bus.timing, *seat);
+  const bool beats = heard && s_.executor.now() - *heard <= patience;
   if (beats) co_return Sign{true, s_.boots.state(id)};
   const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0);
   if (type || type.error().code == Errc::aborted) co_return Sign{true, std::nullopt};
@@ -85,8 +88,7 @@ rt::Task<void> Presence::ask_seat(Seat& seat) {
     co_return;
   }
   ErrorControl control(s_, slots_);
-  co_await control.learn(seat);
-  s_.heartbeats.supervise(id, heartbeat_timeout(s_.bus.timing, seat));
+  co_await control.watch_running(seat);
   slots_.happened(seat, SlotEvent::runs, {}, manager::BootStatus::l);
   seat.slave.status.phase = network::SlavePhase::started;
   if (seat.configuration.wanted) co_await configuring_.look_at_running(seat);
@@ -153,7 +155,7 @@ rt::Task<void> Presence::take_replacement(Seat& seat, Identity device) {
 // It was so before this Berth began, by a person or by another master: it stays so unless the machine file says else.
 void Presence::take_stopped(Seat& seat) {
   const NodeId id = seat.id();
-  s_.heartbeats.supervise(id, s_.bus.timing.heartbeat_timeout);
+  if (!seat.guarded) s_.heartbeats.supervise(id, heartbeat_timeout(s_.bus.timing, seat));
   const bool starts = s_.bus.startup.starts_stopped && s_.may_command() && !seat.held;
   if (starts) s_.nmt.queue(co::NmtCommand::enter_pre_operational, id);
   slots_.happened(seat, SlotEvent::stopped,

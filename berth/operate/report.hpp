@@ -30,7 +30,7 @@ struct SlotReport {
   rt::Time since{};                                        ///< since when it is in this state
   std::string reason;                                      ///< for states that need one: what is wrong and what to do
   manager::BootStatus boot = manager::BootStatus::booted;  ///< how its boot-up ended: the letter of CiA 302-2
-  std::uint8_t unasked = 0;                                ///< parts of `type`: `places::SlotSpec::unasked`
+  std::uint8_t unasked = 0;                                ///< parts of `type`: `places::SlotAsks::unasked`
 };
 
 /// What an event is about.

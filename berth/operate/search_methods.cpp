@@ -50,7 +50,7 @@ discovery::Known SearchMethods::known_devices() const {
     const auto& spec = seat->slot.spec;
     const bool exact = spec.rule == places::RevisionRule::exact;
     const auto revision = exact ? spec.revision : std::nullopt;
-    if (spec.unasked == 0) add(spec.type, revision);
+    if (spec.asks.unasked == 0) add(spec.type, revision);
     for (const auto& other : spec.also) add(other.type, exact ? other.revision : std::nullopt);
     const auto device = seat->slot.record.device();
     // One without a serial number has equals, which are searched for.

@@ -44,6 +44,7 @@ struct SeatConfiguration {
 struct HeartbeatRate {
   rt::Duration period{};    ///< other than the bus's: what the device takes, or has; 0: the bus's
   std::string refused{};    ///< why it is not what was wanted; empty: it is
+  bool by_sdo = false;      ///< it has no error control, and is asked by SDO; `at`: last
   std::uint64_t beats = 0;  ///< heard when it was looked at last
   rt::Time at{};
   unsigned fast = 0;  ///< looks in a row at which there were too many
@@ -78,7 +79,7 @@ struct Seat {
   bool held = false;        ///< a person took it out of operational: it is not started again
   bool ask_again = false;   ///< silent, and due to be asked once more
   bool misses_one = false;  ///< empty, and says which device was found and is not seated
-  bool guarded = false;     ///< the device sends no heartbeat: it is asked by guarding
+  bool guarded = false;     ///< the device sends no heartbeat, or none is wanted: it is asked
   rt::Time checked{};       ///< when it was identified last
   Doubt doubt;
   network::Slave slave;  ///< the boot-up of its device (CiA 302-2); `awaited`: nor before a person says so

@@ -32,6 +32,13 @@ bool may_choose(const SlotTable& slots, const Identity& device) {
   return false;
 }
 
+// Of an LSS address: it may be one that was found with a node-ID and says less in 1018h.
+bool may_be_known(const FoundDevices& found, const Identity& device) {
+  return std::ranges::any_of(found.all(), [&](const places::Found& f) {
+    return f.device.unknown != 0 && f.active.configured() && f.device.agrees(device);
+  });
+}
+
 }  // namespace
 
 rt::Task<void> Seating::carry_out() {
@@ -169,8 +176,8 @@ rt::Task<bool> Seating::bind_seat(Seat& seat, Identity device, std::string reaso
   const Identity comes = found_.one_for(device);
   const bool borrows = loans_.borrowed(comes);
   const bool home = !borrows && found_.uses(seated, seat.id());
-  // LSS does not tell it from its equals: it is where it belongs, whether it has stored that or not.
-  const bool stays = home && has_no_address(slots_, found_, device);
+  // It is where it belongs, and LSS does not change that: it takes no node-ID, or is not told from its equals.
+  const bool stays = home && planning_.never_by_lss(device);
   if (stays) {
     const bool taken = co_await presence_.take_where_it_is(seat, seated);
     if (taken) co_return true;
@@ -183,6 +190,7 @@ rt::Task<bool> Seating::bind_seat(Seat& seat, Identity device, std::string reaso
   options.parts = asking_.parts_to_ask(device);
   options.uses = found_.active_of(comes);
   options.among_equals = asking_.has_equals(comes, seat.id());
+  options.may_use_another = planning_.waits_for(comes);
   places::Binder binder(asking_.binder_services(), options);
   const places::SlotId slot = seat.slot.record.slot;
   co_await binder.run(binding, slot, reason);
@@ -415,7 +423,8 @@ rt::Task<void> Seating::inquire_found(bool all) {
     const Seat* seat = slots_.of(f.device);
     const bool binds =
         std::ranges::any_of(planning_.plan().actions, [&](const Action& a) { return a.device == f.device; });
-    const bool asks = all || seat != nullptr || !binds || may_choose(slots_, f.device);
+    const bool partly = !f.active.configured() && may_be_known(found_, f.device);
+    const bool asks = all || seat != nullptr || !binds || partly || may_choose(slots_, f.device);
     if (f.clone) continue;
     if (asking_.has_equals(f.device)) {
       co_await equals_.look_for_another(f);

@@ -71,7 +71,7 @@ std::vector<SlotReport> SlotTable::report() const {
   std::vector<SlotReport> slots;
   for (const auto& seat : seats_) {
     slots.push_back({s_.bus.name, seat->id(), seat->name(), seat->slot.spec.type, seat->slot.record.device(),
-                     seat->state(), seat->since, seat->reason, seat->letter(), seat->slot.spec.unasked});
+                     seat->state(), seat->since, seat->reason, seat->letter(), seat->slot.spec.asks.unasked});
   }
   std::ranges::sort(slots, {}, &SlotReport::id);
   return slots;
@@ -123,7 +123,7 @@ Seat* SlotTable::with_record(places::SlotId slot) const noexcept {
 Result<void> SlotTable::clear(Seat& seat, const std::string& reason) {
   const auto cleared = store_->clear(seat.slot.record.slot, reason);
   if (!cleared) return cleared;
-  s_.heartbeats.supervise(seat.id(), rt::Duration{0});
+  s_.unwatch(seat.id());
   seat.slot.record.intended.reset();
   seat.slot.record.confirmed.reset();
   seat.slot.record.configured.reset();
@@ -131,6 +131,8 @@ Result<void> SlotTable::clear(Seat& seat, const std::string& reason) {
   seat.configuration.waits_since.reset();
   seat.configuration.stuck = false;
   seat.configuration.failed_savings = 0;
+  seat.guarded = false;
+  seat.rate = {};
   happened(seat, SlotEvent::freed, reason);
   seat.last.seen = false;
   return {};

@@ -236,7 +236,7 @@ rt::Task<bool> Starter::runs_already(Seat& seat) {
   }
   // One that was out of reach answers questions before its next heartbeat tells its state.
   const rt::Time asked = s_.executor.now();
-  const auto told = [&] { return beats(id) && (!alone || *s_.boots.heard(id) > asked); };
+  const auto told = [&] { return beats(seat) && (!alone || *s_.boots.heard(id) > asked); };
   const rt::Duration period = heartbeat_period(s_.bus.timing, seat);
   const rt::Time deadline = asked + period + period / 4;
   while (!told() && s_.executor.now() < deadline) {
@@ -245,9 +245,9 @@ rt::Task<bool> Starter::runs_already(Seat& seat) {
   co_return told() && s_.boots.state(id) == NmtState::operational;
 }
 
-bool Starter::beats(NodeId id) const noexcept {
-  const auto heard = s_.boots.heard(id);
-  return heard && s_.executor.now() - *heard <= s_.bus.timing.heartbeat_timeout;
+bool Starter::beats(const Seat& seat) const noexcept {
+  const auto heard = s_.boots.heard(seat.id());
+  return heard && s_.executor.now() - *heard <= heartbeat_timeout(s_.bus.timing, seat);
 }
 
 // All mandatory devices are ready, or a person said so.

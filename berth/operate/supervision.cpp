@@ -20,6 +20,11 @@ std::string made(NmtState state, NodeId id) {
 // Stopped is what it was told to be; pre-operational may be its answer to an error, and is started again.
 bool stays(const Seat& seat, NmtState state) noexcept { return seat.held || state == NmtState::stopped; }
 
+const char* silence_of(const Seat& seat) noexcept {
+  if (seat.rate.by_sdo) return "it answers SDO no more, and has no error control";
+  return seat.guarded ? "it answers guarding no more" : "its heartbeat stopped";
+}
+
 std::string text_of_leaving(const Seat& seat, NmtState state) {
   return stays(seat, state) ? made(state, seat.id())
                             : fmt::format("it left operational by itself: {}", berth::name(state));
@@ -67,6 +72,22 @@ void Supervision::heartbeat(const co::HeartbeatEvent& event, rt::Time at) {
   agenda_.wakes.push(wake);
 }
 
+// As what a heartbeat tells. Boot-ups are heard of all nodes.
+void Supervision::guarding(const co::GuardingEvent& event, rt::Time at) {
+  using Guard = co::GuardingEvent::Kind;
+  using Beat = co::HeartbeatEvent::Kind;
+  co::HeartbeatEvent told{.kind = Beat::started, .node = event.node, .state = event.state, .previous = event.previous};
+  switch (event.kind) {
+    case Guard::started: break;
+    case Guard::state_changed: told.kind = Beat::state_changed; break;
+    case Guard::lost: told.kind = Beat::lost; break;
+    case Guard::recovered: told.kind = Beat::recovered; break;
+    case Guard::toggle_error:
+    case Guard::boot_up: return;
+  }
+  heartbeat(told, at);
+}
+
 // The last one of a device since its boot-up, while it has an error.
 void Supervision::emergency(NodeId node, const co::Emcy& message) noexcept {
   slots_.diagnosis().told(node, message, s_.executor.now());
@@ -84,6 +105,7 @@ void Supervision::check_rates() {
     const auto beats = s_.boots.beats(seat->id());
     const auto elapsed = s_.executor.now() - seat->rate.at;
     const auto period = heartbeat_period(s_.bus.timing, *seat);
+    if (seat->guarded) continue;
     if (seat->life != Life::operational || period.count() == 0 || elapsed < 4 * period) {
       if (seat->life != Life::operational) {
         seat->rate.beats = beats;
@@ -112,7 +134,8 @@ void Supervision::commanded(co::NmtCommand command, co::NmtTarget target, bool l
     const bool stops = command == co::NmtCommand::stop;
     seat->held = stops || command == co::NmtCommand::enter_pre_operational;
     // Its heartbeat tells what it is. Without one, or when nothing listens any more, it is what it was told.
-    const bool unheard = seat->there() && (seat->guarded || !listens);
+    const bool silent = seat->guarded && !s_.guarding.guarded(seat->id());
+    const bool unheard = seat->there() && (silent || !listens);
     if (!unheard) continue;
     if (seat->held && seat->life == Life::operational) {
       const NmtState state = stops ? NmtState::stopped : NmtState::pre_operational;
@@ -155,7 +178,7 @@ rt::Task<void> Supervision::handle(Wake wake) {
 rt::Task<void> Supervision::booted(Seat& seat, rt::Time at) {
   if (at <= seat.checked) {
     const bool waits = seat.life == Life::present && !seat.held;
-    if (waits && s_.heartbeats.state(seat.id()) != NmtState::operational) seat.boot_again();
+    if (waits && s_.watched_state(seat.id()) != NmtState::operational) seat.boot_again();
     co_return;
   }
   // It was at work a moment ago: what booted may be a second device, which sends no heartbeat and is not heard again.
@@ -168,11 +191,24 @@ rt::Task<void> Supervision::booted(Seat& seat, rt::Time at) {
 }
 
 void Supervision::lost(Seat& seat) {
-  const bool gone = s_.heartbeats.lost(seat.id()) || !s_.heartbeats.state(seat.id());
+  const bool gone = s_.heartbeats.lost(seat.id()) || !s_.watched_state(seat.id());
   if (!seat.there() || !gone) return;
-  if (seat.slave.status.ready()) startup_.error_event(seat, "its heartbeat stopped");
-  slots_.set_absent(seat, "its heartbeat stopped");
+  const std::string why = silence_of(seat);
+  if (seat.slave.status.ready()) startup_.error_event(seat, why);
+  slots_.set_absent(seat, why);
   make_free(seat);
+}
+
+rt::Task<void> Supervision::ask_the_unwatched() {
+  for (const auto& seat : slots_.seats()) {
+    const rt::Duration pause = heartbeat_timeout(s_.bus.timing, *seat);
+    const bool due = seat->rate.by_sdo && seat->life == Life::operational && s_.executor.now() >= seat->rate.at + pause;
+    if (!due) continue;
+    const auto type = co_await s_.sdo.read<std::uint32_t>(seat->id(), 0x1000, 0);
+    seat->rate.at = s_.executor.now();
+    const bool silent = !type && type.error().code == Errc::timeout;
+    if (silent && seat->rate.by_sdo) lost(*seat);
+  }
 }
 
 void Supervision::give_up_silent() {
@@ -210,7 +246,7 @@ void Supervision::make_free(Seat& seat) {
 }
 
 rt::Task<void> Supervision::told_state(Seat& seat) {
-  const auto state = s_.heartbeats.state(seat.id());
+  const auto state = s_.watched_state(seat.id());
   // Now it answers SDO, and can be asked what it is.
   const bool answers = seat.life == Life::stopped && state && *state != NmtState::stopped;
   if (answers) co_return co_await presence_.ask_seat(seat);

@@ -1,4 +1,4 @@
-/// Heartbeats, boot-ups and EMCYs of the slots' devices: what is heard, and what is done about it.
+/// Heartbeats, answers to guarding, boot-ups and EMCYs of the slots' devices: what is heard, and what is done about it.
 #pragma once
 
 #include "berth/operate/spares.hpp"
@@ -21,6 +21,7 @@ class Supervision {
 
   // What the bus tells.
   void heartbeat(const co::HeartbeatEvent& event, rt::Time at);
+  void guarding(const co::GuardingEvent& event, rt::Time at);
   void emergency(NodeId node, const co::Emcy& message) noexcept;
 
   /// Acts on it. The turn must be held.
@@ -31,6 +32,8 @@ class Supervision {
   /// A device can fall silent while nothing listens for its heartbeat: while it is programmed, configured or asked.
   /// What was there in this run and is absent for long is gone, as with a lost heartbeat.
   void give_up_silent();
+  /// Devices without error control are asked by SDO now and then: silence makes the slot absent.
+  rt::Task<void> ask_the_unwatched();
   /// A slot has no device, and its node-ID is heard: a device that the slot was taken from while its cable was cut,
   /// say, whose boot-up message nobody hears.
   void look_at_voices();
@@ -57,13 +60,16 @@ class Supervision {
   Spares& spares_;
 };
 
-/// What the consumers of heartbeats and EMCYs call: they are made before there is a `Supervision`.
-class Ears final : public co::HeartbeatConsumer::Observer, public co::EmcyConsumer::Observer {
+/// What the consumers of heartbeats and EMCYs and the guarding call: they are made before there is a `Supervision`.
+class Ears final : public co::HeartbeatConsumer::Observer,
+                   public co::GuardingMaster::Observer,
+                   public co::EmcyConsumer::Observer {
  public:
   void lead_to(Supervision& supervision) noexcept { supervision_ = &supervision; }
 
  private:
   void heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept override { supervision_->heartbeat(event, at); }
+  void guarding(const co::GuardingEvent& event, rt::Time at) noexcept override { supervision_->guarding(event, at); }
   void emergency(NodeId node, const co::Emcy& message, rt::Time) noexcept override {
     supervision_->emergency(node, message);
   }

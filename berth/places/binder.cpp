@@ -136,6 +136,7 @@ rt::Task<Outcome> Binder::vacant(NodeId id, const Identity& device) {
   if (!silent) {
     const auto who = co_await read_identity(s_.sdo, id);
     const bool itself = who && who->agrees(device) && (device.has_serial() || id == options_.uses);
+    answers_there_ = itself;
     co_return itself ? Outcome::ok : Outcome::mismatch;
   }
   if (options_.use_guarding) {
@@ -347,7 +348,9 @@ rt::Task<Outcome> Binder::inquire(Binding& binding) {
   const auto now = NodeId::make(reply->byte());
   if (!now) co_return Outcome::silent;
   binding.inquired(*now);
-  co_return Outcome::ok;
+  // The one that has the node-ID speaks no LSS, and has the serial number of the one that was selected.
+  const bool twin = answers_there_ && *now != binding.assignment().id && !options_.may_use_another;
+  co_return twin ? Outcome::several : Outcome::ok;
 }
 
 // One that was deaf while the proof was asked, and heard the 11h, answers it, too: behind the first answer, while

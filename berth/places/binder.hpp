@@ -64,6 +64,8 @@ class Binder {
     /// The device has no node-ID, and others on this bus have its LSS address and node-IDs of their own: it is selected
     /// by Fastscan, which is for devices without a node-ID alone (CiA 305 §Fastscan).
     bool among_equals = false;
+    /// It may use a node-ID that it was told to give up, and tell by LSS what it will have.
+    bool may_use_another = false;
     /// Shared by the binders that run side by side on one bus: the one that has it has LSS. Null: LSS is this binder's
     /// alone.
     rt::Turn* lss_turn = nullptr;
@@ -120,6 +122,7 @@ class Binder {
   std::optional<Error> store_said_;
   bool silent_once_ = false;
   bool woken_ = false;
+  bool answers_there_ = false;  // a device of its identity uses the node-ID that it is to have
 };
 
 /// What the outcome of a `Result` means to the table.

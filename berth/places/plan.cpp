@@ -207,7 +207,7 @@ class PlanMaker {
         draft_.keep_off_our_ids(f);
         continue;
       }
-      groups[group_of(f.device)].fresh.push_back(f);
+      groups[group_of(f)].fresh.push_back(f);
     }
     const auto first = draft_.plan().actions.size();
     for (auto& [type, group] : groups) seat_group(group);
@@ -216,11 +216,17 @@ class PlanMaker {
                      [&](const Action& a, const Action& b) { return rank(a) < rank(b); });
   }
 
-  /// A successor (`also`) belongs to the type of the slot that it may sit in, a free one if there is one.
-  [[nodiscard]] TypeCode group_of(const Identity& device) const {
-    const auto free = std::ranges::find_if(slots_, [&](const Slot& s) {
+  /// A successor (`also`) belongs to the type of the slot that it may sit in, a free one if there is one; one that does
+  /// not say its whole type, to that of the slot whose node-ID it came with.
+  [[nodiscard]] TypeCode group_of(const Found& found) const {
+    const Identity& device = found.device;
+    const auto takes = [&](const Slot& s) {
       return !s.record.device() && s.spec.assign == Assign::lss && fits(s.spec, device);
-    });
+    };
+    const auto own = std::ranges::find_if(
+        slots_, [&](const Slot& s) { return s.spec.id == found.active && !found.lent && takes(s); });
+    if (own != slots_.end()) return own->spec.type;
+    const auto free = std::ranges::find_if(slots_, takes);
     if (free != slots_.end()) return free->spec.type;
     const auto any = std::ranges::find_if(slots_, [&](const Slot& s) { return fits(s.spec, device); });
     return any == slots_.end() ? device.type() : any->spec.type;
@@ -496,11 +502,11 @@ bool revision_fits(RevisionRule rule, const std::optional<std::uint32_t>& wanted
 }  // namespace
 
 bool fits(const SlotSpec& slot, const Identity& device) noexcept {
-  if (slot.serial && device.knows(3) && *slot.serial != device.address.serial) return false;
+  if (slot.asks.serial && device.knows(3) && *slot.asks.serial != device.address.serial) return false;
   const auto revision = [&](const std::optional<std::uint32_t>& wanted) {
     return !device.knows(2) || revision_fits(slot.rule, wanted, device.address.revision);
   };
-  if (type_fits(slot.type, slot.unasked, device) && revision(slot.revision)) return true;
+  if (type_fits(slot.type, slot.asks.unasked, device) && revision(slot.revision)) return true;
   return std::ranges::any_of(
       slot.also, [&](const AlsoType& other) { return type_fits(other.type, 0, device) && revision(other.revision); });
 }

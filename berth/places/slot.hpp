@@ -12,6 +12,7 @@
 #include "berth/base/ids.hpp"
 #include "berth/places/probe.hpp"
 #include "berth/places/recipe.hpp"
+#include "berth/rt/executor.hpp"
 
 namespace berth::places {
 
@@ -101,11 +102,35 @@ struct SlotSoftware {
   std::uint32_t hardware_number = 0;  ///< 5F01h, paper 3's numeric hardware version; 0: any
 };
 
+/// How the device of a slot is watched, and how long its answers may take. What is not given is the bus's `[timing]`.
+struct SlotWatch {
+  /// Key `error_control`.
+  enum class By : std::uint8_t {
+    automatic,  ///< by its heartbeat, at the nearest period that it takes; without one by guarding, else by SDO
+    heartbeat,  ///< by its heartbeat, or not at all
+    guarding,   ///< by node guarding (CiA 301 §7.2.8.3.2.1)
+    none,       ///< not watched: 1017h, 100Ch and 100Dh stay as they are
+  };
+  By by = By::automatic;
+  rt::Duration heartbeat_period{0};   ///< 1017h, whole ms; 0: the bus's
+  rt::Duration heartbeat_timeout{0};  ///< silence that makes the slot absent; 0: in the bus's proportion to the period
+  rt::Duration guard_time{0};         ///< 100Ch, whole ms; 0: the heartbeat period, and 100Ch stays as it is
+  std::uint8_t life_time_factor = 0;  ///< 100Dh; 0: 3 unanswered questions, and 100Dh stays as it is
+  rt::Duration sdo_timeout{0};        ///< 0: the bus's
+  friend bool operator==(const SlotWatch&, const SlotWatch&) = default;
+};
+
+/// What is asked of a slot's device more, or less, than its type.
+struct SlotAsks {
+  std::uint8_t unasked = 0;  ///< parts of `type` that are not known of its device: bit 0 vendor-ID, bit 1 product code
+  std::optional<std::uint32_t> serial = {};  ///< the only device that may sit here (1F88h of a network list)
+};
+
 struct SlotSpec {
   SlotName name;
   NodeId id;
   TypeCode type;
-  std::uint8_t unasked = 0;  ///< parts of `type` that are not known of its device: bit 0 vendor-ID, bit 1 product code
+  SlotAsks asks;
   std::optional<std::uint32_t> revision;  ///< expected revision number, when `rule` is not `any`
   RevisionRule rule = RevisionRule::any;
   WhenAmbiguous when_ambiguous = WhenAmbiguous::ascending;
@@ -122,7 +147,7 @@ struct SlotSpec {
                                            ///< chosen first and without a question
   std::shared_ptr<const Recipe> recipe = {};  ///< with `Assign::recipe`
   std::optional<Probe> probe = {};            ///< tells the slot's device at every boot, whatever its serial number
-  std::optional<std::uint32_t> serial = {};   ///< the only device that may sit here (1F88h of a network list)
+  SlotWatch watch = {};
 };
 /// A device that `fits` this slot and is kept for it.
 [[nodiscard]] bool listed_spare(const SlotSpec& slot, const Identity& device) noexcept;

@@ -55,8 +55,8 @@ struct Truth {
 
   /// It is the device that a slot table calls so: one without a serial number is known by its node-ID.
   [[nodiscard]] bool is(const Identity& named) const noexcept {
-    const Identity own = Identity(address).with(powered ? active : persistent);
-    return own.agrees(named) && (own.has_serial() || own.at == named.at);
+    const NodeId own = powered ? active : persistent;
+    return Identity(address).agrees(named) && (named.has_serial() || own == named.at);
   }
 };
 

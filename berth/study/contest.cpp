@@ -23,7 +23,7 @@ constexpr auto boots_within = 50ms;  // reset 5 ms, and the boot-up messages of 
 /// Node-IDs 1, 2, 3, ... in the order of finding.
 class Ascending final : public discovery::Assigner {
  public:
-  NodeId assign(const LssAddress&) noexcept override { return next(); }
+  NodeId assign(const LssAddress&, bool) noexcept override { return next(); }
   NodeId next() noexcept { return next_ > most ? NodeId() : NodeId(static_cast<std::uint8_t>(next_++)); }
 
  private:

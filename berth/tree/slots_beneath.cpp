@@ -18,7 +18,7 @@ SlotsBeneath::SlotsBeneath(rt::Executor& executor, const design::Bus& bus, std::
     place.now.id = spec.id;
     place.now.name = spec.name.name;
     place.now.type = spec.type;
-    place.now.unasked = spec.unasked;
+    place.now.unasked = spec.asks.unasked;
     place.spec = std::move(spec);
     places_.push_back(std::move(place));
   }

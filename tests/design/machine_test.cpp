@@ -257,12 +257,12 @@ TEST(MachineFile, ASlotForADeviceOfAnyType) {
   const auto any = read(slot + "type = \"any\"\n");
   ASSERT_TRUE(any.machine);
   EXPECT_TRUE(any.findings.empty());
-  EXPECT_EQ(any.machine->slots[0].spec.unasked, 3);
+  EXPECT_EQ(any.machine->slots[0].spec.asks.unasked, 3);
   EXPECT_EQ(any.machine->slots[0].spec.assign, places::Assign::fixed);
   EXPECT_EQ(any.machine->slots[0].spec.device_type, 0U);
   const auto vendor = read(slot + "type = { vendor = 7 }\n");
   ASSERT_TRUE(vendor.machine);
-  EXPECT_EQ(vendor.machine->slots[0].spec.unasked, 2);
+  EXPECT_EQ(vendor.machine->slots[0].spec.asks.unasked, 2);
   EXPECT_EQ(vendor.machine->slots[0].spec.assign, places::Assign::lss);
   const auto said = read(slot + "eds = \"nameless.eds\"\ntype = \"any\"\n");
   ASSERT_TRUE(said.machine);

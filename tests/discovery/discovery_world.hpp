@@ -114,7 +114,7 @@ class Node final : private can::Handler, private lss::SlaveOwner {
 
 /// Gives node-IDs 1, 2, ... in the order of finding, except to whom it refuses.
 struct Giver final : Assigner {
-  NodeId assign(const LssAddress& device) noexcept override {
+  NodeId assign(const LssAddress& device, bool) noexcept override {
     asked.push_back(device);
     if (refuses && refuses(device)) return {};
     return given[device] = NodeId(next++);

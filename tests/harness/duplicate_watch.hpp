@@ -397,9 +397,14 @@ class DuplicateWatch final : public plant::World::Observer {
     if (t.active.configured()) life.last_used = t.active;
   }
 
-  // Devices with one LSS address are one to Berth until they answer at once: those states are judged at the end.
-  [[nodiscard]] static bool others(const plant::Truth& a, const plant::Truth& b) {
-    return a.name != b.name && a.bus == b.bus && a.address != b.address;
+  // Devices with one LSS address are one to Berth until they answer at once: those states are judged at the end. One
+  // with a node-ID that nobody can change is known by that.
+  [[nodiscard]] bool others(const plant::Truth& a, const plant::Truth& b) const {
+    const bool apart = a.address != b.address || has_switches(a) != has_switches(b);
+    return a.name != b.name && a.bus == b.bus && apart;
+  }
+  [[nodiscard]] bool has_switches(const plant::Truth& t) const {
+    return world_->find(t.name)->plan().source == plant::NodeIdSource::switches;
   }
 
   void given(const plant::Truth& t, NodeId id, const Wire& wire) {

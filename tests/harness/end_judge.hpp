@@ -142,7 +142,7 @@ class EndJudge {
     const std::string who = "slot " + s.name + ": its device " + t.name;
     if (s.state == SlotState::power_cycle) return;
     // Somebody of one address twice, on the slot's node-ID too: nothing there is started.
-    if (s.state == SlotState::duplicate && (any_clones() || shared_out_of_reach(t))) return;
+    if (s.state == SlotState::duplicate && (any_clones() || shared_out_of_reach(t) || shared_with_switches(t))) return;
     // Neither of two that have one address can be told to leave the slot's node-ID; and what one of them was told to
     // save is asked of the other when that one is the only one there.
     const bool held = std::ranges::any_of(truth_, [&](const plant::Truth& o) {
@@ -153,7 +153,7 @@ class EndJudge {
     if (row.confirmed->id != slot.spec.id) return say(who + " is confirmed under another node-ID");
     if (t.active != slot.spec.id) return say(who + " uses node-ID " + std::to_string(t.active.value()));
     // The other of its address, which is away, stored it; this one has the node-ID by a loan of the slot's own.
-    if (t.persistent != slot.spec.id && !clone_has(t, slot.spec.id))
+    if (t.persistent != slot.spec.id && !clone_has(t, slot.spec.id) && !cannot_be_addressed(t))
       return say(who + " is confirmed and has stored " + std::to_string(t.persistent.value()));
     if (s.state != SlotState::operational)
       return say(who + " is there, and the slot is " + places::name(s.state) + ": " + s.reason);
@@ -178,6 +178,39 @@ class EndJudge {
     return std::ranges::any_of(truth_, [&](const plant::Truth& o) {
       return o.name != t.name && is_present(o) && o.bus == t.bus && o.active == t.active && out_of_reach(o);
     });
+  }
+
+  // Nobody but a person moves one of the two.
+  [[nodiscard]] bool shared_with_switches(const plant::Truth& t) const {
+    const auto has_switches = [&](const plant::Truth& o) {
+      return rig_->device(o.name).plan().source == plant::NodeIdSource::switches;
+    };
+    return std::ranges::any_of(truth_, [&](const plant::Truth& o) {
+      return o.name != t.name && is_present(o) && o.bus == t.bus && o.active == t.active &&
+             (has_switches(o) || has_switches(t));
+    });
+  }
+  // Its switches say so, or the machine file does of its type: it is no master's to move, and where `replacement` is
+  // "ask" nobody takes it without a word.
+  [[nodiscard]] bool a_hand_must(const plant::Truth& t) const {
+    const design::Slot* const there = machine_->slot(t.bus, t.active);
+    const bool replaces = there != nullptr && there->spec.replacement == places::Replacement::automatic &&
+                          places::fits(there->spec, t.address);
+    if (replaces) return false;
+    bool all_fixed = false;
+    for (const auto& slot : machine_->slots) {
+      if (slot.spec.name.bus != t.bus || !places::fits(slot.spec, t.address)) continue;
+      if (slot.spec.assign == places::Assign::lss) all_fixed = false;
+      if (slot.spec.assign == places::Assign::lss) break;
+      all_fixed = true;
+    }
+    return all_fixed || rig_->device(t.name).plan().source == plant::NodeIdSource::switches;
+  }
+  // An equal one on its bus and no serial number: LSS addresses both at once, and it stays with what it came with.
+  [[nodiscard]] bool cannot_be_addressed(const plant::Truth& t) const {
+    return t.address.serial == 0 && std::ranges::any_of(truth_, [&](const plant::Truth& o) {
+             return o.name != t.name && is_present(o) && o.bus == t.bus && o.address == t.address;
+           });
   }
 
   void check_operational(const operate::SlotReport& s, const design::Slot& slot) {
@@ -209,7 +242,7 @@ class EndJudge {
     if (!is_present(t) || clones(t) || !t.active.configured()) return;
     const design::Bus* const bus = machine_->bus(t.bus);
     if (out_of_reach(t) && shared_out_of_reach(t)) return;
-    if (waits_for_clones(t)) return;
+    if (waits_for_clones(t) || shared_with_switches(t) || a_hand_must(t)) return;
     if (t.active == bus->master) say(t.name + " holds the master's node-ID");
     const design::Slot* const slot = machine_->slot(t.bus, t.active);
     if (slot == nullptr) return;

@@ -34,7 +34,7 @@ struct MethodOutcome {
 // One node-ID for each address, ever.
 class OnePerAddress final : public discovery::Assigner {
  public:
-  NodeId assign(const LssAddress& device) noexcept override {
+  NodeId assign(const LssAddress& device, bool) noexcept override {
     const auto [it, fresh] = given_.try_emplace(device, NodeId(static_cast<std::uint8_t>(given_.size() % 99 + 1)));
     return it->second;
   }

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "tests/harness/end_judge.hpp"
+#include "tests/harness/start_watch.hpp"
 #include "tests/harness/waiting_judge.hpp"
 #include "tests/harness/word_judge.hpp"
 #include "tests/harness/world_plan.hpp"
@@ -37,6 +38,7 @@ class WorldRun final : private can::Tap {
         rig_(plan.machine, plan.plant),
         watch_(rig_.world(), plan.machine, &rig_.store()),
         configured_(rig_.world(), plan.machine, rig_.store()),
+        started_(rig_.world(), plan.machine),
         judge_(rig_, plan.machine, watch_, configured_),
         words_(rig_, plan.machine),
         waiting_(rig_, plan),
@@ -62,6 +64,7 @@ class WorldRun final : private can::Tap {
   // `without`: how long the start of this world takes when no device waits for its power cycle; of a calm one that has
   // such devices.
   Outcome go(std::optional<rt::Duration> without = {}) {
+    for (const auto& e : plan_.later) plan_event(e);
     begin();
     const auto unsound = [this] { return !sound(); };
     if (without) waiting_.start(*without, unsound);
@@ -72,6 +75,7 @@ class WorldRun final : private can::Tap {
     if (!words_.failure().empty()) outcome_.failure = words_.failure();
     if (!waiting_.failure().empty()) outcome_.failure = waiting_.failure();
     if (!configured_.failure().empty()) outcome_.failure = configured_.failure();
+    if (!started_.failure().empty()) outcome_.failure = started_.failure();
     if (!watch_.failure().empty()) outcome_.failure = watch_.failure();
     outcome_.hash = rig_.world().sim().trace_hash();
     outcome_.bus_time = rig_.now().time_since_epoch();
@@ -102,8 +106,8 @@ class WorldRun final : private can::Tap {
   }
 
   [[nodiscard]] bool sound() const noexcept {
-    return watch_.failure().empty() && configured_.failure().empty() && words_.failure().empty() &&
-           waiting_.failure().empty();
+    return watch_.failure().empty() && configured_.failure().empty() && started_.failure().empty() &&
+           words_.failure().empty() && waiting_.failure().empty();
   }
   [[nodiscard]] rt::Time now() const noexcept { return rig_.now(); }
 
@@ -481,6 +485,7 @@ class WorldRun final : private can::Tap {
   Rig rig_;
   DuplicateWatch watch_;
   ConfigWatch configured_;
+  StartWatch started_;
   EndJudge judge_;
   WordJudge words_;
   WaitingJudge waiting_;

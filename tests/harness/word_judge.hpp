@@ -37,7 +37,8 @@ class WordJudge final : private plant::World::Observer {
     using operate::EventKind;
     for (const auto& d : rig_->world().devices()) {
       const auto t = d->truth();
-      if (t.bus == event.bus && t.powered && event.text.find(to_string(t.address)) != std::string::npos)
+      if (t.bus == event.bus && t.powered && !has_equals(t) &&
+          event.text.find(to_string(t.address)) != std::string::npos)
         named_.emplace(t.name, event.at);
     }
     const auto slot = std::ranges::find_if(
@@ -60,6 +61,13 @@ class WordJudge final : private plant::World::Observer {
  private:
   void say(const std::string& text) {
     if (failure_.empty()) failure_ = text;
+  }
+  // Without serial numbers: which of them was named is nobody's to say.
+  [[nodiscard]] bool has_equals(const plant::Truth& t) const {
+    return t.address.serial == 0 && std::ranges::any_of(rig_->world().devices(), [&](const auto& d) {
+             const auto o = d->truth();
+             return o.name != t.name && o.bus == t.bus && o.address == t.address;
+           });
   }
   void note(const plant::SimDevice& device) {
     const auto t = device.truth();

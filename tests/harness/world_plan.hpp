@@ -137,6 +137,7 @@ struct WorldPlan {
   std::vector<std::string> waiting;  // devices of which `waits` has made that they take a node-ID at power-on only
   bool calm = false;                 // no faults but the long cuts: who waits delays no other device
   bool words = false;                // what is told is judged (word_judge.hpp)
+  std::vector<plant::PlantEvent> later = {};  // devices that are plugged in at their time, whatever else happens
 };
 
 // Which worlds a seed means.
@@ -146,6 +147,8 @@ struct Draws {
   bool twins = false;
   // With what `waits` draws, and `WordJudge`; without, the worlds are those of before there were these.
   bool waits = true;
+  // With what `AsSold` draws (as_sold.hpp).
+  bool as_sold = false;
 };
 
 class Planner {

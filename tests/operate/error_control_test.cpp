@@ -1,7 +1,9 @@
 // How a slot's device is watched when its 1017h is not what Berth wants (CiA 301 §7.5.2.20): limits, a constant, none.
 #include <gtest/gtest.h>
 #include <fstream>
+#include <memory>
 #include <string>
+#include <vector>
 
 #include "tests/harness/rig.hpp"
 
@@ -124,6 +126,198 @@ TEST(ErrorControl, WithoutAHeartbeatItIsAskedByGuarding) {
   ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
   rig.run_for(60s);
   EXPECT_TRUE(rig.operational()) << rig.log();
+}
+
+namespace {
+
+std::uint32_t value(Rig& rig, ObjectRef object) {
+  return rig.device("d").device().values().get_or<std::uint32_t>(object, 0);
+}
+bool is_absent(Rig& rig) { return rig.network(0).report().front().state == SlotState::absent; }
+
+// A port that sends no remote frames, as socketcand's: nobody can be guarded.
+class WithoutRemoteFrames final : public can::Port {
+ public:
+  explicit WithoutRemoteFrames(can::Port& beneath) : beneath_(&beneath) {}
+  can::Queued send(const can::Frame& frame, std::uint32_t tag) noexcept override {
+    return frame.remote ? can::Queued::closed : beneath_->send(frame, tag);
+  }
+  void withdraw(std::uint32_t tag) noexcept override { beneath_->withdraw(tag); }
+  void listen(can::Listener* listener, std::span<const can::IdRange> accept) noexcept override {
+    beneath_->listen(listener, accept);
+  }
+  [[nodiscard]] can::Status status() const noexcept override { return beneath_->status(); }
+  bool restart(std::uint32_t bit_rate) noexcept override { return beneath_->restart(bit_rate); }
+
+ private:
+  can::Port* beneath_;
+};
+
+}  // namespace
+
+TEST(ErrorControl, AGuardedDeviceThatLeavesIsMissedAndStartedWhenItIsBack) {
+  Rig rig(machine(), plant_of({"guarded", with("100C 100D", guarding)}));
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  EXPECT_NE(rig.log().find("watched by guarding, every 500 ms"), std::string::npos) << rig.log();
+  for (int time = 0; time < 3; ++time) {
+    rig.device("d").unplug();
+    ASSERT_TRUE(rig.run_until([&] { return is_absent(rig); }, 5s)) << rig.log();
+    rig.run_for(10s);
+    EXPECT_TRUE(is_absent(rig)) << rig.log();
+    rig.device("d").plug();
+    ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+    EXPECT_EQ(rig.device("d").truth().state, NmtState::operational);
+  }
+  // A cable that is cut tells no boot-up.
+  sim::Controller* const cut[] = {&rig.device("d").controller()};
+  rig.world().bus("backbone")->split(cut);
+  ASSERT_TRUE(rig.run_until([&] { return is_absent(rig); }, 5s)) << rig.log();
+  rig.run_for(5s);
+  rig.world().bus("backbone")->join();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  // A new Berth finds it running.
+  rig.kill();
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  rig.run_for(30s);
+  EXPECT_TRUE(rig.operational()) << rig.log();
+  rig.device("d").unplug();
+  EXPECT_TRUE(rig.run_until([&] { return is_absent(rig); }, 5s)) << rig.log();
+}
+
+TEST(ErrorControl, AGuardedDeviceThatLeavesOperationalIsStartedAgain) {
+  Rig rig(machine(), plant_of({"guarded-preop", with("100C 100D", guarding)}));
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  auto& nmt = rig.network(0).services().nmt;
+  nmt.queue(co::NmtCommand::enter_pre_operational, NodeId(5));
+  ASSERT_TRUE(rig.run_until([&] { return !rig.operational(); }, 5s)) << rig.log();
+  ASSERT_TRUE(rig.until_operational(10s)) << rig.log();
+  EXPECT_EQ(rig.device("d").truth().state, NmtState::operational);
+}
+
+TEST(ErrorControl, WithNeitherProtocolItIsAskedBySdo) {
+  Rig rig(machine(), plant_of({"neither", with("1017", heartbeat("ro", 0))}));
+  std::vector<std::unique_ptr<WithoutRemoteFrames>> ports;
+  rig.put_between([&](can::Port& port, const std::string&) {
+    return ports.emplace_back(std::make_unique<WithoutRemoteFrames>(port)).get();
+  });
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  EXPECT_NE(rig.log().find("it is asked by SDO, every 1500 ms"), std::string::npos) << rig.log();
+  rig.run_for(60s);
+  ASSERT_TRUE(rig.operational()) << rig.log();
+  rig.device("d").unplug();
+  ASSERT_TRUE(rig.run_until([&] { return is_absent(rig); }, 10s)) << rig.log();
+  EXPECT_NE(rig.log().find("it answers SDO no more"), std::string::npos) << rig.log();
+  rig.device("d").plug();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+}
+
+// ---- what a slot says ----
+
+TEST(ErrorControl, ASlotHasAPeriodOfItsOwn) {
+  auto m = machine();
+  m.slots.back().spec.watch.heartbeat_period = 100ms;
+  Rig rig(m, plant_of({"own-period", with("1017", heartbeat("rw", 0))}));
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  rig.run_for(30s);
+  ASSERT_TRUE(rig.operational()) << rig.log();
+  EXPECT_EQ(value(rig, {0x1017, 0}), 100U);
+  // In the bus's proportion, three to one; the bus's own would be 1.5 s.
+  const auto at = rig.now();
+  rig.device("d").unplug();
+  ASSERT_TRUE(rig.run_until([&] { return is_absent(rig); }, 5s)) << rig.log();
+  EXPECT_LE(rig.now() - at, 400ms);
+}
+
+TEST(ErrorControl, ASlotHasATimeoutOfItsOwn) {
+  auto m = machine();
+  m.slots.back().spec.watch.heartbeat_timeout = 6s;
+  Rig rig(m, plant_of({"own-timeout", with("1017", heartbeat("rw", 0))}));
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  const auto at = rig.now();
+  rig.device("d").unplug();
+  ASSERT_TRUE(rig.run_until([&] { return is_absent(rig); }, 20s)) << rig.log();
+  EXPECT_GE(rig.now() - at, 5s);
+}
+
+TEST(ErrorControl, GuardingIsWhatTheSlotSays) {
+  auto m = machine();
+  auto& watch = m.slots.back().spec.watch;
+  watch.by = places::SlotWatch::By::guarding;
+  watch.guard_time = 100ms;
+  watch.life_time_factor = 4;
+  Rig rig(m, plant_of({"guard-keys", with("100C 100D 1017", guarding + heartbeat("rw", 1000))}));
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  EXPECT_EQ(value(rig, {0x1017, 0}), 0U) << "a device beats or guards";
+  EXPECT_EQ(value(rig, {0x100C, 0}), 100U);
+  EXPECT_EQ(value(rig, {0x100D, 0}), 4U);
+  const auto at = rig.now();
+  rig.device("d").unplug();
+  ASSERT_TRUE(rig.run_until([&] { return is_absent(rig); }, 5s)) << rig.log();
+  EXPECT_LE(rig.now() - at, 600ms);
+}
+
+TEST(ErrorControl, NoneIsNotWatched) {
+  auto m = machine();
+  m.slots.back().spec.watch.by = places::SlotWatch::By::none;
+  Rig rig(m, plant_of({"none", with("100C 100D 1017", guarding + heartbeat("rw", 700))}));
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  EXPECT_EQ(value(rig, {0x1017, 0}), 700U) << "1017h stays as it is";
+  rig.device("d").unplug();
+  rig.run_for(60s);
+  EXPECT_TRUE(rig.operational()) << "nothing watches it\n" << rig.log();
+  rig.device("d").plug();
+  rig.run_for(20s);
+  EXPECT_EQ(rig.device("d").truth().state, NmtState::operational) << "its boot-up is heard all the same\n" << rig.log();
+}
+
+// ---- beside `config =` ----
+
+TEST(ErrorControl, AConfigurationBesideAPeriodThatIsRefused) {
+  for (const std::string& limits : {std::string("LowLimit=1000\n"), std::string()}) {
+    const bool constant = limits.empty();
+    const Described what{constant ? "config-constant" : "config-limit",
+                         with("1017", heartbeat(constant ? "ro" : "rw", constant ? 2000 : 0, limits))};
+    auto p = plant_of(what);
+    auto m = machine();
+    const std::string dcf = ::testing::TempDir() + "error-control-" + what.name + ".dcf";
+    std::ofstream(dcf) << std::ifstream(p.devices.front().eds).rdbuf() << "[2000]\nParameterName=Limit\nObjectType=7\n"
+                       << "DataType=6\nAccessType=rw\nDefaultValue=1\nParameterValue=9\n"
+                       << "[ManufacturerObjects]\nSupportedObjects=1\n1=0x2000\n[DeviceComissioning]\nNodeID=5\n";
+    p.devices.front().eds = p.devices.front().eds_path = dcf;
+    m.slots.back().spec.config = dcf;
+    Rig rig(m, p);
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+    EXPECT_EQ(value(rig, {0x2000, 0}), 9U);
+    EXPECT_EQ(value(rig, {0x1017, 0}), constant ? 2000U : 1000U);
+    EXPECT_EQ(rig.log().find("failed"), std::string::npos) << rig.log();
+    rig.run_for(30s);
+    EXPECT_TRUE(rig.operational()) << rig.log();
+  }
+}
+
+// ---- slow answers ----
+
+TEST(ErrorControl, ASlowDeviceHasATimeoutOfItsOwn) {
+  for (const bool says : {false, true}) {
+    auto m = machine();
+    if (says) m.slots.back().spec.watch.sdo_timeout = 1500ms;
+    auto p = plant_of({"slow", with("1017", heartbeat("rw", 0))});
+    p.devices.front().response = {900ms, 900ms, 0, 0ms};
+    Rig rig(m, p);
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+    EXPECT_EQ(rig.network(0).services().sdo.late(NodeId(5)) == 0, says) << rig.log();
+    EXPECT_EQ(rig.log().find("another device"), std::string::npos) << rig.log();
+  }
 }
 
 }  // namespace error_control_tests

@@ -6,6 +6,7 @@
 #include <ostream>
 #include <string>
 
+#include "tests/harness/as_sold.hpp"
 #include "tests/harness/run_world.hpp"
 
 namespace berth::harness {
@@ -23,7 +24,7 @@ std::string name_of(const ::testing::TestParamInfo<Known>& world) { return "Seed
 class KnownWorld : public ::testing::TestWithParam<Known> {};
 
 TEST_P(KnownWorld, EndsWell) {
-  const auto outcome = run_world(Planner(GetParam().seed, GetParam().draws).make());
+  const auto outcome = run_world(plan_world(GetParam().seed, GetParam().draws));
   EXPECT_EQ(outcome.failure, "") << GetParam().what;
 }
 

@@ -257,4 +257,79 @@ TEST(WhoIsWho, OneThatComesWithoutItsNodeIdIsTheOneThatIsMissing) {
   EXPECT_EQ(rig.device("b").truth().persistent, id_of(5));
 }
 
+// ---- two ways to one device ----
+
+// It says its vendor-ID alone and fits either type: its node-ID tells which slot it came for.
+TEST(WhoIsWho, OneThatSaysLittleBelongsWhereItsNodeIdIs) {
+  design::Machine machine = one_bus(125'000);
+  add_slot(machine, 3, type_c);
+  add_slot(machine, 5, type_b);
+  auto p = one_bus_plant(1);
+  auto& d = add_device(p, "switched", type_c, 0);
+  d.eds = d.eds_path = write_description(1);
+  d.source = plant::NodeIdSource::switches;
+  d.node_id = id_of(3);
+  d.speaks = {};
+  add_device(p, "blank", type_b, 77);
+  Rig rig(machine, p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  EXPECT_EQ(slot(rig, 5).device, named(77, 5));
+}
+
+// SDO tells its vendor-ID, LSS all: it is found twice.
+TEST(WhoIsWho, OneThatWasFoundBySdoAndByLssIsOne) {
+  for (const std::uint32_t serial : {0U, 9U}) {
+    auto p = one_bus_plant(1);
+    add_switched(p, 5, serial, true).eds_path = write_description(1);
+    p.devices.back().eds = p.devices.back().eds_path;
+    Rig rig(fixed_slots(6, places::Assign::lss), p);
+    rig.begin();
+    ASSERT_TRUE(rig.run_until([&] { return slot(rig, 5).state == SlotState::operational; }, 60s)) << rig.log();
+    rig.run_for(20s);
+    EXPECT_EQ(slot(rig, 5).state, SlotState::operational) << rig.log();
+    EXPECT_EQ(slot(rig, 6).state, SlotState::empty) << rig.log();
+  }
+}
+
+// Nobody but a hand parts them: the slot does not run on as if there were one.
+TEST(WhoIsWho, TwoWithOneNodeIdOnTheirSwitchesAreToldOfTheSlot) {
+  auto p = one_bus_plant(1);
+  add_switched(p, 5, 7, true);
+  add_switched(p, 5, 8, true).plugged = false;
+  Rig rig(fixed_slots(5), p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  rig.device("v5-8").plug();
+  rig.run_for(30s);
+  EXPECT_EQ(slot(rig, 5).state, SlotState::duplicate) << rig.log();
+  rig.device("v5-8").unplug();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+}
+
+// The one that runs speaks no LSS; its twin does, and has no node-ID.
+TEST(WhoIsWho, ATwinWithLssIsNotGivenTheNodeIdOfTheOneThatRuns) {
+  using plant::Speaks;
+  for (const plant::SpeaksSet speaks :
+       {plant::SpeaksSet{Speaks::lss, Speaks::fastscan}, plant::SpeaksSet{Speaks::lss, Speaks::rand}}) {
+    auto p = one_bus_plant(1);
+    add_switched(p, 5, 7);
+    auto& twin = add_device(p, "twin", type_b, 7);
+    twin.speaks = speaks;
+    twin.plugged = false;
+    Rig rig(fixed_slots(5, places::Assign::lss), p);
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+    rig.device("twin").plug();
+    for (int second = 0; second < 40; ++second) {
+      rig.run_for(1s);
+      ASSERT_NE(rig.device("twin").truth().pending, id_of(5)) << rig.log();
+      ASSERT_NE(rig.device("twin").truth().active, id_of(5)) << rig.log();
+    }
+    EXPECT_NE(rig.log().find("more than one device answers to LSS address"), std::string::npos) << rig.log();
+    rig.device("twin").unplug();
+    ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  }
+}
+
 }  // namespace who_is_who_tests

@@ -4,7 +4,9 @@
 // "none"). Then worlds of programs, configurations, links and take-over, as many as a tenth of N (`--intelligence`: N
 // of these only), and trees of buses beneath gateways, a two-hundredth (`--trees`: N of these only, with sister buses,
 // replacements and devices of all kinds). `--waits`: N of the main job's worlds, with devices that wait for a power
-// cycle, cables cut for long, and a judge of what is told. `--plain`: without what these two have more than by default.
+// cycle, cables cut for long, and a judge of what is told; `--as-sold`: these, a third of them with devices as shops
+// sell them (switches, no serial number, a part of 1018h), which the main job's worlds have by default. `--plain`:
+// without what these have more.
 #include <sys/wait.h>
 #include <unistd.h>
 #include <algorithm>
@@ -19,6 +21,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "tests/harness/as_sold.hpp"
 #include "tests/harness/intelligence_world.hpp"
 #include "tests/harness/method_world.hpp"
 #include "tests/harness/run_world.hpp"
@@ -34,9 +37,10 @@ struct Options {
   std::uint64_t count = 2200;
   unsigned workers = 2;
   bool show = false;
-  bool brief = false;  // a failure is named and neither shrunk nor written down
-  bool twins = false;  // worlds with devices of one address on several buses
-  bool waits = false;  // with devices that wait for a power cycle, long cuts, and a judge of what is told
+  bool brief = false;   // a failure is named and neither shrunk nor written down
+  bool twins = false;   // worlds with devices of one address on several buses
+  bool as_sold = true;  // a third with devices as shops sell them
+  bool waits = false;   // with devices that wait for a power cycle, long cuts, and a judge of what is told
   bool main_job = true;
   std::uint64_t method_count = 200;           // worlds of each row
   int first_row = 0, last_row = method_rows;  // excluded
@@ -155,7 +159,7 @@ void sum(Cells& total, const Cells& part) {
 Tally work(const Options& o, unsigned worker) {
   Tally tally;
   for (std::uint64_t seed = o.from + worker; seed < o.from + o.count; seed += o.workers) {
-    const WorldPlan plan = Planner(seed, {.twins = o.twins, .waits = o.waits}).make();
+    const WorldPlan plan = plan_world(seed, {.twins = o.twins, .waits = o.waits, .as_sold = o.as_sold});
     const Outcome outcome = run_world(plan);
     ++tally.runs;
     tally.solvable += plan.solvable;
@@ -504,7 +508,7 @@ bool intelligence(const Options& o) {
 int main(int argc, char** argv) {
   Options o;
   bool counted = false, only_methods = false, only_intelligence = false, only_trees = false, only_twins = false;
-  bool only_waits = false, plain = false;
+  bool only_waits = false, as_sold = false, plain = false;
   for (int i = 1; i < argc; ++i) {
     const auto value = [&] { return i + 1 < argc ? std::strtoull(argv[++i], nullptr, 0) : 0ULL; };
     if (std::strcmp(argv[i], "--from") == 0) {
@@ -522,6 +526,9 @@ int main(int argc, char** argv) {
       plain = true;
     } else if (std::strcmp(argv[i], "--waits") == 0) {
       only_waits = o.waits = true;
+      o.as_sold = as_sold;
+    } else if (std::strcmp(argv[i], "--as-sold") == 0) {
+      only_waits = o.waits = o.as_sold = as_sold = true;
     } else if (std::strcmp(argv[i], "--twins") == 0) {
       only_twins = true;
     } else if (std::strcmp(argv[i], "--brief") == 0) {
@@ -534,7 +541,7 @@ int main(int argc, char** argv) {
     } else {
       std::fprintf(stderr,
                    "usage: faults [--from SEED] [--count N] [--method NAME|all|none | --intelligence | --trees | "
-                   "--twins] [--waits] [--plain] "
+                   "--twins] [--waits] [--as-sold] [--plain] "
                    "[--workers N] [--show] [--brief]\n"
                    "methods:");
       for (int row = 0; row < method_rows; ++row) std::fprintf(stderr, " %s", row_name(row).c_str());
@@ -543,7 +550,7 @@ int main(int argc, char** argv) {
     }
   }
   if (o.workers == 0) o.workers = 1;
-  if (plain) o.mixed_trees = o.waits = false;
+  if (plain) o.mixed_trees = o.waits = o.as_sold = false;
   o.complete = o.count >= 2200;
   if (counted) o.method_count = o.main_job ? (o.count + 9) / 10 : o.count;
   if (counted) o.intelligence_count = only_intelligence ? o.count : o.method_count;
