@@ -25,7 +25,12 @@ void Exchange::sent(rt::Time at) noexcept {
   open_ = true;
   owner_->opened_ = at;
   if (times_.most.count() > 0) limit_ = at + times_.most;
-  executor().at(std::min(at + times_.first, limit_), *this);
+  stay_open(at + times_.first);
+}
+
+void Exchange::stay_open(rt::Time until) noexcept {
+  closes_ = std::min(until, limit_);
+  executor().at(closes_, *this);
 }
 
 // The one timer: the wait for the confirmation, then the window.
@@ -54,7 +59,12 @@ void Exchange::end() noexcept {
 
 void Exchanges::heard(rt::Time at) noexcept {
   if (!open() || current_->times_.after_last.count() == 0) return;
-  current_->executor().at(std::min(at + current_->times_.after_last, current_->limit_), *current_);
+  current_->stay_open(std::max(at + current_->times_.after_last, opened_ + current_->times_.least));
+}
+
+void Exchanges::delayed(rt::Time at) noexcept {
+  if (!open() || current_->times_.after_last.count() == 0) return;
+  current_->stay_open(std::max(at + current_->times_.after_last, current_->closes_));
 }
 
 void Exchanges::close() noexcept {

@@ -14,6 +14,7 @@ namespace berth::nodeid {
 struct WindowTimes {
   rt::Duration first{0};       ///< closes when nothing came for so long; 0: no window, done when sent
   rt::Duration after_last{0};  ///< after an answer: closes when nothing more came for so long; 0: stays till `first`
+  rt::Duration least{0};       ///< an answer does not close it before so long after the request
   rt::Duration most{0};        ///< never longer than this; 0: no bound
   rt::Duration send_timeout = std::chrono::seconds(1);  ///< not on the wire by then: `Errc::bus`
 };
@@ -34,6 +35,7 @@ class Exchange final : public rt::Operation<Exchange>, private rt::Job, private 
       : owner_(&owner), frame_(frame), times_(times) {}
   void sent(rt::Time at) noexcept override;
   void run() noexcept override;
+  void stay_open(rt::Time until) noexcept;
   void fail_with(const char* text) noexcept;
   void end() noexcept;
 
@@ -41,6 +43,7 @@ class Exchange final : public rt::Operation<Exchange>, private rt::Job, private 
   can::Frame frame_;
   WindowTimes times_;
   rt::Time limit_ = rt::never;
+  rt::Time closes_{};
   bool open_ = false;
   Result<rt::Time> outcome_{};
 };
@@ -56,6 +59,8 @@ class Exchanges {
   [[nodiscard]] bool open() const noexcept { return current_ != nullptr && current_->open_; }
   /// An answer came at `at`: the window now waits `after_last`.
   void heard(rt::Time at) noexcept;
+  /// An answer to an earlier request came at `at`: those to this one waited for the bus behind it.
+  void delayed(rt::Time at) noexcept;
   /// All that was asked for is here: the window closes now.
   void close() noexcept;
   /// When the last window was opened: its request's `sent`.

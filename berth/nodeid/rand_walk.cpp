@@ -12,7 +12,7 @@ namespace {
 constexpr std::size_t most_chunks = 1024;  // distinct chunks kept of one window
 constexpr std::size_t most_nodes = 20'000;
 constexpr std::size_t most_roots = 3;  // so many requests may stay unanswered when no slave resumes
-constexpr unsigned enough_gaps = 4;    // answers heard before a window is cut short by what was learnt
+constexpr unsigned enough_heard = 12;  // answers heard before a window is cut short by what was learnt
 constexpr const char* walk_busy = "another walk is under way";
 
 constexpr std::uint32_t join(std::uint16_t high, std::uint16_t low) noexcept {
@@ -48,6 +48,7 @@ struct RandWalk::Run {
   std::map<Prefix, Node> tree{};  // of this round
   rt::Time last_sent{};
   unsigned streak = 0;  // rounds without a new device
+  unsigned silent = 0;  // ways that ended in silence, less those that ended with a device
   bool guess = true;    // the first round: `kinds` are believed
   bool hurry = true;    // known ways are walked without waiting for their answers
   bool steps = true;    // a serial number may be guessed from the two before it
@@ -61,7 +62,7 @@ struct RandWalk::Run {
     stopped = stopped || (observer != nullptr && !observer->goes_on());
     return stopped;
   }
-  [[nodiscard]] unsigned factor() const noexcept { return 1U << std::min(streak, 4U); }
+  [[nodiscard]] unsigned factor() const noexcept { return 1U << std::min(std::max(streak, silent), 4U); }
   [[nodiscard]] rt::Duration longest() const noexcept { return factor() * options.longest; }
 
   /// The serial number that lies alone under this prefix of seven chunks when those below it go on as they did: two
@@ -82,10 +83,13 @@ struct RandWalk::Run {
     if (!fits) return std::nullopt;
     return static_cast<std::uint16_t>(next & 0xFFFFU);
   }
-  Entry& enter(const Prefix& prefix, std::uint16_t chunk, rt::Time at, bool resumes) {
+  static LssAddress address_under(const Prefix& prefix, std::uint16_t chunk) noexcept {
     auto chunks = prefix.chunks;
     chunks[7] = chunk;
-    const auto address = address_of(chunks);
+    return address_of(chunks);
+  }
+  Entry& enter(const Prefix& prefix, std::uint16_t chunk, rt::Time at, bool resumes) {
+    const auto address = address_under(prefix, chunk);
     auto known = std::ranges::find(entries, address, [](const Entry& e) { return e.device.address; });
     if (known == entries.end()) {
       entries.push_back({.device = {.address = address, .at = at, .times_found = 0}});
@@ -94,6 +98,7 @@ struct RandWalk::Run {
     if (!known->now) ++known->device.times_found;
     known->now = true;
     known->device.resumes |= resumes;
+    silent -= std::min(silent, 1U);
     return *known;
   }
   [[nodiscard]] Entry* find(const LssAddress& address) noexcept {
@@ -103,12 +108,16 @@ struct RandWalk::Run {
   /// A branch is dead. True when the requests may have come too fast for its devices: then it is tried again.
   bool too_fast(bool hurried) noexcept {
     ++report.dead_branches;
+    ++silent;
     if (!hurried) return false;
     hurry = ++too_fast_ < 2;
     return true;
   }
   /// A serial number that was guessed is not there.
-  void wrong_step() noexcept { steps = ++wrong_steps_ < 2; }
+  void wrong_step() noexcept {
+    ++silent;
+    steps = ++wrong_steps_ < 2;
+  }
   /// The prefix is done.
   void prune(Prefix prefix) {
     if (prefix.depth == 0) return;
@@ -151,13 +160,13 @@ void RandWalk::received(const can::Frame& frame, rt::Time at) noexcept {
   if (!answer) return;
   const bool mine = exchanges_.open() && answer->direct == direct_;
   if (!answer->direct || mine) {
-    const auto since = std::max(std::exchange(last_answer_, at), exchanges_.opened());
-    gap_ = std::max(gap_, at - since);
-    ++gaps_;
+    slowest_ = std::max(slowest_, at - exchanges_.opened());
+    ++answers_;
   }
   if (!mine) {
     auto& list = answer->direct ? extra_dis_ : late_;
     if ((answer->direct || !exchanges_.open()) && list.size() < most_chunks) list.push_back(answer->chunk);
+    exchanges_.delayed(at);
     return;
   }
   note(answer->chunk, at);
@@ -179,6 +188,13 @@ void RandWalk::note(std::uint16_t chunk, rt::Time at) noexcept {
   }
 }
 
+// How late an answer may still come: an answer that waited for others' counts as late as it came, so that many answers
+// make this longer and never shorter.
+rt::Duration RandWalk::response(const WalkOptions& o) const noexcept {
+  if (answers_ < enough_heard) return o.longest;
+  return std::clamp(slowest_ + slowest_ / 2, std::min(o.shortest, o.longest), o.longest);
+}
+
 // ---- one request ----------------------------------------------------------------------------------------------------
 
 // True when a slave answered. What was late for the request before is in `late_` then, until the next call.
@@ -191,13 +207,10 @@ rt::Task<Result<bool>> RandWalk::ask(Run& run, const can::Frame& frame, Wait wai
   early_ = wait.early;
   WindowTimes times{.first = wait.first, .send_timeout = o.send_timeout};
   if (wait.first.count() > 0) {
-    auto quiet = o.after_last;
-    if (quiet.count() == 0) {
-      quiet = o.longest;
-      if (gaps_ >= enough_gaps) quiet = std::clamp(gap_ + gap_ / 2, std::min(o.shortest, o.longest), o.longest);
-      quiet += o.blocking;
-    }
-    times.after_last = std::max(run.factor() * quiet, wait.after_last);
+    const bool given = o.after_last.count() > 0;
+    times.after_last =
+        std::max(run.factor() * (given ? o.after_last : std::max(o.shortest, o.blocking)), wait.after_last);
+    if (!given) times.least = run.factor() * response(o);
     times.most = std::max(run.factor() * o.most, wait.first);
   }
   ++run.report.requests;
@@ -382,7 +395,10 @@ rt::Task<Result<void>> RandWalk::try_serial(Run& run, const Prefix& prefix, std:
   late_.clear();
   if (!is_heard(chunk)) {
     run.wrong_step();
-    co_return Result<void>{};
+    // Its DIS may have been late: identified and not known, no master would ever find it.
+    const auto address = run.address_under(prefix, chunk);
+    const auto told = co_await tell(run, address, Identification::unknown);
+    co_return told;
   }
   run.report.known = now();
   auto& entry = run.enter(prefix, chunk, now(), false);
@@ -430,8 +446,8 @@ rt::Task<Result<void>> RandWalk::leaf(Run& run, const Prefix& prefix) {
     entry.doubtful |= run.options.prove_all || stray(h.chunk);
     if (!asked || (entry.doubtful && !run.find(*asked)->doubtful)) asked = entry.device.address;
   }
-  // A DIS behind this way proves what was heard of it since the slave joined it: one that was deaf may have joined late,
-  // when an answer of its own came late too. What is to be proven goes its whole way once more (`settle`).
+  // A DIS behind this way proves what was heard of it since the slave joined it: one that was deaf may have joined
+  // late, when an answer of its own came late too. What is to be proven goes its whole way once more (`settle`).
   if (run.options.prove_all) co_return Result<void>{};
   // One of them can be asked directly at once; all others are thrown back to unknown by it, where they have to go
   // anyway.
@@ -448,6 +464,7 @@ rt::Task<Result<void>> RandWalk::leaf(Run& run, const Prefix& prefix) {
     co_return Result<void>{};
   }
   entry.doubtful = true;
+  ++run.silent;
   const auto told = co_await tell(run, address, Identification::unknown);
   co_return told;
 }
@@ -507,6 +524,7 @@ rt::Task<Result<void>> RandWalk::settle(Run& run) {
       entry.now = false;
       continue;
     }
+    ++run.silent;
     // No slave, or its DIS was lost: then it would never answer again.
     const auto told = co_await tell(run, address, Identification::unknown);
     if (!told) co_return fail(told.error());
@@ -582,8 +600,8 @@ rt::Task<Result<WalkReport>> RandWalk::discover(std::span<const WalkKind> kinds,
   auto& report = run.report;
   report.began = report.known = report.silenced = now();
   extra_dis_.clear();
-  gap_ = {};
-  gaps_ = 0;
+  slowest_ = {};
+  answers_ = 0;
   // Resuming slaves answer the closing phase 0 too: they are asked first while there are any.
   run.resume = options.resume;
   bool walked = false;

@@ -126,6 +126,7 @@ class RandWalk final : private can::Handler {
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void note(std::uint16_t chunk, rt::Time at) noexcept;
   [[nodiscard]] bool is_heard(std::uint16_t chunk) const noexcept;
+  [[nodiscard]] rt::Duration response(const WalkOptions& options) const noexcept;
   [[nodiscard]] rt::Time now() const noexcept { return exchanges_.dispatcher().executor().now(); }
   [[nodiscard]] rt::Task<Result<bool>> ask(Run& run, const can::Frame& frame, Wait wait);
   [[nodiscard]] rt::Task<Result<void>> tell(Run& run, LssAddress address, Identification target);
@@ -154,9 +155,8 @@ class RandWalk final : private can::Handler {
   std::vector<std::uint16_t> expected_;   // not heard yet
   std::vector<std::uint16_t> late_;       // IUS between the end of a window and the next request on the wire
   std::vector<std::uint16_t> extra_dis_;  // DIS outside the windows for them
-  rt::Time last_answer_{};                // its end
-  rt::Duration gap_{0};                   // longest that an answer let wait
-  unsigned gaps_ = 0;
+  rt::Duration slowest_{0};               // from a request to an answer
+  unsigned answers_ = 0;
 };
 
 }  // namespace berth::nodeid

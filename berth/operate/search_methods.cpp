@@ -72,8 +72,7 @@ discovery::Options SearchMethods::options(discovery::Observer* observer) const {
   discovery::Options options;
   const bool published = chosen_ != nullptr && !chosen_name_.starts_with("planner") && agenda_.method() == chosen_name_;
   if (!published) options.window = s_.bus.timing.lss_timeout;
-  // The longest frame of the bus: 8 bytes, 29 bits, every stuff bit there can be.
-  options.blocking = std::chrono::nanoseconds(160'000'000'000LL / s_.bus.bitrate);
+  options.blocking = longest_frame();
   // On a slow bus a window that is shorter saves nothing, and an answer that it misses costs several frames.
   options.shortest = std::max(options.shortest, options.blocking / 3);
   options.inhibit = s_.lss.options().inhibit;
@@ -91,9 +90,19 @@ discovery::Options SearchMethods::options(discovery::Observer* observer) const {
   return options;
 }
 
+// The longest frame of the bus: 8 bytes, 29 bits, every stuff bit there can be.
+rt::Duration SearchMethods::longest_frame() const {
+  return std::chrono::nanoseconds(160'000'000'000LL / s_.bus.bitrate);
+}
+
+// `rand_response` is the device's own time, and its answer is heard at its end: a frame without data behind at most one
+// heartbeat, together shorter than the longest frame.
+rt::Duration SearchMethods::rand_window() const { return s_.bus.timing.rand_response + longest_frame(); }
+
 nodeid::DiscoveryOptions SearchMethods::rand_options() const {
   nodeid::DiscoveryOptions o;
   o.t_resp = s_.bus.timing.rand_response;
+  o.first = rand_window();
   o.t_proc = s_.bus.timing.rand_processing;
   o.inhibit = s_.bus.timing.rand_response;  // a small receive buffer loses what comes back to back
   return o;
@@ -104,7 +113,7 @@ rt::Task<Result<discovery::Report>> SearchMethods::ask_rand_planner(discovery::O
   known.registered.clear();  // one that answers though its address sits in a slot is a second device
   discovery::Options how = options(observer);
   how.assigner = nullptr;  // a device that was found is identified and silent
-  how.window = s_.bus.timing.rand_response;
+  how.window = rand_window();
   co_return co_await rand_planner_->find(known, how);
 }
 

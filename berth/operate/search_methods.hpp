@@ -29,6 +29,9 @@ class SearchMethods {
   [[nodiscard]] nodeid::DiscoveryOptions rand_options() const;
 
  private:
+  [[nodiscard]] rt::Duration longest_frame() const;
+  [[nodiscard]] rt::Duration rand_window() const;
+
   BusServices& s_;
   SlotTable& slots_;
   const Agenda& agenda_;

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -48,10 +49,11 @@ enum class Latency : std::uint8_t {
   equal,     // 1 ms
   random,    // 0.2 to 4 ms
   outliers,  // 0.2 to 2 ms, and 30 ms once in a hundred
-  count
+  count,
+  wide = count  // 0.1 to 9 ms, just within `rand_response`; not part of the matrix
 };
-inline constexpr std::array<const char*, static_cast<std::size_t>(Latency::count)> latency_names{"equal", "random",
-                                                                                                 "outliers"};
+inline constexpr std::array<const char*, static_cast<std::size_t>(Latency::count) + 1> latency_names{
+    "equal", "random", "outliers", "wide"};
 [[nodiscard]] inline const char* name(Latency latency) { return latency_names.at(static_cast<std::size_t>(latency)); }
 
 inline constexpr std::array<unsigned, 7> sizes{1, 2, 5, 30, 60, 120, 126};
@@ -62,8 +64,25 @@ struct Cell {
   unsigned devices = 1;
   std::uint32_t bit_rate = 125'000;
   Latency latency = Latency::equal;
-  unsigned rx_depth = 16;  // frames that a device's receive buffer holds; not part of the matrix
+  unsigned rx_depth = 16;            // frames that a device's receive buffer holds; not part of the matrix
+  std::string_view method = "auto";  // `[bus] discovery`; not part of the matrix
 };
+
+// The published methods that find all devices of this kind; none where only Berth's default does.
+[[nodiscard]] inline std::span<const std::string_view> published(Kind kind) {
+  static constexpr std::array<std::string_view, 4> words{"rand", "fastscan", "fastscan-feedback-29",
+                                                         "fastscan-feedback-11"};
+  const std::span all(words);
+  switch (kind) {
+    case Kind::rand: return all.subspan(0, 1);
+    case Kind::fastscan:
+    case Kind::canopennode:
+    case Kind::lely: return all.subspan(1, 1);
+    case Kind::feedback_29: return all.subspan(2, 1);
+    case Kind::feedback_11: return all.subspan(3, 1);
+    default: return {};
+  }
+}
 
 [[nodiscard]] inline std::string describe(const Cell& c) {
   return std::string(name(c.kind)) + ", " + std::to_string(c.devices) + " devices, " +
@@ -113,6 +132,7 @@ struct Cell {
 [[nodiscard]] inline plant::Latency response_of(Latency latency) {
   if (latency == Latency::equal) return {1ms, 1ms, 0, 0ms};
   if (latency == Latency::random) return {200us, 4ms, 0, 0ms};
+  if (latency == Latency::wide) return {100us, 9ms, 0, 0ms};
   return {200us, 2ms, 10'000, 30ms};
 }
 
@@ -160,6 +180,7 @@ struct Made {
   design::Bus bus;
   bus.name = "field";
   bus.bitrate = cell.bit_rate;
+  bus.discovery = cell.method;
   made.machine.buses.push_back(bus);
   made.plant.seed = random.next();
   made.plant.buses.push_back({bus.name, 0});

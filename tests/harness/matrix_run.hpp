@@ -27,6 +27,8 @@ struct Choice {
   unsigned workers = 2;
   bool show = false;
   bool frames = false;
+  bool ratio = false;  // against the published methods too
+  bool quiet = false;  // cells that are not operational are not named
 };
 
 struct Done {
@@ -40,8 +42,9 @@ inline std::vector<Cell> cells_of(const Choice& o) {
   for (int k = 0; k < static_cast<int>(Kind::count); ++k) {
     for (const auto n : sizes) {
       for (const auto rate : bit_rates) {
-        for (int l = 0; l < static_cast<int>(Latency::count); ++l) {
+        for (int l = 0; l <= static_cast<int>(Latency::wide); ++l) {
           const Cell cell{static_cast<Kind>(k), n, rate, static_cast<Latency>(l), o.rx_depth};
+          if (cell.latency == Latency::wide && o.latency != Latency::wide) continue;
           const bool chosen = (!o.kind || *o.kind == cell.kind) && (!o.devices || *o.devices == n) &&
                               (!o.bit_rate || *o.bit_rate == rate) && (!o.latency || *o.latency == cell.latency);
           if (chosen) cells.push_back(cell);
@@ -87,7 +90,7 @@ inline std::vector<Done> run_all(const Choice& o, const std::vector<Cell>& cells
   while (read(ends[0], &done, sizeof done) == static_cast<ssize_t>(sizeof done)) {
     all[done.cell] = done;
     came[done.cell] = true;
-    if (done.outcome.end == End::operational) continue;
+    if (done.outcome.end == End::operational || o.quiet) continue;
     if (const auto why = limit_of(cells[done.cell])) {
       std::printf("%s: a limit: %.*s\n", describe(cells[done.cell]).c_str(), static_cast<int>(why->size()),
                   why->data());
@@ -116,9 +119,10 @@ inline std::string time_text(const Outcome& outcome) {
   return text.data();
 }
 
-inline void print_table(const std::vector<Cell>& cells, const std::vector<Done>& all) {
-  std::printf(
-      "\nBus time in seconds from the first frame to operational; latencies equal / 0.2 to 4 ms / slow outliers\n");
+// One line for each kind and size; an entry a bit rate, with `text_of` its cells' places, one a latency.
+template <class TextOf>
+void print_rows(const std::vector<Cell>& cells, const char* title, const TextOf& text_of) {
+  std::printf("\n%s; latencies equal / 0.2 to 4 ms / slow outliers\n", title);
   std::printf("%-12s%8s", "kind", "devices");
   for (const auto rate : bit_rates) std::printf("%26s", (std::to_string(rate / 1000) + " kbit/s").c_str());
   std::printf("\n");
@@ -132,12 +136,78 @@ inline void print_table(const std::vector<Cell>& cells, const std::vector<Done>&
              cells[i].bit_rate == rate;
            ++i) {
         if (!entry.empty()) entry += " / ";
-        entry += time_text(all[i].outcome);
+        entry += text_of(i);
       }
       std::printf("%26s", entry.c_str());
     }
     std::printf("\n");
   }
+}
+
+inline void print_table(const std::vector<Cell>& cells, const std::vector<Done>& all) {
+  print_rows(cells, "Bus time in seconds from the first frame to operational",
+             [&](std::size_t i) { return time_text(all[i].outcome); });
+}
+
+// The default's bus time over that of the best published method.
+struct Ratio {
+  std::optional<double> value;  // none: no published method is operational there
+  std::string_view method;      // the best published one
+};
+
+inline constexpr double most_ratio = 1.1;
+
+// Of each cell, with the default's outcomes `all`: runs the published methods.
+inline std::vector<Ratio> ratios(const Choice& o, const std::vector<Cell>& cells, const std::vector<Done>& all) {
+  std::vector<Cell> others;
+  std::vector<std::size_t> of;
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    for (const auto method : published(cells[i].kind)) {
+      others.push_back(cells[i]);
+      others.back().method = method;
+      of.push_back(i);
+    }
+  }
+  Choice quiet = o;
+  quiet.quiet = true;
+  const auto done = run_all(quiet, others);
+  std::vector<Ratio> list(cells.size());
+  for (std::size_t k = 0; k < others.size(); ++k) {
+    const auto& mine = all[of[k]].outcome;
+    const auto& theirs = done[k].outcome;
+    if (mine.end != End::operational || theirs.end != End::operational) continue;
+    const double ratio = static_cast<double>(mine.bus_time.count()) / static_cast<double>(theirs.bus_time.count());
+    auto& best = list[of[k]];
+    if (!best.value || ratio > *best.value) best = {ratio, others[k].method};
+  }
+  return list;
+}
+
+// Prints them, and the worst; false when the default is slower than `most_ratio` in one.
+inline bool print_ratios(const std::vector<Cell>& cells, const std::vector<Ratio>& list) {
+  print_rows(cells, "The default's bus time over that of the best published method; -: none is operational",
+             [&](std::size_t i) {
+               if (!list[i].value) return std::string("-");
+               std::array<char, 24> text{};
+               std::snprintf(text.data(), text.size(), "%.2f", *list[i].value);
+               return std::string(text.data());
+             });
+  std::size_t compared = 0;
+  std::size_t slower = 0;
+  const Ratio* worst = nullptr;
+  for (const auto& ratio : list) {
+    if (!ratio.value) continue;
+    ++compared;
+    slower += *ratio.value > most_ratio ? 1U : 0U;
+    if (worst == nullptr || *ratio.value > *worst->value) worst = &ratio;
+  }
+  std::printf("%zu cells compared, in %zu the default takes more than %.1f times the best published method\n", compared,
+              slower, most_ratio);
+  if (worst != nullptr) {
+    std::printf("worst: %s: %.2f times %.*s\n", describe(cells[static_cast<std::size_t>(worst - list.data())]).c_str(),
+                *worst->value, static_cast<int>(worst->method.size()), worst->method.data());
+  }
+  return slower == 0;
 }
 
 // Prints how many of them are as they must be; false when one is not.

@@ -56,6 +56,31 @@ INSTANTIATE_TEST_SUITE_P(Late, Matrix,
                                          Cell{Kind::stored, 60, 10'000, Latency::random}),
                          test_name);
 
+class AgainstPublished : public testing::TestWithParam<Cell> {};
+
+TEST_P(AgainstPublished, TheDefaultIsNeverMuchSlower) {
+  const Cell mine = GetParam();
+  const auto own = run(mine, budget(mine));
+  ASSERT_EQ(own.end, End::operational) << own.why.data();
+  for (const auto method : published(mine.kind)) {
+    Cell theirs = mine;
+    theirs.method = method;
+    const auto other = run(theirs, budget(mine));
+    if (other.end != End::operational) continue;
+    EXPECT_LE(10 * own.bus_time, 11 * other.bus_time) << describe(mine) << ", " << method;
+  }
+}
+
+// What was wrong at each: a window that ended before the answer's frame did; a window that was learnt from the gaps
+// between many devices' answers; a device that was told to be identified and not known.
+INSTANTIATE_TEST_SUITE_P(Windows, AgainstPublished,
+                         testing::Values(Cell{Kind::rand, 1, 10'000, Latency::equal},
+                                         Cell{Kind::rand, 2, 50'000, Latency::wide},
+                                         Cell{Kind::rand, 60, 1'000'000, Latency::wide},
+                                         Cell{Kind::rand, 120, 10'000, Latency::wide},
+                                         Cell{Kind::rand, 126, 125'000, Latency::wide}),
+                         test_name);
+
 // Receive buffers that hold one frame, or two: what comes back to back is lost.
 INSTANTIATE_TEST_SUITE_P(SmallBuffers, Matrix,
                          testing::Values(Cell{Kind::lss, 5, 125'000, Latency::equal, 1},

@@ -169,6 +169,21 @@ TEST(RandWalk, AGuessedSerialNumberHidesNoDevice) {
 }
 
 // Resuming slaves: each node of the tree once, and two requests when type and revision are known.
+// Its DIS is lost: it is identified, answers nothing any more, and the master does not know it.
+TEST(RandWalk, AGuessedSerialNumberWhoseAnswerIsLostIsFound) {
+  for (unsigned lost = 3; lost < 8; ++lost) {
+    WalkWorld w;
+    for (std::uint32_t i = 0; i < 8; ++i) w.put({1, 2, 3, 0x8000'1234 + i * 0x1'0010}, false, microseconds(300));
+    w.nodes[lost]->mute_at = 8;
+    w.nodes[lost]->mute_times = 1;
+    const auto report = w.go();
+    ASSERT_TRUE(report);
+    EXPECT_EQ(report->end, End::complete);
+    EXPECT_EQ(found(*report), there(w)) << lost;
+    expect_silent(w);
+  }
+}
+
 TEST(RandWalk, ResumingSlavesOfAKnownTypeTakeTwoRequests) {
   WalkWorld w;
   for (unsigned i = 0; i < 30; ++i) w.put({1, 2, 3, 0x4000 + i}, true);

@@ -1,7 +1,8 @@
 // ./run matrix [--kind K] [--devices N] [--bitrate KBIT] [--latency L] [--limit SECONDS] [--rx-depth N] [--show]
-// [--frames]: the main job at every size, with every kind of device and at every bit rate, from blank devices to
-// operational. Prints the bus times as a table; exit 1 when a cell that docs/limits.md does not except is not
-// operational within its bus time.
+// [--frames] [--ratio]: the main job at every size, with every kind of device and at every bit rate, from blank devices
+// to operational. Prints the bus times as a table; exit 1 when a cell that docs/limits.md does not except is not
+// operational within its bus time. --ratio: and the default's time over that of the best published method; exit 1 when
+// it is more than 1.1 anywhere.
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
@@ -25,6 +26,10 @@ int place_of(const Names& names, const char* wanted) {
 bool read_options(Choice& o, int argc, char** argv) {
   for (int i = 1; i < argc; ++i) {
     const std::string_view option = argv[i];
+    if (option == "--ratio") {
+      o.ratio = true;
+      continue;
+    }
     if (option == "--show" || option == "--frames") {
       o.show = true;
       o.frames = o.frames || option == "--frames";
@@ -68,7 +73,7 @@ int main(int argc, char** argv) {
     std::fprintf(
         stderr,
         "usage: matrix [--kind K] [--devices N] [--bitrate KBIT] [--latency L] [--limit SECONDS] [--rx-depth N] "
-        "[--workers N] [--show] [--frames]\nkinds:");
+        "[--workers N] [--show] [--frames] [--ratio]\nkinds:");
     for (const auto* kind : kind_names) std::fprintf(stderr, " %s", kind);
     std::fprintf(stderr, "\nlatencies:");
     for (const auto* latency : latency_names) std::fprintf(stderr, " %s", latency);
@@ -77,5 +82,7 @@ int main(int argc, char** argv) {
   }
   const auto all = run_all(o, cells);
   print_table(cells, all);
-  return print_sum(cells, all) ? 0 : 1;
+  bool good = print_sum(cells, all);
+  if (o.ratio) good = print_ratios(cells, ratios(o, cells, all)) && good;
+  return good ? 0 : 1;
 }
