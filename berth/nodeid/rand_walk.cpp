@@ -1,10 +1,10 @@
 #include "berth/nodeid/rand_walk.hpp"
 
 #include <algorithm>
-#include <set>
 #include <utility>
 
 #include "berth/nodeid/masters_parts.hpp"
+#include "berth/nodeid/rand_walk_parts.hpp"
 
 namespace berth::nodeid {
 namespace {
@@ -15,127 +15,7 @@ constexpr std::size_t most_roots = 3;  // so many requests may stay unanswered w
 constexpr unsigned enough_heard = 12;  // answers heard before a window is cut short by what was learnt
 constexpr const char* walk_busy = "another walk is under way";
 
-constexpr std::uint32_t join(std::uint16_t high, std::uint16_t low) noexcept {
-  return static_cast<std::uint32_t>(high) << 16 | low;
-}
-constexpr LssAddress address_of(const std::array<std::uint16_t, 8>& c) noexcept {
-  return {join(c[0], c[1]), join(c[2], c[3]), join(c[4], c[5]), join(c[6], c[7])};
-}
-
 }  // namespace
-
-// What is known of the chunks under a prefix.
-struct RandWalk::Node {
-  enum class State : std::uint8_t { fresh, guessed, visited };
-  State state = State::fresh;
-  std::set<std::uint16_t> open{};  // whose subtree is still to be walked
-  std::set<std::uint16_t> all{};   // ever heard here in this round
-};
-
-struct RandWalk::Run {
-  struct Entry {
-    Walked device;
-    bool now = false;       // heard in this round and not silenced yet
-    bool doubtful = false;  // may be made of a stray answer: to be proven
-    bool doubled = false;   // answered twice: one device or two?
-    bool told = false;      // to the observer
-  };
-  std::span<const WalkKind> kinds;
-  const WalkOptions& options;
-  WalkObserver* observer;
-  WalkReport report{};
-  std::vector<Entry> entries{};
-  std::map<Prefix, Node> tree{};  // of this round
-  rt::Time last_sent{};
-  unsigned streak = 0;  // rounds without a new device
-  unsigned silent = 0;  // ways that ended in silence, less those that ended with a device
-  bool guess = true;    // the first round: `kinds` are believed
-  bool hurry = true;    // known ways are walked without waiting for their answers
-  bool steps = true;    // a serial number may be guessed from the two before it
-  bool resume = false;  // resuming slaves are asked for
-  bool stopped = false;
-  unsigned too_fast_ = 0;
-  unsigned wrong_steps_ = 0;
-  std::size_t known_before = 0;  // entries when the round began
-
-  bool stops() noexcept {
-    stopped = stopped || (observer != nullptr && !observer->goes_on());
-    return stopped;
-  }
-  [[nodiscard]] unsigned factor() const noexcept { return 1U << std::min(std::max(streak, silent), 4U); }
-  [[nodiscard]] rt::Duration longest() const noexcept { return factor() * options.longest; }
-
-  /// The serial number that lies alone under this prefix of seven chunks when those below it go on as they did: two
-  /// differences agree, and are too large for two under one prefix.
-  [[nodiscard]] std::optional<std::uint16_t> guessed(const Prefix& prefix) const {
-    if (!steps || options.prove_all || prefix.depth != 7) return std::nullopt;
-    const LssAddress here = address_of(prefix.chunks);
-    std::vector<std::uint32_t> serials;
-    for (const Entry& e : entries) {
-      const LssAddress& a = e.device.address;
-      if (a.type() == here.type() && a.revision == here.revision && a.serial < here.serial) serials.push_back(a.serial);
-    }
-    if (serials.size() < 3) return std::nullopt;
-    std::ranges::partial_sort(serials, serials.begin() + 3, std::ranges::greater());
-    const std::uint32_t step = serials[0] - serials[1];
-    const std::uint32_t next = serials[0] + step;
-    const bool fits = step > 0xFFFF && serials[1] - serials[2] == step && next >> 16U == prefix.chunks[6];
-    if (!fits) return std::nullopt;
-    return static_cast<std::uint16_t>(next & 0xFFFFU);
-  }
-  static LssAddress address_under(const Prefix& prefix, std::uint16_t chunk) noexcept {
-    auto chunks = prefix.chunks;
-    chunks[7] = chunk;
-    return address_of(chunks);
-  }
-  Entry& enter(const Prefix& prefix, std::uint16_t chunk, rt::Time at, bool resumes) {
-    const auto address = address_under(prefix, chunk);
-    auto known = std::ranges::find(entries, address, [](const Entry& e) { return e.device.address; });
-    if (known == entries.end()) {
-      entries.push_back({.device = {.address = address, .at = at, .times_found = 0}});
-      known = entries.end() - 1;
-    }
-    if (!known->now) ++known->device.times_found;
-    known->now = true;
-    known->device.resumes |= resumes;
-    silent -= std::min(silent, 1U);
-    return *known;
-  }
-  [[nodiscard]] Entry* find(const LssAddress& address) noexcept {
-    const auto it = std::ranges::find(entries, address, [](const Entry& e) { return e.device.address; });
-    return it == entries.end() ? nullptr : &*it;
-  }
-  /// A branch is dead. True when the requests may have come too fast for its devices: then it is tried again.
-  bool too_fast(bool hurried) noexcept {
-    ++report.dead_branches;
-    ++silent;
-    if (!hurried) return false;
-    hurry = ++too_fast_ < 2;
-    return true;
-  }
-  /// A serial number that was guessed is not there.
-  void wrong_step() noexcept {
-    ++silent;
-    steps = ++wrong_steps_ < 2;
-  }
-  /// The prefix is done.
-  void prune(Prefix prefix) {
-    if (prefix.depth == 0) return;
-    --prefix.depth;
-    const auto chunk = std::exchange(prefix.chunks[prefix.depth], std::uint16_t{0});
-    prune(prefix, chunk);
-  }
-  /// The chunk's subtree is done: takes it and all parents that have nothing else out of the tree.
-  void prune(Prefix prefix, std::uint16_t chunk) {
-    for (;;) {
-      auto& open = tree[prefix].open;
-      open.erase(chunk);
-      if (!open.empty() || prefix.depth == 0) return;
-      --prefix.depth;
-      chunk = std::exchange(prefix.chunks[prefix.depth], std::uint16_t{0});
-    }
-  }
-};
 
 struct RandWalk::Lease {
   explicit Lease(RandWalk& walk) noexcept : walk_(walk) { walk_.busy_ = true; }
@@ -355,7 +235,7 @@ rt::Task<Result<void>> RandWalk::descend(Run& run, bool root_heard) {
     if (!answered) co_return fail(answered.error());
     if (hurry) continue;
     auto& open = run.tree[p].open;
-    if (parent_new) run.tree[parent].open.insert(late_.begin(), late_.end());
+    if (parent_new) run.add(parent, late_, hurried);
     late_.clear();
     parent_new = was == State::fresh && phase < 7;
     if (phase == 7 && !heard_.empty()) {
@@ -364,7 +244,9 @@ rt::Task<Result<void>> RandWalk::descend(Run& run, bool root_heard) {
     run.tree[p].state = State::visited;
     for (const auto& h : heard_) run.tree[p].all.insert(h.chunk);
     if (was == State::fresh) {
-      for (const auto& h : heard_) open.insert(h.chunk);
+      std::vector<std::uint16_t> chunks;
+      for (const auto& h : heard_) chunks.push_back(h.chunk);
+      run.add(p, chunks, hurried);
     } else if (was == State::guessed) {
       std::erase_if(open, [this](std::uint16_t c) { return !is_heard(c); });
     } else if (!is_heard(*open.begin())) {
@@ -372,7 +254,11 @@ rt::Task<Result<void>> RandWalk::descend(Run& run, bool root_heard) {
       co_return Result<void>{};
     }
     if (!open.empty()) continue;
-    if (!run.too_fast(hurried)) run.prune(p);
+    if (run.too_fast(hurried)) {
+      run.tree[p].state = State::fresh;  // nothing is known of it yet
+    } else {
+      run.prune(p);
+    }
     co_return Result<void>{};
   }
   co_return Result<void>{};
@@ -428,22 +314,11 @@ bool RandWalk::expect(Run& run, const Prefix& prefix) {
 rt::Task<Result<void>> RandWalk::leaf(Run& run, const Prefix& prefix) {
   run.prune(prefix);
   run.report.known = now();
-  // A chunk that is also one of those on the way here may be an answer that was still under way.
-  const auto stray = [&](std::uint16_t chunk) {
-    Prefix node;
-    bool heard = run.tree[node].all.contains(chunk);
-    while (!heard && node.depth < 6) {
-      node.chunks[node.depth] = prefix.chunks[node.depth];
-      ++node.depth;
-      heard = run.tree[node].all.contains(chunk);
-    }
-    return heard;
-  };
   std::optional<LssAddress> asked;
   for (const auto& h : heard_) {
     auto& entry = run.enter(prefix, h.chunk, h.at, false);
     entry.doubled |= h.times > 1;
-    entry.doubtful |= run.options.prove_all || stray(h.chunk);
+    entry.doubtful |= run.options.prove_all || run.may_be_stray(prefix, h.chunk);
     if (!asked || (entry.doubtful && !run.find(*asked)->doubtful)) asked = entry.device.address;
   }
   // A DIS behind this way proves what was heard of it since the slave joined it: one that was deaf may have joined

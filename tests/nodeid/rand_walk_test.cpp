@@ -184,6 +184,20 @@ TEST(RandWalk, AGuessedSerialNumberWhoseAnswerIsLostIsFound) {
   }
 }
 
+// The requests before it followed each other at once, and the device is silent: it is asked again in the same round.
+TEST(RandWalk, ABranchThatWasAskedTooFastIsAskedAgain) {
+  WalkWorld w;
+  w.put({1, 1, 0, 5}, false);
+  auto& second = w.put({1, 1, 0x1'0000, 5}, false);
+  second.mute_at = 5;
+  second.mute_times = 1;
+  const auto report = w.go();
+  ASSERT_TRUE(report);
+  EXPECT_EQ(found(*report), there(w));
+  EXPECT_EQ(report->dead_branches, 1U);
+  EXPECT_EQ(report->rounds, 2U) << "the way on, and phase 0 that nobody answers";
+}
+
 TEST(RandWalk, ResumingSlavesOfAKnownTypeTakeTwoRequests) {
   WalkWorld w;
   for (unsigned i = 0; i < 30; ++i) w.put({1, 2, 3, 0x4000 + i}, true);
