@@ -27,6 +27,7 @@ Search::Search(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDev
 void Search::begin() {
   known_before_ = std::exchange(heard_of_, {});
   news_ = false;
+  pace_ = {.began = s_.executor.now(), .tell_at = pace_.tell_at};
 }
 
 // ---- the searches ----
@@ -79,7 +80,9 @@ rt::Task<bool> Search::by_method() {
 // The devices that it found are seated by now, as far as that was safe.
 rt::Task<bool> Search::go_on() {
   agenda_.search_open = false;
+  const Pace pace = pace_;
   begin();
+  pace_ = pace;
   const bool all = agenda_.method() == "auto";
   if (all) co_return co_await by_rest(open_configured_);
   co_return co_await by_method();
@@ -114,6 +117,7 @@ void Search::take(const discovery::Report& report) {
     tell_found(d.address, d.possible_clone);
     found_.note({d.address, d.assigned.configured() ? d.assigned : d.active, d.possible_clone});
   }
+  pace_.found += report.found.size();
   using End = discovery::Report::End;
   agenda_.search_open = report.end == End::more && gets_on();
   if (agenda_.search_open) tell_progress();
@@ -194,11 +198,23 @@ void Search::tell_end(const discovery::Report& report) {
 
 // Not at every slice: a long search tells every ten seconds how far it is.
 void Search::tell_progress() {
-  if (s_.executor.now() < progress_at_) return;
-  progress_at_ = s_.executor.now() + std::chrono::seconds(10);
+  if (s_.executor.now() < pace_.tell_at) return;
+  pace_.tell_at = s_.executor.now() + std::chrono::seconds(10);
   slots_.events().tell(EventKind::step, "",
-                       fmt::format("searching on: {} found so far, type {} of {}, {:.0f} % of its serial numbers",
-                                   found_.size(), now_.kind + 1, now_.kinds, now_.swept * 100));
+                       fmt::format("searching on: {} found so far, type {} of {}, {:.0f} % of its serial numbers{}",
+                                   found_.size(), now_.kind + 1, now_.kinds, now_.swept * 100, outlook()));
+}
+
+// Devices cost about the same number of questions each, wherever their serial numbers are; the part of the serial
+// numbers that was swept tells nothing when they lie close together.
+std::string Search::outlook() const {
+  const auto empty = std::ranges::count_if(slots_.seats(), [](const auto& seat) {
+    return !seat->is_accounted_for() && seat->slot.spec.assign == places::Assign::lss;
+  });
+  const auto open = empty - static_cast<std::ptrdiff_t>(found_.size());
+  if (pace_.found == 0 || open <= 0) return "";
+  const double each = (seconds(s_.executor.now()) - seconds(pace_.began)) / static_cast<double>(pace_.found);
+  return fmt::format("; at this pace {} more devices take about {:.0f} s", open, each * static_cast<double>(open));
 }
 
 // ---- a search that only tells ----

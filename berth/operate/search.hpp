@@ -42,12 +42,19 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
   rt::Task<Result<NewDevices>> find_new();
 
  private:
+  // How fast a long search gets on, all its parts together.
+  struct Pace {
+    rt::Time began{};
+    std::size_t found = 0;
+    rt::Time tell_at{};  // it is told again then
+  };
   rt::Task<Result<void>> find_the_rest(discovery::Discovery& way, NewDevices& all);
   rt::Task<bool> by(discovery::Discovery& way);
   void take(const discovery::Report& report);
   void tell_found(const Identity& device, bool clone);
   void tell_end(const discovery::Report& report);
   void tell_progress();
+  [[nodiscard]] std::string outlook() const;
   [[nodiscard]] bool gets_on();
 
   void phase(const nodeid::PhaseEvent&) noexcept override {}
@@ -67,7 +74,7 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
   std::vector<Identity> known_before_;  // by the one before
   discovery::Progress now_{};
   discovery::Progress before_{};
-  rt::Time progress_at_{};      // it is told again then
+  Pace pace_;
   unsigned idle_ = 0;           // slices in a row that brought nothing
   unsigned interruptions_ = 0;  // since the last search that came to its end, or got on
   discovery::Progress broken_at_{};
