@@ -6,6 +6,8 @@
 #include <set>
 
 #include "berth/can/frame.hpp"
+#include "berth/doctor/findings.hpp"
+#include "berth/doctor/silence.hpp"
 
 namespace berth::doctor {
 
@@ -67,33 +69,23 @@ namespace {
 
 using namespace std::chrono_literals;
 
-double s(rt::Time at) noexcept { return std::chrono::duration<double>(at.time_since_epoch()).count(); }
-double ms(rt::Duration d) noexcept { return std::chrono::duration<double, std::milli>(d).count(); }
-
-std::string times(const Count& c) {
-  if (c.count == 1) return fmt::format("once, at {:.3f} s", s(c.first));
-  return fmt::format("{} times, from {:.3f} s to {:.3f} s", c.count, s(c.first), s(c.last));
-}
-
-std::string list(const std::vector<NodeId>& nodes) {
-  std::string text;
-  for (const auto n : nodes) text += fmt::format("{}{}", text.empty() ? "" : ", ", n.value());
-  return text;
-}
-
 /// Builds up one patient's findings.
 class Consultation {
  public:
   Consultation(const Heard& heard, const Expected& expected, const Answers& answers)
-      : heard_(heard), expected_(expected), answers_(answers) {}
+      : heard_(heard), expected_(expected), answers_(answers), silence_(heard, expected, answers) {}
 
   std::vector<Diagnosis> findings() {
-    if (silent_bus()) return std::move(found_);
+    if (auto cause = silence_.of_bus()) return {std::move(*cause)};
     find_strangers_rate();
     for (unsigned n = 1; n <= 127; ++n) duplicate(NodeId(static_cast<std::uint8_t>(n)));
     collisions();
     blanks();
-    for (unsigned n = 1; n <= 127; ++n) missing(NodeId(static_cast<std::uint8_t>(n)));
+    for (unsigned n = 1; n <= 127; ++n) {
+      const NodeId id(static_cast<std::uint8_t>(n));
+      if (id == jammer_) continue;
+      if (auto missing = silence_.of_heartbeat(id, jammed_)) found_.push_back(std::move(*missing));
+    }
     passive();
     overload();
     disturbance();
@@ -103,47 +95,12 @@ class Consultation {
 
  private:
   Diagnosis& add(Kind kind, Certainty certainty, NodeId node = NodeId()) {
-    Diagnosis d;
-    d.kind = kind;
-    d.certainty = certainty;
-    d.node = node;
-    if (const auto* slot = node.configured() ? expected_.slot(node) : nullptr) d.slot = slot->name.name;
-    return found_.emplace_back(std::move(d));
-  }
-  static void when(Diagnosis& d, const Count& c) {
-    if (c.count == 0) return;
-    d.first = d.count == 0 ? c.first : std::min(d.first, c.first);
-    d.last = std::max(d.last, c.last);
-    d.count += c.count;
+    return found_.emplace_back(finding(expected_, kind, certainty, node));
   }
   [[nodiscard]] bool has(Kind kind, NodeId node) const {
     return std::ranges::any_of(found_, [&](const auto& d) { return d.kind == kind && d.node == node; });
   }
-  [[nodiscard]] std::string who(NodeId node) const {
-    const auto* slot = expected_.slot(node);
-    if (slot != nullptr) return fmt::format("node {} ({})", node.value(), slot->name.name);
-    return fmt::format("node {}{}", node.value(), node == expected_.master ? " (the master)" : "");
-  }
-  [[nodiscard]] bool silent(const places::SlotSpec& slot) const { return heard_.node(slot.id).signs.count == 0; }
-
-  // ---- a bus on which nothing is said ----
-
-  // The cause of all that would be missed is told once.
-  bool silent_bus() {
-    const bool answered = answers_.blank || !answers_.present.empty() || !answers_.serials.empty();
-    if (heard_.frames > 0 || heard_.errors > 0 || answered) return false;
-    auto& d = add(Kind::silent_bus, Certainty::certain);
-    d.what = "nothing was heard on this bus";
-    d.evidence.push_back(fmt::format("not one frame in {:.1f} s", ms(heard_.to - heard_.from) / 1000));
-    if (answers_.asked) d.evidence.emplace_back("no device answered the questions");
-    d.advice =
-        "is the bit rate right (`berth scan --bitrate auto`), is the cable plugged in, have devices power, is the bus "
-        "terminated?";
-    if (!answers_.asked) {
-      d.advice += " Devices without a node-ID are silent, too: `berth doctor --active` asks for them";
-    }
-    return true;
-  }
+  [[nodiscard]] std::string who(NodeId node) const { return doctor::who(expected_, node); }
 
   // ---- a node at another bit rate ----
 
@@ -179,7 +136,7 @@ class Consultation {
     if (own_trouble || (!in_a_row && !everywhere)) return;
     std::vector<NodeId> suspects;
     for (const auto& slot : expected_.slots) {
-      if (silent(slot)) suspects.push_back(slot.id);
+      if (silence_.unheard(slot)) suspects.push_back(slot.id);
     }
     jammed_ = true;
     const bool one = suspects.size() == 1;
@@ -192,7 +149,8 @@ class Consultation {
       d.evidence.push_back(
           fmt::format("{} errors to {} good frames, from {:.3f} s to {:.3f} s; {} in a row at most, {} or "
                       "more {} times",
-                      heard_.errors, heard_.frames, s(d.first), s(d.last), longest->count, Heard::long_run, runs));
+                      heard_.errors, heard_.frames, in_seconds(d.first), in_seconds(d.last), longest->count,
+                      Heard::long_run, runs));
     }
     d.evidence.push_back(
         fmt::format("this port's counters went up to TEC {}, REC {}", heard_.worst.tec, heard_.worst.rec));
@@ -233,12 +191,15 @@ class Consultation {
     const auto note = [&](Certainty c, std::string text) { signs.note(c, std::move(text)); };
     Count seen;
     if (node.flips.count >= 3) {
-      note(node.flips.count >= 6 ? Certainty::certain : Certainty::likely,
+      // A command or a boot-up that passed this port by would explain it.
+      note(node.flips.count >= 6 && heard_.complete() ? Certainty::certain : Certainty::likely,
            fmt::format("its heartbeats tell two NMT states in turn, without a command between: {}", times(node.flips)));
       seen = node.flips;
     }
     if (const auto boots = boots_beside(node, expected_.heartbeat_period); boots.count > 0) {
-      note(boots.count > 1 ? Certainty::certain : Certainty::likely,
+      // A device may keep its heartbeat's rhythm over a reset that it was told to do.
+      const bool by_itself = node.resets.count == 0 && heard_.complete();
+      note(boots.count > 1 && by_itself ? Certainty::certain : Certainty::likely,
            fmt::format("a boot-up message while the heartbeat went on in its old rhythm: {}", times(boots)));
       seen = boots;
     }
@@ -305,7 +266,7 @@ class Consultation {
     if (r.interleaved && known) certainty = std::max(certainty, Certainty::likely);
     if (known) {
       return fmt::format("{} heartbeats, {:.1f} times as many as one device sends every {:g} ms{}", r.beats, r.rate,
-                         ms(expected_.heartbeat_period),
+                         in_ms(expected_.heartbeat_period),
                          r.interleaved ? ", in two rhythms that take turns" : ", evenly spaced");
     }
     return fmt::format("{} heartbeats in two rhythms that take turns", r.beats);
@@ -375,31 +336,45 @@ class Consultation {
 
   // ---- no node-ID ----
 
+  // Another LSS master's questions told, and it may have given the device a node-ID since.
+  [[nodiscard]] bool had_one() const { return heard_.given.count > 0 && heard_.given.last > heard_.blank.last; }
+  [[nodiscard]] bool denied() const { return answers_.asked && !answers_.blank; }
+
+  [[nodiscard]] bool tells_blank() const {
+    return answers_.blank || (heard_.blank.count > 0 && !(had_one() && denied()));
+  }
+
+  void blank(const std::vector<NodeId>& candidates) {
+    const bool one = candidates.size() == 1;
+    const bool now = answers_.blank || (!had_one() && !denied());
+    auto& d = add(Kind::blank_node, now ? Certainty::certain : Certainty::possible, one ? candidates[0] : NodeId());
+    when(d, heard_.blank);
+    d.what = now ? "at least one device has no node-ID" : "a device had no node-ID, and perhaps has none still";
+    if (one) d.what += fmt::format("; probably that of {}", who(candidates[0]));
+    if (heard_.blank.count > 0)
+      d.evidence.push_back(fmt::format("a device without node-ID answered an LSS question: {}", times(heard_.blank)));
+    if (!now && had_one())
+      d.evidence.push_back(
+          fmt::format("a device took a node-ID from another LSS master since: {}", times(heard_.given)));
+    if (denied()) d.evidence.emplace_back("no device answered LSS identify non-configured remote slave at the end");
+    if (answers_.blank && heard_.blank.count == 0)
+      d.evidence.emplace_back("it answered LSS identify non-configured remote slave");
+    if (one) d.evidence.push_back(fmt::format("{} is the only slot that was not heard", who(candidates[0])));
+    if (candidates.size() > 1) d.evidence.push_back(fmt::format("not heard: nodes {}", list(candidates)));
+    for (const auto& p : answers_.present) {
+      if (p.told && !p.active.configured()) d.devices.push_back(p.device);
+    }
+    for (const auto& device : d.devices) d.evidence.push_back(to_string(device) + " has none, by LSS");
+    d.advice = "`berth bind` gives it the node-ID of its slot";
+  }
+
   void blanks() {
-    const bool told = heard_.blank.count > 0 || answers_.blank;
     std::vector<NodeId> candidates;
     for (const auto& slot : expected_.slots) {
-      const bool candidate = silent(slot) && slot.assign == places::Assign::lss && slot.id != jammer_;
-      if (candidate && !sits_elsewhere(slot)) candidates.push_back(slot.id);
+      const bool candidate = silence_.unheard(slot) && slot.assign == places::Assign::lss && slot.id != jammer_;
+      if (candidate) candidates.push_back(slot.id);
     }
-    if (told) {
-      const bool one = candidates.size() == 1;
-      auto& d = add(Kind::blank_node, Certainty::certain, one ? candidates[0] : NodeId());
-      when(d, heard_.blank);
-      d.what = "at least one device has no node-ID";
-      if (heard_.blank.count > 0)
-        d.evidence.push_back(fmt::format("a device without node-ID answered an LSS question: {}", times(heard_.blank)));
-      if (answers_.blank && heard_.blank.count == 0)
-        d.evidence.emplace_back("it answered LSS identify non-configured remote slave");
-      if (one) d.evidence.push_back(fmt::format("{} is the only slot that was not heard", who(candidates[0])));
-      if (candidates.size() > 1) d.evidence.push_back(fmt::format("not heard: nodes {}", list(candidates)));
-      for (const auto& p : answers_.present) {
-        if (p.told && !p.active.configured()) d.devices.push_back(p.device);
-      }
-      for (const auto& device : d.devices) d.evidence.push_back(to_string(device) + " has none, by LSS");
-      d.advice = "`berth bind` gives it the node-ID of its slot";
-      return;
-    }
+    if (tells_blank()) return blank(candidates);
     if (answers_.asked) return;
     for (const auto id : candidates) {
       if (expected_.slot(id)->optional) continue;
@@ -408,81 +383,6 @@ class Consultation {
       d.evidence.emplace_back("nothing that only this node sends was heard");
       d.advice = "`berth doctor --active` asks whether a device without node-ID is there; `berth bind` gives it one";
     }
-  }
-
-  /// Questions found a device of the slot's type that told this node-ID: it is there and merely silent.
-  [[nodiscard]] bool sits_elsewhere(const places::SlotSpec& slot) const {
-    return std::ranges::any_of(answers_.present, [&](const auto& p) { return p.told && p.active == slot.id; });
-  }
-
-  // ---- heartbeats ----
-
-  void missing(NodeId id) {
-    const auto* slot = expected_.slot(id);
-    const auto& node = heard_.node(id);
-    if (id == jammer_) return;
-    const auto listened = heard_.to - heard_.from;
-    const auto patience = expected_.heartbeat_timeout;
-    if (slot == nullptr || patience.count() == 0) return stopped(id);
-    if (listened <= patience) return;
-    const bool guarded = node.guard_answers > 0 && node.guard_answers * 2 >= node.guard_requests;
-    if (node.signs.count == 0) {
-      if (slot->optional) return;
-      auto& d = add(Kind::missing_heartbeat, Certainty::certain, id);
-      d.what = fmt::format("{} is silent", who(id));
-      d.evidence.push_back(fmt::format("nothing heard of it in {:.1f} s; its heartbeat is due every {:g} ms",
-                                       ms(listened) / 1000, ms(expected_.heartbeat_period)));
-      if (sits_elsewhere(*slot)) d.evidence.emplace_back("its device answers LSS: it is there, and sends no heartbeat");
-      d.advice = "has it power, is it on this bus, at this bit rate, has it a node-ID, is its object 1017h set?";
-      return;
-    }
-    if (guarded) return;
-    if (node.beat.count == 0) {
-      auto& d = add(Kind::missing_heartbeat, Certainty::certain, id);
-      when(d, node.signs);
-      d.what = fmt::format("{} is there and sends no heartbeat", who(id));
-      d.evidence.push_back(
-          fmt::format("other messages of it: {}; no heartbeat in {:.1f} s", times(node.signs), ms(listened) / 1000));
-      d.advice = fmt::format("set its object 1017h to {:g} ms; `berth up` does", ms(expected_.heartbeat_period));
-      return;
-    }
-    Count gaps;
-    auto before = heard_.from;
-    for (const auto& beat : node.beats) {
-      if (beat.at - before > patience) gaps.add(beat.at);
-      before = beat.at;
-    }
-    const bool all_kept = node.beat.count == node.beats.size();
-    const bool gone = heard_.to - node.beat.last > patience;
-    if (gone || (all_kept && gaps.count > 0)) {
-      auto& d = add(Kind::missing_heartbeat, Certainty::certain, id);
-      when(d, gone ? node.beat : gaps);
-      d.what = gone ? fmt::format("the heartbeat of {} has stopped", who(id))
-                    : fmt::format("the heartbeat of {} has gaps", who(id));
-      d.evidence.push_back(
-          gone ? fmt::format("last heard at {:.3f} s, {:.0f} ms before the end", s(node.beat.last),
-                             ms(heard_.to - node.beat.last))
-               : fmt::format("silent for more than {:g} ms, until it came again: {}", ms(patience), times(gaps)));
-      d.advice =
-          "look for a loose plug, a lack of power, or an error-passive node; `berth status` tells what Berth knows";
-    }
-  }
-
-  // A node of no slot: by its own rhythm.
-  void stopped(NodeId id) {
-    const auto& node = heard_.node(id);
-    if (node.beats.size() < 6 || node.beat.count != node.beats.size()) return;
-    std::vector<rt::Time> at;
-    for (const auto& beat : node.beats) at.push_back(beat.at);
-    const auto usual = rhythm(at, rt::Duration{0}).usual;
-    const auto silence = heard_.to - node.beat.last;
-    if (silence < std::max<rt::Duration>(4 * usual, 500ms)) return;
-    auto& d = add(Kind::missing_heartbeat, Certainty::likely, id);
-    when(d, node.beat);
-    d.what = fmt::format("the heartbeat of {} has stopped", who(id));
-    d.evidence.push_back(
-        fmt::format("it came every {:.0f} ms, and not for {:.0f} ms at the end", ms(usual), ms(silence)));
-    d.advice = "has it lost its power or its cable?";
   }
 
   // ---- error states, load ----
@@ -494,7 +394,7 @@ class Consultation {
       auto& d = add(Kind::error_passive, Certainty::certain, id);
       when(d, node.error_passive);
       when(d, node.bus_off);
-      d.what = fmt::format("{} {}", who(id), node.bus_off.count > 0 ? "was bus-off" : "is error-passive");
+      d.what = fmt::format("{} {}", who(id), node.bus_off.count > 0 ? "was bus-off" : "was error-passive");
       if (node.error_passive.count > 0)
         d.evidence.push_back(fmt::format("EMCY 8120h, error-passive: {}", times(node.error_passive)));
       if (node.bus_off.count > 0)
@@ -516,13 +416,16 @@ class Consultation {
     const auto worst = heard_.worst_load(expected_.bit_rate);
     const auto stretched = stretched_nodes();
     if (load >= 0.8 || worst >= 0.95 || (load >= 0.5 && !stretched.empty())) {
-      auto& d = add(Kind::overload, load >= 0.8 ? Certainty::certain : Certainty::likely);
+      auto& d = add(Kind::overload, load >= 0.8 && heard_.knows_bit_rate ? Certainty::certain : Certainty::likely);
       d.first = heard_.from;
       d.last = heard_.to;
       d.count = heard_.frames;
       d.what = fmt::format("the bus is full: {:.0f} % load at {} bit/s", load * 100, expected_.bit_rate);
       d.evidence.push_back(fmt::format("{} frames in {:.1f} s; {:.0f} % in the fullest second", heard_.frames,
-                                       ms(heard_.to - heard_.from) / 1000, worst * 100));
+                                       in_ms(heard_.to - heard_.from) / 1000, worst * 100));
+      if (!heard_.knows_bit_rate)
+        d.evidence.push_back(
+            fmt::format("this port does not tell its bit rate: {} bit/s is what it was called by", expected_.bit_rate));
       if (!stretched.empty()) d.evidence.push_back(fmt::format("heartbeats come late: nodes {}", list(stretched)));
       d.advice = "send less often (event and inhibit times, SYNC period, heartbeats), or raise the bit rate of all";
     }
@@ -572,6 +475,7 @@ class Consultation {
   const Heard& heard_;
   const Expected& expected_;
   const Answers& answers_;
+  Silence silence_;
   std::vector<Diagnosis> found_;
   bool jammed_ = false;
   NodeId jammer_{};

@@ -10,10 +10,11 @@ namespace berth::doctor {
 
 /// What devices answered when they were asked (questions.hpp).
 struct Answers {
-  bool asked = false;      ///< identify non-configured remote slave was asked
-  bool blank = false;      ///< ... and answered
-  bool selective = false;  ///< devices were selected one by one; false while another LSS master works
-  struct Present {         ///< a device that LSS identify found
+  std::uint64_t frames = 0;  ///< heard while it asked, whoever sent them
+  bool asked = false;        ///< identify non-configured remote slave was asked
+  bool blank = false;        ///< ... and answered
+  bool selective = false;    ///< devices were selected one by one; false while another LSS master works
+  struct Present {           ///< a device that LSS identify found
     LssAddress device{};
     NodeId active{};    ///< what inquire node-ID told
     bool told = false;  ///< it told

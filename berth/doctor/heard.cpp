@@ -5,6 +5,7 @@
 #include "berth/base/bytes.hpp"
 #include "berth/can/length.hpp"
 #include "berth/co/emcy.hpp"
+#include "berth/co/nmt.hpp"
 #include "berth/lss/frames.hpp"
 
 namespace berth::doctor {
@@ -35,8 +36,11 @@ double Heard::worst_load(std::uint32_t bit_rate) const noexcept { return share(w
 
 Ear::Ear(can::Dispatcher& dispatcher) : dispatcher_(&dispatcher) {
   const auto now = dispatcher.executor().now();
-  heard_.from = heard_.to = second_ = now;
-  errors_at_ = dispatcher.port().status().errors;
+  heard_.from = heard_.to = second_ = looked_at_ = now;
+  const auto status = dispatcher.port().status();
+  errors_at_ = status.errors;
+  lost_at_ = status.lost;
+  attend(status, now);
   dispatcher.add(can::all_base, *this);
   dispatcher.add(can::all_extended, *this);
   dispatcher.executor().after(poll_period, *this);
@@ -58,6 +62,7 @@ void Ear::run() noexcept {
 
 void Ear::look(rt::Time at) noexcept {
   const auto status = dispatcher_->port().status();
+  attend(status, at);
   heard_.worst.tec = std::max(heard_.worst.tec, status.tec);
   heard_.worst.rec = std::max(heard_.worst.rec, status.rec);
   heard_.worst.bus_off = heard_.worst.bus_off || status.bus_off;
@@ -69,6 +74,22 @@ void Ear::look(rt::Time at) noexcept {
   if (!run_) run_ = ErrorRun{0, at, at};
   run_->count += fresh;
   run_->last = at;
+}
+
+void Ear::attend(const can::Status& status, rt::Time at) noexcept {
+  const bool hears = status.up && !status.bus_off;
+  if (hears) {
+    began_ = true;
+    heard_.knows_errors = status.knows_errors;
+    heard_.knows_bit_rate = status.bit_rate != 0 && !status.bit_rate_is_label;
+  } else if (!began_) {
+    heard_.from = second_ = at;
+  } else if (at > looked_at_) {
+    heard_.down += at - looked_at_;
+  }
+  looked_at_ = std::max(looked_at_, at);
+  heard_.lost += status.lost - lost_at_;
+  lost_at_ = status.lost;
 }
 
 void Ear::end_run(rt::Time at) noexcept {
@@ -109,7 +130,7 @@ void Ear::received(const can::Frame& frame, rt::Time at) noexcept {
   measure(frame, at);
   if (frame.extended) return;
   const NodeId node(static_cast<std::uint8_t>(frame.id & 0x7FU));
-  if (frame.id == 0) return commanded(frame);
+  if (frame.id == 0) return commanded(frame, at);
   if (frame.id == 0x080) return keep(heard_.syncs, at, Heard::most_beats);
   if (frame.id == lss::master_cob_id || frame.id == lss::slave_cob_id) return lss(frame, at);
   if (node.value() == 0) return;
@@ -166,11 +187,16 @@ void Ear::emergency(NodeId id, const can::Frame& frame, rt::Time at) noexcept {
   }
 }
 
-void Ear::commanded(const can::Frame& frame) noexcept {
+void Ear::commanded(const can::Frame& frame, rt::Time at) noexcept {
   if (frame.remote || frame.size != 2) return;
   const unsigned target = frame.data[1];
+  const auto request = co::parse_nmt(frame);
+  const bool reset = request && (request->command == co::NmtCommand::reset_node ||
+                                 request->command == co::NmtCommand::reset_communication);
   for (unsigned i = 1; i < memory_.size(); ++i) {
-    if (target == 0 || target == i) memory_[i].excused = true;
+    if (target != 0 && target != i) continue;
+    memory_[i].excused = true;
+    if (reset) heard_.nodes[i].resets.add(at);
   }
 }
 
@@ -182,6 +208,7 @@ void Ear::lss(const can::Frame& frame, rt::Time at) noexcept {
   }
   if (!lss::is_lss(frame, lss::slave_cob_id)) return;
   const auto answer = lss::command(frame);
+  if (answer == lss::Command::configure_node_id && frame.data[1] == 0) heard_.given.add(at);
   const bool scanned = last_request_.size == 8 && last_request_.data[0] == fastscan;
   if (answer == lss::Command::non_configured || (answer == lss::Command::identified && scanned)) heard_.blank.add(at);
 }

@@ -36,6 +36,7 @@ struct HeardNode {
   Count boot{};                      ///< all boot-up messages
   Count signs{};                     ///< everything that only this node sends: error control, EMCY, TPDOs, SDO answers
   Count flips{};                     ///< another state than before, with neither boot-up nor NMT command between
+  Count resets{};                    ///< NMT reset node and reset communication to it, or to all
   std::uint64_t guard_requests = 0;  ///< remote frames on its error control identifier
   std::uint64_t guard_answers = 0;
   Count error_passive{};  ///< EMCY 8120h
@@ -61,8 +62,12 @@ struct Heard {
   static constexpr std::size_t most_runs = 512;
   static constexpr std::uint32_t long_run = 8;  ///< noise does not destroy so many attempts in a row
 
-  rt::Time from{};
+  rt::Time from{};  ///< when the port came up, if it was down at first
   rt::Time to{};
+  rt::Duration down{};                 ///< of that time, to the poll period: the port was down or bus-off
+  std::uint32_t lost = 0;              ///< frames that reached the port and not the ear, as far as it knows
+  bool knows_errors = false;           ///< the port counts errors: without that, no errors prove nothing
+  bool knows_bit_rate = false;         ///< the port has a bit rate, and not only the name of one
   std::array<HeardNode, 128> nodes{};  ///< by node-ID; 0 is not used
   std::uint64_t frames = 0;
   std::uint64_t bits = 0;                     ///< of good frames, intermission included
@@ -73,12 +78,16 @@ struct Heard {
   std::vector<rt::Time> syncs{};              ///< the first `most_beats`
   Count blank{};         ///< answers that only a device without node-ID gives (50h; 4Fh to Fastscan)
   Count lss_requests{};  ///< of another LSS master
+  Count given{};         ///< answers of devices that took a node-ID from it
   can::Status worst{};   ///< highest counters of this port, and whether it was bus-off
   bool was_passive = false;
 
   /// Of an unconfigured node-ID: nothing was heard.
   [[nodiscard]] const HeardNode& node(NodeId id) const noexcept { return nodes[id.configured() ? id.value() : 0U]; }
   [[nodiscard]] std::size_t long_runs() const noexcept;
+  [[nodiscard]] rt::Duration listened() const noexcept { return to - from - down; }
+  /// Nothing that was sent passed it by: only then does it tell something that it did not hear.
+  [[nodiscard]] bool complete() const noexcept { return down.count() == 0 && lost == 0; }
   /// Share of the time, 0..1, at `bit_rate`.
   [[nodiscard]] double load(std::uint32_t bit_rate) const noexcept;
   [[nodiscard]] double worst_load(std::uint32_t bit_rate) const noexcept;
@@ -98,10 +107,11 @@ class Ear final : private can::Handler, private rt::Job {
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void run() noexcept override;
   void look(rt::Time at) noexcept;
+  void attend(const can::Status& status, rt::Time at) noexcept;
   void end_run(rt::Time at) noexcept;
   void error_control(NodeId node, const can::Frame& frame, rt::Time at) noexcept;
   void emergency(NodeId node, const can::Frame& frame, rt::Time at) noexcept;
-  void commanded(const can::Frame& frame) noexcept;
+  void commanded(const can::Frame& frame, rt::Time at) noexcept;
   void lss(const can::Frame& frame, rt::Time at) noexcept;
   void measure(const can::Frame& frame, rt::Time at) noexcept;
 
@@ -114,6 +124,9 @@ class Ear final : private can::Handler, private rt::Job {
   Heard heard_{};
   std::array<Memory, 128> memory_{};
   std::uint32_t errors_at_ = 0;  // the port's count when last looked
+  std::uint32_t lost_at_ = 0;
+  rt::Time looked_at_{};
+  bool began_ = false;  // the port was up
   std::optional<ErrorRun> run_{};
   std::optional<can::Frame> behind_run_{};  // the first good frame behind a long run
   can::Frame last_request_{};               // on 7E5h

@@ -2,8 +2,11 @@
 #include <gtest/gtest.h>
 #include <chrono>
 #include <cstdint>
+#include <string>
 
+#include "berth/doctor/diagnose.hpp"
 #include "berth/doctor/heard.hpp"
+#include "berth/lss/frames.hpp"
 
 namespace berth::doctor {
 namespace {
@@ -18,13 +21,23 @@ class HandPort final : public can::Port {
   void listen(can::Listener* listener, std::span<const can::IdRange>) noexcept override { listener_ = listener; }
   [[nodiscard]] can::Status status() const noexcept override {
     can::Status s;
-    s.up = true;
+    s.up = up;
+    s.bus_off = bus_off;
     s.errors = errors;
+    s.lost = lost;
+    s.bit_rate = 500'000;
+    s.bit_rate_is_label = label;
+    s.knows_errors = knows_errors;
     return s;
   }
   bool restart(std::uint32_t) noexcept override { return true; }
   void hear(const Frame& frame, rt::Time at) { listener_->received(frame, at); }
   std::uint32_t errors = 0;
+  std::uint32_t lost = 0;
+  bool up = true;
+  bool bus_off = false;
+  bool label = false;
+  bool knows_errors = true;
 
  private:
   can::Listener* listener_ = nullptr;
@@ -80,6 +93,168 @@ TEST_F(EarTest, OnlyALongRunOfErrorsTellsACollision) {
   hear(401ms, other);
   ASSERT_EQ(ear_.heard().collided.size(), 1U);
   EXPECT_EQ(ear_.heard().collided.begin()->second.count, 1U);
+}
+
+TEST_F(EarTest, TellsWhatItCouldNotHear) {
+  executor_.advance(rt::Time(1s));
+  EXPECT_TRUE(ear_.heard().complete());
+  EXPECT_EQ(ear_.heard().listened(), 1s);
+  port_.up = false;
+  executor_.advance(rt::Time(2s));
+  port_.up = true;
+  executor_.advance(rt::Time(3s));
+  EXPECT_FALSE(ear_.heard().complete());
+  EXPECT_EQ(ear_.heard().down, 1s);
+  EXPECT_EQ(ear_.heard().listened(), 2s);
+  port_.bus_off = true;
+  executor_.advance(rt::Time(4s));
+  EXPECT_EQ(ear_.heard().down, 2s);
+}
+
+TEST_F(EarTest, LostFramesAreToldToo) {
+  port_.lost += 3;
+  beat(100ms, 3, 0x05);
+  port_.lost += 2;
+  EXPECT_EQ(ear_.heard().lost, 5U);
+  EXPECT_FALSE(ear_.heard().complete());
+}
+
+// A port that was just opened takes a while to come up.
+TEST_F(EarTest, ListensFromWhenItsPortIsUp) {
+  HandPort port;
+  port.up = false;
+  can::Dispatcher dispatcher(executor_, port);
+  Ear ear(dispatcher);
+  executor_.advance(rt::Time(1s));
+  EXPECT_EQ(ear.heard().listened(), 0s) << "never up";
+  port.up = true;
+  executor_.advance(rt::Time(3s));
+  EXPECT_TRUE(ear.heard().complete());
+  EXPECT_EQ(ear.heard().from, rt::Time(1s));
+  EXPECT_EQ(ear.heard().listened(), 2s);
+}
+
+/// What is concluded from an ear whose port is as the test makes it, of a machine with slot 2.
+class Certainties : public EarTest {
+ protected:
+  Certainties() {
+    places::SlotSpec slot;
+    slot.name = {"m", "bus", "s2"};
+    slot.id = NodeId(2);
+    slot.type = {1, 2};
+    expected_.slots.push_back(slot);
+    expected_.heartbeat_period = 100ms;
+    expected_.heartbeat_timeout = 300ms;
+    expected_.bit_rate = 500'000;
+  }
+  std::string found(rt::Duration until) {
+    executor_.advance(rt::Time(until));
+    std::string text;
+    for (const auto& d : diagnose(ear_.heard(), expected_, answers_)) {
+      text += std::string(name(d.kind)) + " " + name(d.certainty) + "; ";
+    }
+    return text;
+  }
+  Expected expected_;
+  Answers answers_;
+};
+
+TEST_F(Certainties, ASilentBusIsCertainOnlyToAPortThatHearsEverything) {
+  EXPECT_EQ(found(500ms), "silent-bus possible; ") << "so long may a bus be silent on which all is well";
+  EXPECT_EQ(found(2s), "silent-bus certain; ");
+  port_.knows_errors = false;
+  EXPECT_EQ(found(3s), "silent-bus likely; ") << "at another bit rate it hears nothing either";
+  port_.knows_errors = true;
+  port_.up = false;
+  EXPECT_EQ(found(4s), "silent-bus possible; ");
+}
+
+TEST_F(Certainties, ASilentBusThatLostFramesIsNoneForCertain) {
+  port_.lost = 1;
+  EXPECT_EQ(found(2s), "silent-bus possible; ");
+}
+
+TEST_F(Certainties, ABusOnWhichSomebodyAnsweredIsNotSilent) {
+  answers_.asked = true;
+  answers_.frames = 1;
+  EXPECT_EQ(found(2s), "missing-heartbeat certain; ");
+}
+
+// Then it is not known of any slot that it is silent, either.
+TEST_F(Certainties, ErrorsAndNoFrameArePerhapsThePortsOwnBitRate) {
+  port_.errors = 40;
+  EXPECT_EQ(found(2s), "wrong-bit-rate possible; ");
+  answers_.frames = 1;
+  EXPECT_NE(found(3s).find("missing-heartbeat certain"), std::string::npos);
+}
+
+TEST_F(Certainties, ASilentNodeIsCertainOnlyToAPortThatHearsEverything) {
+  beat(100ms, 9, 0x05);
+  const std::string sure = found(2s);
+  EXPECT_NE(sure.find("missing-heartbeat certain"), std::string::npos) << sure;
+  port_.lost = 1;
+  const std::string unsure = found(3s);
+  EXPECT_NE(unsure.find("missing-heartbeat likely"), std::string::npos) << unsure;
+}
+
+// A heartbeat has a gap where this port was down.
+TEST_F(Certainties, AGapOfThePortIsPerhapsNoGapOfTheHeartbeat) {
+  for (auto t = 100ms; t < 2s; t += 100ms) beat(t, 2, 0x05);
+  EXPECT_EQ(found(2s), "");
+  port_.up = false;
+  executor_.advance(rt::Time(3s));
+  port_.up = true;
+  for (auto t = 3100ms; t < 4s; t += 100ms) beat(t, 2, 0x05);
+  EXPECT_EQ(found(4s), "missing-heartbeat possible; ");
+}
+
+TEST_F(Certainties, ANodeThatAnsweredBySdoIsThereAndNotBlank) {
+  beat(100ms, 9, 0x05);
+  answers_.asked = answers_.intrusive = true;
+  answers_.serials = {{NodeId(2), 1, {7}}};
+  executor_.advance(rt::Time(2s));
+  const auto all = diagnose(ear_.heard(), expected_, answers_);
+  ASSERT_EQ(all.size(), 1U);
+  EXPECT_EQ(all[0].what, "node 2 (s2) is there and sends no heartbeat");
+}
+
+TEST_F(Certainties, TwoStatesInTurnAreLikelyTwoWhereCommandsMayHaveBeenLost) {
+  for (auto t = 100ms; t < 2s; t += 100ms) beat(t, 2, t / 100ms % 2 == 0 ? 0x05 : 0x7F);
+  EXPECT_EQ(found(2s), "duplicate-node-id certain; ");
+  port_.lost = 1;
+  EXPECT_EQ(found(2100ms), "duplicate-node-id likely; ");
+}
+
+// A device that was told to reset may keep the rhythm of its heartbeat.
+TEST_F(Certainties, BootUpsThatWereCommandedAreLikelyTwoDevices) {
+  for (auto t = 100ms; t < 2s; t += 100ms) {
+    beat(t, 2, 0x7F);
+    if (t == 500ms || t == 1s) beat(t + 60ms, 2, 0x00);
+  }
+  EXPECT_EQ(found(2s), "duplicate-node-id certain; ");
+  hear(2050ms, Frame::base(0x000, {0x82, 2}));
+  EXPECT_EQ(found(2100ms), "duplicate-node-id likely; ");
+}
+
+TEST_F(Certainties, AFullBusIsLikelyWhereThePortDoesNotKnowItsBitRate) {
+  const Frame frame = Frame::base(0x200, {1, 2, 3, 4, 5, 6, 7, 8});
+  expected_.slots.clear();
+  for (auto t = 0us; t < 2s; t += 250us) hear(t, frame);
+  EXPECT_EQ(found(2s), "overload certain; ");
+  port_.label = true;
+  EXPECT_EQ(found(2020ms), "overload likely; ");
+}
+
+// Another LSS master asked, and may have given what it found a node-ID.
+TEST_F(Certainties, ABlankDeviceMayHaveANodeIdByNow) {
+  expected_.slots.clear();
+  hear(100ms, lss::request(lss::Command::identify_non_configured));
+  hear(102ms, lss::answer(lss::Command::non_configured));
+  EXPECT_EQ(found(1s), "blank-node certain; ");
+  hear(1100ms, lss::answer(lss::Command::configure_node_id));
+  EXPECT_EQ(found(2s), "blank-node possible; ");
+  answers_.asked = true;
+  EXPECT_EQ(found(3s), "") << "and it answers no more";
 }
 
 }  // namespace
