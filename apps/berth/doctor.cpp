@@ -41,15 +41,16 @@ constexpr rt::Duration settled = 1s;
 /// One bus and its ear.
 struct Patient {
   const design::Bus* bus = nullptr;
-  std::unique_ptr<can::Port> port{};
-  can::Port* outside = nullptr;  // the rig's, instead
-  std::unique_ptr<can::Dispatcher> dispatcher{};
+  std::unique_ptr<can::Port> port{};  // a node of the doctor's own, on a simulated bus
+  std::unique_ptr<can::Dispatcher> own{};
+  can::Dispatcher* dispatcher = nullptr;  // that, or the session's
   std::unique_ptr<doctor::Ear> ear{};
   doctor::Heard heard{};  // before anything was asked: questions make collisions of their own
   doctor::Expected expected{};
   doctor::QuestionOptions questions{};
   doctor::Answers answers{};
-  std::string problem{};  // why questions could not be asked
+  bool deaf = false;      // the port was down all the time
+  std::string problem{};  // why questions could not be asked, or nothing was heard
 };
 
 doctor::Expected expected_on(const design::Machine& machine, const design::Bus& bus) {
@@ -86,7 +87,8 @@ void prepare(Rig& rig, const Options& options) {
 rt::Task<void> question(Patient& patient, unsigned& open) {
   const auto asked =
       co_await doctor::ask(*patient.dispatcher, *patient.ear, patient.expected, patient.questions, patient.answers);
-  if (!asked) patient.problem = fmt::format("bus {}: {}", patient.bus->name, describe(asked.error()));
+  if (!asked && patient.problem.empty())
+    patient.problem = fmt::format("bus {}: {}", patient.bus->name, describe(asked.error()));
   --open;
 }
 
@@ -99,6 +101,7 @@ void ask_all(Rig& rig, std::vector<Patient>& patients, const Options& options) {
   }
   const bool done = wait_until(
       rig.driver(), rig.interrupt(), [&] { return open == 0; }, options.timeout.value_or(5min));
+  for (auto& patient : patients) patient.answers.frames = patient.ear->heard().frames - patient.heard.frames;
   if (done) return;
   for (auto& patient : patients) {
     if (patient.problem.empty()) patient.problem = "bus " + patient.bus->name + ": not all questions could be asked";
@@ -138,12 +141,18 @@ tl::expected<std::vector<Patient>, Failure> patients_of(Rig& rig, const Options&
                                    bus.name)));
     }
     Patient p = patient_of(rig.machine(), bus, wanted);
-    p.outside = rig.guards().gate(bus.name);
-    if (p.outside == nullptr) {
+    if (rig.guards().gate(bus.name) != nullptr) {
+      // Not a dispatcher of its own: a port has one listener, and of two dispatchers the one that registered last is
+      // it.
+      p.dispatcher = &rig.session().network(bus.name)->services().dispatcher;
+    } else {
       auto port = node_on(rig, bus);
       if (!port) return tl::unexpected(port.error());
       p.port = std::move(*port);
+      p.own = std::make_unique<can::Dispatcher>(rig.driver().executor(), *p.port);
+      p.dispatcher = p.own.get();
     }
+    p.ear = std::make_unique<doctor::Ear>(*p.dispatcher);
     patients.push_back(std::move(p));
   }
   if (patients.empty()) return tl::unexpected(no_such_bus(rig.machine(), options.bus));
@@ -178,6 +187,19 @@ rt::Duration listening_time(const std::vector<Patient>& patients, const DoctorOp
   rt::Duration longest = 5s;
   for (const auto& p : patients) longest = std::max<rt::Duration>(longest, 5 * p.expected.heartbeat_timeout);
   return longest;
+}
+
+// How long. A port that was down all the time tells nothing of its bus.
+rt::Duration listen(Rig& rig, std::vector<Patient>& patients, const DoctorOptions& wanted) {
+  const auto began = rig.now();
+  wait_for(rig.driver(), rig.interrupt(), listening_time(patients, wanted));
+  for (auto& p : patients) {
+    p.heard = p.ear->heard();
+    p.deaf = !p.dispatcher->port().status().up && p.heard.listened().count() <= 0;
+    if (!p.deaf) continue;
+    p.problem = fmt::format("bus {}: {} is down: nothing was heard", p.bus->name, can::to_string(p.bus->port));
+  }
+  return rig.now() - began;
 }
 
 double in_s(rt::Time at) { return std::chrono::duration<double>(at.time_since_epoch()).count(); }
@@ -230,7 +252,8 @@ int report(std::vector<Patient>& patients, rt::Duration listened, const Options&
                              {"frames", heard.frames},
                              {"load", heard.load(p.expected.bit_rate)},
                              {"errors", heard.errors}});
-    for (const auto& d : doctor::diagnose(heard, p.expected, p.answers)) {
+    const auto findings = p.deaf ? std::vector<doctor::Diagnosis>() : doctor::diagnose(heard, p.expected, p.answers);
+    for (const auto& d : findings) {
       json["findings"].push_back(json_of(d, p.bus->name));
       if (!options.json) print_finding(d, p.bus->name);
     }
@@ -366,7 +389,8 @@ int run_joined(const design::Machine& machine, const std::string& path, const Op
   for (const auto& bus : machine.buses) {
     if (!options.bus.empty() && bus.name != options.bus) continue;
     auto& p = patients.emplace_back(patient_of(machine, bus, wanted));
-    p.dispatcher = std::make_unique<can::Dispatcher>(executor, (*followed)->port(bus.name));
+    p.own = std::make_unique<can::Dispatcher>(executor, (*followed)->port(bus.name));
+    p.dispatcher = p.own.get();
     p.ear = std::make_unique<doctor::Ear>(*p.dispatcher);
   }
   const auto began = driver.now();
@@ -377,7 +401,7 @@ int run_joined(const design::Machine& machine, const std::string& path, const Op
     if ((*followed)->over()) p.problem = "bus " + p.bus->name + ": the running `berth up` ended meanwhile";
   }
   const int status = report(patients, driver.now() - began, options, wanted, not_heard(machine, false, options));
-  for (auto& p : patients) p.ear.reset(), p.dispatcher.reset();
+  for (auto& p : patients) p.ear.reset(), p.own.reset();
   return status;
 }
 
@@ -411,21 +435,15 @@ int run_doctor(const Options& given, DoctorOptions wanted) {
   prepare(rig, options);
   auto patients = patients_of(rig, options, wanted);
   if (!patients) return tell(patients.error(), options.json);
-  for (auto& p : *patients) {
-    p.dispatcher = std::make_unique<can::Dispatcher>(rig.driver().executor(), p.port ? *p.port : *p.outside);
-    p.ear = std::make_unique<doctor::Ear>(*p.dispatcher);
-  }
   if (wanted.active) {
     const auto clear = rig.strangers().listen_first();
     if (!clear) return tell(clear.error(), options.json);
   }
   if (!wanted.conformance.empty()) return rig.record().finish(run_conformance(rig, *patients, options, wanted));
-  const auto began = rig.now();
-  wait_for(rig.driver(), rig.interrupt(), listening_time(*patients, wanted));
-  for (auto& p : *patients) p.heard = p.ear->heard();
+  const auto listened = listen(rig, *patients, wanted);
   if (wanted.active) ask_all(rig, *patients, options);
   return rig.record().finish(
-      report(*patients, rig.now() - began, options, wanted, not_heard(rig.machine(), rig.world() != nullptr, options)));
+      report(*patients, listened, options, wanted, not_heard(rig.machine(), rig.world() != nullptr, options)));
 }
 
 }  // namespace

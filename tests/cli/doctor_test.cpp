@@ -6,8 +6,12 @@
 #include <signal.h>
 #include <unistd.h>
 
+#include <fmt/format.h>
+
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <utility>
 
 #include "machines.hpp"
 #include "process.hpp"
@@ -160,6 +164,55 @@ TEST(DoctorCommand, BesideARunningUpOnAHealthyMachine) {
   EXPECT_EQ(run.status, 0) << run.out << run.err;
   EXPECT_EQ(Json::parse(run.out).at("findings"), Json::array()) << run.out;
   EXPECT_TRUE(operational());
+}
+
+/// The small machine's devices in another process, each with its node-ID and its heartbeat. Nobody is their master.
+class OnALivePort : public ::testing::Test {
+ protected:
+  OnALivePort() {
+    std::string text = "[plant]\nseed = 5\n\n[bus.line]\nbitrate = 500_000\n";
+    for (const auto& [id, product] : {std::pair(2, 1), std::pair(3, 1), std::pair(9, 7)}) {
+      text += fmt::format(
+          "\n[[device]]\nbus = \"line\"\nname = \"d{0}\"\ntype = {{ vendor = 1, product = {1} }}\nserial = {0}\n"
+          "node_id = {0}\nheartbeat = \"100 ms\"\n",
+          id, product);
+    }
+    plant_file = folder.write("plant.toml", text);
+  }
+  [[nodiscard]] std::string on(const std::string& port) const {
+    std::string text = patient(small_machine);
+    const std::string old = "\"sim\"";
+    text.replace(text.find(old), old.size(), "\"" + port + "\"");
+    return folder.write("machine.toml", text);
+  }
+  // Some 60 heartbeats; a processor that does much else leaves fewer.
+  static void hears_and_asks(const std::string& machine, const std::string& questions) {
+    const Outcome run = berth({"doctor", machine, "--for", "2 s", questions, "--json"});
+    EXPECT_EQ(run.status, 0) << run.out << run.err;
+    const Json reply = Json::parse(run.out, nullptr, false);
+    ASSERT_TRUE(reply.contains("buses")) << run.out;
+    EXPECT_GT(reply.at("buses").at(0).at("frames").get<int>(), 10) << questions << ": it is deaf: " << run.out;
+    EXPECT_EQ(reply.at("findings"), Json::array()) << questions << run.out;
+  }
+  Folder folder;
+  std::string plant_file;
+};
+
+// The search for other masters took the port's listener from the doctor: "silent-bus (certain)" beside heartbeats.
+TEST_F(OnALivePort, OfAPlantItHearsBeforeItAsks) {
+  const std::string socket = folder.file("plant.sock");
+  Background plant({"plant", plant_file, "--listen", socket});
+  ASSERT_TRUE(plant.says("Ctrl-C ends it")) << "it listens";
+  const std::string machine = on("plant:" + socket);
+  hears_and_asks(machine, "--active");
+  hears_and_asks(machine, "--intrusive");
+}
+
+TEST_F(OnALivePort, OfASocketcandServerItHearsBeforeItAsks) {
+  Background server({"serve", plant_file, "--listen", "127.0.0.1:0"});
+  ASSERT_TRUE(server.says("/line\n")) << server.said();
+  const std::string url = server.said().substr(0, server.said().find('\n'));
+  hears_and_asks(on(url), "--active");
 }
 
 // A simulated machine that another process runs: the doctor hears what that one's control socket tells, and a second
