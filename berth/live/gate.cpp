@@ -1,6 +1,7 @@
 #include "berth/live/gate.hpp"
 
 #include <algorithm>
+#include <cassert>
 #include <limits>
 
 #include "berth/co/cob_id.hpp"
@@ -184,6 +185,8 @@ void Gate::withdraw(std::uint32_t tag) noexcept {
 }
 
 void Gate::listen(can::Listener* listener, std::span<const can::IdRange> accept) noexcept {
+  // A second dispatcher on this port would leave the first one deaf.
+  assert(listener == nullptr || listener_ == nullptr || listener == listener_);
   listener_ = listener;
   accept_.assign(accept.begin(), accept.end());
 }

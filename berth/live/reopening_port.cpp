@@ -23,19 +23,30 @@ void ReopeningPort::listen(can::Listener* listener, std::span<const can::IdRange
   if (port_) port_->listen(this, accept_);
 }
 
-can::Status ReopeningPort::status() const noexcept { return port_ ? port_->status() : can::Status{}; }
+can::Status ReopeningPort::status() const noexcept { return counted(port_ ? port_->status() : can::Status{}); }
+
+can::Status ReopeningPort::counted(can::Status status) const noexcept {
+  status.errors += errors_before_;
+  status.lost += lost_before_;
+  return status;
+}
 
 bool ReopeningPort::restart(std::uint32_t bit_rate) noexcept { return port_ && port_->restart(bit_rate); }
 
 // In a job of its own: the old port must not be destroyed inside one of its calls.
 void ReopeningPort::run() noexcept {
   if (port_ && port_->status().up) return;
-  if (port_) port_->listen(nullptr, {});
+  if (port_) {
+    port_->listen(nullptr, {});
+    const auto last = status();
+    errors_before_ = last.errors;
+    lost_before_ = last.lost;
+  }
   port_.reset();
   port_ = open_();
   if (!port_ || !port_->status().up) return executor_->after(pause_, *this);
   port_->listen(this, accept_);
-  if (listener_ != nullptr) listener_->changed(port_->status(), executor_->now());
+  if (listener_ != nullptr) listener_->changed(status(), executor_->now());
 }
 
 void ReopeningPort::received(const can::Frame& frame, rt::Time at) noexcept {
@@ -48,7 +59,7 @@ void ReopeningPort::sent(std::uint32_t tag, rt::Time at) noexcept {
 
 void ReopeningPort::changed(const can::Status& status, rt::Time at) noexcept {
   if (!status.up && !timed()) executor_->after(pause_, *this);
-  if (listener_ != nullptr) listener_->changed(status, at);
+  if (listener_ != nullptr) listener_->changed(counted(status), at);
 }
 
 }  // namespace berth::live

@@ -14,7 +14,8 @@ class ReopeningPort final : public can::Port, private can::Listener, private rt:
   /// Null: not now. Called from the executor; what it blocks, it blocks for all.
   using Open = std::function<std::unique_ptr<can::Port>()>;
 
-  /// `port` is open. Down for `pause`, it is given up, and `open` is asked every `pause`.
+  /// `port` is open. Errors and losses count on over all that are opened. Down for `pause`, it is given up, and `open`
+  /// is asked every `pause`.
   ReopeningPort(rt::Executor& executor, std::unique_ptr<can::Port> port, Open open,
                 rt::Duration pause = std::chrono::seconds(1));
   ~ReopeningPort() override;
@@ -33,6 +34,7 @@ class ReopeningPort final : public can::Port, private can::Listener, private rt:
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void sent(std::uint32_t tag, rt::Time at) noexcept override;
   void changed(const can::Status& status, rt::Time at) noexcept override;
+  [[nodiscard]] can::Status counted(can::Status status) const noexcept;
 
   rt::Executor* executor_;
   std::unique_ptr<can::Port> port_;
@@ -40,6 +42,8 @@ class ReopeningPort final : public can::Port, private can::Listener, private rt:
   rt::Duration pause_;
   can::Listener* listener_ = nullptr;
   std::vector<can::IdRange> accept_;
+  std::uint32_t errors_before_ = 0;  // of the ports before this one
+  std::uint32_t lost_before_ = 0;
 };
 
 }  // namespace berth::live

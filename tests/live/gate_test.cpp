@@ -409,6 +409,16 @@ TEST(Gate, AFrameThatIsNeverConfirmedFillsNothingForEver) {
   EXPECT_EQ(gate.send(beat, 10'000), can::Queued::yes);
 }
 
+// A second dispatcher would leave the first deaf: whoever writes that learns it at once.
+TEST(GateDeathTest, HasOneListener) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  rt::Executor executor;
+  Cable cable;
+  Gate gate(executor, cable, {});
+  can::Dispatcher first(executor, gate);
+  EXPECT_DEATH(can::Dispatcher(executor, gate), "listener");
+}
+
 TEST(ReopeningPort, AsksForAnotherOneUntilThereIsOne) {
   rt::Executor executor;
   auto first = std::make_unique<Cable>();
@@ -420,6 +430,7 @@ TEST(ReopeningPort, AsksForAnotherOneUntilThereIsOne) {
     if (++asked < 3) return nullptr;
     auto next = std::make_unique<Cable>();
     next->now.up = true;
+    next->now.errors = 3;
     two = next.get();
     return next;
   };
@@ -430,6 +441,8 @@ TEST(ReopeningPort, AsksForAnotherOneUntilThereIsOne) {
   one->plug(false);
   ASSERT_EQ(ear.statuses.size(), 1U);
   EXPECT_FALSE(port.status().up);
+  one->now.errors = 4;
+  one->now.lost = 2;
   executor.advance(executor.now() + 2500ms);
   EXPECT_EQ(asked, 2U);
   EXPECT_EQ(port.send(beat, 1), can::Queued::closed);
@@ -439,6 +452,8 @@ TEST(ReopeningPort, AsksForAnotherOneUntilThereIsOne) {
   EXPECT_TRUE(ear.statuses.back().up);
   two->ear->received(beat, executor.now());
   EXPECT_EQ(ear.heard.size(), 1U);
+  EXPECT_EQ(port.status().errors, 7U) << "errors and losses count on";
+  EXPECT_EQ(ear.statuses.back().lost, 2U);
   two->plug(false);
   two->plug(true);
   executor.advance(executor.now() + 10s);
