@@ -21,7 +21,9 @@ constexpr unsigned most_devices = 20;
 
 class Giver final : public discovery::Assigner {
  public:
-  NodeId assign(const LssAddress&) noexcept override { return NodeId(static_cast<std::uint8_t>(1 + next_++ % 127)); }
+  NodeId assign(const LssAddress&, bool) noexcept override {
+    return NodeId(static_cast<std::uint8_t>(1 + next_++ % 127));
+  }
 
  private:
   unsigned next_ = 0;

@@ -72,7 +72,8 @@ class PublishedFastscan final : public Discovery {
     Owner(const PublishedFastscan& method, const Known& known, const Options& options) noexcept
         : method_(method), known_(known), options_(options) {}
     NodeId assign(const lss::FastscanDevice& device) noexcept override {
-      const NodeId id = options_.assigner == nullptr ? NodeId() : options_.assigner->assign(device.address, false);
+      const NodeId id =
+          options_.assigner == nullptr ? NodeId() : options_.assigner->assign(device.address, options_.confirm);
       if (!id.configured()) tell(device);
       return id;
     }

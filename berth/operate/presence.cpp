@@ -14,6 +14,8 @@ namespace berth::operate {
 
 namespace {
 
+constexpr const char* by_two = "two devices answer under this node-ID; take one of them off the bus";
+
 // The first part of its identity that is not the expected one (1F85h to 1F88h).
 manager::BootStatus letter_of(const Identity& is, const Identity& expected) noexcept {
   constexpr std::array letters{manager::BootStatus::d, manager::BootStatus::m, manager::BootStatus::n};
@@ -110,8 +112,13 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
     take_stopped(seat);
     co_return false;
   }
-  const bool doubled = answer.by_two;
+  bool doubled = answer.by_two;
   if (!doubled && seat.sits(*who)) co_return true;
+  // Two that answered just now do not always answer at two instants.
+  for (int look = 0; look < 3 && !doubled && seat.life == Life::doubled; ++look) {
+    const auto again = co_await places::identify(s_.sdo, id, places::second_answer);
+    doubled = again.by_two || (again.who && seat.sits(*again.who));
+  }
   const bool replaces =
       !doubled && seat.slot.spec.assign == places::Assign::fixed && places::fits(seat.slot.spec, *who);
   if (replaces) {
@@ -122,8 +129,7 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
   seat.doubt.shared = Duplicates::most_tries;
   agenda_.look_anew = true;
   if (doubled) {
-    slots_.happened(seat, SlotEvent::two_answer, "two devices answer under this node-ID; take one of them off the bus",
-                    manager::BootStatus::booted);
+    slots_.happened(seat, SlotEvent::two_answer, by_two, manager::BootStatus::booted);
   } else {
     slots_.happened(seat, SlotEvent::gone, fmt::format("device {} answers under its node-ID", to_string(*who)),
                     letter_of(*who, seat.slot.record.confirmed->device));
@@ -193,10 +199,19 @@ rt::Task<void> Presence::adopt_fixed(Seat& seat) {
   const co::SdoOptions patience = asking_.patience(id, 1);
   const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0, patience);
   if (!type) co_return;
-  const auto who = co_await places::read_identity(s_.sdo, id);
+  const auto answer = co_await places::identify(s_.sdo, id, places::second_answer);
+  const auto& who = answer.who;
   if (!who) co_return;
+  if (answer.by_two) {  // the parts may be those of two devices
+    slots_.happened(seat, SlotEvent::two_answer, by_two, manager::BootStatus::booted);
+    co_return;
+  }
   if (!places::fits(seat.slot.spec, *who)) {
     const TypeCode& wanted = seat.slot.spec.type;
+    // It may belong to another slot, and be moved there.
+    const bool fresh = who->unknown == 0 && !found_.uses(*who, id) && slots_.of(*who) == nullptr;
+    if (fresh) found_.note({*who, id});
+    agenda_.look_anew = agenda_.look_anew || fresh;
     slots_.happened(seat, SlotEvent::wrong_type, fmt::format("device {} has its node-ID", to_string(*who)),
                     letter_of(*who, Identity(wanted.vendor, wanted.product, 0, 0)));
     co_return;
@@ -223,8 +238,8 @@ rt::Task<void> Presence::adopt_all_fixed() {
 }
 
 rt::Task<bool> Presence::take_where_it_is(Seat& seat, Identity device) {
-  const auto who = co_await places::read_identity(s_.sdo, seat.id());
-  if (!who || !who->agrees(device)) co_return false;
+  const auto answer = co_await places::identify(s_.sdo, seat.id(), places::second_answer);
+  if (!answer.who || answer.by_two || !answer.who->agrees(device)) co_return false;
   const places::Assignment wanted{device, seat.id()};
   const std::string reason = "it has the slot's node-ID, and LSS does not change it";
   const auto asked = slots_.store().ask(seat.slot.record.slot, wanted, reason);

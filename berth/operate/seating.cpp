@@ -183,7 +183,8 @@ rt::Task<bool> Seating::bind_seat(Seat& seat, Identity device, std::string reaso
     if (taken) co_return true;
   }
   // One that waits for its power cycle is told again for a case that is seldom; the others of the bus wait for that.
-  const unsigned tries = seat.power_cycle.binding ? 1 : s_.bus.timing.tries;
+  const bool waits = seat.power_cycle.binding && found_.active_of(comes) == seat.power_cycle.binding->old_id();
+  const unsigned tries = waits ? 1 : s_.bus.timing.tries;
   Binding binding(Binding::Kind::bind, {seated, seat.id()}, tries, resumed);
   slots_.happened(seat, SlotEvent::binds, reason);
   places::Binder::Options options = asking_.binder_options();

@@ -206,7 +206,8 @@ rt::Task<void> Supervision::ask_the_unwatched() {
     if (!due) continue;
     const auto type = co_await s_.sdo.read<std::uint32_t>(seat->id(), 0x1000, 0);
     seat->rate.at = s_.executor.now();
-    const bool silent = !type && type.error().code == Errc::timeout;
+    // On a bus that nothing acknowledges it is away, too.
+    const bool silent = !type && (type.error().code == Errc::timeout || type.error().code == Errc::bus);
     if (silent && seat->rate.by_sdo) lost(*seat);
   }
 }

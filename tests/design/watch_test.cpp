@@ -59,16 +59,16 @@ TEST(SlotWatch, WhatCannotBeIsRefusedAtItsPlace) {
     EXPECT_NE(text.find(part), std::string::npos) << text;
   };
   is("heartbeat_period = \"2 s\"\nheartbeat_timeout = \"1 s\"\n",
-     "m.toml:11:21: error: slot[1].heartbeat_timeout:", "is not longer than the period");
-  is("heartbeat_period = \"1.5 ms\"\n", "m.toml:10:20: error: slot[1].heartbeat_period:", "whole milliseconds");
-  is("guard_time = \"70 s\"\n", "m.toml:10:14: error: slot[1].guard_time:", "65.535 s");
-  is("life_time_factor = 256\n", "m.toml:10:20: error: slot[1].life_time_factor:", "255");
-  is("error_control = \"never\"\n", "m.toml:10:17: error: slot[1].error_control:", "none");
+     "m.toml:12:21: error: slot[1].heartbeat_timeout:", "is not longer than the period");
+  is("heartbeat_period = \"1.5 ms\"\n", "m.toml:11:20: error: slot[1].heartbeat_period:", "whole milliseconds");
+  is("guard_time = \"70 s\"\n", "m.toml:11:14: error: slot[1].guard_time:", "65535 ms");
+  is("life_time_factor = 256\n", "m.toml:11:20: error: slot[1].life_time_factor:", "255");
+  is("error_control = \"never\"\n", "m.toml:11:17: error: slot[1].error_control:", "none");
   is("error_control = \"none\"\nheartbeat_period = \"1 s\"\n",
-     "m.toml:11:20: error: slot[1].heartbeat_period:", "no heartbeat watches this slot");
+     "m.toml:12:20: error: slot[1].heartbeat_period:", "no heartbeat watches this slot");
   is("error_control = \"heartbeat\"\nguard_time = \"1 s\"\n",
-     "m.toml:11:14: error: slot[1].guard_time:", "no guarding watches this slot");
-  is("heartbeat_period = \"1 s\"\nguard_time = \"1 s\"\n", "m.toml:11:14: error: slot[1].guard_time:", "not both");
+     "m.toml:12:14: error: slot[1].guard_time:", "no guarding watches this slot");
+  is("heartbeat_period = \"1 s\"\nguard_time = \"1 s\"\n", "m.toml:12:14: error: slot[1].guard_time:", "not both");
 }
 
 // Its own master watches it, and knows one period for all.

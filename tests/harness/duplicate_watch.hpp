@@ -373,11 +373,13 @@ class DuplicateWatch final : public plant::World::Observer {
     // it.
     const bool as_it_came = t.persistent == life.came_with && wire->told_at[t.persistent.value()] < life.on_since;
     // What was being written when the power went says nothing: a blanking that was cut off leaves what was there.
-    const bool gets = written && !as_it_came && !off && t.persistent.configured() && t.pending == t.persistent &&
-                      life.owned != t.persistent;
+    // What its switches say is nobody's to give.
+    const bool gets = written && !as_it_came && !has_switches(t) && !off && t.persistent.configured() &&
+                      t.pending == t.persistent && life.owned != t.persistent;
     if (t.persistent != life.persistent) life.owned = NodeId();
     if (t.persistent != life.persistent) life.seated = life.confirmed = false;
-    if (written && !off && t.persistent.configured() && t.pending == t.persistent) life.owned = t.persistent;
+    if (written && !off && t.persistent.configured() && t.pending == t.persistent && !has_switches(t))
+      life.owned = t.persistent;
     if (written) life.writes = t.memory_written;
     life.persistent = t.persistent;
     if (t.booting && !life.booting) life.boot_began = now();

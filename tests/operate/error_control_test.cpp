@@ -198,8 +198,8 @@ TEST(ErrorControl, AGuardedDeviceThatLeavesOperationalIsStartedAgain) {
 }
 
 TEST(ErrorControl, WithNeitherProtocolItIsAskedBySdo) {
-  Rig rig(machine(), plant_of({"neither", with("1017", heartbeat("ro", 0))}));
   std::vector<std::unique_ptr<WithoutRemoteFrames>> ports;
+  Rig rig(machine(), plant_of({"neither", with("1017", heartbeat("ro", 0))}));
   rig.put_between([&](can::Port& port, const std::string&) {
     return ports.emplace_back(std::make_unique<WithoutRemoteFrames>(port)).get();
   });
