@@ -133,6 +133,9 @@ struct Bus {
   std::optional<Gateway> gateway;
   text::Place gateway_place;
   std::string discovery = "auto";  ///< "auto", or the one method by which new devices are found, as `discovery::name`
+  /// False: a controller of CAN 2.0A is on it, which answers each frame in extended format with an error frame. Nothing
+  /// that is sent or asked for has 29 bits: no RAND, no feedback in extended identifiers.
+  bool extended_frames = true;
   Timing timing;
   text::Place place;  ///< of its table
 };

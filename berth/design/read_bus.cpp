@@ -76,14 +76,18 @@ void read_port(Table& table, Bus& bus) {
 void read_bitrate(Table& table, Bus& bus) {
   const auto rate = table.integer("bitrate", {});
   if (!rate) return;
-  if (*rate > 0 && *rate <= 1'000'000 && is_canopen_bitrate(static_cast<std::uint32_t>(*rate))) {
-    bus.bitrate = static_cast<std::uint32_t>(*rate);
-    return;
+  constexpr std::int64_t lowest = 5'000;
+  constexpr std::int64_t highest = 1'000'000;
+  if (*rate < lowest || *rate > highest) {
+    const bool kilo = *rate * 1000 >= lowest && *rate <= highest / 1000;
+    return table.error("bitrate", fmt::format("{} bit/s is no bit rate of classic CAN", *rate),
+                       kilo ? fmt::format("write {}_000", *rate) : "give 5_000 to 1_000_000");
   }
-  const bool kilo = *rate > 0 && *rate <= 1000 && is_canopen_bitrate(static_cast<std::uint32_t>(*rate) * 1000);
-  table.error("bitrate", fmt::format("{} bit/s is no CANopen bit rate", *rate),
-              kilo ? fmt::format("write {}_000", *rate)
-                   : "use 10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000 or 1_000_000");
+  bus.bitrate = static_cast<std::uint32_t>(*rate);
+  if (is_canopen_bitrate(bus.bitrate)) return;
+  table.warning("bitrate", fmt::format("{} bit/s is none of CiA 301's bit rates: LSS cannot set it", *rate),
+                "see that each device has it by its switches or its maker's tool, or use 10_000, 20_000, 50_000, "
+                "125_000, 250_000, 500_000, 800_000 or 1_000_000");
 }
 
 // What links across it need.
@@ -254,6 +258,22 @@ void read_timing(text::Table& parent, Timing& timing) {
   table->finish();
 }
 
+namespace {
+
+// RAND's frames, and what slaves answer to Fastscan with feedback-29, have 29-bit identifiers.
+void read_extended_frames(Table& table, Bus& bus) {
+  bus.extended_frames = table.boolean("extended_frames").value_or(true);
+  constexpr std::array<string_view, 4> with_29_bits{"rand", "planner-rand", "fastscan-feedback-29", "planner-feedback"};
+  const bool excludes = std::ranges::find(with_29_bits, bus.discovery) != with_29_bits.end();
+  if (!bus.extended_frames && excludes) {
+    table.error("extended_frames",
+                fmt::format("discovery = {} is done with extended frames", text::quoted(bus.discovery)),
+                "use discovery = \"auto\", \"identify\" or \"fastscan\"");
+  }
+}
+
+}  // namespace
+
 Bus read_bus(const std::string& name, text::Table& table, const Timing& timing) {
   Bus bus;
   bus.name = name;
@@ -278,6 +298,7 @@ Bus read_bus(const std::string& name, text::Table& table, const Timing& timing) 
   bus.startup.rules.flying = bus.flying.has_value();
   read_sync(table, bus);
   if (const auto method = table.word("discovery", discovery_words)) bus.discovery = discovery_words[*method];
+  read_extended_frames(table, bus);
   read_timing(table, bus.timing);
   table.finish();
   return bus;

@@ -118,9 +118,11 @@ std::string slcan_rate(std::uint32_t bit_rate) {
   std::string best;
   double best_off = 1;
   for (std::uint32_t prescaler = 1; prescaler <= 64; ++prescaler) {
-    if (clock % (prescaler * bit_rate) != 0) continue;
-    const std::uint32_t quanta = clock / (prescaler * bit_rate);
+    const std::uint32_t quanta = (clock + prescaler * bit_rate / 2) / (prescaler * bit_rate);
     if (quanta < 8 || quanta > 25) continue;
+    // 33 333 bit/s are met with a third more; what a crystal may be off by is no other bit rate.
+    const double error = std::abs(static_cast<double>(quanta * prescaler) * bit_rate / clock - 1);
+    if (error > 0.001) continue;
     const auto after = std::max<std::uint32_t>(1, (quanta + 4) / 8);  // quanta behind the sample point
     const std::uint32_t before = quanta - 1 - after;
     if (after > 8 || before > 16) continue;

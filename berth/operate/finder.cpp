@@ -65,7 +65,7 @@ rt::Task<void> Finder::forget_and_ask_anew() {
   found_.forget_if(goes);
   co_await configured_.ask_slots_own();
   const auto& method = agenda_.method();
-  const bool speaks_rand = method == "auto" || method == "rand" || method == "planner-rand";
+  const bool speaks_rand = s_.bus.extended_frames && (method == "auto" || method == "rand" || method == "planner-rand");
   if (speaks_rand) co_await tell_which_are_known();
 }
 
@@ -141,6 +141,7 @@ rt::Task<void> Finder::tell_which_are_known() {
 rt::Task<void> Finder::by_rand() {
   constexpr unsigned most_again = 4;
   std::size_t before = found_.size();
+  if (!s_.bus.extended_frames) co_return;
   co_await search_.by_rand();
   for (unsigned again = 0; again < most_again && found_.size() > before && is_one_missing(); ++again) {
     if (search_.rand_is_open()) co_return;
@@ -193,7 +194,7 @@ bool Finder::is_one_missing() const {
 
 rt::Task<bool> Finder::anybody_new() {
   if (s_.only_observes()) co_return false;
-  const bool by_rand = agenda_.method() == "auto" || agenda_.method() == "rand";
+  const bool by_rand = s_.bus.extended_frames && (agenda_.method() == "auto" || agenda_.method() == "rand");
   if (by_rand) {
     const bool any = co_await search_.anybody_by_rand();
     if (any || agenda_.method() == "rand") co_return any;

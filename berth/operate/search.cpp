@@ -223,7 +223,7 @@ rt::Task<Result<NewDevices>> Search::find_new() {
   NewDevices all;
   const bool by_planner = agenda_.method() == "auto";
   const bool published = agenda_.method() == "rand";
-  if (by_planner || published) {
+  if ((by_planner || published) && s_.bus.extended_frames) {
     const auto unknown = co_await s_.rand.switch_global(nodeid::Identification::unknown);
     if (!unknown) co_return fail(unknown.error());
     Result<discovery::Report> report = fail(Errc::invalid, "not asked");

@@ -301,7 +301,7 @@ TEST(MachineFile, SaysWhatIsWrongAndWhere) {
   EXPECT_EQ(only_error(head + "[[slot]]\nbus = \"c\"\nid = 3\nname = \"x\"\ntype = { vendor = 1, product = 1 }\n"),
             "7:7: error: slot[1].bus: there is no bus \"c\"; the buses are \"b\"");
   EXPECT_EQ(only_error("[machine]\nname = \"m\"\n[bus.b]\nport = \"sim\"\nbitrate = 125\n"),
-            "5:11: error: bus.b.bitrate: 125 bit/s is no CANopen bit rate; write 125_000");
+            "5:11: error: bus.b.bitrate: 125 bit/s is no bit rate of classic CAN; write 125_000");
   EXPECT_EQ(only_error("[machine]\nname = \"m\"\n[bus.b]\nbitrate = 125_000\n"),
             "3:1: error: bus.b.port: this key is missing; such as \"sim\" or \"socketcan:can0\"");
   EXPECT_EQ(only_error(head + "role = \"mster\"\n"),

@@ -85,7 +85,11 @@ TEST(Slcan, BitRates) {
   EXPECT_EQ(slcan_rate(1'000'000), "S8\r");
   // 8 MHz / 5 / (1 + 6 + 1): BTR0 = prescaler - 1, BTR1 = (TSEG2 - 1) * 16 + TSEG1 - 1.
   EXPECT_EQ(slcan_rate(200'000), "s0405\r");
-  for (const auto rate : {0U, 83'333U, 4'000'000U, 0xFFFF'FFFFU}) EXPECT_EQ(slcan_rate(rate), "") << rate;
+  // Rates that are met, and that no divider has to the last bit: 8 MHz / 6 / 16, / 15 / 16, / 13.
+  EXPECT_EQ(slcan_rate(83'333), "s051C\r");
+  EXPECT_EQ(slcan_rate(33'333), "s0E1C\r");
+  EXPECT_EQ(slcan_rate(615'384), "s0019\r");
+  for (const auto rate : {0U, 900'000U, 4'000'000U, 0xFFFF'FFFFU}) EXPECT_EQ(slcan_rate(rate), "") << rate;
 }
 
 can::Frame any_frame(Random& r) {
