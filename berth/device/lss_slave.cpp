@@ -26,6 +26,18 @@ lss::Settings load(const Options& options, std::optional<NvRecord>& record) noex
   return settings;
 }
 
+bool is_lacking(const LssOptions& how, lss::Command request) noexcept {
+  const auto service = lss::lackable(request);
+  return service && how.without.has(*service);
+}
+
+lss::Answers as_sent(const LssOptions& how, const lss::Answers& answers) noexcept {
+  if (!how.short_answers || !answers) return answers;
+  const can::Frame answer = lss::short_answer(*answers);
+  if (answers.feedback()) return {*answers.feedback(), answer};
+  return std::optional(answer);
+}
+
 }  // namespace
 
 LssSlave::LssSlave(can::Dispatcher& dispatcher, const Options& options, NvMemory* memory, Host& host, Owner& owner)
@@ -54,7 +66,7 @@ void LssSlave::power_on() noexcept {
   const auto& how = options_->lss;
   const lss::SlaveOptions options{.address = options_->address,
                                   .bit_rates = bit_rates(*options_),
-                                  .can_store = record_.has_value(),
+                                  .can_store = record_.has_value() && how.stores,
                                   .change_at_waiting = how.changes_at_waiting,
                                   .fastscan = how.fastscan,
                                   .feedback = how.feedback,
@@ -115,7 +127,8 @@ bool LssSlave::keep(NodeId id, NvMemory::Done& done) noexcept {
 
 void LssSlave::received(const can::Frame& frame, rt::Time) noexcept {
   if (frame.key() == co::nmt_command_id) return boot_by_nmt(frame);
-  const auto answers = answer(frame);
+  const bool lacks = lss::is_lss(frame, lss::master_cob_id) && is_lacking(options_->lss, lss::command(frame));
+  const auto answers = lacks ? lss::Answers() : as_sent(options_->lss, answer(frame));
   owner_->lss_heard(answers.has_value());
   if (answers_) {
     answers_->send(answers);
@@ -179,7 +192,8 @@ void LssSlave::written(bool ok) noexcept {
     if (options_->source == NodeIdSource::fixed) stored_.node_id = options_->node_id;
   }
   // Without an answer when a reset came in between: no master waits any more.
-  if (const auto answer = slave_->stored({ok ? lss::error::ok : lss::error::storage, 0})) dispatcher_->send(*answer);
+  const auto answer = as_sent(options_->lss, slave_->stored({ok ? lss::error::ok : lss::error::storage, 0}));
+  if (answer) dispatcher_->send(*answer);
   owner_->changed();
 }
 

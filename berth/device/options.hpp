@@ -40,6 +40,9 @@ struct LssOptions {
   std::uint16_t feedback_base = lss::default_feedback_base;  ///< `Feedback::base`: first of the sixteen identifiers
   LssHabit habit = LssHabit::none;                           ///< as a known stack's slave does
   std::uint64_t habit_seed = 0;                              ///< of what such a slave does at random
+  lss::LackSet without{};                                    ///< answers none of these services
+  bool stores = true;               ///< false: LSS store (17h) is answered 01, and nothing is stored
+  bool short_answers = false;       ///< leaves out the zeros at the end of an answer
   bool changes_at_waiting = false;  ///< a configured device takes a new node-ID already at `04 00`
 };
 

@@ -175,10 +175,11 @@ void Asker::received(const can::Frame& frame, rt::Time at) noexcept {
     sign(frame_ * (value->kind == lss::Feedback::extended ? 70 : 50) / answer_bits, at, false);
     return;
   }
-  if (!lss::is_lss(frame, lss::slave_cob_id) || lss::command(frame) != lss::Command::identified) return;
+  if (!lss::is_answer(frame) || lss::command(frame) != lss::Command::identified) return;
   ++answers_;
   last_ = at;
-  sign(frame_, at, true);
+  const int left_out = 8 - frame.size;  // nine bits each, with their stuff bits
+  sign(frame_ * (answer_bits - 9 * left_out) / answer_bits, at, true);
 }
 
 void Asker::sign(rt::Duration own, rt::Time at, bool whole) noexcept {

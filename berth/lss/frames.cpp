@@ -1,5 +1,8 @@
 #include "berth/lss/frames.hpp"
 
+#include <algorithm>
+#include <span>
+
 namespace berth::lss {
 namespace {
 
@@ -15,6 +18,24 @@ can::Frame frame32(std::uint32_t cob_id, Command command, std::uint32_t value) n
   can::Frame f = frame(cob_id, command, 0, 0);
   store_le(f.data.data() + 1, value);
   return f;
+}
+
+// Bytes of an answer that say something.
+std::uint8_t telling_bytes(Command answer) noexcept {
+  switch (answer) {
+    case Command::selected:
+    case Command::identified:
+    case Command::non_configured: return 1;
+    case Command::inquire_node_id: return 2;
+    case Command::inquire_vendor:
+    case Command::inquire_product:
+    case Command::inquire_revision:
+    case Command::inquire_serial: return 5;
+    case Command::configure_node_id:
+    case Command::configure_bit_timing:
+    case Command::store: return 3;
+    default: return 8;
+  }
 }
 
 Command nth(Command first, unsigned i) noexcept { return static_cast<Command>(static_cast<std::uint8_t>(first) + i); }
@@ -33,6 +54,38 @@ std::optional<BitRateIndex> bit_rate_index(std::uint32_t bits_per_second) noexce
     if (table[i] == bits_per_second) return static_cast<BitRateIndex>(i);
   }
   return std::nullopt;
+}
+
+std::optional<Lackable> lackable(Command request) noexcept {
+  const auto in = [&](Command first, Command last) { return request >= first && request <= last; };
+  if (in(Command::select_vendor, Command::select_serial)) return Lackable::select;
+  if (in(Command::identify_vendor, Command::identify_non_configured)) return Lackable::identify;
+  if (in(Command::inquire_vendor, Command::inquire_serial)) return Lackable::inquire_identity;
+  switch (request) {
+    case Command::inquire_node_id: return Lackable::inquire_node_id;
+    case Command::configure_bit_timing: return Lackable::bit_timing;
+    case Command::activate_bit_timing: return Lackable::activate;
+    default: return std::nullopt;
+  }
+}
+
+// What 11h, 13h and 17h say in byte 2 is a manufacturer's code, behind 255 alone.
+bool is_answer(const can::Frame& frame) noexcept {
+  if (is_lss(frame, slave_cob_id)) return true;
+  const bool classic = frame.id == slave_cob_id && !frame.extended && !frame.remote && !frame.fd;
+  if (!classic || frame.size == 0 || frame.size > 8) return false;
+  const std::uint8_t telling = telling_bytes(command(frame));
+  return frame.size >= (telling == 3 ? 2 : telling);
+}
+
+can::Frame whole_answer(const can::Frame& answer) noexcept {
+  std::array<std::uint8_t, 8> bytes{};
+  std::copy_n(answer.data.begin(), std::min<std::size_t>(answer.size, bytes.size()), bytes.begin());
+  return can::Frame::base(slave_cob_id, bytes);
+}
+
+can::Frame short_answer(const can::Frame& answer) noexcept {
+  return can::Frame::base(slave_cob_id, std::span(answer.data).first(telling_bytes(command(answer))));
 }
 
 can::Frame request(Command command) noexcept { return frame(master_cob_id, command, 0, 0); }

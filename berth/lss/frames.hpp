@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cstdint>
+#include <initializer_list>
 #include <optional>
 
 #include "berth/base/bytes.hpp"
@@ -84,6 +85,42 @@ inline constexpr BitRateMask all_fixed_bit_rates = 0x01DF;
 [[nodiscard]] constexpr bool contains(BitRateMask mask, unsigned index) noexcept {
   return index <= 9 && index != 5 && ((mask >> index) & 1U) != 0;
 }
+
+/// Services that a device may lack.
+enum class Lackable : std::uint8_t {
+  select,            ///< 40h to 43h
+  inquire_identity,  ///< 5Ah to 5Dh
+  inquire_node_id,   ///< 5Eh
+  identify,          ///< 46h to 4Bh, 4Ch
+  bit_timing,        ///< 13h
+  activate,          ///< 15h
+};
+inline constexpr std::size_t lackable_count = 6;
+/// The one that this request belongs to; empty: none that may be lacking.
+[[nodiscard]] std::optional<Lackable> lackable(Command request) noexcept;
+
+/// A set of `Lackable`.
+class LackSet {
+ public:
+  constexpr LackSet() = default;
+  constexpr LackSet(std::initializer_list<Lackable> all) {
+    for (const auto each : all) add(each);
+  }
+  [[nodiscard]] constexpr bool has(Lackable what) const noexcept {
+    return (bits_ >> static_cast<unsigned>(what) & 1U) != 0;
+  }
+  [[nodiscard]] constexpr bool empty() const noexcept { return bits_ == 0; }
+  constexpr void add(Lackable what) noexcept {
+    bits_ = static_cast<std::uint8_t>(bits_ | 1U << static_cast<unsigned>(what));
+  }
+  constexpr void remove(Lackable what) noexcept {
+    bits_ = static_cast<std::uint8_t>(bits_ & ~(1U << static_cast<unsigned>(what)));
+  }
+  friend constexpr bool operator==(LackSet, LackSet) = default;
+
+ private:
+  std::uint8_t bits_ = 0;
+};
 
 /// Error codes in byte 1 of an answer. What 1 and 2 mean depends on the service.
 namespace error {
@@ -175,11 +212,17 @@ inline constexpr std::uint16_t default_feedback_base = 0x6D0;
 /// Reads a Fastscan request. Empty for all else, and when `bit_checked` is neither 0..31 nor 80h or `sub` is beyond 3.
 [[nodiscard]] std::optional<FastscanRequest> decode_fastscan(const can::Frame& frame) noexcept;
 
-/// True for a base data frame with 8 bytes and this identifier: nothing else is an LSS frame (docs/protocols/cia305.md
-/// §Frames).
+/// True for a base data frame with 8 bytes and this identifier: what CiA 305 has for an LSS frame
+/// (docs/protocols/cia305.md §Frames).
 [[nodiscard]] constexpr bool is_lss(const can::Frame& frame, std::uint32_t cob_id) noexcept {
   return frame.id == cob_id && !frame.extended && !frame.remote && !frame.fd && frame.size == 8;
 }
+/// An answer of a slave, also of one that leaves out the zeros at its end: the bytes that say something must be there.
+[[nodiscard]] bool is_answer(const can::Frame& frame) noexcept;
+/// The same answer with eight bytes, as CiA 305 has it; `answer`: `is_answer`.
+[[nodiscard]] can::Frame whole_answer(const can::Frame& answer) noexcept;
+/// The same answer without the bytes that say nothing.
+[[nodiscard]] can::Frame short_answer(const can::Frame& answer) noexcept;
 [[nodiscard]] inline Command command(const can::Frame& frame) noexcept { return static_cast<Command>(frame.data[0]); }
 /// Bytes 1..4 as one number.
 [[nodiscard]] inline std::uint32_t value32(const can::Frame& frame) noexcept {

@@ -118,6 +118,10 @@ std::string answer_text(const can::Frame& frame) {
   }
 }
 
+std::string short_text(const can::Frame& answer) {
+  return answer.size == 8 ? std::string() : " (" + std::to_string(answer.size) + " bytes, CiA 305 has 8)";
+}
+
 std::string feedback_text(const FeedbackValue& feedback) {
   if (feedback.kind == Feedback::base) return "LSS Fastscan: Next 4 bits are 0x" + hex(feedback.value, 1);
   return std::string("LSS Fastscan: Bits ") + (feedback.toggle ? "0 - 15" : "16 - 31") + " are " +
@@ -133,7 +137,7 @@ bool is_boot_up(const can::Frame& frame) noexcept {
 
 std::string interpret(const can::Frame& frame, std::uint16_t feedback_base) {
   if (is_lss(frame, master_cob_id)) return request_text(frame);
-  if (is_lss(frame, slave_cob_id)) return answer_text(frame);
+  if (is_answer(frame)) return answer_text(whole_answer(frame)) + short_text(frame);
   if (const auto feedback = decode_feedback(frame, feedback_base)) return feedback_text(*feedback);
   if (is_boot_up(frame)) return "Boot up of node " + std::to_string(frame.id - 0x700);
   return {};

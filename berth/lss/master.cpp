@@ -187,9 +187,10 @@ void Master::received(const can::Frame& frame, rt::Time at) noexcept {
     if (feedback) feedback_.add(*feedback, at);
     return;
   }
-  if (!is_lss(frame, slave_cob_id)) return;
+  if (!is_answer(frame)) return;
   if (first_ != nullptr) {
-    first_->heard(frame, at);
+    const can::Frame whole = whole_answer(frame);
+    first_->heard(whole, at);
   } else {
     ++times_.unexpected;
     times_.calm_since = at;

@@ -15,8 +15,8 @@
 #include "berth/device/dictionary.hpp"
 #include "berth/device/mandatory.hpp"
 #include "berth/eds/xdd.hpp"
-#include "berth/network/dictionary_manager.hpp"
 #include "berth/multilevel/hardware_version.hpp"
+#include "berth/network/dictionary_manager.hpp"
 #include "berth/od/cia302.hpp"
 #include "berth/od/notation.hpp"
 #include "berth/plant/sim_gateway.hpp"
@@ -299,9 +299,12 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
   o.lss.fastscan = plan.speaks.has(Speaks::fastscan);
   if (plan.speaks.has(Speaks::feedback_29)) o.lss.feedback = lss::Feedback::extended;
   if (plan.speaks.has(Speaks::feedback_11)) o.lss.feedback = lss::Feedback::base;
-  if (plan.habit == Habit::canopennode) o.lss.habit = device::LssHabit::canopennode;
-  if (plan.habit == Habit::lely) o.lss.habit = device::LssHabit::lely;
+  if (plan.lss.habit == Habit::canopennode) o.lss.habit = device::LssHabit::canopennode;
+  if (plan.lss.habit == Habit::lely) o.lss.habit = device::LssHabit::lely;
   o.lss.habit_seed = seed;
+  o.lss.without = plan.lss.without;
+  o.lss.stores = !plan.lss.refuses_store;
+  o.lss.short_answers = plan.lss.short_answers;
   if (!plan.speaks.has(Speaks::rand)) {
     o.rand = device::RandMode::off;
   } else {

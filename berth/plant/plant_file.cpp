@@ -15,7 +15,7 @@ bool operator==(const PlantDevice& a, const PlantDevice& b) noexcept {
   return a.name == b.name && a.bus == b.bus && a.eds == b.eds && a.does.script.file == b.does.script.file &&
          a.does.variables == b.does.variables && a.address == b.address && a.address_of_eds == b.address_of_eds &&
          a.source == b.source && a.node_id == b.node_id && a.node_id_object == b.node_id_object &&
-         a.bitrate == b.bitrate && a.speaks == b.speaks && a.habit == b.habit && a.response == b.response &&
+         a.bitrate == b.bitrate && a.speaks == b.speaks && a.lss == b.lss && a.response == b.response &&
          a.boot == b.boot && a.reset == b.reset && a.storing == b.storing && a.controller == b.controller &&
          a.heartbeat == b.heartbeat && a.plugged == b.plugged && a.does.master == b.does.master;
 }

@@ -13,6 +13,7 @@
 
 #include "berth/base/finding.hpp"
 #include "berth/base/ids.hpp"
+#include "berth/lss/frames.hpp"
 #include "berth/od/data_type.hpp"
 #include "berth/text/quantity.hpp"
 
@@ -86,6 +87,16 @@ class SpeaksSet {
 /// documents want it. The words of `habits` in the plant file.
 enum class Habit : std::uint8_t { canopennode, lely };
 [[nodiscard]] const char* name(Habit habit) noexcept;
+
+/// In what the LSS of a device differs from all that CiA 305 has. Keys `habits`, `lss_without`, `lss_store`,
+/// `short_answers`.
+struct PlantLss {
+  std::optional<Habit> habit;  ///< with `Speaks::fastscan`: both stacks always speak it
+  lss::LackSet without;        ///< with `Speaks::lss`
+  bool refuses_store = false;  ///< 17h is answered with error code 1
+  bool short_answers = false;  ///< leaves out the zeros at the end of an answer
+  friend bool operator==(const PlantLss&, const PlantLss&) = default;
+};
 
 /// Order in which a device's controller sends what is queued.
 enum class QueueKind : std::uint8_t { in_order, priority };
@@ -209,7 +220,7 @@ struct PlantDevice {
   PlantNodeIdObject node_id_object;
   std::uint32_t bitrate = 0;  ///< stored bit rate, bit/s; 0 = the bus's
   SpeaksSet speaks{Speaks::lss, Speaks::rand};
-  std::optional<Habit> habit;  ///< with `Speaks::fastscan`: both stacks always speak it
+  PlantLss lss;
   Latency response;
   Duration boot = std::chrono::milliseconds(50);   ///< power-on to boot-up message
   Duration reset = std::chrono::milliseconds(20);  ///< NMT reset (node or communication) to boot-up message

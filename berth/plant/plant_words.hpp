@@ -13,6 +13,9 @@ inline constexpr std::array<std::string_view, 11> speaks_words{
     "lss", "fastscan", "feedback-29", "feedback-11",        "rand", "rand-literal", "rand-resume",
     "and", "claim",    "negotiation", "negotiation-literal"};
 inline constexpr std::array<std::string_view, 2> habit_words{"canopennode", "lely"};
+inline constexpr std::array<std::string_view, 6> lackable_words{"select",   "inquire-identity", "inquire-node-id",
+                                                                "identify", "bit-timing",       "activate"};
+inline constexpr std::array<std::string_view, 2> lss_store_words{"kept", "refused"};
 inline constexpr std::array<std::string_view, 4> after_words{"start", "discovered", "bound", "operational"};
 inline constexpr std::array<std::string_view, 13> action_words{
     "plug",      "unplug", "power-off", "power-on", "reset",      "deaf",       "slow",

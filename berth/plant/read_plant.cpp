@@ -148,18 +148,40 @@ void read_habits(Table& table, PlantDevice& device) {
       table.error("habits", fmt::format("{} is no stack whose habits are known", text::quoted(word)),
                   near.empty() ? fmt::format("use one of {}", fmt::join(habit_words, ", "))
                                : fmt::format("did you mean {}?", text::quoted(near)));
-    } else if (device.habit) {
+    } else if (device.lss.habit) {
       table.error("habits", "a device has one stack", fmt::format("keep one of {}", fmt::join(habit_words, ", ")));
     } else {
-      device.habit = static_cast<Habit>(known - habit_words.begin());
+      device.lss.habit = static_cast<Habit>(known - habit_words.begin());
     }
   }
-  if (!device.habit) return;
+  if (!device.lss.habit) return;
   if (!table.has("speaks")) device.speaks = {Speaks::fastscan};
   if (!device.speaks.has(Speaks::fastscan)) {
-    table.error("habits", fmt::format("a {} device speaks Fastscan", name(*device.habit)),
+    table.error("habits", fmt::format("a {} device speaks Fastscan", name(*device.lss.habit)),
                 "leave out speaks, or add \"fastscan\" to it");
   }
+}
+
+void read_lss(Table& table, PlantDevice& device) {
+  for (const auto& word : table.strings("lss_without").value_or(std::vector<std::string>())) {
+    const auto known = std::ranges::find(lackable_words, word);
+    if (known != lackable_words.end()) {
+      device.lss.without.add(static_cast<lss::Lackable>(known - lackable_words.begin()));
+      continue;
+    }
+    const auto near = text::closest(word, lackable_words);
+    table.error("lss_without", fmt::format("{} is no service that a device may lack", text::quoted(word)),
+                !near.empty()        ? fmt::format("did you mean {}?", text::quoted(near))
+                : word == "fastscan" ? "leave \"fastscan\" out of speaks"
+                                     : fmt::format("use some of {}", fmt::join(lackable_words, ", ")));
+  }
+  device.lss.refuses_store = table.word("lss_store", lss_store_words).value_or(0) == 1;
+  device.lss.short_answers = table.boolean("short_answers").value_or(false);
+  const char* const key = table.has("lss_without") ? "lss_without"
+                          : table.has("lss_store") ? "lss_store"
+                                                   : "short_answers";
+  if (table.has(key) && !device.speaks.has(Speaks::lss))
+    table.error(key, "the device speaks no LSS", "add \"lss\" to speaks, or leave this out");
 }
 
 void read_response(Table& table, PlantDevice& device) {
@@ -375,6 +397,7 @@ class PlantReader {
     read_node_id_object(table, device);
     read_speaks(table, device);
     read_habits(table, device);
+    read_lss(table, device);
     read_response(table, device);
     read_times(table, device);
     read_script(table, reach_, device);

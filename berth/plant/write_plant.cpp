@@ -65,7 +65,14 @@ void write_speaks(PlantWriter& w, const PlantDevice& d) {
 }
 
 void write_habits(PlantWriter& w, const PlantDevice& d) {
-  if (d.habit) w.strings("habits", {name(*d.habit)});
+  if (d.lss.habit) w.strings("habits", {name(*d.lss.habit)});
+  std::vector<std::string> without;
+  for (std::size_t i = 0; i < lackable_words.size(); ++i) {
+    if (d.lss.without.has(static_cast<lss::Lackable>(i))) without.emplace_back(lackable_words[i]);
+  }
+  if (!without.empty()) w.strings("lss_without", without);
+  if (d.lss.refuses_store) w.string("lss_store", lss_store_words[1]);
+  w.flag("short_answers", d.lss.short_answers, false);
 }
 
 void write_programs(PlantWriter& w, const PlantPrograms& p) {

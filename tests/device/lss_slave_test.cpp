@@ -79,6 +79,74 @@ TEST(LssSlave, TakesStoresAndLoadsANodeId) {
   EXPECT_EQ(rig.lss.active().node_id, NodeId(7));
 }
 
+TEST(LssSlave, DoesNotAnswerWhatItLacks) {
+  using enum lss::Lackable;
+  const auto options = [](lss::LackSet without) {
+    Options o{.address = address_of(5), .bit_rate = 500'000};
+    o.lss.without = without;
+    return o;
+  };
+  const std::vector<std::pair<lss::Lackable, std::string>> services{
+      {inquire_identity, "7E5#5D00000000000000"},
+      {inquire_node_id, "7E5#5E00000000000000"},
+      {identify, "7E5#4C00000000000000"},
+      {bit_timing, "7E5#1300040000000000"},
+  };
+  for (const auto& [lacking, request] : services) {
+    for (const bool has : {true, false}) {
+      LssRig rig(options(has ? lss::LackSet() : lss::LackSet{lacking}));
+      rig.begin();
+      rig.ask("7E5#0401000000000000");
+      const auto before = rig.record.text.size();
+      rig.ask(request);
+      EXPECT_EQ(rig.record.text.size() - before, has ? 2U : 1U) << request;
+      EXPECT_EQ(rig.heard.back(), has) << request;
+    }
+  }
+  LssRig unselected(options({select}));
+  unselected.begin();
+  unselected.give_id(address_of(5), 7);
+  EXPECT_FALSE(unselected.lss.configures());
+  LssRig stays(options({activate}));
+  stays.begin();
+  stays.ask("7E5#0401000000000000");
+  stays.ask("7E5#1300040000000000");
+  stays.ask("7E5#1501000000000000");
+  stays.run(milliseconds(10));
+  EXPECT_TRUE(stays.hushed.empty());
+}
+
+TEST(LssSlave, RefusesToStoreWhereItHasNoStoring) {
+  Options options{.address = address_of(5), .bit_rate = 500'000};
+  options.lss.stores = false;
+  LssRig rig(options);
+  rig.begin();
+  rig.give_id(address_of(5), 7);
+  rig.ask("7E5#1700000000000000");
+  EXPECT_EQ(rig.record.text.back(), "7E4#1701000000000000");
+  rig.run(milliseconds(20));
+  EXPECT_FALSE(rig.lss.persistent().node_id.configured());
+}
+
+TEST(LssSlave, AnswersWithoutTheZerosAtTheEnd) {
+  Options options{.address = address_of(5), .bit_rate = 500'000};
+  options.lss.short_answers = true;
+  LssRig rig(options);
+  rig.begin();
+  rig.ask("7E5#4C00000000000000");
+  EXPECT_EQ(rig.record.text.back(), "7E4#50");
+  rig.give_id(address_of(5), 7);
+  EXPECT_EQ(rig.record.count("7E4#44"), 1U);
+  EXPECT_EQ(rig.record.text.back(), "7E4#110000");
+  rig.ask("7E5#5D00000000000000");
+  EXPECT_EQ(rig.record.text.back().size(), std::string("7E4#5D00000000").size());
+  rig.ask("7E5#5E00000000000000");
+  EXPECT_EQ(rig.record.text.back(), "7E4#5E07");
+  rig.ask("7E5#1700000000000000");
+  rig.run(milliseconds(10));
+  EXPECT_EQ(rig.record.count("7E4#170000"), 1U);
+}
+
 TEST(LssSlave, PowerLostWhileItStoresLeavesTheOldNodeId) {
   LssRig rig;
   rig.begin();

@@ -37,12 +37,24 @@ enum class Kind : std::uint8_t {
   stored,        // a node-ID in its memory: its slot's, or that of another slot
   canopennode,   // Fastscan as CANopenNode does it
   lely,          // Fastscan as Lely core does it
-  mixed,         // one of the others each
+  mixed,         // one of the above each
+  // What a device may lack of LSS; all sizes and bit rates only where the kind is chosen by name.
+  no_identity,     // LSS without Fastscan and without 5Ah to 5Dh
+  no_node_id,      // LSS without Fastscan and without 5Eh
+  no_inquiries,    // both
+  bare,            // Fastscan, 40h to 43h, 11h, 17h, and nothing else
+  fastscan_alone,  // Fastscan, 11h, 17h, and nothing else
+  refuses_store,   // 17h is answered with error code 1
+  short_answers,   // Fastscan, and answers without the zeros at their end
+  stored_bare,     // LSS without Fastscan and inquiries, in its memory a node-ID that no slot has
+  partial,         // one of these or a whole one each
   count
 };
 inline constexpr std::array<const char*, static_cast<std::size_t>(Kind::count)> kind_names{
-    "rand",         "lss",    "fastscan",    "feedback-29", "feedback-11", "fixed",
-    "fixed-unsaid", "stored", "canopennode", "lely",        "mixed"};
+    "rand",           "lss",           "fastscan",      "feedback-29",  "feedback-11",
+    "fixed",          "fixed-unsaid",  "stored",        "canopennode",  "lely",
+    "mixed",          "no-identity",   "no-node-id",    "no-inquiries", "bare",
+    "fastscan-alone", "refuses-store", "short-answers", "stored-bare",  "partial"};
 [[nodiscard]] inline const char* name(Kind kind) { return kind_names.at(static_cast<std::size_t>(kind)); }
 
 enum class Latency : std::uint8_t {
@@ -89,6 +101,11 @@ struct Cell {
          std::to_string(c.bit_rate / 1000) + " kbit/s, " + name(c.latency);
 }
 
+// Of the default run. What a device lacks of LSS is tried with few devices there.
+[[nodiscard]] inline bool is_usual(const Cell& c) {
+  return c.kind <= Kind::mixed || (c.devices <= 5 && c.bit_rate == 125'000);
+}
+
 // Why docs/limits.md excepts this cell; empty for the others.
 [[nodiscard]] inline std::optional<std::string_view> limit_of(const Cell&) { return std::nullopt; }
 
@@ -97,7 +114,8 @@ struct Cell {
 [[nodiscard]] inline rt::Duration budget(const Cell& c) {
   const auto frame = rt::Duration(128LL * 1'000'000'000 / c.bit_rate);
   // Plain LSS asks in six frames, the others in one; 32 questions at most. Node-ID, check and start take forty more.
-  const std::int64_t frames = c.kind == Kind::lss || c.kind == Kind::stored || c.kind == Kind::mixed ? 32 * 7 : 32 * 3;
+  const bool by_ranges = c.kind == Kind::lss || c.kind == Kind::stored || c.kind >= Kind::mixed;
+  const std::int64_t frames = by_ranges ? 32 * 7 : 32 * 3;
   const rt::Duration one = (frames + 40) * frame + 300ms;
   // CANopenNode's slaves answer ten times later once in fifty answers, Lely core's have to be gone round.
   const bool known = c.kind == Kind::canopennode || c.kind == Kind::lely || c.kind == Kind::mixed;
@@ -136,6 +154,26 @@ struct Cell {
   return {200us, 2ms, 10'000, 30ms};
 }
 
+// `number`: of its slot.
+inline void make_partial(plant::PlantDevice& d, Kind kind, unsigned number) {
+  using enum lss::Lackable;
+  using plant::Speaks;
+  const lss::LackSet inquiries{inquire_identity, inquire_node_id};
+  const bool scanned = kind == Kind::bare || kind == Kind::fastscan_alone || kind == Kind::short_answers;
+  d.speaks = {scanned ? Speaks::fastscan : Speaks::lss};
+  d.lss.short_answers = kind == Kind::short_answers;
+  d.lss.refuses_store = kind == Kind::refuses_store;
+  if (kind == Kind::no_identity) d.lss.without = {inquire_identity};
+  if (kind == Kind::no_node_id) d.lss.without = {inquire_node_id};
+  if (kind == Kind::no_inquiries || kind == Kind::stored_bare) d.lss.without = inquiries;
+  if (kind == Kind::bare || kind == Kind::fastscan_alone)
+    d.lss.without = {inquire_identity, inquire_node_id, identify, bit_timing, activate};
+  if (kind == Kind::fastscan_alone) d.lss.without.add(select);
+  if (kind != Kind::stored_bare) return;
+  d.source = plant::NodeIdSource::nonvolatile;
+  d.node_id = NodeId(static_cast<std::uint8_t>(126 - number));
+}
+
 inline void make_kind(plant::PlantDevice& d, Kind kind, unsigned number, NodeId kept) {
   using plant::Speaks;
   switch (kind) {
@@ -161,10 +199,11 @@ inline void make_kind(plant::PlantDevice& d, Kind kind, unsigned number, NodeId 
     case Kind::canopennode:
     case Kind::lely:
       d.speaks = {Speaks::fastscan};
-      d.habit = kind == Kind::lely ? plant::Habit::lely : plant::Habit::canopennode;
+      d.lss.habit = kind == Kind::lely ? plant::Habit::lely : plant::Habit::canopennode;
       break;
     case Kind::mixed:
     case Kind::count: break;
+    default: make_partial(d, kind, number); break;
   }
 }
 
@@ -204,6 +243,11 @@ struct Made {
     d.controller.rx_depth = cell.rx_depth;
     auto kind = cell.kind;
     if (kind == Kind::mixed) kind = static_cast<Kind>(random.below(static_cast<std::uint64_t>(Kind::mixed)));
+    if (kind == Kind::partial) {
+      const auto lacking = static_cast<std::uint64_t>(Kind::partial) - static_cast<std::uint64_t>(Kind::mixed);
+      const auto which = random.below(lacking);
+      kind = which == 0 ? Kind::rand : static_cast<Kind>(static_cast<std::uint64_t>(Kind::mixed) + which);
+    }
     if (kind == Kind::fixed) slot.spec.assign = places::Assign::fixed;
     made.machine.slots.push_back(slot);
     // A mixed plant's switches and memories must leave its slots' node-IDs to one device each.

@@ -47,7 +47,7 @@ inline std::vector<Cell> cells_of(const Choice& o) {
           if (cell.latency == Latency::wide && o.latency != Latency::wide) continue;
           const bool chosen = (!o.kind || *o.kind == cell.kind) && (!o.devices || *o.devices == n) &&
                               (!o.bit_rate || *o.bit_rate == rate) && (!o.latency || *o.latency == cell.latency);
-          if (chosen) cells.push_back(cell);
+          if (chosen && (o.kind || is_usual(cell))) cells.push_back(cell);
         }
       }
     }

@@ -275,7 +275,7 @@ class Planner {
       const auto way = method_of(d.bus);
       const bool reached = way == "auto" || way == "planner-fastscan";
       if (!reached || random.below(10) != 0) continue;
-      d.habit = static_cast<plant::Habit>(random.below(2));
+      d.lss.habit = static_cast<plant::Habit>(random.below(2));
       d.speaks = {plant::Speaks::fastscan};
     }
   }

@@ -160,12 +160,38 @@ TEST(LssMaster, OtherCommandsInTheWindowAreCountedAndPassedOver) {
   can::Dispatcher voice(w.world.executor(), *stranger);
   w.world.after(milliseconds(5), [&] {
     voice.send(can::Frame::base(slave_cob_id, {0x50, 0, 0, 0, 0, 0, 0, 0}));
-    voice.send(can::Frame::base(slave_cob_id, {0x44}));  // too short: no LSS
+    voice.send(can::Frame::base(slave_cob_id, {0x5D, 1, 0, 0}));  // too short: a part of a number is none
   });
   const auto reply = w.run(w.master->switch_selective(a1));
   ASSERT_TRUE(reply);
   EXPECT_EQ(reply->others, 1U);
   EXPECT_EQ(reply->answers, 1U);
+}
+
+// Devices of several makers leave out the zeros at the end of an answer.
+TEST(LssMaster, TakesAnAnswerThatIsShort) {
+  World w;
+  auto slave = w.bus.attach();
+  can::Dispatcher voice(w.world.executor(), *slave);
+  const auto answers = [&](std::initializer_list<std::uint8_t> bytes) {
+    const std::vector<std::uint8_t> copy(bytes);
+    w.world.after(milliseconds(5), [&voice, copy] { voice.send(can::Frame::base(slave_cob_id, copy)); });
+  };
+  answers({0x44});
+  EXPECT_TRUE(w.run(w.master->switch_selective(a1)));
+  answers({0x5D, 0x0A, 0, 0, 0});
+  const auto serial = w.run(w.master->inquire(3));
+  ASSERT_TRUE(serial);
+  EXPECT_EQ(serial->value(), 0x0AU);
+  answers({0x5E, 7});
+  const auto id = w.run(w.master->inquire_node_id());
+  ASSERT_TRUE(id);
+  EXPECT_EQ(id->byte(), 7U);
+  answers({0x11, 1});
+  const auto refused = w.run(w.master->configure_node_id(NodeId(4)));
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, Errc::aborted);
+  EXPECT_EQ(refused.error().detail, 1U);
 }
 
 TEST(LssMaster, ServicesQueueAndDoNotMix) {

@@ -596,7 +596,7 @@ TEST(Configuration, WhatFailedIsTriedAgainBesideASearchThatNeverEnds) {
   }
   auto& pump = p.devices.front();
   pump.plugged = false;
-  pump.habit = plant::Habit::lely;
+  pump.lss.habit = plant::Habit::lely;
   pump.speaks = {plant::Speaks::lss, plant::Speaks::fastscan};
   Rig rig(machine, p);
   rig.begin();

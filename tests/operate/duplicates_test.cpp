@@ -28,7 +28,7 @@ plant::PlantDevice& stored(plant::PlantFile& plant, const std::string& name, Typ
   d.source = plant::NodeIdSource::nonvolatile;
   d.node_id = NodeId(static_cast<std::uint8_t>(id));
   d.speaks = {Speaks::lss, Speaks::fastscan};
-  d.habit = Habit::canopennode;
+  d.lss.habit = Habit::canopennode;
   return d;
 }
 
@@ -179,7 +179,7 @@ TEST(Duplicates, ADeviceThatFadedAndIsLentItsOldNodeIdIsSeated) {
   auto p = one_bus_plant(1);
   stored(p, "first", type_b, 1, 5);
   auto& fades = stored(p, "fades", type_b, 2, 5);
-  fades.habit = Habit::lely;
+  fades.lss.habit = Habit::lely;
   fades.storing.power_cycle_after = true;
   add_device(p, "third", type_b, 3);
   Rig rig(m, p);
@@ -354,12 +354,12 @@ TEST(Duplicates, TheThirdUnderANodeIdThatTwoOfOneAddressKeepIsAskedAbout) {
   auto p = one_bus_plant(2);
   for (const char* name : {"a", "clone"}) {
     auto& d = stored(p, name, type_b, 7, 5);
-    d.habit.reset();
+    d.lss.habit.reset();
     d.speaks = {Speaks::lss, Speaks::rand};
     d.response = {0ms, 4ms, 0, 0ms};
   }
   auto& third = stored(p, "third", type_b, 9, 5);
-  third.habit.reset();
+  third.lss.habit.reset();
   third.speaks = {Speaks::lss, Speaks::rand};
   third.response = {0ms, 4ms, 0, 0ms};
   Rig rig(m, p);

@@ -43,7 +43,7 @@ class Replacement : public testing::TestWithParam<std::optional<Habit>> {
     auto& d = add_device(plant, name, type, serial);
     d.speaks = {Speaks::lss};
     if (GetParam()) d.speaks.add(Speaks::fastscan);
-    d.habit = GetParam();
+    d.lss.habit = GetParam();
     return d;
   }
   bool until(SlotState state, rt::Duration limit) {

@@ -166,7 +166,7 @@ TEST(Sources, S4_21_AStoredNodeIdThatNoSearchFindsIsAskedFor) {
     add_device(p, "neighbour", type_a, 1);
     auto& d = with_id(add_device(p, "a", type_b, 1), NodeIdSource::nonvolatile, id);
     d.speaks = {plant::Speaks::fastscan};
-    d.habit = plant::Habit::canopennode;
+    d.lss.habit = plant::Habit::canopennode;
     Rig rig(m, p);
     rig.run_for(3s);
     rig.begin();

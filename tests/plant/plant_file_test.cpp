@@ -260,6 +260,12 @@ TEST(PlantFile, EveryOtherMistakeIsAnError) {
       head + one + "habits = [\"lelly\"]\n",
       head + one + "habits = [\"lely\", \"canopennode\"]\n",
       head + one + "habits = [\"lely\"]\nspeaks = [\"rand\"]\n",
+      head + one + "lss_without = [\"inquire\"]\n",
+      head + one + "lss_without = [\"fastscan\"]\n",
+      head + one + "lss_without = [\"select\"]\nspeaks = [\"rand\"]\n",
+      head + one + "lss_store = \"none\"\n",
+      head + one + "lss_store = \"refused\"\nspeaks = [\"rand\"]\n",
+      head + one + "short_answers = 1\n",
       head + one + "response = { min = \"2 ms\", max = \"1 ms\" }\n",
       head + one + "response = { min = \"2 ms\" }\n",
       head + one + "response = 4\n",
@@ -326,12 +332,26 @@ TEST(PlantFile, ANumericHardwareVersion) {
 TEST(PlantFile, HabitsAreThoseOfAStackThatSpeaksFastscan) {
   const auto result = read_plant(head + one + "habits = [\"canopennode\"]\n", "p.toml");
   ASSERT_TRUE(result.plant);
-  EXPECT_EQ(result.plant->devices[0].habit, Habit::canopennode);
+  EXPECT_EQ(result.plant->devices[0].lss.habit, Habit::canopennode);
   EXPECT_EQ(result.plant->devices[0].speaks, SpeaksSet{Speaks::fastscan});
   const auto both = read_plant(head + one + "habits = [\"lely\"]\nspeaks = [\"fastscan\", \"rand\"]\n", "p.toml");
   ASSERT_TRUE(both.plant);
-  EXPECT_EQ(both.plant->devices[0].habit, Habit::lely);
+  EXPECT_EQ(both.plant->devices[0].lss.habit, Habit::lely);
   EXPECT_EQ(both.plant->devices[0].speaks, (SpeaksSet{Speaks::fastscan, Speaks::rand}));
+}
+
+TEST(PlantFile, WhatTheLssOfADeviceLacks) {
+  const auto result = read_plant(head + one +
+                                     "lss_without = [\"inquire-identity\", \"activate\"]\nlss_store = \"refused\"\n"
+                                     "short_answers = true\n",
+                                 "p.toml");
+  ASSERT_TRUE(result.plant);
+  const PlantLss& lss = result.plant->devices[0].lss;
+  EXPECT_EQ(lss.without, (lss::LackSet{lss::Lackable::inquire_identity, lss::Lackable::activate}));
+  EXPECT_TRUE(lss.refuses_store);
+  EXPECT_TRUE(lss.short_answers);
+  const auto error = only_error(head + one + "lss_without = [\"fastscan\"]\n");
+  EXPECT_NE(error.find("leave \"fastscan\" out of speaks"), std::string::npos) << error;
 }
 
 // S1.22: a cloned LSS address is something to try; it is named, and allowed.
@@ -382,8 +402,15 @@ PlantDevice random_device(Random& r, std::size_t i, const std::vector<PlantBus>&
     if (r.chance(300'000)) d.speaks.add(static_cast<Speaks>(s));
   }
   if (r.chance(300'000)) {
-    d.habit = static_cast<Habit>(r.below(2));
+    d.lss.habit = static_cast<Habit>(r.below(2));
     d.speaks.add(Speaks::fastscan);
+  }
+  if (d.speaks.has(Speaks::lss)) {
+    for (unsigned each = 0; each < lss::lackable_count; ++each) {
+      if (r.chance(300'000)) d.lss.without.add(static_cast<lss::Lackable>(each));
+    }
+    d.lss.refuses_store = r.chance(300'000);
+    d.lss.short_answers = r.chance(300'000);
   }
   if (r.chance(700'000)) {
     d.response.min = random_time(r, 1h);
