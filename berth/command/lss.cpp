@@ -115,7 +115,7 @@ std::string node_id_line(unsigned id) {
 rt::Task<void> inquire(Network& network, std::optional<LssAddress> device, Reply& reply) {
   const auto selected = co_await select(network, device);
   if (!selected) co_return lss_failed(reply, network, selected.error(), "inquire " + named(device));
-  const auto address = co_await network.services().lss.inquire_address();
+  const auto address = co_await lss::inquire_address(network.services().lss);
   if (!address) co_return lss_failed(reply, network, address.error(), "inquire " + named(device));
   const auto id = co_await network.services().lss.inquire_node_id();
   co_await release(network, device);
@@ -136,7 +136,7 @@ rt::Task<void> inquire_selected(Network& network, const std::string& part, Reply
   Json json = start_json(network, "inquire");
   std::vector<std::string> lines;
   if (part == "address") {
-    const auto address = co_await lss.inquire_address();
+    const auto address = co_await lss::inquire_address(lss);
     if (!address) co_return lss_failed(reply, network, address.error(), doing);
     put_address(json, *address);
     put_parts(json, *address);

@@ -120,10 +120,11 @@ rt::Task<Result<Identify::Sweep>> Identify::proven(Run& run, Cursor& cursor, Lss
 // It tells its node-ID, gets one when it has none, and goes back to waiting.
 rt::Task<Result<void>> Identify::settle(Run& run, Found& found, const lss::AloneOptions& how) {
   const lss::ServiceOptions service{.timeout = run.longest(), .retries = 1, .full_window = false};
-  const auto told = co_await services_.lss.inquire_node_id(service);
-  if (told) found.active = NodeId::make(told->byte()).value_or(NodeId());
+  const auto told = co_await lss::ask_node_id(services_.lss, found.address, service);
+  const bool tells = told && told->has_value();
+  if (tells) found.active = NodeId::make((*told)->byte()).value_or(NodeId());
   NodeId id;
-  const bool blank = told && !found.active.configured();
+  const bool blank = tells && !found.active.configured();
   if (blank && run.options.assigner != nullptr) id = run.options.assigner->assign(found.address, blank);
   if (id.configured()) {
     const LssAddress device = found.address;

@@ -72,7 +72,7 @@ rt::Task<Outcome> Devices::selected(LssAddress device) {
   found.possible_clone = clones;
   bool says_none = false;
   if (alone) {
-    const auto has = co_await active_id();
+    const auto has = co_await active_id(device);
     found.active = has.value_or(NodeId());
     says_none = has && !has->configured();
   }
@@ -93,13 +93,14 @@ rt::Task<Outcome> Devices::selected(LssAddress device) {
   co_return Outcome::found;
 }
 
-// Lely core's slaves answer Fastscan whatever node-ID they have.
-rt::Task<std::optional<NodeId>> Devices::active_id() {
+// Lely core's slaves answer Fastscan whatever node-ID they have; who does not tell one (5Eh) has none.
+rt::Task<std::optional<NodeId>> Devices::active_id(LssAddress device) {
   const lss::ServiceOptions service{.timeout = q_.asker().longest(), .retries = 0, .full_window = false};
-  const auto told = co_await services_.lss.inquire_node_id(service);
+  const auto told = co_await lss::ask_node_id(services_.lss, device, service);
   const auto now = services_.dispatcher.executor().now();
   q_.asker().sent_elsewhere(now);
-  if (told) co_return NodeId::make(told->byte()).value_or(NodeId());
+  if (told && !*told) co_return std::nullopt;
+  if (told) co_return NodeId::make((*told)->byte()).value_or(NodeId());
   if (told.error().code == Errc::bus || told.error().code == Errc::cancelled) q_.broken(told.error());
   services_.lss.suspect_strangers();  // its answer may come to the next question
   co_return std::nullopt;

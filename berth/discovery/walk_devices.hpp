@@ -71,7 +71,7 @@ class Devices {
  private:
   rt::Task<Outcome> selected(LssAddress device);
   rt::Task<NodeId> give(LssAddress device, bool says_none);
-  rt::Task<std::optional<NodeId>> active_id();
+  rt::Task<std::optional<NodeId>> active_id(LssAddress device);
   rt::Task<Outcome> stays(const Found& device, bool told);
   [[nodiscard]] lss::AloneOptions alone_options() const noexcept;
   void keep(const Found& device);

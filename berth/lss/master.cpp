@@ -149,6 +149,12 @@ Result<Reply> Exchange::await_resume() noexcept {
   return reply_;
 }
 
+Exchange Exchange::anybody_configuring(Master& master, const ServiceOptions& options) noexcept {
+  constexpr std::uint8_t no_node_id = 0x80;
+  const can::Frame frame = request(Command::configure_node_id, no_node_id);
+  return {master, options, Plan::make(Answer::may, Command::configure_node_id, frame)};
+}
+
 // ---- the master ------------------------------------------------------------------------------------------------
 
 Master::Master(can::Dispatcher& dispatcher, const MasterOptions& options)
@@ -313,10 +319,10 @@ Exchange Master::fastscan(const FastscanRequest& request, ServiceChoice options)
   return {*this, options.value_or(options_.fastscan), p};
 }
 
-rt::Task<Result<LssAddress>> Master::inquire_address() {
+rt::Task<Result<LssAddress>> inquire_address(Master& master) {
   std::array<std::uint32_t, 4> parts{};
   for (unsigned i = 0; i < 4; ++i) {
-    auto reply = co_await inquire(i);
+    auto reply = co_await master.inquire(i);
     if (!reply) co_return fail(reply.error());
     if (reply->differ) co_return fail(Errc::duplicate, "two LSS slaves answer one inquiry");
     parts[i] = reply->value();

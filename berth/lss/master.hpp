@@ -24,6 +24,7 @@
 #include "berth/base/result.hpp"
 #include "berth/can/dispatcher.hpp"
 #include "berth/lss/frames.hpp"
+#include "berth/lss/lacks.hpp"
 #include "berth/rt/task.hpp"
 
 namespace berth::lss {
@@ -121,6 +122,10 @@ class Exchange final : public rt::Operation<Exchange>, private rt::Job, private 
   bool start() noexcept;
   Result<Reply> await_resume() noexcept;
 
+  /// `11 80`: 128 is no node-ID, so every slave in configuration refuses it, and stays as it was. Tells whether any is
+  /// there where inquiries do not, because a slave may lack them. Silence is an answer: `Reply::answers` is 0.
+  [[nodiscard]] static Exchange anybody_configuring(Master& master, const ServiceOptions& options) noexcept;
+
  private:
   friend class Master;
   enum class Answer : std::uint8_t { none, may, must };
@@ -198,9 +203,6 @@ class Master final : private can::Handler {
   /// `full_window` false: done at the first 4Fh, which is right only where no other device can answer later.
   [[nodiscard]] Exchange fastscan(const FastscanRequest& request, ServiceChoice options = {}) noexcept;
 
-  /// The whole LSS address of the one slave in configuration. `duplicate`: different answers to one inquiry.
-  [[nodiscard]] rt::Task<Result<LssAddress>> inquire_address();
-
   /// Of the answers to all services but store, which is slow by nature.
   [[nodiscard]] const AnswerTimes& answer_times() const noexcept { return times_; }
   /// A device may be in configuration unheard / a proof says that none is.
@@ -210,6 +212,9 @@ class Master final : private can::Handler {
   void lost_one() noexcept;
   /// All in configuration were told to have no node-ID, and they may have been more than one.
   void took_back() noexcept { ++times_.taken_back; }
+
+  /// What its slaves were seen to lack (`select_alone.hpp` learns it).
+  [[nodiscard]] LackMemory& lacks() noexcept { return lacks_; }
 
   /// The next request is not sent before.
   [[nodiscard]] rt::Time earliest() const noexcept { return earliest_; }
@@ -226,7 +231,11 @@ class Master final : private can::Handler {
   Exchange* first_ = nullptr;  // the one on the wire, then those that wait
   rt::Time earliest_{};        // inhibit
   AnswerTimes times_{};
+  LackMemory lacks_;
   FeedbackWindow feedback_;  // of the last window
 };
+
+/// The whole LSS address of the one slave in configuration. `duplicate`: different answers to one inquiry.
+[[nodiscard]] rt::Task<Result<LssAddress>> inquire_address(Master& master);
 
 }  // namespace berth::lss

@@ -10,6 +10,7 @@ constexpr unsigned most_looks = 3;      // at one part that stays silent, or is 
 constexpr unsigned most_rows = 4;       // of questions
 constexpr unsigned enough_answers = 4;  // to know how slow a bus is
 constexpr unsigned serial = 3;          // the last part
+constexpr Lackable identity = Lackable::inquire_identity;
 
 bool of_the_bus(const Error& error) noexcept { return error.code == Errc::bus || error.code == Errc::cancelled; }
 
@@ -29,7 +30,8 @@ Selection doubted(Seen seen) noexcept {
 rt::Task<Result<Seen>> look(Master& master, LssAddress device, unsigned part, bool whole, AloneOptions options) {
   unsigned doubled = 0;
   unsigned silent = 0;
-  while (silent < most_looks) {
+  const unsigned most_silent = master.lacks().likely(device, identity) ? 1 : most_looks;
+  while (silent < most_silent) {
     const ServiceOptions service{.timeout = window_of(master, options), .retries = 0, .full_window = whole};
     const auto reply = co_await master.inquire(part, service);
     if (!reply && of_the_bus(reply.error())) co_return fail(reply.error());
@@ -138,34 +140,20 @@ PartMask parts_to_ask(const LssAddress& device, std::span<const LssAddress> othe
   return parts;
 }
 
+namespace {
+
 // A frame that no question asked for is that of a device which hears again, and did not hear the questions before: all
 // parts once more, from the first, as the part that was just asked may be the same in both.
-rt::Task<Result<Selection>> still_alone(Master& master, LssAddress device, AloneOptions options) {
+rt::Task<Result<Seen>> look_in_rows(Master& master, LssAddress device, AloneOptions options) {
   for (unsigned row = 0; row < most_rows; ++row) {
     const bool in_a_row = row == 0 && calm(master, options);
     const auto seen = co_await look_at_all(master, device, options, in_a_row);
     if (!seen) co_return fail(seen.error());
-    if (*seen == Seen::alone) {
-      master.no_strangers();
-      co_return Selection::alone;
-    }
-    if (*seen == Seen::woken) continue;
-    master.lost_one();
-    co_return doubted(*seen);
+    if (*seen == Seen::alone) master.no_strangers();
+    if (*seen != Seen::woken) co_return *seen;
   }
-  co_return Selection::alone;
+  co_return Seen::alone;
 }
-
-rt::Task<Result<Selection>> prove_alone(Master& master, LssAddress device, AloneOptions options) {
-  const auto seen = co_await still_alone(master, device, options);
-  if (!seen) co_return fail(seen.error());
-  if (*seen == Selection::alone) co_return Selection::alone;
-  const auto left = co_await leave_unchanged(master);
-  if (!left) co_return fail(left.error());
-  co_return *seen;
-}
-
-namespace {
 
 // The last match of Fastscan brings the device into configuration.
 rt::Task<Result<Reply>> match(Master& master, LssAddress device, ServiceOptions service) {
@@ -198,7 +186,142 @@ rt::Task<Result<bool>> any_without_node_id(Master& master, LssAddress device) {
   co_return matched.has_value();
 }
 
+rt::Task<Result<Selection>> still_alone(Master& master, LssAddress device, AloneOptions options) {
+  if (master.lacks().has(device, identity)) co_return Selection::not_alone;
+  const auto seen = co_await look_in_rows(master, device, options);
+  if (!seen) co_return fail(seen.error());
+  if (*seen == Seen::alone) co_return Selection::alone;
+  master.lost_one();
+  co_return doubted(*seen);
+}
+
+namespace {
+
+rt::Task<Result<Selection>> leave(Master& master, Selection why) {
+  const auto left = co_await leave_unchanged(master);
+  if (!left) co_return fail(left.error());
+  co_return why;
+}
+
+// False: a device is in configuration.
+rt::Task<Result<bool>> nobody_configures(Master& master, AloneOptions options) {
+  const unsigned looks = master.answer_times().strangers ? 2 : 1;
+  for (unsigned look = 0; look < looks; ++look) {
+    const ServiceOptions whole{.timeout = window_of(master, options), .retries = 0, .full_window = true};
+    const auto reply = co_await Exchange::anybody_configuring(master, whole);
+    if (!reply) co_return fail(reply.error());
+    if (reply->answers > 0 || suspicious(*reply)) co_return false;
+  }
+  co_return true;
+}
+
+// A device that does not say who it is: nobody is in configuration before it is selected, so nobody is there beside it.
+rt::Task<Result<Selection>> select_from_nobody(Master& master, LssAddress device, AloneOptions options) {
+  unsigned occupied = 0;
+  unsigned silent = 0;
+  unsigned doubled = 0;
+  for (;;) {
+    const auto quiet = co_await master.switch_global(State::waiting);
+    if (!quiet) co_return fail(quiet.error());
+    const auto nobody = co_await nobody_configures(master, options);
+    if (!nobody) co_return fail(nobody.error());
+    if (!*nobody) {
+      master.suspect_strangers();
+      if (++occupied < most_looks) continue;
+      master.lost_one();
+      co_return co_await leave(master, Selection::not_alone);
+    }
+    const rt::Duration window = window_of(master, options);
+    const ServiceOptions once{
+        .timeout = longest_of(master, options), .retries = 0, .full_window = false, .listen = window};
+    const auto selected = co_await select(master, device, once, options.without_node_id);
+    if (!selected && of_the_bus(selected.error())) co_return fail(selected.error());
+    if (!selected) {
+      if (++silent < options.attempts) continue;
+      co_return co_await leave(master, Selection::absent);
+    }
+    if (!suspicious(*selected)) break;
+    const bool clones = selected->answers > 1 && ++doubled == most_looks;
+    if (clones) co_return co_await leave(master, Selection::clones);
+    const bool others = selected->answers == 1 && ++occupied == most_looks;
+    if (others) co_return co_await leave(master, Selection::not_alone);
+  }
+  master.no_strangers();
+  co_return Selection::alone;
+}
+
+// Once more; an inquiry of the address counts as answered when every part is told.
+rt::Task<Result<bool>> tells(Master& master, Lackable inquiry) {
+  const ServiceOptions service{.timeout = master.options().service.timeout, .retries = 0, .full_window = false};
+  const unsigned inquiries = inquiry == identity ? 4 : 1;
+  for (unsigned i = 0; i < inquiries; ++i) {
+    Result<Reply> reply;
+    if (inquiry == identity) {
+      reply = co_await master.inquire(i, service);
+    } else {
+      reply = co_await master.inquire_node_id(service);
+    }
+    if (!reply && reply.error().code == Errc::timeout) co_return false;
+    if (!reply) co_return fail(reply.error());
+  }
+  co_return true;
+}
+
+// Whether the device in configuration lacks an inquiry that it has not answered: it answers what every slave does, and
+// the inquiry between two such answers is silent again. Another of its type is believed sooner.
+rt::Task<Result<bool>> learn_lack(Master& master, LssAddress device, Lackable inquiry) {
+  const ServiceOptions service{.timeout = master.options().service.timeout, .retries = 1, .full_window = false};
+  const unsigned looks = master.lacks().likely(device, inquiry) ? 1 : 2;
+  for (unsigned look = 0; look < looks; ++look) {
+    if (look > 0) {
+      const auto told = co_await tells(master, inquiry);
+      if (!told) co_return fail(told.error());
+      if (*told) co_return false;
+    }
+    const auto there = co_await Exchange::anybody_configuring(master, service);
+    if (!there) co_return fail(there.error());
+    if (there->answers == 0) co_return false;
+  }
+  master.lacks().note(device, inquiry);
+  co_return true;
+}
+
+}  // namespace
+
+rt::Task<Result<Selection>> prove_alone(Master& master, LssAddress device, AloneOptions options) {
+  bool lacks = master.lacks().has(device, identity);
+  if (!lacks) {
+    const auto seen = co_await look_in_rows(master, device, options);
+    if (!seen) co_return fail(seen.error());
+    if (*seen == Seen::alone) co_return Selection::alone;
+    if (*seen == Seen::absent) {
+      const auto learnt = co_await learn_lack(master, device, identity);
+      if (!learnt) co_return fail(learnt.error());
+      lacks = *learnt;
+    }
+    if (!lacks) {
+      master.lost_one();
+      co_return co_await leave(master, doubted(*seen));
+    }
+  }
+  co_return co_await select_from_nobody(master, device, options);
+}
+
+rt::Task<Result<std::optional<Reply>>> ask_node_id(Master& master, LssAddress device, ServiceOptions service) {
+  constexpr Lackable inquiry = Lackable::inquire_node_id;
+  if (master.lacks().has(device, inquiry)) co_return std::nullopt;
+  if (master.lacks().likely(device, inquiry)) service.retries = 0;
+  const auto reply = co_await master.inquire_node_id(service);
+  if (reply) co_return *reply;
+  if (reply.error().code != Errc::timeout) co_return fail(reply.error());
+  const auto lacks = co_await learn_lack(master, device, inquiry);
+  if (!lacks) co_return fail(lacks.error());
+  if (!*lacks) co_return fail(reply.error());
+  co_return std::nullopt;
+}
+
 rt::Task<Result<Selection>> select_alone(Master& master, LssAddress device, AloneOptions options) {
+  if (master.lacks().has(device, identity)) co_return co_await select_from_nobody(master, device, options);
   const unsigned attempts = options.guess ? 1U : options.attempts;
   for (unsigned attempt = 0; attempt < attempts; ++attempt) {
     const auto waiting = co_await master.switch_global(State::waiting);
@@ -233,7 +356,8 @@ rt::Task<Result<Given>> configure_alone(Master& master, LssAddress device, NodeI
   if (!set && of_the_bus(set.error())) co_return fail(set.error());
   Given given{.outcome = outcome_of(set)};
   const bool doubtful = set && (suspicious(*set) || set->attempts > 1);
-  if (given.outcome == Given::Outcome::taken && (store || doubtful)) {
+  const bool proves = store && !master.lacks().has(device, identity);
+  if (given.outcome == Given::Outcome::taken && (proves || doubtful)) {
     if (doubtful) master.suspect_strangers();
     const auto again = co_await still_alone(master, device, options);
     if (!again) co_return fail(again.error());

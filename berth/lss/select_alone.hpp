@@ -49,6 +49,11 @@
 /// (`Master::suspect_strangers`), asks all parts and waits `AloneOptions::longest`; others three times what the slowest
 /// answer took that the master heard lately, not under 5 ms (`Master::answer_times`).
 ///
+/// A device that lacks 5Ah to 5Dh cannot say so. That is learnt once (`Master::lacks`): it answers `11 80`, which every
+/// slave in configuration refuses, before and after an inquiry that stays silent. From then on it is selected from
+/// nobody: `04 00`, `11 80` to which no device answers, 40h to 43h to which one does. What `still_alone` asks between
+/// 11h and `04 00` has no answer then: a doubt there is `not_alone`.
+///
 /// What no proof sees: a device in configuration that hears nothing at all while the questions are asked, and hears
 /// again before 11h; and, in a row, one of the same serial number that forgets a question when the next comes too early
 /// for it, and whose other answers all fall into the selected one's frames. Its answer to 11h, or any other frame on
@@ -57,6 +62,7 @@
 /// `configure_alone` does so.
 #pragma once
 
+#include <optional>
 #include <span>
 
 #include "berth/lss/master.hpp"
@@ -108,8 +114,13 @@ struct AloneOptions {
 /// The proof for a device that is in configuration already. As above.
 [[nodiscard]] rt::Task<Result<Selection>> prove_alone(Master& master, LssAddress device, AloneOptions options = {});
 /// The questions alone: no `04 00`, whatever comes of it. For between 11h and `04 00`, which would bring the node-ID
-/// into use.
+/// into use. `not_alone` where the device lacks 5Ah to 5Dh.
 [[nodiscard]] rt::Task<Result<Selection>> still_alone(Master& master, LssAddress device, AloneOptions options = {});
+
+/// What the device that was proven alone says of its node-ID (5Eh). Empty: it lacks the service, as `Master::lacks`
+/// has it from then on. Errors: `timeout` it does not answer any more; `bus`, `cancelled`.
+[[nodiscard]] rt::Task<Result<std::optional<Reply>>> ask_node_id(Master& master, LssAddress device,
+                                                                 ServiceOptions service);
 
 /// What came of a node-ID for a device that is alone in configuration.
 struct Given {

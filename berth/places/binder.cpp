@@ -4,6 +4,7 @@
 
 #include "berth/co/guarding.hpp"
 #include "berth/places/identity.hpp"
+#include "berth/places/inquiry.hpp"
 
 namespace berth::places {
 namespace {
@@ -166,8 +167,9 @@ rt::Task<Outcome> Binder::select(const LssAddress& device, bool inquires) {
     slower.inhibit = std::max(slower.inhibit, options_.slow_inhibit);
     s_.lss.set_options(slower);
   }
+  const bool tells = !s_.lss.lacks().has(device, lss::Lackable::inquire_node_id);
   lss::AloneOptions options{
-      .parts = options_.parts, .attempts = 1, .without_node_id = options_.among_equals, .followed = inquires};
+      .parts = options_.parts, .attempts = 1, .without_node_id = options_.among_equals, .followed = inquires && tells};
   window_ = lss::window_of(s_.lss, options);
   if (s_.lss.answer_times().strangers) options.parts = lss::all_parts;
   const auto selected = co_await lss::select_alone(s_.lss, device, options);
@@ -332,9 +334,11 @@ rt::Task<Outcome> Binder::inquire(Binding& binding) {
   const LssAddress device = binding.assignment().device.address;
   lss::ServiceOptions service = s_.lss.options().service;
   service.listen = window_;
-  auto reply = co_await s_.lss.inquire_node_id(service);
-  if (!reply) co_return unanswered(reply.error());
-  if (lss::suspicious(*reply)) {
+  auto told = co_await lss::ask_node_id(s_.lss, device, service);
+  if (!told) co_return unanswered(told.error());
+  if (!*told) co_return co_await find_node_id(binding);
+  auto reply = **told;
+  if (lss::suspicious(reply)) {
     s_.lss.suspect_strangers();
     const Outcome single = co_await confirm_clone(device);
     if (single != Outcome::ok) co_return single;
@@ -343,14 +347,29 @@ rt::Task<Outcome> Binder::inquire(Binding& binding) {
     auto again = co_await s_.lss.inquire_node_id(service);
     if (!again) co_return unanswered(again.error());
     if (lss::suspicious(*again)) co_return Outcome::mismatch;
-    reply = again;
+    reply = *again;
   }
-  const auto now = NodeId::make(reply->byte());
+  const auto now = NodeId::make(reply.byte());
   if (!now) co_return Outcome::silent;
   binding.inquired(*now);
   // The one that has the node-ID speaks no LSS, and has the serial number of the one that was selected.
   const bool twin = answers_there_ && *now != binding.assignment().id && !options_.may_use_another;
   co_return twin ? Outcome::several : Outcome::ok;
+}
+
+// It does not tell its node-ID: what is known of it counts, or where it answers by SDO. One that was told another since
+// then may have that by now.
+rt::Task<Outcome> Binder::find_node_id(Binding& binding) {
+  const bool told = binding.staying().asked;
+  NodeId id = told ? NodeId() : options_.uses;
+  if (!id.configured() && !told) id = binding.old_id();
+  if (!id.configured()) {
+    const LssAddress device = binding.assignment().device.address;
+    Inquiry inquiry(s_);
+    id = co_await inquiry.where_it_answers(device);
+  }
+  binding.inquired(id);
+  co_return Outcome::ok;
 }
 
 // One that was deaf while the proof was asked, and heard the 11h, answers it, too: behind the first answer, while
@@ -363,7 +382,9 @@ rt::Task<Outcome> Binder::store_alone(const Binding& binding) {
   }
   const Outcome outcome = co_await store(false);
   const bool sure = outcome != Outcome::ok || !s_.lss.answer_times().lost;
-  if (sure) co_return outcome;
+  // One that does not say who it is tells so by SDO when it has booted.
+  const bool mute = s_.lss.lacks().has(binding.assignment().device.address, lss::Lackable::inquire_identity);
+  if (sure || mute) co_return outcome;
   co_return co_await still_alone(binding);
 }
 
@@ -467,10 +488,18 @@ rt::Task<Outcome> Binder::identify_blank(const Binding& binding) {
     outcome = selected ? Outcome::ok : outcome_of(selected.error());
     if (outcome == Outcome::error) break;
     if (outcome == Outcome::ok) {
-      const auto now = co_await s_.lss.inquire_node_id();
-      if (now) outcome = now->byte() == NodeId::unconfigured_value ? Outcome::ok : Outcome::mismatch;
-      const bool stayed = outcome == Outcome::mismatch && reset_ != rt::Time{} &&
-                          now->byte() == binding.old_id().value() && s_.boots.booted_since(binding.old_id(), reset_);
+      const auto told = co_await lss::ask_node_id(s_.lss, device, s_.lss.options().service);
+      const bool mute = told && !told->has_value();
+      NodeId now;
+      if (mute) {
+        Inquiry inquiry(s_);
+        now = co_await inquiry.where_it_answers(device);
+      } else if (told) {
+        now = NodeId::make((*told)->byte()).value_or(binding.old_id());
+      }
+      if (told) outcome = now.configured() ? Outcome::mismatch : Outcome::ok;
+      const bool stayed = outcome == Outcome::mismatch && reset_ != rt::Time{} && now == binding.old_id() &&
+                          s_.boots.booted_since(binding.old_id(), reset_);
       if (outcome == Outcome::ok || stayed) break;
     }
     co_await rt::sleep_for(50ms);

@@ -95,6 +95,7 @@ class Binder {
   rt::Task<Outcome> select(const LssAddress& device, bool inquires);
   [[nodiscard]] Outcome unanswered(const Error& error) noexcept;
   rt::Task<Outcome> inquire(Binding& binding);
+  rt::Task<Outcome> find_node_id(Binding& binding);
   rt::Task<Outcome> configure(NodeId id);
   rt::Task<Outcome> configure_alone(const Binding& binding);
   rt::Task<Outcome> await_boot_up(const Binding& binding);

@@ -3,8 +3,13 @@
 #include <algorithm>
 
 #include "berth/co/guarding.hpp"
+#include "berth/places/identity.hpp"
+#include "berth/rt/scope.hpp"
 
 namespace berth::places {
+namespace {
+constexpr rt::Duration asked_for = std::chrono::milliseconds(100);
+}  // namespace
 
 rt::Task<bool> Inquiry::answers_at(NodeId id, co::SdoOptions how, rt::Duration guard_timeout) {
   const rt::Time began = s_.dispatcher.executor().now();
@@ -39,8 +44,9 @@ rt::Task<Result<NodeId>> Inquiry::active_id_once(LssAddress device, bool whole) 
   patience.full_window = whole;
   const auto selected = co_await s_.lss.switch_selective(device, patience);
   if (!selected) co_return fail(selected.error());
-  const auto reply = co_await s_.lss.inquire_node_id(patience);
-  const bool doubtful = lss::suspicious(*selected) || (reply && lss::suspicious(*reply));
+  const auto reply = co_await lss::ask_node_id(s_.lss, device, patience);
+  const bool tells = reply && reply->has_value();
+  const bool doubtful = lss::suspicious(*selected) || (tells && lss::suspicious(**reply));
   if (doubtful) {
     const Binder::Options options;
     Binder binder(s_, options);
@@ -54,9 +60,38 @@ rt::Task<Result<NodeId>> Inquiry::active_id_once(LssAddress device, bool whole) 
   const auto released = co_await s_.lss.switch_global(lss::State::waiting);
   if (!reply) co_return fail(reply.error());
   if (!released) co_return fail(released.error());
-  const auto id = NodeId::make(reply->byte());
+  if (!tells) co_return co_await where_it_answers(device);
+  const auto id = NodeId::make((*reply)->byte());
   if (!id) co_return fail(Errc::mismatch, "the node-ID it told is none");
   co_return *id;
+}
+
+rt::Task<NodeId> Inquiry::where_it_answers(LssAddress device) {
+  // The questions that stay silent leave half of the bus to others.
+  constexpr double question_bits = 300;
+  const double rate = s_.dispatcher.port().status().bit_rate;
+  const double most = std::chrono::duration<double>(asked_for).count() * rate / question_bits;
+  rt::Scope asked(s_.dispatcher.executor(), static_cast<std::size_t>(std::clamp(most, 2.0, 32.0)));
+  NodeId found;
+  for (std::uint8_t value = 1; value <= 127; ++value) {
+    const NodeId id(value);
+    const auto& vacant = s_.vacancy[value];
+    const bool silent = vacant && s_.boots.vacant_since(id, *vacant);
+    if (!silent) asked.spawn(look_at(id, device, found));
+  }
+  co_await asked.join();
+  co_return found;
+}
+
+rt::Task<void> Inquiry::look_at(NodeId id, LssAddress device, NodeId& found) {
+  co::SdoOptions how = s_.sdo.options();
+  how.timeout = asked_for;
+  how.retries = 0;
+  how.abort_on_timeout = false;
+  const bool answers = co_await answers_at(id, how, asked_for);
+  if (!answers) co_return;
+  const auto who = co_await read_identity(s_.sdo, id);
+  if (who && who->agrees(Identity(device))) found = id;
 }
 
 }  // namespace berth::places

@@ -45,7 +45,7 @@ TEST(LssMaster, InquireAddressReadsAllFourParts) {
   World w;
   w.add({0x1234'5678, 0x9ABC'DEF0, 0x0F1E'2D3C, 0xFFFF'FFFF});
   ASSERT_TRUE(w.run(w.master->switch_global(State::configuration)));
-  const auto address = w.run(w.master->inquire_address());
+  const auto address = w.run(inquire_address(*w.master));
   ASSERT_TRUE(address);
   EXPECT_EQ(*address, (LssAddress{0x1234'5678, 0x9ABC'DEF0, 0x0F1E'2D3C, 0xFFFF'FFFF}));
 }
@@ -128,7 +128,7 @@ TEST(LssMaster, TwoInConfigurationAreADuplicateForInquireAddress) {
   options.service.full_window = true;
   w.master->set_options(options);
   ASSERT_TRUE(w.run(w.master->switch_global(State::configuration)));
-  const auto address = w.run(w.master->inquire_address());
+  const auto address = w.run(inquire_address(*w.master));
   ASSERT_FALSE(address);
   EXPECT_EQ(address.error().code, Errc::duplicate);
 }
@@ -219,7 +219,7 @@ TEST(LssMaster, AnyServiceMayBeDestroyedAtAnyTime) {
     w.add(a1, {}, milliseconds(3));
     auto doomed = std::make_unique<Master>(w.dispatcher);
     World::Done d1, d2;
-    std::optional<rt::Task<Result<LssAddress>>> task(w.master->inquire_address());
+    std::optional<rt::Task<Result<LssAddress>>> task(inquire_address(*w.master));
     task->start(w.world.executor(), d1);
     auto survivor = w.master->switch_selective(a1);
     survivor.begin(w.world.executor(), d2);

@@ -423,7 +423,7 @@ TEST(ConfigureAlone, S1_53_WhereADeviceWasLostEveryAnswerIsWaitedFor) {
   Node& left = w.add(a, {}, milliseconds(30));
   left.overhears = [](const can::Frame& f) {
     const bool asks = static_cast<std::uint8_t>(command(f)) >= 0x5A && static_cast<std::uint8_t>(command(f)) <= 0x5E;
-    return asks || (f.data[0] == 0x04 && f.data[1] == 0x00);
+    return asks || command(f) == Command::configure_node_id || (f.data[0] == 0x04 && f.data[1] == 0x00);
   };
   const auto lost = w.run(select_alone(*w.master, a));
   ASSERT_TRUE(lost);

@@ -1,5 +1,5 @@
 // The telling cells of the matrix: those at which a method, a bit rate or a size was once too much for the
-// main job. All 1155 cells: ./run matrix.
+// main job. All cells: ./run matrix.
 #include "tests/harness/matrix.hpp"
 
 #include <gtest/gtest.h>
@@ -79,6 +79,20 @@ INSTANTIATE_TEST_SUITE_P(Windows, AgainstPublished,
                                          Cell{Kind::rand, 60, 1'000'000, Latency::wide},
                                          Cell{Kind::rand, 120, 10'000, Latency::wide},
                                          Cell{Kind::rand, 126, 125'000, Latency::wide}),
+                         test_name);
+
+// Services of LSS that devices lack, alone, several, and beside whole ones.
+INSTANTIATE_TEST_SUITE_P(Lacking, Matrix,
+                         testing::Values(Cell{Kind::no_identity, 1, 125'000, Latency::equal},
+                                         Cell{Kind::no_identity, 5, 125'000, Latency::random},
+                                         Cell{Kind::no_node_id, 2, 125'000, Latency::random},
+                                         Cell{Kind::no_inquiries, 1, 125'000, Latency::equal},
+                                         Cell{Kind::no_inquiries, 5, 125'000, Latency::outliers},
+                                         Cell{Kind::bare, 1, 125'000, Latency::random},
+                                         Cell{Kind::bare, 5, 125'000, Latency::equal},
+                                         Cell{Kind::refuses_store, 2, 125'000, Latency::random},
+                                         Cell{Kind::short_answers, 5, 125'000, Latency::random},
+                                         Cell{Kind::stored_bare, 5, 125'000, Latency::equal}),
                          test_name);
 
 // Receive buffers that hold one frame, or two: what comes back to back is lost.
