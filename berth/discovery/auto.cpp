@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "berth/discovery/busy.hpp"
+#include "berth/discovery/by_name.hpp"
 #include "berth/discovery/identify.hpp"
 #include "berth/discovery/planner_rand.hpp"
 #include "berth/discovery/published.hpp"
@@ -77,6 +78,35 @@ rt::Task<Result<void>> Auto::part(Run& run, Method method) {
   co_return Result<void>{};
 }
 
+// Those that answer no search: LSS without Fastscan and without 46h to 4Ch.
+rt::Task<Result<void>> Auto::by_name(Run& run) {
+  constexpr std::size_t most = 8;
+  const std::vector<LssAddress> expected = run.known.expected;
+  for (std::size_t i = 0; i < std::min(most, expected.size()) && !run.over(); ++i) {
+    const LssAddress device = expected[named_++ % expected.size()];
+    const auto& there = run.known.registered;
+    if (std::ranges::find(there, device) != there.end()) continue;
+    const lss::AloneOptions how{.parts = parts_that_tell(device, run.known, run.report), .guess = true};
+    const auto alone = co_await lss::select_alone(services_.lss, device, how);
+    if (!alone) co_return fail(alone.error());
+    const bool clones = *alone == lss::Selection::clones;
+    if (*alone != lss::Selection::alone && !clones) continue;
+    Found found{.address = device, .active = {}, .assigned = {}, .possible_clone = clones, .by = Method::identify};
+    found.at = services_.dispatcher.executor().now();
+    const lss::ServiceOptions service = services_.lss.options().service;
+    if (!clones) {
+      const auto told = co_await lss::ask_node_id(services_.lss, device, service);
+      if (told && *told) found.active = NodeId::make((*told)->byte()).value_or(NodeId());
+    }
+    const auto waiting = co_await services_.lss.switch_global(lss::State::waiting);
+    if (!waiting) co_return fail(waiting.error());
+    run.report.found.push_back(found);
+    run.known.registered.push_back(device);
+    if (run.options.observer != nullptr) run.options.observer->found(found);
+  }
+  co_return Result<void>{};
+}
+
 rt::Task<Result<Report>> Auto::find(const Known& known, const Options& options) {
   if (busy_) co_return fail(Errc::invalid, busy_text);
   const Busy busy(busy_);
@@ -115,6 +145,10 @@ rt::Task<Result<Report>> Auto::find(const Known& known, const Options& options) 
   if (look && !run.over() && !(known.kinds.empty() && known.expected.empty())) {
     const auto done = co_await part(run, Method::identify);
     if (!done) co_return fail(done.error());
+  }
+  if (options_.configured && !run.over()) {
+    const auto named = co_await by_name(run);
+    if (!named) co_return fail(named.error());
   }
   run.report.ended = services_.dispatcher.executor().now();
   co_return run.report;

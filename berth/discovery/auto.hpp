@@ -7,7 +7,8 @@
 /// identify non-configured), runs the planner of each scheme that was answered, one scheme after the other and
 /// never two at once (S1.24: RAND's DIS and the feedback have the same identifiers), and looks with LSS identify ranges
 /// for those that no scheme finds: devices without Fastscan, and devices that have a node-ID and are in no slot. The
-/// ranges need `Known::kinds`.
+/// ranges need `Known::kinds`. A device that answers none of these is asked for by name (40h to 43h) where
+/// `Known::expected` has its address: eight of them in each search for devices with a node-ID.
 #pragma once
 
 #include <array>
@@ -71,10 +72,12 @@ class Auto final : public Discovery {
  private:
   struct Run;
   [[nodiscard]] rt::Task<Result<void>> part(Run& run, Method method);
+  [[nodiscard]] rt::Task<Result<void>> by_name(Run& run);
   [[nodiscard]] Discovery& of(Method method);
   Services services_;
   AutoOptions options_;
   Spoken spoken_{};
+  std::size_t named_ = 0;  // of `Known::expected`, that were asked for by name
   Method last_ = Method::planner_fastscan;
   bool busy_ = false;
   std::array<std::unique_ptr<Discovery>, methods> parts_{};

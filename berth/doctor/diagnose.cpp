@@ -21,6 +21,7 @@ const char* name(Kind kind) noexcept {
     case Kind::missing_heartbeat: return "missing-heartbeat";
     case Kind::error_passive: return "error-passive";
     case Kind::overload: return "overload";
+    case Kind::short_lss_answer: return "short-lss-answer";
     case Kind::disturbance: break;
   }
   return "disturbance";
@@ -81,6 +82,7 @@ class Consultation {
     for (unsigned n = 1; n <= 127; ++n) duplicate(NodeId(static_cast<std::uint8_t>(n)));
     collisions();
     blanks();
+    short_answers();
     for (unsigned n = 1; n <= 127; ++n) {
       const NodeId id(static_cast<std::uint8_t>(n));
       if (id == jammer_) continue;
@@ -334,7 +336,19 @@ class Consultation {
     }
   }
 
-  // ---- no node-ID ----
+  // ---- LSS ----
+
+  void short_answers() {
+    if (heard_.short_answers.count == 0) return;
+    auto& d = add(Kind::short_lss_answer, Certainty::certain);
+    when(d, heard_.short_answers);
+    const auto& first = heard_.short_answer;
+    d.what = "a device sends LSS answers with fewer than 8 bytes";
+    d.evidence.push_back(fmt::format("{:02X}h with {} of 8 bytes, and others: {}", first.data[0], first.size,
+                                     times(heard_.short_answers)));
+    d.advice =
+        "Berth reads them; other LSS masters may not (CiA 305 has 8 bytes): ask the device's maker for new firmware";
+  }
 
   // Another LSS master's questions told, and it may have given the device a node-ID since.
   [[nodiscard]] bool had_one() const { return heard_.given.count > 0 && heard_.given.last > heard_.blank.last; }

@@ -22,9 +22,10 @@ enum class Kind : std::uint8_t {
   missing_heartbeat,     ///< a slot's node is silent, or without heartbeat
   error_passive,         ///< a node, or this port, is error-passive or was bus-off
   overload,              ///< more is sent than the bus, or a node, can take
+  short_lss_answer,      ///< an LSS answer has fewer than 8 bytes
   disturbance,           ///< frames are destroyed, and nothing above explains it
 };
-inline constexpr std::size_t kinds = 9;
+inline constexpr std::size_t kinds = 10;
 /// "duplicate-node-id", "identifier-collision", ...: as `--json` has it.
 [[nodiscard]] const char* name(Kind kind) noexcept;
 

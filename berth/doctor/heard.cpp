@@ -206,7 +206,11 @@ void Ear::lss(const can::Frame& frame, rt::Time at) noexcept {
     last_request_ = frame;
     return;
   }
-  if (!lss::is_lss(frame, lss::slave_cob_id)) return;
+  if (!lss::is_answer(frame)) return;
+  if (frame.size < 8) {
+    if (heard_.short_answers.count == 0) heard_.short_answer = frame;
+    heard_.short_answers.add(at);
+  }
   const auto answer = lss::command(frame);
   if (answer == lss::Command::configure_node_id && frame.data[1] == 0) heard_.given.add(at);
   const bool scanned = last_request_.size == 8 && last_request_.data[0] == fastscan;

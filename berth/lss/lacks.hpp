@@ -15,12 +15,17 @@ class LackMemory {
   /// It, or another of its type and revision.
   [[nodiscard]] bool likely(const LssAddress& device, Lackable what) const noexcept;
   void note(const LssAddress& device, Lackable what);
+  /// Fastscan has brought it into configuration once: where 40h to 43h do not, that may again.
+  [[nodiscard]] bool is_scanned(const LssAddress& device) const noexcept;
+  void scanned(const LssAddress& device);
 
  private:
   struct Entry {
     LssAddress device;
-    LackSet lacks;
+    LackSet lacks{};
+    bool scanned = false;
   };
+  Entry& entry_of(const LssAddress& device);
   std::vector<Entry> entries_;
 };
 

@@ -170,7 +170,18 @@ rt::Task<Result<Reply>> match(Master& master, LssAddress device, ServiceOptions 
 
 rt::Task<Result<Reply>> select(Master& master, LssAddress device, ServiceOptions service, bool without_node_id) {
   if (without_node_id) co_return co_await match(master, device, service);
-  co_return co_await master.switch_selective(device, service);
+  const bool lacks = master.lacks().has(device, Lackable::select);
+  if (lacks) {
+    const auto matched = co_await match(master, device, service);
+    const bool ends = matched || of_the_bus(matched.error());
+    if (ends) co_return matched;
+  }
+  const auto selected = co_await master.switch_selective(device, service);
+  const bool scans = !selected && selected.error().code == Errc::timeout && !lacks && master.lacks().is_scanned(device);
+  if (!scans) co_return selected;
+  const auto matched = co_await match(master, device, service);
+  if (matched) master.lacks().note(device, Lackable::select);
+  co_return matched;
 }
 
 }  // namespace
@@ -288,7 +299,9 @@ rt::Task<Result<bool>> learn_lack(Master& master, LssAddress device, Lackable in
 
 }  // namespace
 
-rt::Task<Result<Selection>> prove_alone(Master& master, LssAddress device, AloneOptions options) {
+namespace {
+
+rt::Task<Result<Selection>> prove(Master& master, LssAddress device, AloneOptions options) {
   bool lacks = master.lacks().has(device, identity);
   if (!lacks) {
     const auto seen = co_await look_in_rows(master, device, options);
@@ -305,6 +318,13 @@ rt::Task<Result<Selection>> prove_alone(Master& master, LssAddress device, Alone
     }
   }
   co_return co_await select_from_nobody(master, device, options);
+}
+
+}  // namespace
+
+rt::Task<Result<Selection>> prove_alone(Master& master, LssAddress device, AloneOptions options) {
+  master.lacks().scanned(device);
+  co_return co_await prove(master, device, options);
 }
 
 rt::Task<Result<std::optional<Reply>>> ask_node_id(Master& master, LssAddress device, ServiceOptions service) {
@@ -329,7 +349,7 @@ rt::Task<Result<Selection>> select_alone(Master& master, LssAddress device, Alon
     const auto window = options.guess ? window_of(master, options) : longest_of(master, options);
     const ServiceOptions once{.timeout = window, .retries = 0, .full_window = false};
     const auto selected = co_await select(master, device, once, options.without_node_id);
-    if (selected) co_return co_await prove_alone(master, device, options);
+    if (selected) co_return co_await prove(master, device, options);
     if (of_the_bus(selected.error())) co_return fail(selected.error());
     if (!options.guess) master.suspect_strangers();  // it may have been selected unheard
   }

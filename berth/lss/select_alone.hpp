@@ -54,6 +54,9 @@
 /// nobody: `04 00`, `11 80` to which no device answers, 40h to 43h to which one does. What `still_alone` asks between
 /// 11h and `04 00` has no answer then: a doubt there is `not_alone`.
 ///
+/// One that lacks 40h to 43h is selected by Fastscan, which is for devices without a node-ID: after it was brought into
+/// configuration by that once (`prove_alone`).
+///
 /// What no proof sees: a device in configuration that hears nothing at all while the questions are asked, and hears
 /// again before 11h; and, in a row, one of the same serial number that forgets a question when the next comes too early
 /// for it, and whose other answers all fall into the selected one's frames. Its answer to 11h, or any other frame on

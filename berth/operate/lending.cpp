@@ -218,11 +218,36 @@ rt::Task<bool> Lending::tell_pending(Identity device, NodeId id) {
   co_return given && given->outcome == lss::Given::Outcome::taken;
 }
 
+rt::Task<bool> Lending::recall(Identity device) {
+  const auto* const loan = loans_.of(device);
+  const bool scanned = loan != nullptr && !loan->clones && s_.lss.lacks().is_scanned(device.address);
+  if (!scanned) co_return false;
+  const NodeId id = loan->id;
+  const bool answers = co_await asking_.answers_at(id);
+  if (!answers) co_return false;
+  co_await rt::sleep_for(s_.bus.timing.rand_response);
+  const auto sent = co_await s_.nmt.send(co::NmtCommand::reset_node, id);
+  const rt::Time deadline = s_.executor.now() + s_.bus.timing.boot_timeout;
+  while (sent && s_.executor.now() < deadline && !s_.boots.booted_since(id, *sent)) {
+    const auto blank = co_await lss::any_without_node_id(s_.lss, device.address);
+    if (!blank) co_return false;
+    if (*blank) {
+      const auto found = found_.of(device);
+      if (found != nullptr) found->active = NodeId();
+      end(device);
+      places::gave_up(s_.boots, s_.vacancy, id);
+      co_return true;
+    }
+    co_await rt::sleep_for(std::chrono::milliseconds(50));
+  }
+  co_return false;
+}
+
 // False: it did not confirm that it gives the node-ID up.
 rt::Task<bool> Lending::take_back(Identity device, NodeId id) {
   const NodeId none;
   const auto told = co_await tell_pending(device, none);
-  if (!told) co_return false;
+  if (!told) co_return co_await recall(device);
   // A device with a single-slot receive buffer would lose the reset behind what was just sent.
   co_await rt::sleep_for(s_.bus.timing.rand_response);
   const auto reset = co_await s_.nmt.send(co::NmtCommand::reset_communication, id);

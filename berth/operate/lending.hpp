@@ -35,6 +35,9 @@ class Lending final : public discovery::Assigner {
   rt::Task<void> take_back_all();
   /// Only this device has the node-ID pending, and is in LSS waiting then. False: it did not confirm that.
   rt::Task<bool> tell_pending(Identity device, NodeId id);
+  /// Ends a loan by NMT reset node, as it is not stored: for a device that is selected by Fastscan alone and answers
+  /// under what it was lent. True: it has no node-ID any more. LSS must be held.
+  rt::Task<bool> recall(Identity device);
   /// It has another node-ID than it was lent now, in use and pending.
   void end(const Identity& device);
 

@@ -159,7 +159,9 @@ void tell_nobody(Parts& p, Seat& seat, bool news) {
   const bool stale = seat.misses_one && why.empty() && seat.life == Life::empty && !p.agenda.search_open;
   if (!news && !stale) return;
   seat.misses_one = !why.empty();
-  if (why.empty()) why = "no device of its type was found";
+  // What a device of its own address may lack, no search can find.
+  if (why.empty())
+    why = "no device of its type was found; one that answers no search needs its slot's `spares` and `revision`";
   if (p.agenda.alone) why = can::no_acknowledge;
   p.slots.happened(seat, SlotEvent::nobody, why);
 }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "berth/lss/select_alone.hpp"
 #include "berth/operate/master_device.hpp"
 
 namespace berth::operate {
@@ -150,13 +151,22 @@ rt::Task<bool> Move::alone(Node& node) {
 rt::Task<bool> Move::answers(Node& node) {
   const auto selected = co_await alone(node);
   if (!selected) co_return false;
-  const auto id = co_await network_.services().lss.inquire_node_id();
-  if (!id || id->differ) {
-    node.problem = id ? "two devices have its LSS address" : "it does not speak LSS: " + refusal(id.error(), "refused");
+  lss::Master& lss = network_.services().lss;
+  const LssAddress device = *node.device;
+  const lss::ServiceOptions service = lss.options().service;
+  const auto id = co_await lss::ask_node_id(lss, device, service);
+  if (!id) {
+    node.problem = "it does not speak LSS: " + refusal(id.error(), "refused");
     co_return false;
   }
-  if (id->byte() == node.id.value()) co_return true;
-  node.problem = fmt::format("by LSS its node-ID is {}", id->byte());
+  // By SDO it told its address under this node-ID.
+  if (!*id) co_return true;
+  if ((*id)->differ) {
+    node.problem = "two devices have its LSS address";
+    co_return false;
+  }
+  if ((*id)->byte() == node.id.value()) co_return true;
+  node.problem = fmt::format("by LSS its node-ID is {}", (*id)->byte());
   co_return false;
 }
 

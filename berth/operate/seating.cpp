@@ -19,6 +19,20 @@ std::vector<Identity> names_of(const Binding& binding) {
   return {device, device.with(NodeId()), device.with(binding.old_id())};
 }
 
+// What the store said.
+rt::Task<std::optional<Error>> walk(places::Binder::Services services, places::Binder::Options options,
+                                    Binding& binding, places::SlotId slot, std::string reason) {
+  places::Binder binder(services, options);
+  co_await binder.run(binding, slot, reason);
+  co_return binder.store_said();
+}
+
+rt::Task<bool> recall(BusServices& services, Lending& lending, Identity device) {
+  co_await services.lss_turn.take();
+  const rt::Held lss(services.lss_turn);
+  co_return co_await lending.recall(device);
+}
+
 // Free slots that it fits, of which one takes devices that the other does not: who gets which decides whether both are
 // filled.
 bool may_choose(const SlotTable& slots, const Identity& device) {
@@ -192,9 +206,16 @@ rt::Task<bool> Seating::bind_seat(Seat& seat, Identity device, std::string reaso
   options.uses = found_.active_of(comes);
   options.among_equals = asking_.has_equals(comes, seat.id());
   options.may_use_another = planning_.waits_for(comes);
-  places::Binder binder(asking_.binder_services(), options);
-  const places::SlotId slot = seat.slot.record.slot;
-  co_await binder.run(binding, slot, reason);
+  const places::Binder::Services services = asking_.binder_services();
+  std::optional<Error> said = co_await walk(services, options, binding, seat.slot.record.slot, reason);
+  if (binding.why() == places::Why::not_there) {
+    const bool recalled = co_await recall(s_, lending_, comes);
+    if (recalled) {
+      binding = Binding(Binding::Kind::bind, {seated, seat.id()}, tries, resumed);
+      options.uses = NodeId();
+      said = co_await walk(services, options, binding, seat.slot.record.slot, reason);
+    }
+  }
   slots_.refresh(seat);
   const bool good = binding.step() == places::Step::done;
   const bool no_lss = binding.why() == places::Why::not_there || binding.why() == places::Why::refused;
@@ -211,7 +232,7 @@ rt::Task<bool> Seating::bind_seat(Seat& seat, Identity device, std::string reaso
     const auto given_up = co_await lending_.tell_pending(comes, none);
     if (given_up) lending_.end(comes);
   }
-  ended(seat, binding, binder.store_said());
+  ended(seat, binding, said);
   co_return good || binding.step() == places::Step::power_cycle;
 }
 

@@ -194,6 +194,21 @@ TEST_F(Doctor, S4_21_BlankNodesAnswerOthersQuestions) {
   EXPECT_EQ(words(found), "blank-node certain 2; missing-heartbeat certain 2; ");
 }
 
+// Berth takes it; others may not.
+TEST_F(Doctor, ShortLssAnswersAreNamed) {
+  slot(1);
+  beats(1, 10ms, 100ms, 2s);
+  at(500ms, lss::request32(lss::Command::select_serial, 7));
+  at(502ms, lss::short_answer(lss::answer(lss::Command::selected)));
+  at(510ms, lss::request(lss::Command::store));
+  at(520ms, lss::answer(lss::Command::store));
+  const auto found = listen(2s);
+  ASSERT_EQ(found.size(), 1U) << words(found);
+  EXPECT_EQ(name(found[0].kind), std::string("short-lss-answer"));
+  EXPECT_EQ(found[0].count, 1U);
+  EXPECT_NE(found[0].evidence.at(0).find("44h with 1 of 8 bytes"), std::string::npos) << found[0].evidence[0];
+}
+
 // 4Fh alone is an answer to identify remote slave, too, which devices with a node-ID give.
 TEST_F(Doctor, AnIdentifiedDeviceIsNotBlank) {
   slot(1);

@@ -82,18 +82,16 @@ INSTANTIATE_TEST_SUITE_P(Windows, AgainstPublished,
                          test_name);
 
 // Services of LSS that devices lack, alone, several, and beside whole ones.
-INSTANTIATE_TEST_SUITE_P(Lacking, Matrix,
-                         testing::Values(Cell{Kind::no_identity, 1, 125'000, Latency::equal},
-                                         Cell{Kind::no_identity, 5, 125'000, Latency::random},
-                                         Cell{Kind::no_node_id, 2, 125'000, Latency::random},
-                                         Cell{Kind::no_inquiries, 1, 125'000, Latency::equal},
-                                         Cell{Kind::no_inquiries, 5, 125'000, Latency::outliers},
-                                         Cell{Kind::bare, 1, 125'000, Latency::random},
-                                         Cell{Kind::bare, 5, 125'000, Latency::equal},
-                                         Cell{Kind::refuses_store, 2, 125'000, Latency::random},
-                                         Cell{Kind::short_answers, 5, 125'000, Latency::random},
-                                         Cell{Kind::stored_bare, 5, 125'000, Latency::equal}),
-                         test_name);
+INSTANTIATE_TEST_SUITE_P(
+    Lacking, Matrix,
+    testing::Values(
+        Cell{Kind::no_identity, 1, 125'000, Latency::equal}, Cell{Kind::no_identity, 5, 125'000, Latency::random},
+        Cell{Kind::no_node_id, 2, 125'000, Latency::random}, Cell{Kind::no_inquiries, 1, 125'000, Latency::equal},
+        Cell{Kind::no_inquiries, 5, 125'000, Latency::outliers}, Cell{Kind::bare, 1, 125'000, Latency::random},
+        Cell{Kind::bare, 5, 125'000, Latency::equal}, Cell{Kind::fastscan_alone, 2, 125'000, Latency::equal},
+        Cell{Kind::partial, 5, 125'000, Latency::equal}, Cell{Kind::refuses_store, 2, 125'000, Latency::random},
+        Cell{Kind::short_answers, 5, 125'000, Latency::random}, Cell{Kind::stored_bare, 5, 125'000, Latency::equal}),
+    test_name);
 
 // Receive buffers that hold one frame, or two: what comes back to back is lost.
 INSTANTIATE_TEST_SUITE_P(SmallBuffers, Matrix,

@@ -142,6 +142,44 @@ TEST_F(BitRate, ADeviceWithoutLssIsNamedAndNothingIsChanged) {
   EXPECT_EQ(rates(), (Rates{125'000, 125'000, 125'000}));
 }
 
+TEST_F(BitRate, ADeviceWithoutInquiriesMovesToo) {
+  change_ = [](plant::PlantDevice& d) {
+    if (d.name == "b") d.lss.without = {lss::Lackable::inquire_identity, lss::Lackable::inquire_node_id};
+  };
+  make();
+  const auto report = move(250'000);
+  EXPECT_EQ(report.end, End::moved) << words(report);
+  EXPECT_EQ(stored(), (Rates{250'000, 250'000, 250'000}));
+}
+
+TEST_F(BitRate, ADeviceWithoutBitTimingIsNamedAndNothingIsChanged) {
+  change_ = [](plant::PlantDevice& d) {
+    if (d.name == "b") d.lss.without = {lss::Lackable::bit_timing};
+  };
+  make();
+  const auto report = move(250'000);
+  EXPECT_EQ(report.end, End::refused) << words(report);
+  ASSERT_EQ(report.nodes.size(), 3U);
+  EXPECT_FALSE(report.nodes[1].problem.empty());
+  EXPECT_EQ(rates(), (Rates{125'000, 125'000, 125'000}));
+}
+
+// 15h has no answer: that it is not obeyed shows when the device is not heard at the new rate.
+TEST_F(BitRate, ADeviceWithoutActivateIsNamedAndTheOthersAreBroughtBack) {
+  change_ = [](plant::PlantDevice& d) {
+    if (d.name == "b") {
+      d.lss.without = {lss::Lackable::activate};
+      d.heartbeat = 0ms;
+    }
+  };
+  make();
+  const auto report = move(250'000);
+  EXPECT_TRUE(report.end == End::brought_back || report.end == End::lost) << words(report);
+  ASSERT_EQ(report.nodes.size(), 3U);
+  EXPECT_NE(report.nodes[1].problem.find("not heard"), std::string::npos) << words(report);
+  EXPECT_EQ(stored(), (Rates{125'000, 125'000, 125'000}));
+}
+
 TEST_F(BitRate, AnOperationalDeviceIsNamedAndNothingIsChanged) {
   make();
   port_->send(can::Frame::base(0x000, {0x01, 0x03}), 0);

@@ -124,3 +124,40 @@ TEST(LackingLss, FastscanAndSelectionAlone) {
   ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
   expect_each_seated(rig, 3);
 }
+
+// Nothing but 40h to 43h, 11h and 17h: no search finds it, and its slot says what helps.
+TEST(LackingLss, AnAddressThatNobodyCanFindIsAskedForByName) {
+  const lss::LackSet all_but_selection{Lackable::inquire_identity, Lackable::inquire_node_id, Lackable::identify,
+                                       Lackable::bit_timing, Lackable::activate};
+  for (const bool named : {false, true}) {
+    auto p = one_bus_plant(7);
+    add_lacking(p, "d1", 1, all_but_selection);
+    auto m = slots(1);
+    if (named) {
+      m.slots.back().spec.spares = {1};
+      m.slots.back().spec.revision = 0;
+      m.slots.back().spec.rule = places::RevisionRule::exact;
+    }
+    Rig rig(m, p);
+    rig.begin();
+    EXPECT_EQ(rig.until_operational(30s), named) << rig.log();
+    const bool says = rig.log().find("needs its slot's `spares` and `revision`") != std::string::npos;
+    EXPECT_TRUE(named || says) << rig.log();
+    if (named) expect_each_seated(rig, 1);
+  }
+}
+
+// Nothing but Fastscan, 11h and 17h: what a search lends it is ended by NMT reset node.
+TEST(LackingLss, FastscanAlone) {
+  const lss::LackSet all{Lackable::select,   Lackable::inquire_identity, Lackable::inquire_node_id,
+                         Lackable::identify, Lackable::bit_timing,       Lackable::activate};
+  auto p = one_bus_plant(8);
+  add_lacking(p, "d1", 1, all, {Speaks::fastscan});
+  add_lacking(p, "d2", 0xF0000000, all, {Speaks::fastscan});
+  add_lacking(p, "d3", 77, {Lackable::select}, {Speaks::fastscan});
+  add_device(p, "whole", type_b, 7);
+  Rig rig(slots(4), p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(90s)) << rig.log();
+  expect_each_seated(rig, 4);
+}
