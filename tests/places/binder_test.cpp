@@ -137,6 +137,27 @@ TEST(Binder, TheOldNodeIdIsGivenBack) {
   EXPECT_EQ(rig.nodes[0]->slave.persistent().node_id, old_id);
 }
 
+// A device that lacks 5Eh: where it answers by SDO it is reset.
+TEST(Binder, ANodeIdThatLssDoesNotTellIsFoundBySdo) {
+  Rig rig;
+  const LssAddress address{0x11, 0x22, 1, 201};
+  const auto controller = rig.bus.attach({.queue_depth = 16, .rx_depth = 16});
+  can::Dispatcher dispatcher(rig.world.executor(), *controller);
+  device::Options options{.address = address, .node_id = NodeId(77)};
+  options.lss.without = {lss::Lackable::inquire_identity, lss::Lackable::inquire_node_id};
+  device::Device mute(dispatcher, Other::description(), nullptr, options);
+  mute.power_on();
+  rig.world.run_for(500ms);
+  const SlotId slot = *rig.store.declare({"machine", "bus", "slot"});
+  Binder binder({rig.dispatcher, rig.lss, rig.sdo, rig.nmt, rig.boots, rig.store, rig.vacancy}, rig.binder_options);
+  Binding binding(Binding::Kind::bind, {.device = address, .id = new_id}, 1);
+  const std::string reason = "test";
+  rig.run(binder.run(binding, slot, reason));
+  EXPECT_EQ(binding.step(), Step::done) << name(binding.why());
+  EXPECT_EQ(binding.old_id(), NodeId(77));
+  EXPECT_EQ(mute.lss().active().node_id, new_id);
+}
+
 // As before, and its old node-ID has come into use by another device, too.
 TEST(Binder, TheOldNodeIdIsNotGivenBackWhenAnotherHasIt) {
   Rig rig;
