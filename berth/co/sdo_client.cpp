@@ -136,6 +136,14 @@ void SdoTransfer::send_abort(AbortCode code) noexcept {
   static_cast<void>(line_->dispatcher().send(sdo::make_abort(line_->request_, ref_, code)));
 }
 
+namespace {
+
+rt::Duration least(const SdoOptions& options, NodeId node) noexcept {
+  return options.least == nullptr ? rt::Duration{0} : (*options.least)[node.value() & 0x7FU];
+}
+
+}  // namespace
+
 void SdoTransfer::sent(rt::Time at) noexcept {
   const bool in_blocks = state_ == State::block;
   if (in_blocks && extra_->block.closing()) return complete();
@@ -146,7 +154,7 @@ void SdoTransfer::sent(rt::Time at) noexcept {
   line.open_ = request_.answers;
   line.open_ref_ = ref_;
   line.open_until_ = at + line.settings_->late_window;
-  auto patience = std::max(options_.timeout, line.patience_);
+  auto patience = std::max(options_.timeout, least(options_, node_));
   if (in_blocks && extra_->block.collecting()) {
     extra_->block.request_sent(at);
     patience /= sdo::block_gap_part;
@@ -182,7 +190,7 @@ void SdoTransfer::timed_out() noexcept {
 bool SdoTransfer::lingers() noexcept {
   const rt::Duration lasted = line_->executor().now() - began_;
   if (lasted <= most_lingering || data_.streamed()) return false;
-  const auto patience = std::max<rt::Duration>(8 * std::max(options_.timeout, line_->patience_), most_lingering);
+  const auto patience = std::max<rt::Duration>(8 * std::max(options_.timeout, least(options_, node_)), most_lingering);
   const std::size_t unacknowledged = state_ == State::block ? extra_->block.collected() : 0U;
   const rt::Duration allowed = std::chrono::milliseconds((data_.done() + unacknowledged) * 1000 / slowest_pace);
   if (lasted <= patience + allowed) return false;

@@ -49,6 +49,8 @@ struct SdoOptions {
   std::uint8_t block_size = 127;     ///< block upload: segments in a sub-block, 1..127
   std::uint8_t protocol_switch = 0;  ///< block upload: a server may send so few bytes (or fewer) segmented; 0 = never
   std::size_t block_from = 64;       ///< automatic, in bytes; also its protocol switch threshold, less one
+  /// By node-ID: each answer of this node is waited for at least so long. Null: `timeout` is for all.
+  const std::array<rt::Duration, 128>* least = nullptr;
   /// Block downloads: shared by all that go to devices on this bus side by side; null: each sends as it can.
   BlockPace* pace = nullptr;
 };
@@ -320,7 +322,6 @@ class SdoLine : private rt::Job {
   rt::Time open_until_{};
   std::uint32_t owed_ = 0;  // answers that the requests before it have not had
   rt::Time owed_until_{};
-  rt::Duration patience_{0};  // no answer of this node is waited for less
   std::uint64_t silent_ = 0;  // of those requests' objects a bit each: an answer for another object is none of theirs
 };
 
@@ -395,12 +396,6 @@ class SdoClient final : private can::Handler {
   void set_observer(Observer* observer) noexcept { settings_.observer = observer; }
   /// How long an answer may come late after its request timed out and still not count as surplus. Default 5 s.
   void set_late_window(rt::Duration window) noexcept { settings_.late_window = window; }
-
-  /// A slow node: each of its answers is waited for at least so long, whatever the options of a transfer say. 0: as the
-  /// options say.
-  void set_patience(NodeId node, rt::Duration least) noexcept {
-    if (node.configured()) line(node).patience_ = least;
-  }
 
   /// A boot-up message of this node was heard: answers that it owed from before are not to come, and what comes behind
   /// the one answer to a request is surplus.

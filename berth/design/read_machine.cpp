@@ -352,22 +352,10 @@ class MachineReader {
     read_config(table, slot, ids);
     read_software(table, spec);
     read_watch(table, spec.watch);
-    check_watch_beneath(table, spec);
+    const Bus* const bus = machine_.bus(spec.name.bus);
+    if (bus != nullptr && !bus->own_port) refuse_watch(table, spec.watch);
     table.finish();
     for (const unsigned id : ids) add_slot(table, slot, id, pattern);
-  }
-
-  // A gateway's own master watches the devices beneath it, all by the bus's [timing] (1F81h, 1016h).
-  void check_watch_beneath(Table& table, const places::SlotSpec& spec) {
-    const Bus* const bus = machine_.bus(spec.name.bus);
-    const bool beneath = bus != nullptr && !bus->own_port;
-    if (!beneath || spec.watch == places::SlotWatch{}) return;
-    for (const char* const key :
-         {"error_control", "heartbeat_period", "heartbeat_timeout", "guard_time", "life_time_factor", "sdo_timeout"}) {
-      if (!table.has(key)) continue;
-      return table.error(key, "the gateway's own master watches this device, by the [timing] of its bus",
-                         "leave the key out, or set it in [bus.NAME.timing]");
-    }
   }
 
   const KnownDevice* known_device(Table& table, string_view key, const std::string& name) {

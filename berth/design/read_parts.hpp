@@ -22,6 +22,8 @@ void read_word(text::Table& table, std::string_view key, const std::array<std::s
 void read_timing(text::Table& parent, Timing& timing);
 /// What a `[[slot]]` says of how its device is watched.
 void read_watch(text::Table& slot, places::SlotWatch& watch);
+/// Beneath a gateway its own master watches all devices by the bus's [timing] (1F81h, 1016h).
+void refuse_watch(text::Table& slot, const places::SlotWatch& watch);
 /// One `[bus.NAME]`; its timing begins with `timing`.
 [[nodiscard]] Bus read_bus(const std::string& name, text::Table& table, const Timing& timing);
 /// One `[[link]]`; its ends are slots of `machine`, which has them already.

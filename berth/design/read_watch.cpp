@@ -62,4 +62,14 @@ void read_watch(Table& table, SlotWatch& watch) {
   if (means_guarding) watch.by = SlotWatch::By::guarding;
 }
 
+void refuse_watch(Table& table, const SlotWatch& watch) {
+  if (watch == SlotWatch{}) return;
+  for (const char* const key :
+       {"error_control", "heartbeat_period", "heartbeat_timeout", "guard_time", "life_time_factor", "sdo_timeout"}) {
+    if (!table.has(key)) continue;
+    return table.error(key, "the gateway's own master watches this device, by the [timing] of its bus",
+                       "leave the key out, or set it in [bus.NAME.timing]");
+  }
+}
+
 }  // namespace berth::design

@@ -339,13 +339,13 @@ class Consultation {
   // ---- LSS ----
 
   void short_answers() {
-    if (heard_.short_answers.count == 0) return;
+    if (heard_.short_answers.all.count == 0) return;
     auto& d = add(Kind::short_lss_answer, Certainty::certain);
-    when(d, heard_.short_answers);
-    const auto& first = heard_.short_answer;
+    when(d, heard_.short_answers.all);
+    const auto& first = heard_.short_answers.first_frame;
     d.what = "a device sends LSS answers with fewer than 8 bytes";
     d.evidence.push_back(fmt::format("{:02X}h with {} of 8 bytes, and others: {}", first.data[0], first.size,
-                                     times(heard_.short_answers)));
+                                     times(heard_.short_answers.all)));
     d.advice =
         "Berth reads them; other LSS masters may not (CiA 305 has 8 bytes): ask the device's maker for new firmware";
   }

@@ -208,8 +208,8 @@ void Ear::lss(const can::Frame& frame, rt::Time at) noexcept {
   }
   if (!lss::is_answer(frame)) return;
   if (frame.size < 8) {
-    if (heard_.short_answers.count == 0) heard_.short_answer = frame;
-    heard_.short_answers.add(at);
+    if (heard_.short_answers.all.count == 0) heard_.short_answers.first_frame = frame;
+    heard_.short_answers.all.add(at);
   }
   const auto answer = lss::command(frame);
   if (answer == lss::Command::configure_node_id && frame.data[1] == 0) heard_.given.add(at);

@@ -56,6 +56,12 @@ struct ErrorRun {
   rt::Time last{};
 };
 
+/// Of LSS slaves, with fewer than 8 bytes.
+struct ShortAnswers {
+  Count all{};
+  can::Frame first_frame{};
+};
+
 struct Heard {
   static constexpr std::size_t most_beats = 2048;
   static constexpr std::size_t most_boots = 64;
@@ -76,12 +82,11 @@ struct Heard {
   std::vector<ErrorRun> runs{};               ///< the first `most_runs`
   std::map<std::uint32_t, Count> collided{};  ///< by key: two different frames of it right behind a long run
   std::vector<rt::Time> syncs{};              ///< the first `most_beats`
-  Count blank{};              ///< answers that only a device without node-ID gives (50h; 4Fh to Fastscan)
-  Count lss_requests{};       ///< of another LSS master
-  Count given{};              ///< answers of devices that took a node-ID from it
-  Count short_answers{};      ///< of LSS slaves, with fewer than 8 bytes
-  can::Frame short_answer{};  ///< the first of them
-  can::Status worst{};        ///< highest counters of this port, and whether it was bus-off
+  Count blank{};         ///< answers that only a device without node-ID gives (50h; 4Fh to Fastscan)
+  Count lss_requests{};  ///< of another LSS master
+  Count given{};         ///< answers of devices that took a node-ID from it
+  ShortAnswers short_answers{};
+  can::Status worst{};  ///< highest counters of this port, and whether it was bus-off
   bool was_passive = false;
 
   /// Of an unconfigured node-ID: nothing was heard.

@@ -58,7 +58,8 @@ struct SlcanLine {
 [[nodiscard]] std::string write_slcan(const can::Frame& frame);
 
 /// S0 to S8 for the rates that have one, `sxxyy` (BTR0, BTR1 of an SJA1000 at 16 MHz, sample point near 87.5 %) for
-/// others that divide 8 MHz to within a thousandth; with its CR. Empty: neither. S7 is LAWICEL's 800 kbit/s; early CANables take it for 750.
+/// others that divide 8 MHz to within a thousandth; with its CR. Empty: neither. S7 is LAWICEL's 800 kbit/s; early
+/// CANables take it for 750.
 [[nodiscard]] std::string slcan_rate(std::uint32_t bit_rate);
 
 /// Cuts a stream of bytes into lines. BEL is a line of its own. Lines that are too long, and bytes that no line has,

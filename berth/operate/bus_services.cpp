@@ -26,6 +26,9 @@ BusServices::BusServices(rt::Executor& clock, can::Port& port_used, const design
   // A device that leaves between its last heartbeat before it is watched and the first after is missed too.
   heartbeats.set_never_seen_time(timing.heartbeat_timeout + timing.heartbeat_period);
   // A saving may be answered long after it was given up.
+  co::SdoOptions options = sdo.options();
+  options.least = &patience;
+  sdo.set_options(options);
   sdo.set_late_window(std::max<rt::Duration>(std::chrono::seconds(5), 2 * timing.save_timeout));
 }
 

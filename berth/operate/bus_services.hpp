@@ -4,6 +4,8 @@
 /// need no turn. `lss_turn` is the bindings' that run side by side under it.
 #pragma once
 
+#include <array>
+
 #include "berth/can/dispatcher.hpp"
 #include "berth/co/emcy.hpp"
 #include "berth/co/guarding.hpp"
@@ -45,6 +47,7 @@ struct BusServices {
   can::Dispatcher dispatcher;
   lss::Master lss;
   nodeid::RandMaster rand;
+  std::array<rt::Duration, 128> patience{};  ///< by node-ID: `sdo_timeout` of its slot, 0 where it says none
   co::SdoClient sdo;
   co::NmtMaster nmt;
   co::HeartbeatConsumer heartbeats;

@@ -92,7 +92,7 @@ Network::Network(rt::Executor& executor, can::Port& port, std::string machine, c
   ears_.lead_to(parts_.supervision);
   parts_.startup.set_master(port_);
   for (const auto& seat : parts_.slots.seats())
-    parts_.bus.sdo.set_patience(seat->id(), seat->slot.spec.watch.sdo_timeout);
+    parts_.bus.patience[seat->id().value()] = seat->slot.spec.watch.sdo_timeout;
 }
 
 Network::~Network() { stop(); }

@@ -57,7 +57,7 @@ discovery::Known SearchMethods::known_devices() const {
     const bool one = device && device->has_serial();
     if (one) (seat->is_accounted_for() ? known.registered : known.expected).push_back(device->address);
     if (device || !revision) continue;
-    if (spec.serial) known.expected.push_back({spec.type.vendor, spec.type.product, *revision, *spec.serial});
+    if (spec.asks.serial) known.expected.push_back({spec.type.vendor, spec.type.product, *revision, *spec.asks.serial});
     for (const auto serial : spec.spares) {
       known.expected.push_back({spec.type.vendor, spec.type.product, *revision, serial});
     }
