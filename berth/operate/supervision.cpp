@@ -134,8 +134,7 @@ void Supervision::commanded(co::NmtCommand command, co::NmtTarget target, bool l
     const bool stops = command == co::NmtCommand::stop;
     seat->held = stops || command == co::NmtCommand::enter_pre_operational;
     // Its heartbeat tells what it is. Without one, or when nothing listens any more, it is what it was told.
-    const bool silent = seat->guarded && !s_.guarding.guarded(seat->id());
-    const bool unheard = seat->there() && (silent || !listens);
+    const bool unheard = seat->there() && (seat->guarded || !listens);
     if (!unheard) continue;
     if (seat->held && seat->life == Life::operational) {
       const NmtState state = stops ? NmtState::stopped : NmtState::pre_operational;

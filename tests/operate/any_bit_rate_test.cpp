@@ -19,7 +19,7 @@ design::MachineResult read(const std::string& rate) {
 
 }  // namespace
 
-TEST(BitRate, OneThatCia301DoesNotHaveIsTakenWithAWarning) {
+TEST(AnyBitRate, OneThatCia301DoesNotHaveIsTakenWithAWarning) {
   for (const std::uint32_t rate : {5'000U, 33'333U, 83'333U, 100'000U, 615'384U}) {
     const auto result = read(std::to_string(rate));
     ASSERT_TRUE(result.machine) << rate;
@@ -31,7 +31,7 @@ TEST(BitRate, OneThatCia301DoesNotHaveIsTakenWithAWarning) {
   for (const char* const rate : {"10_000", "125_000", "1_000_000"}) EXPECT_TRUE(read(rate).findings.empty()) << rate;
 }
 
-TEST(BitRate, WhatClassicCanCannotDoIsRefused) {
+TEST(AnyBitRate, WhatClassicCanCannotDoIsRefused) {
   for (const char* const rate : {"0", "-5", "4_999", "1_000_001", "8_000_000"})
     EXPECT_FALSE(read(rate).machine) << rate;
   const auto kilo = read("100");
@@ -39,7 +39,7 @@ TEST(BitRate, WhatClassicCanCannotDoIsRefused) {
   EXPECT_NE(to_string(kilo.findings.front()).find("write 100_000"), std::string::npos);
 }
 
-TEST(BitRate, MachinesRunAtEach) {
+TEST(AnyBitRate, MachinesRunAtEach) {
   for (const std::uint32_t rate : {33'333U, 83'333U, 100'000U, 615'384U}) {
     design::Machine machine = one_bus(rate);
     auto p = one_bus_plant(1);
