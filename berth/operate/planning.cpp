@@ -4,8 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <functional>
 
 #include "berth/operate/asking.hpp"
+#include "berth/operate/plants_master.hpp"
 
 namespace berth::operate {
 
@@ -23,6 +25,21 @@ std::string moment(std::int64_t stamp_ms) {
   return fmt::format("{:%Y-%m-%d %H:%M:%S} UTC", fmt::gmtime(static_cast<std::time_t>(stamp_ms / 1000)));
 }
 
+using IsMaster = std::function<bool(const places::Found&)>;
+
+// Who takes the plant's master off the bus stops a plant: it is not called foreign, and keeps its node-ID.
+void respect_masters(places::Plan& plan, const FoundDevices& found, const IsMaster& is_master) {
+  for (auto& oddity : plan.oddities) {
+    const auto* const node = found.of(oddity.device);
+    const bool foreign = oddity.kind == places::OddityKind::foreign && node != nullptr;
+    if (foreign && is_master(*node)) oddity.text = text_of_plants_master(*node);
+  }
+  std::erase_if(plan.actions, [&](const Action& a) {
+    const auto* const node = found.of(a.device);
+    return a.kind == Action::Kind::blank && node != nullptr && is_master(*node);
+  });
+}
+
 }  // namespace
 
 void Planning::make(const std::vector<places::Reading>& readings) {
@@ -35,6 +52,8 @@ void Planning::make(const std::vector<places::Reading>& readings) {
   ask_about_used();
   name_returned();
   respect_fixed();
+  respect_masters(plan_, found_,
+                  [this](const places::Found& f) { return may_be_plants_master(s_, slots_, loans_, f); });
 }
 
 // A device whose slot Berth itself freed, because it was silent, and that is still free: it goes back there.

@@ -70,7 +70,27 @@ rt::Task<Presence::Sign> Presence::sign_of_life(NodeId id) {
   co_return Sign{true, guarded->state};
 }
 
+// An observer asks nobody: that the slot's device beats under its node-ID is all that it can know.
+void Presence::hear_seat(Seat& seat) {
+  const NodeId id = seat.id();
+  const auto heard = s_.boots.heard(id);
+  const rt::Duration patience = heartbeat_timeout(s_.bus.timing, seat);
+  seat.checked = s_.executor.now();
+  if (!heard || s_.executor.now() - *heard > patience) {
+    slots_.set_absent(seat, fmt::format("no heartbeat from node-ID {}, and an observer asks nobody", id.value()));
+    return;
+  }
+  s_.heartbeats.supervise(id, patience);
+  const bool runs = s_.boots.state(id) == NmtState::operational;
+  slots_.happened(seat, runs ? SlotEvent::runs : SlotEvent::identified, "by its heartbeat alone");
+  seat.slave.status.phase = runs ? network::SlavePhase::started : network::SlavePhase::ready;
+}
+
 rt::Task<void> Presence::ask_seat(Seat& seat) {
+  if (s_.only_observes()) {
+    hear_seat(seat);
+    co_return;
+  }
   const NodeId id = seat.id();
   const Sign sign = co_await sign_of_life(id);
   seat.checked = s_.executor.now();
@@ -89,6 +109,10 @@ rt::Task<void> Presence::ask_seat(Seat& seat) {
     if (seat.held) seat.slave.status.phase = network::SlavePhase::awaited;
     co_return;
   }
+  co_await take_running(seat);
+}
+
+rt::Task<void> Presence::take_running(Seat& seat) {
   ErrorControl control(s_, slots_);
   co_await control.watch_running(seat);
   slots_.happened(seat, SlotEvent::runs, {}, manager::BootStatus::l);

@@ -26,6 +26,8 @@ class Presence final : public SeatAsker {
   rt::Task<void> prepare();
   /// By heartbeat, else SDO 1000h, else guarding; then by identity: another device may sit at the slot's node-ID.
   rt::Task<void> ask_seat(Seat& seat) override;
+  /// Its device was identified, and tells that it is operational: it is watched, and left as it is.
+  rt::Task<void> take_running(Seat& seat);
   /// A bound device that is silent under its node-ID may have lost it, or have another. The turn must be held.
   rt::Task<void> look_by_lss(Seat& seat);
   /// A slot whose device gets its node-ID by switches, plug or firmware: the device of the right type that sits there
@@ -46,6 +48,7 @@ class Presence final : public SeatAsker {
     std::optional<NmtState> state;
   };
   rt::Task<Sign> sign_of_life(NodeId id);
+  void hear_seat(Seat& seat);
   [[nodiscard]] const Identity* other_at(const Seat& seat) const noexcept;
   void take_stopped(Seat& seat);
   rt::Task<void> take_replacement(Seat& seat, Identity device);

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "berth/operate/plants_master.hpp"
+
 namespace berth::operate {
 
 using places::Action;
@@ -442,6 +444,8 @@ void Seating::free_for_spares() {
 rt::Task<void> Seating::inquire_found(bool all) {
   const std::vector<places::Found> found = found_.all();
   for (const auto& f : found) {
+    // The plant's master may have an LSS slave of its own: what SDO told of it is enough.
+    if (may_be_plants_master(s_, slots_, loans_, f)) continue;
     const Seat* seat = slots_.of(f.device);
     const bool binds =
         std::ranges::any_of(planning_.plan().actions, [&](const Action& a) { return a.device == f.device; });

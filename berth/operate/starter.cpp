@@ -111,7 +111,28 @@ rt::Task<bool> Starter::check_and_start() {
 
 rt::Task<void> Starter::boot(Seat& seat) {
   const bool may = co_await may_boot(seat);
-  if (may) co_await boots_.boot_found(seat.slave);
+  if (!may) co_return;
+  const bool ran = co_await takes_running(seat);
+  if (ran) co_return;
+  const bool clear = co_await spares_.clear_past(seat);
+  if (!clear) co_return;
+  co_await boots_.boot_found(seat.slave);
+  // Another master starts it: whether it runs is asked of one without a heartbeat.
+  const bool guards = !s_.may_command() && seat.guarded && seat.slave.status.ready();
+  if (guards) co_await control_.watch_running(seat);
+}
+
+// Another master started it, or a former run of Berth whose store is lost: it is left as it is, and not asked again.
+rt::Task<bool> Starter::takes_running(Seat& seat) {
+  const NodeId id = seat.id();
+  // One that booted before Berth's eyes and started itself is configured all the same, where Berth is the master.
+  const bool before_us = !s_.boots.boot_up(id);
+  const bool may_run = s_.boots.state(id) == NmtState::operational && (before_us || !s_.may_command());
+  if (!may_run) co_return false;
+  const bool runs = co_await runs_already(seat);
+  if (!runs || configuring_.rebooted(seat)) co_return false;
+  co_await presence_.take_running(seat);
+  co_return true;
 }
 
 // Whether it is the right device is settled before: what booted here, and nothing that shares its node-ID.
@@ -124,7 +145,7 @@ rt::Task<bool> Starter::may_boot(Seat& seat) {
     agenda_.look_anew = true;
     co_return false;
   }
-  co_return co_await spares_.clear_past(seat);
+  co_return true;
 }
 
 bool Starter::starts(const network::Slave& slave) noexcept {
@@ -137,8 +158,12 @@ void Starter::ended(network::Slave& slave) noexcept {
   if (!slave.status.ready()) {
     const bool letter = boot_failed(seat, slave.status.result);
     if (!letter) seat.set_letter(seat.life == Life::absent ? manager::BootStatus::b : manager::BootStatus::booted);
-  } else if (!s_.may_command() || configuring_.rebooted(seat)) {
+  } else if (configuring_.rebooted(seat)) {
     seat.boot_again();
+  } else if (!s_.may_command() && s_.watched_state(seat.id()) == NmtState::operational) {
+    // It told so while it was looked at: its next heartbeat is no news.
+    slave.status.phase = network::SlavePhase::started;
+    slots_.happened(seat, SlotEvent::operational);
   } else if (slave.starting) {
     awaited_.push_back(&seat);
   } else {

@@ -34,6 +34,7 @@ class Starter final : public EarlyStarter, private network::SlaveBoots::Owner {
   void started(network::Slave& slave, const Result<bool>& ran) noexcept override;
   rt::Task<void> boot(Seat& seat);
   rt::Task<bool> may_boot(Seat& seat);
+  rt::Task<bool> takes_running(Seat& seat);
   rt::Task<Result<void>> update(Seat& seat, network::BootTarget& target);
   [[nodiscard]] bool boot_failed(Seat& seat, const network::BootResult& result);
   rt::Task<Result<void>> configure(Seat& seat);

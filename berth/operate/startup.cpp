@@ -44,6 +44,7 @@ bool Startup::has_failed(const network::Slave& slave) const noexcept {
 }
 
 std::string Startup::why_waiting() const {
+  if (!s_.may_command()) return "ready; the master of its bus starts it, not this Berth (role)";
   if (network_.is(Phase::stopped)) return "ready; the network is stopped: `berth nmt start all` starts it";
   if (network_.is(Phase::halted)) {
     return fmt::format("ready; the startup is halted: slot \"{}\" is mandatory and not ready", halted_by_);

@@ -38,6 +38,9 @@ class Berths : private can::Tap, private plant::World::Observer {
     world_->remove_observer(*this);
   }
 
+  // As its next `begin` reads it.
+  [[nodiscard]] design::Machine& machine(std::size_t i) { return berths_[i]->machine; }
+
   // What stands between a Berth and its controller from its next `begin` on; it must stay until it is killed.
   using Between = std::function<can::Port*(std::size_t, can::Port&)>;
   void put_between(Between between) { between_ = std::move(between); }
