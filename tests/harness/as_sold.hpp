@@ -136,9 +136,12 @@ class AsSold {
     for (auto* const slot : slots) {
       if (slot->spec.type == spec.type && one_by_one) slot->spec.when_ambiguous = places::WhenAmbiguous::one_at_a_time;
     }
+    // AND does not tell the revision number.
+    const auto one_revision = spec.revision.value_or(0);
     bool first = true;
     for (auto* const d : fitting(spec)) {
       d->address.serial = 0;
+      d->address.revision = one_revision;
       if (!d->plugged) continue;
       if (!std::exchange(first, false)) {
         plan_->solvable = false;

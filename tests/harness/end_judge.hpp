@@ -194,9 +194,10 @@ class EndJudge {
   // "ask" nobody takes it without a word.
   [[nodiscard]] bool a_hand_must(const plant::Truth& t) const {
     const design::Slot* const there = machine_->slot(t.bus, t.active);
-    const bool replaces = there != nullptr && there->spec.replacement == places::Replacement::automatic &&
-                          places::fits(there->spec, t.address);
-    if (replaces) return false;
+    const auto* const row = there == nullptr ? nullptr : record_of(there->spec.name);
+    const bool is_free = row != nullptr && !row->device();
+    const bool takes = there != nullptr && places::fits(there->spec, t.address);
+    if (takes && (is_free || there->spec.replacement == places::Replacement::automatic)) return false;
     bool all_fixed = false;
     for (const auto& slot : machine_->slots) {
       if (slot.spec.name.bus != t.bus || !places::fits(slot.spec, t.address)) continue;
@@ -307,7 +308,9 @@ class EndJudge {
     std::vector<const plant::Truth*> devices;
     used_ = false;
     for (const auto& t : truth_) {
-      const bool counts = is_present(t) && t.bus == bus.name && !clones(t) && record_of(t) == nullptr;
+      // Which slot one with switches has a place in is said by its node-ID: `check_device`.
+      const bool counts = is_present(t) && t.bus == bus.name && !clones(t) && record_of(t) == nullptr &&
+                          rig_->device(t.name).plan().source != plant::NodeIdSource::switches;
       // Who sat in a slot before is used again when a person says so (docs/machine-file.md).
       const auto lines = rig_->store().history_of({t.address, {machine_->name, t.bus}});
       const bool used = lines && places::former_seat(*lines).has_value();
