@@ -137,12 +137,12 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
     co_return false;
   }
   bool doubled = answer.by_two;
-  if (!doubled && seat.sits(*who)) co_return true;
   // Two that answered just now do not always answer at two instants.
   for (int look = 0; look < 3 && !doubled && seat.life == Life::doubled; ++look) {
     const auto again = co_await places::identify(s_.sdo, id, places::second_answer);
-    doubled = again.by_two || (again.who && seat.sits(*again.who));
+    doubled = again.by_two || (again.who && seat.sits(*again.who) != seat.sits(*who));
   }
+  if (!doubled && seat.sits(*who)) co_return true;
   const bool replaces =
       !doubled && seat.slot.spec.assign == places::Assign::fixed && places::fits(seat.slot.spec, *who);
   if (replaces) {

@@ -34,7 +34,7 @@ namespace {
 
 struct Options {
   std::uint64_t from = 1;
-  std::uint64_t count = 2200;
+  std::uint64_t count = 3300;
   unsigned workers = 2;
   bool show = false;
   bool brief = false;   // a failure is named and neither shrunk nor written down
@@ -551,7 +551,7 @@ int main(int argc, char** argv) {
   }
   if (o.workers == 0) o.workers = 1;
   if (plain) o.mixed_trees = o.waits = o.as_sold = false;
-  o.complete = o.count >= 2200;
+  o.complete = o.count >= 3300;
   if (counted) o.method_count = o.main_job ? (o.count + 9) / 10 : o.count;
   if (counted) o.intelligence_count = only_intelligence ? o.count : o.method_count;
   if (only_trees) {
