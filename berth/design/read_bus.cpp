@@ -50,12 +50,7 @@ void read_heartbeat(Table& table, Timing& timing) {
   if (timing.heartbeat_timeout % 1ms != 0ns) {
     table.error("heartbeat_timeout", "heartbeat counts whole milliseconds", "round it");
   }
-  if (timing.heartbeat_timeout <= timing.heartbeat_period) {
-    table.error("heartbeat_timeout",
-                fmt::format("{} is not longer than the period of {}", text::write_duration(timing.heartbeat_timeout),
-                            text::write_duration(timing.heartbeat_period)),
-                "use about three times the period");
-  }
+  check_heartbeat(table, timing.heartbeat_period, timing.heartbeat_timeout);
 }
 
 void read_port(Table& table, Bus& bus) {

@@ -20,6 +20,8 @@ void read_word(text::Table& table, std::string_view key, const std::array<std::s
 
 /// The keys of `[timing]` beneath `parent`, over what `timing` has.
 void read_timing(text::Table& parent, Timing& timing);
+/// `heartbeat_timeout` must be longer than `heartbeat_period`: else an error at it.
+void check_heartbeat(text::Table& table, Duration period, Duration timeout);
 /// What a `[[slot]]` says of how its device is watched.
 void read_watch(text::Table& slot, places::SlotWatch& watch);
 /// Beneath a gateway its own master watches all devices by the bus's [timing] (1F81h, 1016h).

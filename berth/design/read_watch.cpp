@@ -29,6 +29,14 @@ void refuse(Table& table, string_view key, const char* why, const char* fix) {
 
 }  // namespace
 
+void check_heartbeat(Table& table, Duration period, Duration timeout) {
+  if (timeout > period) return;
+  table.error("heartbeat_timeout",
+              fmt::format("{} is not longer than the period of {}", text::write_duration(timeout),
+                          text::write_duration(period)),
+              "use about three times the period");
+}
+
 void read_watch(Table& table, SlotWatch& watch) {
   read_word(table, "error_control", error_control_words, watch.by);
   read_milliseconds(table, "heartbeat_period", watch.heartbeat_period);
@@ -38,12 +46,7 @@ void read_watch(Table& table, SlotWatch& watch) {
     watch.life_time_factor = static_cast<std::uint8_t>(*factor);
   if (const auto patience = table.duration("sdo_timeout", 1ms, 1min)) watch.sdo_timeout = *patience;
   const bool both = watch.heartbeat_period.count() > 0 && watch.heartbeat_timeout.count() > 0;
-  if (both && watch.heartbeat_timeout <= watch.heartbeat_period) {
-    table.error("heartbeat_timeout",
-                fmt::format("{} is not longer than the period of {}", text::write_duration(watch.heartbeat_timeout),
-                            text::write_duration(watch.heartbeat_period)),
-                "use about three times the period");
-  }
+  if (both) check_heartbeat(table, watch.heartbeat_period, watch.heartbeat_timeout);
   const bool beats = watch.by == SlotWatch::By::automatic || watch.by == SlotWatch::By::heartbeat;
   const bool guards = watch.by == SlotWatch::By::automatic || watch.by == SlotWatch::By::guarding;
   for (const char* const key : {"heartbeat_period", "heartbeat_timeout"}) {

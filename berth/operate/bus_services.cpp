@@ -25,15 +25,20 @@ BusServices::BusServices(rt::Executor& clock, can::Port& port_used, const design
   const auto& timing = bus.timing;
   // A device that leaves between its last heartbeat before it is watched and the first after is missed too.
   heartbeats.set_never_seen_time(timing.heartbeat_timeout + timing.heartbeat_period);
-  // A saving may be answered long after it was given up.
   co::SdoOptions options = sdo.options();
   options.least = &patience;
   sdo.set_options(options);
+  // A saving may be answered long after it was given up.
   sdo.set_late_window(std::max<rt::Duration>(std::chrono::seconds(5), 2 * timing.save_timeout));
 }
 
 std::optional<NmtState> BusServices::watched_state(NodeId node) const noexcept {
   return guarding.guarded(node) ? guarding.state(node) : heartbeats.state(node);
+}
+
+bool BusServices::heard_within(NodeId node, rt::Duration time) const noexcept {
+  const auto heard = boots.heard(node);
+  return heard && executor.now() - *heard <= time;
 }
 
 void BusServices::unwatch(NodeId node) noexcept {

@@ -33,6 +33,8 @@ struct BusServices {
   /// The last state that the error control protocol by which a node is watched told; empty: it is not watched, has told
   /// none yet, or is lost.
   [[nodiscard]] std::optional<NmtState> watched_state(NodeId node) const noexcept;
+  /// A frame that only this node sends was heard, not longer ago than that.
+  [[nodiscard]] bool heard_within(NodeId node, rt::Duration time) const noexcept;
   /// No error control protocol watches it any more.
   void unwatch(NodeId node) noexcept;
 

@@ -128,13 +128,11 @@ rt::Task<Result<Wanted>> Configuring::wanted_of(Seat& seat) {
   const auto has = co_await control.look(seat);
   if (!has) co_return fail(has.error());
   if (*has) {
-    const auto period =
-        std::chrono::duration_cast<std::chrono::milliseconds>(heartbeat_period(s_.bus.timing, seat)).count();
     manager::Entry heartbeat;
     heartbeat.object = {0x1017, 0};
     heartbeat.type = od::DataType::unsigned16;
     heartbeat.name = "Producer heartbeat time (heartbeat_period of the machine file)";
-    const auto ms = static_cast<std::uint16_t>(std::clamp<std::int64_t>(period, 0, 0xFFFF));
+    const std::uint16_t ms = in_ms(heartbeat_period(s_.bus.timing, seat));
     heartbeat.bytes = {static_cast<std::uint8_t>(ms), static_cast<std::uint8_t>(ms >> 8U)};
     own.push_back(std::move(heartbeat));
   }

@@ -13,11 +13,6 @@ namespace {
 
 using std::chrono::milliseconds;
 
-std::uint16_t in_ms(rt::Duration period) {
-  const auto ms = std::chrono::duration_cast<milliseconds>(period).count();
-  return static_cast<std::uint16_t>(std::clamp<std::int64_t>(ms, 0, 0xFFFF));
-}
-
 constexpr std::uint8_t usual_factor = 3;  // unanswered questions of guarding
 
 rt::Duration wanted_period(const design::Timing& timing, const Seat& seat) noexcept {
@@ -36,6 +31,11 @@ std::string text_of(rt::Duration time) {
 }
 
 }  // namespace
+
+std::uint16_t in_ms(rt::Duration period) noexcept {
+  const auto ms = std::chrono::duration_cast<milliseconds>(period).count();
+  return static_cast<std::uint16_t>(std::clamp<std::int64_t>(ms, 0, 0xFFFF));
+}
 
 rt::Duration heartbeat_period(const design::Timing& timing, const Seat& seat) noexcept {
   return seat.rate.period.count() > 0 ? seat.rate.period : wanted_period(timing, seat);

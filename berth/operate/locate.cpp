@@ -39,8 +39,7 @@ rt::Task<Result<Network::Located>> Network::locate(Identity device, rt::Duration
   }
   located.id = *active;
   if (located.id.configured()) {
-    const auto heard = parts_.bus.boots.heard(located.id);
-    if (heard && parts_.bus.executor.now() - *heard <= parts_.bus.bus.timing.heartbeat_timeout) {
+    if (parts_.bus.heard_within(located.id, parts_.bus.bus.timing.heartbeat_timeout)) {
       located.state = parts_.bus.boots.state(located.id);
     } else {
       const auto guarded = co_await co::guard_once(parts_.bus.dispatcher, located.id,

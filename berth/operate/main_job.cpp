@@ -342,8 +342,7 @@ bool MainJob::retry_due() {
   p_.agenda.look_anew = true;
   for (const auto& seat : p_.slots.seats()) {
     const bool again = seat->life == Life::failed && !seat->configuration.stuck;
-    const auto heard = p_.bus.boots.heard(seat->id());
-    const bool beats = heard && now - *heard <= heartbeat_timeout(timing, *seat);
+    const bool beats = p_.bus.heard_within(seat->id(), heartbeat_timeout(timing, *seat));
     // A gateway stops itself when a mandatory bus beneath it has failed, and no SDO reaches a stopped device.
     const bool stopped_itself = again && beats && !seat->held && p_.bus.boots.state(seat->id()) == NmtState::stopped;
     if (stopped_itself) p_.bus.nmt.queue(co::NmtCommand::enter_pre_operational, seat->id());

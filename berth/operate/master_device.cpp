@@ -1,8 +1,7 @@
 #include "berth/operate/master_device.hpp"
 
-#include <algorithm>
-
 #include "berth/manager/sdo_requests.hpp"
+#include "berth/operate/error_control.hpp"
 #include "berth/operate/manager_objects.hpp"
 
 namespace berth::operate {
@@ -45,14 +44,13 @@ void produce_sync(device::Options& options, const design::BusSync& sync) {
 
 MasterDevice::MasterDevice(can::Dispatcher& dispatcher, const design::Bus& bus) {
   static const auto shared = description();
-  const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(bus.timing.heartbeat_period).count();
   device::Options options;
   options.source = device::NodeIdSource::fixed;
   options.node_id = bus.master;
   options.lss.on = false;
   options.rand = device::RandMode::off;
   options.name = "Berth";
-  options.presets.push_back({{0x1017, 0}, static_cast<std::uint64_t>(std::clamp<std::int64_t>(ms, 0, 0xFFFF))});
+  options.presets.push_back({{0x1017, 0}, in_ms(bus.timing.heartbeat_period)});
   if (bus.sync) produce_sync(options, *bus.sync);
   device_ = std::make_unique<device::Device>(dispatcher, shared, nullptr, std::move(options));
 }

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <functional>
 
 #include "berth/operate/asking.hpp"
 #include "berth/operate/plants_master.hpp"
@@ -25,10 +24,8 @@ std::string moment(std::int64_t stamp_ms) {
   return fmt::format("{:%Y-%m-%d %H:%M:%S} UTC", fmt::gmtime(static_cast<std::time_t>(stamp_ms / 1000)));
 }
 
-using IsMaster = std::function<bool(const places::Found&)>;
-
 // Who takes the plant's master off the bus stops a plant: it is not called foreign, and keeps its node-ID.
-void respect_masters(places::Plan& plan, const FoundDevices& found, const IsMaster& is_master) {
+void respect_masters(places::Plan& plan, const FoundDevices& found, const auto& is_master) {
   for (auto& oddity : plan.oddities) {
     const auto* const node = found.of(oddity.device);
     const bool foreign = oddity.kind == places::OddityKind::foreign && node != nullptr;
@@ -52,8 +49,7 @@ void Planning::make(const std::vector<places::Reading>& readings) {
   ask_about_used();
   name_returned();
   respect_fixed();
-  respect_masters(plan_, found_,
-                  [this](const places::Found& f) { return may_be_plants_master(s_, slots_, loans_, f); });
+  respect_masters(plan_, found_, [this](const places::Found& f) { return may_be_plants_master(s_, slots_, *this, f); });
 }
 
 // A device whose slot Berth itself freed, because it was silent, and that is still free: it goes back there.

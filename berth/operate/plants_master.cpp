@@ -6,14 +6,12 @@
 
 namespace berth::operate {
 
-bool may_be_plants_master(const BusServices& services, const SlotTable& slots, const Loans& loans,
+bool may_be_plants_master(const BusServices& services, const SlotTable& slots, const Planning& planning,
                           const places::Found& found) {
   if (!found.active.configured() || found.clone || services.boots.beats(found.active) == 0) return false;
   const bool in_the_way = found.active == services.bus.master || slots.at(found.active) != nullptr;
   if (in_the_way && services.may_command()) return false;
-  const auto unfinished = slots.unfinished_here();
-  const bool ours = slots.of(found.device) != nullptr || loans.of(found.device) != nullptr ||
-                    std::ranges::find(unfinished, found.device, &places::UnfinishedBlank::device) != unfinished.end();
+  const bool ours = slots.of(found.device) != nullptr || planning.waits_for(found.device);
   return !ours && std::ranges::none_of(slots.seats(), [&](const auto& seat) {
     const auto& spec = seat->slot.spec;
     return spec.type == found.device.type() || places::fits(spec, found.device);

@@ -57,12 +57,10 @@ rt::Task<void> Presence::prepare() {
 }
 
 rt::Task<Presence::Sign> Presence::sign_of_life(NodeId id) {
-  const auto heard = s_.boots.heard(id);
   const Seat* const seat = slots_.at(id);
   const rt::Duration patience =
       seat == nullptr ? s_.bus.timing.heartbeat_timeout : heartbeat_timeout(s_.bus.timing, *seat);
-  const bool beats = heard && s_.executor.now() - *heard <= patience;
-  if (beats) co_return Sign{true, s_.boots.state(id)};
+  if (s_.heard_within(id, patience)) co_return Sign{true, s_.boots.state(id)};
   const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0);
   if (type || type.error().code == Errc::aborted) co_return Sign{true, std::nullopt};
   const auto guarded = co_await co::guard_once(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
@@ -73,10 +71,9 @@ rt::Task<Presence::Sign> Presence::sign_of_life(NodeId id) {
 // An observer asks nobody: that the slot's device beats under its node-ID is all that it can know.
 void Presence::hear_seat(Seat& seat) {
   const NodeId id = seat.id();
-  const auto heard = s_.boots.heard(id);
   const rt::Duration patience = heartbeat_timeout(s_.bus.timing, seat);
   seat.checked = s_.executor.now();
-  if (!heard || s_.executor.now() - *heard > patience) {
+  if (!s_.heard_within(id, patience)) {
     slots_.set_absent(seat, fmt::format("no heartbeat from node-ID {}, and an observer asks nobody", id.value()));
     return;
   }

@@ -271,8 +271,7 @@ rt::Task<bool> Starter::runs_already(Seat& seat) {
 }
 
 bool Starter::beats(const Seat& seat) const noexcept {
-  const auto heard = s_.boots.heard(seat.id());
-  return heard && s_.executor.now() - *heard <= heartbeat_timeout(s_.bus.timing, seat);
+  return s_.heard_within(seat.id(), heartbeat_timeout(s_.bus.timing, seat));
 }
 
 // All mandatory devices are ready, or a person said so.

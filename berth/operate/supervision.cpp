@@ -223,8 +223,7 @@ void Supervision::give_up_silent() {
 
 void Supervision::look_at_voices() {
   for (auto& seat : slots_.seats()) {
-    const auto heard = s_.boots.heard(seat->id());
-    const bool lately = heard && s_.executor.now() - *heard <= s_.bus.timing.heartbeat_timeout;
+    const bool lately = s_.heard_within(seat->id(), s_.bus.timing.heartbeat_timeout);
     const bool lent = loans_.to_another(seat->id(), Identity{}) != nullptr;
     if (seat->slot.record.device() || !lately || lent) continue;
     agenda_.look_anew = true;

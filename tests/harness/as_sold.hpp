@@ -23,8 +23,6 @@ inline std::string description_of(TypeCode type, unsigned parts) {
   std::snprintf(name.data(), name.size(), "berth-as-sold-%08x-%08x-%u.eds", type.vendor, type.product, parts);
   const auto folder = std::filesystem::temp_directory_path();
   const auto file = folder / name.data();
-  std::error_code ignored;
-  if (std::filesystem::exists(file, ignored)) return file.string();
   // Other processes may write it just now: whoever renames last has written the same.
   const auto half = folder / (name.data() + std::string(".") + std::to_string(::getpid()));
   std::ofstream out(half);

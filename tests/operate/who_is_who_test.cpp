@@ -2,9 +2,9 @@
 // known by its bus and node-ID, and what a device does not say is unknown, which is not 0.
 #include <gtest/gtest.h>
 #include <algorithm>
-#include <fstream>
 #include <string>
 
+#include "tests/harness/as_sold.hpp"
 #include "tests/harness/rig.hpp"
 
 using namespace berth;
@@ -133,32 +133,10 @@ TEST(WhoIsWho, ASlotWithAnotherNodeIdHasAnotherDevice) {
 
 // ---- 1018h has less than it may ----
 
-namespace {
-
-// A description whose 1018h has its vendor-ID and, as far as `parts` says, product code, revision and serial number.
-std::string write_description(unsigned parts) {
-  const std::string file = ::testing::TempDir() + "who-is-who-" + std::to_string(parts) + ".eds";
-  std::ofstream out(file);
-  out << "[DeviceInfo]\nVendorNumber=0x1\nProductNumber=0x1\nLSS_Supported=0\n"
-         "[MandatoryObjects]\nSupportedObjects=3\n1=0x1000\n2=0x1001\n3=0x1018\n"
-         "[1000]\nParameterName=Device type\nObjectType=7\nDataType=7\nAccessType=ro\nDefaultValue=0x20192\n"
-         "[1001]\nParameterName=Error register\nObjectType=7\nDataType=5\nAccessType=ro\nDefaultValue=0\n"
-         "[1018]\nParameterName=Identity\nObjectType=9\nSubNumber="
-      << parts + 1 << "\n[1018sub0]\nParameterName=n\nObjectType=7\nDataType=5\nAccessType=ro\nDefaultValue=" << parts
-      << "\n";
-  for (unsigned sub = 1; sub <= parts; ++sub) {
-    out << "[1018sub" << sub
-        << "]\nParameterName=p\nObjectType=7\nDataType=7\nAccessType=ro\nDefaultValue=" << (sub <= 2 ? 1 : 0) << "\n";
-  }
-  return file;
-}
-
-}  // namespace
-
 TEST(WhoIsWho, WhatADeviceDoesNotSayIsUnknown) {
   for (const unsigned parts : {1U, 2U, 3U, 4U}) {
     auto p = switched(7);
-    for (auto& d : p.devices) d.eds = d.eds_path = write_description(parts);
+    for (auto& d : p.devices) d.eds = d.eds_path = description_of(type_b, parts);
     Rig rig(fixed_slots(7), p);
     rig.begin();
     ASSERT_TRUE(rig.until_operational(60s)) << parts << rig.log();
@@ -175,7 +153,7 @@ TEST(WhoIsWho, LssTellsMoreThan1018h) {
   add_slot(machine, 5, type_b);
   auto p = one_bus_plant(1);
   auto& d = add_device(p, "d", type_b, 77);
-  d.eds = d.eds_path = write_description(1);
+  d.eds = d.eds_path = description_of(type_b, 1);
   Rig rig(machine, p);
   rig.begin();
   ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
@@ -266,7 +244,7 @@ TEST(WhoIsWho, OneThatSaysLittleBelongsWhereItsNodeIdIs) {
   add_slot(machine, 5, type_b);
   auto p = one_bus_plant(1);
   auto& d = add_device(p, "switched", type_c, 0);
-  d.eds = d.eds_path = write_description(1);
+  d.eds = d.eds_path = description_of(type_b, 1);
   d.source = plant::NodeIdSource::switches;
   d.node_id = id_of(3);
   d.speaks = {};
@@ -281,7 +259,7 @@ TEST(WhoIsWho, OneThatSaysLittleBelongsWhereItsNodeIdIs) {
 TEST(WhoIsWho, OneThatWasFoundBySdoAndByLssIsOne) {
   for (const std::uint32_t serial : {0U, 9U}) {
     auto p = one_bus_plant(1);
-    add_switched(p, 5, serial, true).eds_path = write_description(1);
+    add_switched(p, 5, serial, true).eds_path = description_of(type_b, 1);
     p.devices.back().eds = p.devices.back().eds_path;
     Rig rig(fixed_slots(6, places::Assign::lss), p);
     rig.begin();
