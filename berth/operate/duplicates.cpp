@@ -9,6 +9,7 @@ namespace berth::operate {
 
 namespace {
 
+constexpr unsigned told_at = 3;             // requests that were answered twice
 constexpr std::size_t most_addresses = 81;  // three devices without a part in common
 
 void put(std::vector<std::uint32_t>& values, std::uint32_t value) {
@@ -30,11 +31,14 @@ void Duplicates::surplus(NodeId node, const can::Frame& frame, rt::Time now) noe
     seat->doubt.shared = most_tries;
     return;  // told when it happens again as they are told apart
   }
-  // A frame that CAN repeated is no second device, and seldom the next one too.
-  const rt::Time before = std::exchange(answered_twice_[node.value()], now);
-  const bool again =
-      before != rt::Time{} && now - before > places::second_answer && now - before < std::chrono::minutes(1);
-  if (again) tell(node);
+  // A frame that CAN repeated is no second device, and seldom the next ones too.
+  auto& [last, times] = answered_twice_[node.value()];
+  const rt::Time before = std::exchange(last, now);
+  if (before == rt::Time{} || now - before >= std::chrono::minutes(1))
+    times = 1;
+  else if (now - before > places::second_answer)
+    ++times;
+  if (times == told_at) tell(node);
 }
 
 void Duplicates::tell(NodeId node) {
@@ -115,13 +119,14 @@ rt::Task<void> Duplicates::ask_addresses(NodeId id, std::vector<Identity> addres
   }
 }
 
-// True: the devices that share it are known now, and the plan gives each its own. A slot's device that is alone there
-// is known.
-rt::Task<bool> Duplicates::tell_one_apart(NodeId id) {
-  if (s_.only_observes()) co_return false;
+// `known`: the devices that share it are, and the plan gives each its own (a slot's device that is alone there is
+// known). `two`: they are there, and LSS finds them not.
+rt::Task<Duplicates::Told> Duplicates::tell_one_apart(NodeId id) {
+  if (s_.only_observes()) co_return Told::nothing;
   shared_ = Shared{.id = id};
   co_await hear_parts(id);
-  if (shared_->answered_twice) tell(id);
+  const bool two = shared_->answered_twice;
+  if (two) tell(id);
   std::vector<Identity> addresses = addresses_of(*shared_);
   shared_.reset();
   const Seat* const seat = slots_.at(id);
@@ -138,7 +143,8 @@ rt::Task<bool> Duplicates::tell_one_apart(NodeId id) {
     if (std::ssize(addresses) - std::ssize(left) >= enough) break;
     co_await ask_addresses(id, left, slowly);
   }
-  co_return std::ranges::any_of(addresses, found);
+  if (std::ranges::any_of(addresses, found)) co_return Told::known;
+  co_return two ? Told::two : Told::nothing;
 }
 
 rt::Task<bool> Duplicates::tell_apart(std::vector<NodeId> ids) {
@@ -148,22 +154,27 @@ rt::Task<bool> Duplicates::tell_apart(std::vector<NodeId> ids) {
     const NodeId id = each;
     auto& not_before = not_before_[id.value()];
     if (s_.executor.now() < not_before) continue;
-    const bool known = co_await tell_one_apart(id);
+    const Told told = co_await tell_one_apart(id);
+    const bool known = told == Told::known;
     if (!known) not_before = s_.executor.now() + seldom * s_.bus.timing.probe_period;
     any = any || known;
   }
   co_return any;
 }
 
-// A slot's device and another: which of them is found here beside it is taken off the node-ID by the plan.
+// A slot's device and another: which of them is found here beside it is taken off the node-ID by the plan. One without
+// LSS is not found, and no hand but a person's parts them.
 rt::Task<void> Duplicates::tell_seats_apart() {
   for (auto& seat : slots_.seats()) {
     const bool shares = seat->doubt.shared > 0 && seat->slot.record.confirmed;
     if (!shares) continue;
     --seat->doubt.shared;
     const NodeId id = seat->id();
-    const bool other = co_await tell_one_apart(id);
-    if (other) seat->doubt.shared = 0;
+    const Told told = co_await tell_one_apart(id);
+    if (told == Told::nothing) continue;
+    seat->doubt.shared = 0;
+    if (told == Told::two && seat->there())
+      slots_.happened(*seat, SlotEvent::two_answer, reason, manager::BootStatus::booted);
   }
 }
 

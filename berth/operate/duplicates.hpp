@@ -18,6 +18,8 @@ class Duplicates final : public co::SdoClient::Observer {
   /// Hears second answers to SDO requests from now on.
   Duplicates(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Asking& asking) noexcept;
 
+  /// Why such a slot does not run.
+  static constexpr const char* reason = "two devices answer under this node-ID; take one of them off the bus";
   /// Tries in which a slot's device and another under its node-ID are told apart.
   static constexpr unsigned most_tries = 3;
   /// The devices that share each of these node-IDs; not again at once when that did not succeed. True: those of one
@@ -40,16 +42,21 @@ class Duplicates final : public co::SdoClient::Observer {
   rt::Task<void> hear_parts(NodeId id);
   [[nodiscard]] static std::vector<Identity> addresses_of(const Shared& shared);
   rt::Task<void> ask_addresses(NodeId id, std::vector<Identity> addresses, bool slowly);
-  rt::Task<bool> tell_one_apart(NodeId id);
+  enum class Told : std::uint8_t { nothing, two, known };
+  rt::Task<Told> tell_one_apart(NodeId id);
 
   BusServices& s_;
   SlotTable& slots_;
   Agenda& agenda_;
   FoundDevices& found_;
   Asking& asking_;
-  std::optional<Shared> shared_;                // while two devices are told apart
-  std::array<rt::Time, 128> not_before_{};      // they are not told apart again
-  std::array<rt::Time, 128> answered_twice_{};  // the last time, of nodes without a slot
+  std::optional<Shared> shared_;            // while two devices are told apart
+  std::array<rt::Time, 128> not_before_{};  // they are not told apart again
+  struct Twice {
+    rt::Time last{};
+    unsigned times = 0;
+  };
+  std::array<Twice, 128> answered_twice_{};  // of nodes without a slot
 };
 
 }  // namespace berth::operate

@@ -193,7 +193,7 @@ std::uint64_t ManagerObjects::of_node(std::uint16_t index, NodeId node) const {
       return there ? static_cast<std::uint64_t>(s_.boots.state(node)) : missing;
     }
     case cia302::request_guarding: return seat->there() && !seat->guarded ? 1 : 0;
-    case slot_state: return static_cast<std::uint64_t>(seat->state());
+    case slot_state: return static_cast<std::uint64_t>(seat->shown_state());
     case boot_letter: return static_cast<std::uint8_t>(manager::letter(seat->letter()));
     case upload_configuration: return static_cast<std::uint64_t>(seat->configuration.upload);
     case cia302::dcf_format: return 0;
@@ -209,7 +209,7 @@ std::uint64_t ManagerObjects::of_node(std::uint16_t index, NodeId node) const {
 std::uint64_t ManagerObjects::of_manager(std::uint8_t sub) const {
   const auto count = [&](auto&& is) {
     return static_cast<std::uint64_t>(
-        std::ranges::count_if(slots_.seats(), [&](const auto& s) { return is(s->state()); }));
+        std::ranges::count_if(slots_.seats(), [&](const auto& s) { return is(s->shown_state()); }));
   };
   switch (sub) {
     case 1: return static_cast<std::uint64_t>(agenda_.phase);

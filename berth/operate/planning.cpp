@@ -84,6 +84,7 @@ std::vector<places::Found> Planning::without_used() {
     if (listed) slots_.set_mark(Mark::restore, f.device, f.active, "a listed spare that was used before");
     if (!sat || listed) {
       rest.push_back(f);
+      rest.back().keeps = never_by_lss(f.device);
     } else {
       used_.push_back({f, *sat});
     }

@@ -14,8 +14,6 @@ namespace berth::operate {
 
 namespace {
 
-constexpr const char* by_two = "two devices answer under this node-ID; take one of them off the bus";
-
 // The first part of its identity that is not the expected one (1F85h to 1F88h).
 manager::BootStatus letter_of(const Identity& is, const Identity& expected) noexcept {
   constexpr std::array letters{manager::BootStatus::d, manager::BootStatus::m, manager::BootStatus::n};
@@ -134,8 +132,9 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
     co_return false;
   }
   bool doubled = answer.by_two;
-  // Two that answered just now do not always answer at two instants.
-  for (int look = 0; look < 3 && !doubled && seat.life == Life::doubled; ++look) {
+  // CAN repeats a frame now and then, and two that answered just now do not always answer at two instants.
+  const int looks = seat.life == Life::doubled ? 3 : 1;
+  for (int look = 0; look < looks && doubled != (seat.life == Life::doubled); ++look) {
     const auto again = co_await places::identify(s_.sdo, id, places::second_answer);
     doubled = again.by_two || (again.who && seat.sits(*again.who) != seat.sits(*who));
   }
@@ -150,7 +149,7 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
   seat.doubt.shared = Duplicates::most_tries;
   agenda_.look_anew = true;
   if (doubled) {
-    slots_.happened(seat, SlotEvent::two_answer, by_two, manager::BootStatus::booted);
+    slots_.happened(seat, SlotEvent::two_answer, Duplicates::reason, manager::BootStatus::booted);
   } else {
     slots_.happened(seat, SlotEvent::gone, fmt::format("device {} answers under its node-ID", to_string(*who)),
                     letter_of(*who, seat.slot.record.confirmed->device));
@@ -224,7 +223,7 @@ rt::Task<void> Presence::adopt_fixed(Seat& seat) {
   const auto& who = answer.who;
   if (!who) co_return;
   if (answer.by_two) {  // the parts may be those of two devices
-    slots_.happened(seat, SlotEvent::two_answer, by_two, manager::BootStatus::booted);
+    slots_.happened(seat, SlotEvent::two_answer, Duplicates::reason, manager::BootStatus::booted);
     co_return;
   }
   if (!places::fits(seat.slot.spec, *who)) {

@@ -58,11 +58,13 @@ struct PowerCycle {
 
 /// What came under its node-ID, that it is not told or done again for each.
 struct LastHeard {
-  bool seen = false;                    ///< the device that is bound was there in this run
-  rt::Time heard_again{};               ///< it was told that the node-ID is heard again
-  std::optional<co::Emcy> emergency{};  ///< its last error since its boot-up
-  rt::Time hurried{};                   ///< a boot-up hastened the look at the bus
-  rt::Time taken_back{};                ///< a search found it where it sits
+  bool seen = false;                          ///< the device that is bound was there in this run
+  rt::Time heard_again{};                     ///< it was told that the node-ID is heard again
+  std::optional<co::Emcy> emergency{};        ///< its last error since its boot-up
+  rt::Time hurried{};                         ///< a boot-up hastened the look at the bus
+  rt::Time taken_back{};                      ///< a search found it where it sits
+  std::optional<places::SlotState> failed{};  ///< the binding that is tried again ended so before
+  bool reset = false;  ///< equal ones were reset to see which node-ID they have in their memories
 };
 
 struct Seat {
@@ -96,6 +98,8 @@ struct Seat {
     return slot.record.confirmed && who.agrees(slot.record.confirmed->device);
   }
   [[nodiscard]] places::SlotState state() const noexcept { return shown(life); }
+  /// The same for people: a binding that failed is failed while it is tried again.
+  [[nodiscard]] places::SlotState shown_state() const noexcept { return last.failed.value_or(state()); }
   /// Its boot-up is done: nothing is to be done before it boots, or a person says so.
   [[nodiscard]] bool is_booted() const noexcept {
     return slave.status.ready() || slave.status.phase == network::SlavePhase::awaited;

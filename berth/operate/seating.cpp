@@ -55,6 +55,19 @@ bool may_be_known(const FoundDevices& found, const Identity& device) {
   });
 }
 
+// Without a serial number it may be the one that uses a node-ID of no slot: what is in its memory is seen when it
+// boots.
+void reset_who_may_be_its_device(BusServices& s, const SlotTable& slots, const FoundDevices& found, Seat& seat) {
+  const Identity& device = seat.slot.record.intended->device;
+  if (device.has_serial() || !s.may_command() || seat.last.reset) return;
+  for (const auto& f : found.all()) {
+    const bool on_its_own = f.active.configured() && f.active != s.bus.master && slots.at(f.active) == nullptr;
+    const bool may_be = on_its_own && !f.lent && !f.clone && f.device.agrees(device);
+    if (may_be) s.nmt.queue(co::NmtCommand::reset_node, f.active);
+    seat.last.reset = seat.last.reset || may_be;
+  }
+}
+
 }  // namespace
 
 rt::Task<void> Seating::carry_out() {
@@ -387,8 +400,9 @@ rt::Task<bool> Seating::blank(Identity device, std::string reason) {
                          fmt::format("{} keeps its node-ID: {}", to_string(device),
                                      places::words_of(binding.why(), binder.store_said())));
   }
-  // It was never told anything: there is nothing to finish.
-  if (!good && binding.untouched()) {
+  // It was never told anything, or takes no node-ID: there is nothing to finish.
+  const bool ends = binding.untouched() || binding.why() == places::Why::refused;
+  if (!good && ends) {
     const auto dropped = slots_.store().drop_blank(slots_.known(device), places::name(binding.why()));
     if (!dropped && dropped.error().code != Errc::not_found)
       slots_.events().tell(EventKind::error, "", describe(dropped.error()));
@@ -546,6 +560,7 @@ rt::Task<bool> Seating::waits_for_its_power_cycle(Seat& seat, bool& told_one) {
 }
 
 void Seating::keep_for_its_device(Seat& seat) {
+  reset_who_may_be_its_device(s_, slots_, found_, seat);
   slots_.happened(
       seat, SlotEvent::gone,
       fmt::format("{} may have node-ID {} in its memory and does not answer: the node-ID is kept for it; switch "

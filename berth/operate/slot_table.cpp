@@ -71,7 +71,7 @@ std::vector<SlotReport> SlotTable::report() const {
   std::vector<SlotReport> slots;
   for (const auto& seat : seats_) {
     slots.push_back({s_.bus.name, seat->id(), seat->name(), seat->slot.spec.type, seat->slot.record.device(),
-                     seat->state(), seat->since, seat->reason, seat->letter(), seat->slot.spec.asks.unasked});
+                     seat->shown_state(), seat->since, seat->reason, seat->letter(), seat->slot.spec.asks.unasked});
   }
   std::ranges::sort(slots, {}, &SlotReport::id);
   return slots;
@@ -90,9 +90,14 @@ void SlotTable::refresh(Seat& seat) {
 }
 
 bool SlotTable::happened(Seat& seat, SlotEvent event, std::string reason, std::optional<manager::BootStatus> letter) {
-  const SlotState before = seat.state();
+  const SlotState before = seat.shown_state();
+  const bool failed = seat.life == Life::unbound || seat.life == Life::doubled;
   if (!happened_silently(seat, event)) return false;
   if (letter) seat.set_letter(*letter);
+  if (failed && event == SlotEvent::binds) {  // it is told when it ends otherwise
+    seat.last.failed = before;
+    return true;
+  }
   const SlotState state = seat.state();
   if (before == state && seat.reason == reason) return true;
   if (before != state) seat.since = s_.executor.now();
@@ -106,6 +111,7 @@ bool SlotTable::happened_silently(Seat& seat, SlotEvent event) noexcept {
   const auto to = next(seat.life, event);
   if (!to) return false;
   const Life before = std::exchange(seat.life, *to);
+  seat.last.failed.reset();
   if (forgets_boot_up(before, event, *to)) seat.slave.forget();
   if (seat.there()) seat.last.seen = true;
   return true;

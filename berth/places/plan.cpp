@@ -238,6 +238,10 @@ class PlanMaker {
     });
   }
 
+  [[nodiscard]] bool takes(std::size_t slot, const Found& f) const {
+    return fits(slots_[slot].spec, f.device) && (!f.keeps || slots_[slot].spec.id == f.active);
+  }
+
   [[nodiscard]] unsigned rank(const Action& a) const {
     return a.kind == Action::Kind::blank ? 0U : slots_[a.slot].spec.id.value();
   }
@@ -259,7 +263,7 @@ class PlanMaker {
     for (const auto& f : group.fresh) {
       std::vector<std::size_t> slots;
       for (std::size_t k = 0; k < group.free.size(); ++k) {
-        if (fits(slots_[group.free[k]].spec, f.device)) slots.push_back(k);
+        if (takes(group.free[k], f)) slots.push_back(k);
       }
       graph.fits.push_back(std::move(slots));
     }
@@ -298,17 +302,16 @@ class PlanMaker {
   void seat_listed_spares(Group& group) {
     const std::vector<Found> fresh = group.fresh;
     for (const auto& f : fresh) {
-      const auto slot =
-          std::ranges::find_if(group.free, [&](std::size_t i) { return listed_spare(slots_[i].spec, f.device); });
+      const auto slot = std::ranges::find_if(
+          group.free, [&](std::size_t i) { return takes(i, f) && listed_spare(slots_[i].spec, f.device); });
       if (slot != group.free.end()) take(group, *slot, f);
     }
   }
 
   void leave_who_fits_nowhere(Group& group) {
     std::erase_if(group.fresh, [&](const Found& f) {
-      const bool wanted =
-          std::ranges::any_of(group.free, [&](std::size_t i) { return fits(slots_[i].spec, f.device); });
-      if (wanted) return false;
+      const auto fits_it = [&](std::size_t i) { return fits(slots_[i].spec, f.device); };
+      if (std::ranges::any_of(group.free, [&](std::size_t i) { return takes(i, f); })) return false;
       const bool known_type = std::ranges::any_of(
           slots_, [&](const Slot& s) { return s.spec.type == f.device.type() || fits(s.spec, f.device); });
       const bool waits_for_another = misplaced(f);
@@ -316,7 +319,7 @@ class PlanMaker {
       if (!known_type) {
         draft_.leave(f, OddityKind::foreign,
                      "is of a type that this machine has no slot for; take it off the bus, or add a slot");
-      } else if (fixed_slot_waits(f.device.type())) {
+      } else if (fixed_slot_waits(f.device.type()) || std::ranges::any_of(group.free, fits_it)) {
         draft_.plan().oddities.push_back(
             {OddityKind::fixed_mismatch, f.device, f.active,
              fmt::format("device {} is of a type whose slot expects a fixed node-ID, and does not have "
@@ -381,9 +384,8 @@ class PlanMaker {
     if (waits) return group.fresh.clear();  // which device shows a place alone is known when all were read
     for (const auto& f : fresh) {
       std::vector<std::size_t> mine;
-      std::ranges::copy_if(places, std::back_inserter(mine), [&](std::size_t i) {
-        return fits(slots_[i].spec, f.device) && shows(f.device, *slots_[i].spec.probe);
-      });
+      std::ranges::copy_if(places, std::back_inserter(mine),
+                           [&](std::size_t i) { return takes(i, f) && shows(f.device, *slots_[i].spec.probe); });
       const bool alone = mine.size() == 1 && std::ranges::none_of(fresh, [&](const Found& other) {
                            return other.device != f.device && fits(slots_[mine.front()].spec, other.device) &&
                                   shows(other.device, *slots_[mine.front()].spec.probe);
@@ -460,7 +462,7 @@ class PlanMaker {
   void seat_in_turn(Group& group) {
     const std::vector<Found> fresh = group.fresh;
     for (const auto& f : fresh) {
-      const auto slot = std::ranges::find_if(group.free, [&](std::size_t i) { return fits(slots_[i].spec, f.device); });
+      const auto slot = std::ranges::find_if(group.free, [&](std::size_t i) { return takes(i, f); });
       if (slot != group.free.end()) {
         take(group, *slot, f);
       } else {

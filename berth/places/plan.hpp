@@ -20,6 +20,7 @@ struct Found {
   bool lent = false;    ///< `active` was lent to it for a search: it says nothing about its place, and is taken back
                         ///< by the lender when it is in the way
   bool shared = false;  ///< another device uses `active` too: it says nothing about its place
+  bool keeps = false;   ///< nothing changes `active`: it sits in the slot of that node-ID or in none
   friend bool operator==(const Found&, const Found&) = default;
 };
 

@@ -149,6 +149,7 @@ class EndJudge {
       return is_present(o) && o.bus == t.bus && o.active == slot.spec.id && clones(o);
     });
     if (held || (s.state == SlotState::failed && clone_has(t, slot.spec.id))) return;
+    if (s.state == SlotState::failed && held_by_switches(slot) > 0) return;
     if (row.intended) return say(who + " is there, and what was asked of it is not confirmed");
     if (row.confirmed->id != slot.spec.id) return say(who + " is confirmed under another node-ID");
     if (t.active != slot.spec.id) return say(who + " uses node-ID " + std::to_string(t.active.value()));
@@ -188,6 +189,13 @@ class EndJudge {
     return std::ranges::any_of(truth_, [&](const plant::Truth& o) {
       return o.name != t.name && is_present(o) && o.bus == t.bus && o.active == t.active &&
              (has_switches(o) || has_switches(t));
+    });
+  }
+  // Nor moves anybody who sits on another's node-ID by its switches.
+  [[nodiscard]] std::ptrdiff_t held_by_switches(const design::Slot& slot) const {
+    return std::ranges::count_if(truth_, [&](const plant::Truth& o) {
+      return is_present(o) && o.bus == slot.spec.name.bus && o.active == slot.spec.id &&
+             rig_->device(o.name).plan().source == plant::NodeIdSource::switches;
     });
   }
   // Its switches say so, or the machine file does of its type: it is no master's to move, and where `replacement` is
@@ -369,8 +377,8 @@ class EndJudge {
     const bool open =
         std::ranges::any_of(fitting, [&](const auto* t) { return places::fits(slots[at]->spec, t->address); });
     if (!open) {
-      if (state == places::SlotState::question && fitting.empty() && !used_ && !any_clones())
-        say(what + " and no device fits it");
+      const bool asks = state == places::SlotState::question && fitting.empty();
+      if (asks && !used_ && !any_clones() && held_by_switches(*slots[at]) < 2) say(what + " and no device fits it");
       return;
     }
     if (state != places::SlotState::question) return say(what + " and " + fitting.front()->name + " fits it");

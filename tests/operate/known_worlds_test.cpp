@@ -108,5 +108,22 @@ INSTANTIATE_TEST_SUITE_P(
               {.waits = true}}),
     name_of);
 
+INSTANTIATE_TEST_SUITE_P(
+    AsSold, KnownWorld,
+    ::testing::Values(
+        Known{5501682, "what one without a serial number has stored is not asked", {.waits = false, .as_sold = true}},
+        Known{5504443,
+              "one without LSS beside the slot's device, and the slot runs on",
+              {.waits = false, .as_sold = true}},
+        Known{5505220,
+              "the judge: one with switches has the node-ID of one that waits",
+              {.waits = false, .as_sold = true}},
+        Known{5508962, "a question about devices whose node-IDs nothing changes", {.waits = false, .as_sold = true}},
+        Known{5509982, "the same", {.waits = false, .as_sold = true}},
+        Known{5510270,
+              "taking away a node-ID that is not LSS's is begun again for ever",
+              {.waits = false, .as_sold = true}}),
+    name_of);
+
 }  // namespace
 }  // namespace berth::harness

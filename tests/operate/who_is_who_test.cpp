@@ -285,6 +285,31 @@ TEST(WhoIsWho, TwoWithOneNodeIdOnTheirSwitchesAreToldOfTheSlot) {
   ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
 }
 
+// Nothing boots and nothing beats: the second one's cable was cut. LSS tells the slot's device and not the other.
+TEST(WhoIsWho, OneWithoutLssThatIsHeardAgainBesideTheSlotsIsToldOfTheSlot) {
+  auto p = one_bus_plant(1);
+  add_device(p, "own", type_b, 7);
+  auto& other = add_switched(p, 5, 0);
+  plant::PlantEvent cut;
+  cut.action = plant::Action::cut_cable;
+  cut.bus = "backbone";
+  cut.nodes = {other.name};
+  plant::PlantEvent join;
+  join.action = plant::Action::join;
+  join.delay = 20s;
+  join.bus = "backbone";
+  p.events = {cut, join};
+  auto m = fixed_slots(5, places::Assign::lss);
+  m.slots.back().spec.watch.by = places::SlotWatch::By::none;
+  Rig rig(m, p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(15s)) << rig.log();
+  rig.run_for(40s);
+  EXPECT_EQ(slot(rig, 5).state, SlotState::duplicate) << rig.log();
+  rig.device(other.name).unplug();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+}
+
 // The one that runs speaks no LSS; its twin does, and has no node-ID.
 TEST(WhoIsWho, ATwinWithLssIsNotGivenTheNodeIdOfTheOneThatRuns) {
   using plant::Speaks;

@@ -151,6 +151,28 @@ TEST(Planner, OneAtATimeTakesTheLowestFreeSlot) {
   EXPECT_EQ(plan(slots, blank({address_of(B, 9), address_of(B, 10)}), {}, master).questions.size(), 1U);
 }
 
+// Its switches, and not LSS, give it its node-ID.
+TEST(Planner, WhoKeepsItsNodeIdSitsThereOrNowhere) {
+  const std::vector<Slot> slots = {slot(2, B), slot(3, B)};
+  const auto keeps = [](std::uint32_t serial, unsigned id) {
+    Found f{address_of(B, serial), NodeId(static_cast<std::uint8_t>(id))};
+    f.keeps = true;
+    return f;
+  };
+  const auto home = plan(slots, {keeps(9, 3)}, {}, master);
+  ASSERT_EQ(home.actions.size(), 1U);
+  EXPECT_EQ(home.actions[0].slot, 1U);
+  const auto nowhere = plan(slots, {keeps(9, 7)}, {}, master);
+  EXPECT_TRUE(nowhere.actions.empty());
+  EXPECT_TRUE(nowhere.questions.empty());
+  ASSERT_EQ(nowhere.oddities.size(), 1U);
+  EXPECT_EQ(nowhere.oddities[0].kind, OddityKind::fixed_mismatch);
+  // Nor is it one of those among whom a person would choose.
+  auto both = blank({address_of(B, 1), address_of(B, 2)});
+  both.push_back(keeps(9, 7));
+  EXPECT_EQ(plan(slots, both, {}, master).actions.size(), 2U);
+}
+
 TEST(Planner, RevisionRules) {
   auto s = slot(2, B);
   s.spec.revision = 0x00020003;
