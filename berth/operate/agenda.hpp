@@ -1,6 +1,7 @@
 /// What is due on one bus: the parts of a `Network` write it, its main job reads it.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "berth/base/ids.hpp"
@@ -18,6 +19,12 @@ struct Wake {
   Kind kind = Kind::look;
   NodeId node;
   rt::Time at{};
+};
+
+/// Whether extended frames pass on the bus (`tell_all_unknown`).
+struct ExtendedFrames {
+  std::optional<bool> pass{};  ///< empty: none was sent yet
+  std::uint32_t bus_offs = 0;  ///< of this port, in this run
 };
 
 struct Agenda {
@@ -39,7 +46,8 @@ struct Agenda {
   bool search_open = false;  ///< the last search had no end yet
   bool speaks = false;       ///< the master's own device is on
   bool alone = false;        ///< no node acknowledged the opening: no node-ID is asked before a search got through
-  bool once = false;         ///< a single round (`berth bind`): there is no later look
+  ExtendedFrames extended;
+  bool once = false;  ///< a single round (`berth bind`): there is no later look
 };
 
 }  // namespace berth::operate

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "berth/operate/extended_frames.hpp"
+
 namespace berth::operate {
 
 rt::Task<void> Finder::discover() {
@@ -65,8 +67,8 @@ rt::Task<void> Finder::forget_and_ask_anew() {
   found_.forget_if(goes);
   co_await configured_.ask_slots_own();
   const auto& method = agenda_.method();
-  const bool speaks_rand = s_.bus.extended_frames && (method == "auto" || method == "rand" || method == "planner-rand");
-  if (speaks_rand) co_await tell_which_are_known();
+  const bool speaks_rand = method == "auto" || method == "rand" || method == "planner-rand";
+  if (speaks_rand && may_send_extended_frames(s_, agenda_)) co_await tell_which_are_known();
 }
 
 // A search need not find again what an earlier one, SDO or a blanking found: the device may speak no RAND, and a
@@ -122,7 +124,7 @@ rt::Task<void> Finder::tell_which_are_known() {
   const rt::Duration apart = s_.bus.timing.rand_response;
   for (int time = 0; time < 2; ++time) {
     co_await rt::sleep_for(apart);
-    const auto unknown = co_await s_.rand.switch_global(nodeid::Identification::unknown);
+    const bool unknown = co_await tell_all_unknown(s_, agenda_, slots_.events());
     if (!unknown) co_return;
   }
   co_await rt::sleep_for(apart);
@@ -141,7 +143,7 @@ rt::Task<void> Finder::tell_which_are_known() {
 rt::Task<void> Finder::by_rand() {
   constexpr unsigned most_again = 4;
   std::size_t before = found_.size();
-  if (!s_.bus.extended_frames) co_return;
+  if (!may_send_extended_frames(s_, agenda_)) co_return;
   co_await search_.by_rand();
   for (unsigned again = 0; again < most_again && found_.size() > before && is_one_missing(); ++again) {
     if (search_.rand_is_open()) co_return;
@@ -194,8 +196,8 @@ bool Finder::is_one_missing() const {
 
 rt::Task<bool> Finder::anybody_new() {
   if (s_.only_observes()) co_return false;
-  const bool by_rand = s_.bus.extended_frames && (agenda_.method() == "auto" || agenda_.method() == "rand");
-  if (by_rand) {
+  const bool by_rand = agenda_.method() == "auto" || agenda_.method() == "rand";
+  if (by_rand && may_send_extended_frames(s_, agenda_)) {
     const bool any = co_await search_.anybody_by_rand();
     if (any || agenda_.method() == "rand") co_return any;
   }

@@ -81,6 +81,7 @@ void PortHealth::go_to_rest(const std::string& why) {
 }
 
 void PortHealth::way_out_of_bus_off() {
+  ++agenda_.extended.bus_offs;
   const auto& timing = s_.bus.timing;
   if (s_.bus.bus_off == design::BusOff::stay) {
     return slots_.events().tell_once(

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "berth/operate/extended_frames.hpp"
+
 namespace berth::operate {
 
 namespace {
@@ -223,9 +225,13 @@ rt::Task<Result<NewDevices>> Search::find_new() {
   NewDevices all;
   const bool by_planner = agenda_.method() == "auto";
   const bool published = agenda_.method() == "rand";
-  if ((by_planner || published) && s_.bus.extended_frames) {
-    const auto unknown = co_await s_.rand.switch_global(nodeid::Identification::unknown);
-    if (!unknown) co_return fail(unknown.error());
+  bool asks_rand = (by_planner || published) && may_send_extended_frames(s_, agenda_);
+  if (asks_rand) {
+    asks_rand = co_await tell_all_unknown(s_, agenda_, slots_.events());
+    if (!asks_rand && may_send_extended_frames(s_, agenda_))
+      co_return fail(Errc::bus, "the first frame of RAND never left");
+  }
+  if (asks_rand) {
     Result<discovery::Report> report = fail(Errc::invalid, "not asked");
     if (by_planner) {
       report = co_await methods_.ask_rand_planner(this);

@@ -151,6 +151,7 @@ struct PlantController {
   std::uint32_t rx_depth = 16;   ///< frames its receive buffer holds; 1 = a single slot
   Duration bus_off_recovery{0};  ///< restarts its controller so long after bus-off; 0 = never
   std::uint32_t repeat_ppm = 0;  ///< so many of its frames in a million are sent twice
+  bool extended_frames = true;   ///< false: of CAN 2.0A, and answers each extended frame with an error frame
   std::int32_t drift_ppm = 0;    ///< its clock is fast (+) or slow (-)
   friend bool operator==(const PlantController&, const PlantController&) = default;
 };

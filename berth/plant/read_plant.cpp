@@ -412,6 +412,7 @@ class PlantReader {
     if (const auto depth = table.u32("rx_depth", {1, 1024})) device.controller.rx_depth = *depth;
     device.controller.bus_off_recovery = table.duration("bus_off_recovery", 0s, 1h).value_or(0s);
     device.controller.repeat_ppm = table.u32("repeat_ppm", {0, 1'000'000}).value_or(0);
+    device.controller.extended_frames = table.boolean("extended_frames").value_or(true);
     if (const auto drift = table.integer("drift_ppm", {-100'000, 100'000})) {
       device.controller.drift_ppm = static_cast<std::int32_t>(*drift);
     }

@@ -80,6 +80,7 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
       device_(dispatcher_, std::move(description), &flash_,
               options_of(plan, address, bit_rate_of(plan, bus), Random(random).next()), &port_, timing_,
               programs_of(plan, program_flash_.get())) {
+  if (!plan.controller.extended_frames) refuse_extended_frames();
   flash_.watch(this);
   device_.observe(this);
   if (script) scripted_ = std::make_unique<Scripted>(*this, *std::move(script), random.fork());
@@ -87,7 +88,24 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
   if (master_.memory) master_.memory->on_write([this] { world_->save(); });
 }
 
+// Its controller reads a remote frame of the first 11 bits, and finds no CRC delimiter where that one's would be: bit
+// 34 without stuff bits, of which there are 8 at most. Its error flag is behind them here in each frame.
+void SimDevice::refuse_extended_frames() {
+  constexpr int behind_that = 34 + 8 + 1;
+  constexpr unsigned error_flag = 6;
+  sim::Fault flag;
+  flag.kind = sim::Fault::Kind::dominant;
+  flag.trigger.times = 0;
+  flag.trigger.when = [this](const sim::FrameStart& start) {
+    return start.frame.extended && controller_->powered() && controller_->cable_in() && !controller_->status().bus_off;
+  };
+  flag.where = sim::from_start(behind_that);
+  flag.bits = error_flag;
+  error_flags_ = controller_->bus().faults().add(flag);
+}
+
 SimDevice::~SimDevice() {
+  if (error_flags_) controller_->bus().faults().cancel(*error_flags_);
   flash_.watch(nullptr);
   device_.observe(nullptr);
 }

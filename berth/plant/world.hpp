@@ -111,6 +111,7 @@ class SimDevice final : public GatewaySide, private device::Device::Observer, pr
     return {&dispatcher_, master_.manager.get(), meter_ ? &*meter_ : nullptr};
   }
   void follow(const GatewaySide& above) noexcept override;
+  void refuse_extended_frames();
   void switch_on() noexcept;
   void switch_off() noexcept;
   void device_changed(const device::Device& device) noexcept override;
@@ -135,6 +136,7 @@ class SimDevice final : public GatewaySide, private device::Device::Observer, pr
   NextPowerOn next_;
   unsigned deafness_ = 0;  // number of the last `deaf`, so that an older one's end does not end it
   unsigned slowness_ = 0;
+  std::optional<unsigned> error_flags_;  // the fault that they are; only of a controller of CAN 2.0A
   bool plugged_ = false;
   bool powered_ = false;
 };

@@ -150,6 +150,7 @@ void write_device(PlantWriter& w, const PlantDevice& d) {
   w.time("heartbeat", d.heartbeat, usual_device.heartbeat);
   w.time("bus_off_recovery", d.controller.bus_off_recovery, usual_device.controller.bus_off_recovery);
   w.number("repeat_ppm", d.controller.repeat_ppm, usual_device.controller.repeat_ppm);
+  w.flag("extended_frames", d.controller.extended_frames, true);
   w.number("drift_ppm", d.controller.drift_ppm, usual_device.controller.drift_ppm);
   w.flag("plugged", d.plugged, true);
 }

@@ -97,6 +97,36 @@ TEST(ExtendedFrames, NoneIsSentWhereTheMachineFileSaysSo) {
   }
 }
 
+// A controller of CAN 2.0A answers each with an error frame. The first one tells it, and is the only one.
+TEST(ExtendedFrames, ABusThatTakesNoneIsFoundOut) {
+  for (const std::uint32_t rate : {10'000U, 125'000U, 1'000'000U}) {
+    auto p = one_bus_plant(1);
+    design::Machine machine = one_bus(rate);
+    for (unsigned id = 2; id <= 5; ++id) {
+      add_slot(machine, id, type_b);
+      auto& d = add_device(p, "d" + std::to_string(id), type_b, 100 + id);
+      if (id == 3) d.controller.extended_frames = false;
+    }
+    Rig rig(machine, p);
+    ExtendedFrames heard;
+    rig.world().bus("backbone")->add_tap(heard);
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(200s)) << rate << "\n" << rig.log();
+    rig.device("d4").unplug();
+    rig.run_for(10s);
+    rig.device("d4").plug();
+    ASSERT_TRUE(rig.until_operational(100s)) << rate << "\n" << rig.log();
+    rig.run_for(10s);
+    EXPECT_EQ(heard.count, 0U) << rate;
+    const std::string log = rig.log();
+    EXPECT_NE(log.find("a device with a controller of CAN 2.0A is on the bus"), std::string::npos) << log;
+    const auto off = log.find("this port is bus-off");
+    ASSERT_NE(off, std::string::npos) << log;
+    EXPECT_EQ(log.find("this port is bus-off", off + 1), std::string::npos) << log;
+    rig.world().bus("backbone")->remove_tap(heard);
+  }
+}
+
 TEST(ExtendedFrames, AMethodThatIsMadeOfThemIsRefusedBeside) {
   for (const char* const method : {"rand", "planner-rand", "fastscan-feedback-29", "planner-feedback"}) {
     const auto result = design::read_machine(

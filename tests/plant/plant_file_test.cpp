@@ -92,6 +92,7 @@ rx_depth = 1
 heartbeat = "100 ms"
 bus_off_recovery = "1 s"
 repeat_ppm = 7
+extended_frames = false
 drift_ppm = -100
 plugged = false
 [[device]]
@@ -163,6 +164,7 @@ nodes = ["drive 1"]
   EXPECT_EQ(s1.heartbeat, Duration(100ms));
   EXPECT_EQ(s1.controller.bus_off_recovery, Duration(1s));
   EXPECT_EQ(s1.controller.repeat_ppm, 7U);
+  EXPECT_FALSE(s1.controller.extended_frames);
   EXPECT_EQ(s1.controller.drift_ppm, -100);
   EXPECT_FALSE(s1.plugged);
   EXPECT_EQ(p.devices[3].name, "drive 3");
@@ -430,6 +432,7 @@ PlantDevice random_device(Random& r, std::size_t i, const std::vector<PlantBus>&
   d.heartbeat = std::chrono::milliseconds(r.below(65536));
   if (r.chance(500'000)) d.controller.bus_off_recovery = random_time(r, 1h);
   if (r.chance(500'000)) d.controller.repeat_ppm = static_cast<std::uint32_t>(r.below(1'000'001));
+  d.controller.extended_frames = r.chance(500'000);
   d.controller.drift_ppm = static_cast<std::int32_t>(r.between(-100'000, 100'000));
   d.plugged = r.chance(500'000);
   if (r.below(3) == 0) {
