@@ -89,8 +89,14 @@ bool Ending::hopeless() { return !until_.empty() && rig_->guards().shut_out(); }
 bool Ending::settled() {
   const rt::Time now = rig_->now();
   const rt::Time still_since = std::max(changed_, due_);
-  if (now < still_since + quiet_ || !rig_->session().idle()) return false;
-  if (now < still_since + patience_ && !rig_->session().operational()) return false;
+  const bool idle = rig_->session().idle();
+  const bool anew = since_ != still_since || now < still_since;
+  if (anew) idle_ = {};
+  if (!anew && idle) idle_ += now - looked_;
+  since_ = still_since;
+  looked_ = now;
+  if (!idle || idle_ < quiet_) return false;
+  if (idle_ < patience_ && !rig_->session().operational()) return false;
   const auto slots = rig_->session().slots();
   return std::ranges::none_of(slots, [](const auto& s) {
     return s.state == places::SlotState::binding || s.state == places::SlotState::configuring ||

@@ -38,6 +38,10 @@ class Ending {
   rt::Time due_{};    // of the last planned event known
   rt::Duration quiet_{};     // how long nothing may change
   rt::Duration patience_{};  // the same while the machine is not operational
+  // Since `since_` Berth has had nothing to do for so long: a search may take longer than the patience.
+  rt::Time since_{};
+  rt::Time looked_{};
+  rt::Duration idle_{};
   rt::Duration limit_{};
   std::map<std::string, Slots> first_;  // which device sat in each slot when all were operational first, by bus
 };

@@ -17,6 +17,14 @@ std::uint64_t bit_of(ObjectRef ref) noexcept {
   return std::uint64_t{1} << ((ref.index ^ ref.index >> 6U ^ ref.sub * 7U) % 64U);
 }
 
+// CiA 301 §7.2.4.3.17 has these codes for downloads alone.
+bool refuses_download(const can::Frame& frame) noexcept {
+  if (static_cast<Scs>(sdo::specifier(frame.data[0])) != Scs::abort) return false;
+  const auto code = sdo::abort_code(frame);
+  return code == AbortCode::read_only || code == AbortCode::invalid_value || code == AbortCode::value_too_high ||
+         code == AbortCode::value_too_low;
+}
+
 const char* why_not(can::Queued queued) noexcept {
   switch (queued) {
     case can::Queued::bus_off: return "the SDO request never left: bus-off";
@@ -449,7 +457,9 @@ void SdoLine::received_other(NodeId node, const can::Frame& frame, rt::Time at) 
   const bool on_wire = first_ != nullptr && first_->request_.on_wire;
   if (!on_wire) give_up_open(at);
   const bool owed = owed_ > 0 && at <= owed_until_ && may_be_owed(frame);
-  if (first_ != nullptr && first_->answer(frame)) {
+  // A slow device refuses a download that was sent twice once more while the object is read behind it.
+  const bool belated = owed && first_ != nullptr && !first_->data_.is_download() && refuses_download(frame);
+  if (!belated && first_ != nullptr && first_->answer(frame)) {
     if (open_ > 0) --open_;
   } else if (owed) {
     --owed_;

@@ -5,6 +5,7 @@
 #include "berth/discovery/busy.hpp"
 #include "berth/discovery/by_name.hpp"
 #include "berth/discovery/identify.hpp"
+#include "berth/discovery/identify_parts.hpp"
 #include "berth/discovery/planner_rand.hpp"
 #include "berth/discovery/published.hpp"
 #include "berth/discovery/walk.hpp"
@@ -28,6 +29,23 @@ std::unique_ptr<Discovery> make(Method method, const Services& services) {
 
 namespace {
 constexpr const char* busy_text = "another discovery is under way";
+
+// Between the frames of the master's requests, as long as it lives.
+class Pauses {
+ public:
+  Pauses(lss::Master& lss, bool wanted) : lss_(&lss), before_(lss.options()) {
+    lss::MasterOptions slower = before_;
+    slower.inhibit = std::max(slower.inhibit, slow_inhibit);
+    if (wanted) lss.set_options(slower);
+  }
+  ~Pauses() { lss_->set_options(before_); }
+  Pauses(const Pauses&) = delete;
+  Pauses& operator=(const Pauses&) = delete;
+
+ private:
+  lss::Master* lss_;
+  lss::MasterOptions before_;
+};
 }  // namespace
 
 Auto::Auto(const Services& services, const AutoOptions& options) : services_(services), options_(options) {}
@@ -82,6 +100,8 @@ rt::Task<Result<void>> Auto::part(Run& run, Method method) {
 rt::Task<Result<void>> Auto::by_name(Run& run) {
   constexpr std::size_t most = 8;
   const std::vector<LssAddress> expected = run.known.expected;
+  // Each second time round with pauses: a small receive buffer loses what comes back to back.
+  const Pauses pauses(services_.lss, !expected.empty() && named_ / expected.size() % 2 == 1);
   for (std::size_t i = 0; i < std::min(most, expected.size()) && !run.over(); ++i) {
     const LssAddress device = expected[named_++ % expected.size()];
     const auto& there = run.known.registered;
@@ -142,13 +162,14 @@ rt::Task<Result<Report>> Auto::find(const Known& known, const Options& options) 
     spoken_.non_configured = *blank;
     look = look || *blank;
   }
-  if (look && !run.over() && !(known.kinds.empty() && known.expected.empty())) {
-    const auto done = co_await part(run, Method::identify);
-    if (!done) co_return fail(done.error());
-  }
+  // Before the ranges: on a slow bus they are broken off again and again, and a name is one question.
   if (options_.configured && !run.over()) {
     const auto named = co_await by_name(run);
     if (!named) co_return fail(named.error());
+  }
+  if (look && !run.over() && !(known.kinds.empty() && known.expected.empty())) {
+    const auto done = co_await part(run, Method::identify);
+    if (!done) co_return fail(done.error());
   }
   run.report.ended = services_.dispatcher.executor().now();
   co_return run.report;

@@ -57,6 +57,9 @@ struct Known {
   std::vector<Kind> kinds;             ///< of the slot table and the device library
   std::vector<LssAddress> expected;    ///< listed spares, devices seen before: asked for by name first
   std::vector<LssAddress> registered;  ///< sit in their slots: not to be found again
+  /// Of devices without a serial number that have their node-IDs. 40h to 43h select all equal ones at once, and their
+  /// different answers to 5Eh destroy each other until the devices are bus-off: `identify` passes these addresses over.
+  std::vector<LssAddress> equals{};
 };
 
 /// One device that was found.

@@ -81,6 +81,7 @@ struct Identify::Run {
       if (a.type() == kind_.type && (!kind_.revision || a.revision == *kind_.revision)) result.push_back(a.r_sn());
     };
     for (const auto& a : known.registered) add(a);
+    for (const auto& a : known.equals) add(a);
     for (const auto& d : report.found) add(d.address);
     return result;
   }

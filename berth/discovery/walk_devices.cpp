@@ -54,7 +54,9 @@ lss::AloneOptions Devices::alone_options() const noexcept {
 rt::Task<Outcome> Devices::selected(LssAddress device) {
   rt::Executor& executor = services_.dispatcher.executor();
   Found found{.address = device, .at = executor.now(), .active = {}, .assigned = {}, .by = by_};
-  const lss::AloneOptions how = alone_options();
+  lss::AloneOptions how = alone_options();
+  // By 40h to 43h its equals would be selected with it. They have their node-IDs, and this one answers Fastscan.
+  how.without_node_id = std::ranges::find(known_.equals, device) != known_.equals.end();
   const auto proof = co_await lss::prove_alone(services_.lss, device, how);
   const auto now = executor.now();
   q_.asker().sent_elsewhere(now);

@@ -164,10 +164,14 @@ rt::Task<bool> ErrorControl::set_guarding(Seat& seat) {
   Result<void> done = {};
   if (beats && *beats != 0) done = co_await write(id, 0);
   const bool stays = !done && done.error().code == Errc::aborted;
-  if (stays)
-    slots_.events().tell_once(EventKind::step, fmt::format("{}: it cannot be guarded while it sends a heartbeat, and "
-                                                           "refuses to send none ({})",
-                                                           seat.name(), describe(done.error())));
+  if (stays) {
+    slots_.events().tell_once(EventKind::step,
+                              fmt::format("{}: it cannot be guarded while it sends a heartbeat, and refuses to send "
+                                          "none ({}): it is watched by its heartbeat",
+                                          seat.name(), describe(done.error())));
+    seat.guarded = false;
+    co_return co_await set_heartbeat(seat);
+  }
   if (watch.guard_time.count() > 0) done = co_await s_.sdo.write<std::uint16_t>(id, 0x100C, 0, in_ms(watch.guard_time));
   if (!done && done.error().code == Errc::aborted) seat.rate.refused = "100Ch: " + describe(done.error());
   if (watch.life_time_factor > 0) {
@@ -192,7 +196,13 @@ rt::Task<void> ErrorControl::watch_running(Seat& seat) {
   using By = places::SlotWatch::By;
   const NodeId id = seat.id();
   const By by = seat.slot.spec.watch.by;
-  const bool asked = seat.guarded || by == By::guarding || by == By::none;
+  bool asked = seat.guarded || by == By::none;
+  if (!asked && by == By::guarding) {
+    // One that sends heartbeats all the same refused to send none.
+    const auto own = co_await s_.sdo.read<std::uint16_t>(id, 0x1017, 0);
+    asked = !own || *own == 0;
+    if (!asked) seat.rate.period = milliseconds(*own);
+  }
   seat.guarded = asked;
   if (by == By::none) co_return;
   if (asked && !seat.rate.by_sdo && !s_.guarding.guarded(id)) guard(seat);

@@ -158,6 +158,12 @@ rt::Task<void> Finder::by_rand() {
 rt::Task<void> Finder::the_rest(bool also_configured) {
   constexpr unsigned most_again = 4;
   const rt::Time began = s_.executor.now();
+  // The one before took too long to look for devices with a node-ID as well: now it is their turn.
+  if (also_configured && std::exchange(owes_configured_, false)) {
+    co_await by_rest(true);
+    agenda_.rest_at = s_.executor.now() + 8 * s_.bus.timing.probe_period;
+    co_return;
+  }
   std::size_t before = found_.size();
   co_await by_rest(false);
   // A device that was late once was not heard by that search: as long as it brings news, one is asked for that is
@@ -171,6 +177,7 @@ rt::Task<void> Finder::the_rest(bool also_configured) {
   agenda_.rest_at = s_.executor.now() + 8 * s_.bus.timing.probe_period;
   // One long search at a time: what happens on the bus meanwhile is dealt with behind it.
   const bool took_long = s_.executor.now() - began > std::chrono::seconds(5);
+  owes_configured_ = took_long && is_one_missing();
   if (!is_one_missing() || took_long) co_return;
   co_await by_rest(true);
 }

@@ -56,7 +56,8 @@ class Finder {
   rt::Time blank_at_{};       // such an answer is no news before
   rt::Time scanned_at_{};     // nor one to Fastscan's first question before
   bool by_fastscan_ = false;  // it was to that
-  bool open_anew_ = false;    // the search by RAND that was broken off asks all devices anew
+  bool owes_configured_ = false;  // the last search ended before devices with a node-ID were looked for
+  bool open_anew_ = false;        // the search by RAND that was broken off asks all devices anew
   unsigned looks_ = 0;
   std::vector<Identity> forgotten_;  // without a node-ID, since all are asked anew: no search need find them again
 };

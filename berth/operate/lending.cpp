@@ -60,10 +60,19 @@ rt::Task<Result<NodeId>> Lending::lend_to(Identity device) {
   const auto given = co_await lss::configure_alone(s_.lss, device.address, id, store, how);
   if (!given) co_return fail(given.error());
   if (given->outcome != lss::Given::Outcome::taken) co_return fail(Errc::timeout, "it did not take what it was lent");
-  const rt::Time deadline = began + s_.bus.timing.boot_timeout;
-  const bool heard = co_await s_.boots.wait(id, began, deadline);
+  bool heard = co_await s_.boots.wait(id, began, began + asking_.binder_options().own_boot);
+  if (!heard) heard = co_await wake(device, id);
   if (!heard) co_return fail(Errc::timeout, "it was lent a node-ID and was not heard under it");
   co_return id;
+}
+
+// Lely core's slaves take a first node-ID into use at NMT reset communication, not at `04 00`.
+rt::Task<bool> Lending::wake(Identity device, NodeId id) {
+  const auto* const loan = loans_.of(device);
+  if (loan == nullptr || loan->id != id || s_.boots.heard(id)) co_return false;
+  const rt::Time began = s_.executor.now();
+  places::wake_unconfigured(s_.dispatcher);
+  co_return co_await s_.boots.wait(id, began, began + s_.bus.timing.boot_timeout);
 }
 
 // As many node-IDs that no device answers under as devices may come, asked side by side: the free slots' own are known.

@@ -28,6 +28,9 @@ class Lending final : public discovery::Assigner {
 
   /// Lends the device a node-ID and waits for its boot-up under it. The turn must be held.
   rt::Task<Result<NodeId>> lend_to(Identity device);
+  /// For a device that was lent the node-ID and does not answer under it: NMT reset communication of node-ID 255. True:
+  /// it has booted. The turn must be held.
+  rt::Task<bool> wake(Identity device, NodeId id);
   /// A slot's node-ID that was lent to another device than the plan gives it to.
   rt::Task<void> take_back_what_is_in_the_way(std::vector<places::Action> actions);
   /// All that was lent. A device that does not confirm keeps its loan, and is asked again in the next rounds; later,

@@ -99,7 +99,11 @@ rt::Task<bool> PlaceProbes::read_place(Identity device) {
     id = *lent;
     found_.note({device, id});
   }
-  const bool read = co_await read_probes(device, id);
+  bool read = co_await read_probes(device, id);
+  if (!read) {
+    const bool woken = co_await lending_.wake(device, id);
+    if (woken) read = co_await read_probes(device, id);
+  }
   if (read) {
     for (const auto& r : readings_) {
       if (r.device != device) continue;

@@ -9,6 +9,11 @@ namespace {
 // RAND has been asked before.
 constexpr discovery::AutoOptions only_the_rest{.rand = false, .configured = false};
 
+LssAddress with_serial(LssAddress address, std::uint32_t serial) noexcept {
+  address.serial = serial;
+  return address;
+}
+
 }  // namespace
 
 SearchMethods::SearchMethods(BusServices& services, SlotTable& slots, const Agenda& agenda, const FoundDevices& found,
@@ -56,15 +61,17 @@ discovery::Known SearchMethods::known_devices() const {
     // One without a serial number has equals, which are searched for.
     const bool one = device && device->has_serial();
     if (one) (seat->is_accounted_for() ? known.registered : known.expected).push_back(device->address);
-    if (device || !revision) continue;
-    if (spec.asks.serial) known.expected.push_back({spec.type.vendor, spec.type.product, *revision, *spec.asks.serial});
-    for (const auto serial : spec.spares) {
-      known.expected.push_back({spec.type.vendor, spec.type.product, *revision, serial});
-    }
+    if (device && !one && seat->is_accounted_for()) known.equals.push_back(device->address);
+    // Also where the slot takes other revisions: to ask for the one that it names costs a question.
+    if (device || !spec.revision) continue;
+    const LssAddress named{spec.type.vendor, spec.type.product, *spec.revision, 0};
+    if (spec.asks.serial) known.expected.push_back(with_serial(named, *spec.asks.serial));
+    for (const auto serial : spec.spares) known.expected.push_back(with_serial(named, serial));
   }
   for (const auto& f : found_.all()) {
     const bool named = std::ranges::find(known.registered, f.device.address) != known.registered.end();
     if (!named && f.device.has_serial()) known.registered.push_back(f.device.address);
+    if (!f.device.has_serial() && f.active.configured() && !f.lent) known.equals.push_back(f.device.address);
   }
   return known;
 }

@@ -211,6 +211,32 @@ TEST_F(Up, PlantEventsArePlayedToTheirEnd) {
   EXPECT_EQ(r_sn_by_slot(Json::parse(again.out)).at("drive"), "0x0000000300000031");
 }
 
+// A search by ranges on a slow bus takes longer than Berth waits for a change. A device that is plugged in meanwhile is
+// found by the next one, and the run does not end before.
+TEST_F(Up, ADeviceThatComesDuringALongSearchIsWaitedFor) {
+  constexpr int last = 14;
+  std::string slots = "[machine]\nname = \"slow\"\n[bus.line]\nport = \"sim\"\nbitrate = 20_000\n";
+  std::string devices = "[bus.line]\n";
+  for (int i = 1; i <= last; ++i) {
+    const std::string id = std::to_string(i);
+    const std::string type = "type = { vendor = " + id + ", product = 7 }\n";
+    slots += "[[slot]]\nbus = \"line\"\nid = " + id + "\nname = \"s" + id + "\"\n" + type;
+    devices += "[[device]]\nbus = \"line\"\nname = \"d" + id + "\"\n" + type;
+    devices += "serial = " + std::to_string(i * 1'000'003) + "\n";
+    // The last one answers neither ranges nor 5Eh, and comes late.
+    devices += i < last
+                   ? "speaks = [\"lss\"]\n"
+                   : "speaks = [\"fastscan\"]\nlss_without = [\"identify\", \"inquire-node-id\"]\nplugged = false\n";
+  }
+  const std::string slow = folder.write("slow.toml", slots);
+  for (int at = 100; at <= 160; at += 10) {
+    const std::string plug = "[[event]]\nat = \"" + std::to_string(at) + " s\"\naction = \"plug\"\ndevice = \"d14\"\n";
+    const std::string late = folder.write("late.toml", devices + plug);
+    const Outcome run = berth({"up", slow, "--sim", late, "--json"});
+    EXPECT_EQ(run.status, 0) << "plugged in at " << at << " s";
+  }
+}
+
 TEST_F(Up, UntilReplacedWithoutAReplacementIsNo) {
   const Outcome run = berth({"up", machine, "--sim", plant, "--until", "replaced"});
   EXPECT_EQ(run.status, 1);

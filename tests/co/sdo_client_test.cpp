@@ -315,6 +315,38 @@ TEST_F(Client, S15_LateAnswerOfTheSameObjectBeforeTheFence) {
   EXPECT_EQ(client.surplus(node), 0U) << "late is not surplus";
 }
 
+// A slow device refuses a download that was sent twice; the second refusal comes when the object is read.
+TEST_F(Client, S15_ALateRefusalOfADownloadIsNoAnswerToTheUploadBehindIt) {
+  const co::SdoOptions twice = gives_up_soon(2);
+  auto first = client.write<std::uint16_t>(node, 0x1017, 0, 500, twice);
+  Flag flag;
+  ASSERT_FALSE(first.begin(executor, flag));
+  run(twice.timeout + 1ms);  // it is sent again
+  server.send("585#8017100002000106");
+  run(1ms);
+  ASSERT_TRUE(flag.set);
+  EXPECT_EQ(first.await_resume().error().detail, 0x06010002U);
+  auto second = client.read<std::uint16_t>(node, 0x1017, 0);
+  Flag read;
+  ASSERT_FALSE(second.begin(executor, read));
+  run(1ms);
+  server.send("585#8017100002000106");
+  run(1ms);
+  EXPECT_FALSE(read.set) << "it says that 1017h cannot be written";
+  server.send("585#4B171000E8030000");
+  run(1ms);
+  ASSERT_TRUE(read.set);
+  EXPECT_EQ(*second.await_resume(), 1000U);
+  EXPECT_EQ(client.late(node), 1U);
+}
+
+// Not late, it is the device's answer, however odd.
+TEST_F(Client, S15_ARefusalOfADownloadAnswersAnUploadWhereNothingIsOwed) {
+  reply("605#4017100000000000", {"585#8017100002000106"});
+  auto odd = client.read<std::uint16_t>(node, 0x1017, 0);
+  EXPECT_EQ(await(*this, odd).error().detail, 0x06010002U);
+}
+
 // An answer is late for a while only, however many requests follow: a second device under the node-ID is not taken for
 // it.
 TEST_F(Client, S15_AnOldSilenceExcusesNoSecondAnswer) {

@@ -110,6 +110,18 @@ TEST(Identify, FindsNeighboursOfTheRegistered) {
   EXPECT_EQ(addresses(*report), expected);
 }
 
+// 40h to 43h would select all equal ones at once, and 5Eh would have an answer of its own from each.
+TEST(Identify, PassesEqualOnesWithoutASerialNumberOver) {
+  World w;
+  for (std::uint8_t id = 20; id < 32; ++id) w.add(lss_only(1, 0, NodeId(id)));
+  w.add(lss_only(1, 7, NodeId(40)));
+  w.known.kinds = {{type, std::nullopt}};
+  w.known.equals = {w.nodes.front()->options.address};
+  const auto report = w.find(Method::identify);
+  ASSERT_TRUE(report) << describe(report.error());
+  EXPECT_EQ(addresses(*report), (std::vector<LssAddress>{{2, 3, 1, 7}}));
+}
+
 TEST(Identify, AssignsOnlyToThoseWithoutANodeId) {
   World w;
   w.add(lss_only(1, 5));

@@ -263,6 +263,29 @@ TEST(ErrorControl, GuardingIsWhatTheSlotSays) {
   EXPECT_LE(rig.now() - at, 600ms);
 }
 
+// A device that guards and refuses 1017h = 0 beats on and answers no guarding (CiA 301 §7.2.8.3.2).
+TEST(ErrorControl, OneThatRefusesToSendNoHeartbeatIsWatchedByIt) {
+  for (const bool also_guards : {true, false}) {
+    auto m = machine();
+    m.slots.back().spec.watch.by = places::SlotWatch::By::guarding;
+    const std::string beats = heartbeat("rw", 2000, "LowLimit=1000\n");
+    const std::string name = also_guards ? "beats-on" : "beats-on-alone";
+    Rig rig(m, plant_of({name, also_guards ? with("100C 100D 1017", guarding + beats) : with("1017", beats)}));
+    runs_and_is_missed(rig);
+    rig.kill();
+    rig.device("d").plug();
+    rig.run_for(2s);
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+    rig.kill();
+    rig.begin();  // it runs
+    rig.run_for(60s);
+    EXPECT_TRUE(rig.operational()) << rig.log();
+    rig.device("d").unplug();
+    EXPECT_TRUE(rig.run_until([&] { return !rig.operational(); }, 60s)) << rig.log();
+  }
+}
+
 TEST(ErrorControl, NoneIsNotWatched) {
   auto m = machine();
   m.slots.back().spec.watch.by = places::SlotWatch::By::none;

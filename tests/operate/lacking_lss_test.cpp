@@ -2,6 +2,7 @@
 // (docs/limits.md, "LSS as far as a device has it"). Sizes and mixtures: tests/matrix.
 #include <gtest/gtest.h>
 #include <algorithm>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -129,14 +130,18 @@ TEST(LackingLss, FastscanAndSelectionAlone) {
 TEST(LackingLss, AnAddressThatNobodyCanFindIsAskedForByName) {
   const lss::LackSet all_but_selection{Lackable::inquire_identity, Lackable::inquire_node_id, Lackable::identify,
                                        Lackable::bit_timing, Lackable::activate};
-  for (const bool named : {false, true}) {
+  using Rule = places::RevisionRule;
+  // Whatever the slot would take besides: the revision that it names is a part of the address.
+  for (const std::optional<Rule> rule :
+       {std::optional<Rule>(), std::optional(Rule::exact), std::optional(Rule::major), std::optional(Rule::any)}) {
+    const bool named = rule.has_value();
     auto p = one_bus_plant(7);
     add_lacking(p, "d1", 1, all_but_selection);
     auto m = slots(1);
     if (named) {
       m.slots.back().spec.spares = {1};
       m.slots.back().spec.revision = 0;
-      m.slots.back().spec.rule = places::RevisionRule::exact;
+      m.slots.back().spec.rule = *rule;
     }
     Rig rig(m, p);
     rig.begin();
@@ -145,6 +150,41 @@ TEST(LackingLss, AnAddressThatNobodyCanFindIsAskedForByName) {
     EXPECT_TRUE(named || says) << rig.log();
     if (named) expect_each_seated(rig, 1);
   }
+}
+
+// Its receive buffer holds fewer frames than a selection has, and its answers take longer than their pauses.
+TEST(LackingLss, ASmallBufferIsAskedByNameWithPauses) {
+  auto p = one_bus_plant(9);
+  auto& d = add_lacking(p, "d1", 1, {Lackable::identify});
+  d.controller.rx_depth = 2;
+  d.response = {3ms, 3ms, 0, 0ms};
+  auto m = slots(1);
+  m.slots.back().spec.spares = {1};
+  m.slots.back().spec.revision = 0;
+  Rig rig(m, p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(90s)) << rig.log();
+  expect_each_seated(rig, 1);
+}
+
+// A device of Lely core answers each Fastscan, so that a search on a slow bus takes longer than the patience for one:
+// the names, which are asked after it, have their turn in the next.
+TEST(LackingLss, NamesHaveTheirTurnBesideALongSearch) {
+  auto p = one_bus_plant(10);
+  add_lacking(p, "named", 1, {Lackable::identify});
+  for (unsigned i = 0; i < 6; ++i) {
+    auto& d = add_device(p, "lely" + std::to_string(i), type_c, 100 + 7919 * i);
+    d.lss.habit = plant::Habit::lely;
+    d.speaks = {Speaks::fastscan};
+  }
+  design::Machine m = one_bus(20'000);
+  add_slot(m, 1, type_b);
+  m.slots.back().spec.spares = {1};
+  m.slots.back().spec.revision = 0;
+  for (unsigned id = 2; id <= 7; ++id) add_slot(m, id, type_c);
+  Rig rig(m, p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(10min)) << rig.log();
 }
 
 // Nothing but Fastscan, 11h and 17h: what a search lends it is ended by NMT reset node.

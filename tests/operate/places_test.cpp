@@ -149,6 +149,21 @@ TEST(Places, S4_19_ProbeTellsLeftFromRight) {
   for (const auto& t : rig.world().truth()) EXPECT_EQ(t.persistent, t.active) << t.name;
 }
 
+// What such a device is lent to be read comes into use at NMT reset communication of node-ID 255 (Lely core).
+TEST(Places, S4_19_ADeviceThatWaitsForAResetIsReadUnderItsLoan) {
+  auto plant = two_sensors();
+  for (auto& d : plant.devices) {
+    d.lss.habit = plant::Habit::lely;
+    d.speaks = {plant::Speaks::lss, plant::Speaks::fastscan};
+  }
+  Rig rig(two_slots(WhenAmbiguous::probe), plant);
+  Harness left(rig, "high", 5);
+  Harness right(rig, "low", 6);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{5, 0x20}, {6, 0x10}}));
+}
+
 // Both show the same place: a question, and both are blank again.
 TEST(Places, S4_19_ProbesThatDoNotTellAreAQuestion) {
   Rig rig(two_slots(WhenAmbiguous::probe), two_sensors());

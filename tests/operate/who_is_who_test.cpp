@@ -181,11 +181,12 @@ design::Machine two_slots(places::WhenAmbiguous when) {
   return m;
 }
 
-plant::PlantFile two_blanks(plant::SpeaksSet speaks) {
+plant::PlantFile two_blanks(plant::SpeaksSet speaks, lss::LackSet lacks = {}) {
   auto p = one_bus_plant(1);
   for (const char* name : {"a", "b"}) {
     auto& d = add_device(p, name, type_b, 0);
     d.speaks = speaks;
+    d.lss.without = lacks;
   }
   p.devices.back().plugged = false;
   return p;
@@ -211,6 +212,47 @@ TEST(WhoIsWho, BlankOnesAreSeatedOneAtATime) {
     rig.run_for(5s);
     for (const char* name : {"a", "b"}) rig.device(name).power(true);
     ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  }
+}
+
+// It does not say who it is: selected by 40h to 43h its equal would be selected with it.
+TEST(WhoIsWho, BlankOnesThatAnswerNoInquiryAreSeatedOneAtATime) {
+  using lss::Lackable;
+  for (const lss::LackSet lacks : {lss::LackSet{Lackable::inquire_identity},
+                                   lss::LackSet{Lackable::inquire_identity, Lackable::inquire_node_id}}) {
+    Rig rig(two_slots(places::WhenAmbiguous::one_at_a_time), two_blanks({plant::Speaks::fastscan}, lacks));
+    rig.begin();
+    ASSERT_TRUE(rig.run_until([&] { return slot(rig, 5).state == SlotState::operational; }, 60s)) << rig.log();
+    rig.device("b").plug();
+    ASSERT_TRUE(rig.until_operational(90s)) << rig.log();
+    EXPECT_EQ(rig.device("a").truth().persistent, id_of(5));
+    EXPECT_EQ(rig.device("b").truth().persistent, id_of(6));
+  }
+}
+
+// A search for the device of an empty slot goes on beside them. Selected by 40h to 43h they would all answer 5Eh, each
+// its own node-ID, destroy each other's frames and be bus-off.
+TEST(WhoIsWho, ASearchLeavesEqualOnesThatRunInPeace) {
+  for (const unsigned parts : {3U, 4U}) {
+    auto m = fixed_slots(16, places::Assign::lss);
+    add_slot(m, 20, type_c);  // its device never comes
+    auto p = one_bus_plant(3);
+    for (unsigned id = 5; id <= 16; ++id) {
+      auto& d = add_device(p, "d" + std::to_string(id), type_b, 0);
+      d.eds = d.eds_path = description_of(type_b, parts);
+      d.source = plant::NodeIdSource::nonvolatile;
+      d.node_id = id_of(id);
+    }
+    Rig rig(m, p);
+    rig.begin();
+    const auto all_run = [&] {
+      for (unsigned id = 5; id <= 16; ++id) {
+        if (slot(rig, id).state != SlotState::operational) return false;
+      }
+      return true;
+    };
+    ASSERT_TRUE(rig.run_until(all_run, 60s)) << rig.log();
+    EXPECT_FALSE(rig.run_until([&] { return !all_run(); }, 120s)) << parts << rig.log();
   }
 }
 
