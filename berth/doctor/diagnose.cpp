@@ -209,7 +209,9 @@ class Consultation {
       signs.evidence.push_back(text);
       seen = node.beat;
     }
-    if (node.guard_requests >= 3 && node.guard_answers * 2 >= node.guard_requests * 3) {
+    // One that beats by itself more often than it is asked does not guard.
+    const bool guards = node.guard_requests >= 3 && node.beat.count <= 4 * node.guard_requests;
+    if (guards && node.guard_answers * 2 >= node.guard_requests * 3) {
       note(Certainty::likely,
            fmt::format("{} answers to {} guarding requests", node.guard_answers, node.guard_requests));
     }
@@ -351,27 +353,31 @@ class Consultation {
   }
 
   // Another LSS master's questions told, and it may have given the device a node-ID since.
-  [[nodiscard]] bool had_one() const { return heard_.given.count > 0 && heard_.given.last > heard_.blank.last; }
+  [[nodiscard]] bool had_one() const { return heard_.given.count > 0 && heard_.given.last > heard_.blank.all.last; }
   [[nodiscard]] bool denied() const { return answers_.asked && !answers_.blank; }
 
   [[nodiscard]] bool tells_blank() const {
-    return answers_.blank || (heard_.blank.count > 0 && !(had_one() && denied()));
+    return answers_.blank || (heard_.blank.all.count > 0 && !(had_one() && denied()));
   }
 
   void blank(const std::vector<NodeId>& candidates) {
     const bool one = candidates.size() == 1;
     const bool now = answers_.blank || (!had_one() && !denied());
-    auto& d = add(Kind::blank_node, now ? Certainty::certain : Certainty::possible, one ? candidates[0] : NodeId());
-    when(d, heard_.blank);
+    const bool scanned = !answers_.blank && heard_.blank.by_fastscan.count == heard_.blank.all.count;
+    const auto sure = scanned ? Certainty::likely : Certainty::certain;
+    auto& d = add(Kind::blank_node, now ? sure : Certainty::possible, one ? candidates[0] : NodeId());
+    when(d, heard_.blank.all);
     d.what = now ? "at least one device has no node-ID" : "a device had no node-ID, and perhaps has none still";
     if (one) d.what += fmt::format("; probably that of {}", who(candidates[0]));
-    if (heard_.blank.count > 0)
-      d.evidence.push_back(fmt::format("a device without node-ID answered an LSS question: {}", times(heard_.blank)));
+    if (heard_.blank.all.count > 0)
+      d.evidence.push_back(
+          fmt::format("a device without node-ID answered an LSS question: {}", times(heard_.blank.all)));
+    if (scanned) d.evidence.emplace_back("it answered Fastscan alone, as devices of one stack do with a node-ID, too");
     if (!now && had_one())
       d.evidence.push_back(
           fmt::format("a device took a node-ID from another LSS master since: {}", times(heard_.given)));
     if (denied()) d.evidence.emplace_back("no device answered LSS identify non-configured remote slave at the end");
-    if (answers_.blank && heard_.blank.count == 0)
+    if (answers_.blank && heard_.blank.all.count == 0)
       d.evidence.emplace_back("it answered LSS identify non-configured remote slave");
     if (one) d.evidence.push_back(fmt::format("{} is the only slot that was not heard", who(candidates[0])));
     if (candidates.size() > 1) d.evidence.push_back(fmt::format("not heard: nodes {}", list(candidates)));

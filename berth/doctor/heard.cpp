@@ -14,6 +14,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::uint8_t fastscan = 0x51;
+constexpr rt::Duration longest_guard_answer = 100ms;
 
 template <class T>
 void keep(std::vector<T>& list, const T& item, std::size_t most) {
@@ -154,11 +155,13 @@ void Ear::error_control(NodeId id, const can::Frame& frame, rt::Time at) noexcep
   if (frame.remote) {
     ++node.guard_requests;
     memory.asked = true;
+    memory.asked_at = at;
     return;
   }
   if (frame.size != 1) return;
   node.signs.add(at);
-  if (node.guard_requests > 0 && frame.data[0] != 0) ++node.guard_answers;
+  const bool in_time = node.guard_requests > 0 && at - memory.asked_at <= longest_guard_answer;
+  if (in_time && frame.data[0] != 0) ++node.guard_answers;
   memory.asked = false;
   const auto state = static_cast<NmtState>(frame.data[0] & 0x7FU);
   if (state == NmtState::initialising) {
@@ -214,7 +217,9 @@ void Ear::lss(const can::Frame& frame, rt::Time at) noexcept {
   const auto answer = lss::command(frame);
   if (answer == lss::Command::configure_node_id && frame.data[1] == 0) heard_.given.add(at);
   const bool scanned = last_request_.size == 8 && last_request_.data[0] == fastscan;
-  if (answer == lss::Command::non_configured || (answer == lss::Command::identified && scanned)) heard_.blank.add(at);
+  const bool by_fastscan = answer == lss::Command::identified && scanned;
+  if (by_fastscan) heard_.blank.by_fastscan.add(at);
+  if (answer == lss::Command::non_configured || by_fastscan) heard_.blank.all.add(at);
 }
 
 Count boots_beside(const HeardNode& node, rt::Duration period) {

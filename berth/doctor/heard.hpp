@@ -56,6 +56,12 @@ struct ErrorRun {
   rt::Time last{};
 };
 
+/// Of LSS slaves without a node-ID.
+struct BlankAnswers {
+  Count all{};          ///< 50h; 4Fh to Fastscan
+  Count by_fastscan{};  ///< 4Fh alone, which Lely core's slaves give with a node-ID, too
+};
+
 /// Of LSS slaves, with fewer than 8 bytes.
 struct ShortAnswers {
   Count all{};
@@ -82,7 +88,7 @@ struct Heard {
   std::vector<ErrorRun> runs{};               ///< the first `most_runs`
   std::map<std::uint32_t, Count> collided{};  ///< by key: two different frames of it right behind a long run
   std::vector<rt::Time> syncs{};              ///< the first `most_beats`
-  Count blank{};         ///< answers that only a device without node-ID gives (50h; 4Fh to Fastscan)
+  BlankAnswers blank{};
   Count lss_requests{};  ///< of another LSS master
   Count given{};         ///< answers of devices that took a node-ID from it
   ShortAnswers short_answers{};
@@ -126,6 +132,7 @@ class Ear final : private can::Handler, private rt::Job {
     std::optional<NmtState> state{};
     bool excused = false;  // a command or a boot-up: the next state may be another
     bool asked = false;    // by guarding
+    rt::Time asked_at{};   // a heartbeat that comes much later is no answer
   };
   can::Dispatcher* dispatcher_;
   Heard heard_{};

@@ -218,6 +218,46 @@ TEST_F(Doctor, AnIdentifiedDeviceIsNotBlank) {
   EXPECT_TRUE(listen(2s).empty());
 }
 
+// 50h is a device's without a node-ID; 4Fh to Fastscan comes from Lely core's slaves with a node-ID, too.
+TEST_F(Doctor, AnAnswerToFastscanAloneIsNotCertain) {
+  slot(1);
+  beats(1, 10ms, 100ms, 3s);
+  const Frame anybody = Frame::base(lss::master_cob_id, {0x51, 0, 0, 0, 0, 0x80, 0, 0});
+  at(500ms, anybody);
+  at(502ms, lss::answer(lss::Command::identified));
+  EXPECT_EQ(words(listen(1s)), "blank-node likely; ");
+  at(1500ms, lss::request(lss::Command::identify_non_configured));
+  at(1502ms, lss::answer(lss::Command::non_configured));
+  EXPECT_EQ(words(listen(3s)), "blank-node certain; ");
+}
+
+// A master asks by guarding whether a node-ID is used twice. A heartbeat of long after is no answer to that, nor is one
+// of those that come all the time.
+TEST_F(Doctor, HeartbeatsBesideGuardingAreOneDevice) {
+  slot(1);
+  slot(2);
+  expected_.heartbeat_period = 500ms;
+  expected_.heartbeat_timeout = 1500ms;
+  beats(1, 10ms, 500ms, 5s);
+  beats(2, 20ms, 30ms, 5s);
+  for (const unsigned node : {1U, 2U}) {
+    for (const auto when : {600ms, 1600ms, 2600ms}) at(when + node * 1ms, Frame::request(0x700 + node, 1));
+  }
+  const auto found = listen(5s);
+  EXPECT_EQ(words(found).find("duplicate-node-id likely"), std::string::npos) << words(found);
+}
+
+// Two devices that both answer guarding do so within its time-out.
+TEST_F(Doctor, TwoAnswersToEachGuardingRequestAreTwoDevices) {
+  slot(1);
+  for (auto when = 1s; when <= 10s; when += 1s) {
+    at(when, Frame::request(0x701, 1));
+    at(when + 2ms, Frame::base(0x701, {0x05}));
+    at(when + 5ms, Frame::base(0x701, {0x85}));
+  }
+  EXPECT_NE(words(listen(11s)).find("duplicate-node-id likely 1"), std::string::npos);
+}
+
 TEST_F(Doctor, ASilentSlotMayBeBlank) {
   slot(1);
   slot(2);
