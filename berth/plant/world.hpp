@@ -58,6 +58,10 @@ struct Truth {
     const NodeId own = powered ? active : persistent;
     return Identity(address).agrees(named) && (named.has_serial() || own == named.at);
   }
+  /// The same by the node-ID that it has stored as well, which it may use from the next power-on only.
+  [[nodiscard]] bool is_or_will_be(const Identity& named) const noexcept {
+    return is(named) || (persistent == named.at && Identity(address).agrees(named));
+  }
 };
 
 /// One device of the plant: controller, host, dictionary and services, memory.

@@ -113,6 +113,13 @@ class EndJudge {
     return it == records_.end() ? nullptr : &*it;
   }
 
+  // One without a serial number that uses another node-ID than its slot's: the row names it by what it has stored.
+  [[nodiscard]] const places::SlotRecord* row_of_memory(const plant::Truth& t) const {
+    const auto it = std::ranges::find_if(
+        records_, [&](const auto& r) { return r.name.bus == t.bus && r.device() && t.is_or_will_be(*r.device()); });
+    return it == records_.end() ? nullptr : &*it;
+  }
+
   // ---- a slot: its row, its report, its device ----
 
   void check_slot(const operate::SlotReport& s) {
@@ -247,7 +254,7 @@ class EndJudge {
       say("the store has " + t.name + " confirmed as node-ID " + std::to_string(row->confirmed->id.value()) +
           ", and its memory has " + std::to_string(t.persistent.value()));
     }
-    check_owned(t, row);
+    check_owned(t, row != nullptr ? row : row_of_memory(t));
     if (!is_present(t) || clones(t) || !t.active.configured()) return;
     const design::Bus* const bus = machine_->bus(t.bus);
     if (out_of_reach(t) && shared_out_of_reach(t)) return;

@@ -69,10 +69,6 @@ class WordJudge final : private plant::World::Observer {
              return o.name != t.name && o.bus == t.bus && o.address == t.address;
            });
   }
-  // One without a serial number is known by the node-ID that it uses, and by the one that it has stored.
-  [[nodiscard]] static bool is_or_will_be(const plant::Truth& t, const Identity& named) {
-    return t.is(named) || (t.persistent == named.at && Identity(t.address).agrees(named));
-  }
   void note(const plant::SimDevice& device) {
     const auto t = device.truth();
     if (!t.powered) named_.erase(t.name);
@@ -103,7 +99,7 @@ class WordJudge final : private plant::World::Observer {
       const auto named = named_.find(t.name);
       const bool there = t.bus == spec.name.bus && t.powered && !t.booting && named != named_.end();
       const bool seated = std::ranges::any_of(
-          *records, [&](const auto& r) { return r.name.bus == t.bus && r.device() && is_or_will_be(t, *r.device()); });
+          *records, [&](const auto& r) { return r.name.bus == t.bus && r.device() && t.is_or_will_be(*r.device()); });
       if (there && !seated && named->second < quiet_since_ && places::fits(spec, t.address)) devices.push_back(t.name);
     }
     const auto is_open = [&](const design::Slot& slot) {
