@@ -1,6 +1,7 @@
 /// What is due on one bus: the parts of a `Network` write it, its main job reads it.
 #pragma once
 
+#include <bitset>
 #include <optional>
 #include <string>
 
@@ -43,6 +44,7 @@ struct Agenda {
   bool retries = false;      ///< the round that begins is one of those
   rt::Time rest_at{};        ///< devices without RAND are not searched for before, when nothing else asks for it
   bool calls = false;        ///< a slot's device told something that is acted on: no search goes on without that
+  std::bitset<128> comes;    ///< node-IDs under which a device booted that sits in no slot, and was not asked since
   bool search_open = false;  ///< the last search had no end yet
   bool speaks = false;       ///< the master's own device is on
   bool alone = false;        ///< no node acknowledged the opening: no node-ID is asked before a search got through

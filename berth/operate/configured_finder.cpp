@@ -39,7 +39,10 @@ rt::Task<void> ConfiguredFinder::ask_slots_own() {
   }
   const std::vector<places::Found> answered = co_await identities(ids);
   co_await tell_duplicates_apart();
-  for (const auto& f : answered) note(f);
+  for (const auto& f : answered) {
+    agenda_.comes.reset(f.active.value());
+    note(f);
+  }
 }
 
 // Side by side.
@@ -124,6 +127,7 @@ std::vector<NodeId> ConfiguredFinder::ids_to_ask(bool all) {
       slots_.seats(), [&](const auto& s) { return s->slot.spec.assign != Assign::lss && !s->there(); });
   const bool by_lss = std::ranges::any_of(slots_.seats(), waits);
   if (sweeps) sweep_at_ = now + 8 * s_.bus.timing.probe_period;
+  agenda_.comes.reset();  // who booted speaks, and is among those
   std::vector<NodeId> ids;
   for (std::uint8_t i = 1; i <= 127; ++i) {
     const NodeId id(i);

@@ -91,6 +91,20 @@ rt::Task<void> MainJob::opening() {
   if (p_.agenda.alone) p_.slots.events().tell_failure("the bus", quiet.error());
 }
 
+namespace {
+
+// A device booted and may be the one that a slot waits for.
+bool waits_for_an_answer(const Parts& p) { return p.agenda.comes.any() && !p.bus.only_observes(); }
+
+// The search was broken off for it. What was found so far is seated next, which takes long: it is seated with them.
+rt::Task<void> ask_who_came(Parts& p) {
+  if (!p.agenda.search_open || !waits_for_an_answer(p)) co_return;
+  const bool all = false;
+  co_await p.finding.configured.find(all);
+}
+
+}  // namespace
+
 rt::Task<void> MainJob::round(bool first) {
   co_await ask_the_troubled();
   // Before a search, which takes long. The first one finds what may sit under a node-ID beside the slot's own device.
@@ -98,6 +112,7 @@ rt::Task<void> MainJob::round(bool first) {
   if (!p_.bus.only_observes()) {
     co_await p_.presence.adopt_all_fixed();
     co_await p_.finding.finder.discover();
+    co_await ask_who_came(p_);
     co_await p_.duplicates.tell_seats_apart();
     co_await carry_out();
     co_await seat_the_configured();
@@ -158,6 +173,7 @@ void tell_nobody(Parts& p, Seat& seat, bool news) {
   std::string why = who_is_known(p, seat);
   const bool stale = seat.misses_one && why.empty() && seat.life == Life::empty && !p.agenda.search_open;
   if (!news && !stale) return;
+  if (why.empty() && waits_for_an_answer(p)) return;
   seat.misses_one = !why.empty();
   // What a device of its own address may lack, no search can find.
   if (why.empty())
@@ -236,10 +252,15 @@ rt::Task<void> MainJob::start() {
 
 // ---- between the rounds ----
 
-// Between two parts of a long search: what the bus told meanwhile, and a person's command, do not wait for its end.
+// Between two parts of a long search: what the bus told meanwhile, and a person's command, do not wait for its end. Nor
+// does a device that booted: it is asked by SDO, and by LSS where it has to be moved, as no device of the search is in
+// LSS configuration now.
 rt::Task<void> MainJob::handle_what_came() {
   co_await p_.bus.turn.take();
   const rt::Held held(p_.bus.turn);
+  co_await act_on_wakes(p_.agenda.wakes.pop());
+  if (!waits_for_an_answer(p_)) co_return;
+  co_await seat_the_configured();
   co_await act_on_wakes(p_.agenda.wakes.pop());
 }
 
@@ -289,7 +310,9 @@ rt::Task<bool> MainJob::look() {
   }
   const bool anew = agenda.look_anew && p_.bus.executor.now() >= agenda.anew_at;
   const bool again = retry_due();  // also when a search is due already: two of one address make each look find them
-  if (wanted || anew || again || p_.starter.is_due()) co_return true;
+  const bool untold = waits_for_an_answer(p_) &&
+                      std::ranges::any_of(p_.slots.seats(), [](const auto& s) { return s->life == Life::unknown; });
+  if (wanted || anew || again || untold || p_.starter.is_due()) co_return true;
   idle_ = agenda.wakes.size() == 0;
   co_return false;
 }

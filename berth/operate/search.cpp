@@ -37,13 +37,13 @@ void Search::begin() {
 rt::Task<void> Search::by_rand() {
   const bool plans = agenda_.method() == "auto";
   Result<discovery::Report> report = fail(Errc::invalid, "not asked");
-  may_be_interrupted_ = true;
+  may_be_interrupted_ = s_.executor.now();
   if (plans) {
     report = co_await methods_.ask_rand_planner(this);
   } else {
     report = co_await methods_.ask_rand_as_published(this);
   }
-  may_be_interrupted_ = false;
+  may_be_interrupted_.reset();
   agenda_.search_open = rand_open_ = report && report->end == discovery::Report::End::more;
   agenda_.alone = !report && report.error().code == Errc::bus;
   if (!report) {
@@ -96,9 +96,9 @@ rt::Task<bool> Search::by(discovery::Discovery& way) {
   if (how.assigner != nullptr) co_await lending_.prepare();
   lending_.forget_told();
   interrupted_ = false;
-  may_be_interrupted_ = true;
+  may_be_interrupted_ = s_.executor.now();
   const auto report = co_await way.find(known, how);
-  may_be_interrupted_ = false;
+  may_be_interrupted_.reset();
   // A device that was found may still be in LSS configuration, where a planner leaves those that shall not answer
   // again.
   const auto quiet = co_await s_.lss.switch_global(lss::State::waiting);
@@ -149,8 +149,11 @@ bool Search::goes_on() noexcept {
   const rt::Duration way_down = std::max<rt::Duration>(std::chrono::seconds(5), 133 * s_.bus.timing.lss_timeout);
   const rt::Duration within = (most + 1) * way_down;
   const rt::Time now = s_.executor.now();
-  const bool called = agenda_.calls || s_.turn.waited_for();
-  if (!called || !may_be_interrupted_) return true;
+  if (!may_be_interrupted_) return true;
+  // A short search is over sooner than it would begin anew.
+  const bool takes_long = now >= *may_be_interrupted_ + std::chrono::seconds(1);
+  const bool called = agenda_.calls || (agenda_.comes.any() && takes_long) || s_.turn.waited_for();
+  if (!called) return true;
   if (now >= interruptions_until_) {
     interruptions_ = 0;
     interruptions_until_ = now + within;

@@ -1,6 +1,7 @@
 /// One search for devices that no slot knows, by the bus's method, and what is told of it.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -78,8 +79,8 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
   unsigned idle_ = 0;           // slices in a row that brought nothing
   unsigned interruptions_ = 0;  // since the last search that came to its end, or got on
   discovery::Progress broken_at_{};
-  rt::Time interruptions_until_{};  // they are counted anew from then on
-  bool may_be_interrupted_ = false;
+  rt::Time interruptions_until_{};              // they are counted anew from then on
+  std::optional<rt::Time> may_be_interrupted_;  // since when
   bool interrupted_ = false;
   bool rand_open_ = false;
   bool news_ = false;

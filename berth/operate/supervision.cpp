@@ -67,9 +67,25 @@ void Supervision::heartbeat(const co::HeartbeatEvent& event, rt::Time at) {
   }
   if (seat != nullptr) show(*seat, wake, event.state);
   // A search is broken off for it.
-  const bool ours = wake.kind == Wake::Kind::boot_up && loans_.of_ours(event.node, at);
-  if (seat != nullptr && seat->slot.record.confirmed && !ours) agenda_.calls = true;
+  const bool boots = wake.kind == Wake::Kind::boot_up;
+  const bool ours = boots && loans_.of_ours(event.node, at);
+  const bool sits = seat != nullptr && seat->slot.record.confirmed;
+  const bool comes = boots && !ours && !sits && comes_anew(event.node, seat, at);
+  if (comes) agenda_.comes.set(event.node.value());
+  if (sits && !ours) agenda_.calls = true;
   agenda_.wakes.push(wake);
+}
+
+// A slot may wait for it. One that boots again and again, and is not taken, ends no search each time, and what is told
+// of a slot does not wait for it. What Berth gives its node-ID at this moment is known.
+bool Supervision::comes_anew(NodeId node, const Seat* seat, rt::Time at) noexcept {
+  if (seat != nullptr && seat->life == Life::binding) return false;
+  const bool waits = std::ranges::any_of(slots_.seats(), [](const auto& s) { return !s->slot.record.device(); });
+  if (!waits) return false;
+  std::optional<rt::Time>& last = came_[node.value()];
+  const bool lately = last && at < *last + 8 * s_.bus.timing.probe_period;
+  if (!lately) last = at;
+  return !lately;
 }
 
 // As what a heartbeat tells. Boot-ups are heard of all nodes.

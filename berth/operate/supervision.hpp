@@ -1,6 +1,9 @@
 /// Heartbeats, answers to guarding, boot-ups and EMCYs of the slots' devices: what is heard, and what is done about it.
 #pragma once
 
+#include <array>
+#include <optional>
+
 #include "berth/operate/spares.hpp"
 #include "berth/operate/startup.hpp"
 
@@ -49,6 +52,7 @@ class Supervision {
   rt::Task<void> told_state(Seat& seat);
   rt::Task<void> came_back(Seat& seat, rt::Time booted);
   void hurry(Seat& seat);
+  [[nodiscard]] bool comes_anew(NodeId node, const Seat* seat, rt::Time at) noexcept;
 
   BusServices& s_;
   SlotTable& slots_;
@@ -58,6 +62,7 @@ class Supervision {
   Presence& presence_;
   Seating& seating_;
   Spares& spares_;
+  std::array<std::optional<rt::Time>, 128> came_{};  // by node-ID: a boot-up that was acted on at once
 };
 
 /// What the consumers of heartbeats and EMCYs and the guarding call: they are made before there is a `Supervision`.
