@@ -9,9 +9,10 @@ namespace berth::cli {
 can::Port& Guards::add(rt::Executor& executor, const design::Bus& bus, can::Port& port, const Options& options) {
   executor_ = &executor;
   live::GateOptions wanted;
-  wanted.role = options.outside.observe     ? live::Role::observer
-                : options.outside.read_only ? live::Role::reader
-                                            : bus.role;
+  const bool observes = options.outside.observe || bus.role == live::Role::observer;
+  // A node beneath gateways is asked by more than SDO uploads of the gateway's own.
+  const bool reads = options.outside.read_only && machine_->beneath.empty();
+  wanted.role = observes ? live::Role::observer : reads ? live::Role::reader : bus.role;
   wanted.listen = bus.timing.listen;
   wanted.watch.own = bus.master;
   wanted.watch.tolerated = bus.tolerate;

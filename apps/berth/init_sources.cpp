@@ -250,7 +250,7 @@ bool is_same(const Identity& known, const Identity& by_lss) {
 }
 
 tl::expected<std::vector<Found>, Failure> look(const Ask& ask, const std::string& only_bus) {
-  const auto scan = ask({"scan", {}});
+  const auto scan = ask({"scan", {{"all", "1"}}});
   if (!scan) return tl::unexpected(scan.error());
   std::vector<Found> all;
   std::set<std::string> buses{only_bus};
@@ -412,7 +412,7 @@ tl::expected<InitPlan, Failure> plan_of_port(const Options& options, const InitO
   if (!made) return tl::unexpected(made.error());
   Rig& rig = **made;
   if (const auto clear = rig.strangers().listen_first(); !clear) return tl::unexpected(clear.error());
-  if (const auto alone = rig.strangers().ask(); !alone) return tl::unexpected(alone.error());
+  if (const auto alone = rig.strangers().ask(false); !alone) return tl::unexpected(alone.error());
   const Ask ask = [&](const command::Request& request) -> tl::expected<Json, Failure> {
     command::Reply reply;
     if (execute_in(rig, request, reply, options.timeout.value_or(5min))) return json_of(reply);

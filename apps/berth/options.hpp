@@ -16,6 +16,7 @@ enum Exit : int { done = 0, no = 1, usage = 2, failed = 3 };
 
 /// What Berth is as master, alone or among others.
 struct MasterOptions {
+  bool beside_another = false;       ///< a first start also beside what may be another master
   bool takes_part = false;           ///< else such a bus is refused while another is active
   std::optional<unsigned> id;        ///< instead of the machine file's
   std::optional<unsigned> priority;  ///< the same

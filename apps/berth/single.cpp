@@ -15,6 +15,7 @@
 #include "execute.hpp"
 #include "machine_file.hpp"
 #include "ports.hpp"
+#include "second_word.hpp"
 #include "single.hpp"
 #include "slot_table.hpp"
 
@@ -63,16 +64,32 @@ using Replied = tl::expected<command::Reply, Failure>;
 /// Takes each reply that another follows; empty: the request is made once.
 using Repeat = std::function<void(const command::Reply&)>;
 
+// A scan of who was heard sends SDO upload requests and nothing else: also on a bus that another master runs.
+bool only_looks(const command::Request& request) {
+  return request.verb == "scan" && !request.arguments.contains("all");
+}
+
 // A slot table is made where one is written for the first time.
 Options own_options(const Options& options, const command::Request& request) {
   Options own = options;
   own.store.made = request.verb == "bind" || request.verb == "replace";
+  own.outside.read_only = only_looks(request) && !options.single.bring_up;
   return own;
 }
 
 // It looks for devices by LSS and RAND, which is a master's right alone.
 bool takes_bus(const command::Request& request) {
-  return request.verb == "scan" || request.verb == "bind" || request.verb == "replace";
+  const bool searches = request.verb == "scan" && !only_looks(request);
+  return searches || request.verb == "bind" || request.verb == "replace";
+}
+
+// Who else is master of the bus that was looked at.
+void add_masters(Rig& rig, command::Reply& reply) {
+  for (const auto& bus : rig.machine().buses) {
+    const auto* const gate = rig.guards().gate(bus.name);
+    const auto report = gate == nullptr ? std::vector<std::string>() : gate->report();
+    if (!report.empty()) reply.lines.push_back(fmt::format("bus {}: {}", bus.name, report.front()));
+  }
 }
 
 // What binding a machine that never ran would do.
@@ -128,6 +145,14 @@ void tell_progress(Rig& rig, const command::Request& request, const Options& opt
   });
 }
 
+// `seats`: devices get node-IDs.
+tl::expected<void, Failure> takes_alone(Rig& rig, const Options& options, bool seats = true) {
+  const bool first = seats && rig.first_start();
+  if (auto alone = rig.strangers().ask(first); !alone) return alone;
+  if (auto no = no_second_word(rig, options)) return tl::unexpected(std::move(*no));
+  return {};
+}
+
 // Buses that are outside this process are listened to before anything is sent, and asked for other masters before a
 // master's right is used.
 Replied done_in(Rig& rig, const Options& options, const command::Request& request, std::vector<Recorded>& sent,
@@ -135,7 +160,7 @@ Replied done_in(Rig& rig, const Options& options, const command::Request& reques
   Strangers& strangers = rig.strangers();
   if (const auto clear = strangers.listen_first(); !clear) return tl::unexpected(clear.error());
   if (options.single.bring_up) {
-    if (const auto alone = strangers.ask(); !alone) return tl::unexpected(alone.error());
+    if (const auto alone = takes_alone(rig, options); !alone) return tl::unexpected(alone.error());
   }
   const auto ready = prepare_rig(rig, options);
   if (!ready) return tl::unexpected(ready.error());
@@ -143,12 +168,14 @@ Replied done_in(Rig& rig, const Options& options, const command::Request& reques
   if (binds && !options.dry_run && !options.yes && rig.first_start()) return unconfirmed_binding();
   if (options.dry_run) rig.record().collect_sent(sent);
   if (takes_bus(request)) {
-    if (const auto alone = strangers.ask(); !alone) return tl::unexpected(alone.error());
+    if (const auto alone = takes_alone(rig, options, request.verb != "scan"); !alone)
+      return tl::unexpected(alone.error());
   }
   tell_progress(rig, request, options);
   command::Reply reply;
   const auto limit = options.timeout.value_or(5min);
   if (execute_in(rig, request, reply, limit)) {
+    if (only_looks(request)) add_masters(rig, reply);
     if (repeat) return repeated(rig, request, std::move(reply), options, repeat);
     const bool asks = binds && rig.loop() == nullptr && !options.json && !options.dry_run;
     if (asks && on_terminal() && someone_types()) ask_where_devices_sit(rig, reply, limit);

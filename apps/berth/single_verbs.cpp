@@ -27,12 +27,13 @@ void add_scan(Verb& berth, Options& options) {
   scan.verb().read("--bitrate", "BIT/S", read,
                    "bit/s, where --port is all that is known; auto: at which does the bus run? Listens, sends nothing");
   scan.footer(
-      "Examples:\n  berth scan machine.toml\n  berth scan --port can0\n"
+      "Examples:\n  berth scan machine.toml\n  berth scan --port can0\n  berth scan --port can0 --all\n"
       "  berth scan --bitrate auto --port slcan:/dev/ttyACM0");
 }
 
 void add_bind(Verb& berth, Options& options) {
   const RequestVerb bind(berth, options, "bind", "bind", {}, {.alone = false});
+  beside_master_flag(bind.verb(), options);
   bind.footer(
       "Examples:\n  berth bind machine.toml --sim plant.toml\n  berth bind machine.toml --method planner-rand "
       "--dry-run\n"
@@ -46,6 +47,7 @@ void add_locate(Verb& berth, Options& options) {
 
 void add_replace(Verb& berth, Options& options) {
   const RequestVerb replace(berth, options, "replace", "replace", {}, {.alone = false});
+  beside_master_flag(replace.verb(), options);
   replace.footer("Examples:\n  berth replace left\n  berth replace left --device 00000001-00000002-00010000-00000015");
 }
 

@@ -36,25 +36,13 @@ rt::Task<void> ask_whether_masters(live::Census& census, live::CensusOptions opt
   over = true;
 }
 
-}  // namespace
-
 // "another master: node 100, its 1F80h bit 0 is set": one line for each; empty when there is none.
-std::vector<std::string> Strangers::quiet_masters(const design::Bus& bus, live::Census& census) {
-  live::CensusOptions ask;
-  ask.masters_only = true;
-  ask.own = bus.master;
-  for (const auto& spec : session_->machine().specs(bus.name)) ask.known.push_back(spec.id);
-  bool over = false;
-  {
-    rt::Scope scope(driver_->executor());
-    scope.spawn(ask_whether_masters(census, ask, over));
-    const auto& gate = *guards_->gate(bus.name);
-    const auto ends = [&] { return over || gate.state() != live::GateState::open || guards_->dry_run_over(); };
-    wait_until(*driver_, *interrupt_, ends, rt::Duration::max());
-  }
+std::vector<std::string> quiet_masters(const design::Bus& bus, const std::vector<places::SlotSpec>& specs,
+                                       const live::Census& census) {
   std::vector<std::string> lines;
   for (const auto& node : census.nodes()) {
-    if (!node.nmt_master) continue;
+    const bool ours = std::ranges::find(specs, node.id, &places::SlotSpec::id) != specs.end();
+    if (!node.nmt_master || ours) continue;
     lines.push_back(fmt::format(
         "bus {}: another master: node {}, its 1F80h bit 0 is set{}{}; it sent no command while Berth listened",
         bus.name, node.id.value(), node.network_list ? ", it has a network list (1F81h)" : "",
@@ -63,14 +51,64 @@ std::vector<std::string> Strangers::quiet_masters(const design::Bus& bus, live::
   return lines;
 }
 
-tl::expected<void, Failure> Strangers::ask() {
+// A slot without a type takes what is at its node-ID, and nothing else.
+bool takes(const places::SlotSpec& spec, const live::NodeSeen& node) {
+  constexpr std::uint8_t any_type = 3;
+  if (spec.asks.unasked == any_type) return spec.id == node.id;
+  return node.identity && places::fits(spec, *node.identity);
+}
+
+// Its heartbeat is all that is known of it. One that is not operational and answers no SDO is a stopped device.
+bool may_be_master(const live::NodeSeen& node, const std::vector<places::SlotSpec>& specs) {
+  const bool told = node.identity || node.state == NmtState::operational;
+  return node.beats > 0 && !node.nmt_master && told &&
+         std::ranges::none_of(specs, [&](const auto& spec) { return takes(spec, node); });
+}
+
+std::string line_of(const design::Bus& bus, const live::NodeSeen& node) {
+  std::string type = "tells no type";
+  if (node.identity) {
+    const auto& is = node.identity->address;
+    type = fmt::format("vendor-ID {:08X}h, product code {:08X}h", is.vendor, is.product);
+  }
+  return fmt::format(
+      "bus {}: node {} ({}{}{}) sends a heartbeat, and no slot of this machine takes its type: it may be "
+      "the master of a plant that runs",
+      bus.name, node.id.value(), type, node.state ? ", " : "", node.state ? name(*node.state) : "");
+}
+
+}  // namespace
+
+void Strangers::ask_all(const design::Bus& bus, live::Census& census, bool first) {
+  live::CensusOptions ask;
+  ask.masters_only = true;
+  ask.types = first;
+  ask.own = bus.master;
+  if (!first) {
+    for (const auto& spec : session_->machine().specs(bus.name)) ask.known.push_back(spec.id);
+  }
+  bool over = false;
+  rt::Scope scope(driver_->executor());
+  scope.spawn(ask_whether_masters(census, ask, over));
+  const auto& gate = *guards_->gate(bus.name);
+  const auto ends = [&] { return over || gate.state() != live::GateState::open || guards_->dry_run_over(); };
+  wait_until(*driver_, *interrupt_, ends, rt::Duration::max());
+}
+
+tl::expected<void, Failure> Strangers::ask(bool first) {
   std::vector<std::string> problem;
   const auto heard = std::exchange(heard_, {});
   for (const auto& bus : session_->machine().buses) {
     const auto census = heard.find(bus.name);
     if (bus.flying) continue;  // others may be master here
     if (census == heard.end() || guards_->gate(bus.name)->state() != live::GateState::open) continue;
-    std::ranges::copy(quiet_masters(bus, *census->second), std::back_inserter(problem));
+    ask_all(bus, *census->second, first);
+    const auto specs = session_->machine().specs(bus.name);
+    std::ranges::move(quiet_masters(bus, specs, *census->second), std::back_inserter(problem));
+    for (const auto& node : census->second->nodes()) {
+      const bool suspect = first && node.id != bus.master && may_be_master(node, specs);
+      if (suspect) may_be_masters_.push_back(line_of(bus, node));
+    }
   }
   if (auto goes_on = not_ended(); !goes_on) return goes_on;
   if (problem.empty()) return guards_->no_foreign_frames();

@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 #include <tl/expected.hpp>
+#include <vector>
 
 #include "berth/live/census.hpp"
 #include "berth/rt/driver.hpp"
@@ -26,16 +27,21 @@ class Strangers {
   [[nodiscard]] tl::expected<void, Failure> listen_first();
   /// Asks the nodes that were heard meanwhile and belong to no slot whether they are NMT masters, however quiet (1F80h
   /// bit 0, CiA 302-2), on every bus outside this process whose master Berth is to be. Refused as by `listen_first`.
-  [[nodiscard]] tl::expected<void, Failure> ask();
+  /// `first`: the machine never ran. Then all that were heard are asked, and those are kept of whose type the machine
+  /// has no slot: each may be the master of a plant that runs.
+  [[nodiscard]] tl::expected<void, Failure> ask(bool first);
+  /// One line for each of those; empty when there is none.
+  [[nodiscard]] const std::vector<std::string>& may_be_masters() const noexcept { return may_be_masters_; }
 
  private:
   [[nodiscard]] tl::expected<void, Failure> not_ended();
-  [[nodiscard]] std::vector<std::string> quiet_masters(const design::Bus& bus, live::Census& census);
+  void ask_all(const design::Bus& bus, live::Census& census, bool first);
   rt::Driver* driver_;
   Interrupt* interrupt_;
   tree::Session* session_;
   Guards* guards_;
   std::map<std::string, std::unique_ptr<live::Census>> heard_;  // by bus, while Berth listens before it takes it
+  std::vector<std::string> may_be_masters_;
 };
 
 }  // namespace berth::cli

@@ -13,6 +13,7 @@
 #include "gateway.hpp"
 #include "machine_file.hpp"
 #include "ports.hpp"
+#include "second_word.hpp"
 #include "verbs.hpp"
 
 namespace berth::cli {
@@ -77,8 +78,8 @@ Failure unconfirmed(Rig& rig) {
 std::optional<Failure> refusal(Rig& rig, const Options& options) {
   if (const auto clear = rig.strangers().listen_first(); !clear) return clear.error();
   if (!options.dry_run && !confirmed(rig, options)) return unconfirmed(rig);
-  if (const auto alone = rig.strangers().ask(); !alone) return alone.error();
-  return std::nullopt;
+  if (const auto alone = rig.strangers().ask(rig.first_start()); !alone) return alone.error();
+  return no_second_word(rig, options);
 }
 
 // `table`: the slots were not on the screen all the time.
@@ -199,6 +200,7 @@ void add_up(Verb& berth, Options& options) {
   up.word("--priority", options.master.priority,
           "among several masters of a bus: 0 high to 2 low (default: as the machine file)")
       .from_to(0, 2);
+  beside_master_flag(up, options);
   real_time_word(up, options);
   up.footer(
       "Examples:\n  berth up\n  berth up machine.toml --sim plant.toml\n  berth up machine.toml --port can0 --dry-run\n"

@@ -403,6 +403,11 @@ void machine_words(const Verb& verb, Options& options, MachineWords which) {
   }
 }
 
+void beside_master_flag(const Verb& verb, Options& options) {
+  verb.flag("--beside-master", options.master.beside_another,
+            "a first start also where a node may be the plant's master, which --yes alone does not confirm");
+}
+
 void machine_word(const Verb& verb, Options& options) {
   verb.word("machine", options.machine, "machine file (the same as -m)").shown("MACHINE");
 }

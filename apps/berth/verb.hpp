@@ -122,6 +122,8 @@ struct MachineWords {
 };
 /// The machine, its buses' ports, its simulated world, its store; --yes, --dry-run, --timeout.
 void machine_words(const Verb& verb, Options& options, MachineWords which = {});
+/// --beside-master.
+void beside_master_flag(const Verb& verb, Options& options);
 /// What a simulated world remembers and begins with, its store, its record, its longest time.
 void world_words(const Verb& verb, Options& options, bool stores = true);
 /// `--machine`.

@@ -24,15 +24,20 @@ Json json_of(const operate::Seen& seen, const std::string& bus) {
   if (seen.device_type) json["device_type"] = hex(*seen.device_type);
   if (seen.state) json["state"] = name(*seen.state);
   json["duplicate"] = seen.duplicate;
+  if (seen.left_alone) json["left_alone"] = true;
   if (!seen.slot.empty()) json["slot"] = seen.slot;
   return json;
+}
+
+const char* why_unknown(const operate::Seen& seen) {
+  return seen.left_alone ? "(another SDO client talks to it)" : "(does not tell its identity)";
 }
 
 std::string line_of(const operate::Seen& seen, const std::string& bus) {
   return fmt::format("{}  {:>3}  {:<35}  {:<15}{}{}", bus,
                      seen.id.configured() ? fmt::format("{}", seen.id.value()) : "-",
-                     seen.device ? to_string(*seen.device) : "(does not tell its identity)",
-                     seen.state ? name(*seen.state) : "-", seen.slot.empty() ? "" : "  slot " + seen.slot,
+                     seen.device ? to_string(*seen.device) : why_unknown(seen), seen.state ? name(*seen.state) : "-",
+                     seen.slot.empty() ? "" : "  slot " + seen.slot,
                      seen.duplicate ? "  DUPLICATE: two devices answer here; take one of them off the bus" : "");
 }
 
@@ -60,6 +65,20 @@ struct Unreached {
   int status = 1;
 };
 
+// `among_heard`: the others were not asked.
+std::string totals(std::size_t all, std::size_t unconfigured, std::size_t duplicates, bool among_heard) {
+  constexpr const char* rest =
+      "`berth scan --all` asks every node-ID, and searches for devices without one by LSS and RAND";
+  if (!among_heard) {
+    return fmt::format("{} devices: {} with a node-ID, {} without, {} duplicate", all, all - unconfigured, unconfigured,
+                       duplicates);
+  }
+  constexpr auto listened = std::chrono::duration_cast<std::chrono::seconds>(operate::Scan::listens).count();
+  if (all == 0) return fmt::format("nobody was heard in {} s, and nobody was asked; {}", listened, rest);
+  return fmt::format("{} devices were heard, {} duplicate; one that is silent, or has no node-ID, was not asked: {}",
+                     all, duplicates, rest);
+}
+
 // The gateway's slot as people name it, on the bus above.
 std::string gateway_of(const design::Machine& machine, const design::Bus& bus) {
   const auto* const slot = machine.slot(bus.gateway->bus, bus.gateway->slot);
@@ -85,33 +104,26 @@ std::string not_reached(const std::vector<Unreached>& all) {
 
 }  // namespace
 
-rt::Task<void> scan(Session& session, const Request& request, Reply& reply) {
-  const Arguments arguments(request);
-  if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
-  const std::string only = arguments.text("bus");
-  auto networks = networks_for(session, only, Use::send);
-  const bool beneath = session.tree().bus(only) != nullptr;
-  if (!networks && !beneath) co_return refuse(reply, 2, networks.error());
-  if (beneath) networks = std::vector<Network*>{};
+namespace {
+
+// What is told of all buses.
+struct Told {
   Json json;
-  json["nodes"] = Json::array();
   std::vector<std::string> lines;
+  std::vector<Unreached> unreached;
   std::size_t unconfigured = 0;
   std::size_t duplicates = 0;
-  for (Network* const network : *networks) {
-    const auto seen = co_await network->scan();
-    const std::string& bus = network->bus().name;
-    if (!seen) co_return fail_with(reply, seen.error(), fmt::format("bus {}, scan", bus));
-    for (const auto& s : *seen) {
-      json["nodes"].push_back(json_of(s, bus));
-      lines.push_back(line_of(s, bus));
-      if (!s.id.configured()) ++unconfigured;
-      if (s.duplicate) ++duplicates;
-    }
-    if (session.started()) co_await make_unknown_again(*network, *seen);
+  void add(const operate::Seen& seen, const std::string& bus) {
+    json["nodes"].push_back(json_of(seen, bus));
+    lines.push_back(line_of(seen, bus));
+    if (!seen.id.configured()) ++unconfigured;
+    if (seen.duplicate) ++duplicates;
   }
-  // Where Berth has no port, the gateway's master tells whom it knows.
-  std::vector<Unreached> unreached;
+};
+
+// Where Berth has no port, the gateway's master tells whom it knows.
+rt::Task<void> ask_beneath(Session& session, std::string only, Told& told) {
+  auto& unreached = told.unreached;
   for (const auto& each : session.tree().buses()) {
     const std::string& bus = each->bus().name;
     if (!only.empty() && bus != only) continue;
@@ -127,23 +139,45 @@ rt::Task<void> scan(Session& session, const Request& request, Reply& reply) {
       unreached.push_back({bus, why, status_of(seen.error().code)});
       continue;
     }
-    for (const auto& s : *seen) {
-      json["nodes"].push_back(json_of(s, bus));
-      lines.push_back(line_of(s, bus));
-    }
+    for (const auto& s : *seen) told.add(s, bus);
   }
-  const std::size_t all = lines.size();
-  json["configured"] = all - unconfigured;
-  json["unconfigured"] = unconfigured;
-  json["duplicates"] = duplicates;
-  lines.push_back(fmt::format("{} devices: {} with a node-ID, {} without, {} duplicate", all, all - unconfigured,
-                              unconfigured, duplicates));
-  for (const auto& each : unreached) json["unreached"].push_back({{"bus", each.bus}, {"why", each.why}});
-  give(reply, json, std::move(lines));
-  if (duplicates > 0) reply.status = 1;
-  if (unreached.empty()) co_return;
-  for (const auto& each : unreached) reply.status = std::max(reply.status, each.status);
-  reply.error = error_line(not_reached(unreached));
+}
+
+}  // namespace
+
+rt::Task<void> scan(Session& session, const Request& request, Reply& reply) {
+  const Arguments arguments(request);
+  if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
+  const std::string only = arguments.text("bus");
+  auto networks = networks_for(session, only, Use::send);
+  const bool beneath = session.tree().bus(only) != nullptr;
+  if (!networks && !beneath) co_return refuse(reply, 2, networks.error());
+  if (beneath) networks = std::vector<Network*>{};
+  const bool everybody = arguments.has("all");
+  const auto range = everybody ? operate::ScanRange::all : operate::ScanRange::heard;
+  Told told;
+  told.json["nodes"] = Json::array();
+  for (Network* const network : *networks) {
+    const auto seen = co_await network->scan(range);
+    const std::string& bus = network->bus().name;
+    if (!seen) co_return fail_with(reply, seen.error(), fmt::format("bus {}, scan", bus));
+    for (const auto& s : *seen) told.add(s, bus);
+    if (everybody && session.started()) co_await make_unknown_again(*network, *seen);
+  }
+  co_await ask_beneath(session, only, told);
+  Json& json = told.json;
+  const std::size_t all = told.lines.size();
+  json["configured"] = all - told.unconfigured;
+  json["unconfigured"] = told.unconfigured;
+  json["duplicates"] = told.duplicates;
+  json["asked"] = everybody ? "all" : "heard";
+  told.lines.push_back(totals(all, told.unconfigured, told.duplicates, !everybody && !networks->empty()));
+  for (const auto& each : told.unreached) json["unreached"].push_back({{"bus", each.bus}, {"why", each.why}});
+  give(reply, json, std::move(told.lines));
+  if (told.duplicates > 0) reply.status = 1;
+  if (told.unreached.empty()) co_return;
+  for (const auto& each : told.unreached) reply.status = std::max(reply.status, each.status);
+  reply.error = error_line(not_reached(told.unreached));
 }
 
 }  // namespace berth::command

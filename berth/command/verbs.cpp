@@ -39,6 +39,10 @@ constexpr Parameter personal(Parameter parameter) {
 }
 
 constexpr std::array bus{of_bus};
+constexpr std::array of_scan{
+    of_bus, flag_of("all",
+                    "ask every node-ID, and search for devices without one by RAND and LSS (default: listen for "
+                    "2 s, ask who was heard by SDO)")};
 constexpr std::array of_bind{
     of_bus,
     option_of("method", "METHOD", "how new devices are found: auto, rand, fastscan, … (default: as the machine file)"),
@@ -129,7 +133,7 @@ constexpr auto changes = Effect::changes;
 
 constexpr std::array table{
     Verb{"report", "the slot table as it stands; exit status 1 when a slot is not operational", asks, bus, report},
-    Verb{"scan", "which devices are on this bus: configured, unconfigured, duplicates", asks, bus, scan},
+    Verb{"scan", "which devices are on this bus: configured, unconfigured, duplicates", asks, of_scan, scan},
     Verb{"bind", "discovery and binding once, without starting anything", changes, of_bind, bind},
     Verb{"replace", "give a slot to a new device", changes, of_replace, replace},
     Verb{"forget", "a device that was to give its node-ID up is gone for good", changes, of_forget, forget},

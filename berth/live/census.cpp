@@ -184,6 +184,21 @@ rt::Task<Result<void>> Census::ask_whether_master(Node& node, CensusOptions opti
   co_return Result<void>();
 }
 
+// Vendor-ID and product code. What it does not tell stays unknown.
+rt::Task<void> Census::ask_type(Node& node, CensusOptions options) {
+  const NodeId id = node.seen.id;
+  std::array<std::optional<std::uint32_t>, 2> parts{};
+  for (std::uint8_t sub = 1; sub <= 2; ++sub) {
+    const ObjectRef ref{0x1018, sub};
+    const auto part = co_await number(id, ref, 4, options);
+    if (!part) co_return;
+    parts[sub - 1U] = *part;
+  }
+  Identity who(parts[0].value_or(0), parts[1].value_or(0), 0, 0);
+  who.unknown = static_cast<std::uint8_t>(0x0CU | (parts[0] ? 0U : 1U) | (parts[1] ? 0U : 2U));
+  node.seen.identity = who.with(id);
+}
+
 rt::Task<Result<void>> Census::ask_stranger(NodeId id, CensusOptions options) {
   Node& node = nodes_[id.value()];
   const auto master = co_await ask_whether_master(node, options);
@@ -192,7 +207,10 @@ rt::Task<Result<void>> Census::ask_stranger(NodeId id, CensusOptions options) {
     node.seen.problem = master.error().code == Errc::timeout ? "no answer to SDO" : describe(master.error());
     co_return Result<void>();
   }
-  if (!node.seen.nmt_master) co_return Result<void>();
+  if (!node.seen.nmt_master) {
+    if (options.types) co_await ask_type(node, options);
+    co_return Result<void>();
+  }
   const ObjectRef type_object{0x1000, 0};
   const auto type = co_await number(id, type_object, 4, options);
   if (!type && type.error().code == Errc::bus) co_return fail(type.error());

@@ -48,6 +48,7 @@ struct CensusOptions {
   NodeId own{};                                        ///< Berth's node-ID: not asked
   std::vector<NodeId> known{};                         ///< not asked either: their identities are known
   bool masters_only = false;  ///< is it a master? 1F80h, and of a master 1F81h:00 and 1000h; nothing else is asked
+  bool types = false;         ///< with `masters_only`: of the others 1018h:01 and :02
 };
 
 class Census final : private can::Handler {
@@ -80,6 +81,7 @@ class Census final : private can::Handler {
   rt::Task<Result<void>> ask_period(Node& node, CensusOptions options);
   [[nodiscard]] rt::Task<Result<void>> ask_whether_master(Node& node, CensusOptions options);
   rt::Task<Result<void>> ask_stranger(NodeId id, CensusOptions options);
+  rt::Task<void> ask_type(Node& node, CensusOptions options);
   rt::Task<Result<std::string>> text(NodeId id, std::uint16_t index, CensusOptions options);
 
   can::Dispatcher* dispatcher_;

@@ -95,9 +95,8 @@ class Network final : private PortHealth::Owner {
   /// the main job holds it while it works.
   [[nodiscard]] BusServices& services() noexcept { return parts_.bus; }
 
-  /// The devices on this bus: node-IDs 1..127 by SDO, devices without one by RAND. Changes nothing but the devices'
-  /// RAND state. Waits for its turn.
-  [[nodiscard]] rt::Task<Result<std::vector<operate::Seen>>> scan() { return scan_.run(); }
+  /// The devices on this bus: who was heard, or all.
+  [[nodiscard]] rt::Task<Result<std::vector<operate::Seen>>> scan(ScanRange range) { return scan_.run(range); }
 
   /// Compares the configurations of all slots that have one, or of the slot of this name, and with `write` makes right
   /// what differs; a device that runs is compared only. Waits for its turn. Errors: `not_found` no such slot.

@@ -83,7 +83,7 @@ void Move::allow() {
 }
 
 rt::Task<void> Move::who_is_there() {
-  const auto seen = co_await network_.scan();
+  const auto seen = co_await network_.scan(ScanRange::all);
   if (!seen) {
     report_.reason = "the bus could not be asked who is there: " + describe(seen.error());
     co_return;

@@ -1,6 +1,7 @@
 /// Which devices are on a bus (`berth scan`).
 #pragma once
 
+#include <bitset>
 #include <vector>
 
 #include "berth/operate/parts.hpp"
@@ -8,15 +9,30 @@
 
 namespace berth::operate {
 
+/// Who is asked.
+enum class ScanRange : std::uint8_t {
+  heard,  ///< nodes that were heard, by SDO upload; nothing else is sent
+  all     ///< node-IDs 1..127 by SDO and guarding, devices without one by RAND and LSS
+};
+
 class Scan {
  public:
+  /// Longer than the heartbeat period of most devices.
+  static constexpr rt::Duration listens = std::chrono::seconds(2);
+
   explicit Scan(Parts& parts) noexcept : p_(parts) {}
-  /// Node-IDs 1..127 by SDO, devices without one by RAND. Changes nothing but the devices' RAND state. Waits for its
-  /// turn.
-  [[nodiscard]] rt::Task<Result<std::vector<Seen>>> run();
+  /// `heard`: listens first, and leaves a node alone that another SDO client asks. `all`: changes nothing but the
+  /// devices' RAND state; waits for its turn.
+  [[nodiscard]] rt::Task<Result<std::vector<Seen>>> run(ScanRange range);
 
  private:
-  rt::Task<void> ask(NodeId id, Seen& seen);
+  rt::Task<Result<std::vector<Seen>>> ask_who_was_heard();
+  rt::Task<Result<std::vector<Seen>>> ask_everybody();
+  rt::Task<void> ask_nodes(std::vector<Seen>& nodes, std::bitset<128> ids, ScanRange range);
+  rt::Task<void> ask(NodeId id, Seen& seen, ScanRange range);
+  rt::Task<void> add(discovery::Found d, std::vector<Seen>& nodes);
+  void tell_state(Seen& seen, ScanRange range) const;
+  void name_slots(std::vector<Seen>& nodes) const;
   Parts& p_;
 };
 

@@ -16,6 +16,7 @@ struct Seen {
   std::optional<Identity> device;            ///< from 1018h, or from RAND
   std::optional<std::uint32_t> device_type;  ///< 1000h
   std::optional<NmtState> state;             ///< from its error control messages
+  bool left_alone = false;                   ///< another SDO client talks to it: it was not asked
   bool duplicate = false;                    ///< more than one device answered under this node-ID or address
   std::string slot;                          ///< the slot it belongs to, if any
 };

@@ -39,10 +39,13 @@ TEST_F(Command, MemoryOfTheDevicesNeedsAPlaceForAFile) {
 // ---- services ----
 
 TEST_F(Command, ScanSeesBlankAndConfiguredDevices) {
-  const Json blank = reply({"scan"}, 0);
+  const Json blank = reply({"scan", "--all"}, 0);
   EXPECT_EQ(blank.at("configured"), 0);
   EXPECT_EQ(blank.at("unconfigured"), 3);
   for (const auto& node : blank.at("nodes")) EXPECT_TRUE(node.at("id").is_null());
+  const Json silent = reply({"scan"}, 0);
+  EXPECT_EQ(silent.at("nodes").size(), 0U) << "without a node-ID a device says nothing, and nobody is asked";
+  EXPECT_EQ(silent.at("asked"), "heard");
   const Json configured = reply({"scan"}, 0, true);
   EXPECT_EQ(configured.at("configured"), 3);
   EXPECT_EQ(configured.at("unconfigured"), 0);

@@ -187,7 +187,11 @@ TEST_F(Command, ABusOnWhichNothingAcknowledgesSaysWhatToLookAt) {
   const Outcome up = berth({"up", machine, "--sim", empty, "--timeout", "20"});
   EXPECT_EQ(up.status, 1);
   EXPECT_TRUE(contains(up.out, "no device acknowledges what Berth sends: " + cable)) << up.out;
-  const Outcome scan = berth({"scan", machine, "--sim", empty});
+  const Outcome heard = berth({"scan", machine, "--sim", empty});
+  EXPECT_EQ(heard.status, 0) << heard.err;
+  EXPECT_TRUE(contains(heard.out, "nobody was heard in 2 s, and nobody was asked; `berth scan --all` asks"))
+      << heard.out;
+  const Outcome scan = berth({"scan", "--all", machine, "--sim", empty});
   EXPECT_EQ(scan.status, 3);
   EXPECT_TRUE(contains(scan.err, "no device acknowledges what Berth sends: " + cable)) << scan.err;
   const Outcome doctor = berth({"doctor", machine, "--sim", empty, "--json"});

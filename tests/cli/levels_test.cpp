@@ -171,14 +171,14 @@ TEST_F(LevelsCommand, AScanOfABusBeneathWithoutARunningUp) {
 }
 
 TEST_F(LevelsCommand, AScanOfGatewaysThatAreNewFromTheFactory) {
-  const Outcome run = berth({"scan", "--machine", machine, "--sim", plant});
+  const Outcome run = berth({"scan", "--all", "--machine", machine, "--sim", plant});
   EXPECT_EQ(run.status, 1) << run.out << run.err;
   EXPECT_TRUE(contains(run.out, "2 devices: 0 with a node-ID, 2 without")) << "the backbone's are told: " << run.out;
   EXPECT_TRUE(contains(run.err, "bus boom was not asked: gateway 3 (boom gateway) of bus backbone does not answer"))
       << run.err;
   EXPECT_TRUE(contains(run.err, "bus tip was not asked: bus boom above it was not reached")) << run.err;
   EXPECT_TRUE(contains(run.err, "--up")) << "what to do: " << run.err;
-  const Outcome json = berth({"scan", "--machine", machine, "--sim", plant, "--json"});
+  const Outcome json = berth({"scan", "--all", "--machine", machine, "--sim", plant, "--json"});
   const Json reply = Json::parse(json.out);
   EXPECT_EQ(reply.at("unconfigured"), 2);
   EXPECT_EQ(reply.at("unreached").size(), 2U) << reply;

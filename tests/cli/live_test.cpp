@@ -11,6 +11,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "berth/io/stream.hpp"
 #include "machines.hpp"
 #include "process.hpp"
 
@@ -193,11 +194,34 @@ TEST_F(Live, HistoryTellsWhoSatWhere) {
   EXPECT_EQ(berth({"history", "nobody", machine, "--store", store}).status, 2);
 }
 
+// Beside the master that runs the bus: those who were heard are asked by SDO, and nothing else is sent.
+TEST_F(Live, AScanBesideAMasterListensAndAsksWhoWasHeard) {
+  const std::string control = folder.file("first.sock");
+  const std::string running = folder.write("running.toml", on_plant("running", "\ntolerate = [\"sdo\"]"));
+  const std::string record = folder.file("frames.log");
+  const Background first({"up", running, "--pace", "--control", control});
+  ASSERT_TRUE(operational(running, control));
+  Background ear({"up", folder.write("ear.toml", on_plant("ear", "\nrole = \"observer\"")), "--pace", "--record",
+                  record, "--control", folder.file("ear.sock")});
+  ASSERT_TRUE(wait_for(folder.file("ear.sock"))) << "its port is open by then";
+  const Outcome scan = berth({"scan", "--port", "plant:" + socket, "--bus", "line", "--json"});
+  ASSERT_EQ(scan.status, 0) << scan.out << scan.err;
+  const Json reply = Json::parse(scan.out);
+  EXPECT_EQ(reply.at("configured"), 3) << "the devices; 127 is the node-ID of this scan's own master: " << scan.out;
+  for (const auto& node : reply.at("nodes")) EXPECT_EQ(node.at("state"), "operational") << node;
+  ear.signal(SIGTERM);
+  static_cast<void>(ear.end());
+  const std::string heard = contents(record);
+  EXPECT_NE(heard.find(" 609#40"), std::string::npos) << heard;
+  EXPECT_EQ(heard.find(" 64D#"), std::string::npos) << "nobody was heard under 77, and it was asked\n" << heard;
+  EXPECT_TRUE(operational(running, control)) << "nobody was disturbed";
+}
+
 // A port is enough for what needs no slots, and nothing about the machine that nobody wrote is kept.
 TEST_F(Live, ABusWithoutAMachineFile) {
   ASSERT_EQ(berth({"bind", "--machine", machine, "--store", folder.file("slots.db")}).status, 0);
   const auto before = std::distance(std::filesystem::directory_iterator(folder.file("")), {});
-  const Outcome scan = berth({"scan", "--port", "plant:" + socket, "--bus", "line", "--json"});
+  const Outcome scan = berth({"scan", "--all", "--port", "plant:" + socket, "--bus", "line", "--json"});
   ASSERT_EQ(scan.status, 0) << scan.out << scan.err;
   EXPECT_EQ(Json::parse(scan.out).at("configured"), 3) << scan.out;
   const Words bus{"--port", socket, "--bus", "line", "--json"};
@@ -223,7 +247,7 @@ TEST_F(Live, ABusWithoutAMachineFile) {
 }
 
 TEST_F(Live, SingleCommandsOpenThePortWhenNobodyRuns) {
-  const Outcome scan = berth({"scan", "--machine", machine, "--json"});
+  const Outcome scan = berth({"scan", "--all", "--machine", machine, "--json"});
   ASSERT_EQ(scan.status, 0) << scan.out << scan.err;
   EXPECT_EQ(Json::parse(scan.out).at("unconfigured"), 3) << scan.out;
   ASSERT_EQ(berth({"bind", "--machine", machine}).status, 0);
@@ -402,7 +426,7 @@ TEST_F(BesideAQuietNode, UpDoesNotTakeTheBusOfAMasterThatOnlyBeats) {
     }
   }
   EXPECT_EQ(asked, 1U) << "it was asked for 1F80h, and the bus was not taken";
-  const Outcome scan = berth({"scan", "--machine", machine});
+  const Outcome scan = berth({"scan", "--all", "--machine", machine});
   EXPECT_EQ(scan.status, 1) << scan.out << scan.err;
   EXPECT_NE(scan.err.find(named), std::string::npos) << scan.err;
   const Outcome json = up(machine, {"--json"});
@@ -415,6 +439,46 @@ TEST_F(BesideAQuietNode, ANodeThatIsNoMasterIsNoReasonToRefuse) {
   const Outcome done = up(machine);
   EXPECT_EQ(done.status, 0) << done.out << done.err;
   EXPECT_EQ(done.err.find("another master"), std::string::npos) << done.err;
+}
+
+/// The same behind a socketcand server: a port that counts as a real one, with a first start that is confirmed.
+class FirstStart : public BesideAQuietNode {
+ protected:
+  FirstStart() {
+    node_100("0x8");
+    plant.reset();
+    const int fd = io::listen_tcp({"127.0.0.1", 0}).value();
+    where = io::to_string(*io::local_endpoint(fd));
+    ::close(fd);
+    plant =
+        std::make_unique<Background>(Words{"serve", plant_file, "--listen", where, "--machine", sim_file, "--json"});
+    served = plant->says("listening");
+    file = folder.write("real.toml", replaced(on_plant("real"), "plant:" + socket, "socketcand://" + where + "/line"));
+  }
+  std::string where, file;
+  bool served = false;
+};
+
+// Node 100 sends a heartbeat and has no 1F80h bit: it may be the master of the plant, whatever --yes says.
+TEST_F(FirstStart, BesideWhatMayBeAMasterYesIsNotEnough) {
+  ASSERT_TRUE(served);
+  const std::string record = folder.file("frames.log");
+  const Outcome refused = up(file, {"--yes", "--record", record});
+  EXPECT_EQ(refused.status, 1) << refused.out << refused.err;
+  EXPECT_NE(refused.err.find("node 100 (vendor-ID 00000002h, product code 00000009h"), std::string::npos)
+      << refused.err;
+  EXPECT_NE(refused.err.find("may be the master"), std::string::npos) << refused.err;
+  EXPECT_NE(refused.err.find("--beside-master"), std::string::npos) << refused.err;
+  const std::string frames = contents(record);
+  EXPECT_NE(frames.find(" 664#40"), std::string::npos) << "it was asked what it is\n" << frames;
+  for (const char* const taken : {" 000#", " 7E5#", " 7C2#", " 1F94"}) {
+    EXPECT_EQ(frames.find(taken), std::string::npos) << taken << "\n" << frames;
+  }
+  const Outcome done = up(file, {"--yes", "--beside-master"});
+  EXPECT_EQ(done.status, 0) << done.out << done.err;
+  // It has run now: the next start asks for no second word.
+  const Outcome again = up(file, {"--yes"});
+  EXPECT_EQ(again.status, 0) << again.out << again.err;
 }
 
 // A device that has its slot is this machine's, whatever its 1F80h says; beside a master a commissioner may work.

@@ -108,7 +108,7 @@ TEST_F(PlacesCommand, DiscoveryOfTheMachineFile) {
 TEST_F(PlacesCommand, ScanAndFindSeeWhoDoesNotSpeakRand) {
   write({}, {{"serial = 0x20", "speaks = [\"fastscan\"]\nserial = 0x20"},
              {"serial = 0x30", "speaks = [\"lss\"]\nserial = 0x30"}});
-  const auto scan = run({"scan", "--json"});
+  const auto scan = run({"scan", "--all", "--json"});
   ASSERT_EQ(scan.status, 0) << scan.out << scan.err;
   EXPECT_EQ(Json::parse(scan.out)["unconfigured"], 3) << scan.out;
   const auto find = run({"lss", "find", "--json"});

@@ -234,14 +234,14 @@ TEST_F(Running, WhoHangsUpEndsHisCommand) {
   begin(plant);
   const int fd = connected();
   const int other = connected();
-  put(fd, "{\"verb\":\"scan\",\"arguments\":{}}\n");
+  put(fd, "{\"verb\":\"scan\",\"arguments\":{\"all\":\"1\"}}\n");
   put(other, "{\"verb\":\"status\",\"arguments\":{}}\n");
   EXPECT_NE(take(other), "") << "asked later and answered: the scan has begun";
   ::close(other);
   char c = 0;
   EXPECT_EQ(::recv(fd, &c, 1, MSG_DONTWAIT), -1) << "and is not over";
   ::close(fd);
-  EXPECT_EQ(ask({"scan"}).status, 0) << "the bus is free again";
+  EXPECT_EQ(ask({"scan", "--all"}).status, 0) << "the bus is free again";
 }
 
 }  // namespace

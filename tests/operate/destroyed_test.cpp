@@ -69,7 +69,7 @@ void expect_the_same_end(Rig& rig, const Seats& seats) {
 using Run = rt::Task<void> (*)(operate::Network&, bool& done);
 
 rt::Task<void> scan(operate::Network& network, bool& done) {
-  const auto end = co_await network.scan();
+  const auto end = co_await network.scan(operate::ScanRange::all);
   static_cast<void>(end);
   done = true;
 }

@@ -221,7 +221,7 @@ TEST(Unfinished, AScanAfterNmtStopShowsEachDeviceOnce) {
   bool over = false;
   struct Scan {
     static rt::Task<void> run(operate::Network& network, std::vector<operate::Seen>& into, bool& done) {
-      const auto found = co_await network.scan();
+      const auto found = co_await network.scan(operate::ScanRange::all);
       if (found) into = *found;
       done = true;
     }

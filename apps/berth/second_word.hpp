@@ -1,0 +1,17 @@
+/// A machine that never ran, on a bus where a node may be the master of a plant that runs: --yes alone is no consent to
+/// a second master.
+#pragma once
+
+#include <optional>
+
+#include "options.hpp"
+#include "output.hpp"
+#include "rig.hpp"
+
+namespace berth::cli {
+
+/// Names those nodes (`Strangers::may_be_masters`), and asks whether the bus is taken all the same: where a person
+/// types, with --yes too; else --beside-master says so. Empty: it is taken, or there is no such node.
+[[nodiscard]] std::optional<Failure> no_second_word(Rig& rig, const Options& options);
+
+}  // namespace berth::cli
