@@ -69,6 +69,7 @@ rt::Task<Outcome> Devices::selected(LssAddress device) {
   held_ = alone;
   if (!alone && !clones) {
     ++report_.unproven;
+    released_ = true;
     co_return Outcome::nobody;
   }
   found.possible_clone = clones;
@@ -155,6 +156,7 @@ rt::Task<void> Devices::release() {
   }
   q_.asker().sent_elsewhere(sent->sent);
   held_ = false;
+  released_ = true;
 }
 
 void Devices::keep(const Found& device) {

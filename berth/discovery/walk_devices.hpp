@@ -2,6 +2,7 @@
 /// node-ID. Internal to `discovery`.
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include "berth/discovery/auto.hpp"
@@ -60,6 +61,8 @@ class Devices {
 
   [[nodiscard]] bool is_found(const LssAddress& device) const;
   [[nodiscard]] bool is_registered(const LssAddress& device) const;
+  /// `04 00` was sent since it was asked last: some slaves forgot the parts that they had answered.
+  [[nodiscard]] bool take_released() noexcept { return std::exchange(released_, false); }
   [[nodiscard]] PutAside& aside() noexcept { return aside_; }
   /// Registered devices, asked for by name: they answer although they have a node-ID.
   [[nodiscard]] Worth& stayers() noexcept { return stayers_; }
@@ -86,7 +89,8 @@ class Devices {
   PutAside aside_;
   Worth stayers_;
   bool some_stay_ = false;  // whatever node-ID they have
-  bool held_ = true;        // a master before us may have left a device there
+  bool released_ = false;
+  bool held_ = true;  // a master before us may have left a device there
 };
 
 }  // namespace berth::discovery::walk

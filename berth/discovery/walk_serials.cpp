@@ -181,6 +181,11 @@ rt::Task<std::optional<Prefix>> Serials::others_left() {
   co_return std::nullopt;
 }
 
+// After a serial number that no device has: those that forgot their parts would answer nothing on the way back.
+rt::Task<void> Serials::lead_who_forgot() {
+  if (devices_.take_released()) co_await lead_to_serials();
+}
+
 // Goes down from one place and takes the device that it comes to. One that answers and is not found there may
 // answer for ever: after so many such places in a row the round ends, and the search counts it.
 rt::Task<bool> Serials::place(Open place) {
@@ -211,6 +216,7 @@ rt::Task<bool> Serials::place(Open place) {
       co_return true;
     }
     if (place.at.bit == 0) co_return false;
+    co_await lead_who_forgot();
     const bool again = co_await descent_.back();
     if (!again) co_return false;
     from = descent_.deepest();

@@ -34,6 +34,7 @@ class Serials {
   rt::Task<std::optional<Prefix>> others_left();
   rt::Task<bool> again_at_serials();
   rt::Task<bool> lead_to_serials();
+  rt::Task<void> lead_who_forgot();
 
   Questions& q_;
   Descent& descent_;
