@@ -217,7 +217,14 @@ rt::Task<void> ErrorControl::watch_running(Seat& seat) {
 rt::Task<void> ErrorControl::ask_started(Seat& seat) {
   const NodeId id = seat.id();
   const bool none = seat.slot.spec.watch.by == places::SlotWatch::By::none;
-  const auto guarded = co_await co::guard_once(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
+  auto guarded = co_await co::guard_once(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
+  // What was heard may have been on its way before the command, and a slow device obeys as late as it answers.
+  const rt::Duration slow = 2 * std::max(s_.bus.timing.sdo_timeout, seat.slot.spec.watch.sdo_timeout);
+  const rt::Time deadline = s_.executor.now() + slow;
+  while (guarded && guarded->state != NmtState::operational && s_.executor.now() < deadline) {
+    co_await rt::sleep_for(s_.bus.timing.guard_timeout);
+    guarded = co_await co::guard_once(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
+  }
   if (guarded && guarded->state != NmtState::operational) {
     slots_.happened(
         seat, SlotEvent::boot_failed,

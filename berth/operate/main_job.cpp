@@ -369,7 +369,10 @@ bool MainJob::retry_due() {
     // A gateway stops itself when a mandatory bus beneath it has failed, and no SDO reaches a stopped device.
     const bool stopped_itself = again && beats && !seat->held && p_.bus.boots.state(seat->id()) == NmtState::stopped;
     if (stopped_itself) p_.bus.nmt.queue(co::NmtCommand::enter_pre_operational, seat->id());
-    if (again && beats) p_.slots.happened(*seat, SlotEvent::tried_again, "trying again");
+    if (again && beats) {
+      p_.slots.happened(*seat, SlotEvent::tried_again, "trying again");
+      seat->boot_again();  // it may have been started, and not have obeyed in time
+    }
     const bool troubled =
         seat->life == Life::absent || seat->state() == SlotState::duplicate || seat->life == Life::misplaced;
     const bool silent = again && !beats;  // it may have left before its heartbeat was waited for

@@ -18,7 +18,9 @@ constexpr const char* bus_name = "field";
 constexpr std::uint32_t setting = 0x2100;  // the parameter of kinds with settings
 
 // Fictitious: one vendor for each kind.
-std::uint32_t vendor_of(const Kind& kind) { return 0x7F00U + static_cast<std::uint32_t>(&kind - kinds().data()); }
+std::uint32_t vendor_of(const Kind& variant) {
+  return 0x7F00U + static_cast<std::uint32_t>(kind(variant.name) - kinds().data());
+}
 std::uint32_t product_of(const Kind& kind) { return kind.parts < 2 || !kind.says_product ? 0U : 0x1000U; }
 std::uint32_t revision_of(const Kind& kind) { return kind.parts < 3 || !kind.says_product ? 0U : 0x0001'0002U; }
 
@@ -115,11 +117,39 @@ void Mixture::draw_kinds(const Wishes& wishes, unsigned count) {
   for (unsigned tries = 0; members_.size() < count && tries < 1000; ++tries) {
     const Kind& kind = kinds()[random_.below(kinds().size())];
     const bool wanted = wishes.only.empty() || std::ranges::find(wishes.only, kind.name) != wishes.only.end();
-    const auto there =
-        static_cast<unsigned>(std::ranges::count_if(members_, [&](const Member& m) { return m.kind == &kind; }));
+    const auto there = static_cast<unsigned>(
+        std::ranges::count_if(members_, [&](const Member& m) { return m.kind->name == kind.name; }));
     if (!wanted || kind.slowest > rate || kind.quickest < rate || there >= kind.most) continue;
-    add(kind, wishes);
+    add(vary(kind), wishes);
   }
+}
+
+// With and without what makers leave out of one series or another.
+const Kind& Mixture::vary(const Kind& kind) {
+  using lss::Lackable;
+  const auto one_in = [&](unsigned count) { return random_.below(count) == 0; };
+  Kind& v = variants_.emplace_back(kind);
+  if (one_in(3)) v.emcy = false;
+  // Which slot one with LSS gets is not known: what one slot of the kind wants, all devices of the kind need.
+  if (v.from != From::lss && one_in(4)) v.settings = false;
+  if (one_in(3)) v.watched.low = v.watched.high = 0;
+  const bool beats = v.watched.access == "rw";
+  if (beats && one_in(3)) v.watched.guards = !v.watched.guards;
+  if (beats && v.watched.low == 0 && one_in(3)) v.watched.period = v.watched.period == 0 ? 700 : 0;
+  if (one_in(4)) v.response.max = v.response.min;
+  if (one_in(4)) v.boot += 500ms;
+  const bool plain = v.from == From::lss && !v.lss.habit;
+  if (!plain) return v;
+  if (one_in(3)) v.lss.short_answers = !v.lss.short_answers;
+  for (const auto service : {Lackable::bit_timing, Lackable::activate}) {
+    if (one_in(3)) v.lss.without.add(service);
+  }
+  for (const auto inquiry : {Lackable::inquire_identity, Lackable::inquire_node_id}) {
+    if (one_in(5)) v.lss.without.add(inquiry);
+  }
+  const bool found_otherwise = v.speaks.has(plant::Speaks::fastscan) && v.factory == 0;
+  if (found_otherwise && one_in(4)) v.lss.without.add(Lackable::identify);
+  return v;
 }
 
 NodeId Mixture::free_id() {
@@ -193,8 +223,7 @@ plant::PlantDevice Mixture::device(const Member& member, bool is_spare) {
     d.node_id_object = {ObjectRef{0x2000, 0}, plant::PlantSignature{{0x2002, 0}, 1, 1}};
     return d;  // which objects it has says the plant
   }
-  const auto number = static_cast<unsigned>(&kind - kinds().data());
-  d.eds = d.eds_path = write(fmt::format("kind-{}.eds", number), description(kind, 0));
+  d.eds = d.eds_path = write(fmt::format("device-{}.eds", member.id.value()), description(kind, 0));
   if (kind.emcy) {
     d.does.script.file = d.does.script.path =
         write("emcy.lua",
@@ -225,14 +254,14 @@ void Mixture::set_source(plant::PlantDevice& d, const Member& member, bool is_sp
     d.node_id = member.id;
     return;
   }
-  const bool first = std::ranges::none_of(members_, [&](const Member& m) { return m.kind == &kind; });
+  const bool first = std::ranges::none_of(members_, [&](const Member& m) { return m.kind->name == kind.name; });
   if (when_new.configured() && (first || is_spare)) {
     d.source = plant::NodeIdSource::nonvolatile;
     d.node_id = when_new;
   }
 }
 
-std::string Mixture::description(const Kind& kind, std::uint32_t wanted) {
+std::string Mixture::description(const Kind& kind, std::uint32_t wanted) const {
   std::vector<std::string> optional;
   std::vector<std::string> own;
   std::string objects = object("1000", u32, "ro", kind.device_type) + object("1001", u8, "ro", 0) + identity(kind) +

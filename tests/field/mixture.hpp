@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -15,11 +16,11 @@ namespace berth::field {
 
 /// A device and its slot.
 struct Member {
-  const Kind* kind = nullptr;
-  NodeId id;                 ///< of the slot
-  std::string device;        ///< its name in the plant
-  std::string spare;         ///< an equal one that is not plugged in
-  std::uint32_t wanted = 0;  ///< 2100h, when its slot has a configuration
+  const Kind* kind = nullptr;  ///< the kind, with and without what is optional
+  NodeId id;                   ///< of the slot
+  std::string device;          ///< its name in the plant
+  std::string spare;           ///< an equal one that is not plugged in
+  std::uint32_t wanted = 0;    ///< 2100h, when its slot has a configuration
 };
 
 struct Wishes {
@@ -45,12 +46,13 @@ class Mixture {
   [[nodiscard]] std::string words() const;
 
  private:
+  [[nodiscard]] const Kind& vary(const Kind& kind);
   void draw_kinds(const Wishes& wishes, unsigned count);
   void add(const Kind& kind, const Wishes& wishes);
   void add_slot(const Member& member, const Wishes& wishes);
   [[nodiscard]] plant::PlantDevice device(const Member& member, bool is_spare);
   void set_source(plant::PlantDevice& device, const Member& member, bool is_spare);
-  [[nodiscard]] std::string description(const Kind& kind, std::uint32_t wanted);
+  [[nodiscard]] std::string description(const Kind& kind, std::uint32_t wanted) const;
   [[nodiscard]] std::string write(const std::string& name, const std::string& text);
   [[nodiscard]] NodeId free_id();
   [[nodiscard]] std::uint32_t rate_for(const Wishes& wishes);
@@ -59,6 +61,7 @@ class Mixture {
   std::filesystem::path folder_;
   design::Machine machine_;
   plant::PlantFile plant_;
+  std::deque<Kind> variants_;  // stay where they are
   std::vector<Member> members_;
   std::vector<NodeId> taken_;  // by slots, by devices when new, by the master
   std::uint32_t next_serial_ = 0;

@@ -301,6 +301,32 @@ TEST(ErrorControl, NoneIsNotWatched) {
   EXPECT_EQ(rig.device("d").truth().state, NmtState::operational) << "its boot-up is heard all the same\n" << rig.log();
 }
 
+// Its state is asked behind the start: a heartbeat of before, or the answer of a device that obeys late, is no refusal.
+TEST(ErrorControl, AHeartbeatOfBeforeTheStartIsNoRefusal) {
+  for (const auto response : {5ms, 900ms}) {
+    auto m = machine();
+    m.slots.back().spec.watch.by = places::SlotWatch::By::none;
+    auto p = plant_of({"beats-quickly", with("1017", heartbeat("ro", 20))});
+    p.devices.back().response = {response, response, 0, 0ms};
+    Rig rig(m, p);
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+    EXPECT_EQ(rig.log().find("says by error control"), std::string::npos) << rig.log();
+  }
+}
+
+// It obeys later than Berth waits, and is started again.
+TEST(ErrorControl, OneThatObeysTooLateIsStartedAgain) {
+  auto m = machine();
+  m.slots.back().spec.watch.by = places::SlotWatch::By::none;
+  auto p = plant_of({"obeys-late", with("1017", heartbeat("ro", 100))});
+  p.devices.back().response = {1300ms, 1300ms, 0, 0ms};
+  Rig rig(m, p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(3min)) << rig.log();
+  EXPECT_NE(rig.log().find("says by error control"), std::string::npos) << "it was in time\n" << rig.log();
+}
+
 // ---- beside `config =` ----
 
 TEST(ErrorControl, AConfigurationBesideAPeriodThatIsRefused) {

@@ -152,6 +152,20 @@ TEST(LackingLss, AnAddressThatNobodyCanFindIsAskedForByName) {
   }
 }
 
+// RAND finds it, which selects nobody, and 40h to 43h do not select it: Fastscan does.
+TEST(LackingLss, OneThatRandFoundIsSelectedByFastscan) {
+  for (const auto boot : {50ms, 8000ms}) {
+    auto p = one_bus_plant(11);
+    auto& d = add_lacking(p, "d1", 1, {Lackable::select}, {Speaks::fastscan, Speaks::rand});
+    d.boot = boot;
+    add_device(p, "whole", type_b, 7);
+    Rig rig(slots(2), p);
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(90s)) << rig.log();
+    expect_each_seated(rig, 2);
+  }
+}
+
 // Its receive buffer holds fewer frames than a selection has, and its answers take longer than their pauses.
 TEST(LackingLss, ASmallBufferIsAskedByNameWithPauses) {
   auto p = one_bus_plant(9);
