@@ -232,7 +232,11 @@ rt::Task<bool> Lending::recall(Identity device) {
   const bool scanned = loan != nullptr && !loan->clones && s_.lss.lacks().is_scanned(device.address);
   if (!scanned) co_return false;
   const NodeId id = loan->id;
-  const bool answers = co_await asking_.answers_at(id);
+  const rt::Time asked = s_.executor.now();
+  bool answers = co_await asking_.answers_at(id);
+  // It may take its time to boot under what it was lent. What speaks 40h to 43h is selected by them later.
+  const bool waits = !answers && s_.lss.lacks().has(device.address, lss::Lackable::select);
+  if (waits) answers = co_await s_.boots.wait(id, asked, asked + s_.bus.timing.boot_timeout);
   if (!answers) co_return false;
   co_await rt::sleep_for(s_.bus.timing.rand_response);
   const auto sent = co_await s_.nmt.send(co::NmtCommand::reset_node, id);

@@ -224,10 +224,6 @@ rt::Task<bool> Seating::bind_seat(Seat& seat, Identity device, std::string reaso
   const places::Binder::Services services = asking_.binder_services();
   std::optional<Error> said = co_await walk(services, options, binding, seat.slot.record.slot, reason);
   if (binding.why() == places::Why::not_there) {
-    // RAND found it, and 40h to 43h did not select it: the next try asks Fastscan, which is for devices without a
-    // node-ID.
-    const bool blank = found_.of(comes) != nullptr && !found_.active_of(comes).configured();
-    if (blank) s_.lss.lacks().scanned(comes.address);
     const bool recalled = co_await recall(s_, lending_, comes);
     if (recalled) {
       binding = Binding(Binding::Kind::bind, {seated, seat.id()}, tries, resumed);

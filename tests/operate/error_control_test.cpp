@@ -268,7 +268,7 @@ TEST(ErrorControl, OneThatRefusesToSendNoHeartbeatIsWatchedByIt) {
   for (const bool also_guards : {true, false}) {
     auto m = machine();
     m.slots.back().spec.watch.by = places::SlotWatch::By::guarding;
-    const std::string beats = heartbeat("rw", 2000, "LowLimit=1000\n");
+    const std::string beats = heartbeat("rw", 5000, "LowLimit=1000\n");
     const std::string name = also_guards ? "beats-on" : "beats-on-alone";
     Rig rig(m, plant_of({name, also_guards ? with("100C 100D 1017", guarding + beats) : with("1017", beats)}));
     runs_and_is_missed(rig);

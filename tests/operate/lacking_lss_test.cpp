@@ -152,17 +152,18 @@ TEST(LackingLss, AnAddressThatNobodyCanFindIsAskedForByName) {
   }
 }
 
-// RAND finds it, which selects nobody, and 40h to 43h do not select it: Fastscan does.
-TEST(LackingLss, OneThatRandFoundIsSelectedByFastscan) {
-  for (const auto boot : {50ms, 8000ms}) {
+// Nothing but Fastscan selects it, and that not while it has what the search lent it, or boots under that.
+TEST(LackingLss, OneThatBootsSlowlyUnderItsLoan) {
+  const lss::LackSet all{Lackable::select,   Lackable::inquire_identity, Lackable::inquire_node_id,
+                         Lackable::identify, Lackable::bit_timing,       Lackable::activate};
+  for (const plant::SpeaksSet speaks : {plant::SpeaksSet{Speaks::fastscan}, {Speaks::fastscan, Speaks::rand}}) {
     auto p = one_bus_plant(11);
-    auto& d = add_lacking(p, "d1", 1, {Lackable::select}, {Speaks::fastscan, Speaks::rand});
-    d.boot = boot;
-    add_device(p, "whole", type_b, 7);
-    Rig rig(slots(2), p);
+    auto& d = add_lacking(p, "d1", 1, all, speaks);
+    d.reset = 3s;
+    Rig rig(slots(1), p);
     rig.begin();
-    ASSERT_TRUE(rig.until_operational(90s)) << rig.log();
-    expect_each_seated(rig, 2);
+    ASSERT_TRUE(rig.until_operational(2min)) << rig.log();
+    expect_each_seated(rig, 1);
   }
 }
 

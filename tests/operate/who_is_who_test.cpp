@@ -235,6 +235,7 @@ TEST(WhoIsWho, BlankOnesThatAnswerNoInquiryAreSeatedOneAtATime) {
 TEST(WhoIsWho, ASearchLeavesEqualOnesThatRunInPeace) {
   for (const unsigned parts : {3U, 4U}) {
     auto m = fixed_slots(16, places::Assign::lss);
+    m.buses.front().bitrate = 500'000;
     add_slot(m, 20, type_c);  // its device never comes
     auto p = one_bus_plant(3);
     for (unsigned id = 5; id <= 16; ++id) {
@@ -242,6 +243,7 @@ TEST(WhoIsWho, ASearchLeavesEqualOnesThatRunInPeace) {
       d.eds = d.eds_path = description_of(type_b, parts);
       d.source = plant::NodeIdSource::nonvolatile;
       d.node_id = id_of(id);
+      d.response = {1ms, 1ms, 0, 0ms};  // all at once
     }
     Rig rig(m, p);
     rig.begin();
