@@ -75,6 +75,7 @@ void runs_and_is_missed(Rig& rig) {
   ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
   rig.run_for(60s);
   ASSERT_TRUE(rig.operational()) << rig.log();
+  EXPECT_EQ(rig.log().find("absent"), std::string::npos) << "not all the time\n" << rig.log();
   EXPECT_EQ(rig.log().find("second device"), std::string::npos) << rig.log();
   rig.device("d").unplug();
   EXPECT_TRUE(rig.run_until([&] { return !rig.operational(); }, 60s)) << rig.log();
