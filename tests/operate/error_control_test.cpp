@@ -269,10 +269,12 @@ TEST(ErrorControl, OneThatRefusesToSendNoHeartbeatIsWatchedByIt) {
   for (const bool also_guards : {true, false}) {
     auto m = machine();
     m.slots.back().spec.watch.by = places::SlotWatch::By::guarding;
-    const std::string beats = heartbeat("rw", 5000, "LowLimit=1000\n");
+    const std::string beats = heartbeat("rw", 5000, "LowLimit=1000\nHighLimit=60000\n");
     const std::string name = also_guards ? "beats-on" : "beats-on-alone";
     Rig rig(m, plant_of({name, also_guards ? with("100C 100D 1017", guarding + beats) : with("1017", beats)}));
     runs_and_is_missed(rig);
+    EXPECT_NE(rig.log().find("it is watched by its heartbeat"), std::string::npos) << rig.log();
+    EXPECT_EQ(rig.log().find("watched by guarding"), std::string::npos) << rig.log();
     rig.kill();
     rig.device("d").plug();
     rig.run_for(2s);
