@@ -63,6 +63,8 @@ struct LastHeard {
   std::optional<co::Emcy> emergency{};        ///< its last error since its boot-up
   rt::Time hurried{};                         ///< a boot-up hastened the look at the bus
   rt::Time taken_back{};                      ///< a search found it where it sits
+  rt::Time left{};                            ///< it left operational by itself, last
+  unsigned leaves = 0;                        ///< in a row, each soon behind the one before
   std::optional<places::SlotState> failed{};  ///< the binding that is tried again ended so before
   bool reset = false;  ///< equal ones were reset to see which node-ID they have in their memories
 };

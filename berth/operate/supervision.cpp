@@ -41,6 +41,7 @@ void Supervision::show(Seat& seat, const Wake& wake, NmtState state) {
     slots_.happened(seat, SlotEvent::boots, "it booted: it is asked what it is before it is started");
   } else if (wake.kind == Wake::Kind::state && state != NmtState::operational) {
     slots_.happened(seat, SlotEvent::leaves, text_of_leaving(seat, state));
+    if (!stays(seat, state)) doubt_who_leaves(seat);
   }
 }
 
@@ -258,6 +259,21 @@ void Supervision::make_free(Seat& seat) {
   seat.last.hurried = {};
   // A replacement that comes now is heard at once; the long search for devices with a node-ID would be in its way.
   agenda_.rest_at = std::max(agenda_.rest_at, s_.executor.now() + 8 * s_.bus.timing.probe_period);
+}
+
+// Two voices, one that was started and one that was not, look like one device that leaves operational at each
+// heartbeat.
+void Supervision::doubt_who_leaves(Seat& seat) {
+  constexpr unsigned often = 3;
+  const rt::Time now = s_.executor.now();
+  const bool soon = now - seat.last.left < 4 * heartbeat_period(s_.bus.timing, seat);
+  seat.last.left = now;
+  seat.last.leaves = soon ? seat.last.leaves + 1 : 1;
+  if (seat.last.leaves < often) return;
+  seat.last.leaves = 0;
+  seat.doubt.suspect = true;
+  seat.doubt.shared = Duplicates::most_tries;
+  agenda_.look_anew = true;
 }
 
 rt::Task<void> Supervision::told_state(Seat& seat) {

@@ -50,6 +50,7 @@ class Supervision {
   void lost(Seat& seat);
   void make_free(Seat& seat);
   rt::Task<void> told_state(Seat& seat);
+  void doubt_who_leaves(Seat& seat);
   rt::Task<void> came_back(Seat& seat, rt::Time booted);
   void hurry(Seat& seat);
   [[nodiscard]] bool comes_anew(NodeId node, const Seat* seat, rt::Time at) noexcept;

@@ -354,6 +354,35 @@ TEST(WhoIsWho, OneWithoutLssThatIsHeardAgainBesideTheSlotsIsToldOfTheSlot) {
   ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
 }
 
+// The second one booted before Berth began, and beats pre-operational; the slot's own is operational.
+TEST(WhoIsWho, TwoVoicesAreNotOneThatLeavesOperationalForEver) {
+  auto p = one_bus_plant(1);
+  add_device(p, "own", type_b, 7);
+  auto& other = add_switched(p, 5, 0);
+  other.heartbeat = 200ms;
+  plant::PlantEvent cut;
+  cut.action = plant::Action::cut_cable;
+  cut.delay = 900ms;
+  cut.bus = "backbone";
+  cut.nodes = {other.name};
+  plant::PlantEvent join;
+  join.action = plant::Action::join;
+  join.delay = 20s;
+  join.bus = "backbone";
+  p.events = {cut, join};
+  Rig rig(fixed_slots(5, places::Assign::lss), p);
+  rig.run_for(1s);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(15s)) << rig.log();
+  rig.run_for(40s);
+  const std::string log = rig.log();
+  std::size_t left = 0;
+  for (auto at = log.find("it left operational"); at != std::string::npos; at = log.find("it left operational", at + 1))
+    ++left;
+  EXPECT_LT(left, 6U) << log;
+  EXPECT_EQ(slot(rig, 5).state, SlotState::duplicate) << log;
+}
+
 // The one that runs speaks no LSS; its twin does, and has no node-ID.
 TEST(WhoIsWho, ATwinWithLssIsNotGivenTheNodeIdOfTheOneThatRuns) {
   using plant::Speaks;
