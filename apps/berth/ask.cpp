@@ -105,8 +105,14 @@ std::vector<Event> open_questions(const tree::Session& session) { return tree::q
 
 }  // namespace
 
-Asker::Asker(tree::Session& session, io::Loop& loop, std::function<void(const std::string&)> say, bool takes_lines)
-    : session_(&session), loop_(&loop), say_(std::move(say)), takes_lines_(takes_lines), scope_(session.executor()) {}
+Asker::Asker(tree::Session& session, io::Loop& loop, FirstSaves& saves, std::function<void(const std::string&)> say,
+             bool takes_lines)
+    : session_(&session),
+      loop_(&loop),
+      saves_(&saves),
+      say_(std::move(say)),
+      takes_lines_(takes_lines),
+      scope_(session.executor()) {}
 
 Asker::~Asker() {
   if (!takes_lines_) loop_->forget(STDIN_FILENO);
@@ -114,16 +120,20 @@ Asker::~Asker() {
 }
 
 void Asker::event(const Event& event) {
-  if (event.kind != operate::EventKind::question || event.devices.empty()) return;
-  for (const auto& line : lines_of(event)) say_(line);
+  if (event.kind != operate::EventKind::question || (event.devices.empty() && !event.offers_save)) return;
+  if (!event.devices.empty()) {
+    for (const auto& line : lines_of(event)) say_(line);
+  }
   if (!over_ && !takes_lines_) loop_->watch(STDIN_FILENO, *this, EPOLLIN);
 }
 
 // What is typed while nothing is asked is left for the shell.
 void Asker::ready(std::uint32_t) noexcept {
-  if (!open_questions(*session_).empty()) read_typed();
-  if (over_ || open_questions(*session_).empty()) loop_->forget(STDIN_FILENO);
+  if (asks()) read_typed();
+  if (over_ || !asks()) loop_->forget(STDIN_FILENO);
 }
+
+bool Asker::asks() const { return saves_->is_open() || !open_questions(*session_).empty(); }
 
 void Asker::read_typed() {
   std::array<char, 256> bytes{};
@@ -149,6 +159,7 @@ void Asker::report_answers() {
 }
 
 void Asker::take(const std::string& line) {
+  if (saves_->take(line)) return;
   std::string problem = "nothing is asked now";
   for (const auto& question : open_questions(*session_)) {
     auto request = answer_of(question, line, problem);

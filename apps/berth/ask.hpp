@@ -10,6 +10,7 @@
 
 #include "berth/rt/scope.hpp"
 #include "berth/tree/session.hpp"
+#include "first_saves.hpp"
 #include "interrupt.hpp"
 #include "rig.hpp"
 
@@ -35,8 +36,9 @@ namespace berth::cli {
 /// Asks beside a run that goes on, in the loop that drives it. `say` prints a line.
 class Asker final : private io::Watcher {
  public:
-  /// Session and loop must stay. With `takes_lines` it reads nothing itself: what is typed comes by `take`.
-  Asker(tree::Session& session, io::Loop& loop, std::function<void(const std::string&)> say, bool takes_lines);
+  /// Session, loop and `saves` must stay. With `takes_lines` it reads nothing itself: what is typed comes by `take`.
+  Asker(tree::Session& session, io::Loop& loop, FirstSaves& saves, std::function<void(const std::string&)> say,
+        bool takes_lines);
   ~Asker();
   Asker(const Asker&) = delete;
   Asker& operator=(const Asker&) = delete;
@@ -59,9 +61,11 @@ class Asker final : private io::Watcher {
   void ready(std::uint32_t events) noexcept override;
   void read_typed();
   void report_answers();
+  [[nodiscard]] bool asks() const;
 
   tree::Session* session_;
   io::Loop* loop_;
+  FirstSaves* saves_;
   std::function<void(const std::string&)> say_;
   std::string typed_;
   bool takes_lines_;

@@ -112,6 +112,7 @@ namespace {
 struct Beside {
   std::unique_ptr<command::ControlServer> server;
   std::unique_ptr<GatewayHost> gateway;
+  std::unique_ptr<FirstSaves> saves;  // before who asks about them
   std::unique_ptr<Asker> asker;
 };
 
@@ -123,8 +124,12 @@ rt::Task<void> answer(Rig& rig, const command::Request& request, command::Reply&
 tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Options& options,
                                            const std::string& control) {
   Beside beside;
-  if (rig.loop() == nullptr) return beside;
   const auto say = [&screen](const std::string& line) { screen.line(line); };
+  const bool types = rig.loop() != nullptr && !options.json && someone_types();
+  if (!options.dry_run && (options.yes || types)) {
+    beside.saves = std::make_unique<FirstSaves>(rig.session(), say, options.yes);
+  }
+  if (rig.loop() == nullptr) return beside;
   if (!control.empty()) {
     auto listening = command::ControlServer::listen(
         control, *rig.loop(),
@@ -144,8 +149,8 @@ tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Optio
     beside.gateway = std::move(*host);
     screen.line("CiA 309-3 gateway at " + beside.gateway->where());
   }
-  if (!options.json && !options.dry_run && someone_types()) {
-    beside.asker = std::make_unique<Asker>(rig.session(), *rig.loop(), say, screen.live());
+  if (types && beside.saves) {
+    beside.asker = std::make_unique<Asker>(rig.session(), *rig.loop(), *beside.saves, say, screen.live());
     screen.listen(*rig.loop(), [asker = beside.asker.get()](const std::string& line) { asker->take(line); });
   }
   return beside;
@@ -170,6 +175,7 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
   rig.session().on_event([&](const operate::Event& event) {
     ending.event(event);
     screen.event(event);
+    if (beside->saves) beside->saves->event(event);
     if (beside->asker) beside->asker->event(event);
   });
   rig.session().on_milestone([&](operate::Milestone milestone) {

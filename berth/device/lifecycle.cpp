@@ -86,6 +86,7 @@ void Lifecycle::run() noexcept {
     if (what == Reset::node) programs.restarted();
     nmt_.hold(!programs.runs());
   }
+  check_memory(what);
   if (what != Reset::communication) parts_.application.tell(&Callbacks::start);
   const auto id = parts_.lss.active().node_id;
   nmt_.initialised(id);
@@ -133,6 +134,13 @@ void Lifecycle::self_start() noexcept {
     nmt_.apply(co::NmtCommand::start);
 }
 
+// Its program reads the memory when it starts, and NMT reset communication does not start it anew.
+void Lifecycle::check_memory(Reset what) noexcept {
+  if (!parts_.host.timing().needs_first_save || what == Reset::communication) return;
+  unsaved_ = !parts_.stored.saved_once();
+  nmt_.hold(unsaved_);
+}
+
 void Lifecycle::start_services() noexcept {
   parts_.lss.listen(false);
   parts_.schemes.listen();
@@ -140,6 +148,8 @@ void Lifecycle::start_services() noexcept {
   parts_.errors.start();
   parts_.error_control.start(nmt_.node_id(), nmt_.state());
   set_services({}, nmt_.services());
+  constexpr Errors::Info memory_error{0x2F, 0x04};  // CO_EM_NON_VOLATILE_MEMORY, and which entry of 1010h it is
+  if (unsaved_) parts_.errors.raise(0x5000, co::error_register::generic, memory_error);
 }
 
 void Lifecycle::stop_services() noexcept {

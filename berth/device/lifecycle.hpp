@@ -55,6 +55,7 @@ class Lifecycle final : private co::NmtSlave::Owner,
   void stop_services() noexcept;
   void set_services(const co::Services& was, const co::Services& now) noexcept;
   void self_start() noexcept;
+  void check_memory(Reset what) noexcept;
   void reset_by_lss(co::NmtCommand command) noexcept override { nmt_.apply(command); }
   void hush(bool on) noexcept override;
   void lss_heard(bool answered) noexcept override { parts_.schemes.master_heard(answered); }
@@ -70,6 +71,7 @@ class Lifecycle final : private co::NmtSlave::Owner,
   co::NmtSlave nmt_;
   Parts parts_;
   std::optional<Reset> begins_;
+  bool unsaved_ = false;  // `Timing::needs_first_save`: as it was found when the firmware started
 };
 
 }  // namespace berth::device

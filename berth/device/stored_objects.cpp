@@ -40,9 +40,7 @@ StoredObjects::~StoredObjects() {
   if (parameters_ && parameters_->busy()) memory_->forget();  // it would call what is gone
 }
 
-void StoredObjects::power_on() noexcept {
-  if (parameters_) parameters_->load();
-}
+void StoredObjects::power_on() noexcept { saved_ = parameters_ && parameters_->load(); }
 
 void StoredObjects::power_off() noexcept {
   if (parameters_) parameters_->forget();
@@ -95,6 +93,7 @@ od::AbortCode StoredObjects::writing(const od::Values&, ObjectRef ref, std::span
 }
 
 void StoredObjects::parameters_written(bool ok) noexcept {
+  saved_ = saved_ || ok;
   host_->storing(false);
   // Without an answer when the client gave up or a state without SDO came in between.
   sdo_->complete(storing_, ok ? od::AbortCode::none : od::AbortCode::hardware);

@@ -49,6 +49,9 @@ class StoredObjects final : private ParameterStore::Owner, private od::Hook {
   /// Non-volatile memory is being written: 1010h, 1011h, LSS store or a node-ID that was written as an object.
   [[nodiscard]] bool storing() const noexcept { return lss_->storing() || (parameters_ && parameters_->busy()); }
 
+  /// 1010h was written once: the memory holds an image.
+  [[nodiscard]] bool saved_once() const noexcept { return saved_; }
+
   /// Bytes beyond itself.
   [[nodiscard]] std::size_t memory() const noexcept {
     return (parameters_ ? sizeof(ParameterStore) + parameters_->memory() : 0) +
@@ -81,6 +84,7 @@ class StoredObjects final : private ParameterStore::Owner, private od::Hook {
   const LssSlave* lss_;
   std::unique_ptr<ParameterStore> parameters_;         // only with object 1010h and a memory that has room
   std::unique_ptr<ConfigurationWatch> configuration_;  // only with object 1020h
+  bool saved_ = false;                                 // the memory holds an image
   ObjectRef storing_{};                  // the sub-object of 1010h or 1011h whose write is to be confirmed
   std::array<std::uint8_t, 4> shown_{};  // what `reading` shows
 };

@@ -25,6 +25,20 @@ const char* name(Phase phase) noexcept {
   return "";
 }
 
+bool SearchPace::look(const View& now) noexcept {
+  if (now == seen_) return false;
+  seen_ = now;
+  in_vain_ = 0;
+  return true;
+}
+
+int SearchPace::round() noexcept {
+  int periods = usual;
+  for (unsigned i = eager; i < in_vain_ && periods < longest; ++i) periods *= 2;
+  ++in_vain_;
+  return periods;
+}
+
 rt::Task<void> MainJob::run() {
   for (bool first = true;; first = false) {
     co_await work(first);
@@ -51,7 +65,7 @@ rt::Task<void> MainJob::work(bool first) {
   Agenda& agenda = p_.agenda;
   const rt::Time now = p_.bus.executor.now();
   const rt::Duration period = p_.bus.bus.timing.probe_period;
-  const int pause = std::exchange(agenda.retries, false) ? 8 : 1;
+  const int pause = std::exchange(agenda.retries, false) ? retry_pause_ : 1;
   agenda.retry_at = std::max(agenda.retry_at, now + pause * period);
   agenda.anew_at = std::max(agenda.anew_at, now + 2 * period);
   idle_ = !agenda.search_open;
@@ -292,6 +306,36 @@ rt::Task<void> MainJob::watch() {
   }
 }
 
+namespace {
+
+// It waits for a device that nobody has seen.
+bool waits_for_one(const Seat& seat) {
+  return !seat.slot.spec.optional && (seat.life == Life::empty || seat.state() == SlotState::question);
+}
+
+// What was tried and did not succeed.
+bool is_troubled(const Seat& seat) {
+  const bool asked = seat.slot.record.intended.has_value();
+  const bool silent = seat.life == Life::absent && seat.slot.record.confirmed;
+  const bool doubled = seat.state() == SlotState::duplicate;
+  const bool failed = seat.state() == SlotState::failed && !seat.configuration.stuck;
+  const bool powered = seat.state() == SlotState::power_cycle && !seat.configuration.waits_since;
+  return failed || powered || asked || silent || doubled;
+}
+
+SearchPace::View view_of(const Parts& p) {
+  SearchPace::View view{.found = p.found.size()};
+  for (const auto& seat : p.slots.seats()) view.lives = view.lives * 31 + static_cast<unsigned>(seat->life);
+  for (std::uint8_t i = 1; i <= 127; ++i) {
+    const NodeId id(i);
+    view.boot_ups += p.bus.boots.boot_ups(id);
+    view.heard += p.bus.boots.heard(id) ? 1U : 0U;
+  }
+  return view;
+}
+
+}  // namespace
+
 rt::Task<bool> MainJob::look() {
   Agenda& agenda = p_.agenda;
   const rt::Time deadline = p_.bus.executor.now() + look_period();
@@ -300,6 +344,7 @@ rt::Task<bool> MainJob::look() {
   const rt::Held held(p_.bus.turn);
   idle_ = false;
   bool wanted = co_await act_on_wakes(wake);
+  if (wanted) pace_.hurry();  // a person's word
   if (!wake) {
     p_.supervision.check_rates();
     p_.supervision.give_up_silent();
@@ -308,7 +353,10 @@ rt::Task<bool> MainJob::look() {
     const bool anybody = co_await p_.finding.finder.anybody_new();
     wanted = wanted || anybody;
   }
-  const bool anew = agenda.look_anew && p_.bus.executor.now() >= agenda.anew_at;
+  const rt::Time now = p_.bus.executor.now();
+  if (pace_.look(view_of(p_)))
+    agenda.retry_at = std::min(agenda.retry_at, now + SearchPace::usual * p_.bus.bus.timing.probe_period);
+  const bool anew = agenda.look_anew && now >= agenda.anew_at;
   const bool again = retry_due();  // also when a search is due already: two of one address make each look find them
   const bool untold = waits_for_an_answer(p_) &&
                       std::ranges::any_of(p_.slots.seats(), [](const auto& s) { return s->life == Life::unknown; });
@@ -322,19 +370,11 @@ rt::Duration MainJob::look_period() const noexcept {
   const bool waits = std::ranges::any_of(
       p_.slots.seats(), [](const auto& s) { return s->life == Life::empty && !s->slot.spec.optional; });
   const rt::Duration period = p_.bus.bus.timing.probe_period;
-  return waits ? period / 8 : period;
+  return waits && pace_.is_eager() ? period / 8 : period;
 }
 
-bool MainJob::needs_retry() const {
-  const bool slots = std::ranges::any_of(p_.slots.seats(), [](const auto& s) {
-    const bool asked = s->slot.record.intended.has_value();
-    const bool silent = s->life == Life::absent && s->slot.record.confirmed;
-    const bool waits = !s->slot.spec.optional && (s->life == Life::empty || s->state() == SlotState::question);
-    const bool doubled = s->state() == SlotState::duplicate;
-    const bool failed = s->state() == SlotState::failed && !s->configuration.stuck;
-    const bool powered = s->state() == SlotState::power_cycle && !s->configuration.waits_since;
-    return failed || powered || asked || silent || waits || doubled;
-  });
+bool MainJob::has_trouble() const {
+  const bool slots = std::ranges::any_of(p_.slots.seats(), [](const auto& s) { return is_troubled(*s); });
   // A blank that failed left a device under a node-ID that is not its own, the master's say. It may have been storing.
   return slots || p_.planning.has_blanks() || waits_for_unfinished();
 }
@@ -356,8 +396,12 @@ bool MainJob::retry_due() {
   const rt::Time now = p_.bus.executor.now();
   const auto& timing = p_.bus.bus.timing;
   const bool optional_due = now >= optional_at_ && lacks_optional();
-  if (now < p_.agenda.retry_at || !(needs_retry() || optional_due)) return false;
-  p_.agenda.retry_at = now + 8 * timing.probe_period;
+  const bool trouble = has_trouble();
+  const bool waits = std::ranges::any_of(p_.slots.seats(), [](const auto& s) { return waits_for_one(*s); });
+  if (now < p_.agenda.retry_at || !(trouble || waits || optional_due)) return false;
+  if (trouble) pace_.hurry();
+  retry_pause_ = pace_.round();
+  p_.agenda.retry_at = now + retry_pause_ * timing.probe_period;
   optional_at_ = now + 64 * timing.probe_period;
   const unsigned blanks = p_.seating.blanks();
   unfinished_looks_ = std::exchange(blanks_, blanks) == blanks ? unfinished_looks_ + 1 : 1;

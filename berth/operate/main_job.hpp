@@ -8,6 +8,34 @@
 
 namespace berth::operate {
 
+/// How often is searched for what slots wait for: the more rounds found nothing, the seldomer.
+class SearchPace {
+ public:
+  /// What the bus shows: a device that comes, goes or boots changes it.
+  struct View {
+    std::size_t found = 0;
+    std::uint64_t lives = 0;     ///< of the slots
+    std::uint64_t boot_ups = 0;  ///< of all node-IDs
+    unsigned heard = 0;          ///< node-IDs under which anything ever was
+    friend bool operator==(const View&, const View&) = default;
+  };
+  /// At each look. True: something changed; the next round comes soon.
+  bool look(const View& now) noexcept;
+  /// A person said so.
+  void hurry() noexcept { in_vain_ = 0; }
+  /// A round begins. In how many `probe_period`s may the next?
+  [[nodiscard]] int round() noexcept;
+  /// A device may be switched on at any moment: it is asked for often.
+  [[nodiscard]] bool is_eager() const noexcept { return in_vain_ <= eager; }
+  static constexpr int usual = 8;
+  static constexpr int longest = 64;
+
+ private:
+  static constexpr unsigned eager = 3;  // rounds without a change after which it gets seldomer
+  View seen_;
+  unsigned in_vain_ = 0;
+};
+
 class MainJob {
  public:
   MainJob(Parts& parts, PortHealth& port) noexcept : p_(parts), port_(port) {}
@@ -42,7 +70,7 @@ class MainJob {
   rt::Task<Result<void>> blank_all();
   [[nodiscard]] rt::Duration look_period() const noexcept;
   [[nodiscard]] bool retry_due();
-  [[nodiscard]] bool needs_retry() const;
+  [[nodiscard]] bool has_trouble() const;
   [[nodiscard]] bool lacks_optional() const;
   [[nodiscard]] bool waits_for_unfinished() const;
   [[nodiscard]] Result<void> all_there() const;
@@ -50,9 +78,11 @@ class MainJob {
   Parts& p_;
   PortHealth& port_;
   bool idle_ = false;
-  rt::Time optional_at_{};         // what optional slots lack is not looked for before: it may never come
-  unsigned blanks_ = 0;            // as they were at the last retry
-  unsigned unfinished_looks_ = 0;  // retries since one was tried
+  SearchPace pace_;
+  int retry_pause_ = SearchPace::usual;  // in `probe_period`s
+  rt::Time optional_at_{};               // what optional slots lack is not looked for before: it may never come
+  unsigned blanks_ = 0;                  // as they were at the last retry
+  unsigned unfinished_looks_ = 0;        // retries since one was tried
 };
 
 }  // namespace berth::operate

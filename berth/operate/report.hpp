@@ -85,6 +85,7 @@ struct Event {
   std::string text;
   std::vector<std::string> slots = {};    ///< of a "question": the slots that it is about
   std::vector<std::string> devices = {};  ///< of a "question": the LSS addresses of the devices
+  bool offers_save = false;  ///< of a "question": shall the slot's device save its parameters, and be restarted?
 
   friend bool operator==(const Event&, const Event&) = default;
 };

@@ -12,6 +12,38 @@
 
 namespace berth::operate {
 
+namespace {
+
+// CANopenNode's CO_EM_NON_VOLATILE_MEMORY (301/CO_Emergency.h): its programs report it while there are no storage
+// files.
+bool lacks_first_save(const co::Emcy& message) noexcept {
+  constexpr std::uint16_t hardware = 0x5000;
+  constexpr std::uint8_t non_volatile_memory = 0x2F;
+  return message.code == hardware && message.info[0] == non_volatile_memory;
+}
+
+std::string text_of_first_save(NodeId id) {
+  return fmt::format(
+      "it was started and stays pre-operational: its memory holds nothing that was saved (EMCY 5000h, CANopenNode's "
+      "error 2Fh). `berth store {0}` saves its parameters, `berth nmt reset-node {0}` restarts it; if its program ends "
+      "at that, start it again",
+      id.value());
+}
+
+// Not at once: it is the person's device, and its program may end at NMT reset node instead of starting anew.
+void offer_first_save(const BusServices& services, SlotTable& slots, const Seat& seat) {
+  const std::string text = fmt::format(
+      "{}: its memory holds nothing that was saved, and it stays pre-operational (EMCY 5000h): shall it save its "
+      "parameters (1010h:01) and be reset (NMT reset node)?",
+      seat.name());
+  Event event{services.executor.now(), services.bus.name, EventKind::question, {}, text};
+  event.slots = {seat.name()};
+  event.offers_save = true;
+  slots.events().tell_once(event);
+}
+
+}  // namespace
+
 // How the boot-up reaches a slot's device, and what is done around its start.
 class Starter::Target final : public SeatTarget {
  public:
@@ -319,8 +351,13 @@ rt::Task<void> Starter::await_operational() {
     if (const auto& e = seat->last.emergency) {
       why += fmt::format("; it told an error: EMCY {:04X}h ({})", e->code, co::emcy_text(e->code));
     }
+    const bool unsaved = seat->last.emergency && lacks_first_save(*seat->last.emergency);
+    if (unsaved) why = text_of_first_save(seat->id());
     seat->set_letter(manager::BootStatus::k);
     slots_.happened(*seat, SlotEvent::boot_failed, why);
+    // Nothing changes before it boots, or a person says so.
+    if (unsaved) seat->configuration.stuck = true;
+    if (unsaved) offer_first_save(s_, slots_, *seat);
   }
 }
 

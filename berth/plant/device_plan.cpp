@@ -63,6 +63,7 @@ std::string own_objects(const PlantDevice& plan) {
   }
   std::string programs = plan.does.hardware > 0 ? fmt::format("hardware {} ", plan.does.hardware) : std::string();
   if (plan.storing.programs.count > 0) programs += fmt::format("programs {} ", plan.storing.programs.count);
+  if (plan.storing.needs_first_save) programs += "storage ";
   if (!plan.node_id_object.object) return programs;
   std::string text = programs + "node-ID object " + od::write_object(*plan.node_id_object.object);
   if (const auto& s = plan.node_id_object.signature)
@@ -89,6 +90,7 @@ std::shared_ptr<const od::Description> with_own_objects(const PlantDevice& plan,
   device::add_device(b);
   add_signals(b, signals);
   if (plan.does.hardware > 0) multilevel::add_hardware_version(b, plan.does.hardware);
+  if (plan.storing.needs_first_save) device::add_storage(b);
   if (plan.storing.programs.count > 0) device::add_programs(b, static_cast<std::uint8_t>(plan.storing.programs.count));
   if (!plan.node_id_object.object) return b.build();
   add_object(b, *plan.node_id_object.object, "Node-ID", 1);
@@ -284,6 +286,7 @@ device::Timing timing_of(const PlantDevice& plan) {
   t.reset = plan.reset;
   t.deaf_while_storing = plan.storing.deaf;
   t.power_cycle_after_store = plan.storing.power_cycle_after;
+  t.needs_first_save = plan.storing.needs_first_save;
   t.drift_ppm = plan.controller.drift_ppm;
   return t;
 }

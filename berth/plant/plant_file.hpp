@@ -136,11 +136,13 @@ struct PlantPrograms {
   }
 };
 
-/// How a device stores (LSS store, SDO store). Keys `store`, `deaf_while_storing`, `power_cycle_after_store`.
+/// How a device stores (LSS store, SDO store). Keys `store`, `deaf_while_storing`, `power_cycle_after_store`,
+/// `needs_first_save`.
 struct PlantStorage {
   Duration time = std::chrono::milliseconds(20);  ///< request to answer
   bool deaf = false;                              ///< hears nothing while it stores
   bool power_cycle_after = false;                 ///< a stored node-ID counts only after power was off
+  bool needs_first_save = false;                  ///< EMCY 5000h and not operational until 1010h was saved once
   PlantPrograms programs;
   friend bool operator==(const PlantStorage&, const PlantStorage&) = default;
 };

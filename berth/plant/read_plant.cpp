@@ -408,6 +408,7 @@ class PlantReader {
     device.bitrate = table.u32("bitrate", bit_rates).value_or(0);
     device.storing.deaf = table.boolean("deaf_while_storing").value_or(false);
     device.storing.power_cycle_after = table.boolean("power_cycle_after_store").value_or(false);
+    device.storing.needs_first_save = table.boolean("needs_first_save").value_or(false);
     if (const auto queue = table.word("queue", queue_words)) device.controller.queue = static_cast<QueueKind>(*queue);
     if (const auto depth = table.u32("rx_depth", {1, 1024})) device.controller.rx_depth = *depth;
     device.controller.bus_off_recovery = table.duration("bus_off_recovery", 0s, 1h).value_or(0s);

@@ -144,6 +144,7 @@ void write_device(PlantWriter& w, const PlantDevice& d) {
   w.time("store", d.storing.time, usual_device.storing.time);
   w.flag("deaf_while_storing", d.storing.deaf, false);
   w.flag("power_cycle_after_store", d.storing.power_cycle_after, false);
+  w.flag("needs_first_save", d.storing.needs_first_save, false);
   if (d.controller.queue != usual_device.controller.queue)
     w.string("queue", queue_words[static_cast<std::size_t>(d.controller.queue)]);
   w.number("rx_depth", d.controller.rx_depth, usual_device.controller.rx_depth);

@@ -9,6 +9,7 @@
 #include <set>
 #include <sstream>
 
+#include "../paths.hpp"
 #include "machines.hpp"
 #include "process.hpp"
 
