@@ -102,10 +102,14 @@ rt::Task<void> Finder::rest_behind_rand(bool anew, bool any_by_rand) {
   if (others && (due || wanted)) co_await the_rest(due);
 }
 
-// A device that stays without a node-ID answers every poll: that is no news for a while.
+// A device that stays without a node-ID answers every poll: that is no news for a while. Nor are the devices at work
+// that answer Fastscan with their node-IDs, for long, while no slot waits.
 void Finder::searched() {
-  const rt::Time again = s_.executor.now() + (search_.has_news() ? rt::Duration{0} : 8 * s_.bus.timing.probe_period);
-  scanned_at_ = again;
+  const bool news = search_.has_news();
+  const rt::Duration period = s_.bus.timing.probe_period;
+  const rt::Time again = s_.executor.now() + (news ? rt::Duration{0} : 8 * period);
+  const bool at_rest = by_fastscan_ && !news && !is_one_missing();
+  scanned_at_ = at_rest ? s_.executor.now() + 256 * period : again;
   if (!std::exchange(by_fastscan_, false)) blank_at_ = again;
 }
 
@@ -224,6 +228,7 @@ rt::Task<bool> Finder::anybody_blank() {
     const auto heard = co_await s_.lss.identify_non_configured(options);
     rest_wanted_ = heard && heard->answers > 0;
   }
+  if (is_one_missing()) scanned_at_ = std::min(scanned_at_, s_.executor.now() + 8 * s_.bus.timing.probe_period);
   if (!rest_wanted_ && s_.executor.now() >= scanned_at_) {
     const lss::FastscanRequest anybody;
     const auto heard = co_await s_.lss.fastscan(anybody, options);

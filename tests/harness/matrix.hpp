@@ -265,9 +265,10 @@ enum class End : std::uint8_t {
   late,     // not within its bus time
   lost,     // operational, and not any more ten seconds later
   wrong,    // told operational, and the devices say otherwise
+  busy,     // operational, and Berth sends more than `most_at_rest`
 };
 [[nodiscard]] inline const char* name(End end) {
-  constexpr std::array<const char*, 5> names{"operational", "gave up", "too late", "lost", "wrong"};
+  constexpr std::array<const char*, 6> names{"operational", "gave up", "too late", "lost", "wrong", "busy at rest"};
   return names.at(static_cast<std::size_t>(end));
 }
 
@@ -276,6 +277,7 @@ struct Outcome {
   End end = End::late;
   rt::Duration bus_time{0};  // from Berth's first instant to operational, or to the end
   std::uint64_t frames = 0;
+  double at_rest = 0;        // frames of Berth's a second, its heartbeat among them
   unsigned operational = 0;  // slots
   std::array<char, 400> why{};
 
@@ -286,11 +288,28 @@ struct Outcome {
   }
 };
 
+// What Berth sends on a bus on which nothing happens.
+inline constexpr double most_at_rest = 5;
+
+class Sent final : private can::Tap {
+ public:
+  Sent(sim::Bus& bus, int sender) : bus_(bus), sender_(sender) { bus_.add_tap(*this); }
+  ~Sent() { bus_.remove_tap(*this); }
+  unsigned frames = 0;
+
+ private:
+  void frame(const can::Frame&, rt::Time, int sender) noexcept override { frames += sender == sender_ ? 1U : 0U; }
+  sim::Bus& bus_;
+  int sender_;
+};
+
 class Run final : private can::Tap {
  public:
   static constexpr std::size_t longest_reason = 110;
-  static constexpr rt::Duration there = 1s;   // every device has booted when Berth begins, and is not heard to
-  static constexpr rt::Duration holds = 10s;  // so long an operational machine is watched
+  static constexpr rt::Duration there = 1s;     // every device has booted when Berth begins, and is not heard to
+  static constexpr rt::Duration holds = 10s;    // so long an operational machine is watched
+  static constexpr rt::Duration settles = 60s;  // one search among devices that answer Fastscan at work
+  static constexpr rt::Duration rests = 30s;    // and then what Berth sends is counted
 
   explicit Run(const Cell& cell) : made_(make(cell)) {
     Findings findings;
@@ -327,8 +346,12 @@ class Run final : private can::Tap {
     if (!reached) {
       outcome_.end = settled(session) ? End::gave_up : End::late;
     } else {
-      world_->sim().run_for(holds);
+      world_->sim().run_for(holds + settles);
+      const Sent sent(*world_->bus("field"), port->number());
+      world_->sim().run_for(rests);
+      outcome_.at_rest = sent.frames / std::chrono::duration<double>(rests).count();
       outcome_.end = session.operational() ? End::operational : End::lost;
+      if (outcome_.at_rest > most_at_rest) outcome_.end = End::busy;
       if (!truly_operational()) outcome_.end = End::wrong;
     }
     count(session);

@@ -149,6 +149,15 @@ inline void print_table(const std::vector<Cell>& cells, const std::vector<Done>&
              [&](std::size_t i) { return time_text(all[i].outcome); });
 }
 
+inline void print_rest(const std::vector<Cell>& cells, const std::vector<Done>& all) {
+  const auto text = [&](std::size_t i) {
+    std::array<char, 24> words{};
+    std::snprintf(words.data(), words.size(), "%.1f", all[i].outcome.at_rest);
+    return std::string(words.data());
+  };
+  print_rows(cells, "Frames a second that Berth sends when all are operational and nothing happens", text);
+}
+
 // The default's bus time over that of the best published method.
 struct Ratio {
   std::optional<double> value;  // none: no published method is operational there
