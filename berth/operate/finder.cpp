@@ -128,7 +128,7 @@ rt::Task<void> Finder::tell_which_are_known() {
   const rt::Duration apart = s_.bus.timing.rand_response;
   for (int time = 0; time < 2; ++time) {
     co_await rt::sleep_for(apart);
-    const bool unknown = co_await tell_all_unknown(s_, agenda_, slots_.events());
+    const auto unknown = co_await tell_all_unknown(s_, agenda_, slots_.events());
     if (!unknown) co_return;
   }
   co_await rt::sleep_for(apart);

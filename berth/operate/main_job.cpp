@@ -182,12 +182,21 @@ std::string who_is_known(const Parts& p, const Seat& seat) {
                      to_string(equal->device));
 }
 
+// Of those that booted, and were heard lately: one that has left again is no reason to wait.
+bool one_is_asked_next(const Parts& p) {
+  if (!waits_for_an_answer(p)) return false;
+  for (std::uint8_t i = 1; i <= 127; ++i) {
+    if (p.agenda.comes.test(i) && p.bus.heard_within(NodeId(i), p.bus.bus.timing.boot_timeout)) return true;
+  }
+  return false;
+}
+
 // `news`: it was not told yet.
 void tell_nobody(Parts& p, Seat& seat, bool news) {
   std::string why = who_is_known(p, seat);
   const bool stale = seat.misses_one && why.empty() && seat.life == Life::empty && !p.agenda.search_open;
   if (!news && !stale) return;
-  if (why.empty() && waits_for_an_answer(p)) return;
+  if (why.empty() && one_is_asked_next(p)) return;
   seat.misses_one = !why.empty();
   // What a device of its own address may lack, no search can find.
   if (why.empty())

@@ -133,8 +133,12 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
   }
   bool doubled = answer.by_two;
   // CAN repeats a frame now and then, and two that answered just now do not always answer at two instants.
-  const int looks = seat.life == Life::doubled ? 3 : 1;
-  for (int look = 0; look < looks && doubled != (seat.life == Life::doubled); ++look) {
+  // When Berth begins, two with one node-ID on their switches may both be silent, and one lose a question.
+  const bool news = doubled != (seat.life == Life::doubled);
+  const bool begins = seat.life == Life::unknown && seat.slot.spec.assign == places::Assign::fixed;
+  const int looks = news ? 3 : begins ? 1 : 0;
+  doubled = doubled && !news;
+  for (int look = 0; look < looks && !doubled; ++look) {
     const auto again = co_await places::identify(s_.sdo, id, places::second_answer);
     doubled = again.by_two || (again.who && seat.sits(*again.who) != seat.sits(*who));
   }

@@ -230,9 +230,9 @@ rt::Task<Result<NewDevices>> Search::find_new() {
   const bool published = agenda_.method() == "rand";
   bool asks_rand = (by_planner || published) && may_send_extended_frames(s_, agenda_);
   if (asks_rand) {
-    asks_rand = co_await tell_all_unknown(s_, agenda_, slots_.events());
-    if (!asks_rand && may_send_extended_frames(s_, agenda_))
-      co_return fail(Errc::bus, "the first frame of RAND never left");
+    const auto told = co_await tell_all_unknown(s_, agenda_, slots_.events());
+    asks_rand = told.has_value();
+    if (!asks_rand && may_send_extended_frames(s_, agenda_)) co_return fail(told.error());
   }
   if (asks_rand) {
     Result<discovery::Report> report = fail(Errc::invalid, "not asked");
