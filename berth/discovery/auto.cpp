@@ -29,23 +29,6 @@ std::unique_ptr<Discovery> make(Method method, const Services& services) {
 
 namespace {
 constexpr const char* busy_text = "another discovery is under way";
-
-// Between the frames of the master's requests, as long as it lives.
-class Pauses {
- public:
-  Pauses(lss::Master& lss, bool wanted) : lss_(&lss), before_(lss.options()) {
-    lss::MasterOptions slower = before_;
-    slower.inhibit = std::max(slower.inhibit, slow_inhibit);
-    if (wanted) lss.set_options(slower);
-  }
-  ~Pauses() { lss_->set_options(before_); }
-  Pauses(const Pauses&) = delete;
-  Pauses& operator=(const Pauses&) = delete;
-
- private:
-  lss::Master* lss_;
-  lss::MasterOptions before_;
-};
 }  // namespace
 
 Auto::Auto(const Services& services, const AutoOptions& options) : services_(services), options_(options) {}
@@ -101,7 +84,8 @@ rt::Task<Result<void>> Auto::by_name(Run& run) {
   constexpr std::size_t most = 8;
   const std::vector<LssAddress> expected = run.known.expected;
   // Each second time round with pauses: a small receive buffer loses what comes back to back.
-  const Pauses pauses(services_.lss, !expected.empty() && named_ / expected.size() % 2 == 1);
+  Pauses pauses(services_.lss);
+  if (!expected.empty() && named_ / expected.size() % 2 == 1) pauses.slow_down();
   for (std::size_t i = 0; i < std::min(most, expected.size()) && !run.over(); ++i) {
     const LssAddress device = expected[named_++ % expected.size()];
     const auto& there = run.known.registered;

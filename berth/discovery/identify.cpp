@@ -4,24 +4,6 @@
 
 namespace berth::discovery {
 
-// Pauses between the frames for as long as a search lasts, once one fruitless pass was no accident.
-class Identify::Pace {
- public:
-  explicit Pace(lss::Master& lss) : lss_(&lss), before_(lss.options()) {}
-  ~Pace() { lss_->set_options(before_); }
-  Pace(const Pace&) = delete;
-  Pace& operator=(const Pace&) = delete;
-  void slow_down() {
-    lss::MasterOptions slower = before_;
-    slower.inhibit = std::max(slower.inhibit, slow_inhibit);
-    lss_->set_options(slower);
-  }
-
- private:
-  lss::Master* lss_;
-  lss::MasterOptions before_;
-};
-
 // ---- questions --------------------------------------------------------------------------------------------------
 
 rt::Task<Result<bool>> Identify::ask(Run& run, const Cursor& cursor, Box box, Window window) {
@@ -197,7 +179,7 @@ std::vector<Identify::Cursor> Identify::begin(const Known& known) {
 }
 
 // One kind. False: it did not become quiet.
-rt::Task<Result<bool>> Identify::one_kind(Run& run, Cursor& cursor, Pace& pace) {
+rt::Task<Result<bool>> Identify::one_kind(Run& run, Cursor& cursor, Pauses& pace) {
   if (cursor.next == 0 && run.known_of(cursor.kind).empty()) {
     const Box all = box_of(cursor.kind, 0, all_serials);
     const auto anybody = co_await ask(run, cursor, all, Window::bound);
@@ -233,7 +215,7 @@ rt::Task<Result<bool>> Identify::one_kind(Run& run, Cursor& cursor, Pace& pace) 
 }
 
 // False: one of them did not become quiet.
-rt::Task<Result<bool>> Identify::all_kinds(Run& run, std::vector<Cursor>& cursors, Pace& pace) {
+rt::Task<Result<bool>> Identify::all_kinds(Run& run, std::vector<Cursor>& cursors, Pauses& pace) {
   bool quiet = true;
   for (std::size_t k = 0; k < cursors.size(); ++k) {
     run.kind = k;
@@ -252,7 +234,7 @@ rt::Task<Result<bool>> Identify::all_kinds(Run& run, std::vector<Cursor>& cursor
 
 // A device whose receive buffer holds one frame answers 4Ch, which is a single one, and no question of six back to
 // back.
-rt::Task<Result<bool>> Identify::slowly(Run& run, std::vector<Cursor>& cursors, Pace& pace) {
+rt::Task<Result<bool>> Identify::slowly(Run& run, std::vector<Cursor>& cursors, Pauses& pace) {
   const auto left = co_await blank_left(run);
   if (!left) co_return fail(left.error());
   if (!*left) co_return true;
@@ -268,7 +250,7 @@ rt::Task<Result<bool>> Identify::slowly(Run& run, std::vector<Cursor>& cursors, 
 rt::Task<Result<Report>> Identify::find(const Known& known, const Options& options) {
   if (busy_) co_return fail(Errc::invalid, "another search by identify ranges is under way");
   const Busy busy(busy_);
-  Pace pace(services_.lss);
+  Pauses pace(services_.lss);
   Run run{.known = known, .options = options};
   const auto rate = services_.dispatcher.port().status().bit_rate;
   if (rate > 0) run.frame = rt::Duration(identify_bits * 1'000'000'000 / rate);

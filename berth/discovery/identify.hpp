@@ -60,6 +60,8 @@ struct Box {
 /// What of `all` holds none of `known`: disjoint boxes that, with the known, make up `all`.
 [[nodiscard]] std::vector<Box> gaps(const Box& all, std::vector<R_SN> known);
 
+class Pauses;  // identify_parts.hpp
+
 class Identify final : public Discovery {
  public:
   explicit Identify(const Services& services) : services_(services) {}
@@ -73,7 +75,6 @@ class Identify final : public Discovery {
  private:
   struct Run;
   struct Descent;
-  class Pace;
   /// How far one kind has been swept.
   struct Cursor {
     Kind kind{};
@@ -100,9 +101,9 @@ class Identify final : public Discovery {
   [[nodiscard]] rt::Task<Result<bool>> ask(Run& run, const Cursor& cursor, Box box, Window window);
   [[nodiscard]] rt::Task<Result<void>> sweep(Run& run, Cursor& cursor, std::uint64_t end);
   [[nodiscard]] rt::Task<Result<bool>> guess(Run& run, Cursor& cursor);
-  [[nodiscard]] rt::Task<Result<bool>> one_kind(Run& run, Cursor& cursor, Pace& pace);
-  [[nodiscard]] rt::Task<Result<bool>> all_kinds(Run& run, std::vector<Cursor>& cursors, Pace& pace);
-  [[nodiscard]] rt::Task<Result<bool>> slowly(Run& run, std::vector<Cursor>& cursors, Pace& pace);
+  [[nodiscard]] rt::Task<Result<bool>> one_kind(Run& run, Cursor& cursor, Pauses& pace);
+  [[nodiscard]] rt::Task<Result<bool>> all_kinds(Run& run, std::vector<Cursor>& cursors, Pauses& pace);
+  [[nodiscard]] rt::Task<Result<bool>> slowly(Run& run, std::vector<Cursor>& cursors, Pauses& pace);
   [[nodiscard]] rt::Task<Result<bool>> close(Run& run, Cursor& cursor);
   [[nodiscard]] rt::Task<Result<void>> lowest_in(Run& run, Cursor& cursor, Box box);
   [[nodiscard]] rt::Task<Result<std::optional<Box>>> descend(Run& run, const Cursor& cursor, Box box);

@@ -26,6 +26,24 @@ inline constexpr unsigned enough_alone = 3;
 // A device with a small receive buffer loses some of six frames back to back.
 inline constexpr rt::Duration slow_inhibit = std::chrono::milliseconds(10);
 
+/// Between the frames of the master's requests, from `slow_down` for as long as it lives.
+class Pauses {
+ public:
+  explicit Pauses(lss::Master& lss) : lss_(&lss), before_(lss.options()) {}
+  ~Pauses() { lss_->set_options(before_); }
+  Pauses(const Pauses&) = delete;
+  Pauses& operator=(const Pauses&) = delete;
+  void slow_down() {
+    lss::MasterOptions slower = before_;
+    slower.inhibit = std::max(slower.inhibit, slow_inhibit);
+    lss_->set_options(slower);
+  }
+
+ private:
+  lss::Master* lss_;
+  lss::MasterOptions before_;
+};
+
 [[nodiscard]] inline Box box_of(const Kind& kind, std::uint64_t low, std::uint64_t end) noexcept {
   Box box{.serial_low = static_cast<std::uint32_t>(low), .serial_high = static_cast<std::uint32_t>(end - 1)};
   if (kind.revision) box.revision_low = box.revision_high = *kind.revision;

@@ -18,6 +18,12 @@ void put(std::vector<std::uint32_t>& values, std::uint32_t value) {
 
 }  // namespace
 
+void doubt_alone(Seat& seat, Agenda& agenda) noexcept {
+  seat.doubt.suspect = true;
+  seat.doubt.shared = Duplicates::most_tries;
+  agenda.look_anew = true;
+}
+
 // A second answer to one SDO request: two devices hold this node-ID, or another SDO client is at work.
 void Duplicates::surplus(NodeId node, const can::Frame& frame, rt::Time now) noexcept {
   const bool others_talk = s_.bus.flying && s_.port.status().listen_only;  // the active master asks
@@ -27,8 +33,7 @@ void Duplicates::surplus(NodeId node, const can::Frame& frame, rt::Time now) noe
   }
   agenda_.look_anew = true;
   if (Seat* const seat = slots_.at(node)) {
-    seat->doubt.suspect = true;
-    seat->doubt.shared = most_tries;
+    doubt_alone(*seat, agenda_);
     return;  // told when it happens again as they are told apart
   }
   // A frame that CAN repeated is no second device, and seldom the next ones too.

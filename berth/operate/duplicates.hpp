@@ -13,6 +13,9 @@
 
 namespace berth::operate {
 
+/// A second device may have the node-ID of this slot: the next round tells them apart.
+void doubt_alone(Seat& seat, Agenda& agenda) noexcept;
+
 class Duplicates final : public co::SdoClient::Observer {
  public:
   /// Hears second answers to SDO requests from now on.

@@ -201,7 +201,6 @@ void tell_nobody(Parts& p, Seat& seat, bool news) {
   // What a device of its own address may lack, no search can find.
   if (why.empty())
     why = "no device of its type was found; one that answers no search needs its slot's `spares` and `revision`";
-  if (why.empty()) why = "no device of its type was found";
   if (p.bus.only_observes()) why = "an observer asks nobody, and its slot table knows no device of this slot";
   if (p.agenda.alone) why = can::no_acknowledge;
   p.slots.happened(seat, SlotEvent::nobody, why);

@@ -24,6 +24,21 @@ manager::BootStatus letter_of(const Identity& is, const Identity& expected) noex
   return manager::BootStatus::o;
 }
 
+// `who` answered under its node-ID, twice or not: do two devices? CAN repeats a frame now and then, and two that
+// answered just now do not always answer at two instants. When Berth begins, two with one node-ID on their switches may
+// both be silent, and one lose a question.
+rt::Task<bool> is_shared(co::SdoClient& sdo, const Seat& seat, Identity who, bool by_two) {
+  const bool news = by_two != (seat.life == Life::doubled);
+  const bool begins = seat.life == Life::unknown && seat.slot.spec.assign == places::Assign::fixed;
+  if (by_two && !news) co_return true;
+  const int looks = news ? 3 : begins ? 1 : 0;
+  for (int look = 0; look < looks; ++look) {
+    const auto again = co_await places::identify(sdo, seat.id(), places::second_answer);
+    if (again.by_two || (again.who && seat.sits(*again.who) != seat.sits(who))) co_return true;
+  }
+  co_return false;
+}
+
 }  // namespace
 
 rt::Task<void> Presence::prepare() {
@@ -131,17 +146,7 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
     take_stopped(seat);
     co_return false;
   }
-  bool doubled = answer.by_two;
-  // CAN repeats a frame now and then, and two that answered just now do not always answer at two instants.
-  // When Berth begins, two with one node-ID on their switches may both be silent, and one lose a question.
-  const bool news = doubled != (seat.life == Life::doubled);
-  const bool begins = seat.life == Life::unknown && seat.slot.spec.assign == places::Assign::fixed;
-  const int looks = news ? 3 : begins ? 1 : 0;
-  doubled = doubled && !news;
-  for (int look = 0; look < looks && !doubled; ++look) {
-    const auto again = co_await places::identify(s_.sdo, id, places::second_answer);
-    doubled = again.by_two || (again.who && seat.sits(*again.who) != seat.sits(*who));
-  }
+  const bool doubled = co_await is_shared(s_.sdo, seat, *who, answer.by_two);
   if (!doubled && seat.sits(*who)) co_return true;
   const bool replaces =
       !doubled && seat.slot.spec.assign == places::Assign::fixed && places::fits(seat.slot.spec, *who);

@@ -356,8 +356,10 @@ rt::Task<void> Starter::await_operational() {
     seat->set_letter(manager::BootStatus::k);
     slots_.happened(*seat, SlotEvent::boot_failed, why);
     // Nothing changes before it boots, or a person says so.
-    if (unsaved) seat->configuration.stuck = true;
-    if (unsaved) offer_first_save(s_, slots_, *seat);
+    if (unsaved) {
+      seat->configuration.stuck = true;
+      offer_first_save(s_, slots_, *seat);
+    }
   }
 }
 

@@ -135,9 +135,7 @@ void Supervision::check_rates() {
     seat->rate.beats = beats;
     seat->rate.at = s_.executor.now();
     if (seat->rate.fast >= 2) {
-      seat->doubt.suspect = true;
-      seat->doubt.shared = Duplicates::most_tries;
-      agenda_.look_anew = true;
+      doubt_alone(*seat, agenda_);
       slots_.happened(
           *seat, SlotEvent::doubted,
           "its heartbeat comes too often: a second device holds this node-ID; take one of them off the bus");
@@ -271,9 +269,7 @@ void Supervision::doubt_who_leaves(Seat& seat) {
   seat.last.leaves = soon ? seat.last.leaves + 1 : 1;
   if (seat.last.leaves < often) return;
   seat.last.leaves = 0;
-  seat.doubt.suspect = true;
-  seat.doubt.shared = Duplicates::most_tries;
-  agenda_.look_anew = true;
+  doubt_alone(seat, agenda_);
 }
 
 rt::Task<void> Supervision::told_state(Seat& seat) {

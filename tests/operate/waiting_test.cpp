@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "berth/operate/fading.hpp"
+#include "tests/harness/plant_events.hpp"
 #include "tests/harness/rig.hpp"
 
 using namespace berth;
@@ -16,22 +17,6 @@ using places::SlotState;
 using plant::Speaks;
 
 namespace {
-
-plant::PlantEvent event(plant::Action action, rt::Duration at, const std::string& device = {}) {
-  plant::PlantEvent e;
-  e.action = action;
-  e.delay = at;
-  e.device = device;
-  e.bus = "backbone";
-  return e;
-}
-
-void cut(plant::PlantFile& p, const std::string& device, rt::Duration at, rt::Duration time) {
-  auto cable = event(plant::Action::cut_cable, at);
-  cable.nodes = {device};
-  p.events.push_back(cable);
-  p.events.push_back(event(plant::Action::join, at + time));
-}
 
 std::string waits_for(Rig& rig, unsigned id) {
   for (const auto& slot : rig.network().report()) {

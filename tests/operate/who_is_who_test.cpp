@@ -5,6 +5,7 @@
 #include <string>
 
 #include "tests/harness/as_sold.hpp"
+#include "tests/harness/plant_events.hpp"
 #include "tests/harness/rig.hpp"
 
 using namespace berth;
@@ -334,15 +335,7 @@ TEST(WhoIsWho, OneWithoutLssThatIsHeardAgainBesideTheSlotsIsToldOfTheSlot) {
   auto p = one_bus_plant(1);
   add_device(p, "own", type_b, 7);
   auto& other = add_switched(p, 5, 0);
-  plant::PlantEvent cut;
-  cut.action = plant::Action::cut_cable;
-  cut.bus = "backbone";
-  cut.nodes = {other.name};
-  plant::PlantEvent join;
-  join.action = plant::Action::join;
-  join.delay = 20s;
-  join.bus = "backbone";
-  p.events = {cut, join};
+  cut(p, other.name, 0s, 20s);
   auto m = fixed_slots(5, places::Assign::lss);
   m.slots.back().spec.watch.by = places::SlotWatch::By::none;
   Rig rig(m, p);
@@ -360,16 +353,7 @@ TEST(WhoIsWho, TwoVoicesAreNotOneThatLeavesOperationalForEver) {
   add_device(p, "own", type_b, 7);
   auto& other = add_switched(p, 5, 0);
   other.heartbeat = 200ms;
-  plant::PlantEvent cut;
-  cut.action = plant::Action::cut_cable;
-  cut.delay = 900ms;
-  cut.bus = "backbone";
-  cut.nodes = {other.name};
-  plant::PlantEvent join;
-  join.action = plant::Action::join;
-  join.delay = 20s;
-  join.bus = "backbone";
-  p.events = {cut, join};
+  cut(p, other.name, 900ms, 19100ms);
   Rig rig(fixed_slots(5, places::Assign::lss), p);
   rig.run_for(1s);
   rig.begin();
