@@ -109,6 +109,29 @@ TEST(Duplicates, AStrangerUnderARunningDevicesNodeIdIsTakenOff) {
   EXPECT_EQ(rig.seats(), (Seats{{5, 1}}));
 }
 
+// The slot's device answers at once. The stranger is still busy with that answer, or with a heartbeat under its own
+// node-ID, when the next question comes, and its receive buffer holds one frame.
+TEST(Duplicates, AStrangerThatLosesWhatComesBehindAnswersIsHeardWhenBerthBegins) {
+  for (int phase = 0; phase < 120; ++phase) {
+    auto p = its_own_device();
+    p.devices.back().response = {50us, 100us, 0, 0ms};
+    auto& stranger = stored(p, "stranger", type_c, 9, 5);
+    stranger.plugged = false;
+    stranger.speaks = {};
+    stranger.controller.rx_depth = 1;
+    stranger.response = {3ms, 3500us, 0, 0ms};
+    Rig rig(slot_five(), p);
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+    rig.kill();
+    rig.device("stranger").plug();
+    rig.run_for(2s + phase * 700us);
+    rig.begin();
+    rig.run_for(4s);
+    EXPECT_EQ(rig.state(5), SlotState::duplicate) << phase << "\n" << rig.log();
+  }
+}
+
 // It leaves between its last heartbeat and the first that the new run waits for.
 TEST(Duplicates, ADeviceThatLeavesAsItIsIdentifiedIsMissed) {
   Rig rig(slot_five(), its_own_device());
