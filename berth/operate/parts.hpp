@@ -29,6 +29,7 @@ struct Parts {
   Loans loans;
   FoundDevices found;
   Fading fading;
+  OutOfLss out_of_lss;
   Asking asking;
   Lending lending;
   Duplicates duplicates;

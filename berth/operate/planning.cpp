@@ -225,7 +225,9 @@ Result<Identity> Planning::used_for(const Seat& seat) const {
 }
 
 bool Planning::never_by_lss(const Identity& device) const {
-  if (slots_.is_marked(Mark::fixed, device) || has_no_address(slots_, found_, device)) return true;
+  const bool unreached =
+      has_no_address(slots_, found_, device) || out_of_lss_.contains(device, found_.active_of(device));
+  if (unreached || slots_.is_marked(Mark::fixed, device)) return true;
   bool any = false;
   for (const auto& seat : slots_.seats()) {
     if (!places::fits(seat->slot.spec, device)) continue;

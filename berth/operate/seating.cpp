@@ -393,7 +393,9 @@ rt::Task<bool> Seating::blank(Identity device, std::string reason) {
     const auto it = found_.of(device);
     if (it != nullptr && device.has_serial()) it->active = NodeId();
     if (it != nullptr && !device.has_serial()) found_.note({device, NodeId()});
-  } else if (binding.why() != places::Why::not_there) {
+  } else if (binding.why() == places::Why::not_there) {
+    out_of_lss_.in_vain(device);
+  } else {
     learn_fixed(binding);
     if (binding.why() == places::Why::clone) found_.note({device, binding.old_id(), true});
     slots_.events().tell(EventKind::error, "",
@@ -401,7 +403,9 @@ rt::Task<bool> Seating::blank(Identity device, std::string reason) {
                                      places::words_of(binding.why(), binder.store_said())));
   }
   // It was never told anything, or takes no node-ID: there is nothing to finish.
-  const bool ends = binding.untouched() || binding.why() == places::Why::refused;
+  const bool unreached =
+      binding.why() == places::Why::not_there && out_of_lss_.contains(device, found_.active_of(device));
+  const bool ends = binding.untouched() || binding.why() == places::Why::refused || unreached;
   if (!good && ends) {
     const auto dropped = slots_.store().drop_blank(slots_.known(device), places::name(binding.why()));
     if (!dropped && dropped.error().code != Errc::not_found)

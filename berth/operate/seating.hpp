@@ -25,7 +25,8 @@ class EarlyStarter {
 class Seating {
  public:
   Seating(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Loans& loans, Asking& asking,
-          Lending& lending, PlaceProbes& places, Presence& presence, Planning& planning, Fading& fading) noexcept
+          Lending& lending, PlaceProbes& places, Presence& presence, Planning& planning, Fading& fading,
+          OutOfLss& out_of_lss) noexcept
       : s_(services),
         slots_(slots),
         agenda_(agenda),
@@ -37,6 +38,7 @@ class Seating {
         presence_(presence),
         planning_(planning),
         fading_(fading),
+        out_of_lss_(out_of_lss),
         equals_(services, slots, found, planning) {}
 
   /// Before the first `carry_out`; must stay.
@@ -88,6 +90,7 @@ class Seating {
   Presence& presence_;
   Planning& planning_;
   Fading& fading_;
+  OutOfLss& out_of_lss_;
   Equals equals_;
   EarlyStarter* starter_ = nullptr;
   std::vector<Identity> avoid_;  // devices whose action failed in this round

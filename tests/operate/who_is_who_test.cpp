@@ -392,4 +392,33 @@ TEST(WhoIsWho, ATwinWithLssIsNotGivenTheNodeIdOfTheOneThatRuns) {
   }
 }
 
+// It sits on the node-ID of a slot that waits for its own device, and LSS does not reach it: tried twice, then told.
+TEST(WhoIsWho, OneWithoutLssOnAnothersNodeIdIsNotToldToGiveItUpForEver) {
+  auto p = one_bus_plant(1);
+  add_device(p, "own", type_b, 7);
+  add_device(p, "second", type_b, 8);
+  add_switched(p, 5, 9).plugged = false;
+  Rig rig(fixed_slots(6, places::Assign::lss), p);
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return rig.operational(); }, 60s) || slot(rig, 5).state == SlotState::question);
+  const auto at_five = rig.device("own").truth().active == id_of(5) ? "own" : "second";
+  rig.device(at_five).unplug();
+  rig.run_for(5s);
+  rig.device("v5-9").plug();
+  rig.run_for(120s);
+  EXPECT_EQ(slot(rig, 5).state, SlotState::absent) << rig.log();
+  EXPECT_EQ(slot(rig, 6).state, SlotState::operational) << rig.log();
+  std::size_t tries = 0;
+  const std::string log = rig.log();
+  for (auto at = log.find("taking the node-ID"); at != std::string::npos; at = log.find("taking the node-ID", at + 1)) {
+    ++tries;
+  }
+  EXPECT_EQ(tries, 2U) << log;
+  EXPECT_NE(log.find("has node-ID 5, by its switches, plug or firmware, which belongs to slot s5"), std::string::npos)
+      << log;
+  rig.device("v5-9").unplug();
+  rig.device(at_five).plug();
+  EXPECT_TRUE(rig.until_operational(60s)) << rig.log();
+}
+
 }  // namespace who_is_who_tests
