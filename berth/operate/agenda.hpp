@@ -6,6 +6,7 @@
 #include <string>
 
 #include "berth/base/ids.hpp"
+#include "berth/operate/out_of_lss.hpp"
 #include "berth/rt/mailbox.hpp"
 
 namespace berth::operate {
@@ -49,6 +50,7 @@ struct Agenda {
   bool speaks = false;       ///< the master's own device is on
   bool alone = false;        ///< no node acknowledged the opening: no node-ID is asked before a search got through
   ExtendedFrames extended;
+  OutOfLss out_of_lss;
   bool once = false;  ///< a single round (`berth bind`): there is no later look
 };
 

@@ -2,17 +2,16 @@
 
 namespace berth::operate {
 
-void OutOfLss::in_vain(const Identity& device) {
+void OutOfLss::in_vain(const Identity& device, rt::Time now) {
   InVain& each = devices_[device];
-  each = {each.times + 1, s_.executor.now()};
+  each = {each.times + 1, now};
 }
 
-bool OutOfLss::contains(const Identity& device, NodeId uses) const {
+bool OutOfLss::contains(const Identity& device, std::optional<rt::Time> booted, rt::Time now) const {
   const auto it = devices_.find(device);
   if (it == devices_.end() || it->second.times < tries) return false;
-  const auto booted = s_.boots.boot_up(uses);
   const bool anew = booted && *booted > it->second.last;
-  return !anew && s_.executor.now() - it->second.last < asked_anew;
+  return !anew && now - it->second.last < asked_anew;
 }
 
 }  // namespace berth::operate

@@ -3,8 +3,10 @@
 
 #include <chrono>
 #include <map>
+#include <optional>
 
-#include "berth/operate/bus_services.hpp"
+#include "berth/base/ids.hpp"
+#include "berth/rt/executor.hpp"
 
 namespace berth::operate {
 
@@ -13,21 +15,18 @@ class OutOfLss {
   static constexpr unsigned tries = 2;
   static constexpr rt::Duration asked_anew = std::chrono::minutes(10);
 
-  explicit OutOfLss(const BusServices& services) noexcept : s_(services) {}
-
   /// LSS was to change its node-ID, and it did not answer.
-  void in_vain(const Identity& device);
+  void in_vain(const Identity& device, rt::Time now);
   /// A search by LSS found it.
   void found(const Identity& device) { devices_.erase(device); }
-  /// `tries` times in vain. Until it boots under the node-ID that it `uses`, is `found`, or `asked_anew` is over.
-  [[nodiscard]] bool contains(const Identity& device, NodeId uses) const;
+  /// `tries` times in vain. Until it boots, is `found`, or `asked_anew` is over. `booted`: under its node-ID, last.
+  [[nodiscard]] bool contains(const Identity& device, std::optional<rt::Time> booted, rt::Time now) const;
 
  private:
   struct InVain {
     unsigned times = 0;
     rt::Time last{};
   };
-  const BusServices& s_;
   std::map<Identity, InVain> devices_;
 };
 

@@ -29,7 +29,6 @@ struct Parts {
   Loans loans;
   FoundDevices found;
   Fading fading;
-  OutOfLss out_of_lss;
   Asking asking;
   Lending lending;
   Duplicates duplicates;

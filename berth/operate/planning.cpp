@@ -225,9 +225,9 @@ Result<Identity> Planning::used_for(const Seat& seat) const {
 }
 
 bool Planning::never_by_lss(const Identity& device) const {
-  const bool unreached =
-      has_no_address(slots_, found_, device) || out_of_lss_.contains(device, found_.active_of(device));
-  if (unreached || slots_.is_marked(Mark::fixed, device)) return true;
+  const auto booted = s_.boots.boot_up(found_.active_of(device));
+  if (agenda_.out_of_lss.contains(device, booted, s_.executor.now())) return true;
+  if (slots_.is_marked(Mark::fixed, device) || has_no_address(slots_, found_, device)) return true;
   bool any = false;
   for (const auto& seat : slots_.seats()) {
     if (!places::fits(seat->slot.spec, device)) continue;

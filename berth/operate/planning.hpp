@@ -6,16 +6,14 @@
 
 #include "berth/operate/agenda.hpp"
 #include "berth/operate/found_devices.hpp"
-#include "berth/operate/out_of_lss.hpp"
 #include "berth/operate/slot_table.hpp"
 
 namespace berth::operate {
 
 class Planning {
  public:
-  Planning(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Loans& loans,
-           const OutOfLss& out_of_lss) noexcept
-      : s_(services), slots_(slots), agenda_(agenda), found_(found), loans_(loans), out_of_lss_(out_of_lss) {}
+  Planning(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Loans& loans) noexcept
+      : s_(services), slots_(slots), agenda_(agenda), found_(found), loans_(loans) {}
 
   /// Plans anew, with what was read from the devices (`places::SlotSpec::probe`).
   void make(const std::vector<places::Reading>& readings);
@@ -66,7 +64,6 @@ class Planning {
   Agenda& agenda_;
   FoundDevices& found_;
   Loans& loans_;
-  const OutOfLss& out_of_lss_;
   places::Plan plan_;
   std::vector<Used> used_;                // found, and sat somewhere before
   std::vector<places::Oddity> returned_;  // sat in a slot, came back, and gave its node-ID up

@@ -18,14 +18,12 @@ void take_into(NewDevices& all, const discovery::Report& report) {
 
 }  // namespace
 
-Search::Search(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Lending& lending,
-               OutOfLss& out_of_lss)
+Search::Search(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Lending& lending)
     : s_(services),
       slots_(slots),
       agenda_(agenda),
       found_(found),
       lending_(lending),
-      out_of_lss_(out_of_lss),
       methods_(services, slots, agenda, found, lending) {}
 
 void Search::begin() {
@@ -118,7 +116,7 @@ void Search::take(const discovery::Report& report) {
   for (const auto& d : report.found) {
     if (d.possible_clone && has_equals(slots_, found_, d.address)) continue;
     found_.note_without_rand(d.address);
-    out_of_lss_.found(d.address);
+    agenda_.out_of_lss.found(d.address);
     tell_found(d.address, d.possible_clone);
     found_.note({d.address, d.assigned.configured() ? d.assigned : d.active, d.possible_clone});
   }

@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "berth/operate/out_of_lss.hpp"
 #include "berth/operate/search_methods.hpp"
 
 namespace berth::operate {
@@ -19,8 +18,7 @@ struct NewDevices {
 
 class Search final : private nodeid::DiscoveryObserver, private discovery::Observer {
  public:
-  Search(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Lending& lending,
-         OutOfLss& out_of_lss);
+  Search(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Lending& lending);
 
   /// What is found from now on is news, unless the search before found it too.
   void begin();
@@ -72,7 +70,6 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
   Agenda& agenda_;
   FoundDevices& found_;
   Lending& lending_;
-  OutOfLss& out_of_lss_;
   SearchMethods methods_;
   std::vector<Identity> heard_of_;      // found by this search
   std::vector<Identity> known_before_;  // by the one before

@@ -20,6 +20,9 @@ struct Doubt {
   bool suspect = false;    ///< traffic says that it may be so
   unsigned suspected = 0;  ///< rounds in a row in which devices that sat here before were asked for in vain
   unsigned shared = 0;     ///< tries left to tell the two apart
+  /// One that sat here and fell silent may come back without a word, as when its cable was cut: asked for then.
+  std::optional<rt::Time> former_at{};
+  rt::Duration former_pause{};  ///< until it is asked for the next time
 };
 
 /// What became of the upload of its device's configuration, as 5F0Ah tells it.

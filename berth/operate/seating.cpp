@@ -394,7 +394,10 @@ rt::Task<bool> Seating::blank(Identity device, std::string reason) {
     if (it != nullptr && device.has_serial()) it->active = NodeId();
     if (it != nullptr && !device.has_serial()) found_.note({device, NodeId()});
   } else if (binding.why() == places::Why::not_there) {
-    out_of_lss_.in_vain(device);
+    const NodeId uses = found_.active_of(device);
+    bool answers = false;
+    if (uses.configured()) answers = co_await asking_.answers_at(uses);
+    if (answers) agenda_.out_of_lss.in_vain(device, s_.executor.now());
   } else {
     learn_fixed(binding);
     if (binding.why() == places::Why::clone) found_.note({device, binding.old_id(), true});
@@ -403,8 +406,7 @@ rt::Task<bool> Seating::blank(Identity device, std::string reason) {
                                      places::words_of(binding.why(), binder.store_said())));
   }
   // It was never told anything, or takes no node-ID: there is nothing to finish.
-  const bool unreached =
-      binding.why() == places::Why::not_there && out_of_lss_.contains(device, found_.active_of(device));
+  const bool unreached = binding.why() == places::Why::not_there && planning_.never_by_lss(device);
   const bool ends = binding.untouched() || binding.why() == places::Why::refused || unreached;
   if (!good && ends) {
     const auto dropped = slots_.store().drop_blank(slots_.known(device), places::name(binding.why()));

@@ -25,8 +25,7 @@ class EarlyStarter {
 class Seating {
  public:
   Seating(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Loans& loans, Asking& asking,
-          Lending& lending, PlaceProbes& places, Presence& presence, Planning& planning, Fading& fading,
-          OutOfLss& out_of_lss) noexcept
+          Lending& lending, PlaceProbes& places, Presence& presence, Planning& planning, Fading& fading) noexcept
       : s_(services),
         slots_(slots),
         agenda_(agenda),
@@ -38,7 +37,6 @@ class Seating {
         presence_(presence),
         planning_(planning),
         fading_(fading),
-        out_of_lss_(out_of_lss),
         equals_(services, slots, found, planning) {}
 
   /// Before the first `carry_out`; must stay.
@@ -90,7 +88,6 @@ class Seating {
   Presence& presence_;
   Planning& planning_;
   Fading& fading_;
-  OutOfLss& out_of_lss_;
   Equals equals_;
   EarlyStarter* starter_ = nullptr;
   std::vector<Identity> avoid_;  // devices whose action failed in this round

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <utility>
 
 namespace berth::operate {
@@ -10,6 +11,12 @@ namespace berth::operate {
 using places::Mark;
 using places::SlotState;
 using places::UnfinishedBlank;
+
+namespace {
+
+constexpr rt::Duration former_pause = std::chrono::seconds(10);  // until who sat in a slot is asked for again
+
+}  // namespace
 
 SlotTable::SlotTable(BusServices& services, std::string machine, std::vector<places::SlotSpec> specs,
                      places::SlotStore& store, NetworkObserver observer)
@@ -130,6 +137,10 @@ Result<void> SlotTable::clear(Seat& seat, const std::string& reason) {
   const auto cleared = store_->clear(seat.slot.record.slot, reason);
   if (!cleared) return cleared;
   s_.unwatch(seat.id());
+  if (seat.slot.record.confirmed) {
+    seat.doubt.former_pause = former_pause;
+    seat.doubt.former_at = s_.executor.now() + former_pause;
+  }
   seat.slot.record.intended.reset();
   seat.slot.record.confirmed.reset();
   seat.slot.record.configured.reset();

@@ -35,15 +35,35 @@ std::vector<Identity> Spares::formers_of(const Seat& seat) const {
 
 rt::Task<bool> Spares::isolate_former(Seat& seat) {
   if (s_.only_observes() || !seat.slot.record.confirmed) co_return false;
-  const std::vector<Identity> formers = formers_of(seat);
-  bool any = false;
-  bool silent = false;
+  const Formers formers = co_await isolate(seat, formers_of(seat));
+  // What spoke here may have been one that did not hear the question: it is asked for twice more.
+  seat.doubt.suspect = formers.silent && !formers.isolated && ++seat.doubt.suspected < 3;
+  if (!seat.doubt.suspect) seat.doubt.suspected = 0;
+  if (seat.doubt.suspect) agenda_.look_anew = true;
+  co_return formers.isolated;
+}
+
+rt::Task<void> Spares::look_for_formers() {
+  for (const auto& seat : slots_.seats()) {
+    Doubt& doubt = seat->doubt;
+    const bool due = doubt.former_at && s_.executor.now() >= *doubt.former_at && seat->there();
+    if (!due || s_.only_observes() || !seat->slot.record.confirmed) continue;
+    const std::vector<Identity> formers = formers_of(*seat);
+    co_await isolate(*seat, formers);
+    doubt.former_pause = std::min(2 * doubt.former_pause, longest_pause);
+    doubt.former_at = s_.executor.now() + doubt.former_pause;
+    if (formers.empty()) doubt.former_at.reset();
+  }
+}
+
+rt::Task<Spares::Formers> Spares::isolate(Seat& seat, std::vector<Identity> formers) {
+  Formers result;
   for (const auto& device : formers) {
     if (fading_.uses(device, seat.id())) continue;  // it has given it up already
     Result<NodeId> id = co_await asking_.active_id_once(device);
     const bool slowly = !id && seat.doubt.suspected > 0;
     if (slowly) id = co_await asking_.active_id(device);
-    silent = silent || !id;
+    result.silent = result.silent || !id;
     if (!id || *id != seat.id()) continue;
     const auto sat = slots_.former_seat_of(device);
     const std::string text =
@@ -55,13 +75,10 @@ rt::Task<bool> Spares::isolate_former(Seat& seat) {
     if (seat.is_booted()) seat.slave.status.phase = network::SlavePhase::awaited;
     const bool gone = co_await seating_.blank(device, reason);
     planning_.returned(device, gone ? NodeId() : *id, text);
-    any = true;
+    result.isolated = true;
+    agenda_.look_anew = true;  // the plan knows of it, too, then
   }
-  // What spoke here may have been one that did not hear the question: it is asked for twice more.
-  seat.doubt.suspect = silent && !any && ++seat.doubt.suspected < 3;
-  if (!seat.doubt.suspect) seat.doubt.suspected = 0;
-  if (seat.doubt.suspect || any) agenda_.look_anew = true;  // the plan knows of it, too, then
-  co_return any;
+  co_return result;
 }
 
 rt::Task<bool> Spares::clear_past(Seat& seat) {

@@ -26,6 +26,9 @@ class Spares {
   /// for by its address, and gives the node-ID up. That takes an NMT reset, which the slot's own device does too: it is
   /// checked and started again at its boot-up. True: there was one. The turn must be held.
   rt::Task<bool> isolate_former(Seat& seat);
+  /// The same for slots that were given away a while ago (`Doubt::former_at`), and less often the longer that is ago.
+  rt::Task<void> look_for_formers();
+  static constexpr rt::Duration longest_pause = std::chrono::minutes(10);
   /// Before a device is configured for the first time in a slot that another had: a configuration that is not of this
   /// slot says that it comes from somewhere. False: it waits for a person, or it is gone.
   rt::Task<bool> clear_past(Seat& seat);
@@ -36,6 +39,11 @@ class Spares {
 
  private:
   [[nodiscard]] std::vector<Identity> formers_of(const Seat& seat) const;
+  struct Formers {
+    bool isolated = false;  ///< there was one
+    bool silent = false;    ///< one did not answer
+  };
+  rt::Task<Formers> isolate(Seat& seat, std::vector<Identity> formers);
   [[nodiscard]] bool had_another(const Seat& seat, const Identity& device) const;
   rt::Task<Result<bool>> foreign_date(Seat& seat);
   rt::Task<bool> restore_seat(Seat& seat);
