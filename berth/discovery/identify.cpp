@@ -101,9 +101,13 @@ rt::Task<Result<Identify::Sweep>> Identify::proven(Run& run, Cursor& cursor, Lss
 
 // It tells its node-ID, gets one when it has none, and goes back to waiting.
 rt::Task<Result<void>> Identify::settle(Run& run, Found& found, const lss::AloneOptions& how) {
-  const lss::ServiceOptions service{.timeout = run.longest(), .retries = 1, .full_window = false};
+  const lss::ServiceOptions service{
+      .timeout = run.longest(), .retries = 1, .full_window = false, .listen = lss::window_of(services_.lss, how)};
   const auto told = co_await lss::ask_node_id(services_.lss, found.address, service);
-  const bool tells = told && told->has_value();
+  // A device in configuration that heard none of the proof may have heard this, and would hear the 11h.
+  const bool others = told && told->has_value() && lss::suspicious(**told);
+  if (others) services_.lss.suspect_strangers();
+  const bool tells = told && told->has_value() && !others;
   if (tells) found.active = NodeId::make((*told)->byte()).value_or(NodeId());
   NodeId id;
   const bool blank = tells && !found.active.configured();

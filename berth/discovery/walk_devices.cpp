@@ -57,6 +57,8 @@ rt::Task<Outcome> Devices::selected(LssAddress device) {
   lss::AloneOptions how = alone_options();
   // By 40h to 43h its equals would be selected with it. They have their node-IDs, and this one answers Fastscan.
   how.without_node_id = std::ranges::find(known_.equals, device) != known_.equals.end();
+  how.followed = !services_.lss.lacks().has(device, lss::Lackable::inquire_node_id);
+  const rt::Duration window = lss::window_of(services_.lss, how);
   const auto proof = co_await lss::prove_alone(services_.lss, device, how);
   const auto now = executor.now();
   q_.asker().sent_elsewhere(now);
@@ -75,9 +77,14 @@ rt::Task<Outcome> Devices::selected(LssAddress device) {
   found.possible_clone = clones;
   bool says_none = false;
   if (alone) {
-    const auto has = co_await active_id(device);
-    found.active = has.value_or(NodeId());
-    says_none = has && !has->configured();
+    const auto told = co_await active_id(device, window);
+    if (told.by_others) {
+      ++report_.unproven;
+      co_await release();
+      co_return Outcome::nobody;
+    }
+    found.active = told.id.value_or(NodeId());
+    says_none = told.id && !told.id->configured();
   }
   const bool told = is_found(device);
   if (alone && (told || found.active.configured())) {
@@ -96,17 +103,21 @@ rt::Task<Outcome> Devices::selected(LssAddress device) {
   co_return Outcome::found;
 }
 
-// Lely core's slaves answer Fastscan whatever node-ID they have; who does not tell one (5Eh) has none.
-rt::Task<std::optional<NodeId>> Devices::active_id(LssAddress device) {
-  const lss::ServiceOptions service{.timeout = q_.asker().longest(), .retries = 0, .full_window = false};
+// Lely core's slaves answer Fastscan whatever node-ID they have; who does not tell one (5Eh) has none. It is the last
+// question before the 11h: a device in configuration that heard none of the proof may hear this one.
+rt::Task<Devices::Told> Devices::active_id(LssAddress device, rt::Duration window) {
+  const lss::ServiceOptions service{
+      .timeout = q_.asker().longest(), .retries = 0, .full_window = false, .listen = window};
   const auto told = co_await lss::ask_node_id(services_.lss, device, service);
   const auto now = services_.dispatcher.executor().now();
   q_.asker().sent_elsewhere(now);
-  if (told && !*told) co_return std::nullopt;
-  if (told) co_return NodeId::make((*told)->byte()).value_or(NodeId());
+  if (told && !*told) co_return Told{};
+  const bool others = told && lss::suspicious(**told);
+  if (others) services_.lss.suspect_strangers();
+  if (told) co_return Told{NodeId::make((*told)->byte()).value_or(NodeId()), others};
   if (told.error().code == Errc::bus || told.error().code == Errc::cancelled) q_.broken(told.error());
   services_.lss.suspect_strangers();  // its answer may come to the next question
-  co_return std::nullopt;
+  co_return Told{};
 }
 
 // It was proven alone, and no node-ID of ours takes it out of the search. That it is met again makes it no clone.

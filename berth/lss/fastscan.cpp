@@ -74,13 +74,21 @@ rt::Task<Result<FastscanReport::End>> Fastscan::leave(FastscanReport& report) {
   co_return FastscanReport::End::stuck;
 }
 
-rt::Task<Result<NodeId>> Fastscan::active_id() {
-  const ServiceOptions service{.timeout = options_.window, .retries = 0, .full_window = false};
+// Empty: a device in configuration that heard none of the proof answered, too, and would hear the 11h.
+rt::Task<Result<std::optional<NodeId>>> Fastscan::active_id() {
+  const ServiceOptions service{
+      .timeout = options_.window, .retries = 0, .full_window = false, .listen = window_of(*master_)};
   const auto told = co_await master_->inquire_node_id(service);
-  if (told) co_return NodeId::make(told->byte()).value_or(NodeId());
+  std::optional<NodeId> id;
+  const bool others = told && suspicious(*told);
+  if (others) master_->suspect_strangers();
+  if (others) co_return id;
+  if (told) id = NodeId::make(told->byte()).value_or(NodeId());
+  if (told) co_return id;
   if (told.error().code != Errc::timeout) co_return fail(told.error());
   master_->suspect_strangers();  // its answer may come to the next question
-  co_return NodeId();
+  id = NodeId();
+  co_return id;
 }
 
 // The one in configuration gets a node-ID and goes back to waiting, where it takes it and boots (S4.18).
@@ -91,7 +99,8 @@ rt::Task<Result<FastscanReport::End>> Fastscan::give(FastscanReport& report, Fas
   if (options_.confirm && !clones) {
     const auto active = co_await active_id();
     if (!active) co_return fail(active.error());
-    device_.active = *active;
+    if (!*active) co_return co_await give_up();
+    device_.active = **active;
   }
   const bool seated = device_.active.configured();
   const NodeId id = clones || seated ? NodeId() : owner.assign(device_);
@@ -126,6 +135,13 @@ rt::Task<Result<FastscanReport::End>> Fastscan::give(FastscanReport& report, Fas
   report.found.push_back(device_);
   if (end == End::complete || seated) owner.assigned(device_);
   co_return end;
+}
+
+rt::Task<Result<FastscanReport::End>> Fastscan::give_up() {
+  const auto waiting = co_await master_->switch_global(State::waiting);
+  if (!waiting) co_return fail(waiting.error());
+  ++restarts_;
+  co_return FastscanReport::End::gave_up;
 }
 
 rt::Task<Result<std::optional<FastscanDevice>>> Fastscan::scan() {
@@ -238,7 +254,8 @@ rt::Task<Result<bool>> Fastscan::ask(FastscanRequest request) {
 // The match has brought it into configuration, where it says its address itself, and 40h to 43h are not served. One
 // that has lost a `04 00` is there too and would take the same node-ID.
 rt::Task<Result<bool>> Fastscan::confirmed() {
-  const auto selection = co_await prove_alone(*master_, device_.address);
+  const AloneOptions followed{.followed = true};
+  const auto selection = co_await prove_alone(*master_, device_.address, followed);
   if (!selection) co_return fail(selection.error());
   device_.possible_clone = *selection == Selection::clones;
   co_return *selection == Selection::alone || *selection == Selection::clones;

@@ -132,7 +132,8 @@ class Fastscan {
   [[nodiscard]] rt::Task<Result<bool>> confirmed();
   [[nodiscard]] rt::Task<Result<FastscanReport::End>> give(FastscanReport& report, FastscanOwner& owner);
   [[nodiscard]] rt::Task<Result<FastscanReport::End>> leave(FastscanReport& report);
-  [[nodiscard]] rt::Task<Result<NodeId>> active_id();
+  [[nodiscard]] rt::Task<Result<FastscanReport::End>> give_up();
+  [[nodiscard]] rt::Task<Result<std::optional<NodeId>>> active_id();
   [[nodiscard]] std::uint8_t after(std::uint8_t sub) const noexcept;
   void keep(const Reply& reply, bool lower) noexcept;
 
