@@ -82,5 +82,32 @@ TEST_P(Replacement, TheOneThatComesBeforeTheOldOneIsMissedIsSeatedWithTheSilence
   EXPECT_EQ(rig->seats(), (Seats{{1, 1}, {5, 2}}));
 }
 
+// Its cable was cut behind its boot-up, before its heartbeat was set: it is back with no word, and its slot is
+// another's.
+TEST_P(Replacement, WhoComesBackWithoutAWordIsTakenOff) {
+  begin();
+  rig->device("old").unplug();
+  ASSERT_TRUE(until(SlotState::empty, 10s)) << rig->log();
+  rig->device("old").plug();
+  ASSERT_TRUE(until(SlotState::present, 5s)) << rig->log();
+  const auto cable = [&](plant::Action action) {
+    plant::PlantEvent e;
+    e.action = action;
+    e.bus = "backbone";
+    if (action == plant::Action::cut_cable) e.nodes = {"old"};
+    rig->world().perform(e);
+  };
+  cable(plant::Action::cut_cable);
+  rig->device("new").plug();
+  ASSERT_TRUE(rig->run_until([&] { return rig->seats() == Seats{{1, 1}, {5, 2}}; }, 60s)) << rig->log();
+  ASSERT_TRUE(rig->until_operational(30s)) << rig->log();
+  rig->run_for(20s);
+  cable(plant::Action::join);
+  rig->run_for(120s);
+  EXPECT_NE(rig->device("old").truth().active, NodeId(5)) << rig->log();
+  EXPECT_NE(rig->device("old").truth().persistent, NodeId(5)) << rig->log();
+  EXPECT_EQ(rig->state(5), SlotState::operational) << rig->log();
+}
+
 }  // namespace
 }  // namespace replacement_tests

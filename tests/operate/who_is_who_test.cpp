@@ -421,4 +421,30 @@ TEST(WhoIsWho, OneWithoutLssOnAnothersNodeIdIsNotToldToGiveItUpForEver) {
   EXPECT_TRUE(rig.until_operational(60s)) << rig.log();
 }
 
+// The Berth before ended behind the word that it would take the node-ID away, and before it asked the device.
+TEST(WhoIsWho, ANextBerthDoesNotTakeItUpForEver) {
+  auto p = one_bus_plant(1);
+  add_device(p, "own", type_b, 7);
+  add_switched(p, 5, 9).plugged = false;
+  Rig rig(fixed_slots(5, places::Assign::lss), p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  rig.device("own").unplug();
+  rig.run_for(5s);
+  rig.device("v5-9").plug();
+  ASSERT_TRUE(rig.run_until([&] { return !rig.store().unfinished_blanks()->empty(); }, 60s)) << rig.log();
+  rig.kill();
+  rig.begin();
+  rig.run_for(120s);
+  EXPECT_TRUE(rig.store().unfinished_blanks()->empty()) << rig.log();
+  const std::string log = rig.log();
+  std::size_t tries = 0;
+  for (auto at = log.find("finishing what an earlier run began"); at != std::string::npos;
+       at = log.find("finishing what an earlier run began", at + 1)) {
+    ++tries;
+  }
+  EXPECT_LE(tries, 3U) << log;
+  EXPECT_NE(log.find("has node-ID 5, by its switches, plug or firmware"), std::string::npos) << log;
+}
+
 }  // namespace who_is_who_tests
