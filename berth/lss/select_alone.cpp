@@ -192,9 +192,17 @@ rt::Task<Result<bool>> any_without_node_id(Master& master, LssAddress device) {
   const ServiceOptions service{.timeout = master.options().service.timeout, .retries = 1, .full_window = false};
   const auto matched = co_await match(master, device, service);
   if (!matched && of_the_bus(matched.error())) co_return fail(matched.error());
+  bool any = matched.has_value();
+  if (any) {
+    // Lely core's slaves answer Fastscan with a node-ID, too. Who does not tell it is believed.
+    const ServiceOptions whole{.timeout = service.timeout, .retries = 0, .full_window = true};
+    const auto told = co_await master.inquire_node_id(whole);
+    if (!told && of_the_bus(told.error())) co_return fail(told.error());
+    any = !told || told->differ || told->byte() == NodeId::unconfigured_value;
+  }
   const auto left = co_await master.switch_global(State::waiting);
   if (!left) co_return fail(left.error());
-  co_return matched.has_value();
+  co_return any;
 }
 
 rt::Task<Result<Selection>> still_alone(Master& master, LssAddress device, AloneOptions options) {

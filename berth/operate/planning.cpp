@@ -289,7 +289,10 @@ void Planning::tell_mismatch(const Identity& device, NodeId active) {
   if (at_home) return;  // it is taken as it is
   std::string text = fmt::format("device {} has {}, by its switches, plug or firmware", to_string(device),
                                  active.configured() ? fmt::format("node-ID {}", active.value()) : "a fixed node-ID");
-  if (owner != nullptr) text += fmt::format(", which belongs to slot {}", owner->name());
+  const auto* const found = found_.of(device);
+  const bool blank = found != nullptr && found->lent;
+  if (blank) text = fmt::format("device {} has no node-ID", to_string(device));
+  if (owner != nullptr && !blank) text += fmt::format(", which belongs to slot {}", owner->name());
   text += needed.empty() ? "; no slot waits for it: take it off the bus"
                          : fmt::format("; {}: set its switches to {}, or put it into the place that has this coding",
                                        needed, number);

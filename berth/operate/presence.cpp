@@ -282,6 +282,7 @@ rt::Task<bool> Presence::take_where_it_is(Seat& seat, Identity device) {
   slots_.events().tell(EventKind::bound, seat.name(),
                        fmt::format("{} sits there by its own node-ID {}", to_string(device), seat.id().value()));
   seat.fresh = true;
+  seat.power_cycle = {};
   co_await ask_seat(seat);
   co_return true;
 }

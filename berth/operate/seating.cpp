@@ -239,6 +239,12 @@ rt::Task<bool> Seating::bind_seat(Seat& seat, Identity device, std::string reaso
     const bool taken = co_await presence_.take_where_it_is(seat, device);
     if (taken) co_return true;
   }
+  // Without a serial number it is known by its node-ID: who says what it says, and has that, is it.
+  const bool untold = binding.why() == places::Why::occupied || binding.why() == places::Why::not_there;
+  if (untold && !seated.has_serial()) {
+    const bool taken = co_await presence_.take_where_it_is(seat, seated);
+    if (taken) co_return true;
+  }
   // What it was lent is another's by now: the next reset of all would bring it into use.
   if (binding.why() == places::Why::occupied && loans_.of(comes) != nullptr) {
     co_await s_.lss_turn.take();

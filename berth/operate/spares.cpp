@@ -69,6 +69,11 @@ rt::Task<Spares::Formers> Spares::isolate(Seat& seat, std::vector<Identity> form
     const std::string text =
         sat ? planning_.text_of_return(device, *sat)
             : fmt::format("a device that sat in slot {} is back: {}", seat.name(), to_string(device));
+    if (planning_.never_by_lss(device)) {  // it was told, and refused: nothing but a hand takes it off
+      slots_.events().tell_once(EventKind::returned, text);
+      planning_.returned(device, *id, text);
+      continue;
+    }
     slots_.events().tell(EventKind::returned, seat.name(), text);
     const std::string reason = "its slot was given to another device";
     // The reset reaches the slot's own device too: its boot-up is no error.

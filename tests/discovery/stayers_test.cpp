@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "berth/discovery/walk.hpp"
+#include "berth/lss/select_alone.hpp"
 
 #include "discovery_world.hpp"
 
@@ -52,6 +53,17 @@ TEST_P(Stayers, BlankOnesAreFoundOnceAndLentOneNodeId) {
       }
     }
   }
+}
+
+// Such a one has a node-ID, though it answers Fastscan; a blank one beside it is heard all the same.
+TEST(StayersAndBlank, WhoTellsANodeIdIsNotWithoutOne) {
+  World w;
+  w.add(lely(0, NodeId(3)));
+  const LssAddress device = w.nodes.front()->options.address;
+  EXPECT_EQ(w.run(lss::any_without_node_id(w.lss, device)), false);
+  Node& blank = w.add(lely(0));
+  EXPECT_EQ(w.run(lss::any_without_node_id(w.lss, device)), true);
+  EXPECT_EQ(blank.slave.state(), lss::State::waiting);
 }
 
 // An answer that is late, to the last bit say, names a serial number that the device does not have. `04 00` behind the

@@ -188,6 +188,13 @@ class EndJudge {
     });
   }
 
+  // It sat somewhere, and is used again when a person says so; meanwhile its switches keep it where it is.
+  [[nodiscard]] bool waits_for_a_word(const plant::Truth& t) const {
+    const auto lines = rig_->store().history_of({t.address, {machine_->name, t.bus}});
+    const bool used = lines && record_of(t) == nullptr && places::former_seat(*lines).has_value();
+    return used && rig_->device(t.name).plan().source == plant::NodeIdSource::switches;
+  }
+
   // Nobody but a person moves one of the two.
   [[nodiscard]] bool shared_with_switches(const plant::Truth& t) const {
     const auto has_switches = [&](const plant::Truth& o) {
@@ -258,7 +265,7 @@ class EndJudge {
     if (!is_present(t) || clones(t) || !t.active.configured()) return;
     const design::Bus* const bus = machine_->bus(t.bus);
     if (out_of_reach(t) && shared_out_of_reach(t)) return;
-    if (waits_for_clones(t) || shared_with_switches(t) || a_hand_must(t)) return;
+    if (waits_for_clones(t) || shared_with_switches(t) || a_hand_must(t) || waits_for_a_word(t)) return;
     if (t.active == bus->master) say(t.name + " holds the master's node-ID");
     const design::Slot* const slot = machine_->slot(t.bus, t.active);
     if (slot == nullptr) return;
@@ -324,12 +331,12 @@ class EndJudge {
     used_ = false;
     for (const auto& t : truth_) {
       // Which slot one with switches has a place in is said by its node-ID: `check_device`.
-      const bool counts = is_present(t) && t.bus == bus.name && !clones(t) && record_of(t) == nullptr &&
-                          rig_->device(t.name).plan().source != plant::NodeIdSource::switches;
+      const bool here = is_present(t) && t.bus == bus.name && !clones(t) && record_of(t) == nullptr;
+      const bool counts = here && rig_->device(t.name).plan().source != plant::NodeIdSource::switches;
       // Who sat in a slot before is used again when a person says so (docs/machine-file.md).
       const auto lines = rig_->store().history_of({t.address, {machine_->name, t.bus}});
       const bool used = lines && places::former_seat(*lines).has_value();
-      used_ = used_ || (counts && used);
+      used_ = used_ || (here && used);
       const bool found = can_be_found(t, bus.discovery);
       used_ = used_ || (counts && !found);
       if (counts && !used && found) devices.push_back(&t);
@@ -388,6 +395,11 @@ class EndJudge {
       if (asks && !used_ && !any_clones() && held_by_switches(*slots[at]) < 2) say(what + " and no device fits it");
       return;
     }
+    // Its device gets its node-ID at itself; another on that node-ID leaves by a hand.
+    if (slots[at]->spec.assign == places::Assign::fixed) return;
+    const bool told = state == places::SlotState::failed || state == places::SlotState::duplicate ||
+                      state == places::SlotState::wrong_type;
+    if (told && held_by_switches(*slots[at]) > 0) return;
     if (state != places::SlotState::question) return say(what + " and " + fitting.front()->name + " fits it");
     Choice choice;
     for (const auto* slot : group) {

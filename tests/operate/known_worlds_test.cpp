@@ -125,6 +125,18 @@ INSTANTIATE_TEST_SUITE_P(
               {.waits = true, .as_sold = true}},
         Known{7102804,
               "a second device that loses what comes behind answers holds the node-ID, unheard",
+              {.waits = true, .as_sold = true}},
+        Known{8002561,
+              "a device out of LSS's reach is told to give its node-ID up for ever",
+              {.waits = true, .as_sold = true}},
+        Known{8012203, "one without a serial number is bound for ever where it sits", {.waits = true, .as_sold = true}},
+        Known{8042642, "one whose slot was given away comes back without a word", {.waits = true, .as_sold = true}},
+        Known{8057359, "one left in configuration takes the loan of the next one", {.waits = true, .as_sold = true}},
+        Known{8211404,
+              "a blank one that is none is to have the node-ID of one that runs, again and again",
+              {.waits = true, .as_sold = true}},
+        Known{8213505,
+              "one that takes no node-ID is told to give up another's for ever",
               {.waits = true, .as_sold = true}}),
     name_of);
 
