@@ -199,6 +199,16 @@ rt::Task<bool> Seating::act(const Action& action) {
   co_return co_await bind_seat(seat, device, reason);
 }
 
+namespace {
+
+// The slot's device was told to store its node-ID, and has said that it did.
+bool has_stored(const Seat& seat, const Identity& device) {
+  const auto& record = seat.slot.record;
+  return seat.power_cycle.binding.has_value() || (record.confirmed && record.confirmed->device == device);
+}
+
+}  // namespace
+
 rt::Task<bool> Seating::bind_seat(Seat& seat, Identity device, std::string reason) {
   const bool resumed = seat.slot.record.intended.has_value();
   const Identity seated = device.with(seat.id());
@@ -241,7 +251,7 @@ rt::Task<bool> Seating::bind_seat(Seat& seat, Identity device, std::string reaso
   }
   // Without a serial number it is known by its node-ID: who says what it says, and has that, is it.
   const bool untold = binding.why() == places::Why::occupied || binding.why() == places::Why::not_there;
-  if (untold && !seated.has_serial()) {
+  if (untold && !seated.has_serial() && has_stored(seat, seated)) {
     const bool taken = co_await presence_.take_where_it_is(seat, seated);
     if (taken) co_return true;
   }
@@ -369,6 +379,15 @@ void Seating::learn_fixed(const places::Binding& binding) {
   if (found != nullptr) found->active = binding.old_id();
 }
 
+namespace {
+
+rt::Task<bool> answers_alone(co::SdoClient& sdo, NodeId id, Identity device) {
+  const auto answer = co_await places::identify(sdo, id, places::second_answer);
+  co_return answer.who && !answer.by_two && answer.who->agrees(device);
+}
+
+}  // namespace
+
 rt::Task<bool> Seating::blank(Identity device, std::string reason) {
   ++blanks_;
   const auto known = slots_.unfinished_here();
@@ -402,7 +421,7 @@ rt::Task<bool> Seating::blank(Identity device, std::string reason) {
   } else if (binding.why() == places::Why::not_there) {
     const NodeId uses = found_.active_of(device);
     bool answers = false;
-    if (uses.configured()) answers = co_await asking_.answers_at(uses);
+    if (uses.configured()) answers = co_await answers_alone(s_.sdo, uses, device);
     if (answers) agenda_.out_of_lss.in_vain(device, s_.executor.now());
   } else {
     learn_fixed(binding);

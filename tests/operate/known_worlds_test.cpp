@@ -137,7 +137,8 @@ INSTANTIATE_TEST_SUITE_P(
               {.waits = true, .as_sold = true}},
         Known{8213505,
               "one that takes no node-ID is told to give up another's for ever",
-              {.waits = true, .as_sold = true}}),
+              {.waits = true, .as_sold = true}},
+        Known{8302595, "one that has not stored its node-ID is confirmed", {.waits = true, .as_sold = true}}),
     name_of);
 
 // One of them was started, and the other was not. The world itself does not come to rest (docs/faults.md).
