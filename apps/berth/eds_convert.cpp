@@ -103,7 +103,15 @@ class Converter {
     if (asked_.node && !read.commissioning) read.commissioning.emplace();
     if (asked_.node) read.commissioning->node_id = NodeId(static_cast<std::uint8_t>(*asked_.node));
     if (configuration && read.info.last_eds.empty()) read.info.last_eds = fs::path(in_).filename().string();
-    return write(read, *file);
+    auto made = write(read, *file);
+    if (made) tell_dropped(*file, made->findings);
+    return made;
+  }
+
+  /// What the reader found no place for is in no form that is written anew.
+  static void tell_dropped(const Described& source, Findings& findings) {
+    const auto drops = [](const Finding& each) { return each.message.ends_with("own: left out"); };
+    std::ranges::copy_if(source.reading.findings, std::back_inserter(findings), drops);
   }
 
   Conversion write(eds::File& file, const Described& source) {
@@ -118,6 +126,9 @@ class Converter {
       default: {
         auto written = eds::write(file, {.form = to_ == Format::dcf ? eds::Form::dcf : eds::Form::eds});
         Converted made{std::move(written.text), std::move(written.findings)};
+        for (Finding& each : made.findings) {
+          if (each.line != 0) each.file = source.name;
+        }
         for (const Finding& each : source.reading.findings) {
           // What an XDD says and an EDS cannot.
           if (each.message.starts_with("read over")) made.findings.push_back(each);
@@ -289,6 +300,7 @@ int run_eds_convert(const Options& options, const EdsOptions& asked) {
   for (Finding& finding : converted->findings) {
     if (finding.file.empty()) finding.file = out;
     json["findings"].push_back({{"key", finding.key}, {"message", finding.message}});
+    if (finding.line != 0) json["findings"].back()["line"] = finding.line;
     if (options.json) continue;
     if (to_stream) {
       print_error(to_string(finding));

@@ -86,6 +86,8 @@ void ObjectReader::run(File& file, std::uint32_t dummies) {
     begin = end;
   }
   if (!budget_.spent()) lists_.missing_sections();
+  if (own_values_ > most_told)
+    context_.report().add(Severity::warning, 0, 0, "", more_own_values(own_values_ - most_told));
   CompactPdos(device_, file.commissioning.has_value(), builder_, budget_, values_).add_all();
   ModuleReader(context_, budget_).read(file);
   file.description = builder_.build();
@@ -240,6 +242,8 @@ void ObjectReader::read_complex(const ObjectGroup& group, od::ObjectCode code) {
                     fmt::format("CompactSubObj is for an ARRAY, this is a {}", od::name(code)));
     }
     read_compact(group, compact);
+  } else if (group.main != nullptr) {
+    tell_own_values(group, code);
   }
   for (std::size_t i = 0; i < group.subs.size() && !budget_.spent();) {
     const std::uint8_t sub = group.subs[i].sub;
@@ -252,6 +256,14 @@ void ObjectReader::read_complex(const ObjectGroup& group, od::ObjectCode code) {
     read_sub(group, *section, keys, sub, type);
   }
   if (group.main != nullptr) check_sub_number(group, compact != 0);
+}
+
+// Beside CompactSubObj it would be that of every element (CiA 306-1 §4.6.3).
+void ObjectReader::tell_own_values(const ObjectGroup& group, od::ObjectCode code) {
+  for (const Key key : {Key::default_value, Key::parameter_value}) {
+    if (!keys_.given(group.keys, key) || ++own_values_ > most_told) continue;
+    context_.warn(*group.main, entry(group.keys, key), no_own_value(code), "give it to a sub-object");
+  }
 }
 
 void ObjectReader::read_sub(const ObjectGroup& group, const Section& section, const Keys& keys, std::uint8_t sub,

@@ -29,6 +29,7 @@ class ObjectReader {
   void read_simple(const ObjectGroup& group, od::ObjectCode code);
   void read_complex(const ObjectGroup& group, od::ObjectCode code);
   void read_compact(const ObjectGroup& group, unsigned count);
+  void tell_own_values(const ObjectGroup& group, od::ObjectCode code);
   void check_sub_number(const ObjectGroup& group, bool compact);
   void read_sub(const ObjectGroup& group, const Section& section, const Keys& keys, std::uint8_t sub,
                 od::DataType type);
@@ -49,6 +50,7 @@ class ObjectReader {
   ObjectLists lists_{context_};
   od::DescriptionBuilder builder_;
   std::vector<ObjectSection> sections_;
+  std::size_t own_values_ = 0;           ///< values at objects that have none of their own
   std::size_t parameters_of_group_ = 0;  ///< how many there were before the group that is being read
 };
 

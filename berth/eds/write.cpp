@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <iterator>
 
 #include "berth/eds/sub_indices_parts.hpp"
 #include "berth/eds/text.hpp"
@@ -95,9 +96,11 @@ class EdsWriter {
     dynamic_channels();
     objects();
     modules();
+    tell_data_types();
     Written written;
     written.text = out_.take_text();
     written.findings = out_.take_findings();
+    std::ranges::move(lost_, std::back_inserter(written.findings));
     return written;
   }
 
@@ -250,6 +253,8 @@ class EdsWriter {
       // Their sub-objects have a DataType each; beside ObjectType it is for CompactSubObj only (CiA 306-1 §4.6.3), and
       // the npm package canopen takes no file that has it there.
       out_.plain("ObjectType", fmt::format("0x{:X}", static_cast<unsigned>(object.code)));
+      // An ARRAY's is that of its elements.
+      if (object.type != od::DataType::none && object.code != od::ObjectCode::array) data_type_left_out(name);
       flags(object.obj_flags);
       out_.number("SubNumber", static_cast<std::uint64_t>(std::ranges::count_if(
                                    subs, [](const od::SubObject& each) { return each.sub != 0xFF; })));
@@ -260,6 +265,31 @@ class EdsWriter {
       }
     }
     links(object.index, name);
+  }
+
+  void data_type_left_out(const std::string& section) {
+    if (++types_left_out_ > most_told) return;
+    Finding told{Finding::Severity::note,
+                 {},
+                 0,
+                 0,
+                 fmt::format("[{}] DataType", section),
+                 "the DataType of the object itself is left out: an EDS has it for CompactSubObj only",
+                 {}};
+    const Section* const from = file_.document.find(section);
+    const Entry* const entry = from == nullptr ? nullptr : file_.document.find(*from, "DataType");
+    if (entry != nullptr) told.line = static_cast<int>(entry->line);
+    lost_.push_back(std::move(told));
+  }
+  void tell_data_types() {
+    if (types_left_out_ <= most_told) return;
+    lost_.push_back({Finding::Severity::note,
+                     {},
+                     0,
+                     0,
+                     "DataType",
+                     fmt::format("that of {} more objects with sub-objects is left out", types_left_out_ - most_told),
+                     {}});
   }
 
   void links(std::uint16_t index, const std::string& name) {
@@ -399,6 +429,8 @@ class EdsWriter {
   const od::Description& description_;
   const bool dcf_;
   TextBuilder out_;
+  Findings lost_;  ///< with their lines in the file that was read
+  std::size_t types_left_out_ = 0;
 };
 
 }  // namespace

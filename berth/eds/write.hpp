@@ -82,7 +82,8 @@ struct WriteOptions {
 
 struct Written {
   std::string text;
-  /// Warnings: what the format could not carry and how it stands there instead. Notes: lines beyond 255 characters.
+  /// Warnings: what the format could not carry and how it stands there instead. Notes: lines beyond 255 characters;
+  /// DataTypes of RECORDs. One with a line and without a file speaks of the file that was read.
   Findings findings;
 };
 

@@ -34,8 +34,8 @@ struct XddOptions {
 };
 
 /// Writes a whole XDD or XDC of schema 1.1, UTF-8. Reading it back gives an equal `File`, but for: what the findings
-/// name (tools, modules, object links, references and file names have no place in CiA 311), seconds of times, a missing
-/// network number (0 then) and what `eds::write` cannot keep either. Facts of an EDS that CiA 311 has no place for
+/// name (tools, modules, object links, references and file names have no place in CiA 311), seconds of times
+/// and what `eds::write` cannot keep either. Facts of an EDS that CiA 311 has no place for
 /// but that are plain words stand in the device's list of characteristics, where people see them.
 [[nodiscard]] Written write_xdd(const File& file, const XddOptions& options = {});
 

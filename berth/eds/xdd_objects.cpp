@@ -5,6 +5,7 @@
 #include <array>
 
 #include "berth/eds/odd_values.hpp"
+#include "berth/eds/sub_indices_parts.hpp"
 #include "berth/eds/xdd_reader.hpp"
 
 namespace berth::eds::xml {
@@ -218,6 +219,10 @@ void ObjectList::read_sub_objects(Node object, const Facts& facts, od::ObjectCod
     const od::SubSpec made = spec(of, fallback);
     if (!afford(each, 1, made.name.size() + made.initial.bytes.size())) return;
     builder_.sub(facts.index, made);
+  }
+  for (const char* const name : {"defaultValue", "actualValue"}) {
+    if (attribute(object, name).empty() || ++own_values_ > most_told) continue;
+    warn(facts, object, name, no_own_value(code), "give it to a sub-object");
   }
   const auto promised = source_.number(object, "subNumber", 0xFFFF, false, facts.key, Severity::warning);
   if (promised && *promised != present) {
@@ -479,6 +484,8 @@ void ObjectList::finish(File& file, std::uint32_t dummies) {
   if (!any_ || file.description->objects().empty()) {
     source_.report().add(Severity::error, 0, 0, "CANopenObjectList", "the file describes no object");
   }
+  if (own_values_ > most_told)
+    source_.report().add(Severity::warning, 0, 0, "", more_own_values(own_values_ - most_told));
   const auto settle = [](auto& list) { std::ranges::sort(list, {}, [](const auto& each) { return each.object; }); };
   settle(parameters_);
   settle(defaults_);

@@ -131,7 +131,8 @@ class ObjectList {
   std::vector<Parameter> parameters_;
   std::vector<Parameter> defaults_;
   std::vector<Denotation> denotations_;
-  std::string scratch_;  ///< holds a name until the builder has copied it
+  std::string scratch_;         ///< holds a name until the builder has copied it
+  std::size_t own_values_ = 0;  ///< at objects that have none of their own
   std::size_t sub_objects_ = 0;
   std::size_t bytes_ = 0;
   bool too_much_ = false;

@@ -398,7 +398,7 @@ class XddWriter {
     set(commissioning, "nodeID", fmt::format("{}", given.node_id ? given.node_id->value() : 0));
     set(commissioning, "nodeName", clean(given.node_name, "NodeName"));
     set(commissioning, "actualBaudRate", given.baud_rate ? fmt::format("{} Kbps", *given.baud_rate) : std::string());
-    set(commissioning, "networkNumber", fmt::format("{}", given.net_number.value_or(0)));
+    if (given.net_number) set(commissioning, "networkNumber", fmt::format("{}", *given.net_number));
     set(commissioning, "networkName", clean(given.network_name, "NetworkName"));
     set(commissioning, "CANopenManager", boolean(given.canopen_manager));
   }

@@ -1,5 +1,7 @@
 // berth eds: check, convert, diff, show; and a description compared with a device on a bus.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -282,6 +284,27 @@ TEST_F(EdsCommand, ConvertSaysWhatTheFormatCannotHold) {
   EXPECT_EQ(report.at("format"), "XDD");
   EXPECT_TRUE(contains(report.at("findings").dump(), "2 values")) << report;
   EXPECT_TRUE(contains(report.at("findings").dump(), "[DeviceComissioning]")) << report;
+}
+
+// Named with the file that was read, as its line is that one's.
+TEST_F(EdsCommand, ConvertSaysAtItsLineWhatWasDropped) {
+  const std::string record =
+      "\n[2100]\nParameterName=R\nObjectType=9\nDataType=0x23\nDefaultValue=7\nSubNumber=1\n[2100sub1]\n"
+      "ParameterName=s\nObjectType=7\nDataType=6\nAccessType=rw\n";
+  const std::string text = std::string(sound_eds) + record;
+  const std::string from = folder.write("record.eds", text);
+  const auto line_of = [&](const std::string& what) {
+    return std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(text.find(what)), '\n') + 1;
+  };
+  const std::string value_at = fmt::format("{}:{}:", from, line_of("DefaultValue=7\nSubNumber"));
+  const std::string type_at = fmt::format("{}:{}:", from, line_of("DataType=0x23"));
+  for (const char* const form : {"dcf", "xdd", "xdc"}) {
+    const Outcome converted = eds({"convert", from, folder.file(std::string("record.") + form)});
+    EXPECT_EQ(converted.status, 0) << converted.err;
+    EXPECT_TRUE(contains(converted.out, value_at)) << converted.out;
+    EXPECT_TRUE(contains(converted.out, "no value of its own")) << converted.out;
+    EXPECT_EQ(contains(converted.out, type_at), std::string(form) == "dcf") << converted.out;
+  }
 }
 
 TEST_F(EdsCommand, ConvertRefusesInWords) {

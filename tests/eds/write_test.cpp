@@ -31,6 +31,11 @@ Reading again(const File& file, Form form = Form::eds) {
   return read(std::move(written.text), "again.eds");
 }
 
+/// The DataType of a RECORD, for which an EDS has no place (tests/eds/left_out_test.cpp).
+bool is_of_a_record(const Finding& finding) {
+  return finding.severity == Severity::note && finding.key.ends_with("DataType");
+}
+
 /// Findings that a written file must not have. A random description may lack mandatory objects, have defaults outside
 /// of its limits and objects in odd places; a writer has no say in that.
 std::string complaints_of_form(const Reading& reading) {
@@ -49,7 +54,9 @@ RC_GTEST_PROP(EdsWrite, HU_17_AnyDescriptionSurvivesWriteAndRead, (std::uint64_t
   File file;
   file.description = random_description(random);
   const auto written = write(file);
-  if (!written.findings.empty()) RC_FAIL(to_string(written.findings.front()));
+  for (const auto& each : written.findings) {
+    if (!is_of_a_record(each)) RC_FAIL(to_string(each));
+  }
   const auto back = read(written.text, "back.eds");
   if (const auto text = complaints_of_form(back); !text.empty()) RC_FAIL(text + written.text);
   if (const auto text = difference(*file.description, *back.file.description); !text.empty()) {
@@ -143,7 +150,9 @@ RC_GTEST_PROP(EdsWrite, HU_17_AnyDcfSurvivesWriteAndRead, (std::uint64_t seed)) 
   }
   file.description = builder.build();
   const auto written = write(file, {.form = Form::dcf, .line_end = random.chance(500'000) ? "\n" : "\r\n"});
-  if (!written.findings.empty()) RC_FAIL(to_string(written.findings.front()));
+  for (const auto& each : written.findings) {
+    if (!is_of_a_record(each)) RC_FAIL(to_string(each));
+  }
   const auto back = read(written.text, "back.dcf");
   if (const auto text = complaints_of_form(back); !text.empty()) RC_FAIL(text + written.text);
   const File& got = back.file;
@@ -426,7 +435,9 @@ TEST(EdsWrite, HU_17_RealFilesLoseNothing) {
       const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
       EXPECT_EQ(Editor(r.file.document).text(), text);
       const auto written = write(r.file, {.form = Form::dcf});
-      for (const auto& each : written.findings) ADD_FAILURE() << to_string(each);
+      for (const auto& each : written.findings) {
+        if (!is_of_a_record(each)) ADD_FAILURE() << to_string(each);
+      }
       const auto back = read(written.text, "back");
       EXPECT_TRUE(back.usable()) << complaints(back);
       EXPECT_EQ(difference(*r.file.description, *back.file.description), "");

@@ -185,7 +185,7 @@ File any_file(Random& random, bool values) {
     if (random.below(4) != 0) given.node_id = NodeId(static_cast<std::uint8_t>(1 + random.below(127)));
     given.node_name = any_name(random);
     if (random.below(2) == 0) given.baud_rate = static_cast<std::uint16_t>(1 + random.below(1000));
-    given.net_number = static_cast<std::uint32_t>(random.below(1000));
+    if (random.below(4) != 0) given.net_number = static_cast<std::uint32_t>(random.below(1000));
     given.network_name = any_name(random);
     given.canopen_manager = random.below(2) == 0;
     if (random.below(2) == 0) given.lss_serial_number = static_cast<std::uint32_t>(random.next());
