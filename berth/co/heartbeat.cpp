@@ -114,7 +114,7 @@ void HeartbeatConsumer::begin(std::uint8_t number, rt::Duration time, std::uint8
   node.number = number;
   node.time = time;
   node.entry = kept;
-  if (never_seen_time_ > rt::Duration::zero()) node.deadline = dispatcher_->executor().now() + never_seen_time_;
+  node.deadline = never_seen_at(node, dispatcher_->executor().now());
   arm(node.deadline);
   if (fresh) listen();
 }
@@ -129,12 +129,17 @@ void HeartbeatConsumer::end(std::uint8_t number) noexcept {
   listen();
 }
 
+rt::Time HeartbeatConsumer::never_seen_at(const Node& node, rt::Time since) const noexcept {
+  const bool tells = never_seen_time_ > rt::Duration::zero();
+  return tells ? since + std::max(never_seen_time_, node.time) : rt::never;
+}
+
 void HeartbeatConsumer::set_never_seen_time(rt::Duration time) noexcept {
   never_seen_time_ = time;
   const auto now = dispatcher_->executor().now();
   for (Node& node : nodes_) {
     if (node.watched != Watched::waiting) continue;
-    node.deadline = time > rt::Duration::zero() ? now + time : rt::never;
+    node.deadline = never_seen_at(node, now);
     arm(node.deadline);
   }
 }
@@ -193,7 +198,7 @@ void HeartbeatConsumer::booted(std::uint8_t number, rt::Time at) noexcept {
   Node& node = *found;
   const auto previous = std::exchange(node.state, NmtState::initialising);
   node.watched = Watched::waiting;
-  node.deadline = never_seen_time_ > rt::Duration::zero() ? at + never_seen_time_ : rt::never;
+  node.deadline = never_seen_at(node, at);
   arm(node.deadline);
   report(HeartbeatEvent::Kind::boot_up, number, previous, at);
 }

@@ -88,7 +88,8 @@ class HeartbeatConsumer final : private can::Handler, private rt::Job {
   void clear() noexcept;
 
   /// `never_seen` comes when a node's first heartbeat is missing for this long after its entry was made or its boot-up
-  /// message came. 0 = never (default; CiA 301 has no such event).
+  /// message came; of a node with a longer heartbeat time for that long. 0 = never (default; CiA 301 has no such
+  /// event).
   void set_never_seen_time(rt::Duration time) noexcept;
   /// Reports boot-up messages of nodes that are not supervised too.
   void hear_all_boot_ups(bool on) noexcept;
@@ -127,6 +128,7 @@ class HeartbeatConsumer final : private can::Handler, private rt::Job {
   void end(std::uint8_t node) noexcept;
   void report(HeartbeatEvent::Kind kind, std::uint8_t node, NmtState previous, rt::Time at) noexcept;
   void arm(rt::Time deadline) noexcept;
+  [[nodiscard]] rt::Time never_seen_at(const Node& node, rt::Time since) const noexcept;
   void listen() noexcept;
 
   can::Dispatcher* dispatcher_;

@@ -100,7 +100,10 @@ void ErrorControl::written(od::Values&, ObjectRef ref) noexcept {
 }
 
 void ErrorControl::apply_period() noexcept {
-  producer_.set_period(milliseconds(producer_time));
+  const rt::Duration period = milliseconds(producer_time);
+  const rt::Duration sent = host_->timing().heartbeat_sent;
+  const bool other = period.count() > 0 && sent.count() > 0;
+  producer_.set_period(other ? host_->in_world(sent) : period);
   guarding_.set_heartbeat_active(producer_.period() > rt::Duration::zero());
 }
 

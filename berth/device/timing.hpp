@@ -22,6 +22,7 @@ struct Timing {
   /// that its memory is an error (EMCY 5000h, 1001h bit 0), and does not become operational.
   bool needs_first_save = false;
   bool power_cycle_after_store = false;  ///< a node-ID that was configured counts only after power was off
+  rt::Duration heartbeat_sent{0};        ///< a heartbeat comes so often, whatever 1017h says; 0: as that says
   std::int32_t drift_ppm = 0;
 
   /// How long the world waits while the device's clock runs for `own`.

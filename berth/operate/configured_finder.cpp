@@ -119,14 +119,22 @@ rt::Task<bool> ConfiguredFinder::ask_borrowers() {
   co_return news;
 }
 
+std::uint64_t ConfiguredFinder::all_boot_ups() const noexcept {
+  std::uint64_t sum = 0;
+  for (std::uint8_t i = 1; i <= 127; ++i) sum += s_.boots.boot_ups(NodeId(i));
+  return sum;
+}
+
 std::vector<NodeId> ConfiguredFinder::ids_to_ask(bool all) {
   const rt::Time now = s_.executor.now();
   const bool sweeps = all || now >= sweep_at_;  // also the slots' own: none stays empty unasked
   const auto waits = [](const auto& s) { return !s->slot.record.device() && s->state() != SlotState::question; };
-  const bool other = std::ranges::any_of(
+  const bool lacks_other = std::ranges::any_of(
       slots_.seats(), [&](const auto& s) { return s->slot.spec.assign != Assign::lss && !s->there(); });
   const bool by_lss = std::ranges::any_of(slots_.seats(), waits);
   if (sweeps) sweep_at_ = now + 8 * s_.bus.timing.probe_period;
+  const bool other = lacks_other && sweeps && now >= others_at_;
+  if (other) others_at_ = now + others_.periods(all_boot_ups()) * s_.bus.timing.probe_period;
   agenda_.comes.reset();  // who booted speaks, and is among those
   std::vector<NodeId> ids;
   for (std::uint8_t i = 1; i <= 127; ++i) {
@@ -168,7 +176,7 @@ bool ConfiguredFinder::everywhere_due() {
   if (!due) return false;
   constexpr std::int64_t bits = 127LL * 150;
   const rt::Duration takes(bits * 1'000'000'000 / s_.bus.bitrate);
-  everywhere_at_ = now + std::max<rt::Duration>(8 * period, 20 * takes);
+  everywhere_at_ = now + std::max<rt::Duration>(everywhere_.periods(all_boot_ups()) * period, 20 * takes);
   asked_everywhere_ = true;
   return true;
 }
@@ -224,6 +232,8 @@ rt::Task<void> ConfiguredFinder::identity_at(NodeId id, std::vector<places::Foun
   const auto surplus = s_.sdo.surplus(id);
   const auto boot_ups = s_.boots.boot_ups(id);
   const bool answers = co_await asking_.answers_at(id);
+  Seat* const seat = slots_.at(id);
+  if (seat != nullptr) seat->doubt.by_two = false;
   if (!answers) co_return;
   auto who = co_await identity_of_one(id, boot_ups);
   bool doubled = s_.sdo.surplus(id) != surplus;
@@ -235,6 +245,7 @@ rt::Task<void> ConfiguredFinder::identity_at(NodeId id, std::vector<places::Foun
   }
   if (doubled || !who) {
     doubled_.push_back(id);
+    if (seat != nullptr) seat->doubt.by_two = doubled;
     slots_.events().tell_once(
         EventKind::duplicate,
         fmt::format("node-ID {} answers, and not as one device: two devices may hold it; leave one of "

@@ -11,6 +11,24 @@
 
 namespace berth::operate {
 
+/// How many probe periods lie between two searches of all node-IDs: the more of them were in vain since a device
+/// booted, the more.
+class Rarer {
+ public:
+  [[nodiscard]] int periods(std::uint64_t boot_ups) noexcept {
+    in_vain_ = boot_ups == boot_ups_ ? in_vain_ + 1 : 1;
+    boot_ups_ = boot_ups;
+    int periods = 8;
+    for (unsigned i = 3; i < in_vain_ && periods < longest; ++i) periods *= 2;
+    return periods;
+  }
+
+ private:
+  static constexpr int longest = 128;
+  std::uint64_t boot_ups_ = 0;
+  unsigned in_vain_ = 0;
+};
+
 class ConfiguredFinder {
  public:
   ConfiguredFinder(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Loans& loans,
@@ -38,6 +56,7 @@ class ConfiguredFinder {
  private:
   [[nodiscard]] std::vector<NodeId> ids_to_ask(bool all);
   [[nodiscard]] bool everywhere_due();
+  [[nodiscard]] std::uint64_t all_boot_ups() const noexcept;
   rt::Task<bool> ask_borrowers();
   rt::Task<void> ask_everywhere();
   rt::Task<void> knock(NodeId id);
@@ -58,8 +77,11 @@ class ConfiguredFinder {
   const Planning& planning_;
   std::array<rt::Time, 128> asked_at_{};
   std::array<bool, 128> look_again_at_{};
-  std::vector<NodeId> doubled_;       // answered as by two devices
-  rt::Time sweep_at_{};               // the slots' own node-IDs are not asked again before
+  std::vector<NodeId> doubled_;  // answered as by two devices
+  rt::Time sweep_at_{};          // the slots' own node-IDs are not asked again before
+  rt::Time others_at_{};         // nor all the others, for a slot whose device keeps its node-ID
+  Rarer others_;
+  Rarer everywhere_;
   rt::Time everywhere_at_{};          // nor all the others, for a slot without a device
   std::uint8_t everywhere_from_ = 1;  // node-ID at which the questions go on that a boot-up interrupted
   bool asked_everywhere_ = false;

@@ -31,8 +31,12 @@ void Duplicates::surplus(NodeId node, const can::Frame& frame, rt::Time now) noe
   if (shared_ && shared_->id == node) {
     return note_shared(frame, now);
   }
+  Seat* const seat = slots_.at(node);
+  // What is told already is looked at again in time: each look would bring the next at once.
+  const bool told = seat != nullptr && !seat->there() && seat->shown_state() == places::SlotState::duplicate;
+  if (told) return;
   agenda_.look_anew = true;
-  if (Seat* const seat = slots_.at(node)) {
+  if (seat != nullptr) {
     doubt_alone(*seat, agenda_);
     return;  // told when it happens again as they are told apart
   }

@@ -13,7 +13,8 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr std::uint8_t usual_factor = 3;  // unanswered questions of guarding
+constexpr std::uint8_t usual_factor = 3;                // unanswered questions of guarding
+constexpr unsigned some_resets = 2, enough_resets = 4;  // behind writes of 1017h (`HeartbeatRate::resets`)
 
 rt::Duration wanted_period(const design::Timing& timing, const Seat& seat) noexcept {
   const auto& watch = seat.slot.spec.watch;
@@ -37,8 +38,12 @@ std::uint16_t in_ms(rt::Duration period) noexcept {
   return static_cast<std::uint16_t>(std::clamp<std::int64_t>(ms, 0, 0xFFFF));
 }
 
-rt::Duration heartbeat_period(const design::Timing& timing, const Seat& seat) noexcept {
+rt::Duration heartbeat_time(const design::Timing& timing, const Seat& seat) noexcept {
   return seat.rate.period.count() > 0 ? seat.rate.period : wanted_period(timing, seat);
+}
+
+rt::Duration heartbeat_period(const design::Timing& timing, const Seat& seat) noexcept {
+  return seat.rate.seen.count() > 0 ? seat.rate.seen : heartbeat_time(timing, seat);
 }
 
 rt::Duration heartbeat_timeout(const design::Timing& timing, const Seat& seat) noexcept {
@@ -96,9 +101,13 @@ rt::Task<Result<bool>> ErrorControl::look(Seat& seat) {
     if (!there) co_return fail(Errc::timeout, "it did not answer what error_control wants");
     co_return false;
   }
+  const std::uint16_t wanted = in_ms(wanted_period(s_.bus.timing, seat));
+  const bool stays = co_await leave_as_it_is(seat, wanted);
+  if (stays) co_return false;
   const auto has = co_await s_.sdo.read<std::uint16_t>(seat.id(), 0x1017, 0);
   const bool lacks = !has && has.error().code == Errc::aborted;
   if (!has && !lacks) co_return fail(has.error());
+  if (has && *has != wanted) seat.rate.written = s_.executor.now();
   if (lacks) begin_anew(seat);
   if (lacks) seat.rate.refused = describe(has.error());
   seat.guarded = lacks || (seat.guarded && !seat.rate.refused.empty());
@@ -133,9 +142,80 @@ rt::Task<bool> ErrorControl::set(Seat& seat) {
   co_return co_await set_heartbeat(seat);
 }
 
+// Each write is looked at once. One that ran before it booted may have been reset by a person, or lost its power.
+void ErrorControl::note_reset(Seat& seat) const {
+  constexpr rt::Duration at_once = milliseconds(100), soon = std::chrono::seconds(3);
+  const rt::Time written = std::exchange(seat.rate.written, rt::Time{});
+  if (written == rt::Time{}) return;
+  const auto booted = s_.boots.boot_up(seat.id());
+  const bool boots = booted && *booted > written && *booted < written + s_.bus.timing.boot_timeout;
+  const bool ran = boots && seat.rate.ran > written && *booted > seat.rate.ran + at_once;
+  if (!boots || (ran && *booted > written + soon)) {
+    seat.rate.resets = 0;
+  } else {
+    seat.rate.resets += ran ? 1 : 2;
+  }
+}
+
+// Some devices reset themselves when 1017h is written: they would be started, written and lost for ever.
+rt::Task<bool> ErrorControl::leave_as_it_is(Seat& seat, std::uint16_t wanted) {
+  note_reset(seat);
+  if (seat.rate.resets < some_resets) co_return false;
+  const auto own = co_await s_.sdo.read<std::uint16_t>(seat.id(), 0x1017, 0);
+  const std::uint16_t has = own.value_or(std::uint16_t{0});
+  seat.guarded = false;
+  if (has == wanted) {
+    slots_.events().tell_once(
+        EventKind::step,
+        fmt::format("{}: it booted behind the writing of 1017h: it has {} ms now, and is not told again", seat.name(),
+                    has));
+    co_return true;
+  }
+  if (seat.rate.resets < enough_resets) co_return false;
+  seat.rate.refused = fmt::format("{} ms: it resets itself each time 1017h is written", wanted);
+  seat.guarded = has == 0;
+  if (has != 0) seat.rate.period = milliseconds(has);
+  if (has != 0) tell(seat, fmt::format("it comes every {} ms, as the device has it", has));
+  co_return true;
+}
+
+void ErrorControl::take_period(Seat& seat, rt::Duration steady) {
+  const rt::Duration promised = heartbeat_time(s_.bus.timing, seat);
+  const bool as_promised = steady < promised + promised / 8 && promised < steady + steady / 8;
+  seat.rate.seen = as_promised ? rt::Duration{} : std::max<rt::Duration>(steady, milliseconds(1));
+  seat.rate.fast = 0;
+  seat.guarded = seat.rate.by_sdo = false;
+  s_.heartbeats.supervise(seat.id(), heartbeat_timeout(s_.bus.timing, seat));
+  if (as_promised) return;
+  slots_.events().tell_once(EventKind::step,
+                            fmt::format("{}: its heartbeat comes every {}, and 1017h says {}: it is watched by what "
+                                        "comes",
+                                        seat.name(), text_of(steady), text_of(promised)));
+}
+
+rt::Task<bool> ErrorControl::ask_unheard(Seat& seat) {
+  const auto type = co_await s_.sdo.read<std::uint32_t>(seat.id(), 0x1000, 0);
+  const bool answers = type || type.error().code == Errc::aborted;
+  if (!answers || seat.life != Life::present) co_return answers;
+  seat.guarded = seat.rate.by_sdo = true;
+  s_.heartbeats.supervise(seat.id(), {});  // a first one that comes late is no reason to miss the next
+  seat.rate.at = s_.executor.now();
+  const std::string every = text_of(heartbeat_timeout(s_.bus.timing, seat));
+  slots_.events().tell_once(
+      EventKind::step,
+      fmt::format("{}: no heartbeat came for {}, though 1017h was set to {}: it was told to start and answers SDO, and "
+                  "is asked by SDO, every {}, until a heartbeat comes",
+                  seat.name(), every, text_of(heartbeat_time(s_.bus.timing, seat)), every));
+  slots_.happened(seat, SlotEvent::operational);
+  co_return true;
+}
+
 rt::Task<bool> ErrorControl::set_heartbeat(Seat& seat) {
   const NodeId id = seat.id();
   const std::uint16_t wanted = in_ms(wanted_period(s_.bus.timing, seat));
+  const bool stays = co_await leave_as_it_is(seat, wanted);
+  if (stays) co_return true;
+  seat.rate.written = s_.executor.now();
   const auto written = co_await write(id, wanted);
   if (!written && written.error().code != Errc::aborted) {
     slots_.set_absent(seat, "its heartbeat could not be set: " + describe(written.error()));
@@ -211,6 +291,8 @@ rt::Task<void> ErrorControl::watch_running(Seat& seat) {
     const auto own = co_await s_.sdo.read<std::uint16_t>(id, 0x1017, 0);
     if (own && *own != 0 && *own != in_ms(wanted_period(s_.bus.timing, seat))) seat.rate.period = milliseconds(*own);
   }
+  const auto steady = s_.boots.steady(id);
+  if (steady && *steady > heartbeat_timeout(s_.bus.timing, seat)) co_return take_period(seat, *steady);
   s_.heartbeats.supervise(id, heartbeat_timeout(s_.bus.timing, seat));
 }
 

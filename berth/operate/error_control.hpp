@@ -7,8 +7,10 @@
 
 namespace berth::operate {
 
-/// How often its heartbeat comes: what the device takes, else what the slot wants, else the bus's. And when it is
-/// missed: what the slot wants, else in the same proportion as the bus's.
+/// What 1017h is to be: what the device takes, else what the slot wants, else the bus's.
+[[nodiscard]] rt::Duration heartbeat_time(const design::Timing& timing, const Seat& seat) noexcept;
+/// How often its heartbeat comes: as it was seen, else as 1017h has it. And when it is missed: what the slot wants,
+/// else in the same proportion as the bus's.
 [[nodiscard]] rt::Duration heartbeat_period(const design::Timing& timing, const Seat& seat) noexcept;
 [[nodiscard]] rt::Duration heartbeat_timeout(const design::Timing& timing, const Seat& seat) noexcept;
 
@@ -31,8 +33,15 @@ class ErrorControl {
   rt::Task<void> watch_running(Seat& seat);
   /// It was started, and sends no heartbeat: what can be known of it, and it is watched by guarding or SDO.
   rt::Task<void> ask_started(Seat& seat);
+  /// It was started, and the heartbeat that 1017h promises did not come in time: it is watched by SDO until one does.
+  /// False: nor does it answer.
+  rt::Task<bool> ask_unheard(Seat& seat);
+  /// Its heartbeats come so often (`places::BootWatch::steady`): it is watched by that, and told once.
+  void take_period(Seat& seat, rt::Duration steady);
 
  private:
+  void note_reset(Seat& seat) const;
+  rt::Task<bool> leave_as_it_is(Seat& seat, std::uint16_t wanted);
   rt::Task<Result<void>> write(NodeId id, std::uint16_t period_ms);
   rt::Task<std::uint16_t> nearest(NodeId id, std::uint16_t refused_ms, std::uint32_t abort_code);
   rt::Task<bool> set_heartbeat(Seat& seat);

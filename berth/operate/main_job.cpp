@@ -331,6 +331,20 @@ bool is_troubled(const Seat& seat) {
   return failed || powered || asked || silent || doubled;
 }
 
+// Two devices under the node-ID of a slot without one stay until a person takes one off.
+bool waits_for_a_hand(const Parts& p) {
+  const auto is_other = [](const auto& s) {
+    return is_troubled(*s) && (s->life != Life::doubled || s->slot.record.device());
+  };
+  return std::ranges::none_of(p.slots.seats(), is_other) && !p.planning.has_blanks();
+}
+
+// What was told of the slot stands until the look has ended.
+void look_anew(SlotTable& slots, Seat& seat) {
+  const SlotState before = seat.shown_state();
+  if (slots.happened_silently(seat, SlotEvent::rests)) seat.last.failed = before;
+}
+
 SearchPace::View view_of(const Parts& p) {
   SearchPace::View view{.found = p.found.size()};
   for (const auto& seat : p.slots.seats()) view.lives = view.lives * 31 + static_cast<unsigned>(seat->life);
@@ -355,6 +369,7 @@ rt::Task<bool> MainJob::look() {
   if (wanted) pace_.hurry();  // a person's word
   if (!wake) {
     p_.supervision.check_rates();
+    co_await p_.supervision.ask_who_beats_fast();
     p_.supervision.give_up_silent();
     co_await p_.supervision.ask_the_unwatched();
     p_.supervision.look_at_voices();
@@ -408,7 +423,8 @@ bool MainJob::retry_due() {
   const bool trouble = has_trouble();
   const bool waits = std::ranges::any_of(p_.slots.seats(), [](const auto& s) { return waits_for_one(*s); });
   if (now < p_.agenda.retry_at || !(trouble || waits || optional_due)) return false;
-  if (trouble) pace_.hurry();
+  const bool hurries = trouble && (waits_for_unfinished() || !waits_for_a_hand(p_));
+  if (hurries) pace_.hurry();
   retry_pause_ = pace_.round();
   p_.agenda.retry_at = now + retry_pause_ * timing.probe_period;
   optional_at_ = now + 64 * timing.probe_period;
@@ -431,7 +447,7 @@ bool MainJob::retry_due() {
     const bool silent = again && !beats;  // it may have left before its heartbeat was waited for
     seat->ask_again = (troubled || silent) && seat->slot.record.confirmed && !seat->slot.record.intended;
     const bool unknown_duplicate = seat->life == Life::doubled && !seat->slot.record.device();
-    if (unknown_duplicate) p_.slots.happened(*seat, SlotEvent::nobody, "looking again");
+    if (unknown_duplicate) look_anew(p_.slots, *seat);
   }
   return true;
 }

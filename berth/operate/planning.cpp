@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "berth/operate/asking.hpp"
+#include "berth/operate/duplicates.hpp"
 #include "berth/operate/plants_master.hpp"
 
 namespace berth::operate {
@@ -329,7 +330,9 @@ void Planning::report_clone(const places::Oddity& oddity) {
     });
     const bool waits =
         !device && !another && seat->life != Life::question && places::fits(seat->slot.spec, oddity.device);
-    if (own || waits) slots_.happened(*seat, SlotEvent::doubted, oddity.text);
+    // LSS alone knows nothing of the node-ID that both have.
+    const bool here = waits && seat->doubt.by_two;
+    if (own || waits) slots_.happened(*seat, SlotEvent::doubted, here ? Duplicates::reason : oddity.text);
   }
 }
 

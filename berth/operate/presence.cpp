@@ -8,6 +8,7 @@
 #include "berth/co/guarding.hpp"
 #include "berth/operate/duplicates.hpp"
 #include "berth/operate/error_control.hpp"
+#include "berth/places/odd_identity.hpp"
 #include "berth/rt/scope.hpp"
 
 namespace berth::operate {
@@ -148,6 +149,11 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
   }
   const bool doubled = co_await is_shared(s_.sdo, seat, *who, answer.by_two);
   if (!doubled && seat.sits(*who)) co_return true;
+  if (!doubled) {
+    const Identity said = *who;
+    const bool excused = co_await is_it_all_the_same(seat, said);
+    if (excused) co_return true;
+  }
   const bool replaces =
       !doubled && seat.slot.spec.assign == places::Assign::fixed && places::fits(seat.slot.spec, *who);
   if (replaces) {
@@ -164,6 +170,24 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
                     letter_of(*who, seat.slot.record.confirmed->device));
   }
   co_return false;
+}
+
+// Its 1018h changes, or is not what LSS tells of it. Asked once of each that answers.
+rt::Task<bool> Presence::is_it_all_the_same(Seat& seat, Identity who) {
+  if (std::exchange(seat.doubt.other, who) == who) co_return false;
+  const Identity expected = seat.slot.record.confirmed->device;
+  const bool asks_lss = seat.slot.spec.assign == places::Assign::lss && !asking_.has_equals(expected);
+  const auto services = asking_.binder_services();
+  const auto excused = co_await places::excuse(services, seat.id(), who, expected, asks_lss, &s_.lss_turn);
+  if (!excused.any()) co_return false;
+  take_uncompared(seat, excused);
+  co_return true;
+}
+
+void Presence::take_uncompared(Seat& seat, const places::Uncompared& parts) {
+  seat.uncompared = parts;
+  seat.doubt.other = {};
+  slots_.events().tell_once(EventKind::step, fmt::format("{}: {}", seat.name(), places::words_of(parts)));
 }
 
 // A new device with the node-ID that its switches, its plug or its firmware give it.
@@ -235,7 +259,15 @@ rt::Task<void> Presence::adopt_fixed(Seat& seat) {
     slots_.happened(seat, SlotEvent::two_answer, Duplicates::reason, manager::BootStatus::booted);
     co_return;
   }
-  if (!places::fits(seat.slot.spec, *who)) {
+  Identity device = seat.uncompared.of(*who).with(id);
+  if (!places::fits(seat.slot.spec, device) && seat.life != Life::stranger) {
+    const bool by_lss = false;
+    const auto services = asking_.binder_services();
+    const auto changes = co_await places::excuse(services, id, device, device, by_lss, nullptr);
+    if (changes.any()) take_uncompared(seat, changes);
+    device = changes.of(device).with(id);
+  }
+  if (!places::fits(seat.slot.spec, device)) {
     const TypeCode& wanted = seat.slot.spec.type;
     // It may belong to another slot, and be moved there.
     const bool fresh = who->unknown == 0 && !found_.uses(*who, id) && slots_.of(*who) == nullptr;
@@ -245,7 +277,7 @@ rt::Task<void> Presence::adopt_fixed(Seat& seat) {
                     letter_of(*who, Identity(wanted.vendor, wanted.product, 0, 0)));
     co_return;
   }
-  const places::Assignment wanted{*who, id};
+  const places::Assignment wanted{device, id};
   const auto asked = slots_.store().ask(seat.slot.record.slot, wanted, "found under its fixed node-ID");
   const auto confirmed =
       asked ? slots_.store().confirm(seat.slot.record.slot, wanted, "found under its fixed node-ID") : asked;
@@ -255,7 +287,7 @@ rt::Task<void> Presence::adopt_fixed(Seat& seat) {
     co_return;
   }
   slots_.events().tell(EventKind::bound, seat.name(),
-                       fmt::format("{} sits there by its fixed node-ID {}", to_string(*who), id.value()));
+                       fmt::format("{} sits there by its fixed node-ID {}", to_string(device), id.value()));
   co_await ask_seat(seat);
 }
 

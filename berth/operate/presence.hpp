@@ -53,6 +53,8 @@ class Presence final : public SeatAsker {
   void take_stopped(Seat& seat);
   rt::Task<void> take_replacement(Seat& seat, Identity device);
   rt::Task<bool> is_its_own(Seat& seat, std::optional<NmtState> state);
+  rt::Task<bool> is_it_all_the_same(Seat& seat, Identity who);
+  void take_uncompared(Seat& seat, const places::Uncompared& parts);
 
   BusServices& s_;
   SlotTable& slots_;

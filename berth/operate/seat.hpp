@@ -10,6 +10,7 @@
 #include "berth/network/slave_boots.hpp"
 #include "berth/operate/slot_life.hpp"
 #include "berth/places/binding.hpp"
+#include "berth/places/identity.hpp"
 #include "berth/places/plan.hpp"
 #include "berth/rt/executor.hpp"
 
@@ -23,6 +24,8 @@ struct Doubt {
   /// One that sat here and fell silent may come back without a word, as when its cable was cut: asked for then.
   std::optional<rt::Time> former_at{};
   rt::Duration former_pause{};  ///< until it is asked for the next time
+  bool by_two = false;     ///< no device sits here, and two answer under its node-ID
+  Identity other{};        ///< the last one that answered instead of the slot's device and was looked at
 };
 
 /// What became of the upload of its device's configuration, as 5F0Ah tells it.
@@ -47,6 +50,10 @@ struct SeatConfiguration {
 struct HeartbeatRate {
   rt::Duration period{};    ///< other than the bus's: what the device takes, or has; 0: the bus's
   std::string refused{};    ///< why it is not what was wanted; empty: it is
+  rt::Duration seen{};      ///< its heartbeats come so often, whatever 1017h says; 0: as that says
+  rt::Time written{};       ///< 1017h was, and whether the device resets itself for that is not known yet; 0: it is
+  rt::Time ran{};           ///< its heartbeat told that it became operational, last
+  unsigned resets = 0;      ///< that it does: 2 for each boot-up right behind a write, 1 for one a little later
   bool by_sdo = false;      ///< it has no error control, and is asked by SDO; `at`: last
   std::uint64_t beats = 0;  ///< heard when it was looked at last
   rt::Time at{};
@@ -89,7 +96,8 @@ struct Seat {
   bool guarded = false;     ///< the device sends no heartbeat, or none is wanted: it is asked
   rt::Time checked{};       ///< when it was identified last
   Doubt doubt;
-  network::Slave slave;  ///< the boot-up of its device (CiA 302-2); `awaited`: nor before a person says so
+  places::Uncompared uncompared;  ///< parts of its 1018h
+  network::Slave slave;           ///< the boot-up of its device (CiA 302-2); `awaited`: nor before a person says so
   SeatConfiguration configuration;
   HeartbeatRate rate;
   PowerCycle power_cycle;
@@ -100,7 +108,7 @@ struct Seat {
   [[nodiscard]] bool there() const noexcept { return is_there(life); }
   /// What answers under its node-ID says nothing else than its device does.
   [[nodiscard]] bool sits(const Identity& who) const noexcept {
-    return slot.record.confirmed && who.agrees(slot.record.confirmed->device);
+    return slot.record.confirmed && uncompared.of(who).agrees(slot.record.confirmed->device);
   }
   [[nodiscard]] places::SlotState state() const noexcept { return shown(life); }
   /// The same for people: a binding that failed is failed while it is tried again.

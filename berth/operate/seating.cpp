@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "berth/operate/plants_master.hpp"
+#include "berth/places/odd_identity.hpp"
 
 namespace berth::operate {
 
@@ -231,6 +232,7 @@ rt::Task<bool> Seating::bind_seat(Seat& seat, Identity device, std::string reaso
   options.uses = found_.active_of(comes);
   options.among_equals = asking_.has_equals(comes, seat.id());
   options.may_use_another = planning_.waits_for(comes);
+  options.uncompared = &seat.uncompared;
   const places::Binder::Services services = asking_.binder_services();
   std::optional<Error> said = co_await walk(services, options, binding, seat.slot.record.slot, reason);
   if (binding.why() == places::Why::not_there) {
@@ -327,6 +329,8 @@ void Seating::bound(Seat& seat, const Binding& binding) {
                     device.vendor, device.product, device.serial, seat.name(), seat.id().value()));
   }
   slots_.happened(seat, SlotEvent::bound);
+  if (seat.uncompared.any())
+    slots_.events().tell_once(EventKind::step, fmt::format("{}: {}", seat.name(), places::words_of(seat.uncompared)));
 }
 
 void Seating::not_bound(Seat& seat, const Binding& binding, const std::optional<Error>& store_said) {

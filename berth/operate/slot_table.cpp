@@ -150,6 +150,7 @@ Result<void> SlotTable::clear(Seat& seat, const std::string& reason) {
   seat.configuration.failed_savings = 0;
   seat.guarded = false;
   seat.rate = {};
+  seat.uncompared = {};
   happened(seat, SlotEvent::freed, reason);
   seat.last.seen = false;
   return {};

@@ -331,9 +331,12 @@ rt::Task<void> Starter::start_all() {
 
 // Operational is what the device says in its heartbeat, not what it was told.
 rt::Task<void> Starter::await_operational() {
-  const auto waits = [](const Seat* s) {
-    return s->slave.status.phase == network::SlavePhase::started && s->life == Life::present;
+  // One that boots again is asked anew.
+  const auto waits = [this](const Seat* s) {
+    return s->slave.status.phase == network::SlavePhase::started && s->life == Life::present &&
+           !configuring_.rebooted(*s);
   };
+  const rt::Time began = s_.executor.now();
   rt::Duration longest = s_.bus.timing.heartbeat_timeout;
   for (const Seat* const seat : awaited_) longest = std::max(longest, heartbeat_timeout(s_.bus.timing, *seat));
   const rt::Time deadline = s_.executor.now() + longest;
@@ -347,6 +350,11 @@ rt::Task<void> Starter::await_operational() {
   }
   for (Seat* const seat : std::exchange(awaited_, {})) {
     if (!waits(seat)) continue;
+    const auto heard = s_.boots.heard(seat->id());
+    const bool unheard = (!heard || *heard <= began) && !seat->last.emergency;
+    bool watched = false;
+    if (unheard) watched = co_await control_.ask_unheard(*seat);
+    if (watched) continue;
     std::string why = "it was started and no heartbeat told that it is operational";
     if (const auto& e = seat->last.emergency) {
       why += fmt::format("; it told an error: EMCY {:04X}h ({})", e->code, co::emcy_text(e->code));

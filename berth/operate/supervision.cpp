@@ -63,6 +63,7 @@ void Supervision::heartbeat(const co::HeartbeatEvent& event, rt::Time at) {
   const bool runs = event.state == NmtState::operational && wake.kind == Wake::Kind::state;
   if (runs && seat != nullptr && seat->is_booted() && slots_.happened(*seat, SlotEvent::operational)) {
     seat->slave.status.phase = network::SlavePhase::started;
+    seat->rate.ran = at;
     if (slots_.operational()) slots_.events().reach(Milestone::operational);
     return;
   }
@@ -134,12 +135,38 @@ void Supervision::check_rates() {
     seat->rate.fast = static_cast<std::int64_t>(beats - seat->rate.beats) * 2 > expected * 3 ? seat->rate.fast + 1 : 0;
     seat->rate.beats = beats;
     seat->rate.at = s_.executor.now();
-    if (seat->rate.fast >= 2) {
-      doubt_alone(*seat, agenda_);
-      slots_.happened(
-          *seat, SlotEvent::doubted,
-          "its heartbeat comes too often: a second device holds this node-ID; take one of them off the bus");
+    const auto steady = s_.boots.steady(seat->id());
+    const bool seldom = steady && *steady > period + period / 4;
+    if (seldom) ErrorControl(s_, slots_).take_period(*seat, *steady);
+  }
+}
+
+// Two devices answer each question twice; one that beats at a period of its own is alone.
+rt::Task<bool> Supervision::beats_alone(Seat& seat) {
+  const bool steady = s_.boots.steady(seat.id()).has_value();
+  if (!steady || s_.only_observes()) co_return false;
+  constexpr int looks = 3;
+  for (int look = 0; look < looks; ++look) {
+    const auto answer = co_await places::identify(s_.sdo, seat.id(), places::second_answer);
+    if (!answer.who || answer.by_two || !seat.sits(*answer.who)) co_return false;
+  }
+  co_return true;
+}
+
+rt::Task<void> Supervision::ask_who_beats_fast() {
+  constexpr unsigned often = 2;
+  for (const auto& each : slots_.seats()) {
+    Seat& seat = *each;
+    if (seat.rate.fast < often || seat.life != Life::operational) continue;
+    const bool alone = co_await beats_alone(seat);
+    const auto steady = s_.boots.steady(seat.id());
+    if (alone && steady) {
+      ErrorControl(s_, slots_).take_period(seat, *steady);
+      continue;
     }
+    doubt_alone(seat, agenda_);
+    slots_.happened(seat, SlotEvent::doubted,
+                    "its heartbeat comes too often: a second device holds this node-ID; take one of them off the bus");
   }
 }
 
@@ -173,12 +200,15 @@ rt::Task<void> Supervision::handle(Wake wake) {
   switch (wake.kind) {
     case Wake::Kind::boot_up: co_return co_await booted(*seat, wake.at);
     case Wake::Kind::lost:
-      // It was asked since, and there or not.
-      if (wake.at <= seat->checked) co_return;
+      // It was asked since, and there or not; or no heartbeat is waited for any more.
+      if (wake.at <= seat->checked || seat->rate.by_sdo) co_return;
       // One that booted may send no heartbeat before it is configured; its boot-up tells whether it is there.
       if (!seat->is_to_boot()) lost(*seat);
       co_return;
     case Wake::Kind::recovered: {
+      const auto steady = s_.boots.steady(seat->id());
+      const bool seldom = steady && *steady > heartbeat_timeout(s_.bus.timing, *seat);
+      if (seldom) ErrorControl(s_, slots_).take_period(*seat, *steady);
       const bool back = !seat->there() && wake.at > seat->checked;
       if (back) co_await came_back(*seat, wake.at);
       // It came back before its loss was dealt with; what it tells now may be another state than before.
@@ -216,6 +246,9 @@ void Supervision::lost(Seat& seat) {
 rt::Task<void> Supervision::ask_the_unwatched() {
   for (const auto& seat : slots_.seats()) {
     const rt::Duration pause = heartbeat_timeout(s_.bus.timing, *seat);
+    const auto steady = s_.boots.steady(seat->id());
+    const bool beats = seat->rate.by_sdo && seat->life == Life::operational && steady;
+    if (beats) ErrorControl(s_, slots_).take_period(*seat, *steady);
     const bool due = seat->rate.by_sdo && seat->life == Life::operational && s_.executor.now() >= seat->rate.at + pause;
     if (!due) continue;
     const auto type = co_await s_.sdo.read<std::uint32_t>(seat->id(), 0x1000, 0);
@@ -308,6 +341,7 @@ rt::Task<void> Supervision::came_back(Seat& seat, rt::Time booted) {
     slots_.events().tell(EventKind::step, seat.name(), fmt::format("node-ID {} is heard again", seat.id().value()));
   slots_.happened_silently(seat, SlotEvent::heard_again);
   seat.held = seat.configuration.stuck = false;
+  seat.doubt.other = {};
   seat.slave.forget();
   if (seat.power_cycle.binding) {
     co_await seating_.go_on_after_power_cycle(seat);

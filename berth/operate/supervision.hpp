@@ -32,6 +32,8 @@ class Supervision {
   /// Two devices with one identity that once fell into one frame drift apart: their heartbeats then come twice as
   /// often.
   void check_rates();
+  /// Such a device may be one that beats at a period of its own: it is asked whether it is alone.
+  rt::Task<void> ask_who_beats_fast();
   /// A device can fall silent while nothing listens for its heartbeat: while it is programmed, configured or asked.
   /// What was there in this run and is absent for long is gone, as with a lost heartbeat.
   void give_up_silent();
@@ -48,6 +50,7 @@ class Supervision {
   void show(Seat& seat, const Wake& wake, NmtState state);
   rt::Task<void> booted(Seat& seat, rt::Time at);
   void lost(Seat& seat);
+  rt::Task<bool> beats_alone(Seat& seat);
   void make_free(Seat& seat);
   rt::Task<void> told_state(Seat& seat);
   void doubt_who_leaves(Seat& seat);

@@ -5,6 +5,7 @@
 #include "berth/co/guarding.hpp"
 #include "berth/places/identity.hpp"
 #include "berth/places/inquiry.hpp"
+#include "berth/places/odd_identity.hpp"
 
 namespace berth::places {
 namespace {
@@ -136,7 +137,13 @@ rt::Task<Outcome> Binder::vacant(NodeId id, const Identity& device) {
   if (!type && type.error().code == Errc::bus) co_return Outcome::error;
   if (!silent) {
     const auto who = co_await read_identity(s_.sdo, id);
-    const bool itself = who && who->agrees(device) && (device.has_serial() || id == options_.uses);
+    bool itself = who && who->agrees(device) && (device.has_serial() || id == options_.uses);
+    // A search lent it this node-ID, perhaps, and 1018h is not what LSS told.
+    if (who && !itself && id == options_.uses && device.has_serial()) {
+      const Identity said = *who;
+      const Identity expected = device;
+      itself = co_await excuses(id, said, expected);
+    }
     answers_there_ = itself;
     co_return itself ? Outcome::ok : Outcome::mismatch;
   }
@@ -146,6 +153,14 @@ rt::Task<Outcome> Binder::vacant(NodeId id, const Identity& device) {
   }
   vacant_at = watch_since_;
   co_return Outcome::ok;
+}
+
+rt::Task<bool> Binder::excuses(NodeId id, Identity who, Identity expected) {
+  const bool asks_lss = true;
+  rt::Turn* const turn = lss_held_ ? nullptr : options_.lss_turn;
+  const Uncompared excused = co_await excuse(s_, id, who, expected, asks_lss, turn);
+  if (excused.any() && options_.uncompared != nullptr) *options_.uncompared = excused;
+  co_return excused.any();
 }
 
 Outcome Binder::write(const Binding& binding, SlotId slot, const std::string& reason) {
@@ -471,7 +486,12 @@ rt::Task<Outcome> Binder::identify(const Binding& binding) {
     if (!who) co_return outcome_of(who.error());
   }
   s_.vacancy[id.value() & 0x7FU].reset();
-  if (!who->agrees(binding.assignment().device)) co_return Outcome::mismatch;
+  const Identity expected = binding.assignment().device;
+  if (!who->agrees(expected)) {
+    const Identity said = *who;
+    const bool excused = co_await excuses(id, said, expected);
+    if (!excused) co_return Outcome::mismatch;
+  }
   const auto taken_back = s_.lss.answer_times().taken_back;
   co_return taken_back_.value_or(taken_back) == taken_back ? Outcome::ok : Outcome::taken_back;
 }

@@ -14,6 +14,7 @@
 #include "berth/lss/select_alone.hpp"
 #include "berth/places/binding.hpp"
 #include "berth/places/boot_watch.hpp"
+#include "berth/places/identity.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/rt/turn.hpp"
 
@@ -69,6 +70,7 @@ class Binder {
     /// Shared by the binders that run side by side on one bus: the one that has it has LSS. Null: LSS is this binder's
     /// alone.
     rt::Turn* lss_turn = nullptr;
+    Uncompared* uncompared = nullptr;  ///< gets the parts of its 1018h that are not what LSS tells; may be null
   };
 
   Binder(const Services& services, const Options& options) : s_(services), options_(options) {}
@@ -110,6 +112,7 @@ class Binder {
   rt::Task<Outcome> identify_blank(const Binding& binding);
   [[nodiscard]] bool is_taken(const Binding& binding) const noexcept;
   Outcome write(const Binding& binding, SlotId slot, const std::string& reason);
+  rt::Task<bool> excuses(NodeId id, Identity who, Identity expected);
 
   Services s_;
   Options options_;

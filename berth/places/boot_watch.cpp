@@ -24,8 +24,12 @@ void BootWatch::error_control(Node& node, const can::Frame& frame, rt::Time at) 
   node.state = static_cast<NmtState>(frame.data[0] & 0x7FU);
   if (frame.data[0] != 0) {
     ++node.beats;
+    if (node.beat) node.gaps = {at - *node.beat, node.gaps[0]};
+    node.beat = at;
     return;
   }
+  node.beat.reset();
+  node.gaps = {};
   ++node.boot_ups;
   node.boot_up = at;
   if (sdo_ != nullptr) sdo_->booted(NodeId(static_cast<std::uint8_t>(frame.id & 0x7FU)));
@@ -38,6 +42,14 @@ void BootWatch::error_control(Node& node, const can::Frame& frame, rt::Time at) 
     }
     waiter = next;
   }
+}
+
+// Heartbeats of two devices under one node-ID come in turn, and seldom at equal distances.
+std::optional<rt::Duration> BootWatch::steady(NodeId id) const noexcept {
+  const auto& [last, before] = at(id).gaps;
+  const rt::Duration mean = (last + before) / 2;
+  const bool equal = before.count() > 0 && last < before + mean / 4 && before < last + mean / 4;
+  return equal ? std::optional(mean) : std::nullopt;
 }
 
 BootWatch::Wait::~Wait() { leave(); }

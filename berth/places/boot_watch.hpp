@@ -37,6 +37,8 @@ class BootWatch final : private can::Handler {
   }
   /// How many error control messages were heard under this node-ID, boot-ups not counted.
   [[nodiscard]] std::uint64_t beats(NodeId id) const noexcept { return at(id).beats; }
+  /// The time between the last three heartbeats, when it was the same twice: how often they come, whatever 1017h says.
+  [[nodiscard]] std::optional<rt::Duration> steady(NodeId id) const noexcept;
   /// How many boot-up messages.
   [[nodiscard]] std::uint64_t boot_ups(NodeId id) const noexcept { return at(id).boot_ups; }
   /// A boot-up under this node-ID was heard at or after `since`.
@@ -89,6 +91,8 @@ class BootWatch final : private can::Handler {
     std::optional<rt::Time> heard;
     std::optional<rt::Time> voice;  // EMCY, SDO answer
     NmtState state = NmtState::initialising;
+    std::optional<rt::Time> beat;        // since the last boot-up
+    std::array<rt::Duration, 2> gaps{};  // the last two between beats, newest first; 0: none yet
     std::uint64_t beats = 0;
     std::uint64_t boot_ups = 0;
   };

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 
 #include "berth/base/ids.hpp"
 #include "berth/base/result.hpp"
@@ -17,6 +18,19 @@ inline constexpr rt::Duration second_answer = std::chrono::milliseconds(20);
 /// with another patience than the client's. Errors: those of an answer that did not come.
 [[nodiscard]] rt::Task<Result<Identity>> read_identity(co::SdoClient& sdo, NodeId node);
 [[nodiscard]] rt::Task<Result<Identity>> read_identity(co::SdoClient& sdo, NodeId node, co::SdoOptions how);
+
+/// Parts of a device's 1018h (bit 0 the vendor-ID) that say nothing of who it is.
+struct Uncompared {
+  std::uint8_t changes = 0;  ///< each reading gives another value
+  std::uint8_t differs = 0;  ///< LSS tells another value
+
+  [[nodiscard]] constexpr bool any() const noexcept { return (changes | differs) != 0; }
+  /// What counts of an answer of the device.
+  [[nodiscard]] Identity of(Identity who) const noexcept {
+    who.unknown = static_cast<std::uint8_t>(who.unknown | changes | differs);
+    return who;
+  }
+};
 
 struct Identified {
   Result<Identity> who = Identity{};

@@ -287,6 +287,7 @@ device::Timing timing_of(const PlantDevice& plan) {
   t.deaf_while_storing = plan.storing.deaf;
   t.power_cycle_after_store = plan.storing.power_cycle_after;
   t.needs_first_save = plan.storing.needs_first_save;
+  t.heartbeat_sent = plan.does.odd.heartbeat_sent;
   t.drift_ppm = plan.controller.drift_ppm;
   return t;
 }

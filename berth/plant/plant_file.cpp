@@ -17,7 +17,8 @@ bool operator==(const PlantDevice& a, const PlantDevice& b) noexcept {
          a.source == b.source && a.node_id == b.node_id && a.node_id_object == b.node_id_object &&
          a.bitrate == b.bitrate && a.speaks == b.speaks && a.lss == b.lss && a.response == b.response &&
          a.boot == b.boot && a.reset == b.reset && a.storing == b.storing && a.controller == b.controller &&
-         a.heartbeat == b.heartbeat && a.plugged == b.plugged && a.does.master == b.does.master;
+         a.heartbeat == b.heartbeat && a.does.odd == b.does.odd && a.plugged == b.plugged &&
+         a.does.master == b.does.master;
 }
 
 const PlantBus* PlantFile::bus(std::string_view bus_name) const noexcept {

@@ -188,6 +188,25 @@ struct PlantMaster {
   friend bool operator==(const PlantMaster&, const PlantMaster&) = default;
 };
 
+/// What it does when its heartbeat time (1017h) is written. The words of `resets_at_heartbeat`, behind `never`.
+enum class ResetsAtHeartbeat : std::uint8_t {
+  never,
+  keeps,    ///< answers, resets, and has the new value
+  forgets,  ///< answers, resets, and has its old value
+  silent,   ///< resets without an answer, and has its old value
+};
+
+/// What it tells of itself that no device should. Keys `identity_changes`, `sdo_serial`,
+/// `identity_only_pre_operational`, `resets_at_heartbeat`, `heartbeat_sent`.
+struct PlantOddities {
+  std::uint8_t changing = 0;                   ///< parts of 1018h, bit 0 the vendor-ID: each reading gives one more
+  std::optional<std::uint32_t> sdo_serial;     ///< 1018h:04, where it is not what LSS tells
+  bool identity_only_pre_operational = false;  ///< 1018h is refused in any other NMT state
+  ResetsAtHeartbeat resets = ResetsAtHeartbeat::never;
+  Duration heartbeat_sent{0};  ///< its heartbeat comes so often, whatever 1017h says; 0: as that says
+  friend bool operator==(const PlantOddities&, const PlantOddities&) = default;
+};
+
 /// A network variable that the program of a device has. Key `variables`.
 struct PlantVariable {
   std::string name;
@@ -208,6 +227,7 @@ struct PlantBehaviour {
   std::vector<PlantVariable> variables;
   std::optional<PlantMaster> master;  ///< without a description and a script only
   std::uint32_t hardware = 0;         ///< 5F01h, without a description only; 0: no such object
+  PlantOddities odd;
 };
 
 struct PlantDevice {

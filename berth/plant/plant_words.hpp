@@ -16,6 +16,8 @@ inline constexpr std::array<std::string_view, 2> habit_words{"canopennode", "lel
 inline constexpr std::array<std::string_view, 6> lackable_words{"select",   "inquire-identity", "inquire-node-id",
                                                                 "identify", "bit-timing",       "activate"};
 inline constexpr std::array<std::string_view, 2> lss_store_words{"kept", "refused"};
+inline constexpr std::array<std::string_view, 4> identity_words{"vendor", "product", "revision", "serial"};
+inline constexpr std::array<std::string_view, 4> reset_words{"never", "keeps", "forgets", "silent"};
 inline constexpr std::array<std::string_view, 4> after_words{"start", "discovered", "bound", "operational"};
 inline constexpr std::array<std::string_view, 13> action_words{
     "plug",      "unplug", "power-off", "power-on", "reset",      "deaf",       "slow",

@@ -18,7 +18,8 @@ PortDevice::PortDevice(PortDevices& all, rt::Executor& executor, const PlantDevi
       device_(dispatcher_, parts.described->description, &flash_,
               options_of(plan, address_of(plan, *parts.described), plan.bitrate != 0 ? plan.bitrate : parts.rate,
                          Random(random).next()),
-              &host_, timing_, programs_of(plan, program_flash_.get())) {
+              &host_, timing_, programs_of(plan, program_flash_.get())),
+      odd_(plan.does.odd, device_, executor) {
   flash_.watch(this);
   device_.observe(this);
   if (parts.script) {

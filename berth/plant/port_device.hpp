@@ -23,6 +23,7 @@
 #include "berth/can/port.hpp"
 #include "berth/device/device.hpp"
 #include "berth/plant/device_plan.hpp"
+#include "berth/plant/odd_answers.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/plant/sim_gateway.hpp"
 #include "berth/script/behaviour.hpp"
@@ -84,6 +85,7 @@ class PortDevice final : public GatewaySide,
   can::Dispatcher dispatcher_;
   mutable device::Device device_;
   std::unique_ptr<script::Behaviour> behaviour_;  // only with a script
+  OddAnswers odd_;
   PlantMastery master_;
   bool powered_ = false;
 };

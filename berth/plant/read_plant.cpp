@@ -184,6 +184,24 @@ void read_lss(Table& table, PlantDevice& device) {
     table.error(key, "the device speaks no LSS", "add \"lss\" to speaks, or leave this out");
 }
 
+void read_oddities(Table& table, PlantDevice& device) {
+  PlantOddities& odd = device.does.odd;
+  for (const auto& word : table.strings("identity_changes").value_or(std::vector<std::string>())) {
+    const auto known = std::ranges::find(identity_words, word);
+    if (known != identity_words.end()) {
+      odd.changing = static_cast<std::uint8_t>(odd.changing | 1U << (known - identity_words.begin()));
+    } else {
+      table.error("identity_changes", fmt::format("{} is no part of the identity object", text::quoted(word)),
+                  fmt::format("use some of {}", fmt::join(identity_words, ", ")));
+    }
+  }
+  odd.sdo_serial = table.u32("sdo_serial");
+  odd.identity_only_pre_operational = table.boolean("identity_only_pre_operational").value_or(false);
+  if (const auto word = table.word("resets_at_heartbeat", reset_words))
+    odd.resets = static_cast<ResetsAtHeartbeat>(*word);
+  odd.heartbeat_sent = table.duration("heartbeat_sent", 0s, 65535ms).value_or(0s);
+}
+
 void read_response(Table& table, PlantDevice& device) {
   auto& response = device.response;
   const Value* value = table.get("response");
@@ -400,6 +418,7 @@ class PlantReader {
     read_lss(table, device);
     read_response(table, device);
     read_times(table, device);
+    read_oddities(table, device);
     read_script(table, reach_, device);
     read_master(table, device);
     read_hardware(table, device);

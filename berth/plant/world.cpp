@@ -79,7 +79,8 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
       dispatcher_(bus.executor(), meter_ ? static_cast<can::Port&>(*meter_) : port_),
       device_(dispatcher_, std::move(description), &flash_,
               options_of(plan, address, bit_rate_of(plan, bus), Random(random).next()), &port_, timing_,
-              programs_of(plan, program_flash_.get())) {
+              programs_of(plan, program_flash_.get())),
+      odd_(plan.does.odd, device_, bus.executor()) {
   if (!plan.controller.extended_frames) refuse_extended_frames();
   flash_.watch(this);
   device_.observe(this);

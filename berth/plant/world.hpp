@@ -25,6 +25,7 @@
 #include "berth/device/device.hpp"
 #include "berth/network/dictionary_manager.hpp"
 #include "berth/plant/device_plan.hpp"
+#include "berth/plant/odd_answers.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/plant/sim_gateway.hpp"
 #include "berth/script/behaviour.hpp"
@@ -136,6 +137,7 @@ class SimDevice final : public GatewaySide, private device::Device::Observer, pr
   mutable device::Device device_;
   class Scripted;
   std::unique_ptr<Scripted> scripted_;  // only with a script
+  OddAnswers odd_;
   PlantMastery master_;
   NextPowerOn next_;
   unsigned deafness_ = 0;  // number of the last `deaf`, so that an older one's end does not end it

@@ -75,6 +75,19 @@ void write_habits(PlantWriter& w, const PlantDevice& d) {
   w.flag("short_answers", d.lss.short_answers, false);
 }
 
+void write_oddities(PlantWriter& w, const PlantOddities& odd) {
+  std::vector<std::string> changing;
+  for (std::size_t i = 0; i < identity_words.size(); ++i) {
+    if ((odd.changing >> i & 1U) != 0) changing.emplace_back(identity_words[i]);
+  }
+  if (!changing.empty()) w.strings("identity_changes", changing);
+  if (odd.sdo_serial) w.raw("sdo_serial", fmt::format("0x{:08X}", *odd.sdo_serial));
+  w.flag("identity_only_pre_operational", odd.identity_only_pre_operational, false);
+  if (odd.resets != ResetsAtHeartbeat::never)
+    w.string("resets_at_heartbeat", reset_words[static_cast<std::size_t>(odd.resets)]);
+  w.time("heartbeat_sent", odd.heartbeat_sent, Duration(0));
+}
+
 void write_programs(PlantWriter& w, const PlantPrograms& p) {
   if (p.count == 0) return;
   const PlantPrograms usual;
@@ -149,6 +162,7 @@ void write_device(PlantWriter& w, const PlantDevice& d) {
     w.string("queue", queue_words[static_cast<std::size_t>(d.controller.queue)]);
   w.number("rx_depth", d.controller.rx_depth, usual_device.controller.rx_depth);
   w.time("heartbeat", d.heartbeat, usual_device.heartbeat);
+  write_oddities(w, d.does.odd);
   w.time("bus_off_recovery", d.controller.bus_off_recovery, usual_device.controller.bus_off_recovery);
   w.number("repeat_ppm", d.controller.repeat_ppm, usual_device.controller.repeat_ppm);
   w.flag("extended_frames", d.controller.extended_frames, true);

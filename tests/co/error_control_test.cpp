@@ -189,6 +189,16 @@ TEST_F(Heartbeats, HC2_6_HU_24_NeverSeenIsAnEventOfItsOwn) {
   EXPECT_EQ(observer.take(), (Log{event(5, "boot-up", init), event(5, "never seen", init)}));
 }
 
+// A first heartbeat comes no sooner than its time.
+TEST_F(Heartbeats, NeverSeenWaitsAsLongAsTheHeartbeatTime) {
+  consumer.set_never_seen_time(500ms);
+  consumer.supervise(NodeId(5), 3s);
+  run(2999ms);
+  EXPECT_TRUE(observer.log.empty());
+  run(2ms);
+  EXPECT_EQ(observer.take(), (Log{event(5, "never seen", init)}));
+}
+
 // 1016h: two active entries for one node are refused with 0604 0043; unused forms; reserved bits.
 TEST_F(Heartbeats, HC2_6_OD_1016_EntriesOf1016) {
   using od::AbortCode;

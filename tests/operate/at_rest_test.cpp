@@ -5,6 +5,7 @@
 #include <string>
 
 #include "berth/operate/main_job.hpp"
+#include "tests/harness/master_ear.hpp"
 #include "tests/harness/rig.hpp"
 
 using namespace berth;
@@ -18,21 +19,6 @@ namespace {
 constexpr unsigned running = 12;
 constexpr NodeId missing(40);
 constexpr double most_frames_per_second = 12;  // with Berth's own heartbeat
-
-class Ear final : private can::Tap {
- public:
-  explicit Ear(Rig& rig) : rig_(rig) { rig_.world().bus("backbone")->add_tap(*this); }
-  ~Ear() { rig_.world().bus("backbone")->remove_tap(*this); }
-  unsigned frames = 0;
-
- private:
-  void frame(const can::Frame&, rt::Time, int sender) noexcept override {
-    const bool device =
-        std::ranges::any_of(rig_.world().devices(), [&](const auto& d) { return d->controller().number() == sender; });
-    if (!device) ++frames;
-  }
-  Rig& rig_;
-};
 
 struct Setting {
   plant::SpeaksSet speaks{Speaks::lss};
@@ -56,7 +42,7 @@ void rests(const Setting& setting) {
   }
   for (auto& slot : machine.slots) slot.spec.when_ambiguous = places::WhenAmbiguous::ascending;
   Rig rig(machine, plant);
-  Ear ear(rig);
+  MasterEar ear(rig);
   rig.begin();
   ASSERT_TRUE(rig.run_until([&] { return rig.state(missing.value()) == SlotState::empty; }, 120s)) << rig.log();
   rig.run_for(300s);

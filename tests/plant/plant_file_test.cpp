@@ -90,6 +90,11 @@ power_cycle_after_store = true
 queue = "priority"
 rx_depth = 1
 heartbeat = "100 ms"
+heartbeat_sent = "70 ms"
+resets_at_heartbeat = "forgets"
+identity_changes = ["vendor", "serial"]
+sdo_serial = 11
+identity_only_pre_operational = true
 bus_off_recovery = "1 s"
 repeat_ppm = 7
 extended_frames = false
@@ -165,6 +170,8 @@ nodes = ["drive 1"]
   EXPECT_EQ(s1.controller.bus_off_recovery, Duration(1s));
   EXPECT_EQ(s1.controller.repeat_ppm, 7U);
   EXPECT_FALSE(s1.controller.extended_frames);
+  const PlantOddities odd{0b1001, 11, true, ResetsAtHeartbeat::forgets, 70ms};
+  EXPECT_EQ(s1.does.odd, odd);
   EXPECT_EQ(s1.controller.drift_ppm, -100);
   EXPECT_FALSE(s1.plugged);
   EXPECT_EQ(p.devices[3].name, "drive 3");
@@ -260,6 +267,8 @@ TEST(PlantFile, EveryOtherMistakeIsAnError) {
       head + one + "source = \"hard-coded\"\n",
       head + one + "speaks = [\"randd\"]\n",
       head + one + "habits = [\"lelly\"]\n",
+      head + one + "identity_changes = [\"type\"]\n",
+      head + one + "resets_at_heartbeat = \"often\"\n",
       head + one + "habits = [\"lely\", \"canopennode\"]\n",
       head + one + "habits = [\"lely\"]\nspeaks = [\"rand\"]\n",
       head + one + "lss_without = [\"inquire\"]\n",
@@ -433,6 +442,14 @@ PlantDevice random_device(Random& r, std::size_t i, const std::vector<PlantBus>&
   if (r.chance(500'000)) d.controller.bus_off_recovery = random_time(r, 1h);
   if (r.chance(500'000)) d.controller.repeat_ppm = static_cast<std::uint32_t>(r.below(1'000'001));
   d.controller.extended_frames = r.chance(500'000);
+  if (r.chance(300'000)) {
+    auto& odd = d.does.odd;
+    odd.changing = static_cast<std::uint8_t>(r.below(16));
+    if (r.chance(500'000)) odd.sdo_serial = static_cast<std::uint32_t>(r.below(1000));
+    odd.identity_only_pre_operational = r.chance(500'000);
+    odd.resets = static_cast<ResetsAtHeartbeat>(r.below(4));
+    odd.heartbeat_sent = std::chrono::milliseconds(r.below(1000));
+  }
   d.controller.drift_ppm = static_cast<std::int32_t>(r.between(-100'000, 100'000));
   d.plugged = r.chance(500'000);
   if (r.below(3) == 0) {
