@@ -325,6 +325,32 @@ TEST(BadIdentity, OneThatForgets1017hIsWatchedByWhatItHas) {
   }
 }
 
+// The restart comes in the middle of the writing.
+TEST(BadIdentity, OneThatResetsWhen1017hIsWrittenIsConfiguredAllTheSame) {
+  using Resets = plant::ResetsAtHeartbeat;
+  for (const Resets resets : {Resets::keeps, Resets::forgets, Resets::silent}) {
+    SCOPED_TRACE(static_cast<int>(resets));
+    const Kind kind{.name = "pump"};
+    World w{one_bus(kind.bit_rate), one_bus_plant(1)};
+    add_slot(w.machine, 1, type_a);
+    add_device(w.plant, "d1", type_a, 1);
+    add_slot(w.machine, odd_id, type_pump);
+    w.machine.slots.back().spec.config = example_eds("pump.dcf");
+    add_device(w.plant, "odd", type_pump, 77).does.odd.resets = resets;
+    Rig rig(w.machine, w.plant);
+    for (const bool again : {false, true}) {
+      SCOPED_TRACE(again);
+      const Went now = until_rest(rig, kind);
+      EXPECT_EQ(now.late, 0U) << rig.log();
+      expect_operational(now, rig);
+      constexpr ObjectRef limit{0x2000, 1};  // 500 in pump.dcf
+      EXPECT_EQ(rig.device("odd").device().values().get_or<std::uint32_t>(limit, 0), 500U) << rig.log();
+      rig.kill();
+      rig.run_for(1s);
+    }
+  }
+}
+
 TEST(BadIdentity, AHeartbeatThatComesAtAnotherPeriodThanWasWritten) {
   for (const auto sent : {100ms, 2000ms, 10'000ms}) {
     SCOPED_TRACE(sent.count());
