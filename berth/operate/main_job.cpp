@@ -198,6 +198,8 @@ void tell_nobody(Parts& p, Seat& seat, bool news) {
   if (!news && !stale) return;
   if (why.empty() && one_is_asked_next(p)) return;
   seat.misses_one = !why.empty();
+  if (why.empty() && seat.last.failed == SlotState::duplicate)
+    why = "two devices were found for it, and none answers now: they are looked for";
   // What a device of its own address may lack, no search can find.
   if (why.empty())
     why = "no device of its type was found; one that answers no search needs its slot's `spares` and `revision`";
