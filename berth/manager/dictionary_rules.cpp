@@ -54,6 +54,11 @@ SlaveRules slave_rules_of(const od::Values& values, NodeId node) noexcept {
   return rules;
 }
 
+bool has_fixed_node_id(const od::Values& values, NodeId node) noexcept {
+  const unsigned id = node.value();
+  return (number(values, od::paper3::fixed_node_ids, static_cast<std::uint8_t>(1 + id / 32)) >> id % 32 & 1U) != 0;
+}
+
 rt::Duration boot_time_of(const od::Values& values) noexcept {
   return std::chrono::milliseconds(number(values, cia302::boot_time, 0));
 }

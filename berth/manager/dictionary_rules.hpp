@@ -16,6 +16,7 @@
 ///     1F8Ah            sub-index of the slave's 1011h that restores its factory settings
 ///     1F90h            flying master timing
 ///     5F02h            expected hardware version (paper 3; docs/multilevel.md)
+///     5F05h            node-IDs that are their devices' own (docs/multilevel.md); a bit each, not a sub-index
 /// Of the arrays the sub-index is the slave's node-ID. An object or sub-index that is not there counts as 0.
 #pragma once
 
@@ -29,6 +30,8 @@ namespace berth::manager {
 /// Errc::invalid: a reserved bit is set.
 [[nodiscard]] Result<Startup> startup_of(const od::Values& values) noexcept;
 [[nodiscard]] SlaveRules slave_rules_of(const od::Values& values, NodeId node) noexcept;
+/// By 5F05h: the node-ID is its device's own, and nobody is given it.
+[[nodiscard]] bool has_fixed_node_id(const od::Values& values, NodeId node) noexcept;
 [[nodiscard]] rt::Duration boot_time_of(const od::Values& values) noexcept;
 [[nodiscard]] rt::Duration nmt_inhibit_time_of(const od::Values& values) noexcept;
 /// 1F90h, and whether a cold start resets all nodes: not when an assigned slave is keep-alive.

@@ -43,7 +43,9 @@ void ListBus::begin(NodeId own) {
     const NodeId node(number);
     boots_.forget(node);
     const SlaveRules rules = slave_rules_of(s_.values, node);
-    if (rules.assigned && node != own_) list_.push_back(spec_of(node, rules));
+    if (!rules.assigned || node == own_) continue;
+    list_.push_back(spec_of(node, rules));
+    if (has_fixed_node_id(s_.values, node)) list_.back().assign = places::Assign::fixed;
   }
 }
 
@@ -62,45 +64,19 @@ void ListBus::read_list(std::bitset<128> there) {
   }
 }
 
-ListSlot* ListBus::at(NodeId id) noexcept {
-  const auto it = std::ranges::find_if(slots, [&](const ListSlot& s) { return s.id() == id; });
-  return it == slots.end() ? nullptr : &*it;
-}
-
-ListSlot* ListBus::of(const Identity& device) noexcept {
-  const auto it = std::ranges::find_if(slots, [&](const ListSlot& s) { return s.slot.record.device() == device; });
-  return it == slots.end() ? nullptr : &*it;
-}
-
 void ListBus::refresh(ListSlot& slot) {
   places::SlotStore& store = s_.store;
   auto record = store.load(slot.slot.record.slot);
   if (record) slot.slot.record = *std::move(record);
 }
 
-void ListBus::note(const places::Found& device) {
-  places::Found* const known = find(device.device);
-  if (known == nullptr) {
-    found.push_back(device);
-  } else {
-    *known = device;
-  }
-  // One that came during a long search was not asked in this run.
-  ListSlot* const slot = at(device.active);
-  if (slot != nullptr && !slot->device && !device.clone && !device.shared) slot->device = device.device;
-}
-
-void ListBus::forget(const Identity& device) {
-  std::erase_if(found, [&](const places::Found& f) { return f.device == device; });
-}
-
-places::Found* ListBus::find(const Identity& device) noexcept {
-  const auto it = std::ranges::find(found, device, &places::Found::device);
-  return it == found.end() ? nullptr : &*it;
-}
-
-bool ListBus::knows_type(const TypeCode& type) const noexcept {
-  return std::ranges::any_of(slots, [&](const ListSlot& s) { return s.typed && s.slot.spec.type == type; });
+bool ListBus::knows_type(const Identity& device) const noexcept {
+  constexpr std::uint8_t type_alone = 0xC;
+  return std::ranges::any_of(slots, [&](const ListSlot& s) {
+    Identity wanted(s.slot.spec.type.vendor, s.slot.spec.type.product, 0, 0);
+    wanted.unknown = type_alone;
+    return s.typed && wanted.agrees(device);
+  });
 }
 
 std::vector<places::UnfinishedBlank> ListBus::formers() const {
@@ -112,7 +88,8 @@ ListBus::Planned ListBus::plan() {
   Planned made;
   std::vector<places::Found> known;
   std::ranges::copy_if(found, std::back_inserter(known),
-                       [&](const places::Found& f) { return knows_type(f.device.type()) || of(f.device) != nullptr; });
+                       [&](const places::Found& f) { return knows_type(f.device) || of(f.device) != nullptr; });
+  for (auto& f : known) f.keeps = found.keeps_its_node_id(f);
   std::vector<places::Slot> plain;
   for (std::size_t i = 0; i < slots.size(); ++i) {
     const ListSlot& slot = slots[i];
@@ -124,11 +101,16 @@ ListBus::Planned ListBus::plan() {
   }
   std::vector<Identity> blanks;
   for (const auto& former : formers()) {
-    if (find(former.device) != nullptr) blanks.push_back(former.device);
+    if (found.find(former.device) != nullptr) blanks.push_back(former.device);
   }
   made.plan = places::plan(plain, known, blanks, own_);
   std::erase_if(made.plan.actions, [&](const places::Action& action) {
-    return std::ranges::find(refusing, action.device) != refusing.end();
+    if (std::ranges::find(refusing, action.device) != refusing.end()) return true;
+    const auto* const f = found.one_for(action.device);
+    const bool stays = f != nullptr && found.keeps_its_node_id(*f);
+    const bool home =
+        stays && action.kind == places::Action::Kind::bind && slots[made.slots[action.slot]].id() == f->active;
+    return stays && !home;
   });
   return made;
 }

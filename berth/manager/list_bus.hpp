@@ -9,6 +9,7 @@
 #include "berth/co/nmt_master.hpp"
 #include "berth/co/sdo_client.hpp"
 #include "berth/lss/master.hpp"
+#include "berth/manager/list_found.hpp"
 #include "berth/manager/list_store.hpp"
 #include "berth/od/values.hpp"
 #include "berth/places/binder.hpp"
@@ -27,38 +28,6 @@ struct ListServices {
   ListStore& store;
 };
 
-/// Why a slave of the list is not simply there. The numbers stand in 5F0Bh.
-enum class NodeIdTrouble : std::uint8_t {
-  none = 0,
-  nobody = 1,       ///< no device of its type was found
-  kept = 2,         ///< a device may have the node-ID in its memory, and does not answer: no other one gets it
-  stranger = 3,     ///< a device that the list does not want answers under it
-  doubled = 4,      ///< two devices answer under it
-  refuses = 5,      ///< its device takes no node-ID
-  power_cycle = 6,  ///< its device has stored it, and uses another one until it is switched off and on
-  failed = 7,       ///< its device could not be given it; it is tried again
-  lost = 8,         ///< the device that has it does not answer: the next one of its type gets it
-};
-
-/// A slave of the list, as a slot.
-struct ListSlot {
-  places::Slot slot;
-  bool typed = false;                ///< its vendor-ID and product code are given: it can be given to a device
-  bool there = false;                ///< as the master knows, or it has answered
-  bool guarded = false;              ///< it answered guarding in this run
-  std::optional<Identity> device{};  ///< what answered under the node-ID in this run
-  NodeIdTrouble trouble = NodeIdTrouble::none;  ///< of its last binding in this run
-
-  [[nodiscard]] NodeId id() const noexcept { return slot.spec.id; }
-  [[nodiscard]] bool free() const noexcept { return typed && !slot.record.device(); }
-  [[nodiscard]] bool missing() const noexcept { return typed && !there; }
-  /// What answered under the node-ID has given it up.
-  void leave() noexcept {
-    there = false;
-    device.reset();
-  }
-};
-
 class ListBus {
  public:
   explicit ListBus(const ListServices& services);
@@ -72,7 +41,7 @@ class ListBus {
   [[nodiscard]] rt::Time began() const noexcept { return began_; }
 
   std::vector<ListSlot> slots;
-  std::vector<places::Found> found;  ///< in this run
+  ListFound found{slots};  ///< in this run
   /// No device is in LSS configuration, as far as is known: a binding whose frames were lost may have left one there
   /// with a node-ID pending, which the next `04 00` would bring into use.
   bool nobody_listens = false;
@@ -82,14 +51,11 @@ class ListBus {
   std::vector<Identity> refusing;
 
   /// Null: there is none.
-  [[nodiscard]] ListSlot* at(NodeId id) noexcept;
-  [[nodiscard]] ListSlot* of(const Identity& device) noexcept;
+  [[nodiscard]] ListSlot* at(NodeId id) noexcept { return slot_at(slots, id); }
+  [[nodiscard]] ListSlot* of(const Identity& device) noexcept { return slot_of(slots, device); }
   void refresh(ListSlot& slot);
-  void note(const places::Found& device);
-  void forget(const Identity& device);
-  [[nodiscard]] places::Found* find(const Identity& device) noexcept;
-  /// The list has a slave of this type.
-  [[nodiscard]] bool knows_type(const TypeCode& type) const noexcept;
+  /// A slave of the list may be of its type.
+  [[nodiscard]] bool knows_type(const Identity& device) const noexcept;
   /// It was to give a node-ID up and was not seen to have done so.
   [[nodiscard]] std::vector<places::UnfinishedBlank> formers() const;
 

@@ -12,6 +12,8 @@ namespace {
 constexpr std::size_t head_size = 6;
 constexpr std::size_t crc_size = 4;
 constexpr std::size_t row_size = 18;
+constexpr unsigned unknown_shift = 4;
+constexpr unsigned kind_mask = 0xF;
 constexpr bool keeps_history = false;
 
 enum class RowKind : std::uint8_t { intended = 1, confirmed = 2, former = 3 };
@@ -20,7 +22,7 @@ void put_row(std::vector<std::uint8_t>& rows, NodeId node, RowKind kind, const I
   const std::size_t at = rows.size();
   rows.resize(at + row_size);
   rows[at] = node.value();
-  rows[at + 1] = static_cast<std::uint8_t>(kind);
+  rows[at + 1] = static_cast<std::uint8_t>(static_cast<unsigned>(kind) | unsigned{device.unknown} << unknown_shift);
   for (unsigned part = 0; part < 4; ++part)
     store_le(rows.data() + at + 2 + std::size_t{4} * part, device.address.part(part));
 }
@@ -66,10 +68,12 @@ bool ListStore::read_copy(unsigned copy, std::vector<std::uint8_t>& rows, std::u
 void ListStore::take(std::span<const std::uint8_t> rows) {
   for (; rows.size() >= row_size; rows = rows.subspan(row_size)) {
     const auto number = [&](unsigned part) { return load_le<std::uint32_t>(rows.data() + 2 + 4 * part); };
-    const Identity device{number(0), number(1), number(2), number(3)};
     const auto node = NodeId::make(rows[0]);
-    const auto kind = static_cast<RowKind>(rows[1]);
+    const auto kind = static_cast<RowKind>(rows[1] & kind_mask);
     if (!node) continue;
+    Identity device{number(0), number(1), number(2), number(3)};
+    device.unknown = static_cast<std::uint8_t>(rows[1] >> unknown_shift);
+    device = device.with(*node);
     if (kind == RowKind::former) static_cast<void>(MemoryStore::ask_blank({device, {}, {}, *node}, {}));
     if (kind == RowKind::former || !node->configured()) continue;
     const places::Assignment seat{device, *node};

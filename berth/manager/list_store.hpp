@@ -8,7 +8,9 @@
 ///
 ///     copy   = sequence U32 | length U16 | rows | CRC-32 over all before
 ///     row    = node-ID U8 (FFh: not known) | kind U8 | LSS address: 4 x U32
-///     kind   = 1 intended, 2 confirmed, 3 gives its node-ID up
+///     kind   = bits 3..0: 1 intended, 2 confirmed, 3 gives its node-ID up; bit 4 + i: part i of the address is unknown
+///
+/// A device without a serial number is known by the node-ID of its row.
 ///
 /// What it does not keep, as a list has no use for it: marks, loans, configurations and the history.
 #pragma once

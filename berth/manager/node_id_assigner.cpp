@@ -13,6 +13,13 @@ namespace {
 constexpr unsigned seldom = 8;      // runs
 constexpr unsigned most_tries = 3;  // to tell two devices under one node-ID apart, before it is done seldom
 
+// Blank ones that answered at different instants: LSS tells them the same, and nothing tells them apart.
+bool equals_wait(const ListFound& found, const ListSlot& slot) {
+  return std::ranges::any_of(found, [&](const places::Found& f) {
+    return f.clone && !f.active.configured() && !f.device.has_serial() && places::fits(slot.slot.spec, f.device);
+  });
+}
+
 }  // namespace
 
 NodeIdAssigner::NodeIdAssigner(const ListServices& services)
@@ -46,7 +53,10 @@ rt::Task<Result<void>> NodeIdAssigner::run(std::bitset<128> there) {
   note_doubles();
   co_await ask_all();
   co_await look_for_formers();
-  for (auto& slot : bus_.slots) settle(slot);
+  for (auto& slot : bus_.slots) {
+    if (slot.fixed() && slot.there) seating_.take_where_it_is(slot, doubled_[slot.id().value()]);
+    settle(slot);
+  }
   if (!bus_.found.empty()) co_await seating_.carry_out();
   const auto searched = co_await search();
   if (!searched) bus_.nobody_listens = false;
@@ -105,8 +115,7 @@ rt::Task<void> NodeIdAssigner::ask_all() {
 
 rt::Task<Result<Identity>> NodeIdAssigner::identity_of(NodeId node) {
   auto who = co_await places::read_identity(bus_.services().sdo, node, bus_.patience());
-  // A network list knows its devices by their addresses: what one does not say is 0 there (1F85h to 1F88h).
-  if (who) who = Identity(who->address);
+  if (who) who = bus_.found.known_as({*who, node});
   co_return who;
 }
 
@@ -142,7 +151,7 @@ rt::Task<void> NodeIdAssigner::ask(ListSlot& slot) {
     // Before it is taken for the slot's: what was answered may be another's word.
     const auto again = co_await places::identify(bus_.services().sdo, node, places::second_answer);
     if (again.by_two) doubled_.set(node.value());
-    if (again.who) slot.device = Identity(again.who->address);
+    if (again.who) slot.device = bus_.found.known_as({*again.who, node});
     co_return;
   }
   doubled_.reset(node.value());  // one of them is gone
@@ -155,7 +164,7 @@ rt::Task<void> NodeIdAssigner::ask_stranger(NodeId node) {
   const auto device = co_await identity_of(node);
   co_await rt::sleep_for(places::second_answer);
   if (bus_.services().sdo.surplus(node) != surplus) doubled_.set(node.value());
-  if (device && !doubled_[node.value()]) bus_.note({*device, node});
+  if (device && !doubled_[node.value()]) bus_.found.note({*device, node});
 }
 
 // One device gave this node-ID up, and another answers under it. Frames that both sent at once may have driven it off
@@ -195,25 +204,31 @@ rt::Task<void> NodeIdAssigner::look_for_formers() {
   }
   for (const auto& each : formers) {
     const Identity device = each.device;
-    const bool asks = each.id.configured() && due[each.id.value()] && bus_.find(device) == nullptr;
+    const bool asks = each.id.configured() && due[each.id.value()] && bus_.found.find(device) == nullptr &&
+                      bus_.found.can_be_selected(device);
     if (!asks) continue;
     const bool whole = false;
     const auto id = co_await inquiry.active_id_once(device.address, whole);
     const bool clone = !id && id.error().code == Errc::duplicate;
-    if (id || clone) bus_.note({device, id ? *id : NodeId(), clone});
+    if (id || clone) bus_.found.note({device, id ? *id : NodeId(), clone});
+    // Without a node-ID it is another by name.
+    const bool without = id && !id->configured() && !device.has_serial();
+    if (!without) continue;
+    const auto ended = bus_.store().confirm_blank(each.who(), "it came without a node-ID");
+    static_cast<void>(ended);
   }
 }
 
 // What answers under the node-ID, and is not confirmed there: the plan says what becomes of it.
 void NodeIdAssigner::settle(ListSlot& slot) {
   if (slot.there) seating_.seen(slot.id());
-  if (!slot.device || bus_.find(*slot.device) != nullptr) return;
+  if (!slot.device || bus_.found.find(*slot.device) != nullptr) return;
   const auto& record = slot.slot.record;
   const bool its_own = record.confirmed && !record.intended && record.confirmed->device == *slot.device;
   if (its_own) return;
   places::Found found{*slot.device, slot.id()};
   found.shared = doubled_[slot.id().value()];
-  bus_.note(found);
+  bus_.found.note(found);
 }
 
 // ---- who is missing -------------------------------------------------------------------------------------------------
@@ -274,7 +289,7 @@ rt::Task<void> NodeIdAssigner::recall_surplus() {
   rt::Scope asked(bus_.executor());
   const std::vector<places::Found> surplus = seating_.without_place();
   for (const auto& f : surplus) {
-    const bool known = !f.active.configured() || bus_.at(f.active) != nullptr || bus_.find(f.device) != nullptr;
+    const bool known = !f.active.configured() || bus_.at(f.active) != nullptr || bus_.found.find(f.device) != nullptr;
     if (!known) asked.spawn(recall(f));
   }
   co_await asked.join();
@@ -282,14 +297,14 @@ rt::Task<void> NodeIdAssigner::recall_surplus() {
 
 rt::Task<void> NodeIdAssigner::recall(places::Found device) {
   const auto now = co_await identity_of(device.active);
-  if (now && *now == device.device) bus_.note(device);
+  if (now && *now == device.device) bus_.found.note(device);
 }
 
 // ---- what is told ---------------------------------------------------------------------------------------------------
 
 // Two devices answer to its LSS address, wherever they are.
 bool NodeIdAssigner::is_clone(const std::optional<Identity>& device) {
-  const auto* const found = device ? bus_.find(*device) : nullptr;
+  const auto* const found = device ? bus_.found.find(*device) : nullptr;
   return found != nullptr && found->clone;
 }
 
@@ -310,12 +325,18 @@ void NodeIdAssigner::tell() {
       trouble = slot.trouble == NodeIdTrouble::doubled ? slot.trouble : NodeIdTrouble::none;
     } else if (trouble == NodeIdTrouble::none || (trouble == NodeIdTrouble::doubled && !is_clone(about))) {
       trouble = record.intended ? NodeIdTrouble::kept : record.confirmed ? NodeIdTrouble::lost : NodeIdTrouble::nobody;
+      if (equals_wait(bus_.found, slot) && !record.intended) trouble = NodeIdTrouble::equals;
     }
     const bool tells_who = trouble != NodeIdTrouble::none && about.has_value();
     report_.tell(slot.id(), trouble, tells_who ? about->address.serial : 0);
   }
   std::vector<Identity> surplus;
-  for (const auto& f : seating_.without_place()) surplus.push_back(f.device);
+  for (const auto& f : seating_.without_place()) {
+    const bool is_told = std::ranges::any_of(bus_.slots, [&](const ListSlot& slot) {
+      return f.clone && !f.device.has_serial() && slot.missing() && places::fits(slot.slot.spec, f.device);
+    });
+    if (!is_told) surplus.push_back(f.device);
+  }
   report_.tell_surplus(surplus);
 }
 

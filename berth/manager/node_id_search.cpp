@@ -23,12 +23,18 @@ NodeIdSearch::NodeIdSearch(ListBus& bus)
 discovery::Known NodeIdSearch::known(bool all_types) {
   discovery::Known known;
   for (const auto& slot : bus_.slots) {
-    if (slot.device) known.registered.push_back(slot.device->address);
+    const auto sits = slot.device ? slot.device : slot.slot.record.device();
+    const bool equals = sits && slot.there && !sits->has_serial();
+    if (equals) known.equals.push_back(sits->address);
+    if (slot.device && !equals) known.registered.push_back(slot.device->address);
     const discovery::Kind kind{slot.slot.spec.type, std::nullopt};
     const bool named = std::ranges::find(known.kinds, kind) != known.kinds.end();
     if ((slot.missing() || (all_types && slot.typed)) && !named) known.kinds.push_back(kind);
   }
-  for (const auto& f : bus_.found) known.registered.push_back(f.device.address);
+  for (const auto& f : bus_.found) {
+    const bool equals = !f.device.has_serial() && f.active.configured();
+    (equals ? known.equals : known.registered).push_back(f.device.address);
+  }
   return known;
 }
 
@@ -46,12 +52,25 @@ rt::Task<Result<void>> NodeIdSearch::by_rand() {
   for (std::size_t i = 0; i < report->found.size(); ++i) {
     const Identity device = report->found[i].address;
     by_rand_.push_back(device);
+    if (bus_.found.has_equals(device)) {
+      const auto looked = co_await look_among_equals(device);
+      if (!looked) co_return looked;
+      continue;
+    }
     const bool whole = report->found[i].possible_clone;
     const auto id = co_await inquiry.active_id(device.address, whole, ListBus::pause);
     const bool clone = !id && id.error().code == Errc::duplicate;
     if (!id && id.error().code == Errc::bus) co_return fail(id.error());
-    if (id || clone) bus_.note({device, id ? *id : NodeId(), clone});
+    if (id || clone) bus_.found.note({device, id ? *id : NodeId(), clone});
   }
+  co_return Result<void>{};
+}
+
+// Others with its LSS address have their node-IDs, and it may be one of them: Fastscan is for devices without.
+rt::Task<Result<void>> NodeIdSearch::look_among_equals(Identity device) {
+  const auto another = co_await lss::any_without_node_id(bus_.lss(), device.address);
+  if (!another) co_return fail(another.error());
+  if (*another) bus_.found.note({device, NodeId()});
   co_return Result<void>{};
 }
 
@@ -69,7 +88,7 @@ rt::Task<Result<void>> NodeIdSearch::by_lss(Whom whom) {
   const auto quiet = co_await bus_.lss().switch_global(lss::State::waiting);
   if (!quiet) co_return fail(quiet.error());
   for (const auto& d : report->found) {
-    bus_.note({d.address, d.assigned.configured() ? d.assigned : d.active, d.possible_clone});
+    bus_.found.note({d.address, d.assigned.configured() ? d.assigned : d.active, d.possible_clone});
   }
   co_return Result<void>{};
 }
@@ -88,6 +107,8 @@ rt::Task<Result<void>> NodeIdSearch::release_found() {
     const Identity device = by_rand_[i];
     const ListSlot* const seat = bus_.of(device);
     if (seat != nullptr && seat->there) continue;
+    // Those that have their node-IDs would hear it too, and answer each search.
+    if (bus_.found.has_equals(device) && bus_.found.find(device) == nullptr) continue;
     const auto told = co_await rand_.switch_selective(device.address, nodeid::Identification::unknown);
     if (!told) co_return fail(told.error());
   }
@@ -95,18 +116,22 @@ rt::Task<Result<void>> NodeIdSearch::release_found() {
   co_return Result<void>{};
 }
 
-// The slot that the plan has for it when all that was found so far is known.
+// The slot that the plan has for it when all that was found so far is known. Among its equals it is selected by
+// Fastscan, while it has no node-ID: it gets it when the search is over.
 NodeId NodeIdSearch::assign(const LssAddress& device, bool) noexcept {
-  if (bus_.find(device) == nullptr) bus_.note({device, NodeId()});
+  if (bus_.found.find(device) == nullptr) bus_.found.note({device, NodeId()});
+  if (bus_.found.has_equals(device)) return {};
   const auto planned = bus_.plan();
   const auto bind = std::ranges::find_if(planned.plan.actions, [&](const places::Action& action) {
-    return action.kind == places::Action::Kind::bind && action.device == device;
+    const auto* const f = bus_.found.one_for(action.device);
+    return action.kind == places::Action::Kind::bind && f != nullptr && f->device == device;
   });
   if (bind == planned.plan.actions.end()) return {};
   ListSlot& slot = bus_.slots[planned.slots[bind->slot]];
   const bool held = std::ranges::find(bus_.found, slot.id(), &places::Found::active) != bus_.found.end();
   if (held || !bus_.vacant(slot.id())) return {};
-  const auto asked = bus_.store().ask(slot.slot.record.slot, {device, slot.id()}, "found by a search");
+  const auto asked =
+      bus_.store().ask(slot.slot.record.slot, {Identity(device).with(slot.id()), slot.id()}, "found by a search");
   if (!asked) return {};
   bus_.refresh(slot);
   return slot.id();

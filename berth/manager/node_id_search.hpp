@@ -34,6 +34,7 @@ class NodeIdSearch final : private discovery::Assigner {
   NodeId assign(const LssAddress& device, bool says_none) noexcept override;
   bool still_vacant(NodeId id) const noexcept override { return bus_.vacant(id); }
   [[nodiscard]] discovery::Known known(bool all_types);
+  rt::Task<Result<void>> look_among_equals(Identity device);
 
   ListBus& bus_;
   nodeid::RandMaster rand_;

@@ -9,6 +9,25 @@ namespace berth::manager {
 using places::Action;
 using places::Binding;
 
+namespace {
+
+// As what the device was found: one without a serial number has another node-ID now.
+std::vector<Identity> names_of(const Binding& binding) {
+  const Identity& device = binding.assignment().device;
+  if (device.has_serial()) return {device};
+  return {device, device.with(NodeId()), device.with(binding.old_id())};
+}
+
+// One without a serial number is, wherever it was found, the one of its kind that a slot waits for.
+bool is_waited_for(const std::vector<ListSlot>& slots, const Identity& device) {
+  return !device.has_serial() && std::ranges::any_of(slots, [&](const ListSlot& slot) {
+    const auto& intended = slot.slot.record.intended;
+    return intended && intended->device.address == device.address;
+  });
+}
+
+}  // namespace
+
 void NodeIdSeating::begin() {
   seen_at_ = {};
   resting_.clear();
@@ -25,6 +44,21 @@ rt::Task<void> NodeIdSeating::carry_out() {
     take_stock(planned);
     changed = co_await act_on(planned);
   }
+}
+
+// Whose place it takes has the node-ID from elsewhere than from here: nothing has to be asked back.
+void NodeIdSeating::take_where_it_is(ListSlot& slot, bool doubled) {
+  const auto sits = slot.slot.record.device();
+  const bool takes =
+      slot.typed && slot.device && !doubled && slot.device != sits && places::fits(slot.slot.spec, *slot.device);
+  if (!takes) return;
+  const Identity device = *slot.device;
+  if (sits) {
+    const auto freed = bus_.store().clear(slot.slot.record.slot, "another device has its node-ID");
+    if (!freed) return;
+    bus_.refresh(slot);
+  }
+  static_cast<void>(adopt(slot, device));
 }
 
 // ---- slots of devices that are lost ---------------------------------------------------------------------------------
@@ -47,15 +81,30 @@ rt::Task<void> NodeIdSeating::free_lost() {
     ListSlot* const slot = lost_slot_for(device);
     if (slot == nullptr) continue;
     const Identity away = slot->slot.record.confirmed->device;
-    const auto id = co_await inquiry.active_id(away.address, false, ListBus::pause);
-    const bool clone = !id && id.error().code == Errc::duplicate;
-    if (id || clone) bus_.note({away, id ? *id : NodeId(), clone});
-    const bool silent = !id && id.error().code == Errc::timeout;
-    if (!silent) continue;
+    if (takes_its_place(device, away, *slot)) continue;
+    if (bus_.found.can_be_selected(away)) {
+      const auto id = co_await inquiry.active_id(away.address, false, ListBus::pause);
+      const bool clone = !id && id.error().code == Errc::duplicate;
+      if (id || clone) bus_.found.note({away, id ? *id : NodeId(), clone});
+      const bool silent = !id && id.error().code == Errc::timeout;
+      if (!silent) continue;
+    }
     const auto freed = bus_.store().give_away(slot->slot.record.slot, "it is silent, and a new device is there");
     bus_.refresh(*slot);
     if (freed) reserved.push_back(slot->id());
   }
+}
+
+// One without a serial number that comes without its node-ID is the one of its kind that is missing, or one put in its
+// place: nobody can tell.
+bool NodeIdSeating::takes_its_place(const Identity& comes, const Identity& away, ListSlot& slot) {
+  const bool equal = !comes.has_serial() && !comes.at.configured() && !away.has_serial() && comes.agrees(away);
+  if (!equal) return false;
+  const auto asked =
+      bus_.store().ask(slot.slot.record.slot, {away, slot.id()}, "one of its kind came without this node-ID");
+  static_cast<void>(asked);
+  bus_.refresh(slot);
+  return true;
 }
 
 // Found, and neither seated nor about to lose a node-ID of before; the lowest serial number first.
@@ -63,7 +112,8 @@ std::vector<Identity> NodeIdSeating::new_devices() const {
   std::vector<Identity> devices;
   for (const auto& f : bus_.found) {
     const bool refuses = std::ranges::find(bus_.refusing, f.device) != bus_.refusing.end();
-    if (!f.clone && !refuses && bus_.of(f.device) == nullptr) devices.push_back(f.device);
+    const bool comes = !f.clone && !refuses && bus_.of(f.device) == nullptr && !is_waited_for(bus_.slots, f.device);
+    if (comes) devices.push_back(f.device);
   }
   std::ranges::sort(devices);
   return devices;
@@ -71,7 +121,7 @@ std::vector<Identity> NodeIdSeating::new_devices() const {
 
 // The one under whose node-ID the new device was found comes first.
 ListSlot* NodeIdSeating::lost_slot_for(const Identity& device) {
-  const auto* const f = bus_.find(device);
+  const auto* const f = bus_.found.find(device);
   ListSlot* lowest = nullptr;
   for (auto& slot : bus_.slots) {
     if (!is_lost(slot) || !places::fits(slot.slot.spec, device)) continue;
@@ -84,8 +134,8 @@ ListSlot* NodeIdSeating::lost_slot_for(const Identity& device) {
 bool NodeIdSeating::is_lost(const ListSlot& slot) const {
   const auto& record = slot.slot.record;
   const bool its_own = slot.there && (!slot.device || *slot.device == record.device());
-  const bool elsewhere = record.confirmed && bus_.find(record.confirmed->device) != nullptr;
-  if (!slot.typed || !record.confirmed || record.intended || its_own || elsewhere) return false;
+  const bool elsewhere = record.confirmed && bus_.found.find(record.confirmed->device) != nullptr;
+  if (!slot.typed || slot.fixed() || !record.confirmed || record.intended || its_own || elsewhere) return false;
   const rt::Time now = bus_.executor().now();
   const rt::Time seen = seen_at_[slot.id().value()];
   if (slot.there) return true;  // another device answers in its place
@@ -112,7 +162,7 @@ rt::Task<bool> NodeIdSeating::act_on(const ListBus::Planned& planned) {
   for (const auto& action : planned.plan.actions) {
     if (action.kind != Action::Kind::bind || was_tried(action.device)) continue;
     ListSlot& slot = bus_.slots[planned.slots[action.slot]];
-    const auto* const f = bus_.find(action.device);
+    const auto* const f = bus_.found.one_for(action.device);
     if (f == nullptr) continue;  // it is away, and its node-ID is kept for it
     if (rests(action.device)) {
       slot.trouble = NodeIdTrouble::power_cycle;
@@ -159,7 +209,7 @@ bool NodeIdSeating::adopt(ListSlot& slot, const Identity& device) {
   if (!confirmed) return false;
   slot.there = true;
   slot.device = device;
-  bus_.forget(device);
+  bus_.found.forget(device);
   return true;
 }
 
@@ -167,11 +217,14 @@ rt::Task<void> NodeIdSeating::bind(ListSlot& slot, Identity device, bool& change
   const bool resumed = slot.slot.record.intended.has_value();
   const bool fresh = !slot.slot.record.device();
   const places::Binder::Options defaults = bus_.binder_options();
-  Binding binding(Binding::Kind::bind, {device, slot.id()}, defaults.tries, resumed);
+  Binding binding(Binding::Kind::bind, {device.with(slot.id()), slot.id()}, defaults.tries, resumed);
   places::Binder::Options options = defaults;
   options.parts = bus_.parts_to_ask(device);
-  const auto* const found = bus_.find(device);
-  if (found != nullptr) options.uses = found->active;
+  const auto* const found = bus_.found.one_for(device);
+  if (found != nullptr) {
+    options.uses = found->active;
+    options.among_equals = bus_.found.has_equals(found->device, slot.id());
+  }
   places::Binder binder(bus_.binder_services(), options);
   const places::SlotId number = slot.slot.record.slot;
   const std::string reason = "the network list has a place for it";
@@ -189,11 +242,11 @@ void NodeIdSeating::ended(ListSlot& slot, const Binding& binding, bool fresh) {
     slot.device = device;
     slot.trouble = NodeIdTrouble::none;
     seen(slot.id());
-    bus_.forget(device);
+    for (const Identity& name : names_of(binding)) bus_.found.forget(name);
     std::erase_if(resting_, [&](const Resting& r) { return r.device == device; });
     return;
   }
-  tried_.push_back(device);
+  std::ranges::copy(names_of(binding), std::back_inserter(tried_));
   if (!binding.untouched()) bus_.nobody_listens = false;
   slot.trouble = NodeIdTrouble::failed;
   if (binding.step() == places::Step::power_cycle) {
@@ -205,17 +258,20 @@ void NodeIdSeating::ended(ListSlot& slot, const Binding& binding, bool fresh) {
   // It has told what it uses, and takes nothing else.
   const bool refuses = binding.why() == Why::refused && binding.old_id() != slot.id();
   if (refuses) {
-    bus_.refusing.push_back(device);
+    std::ranges::copy(names_of(binding), std::back_inserter(bus_.refusing));
     slot.trouble = NodeIdTrouble::refuses;
   }
-  if (binding.why() == Why::clone) bus_.note({device, binding.old_id(), true});
+  const Identity was = device.with(binding.old_id());
+  if (binding.why() == Why::clone) bus_.found.note({was, binding.old_id(), true});
   if (binding.why() == Why::clone || binding.why() == Why::other_device) slot.trouble = NodeIdTrouble::doubled;
+  const bool blank_equals = binding.why() == Why::clone && !device.has_serial() && !binding.old_id().configured();
+  if (blank_equals) slot.trouble = NodeIdTrouble::equals;
   if (binding.why() == Why::not_there) {
-    bus_.forget(device);
+    bus_.found.forget(was);
     // It left before it could be told: the node-ID stays its own, as while it is not found.
     if (slot.slot.record.intended && !(fresh && binding.untouched())) slot.trouble = NodeIdTrouble::kept;
   }
-  auto* const f = bus_.find(device);
+  auto* const f = bus_.found.one_for(device);
   if (binding.why() == Why::occupied && f != nullptr && f->active == slot.id()) f->shared = true;
   // Nothing in the device can have changed: the slot is free again. Else it stays the slot's until it is seen.
   const bool untold = (fresh && binding.untouched()) || refuses;
@@ -231,7 +287,7 @@ rt::Task<bool> NodeIdSeating::blank(Identity device, std::string reason) {
   if (rests(device)) co_return false;
   const places::Binder::Options defaults = bus_.binder_options();
   Binding binding(Binding::Kind::blank, {device, NodeId()}, defaults.tries, resumed);
-  const auto* const had = bus_.find(device);
+  const auto* const had = bus_.found.find(device);
   if (had != nullptr) binding.inquired(had->active);
   places::Binder::Options options = defaults;
   options.parts = bus_.parts_to_ask(device);
@@ -239,10 +295,14 @@ rt::Task<bool> NodeIdSeating::blank(Identity device, std::string reason) {
   const places::SlotId none;
   co_await binder.run(binding, none, reason);
   const bool good = binding.step() == places::Step::done;
-  auto* const now = bus_.find(device);
+  auto* const now = bus_.found.find(device);
   if (good) {
     places::gave_up(bus_.boots(), bus_.vacancy(), binding.old_id());
-    if (now != nullptr) now->active = NodeId();
+    if (now != nullptr && device.has_serial()) now->active = NodeId();
+    if (now != nullptr && !device.has_serial()) {
+      bus_.found.forget(device);
+      bus_.found.note({device, NodeId()});
+    }
     ListSlot* const left = bus_.at(binding.old_id());
     const bool empty = left != nullptr && left->device == device;
     if (empty) left->leave();
@@ -265,7 +325,7 @@ rt::Task<bool> NodeIdSeating::blank(Identity device, std::string reason) {
 bool NodeIdSeating::rests(const Identity& device) {
   const auto it = std::ranges::find(resting_, device, &Resting::device);
   if (it == resting_.end()) return false;
-  const auto* const f = bus_.find(device);
+  const auto* const f = bus_.found.one_for(device);
   const auto booted = it->old.configured() ? bus_.boots().boot_up(it->old) : std::nullopt;
   const bool over = (f != nullptr && f->active != it->old) || (booted && *booted > it->since);
   if (over) resting_.erase(it);
@@ -280,9 +340,12 @@ void NodeIdSeating::take_stock(const ListBus::Planned& planned) {
   without_place_.clear();
   for (const auto& f : bus_.found) {
     const bool seated = std::ranges::any_of(planned.plan.actions, [&](const Action& action) {
-      return action.kind == Action::Kind::bind && action.device == f.device;
+      return action.kind == Action::Kind::bind && bus_.found.one_for(action.device) == &f;
     });
-    if (!seated && bus_.of(f.device) == nullptr) without_place_.push_back(f);
+    // The next run asks who it is, and takes it where it is.
+    const ListSlot* const own = f.active.configured() ? bus_.at(f.active) : nullptr;
+    const bool home = own != nullptr && own->fixed() && places::fits(own->slot.spec, f.device);
+    if (!seated && !home && bus_.of(f.device) == nullptr) without_place_.push_back(f);
   }
 }
 

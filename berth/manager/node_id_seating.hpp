@@ -19,6 +19,8 @@ class NodeIdSeating {
   /// At each run, of every slave that is there or has answered.
   void seen(NodeId id) noexcept { seen_at_[id.value()] = bus_.executor().now(); }
 
+  /// What answers under the node-ID of a fixed slot is its device, or that one's replacement. `doubled`: and another.
+  void take_where_it_is(ListSlot& slot, bool doubled);
   /// Frees the slots of devices that are lost where new ones of their type are there, plans, and does what the plan
   /// says, until nothing is left that can be done.
   rt::Task<void> carry_out();
@@ -38,6 +40,7 @@ class NodeIdSeating {
   };
   rt::Task<void> free_lost();
   [[nodiscard]] ListSlot* lost_slot_for(const Identity& device);
+  bool takes_its_place(const Identity& comes, const Identity& away, ListSlot& slot);
   [[nodiscard]] bool is_lost(const ListSlot& slot) const;
   [[nodiscard]] std::vector<Identity> new_devices() const;
   rt::Task<bool> act_on(const ListBus::Planned& planned);

@@ -18,6 +18,11 @@ constexpr std::uint16_t hardware_version = 0x1009;
 constexpr std::uint16_t software_version = 0x100A;
 constexpr std::size_t longest_version = 250;  // bytes
 
+bool says_it_has_none(const Error& error) noexcept {
+  const auto abort = static_cast<od::AbortCode>(error.detail);
+  return error.code == Errc::aborted && (abort == od::AbortCode::no_object || abort == od::AbortCode::no_sub_index);
+}
+
 bool fits(std::uint32_t is, const manager::SlaveRules& rules) noexcept {
   if (rules.revision_check == manager::RevisionCheck::equal) return is == rules.revision;
   return is >> 16U == rules.revision >> 16U && (is & 0xFFFFU) >= (rules.revision & 0xFFFFU);
@@ -31,7 +36,9 @@ rt::Task<void> BootTarget::start_sent() { co_return; }
 
 rt::Task<Result<void>> BootSource::configure(BootTarget&, manager::SlaveRules&) { co_return Result<void>{}; }
 
-rt::Task<Result<std::string>> BootSource::other_programs(BootTarget&, const manager::SlaveRules&) { co_return std::string(); }
+rt::Task<Result<std::string>> BootSource::other_programs(BootTarget&, const manager::SlaveRules&) {
+  co_return std::string();
+}
 
 rt::Task<Result<void>> BootSource::update(BootTarget&, const manager::SlaveRules&) {
   co_return fail(Errc::unsupported, "there is no program for it (1F58h)");
@@ -145,6 +152,10 @@ rt::Task<Result<std::uint32_t>> BootSlave::device_type() {
 
 rt::Task<bool> BootSlave::is_as(Expected expected) {
   const auto is = co_await target_->objects().read_u32(boot_identity, expected.sub);
+  // CiA 301 makes the vendor-ID alone mandatory, and sold devices lack that too: what a slave does not say is unknown
+  // and not compared. One certain device (1F88h) has to say that it is it.
+  const bool unknown = !is && expected.sub != 4 && says_it_has_none(is.error());
+  if (unknown) co_return true;
   if (!is) {
     result_.detail = describe(is.error());
     co_return false;

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "berth/od/cia302.hpp"
+#include "berth/od/paper3.hpp"
 
 namespace berth::network {
 namespace {
@@ -107,6 +108,7 @@ void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& 
       builder.sub(manager::NodeIdSource::object,
                   {.sub = sub++, .name = name, .type = DataType::unsigned64, .access = Access::ro});
     }
+    add_array(builder, {.index = od::paper3::fixed_node_ids, .name = "Fixed node-IDs"}, 4);
   }
 }
 
@@ -205,8 +207,8 @@ rt::Task<void> DictionaryManager::assign_and_lead() {
   }
 }
 
-// Neither their boot-up message nor a heartbeat came here, as of one that was reset while the bus was cut, or silent for
-// a while: they are there, and wait to be booted.
+// Neither their boot-up message nor a heartbeat came here, as of one that was reset while the bus was cut, or silent
+// for a while: they are there, and wait to be booted.
 void DictionaryManager::reset_unheard(std::bitset<128> answered) {
   for (const auto& slave : network_.plan().slaves) {
     const auto* const status = network_.find(slave.node);

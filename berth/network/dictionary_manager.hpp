@@ -30,14 +30,14 @@
 #include <memory>
 #include <optional>
 
+#include "berth/manager/flying_master.hpp"
+#include "berth/manager/node_id_source.hpp"
+#include "berth/manager/sdo_requests.hpp"
 #include "berth/network/configuration_requests.hpp"
 #include "berth/network/configuration_uploads.hpp"
 #include "berth/network/dictionary_source.hpp"
-#include "berth/manager/flying_master.hpp"
 #include "berth/network/managed_bus.hpp"
 #include "berth/network/network_requests.hpp"
-#include "berth/manager/node_id_source.hpp"
-#include "berth/manager/sdo_requests.hpp"
 #include "berth/od/values.hpp"
 
 namespace berth::network {
@@ -52,13 +52,15 @@ struct ManagerObjects {
   bool flying = false;                  ///< 1F90h with CiA 302-2's times
   std::uint8_t priority = 1;            ///< default of 1F90h:03: 0 high, 1 medium, 2 low
   bool sdo_manager = false;             ///< 1F00h, 1F01h, 1F10h (`SdoRequests`)
-  bool node_ids = false;                ///< 5F0Bh: what became of the node-IDs of the list (`NodeIdReport`)
+  bool node_ids = false;                ///< 5F0Bh: what became of the node-IDs of the list (`NodeIdReport`); 5F05h
 };
 /// 102Ah, (1F20h, 1F21h), (1F22h), (1F23h, 1F24h), 1F25h to 1F27h, 1F53h to 1F55h, (1F58h), 1F80h to 1F8Ah but 1F87h's
 /// kind of check, (1F90h), (1F00h, 1F01h, 1F10h), with 1F20h also 5F0Ah, (5F0Bh). 1016h is the device's own.
 void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& objects = {});
 
-class DictionaryManager final : private od::Hook, private manager::FlyingMaster::Owner, private manager::NodeIdSource::User {
+class DictionaryManager final : private od::Hook,
+                                private manager::FlyingMaster::Owner,
+                                private manager::NodeIdSource::User {
  public:
   /// All must stay. `apply`: does to the device what an NMT command says.
   DictionaryManager(can::Dispatcher& dispatcher, od::Values& values, std::function<void(co::NmtCommand)> apply,

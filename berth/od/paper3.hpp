@@ -23,4 +23,8 @@ inline constexpr ObjectRef emcy_layout{0x5F03, 0};
 /// sub-index s is node 32 (s - 1) + n. Of all others only code and register go up. S3.18.
 inline constexpr std::uint16_t layout_speakers = 0x5F04;
 
+/// Not the paper's. UNSIGNED32 of a master that gives node-IDs, sub-indices 1 to 4: node-IDs that are their devices'
+/// own (switches, a plug), which it gives to nobody; bit n of sub-index s is node 32 (s - 1) + n.
+inline constexpr std::uint16_t fixed_node_ids = 0x5F05;
+
 }  // namespace berth::od::paper3

@@ -4,24 +4,6 @@
 
 namespace berth::operate {
 
-namespace {
-
-// 1018h has less than LSS tells, and one device was found by both: the name that says more is enough. True: that is in
-// the list.
-bool drop_shorter_names(FoundDevices::List& list, const places::Found& found) {
-  bool fuller = false;
-  std::erase_if(list, [&](const places::Found& other) {
-    const bool same = found.active.configured() && other.active == found.active && !other.clone && !found.clone &&
-                      other.device.unknown != found.device.unknown && other.device.agrees(found.device);
-    const bool more = (other.device.unknown & ~found.device.unknown) == 0;
-    fuller = fuller || (same && more);
-    return same && !more;
-  });
-  return fuller;
-}
-
-}  // namespace
-
 Identity FoundDevices::known_as(const places::Found& found) const noexcept {
   const Seat* const seat = found.active.configured() && !found.clone ? slots_.at(found.active) : nullptr;
   const bool sits = seat != nullptr && seat->sits(found.device) && slots_.of(found.device) == nullptr;
@@ -38,7 +20,7 @@ void FoundDevices::note(const places::Found& told) {
   places::Found found = told;
   found.device = known_as(told);
   if (found.device != told.device) forget(told.device);
-  if (drop_shorter_names(list_, found)) return;
+  if (places::drop_shorter_names(list_, found)) return;
   const auto [seen, fresh] = first_seen_.try_emplace(found.device, s_.executor.now());
   const auto booted = found.active.configured() ? s_.boots.boot_up(found.active) : std::nullopt;
   if (booted && !loans_.of_ours(found.active, *booted)) seen->second = std::min(seen->second, *booted);

@@ -503,6 +503,18 @@ bool revision_fits(RevisionRule rule, const std::optional<std::uint32_t>& wanted
 
 }  // namespace
 
+bool drop_shorter_names(std::vector<Found>& list, const Found& found) {
+  bool fuller = false;
+  std::erase_if(list, [&](const Found& other) {
+    const bool same = found.active.configured() && other.active == found.active && !other.clone && !found.clone &&
+                      other.device.unknown != found.device.unknown && other.device.agrees(found.device);
+    const bool more = (other.device.unknown & ~found.device.unknown) == 0;
+    fuller = fuller || (same && more);
+    return same && !more;
+  });
+  return fuller;
+}
+
 bool fits(const SlotSpec& slot, const Identity& device) noexcept {
   if (slot.asks.serial && device.knows(3) && *slot.asks.serial != device.address.serial) return false;
   const auto revision = [&](const std::optional<std::uint32_t>& wanted) {

@@ -24,6 +24,10 @@ struct Found {
   friend bool operator==(const Found&, const Found&) = default;
 };
 
+/// 1018h has less than LSS tells, and one device was found by both: the name that says more is enough. True: that is
+/// in the list. Names that say less than `found` does are taken out.
+bool drop_shorter_names(std::vector<Found>& list, const Found& found);
+
 /// A slot as wanted, and as known.
 struct Slot {
   SlotSpec spec;

@@ -6,6 +6,7 @@
 #include "berth/network/configuration_requests.hpp"
 #include "berth/network/network_requests.hpp"
 #include "berth/od/cia302.hpp"
+#include "berth/od/paper3.hpp"
 
 namespace berth::tree {
 namespace {
@@ -131,7 +132,13 @@ rt::Task<Result<void>> GatewayMaster::bring(const manager::Wanted& list, bool& c
   bool there = co_await has_list(list);
   if (!there) there = co_await put_whole(list);
   if (there) rest.entries.clear();
-  co_return co_await bring_objects(rest, changed);
+  auto done = co_await bring_objects(rest, changed);
+  const bool lacks = !done && done.error().code == Errc::aborted && done.error().index == od::paper3::fixed_node_ids;
+  if (!lacks) co_return done;
+  // A master that gives nobody a node-ID need not know which are given to nobody.
+  std::erase_if(rest.entries, [](const manager::Entry& e) { return e.object.index == od::paper3::fixed_node_ids; });
+  done = co_await bring_objects(rest, changed);
+  co_return done;
 }
 
 }  // namespace berth::tree

@@ -10,8 +10,17 @@ namespace {
 using manager::NodeIdTrouble;
 using places::SlotState;
 
-ListTrouble::Told words_of(NodeIdTrouble trouble, std::uint32_t serial, NodeId node, const std::string& path) {
-  const std::string device = fmt::format("the device with serial number {:08X}h", serial);
+// 0: it has none, or which one it is is not known.
+std::string device_of(std::uint32_t serial) {
+  return serial == 0 ? std::string("a device without a serial number")
+                     : fmt::format("the device with serial number {:08X}h", serial);
+}
+
+ListTrouble::Told words_of(NodeIdTrouble trouble, std::uint32_t serial, const places::SlotSpec& slot,
+                           const std::string& path) {
+  const NodeId node = slot.id;
+  const bool fixed = slot.assign == places::Assign::fixed;
+  const std::string device = device_of(serial);
   switch (trouble) {
     case NodeIdTrouble::none:
     case NodeIdTrouble::nobody: break;
@@ -32,8 +41,16 @@ ListTrouble::Told words_of(NodeIdTrouble trouble, std::uint32_t serial, NodeId n
       return {SlotState::failed, "its device could not be given its node-ID: the gateway's master tries again"};
     case NodeIdTrouble::lost:
       return {SlotState::absent,
-              fmt::format("{} does not answer; switch it on, or bring a new one: that gets its node-ID", device),
+              fixed
+                  ? fmt::format("{} does not answer; switch it on, or set the switches of a new one to {}", device,
+                                node.value())
+                  : fmt::format("{} does not answer; switch it on, or bring a new one: that gets its node-ID", device),
               false};
+    case NodeIdTrouble::equals:
+      return {
+          SlotState::empty,
+          "several devices of its type without serial numbers wait for a node-ID, and LSS does not tell them apart: "
+          "switch them on one at a time"};
   }
   return {SlotState::empty, "no device of its type was found", false};
 }
@@ -67,17 +84,19 @@ rt::Task<bool> ListTrouble::is_troubled(co::SdoAccess& master, NodeId node) {
   co_return (*mask >> place % 64 & 1U) != 0;
 }
 
-rt::Task<std::optional<ListTrouble::Told>> ListTrouble::of(co::SdoAccess& master, NodeId node, std::string path) {
+rt::Task<std::optional<ListTrouble::Told>> ListTrouble::of(co::SdoAccess& master, const places::SlotSpec& slot,
+                                                           std::string path) {
+  const NodeId node = slot.id;
   const bool troubled = co_await is_troubled(master, node);
   if (!troubled) co_return std::nullopt;
   const std::uint8_t sub = node.value();
   const std::uint64_t row = co_await ask(master, sub);
   const auto trouble = static_cast<NodeIdTrouble>(row & 0xFFU);
   if (trouble == NodeIdTrouble::none) co_return std::nullopt;
-  co_return words_of(trouble, static_cast<std::uint32_t>(row >> 32U), node, path);
+  co_return words_of(trouble, static_cast<std::uint32_t>(row >> 32U), slot, path);
 }
 
-rt::Task<std::string> ListTrouble::surplus(co::SdoAccess& master) {
+rt::Task<std::string> ListTrouble::surplus(co::SdoAccess& master, bool any_fixed) {
   constexpr auto seldom = std::chrono::seconds(10);
   if (now_ < surplus_at_) co_return std::string();
   surplus_at_ = now_ + seldom;
@@ -86,11 +105,13 @@ rt::Task<std::string> ListTrouble::surplus(co::SdoAccess& master) {
   const bool news = std::exchange(surplus_, row) != row && row != 0;
   if (!news) co_return std::string();
   const auto count = row & 0xFFU;
+  const auto serial = static_cast<std::uint32_t>(row >> 32U);
   co_return fmt::format(
-      "{} device{} no place here, the first with serial number {:08X}h: every slot that {} has its device; take {} off "
-      "the bus",
-      count, count == 1 ? " has" : "s have", row >> 32U, count == 1 ? "it fits" : "they fit",
-      count == 1 ? "it" : "them");
+      "{} device{} no place here, the first {}: every slot that {} has its device{}; take {} off the bus{}", count,
+      count == 1 ? " has" : "s have",
+      serial == 0 ? "without a serial number" : fmt::format("with serial number {:08X}h", serial),
+      count == 1 ? "it fits" : "they fit", any_fixed ? ", or is for one with its own node-ID" : "",
+      count == 1 ? "it" : "them", any_fixed ? ", or set its switches" : "");
 }
 
 }  // namespace berth::tree

@@ -26,10 +26,10 @@ class ListTrouble {
   }
   /// Why the slave `node` is not there. None: the master does not tell, or knows nothing. `path`: of the master, as
   /// commands name it.
-  [[nodiscard]] rt::Task<std::optional<Told>> of(co::SdoAccess& master, NodeId node, std::string path);
+  [[nodiscard]] rt::Task<std::optional<Told>> of(co::SdoAccess& master, const places::SlotSpec& slot, std::string path);
   /// The devices that have no place on the bus, in words; empty: there is none, it was told already, or it was asked
   /// for within the last ten seconds.
-  [[nodiscard]] rt::Task<std::string> surplus(co::SdoAccess& master);
+  [[nodiscard]] rt::Task<std::string> surplus(co::SdoAccess& master, bool any_fixed);
 
   /// Questions so far.
   [[nodiscard]] unsigned asked() const noexcept { return asked_; }

@@ -45,6 +45,7 @@ class List {
     if (slot.software.hardware_number != 0) put32({od::paper3::expected_hardware, sub}, slot.software.hardware_number);
     put32({consumer_heartbeat, ++consumers_},
           std::uint64_t{sub} << 16U | static_cast<std::uint64_t>(milliseconds(bus_.timing.heartbeat_timeout)));
+    if (slot.assign == places::Assign::fixed) fixed_.at(sub / 32U) |= std::uint32_t{1} << sub % 32U;
     const auto more = settings.find(slot.name.name);
     configuration(slot, more == settings.end() ? nullptr : more->second.get(), findings);
   }
@@ -61,6 +62,10 @@ class List {
   }
 
   manager::Wanted done() {
+    const bool any = std::ranges::any_of(fixed_, [](std::uint32_t bits) { return bits != 0; });
+    for (std::uint8_t i = 0; any && i < fixed_.size(); ++i) {
+      put32({od::paper3::fixed_node_ids, static_cast<std::uint8_t>(i + 1)}, fixed_.at(i));
+    }
     auto& entries = wanted_.entries;
     std::ranges::sort(entries, {}, &manager::Entry::object);
     wanted_.file = "the network list of bus " + bus_.name;
@@ -141,6 +146,7 @@ class List {
   const design::Bus& bus_;
   manager::Wanted wanted_;
   std::uint8_t consumers_ = 0;
+  std::array<std::uint32_t, 4> fixed_{};  // 5F05h
 };
 
 }  // namespace

@@ -80,12 +80,13 @@ void SlotsBeneath::set_all_absent(const std::string& reason) {
   }
 }
 
-void SlotsBeneath::set_device(PlaceBeneath& place, const LssAddress& device) {
+void SlotsBeneath::set_device(PlaceBeneath& place, const Identity& device) {
   place.identified = true;
   if (place.now.device == device) return;
   place.now.device = device;
-  events_.tell(operate::EventKind::bound, place.now.name,
-               fmt::format("its gateway's master gave it to {}", to_string(device)));
+  events_.tell(
+      operate::EventKind::bound, place.now.name,
+      fmt::format("{} {}", place.fixed() ? "its device is" : "its gateway's master gave it to", to_string(device)));
 }
 
 }  // namespace berth::tree

@@ -17,7 +17,7 @@ struct PlaceBeneath {
   places::SlotSpec spec;
   operate::SlotReport now;
   std::uint16_t profile = 0;  ///< of its device: the lower word of 1000h; 0: none, or not known
-  bool identified = false;  ///< its device, since it became operational
+  bool identified = false;    ///< its device, since it became operational
   /// A gateway told that it stops itself, because a mandatory bus beneath it failed (EMCY FF01h); empty: it did not.
   std::optional<rt::Time> stops_itself;
   rt::Time booted_again{};           ///< the last time that Berth had it reset
@@ -25,6 +25,8 @@ struct PlaceBeneath {
   std::optional<rt::Time> collided;  ///< the last EMCY 8150h of it
   bool doubled = false;              ///< by two of them: a second device uses its node-ID
 
+  /// Its device has its node-ID from elsewhere.
+  [[nodiscard]] bool fixed() const noexcept { return spec.assign == places::Assign::fixed; }
   /// Its boot-up has failed, by lost frames say: a master need not try again by itself.
   [[nodiscard]] bool left_lying(rt::Time at) const noexcept {
     constexpr rt::Duration long_enough = std::chrono::seconds(15);
@@ -44,7 +46,7 @@ class SlotsBeneath {
   /// Nothing can be asked of any of them any more.
   void set_all_absent(const std::string& reason);
   /// Which device sits there.
-  void set_device(PlaceBeneath& place, const LssAddress& device);
+  void set_device(PlaceBeneath& place, const Identity& device);
 
   /// Ascending by node-ID.
   [[nodiscard]] std::vector<PlaceBeneath>& all() noexcept { return places_; }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <utility>
 
 #include "berth/co/emcy.hpp"
@@ -19,16 +20,19 @@ constexpr auto by_then_stopped = std::chrono::seconds(1);  // from the EMCY that
 constexpr const char* bus_failed = "a mandatory bus beneath it has failed";
 constexpr auto look_pause = std::chrono::milliseconds(200);  // between two looks at a bus that boots
 
-// A device may lack all of 1018h but its vendor-ID.
-rt::Task<Result<void>> read_address(co::SdoAccess& device, LssAddress& address) {
-  std::uint8_t sub = 0;
-  for (std::uint32_t* const part : {&address.vendor, &address.product, &address.revision, &address.serial}) {
-    ++sub;
-    const auto value = co_await device.read_u32(0x1018, sub);
-    if (value) *part = *value;
+// A device may lack all of 1018h but its vendor-ID, and that.
+rt::Task<Result<Identity>> read_identity(co::SdoAccess& device, NodeId node) {
+  std::array<std::uint32_t, 4> parts{};
+  std::uint8_t unknown = 0;
+  for (unsigned i = 0; i < 4; ++i) {
+    const auto value = co_await device.read_u32(0x1018, static_cast<std::uint8_t>(i + 1));
     if (!value && value.error().code != Errc::aborted) co_return fail(value.error());
+    if (value) parts[i] = *value;
+    if (!value) unknown = static_cast<std::uint8_t>(unknown | 1U << i);
   }
-  co_return Result<void>{};
+  Identity who(parts[0], parts[1], parts[2], parts[3]);
+  who.unknown = unknown;
+  co_return who.with(node);
 }
 
 }  // namespace
@@ -126,7 +130,8 @@ rt::Task<bool> WatchBeneath::look_at_all(std::vector<NodeId> nodes) {
     gateway_is_silent(looked.error());
     co_return false;
   }
-  const std::string surplus = co_await trouble_.surplus(access(slots_.bus().master));
+  const bool any_fixed = std::ranges::any_of(slots_.all(), &PlaceBeneath::fixed);
+  const std::string surplus = co_await trouble_.surplus(access(slots_.bus().master), any_fixed);
   if (!surplus.empty()) slots_.events().tell(EventKind::surplus, "", surplus);
   co_return true;
 }
@@ -198,8 +203,7 @@ void WatchBeneath::collided(PlaceBeneath& place) {
 rt::Task<bool> WatchBeneath::is_doubled(PlaceBeneath& place) {
   if (slots_.now() - place.collided.value_or(slots_.now()) < long_quiet) co_return true;
   co::SdoAccess& node = access(place.spec.id);
-  LssAddress device;
-  const auto known = co_await read_address(node, device);
+  const auto known = co_await read_identity(node, place.spec.id);
   if (!known) co_return true;
   const auto errors = co_await node.read(0x1001, 0);
   if (!errors) co_return true;
@@ -213,7 +217,7 @@ rt::Task<void> WatchBeneath::look_at_missing(PlaceBeneath& place) {
   const unsigned losses = place.losses;
   const std::string path = to_string(multilevel::Path{way_.gateways, slots_.bus().master});
   const unsigned asked = trouble_.asked();
-  const auto knows = co_await trouble_.of(access(slots_.bus().master), node, path);
+  const auto knows = co_await trouble_.of(access(slots_.bus().master), place.spec, path);
   if (place.losses != losses) co_return;
   if (trouble_.asked() != asked) {
     // It may have come back while its master was asked for that.
@@ -228,7 +232,9 @@ rt::Task<void> WatchBeneath::look_at_missing(PlaceBeneath& place) {
     co_return;
   }
   if (!place.now.device && !told) {
-    slots_.set_state(place, SlotState::empty, "no device of its type was found");
+    slots_.set_state(place, SlotState::empty,
+                     place.fixed() ? fmt::format("no device answers under node-ID {}: set its switches", node.value())
+                                   : std::string("no device of its type was found"));
     co_return;
   }
   if (place.now.state == SlotState::absent) co_return;
@@ -274,14 +280,13 @@ rt::Task<bool> WatchBeneath::identify(PlaceBeneath& place) {
   const bool late = slots_.now() - place.now.since > in_any_case;
   if (hurries_ || !(silence_.ran || late)) co_return true;
   const unsigned losses = place.losses;
-  LssAddress device;
   co::SdoAccess& node = access(place.spec.id);
-  const auto known = co_await read_address(node, device);
+  const auto known = co_await read_identity(node, place.spec.id);
   if (!known || place.losses != losses) co_return false;
   const auto type = co_await node.read_u32(0x1000, 0);
   if (place.losses != losses) co_return false;
   if (type) place.profile = static_cast<std::uint16_t>(*type);
-  slots_.set_device(place, device);
+  slots_.set_device(place, *known);
   co_return true;
 }
 
@@ -305,9 +310,8 @@ rt::Task<Result<std::vector<operate::Seen>>> WatchBeneath::scan() {
     co::SdoAccess& device = access(node);
     const auto type = co_await device.read_u32(0x1000, 0);
     if (type) seen.device_type = *type;
-    LssAddress address;
-    const auto known = co_await read_address(device, address);
-    if (known) seen.device = address;
+    const auto known = co_await read_identity(device, node);
+    if (known) seen.device = *known;
     all.push_back(seen);
   }
   co_return all;

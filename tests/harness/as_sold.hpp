@@ -2,48 +2,16 @@
 // only, and blank ones without serial numbers. Drawn by itself: worlds without stay as they are.
 #pragma once
 
-#include <unistd.h>
 #include <algorithm>
-#include <array>
 #include <cstdint>
-#include <cstdio>
-#include <filesystem>
-#include <fstream>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "tests/harness/description_of.hpp"
 #include "tests/harness/world_plan.hpp"
 
 namespace berth::harness {
-
-// A description whose 1018h has the first `parts` of its four.
-inline std::string description_of(TypeCode type, unsigned parts) {
-  std::array<char, 64> name{};
-  std::snprintf(name.data(), name.size(), "berth-as-sold-%08x-%08x-%u.eds", type.vendor, type.product, parts);
-  const auto folder = std::filesystem::temp_directory_path();
-  const auto file = folder / name.data();
-  // Other processes may write it just now: whoever renames last has written the same.
-  const auto half = folder / (name.data() + std::string(".") + std::to_string(::getpid()));
-  std::ofstream out(half);
-  out << "[DeviceInfo]\nVendorNumber=" << type.vendor << "\nProductNumber=" << type.product << "\nLSS_Supported=0\n"
-      << "[MandatoryObjects]\nSupportedObjects=3\n1=0x1000\n2=0x1001\n3=0x1018\n"
-         "[OptionalObjects]\nSupportedObjects=1\n1=0x1017\n"
-         "[1000]\nParameterName=Device type\nObjectType=7\nDataType=7\nAccessType=ro\nDefaultValue=0x20192\n"
-         "[1001]\nParameterName=Error register\nObjectType=7\nDataType=5\nAccessType=ro\nDefaultValue=0\n"
-         "[1017]\nParameterName=Heartbeat\nObjectType=7\nDataType=6\nAccessType=rw\nDefaultValue=0\n"
-         "[1018]\nParameterName=Identity\nObjectType=9\nSubNumber="
-      << parts + 1 << "\n[1018sub0]\nParameterName=n\nObjectType=7\nDataType=5\nAccessType=ro\nDefaultValue=" << parts
-      << "\n";
-  const std::array<std::uint32_t, 4> values{type.vendor, type.product, 0, 0};
-  for (unsigned sub = 1; sub <= parts; ++sub) {
-    out << "[1018sub" << sub
-        << "]\nParameterName=p\nObjectType=7\nDataType=7\nAccessType=ro\nDefaultValue=" << values.at(sub - 1) << "\n";
-  }
-  out.close();
-  std::filesystem::rename(half, file);
-  return file.string();
-}
 
 class AsSold {
  public:

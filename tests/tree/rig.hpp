@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <string>
@@ -20,9 +21,14 @@ class Rig {
  public:
   Rig(const std::string& machine_text, const std::string& plant_text) {
     auto machine = design::read_machine(machine_text, "machine.toml", {});
-    auto plant = plant::read_plant(plant_text, "plant.toml");
+    // Descriptions that tests write stand there.
+    const std::vector<std::string> allowed{std::filesystem::temp_directory_path().string()};
+    auto plant = plant::read_plant(plant_text, "plant.toml", allowed);
     for (const auto& each : machine.findings) ADD_FAILURE() << to_string(each);
-    for (const auto& each : plant.findings) ADD_FAILURE() << to_string(each);
+    for (const auto& each : plant.findings) {
+      // Equal LSS addresses are a note: devices as shops sell them have these.
+      if (each.severity != Finding::Severity::note) ADD_FAILURE() << to_string(each);
+    }
     machine_ = std::move(*machine.machine);
     Findings findings;
     std::vector<plant::BusRate> rates;
