@@ -14,7 +14,13 @@ namespace {
 constexpr std::uint16_t configuration_date = 0x1020;
 
 Error error_of(const manager::Failure& failure) noexcept {
-  if (failure.why == manager::Failure::Why::error) return failure.error;
+  if (failure.why == manager::Failure::Why::error) {
+    // Through gateways the error is that of an object of theirs.
+    Error error = failure.error;
+    error.index = failure.object.index;
+    error.sub = failure.object.sub;
+    return error;
+  }
   return {.code = Errc::mismatch,
           .sub = failure.object.sub,
           .index = failure.object.index,

@@ -88,6 +88,32 @@ TEST(ListStore, WhatWasWrittenIsThereAfterAPowerLossAtAnyLaterTime) {
   EXPECT_EQ(store.writes(), calls);
 }
 
+// One without a serial number is its node-ID's, and what it does not say is unknown and not 0, after a power loss too.
+TEST(ListStore, WhatIsUnknownOfADeviceIsNotZeroLater) {
+  Memory memory;
+  {
+    ListStore store(&memory);
+    for (const std::uint8_t id : {std::uint8_t{5}, std::uint8_t{6}, std::uint8_t{7}}) {
+      Identity device(1, 7, 0, 0);
+      if (id == 7) device.unknown = 0xC;
+      const places::Assignment seat{device.with(NodeId(id)), NodeId(id)};
+      ASSERT_TRUE(store.ask(ListStore::slot_of(seat.id), seat, ""));
+      ASSERT_TRUE(store.confirm(ListStore::slot_of(seat.id), seat, ""));
+    }
+    ASSERT_TRUE(store.give_away(ListStore::slot_of(NodeId(6)), ""));
+  }
+  ListStore later(&memory);
+  places::SlotStore& store = later;
+  const auto confirmed = [&](std::uint8_t id) { return store.load(ListStore::slot_of(NodeId(id))).value().confirmed; };
+  EXPECT_EQ(confirmed(5)->device, Identity(1, 7, 0, 0).with(NodeId(5)));
+  EXPECT_FALSE(confirmed(6));
+  Identity partly(1, 7, 0, 0);
+  partly.unknown = 0xC;
+  EXPECT_EQ(confirmed(7)->device, partly.with(NodeId(7)));
+  ASSERT_EQ(later.unfinished_blanks().value().size(), 1U);
+  EXPECT_EQ(later.unfinished_blanks().value().front().device, Identity(1, 7, 0, 0).with(NodeId(6)));
+}
+
 TEST(ListStore, APowerLossAtAnyByteLeavesOldOrNew) {
   for (unsigned number = 0; number < calls; ++number) {
     Memory before;

@@ -191,6 +191,23 @@ TEST(BootSlave, APartThatTheSlaveDoesNotHaveIsNotAsExpected) {
   EXPECT_EQ(letter(typeless.run().status), 'C');
 }
 
+// CiA 301 §7.5.2.18 makes the vendor-ID alone mandatory: what a slave does not have is unknown, and not another value.
+TEST(BootSlave, APartOfTheIdentityThatTheSlaveDoesNotSayIsNotCompared) {
+  for (const std::uint8_t says : {std::uint8_t{0}, std::uint8_t{1}, std::uint8_t{2}}) {
+    Booting b;
+    for (std::uint8_t sub = 4; sub > says; --sub) b.target.device.objects.erase({0x1018, sub});
+    b.rules.vendor = 0x11;
+    b.rules.product = 0x22;
+    b.rules.revision = 0x0002'0005;
+    const auto result = b.run();
+    EXPECT_EQ(result.status, BootStatus::booted) << result.text();
+  }
+  Booting refused;
+  refused.target.device.refuses_read[{0x1018, 2}] = AbortCode::hardware;
+  refused.rules.product = 0x22;
+  EXPECT_EQ(letter(refused.run().status), 'M') << "it has one, and does not tell it now";
+}
+
 // The manual's reading of 1F87h: major part equal, minor part at least.
 TEST(BootSlave, ACompatibleRevisionIsTakenWhereThatIsAskedFor) {
   const auto status = [](std::uint32_t expected, RevisionCheck check) {

@@ -25,6 +25,7 @@
 #include "tests/harness/intelligence_world.hpp"
 #include "tests/harness/method_world.hpp"
 #include "tests/harness/run_world.hpp"
+#include "tests/harness/tree_as_sold.hpp"
 #include "tests/harness/tree_world.hpp"
 
 using namespace berth;
@@ -47,6 +48,7 @@ struct Options {
   std::uint64_t intelligence_count = 220;     // worlds of programs, configurations, links and take-over
   std::uint64_t trees = 12;                   // worlds of many buses
   bool mixed_trees = false;                   // with sister buses, replacements, devices of all kinds
+  bool trees_as_sold = false;                 // a third of their buses with devices as shops sell them
   bool complete = true;                       // fail when a cell of the matrix has too few hits
 };
 
@@ -439,7 +441,8 @@ constexpr int troubles_of_a_tree = 8;
 TreeTally work_trees(const Options& o, unsigned worker) {
   TreeTally tally;
   for (std::uint64_t seed = o.from + worker; seed < o.from + o.trees; seed += o.workers) {
-    const TreePlan plan = o.mixed_trees ? mix(tree_plan(seed)) : tree_plan(seed);
+    TreePlan plan = o.mixed_trees ? mix(tree_plan(seed)) : tree_plan(seed);
+    if (o.trees_as_sold) plan = as_sold(std::move(plan));
     const char* const frames = std::getenv("BERTH_WORLDS_FRAMES");  // of this bus, in the log
     TreeWorld first(plan, frames == nullptr ? "" : frames), second(plan);
     const std::string wrong = first.go(troubles_of_a_tree);
@@ -528,7 +531,7 @@ int main(int argc, char** argv) {
       only_waits = o.waits = true;
       o.as_sold = as_sold;
     } else if (std::strcmp(argv[i], "--as-sold") == 0) {
-      only_waits = o.waits = o.as_sold = as_sold = true;
+      only_waits = o.waits = o.as_sold = o.trees_as_sold = as_sold = true;
     } else if (std::strcmp(argv[i], "--twins") == 0) {
       only_twins = true;
     } else if (std::strcmp(argv[i], "--brief") == 0) {

@@ -5,8 +5,12 @@
 #include <string>
 
 #include "../pch.hpp"
+#include "berth/tree/gateway_master.hpp"
+#include "berth/tree/network_list.hpp"
+#include "objects.hpp"
 #include "rig.hpp"
 #include "tests/harness/description_of.hpp"
+#include "tests/manager/fake_device.hpp"
 
 namespace berth::tree_tests {
 namespace {
@@ -70,7 +74,70 @@ void expect_all_run(Rig& rig, unsigned first, unsigned last) {
     EXPECT_EQ(rig.state("s" + std::to_string(id)), SlotState::operational) << id << rig.log();
 }
 
+// 5F0Bh of the gateway's own master: nothing to tell of these node-IDs, and nobody without a place.
+void expect_no_trouble(Rig& rig, unsigned first, unsigned last) {
+  Objects objects(rig);
+  std::vector<ObjectRef> asked{{0x5F0B, 0x80}, {0x5F0B, 0x81}};
+  for (unsigned id = first; id <= last; ++id) asked.push_back({0x5F0B, static_cast<std::uint8_t>(id)});
+  EXPECT_EQ(objects.read("3/1", asked), std::vector<std::uint32_t>(asked.size(), 0));
+}
+
+rt::Task<void> bring(tree::GatewayMaster& master, const manager::Wanted& list, Result<void>& done) {
+  bool changed = false;
+  done = co_await master.bring(list, changed);
+}
+
 }  // namespace
+
+// With `assign` left as it is their LSS, where they have it, refuses another node-ID.
+TEST(AsSoldBeneath, EqualOnesWithSwitchesHaveTheirSlotsWithoutAWordAboutThem) {
+  for (const std::string& speaks : {no_lss, std::string(), by_fastscan}) {
+    SCOPED_TRACE(speaks);
+    Line line;
+    for (unsigned id = 5; id <= 8; ++id) {
+      line.slot(id);
+      line.switched(id, speaks);
+    }
+    Rig rig(line.machine, line.plant);
+    ASSERT_TRUE(rig.up()) << rig.log();
+    rig.run_for(40s);
+    expect_all_run(rig, 5, 8);
+    expect_no_false_word(rig);
+    expect_no_trouble(rig, 5, 8);
+  }
+}
+
+// A gateway's master that gives nobody a node-ID need not have 5F05h: its list is brought in without.
+TEST(AsSoldBeneath, AMasterWithoutFixedNodeIdsTakesTheRestOfItsList) {
+  for (const bool has : {true, false}) {
+    Line line;
+    line.slot(5, fixed);
+    line.slot(37, fixed);
+    const auto machine = design::read_machine(line.machine, "machine.toml", {}).machine;
+    const auto& bus = *machine->bus("line");
+    Findings findings;
+    const auto list = tree::network_list(bus, machine->specs("line"), {}, {}, findings);
+    manager::test::FakeDevice fake;
+    for (const auto& entry : list.entries) {
+      const bool there = has || entry.object.index != 0x5F05;
+      if (there) fake.add(entry.object, manager::test::Bytes(entry.bytes.size(), 0));
+      if (entry.type == od::DataType::domain) fake.domains.insert(entry.object);
+    }
+    fake.with_date();
+    fake.with_store();
+    tree::GatewayMaster master(fake, NodeId(1));
+    rt::Executor executor;
+    Result<void> done = fail(Errc::timeout, "");
+    rt::Scope scope(executor);
+    scope.spawn(bring(master, list, done));
+    while (scope.running() > 0 && executor.next()) executor.advance(*executor.next());
+    EXPECT_TRUE(done) << describe(done.error());
+    EXPECT_EQ(manager::test::number(fake.value({0x1F81, 37})), 5U);
+    EXPECT_EQ(manager::test::number(fake.value({0x5F05, 1})), has ? 1U << 5U : 0U);
+    EXPECT_EQ(manager::test::number(fake.value({0x5F05, 2})), has ? 1U << 5U : 0U);
+    EXPECT_EQ(manager::test::number(fake.value({0x1020, 1})), list.date.days);
+  }
+}
 
 TEST(AsSoldBeneath, EqualOnesWithSwitchesHaveTheirSlots) {
   for (const unsigned last : {5U, 7U, 25U}) {
@@ -87,6 +154,7 @@ TEST(AsSoldBeneath, EqualOnesWithSwitchesHaveTheirSlots) {
       EXPECT_TRUE(rig.session().operational()) << rig.log();
       expect_all_run(rig, 5, last);
       expect_no_false_word(rig);
+      expect_no_trouble(rig, 5, last);
       for (unsigned id = 5; id <= last; ++id) {
         const NodeId node(static_cast<std::uint8_t>(id));
         EXPECT_EQ(active(rig, "d" + std::to_string(id)), node);
@@ -109,6 +177,7 @@ TEST(AsSoldBeneath, WhatADeviceDoesNotSayIsNotCompared) {
     rig.run_for(40s);
     expect_all_run(rig, 5, 8);
     expect_no_false_word(rig);
+    expect_no_trouble(rig, 5, 8);
     Identity named(1, parts > 1 ? 7 : 0, 0, 0);
     named.unknown = static_cast<std::uint8_t>(Identity::all_unknown << parts & Identity::all_unknown);
     EXPECT_EQ(rig.slot("s6").device, named.with(NodeId(6)));
