@@ -461,4 +461,43 @@ TEST(AsSoldBeneath, ADeviceThatCannotStoreIsSeatedAtEachPowerOn) {
   }
 }
 
+// It came from another machine: what LSS it has is enough to give it its slot's.
+TEST(AsSoldBeneath, WhoHasANodeIdOfNoSlotGetsItsSlots) {
+  for (const Subset& subset : subsets) {
+    const std::string name = subset.name;
+    // Fastscan, which alone would select it, is for devices without a node-ID. Who does not answer a search is asked by
+    // SDO when it boots.
+    const bool stays = name == "no selection by address";
+    SCOPED_TRACE(name);
+    Line line;
+    line.slot(5);
+    line.slot(6);
+    line.device("d1", std::string("serial = 1000\nsource = \"nonvolatile\"\nnode_id = 40\n") + subset.keys);
+    line.device("whole", "serial = 7\n");
+    Rig rig(line.machine, line.plant);
+    EXPECT_EQ(rig.up(90s), !stays) << rig.log();
+    rig.run_for(10s);
+    EXPECT_EQ(active(rig, "d1") == NodeId(40), stays) << rig.log();
+    EXPECT_EQ(run(rig, {"s5", "s6"}), stays ? 1U : 2U) << rig.log();
+  }
+}
+
+// Without a serial number it does while it is alone of its kind; beside its equals LSS would tell all of them.
+TEST(AsSoldBeneath, WithoutASerialNumberOnlyWhenItIsAloneOfItsKind) {
+  for (const bool alone : {true, false}) {
+    SCOPED_TRACE(alone);
+    Line line;
+    line.slot(5);
+    line.slot(6);
+    line.device("d1", by_fastscan_and_rand + "source = \"nonvolatile\"\nnode_id = 40\n");
+    if (!alone) line.device("d2", by_fastscan_and_rand + "source = \"nonvolatile\"\nnode_id = 5\n");
+    Rig rig(line.machine, line.plant);
+    rig.run_for(60s);
+    EXPECT_EQ(active(rig, "d1"), alone ? NodeId(5) : NodeId(40)) << rig.log();
+    EXPECT_TRUE(alone || active(rig, "d2") == NodeId(5)) << rig.log();
+    EXPECT_EQ(run(rig, {"s5", "s6"}), 1U) << rig.log();
+    EXPECT_EQ(rig.log().find("duplicate"), std::string::npos) << rig.log();
+  }
+}
+
 }  // namespace berth::tree_tests
