@@ -81,7 +81,6 @@ rt::Task<void> NodeIdSeating::free_lost() {
     ListSlot* const slot = lost_slot_for(device);
     if (slot == nullptr) continue;
     const Identity away = slot->slot.record.confirmed->device;
-    if (takes_its_place(device, away, *slot)) continue;
     if (bus_.found.can_be_selected(away)) {
       const auto id = co_await inquiry.active_id(away.address, false, ListBus::pause);
       const bool clone = !id && id.error().code == Errc::duplicate;
@@ -93,18 +92,6 @@ rt::Task<void> NodeIdSeating::free_lost() {
     bus_.refresh(*slot);
     if (freed) reserved.push_back(slot->id());
   }
-}
-
-// One without a serial number that comes without its node-ID is the one of its kind that is missing, or one put in its
-// place: nobody can tell.
-bool NodeIdSeating::takes_its_place(const Identity& comes, const Identity& away, ListSlot& slot) {
-  const bool equal = !comes.has_serial() && !comes.at.configured() && !away.has_serial() && comes.agrees(away);
-  if (!equal) return false;
-  const auto asked =
-      bus_.store().ask(slot.slot.record.slot, {away, slot.id()}, "one of its kind came without this node-ID");
-  static_cast<void>(asked);
-  bus_.refresh(slot);
-  return true;
 }
 
 // Found, and neither seated nor about to lose a node-ID of before; the lowest serial number first.

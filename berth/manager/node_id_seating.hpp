@@ -40,7 +40,6 @@ class NodeIdSeating {
   };
   rt::Task<void> free_lost();
   [[nodiscard]] ListSlot* lost_slot_for(const Identity& device);
-  bool takes_its_place(const Identity& comes, const Identity& away, ListSlot& slot);
   [[nodiscard]] bool is_lost(const ListSlot& slot) const;
   [[nodiscard]] std::vector<Identity> new_devices() const;
   rt::Task<bool> act_on(const ListBus::Planned& planned);

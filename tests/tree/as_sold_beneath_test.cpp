@@ -82,6 +82,24 @@ void expect_no_trouble(Rig& rig, unsigned first, unsigned last) {
   EXPECT_EQ(objects.read("3/1", asked), std::vector<std::uint32_t>(asked.size(), 0));
 }
 
+// What the gateway's own master remembers.
+std::optional<Identity> row(Rig& rig, unsigned id) {
+  manager::ListStore store(list_memory(rig.device("port")));
+  places::SlotStore& rows = store;
+  return rows.load(manager::ListStore::slot_of(NodeId(static_cast<std::uint8_t>(id)))).value().device();
+}
+
+// 40h to 43h on the gateway's bus.
+struct Selections final : can::Tap {
+  explicit Selections(Rig& rig) : bus(*rig.world().bus("line")) { bus.add_tap(*this); }
+  ~Selections() { bus.remove_tap(*this); }
+  void frame(const can::Frame& frame, rt::Time, int) noexcept override {
+    count += frame.key() == lss::master_cob_id && frame.data[0] == 0x43 ? 1U : 0U;
+  }
+  sim::Bus& bus;
+  unsigned count = 0;
+};
+
 rt::Task<void> bring(tree::GatewayMaster& master, const manager::Wanted& list, Result<void>& done) {
   bool changed = false;
   done = co_await master.bring(list, changed);
@@ -159,6 +177,7 @@ TEST(AsSoldBeneath, EqualOnesWithSwitchesHaveTheirSlots) {
         const NodeId node(static_cast<std::uint8_t>(id));
         EXPECT_EQ(active(rig, "d" + std::to_string(id)), node);
         EXPECT_EQ(rig.slot("s" + std::to_string(id)).device, Identity(1, 7, 0, 0).with(node));
+        EXPECT_EQ(row(rig, id), Identity(1, 7, 0, 0).with(node));
       }
     }
   }
@@ -181,6 +200,7 @@ TEST(AsSoldBeneath, WhatADeviceDoesNotSayIsNotCompared) {
     Identity named(1, parts > 1 ? 7 : 0, 0, 0);
     named.unknown = static_cast<std::uint8_t>(Identity::all_unknown << parts & Identity::all_unknown);
     EXPECT_EQ(rig.slot("s6").device, named.with(NodeId(6)));
+    EXPECT_EQ(row(rig, 6), named.with(NodeId(6)));
   }
 }
 
@@ -206,6 +226,7 @@ TEST(AsSoldBeneath, ANewOneAtTheNodeIdOfAFixedSlotIsItsReplacement) {
       rig.run_for(40s);
       expect_all_run(rig, 5, 7);
       expect_no_false_word(rig);
+      EXPECT_EQ(row(rig, 6).value_or(Identity()).has_serial(), next.starts_with("serial"));
       // And back again.
       rig.device("next").unplug();
       ASSERT_TRUE(rig.run_until([&] { return rig.state("s6") == SlotState::absent; }, 20s)) << rig.log();
@@ -215,6 +236,7 @@ TEST(AsSoldBeneath, ANewOneAtTheNodeIdOfAFixedSlotIsItsReplacement) {
       rig.run_for(20s);
       expect_all_run(rig, 5, 7);
       expect_no_false_word(rig);
+      EXPECT_FALSE(row(rig, 6).value_or(Identity(1, 7, 0, 1)).has_serial());
     }
   }
 }
@@ -281,13 +303,17 @@ TEST(AsSoldBeneath, BlankOnesWithoutSerialNumbersComeOneAtATime) {
     line.device("d2", speaks + "plugged = false\n");
     line.device("d3", speaks + "plugged = false\n");
     Rig rig(line.machine, line.plant);
-    unsigned seated = 0;
-    for (const char* const name : {"d1", "d2", "d3"}) {
-      rig.device(name).plug();
-      ++seated;
-      ASSERT_TRUE(rig.run_until([&] { return run(rig, {"s5", "s6", "s7"}) == seated; }, 60s)) << name << rig.log();
-    }
+    const auto seated = [&](unsigned count) {
+      return rig.run_until([&] { return run(rig, {"s5", "s6", "s7"}) == count; }, 60s);
+    };
+    ASSERT_TRUE(seated(1)) << rig.log();
+    const Selections selections(rig);
+    rig.device("d2").plug();
+    ASSERT_TRUE(seated(2)) << rig.log();
+    rig.device("d3").plug();
+    ASSERT_TRUE(seated(3)) << rig.log();
     rig.run_for(40s);
+    EXPECT_EQ(selections.count, 0U) << "40h to 43h select all equal ones";
     EXPECT_EQ(run(rig, {"s5", "s6", "s7"}), 3U) << rig.log();
     expect_no_false_word(rig);
     std::set<NodeId> ids;
@@ -321,6 +347,8 @@ TEST(AsSoldBeneath, ABlankOneTakesThePlaceOfAnEqualThatIsMissing) {
     ASSERT_TRUE(rig.up()) << rig.log();
     rig.run_for(20s);
     EXPECT_EQ(active(rig, "d3"), had);
+    manager::ListStore store(list_memory(rig.device("port")));
+    EXPECT_TRUE(store.unfinished_blanks().value().empty()) << "it is the device of its row, and no former one";
     EXPECT_EQ(run(rig, {"s5", "s6"}), 2U) << rig.log();
     expect_no_false_word(rig);
   }
