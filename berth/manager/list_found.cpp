@@ -42,7 +42,10 @@ Identity ListFound::known_as(const places::Found& f) const noexcept {
   const ListSlot* const slot = f.active.configured() && !f.clone ? slot_at(slots_, f.active) : nullptr;
   if (slot != nullptr && slot->slot.record.confirmed && slot_of(slots_, f.device) == nullptr) {
     const Identity& sits = slot->slot.record.confirmed->device;
-    const bool same = f.device.agrees(sits) && (f.device.unknown != 0 || sits.unknown != 0);
+    // Of one that says little each of its maker's devices may seem to be it: what came with its node-ID is of another
+    // type.
+    const bool same = f.device.agrees(sits) && (f.device.unknown != 0 || sits.unknown != 0) &&
+                      places::fits(slot->slot.spec, f.device);
     if (same) return sits;
   }
   return f.device.has_serial() || f.clone ? f.device : f.device.with(f.active);

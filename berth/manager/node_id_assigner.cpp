@@ -13,10 +13,15 @@ namespace {
 constexpr unsigned seldom = 8;      // runs
 constexpr unsigned most_tries = 3;  // to tell two devices under one node-ID apart, before it is done seldom
 
-// Blank ones that answered at different instants: LSS tells them the same, and nothing tells them apart.
+// Blank ones that answered at different instants: LSS tells them the same, and nothing tells them apart. Those that
+// answered may be such that have their node-IDs, where there are any.
+bool are_blank_equals(const ListFound& found, const places::Found& f) {
+  return f.clone && !f.active.configured() && !f.device.has_serial() && !found.has_equals(f.device);
+}
+
 bool equals_wait(const ListFound& found, const ListSlot& slot) {
   return std::ranges::any_of(found, [&](const places::Found& f) {
-    return f.clone && !f.active.configured() && !f.device.has_serial() && places::fits(slot.slot.spec, f.device);
+    return are_blank_equals(found, f) && places::fits(slot.slot.spec, f.device);
   });
 }
 
@@ -333,7 +338,7 @@ void NodeIdAssigner::tell() {
   std::vector<Identity> surplus;
   for (const auto& f : seating_.without_place()) {
     const bool is_told = std::ranges::any_of(bus_.slots, [&](const ListSlot& slot) {
-      return f.clone && !f.device.has_serial() && slot.missing() && places::fits(slot.slot.spec, f.device);
+      return are_blank_equals(bus_.found, f) && slot.missing() && places::fits(slot.slot.spec, f.device);
     });
     if (!is_told) surplus.push_back(f.device);
   }

@@ -31,6 +31,7 @@ discovery::Known NodeIdSearch::known(bool all_types) {
     const bool named = std::ranges::find(known.kinds, kind) != known.kinds.end();
     if ((slot.missing() || (all_types && slot.typed)) && !named) known.kinds.push_back(kind);
   }
+  known.equals.insert(known.equals.end(), shared_.begin(), shared_.end());
   for (const auto& f : bus_.found) {
     const bool equals = !f.device.has_serial() && f.active.configured();
     (equals ? known.equals : known.registered).push_back(f.device.address);
@@ -88,6 +89,9 @@ rt::Task<Result<void>> NodeIdSearch::by_lss(Whom whom) {
   const auto quiet = co_await bus_.lss().switch_global(lss::State::waiting);
   if (!quiet) co_return fail(quiet.error());
   for (const auto& d : report->found) {
+    // 1018h of those that have their node-IDs does not say their whole address: here it is.
+    const bool shared = d.possible_clone && bus_.found.has_equals(d.address);
+    if (shared && std::ranges::find(shared_, d.address) == shared_.end()) shared_.push_back(d.address);
     bus_.found.note({d.address, d.assigned.configured() ? d.assigned : d.active, d.possible_clone});
   }
   co_return Result<void>{};

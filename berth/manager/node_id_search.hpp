@@ -40,7 +40,8 @@ class NodeIdSearch final : private discovery::Assigner {
   nodeid::RandMaster rand_;
   std::unique_ptr<discovery::Discovery> rand_planner_;
   discovery::Auto rest_;
-  std::vector<Identity> by_rand_;  // in this run
+  std::vector<Identity> by_rand_;   // in this run
+  std::vector<LssAddress> shared_;  // of several devices without serial numbers
 };
 
 }  // namespace berth::manager

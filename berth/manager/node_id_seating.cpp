@@ -332,7 +332,9 @@ void NodeIdSeating::take_stock(const ListBus::Planned& planned) {
     // The next run asks who it is, and takes it where it is.
     const ListSlot* const own = f.active.configured() ? bus_.at(f.active) : nullptr;
     const bool home = own != nullptr && own->fixed() && places::fits(own->slot.spec, f.device);
-    if (!seated && !home && bus_.of(f.device) == nullptr) without_place_.push_back(f);
+    // Several answered to one address, and several that have it have their node-IDs.
+    const bool known = f.clone && !f.device.has_serial() && bus_.found.has_equals(f.device);
+    if (!seated && !home && !known && bus_.of(f.device) == nullptr) without_place_.push_back(f);
   }
 }
 

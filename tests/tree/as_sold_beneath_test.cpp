@@ -37,8 +37,9 @@ struct Line {
     machine += "[[slot]]\nbus = \"line\"\nid = " + std::to_string(id) + "\nname = \"s" + std::to_string(id) +
                "\"\ntype = " + type + "\n" + more;
   }
-  void device(const std::string& name, const std::string& more) {
-    plant += "[[device]]\nbus = \"line\"\nname = \"" + name + "\"\ntype = { vendor = 1, product = 7 }\n" + more;
+  void device(const std::string& name, const std::string& more, unsigned product = 7) {
+    plant += "[[device]]\nbus = \"line\"\nname = \"" + name +
+             "\"\ntype = { vendor = 1, product = " + std::to_string(product) + " }\n" + more;
   }
   void switched(unsigned id, const std::string& more = {}, const std::string& name = {}) {
     device(name.empty() ? "d" + std::to_string(id) : name,
@@ -238,6 +239,54 @@ TEST(AsSoldBeneath, ANewOneAtTheNodeIdOfAFixedSlotIsItsReplacement) {
       expect_no_false_word(rig);
       EXPECT_FALSE(row(rig, 6).value_or(Identity(1, 7, 0, 1)).has_serial());
     }
+  }
+}
+
+// It says its maker alone, and so each device of that maker may seem to be it.
+TEST(AsSoldBeneath, WhatCameWithTheNodeIdOfOneThatSaysLittleIsAnother) {
+  Line line;
+  line.slot(5, fixed);
+  line.slot(6, "", "{ vendor = 1, product = 8 }");
+  line.switched(5, no_lss + says(1));
+  line.device("guest", "serial = 9\nsource = \"nonvolatile\"\nnode_id = 5\nplugged = false\n", 8);
+  Rig rig(line.machine, line.plant);
+  ASSERT_TRUE(rig.run_until([&] { return run(rig, {"s5"}) == 1; }, 60s)) << rig.log();
+  rig.run_for(5s);
+  rig.device("guest").plug();
+  ASSERT_TRUE(rig.up(3min)) << rig.log();
+  EXPECT_EQ(active(rig, "guest"), NodeId(6));
+  EXPECT_EQ(active(rig, "d5"), NodeId(5));
+}
+
+// With LSS, and their slots not said to be fixed: a search for the one that is missing hears all of them.
+TEST(AsSoldBeneath, WhoHasANodeIdDoesNotWaitForOne) {
+  Line line;
+  for (unsigned id = 5; id <= 8; ++id) {
+    line.slot(id);
+    line.switched(id, says(1));
+  }
+  Rig rig(line.machine, line.plant);
+  ASSERT_TRUE(rig.up()) << rig.log();
+  rig.run_for(5s);
+  rig.device("d6").unplug();
+  rig.run_for(40s);
+  EXPECT_EQ(rig.state("s6"), SlotState::absent) << rig.log();
+  EXPECT_EQ(rig.log().find("one at a time"), std::string::npos) << rig.log();
+  expect_no_false_word(rig);
+  rig.device("d6").plug();
+  ASSERT_TRUE(rig.up()) << rig.log();
+}
+
+// A gateway's master that is alone on its bus when it boots.
+TEST(AsSoldBeneath, TheFirstDeviceComesLate) {
+  for (const std::string& serial : {std::string(), std::string("serial = 9\n")}) {
+    Line line;
+    line.slot(5);
+    line.device("d1", serial + "plugged = false\n");
+    Rig rig(line.machine, line.plant);
+    rig.run_for(10s);
+    rig.device("d1").plug();
+    EXPECT_TRUE(rig.up()) << rig.log();
   }
 }
 
