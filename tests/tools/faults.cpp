@@ -5,8 +5,8 @@
 // of these only), and trees of buses beneath gateways, a two-hundredth (`--trees`: N of these only, with sister buses,
 // replacements and devices of all kinds). `--waits`: N of the main job's worlds, with devices that wait for a power
 // cycle, cables cut for long, and a judge of what is told; `--as-sold`: these, a third of them with devices as shops
-// sell them (switches, no serial number, a part of 1018h), which the main job's worlds have by default. `--plain`:
-// without what these have more.
+// sell them (switches, no serial number, a part of 1018h), which the main job's worlds have by default, and the trees'
+// with `--trees --as-sold`. `--plain`: without what these have more.
 #include <sys/wait.h>
 #include <unistd.h>
 #include <algorithm>

@@ -277,19 +277,6 @@ TEST(AsSoldBeneath, WhoHasANodeIdDoesNotWaitForOne) {
   ASSERT_TRUE(rig.up()) << rig.log();
 }
 
-// A gateway's master that is alone on its bus when it boots.
-TEST(AsSoldBeneath, TheFirstDeviceComesLate) {
-  for (const std::string& serial : {std::string(), std::string("serial = 9\n")}) {
-    Line line;
-    line.slot(5);
-    line.device("d1", serial + "plugged = false\n");
-    Rig rig(line.machine, line.plant);
-    rig.run_for(10s);
-    rig.device("d1").plug();
-    EXPECT_TRUE(rig.up()) << rig.log();
-  }
-}
-
 TEST(AsSoldBeneath, TheyAreSeatedAgainAfterAPowerFailureOfTheGateway) {
   Line line;
   for (unsigned id = 5; id <= 9; ++id) {
