@@ -1,5 +1,6 @@
 #include "berth/tree/gateway_master.hpp"
 
+#include <algorithm>
 #include <array>
 
 #include "berth/eds/concise_dcf.hpp"
@@ -25,6 +26,16 @@ Error error_of(const manager::Failure& failure) noexcept {
           .sub = failure.object.sub,
           .index = failure.object.index,
           .text = "the gateway's master does not keep its network list"};
+}
+
+// A master that restarts before it has saved its list has none of it, and must not be told that list's date.
+std::vector<manager::Entry> one_to_look_at(const manager::Wanted& list) {
+  const auto slave = std::ranges::find_if(
+      list.entries, [](const manager::Entry& e) { return e.object.index == od::cia302::slave_assignment; });
+  if (slave == list.entries.end()) return {};
+  manager::Entry entry = *slave;
+  entry.compare_only = true;
+  return {entry};
 }
 
 }  // namespace
@@ -135,9 +146,11 @@ rt::Task<bool> GatewayMaster::put_whole(const manager::Wanted& list) {
 // Through gateways each access costs several.
 rt::Task<Result<void>> GatewayMaster::bring(const manager::Wanted& list, bool& changed) {
   manager::Wanted rest = list;
-  bool there = co_await has_list(list);
-  if (!there) there = co_await put_whole(list);
+  const bool there = co_await has_list(list);
+  bool whole = false;
+  if (!there) whole = co_await put_whole(list);
   if (there) rest.entries.clear();
+  if (whole) rest.entries = one_to_look_at(list);
   auto done = co_await bring_objects(rest, changed);
   const bool lacks = !done && done.error().code == Errc::aborted && done.error().index == od::paper3::fixed_node_ids;
   if (!lacks) co_return done;

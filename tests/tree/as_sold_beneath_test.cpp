@@ -263,7 +263,7 @@ TEST(AsSoldBeneath, WhoHasANodeIdDoesNotWaitForOne) {
   Line line;
   for (unsigned id = 5; id <= 8; ++id) {
     line.slot(id);
-    line.switched(id, says(1));
+    line.switched(id, says(1) + "response = \"" + std::to_string(id * 700 - 3000) + " us\"\n");
   }
   Rig rig(line.machine, line.plant);
   ASSERT_TRUE(rig.up()) << rig.log();
