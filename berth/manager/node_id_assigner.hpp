@@ -8,6 +8,10 @@
 /// a search finds the lowest serial number gets the lowest free node-ID; one that has a node-ID of its type keeps it. A
 /// device of a type that the list does not have is left alone, and so is the node-ID that it has.
 ///
+/// A device without a serial number is known by its node-ID (`ListFound`). Blank equal ones get theirs one at a time;
+/// several at once are told nothing, and 5F0Bh says so. A node-ID of 5F05h is its device's own: who answers there and
+/// fits is seated, and nobody is given it.
+///
 ///     manager::ListStore store(&memory);
 ///     auto& bus = manager.bus();
 ///     manager::NodeIdAssigner assigner({dispatcher, bus.sdo(), bus.nmt(), device.values(), store});
