@@ -18,8 +18,8 @@ Network::~Network() {
 void Network::add(RemoteNode& node) {
   nodes_.push_back(&node);
   // Without a time of its own a node's states are reported all the same, and it is never lost.
-  constexpr rt::Duration unlimited = std::chrono::hours(24 * 365);
-  const auto time = node.options_.heartbeat > rt::Duration::zero() ? node.options_.heartbeat : unlimited;
+  const bool limited = node.options_.heartbeat > rt::Duration::zero();
+  const auto time = limited ? node.options_.heartbeat : co::HeartbeatConsumer::unlimited;
   if (node.id().configured()) heartbeats_.supervise(node.id(), time);
 }
 

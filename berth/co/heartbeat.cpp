@@ -130,8 +130,8 @@ void HeartbeatConsumer::end(std::uint8_t number) noexcept {
 }
 
 rt::Time HeartbeatConsumer::never_seen_at(const Node& node, rt::Time since) const noexcept {
-  const bool tells = never_seen_time_ > rt::Duration::zero();
-  return tells ? since + std::max(never_seen_time_, node.time) : rt::never;
+  if (never_seen_time_ <= rt::Duration::zero()) return rt::never;
+  return since + (node.time < unlimited ? std::max(never_seen_time_, node.time) : never_seen_time_);
 }
 
 void HeartbeatConsumer::set_never_seen_time(rt::Duration time) noexcept {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <chrono>
 #include <optional>
 #include <utility>
 
@@ -72,6 +73,7 @@ class HeartbeatConsumer final : private can::Handler, private rt::Job {
     ~Observer() = default;
   };
   static constexpr unsigned entries = 127;
+  static constexpr rt::Duration unlimited = std::chrono::hours(24 * 365);  ///< a node with this time is never lost
 
   /// `most` (1..127): entries of 1016h, and nodes for which memory is taken now; a device with few saves 3 kB.
   HeartbeatConsumer(can::Dispatcher& dispatcher, Observer& observer, unsigned most = entries);
@@ -88,8 +90,8 @@ class HeartbeatConsumer final : private can::Handler, private rt::Job {
   void clear() noexcept;
 
   /// `never_seen` comes when a node's first heartbeat is missing for this long after its entry was made or its boot-up
-  /// message came; of a node with a longer heartbeat time for that long. 0 = never (default; CiA 301 has no such
-  /// event).
+  /// message came; of a node with a longer heartbeat time, unless it is `unlimited`, for that long. 0 = never (default;
+  /// CiA 301 has no such event).
   void set_never_seen_time(rt::Duration time) noexcept;
   /// Reports boot-up messages of nodes that are not supervised too.
   void hear_all_boot_ups(bool on) noexcept;

@@ -69,6 +69,7 @@ rt::Task<Result<bool>> Identify::blank_left(Run& run) {
 rt::Task<Result<Identify::Sweep>> Identify::proven(Run& run, Cursor& cursor, LssAddress device, bool guess) {
   lss::AloneOptions how{
       .parts = parts_that_tell(device, run.known, run.report), .longest = run.longest(), .guess = guess};
+  how.followed = !services_.lss.lacks().has(device, lss::Lackable::inquire_node_id);
   auto alone = co_await lss::select_alone(services_.lss, device, how);
   if (alone && *alone == lss::Selection::not_alone) {
     // A device that was left in configuration has been told to wait meanwhile.

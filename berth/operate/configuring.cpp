@@ -227,6 +227,7 @@ rt::Task<Configuring::Next> Configuring::try_once(Seat& seat, Attempt& attempt) 
     co_return seat.there() && !seat.is_booted() ? Next::again : Next::not_now;
   }
   if (!good) co_return Next::not_now;
+  seat.rate.written = {};  // all was read back: it has not reset itself for its heartbeat time
   if (attempt.verifies && !report.differences.empty()) {
     forgot(seat, report, attempt.wanted);
     co_return Next::not_now;

@@ -107,7 +107,7 @@ rt::Task<Result<bool>> ErrorControl::look(Seat& seat) {
   const auto has = co_await s_.sdo.read<std::uint16_t>(seat.id(), 0x1017, 0);
   const bool lacks = !has && has.error().code == Errc::aborted;
   if (!has && !lacks) co_return fail(has.error());
-  if (has && *has != wanted) seat.rate.written = s_.executor.now();
+  if (has && *has != wanted) note_write(seat);
   if (lacks) begin_anew(seat);
   if (lacks) seat.rate.refused = describe(has.error());
   seat.guarded = lacks || (seat.guarded && !seat.rate.refused.empty());
@@ -142,19 +142,37 @@ rt::Task<bool> ErrorControl::set(Seat& seat) {
   co_return co_await set_heartbeat(seat);
 }
 
-// Each write is looked at once. One that ran before it booted may have been reset by a person, or lost its power.
+// One that boots unasked between two writes boots by itself behind them, too.
+void ErrorControl::note_write(Seat& seat) const {
+  const std::uint64_t boot_ups = s_.boots.boot_ups(seat.id());
+  if (boot_ups != seat.rate.boot_ups) seat.rate.resets = 0;
+  seat.rate.boot_ups = boot_ups;
+  seat.rate.written = s_.executor.now();
+}
+
+// Each write is looked at once. One that ran before it booted may have been reset by a person, or lost its power; and
+// one that resets itself does it as soon behind each write.
 void ErrorControl::note_reset(Seat& seat) const {
   constexpr rt::Duration at_once = milliseconds(100), soon = std::chrono::seconds(3);
   const rt::Time written = std::exchange(seat.rate.written, rt::Time{});
-  if (written == rt::Time{}) return;
+  if (written == rt::Time{}) {
+    if (s_.boots.boot_ups(seat.id()) != seat.rate.boot_ups) seat.rate.resets = 0;
+    seat.rate.boot_ups = s_.boots.boot_ups(seat.id());
+    return;
+  }
   const auto booted = s_.boots.boot_up(seat.id());
   const bool boots = booted && *booted > written && *booted < written + s_.bus.timing.boot_timeout;
   const bool ran = boots && seat.rate.ran > written && *booted > seat.rate.ran + at_once;
+  seat.rate.boot_ups = s_.boots.boot_ups(seat.id());
   if (!boots || (ran && *booted > written + soon)) {
     seat.rate.resets = 0;
-  } else {
-    seat.rate.resets += ran ? 1 : 2;
+    return;
   }
+  const rt::Duration behind = *booted - written;
+  const bool as_soon = std::chrono::abs(behind - seat.rate.boots_behind) <= behind / 4 + at_once / 2;
+  if (!as_soon) seat.rate.resets = 0;
+  seat.rate.boots_behind = behind;
+  seat.rate.resets += ran ? 1 : 2;
 }
 
 // Some devices reset themselves when 1017h is written: they would be started, written and lost for ever.
@@ -215,7 +233,7 @@ rt::Task<bool> ErrorControl::set_heartbeat(Seat& seat) {
   const std::uint16_t wanted = in_ms(wanted_period(s_.bus.timing, seat));
   const bool stays = co_await leave_as_it_is(seat, wanted);
   if (stays) co_return true;
-  seat.rate.written = s_.executor.now();
+  note_write(seat);
   const auto written = co_await write(id, wanted);
   if (!written && written.error().code != Errc::aborted) {
     slots_.set_absent(seat, "its heartbeat could not be set: " + describe(written.error()));

@@ -41,6 +41,7 @@ class ErrorControl {
 
  private:
   void note_reset(Seat& seat) const;
+  void note_write(Seat& seat) const;
   rt::Task<bool> leave_as_it_is(Seat& seat, std::uint16_t wanted);
   rt::Task<Result<void>> write(NodeId id, std::uint16_t period_ms);
   rt::Task<std::uint16_t> nearest(NodeId id, std::uint16_t refused_ms, std::uint32_t abort_code);

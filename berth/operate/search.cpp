@@ -125,6 +125,7 @@ void Search::take(const discovery::Report& report) {
   agenda_.search_open = report.end == End::more && gets_on();
   if (agenda_.search_open) tell_progress();
   if (!agenda_.search_open) interruptions_ = 0;
+  if (!agenda_.search_open) broken_at_ = {};
   tell_end(report);
 }
 
@@ -159,11 +160,11 @@ bool Search::goes_on() noexcept {
     interruptions_ = 0;
     interruptions_until_ = now + within;
   }
-  // One that got on since has lost nothing: what it swept is kept.
+  // One that got on since has lost nothing: what it swept is kept. It is where it was never before, as it goes back, too.
   const bool got_on = now_.kind != broken_at_.kind || now_.swept > broken_at_.swept;
   if (got_on) interruptions_ = 0;
+  if (got_on) broken_at_ = now_;
   if (interruptions_ == most) return true;
-  broken_at_ = now_;
   ++interruptions_;
   interrupted_ = true;
   return false;

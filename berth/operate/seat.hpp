@@ -24,8 +24,8 @@ struct Doubt {
   /// One that sat here and fell silent may come back without a word, as when its cable was cut: asked for then.
   std::optional<rt::Time> former_at{};
   rt::Duration former_pause{};  ///< until it is asked for the next time
-  bool by_two = false;     ///< no device sits here, and two answer under its node-ID
-  Identity other{};        ///< the last one that answered instead of the slot's device and was looked at
+  bool by_two = false;          ///< no device sits here, and two answer under its node-ID
+  Identity other{};             ///< the last one that answered instead of the slot's device and was looked at
 };
 
 /// What became of the upload of its device's configuration, as 5F0Ah tells it.
@@ -48,14 +48,16 @@ struct SeatConfiguration {
 
 /// How often its heartbeat comes.
 struct HeartbeatRate {
-  rt::Duration period{};    ///< other than the bus's: what the device takes, or has; 0: the bus's
-  std::string refused{};    ///< why it is not what was wanted; empty: it is
-  rt::Duration seen{};      ///< its heartbeats come so often, whatever 1017h says; 0: as that says
-  rt::Time written{};       ///< 1017h was, and whether the device resets itself for that is not known yet; 0: it is
-  rt::Time ran{};           ///< its heartbeat told that it became operational, last
-  unsigned resets = 0;      ///< that it does: 2 for each boot-up right behind a write, 1 for one a little later
-  bool by_sdo = false;      ///< it has no error control, and is asked by SDO; `at`: last
-  std::uint64_t beats = 0;  ///< heard when it was looked at last
+  rt::Duration period{};        ///< other than the bus's: what the device takes, or has; 0: the bus's
+  std::string refused{};        ///< why it is not what was wanted; empty: it is
+  rt::Duration seen{};          ///< its heartbeats come so often, whatever 1017h says; 0: as that says
+  rt::Time written{};           ///< 1017h was, and whether the device resets itself for that is not known yet; 0: it is
+  rt::Time ran{};               ///< its heartbeat told that it became operational, last
+  std::uint64_t boot_ups = 0;   ///< of its node-ID, when 1017h was written, or looked at behind that
+  rt::Duration boots_behind{};  ///< the last boot-up behind a write
+  unsigned resets = 0;          ///< that it does: 2 for each boot-up right behind a write, 1 for one a little later
+  bool by_sdo = false;          ///< it has no error control, and is asked by SDO; `at`: last
+  std::uint64_t beats = 0;      ///< heard when it was looked at last
   rt::Time at{};
   unsigned fast = 0;  ///< looks in a row at which there were too many
 };
@@ -106,9 +108,13 @@ struct Seat {
   [[nodiscard]] const std::string& name() const noexcept { return slot.spec.name.name; }
   [[nodiscard]] NodeId id() const noexcept { return slot.spec.id; }
   [[nodiscard]] bool there() const noexcept { return is_there(life); }
-  /// What answers under its node-ID says nothing else than its device does.
+  /// What answers under its node-ID says nothing else than its device does. Where one of the two says a part only, all
+  /// of a maker would agree: the type is the slot's, too.
   [[nodiscard]] bool sits(const Identity& who) const noexcept {
-    return slot.record.confirmed && uncompared.of(who).agrees(slot.record.confirmed->device);
+    const Identity says = uncompared.of(who);
+    if (!slot.record.confirmed || !says.agrees(slot.record.confirmed->device)) return false;
+    const bool whole = says.unknown == 0 && slot.record.confirmed->device.unknown == 0;
+    return whole || places::fits(slot.spec, says);
   }
   [[nodiscard]] places::SlotState state() const noexcept { return shown(life); }
   /// The same for people: a binding that failed is failed while it is tried again.

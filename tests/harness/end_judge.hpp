@@ -399,7 +399,10 @@ class EndJudge {
     if (slots[at]->spec.assign == places::Assign::fixed) return;
     const bool told = state == places::SlotState::failed || state == places::SlotState::duplicate ||
                       state == places::SlotState::wrong_type;
-    if (told && held_by_switches(*slots[at]) > 0) return;
+    const bool held = std::ranges::any_of(truth_, [&](const plant::Truth& o) {
+      return is_present(o) && o.bus == slots[at]->spec.name.bus && o.active == slots[at]->spec.id && a_hand_must(o);
+    });
+    if (told && held) return;
     if (state != places::SlotState::question) return say(what + " and " + fitting.front()->name + " fits it");
     Choice choice;
     for (const auto* slot : group) {

@@ -447,4 +447,31 @@ TEST(WhoIsWho, ANextBerthDoesNotTakeItUpForEver) {
   EXPECT_NE(log.find("has node-ID 5, by its switches, plug or firmware"), std::string::npos) << log;
 }
 
+// The slot's device says its vendor-ID alone, and so agrees with every device of that maker.
+TEST(WhoIsWho, AnotherTypeOfTheSameMakerIsNotTheOneThatSaysLittle) {
+  auto p = one_bus_plant(1);
+  auto& own = add_switched(p, 5, 0);
+  own.eds = own.eds_path = description_of(type_b, 1);
+  const std::string name = own.name;
+  auto& other = add_device(p, "other", type_c, 9);
+  other.source = plant::NodeIdSource::switches;
+  other.node_id = id_of(5);
+  other.speaks = {};
+  other.plugged = false;
+  Rig rig(fixed_slots(5), p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  rig.device(name).unplug();
+  rig.run_for(5s);
+  rig.device("other").plug();
+  for (int second = 0; second < 60; ++second) {
+    rig.run_for(1s);
+    ASSERT_NE(rig.device("other").truth().state, NmtState::operational) << rig.log();
+    ASSERT_NE(slot(rig, 5).state, SlotState::operational) << rig.log();
+  }
+  rig.device("other").unplug();
+  rig.device(name).plug();
+  EXPECT_TRUE(rig.until_operational(60s)) << rig.log();
+}
+
 }  // namespace who_is_who_tests
