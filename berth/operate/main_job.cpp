@@ -197,9 +197,12 @@ void tell_nobody(Parts& p, Seat& seat, bool news) {
   const bool stale = seat.misses_one && why.empty() && seat.life == Life::empty && !p.agenda.search_open;
   if (!news && !stale) return;
   if (why.empty() && one_is_asked_next(p)) return;
+  // Not each round searches for all.
+  constexpr unsigned rounds_in_vain = 4;
+  const bool were_two = why.empty() && seat.last.failed == SlotState::duplicate;
+  if (were_two && ++seat.doubt.in_vain < rounds_in_vain) return;
   seat.misses_one = !why.empty();
-  if (why.empty() && seat.last.failed == SlotState::duplicate)
-    why = "two devices were found for it, and none answers now: they are looked for";
+  if (were_two) why = "two devices were found for it, and none answers now: they are looked for";
   // What a device of its own address may lack, no search can find.
   if (why.empty())
     why = "no device of its type was found; one that answers no search needs its slot's `spares` and `revision`";
@@ -327,7 +330,7 @@ bool waits_for_one(const Seat& seat) {
 bool is_troubled(const Seat& seat) {
   const bool asked = seat.slot.record.intended.has_value();
   const bool silent = seat.life == Life::absent && seat.slot.record.confirmed;
-  const bool doubled = seat.state() == SlotState::duplicate;
+  const bool doubled = seat.shown_state() == SlotState::duplicate;
   const bool failed = seat.state() == SlotState::failed && !seat.configuration.stuck;
   const bool powered = seat.state() == SlotState::power_cycle && !seat.configuration.waits_since;
   return failed || powered || asked || silent || doubled;
@@ -344,6 +347,7 @@ bool waits_for_a_hand(const Parts& p) {
 // What was told of the slot stands until the look has ended.
 void look_anew(SlotTable& slots, Seat& seat) {
   const SlotState before = seat.shown_state();
+  if (seat.life == Life::doubled) seat.doubt.in_vain = 0;
   if (slots.happened_silently(seat, SlotEvent::rests)) seat.last.failed = before;
 }
 

@@ -24,6 +24,7 @@ struct Doubt {
   /// One that sat here and fell silent may come back without a word, as when its cable was cut: asked for then.
   std::optional<rt::Time> former_at{};
   rt::Duration former_pause{};  ///< until it is asked for the next time
+  unsigned in_vain = 0;         ///< rounds in a row in which the two that were found for it were not found again
   bool by_two = false;          ///< no device sits here, and two answer under its node-ID
   Identity other{};             ///< the last one that answered instead of the slot's device and was looked at
 };

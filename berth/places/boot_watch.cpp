@@ -1,5 +1,8 @@
 #include "berth/places/boot_watch.hpp"
 
+#include <algorithm>
+#include <chrono>
+
 namespace berth::places {
 
 BootWatch::BootWatch(can::Dispatcher& dispatcher, co::SdoClient* sdo) : sdo_(sdo) {
@@ -48,7 +51,10 @@ void BootWatch::error_control(Node& node, const can::Frame& frame, rt::Time at) 
 std::optional<rt::Duration> BootWatch::steady(NodeId id) const noexcept {
   const auto& [last, before] = at(id).gaps;
   const rt::Duration mean = (last + before) / 2;
-  const bool equal = before.count() > 0 && last < before + mean / 4 && before < last + mean / 4;
+  // The frame of another node, that a heartbeat may have to wait for, takes up to 13.5 ms at 10 kbit/s.
+  constexpr rt::Duration waits = std::chrono::milliseconds(27);
+  const rt::Duration unequal = std::min(mean / 4, std::max(mean / 8, waits));
+  const bool equal = before.count() > 0 && last < before + unequal && before < last + unequal;
   return equal ? std::optional(mean) : std::nullopt;
 }
 

@@ -414,7 +414,7 @@ TEST(BadIdentity, TwoEqualOnesAtOneNodeIdAreNamedAndTheBusRests) {
       SCOPED_TRACE(again);
       const Went now = until_rest(rig, kind, 300s);
       // About as many frames as an empty slot (test_operate:AtRest.*); more where LSS finds the two again and again.
-      expect_rest(now, kind, rig, {.frames = kind.fixed ? 12.0 : 20.0, .late = 0});
+      expect_rest(now, kind, rig, {.frames = kind.fixed ? 15.0 : 20.0, .late = 0});
       EXPECT_EQ(now.odd.state, SlotState::duplicate) << rig.log();
       const bool named = now.odd.reason.find("two devices answer under this node-ID; take one") != std::string::npos;
       EXPECT_TRUE(named) << now.odd.reason;
