@@ -211,10 +211,24 @@ void ErrorControl::take_period(Seat& seat, rt::Duration steady) {
                                         seat.name(), text_of(steady), text_of(promised)));
 }
 
+// It keeps 1017h, and has another value than it was given: it booted, and its boot-up was lost.
+rt::Task<bool> ErrorControl::has_forgotten(Seat& seat) {
+  const std::uint16_t given = in_ms(heartbeat_time(s_.bus.timing, seat));
+  const auto has = co_await s_.sdo.read<std::uint16_t>(seat.id(), 0x1017, 0);
+  if (!has || *has == given) co_return false;
+  note_write(seat);
+  const auto written = co_await write(seat.id(), given);
+  if (!written) co_return false;
+  const auto keeps = co_await s_.sdo.read<std::uint16_t>(seat.id(), 0x1017, 0);
+  co_return keeps.has_value() && *keeps == given;
+}
+
 rt::Task<bool> ErrorControl::ask_unheard(Seat& seat) {
   const auto type = co_await s_.sdo.read<std::uint32_t>(seat.id(), 0x1000, 0);
   const bool answers = type || type.error().code == Errc::aborted;
   if (!answers || seat.life != Life::present) co_return answers;
+  const bool booted = co_await has_forgotten(seat);
+  if (booted) co_return false;
   seat.guarded = seat.rate.by_sdo = true;
   s_.heartbeats.supervise(seat.id(), {});  // a first one that comes late is no reason to miss the next
   seat.rate.at = s_.executor.now();

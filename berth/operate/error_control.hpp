@@ -34,7 +34,7 @@ class ErrorControl {
   /// It was started, and sends no heartbeat: what can be known of it, and it is watched by guarding or SDO.
   rt::Task<void> ask_started(Seat& seat);
   /// It was started, and the heartbeat that 1017h promises did not come in time: it is watched by SDO until one does.
-  /// False: nor does it answer.
+  /// False: nor does it answer, or it has booted unheard.
   rt::Task<bool> ask_unheard(Seat& seat);
   /// Its heartbeats come so often (`places::BootWatch::steady`): it is watched by that, and told once.
   void take_period(Seat& seat, rt::Duration steady);
@@ -42,6 +42,7 @@ class ErrorControl {
  private:
   void note_reset(Seat& seat) const;
   void note_write(Seat& seat) const;
+  rt::Task<bool> has_forgotten(Seat& seat);
   rt::Task<bool> leave_as_it_is(Seat& seat, std::uint16_t wanted);
   rt::Task<Result<void>> write(NodeId id, std::uint16_t period_ms);
   rt::Task<std::uint16_t> nearest(NodeId id, std::uint16_t refused_ms, std::uint32_t abort_code);

@@ -379,7 +379,8 @@ rt::Task<bool> MainJob::look() {
     p_.supervision.give_up_silent();
     co_await p_.supervision.ask_the_unwatched();
     p_.supervision.look_at_voices();
-    co_await p_.spares.look_for_formers();
+    const bool untold = co_await p_.spares.look_for_formers();
+    if (untold) co_await p_.duplicates.tell_seats_apart();
     const bool anybody = co_await p_.finding.finder.anybody_new();
     wanted = wanted || anybody;
   }

@@ -15,7 +15,7 @@ class OutOfLss {
   static constexpr unsigned tries = 2;
   static constexpr rt::Duration asked_anew = std::chrono::minutes(10);
 
-  /// LSS was to change its node-ID, and it did not answer.
+  /// LSS was to change its node-ID, and it did not answer, or not alone.
   void in_vain(const Identity& device, rt::Time now);
   /// A search by LSS found it.
   void found(const Identity& device) { devices_.erase(device); }

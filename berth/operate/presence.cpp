@@ -301,6 +301,11 @@ rt::Task<void> Presence::adopt_all_fixed() {
 rt::Task<bool> Presence::take_where_it_is(Seat& seat, Identity device) {
   const auto answer = co_await places::identify(s_.sdo, seat.id(), places::second_answer);
   if (!answer.who || answer.by_two || !answer.who->agrees(device)) co_return false;
+  // Its serial number is known of LSS alone: who says none may be another that was here beside it.
+  if (device.has_serial() && !answer.who->has_serial()) {
+    const auto active = co_await asking_.active_id(device);
+    if (!active) co_return false;
+  }
   const places::Assignment wanted{device, seat.id()};
   const std::string reason = "it has the slot's node-ID, and LSS does not change it";
   const auto asked = slots_.store().ask(seat.slot.record.slot, wanted, reason);

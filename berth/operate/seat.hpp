@@ -79,7 +79,7 @@ struct LastHeard {
   rt::Time left{};                            ///< it left operational by itself, last
   unsigned leaves = 0;                        ///< in a row, each soon behind the one before
   std::optional<places::SlotState> failed{};  ///< the binding that is tried again ended so before
-  bool reset = false;  ///< equal ones were reset to see which node-ID they have in their memories
+  std::optional<rt::Time> reset{};            ///< of equal ones, to see which node-IDs they have in their memories
 };
 
 struct Seat {

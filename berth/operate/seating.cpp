@@ -64,9 +64,16 @@ void reset_who_may_be_its_device(BusServices& s, const SlotTable& slots, const F
   for (const auto& f : found.all()) {
     const bool on_its_own = f.active.configured() && f.active != s.bus.master && slots.at(f.active) == nullptr;
     const bool may_be = on_its_own && !f.lent && !f.clone && f.device.agrees(device);
-    if (may_be) s.nmt.queue(co::NmtCommand::reset_node, f.active);
-    seat.last.reset = seat.last.reset || may_be;
+    if (!may_be) continue;
+    s.nmt.queue(co::NmtCommand::reset_node, f.active);
+    seat.last.reset = s.executor.now();
   }
+}
+
+// One of its kind that boots under its former node-ID when it is reset has not stored the slot's.
+bool kept_its_former(const BusServices& s, const FoundDevices& found, const Seat& seat, const Identity& device) {
+  const Identity one = found.one_for(device);
+  return seat.last.reset && one != device && s.boots.booted_since(found.active_of(one), *seat.last.reset);
 }
 
 }  // namespace
@@ -230,6 +237,7 @@ rt::Task<bool> Seating::bind_seat(Seat& seat, Identity device, std::string reaso
   places::Binder::Options options = asking_.binder_options();
   options.parts = asking_.parts_to_ask(device);
   options.uses = found_.active_of(comes);
+  if (borrows) options.lent = options.uses;
   options.among_equals = asking_.has_equals(comes, seat.id());
   options.may_use_another = planning_.waits_for(comes);
   options.uncompared = &seat.uncompared;
@@ -429,7 +437,10 @@ rt::Task<bool> Seating::blank(Identity device, std::string reason) {
     if (answers) agenda_.out_of_lss.in_vain(device, s_.executor.now());
   } else {
     learn_fixed(binding);
-    if (binding.why() == places::Why::clone) found_.note({device, binding.old_id(), true});
+    const bool clone = binding.why() == places::Why::clone;
+    if (clone) found_.note({device, binding.old_id(), true});
+    // Known by its node-ID, it is found again as one alone.
+    if (clone && !device.has_serial()) agenda_.out_of_lss.in_vain(device, s_.executor.now());
     slots_.events().tell(EventKind::error, "",
                          fmt::format("{} keeps its node-ID: {}", to_string(device),
                                      places::words_of(binding.why(), binder.store_said())));
@@ -550,7 +561,7 @@ rt::Task<void> Seating::look_for_unfinished() {
       continue;
     }
     const bool answers = co_await answers_by_lss(device);
-    if (answers) continue;
+    if (answers || kept_its_former(s_, found_, *seat, device)) continue;
     avoid_.push_back(device);
     keep_for_its_device(*seat);
   }

@@ -43,7 +43,8 @@ rt::Task<bool> Spares::isolate_former(Seat& seat) {
   co_return formers.isolated;
 }
 
-rt::Task<void> Spares::look_for_formers() {
+rt::Task<bool> Spares::look_for_formers() {
+  bool untold = false;
   for (const auto& seat : slots_.seats()) {
     Doubt& doubt = seat->doubt;
     const bool due = doubt.former_at && s_.executor.now() >= *doubt.former_at && seat->there();
@@ -53,7 +54,12 @@ rt::Task<void> Spares::look_for_formers() {
     doubt.former_pause = std::min(2 * doubt.former_pause, longest_pause);
     doubt.former_at = s_.executor.now() + doubt.former_pause;
     if (formers.empty()) doubt.former_at.reset();
+    const auto is_untold = [this](const Identity& d) { return !d.has_serial() || planning_.never_by_lss(d); };
+    if (std::ranges::none_of(formers, is_untold)) continue;
+    doubt.shared = std::max(doubt.shared, 1U);
+    untold = true;
   }
+  co_return untold;
 }
 
 rt::Task<Spares::Formers> Spares::isolate(Seat& seat, std::vector<Identity> formers) {

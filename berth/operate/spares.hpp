@@ -27,7 +27,9 @@ class Spares {
   /// checked and started again at its boot-up. True: there was one. The turn must be held.
   rt::Task<bool> isolate_former(Seat& seat);
   /// The same for slots that were given away a while ago (`Doubt::former_at`), and less often the longer that is ago.
-  rt::Task<void> look_for_formers();
+  /// True: LSS does not tell one of those that sat there, and whether two hold a node-ID is to be asked by SDO
+  /// (`Doubt::shared`).
+  rt::Task<bool> look_for_formers();
   static constexpr rt::Duration longest_pause = std::chrono::minutes(10);
   /// Before a device is configured for the first time in a slot that another had: a configuration that is not of this
   /// slot says that it comes from somewhere. False: it waits for a person, or it is gone.

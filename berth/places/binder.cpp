@@ -250,7 +250,7 @@ rt::Task<Outcome> Binder::revert(const Binding& binding) {
   NodeId id = binding.revert_to();
   // Since it left its old node-ID one was heard there: perhaps another, which came from elsewhere with the same.
   const bool used = id.configured() && moved_ != rt::Time{} && !s_.boots.silent_since(id, moved_);
-  if (used) id = NodeId();
+  if (used || id == options_.lent) id = NodeId();
   bool told = true;
   if (id.configured()) {
     const lss::AloneOptions options{.parts = options_.parts};

@@ -62,6 +62,7 @@ class Binder {
     BusName on{};                                     ///< for the store: where a blanking is begun
     std::function<void(const Binding&)> before_step;  ///< for displays and fault plans; may be empty
     NodeId uses;  ///< what the device is known to use; of one without a serial number nothing else tells that it does
+    NodeId lent;  ///< its old node-ID when that is a search's loan: what goes wrong must not leave it in the memory
     /// The device has no node-ID, and others on this bus have its LSS address and node-IDs of their own: it is selected
     /// by Fastscan, which is for devices without a node-ID alone (CiA 305 §Fastscan).
     bool among_equals = false;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <optional>
 #include <vector>
 
@@ -15,6 +16,7 @@ namespace {
 
 constexpr std::size_t enough = 3;  // values of one part: two devices that answer in turn have two at most
 constexpr unsigned serial_number = 3;
+constexpr rt::Duration slow_pause = std::chrono::milliseconds(12);  // between frames to a single-slot receive buffer
 
 using Values = std::array<std::vector<std::uint32_t>, 4>;
 
@@ -26,8 +28,8 @@ void put(Values& values, const Identity& who) {
   }
 }
 
-// Of a device that LSS selects: does it use this node-ID?
-rt::Task<bool> lss_knows_it(Binder::Services services, NodeId node, Identity expected, rt::Turn* turn) {
+// Of a device that LSS selects: does it use this node-ID, and does none answer to the address that SDO tells there?
+rt::Task<bool> lss_knows_it(Binder::Services services, NodeId node, Identity expected, Identity said, rt::Turn* turn) {
   std::optional<rt::Held> held;
   if (turn != nullptr) {
     co_await turn->take();
@@ -37,7 +39,9 @@ rt::Task<bool> lss_knows_it(Binder::Services services, NodeId node, Identity exp
   const bool whole = true;
   const auto uses = co_await inquiry.active_id_once(expected.address, whole);
   const bool there = uses.has_value() && uses.value() == node;
-  co_return there;
+  if (!there) co_return false;
+  const auto other = co_await inquiry.active_id(said.address, whole, slow_pause);
+  co_return !other && other.error().code == Errc::timeout;
 }
 
 bool differs_in_serial_only(Identity who, Identity expected) noexcept {
@@ -66,7 +70,7 @@ rt::Task<Uncompared> excuse(Binder::Services services, NodeId node, Identity who
   if (found.of(last).agrees(expected)) co_return found;
   const bool may_be = asks_lss && last.address == who.address && differs_in_serial_only(last, expected);
   if (!may_be) co_return Uncompared{};
-  const bool known = co_await lss_knows_it(services, node, expected, turn);
+  const bool known = co_await lss_knows_it(services, node, expected, last, turn);
   const auto surplus = services.sdo.surplus(node);
   const auto still = co_await identify(services.sdo, node, second_answer);
   const bool alone = still.who && !still.by_two && still.who->address == who.address;

@@ -138,7 +138,21 @@ INSTANTIATE_TEST_SUITE_P(
         Known{8213505,
               "one that takes no node-ID is told to give up another's for ever",
               {.waits = true, .as_sold = true}},
-        Known{8302595, "one that has not stored its node-ID is confirmed", {.waits = true, .as_sold = true}}),
+        Known{8302595, "one that has not stored its node-ID is confirmed", {.waits = true, .as_sold = true}},
+        Known{8430691,
+              "one that kept its former node-ID behind a reset is said not to answer",
+              {.waits = true, .as_sold = true}},
+        Known{8476284, "one that LSS found is taken for its twin without LSS", {.waits = true, .as_sold = true}},
+        Known{8510430, "a loan stands in a memory behind a binding in vain", {.waits = true, .as_sold = true}},
+        Known{8517726,
+              "one without LSS comes back silently to the slot that was given away",
+              {.waits = true, .as_sold = true}},
+        Known{8527859,
+              "another device's serial number is taken for an oddity of the slot's own",
+              {.waits = true, .as_sold = true}},
+        Known{8531828,
+              "one that booted unheard while it was started is told operational",
+              {.waits = true, .as_sold = true}}),
     name_of);
 
 // One of them was started, and the other was not. The world itself does not come to rest (docs/faults.md).
