@@ -440,7 +440,8 @@ rt::Task<bool> Seating::blank(Identity device, std::string reason) {
     const bool clone = binding.why() == places::Why::clone;
     if (clone) found_.note({device, binding.old_id(), true});
     // Known by its node-ID, it is found again as one alone.
-    if (clone && !device.has_serial()) agenda_.out_of_lss.in_vain(device, s_.executor.now());
+    const bool among_equals = clone || binding.why() == places::Why::not_alone;
+    if (among_equals && !device.has_serial()) agenda_.out_of_lss.in_vain(device, s_.executor.now());
     slots_.events().tell(EventKind::error, "",
                          fmt::format("{} keeps its node-ID: {}", to_string(device),
                                      places::words_of(binding.why(), binder.store_said())));

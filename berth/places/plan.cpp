@@ -435,8 +435,7 @@ class PlanMaker {
       case WhenAmbiguous::ask:
       case WhenAmbiguous::probe: break;
     }
-    const bool unnumbered =
-        std::ranges::any_of(fresh, [](const Found& f) { return !f.device.has_serial() && !f.device.at.configured(); });
+    const bool unnumbered = std::ranges::any_of(fresh, [](const Found& f) { return !f.device.has_serial(); });
     if (unnumbered && free.size() > fresh.size()) {
       return draft_.ask(free, fresh,
                         "it has no serial number, and LSS does not tell it from its equals: leave only the next one "

@@ -104,6 +104,19 @@ TEST(Planner, S1_34_FewerDevicesThanSlotsIsAQuestion) {
   EXPECT_EQ(p.questions[0].devices, (std::vector<Identity>{address_of(B, 5)}));
 }
 
+// Rule 2 orders by serial numbers: without them it helps nobody to plug in more, with a node-ID or without.
+TEST(Planner, WhoHasNoSerialNumberIsSwitchedOnAlone) {
+  const std::vector<Slot> slots{slot(2, B), slot(4, B)};
+  for (const NodeId active : {NodeId(), NodeId(9)}) {
+    const Found found{Identity(address_of(B, 0)).with(active), active};
+    const auto p = plan(slots, {found}, {}, master);
+    ASSERT_EQ(p.questions.size(), 1U);
+    EXPECT_NE(p.questions[0].text.find("leave only the next one switched on"), std::string::npos)
+        << p.questions[0].text;
+    EXPECT_EQ(p.questions[0].text.find("the others"), std::string::npos) << p.questions[0].text;
+  }
+}
+
 TEST(Planner, S1_34_MoreDevicesThanSlotsIsAQuestion) {
   const std::vector<Slot> slots{slot(2, B)};
   const auto p = plan(slots, blank({address_of(B, 5), address_of(B, 6)}), {}, master);
