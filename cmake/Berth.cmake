@@ -116,6 +116,44 @@ function(berth_precompiled target room)
   target_precompile_headers(${target} REUSE_FROM ${headers})
 endfunction()
 
+# The pages of Studio, compressed and as a source: web/dist when it was built (docs/api.md), else none.
+function(berth_pages target)
+  set(dist ${PROJECT_SOURCE_DIR}/web/dist)
+  set(out ${PROJECT_BINARY_DIR}/studio)
+  file(GLOB_RECURSE files CONFIGURE_DEPENDS RELATIVE ${dist} ${dist}/*)
+  set(arrays "")
+  set(table "")
+  set(number 0)
+  foreach(file IN LISTS files)
+    set_property(DIRECTORY ${PROJECT_SOURCE_DIR} APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${dist}/${file})
+    file(ARCHIVE_CREATE OUTPUT ${out}/page.gz PATHS ${dist}/${file} FORMAT raw COMPRESSION GZip COMPRESSION_LEVEL 9)
+    file(READ ${out}/page.gz bytes HEX)
+    string(REGEX REPLACE "([0-9a-f][0-9a-f])" "0x\\1," bytes "${bytes}")
+    string(APPEND arrays "constexpr unsigned char page_${number}[] = {${bytes}};\n")
+    string(APPEND table "    {\"/${file}\", page_${number}, sizeof page_${number}},\n")
+    math(EXPR number "${number} + 1")
+  endforeach()
+  if(number EQUAL 0)
+    set(table "    {\"\", nullptr, 0},\n")
+  endif()
+  file(CONFIGURE OUTPUT ${out}/pages_built.cpp CONTENT "#include \"berth/studio/pages.hpp\"
+
+namespace berth::studio {
+namespace {
+
+${arrays}
+constexpr BuiltPage all[] = {
+${table}};
+
+}  // namespace
+
+std::span<const BuiltPage> built_pages() noexcept { return std::span(all).first(${number}); }
+
+}  // namespace berth::studio
+" @ONLY)
+  target_sources(${target} PRIVATE ${out}/pages_built.cpp)
+endfunction()
+
 function(berth_rooms)
   file(STRINGS ${PROJECT_SOURCE_DIR}/berth/floors.txt lines REGEX "^[0-9]")
   set(rooms "")
@@ -123,6 +161,9 @@ function(berth_rooms)
     string(REGEX MATCH "^[0-9]+ +([a-z]+) *:(.*)$" _ "${line}")
     set(room ${CMAKE_MATCH_1})
     separate_arguments(links UNIX_COMMAND "${CMAKE_MATCH_2}")
+    if(room STREQUAL "studio" AND NOT BERTH_STUDIO)
+      continue()
+    endif()
     file(GLOB sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/berth/${room}/*.cpp)
     if(NOT sources)
       set(sources ${PROJECT_SOURCE_DIR}/cmake/empty.cpp)
@@ -169,4 +210,11 @@ function(berth_rooms)
   target_link_libraries(berth_store PRIVATE SQLiteCpp SQLite::SQLite3)
   target_link_libraries(berth_operate PRIVATE nlohmann_json::nlohmann_json)
   target_link_libraries(berth_command PRIVATE nlohmann_json::nlohmann_json)
+  if(BERTH_STUDIO)
+    # Headers only, and in sources only: whoever uses the room needs no Boost.
+    find_path(BERTH_BOOST boost/beast.hpp REQUIRED)
+    target_include_directories(berth_studio SYSTEM PRIVATE ${BERTH_BOOST})
+    target_link_libraries(berth_studio PRIVATE nlohmann_json::nlohmann_json)
+    berth_pages(berth_studio)
+  endif()
 endfunction()

@@ -9,6 +9,7 @@
 #include "berth/command/verbs.hpp"
 #include "gateway.hpp"
 #include "plant_commands.hpp"
+#include "studio_host.hpp"
 
 namespace berth::cli {
 
@@ -112,6 +113,7 @@ namespace {
 struct Beside {
   std::unique_ptr<command::ControlServer> server;
   std::unique_ptr<GatewayHost> gateway;
+  std::unique_ptr<StudioHost> studio;
   std::unique_ptr<FirstSaves> saves;  // before who asks about them
   std::unique_ptr<Asker> asker;
 };
@@ -140,14 +142,23 @@ tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Optio
     rig.record().follow([server] { return server->followed(); },
                         [server](const std::string& line) { server->frame(line); });
   }
-  if (!options.gateway.where.empty()) {
+  if (!options.offers.gateway.where.empty()) {
     const auto rights = gateway_rights(options);
-    const auto where = gateway_endpoint("--gateway", options.gateway.where, rights);
+    const auto where = gateway_endpoint("--gateway", options.offers.gateway.where, rights);
     if (!where) return tl::unexpected(where.error());
     auto host = GatewayHost::listen(rig, *where, rights, say);
     if (!host) return tl::unexpected(host.error());
     beside.gateway = std::move(*host);
     screen.line("CiA 309-3 gateway at " + beside.gateway->where());
+  }
+  if (options.offers.studio.offered() && !options.dry_run) {
+    auto host = StudioHost::start(
+        rig, options, control,
+        [&rig](const command::Request& request, command::Reply& reply) { return answer(rig, request, reply); });
+    if (!host) return tl::unexpected(host.error());
+    beside.studio = std::move(*host);
+    if (options.json) print_error("Berth Studio at " + beside.studio->address());
+    screen.line("Berth Studio at " + beside.studio->address());
   }
   if (types && beside.saves) {
     beside.asker = std::make_unique<Asker>(rig.session(), *rig.loop(), *beside.saves, say, screen.live());
@@ -175,6 +186,7 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
   rig.session().on_event([&](const operate::Event& event) {
     ending.event(event);
     screen.event(event);
+    if (beside->studio) beside->studio->event(event);
     if (beside->saves) beside->saves->event(event);
     if (beside->asker) beside->asker->event(event);
   });

@@ -17,8 +17,8 @@ namespace berth::cli {
 using Json = nlohmann::ordered_json;
 
 GatewayRights gateway_rights(const Options& options) noexcept {
-  const bool commands = options.gateway.commands;
-  return {commands, commands && options.yes, options.gateway.anywhere};
+  const bool commands = options.offers.gateway.commands;
+  return {commands, commands && options.yes, options.offers.gateway.anywhere};
 }
 
 tl::expected<io::Endpoint, Failure> gateway_endpoint(const std::string& option, const std::string& where,

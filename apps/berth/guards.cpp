@@ -30,7 +30,7 @@ can::Port& Guards::add(rt::Executor& executor, const design::Bus& bus, can::Port
       record_->frame(name, frame, at, true);
       if (live::expects_answer(frame)) question_at_ = std::min(question_at_, at);
     });
-  } else if (!options.files.record.empty()) {
+  } else if (!options.files.record.empty() || options.offers.studio.offered()) {
     gate->on_frame([this, name = bus.name](const can::Frame& frame, rt::Time at, bool own) {
       record_->frame(name, frame, at, own);
     });

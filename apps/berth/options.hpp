@@ -30,6 +30,19 @@ struct Cia309 {
   bool anywhere = false;  ///< `where` may be an address that other computers reach
 };
 
+/// Pages for a browser beside the main job.
+struct StudioOptions {
+  std::string where;  ///< HOST:PORT; "true": 127.0.0.1 and the first free port from 8302; empty: not offered
+  [[nodiscard]] bool offered() const noexcept { return !where.empty(); }
+  [[nodiscard]] bool named() const noexcept { return offered() && where != "true"; }
+};
+
+/// What is offered to others beside the main job.
+struct Offers {
+  Cia309 gateway;
+  StudioOptions studio;
+};
+
 /// A plant file instead of ports, and how its world runs.
 struct SimulationOptions {
   std::string plant;  ///< the file; empty: none
@@ -80,7 +93,7 @@ struct Options {
   std::vector<std::string> eds;      ///< "FILE" or "NODE=FILE": what devices are like that are in no slot
   SimulationOptions sim;
   std::string control;  ///< empty: command::control_path of the machine
-  Cia309 gateway;
+  Offers offers;
   std::optional<std::chrono::nanoseconds> timeout;
   std::string until;    ///< "", "operational", "replaced"
   bool events = false;  ///< --json: every event as a line, as it happens

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <tl/expected.hpp>
+#include <utility>
 #include <vector>
 
 #include "berth/can/port.hpp"
@@ -48,6 +49,9 @@ class Record {
   void collect_sent(std::vector<Recorded>& into) { sent_ = &into; }
   /// Gives each frame's line to `take` from now on, while `wanted`; empty functions end that.
   void follow(std::function<bool()> wanted, std::function<void(const std::string& line)> take);
+  /// Gives each frame to `take` as well; empty: no more.
+  using Take = std::function<void(const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master)>;
+  void on_frame(Take take) { frames_ = std::move(take); }
   void frame(const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master);
   /// Takes, once, that the file takes nothing: what, where, what to do. Empty: standard error, as at the beginning.
   void on_trouble(std::function<void(const std::string& line)> tell) { tell_ = std::move(tell); }
@@ -67,6 +71,7 @@ class Record {
   std::function<bool()> wanted_;
   std::function<void(const std::string&)> take_;
   std::function<void(const std::string&)> tell_;
+  Take frames_;
   std::string path_;
   int log_ = -1;
   std::string lines_;          // that are not in the file yet

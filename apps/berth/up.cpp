@@ -14,6 +14,7 @@
 #include "machine_file.hpp"
 #include "ports.hpp"
 #include "second_word.hpp"
+#include "studio_host.hpp"
 #include "verbs.hpp"
 
 namespace berth::cli {
@@ -152,10 +153,12 @@ int run_up(const Options& options) {
   }
   if (own.machine.empty())
     return tell(failure(Exit::usage, "name the machine file: berth up machine.toml"), options.json);
-  if (!options.gateway.where.empty()) {
-    const auto where = gateway_endpoint("--gateway", options.gateway.where, gateway_rights(options));
+  if (!options.offers.gateway.where.empty()) {
+    const auto where = gateway_endpoint("--gateway", options.offers.gateway.where, gateway_rights(options));
     if (!where) return tell(where.error(), options.json);
   }
+  if (const auto no = studio_refused(options)) return tell(*no, options.json);
+  own.sim.pace = own.sim.pace || options.offers.studio.offered();
   own.store.made = true;
   own.master.takes_part = true;
   return bring_up(own, {own.machine, options.sim.plant, {}, {}, true});
@@ -163,13 +166,23 @@ int run_up(const Options& options) {
 
 // It needs real time.
 void gateway_words(const Verb& up, Options& options, const Word& fast) {
-  const auto take = [&options](const std::string& where) { options.gateway.where = where, options.sim.pace = true; };
+  const auto take = [&options](const std::string& where) {
+    options.offers.gateway.where = where, options.sim.pace = true;
+  };
   up.word("--gateway", take, "offer the buses by CiA 309-3 there too, such as 127.0.0.1:7000")
       .shown("HOST:PORT")
       .excludes(fast);
-  up.flag("--gateway-commands", options.gateway.commands,
+  up.flag("--gateway-commands", options.offers.gateway.commands,
           "clients of --gateway may command a real machine: NMT, SDO download, PDO, LSS; else they only read");
-  anywhere_flag(up, options.gateway.anywhere);
+  anywhere_flag(up, options.offers.gateway.anywhere);
+}
+
+// It needs real time.
+void studio_words(const Verb& up, Options& options, const Word& fast) {
+  up.flag_or_value("--studio", options.offers.studio.where,
+                   "pages for a browser of this computer, at the address that it prints; --studio=HOST:PORT says where "
+                   "(default 127.0.0.1, the first free port from 8302)")
+      .excludes(fast);
 }
 
 }  // namespace
@@ -196,6 +209,7 @@ void add_up(Verb& berth, Options& options) {
           "to the devices when it ends: leave, preop, stop (default: as the machine file)")
       .one_of(std::vector<std::string>{"leave", "preop", "stop"});
   gateway_words(up, options, fast);
+  studio_words(up, options, fast);
   up.word("--master-id", options.master.id, "Berth's own node-ID (default: as the machine file)").from_to(1, 127);
   up.word("--priority", options.master.priority,
           "among several masters of a bus: 0 high to 2 low (default: as the machine file)")
@@ -204,7 +218,8 @@ void add_up(Verb& berth, Options& options) {
   real_time_word(up, options);
   up.footer(
       "Examples:\n  berth up\n  berth up machine.toml --sim plant.toml\n  berth up machine.toml --port can0 --dry-run\n"
-      "  berth up machine.toml --sim plant.toml --pace --gateway 127.0.0.1:7000");
+      "  berth up machine.toml --sim plant.toml --pace --gateway 127.0.0.1:7000\n"
+      "  berth up machine.toml --sim plant.toml --studio");
 }
 
 }  // namespace berth::cli

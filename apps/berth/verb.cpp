@@ -166,6 +166,10 @@ Word Verb::flag(const std::string& names, const std::function<void()>& take, con
   return Word(app_ == nullptr ? nullptr : app_->add_flag_callback(names, take, help));
 }
 
+Word Verb::flag_or_value(const std::string& name, std::string& into, const std::string& help) const {
+  return Word(app_ == nullptr ? nullptr : app_->add_flag(name, into, help));
+}
+
 void Verb::exactly_one(const std::function<void(const Verb&)>& add) const {
   if (app_ == nullptr) return add(*this);
   auto* const these = app_->add_option_group("how");

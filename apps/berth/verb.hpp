@@ -90,6 +90,8 @@ class Verb {
   Word seed(const std::string& names, std::optional<std::uint64_t>& into, const std::string& help) const;
   Word flag(const std::string& names, bool& into, const std::string& help) const;
   Word flag(const std::string& names, const std::function<void()>& take, const std::string& help) const;
+  /// A flag that may have a value: "--name" gives "true", "--name=VALUE" the value.
+  Word flag_or_value(const std::string& name, std::string& into, const std::string& help) const;
   /// One of these words, and no more of them, must be written.
   void exactly_one(const std::function<void(const Verb&)>& add) const;
 

@@ -18,10 +18,14 @@ bool is_personal(std::string_view name) {
   });
 }
 
-// A file of this computer, and "yes".
-std::string personal_argument(const Request& request) {
+// A file of this computer, and "yes". Behind a page sits a person, who confirms there what the page shows.
+std::string personal_argument(Face face, const Request& request) {
   for (const auto& [name, value] : request.arguments) {
-    if (is_personal(name)) return fmt::format("{} is for a person to say, not for a node", text::quoted(name));
+    if (!is_personal(name) || (face == Face::studio && name == "yes")) continue;
+    return face == Face::studio
+               ? fmt::format("{} is for the command line: it names a file of this computer, or begins anew",
+                             text::quoted(name))
+               : fmt::format("{} is for a person to say, not for a node", text::quoted(name));
   }
   return {};
 }
@@ -40,7 +44,10 @@ std::string why_refused(Face face, const Request& request, const Granted& grante
         "{} changes something, and on a real bus a client may only read and ask: allow it with --commands "
         "(berth gateway) or --gateway-commands (berth up)",
         text::quoted(request.verb));
-  return personal_argument(request);
+  if (face == Face::studio && !granted.changes && known->effect == Effect::changes)
+    return fmt::format("{} changes something, and real buses are read-only until a person unlocks them for a time",
+                       text::quoted(request.verb));
+  return personal_argument(face, request);
 }
 
 }  // namespace berth::command

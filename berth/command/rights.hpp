@@ -16,14 +16,16 @@ enum class Face : std::uint8_t {
   person,   ///< the command line, or the control socket: this account's, or root's
   program,  ///< the command buffer of the library: the application itself
   gateway,  ///< a client of CiA 309-3: whoever reaches its port
-  node      ///< a node of the bus, by the objects of Berth's own device (1023h)
+  node,     ///< a node of the bus, by the objects of Berth's own device (1023h)
+  studio    ///< a page of `berth up --studio`: who has the token; its confirmation is "yes"
 };
 
 /// What was granted to a face, beside what it has by itself.
 struct Granted {
   std::string_view bus{};                       ///< node: for the answer
   const design::BusCommands* listed = nullptr;  ///< node: `[bus.NAME.commands]` of its bus; null: nothing
-  bool changes = false;                         ///< gateway: `--commands`, or no real bus is touched
+  /// gateway: `--commands`, or no real bus is touched; studio: unlocked by a person, or no real bus is touched
+  bool changes = false;
 };
 
 /// Empty: it may. Else what to tell the one who asked. A verb that there is not, or an argument that it does not take,

@@ -285,12 +285,30 @@ class Taken : public ::testing::Test {
 TEST_F(Taken, EveryOptionThatIsShown) {
   static const std::set<std::string> others{"-h",    "--port",      "--control", "--eds",   "--machine",
                                             "--sim", "--sim-state", "--file",    "--watch", "--follow"};
-  static const std::set<std::string> together{
-      "up --events",     "up --gateway",    "up --pace",       "demo --events",       "demo --pace",
-      "trace --to",      "trace --stats",   "trace --quiet",   "eds diff --node",     "reproduce --negotiation-load",
-      "plant --listen",  "sdo dump --to",   "emcy --listen",   "gateway --real-time", "adopt --all",
-      "device --device", "device --except", "configure --bus", "up --master-id",      "up --priority",
-      "upload --bus",    "analyze --node",  "link --node"};
+  static const std::set<std::string> together{"up --events",
+                                              "up --gateway",
+                                              "up --pace",
+                                              "demo --events",
+                                              "demo --pace",
+                                              "up --studio",
+                                              "trace --to",
+                                              "trace --stats",
+                                              "trace --quiet",
+                                              "eds diff --node",
+                                              "reproduce --negotiation-load",
+                                              "plant --listen",
+                                              "sdo dump --to",
+                                              "emcy --listen",
+                                              "gateway --real-time",
+                                              "adopt --all",
+                                              "device --device",
+                                              "device --except",
+                                              "configure --bus",
+                                              "up --master-id",
+                                              "up --priority",
+                                              "upload --bus",
+                                              "analyze --node",
+                                              "link --node"};
   const auto known = verbs();
   for (const auto& page : pages()) {
     const bool group = !listed(page.lines, "Subcommands:").empty();

@@ -55,6 +55,8 @@ TEST(Rights, EveryVerbByEveryFace) {
     EXPECT_TRUE(may(Face::program, verb));
     EXPECT_EQ(may(Face::gateway, verb), asks);
     EXPECT_TRUE(may(Face::gateway, verb, {.changes = true}));
+    EXPECT_EQ(may(Face::studio, verb), asks);
+    EXPECT_TRUE(may(Face::studio, verb, {.changes = true}));
     EXPECT_FALSE(may(Face::node, verb));
     const design::BusCommands none;
     EXPECT_FALSE(may(Face::node, verb, {.listed = &none, .changes = true}));
@@ -82,6 +84,7 @@ TEST(Rights, WhatIsAPersonsToSay) {
       EXPECT_TRUE(may(Face::program, verb, {}, name)) << name;
       EXPECT_EQ(may(Face::node, verb, {.listed = &listed}, name), !parameter->personal) << name;
       EXPECT_EQ(may(Face::gateway, verb, {.changes = true}, name), !parameter->personal) << name;
+      EXPECT_EQ(may(Face::studio, verb, {.changes = true}, name), !parameter->personal || name == "yes") << name;
     }
   }
   EXPECT_EQ(personal, (std::set<std::string>{"file", "from-scratch", "yes"}));

@@ -1,0 +1,81 @@
+#include "studio_host.hpp"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "berth/io/stream.hpp"
+#include "options.hpp"
+
+#if BERTH_STUDIO
+#include "berth/studio/studio.hpp"
+#endif
+
+namespace berth::cli {
+
+#if BERTH_STUDIO
+
+std::optional<Failure> studio_refused(const Options& options) {
+  if (!options.offers.studio.named() || io::parse_endpoint(options.offers.studio.where, studio::default_port)) {
+    return std::nullopt;
+  }
+  return failure(Exit::usage, fmt::format("--studio={}: write --studio, or --studio=HOST:PORT such as 127.0.0.1:{}",
+                                          options.offers.studio.where, studio::default_port));
+}
+
+class StudioHost::Impl {
+ public:
+  Impl(Rig& rig, std::unique_ptr<studio::Studio> server) : rig_(&rig), server_(std::move(server)) {
+    rig_->record().on_frame([this](const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master) {
+      server_->frame(bus, frame, at, by_master);
+    });
+  }
+  ~Impl() { rig_->record().on_frame({}); }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+  [[nodiscard]] studio::Studio& server() noexcept { return *server_; }
+
+ private:
+  Rig* rig_;
+  std::unique_ptr<studio::Studio> server_;
+};
+
+tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(Rig& rig, const Options& options,
+                                                                     const std::string& control, Carry carry) {
+  studio::Options wanted;
+  if (options.offers.studio.named())
+    wanted.where = *io::parse_endpoint(options.offers.studio.where, studio::default_port);
+  wanted.named = options.offers.studio.named();
+  if (!control.empty()) wanted.token_file = control + ".token";
+  wanted.simulated = rig.world() != nullptr;
+  auto server = studio::Studio::start(*rig.loop(), rig.session(), std::move(carry), wanted);
+  if (!server) return tl::unexpected(failure(Exit::failed, "--studio: " + server.error()));
+  return std::unique_ptr<StudioHost>(new StudioHost(std::make_unique<Impl>(rig, std::move(*server))));
+}
+
+std::string StudioHost::address() const { return impl_->server().address(); }
+void StudioHost::event(const operate::Event& event) { impl_->server().event(event); }
+
+#else
+
+std::optional<Failure> studio_refused(const Options& options) {
+  if (!options.offers.studio.offered()) return std::nullopt;
+  return failure(Exit::usage, "--studio: this berth was built without it (BERTH_STUDIO=OFF)");
+}
+
+class StudioHost::Impl {};
+
+tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(Rig&, const Options& options, const std::string&,
+                                                                     Carry) {
+  return tl::unexpected(*studio_refused(options));
+}
+
+std::string StudioHost::address() const { return {}; }
+void StudioHost::event(const operate::Event&) {}
+
+#endif
+
+StudioHost::StudioHost(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
+StudioHost::~StudioHost() = default;
+
+}  // namespace berth::cli

@@ -1,0 +1,38 @@
+/// `berth up --studio`: pages for a browser beside the main job (docs/api.md).
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "berth/command/request.hpp"
+#include "berth/rt/task.hpp"
+#include "rig.hpp"
+
+namespace berth::cli {
+
+/// What is wrong with `--studio`, before anything is begun: no HOST:PORT, or this berth was built without it.
+[[nodiscard]] std::optional<Failure> studio_refused(const Options& options);
+
+/// The server of a rig that runs in real time.
+class StudioHost {
+ public:
+  using Carry = std::function<rt::Task<void>(const command::Request& request, command::Reply& reply)>;
+  /// The rig must stay, and have a loop. `control`: the control socket, beside which the token is kept.
+  [[nodiscard]] static tl::expected<std::unique_ptr<StudioHost>, Failure> start(Rig& rig, const Options& options,
+                                                                                const std::string& control,
+                                                                                Carry carry);
+  ~StudioHost();
+  StudioHost(const StudioHost&) = delete;
+  StudioHost& operator=(const StudioHost&) = delete;
+  [[nodiscard]] std::string address() const;
+  void event(const operate::Event& event);
+
+ private:
+  class Impl;
+  explicit StudioHost(std::unique_ptr<Impl> impl) noexcept;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace berth::cli

@@ -1,0 +1,413 @@
+// asio/awaitable.hpp of Boost 1.74 uses std::exchange without this.
+#include <utility>
+
+#include "berth/studio/server_parts.hpp"
+
+#include <fmt/format.h>
+
+#include <boost/asio/dispatch.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/write.hpp>
+#include <boost/beast/http/read.hpp>
+#include <boost/beast/http/write.hpp>
+#include <boost/beast/websocket/rfc6455.hpp>
+
+#include "berth/studio/batch.hpp"
+#include "berth/studio/doors.hpp"
+#include "berth/studio/messages.hpp"
+#include "berth/studio/pages.hpp"
+
+namespace berth::studio {
+namespace {
+
+using Code = boost::system::error_code;
+using Request = http::request<http::string_body>;
+using Response = http::response<http::string_body>;
+
+std::string_view plain(boost::beast::string_view text) noexcept { return {text.data(), text.size()}; }
+
+constexpr const char* policy =
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; "
+    "font-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+std::shared_ptr<Response> response(const http::request_header<>* request, http::status status, std::string body,
+                                   std::string_view type) {
+  auto out = std::make_shared<Response>(status, request != nullptr ? request->version() : 11);
+  out->set(http::field::content_type, boost::beast::string_view(type.data(), type.size()));
+  out->set("Content-Security-Policy", policy);
+  out->set("X-Content-Type-Options", "nosniff");
+  out->set("X-Frame-Options", "DENY");
+  out->set("Referrer-Policy", "no-referrer");
+  out->set("Cross-Origin-Opener-Policy", "same-origin");
+  out->set("Cross-Origin-Resource-Policy", "same-origin");
+  out->set(http::field::cache_control, "no-store");
+  out->body() = std::move(body);
+  return out;
+}
+
+std::shared_ptr<Response> words(const http::request_header<>* request, http::status status, std::string text) {
+  return response(request, status, std::move(text) + "\n", "text/plain; charset=utf-8");
+}
+
+/// One of this name, and no more: two would be read one way here and another way elsewhere.
+std::optional<std::string_view> the_one(const Request& request, http::field name) {
+  const auto range = request.equal_range(name);
+  if (range.first == range.second || std::next(range.first) != range.second) return std::nullopt;
+  return plain(range.first->value());
+}
+
+bool is_socket(const Request& request) { return plain(request.target()) == "/api/v1/socket"; }
+
+/// Null: it may go on.
+std::shared_ptr<Response> refused(const Request& request, const Hall& hall) {
+  const auto host = the_one(request, http::field::host);
+  if (!host || !is_own_host(*host, hall.port()))
+    return words(&request, http::status::forbidden,
+                 fmt::format("403: this is Berth Studio at 127.0.0.1:{}, and the request means another host (Host). "
+                             "Use the address that berth up printed",
+                             hall.port()));
+  const bool from_page = is_socket(request) || request.method() == http::verb::post;
+  const bool says_origin = request.count(http::field::origin) > 0;
+  if (from_page || says_origin) {
+    const auto origin = the_one(request, http::field::origin);
+    if (!origin || !is_own_origin(*origin, hall.port()))
+      return words(
+          &request, http::status::forbidden,
+          fmt::format("403: only pages of this server may send this (Origin: http://127.0.0.1:{})", hall.port()));
+  }
+  if (!plain(request.target()).starts_with("/api/")) return nullptr;
+  const auto token = is_socket(request) ? token_offered(plain(request[http::field::sec_websocket_protocol]))
+                                        : bearer(plain(request[http::field::authorization]));
+  if (same_token(token, hall.token())) return nullptr;
+  auto out =
+      words(&request, http::status::unauthorized,
+            "401: the token is missing or not that of this start; it stands in the address that berth up printed "
+            "and in the file beside its control socket");
+  out->set(http::field::www_authenticate, "Bearer");
+  return out;
+}
+
+// ---- HTTP ----
+
+class Visitor final : public Client {
+ public:
+  Visitor(Hall& hall, Socket socket) : Client(hall, hall.next_number()), socket_(std::move(socket)) {}
+  void start() {
+    asio::post(hall().context(), [self = mine()] { self->read(); });
+  }
+  void answer(const Answer& answer) override {
+    auto out = response(&parser_->get(), http::status::ok, reply_json({}, answer.reply), "application/json");
+    send(std::move(out));
+  }
+  [[nodiscard]] bool idle() const override { return idle_; }
+  void close() override { socket_.close(); }
+
+ private:
+  std::shared_ptr<Visitor> mine() { return std::static_pointer_cast<Visitor>(shared_from_this()); }
+  void read() {
+    parser_.emplace();
+    parser_->header_limit(longest_header);
+    parser_->body_limit(longest_message);
+    idle_ = served_;
+    socket_.expires_after(request_time);
+    http::async_read(socket_, buffer_, *parser_, [self = mine()](Code error, std::size_t) { self->taken(error); });
+  }
+  void taken(Code error) {
+    idle_ = false;
+    if (error == http::error::header_limit)
+      return end(
+          words(nullptr, http::status::request_header_fields_too_large, "431: a header has at most 8,192 bytes"));
+    if (error == http::error::body_limit)
+      return end(words(nullptr, http::status::payload_too_large, "413: a body has at most 65,536 bytes"));
+    if (error.category() == http::make_error_code(http::error::bad_method).category() &&
+        error != http::error::end_of_stream && error != http::error::partial_message)
+      return end(words(nullptr, http::status::bad_request, "400: this is no HTTP request"));
+    if (error) return leave();
+    socket_.expires_never();
+    if (auto no = refused(parser_->get(), hall())) return end(std::move(no));
+    serve();
+  }
+  void serve() {
+    const Request& request = parser_->get();
+    const auto target = plain(request.target());
+    if (is_socket(request)) {
+      if (!websocket::is_upgrade(request))
+        return send(words(&request, http::status::upgrade_required, "426: this is a WebSocket"));
+      const auto stays = mine();
+      hall().leave(*this);
+      return hall().enter(upgrade(hall(), std::move(socket_), parser_->release()));
+    }
+    if (target == "/api/v1/request") return take_request(request);
+    const bool gets = request.method() == http::verb::get || request.method() == http::verb::head;
+    if (!gets)
+      return send(words(&request, http::status::method_not_allowed, "405: GET, HEAD; POST of /api/v1/request"));
+    if (target == "/api/v1/snapshot")
+      return send(response(&request, http::status::ok, hall().snapshot(), "application/json"));
+    const Page page = page_at(target);
+    if (page.body.data() == nullptr)
+      return send(words(&request, http::status::not_found, "404: there is no such page"));
+    auto out = response(&request, http::status::ok, std::string(page.body), page.type);
+    if (page.compressed) out->set(http::field::content_encoding, "gzip");
+    if (page.lasts) out->set(http::field::cache_control, "max-age=31536000, immutable");
+    send(std::move(out));
+  }
+  void take_request(const Request& request) {
+    if (request.method() != http::verb::post)
+      return send(words(&request, http::status::method_not_allowed, "405: POST"));
+    auto wanted = parse_body(request.body());
+    if (!wanted) return send(words(&request, http::status::bad_request, "400: " + wanted.error()));
+    if (!hall().order({.client = number(), .request = std::move(*wanted)}))
+      return send(
+          words(&request, http::status::service_unavailable, "503: too many requests are under way; try again"));
+    watch();
+  }
+  // Who leaves before the answer is there ends its request.
+  void watch() {
+    socket_.socket().async_wait(asio::ip::tcp::socket::wait_read, [self = mine()](Code error) {
+      if (error || self->answered_) return;
+      char byte = 0;
+      Code problem;
+      const auto got = self->socket_.socket().receive(asio::buffer(&byte, 1), asio::socket_base::message_peek, problem);
+      if (problem || got == 0) self->leave();
+    });
+  }
+  void end(std::shared_ptr<Response> out) {
+    out->keep_alive(false);
+    ends_ = true;
+    send(std::move(out));
+  }
+  void send(std::shared_ptr<Response> out) {
+    answered_ = true;
+    out->keep_alive(!ends_ && parser_->is_done() && parser_->get().keep_alive());
+    ends_ = !out->keep_alive();
+    out->prepare_payload();
+    if (parser_->is_done() && parser_->get().method() == http::verb::head) out->body().clear();
+    socket_.expires_after(idle_time);
+    http::async_write(socket_, *out, [self = mine(), out](Code error, std::size_t) { self->sent(error); });
+  }
+  void sent(Code error) {
+    answered_ = false;
+    served_ = true;
+    if (!error && !ends_) return read();
+    Code ignored;
+    if (!error) socket_.socket().shutdown(asio::ip::tcp::socket::shutdown_send, ignored);
+    leave();
+  }
+  void leave() { hall().leave(*this); }
+
+  Socket socket_;
+  boost::beast::flat_buffer buffer_{longest_header + longest_message + 1024};
+  std::optional<Parser> parser_;
+  bool idle_ = false;
+  bool served_ = false;  // one request at least
+  bool ends_ = false;
+  bool answered_ = false;
+};
+
+// ---- WebSocket ----
+
+class Watcher final : public Client {
+ public:
+  Watcher(Hall& hall, Socket socket, Request request)
+      : Client(hall, hall.next_number()), socket_(std::move(socket)), request_(std::move(request)) {}
+  void start() {
+    socket_.set_option(websocket::stream_base::timeout{request_time, idle_time, true});
+    socket_.set_option(websocket::stream_base::decorator(
+        [](websocket::response_type& out) { out.set(http::field::sec_websocket_protocol, "berth.v1"); }));
+    socket_.read_message_max(longest_message);
+    socket_.async_accept(request_, [self = mine()](Code error) {
+      if (error) return self->leave();
+      self->open_ = true;
+      self->cursor_ = self->hall().ring().next();
+      self->put(self->hall().snapshot());
+      self->read();
+    });
+  }
+  void change(const Text& text) override {
+    if (!open_ || behind_) return;
+    if (waiting_bytes_ + text->size() > most_behind) {
+      // It gets one snapshot when it has taken what is under way; until then no changes.
+      behind_ = true;
+      return drop_changes();
+    }
+    push({text, false, true});
+  }
+  void answer(const Answer& answer) override {
+    if (asked_ > 0) --asked_;
+    put(reply_json(answer.id, answer.reply));
+  }
+  void tick(bool rates) override {
+    if (!open_) return;
+    if (live_) send_batch();
+    if (rates && waiting_bytes_ < most_behind) put(hall().rates().json(left_out_));
+  }
+  void close() override { boost::beast::get_lowest_layer(socket_).close(); }
+
+ private:
+  struct Out {
+    Text text;
+    bool binary = false;
+    bool change = false;
+  };
+  std::shared_ptr<Watcher> mine() { return std::static_pointer_cast<Watcher>(shared_from_this()); }
+  void read() {
+    socket_.async_read(in_, [self = mine()](Code error, std::size_t) {
+      if (error) return self->leave();
+      const auto bytes = self->in_.data();
+      const std::string text(static_cast<const char*>(bytes.data()), bytes.size());
+      const bool is_text = self->socket_.got_text();
+      self->in_.consume(self->in_.size());
+      if (!is_text) {
+        self->put(error_json("a message is text"));
+      } else {
+        self->take(text);
+      }
+      if (self->waiting_bytes_ <= most_waiting) self->read();
+    });
+  }
+  void take(const std::string& text) {
+    auto message = parse_message(text);
+    if (!message) return put(error_json(message.error()));
+    switch (message->kind) {
+      case MessageKind::request: return ask(std::move(*message));
+      case MessageKind::frames: return search(std::move(*message));
+      case MessageKind::live:
+        live_ = message->on;
+        cursor_ = hall().ring().next();
+        return;
+      case MessageKind::unlock:
+      case MessageKind::lock: break;
+    }
+    const bool unlock = message->kind == MessageKind::unlock;
+    if (!hall().order({.kind = unlock ? Order::Kind::unlock : Order::Kind::lock, .minutes = message->minutes}))
+      put(error_json("too many requests are under way; try again"));
+  }
+  void ask(Message message) {
+    const std::string id = message.id;
+    const bool may = asked_ < most_asked;
+    if (may && hall().order({.client = number(), .id = id, .request = std::move(message.request)})) {
+      ++asked_;
+      return;
+    }
+    put(reply_json(id, command::refusal(3, "too many requests are under way: try again when one is done")));
+  }
+  // One at a time: a later one takes the place of one that is under way, which is answered as far as it came.
+  void search(Message message) {
+    if (search_) {
+      put(search_->answer());
+      search_.emplace(hall().ring(), hall().mirror().buses(), std::move(message));
+      return;
+    }
+    search_.emplace(hall().ring(), hall().mirror().buses(), std::move(message));
+    go_on();
+  }
+  void go_on() {
+    constexpr std::size_t at_once = 8192;
+    if (!open_ || !search_) return;
+    if (!search_->step(at_once)) {
+      asio::post(hall().context(), [self = mine()] { self->go_on(); });
+      return;
+    }
+    const auto text = search_->answer();
+    search_.reset();
+    put(text);
+  }
+  // One batch is under way at most: a client whose socket is full gets fewer, and is told how many were left out.
+  void send_batch() {
+    const auto& ring = hall().ring();
+    const auto next = ring.next();
+    const auto oldest = std::max(ring.first(), next > 2 * most_in_batch ? next - 2 * most_in_batch : 0);
+    if (cursor_ < oldest) {
+      left_out_ += oldest - cursor_;
+      cursor_ = oldest;
+    }
+    if (batch_under_way_ || cursor_ == next) return;
+    std::string batch;
+    left_out_ += append_batch(ring, cursor_, std::min<std::uint64_t>(next, cursor_ + most_in_batch), batch);
+    cursor_ = std::min<std::uint64_t>(next, cursor_ + most_in_batch);
+    if (batch.empty()) return;
+    batch_under_way_ = true;
+    push({std::make_shared<const std::string>(std::move(batch)), true, false});
+  }
+  void put(std::string text) { push({std::make_shared<const std::string>(std::move(text)), false, false}); }
+  void push(Out out) {
+    if (!open_) return;
+    waiting_bytes_ += out.text->size();
+    if (waiting_bytes_ > most_waiting) return leave();
+    out_.push_back(std::move(out));
+    if (!writing_) write();
+  }
+  void drop_changes() {
+    // The first may be on its way.
+    for (auto it = out_.begin() + (writing_ ? 1 : 0); it != out_.end();) {
+      if (it->change) waiting_bytes_ -= it->text->size();
+      it = it->change ? out_.erase(it) : it + 1;
+    }
+  }
+  void write() {
+    if (out_.empty() && behind_) {
+      behind_ = false;
+      put(hall().snapshot());
+    }
+    if (out_.empty() || writing_) return;
+    writing_ = true;
+    socket_.binary(out_.front().binary);
+    socket_.async_write(asio::buffer(*out_.front().text), [self = mine()](Code error, std::size_t) {
+      self->writing_ = false;
+      if (error) return self->leave();
+      if (self->out_.front().binary) self->batch_under_way_ = false;
+      self->waiting_bytes_ -= self->out_.front().text->size();
+      self->out_.pop_front();
+      self->write();
+    });
+  }
+  void leave() {
+    if (std::exchange(left_, true)) return;
+    open_ = false;
+    close();
+    hall().leave(*this);
+  }
+
+  websocket::stream<Socket> socket_;
+  Request request_;
+  boost::beast::flat_buffer in_;
+  std::deque<Out> out_;
+  std::size_t waiting_bytes_ = 0;
+  std::optional<Search> search_;
+  std::uint64_t cursor_ = 0;    // of live frames
+  std::uint64_t left_out_ = 0;  // live frames, ever
+  unsigned asked_ = 0;
+  bool open_ = false;
+  bool left_ = false;
+  bool live_ = false;
+  bool writing_ = false;
+  bool behind_ = false;
+  bool batch_under_way_ = false;
+};
+
+}  // namespace
+
+std::shared_ptr<Client> greet(Hall& hall, Socket socket) {
+  auto visitor = std::make_shared<Visitor>(hall, std::move(socket));
+  visitor->start();
+  return visitor;
+}
+
+std::shared_ptr<Client> upgrade(Hall& hall, Socket socket, Request request) {
+  auto page = std::make_shared<Watcher>(hall, std::move(socket), std::move(request));
+  page->start();
+  return page;
+}
+
+void turn_away(asio::ip::tcp::socket socket) {
+  auto held = std::make_shared<asio::ip::tcp::socket>(std::move(socket));
+  static const std::string text =
+      "HTTP/1.1 503 Service Unavailable\r\nContent-Type: text/plain; charset=utf-8\r\nConnection: close\r\n"
+      "Content-Length: 69\r\n\r\n503: sixteen clients are connected already: close one, and try again\n";
+  Code ignored;
+  held->non_blocking(true, ignored);
+  held->write_some(asio::buffer(text), ignored);
+  held->shutdown(asio::ip::tcp::socket::shutdown_send, ignored);
+}
+
+}  // namespace berth::studio

@@ -1,0 +1,211 @@
+#include "berth/studio/desk.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "berth/command/rights.hpp"
+#include "berth/command/verbs.hpp"
+#include "berth/rt/scope.hpp"
+
+namespace berth::studio {
+
+/// A request under way.
+struct Desk::Work {
+  Work(Order given, rt::Executor& executor) : order(std::move(given)), scope(executor) {}
+  Order order;
+  command::Reply reply;
+  bool done = false;
+  rt::Scope scope;  // last: its task uses the rest
+};
+
+namespace {
+
+constexpr std::size_t longest_words = 200;
+
+rt::Task<void> run(rt::Task<void> task, bool& done, rt::Executor& executor, rt::Job& then) {
+  co_await std::move(task);
+  done = true;
+  executor.post(then);
+}
+
+bool same(const operate::SlotReport& a, const operate::SlotReport& b) {
+  return a.bus == b.bus && a.id == b.id && a.device == b.device && a.state == b.state && a.since == b.since &&
+         a.reason == b.reason && a.boot == b.boot;
+}
+
+// "sdo write node=5 object=1017h value=500", as the events and a person read it.
+std::string words_of(const command::Request& request) {
+  std::string words = request.verb;
+  for (const auto& [name, value] : request.arguments) words += fmt::format(" {}={}", name, value);
+  if (words.size() > longest_words) words = words.substr(0, longest_words) + "…";
+  return words;
+}
+
+// What is none of the table's is the process's own ("sim"), and changes something.
+bool changes(const command::Request& request) {
+  const command::Verb* const verb = command::verb(request.verb);
+  return verb == nullptr || verb->effect == command::Effect::changes;
+}
+
+const char* word_of(int status) noexcept {
+  switch (status) {
+    case 0: return "done";
+    case 1: return "no";
+    case 2: return "wrong usage";
+    default: return "failed";
+  }
+}
+
+}  // namespace
+
+Desk::Desk(io::Loop& loop, tree::Session& session, Carry carry, Link& link)
+    : loop_(&loop), session_(&session), carry_(std::move(carry)), link_(&link) {
+  for (const auto* const bus : session.machine().all_buses()) {
+    if (buses_.size() < 255) buses_.emplace(bus->name, static_cast<std::uint8_t>(buses_.size()));
+  }
+  loop_->watch(link_->for_executor.descriptor(), *this, EPOLLIN);
+  tick();
+}
+
+Desk::~Desk() { loop_->forget(link_->for_executor.descriptor()); }
+
+void Desk::frame(std::string_view bus, const can::Frame& frame, rt::Time at, bool own) noexcept {
+  const auto it = buses_.find(bus);
+  if (it != buses_.end()) link_->ring.put(it->second, frame, at, own);
+}
+
+void Desk::event(const operate::Event& event) {
+  if (events_.size() >= most_events) {
+    events_.erase(events_.begin());
+    ++left_out_;
+  }
+  events_.push_back(event);
+}
+
+void Desk::ready(std::uint32_t) noexcept {
+  link_->for_executor.silence();
+  while (auto order = link_->orders.take()) take(std::move(*order));
+  flush();
+}
+
+void Desk::take(Order order) {
+  switch (order.kind) {
+    case Order::Kind::request: return begin(std::move(order));
+    case Order::Kind::gone:
+      std::erase_if(works_, [&](const auto& work) { return work->order.client == order.client; });
+      return;
+    case Order::Kind::unlock:
+      return set_lock(session_->executor().now() + std::chrono::minutes(order.minutes),
+                      fmt::format("studio: real buses may be changed for {} min", order.minutes));
+    case Order::Kind::lock: return set_lock(std::nullopt, "studio: real buses are read-only again");
+  }
+}
+
+bool Desk::may_change() const {
+  return !session_->careful() || (unlocked_until_ && session_->executor().now() < *unlocked_until_);
+}
+
+Lock Desk::lock() const {
+  Lock lock{session_->careful(), {}};
+  if (unlocked_until_ && session_->executor().now() < *unlocked_until_)
+    lock.until_s = operate::seconds(*unlocked_until_);
+  return lock;
+}
+
+// On simulated buses there is nothing to unlock.
+void Desk::set_lock(std::optional<rt::Time> until, const std::string& words) {
+  if (!session_->careful()) return;
+  unlocked_until_ = until;
+  say({}, words);
+  tell();
+}
+
+void Desk::say(const std::string& bus, const std::string& text) {
+  const auto& machine = session_->machine();
+  const auto* const known = machine.bus(bus);
+  session_->tell(known != nullptr ? known->name : machine.buses.front().name, operate::EventKind::step, text);
+}
+
+void Desk::begin(Order order) {
+  const auto refused = command::why_refused(command::Face::studio, order.request, {.changes = may_change()});
+  if (!refused.empty()) {
+    if (changes(order.request)) say({}, fmt::format("studio: {}: refused", words_of(order.request)));
+    return answer({order.client, std::move(order.id), command::refusal(1, refused)});
+  }
+  if (works_.size() >= most_requests) {
+    const auto words = fmt::format("{} requests are under way already: try again when one is done", most_requests);
+    return answer({order.client, std::move(order.id), command::refusal(3, words)});
+  }
+  works_.push_back(std::make_unique<Work>(std::move(order), session_->executor()));
+  Work& work = *works_.back();
+  work.scope.spawn(run(carry_(work.order.request, work.reply), work.done, session_->executor(), done_));
+}
+
+void Desk::finish() {
+  for (const auto& work : works_) {
+    if (!work->done) continue;
+    const auto& request = work->order.request;
+    if (changes(request)) {
+      const auto bus = request.arguments.find("bus");
+      say(bus == request.arguments.end() ? std::string() : bus->second,
+          fmt::format("studio: {}: {}", words_of(request), word_of(work->reply.status)));
+    }
+    answer({work->order.client, work->order.id, std::move(work->reply)});
+  }
+  std::erase_if(works_, [](const auto& work) { return work->done; });
+  flush();
+}
+
+void Desk::answer(Answer answer) {
+  News news;
+  news.time_s = operate::seconds(session_->executor().now());
+  news.answer = std::move(answer);
+  waiting_.push_back(std::move(news));
+}
+
+// Events come with the slots that they changed; a slot may change without one, so all are looked at once a second.
+void Desk::tick() {
+  const rt::Time now = session_->executor().now();
+  link_->now_ns.store(now.time_since_epoch().count(), std::memory_order_relaxed);
+  const bool locks = told_lock_ && *told_lock_ != lock();
+  if (!events_.empty() || locks || ticks_ % 10 == 0) tell();
+  ++ticks_;
+  flush();
+  session_->executor().at(now + period, tick_);
+}
+
+std::vector<operate::SlotReport> Desk::changed() {
+  auto slots = session_->slots();
+  std::vector<operate::SlotReport> out;
+  for (std::size_t i = 0; i < slots.size(); ++i) {
+    if (i >= told_.size() || !same(slots[i], told_[i])) out.push_back(slots[i]);
+  }
+  told_ = std::move(slots);
+  return out;
+}
+
+void Desk::tell() {
+  // What is in the queue is not added to: while the server's thread is behind, slots and events wait here.
+  if (!waiting_.empty()) return;
+  News news;
+  news.time_s = operate::seconds(session_->executor().now());
+  news.slots = changed();
+  news.events = std::exchange(events_, {});
+  news.events_left_out = std::exchange(left_out_, 0);
+  if (!told_lock_ || *told_lock_ != lock()) news.lock = told_lock_ = lock();
+  if (news.slots.empty() && news.events.empty() && !news.lock) return;
+  waiting_.push_back(std::move(news));
+}
+
+void Desk::flush() {
+  bool put = false;
+  while (!waiting_.empty() && link_->news.put(waiting_.front())) {
+    waiting_.pop_front();
+    put = true;
+  }
+  if (put) link_->for_server.ring();
+}
+
+}  // namespace berth::studio

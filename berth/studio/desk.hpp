@@ -1,0 +1,91 @@
+/// The executor's side of Studio: takes the clients' orders, has them carried out, and tells what changed. It never
+/// waits: what the server's thread did not take is put together with what comes later (slots), or left out and counted
+/// (events). Inside of room `studio`.
+#pragma once
+
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "berth/command/request.hpp"
+#include "berth/io/loop.hpp"
+#include "berth/rt/task.hpp"
+#include "berth/studio/link.hpp"
+#include "berth/tree/session.hpp"
+
+namespace berth::studio {
+
+/// Carries one request out, as of `command::ControlServer`: both stay until the task is done or destroyed.
+using Carry = std::function<rt::Task<void>(const command::Request& request, command::Reply& reply)>;
+
+class Desk final : private io::Watcher {
+ public:
+  static constexpr std::size_t most_requests = 32;  ///< under way at once, of all clients
+  static constexpr std::size_t most_events = 1000;  ///< that wait for the server's thread
+  static constexpr rt::Duration period = std::chrono::milliseconds(100);
+
+  /// All must stay; the loop drives the session's executor.
+  Desk(io::Loop& loop, tree::Session& session, Carry carry, Link& link);
+  ~Desk();
+  Desk(const Desk&) = delete;
+  Desk& operator=(const Desk&) = delete;
+
+  /// Of `Session::on_event`.
+  void event(const operate::Event& event);
+  /// A frame of a bus; of a bus that the machine lacks nothing is kept. No heap, no lock.
+  void frame(std::string_view bus, const can::Frame& frame, rt::Time at, bool own) noexcept;
+
+ private:
+  struct Work;
+  class Tick final : public rt::Job {
+   public:
+    explicit Tick(Desk& desk) noexcept : desk_(&desk) {}
+    void run() noexcept override { desk_->tick(); }
+
+   private:
+    Desk* desk_;
+  };
+  class Done final : public rt::Job {
+   public:
+    explicit Done(Desk& desk) noexcept : desk_(&desk) {}
+    void run() noexcept override { desk_->finish(); }
+
+   private:
+    Desk* desk_;
+  };
+  void ready(std::uint32_t events) noexcept override;
+  void take(Order order);
+  void begin(Order order);
+  void finish();
+  void answer(Answer answer);
+  void tick();
+  void tell();
+  void flush();
+  [[nodiscard]] bool may_change() const;
+  void set_lock(std::optional<rt::Time> until, const std::string& words);
+  void say(const std::string& bus, const std::string& text);
+  [[nodiscard]] std::vector<operate::SlotReport> changed();
+  [[nodiscard]] Lock lock() const;
+
+  io::Loop* loop_;
+  tree::Session* session_;
+  Carry carry_;
+  Link* link_;
+  std::map<std::string, std::uint8_t, std::less<>> buses_;
+  std::vector<std::unique_ptr<Work>> works_;
+  std::deque<News> waiting_;  // answers that found no room; bounded by `most_requests` and the orders refused
+  std::vector<operate::SlotReport> told_;
+  std::vector<operate::Event> events_;
+  std::uint64_t left_out_ = 0;
+  std::optional<rt::Time> unlocked_until_;
+  std::optional<Lock> told_lock_;
+  unsigned ticks_ = 0;
+  Tick tick_{*this};
+  Done done_{*this};
+};
+
+}  // namespace berth::studio

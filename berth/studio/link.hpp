@@ -1,0 +1,65 @@
+/// What the executor's thread and the server's thread have in common: the ring of frames, one queue each way, a bell
+/// each way. Each queue is bounded; neither thread ever waits for the other. Inside of room `studio`.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "berth/command/request.hpp"
+#include "berth/operate/report.hpp"
+#include "berth/studio/bell.hpp"
+#include "berth/studio/frame_ring.hpp"
+#include "berth/studio/handover.hpp"
+
+namespace berth::studio {
+
+/// Whether real buses may be changed.
+struct Lock {
+  bool real = false;                   ///< some bus is real: it is read-only but while it is unlocked
+  std::optional<double> until_s = {};  ///< world time until which it is unlocked
+  friend bool operator==(const Lock&, const Lock&) = default;
+};
+
+/// From a client to the executor.
+struct Order {
+  enum class Kind : std::uint8_t { request, gone, unlock, lock };
+  Kind kind = Kind::request;
+  std::uint64_t client = 0;  ///< number of the connection, never used twice; `gone`: all its requests end
+  std::string id{};          ///< request: comes back with the answer
+  command::Request request{};
+  unsigned minutes = 0;  ///< unlock
+};
+
+struct Answer {
+  std::uint64_t client = 0;
+  std::string id{};
+  command::Reply reply{};
+};
+
+/// From the executor to all clients, or an answer to one of them.
+struct News {
+  double time_s = 0;
+  std::vector<operate::SlotReport> slots{};  ///< that changed
+  std::vector<operate::Event> events{};
+  std::uint64_t events_left_out = 0;  ///< before `events`: more came than the queue takes
+  std::optional<Lock> lock{};         ///< when it changed
+  std::optional<Answer> answer{};
+};
+
+struct Link {
+  static constexpr std::size_t most_orders = 64;
+  static constexpr std::size_t most_news = 256;
+  explicit Link(std::size_t frames) : ring(frames) {}
+
+  FrameRing ring;
+  Handover<Order> orders{most_orders};
+  Handover<News> news{most_news};
+  Bell for_executor;                    ///< there are orders
+  Bell for_server;                      ///< there is news
+  std::atomic<std::int64_t> now_ns{0};  ///< the executor's time, ten times a second
+};
+
+}  // namespace berth::studio

@@ -1,0 +1,146 @@
+#include "berth/studio/mirror.hpp"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "berth/can/port_spec.hpp"
+#include "berth/command/verbs.hpp"
+
+namespace berth::studio {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::string dump(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
+
+const char* word_of(command::Form form) noexcept {
+  switch (form) {
+    case command::Form::word: return "word";
+    case command::Form::option: return "option";
+    case command::Form::flag: return "flag";
+    case command::Form::common: return "common";
+    case command::Form::own: return "own";
+  }
+  return "own";
+}
+
+std::string verbs_json() {
+  Json all = Json::array();
+  for (const auto& verb : command::verbs()) {
+    Json parameters = Json::array();
+    for (const auto& p : verb.parameters) {
+      parameters.push_back({{"name", p.name},
+                            {"help", p.help},
+                            {"required", p.required},
+                            {"form", word_of(p.form)},
+                            {"value", p.value}});
+    }
+    all.push_back({{"name", verb.name},
+                   {"help", verb.help},
+                   {"changes", verb.effect == command::Effect::changes},
+                   {"parameters", std::move(parameters)}});
+  }
+  return dump(all);
+}
+
+const char* word_of(design::Role role) noexcept {
+  switch (role) {
+    case design::Role::master: return "master";
+    case design::Role::observer: return "observer";
+    default: return "commissioner";
+  }
+}
+
+Json bus_json(const design::Machine& machine, const design::Bus& bus) {
+  Json json{{"name", bus.name},
+            {"bit_rate", bus.bitrate},
+            {"port", bus.own_port ? can::to_string(bus.port) : "gateway"},
+            {"role", word_of(bus.role)},
+            {"master_id", bus.master.value()},
+            {"beneath", nullptr}};
+  if (bus.gateway) {
+    const auto* const slot = machine.slot(bus.gateway->bus, bus.gateway->slot);
+    json["beneath"] = {{"bus", bus.gateway->bus}, {"slot", slot == nullptr ? std::string() : slot->spec.name.name}};
+  }
+  return json;
+}
+
+template <class Texts>
+void append_all(const Texts& texts, std::string& out) {
+  out += '[';
+  for (const auto& text : texts) {
+    if (out.back() != '[') out += ',';
+    out += text;
+  }
+  out += ']';
+}
+
+std::string lock_json(const Lock& lock) {
+  return fmt::format(R"({{"real":{},"unlocked_until_s":{}}})", lock.real,
+                     lock.until_s ? fmt::format("{:.3f}", *lock.until_s) : "null");
+}
+
+}  // namespace
+
+Mirror::Mirror(const design::Machine& machine, bool simulated) : verbs_(verbs_json()) {
+  Json buses = Json::array();
+  for (const auto* const bus : machine.all_buses()) {
+    buses.push_back(bus_json(machine, *bus));
+    buses_.push_back(bus->name);
+    bit_rates_.push_back(bus->bitrate);
+  }
+  head_ =
+      fmt::format(R"("machine":{},"buses":{})",
+                  dump(Json{{"name", machine.name}, {"simulated", simulated}, {"file", machine.file}}), dump(buses));
+}
+
+std::string Mirror::take(const News& news) {
+  if (news.slots.empty() && news.events.empty() && !news.lock) return {};
+  std::vector<std::string> slots;
+  for (const auto& slot : news.slots) {
+    slots.push_back(operate::to_json(slot));
+    const auto [at, made] = index_.try_emplace({slot.bus, slot.id.value()}, slots_.size());
+    if (made) slots_.emplace_back();
+    slots_[at->second] = slots.back();
+  }
+  std::vector<std::string> events;
+  for (const auto& event : news.events) {
+    events.push_back(operate::to_json(event));
+    events_.push_back(events.back());
+    if (events_.size() > most_events) events_.pop_front();
+  }
+  if (news.lock) lock_ = *news.lock;
+  std::string out = fmt::format(R"({{"type":"change","seq":{},"time_s":{:.6f},"slots":)", ++seq_, news.time_s);
+  append_all(slots, out);
+  out += ",\"events\":";
+  append_all(events, out);
+  if (news.events_left_out > 0) out += fmt::format(",\"events_left_out\":{}", news.events_left_out);
+  if (news.lock) out += ",\"lock\":" + lock_json(*news.lock);
+  out += '}';
+  return out;
+}
+
+std::string Mirror::snapshot(double time_s) const {
+  std::string out = fmt::format(R"({{"type":"snapshot","seq":{},{},"slots":)", seq_, head_);
+  append_all(slots_, out);
+  out += ",\"events\":";
+  append_all(events_, out);
+  out += fmt::format(R"(,"time_s":{:.6f},"verbs":{},"lock":{},"role":"configure"}})", time_s, verbs_, lock_json(lock_));
+  return out;
+}
+
+std::string reply_json(const std::string& id, const command::Reply& reply) {
+  Json json;
+  if (!id.empty()) json = {{"type", "reply"}, {"id", id}};
+  json["status"] = reply.status;
+  json["reply"] = Json::parse(reply.json, nullptr, false);
+  if (json["reply"].is_discarded()) json["reply"] = Json::object();
+  json["lines"] = reply.lines;
+  json["error"] = reply.error;
+  return dump(json);
+}
+
+std::string error_json(const std::string& words) { return dump(Json{{"type", "error"}, {"error", words}}); }
+
+}  // namespace berth::studio

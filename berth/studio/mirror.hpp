@@ -1,0 +1,47 @@
+/// The machine as the clients see it: the server's copy of slots and events, and the messages that are made of it. Each
+/// message that changes it has the next sequence number. Inside of room `studio`.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "berth/design/machine.hpp"
+#include "berth/studio/link.hpp"
+
+namespace berth::studio {
+
+class Mirror {
+ public:
+  static constexpr std::size_t most_events = 1000;
+
+  Mirror(const design::Machine& machine, bool simulated);
+
+  /// The message for all; empty: it is an answer and changes nothing.
+  [[nodiscard]] std::string take(const News& news);
+  [[nodiscard]] std::string snapshot(double time_s) const;
+  [[nodiscard]] const std::vector<std::string>& buses() const noexcept { return buses_; }
+  [[nodiscard]] const std::vector<std::uint32_t>& bit_rates() const noexcept { return bit_rates_; }
+
+ private:
+  std::string head_;   // machine, buses
+  std::string verbs_;  // the table
+  std::vector<std::string> buses_;
+  std::vector<std::uint32_t> bit_rates_;
+  std::map<std::pair<std::string, std::uint8_t>, std::size_t> index_;  // of `slots_`
+  std::vector<std::string> slots_;                                     // JSON, in the machine's order
+  std::deque<std::string> events_;                                     // JSON
+  Lock lock_;
+  std::uint64_t seq_ = 0;
+};
+
+/// {"type":"reply",...}; `id` empty: without "type" and "id", as `POST /api/v1/request` answers.
+[[nodiscard]] std::string reply_json(const std::string& id, const command::Reply& reply);
+/// {"type":"reply",...} or an error without an id: what was wrong with a message.
+[[nodiscard]] std::string error_json(const std::string& words);
+
+}  // namespace berth::studio

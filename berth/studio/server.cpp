@@ -1,0 +1,157 @@
+// asio/awaitable.hpp of Boost 1.74 uses std::exchange without this.
+#include <utility>
+
+#include "berth/can/length.hpp"
+#include "berth/studio/server_parts.hpp"
+
+#include <fmt/format.h>
+
+#include <boost/asio/post.hpp>
+#include <nlohmann/json.hpp>
+
+namespace berth::studio {
+
+void Rates::tick(std::chrono::steady_clock::time_point now) {
+  buses_.resize(mirror_->buses().size());
+  RingFrame frame;
+  const auto next = ring_->next();
+  for (auto n = std::max(counted_, ring_->first()); n < next; ++n) {
+    if (!ring_->read(n, frame) || frame.bus >= buses_.size()) continue;
+    ++buses_[frame.bus].frames;
+    buses_[frame.bus].bits += can::exact_bits(frame.frame);
+  }
+  counted_ = next;
+  const double passed = std::chrono::duration<double>(now - since_).count();
+  if (passed < 1) return;
+  for (std::size_t i = 0; i < buses_.size(); ++i) {
+    Bus& bus = buses_[i];
+    bus.per_s = static_cast<double>(bus.frames) / passed;
+    bus.load = std::min(1.0, static_cast<double>(bus.bits) / passed / mirror_->bit_rates()[i]);
+    bus.frames = bus.bits = 0;
+  }
+  since_ = now;
+}
+
+std::string Rates::json(std::uint64_t left_out) const {
+  auto buses = nlohmann::ordered_json::array();
+  for (std::size_t i = 0; i < buses_.size(); ++i) {
+    buses.push_back({{"bus", mirror_->buses()[i]}, {"frames_per_s", buses_[i].per_s}, {"load", buses_[i].load}});
+  }
+  return fmt::format(R"({{"type":"rates","buses":{},"ring":{{"first":{},"next":{}}},"left_out":{}}})", buses.dump(),
+                     ring_->first(), ring_->next(), left_out);
+}
+
+Hall::Hall(int listener, bool ipv6, std::uint16_t port, std::string token, Mirror mirror, Link& link)
+    : acceptor_(context_, ipv6 ? asio::ip::tcp::v6() : asio::ip::tcp::v4(), listener),
+      bell_(context_),
+      timer_(context_),
+      port_(port),
+      token_(std::move(token)),
+      mirror_(std::move(mirror)),
+      link_(&link),
+      rates_(link.ring, mirror_) {
+  bell_.assign(::dup(link.for_server.descriptor()));
+}
+
+void Hall::run() {
+  accept();
+  listen_for_news();
+  tick();
+  context_.run();
+  clients_.clear();
+}
+
+void Hall::stop() { context_.stop(); }
+
+std::string Hall::snapshot() const {
+  const std::chrono::nanoseconds now(link_->now_ns.load(std::memory_order_relaxed));
+  return mirror_.snapshot(std::chrono::duration<double>(now).count());
+}
+
+bool Hall::order(Order order) {
+  if (!link_->orders.put(order)) return false;
+  link_->for_executor.ring();
+  return true;
+}
+
+void Hall::enter(const std::shared_ptr<Client>& client) { clients_[client->number()] = client; }
+
+void Hall::leave(const Client& client) {
+  const auto it = clients_.find(client.number());
+  if (it == clients_.end()) return;
+  const auto stays = it->second;  // until this function is over
+  clients_.erase(it);
+  gone_.push_back(client.number());
+  give_gone();
+}
+
+void Hall::give_gone() {
+  while (!gone_.empty() && order({.kind = Order::Kind::gone, .client = gone_.front()})) gone_.pop_front();
+}
+
+// While there are no descriptors left, the next is waited for a moment: the thread would never sleep.
+void Hall::accept() {
+  acceptor_.async_accept([this](boost::system::error_code error, asio::ip::tcp::socket socket) {
+    if (!error) {
+      accepted(std::move(socket));
+      return accept();
+    }
+    auto pause = std::make_shared<asio::steady_timer>(context_, std::chrono::milliseconds(200));
+    pause->async_wait([this, pause](boost::system::error_code) { accept(); });
+  });
+}
+
+void Hall::accepted(asio::ip::tcp::socket socket) {
+  boost::system::error_code ignored;
+  socket.set_option(asio::ip::tcp::no_delay(true), ignored);
+  if (clients_.size() >= most_clients) {
+    // A browser keeps connections that it has no use for.
+    const auto idle = std::ranges::find_if(clients_, [](const auto& client) { return client.second->idle(); });
+    if (idle == clients_.end()) return turn_away(std::move(socket));
+    const auto client = idle->second;
+    client->close();
+    leave(*client);
+  }
+  enter(greet(*this, Socket(std::move(socket))));
+}
+
+void Hall::listen_for_news() {
+  bell_.async_wait(asio::posix::descriptor_base::wait_read, [this](boost::system::error_code error) {
+    if (error) return;
+    link_->for_server.silence();
+    take_news();
+    listen_for_news();
+  });
+}
+
+void Hall::take_news() {
+  while (auto news = link_->news.take()) {
+    auto message = mirror_.take(*news);
+    if (!message.empty()) {
+      const auto text = std::make_shared<const std::string>(std::move(message));
+      const auto all = clients_;  // one that is let go leaves meanwhile
+      for (const auto& [number, client] : all) client->change(text);
+    }
+    if (!news->answer) continue;
+    const auto it = clients_.find(news->answer->client);
+    if (it == clients_.end()) continue;
+    const auto client = it->second;
+    client->answer(*news->answer);
+  }
+}
+
+void Hall::tick() {
+  give_gone();
+  ++ticks_;
+  if (!clients_.empty()) {
+    rates_.tick(std::chrono::steady_clock::now());
+    const auto all = clients_;
+    for (const auto& [number, client] : all) client->tick(ticks_ % 10 == 0);
+  }
+  timer_.expires_after(batch_period);
+  timer_.async_wait([this](boost::system::error_code error) {
+    if (!error) tick();
+  });
+}
+
+}  // namespace berth::studio

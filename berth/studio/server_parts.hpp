@@ -1,0 +1,139 @@
+// The server's thread: who is connected, and what they are sent. Boost.Asio and Boost.Beast are in the sources that
+// include this, and nowhere else.
+#pragma once
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/posix/stream_descriptor.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/beast/core/flat_buffer.hpp>
+#include <boost/beast/core/tcp_stream.hpp>
+#include <boost/beast/http/parser.hpp>
+#include <boost/beast/http/string_body.hpp>
+#include <boost/beast/http/vector_body.hpp>
+#include <boost/beast/websocket/stream.hpp>
+#include <deque>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "berth/studio/link.hpp"
+#include "berth/studio/mirror.hpp"
+#include "berth/studio/search.hpp"
+
+namespace berth::studio {
+
+namespace asio = boost::asio;
+namespace http = boost::beast::http;
+namespace websocket = boost::beast::websocket;
+using Socket = boost::beast::tcp_stream;
+using Text = std::shared_ptr<const std::string>;
+using Parser = http::request_parser<http::string_body>;
+
+inline constexpr std::size_t most_clients = 16;
+inline constexpr std::uint32_t longest_header = 8 * 1024;
+inline constexpr std::chrono::seconds request_time{10};  ///< for a whole request
+inline constexpr std::chrono::seconds idle_time{60};     ///< of a WebSocket that answers no ping
+inline constexpr std::chrono::milliseconds batch_period{40};
+inline constexpr std::size_t most_in_batch = 8192;                   ///< frames
+inline constexpr std::size_t most_behind = std::size_t{4} << 20U;    ///< bytes; then changes become one snapshot
+inline constexpr std::size_t most_waiting = std::size_t{32} << 20U;  ///< bytes; then the client is let go
+inline constexpr unsigned most_asked = 8;                            ///< requests of one client that are not answered
+
+class Hall;
+
+/// One connection; gone when nothing waits for it any more.
+class Client : public std::enable_shared_from_this<Client> {
+ public:
+  explicit Client(Hall& hall, std::uint64_t number) : hall_(&hall), number_(number) {}
+  virtual ~Client() = default;
+  Client(const Client&) = delete;
+  Client& operator=(const Client&) = delete;
+  [[nodiscard]] std::uint64_t number() const noexcept { return number_; }
+  virtual void change(const Text&) {}             ///< for all
+  virtual void answer(const Answer& answer) = 0;  ///< for it
+  virtual void tick(bool /*rates*/) {}            ///< every `batch_period`
+  [[nodiscard]] virtual bool idle() const { return false; }
+  virtual void close() = 0;
+
+ protected:
+  [[nodiscard]] Hall& hall() const noexcept { return *hall_; }
+
+ private:
+  Hall* hall_;
+  std::uint64_t number_;
+};
+
+/// Frames a second and load of each bus, of the last second.
+class Rates {
+ public:
+  explicit Rates(const FrameRing& ring, const Mirror& mirror) : ring_(&ring), mirror_(&mirror), counted_(ring.next()) {}
+  void tick(std::chrono::steady_clock::time_point now);
+  [[nodiscard]] std::string json(std::uint64_t left_out) const;
+
+ private:
+  struct Bus {
+    std::uint64_t frames = 0, bits = 0;
+    double per_s = 0, load = 0;
+  };
+  const FrameRing* ring_;
+  const Mirror* mirror_;
+  std::uint64_t counted_;
+  std::vector<Bus> buses_;
+  std::chrono::steady_clock::time_point since_{};
+};
+
+/// All of the server's thread.
+class Hall {
+ public:
+  Hall(int listener, bool ipv6, std::uint16_t port, std::string token, Mirror mirror, Link& link);
+  void run();
+  void stop();  ///< any thread
+
+  [[nodiscard]] const std::string& token() const noexcept { return token_; }
+  [[nodiscard]] std::uint16_t port() const noexcept { return port_; }
+  [[nodiscard]] const Mirror& mirror() const noexcept { return mirror_; }
+  [[nodiscard]] const FrameRing& ring() const noexcept { return link_->ring; }
+  [[nodiscard]] const Rates& rates() const noexcept { return rates_; }
+  [[nodiscard]] asio::io_context& context() noexcept { return context_; }
+  [[nodiscard]] std::string snapshot() const;
+  /// False: the executor has enough to do.
+  [[nodiscard]] bool order(Order order);
+  void enter(const std::shared_ptr<Client>& client);
+  void leave(const Client& client);
+  [[nodiscard]] std::uint64_t next_number() noexcept { return ++numbers_; }
+
+ private:
+  void accept();
+  void accepted(asio::ip::tcp::socket socket);
+  void listen_for_news();
+  void take_news();
+  void tick();
+  void give_gone();
+
+  asio::io_context context_{1};
+  asio::ip::tcp::acceptor acceptor_;
+  asio::posix::stream_descriptor bell_;
+  asio::steady_timer timer_;
+  std::uint16_t port_;
+  std::string token_;
+  Mirror mirror_;
+  Link* link_;
+  Rates rates_;
+  std::map<std::uint64_t, std::shared_ptr<Client>> clients_;
+  std::deque<std::uint64_t> gone_;  // whose leaving the executor does not know yet
+  std::uint64_t numbers_ = 0;
+  unsigned ticks_ = 0;
+};
+
+/// A connection that speaks HTTP, as yet.
+[[nodiscard]] std::shared_ptr<Client> greet(Hall& hall, Socket socket);
+/// One too many: says so, and is gone.
+void turn_away(asio::ip::tcp::socket socket);
+/// A connection whose request for a WebSocket was found good.
+[[nodiscard]] std::shared_ptr<Client> upgrade(Hall& hall, Socket socket, http::request<http::string_body> request);
+
+}  // namespace berth::studio

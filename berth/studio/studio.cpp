@@ -1,0 +1,110 @@
+#include "berth/studio/studio.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <thread>
+#include <utility>
+
+#include "berth/studio/doors.hpp"
+#include "berth/studio/server_parts.hpp"
+
+namespace berth::studio {
+namespace {
+
+constexpr unsigned ports_tried = 10;
+
+tl::expected<int, std::string> listen(io::Endpoint& where, bool named) {
+  std::string first;
+  for (unsigned i = 0; i < (named ? 1 : ports_tried); ++i) {
+    auto fd = io::listen_tcp(where);
+    if (fd) {
+      if (const auto local = io::local_endpoint(*fd)) where.port = local->port;
+      return fd;
+    }
+    if (first.empty()) first = fd.error();
+    ++where.port;
+  }
+  return tl::unexpected(named ? first : fmt::format("{}; nor is any port up to {} free", first, where.port - 1));
+}
+
+tl::expected<void, std::string> only_here(const io::Endpoint& where) {
+  const auto own = io::is_loopback(where);
+  if (!own) return tl::unexpected(own.error());
+  if (*own) return {};
+  return tl::unexpected(fmt::format(
+      "{}: other computers may reach this address, and Studio listens on this computer only (127.0.0.1, ::1): "
+      "encryption (TLS) and roles, which others need, are not there yet. From elsewhere use an ssh tunnel with the "
+      "same "
+      "port at both ends: ssh -L {}:127.0.0.1:{} HOST",
+      io::to_string(where), where.port, where.port));
+}
+
+}  // namespace
+
+class Studio::Impl {
+ public:
+  Impl(int listener, io::Endpoint where, std::string token, TokenFile file, io::Loop& loop, tree::Session& session,
+       Carry carry, const Options& options)
+      : where_(std::move(where)),
+        file_(std::move(file)),
+        link_(options.frames),
+        hall_(listener, where_.host.find(':') != std::string::npos, where_.port, std::move(token),
+              Mirror(session.machine(), options.simulated), link_),
+        desk_(loop, session, std::move(carry), link_),
+        thread_([this] { hall_.run(); }) {}
+  ~Impl() {
+    hall_.stop();
+    thread_.join();
+  }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+  [[nodiscard]] const io::Endpoint& where() const noexcept { return where_; }
+  [[nodiscard]] const std::string& token() const noexcept { return hall_.token(); }
+  [[nodiscard]] Desk& desk() noexcept { return desk_; }
+
+ private:
+  io::Endpoint where_;
+  TokenFile file_;
+  Link link_;
+  Hall hall_;
+  Desk desk_;
+  std::thread thread_;
+};
+
+tl::expected<std::unique_ptr<Studio>, std::string> Studio::start(io::Loop& loop, tree::Session& session, Carry carry,
+                                                                 const Options& options) {
+  io::Endpoint where = options.where;
+  if (const auto here = only_here(where); !here) return tl::unexpected(here.error());
+  auto token = make_token();
+  if (token.empty()) return tl::unexpected(std::string("the system gives no random numbers for the token"));
+  const auto fd = listen(where, options.named);
+  if (!fd) return tl::unexpected(fd.error());
+  TokenFile file;
+  if (!options.token_file.empty()) {
+    auto written = TokenFile::write(options.token_file, token);
+    if (!written) {
+      ::close(*fd);
+      return tl::unexpected(written.error());
+    }
+    file = std::move(*written);
+  }
+  if (const auto local = io::local_endpoint(*fd)) where.host = local->host;
+  return std::unique_ptr<Studio>(new Studio(std::make_unique<Impl>(
+      *fd, std::move(where), std::move(token), std::move(file), loop, session, std::move(carry), options)));
+}
+
+Studio::Studio(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
+Studio::~Studio() = default;
+
+std::string Studio::address() const {
+  return fmt::format("http://{}/#token={}", io::to_string(impl_->where()), impl_->token());
+}
+const io::Endpoint& Studio::where() const noexcept { return impl_->where(); }
+const std::string& Studio::token() const noexcept { return impl_->token(); }
+void Studio::event(const operate::Event& event) { impl_->desk().event(event); }
+void Studio::frame(std::string_view bus, const can::Frame& frame, rt::Time at, bool own) noexcept {
+  impl_->desk().frame(bus, frame, at, own);
+}
+
+}  // namespace berth::studio

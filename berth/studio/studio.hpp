@@ -1,0 +1,62 @@
+/// Berth Studio's server: a machine that runs, for pages in a browser of this computer, by HTTP and WebSocket
+/// (docs/api.md).
+///
+///     auto studio = Studio::start(loop, session, carry, {.token_file = path + ".token"});
+///     session.on_event([&](const auto& event) { studio->event(event); });
+///     print(studio->address());                       // http://127.0.0.1:8302/#token=...
+///
+/// It has a thread of its own, which never touches the session: requests and news go through bounded queues (link.hpp),
+/// frames through a ring (frame_ring.hpp). So no client, however many or slow, holds up the executor.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <tl/expected.hpp>
+
+#include "berth/io/loop.hpp"
+#include "berth/io/stream.hpp"
+#include "berth/studio/desk.hpp"
+#include "berth/studio/frame_ring.hpp"
+#include "berth/tree/session.hpp"
+
+namespace berth::studio {
+
+inline constexpr std::uint16_t default_port = 8302;  ///< and up to 8311, when it is taken and no person named one
+
+struct Options {
+  io::Endpoint where{"127.0.0.1", default_port};
+  bool named = false;        ///< a person named `where`: no other port is taken instead
+  std::string token_file{};  ///< mode 0600, gone when the server is; empty: none
+  bool simulated = false;    ///< for the pages
+  std::size_t frames = FrameRing::standard;
+};
+
+class Studio {
+ public:
+  /// All must stay; the loop drives the session's executor. What is wrong is told in words: an address that is not
+  /// loopback, a port that is taken, a file that cannot be written.
+  [[nodiscard]] static tl::expected<std::unique_ptr<Studio>, std::string> start(io::Loop& loop, tree::Session& session,
+                                                                                Carry carry, const Options& options);
+  /// Ends the thread; its clients' connections end.
+  ~Studio();
+  Studio(const Studio&) = delete;
+  Studio& operator=(const Studio&) = delete;
+
+  /// To be opened in a browser; it has the token.
+  [[nodiscard]] std::string address() const;
+  /// Where it listens, and the token of this start.
+  [[nodiscard]] const io::Endpoint& where() const noexcept;
+  [[nodiscard]] const std::string& token() const noexcept;
+  /// The executor's thread: an event of the session, a frame of one of its buses.
+  void event(const operate::Event& event);
+  void frame(std::string_view bus, const can::Frame& frame, rt::Time at, bool own) noexcept;
+
+ private:
+  class Impl;
+  explicit Studio(std::unique_ptr<Impl> impl) noexcept;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace berth::studio

@@ -1,0 +1,85 @@
+// Who is let in: tokens, and the names by which a request says whom it means and where it comes from.
+#include "berth/studio/doors.hpp"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <string>
+
+#include "../pch.hpp"
+
+namespace berth::studio {
+
+TEST(StudioDoors, TokensAreLongAndNeverTheSame) {
+  const auto token = make_token();
+  EXPECT_EQ(token.size(), 64U);
+  EXPECT_EQ(token.find_first_not_of("0123456789abcdef"), std::string::npos);
+  EXPECT_NE(token, make_token());
+}
+
+TEST(StudioDoors, OnlyTheWholeTokenIsTheToken) {
+  const std::string token = make_token();
+  EXPECT_TRUE(same_token(token, token));
+  std::string last = token;
+  last.back() = last.back() == '0' ? '1' : '0';
+  EXPECT_FALSE(same_token(last, token));
+  EXPECT_FALSE(same_token(token + token, token));
+  EXPECT_FALSE(same_token(token.substr(1), token));
+  EXPECT_FALSE(same_token("", token));
+  EXPECT_FALSE(same_token("", ""));
+  EXPECT_FALSE(same_token("x", ""));
+}
+
+TEST(StudioDoors, TheTokensFileIsItsUsersAloneAndFollowsNoLink) {
+  const std::string path = fmt::format("{}/token_{}", ::testing::TempDir(), ::getpid());
+  const std::string other = path + ".other";
+  std::ofstream(other) << "untouched";
+  ASSERT_EQ(::symlink(other.c_str(), path.c_str()), 0);
+  {
+    const auto file = TokenFile::write(path, "abc");
+    ASSERT_TRUE(file) << file.error();
+    struct stat status {};
+    ASSERT_EQ(::lstat(path.c_str(), &status), 0);
+    EXPECT_EQ(status.st_mode, S_IFREG | 0600U);
+    std::string text;
+    std::getline(std::ifstream(path), text);
+    EXPECT_EQ(text, "abc");
+  }
+  EXPECT_NE(::access(path.c_str(), F_OK), 0);
+  std::string text;
+  std::getline(std::ifstream(other), text);
+  EXPECT_EQ(text, "untouched");
+  ::unlink(other.c_str());
+  EXPECT_FALSE(TokenFile::write("/nowhere/at/all", "abc"));
+}
+
+TEST(StudioDoors, HostsAndOriginsAreThisServersOwn) {
+  for (const char* good : {"127.0.0.1:8302", "localhost:8302", "LOCALHOST:8302", "[::1]:8302"}) {
+    EXPECT_TRUE(is_own_host(good, 8302)) << good;
+    EXPECT_TRUE(is_own_origin(std::string("http://") + good, 8302)) << good;
+  }
+  for (const char* bad : {"", "127.0.0.1", "127.0.0.1:8303", "evil.example:8302", "127.0.0.1.evil.example:8302",
+                          ":8302", "127.0.0.1:08302", "localhost:8302 ", "x@127.0.0.1:8302"}) {
+    EXPECT_FALSE(is_own_host(bad, 8302)) << bad;
+    EXPECT_FALSE(is_own_origin(std::string("http://") + bad, 8302)) << bad;
+  }
+  for (const char* bad : {"null", "https://127.0.0.1:8302", "http://127.0.0.1:8302/", "127.0.0.1:8302"})
+    EXPECT_FALSE(is_own_origin(bad, 8302)) << bad;
+}
+
+TEST(StudioDoors, WhereTheTokenStands) {
+  EXPECT_EQ(token_offered("berth.v1, token.abc"), "abc");
+  EXPECT_EQ(token_offered("token.abc,berth.v1"), "abc");
+  EXPECT_EQ(token_offered("token.abc"), "");
+  EXPECT_EQ(token_offered("berth.v1"), "");
+  EXPECT_EQ(token_offered(",,,"), "");
+  EXPECT_EQ(bearer("Bearer abc"), "abc");
+  EXPECT_EQ(bearer("bearer  abc "), "abc");
+  EXPECT_EQ(bearer("Basic abc"), "");
+  EXPECT_EQ(bearer("Bearer "), "");
+}
+
+}  // namespace berth::studio

@@ -1,0 +1,127 @@
+// The ring of frames and the queues, with one thread that fills and one that takes.
+#include "berth/studio/frame_ring.hpp"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <string>
+#include <thread>
+
+#include "../pch.hpp"
+#include "berth/studio/handover.hpp"
+
+namespace berth::studio {
+namespace {
+
+using namespace std::chrono_literals;
+
+// Each of its words tells the number, so that a torn record shows.
+can::Frame numbered(std::uint64_t number) {
+  can::Frame frame = can::Frame::ext(static_cast<std::uint32_t>(number), {1, 2, 3, 4, 5, 6, 7, 8});
+  std::memcpy(frame.data.data(), &number, sizeof number);
+  return frame;
+}
+
+}  // namespace
+
+TEST(StudioRing, WhatWasPutIsReadAndWhatWasOverwrittenIsNot) {
+  FrameRing ring(4);
+  RingFrame read;
+  EXPECT_FALSE(ring.read(0, read));
+  can::Frame remote = can::Frame::request(0x701, 3);
+  ring.put(2, remote, rt::Time(5ms), true);
+  ASSERT_TRUE(ring.read(0, read));
+  EXPECT_EQ(read.frame, remote);
+  EXPECT_EQ(read.bus, 2);
+  EXPECT_TRUE(read.own);
+  EXPECT_EQ(read.at, rt::Time(5ms));
+  const can::Frame ext = can::Frame::ext(0x1FFFFFFF, {1, 2, 3});
+  ring.put(0, ext, rt::Time(6ms), false);
+  ASSERT_TRUE(ring.read(1, read));
+  EXPECT_EQ(read.frame, ext);
+  EXPECT_FALSE(read.own || read.cut);
+  for (int i = 0; i < 3; ++i) ring.put(0, ext, rt::Time(7ms), false);
+  EXPECT_FALSE(ring.read(0, read));
+  EXPECT_EQ(ring.first(), 1U);
+  EXPECT_EQ(ring.next(), 5U);
+  EXPECT_FALSE(ring.read(5, read));
+}
+
+TEST(StudioRing, AnFdFrameIsCutAndSaysSo) {
+  FrameRing ring(4);
+  can::Frame frame = can::Frame::base(0x181, {1, 2, 3, 4, 5, 6, 7, 8});
+  frame.fd = true;
+  frame.size = 64;
+  ring.put(0, frame, rt::Time(), false);
+  RingFrame read;
+  ASSERT_TRUE(ring.read(0, read));
+  EXPECT_TRUE(read.cut);
+  EXPECT_EQ(read.frame, can::Frame::base(0x181, {1, 2, 3, 4, 5, 6, 7, 8}));
+}
+
+TEST(StudioRing, AMillionFramesTake32MiB) {
+  FrameRing ring;
+  EXPECT_EQ(ring.most(), 1U << 20U);
+}
+
+TEST(StudioRing, NoReaderSeesATornRecord) {
+  FrameRing ring(64);
+  constexpr std::uint64_t frames = 200'000;
+  std::thread producer([&] {
+    for (std::uint64_t n = 0; n < frames; ++n)
+      ring.put(static_cast<std::uint8_t>(n), numbered(n), rt::Time(rt::Duration(static_cast<std::int64_t>(n))), false);
+  });
+  std::uint64_t seen = 0;
+  RingFrame read;
+  while (ring.next() < frames) {
+    const auto next = ring.next();
+    for (auto n = ring.first(); n < next; ++n) {
+      if (!ring.read(n, read)) continue;
+      ++seen;
+      std::uint64_t data = 0;
+      std::memcpy(&data, read.frame.data.data(), sizeof data);
+      ASSERT_EQ(data, n);
+      ASSERT_EQ(read.frame.id, n);
+      ASSERT_EQ(read.at.time_since_epoch().count(), static_cast<std::int64_t>(n));
+      ASSERT_EQ(read.bus, static_cast<std::uint8_t>(n));
+    }
+  }
+  producer.join();
+  RecordProperty("read", std::to_string(seen));
+}
+
+TEST(StudioHandover, IsBoundedAndKeepsTheOrder) {
+  Handover<std::string> queue(4);
+  for (int i = 0; i < 4; ++i) {
+    std::string item(100, static_cast<char>('a' + i));
+    EXPECT_TRUE(queue.put(item));
+  }
+  std::string more = "more";
+  EXPECT_FALSE(queue.put(more));
+  EXPECT_EQ(more, "more");
+  EXPECT_EQ(queue.take(), std::string(100, 'a'));
+  EXPECT_TRUE(queue.put(more));
+  for (int i = 1; i < 4; ++i) EXPECT_EQ(queue.take(), std::string(100, static_cast<char>('a' + i)));
+  EXPECT_EQ(queue.take(), "more");
+  EXPECT_EQ(queue.take(), std::nullopt);
+}
+
+TEST(StudioHandover, BetweenTwoThreadsNothingIsLost) {
+  Handover<std::string> queue(8);
+  constexpr int items = 20'000;
+  std::thread producer([&] {
+    for (int i = 0; i < items;) {
+      std::string item = std::to_string(i);
+      if (queue.put(item)) ++i;
+    }
+  });
+  for (int i = 0; i < items;) {
+    const auto item = queue.take();
+    if (!item) continue;
+    ASSERT_EQ(*item, std::to_string(i));
+    ++i;
+  }
+  producer.join();
+}
+
+}  // namespace berth::studio

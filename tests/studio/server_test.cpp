@@ -1,0 +1,477 @@
+// The server before clients that are plain sockets: what is let in, what is said, and those who misbehave. The executor
+// is turned by this thread, the server has its own.
+#include "berth/studio/studio.hpp"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "../pch.hpp"
+#include "berth/places/slot_store.hpp"
+#include "berth/sim/world.hpp"
+
+namespace berth::studio {
+namespace {
+
+using namespace std::chrono_literals;
+using Json = nlohmann::json;
+
+constexpr std::string_view machine_text = R"(
+[machine]
+name = "bench"
+[bus.field]
+port = "sim"
+bitrate = 125_000
+[[slot]]
+bus = "field"
+id = 5
+name = "drive"
+type = { vendor = 0x1, product = 0x2 }
+)";
+
+class Connection {
+ public:
+  Connection(std::uint16_t port, std::function<void()> turn, int receive_buffer = 0) : turn_(std::move(turn)) {
+    fd_ = io::begin_connect(io::look_up({"127.0.0.1", port}).value().front());
+    if (receive_buffer > 0) ::setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
+  }
+  ~Connection() { ::close(fd_); }
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+  void say(std::string_view text) {
+    for (int i = 0; i < 20'000 && !text.empty(); ++i) {
+      const auto n = ::send(fd_, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+      if (n > 0) text.remove_prefix(static_cast<std::size_t>(n));
+      if (n < 0 && errno != EAGAIN && errno != ENOTCONN) return;
+      turn_();
+    }
+  }
+  void hear() {
+    std::array<char, 65536> buffer;
+    const auto n = ::recv(fd_, buffer.data(), buffer.size(), MSG_DONTWAIT);
+    if (n == 0 || (n < 0 && errno != EAGAIN && errno != ENOTCONN)) ended = true;
+    if (n > 0) in.append(buffer.data(), static_cast<std::size_t>(n));
+  }
+  template <class Done>
+  bool until(Done done) {
+    for (int i = 0; i < 20'000; ++i) {
+      hear();
+      if (done()) return true;
+      turn_();
+    }
+    return false;
+  }
+  /// A whole answer of HTTP.
+  std::string answer() {
+    std::size_t whole = 0;
+    const bool came = until([&] {
+      const auto head = in.find("\r\n\r\n");
+      if (head == std::string::npos) return ended;
+      const auto length = in.find("Content-Length: ");
+      whole = head + 4 + (length < head ? std::stoul(in.substr(length + 16)) : 0);
+      return in.size() >= whole || ended;
+    });
+    EXPECT_TRUE(came);
+    std::string out = in.substr(0, whole);
+    in.erase(0, whole);
+    return out;
+  }
+  /// One message of a WebSocket, whose head it takes away; pings are passed over.
+  std::string message(int* opcode = nullptr) {
+    for (;;) {
+      std::size_t head = 2, size = 0;
+      const bool came = until([&] {
+        if (in.size() < 2) return ended;
+        size = static_cast<unsigned char>(in[1]) & 127U;
+        const std::size_t more = size == 126 ? 2 : size == 127 ? 8 : 0;
+        head = 2 + more;
+        if (in.size() < head) return ended;
+        if (more > 0) size = 0;
+        for (std::size_t i = 0; i < more; ++i) size = size << 8U | static_cast<unsigned char>(in[2 + i]);
+        return in.size() >= head + size || ended;
+      });
+      if (!came || in.size() < head + size) return {};
+      const int code = in[0] & 15;
+      std::string text = in.substr(head, size);
+      const bool last = (in[0] & 128) != 0;
+      in.erase(0, head + size);
+      if (code > 8) continue;
+      if (code != 0) kind_ = code, part_.clear();
+      part_ += text;
+      if (!last) continue;
+      if (opcode != nullptr) *opcode = kind_;
+      return part_;
+    }
+  }
+  /// The next text message of this type.
+  Json next(const std::string& type) {
+    for (int i = 0; i < 1000; ++i) {
+      int opcode = 0;
+      const auto text = message(&opcode);
+      if (text.empty()) return {};
+      if (opcode != 1) continue;
+      auto json = Json::parse(text, nullptr, false);
+      if (json.is_object() && json["type"] == type) return json;
+    }
+    return {};
+  }
+  void send(std::string_view text) {
+    std::string frame{static_cast<char>(0x81)};
+    if (text.size() < 126) {
+      frame += static_cast<char>(0x80U | text.size());
+    } else {
+      frame += static_cast<char>(0x80U | 127U);
+      for (int i = 7; i >= 0; --i) frame += static_cast<char>(text.size() >> (8U * static_cast<unsigned>(i)) & 255U);
+    }
+    frame += std::string(4, '\0');  // a mask that changes nothing
+    frame += text;
+    say(frame);
+  }
+  bool hung_up() {
+    return until([&] { return ended; });
+  }
+  std::string in;
+  bool ended = false;
+
+ private:
+  std::function<void()> turn_;
+  int fd_;
+  int kind_ = 0;
+  std::string part_;
+};
+
+class StudioServer : public ::testing::Test {
+ protected:
+  StudioServer() {
+    const auto read = design::read_machine(machine_text, "bench.toml", {});
+    for (const auto& finding : read.findings) std::cerr << to_string(finding) << "\n";
+    if (!read.machine) throw std::runtime_error("the machine of this test is none");
+    machine_ = *read.machine;
+    port_ = world_.add_bus("field", 125'000).attach({.name = "master"});
+    session_ = std::make_unique<tree::Session>(world_.executor(), machine_, store_);
+    EXPECT_TRUE(session_->connect("field", *port_));
+    EXPECT_TRUE(session_->open());
+    session_->on_event([this](const operate::Event& event) {
+      if (studio_) studio_->event(event);
+    });
+    start();
+  }
+  ~StudioServer() override { session_->on_event({}); }
+  void start(std::size_t frames = 1U << 16U) {
+    studio_.reset();
+    auto made = Studio::start(
+        loop_, *session_, [this](const auto& request, auto& reply) { return carry(request, reply); },
+        {.where = {"127.0.0.1", 0}, .named = true, .token_file = file_, .simulated = true, .frames = frames});
+    ASSERT_TRUE(made) << made.error();
+    studio_ = std::move(*made);
+  }
+  rt::Task<void> carry(const command::Request& request, command::Reply& reply) {
+    ++carried_;
+    if (request.verb == "report") co_await rt::sleep_for(10ms);
+    if (request.verb == "scan") co_await rt::sleep_for(10h);
+    reply.json = R"({"done":true})";
+    reply.lines.push_back("done");
+  }
+  std::unique_ptr<Connection> connect(int receive_buffer = 0) {
+    return std::make_unique<Connection>(
+        studio_->where().port, [this] { loop_.turn(1ms); }, receive_buffer);
+  }
+  std::string own() const { return fmt::format("127.0.0.1:{}", studio_->where().port); }
+  std::string head(const std::string& line, const std::string& more = {}) const {
+    return line + " HTTP/1.1\r\nHost: " + own() + "\r\n" + more + "\r\n";
+  }
+  std::string bearer() const { return "Authorization: Bearer " + studio_->token() + "\r\n"; }
+  std::string post(const std::string& body) const {
+    return head("POST /api/v1/request",
+                bearer() + fmt::format("Origin: http://{}\r\nContent-Length: {}\r\n", own(), body.size())) +
+           body;
+  }
+  std::string socket(const std::string& token, const std::string& origin) const {
+    return head("GET /api/v1/socket",
+                "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+                "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: berth.v1, token." +
+                    token + "\r\nOrigin: " + origin + "\r\n");
+  }
+  std::string status_of(const std::string& request) {
+    auto client = connect();
+    client->say(request);
+    return client->answer().substr(0, 12);
+  }
+  /// One that has its snapshot.
+  std::unique_ptr<Connection> page(int receive_buffer = 0) {
+    auto client = connect(receive_buffer);
+    client->say(socket(studio_->token(), "http://" + own()));
+    EXPECT_EQ(client->answer().substr(0, 12), "HTTP/1.1 101");
+    snapshot_ = client->next("snapshot");
+    EXPECT_TRUE(snapshot_.is_object());
+    return client;
+  }
+  void frames(unsigned count) {
+    for (unsigned i = 0; i < count; ++i)
+      studio_->frame("field", can::Frame::base(0x705, {static_cast<std::uint8_t>(i % 3 == 0 ? 0x7F : 0x05)}),
+                     rt::Time(std::chrono::microseconds(1000 + frames_++)), i % 2 == 0);
+  }
+
+  std::string file_ = fmt::format("{}/studio_{}.token", ::testing::TempDir(), ::getpid());
+  sim::World world_;
+  io::Loop loop_{world_.executor()};
+  design::Machine machine_;
+  places::MemoryStore store_;
+  std::unique_ptr<sim::Controller> port_;
+  std::unique_ptr<tree::Session> session_;
+  std::unique_ptr<Studio> studio_;
+  Json snapshot_;
+  unsigned carried_ = 0;
+  std::int64_t frames_ = 0;
+};
+
+TEST_F(StudioServer, PagesNeedNoTokenAndCarryThePolicy) {
+  auto client = connect();
+  client->say(head("GET /"));
+  const auto answer = client->answer();
+  EXPECT_EQ(answer.substr(0, 15), "HTTP/1.1 200 OK");
+  EXPECT_NE(answer.find("Content-Security-Policy: default-src 'none'; script-src 'self';"), std::string::npos);
+  EXPECT_NE(answer.find("X-Content-Type-Options: nosniff"), std::string::npos);
+  client->say(head("GET /../../etc/passwd"));
+  EXPECT_EQ(client->answer().substr(0, 12), "HTTP/1.1 404");
+  client->say(head("DELETE /"));
+  EXPECT_EQ(client->answer().substr(0, 12), "HTTP/1.1 405");
+}
+
+TEST_F(StudioServer, TheTokenIsInItsFileAndWithoutItNothingIsToldOrDone) {
+  std::string token;
+  std::getline(std::ifstream(file_), token);
+  EXPECT_EQ(token, studio_->token());
+  EXPECT_EQ(studio_->address(), "http://" + own() + "/#token=" + token);
+  EXPECT_EQ(status_of(head("GET /api/v1/snapshot")), "HTTP/1.1 401");
+  EXPECT_EQ(status_of(head("GET /api/v1/snapshot", "Authorization: Bearer " + std::string(64, '0') + "\r\n")),
+            "HTTP/1.1 401");
+  EXPECT_EQ(status_of(head("GET /api/v1/snapshot", bearer())), "HTTP/1.1 200");
+  EXPECT_EQ(status_of(socket(std::string(64, '0'), "http://" + own())), "HTTP/1.1 401");
+  start();
+  EXPECT_NE(studio_->token(), token);
+}
+
+TEST_F(StudioServer, OtherHostsAndOtherPagesAreRefused) {
+  const std::string rebound =
+      "GET /api/v1/snapshot HTTP/1.1\r\nHost: evil.example:" + std::to_string(studio_->where().port) + "\r\n" +
+      bearer() + "\r\n";
+  EXPECT_EQ(status_of(rebound), "HTTP/1.1 403");
+  EXPECT_EQ(status_of("GET / HTTP/1.1\r\n\r\n"), "HTTP/1.1 403");
+  EXPECT_EQ(status_of("GET / HTTP/1.1\r\nHost: " + own() + "\r\nHost: evil.example\r\n\r\n"), "HTTP/1.1 403");
+  EXPECT_EQ(status_of(socket(studio_->token(), "http://evil.example")), "HTTP/1.1 403");
+  EXPECT_EQ(status_of(head("GET /api/v1/snapshot", bearer() + "Origin: http://evil.example\r\n")), "HTTP/1.1 403");
+  const std::string body = R"({"verb":"nmt"})";
+  const auto length = fmt::format("Content-Length: {}\r\n", body.size());
+  EXPECT_EQ(status_of(head("POST /api/v1/request", bearer() + length) + body), "HTTP/1.1 403");
+  EXPECT_EQ(status_of(head("POST /api/v1/request", bearer() + length + "Origin: null\r\n") + body), "HTTP/1.1 403");
+  EXPECT_EQ(carried_, 0U);
+}
+
+TEST_F(StudioServer, WhatIsNoHttpAndWhatIsTooLongIsRefused) {
+  EXPECT_EQ(status_of("\x16\x03\x01 TLS?\r\n\r\n"), "HTTP/1.1 400");
+  EXPECT_EQ(status_of(head("GET /", "X: " + std::string(9000, 'x') + "\r\n")), "HTTP/1.1 431");
+  EXPECT_EQ(status_of(head("POST /api/v1/request", bearer() + "Content-Length: 70000\r\n")), "HTTP/1.1 413");
+  EXPECT_EQ(status_of(post("{")), "HTTP/1.1 400");
+  auto client = page();
+  client->send(std::string(70'000, ' '));
+  EXPECT_TRUE(client->hung_up());
+  auto other = page();
+  other->send("[");
+  EXPECT_EQ(other->next("error")["error"], "a message is one JSON object");
+}
+
+TEST_F(StudioServer, ASnapshotThenChangesInOrder) {
+  auto client = page();
+  EXPECT_EQ(snapshot_["machine"]["name"], "bench");
+  EXPECT_EQ(snapshot_["machine"]["simulated"], true);
+  EXPECT_EQ(snapshot_["buses"][0]["name"], "field");
+  EXPECT_EQ(snapshot_["buses"][0]["bit_rate"], 125'000);
+  EXPECT_EQ(snapshot_["role"], "configure");
+  EXPECT_EQ(snapshot_["lock"]["real"], false);
+  EXPECT_GT(snapshot_["verbs"].size(), 20U);
+  auto seq = snapshot_["seq"].get<int>();
+  session_->tell("field", operate::EventKind::step, "<b>first</b>\n\xff");
+  auto change = client->next("change");
+  while (change["events"].empty()) seq = change["seq"], change = client->next("change");
+  EXPECT_EQ(change["seq"], seq + 1);
+  EXPECT_EQ(change["events"][0]["text"].get<std::string>().substr(0, 12), "<b>first</b>");
+  auto second = page();
+  EXPECT_EQ(snapshot_["seq"], change["seq"]);
+  EXPECT_EQ(snapshot_["slots"][0]["name"], "drive");
+  EXPECT_FALSE(snapshot_["events"].empty());
+}
+
+TEST_F(StudioServer, RequestsAreCarriedOutByRightsAndChangesAreTold) {
+  auto client = page();
+  client->send(R"({"type":"request","id":"a","verb":"report","arguments":{}})");
+  auto reply = client->next("reply");
+  EXPECT_EQ(reply["id"], "a");
+  EXPECT_EQ(reply["status"], 0);
+  EXPECT_EQ(reply["reply"]["done"], true);
+  client->send(R"({"type":"request","id":"b","verb":"nmt","arguments":{"command":"start"}})");
+  EXPECT_EQ(client->next("reply")["status"], 0);
+  EXPECT_EQ(client->next("change")["events"][0]["text"], "studio: nmt command=start: done");
+  client->send(R"({"type":"request","id":"c","verb":"program download","arguments":{"file":"/etc/passwd"}})");
+  EXPECT_EQ(client->next("reply")["status"], 1);
+  session_->set_careful(true);
+  client->send(R"({"type":"request","id":"d","verb":"nmt","arguments":{"command":"start","yes":"1"}})");
+  reply = client->next("reply");
+  EXPECT_EQ(reply["status"], 1);
+  EXPECT_NE(reply["error"].get<std::string>().find("unlocks"), std::string::npos);
+  EXPECT_EQ(carried_, 2U);
+  client->send(R"({"type":"unlock","minutes":5})");
+  auto change = client->next("change");
+  while (change.is_object() && !(change.contains("lock") && change["lock"]["unlocked_until_s"].is_number()))
+    change = client->next("change");
+  client->send(R"({"type":"request","id":"e","verb":"nmt","arguments":{"command":"start","yes":"1"}})");
+  EXPECT_EQ(client->next("reply")["status"], 0);
+  client->send(R"({"type":"lock"})");
+  client->send(R"({"type":"request","id":"f","verb":"nmt","arguments":{"command":"start"}})");
+  EXPECT_EQ(client->next("reply")["status"], 1);
+  auto other = connect();
+  other->say(post(R"({"verb":"report"})"));
+  const auto answer = other->answer();
+  EXPECT_EQ(answer.substr(0, 12), "HTTP/1.1 200");
+  EXPECT_NE(answer.find(R"("status":0)"), std::string::npos);
+}
+
+TEST_F(StudioServer, WhoLeavesEndsItsRequestsAndOneClientHasEightAtMost) {
+  auto client = page();
+  for (int i = 0; i < 9; ++i) client->send(fmt::format(R"({{"type":"request","id":"{}","verb":"scan"}})", i));
+  const auto reply = client->next("reply");
+  EXPECT_EQ(reply["id"], "8");
+  EXPECT_EQ(reply["status"], 3);
+  client.reset();
+  auto other = page();
+  other->send(R"({"type":"request","id":"x","verb":"report"})");
+  EXPECT_EQ(other->next("reply")["status"], 0);
+}
+
+TEST_F(StudioServer, FramesByRangeAndByFilterOverTheWholeRing) {
+  auto client = page();
+  frames(3000);
+  client->send(R"({"type":"frames","id":"1","from":10,"count":3})");
+  auto answer = client->next("frames");
+  ASSERT_EQ(answer["rows"].size(), 3U);
+  EXPECT_EQ(answer["first"], 10);
+  EXPECT_EQ(answer["last"], 12);
+  EXPECT_EQ(answer["rows"][0]["n"], 10);
+  EXPECT_EQ(answer["rows"][0]["data"], "05");
+  EXPECT_EQ(answer["rows"][0]["bus"], "field");
+  EXPECT_EQ(answer["rows"][0]["id"], 0x705);
+  client->send(R"({"type":"frames","id":"2","count":5,"filter":"705#7F PRE"})");
+  answer = client->next("frames");
+  EXPECT_EQ(answer["matched"], 1000);
+  ASSERT_EQ(answer["rows"].size(), 5U);
+  EXPECT_EQ(answer["last"], 2997);
+  client->send(R"({"type":"frames","id":"3","count":5,"from":100,"filter":"pre-operational"})");
+  answer = client->next("frames");
+  EXPECT_EQ(answer["first"], 102);
+  client->send(R"({"type":"frames","id":"4","count":5,"filter":"nothing like it"})");
+  EXPECT_TRUE(client->next("frames")["rows"].empty());
+}
+
+TEST_F(StudioServer, LiveFramesComeInBatchesAndNoneIsMissing) {
+  auto client = page();
+  client->send(R"({"type":"live","frames":true})");
+  client->send(R"({"type":"request","id":"a","verb":"report"})");
+  EXPECT_EQ(client->next("reply")["status"], 0);
+  frames(8'000);
+  std::uint64_t expected = 0;
+  bool second = false;
+  while (expected < 20'000) {
+    int opcode = 0;
+    const auto text = client->message(&opcode);
+    ASSERT_FALSE(text.empty());
+    if (opcode != 2) continue;
+    const auto number = [&](std::size_t at, unsigned bytes) {
+      std::uint64_t value = 0;
+      for (unsigned i = bytes; i > 0; --i) value = value << 8U | static_cast<unsigned char>(text[at + i - 1]);
+      return value;
+    };
+    ASSERT_EQ(number(0, 2), 0x0101U);
+    const auto count = number(2, 2);
+    ASSERT_EQ(number(8, 8), expected);
+    ASSERT_EQ(number(16, 8), (1000 + expected) * 1000);
+    ASSERT_EQ(text.size(), 24 + 11 * count);
+    ASSERT_EQ(number(28, 4), 0x705U);
+    ASSERT_EQ(number(33, 1), expected % 2 == 0 ? 0x81U : 0x01U);
+    if (count > 1) {
+      ASSERT_EQ(number(24 + 11, 4), 1U);
+    }
+    expected += count;
+    if (expected == 8'000 && !std::exchange(second, true)) frames(12'000);
+  }
+  const auto rates = client->next("rates");
+  EXPECT_EQ(rates["ring"]["next"], 20'000);
+  EXPECT_EQ(rates["left_out"], 0);
+}
+
+TEST_F(StudioServer, ASlowClientIsToldThatItGetsLessAndHoldsNobodyUp) {
+  auto slow = page();
+  slow->send(R"({"type":"live","frames":true})");
+  for (int i = 0; i < 25; ++i) {
+    frames(20'000);
+    for (int k = 0; k < 20; ++k) session_->tell("field", operate::EventKind::step, std::string(50'000, 'x'));
+    for (int k = 0; k < 110; ++k) loop_.turn(1ms);
+  }
+  auto good = connect();
+  const auto begin = std::chrono::steady_clock::now();
+  good->say(post(R"({"verb":"report"})"));
+  EXPECT_EQ(good->answer().substr(0, 12), "HTTP/1.1 200");
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, 10s);
+  // It gets what is left of that, then one snapshot instead of the changes, and the number of frames left out.
+  EXPECT_TRUE(slow->next("snapshot").is_object());
+  EXPECT_GT(slow->next("rates")["left_out"], 0);
+}
+
+TEST_F(StudioServer, TheSeventeenthIsToldAndAnIdleOneMakesRoom) {
+  std::vector<std::unique_ptr<Connection>> pages;
+  for (int i = 0; i < 15; ++i) pages.push_back(page());
+  auto idle = connect();
+  idle->say(head("GET /"));
+  EXPECT_EQ(idle->answer().substr(0, 12), "HTTP/1.1 200");
+  pages.push_back(page());
+  EXPECT_TRUE(idle->hung_up());
+  EXPECT_EQ(status_of(head("GET /")), "HTTP/1.1 503");
+  pages.pop_back();
+  pages.front()->send(R"({"type":"request","id":"a","verb":"report"})");
+  EXPECT_EQ(pages.front()->next("reply")["status"], 0);
+}
+
+TEST_F(StudioServer, AServerThatEndsEndsItsClientsAndTheNextOneHasOthers) {
+  auto client = page();
+  client->send(R"({"type":"request","id":"a","verb":"scan"})");
+  const auto token = studio_->token();
+  start();
+  EXPECT_TRUE(client->hung_up());
+  EXPECT_EQ(status_of(socket(token, "http://" + own())), "HTTP/1.1 401");
+  auto again = page();
+  EXPECT_EQ(snapshot_["slots"].size(), 1U);
+}
+
+TEST_F(StudioServer, OnlyThisComputerAndATakenPortIsSaid) {
+  const auto carry = [this](const auto& request, auto& reply) { return this->carry(request, reply); };
+  const auto anywhere = Studio::start(loop_, *session_, carry, {.where = {"0.0.0.0", 0}});
+  ASSERT_FALSE(anywhere);
+  EXPECT_NE(anywhere.error().find("TLS"), std::string::npos) << anywhere.error();
+  const auto taken = Studio::start(loop_, *session_, carry, {.where = studio_->where(), .named = true});
+  ASSERT_FALSE(taken);
+  EXPECT_NE(taken.error().find("in use"), std::string::npos) << taken.error();
+  const auto next = Studio::start(loop_, *session_, carry, {.where = studio_->where(), .frames = 16});
+  ASSERT_TRUE(next) << next.error();
+  EXPECT_GT((*next)->where().port, studio_->where().port);
+}
+
+}  // namespace
+}  // namespace berth::studio
