@@ -108,7 +108,11 @@ std::string Mirror::take(const News& news) {
   for (const auto& event : news.events) {
     events.push_back(operate::to_json(event));
     events_.push_back(events.back());
-    if (events_.size() > most_events) events_.pop_front();
+    event_bytes_ += events_.back().size();
+    while (events_.size() > 1 && (events_.size() > most_events || event_bytes_ > most_event_bytes)) {
+      event_bytes_ -= events_.front().size();
+      events_.pop_front();
+    }
   }
   if (news.lock) lock_ = *news.lock;
   std::string out = fmt::format(R"({{"type":"change","seq":{},"time_s":{:.6f},"slots":)", ++seq_, news.time_s);

@@ -18,6 +18,7 @@ namespace berth::studio {
 class Mirror {
  public:
   static constexpr std::size_t most_events = 1000;
+  static constexpr std::size_t most_event_bytes = std::size_t{1} << 20U;  ///< of them all: a device's words may be long
 
   Mirror(const design::Machine& machine, bool simulated);
 
@@ -35,6 +36,7 @@ class Mirror {
   std::map<std::pair<std::string, std::uint8_t>, std::size_t> index_;  // of `slots_`
   std::vector<std::string> slots_;                                     // JSON, in the machine's order
   std::deque<std::string> events_;                                     // JSON
+  std::size_t event_bytes_ = 0;
   Lock lock_;
   std::uint64_t seq_ = 0;
 };

@@ -112,12 +112,19 @@ TEST(StudioHandover, BetweenTwoThreadsNothingIsLost) {
   std::thread producer([&] {
     for (int i = 0; i < items;) {
       std::string item = std::to_string(i);
-      if (queue.put(item)) ++i;
+      if (queue.put(item)) {
+        ++i;
+      } else {
+        std::this_thread::yield();
+      }
     }
   });
   for (int i = 0; i < items;) {
     const auto item = queue.take();
-    if (!item) continue;
+    if (!item) {
+      std::this_thread::yield();
+      continue;
+    }
     ASSERT_EQ(*item, std::to_string(i));
     ++i;
   }
