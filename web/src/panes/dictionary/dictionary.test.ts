@@ -1,0 +1,58 @@
+import { describe, expect, it } from "vitest";
+import { firstState, reducer } from "../../store/reducer";
+import type { State } from "../../store/state";
+import { rowsOf, searched } from "./reducer";
+
+const object = (index: string, sub: number, value: unknown, name = "") => ({
+  index,
+  sub,
+  value,
+  name,
+  bytes: "",
+  type: "UNSIGNED16",
+});
+
+function ask(state: State, id: string, verb: string, reply: unknown): State {
+  const sent = reducer(state, { type: "sent", id, verb, values: {}, owner: "dictionary:field/10" });
+  return reducer(sent, {
+    type: "message",
+    now: 0,
+    message: { type: "reply", id, status: 0, reply, lines: [], error: "" },
+  });
+}
+
+describe("the dictionary", () => {
+  it("is what `sdo dump` read, and `sdo read` changes", () => {
+    let state = ask(firstState, "r1", "sdo dump", {
+      objects: [object("0x1017", 0, 500, "Producer heartbeat time"), object("0x1018", 4, 1)],
+    });
+    state = ask(state, "r2", "sdo write", object("0x1017", 0, 600));
+    const rows = state.dictionary.objects["field/10"] ?? [];
+    expect(rows.map((row) => [row.key, row.name, row.value])).toEqual([
+      ["1017h:00", "Producer heartbeat time", "600"],
+      ["1018h:04", "", "1"],
+    ]);
+    expect(state.dictionary.before["field/10"]).toEqual({ "1017h:00": "500" });
+  });
+
+  it("says why an object could not be read", () => {
+    const [row] = rowsOf({
+      objects: [{ index: "0x1003", sub: 1, name: "n", abort_code: "0x08000024", text: "no data available" }],
+    });
+    expect(row).toMatchObject({ key: "1003h:01", value: "", abort: "0x08000024 no data available" });
+  });
+
+  it("is searched by all words in 5,000 objects in less than 50 ms", () => {
+    const rows = rowsOf({
+      objects: Array.from({ length: 5000 }, (_, i) => object(`0x${(0x2000 + i).toString(16)}`, 0, i, `Speed ${i}`)),
+    });
+    const start = performance.now();
+    expect(searched(rows, "speed 2FA")).toHaveLength(18); // 22FAh, 32FAh, 2FA0h to 2FAFh
+    expect(performance.now() - start).toBeLessThan(50);
+  });
+
+  it("takes no nonsense for objects", () => {
+    expect(rowsOf(null)).toEqual([]);
+    expect(rowsOf({ objects: [null, 3] })).toEqual([]);
+  });
+});

@@ -1,0 +1,64 @@
+import type { Event, Slot, Verb } from "../../protocol/messages";
+import type { Action } from "../../store/state";
+
+export interface NetworkState {
+  /** The verb whose form is shown. */
+  verb: string;
+  values: Readonly<Record<string, string>>;
+}
+
+export type NetworkAction =
+  { type: "network/verb"; verb: string } | { type: "network/value"; name: string; value: string };
+
+/** Not a verb: the story of the boot-ups. */
+export const BOOT_LOG = "boot log";
+
+export const firstNetwork: NetworkState = { verb: BOOT_LOG, values: {} };
+
+export function networkReducer(network: NetworkState, action: Action): NetworkState {
+  if (action.type === "network/verb") return { verb: action.verb, values: {} };
+  if (action.type === "network/value") {
+    return { ...network, values: { ...network.values, [action.name]: action.value } };
+  }
+  return network;
+}
+
+/** Verbs that another pane does better. */
+const elsewhere = /^(report|sdo (read|write|dump|probe)|sim |world |history|replace|forget)/;
+
+export function groupsOf(verbs: readonly Verb[]): { title: string; verbs: Verb[] }[] {
+  const mine = verbs.filter((verb) => !elsewhere.test(verb.name));
+  const groups = new Map<string, Verb[]>();
+  for (const verb of mine) {
+    const title = titleOf(verb.name);
+    groups.set(title, [...(groups.get(title) ?? []), verb]);
+  }
+  return [...groups].map(([title, list]) => ({ title, verbs: list }));
+}
+
+function titleOf(name: string): string {
+  if (name.startsWith("lss ")) return "LSS";
+  if (name.startsWith("program ")) return "Programs";
+  if (name.startsWith("sdo ")) return "SDO channels";
+  if (/^(scan|bind|boot|configure|nmt|locate)$/.test(name)) return "Bus";
+  return "Device";
+}
+
+/** What a form still misses, or an empty list. */
+export function missingOf(verb: Verb, values: Readonly<Record<string, string>>): string[] {
+  return verb.parameters.filter((p) => p.required && !values[p.name]).map((p) => p.name);
+}
+
+export interface BootStory {
+  slot: Slot;
+  lines: Event[];
+}
+
+/** Each slot's events from its last beginning on. */
+export function bootStories(slots: readonly Slot[], events: readonly Event[]): BootStory[] {
+  return slots.map((slot) => {
+    const mine = events.filter((event) => event.bus === slot.bus && event.slot === slot.name);
+    const start = mine.findLastIndex((event) => /^(binding|absent|empty)/.test(event.text));
+    return { slot, lines: mine.slice(Math.max(0, start)) };
+  });
+}

@@ -1,0 +1,147 @@
+import type { Event, Slot } from "../../protocol/messages";
+import { LSS_ADDRESS } from "../../protocol/text";
+import { slotKey } from "../../store/keys";
+import type { Action } from "../../store/state";
+
+export interface SlotsState {
+  sort: { id: string; desc: boolean }[];
+  /** The slot whose replacement is being followed, and when it was asked for. */
+  replacing: { slot: string; atS: number } | null;
+}
+
+export type SlotsAction =
+  { type: "slots/sort"; sort: SlotsState["sort"] } | { type: "slots/replacing"; replacing: SlotsState["replacing"] };
+
+export const firstSlots: SlotsState = { sort: [], replacing: null };
+
+export function slotsReducer(state: SlotsState, action: Action): SlotsState {
+  if (action.type === "slots/sort") return { ...state, sort: action.sort };
+  if (action.type === "slots/replacing") return { ...state, replacing: action.replacing };
+  return state;
+}
+
+/** What is wrong with a slot, what to do, and the act that does it. */
+export interface Need {
+  what: string;
+  todo: string;
+  act: "replace" | "answer" | "boot" | null;
+}
+
+/** docs/boot-up.md, in words for the floor. */
+export const bootLetters: Record<string, string> = {
+  B: "It does not answer. Switch it on, or replace it.",
+  C: "Its device type (1000h) is not the one of this slot. Put in the right device.",
+  D: "Another type of device answers here. Put in the right device.",
+  G: "Its software is not known. Check the program's file.",
+  H: "It has other software than the slot wants. Update its program.",
+  I: "The download of its program failed. Try it again.",
+  J: "Its configuration failed. The reason names the object.",
+  K: "It was started, and no heartbeat said that it is operational. Check the device.",
+  L: "It ran already when Berth came.",
+  M: "Another product answers here. Put in the right device.",
+  N: "The same type with another revision or serial number sits here.",
+  O: "A device with another serial number sits here. Confirm the replacement.",
+};
+
+export function needOf(slot: Slot): Need | null {
+  const letter = slot.boot ? bootLetters[slot.boot] : undefined;
+  switch (slot.state) {
+    case "absent":
+      return {
+        what: "The device does not answer.",
+        todo: "Switch it on and check its cable. If it is broken, replace it.",
+        act: "replace",
+      };
+    case "empty":
+      return { what: "No device has been here yet.", todo: "Plug in a device of the slot's type.", act: null };
+    case "question":
+      return {
+        what: "Berth cannot decide which device belongs here.",
+        todo: "Let the devices show themselves with Locate, then choose one.",
+        act: "answer",
+      };
+    case "failed":
+      return {
+        what: "The device could not be started.",
+        todo: letter ?? "Read the reason below. If the device is broken, replace it.",
+        act: "replace",
+      };
+    case "duplicate":
+      return {
+        what: "Two devices have this node-ID.",
+        todo: "Switch off the one that does not belong here.",
+        act: null,
+      };
+    case "wrong type":
+      return {
+        what: "A device of another type sits here.",
+        todo: letter ?? "Put in a device of the slot's type.",
+        act: "replace",
+      };
+    case "power cycle needed":
+      return {
+        what: "The new configuration works only after power off and on.",
+        todo: "Switch the device off and on again.",
+        act: null,
+      };
+    default:
+      return null;
+  }
+}
+
+export function inNeed(slots: readonly Slot[]): Slot[] {
+  return slots.filter((slot) => needOf(slot) !== null);
+}
+
+/** The last question about a slot. Berth answers it by `replace SLOT --device ADDRESS`. */
+export function questionOf(slot: Slot, events: readonly Event[]): Event | null {
+  if (slot.state !== "question") return null;
+  const about = (event: Event) => event.slot === slot.name || (event.slots?.includes(slot.name) ?? false);
+  return events.findLast((event) => event.kind === "question" && event.bus === slot.bus && about(event)) ?? null;
+}
+
+/** Devices of this slot that were to give up their node-ID and did not come back: they can be forgotten. */
+export function forgettable(slot: Slot, events: readonly Event[]): string[] {
+  const mine = events.filter((event) => event.bus === slot.bus && event.slot === slot.name);
+  const open = new Set<string>();
+  for (const event of mine) {
+    const address = event.devices?.[0] ?? LSS_ADDRESS.exec(event.text)?.[0];
+    if (!address) continue;
+    if (event.kind === "unfinished") open.add(address);
+    if (event.kind === "forgotten") open.delete(address);
+  }
+  return [...open];
+}
+
+export function eventsOf(slot: Slot, events: readonly Event[]): Event[] {
+  return events.filter((event) => {
+    const named = event.slot === slot.name || (event.slots?.includes(slot.name) ?? false);
+    return event.bus === slot.bus && named;
+  });
+}
+
+export type Progress = "done" | "now" | "later";
+
+/** The fitter's three steps, read from what happened since the replacement was asked for. */
+export function replacementSteps(
+  slot: Slot,
+  events: readonly Event[],
+  sinceS: number,
+): { text: string; at: Progress }[] {
+  const since = eventsOf(slot, events).filter((event) => event.at_s >= sinceS);
+  const bound = since.some((event) => event.kind === "bound");
+  const running = bound && slot.state === "operational";
+  const configured = running || since.some((event) => event.kind === "configured");
+  const texts = [
+    { text: "Unplug the old device and plug in the spare", done: bound },
+    { text: `Spare is known as ${slot.name}, node-ID ${slot.id}`, done: bound },
+    { text: "Its settings are written", done: configured },
+    { text: "It runs", done: running },
+  ];
+  const current = texts.findIndex((step) => !step.done);
+  return texts.map((step, i) => ({ text: step.text, at: step.done ? "done" : i === current ? "now" : "later" }));
+}
+
+export function isSelected(slot: Slot, selected: string): boolean {
+  return slotKey(slot) === selected;
+}

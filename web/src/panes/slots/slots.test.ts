@@ -1,0 +1,43 @@
+import { describe, expect, it } from "vitest";
+import { slot } from "../../store/samples";
+import { forgettable, inNeed, needOf, questionOf, replacementSteps } from "./reducer";
+
+const event = (kind: string, text = "", more = {}) => ({ at_s: 5, bus: "field", slot: "belt", kind, text, ...more });
+const address = "00000001-00000010-00010001-00000001";
+
+describe("slots", () => {
+  it("in need say what it is and what to do", () => {
+    expect(needOf(slot())).toBeNull();
+    expect(needOf(slot({ state: "configuring" }))).toBeNull();
+    for (const state of ["absent", "empty", "question", "failed", "duplicate", "wrong type", "power cycle needed"]) {
+      const need = needOf(slot({ state }));
+      expect(need?.what).toMatch(/\.$/);
+      expect(need?.todo).toMatch(/\.$/);
+    }
+    expect(needOf(slot({ state: "failed", boot: "J" }))?.todo).toMatch(/configuration/);
+    expect(inNeed([slot(), slot({ state: "absent" })])).toHaveLength(1);
+  });
+
+  it("find the last question that is about them", () => {
+    const events = [event("question", "old"), { ...event("question", "new"), slot: "", slots: ["barrier", "belt"] }];
+    expect(questionOf(slot({ state: "question" }), events)?.text).toBe("new");
+    expect(questionOf(slot(), events)).toBeNull();
+  });
+
+  it("tell which devices can be forgotten", () => {
+    const events = [event("unfinished", `${address} was to give its node-ID up`)];
+    expect(forgettable(slot(), events)).toEqual([address]);
+    expect(forgettable(slot(), [...events, event("forgotten", address)])).toEqual([]);
+  });
+
+  it("are followed through a replacement", () => {
+    const absent = slot({ state: "absent" });
+    const at = (events: ReturnType<typeof event>[], now = absent) =>
+      replacementSteps(now, events, 4).map((step) => step.at);
+    expect(at([])).toEqual(["now", "later", "later", "later"]);
+    expect(at([event("bound")])).toEqual(["done", "done", "now", "later"]);
+    expect(at([event("bound"), event("configured")])).toEqual(["done", "done", "done", "now"]);
+    expect(at([event("bound")], slot())).toEqual(["done", "done", "done", "done"]);
+    expect(at([{ ...event("bound"), at_s: 3 }], slot())).toEqual(["now", "later", "later", "later"]);
+  });
+});

@@ -1,0 +1,77 @@
+import type { Parameter, Verb } from "./messages";
+
+/** Arguments of a form of their own that stand by themselves on the command line. */
+const positional = new Set(["object", "value", "frame", "device"]);
+/** Options that the command line does not spell as the request does. */
+const spelled: Record<string, string> = { "lss set-node-id store": "--save", number: "--program" };
+/** Verbs that the command line has under another name. */
+const renamed: Record<string, string> = {
+  report: "status",
+  "sim power-off": "sim power off",
+  "sim power-on": "sim power on",
+  "sim deaf": "sim fault deaf",
+  "sim slow": "sim fault slow",
+  "sim damage": "sim fault disturb",
+};
+/** Options of which the command line wants a time. */
+const inSeconds = new Set(["lease", "listen"]);
+
+export function quoted(word: string): string {
+  // eslint-disable-next-line no-control-regex
+  if (/[\u0000-\u001f\u007f]/.test(word)) return `$'${escaped(word)}'`;
+  return /^[\w.:/=,@%+-]+$/.test(word) ? word : `'${word.replace(/'/g, "'\\''")}'`;
+}
+
+function escaped(word: string): string {
+  // eslint-disable-next-line no-control-regex
+  return word.replace(/[\\']/g, "\\$&").replace(/[\u0000-\u001f\u007f]/g, (char) => {
+    return `\\x${char.charCodeAt(0).toString(16).padStart(2, "0")}`;
+  });
+}
+
+/** What a person would type for this request. Null for what the command line does not have. */
+export function commandLine(
+  verb: string,
+  values: Record<string, string>,
+  table: readonly Verb[],
+  machineFile: string,
+): string | null {
+  if (verb.startsWith("world ")) return null;
+  const parameters = table.find((entry) => entry.name === verb)?.parameters ?? [];
+  const ordered = [...parameters, ...unknownParameters(parameters, values)];
+  const words = ordered.filter(isWord).flatMap((parameter) => wordOf(parameter, values));
+  const options = ordered.filter((parameter) => !isWord(parameter)).flatMap((p) => optionOf(verb, p, values));
+  const machine = machineFile ? ["-m", quoted(machineFile)] : [];
+  return ["berth", renamed[verb] ?? verb, ...words, ...options, ...machine].join(" ");
+}
+
+function unknownParameters(parameters: readonly Parameter[], values: Record<string, string>): Parameter[] {
+  return Object.keys(values)
+    .filter((name) => !parameters.some((parameter) => parameter.name === name))
+    .map((name) => ({
+      name,
+      help: "",
+      required: false,
+      value: "",
+      form: name === "yes" ? "flag" : positional.has(name) ? "word" : "option",
+    }));
+}
+
+function isWord(parameter: Parameter): boolean {
+  return parameter.form === "word" || (parameter.form === "own" && positional.has(parameter.name));
+}
+
+function wordOf(parameter: Parameter, values: Record<string, string>): string[] {
+  const value = values[parameter.name];
+  if (value === undefined || value === "") return [];
+  return (parameter.name === "object" ? value.split("\n") : [value]).map(quoted);
+}
+
+function optionOf(verb: string, parameter: Parameter, values: Record<string, string>): string[] {
+  const value = values[parameter.name];
+  if (value === undefined || value === "") return [];
+  const option = spelled[`${verb} ${parameter.name}`] ?? spelled[parameter.name] ?? `--${parameter.name}`;
+  if (parameter.form === "flag") return value === "1" ? [option] : [];
+  if (verb.startsWith("sim ") && parameter.form !== "common") return [quoted(`${parameter.name}=${value}`)];
+  return [option, quoted(inSeconds.has(parameter.name) ? `${value} s` : value)];
+}

@@ -1,0 +1,149 @@
+/** The messages of the API, version 1, as the server sends them and takes them. */
+
+export interface Machine {
+  name: string;
+  simulated: boolean;
+  file: string;
+}
+
+export interface Bus {
+  name: string;
+  bit_rate: number;
+  port: string;
+  role: string;
+  master_id: number | null;
+  beneath: { bus: string; slot: string } | null;
+}
+
+export interface Slot {
+  bus: string;
+  id: number;
+  name: string;
+  /** Vendor-ID and product code, "0x0000000100000042"; null when not known. */
+  type: string | null;
+  /** Revision and serial number, "0x0001000100000007"; null when no device sits there. */
+  r_sn: string | null;
+  state: string;
+  since_s: number;
+  reason?: string;
+  /** The letter of CiA 302-2 with which the boot-up ended. */
+  boot?: string;
+}
+
+export interface Event {
+  at_s: number;
+  bus: string;
+  kind: string;
+  text: string;
+  slot?: string;
+  /** Of a question: the slots that it is about, and the LSS addresses of the devices. */
+  slots?: string[];
+  devices?: string[];
+}
+
+export type Form = "word" | "option" | "flag" | "common" | "own";
+
+export interface Parameter {
+  name: string;
+  help: string;
+  required: boolean;
+  form: Form;
+  value: string;
+}
+
+export interface Verb {
+  name: string;
+  help: string;
+  changes: boolean;
+  parameters: Parameter[];
+}
+
+export interface Lock {
+  /** Whether a bus of this machine is a real one. */
+  real: boolean;
+  unlocked_until_s: number | null;
+}
+
+export type Role = "view" | "operate" | "configure";
+
+export interface Snapshot {
+  type: "snapshot";
+  seq: number;
+  machine: Machine;
+  buses: Bus[];
+  slots: Slot[];
+  events: Event[];
+  time_s: number;
+  verbs: Verb[];
+  lock: Lock;
+  role: Role;
+}
+
+export interface Change {
+  type: "change";
+  seq: number;
+  time_s: number;
+  slots?: Slot[];
+  events?: Event[];
+  lock?: Lock;
+}
+
+export interface Reply {
+  type: "reply";
+  id: string;
+  status: number;
+  reply: unknown;
+  lines: string[];
+  error: string;
+}
+
+export interface FrameRow {
+  n: number;
+  t_s: number;
+  bus: string;
+  id: number;
+  ext: boolean;
+  rtr: boolean;
+  data: string;
+  text: string;
+}
+
+export interface Frames {
+  type: "frames";
+  id: string;
+  first: number;
+  last: number;
+  rows: FrameRow[];
+  matched: number;
+}
+
+export interface Rates {
+  type: "rates";
+  buses: { bus: string; frames_per_s: number; load: number }[];
+  ring: { first: number; next: number };
+  left_out: number;
+}
+
+export type ServerMessage = Snapshot | Change | Reply | Frames | Rates;
+
+export type ClientMessage =
+  | { type: "request"; id: string; verb: string; arguments: Record<string, string> }
+  | { type: "frames"; id: string; from: number; count: number; filter: string }
+  | { type: "live"; frames: boolean }
+  | { type: "unlock"; minutes: number }
+  | { type: "lock" };
+
+const known = new Set(["snapshot", "change", "reply", "frames", "rates"]);
+
+/** Null for anything that is not a message of the contract: the page ignores what a newer server may say. */
+export function parseMessage(text: string): ServerMessage | null {
+  let value: unknown;
+  try {
+    value = JSON.parse(text);
+  } catch {
+    return null;
+  }
+  if (typeof value !== "object" || value === null) return null;
+  const type = (value as { type?: unknown }).type;
+  return typeof type === "string" && known.has(type) ? (value as ServerMessage) : null;
+}

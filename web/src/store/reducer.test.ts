@@ -1,0 +1,66 @@
+import { describe, expect, it } from "vitest";
+import type { ServerMessage } from "../protocol/messages";
+import { firstState, reducer } from "./reducer";
+import { slot, snapshot } from "./samples";
+import type { State } from "./state";
+import { changedView, firstView, fragmentOf, parseView } from "./view";
+
+const receive = (state: State, message: ServerMessage) => reducer(state, { type: "message", message, now: 0 });
+
+describe("the copy of the server's truth", () => {
+  it("is the snapshot, then each change in order", () => {
+    let state = receive(firstState, snapshot());
+    expect(state.connection.phase).toBe("open");
+    state = receive(state, {
+      type: "change",
+      seq: 8,
+      time_s: 3,
+      slots: [slot({ state: "absent" })],
+      events: [{ at_s: 3, bus: "field", kind: "state", slot: "belt", text: "absent" }],
+    });
+    expect(state.data.slots.map((entry) => entry.state)).toEqual(["absent", "operational"]);
+    expect(state.data.events).toHaveLength(1);
+    expect(state.data.time).toBe(3);
+  });
+
+  it("does not believe a change behind a gap, and takes the next snapshot whole", () => {
+    let state = receive(firstState, snapshot());
+    state = receive(state, { type: "change", seq: 9, time_s: 3, slots: [slot({ state: "failed" })] });
+    expect(state.connection.phase).toBe("gap");
+    expect(state.data.slots[0]?.state).toBe("operational");
+    state = receive(state, { type: "change", seq: 8, time_s: 3, slots: [slot({ state: "failed" })] });
+    expect(state.data.slots[0]?.state).toBe("operational");
+    state = receive(state, snapshot({ seq: 20, slots: [slot({ state: "failed" })] }));
+    expect(state.connection.phase).toBe("open");
+    expect(state.data.slots).toHaveLength(1);
+  });
+
+  it("keeps the last events only", () => {
+    let state = receive(firstState, snapshot());
+    const events = Array.from({ length: 6000 }, (_, i) => ({ at_s: i, bus: "field", kind: "step", text: "" }));
+    state = receive(state, { type: "change", seq: 8, time_s: 3, events });
+    expect(state.data.events).toHaveLength(5000);
+    expect(state.data.events[4999]?.at_s).toBe(5999);
+  });
+
+  it("finds the answer of a request by its id", () => {
+    let state = reducer(firstState, { type: "sent", id: "r1", verb: "scan", values: {}, owner: "network" });
+    expect(state.requests[0]?.done).toBe(false);
+    state = receive(state, { type: "reply", id: "r1", status: 1, reply: {}, lines: ["two"], error: "no" });
+    expect(state.requests[0]).toMatchObject({ done: true, status: 1, lines: ["two"], error: "no" });
+  });
+});
+
+describe("the view", () => {
+  it("comes back from the address as it went there", () => {
+    const view = { ...firstView, pane: "trace" as const, slot: "field/12", frame: 99, filter: "abort 1018h" };
+    expect(parseView(fragmentOf(view))).toEqual(view);
+  });
+  it("takes no nonsense from an address", () => {
+    expect(parseView("#pane=__proto__&frame=-1&mode=x")).toEqual(firstView);
+  });
+  it("lets go of a frame when another slot is selected", () => {
+    const view = changedView({ ...firstView, frame: 3, object: "1018h:04" }, { slot: "field/2" });
+    expect(view).toMatchObject({ slot: "field/2", frame: null, object: "" });
+  });
+});

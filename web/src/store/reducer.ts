@@ -1,0 +1,146 @@
+import { dictionaryReducer, firstDictionary } from "../panes/dictionary/reducer";
+import { firstMachine, machineReducer } from "../panes/machine/reducer";
+import { firstNetwork, networkReducer } from "../panes/network/reducer";
+import { firstSlots, slotsReducer } from "../panes/slots/reducer";
+import { firstTrace, traceReducer } from "../panes/trace/reducer";
+import type { Change, Event, Rates, ServerMessage, Slot, Snapshot } from "../protocol/messages";
+import { slotKey } from "./keys";
+import type { Action, Data, Sent, State } from "./state";
+import { changedView, firstView } from "./view";
+
+const MOST_EVENTS = 5000;
+const MOST_REQUESTS = 200;
+const MOST_LOADS = 240;
+
+export const firstState: State = {
+  connection: { phase: "no-token" },
+  data: {
+    seq: -1,
+    machine: { name: "", simulated: false, file: "" },
+    buses: [],
+    slots: [],
+    events: [],
+    time: 0,
+    verbs: [],
+    lock: { real: false, unlocked_until_s: null },
+    role: "view",
+  },
+  rates: null,
+  loads: [],
+  requests: [],
+  view: firstView,
+  window: {
+    palette: false,
+    eventsOpen: true,
+    treeOpen: true,
+    inspectorOpen: true,
+    theme: "system",
+    confirming: null,
+    notice: "",
+  },
+  slots: firstSlots,
+  trace: firstTrace,
+  machine: firstMachine,
+  dictionary: firstDictionary,
+  network: firstNetwork,
+};
+
+export function reducer(state: State, action: Action): State {
+  const next = windowReducer(state, action);
+  return {
+    ...next,
+    slots: slotsReducer(next.slots, action),
+    trace: traceReducer(next.trace, action, next),
+    machine: machineReducer(next.machine, action, next),
+    dictionary: dictionaryReducer(next.dictionary, action, next),
+    network: networkReducer(next.network, action),
+  };
+}
+
+function windowReducer(state: State, action: Action): State {
+  switch (action.type) {
+    case "connection":
+      return { ...state, connection: action.connection };
+    case "message":
+      return messageReducer(state, action.message, action.now);
+    case "sent":
+      return { ...state, requests: [...state.requests.slice(1 - MOST_REQUESTS), pending(action)] };
+    case "lost":
+      return { ...state, requests: answered(state.requests, action.id, { status: 3, error: action.error }) };
+    case "view":
+      return { ...state, view: changedView(state.view, action.change) };
+    case "window":
+      return { ...state, window: { ...state.window, ...action.change } };
+    default:
+      return state;
+  }
+}
+
+function messageReducer(state: State, message: ServerMessage, now: number): State {
+  switch (message.type) {
+    case "snapshot":
+      return { ...state, connection: { phase: "open" }, data: dataOf(message), trace: state.trace };
+    case "change":
+      return changed(state, message);
+    case "reply": {
+      const { status, reply, lines, error } = message;
+      return { ...state, requests: answered(state.requests, message.id, { status, reply, lines, error }) };
+    }
+    case "rates":
+      return { ...state, rates: message, loads: withLoads(state.loads, message, now) };
+    case "frames":
+      return state;
+  }
+}
+
+function dataOf(snapshot: Snapshot): Data {
+  const { seq, machine, buses, slots, events, time_s, verbs, lock, role } = snapshot;
+  return { seq, machine, buses, slots, events: events.slice(-MOST_EVENTS), time: time_s, verbs, lock, role };
+}
+
+/** A change that is not the next one leaves the copy as it is, and says that it is no good any more. */
+function changed(state: State, change: Change): State {
+  const { data } = state;
+  if (state.connection.phase === "gap") return state;
+  if (data.seq < 0 || change.seq !== data.seq + 1) return { ...state, connection: { phase: "gap" } };
+  return {
+    ...state,
+    data: {
+      ...data,
+      seq: change.seq,
+      time: change.time_s,
+      slots: mergedSlots(data.slots, change.slots),
+      events: mergedEvents(data.events, change.events),
+      lock: change.lock ?? data.lock,
+    },
+  };
+}
+
+function mergedSlots(slots: Slot[], news: Slot[] | undefined): Slot[] {
+  if (!news?.length) return slots;
+  const fresh = new Map(news.map((slot) => [slotKey(slot), slot]));
+  const merged = slots.map((slot) => {
+    const key = slotKey(slot);
+    const replacement = fresh.get(key);
+    fresh.delete(key);
+    return replacement ?? slot;
+  });
+  return [...merged, ...fresh.values()];
+}
+
+function mergedEvents(events: Event[], news: Event[] | undefined): Event[] {
+  return news?.length ? [...events, ...news].slice(-MOST_EVENTS) : events;
+}
+
+function pending(action: { id: string; verb: string; values: Record<string, string>; owner: string }): Sent {
+  const { id, verb, values, owner } = action;
+  return { id, verb, values, owner, done: false, status: 0, reply: null, lines: [], error: "" };
+}
+
+function answered(requests: Sent[], id: string, answer: Partial<Sent>): Sent[] {
+  return requests.map((sent) => (sent.id === id ? { ...sent, ...answer, done: true } : sent));
+}
+
+function withLoads(loads: State["loads"], rates: Rates, now: number): State["loads"] {
+  return [...loads, { at: now, loads: rates.buses.map((bus) => bus.load) }].slice(-MOST_LOADS);
+}
