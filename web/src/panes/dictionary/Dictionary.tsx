@@ -1,0 +1,112 @@
+import { useVirtualizer } from "@tanstack/react-virtual";
+import { useRef, type KeyboardEvent } from "react";
+import { Act, Answer, useLastOf } from "../../parts/Act";
+import { visible } from "../../protocol/text";
+import { slotKey } from "../../store/keys";
+import { useData, useStudio, useView } from "../../window/context";
+import { searched, type ObjectRow } from "./reducer";
+
+export function Dictionary() {
+  const [view] = useView();
+  const slot = useData((state) => state.data.slots.find((entry) => slotKey(entry) === view.slot));
+  const rows = useData((state) => state.dictionary.objects[view.slot]);
+  const last = useLastOf(`dictionary:${view.slot}`);
+  if (!slot) return <p className="hint start">Select a slot in the tree. Its objects are read then.</p>;
+  if (rows) return <Objects rows={rows} />;
+  const values = { bus: slot.bus, node: slot.name };
+  return (
+    <div className="start">
+      <p>
+        The objects of <b>{visible(slot.name)}</b> are not read yet.
+      </p>
+      <Act verb="sdo dump" values={values} owner={`dictionary:${view.slot}`} label="Read all objects" primary />
+      <Answer sent={last} />
+    </div>
+  );
+}
+
+function Objects({ rows }: { rows: readonly ObjectRow[] }) {
+  const { store, socket } = useStudio();
+  const [view, setView] = useView();
+  const [dictionary, slot] = useData(
+    (state) => [state.dictionary, state.data.slots.find((entry) => slotKey(entry) === view.slot)] as const,
+  );
+  const before = dictionary.before[view.slot] ?? {};
+  const all = searched(rows, dictionary.search);
+  const found = dictionary.differencesOnly ? all.filter((row) => row.key in before) : all;
+  const scroller = useRef<HTMLDivElement>(null);
+  const list = useVirtualizer({
+    count: found.length,
+    getScrollElement: () => scroller.current,
+    estimateSize: () => 24,
+    overscan: 8,
+  });
+  const onKey = (event: KeyboardEvent) => {
+    const step = event.key === "ArrowDown" ? 1 : event.key === "ArrowUp" ? -1 : 0;
+    if (!step) return;
+    event.preventDefault();
+    const at = found.findIndex((row) => row.key === view.object);
+    const row = found[at + step];
+    if (row) setView({ object: row.key });
+    if (row) list.scrollToIndex(at + step);
+  };
+  const again = () => slot && socket.request("sdo dump", { bus: slot.bus, node: slot.name }, `dictionary:${view.slot}`);
+  return (
+    <>
+      <div className="bar">
+        <input
+          type="search"
+          value={dictionary.search}
+          placeholder="Search: 1017h, heartbeat, value …"
+          aria-label="Search objects"
+          onChange={(event) => store.dispatch({ type: "dictionary/search", search: event.target.value })}
+        />
+        <label>
+          <input
+            type="checkbox"
+            checked={dictionary.differencesOnly}
+            onChange={(event) => store.dispatch({ type: "dictionary/changed", only: event.target.checked })}
+          />
+          changed only
+        </label>
+        <button type="button" onClick={again}>
+          Read all again
+        </button>
+        <span className="number quiet">
+          {found.length} of {rows.length}
+        </span>
+      </div>
+      <div className="object head">
+        <span>Object</span>
+        <span>Name</span>
+        <span>Type</span>
+        <span>Value</span>
+        <span>Before</span>
+      </div>
+      <div className="scroll" ref={scroller} tabIndex={0} role="region" aria-label="Objects" onKeyDown={onKey}>
+        <div style={{ height: list.getTotalSize(), position: "relative" }}>
+          {list.getVirtualItems().map((item) => {
+            const row = found[item.index];
+            if (!row) return null;
+            return (
+              <div
+                key={item.key}
+                className={`object ${row.key === view.object ? "selected" : ""}`}
+                style={{ transform: `translateY(${item.start}px)` }}
+                onClick={() => setView({ object: row.key })}
+              >
+                <span className="number">{row.key}</span>
+                <span>{visible(row.name)}</span>
+                <span className="quiet">{row.type}</span>
+                <span className={row.abort ? "bad-text" : "number"}>
+                  {visible(row.abort || row.value || row.bytes)}
+                </span>
+                <span className="number">{visible(before[row.key] ?? "")}</span>
+              </div>
+            );
+          })}
+        </div>
+      </div>
+    </>
+  );
+}

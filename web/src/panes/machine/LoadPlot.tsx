@@ -1,0 +1,56 @@
+import { useEffect, useRef } from "react";
+import uPlot from "uplot";
+import "uplot/dist/uPlot.min.css";
+import { visible } from "../../protocol/text";
+import { useData } from "../../window/context";
+
+/** Load of each bus over the last minute. */
+export function LoadPlot({ width }: { width: number }) {
+  const box = useRef<HTMLDivElement>(null);
+  const plot = useRef<uPlot | null>(null);
+  const [loads, buses] = useData((state) => [state.loads, state.data.buses] as const);
+  const names = buses.map((bus) => bus.name).join("\n");
+  const there = loads.length > 1;
+  useEffect(() => {
+    if (!box.current || !there) return;
+    const style = getComputedStyle(document.documentElement);
+    const colour = (name: string) => style.getPropertyValue(name).trim();
+    const axis = { stroke: colour("--quiet"), grid: { stroke: colour("--line"), width: 1 }, font: "11px sans-serif" };
+    const lines = ["--good", "--busy", "--question", "--bad"];
+    plot.current = new uPlot(
+      {
+        width,
+        height: 110,
+        legend: { show: false },
+        cursor: { show: false },
+        scales: { x: { time: false }, y: { range: [0, 100] } },
+        axes: [
+          { ...axis, size: 22, values: (_, ticks) => ticks.map((t) => `${t} s`) },
+          { ...axis, size: 46, values: (_, ticks) => ticks.map((t) => `${t} %`) },
+        ],
+        series: [
+          {},
+          ...names.split("\n").map((label, i) => ({ label, stroke: colour(lines[i % 4] ?? ""), width: 1.5 })),
+        ],
+      },
+      [],
+      box.current,
+    );
+    return () => plot.current?.destroy();
+  }, [width, names, there]);
+  useEffect(() => {
+    const last = loads[loads.length - 1]?.at ?? 0;
+    const count = names.split("\n").length;
+    const lines = Array.from({ length: count }, (_, i) => loads.map((point) => (point.loads[i] ?? 0) * 100));
+    plot.current?.setData([loads.map((point) => point.at - last), ...lines]);
+  }, [loads, names]);
+  if (!there) return null;
+  return (
+    <section className="load-plot">
+      <h2>
+        Load <span className="quiet">{buses.map((bus) => visible(bus.name)).join(", ")}, last minute</span>
+      </h2>
+      <div ref={box} />
+    </section>
+  );
+}

@@ -1,0 +1,270 @@
+import { useVirtualizer } from "@tanstack/react-virtual";
+import { useEffect, useRef, type KeyboardEvent } from "react";
+import { meaningOf } from "../../can/words";
+import type { Frame } from "../../protocol/batch";
+import { bytes, count, hex, visible } from "../../protocol/text";
+import { useData, useStudio, useView } from "../../window/context";
+import { frameAt, rowOf } from "./reducer";
+
+const ROW = 24;
+
+export function Trace() {
+  const { socket, store } = useStudio();
+  const [view] = useView();
+  const [filter, open, next] = useData(
+    (state) => [state.view.filter, state.connection.phase === "open", state.rates?.ring.next ?? 0] as const,
+  );
+  const known = next > 0;
+  // What the ring holds from before the pane was opened.
+  useEffect(() => {
+    if (!open || !known) return;
+    const { rates, trace } = store.get();
+    if (trace.kept > 0 || !rates) return;
+    const from = Math.max(rates.ring.first, rates.ring.next - 1000);
+    socket.send({ type: "frames", id: "old", from, count: 1000, filter: "" });
+  }, [open, known, socket, store]);
+  // The filter runs on the server's whole ring, too.
+  useEffect(() => {
+    if (!open || !filter) return;
+    const timer = setTimeout(() => {
+      const id = `filter ${filter}`;
+      store.dispatch({ type: "trace/asked", id });
+      const from = store.get().rates?.ring.first ?? 0;
+      socket.send({ type: "frames", id, from, count: 2000, filter });
+    }, 200);
+    return () => clearTimeout(timer);
+  }, [filter, open, socket, store]);
+  return (
+    <>
+      <Bar />
+      {view.mode === "chronological" ? <List /> : <LatestList />}
+    </>
+  );
+}
+
+function Bar() {
+  const { store } = useStudio();
+  const [view, setView] = useView();
+  const [paused, shown, kept, pausedShown, matched, rates] = useData((state) => {
+    const { trace } = state;
+    const pausedRows = trace.paused?.shown ?? null;
+    return [trace.paused !== null, trace.shown, trace.kept, pausedRows, trace.matched, state.rates] as const;
+  });
+  const perSecond = rates?.buses.reduce((sum, bus) => sum + bus.frames_per_s, 0) ?? 0;
+  return (
+    <div className="bar">
+      <input
+        type="search"
+        value={view.filter}
+        placeholder="Filter: abort 1018h, 705#, heartbeat …"
+        aria-label="Filter frames"
+        onChange={(event) => setView({ filter: event.target.value })}
+      />
+      <button
+        type="button"
+        aria-pressed={paused}
+        title="P"
+        onClick={() => store.dispatch({ type: "trace/pause", paused: !paused })}
+      >
+        {paused ? "▶ Go on" : "▮▮ Pause"}
+      </button>
+      <div className="switch" role="group" aria-label="Order">
+        <button
+          type="button"
+          aria-pressed={view.mode === "chronological"}
+          onClick={() => setView({ mode: "chronological" })}
+        >
+          Chronological
+        </button>
+        <button type="button" aria-pressed={view.mode === "latest"} onClick={() => setView({ mode: "latest" })}>
+          Latest of each
+        </button>
+      </div>
+      <span className="number quiet" aria-live="off">
+        {view.filter ? `${count(pausedShown ?? shown)} of ${count(kept)} here` : `${count(kept)} frames here`}
+        {matched !== null && `, ${count(matched)} in the whole ring`}
+        {paused && shown > (pausedShown ?? 0) && `, ${count(shown - (pausedShown ?? 0))} new`}
+        {` · ${count(perSecond)} frames/s`}
+      </span>
+    </div>
+  );
+}
+
+function useDim(): (frame: Frame, node: number) => boolean {
+  const [slot, buses] = useData((state) => [state.view.slot, state.data.buses] as const);
+  const selected = slot.lastIndexOf("/");
+  const bus = slot.slice(0, selected);
+  const id = Number(slot.slice(selected + 1));
+  return (frame, node) => slot !== "" && !(node === id && buses[frame.bus]?.name === bus);
+}
+
+function List() {
+  const { socket, store } = useStudio();
+  const [view, setView] = useView();
+  const trace = useData((state) => state.trace);
+  const buses = useData((state) => state.data.buses);
+  const pieces = trace.paused?.pieces ?? trace.pieces;
+  const shown = trace.paused?.shown ?? trace.shown;
+  const scroller = useRef<HTMLDivElement>(null);
+  const list = useVirtualizer({
+    count: shown,
+    getScrollElement: () => scroller.current,
+    estimateSize: () => ROW,
+    overscan: 6,
+  });
+  const following = trace.paused === null;
+  useEffect(() => {
+    const box = scroller.current;
+    if (following && box) box.scrollTop = box.scrollHeight;
+  });
+  // Scrolling back pauses: the list must not run away under the eye.
+  const onWheel = (event: { deltaY: number }) => {
+    if (following && event.deltaY < 0) store.dispatch({ type: "trace/pause", paused: true });
+  };
+  const items = list.getVirtualItems();
+  const firstRow = items[0]?.index ?? 0;
+  const lastRow = items[items.length - 1]?.index ?? 0;
+  const paused = !following;
+  useEffect(() => {
+    if (!paused) return;
+    const timer = setTimeout(() => {
+      const from = frameAt(pieces, firstRow);
+      const to = frameAt(pieces, lastRow);
+      if (!from || !to || to.n - from.n >= 2000) return;
+      socket.send({ type: "frames", id: `words ${from.n}`, from: from.n, count: to.n - from.n + 1, filter: "" });
+    }, 150);
+    return () => clearTimeout(timer);
+  }, [paused, firstRow, lastRow, pieces, socket]);
+  const select = (frame: Frame) => {
+    const meaning = meaningOf(frame.id, frame.extended, frame.remote, frame.data);
+    const bus = buses[frame.bus]?.name;
+    const slot = store.get().data.slots.find((entry) => entry.bus === bus && entry.id === meaning.node);
+    const object = slot && meaning.object ? meaning.object : "";
+    setView({ frame: frame.n, object, ...(slot ? { slot: `${slot.bus}/${slot.id}` } : {}) });
+    if (following) store.dispatch({ type: "trace/pause", paused: true });
+  };
+  const onKey = (event: KeyboardEvent) => {
+    const step = event.key === "ArrowDown" ? 1 : event.key === "ArrowUp" ? -1 : 0;
+    if (!step) return;
+    event.preventDefault();
+    const row = view.frame === null ? shown - 1 : rowOf(pieces, view.frame) + step;
+    const frame = frameAt(pieces, row);
+    if (frame) select(frame);
+    if (frame) list.scrollToIndex(row);
+  };
+  const dim = useDim();
+  return (
+    <>
+      <div className="frame head">
+        <span>Time</span>
+        <span>Bus</span>
+        <span>Identifier</span>
+        <span>Dir</span>
+        <span>Data</span>
+        <span>Meaning</span>
+      </div>
+      <div
+        className="scroll"
+        ref={scroller}
+        tabIndex={0}
+        aria-label="Frames"
+        role="region"
+        onWheel={onWheel}
+        onKeyDown={onKey}
+      >
+        <div style={{ height: list.getTotalSize(), position: "relative" }}>
+          {items.map((row) => {
+            const frame = frameAt(pieces, row.index);
+            if (!frame) return null;
+            return (
+              <FrameRow
+                key={row.key}
+                frame={frame}
+                top={row.start}
+                bus={buses[frame.bus]?.name ?? ""}
+                words={trace.texts.get(frame.n)}
+                selected={frame.n === view.frame}
+                dim={dim}
+                onSelect={select}
+              />
+            );
+          })}
+        </div>
+      </div>
+    </>
+  );
+}
+
+interface RowProps {
+  frame: Frame;
+  top: number;
+  bus: string;
+  words: string | undefined;
+  selected: boolean;
+  dim: (frame: Frame, node: number) => boolean;
+  onSelect: (frame: Frame) => void;
+}
+
+function FrameRow({ frame, top, bus, words, selected, dim, onSelect }: RowProps) {
+  const meaning = meaningOf(frame.id, frame.extended, frame.remote, frame.data);
+  const classes = `frame service-${meaning.service} ${selected ? "selected" : ""} ${dim(frame, meaning.node) ? "dim" : ""}`;
+  return (
+    <div className={classes} style={{ transform: `translateY(${top}px)` }} onClick={() => onSelect(frame)}>
+      <span className="number">{frame.seconds.toFixed(6)}</span>
+      <span>{visible(bus)}</span>
+      <span className="number">{hex(frame.id, frame.extended ? 8 : 3)}</span>
+      <span>{frame.sent ? "→" : "←"}</span>
+      <span className="number data">{frame.remote ? `remote, ${frame.data.length}` : bytes(frame.data)}</span>
+      <span className="words">{visible(words ?? meaning.text)}</span>
+    </div>
+  );
+}
+
+function LatestList() {
+  const [view, setView] = useView();
+  const [latest, buses] = useData((state) => [state.trace.latest, state.data.buses] as const);
+  const dim = useDim();
+  const words = view.filter.toLowerCase().split(/\s+/).filter(Boolean);
+  const rows = [...latest.values()]
+    .map((entry) => {
+      const { frame } = entry;
+      const meaning = meaningOf(frame.id, frame.extended, frame.remote, frame.data);
+      const bus = buses[frame.bus]?.name ?? "";
+      const line = `${bus} ${hex(frame.id)} ${frame.id.toString(16).padStart(3, "0")}# ${meaning.text}`.toLowerCase();
+      return { entry, frame, meaning, bus, line };
+    })
+    .filter(({ line }) => words.every((word) => line.includes(word)))
+    .sort((a, b) => a.frame.bus - b.frame.bus || a.frame.id - b.frame.id);
+  return (
+    <div className="scroll" tabIndex={0} aria-label="Latest frame of each identifier" role="region">
+      <table className="rows latest">
+        <thead>
+          <tr>
+            <th>Bus</th>
+            <th>Identifier</th>
+            <th className="right">Frames</th>
+            <th className="right">Period</th>
+            <th>Data</th>
+            <th>Meaning</th>
+          </tr>
+        </thead>
+        <tbody>
+          {rows.map(({ entry, frame, meaning, bus }) => (
+            <tr
+              key={entry.key}
+              className={`service-${meaning.service} ${dim(frame, meaning.node) ? "dim" : ""}`}
+              onClick={() => setView({ frame: frame.n })}
+            >
+              <td>{visible(bus)}</td>
+              <td className="number">{hex(frame.id, frame.extended ? 8 : 3)}</td>
+              <td className="number right">{count(entry.count)}</td>
+              <td className="number right">{entry.period > 0 ? `${(entry.period * 1000).toFixed(2)} ms` : ""}</td>
+              <td className="number data">{bytes(frame.data)}</td>
+              <td className="words">{meaning.text}</td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+    </div>
+  );
+}

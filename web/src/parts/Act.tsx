@@ -1,0 +1,86 @@
+import { useState } from "react";
+import { commandLine } from "../protocol/command";
+import { visible } from "../protocol/text";
+import type { Sent } from "../store/state";
+import { act, barrier, useData, useStudio } from "../window/context";
+
+/** The request as a command line, and a button that copies it. */
+export function CommandLine({ verb, values }: { verb: string; values: Record<string, string> }) {
+  const { store } = useStudio();
+  const [verbs, file] = useData((state) => [state.data.verbs, state.data.machine.file] as const);
+  const [copied, setCopied] = useState(false);
+  const command = commandLine(verb, values, verbs, file);
+  if (command === null) return null;
+  const copy = () => {
+    void navigator.clipboard.writeText(command).then(() => {
+      setCopied(true);
+      store.dispatch({ type: "window", change: { notice: "Command copied." } });
+      setTimeout(() => setCopied(false), 1500);
+    });
+  };
+  return (
+    <div className="command">
+      <code title="The same as a command">{visible(command)}</code>
+      <button type="button" className="small" onClick={copy} aria-label={`Copy command: ${visible(command)}`}>
+        {copied ? "Copied" : "Copy"}
+      </button>
+    </div>
+  );
+}
+
+interface ActProps {
+  verb: string;
+  values: Record<string, string>;
+  owner: string;
+  label: string;
+  primary?: boolean;
+  then?: () => void;
+}
+
+/** A button that sends a request, with its command line beneath. Not shown when the server does not have the verb. */
+export function Act({ verb, values, owner, label, primary, then }: ActProps) {
+  const studio = useStudio();
+  const [known, changes, why] = useData((state) => {
+    const entry = state.data.verbs.find((candidate) => candidate.name === verb);
+    return [entry !== undefined, entry?.changes ?? false, barrier(state)] as const;
+  });
+  if (!known) return null;
+  const blocked = changes ? why : why === "Not connected." ? why : null;
+  const run = () => {
+    act(studio, verb, values, owner);
+    then?.();
+  };
+  return (
+    <div className="act">
+      <button
+        type="button"
+        className={primary ? "primary" : ""}
+        disabled={blocked !== null}
+        title={blocked ?? ""}
+        onClick={run}
+      >
+        {label}
+      </button>
+      <CommandLine verb={verb} values={values} />
+      {blocked && <p className="hint">{blocked}</p>}
+    </div>
+  );
+}
+
+/** The answer of the last request of an owner. */
+export function Answer({ sent }: { sent: Sent | undefined }) {
+  if (!sent) return null;
+  if (!sent.done) return <p className="answer busy">Asked: {sent.verb} …</p>;
+  const failed = sent.status !== 0;
+  return (
+    <div className={`answer ${failed ? "bad" : "good"}`} role="status">
+      <p>{failed ? `✕ ${sent.verb}: no (${sent.status})` : `✓ ${sent.verb}: done`}</p>
+      {sent.error && <p>{visible(sent.error)}</p>}
+      {sent.lines.length > 0 && <pre tabIndex={0}>{sent.lines.map(visible).join("\n")}</pre>}
+    </div>
+  );
+}
+
+export function useLastOf(owner: string): Sent | undefined {
+  return useData((state) => state.requests.findLast((sent) => sent.owner === owner));
+}

@@ -1,0 +1,96 @@
+import { useVirtualizer } from "@tanstack/react-virtual";
+import { useEffect, useRef } from "react";
+import { inNeed } from "../panes/slots/reducer";
+import { visible } from "../protocol/text";
+import { slotKey } from "../store/keys";
+import { useData, useStudio, useView } from "./context";
+
+export function Events() {
+  const { store } = useStudio();
+  const [view, setView] = useView();
+  const [slots, open, last] = useData(
+    (state) => [state.data.slots, state.window.eventsOpen, state.data.events[state.data.events.length - 1]] as const,
+  );
+  const needy = inNeed(slots);
+  // Each press goes on to the next one.
+  const next = () => {
+    const at = needy.findIndex((slot) => slotKey(slot) === view.slot);
+    const slot = needy[(at + 1) % needy.length];
+    if (!slot) return;
+    setView({ slot: slotKey(slot), pane: "slots" });
+    store.dispatch({ type: "window", change: { inspectorOpen: true } });
+  };
+  return (
+    <section className={`events ${open ? "" : "closed"}`} aria-label="Events">
+      <div className="events-head">
+        <button
+          type="button"
+          aria-expanded={open}
+          onClick={() => store.dispatch({ type: "window", change: { eventsOpen: !open } })}
+        >
+          Events {open ? "▾" : "▴"}
+        </button>
+        {needy.length > 0 ? (
+          <button type="button" className="need" onClick={next}>
+            ▲ {needy.length} {needy.length === 1 ? "needs" : "need"} somebody
+          </button>
+        ) : (
+          <span className="quiet">nothing needs you</span>
+        )}
+        {!open && last && (
+          <span className="last">
+            {last.at_s.toFixed(3)} s {visible(last.slot ?? "")} {visible(last.text)}
+          </span>
+        )}
+      </div>
+      {open && <EventList />}
+    </section>
+  );
+}
+
+function EventList() {
+  const [view, setView] = useView();
+  const [events, slots] = useData((state) => [state.data.events, state.data.slots] as const);
+  const scroller = useRef<HTMLDivElement>(null);
+  const rows = useVirtualizer({
+    count: events.length,
+    getScrollElement: () => scroller.current,
+    estimateSize: () => 24,
+    overscan: 4,
+  });
+  const follows = useRef(true);
+  useEffect(() => {
+    if (follows.current && events.length) rows.scrollToIndex(events.length - 1);
+  }, [events.length, rows]);
+  const onScroll = () => {
+    const box = scroller.current;
+    if (box) follows.current = box.scrollHeight - box.scrollTop - box.clientHeight < 30;
+  };
+  return (
+    <div className="event-list" ref={scroller} onScroll={onScroll} tabIndex={0} role="log" aria-live="off">
+      <div style={{ height: rows.getTotalSize(), position: "relative" }}>
+        {rows.getVirtualItems().map((row) => {
+          const event = events[row.index];
+          if (!event) return null;
+          const slot = slots.find((entry) => entry.bus === event.bus && entry.name === event.slot);
+          const key = slot ? slotKey(slot) : "";
+          const dim = view.slot !== "" && key !== view.slot;
+          return (
+            <div
+              key={row.index}
+              className={`event kind-${event.kind.replace(/\W+/g, "-")} ${dim ? "dim" : ""}`}
+              style={{ transform: `translateY(${row.start}px)` }}
+              onClick={() => key && setView({ slot: key })}
+            >
+              <span className="number">{event.at_s.toFixed(3)} s</span>
+              <span>{visible(event.bus)}</span>
+              <span className="name">{visible(event.slot ?? "")}</span>
+              <span className="kind">{event.kind}</span>
+              <span className="text">{visible(event.text)}</span>
+            </div>
+          );
+        })}
+      </div>
+    </div>
+  );
+}

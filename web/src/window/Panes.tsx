@@ -1,0 +1,82 @@
+import type { ComponentType, KeyboardEvent } from "react";
+import { Dictionary } from "../panes/dictionary/Dictionary";
+import { Machine } from "../panes/machine/Machine";
+import { Network } from "../panes/network/Network";
+import { Slots } from "../panes/slots/Slots";
+import { Trace } from "../panes/trace/Trace";
+import { World } from "../panes/world/World";
+import type { Verb } from "../protocol/messages";
+import type { Pane } from "../store/view";
+import { useData, useView } from "./context";
+
+interface PaneEntry {
+  name: Pane;
+  title: string;
+  component: ComponentType;
+  /** Whether this server can fill it. */
+  there: (verbs: readonly Verb[]) => boolean;
+}
+
+/** The table of panes: a new one is a folder and a line here. */
+const table: PaneEntry[] = [
+  { name: "machine", title: "Machine", component: Machine, there: () => true },
+  { name: "slots", title: "Slots", component: Slots, there: () => true },
+  {
+    name: "dictionary",
+    title: "Dictionary",
+    component: Dictionary,
+    there: (v) => v.some((e) => e.name === "sdo dump"),
+  },
+  { name: "network", title: "Network access", component: Network, there: (v) => v.some((e) => e.name === "scan") },
+  { name: "trace", title: "Trace", component: Trace, there: () => true },
+  { name: "world", title: "World", component: World, there: (v) => v.some((e) => e.name.startsWith("sim ")) },
+];
+
+export function usePanes(): PaneEntry[] {
+  const verbs = useData((state) => state.data.verbs);
+  return table.filter((entry) => entry.there(verbs));
+}
+
+export function PaneTabs() {
+  const [view, setView] = useView();
+  const panes = usePanes();
+  const move = (event: KeyboardEvent) => {
+    const step = event.key === "ArrowRight" ? 1 : event.key === "ArrowLeft" ? -1 : 0;
+    if (!step) return;
+    const at = panes.findIndex((pane) => pane.name === view.pane);
+    const next = panes[(at + step + panes.length) % panes.length];
+    if (!next) return;
+    setView({ pane: next.name });
+    document.getElementById(`tab-${next.name}`)?.focus();
+  };
+  return (
+    <div className="tabs" role="tablist" aria-label="Panes" onKeyDown={move}>
+      {panes.map((pane) => (
+        <button
+          key={pane.name}
+          type="button"
+          role="tab"
+          id={`tab-${pane.name}`}
+          aria-selected={pane.name === view.pane}
+          aria-controls="pane"
+          tabIndex={pane.name === view.pane ? 0 : -1}
+          onClick={() => setView({ pane: pane.name })}
+        >
+          {pane.title}
+        </button>
+      ))}
+    </div>
+  );
+}
+
+export function PaneBody() {
+  const [view] = useView();
+  const pane = usePanes().find((entry) => entry.name === view.pane);
+  if (!pane) return <div className="pane" id="pane" />;
+  const Body = pane.component;
+  return (
+    <div className={`pane pane-${pane.name}`} id="pane" role="tabpanel" aria-labelledby={`tab-${pane.name}`}>
+      <Body />
+    </div>
+  );
+}

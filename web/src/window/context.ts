@@ -1,0 +1,75 @@
+import { createContext, useContext, useRef, useSyncExternalStore } from "react";
+import { createSocket, browserOutside, type Socket } from "../socket/socket";
+import { firstState, reducer } from "../store/reducer";
+import type { Action, State } from "../store/state";
+import { createStore, type Store } from "../store/store";
+import { parseView, type View } from "../store/view";
+
+/** What components do: read the state, dispatch, send. */
+export interface Studio {
+  store: Store<State, Action>;
+  socket: Socket;
+}
+
+export function createStudio(fragment: string): Studio {
+  const store = createStore(reducer, reducer(firstState, { type: "view", change: parseView(fragment) }));
+  return { store, socket: createSocket(store, browserOutside()) };
+}
+
+export const StudioContext = createContext<Studio | null>(null);
+
+export function useStudio(): Studio {
+  const studio = useContext(StudioContext);
+  if (!studio) throw new Error("outside of StudioContext");
+  return studio;
+}
+
+/** A part of the state. The component is drawn again when that part is another. */
+export function useData<T>(select: (state: State) => T): T {
+  const { store } = useStudio();
+  const last = useRef<{ state: State; value: T } | null>(null);
+  const get = () => {
+    const state = store.get();
+    if (last.current?.state !== state) {
+      const value = select(state);
+      const same = last.current && shallowEqual(last.current.value, value);
+      last.current = { state, value: same && last.current ? last.current.value : value };
+    }
+    return last.current.value;
+  };
+  return useSyncExternalStore(store.subscribe, get, get);
+}
+
+function shallowEqual(a: unknown, b: unknown): boolean {
+  if (Object.is(a, b)) return true;
+  if (!Array.isArray(a) || !Array.isArray(b) || a.length !== b.length) return false;
+  return a.every((entry, i) => Object.is(entry, b[i]));
+}
+
+export function useView(): [View, (change: Partial<View>) => void] {
+  const { store } = useStudio();
+  return [useData((state) => state.view), (change) => store.dispatch({ type: "view", change })];
+}
+
+/** Why an act that changes something cannot be asked for now; null: it can. */
+export function barrier(state: State): string | null {
+  if (state.connection.phase !== "open") return "Not connected.";
+  if (state.data.role === "view") return "Your role is view: you may look, and not change anything.";
+  const { lock } = state.data;
+  if (lock.real && lock.unlocked_until_s === null) return "Real buses are read-only. Unlock them first.";
+  return null;
+}
+
+/** On a real bus these can move a machine, and are confirmed. */
+const moving =
+  /^(nmt|boot|bind|replace|restore|store|send|sdo write|program (download|start|stop|clear)|lss (set|bit|act|move))/;
+
+/** Sends a request, or asks for a yes before one that can move a real machine. */
+export function act(studio: Studio, verb: string, values: Record<string, string>, owner: string): void {
+  const { data } = studio.store.get();
+  if (data.lock.real && moving.test(verb)) {
+    studio.store.dispatch({ type: "window", change: { confirming: { verb, values, owner } } });
+    return;
+  }
+  studio.socket.request(verb, values, owner);
+}

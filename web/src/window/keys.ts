@@ -1,0 +1,39 @@
+import { useEffect } from "react";
+import { useStudio } from "./context";
+import { usePanes } from "./Panes";
+
+/** Keys of the whole window. docs/studio.md lists them. */
+export function useKeys(): void {
+  const { store } = useStudio();
+  const panes = usePanes();
+  useEffect(() => {
+    const onKey = (event: KeyboardEvent) => {
+      if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "k") {
+        event.preventDefault();
+        store.dispatch({ type: "window", change: { palette: !store.get().window.palette } });
+        return;
+      }
+      const pane = event.altKey ? panes[Number(event.key) - 1] : undefined;
+      if (pane) {
+        event.preventDefault();
+        store.dispatch({ type: "view", change: { pane: pane.name } });
+        return;
+      }
+      const writing = event.target instanceof HTMLElement && /^(INPUT|TEXTAREA|SELECT)$/.test(event.target.tagName);
+      if (writing || event.ctrlKey || event.metaKey || event.altKey) return;
+      if (event.key === "/") {
+        const search = document.querySelector<HTMLInputElement>("#pane input[type=search]");
+        if (search) event.preventDefault();
+        search?.focus();
+      }
+      if (event.key === "p" && store.get().view.pane === "trace") {
+        store.dispatch({ type: "trace/pause", paused: !store.get().trace.paused });
+      }
+      if (event.key === "Escape" && !store.get().window.palette) {
+        store.dispatch({ type: "view", change: { slot: "", frame: null, object: "" } });
+      }
+    };
+    window.addEventListener("keydown", onKey);
+    return () => window.removeEventListener("keydown", onKey);
+  }, [store, panes]);
+}
