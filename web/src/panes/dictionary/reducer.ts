@@ -60,17 +60,17 @@ function withReply(dictionary: DictionaryState, id: string, state: State): Dicti
   if (slot === sent.owner || !rows.length) return dictionary;
   const old = dictionary.objects[slot] ?? [];
   const next = sent.verb === "sdo dump" ? rows : merged(old, rows);
-  const before = { ...dictionary.before[slot] };
+  const before = new Map(Object.entries(dictionary.before[slot] ?? {}));
   const oldValues = new Map(old.map((row) => [row.key, row.value]));
   for (const row of rows) {
     const was = oldValues.get(row.key);
-    if (was !== undefined && was !== row.value) before[row.key] = was;
-    else if (sent.verb === "sdo dump") delete before[row.key];
+    if (was !== undefined && was !== row.value) before.set(row.key, was);
+    else if (sent.verb === "sdo dump") before.delete(row.key);
   }
   return {
     ...dictionary,
     objects: { ...dictionary.objects, [slot]: next },
-    before: { ...dictionary.before, [slot]: before },
+    before: { ...dictionary.before, [slot]: Object.fromEntries(before) },
   };
 }
 
