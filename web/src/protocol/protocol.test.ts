@@ -122,7 +122,7 @@ describe("a request as a command", () => {
 
 describe("texts", () => {
   it("show what a name hides", () => {
-    expect(visible("a\u0007b\u202ec<b>")).toBe("a\u2407b\\u202ec<b>");
+    expect(visible("a\u0007b\u202ec<b>")).toBe("a\\x07b\\u202ec<b>");
   });
   it("name types and serial numbers", () => {
     expect(typeWords("0x0000000100000042")).toBe("1h / 42h");

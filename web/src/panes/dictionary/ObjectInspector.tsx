@@ -34,7 +34,7 @@ export function ObjectInspector({ slot, object }: { slot: Slot; object: string }
           </div>
           <div>
             <dt>Bytes</dt>
-            <dd className="number">{row.bytes.replace(/(..)(?=.)/g, "$1 ")}</dd>
+            <dd className="number data">{row.bytes.replace(/(..)(?=.)/g, "$1 ")}</dd>
           </div>
           {row.abort && (
             <div>

@@ -1,6 +1,6 @@
 /** Where things stand in the drawing. A bus line is folded into as many rows as the width asks for. */
 
-export const BOX = { width: 92, height: 38, gap: 8 };
+export const BOX = { width: 104, height: 38, gap: 8 };
 const LEFT = 14;
 const ROW = 2 * BOX.height + 46;
 const TITLE = 22;

@@ -16,7 +16,7 @@ import { needOf } from "./reducer";
 
 const column = createColumnHelper<Slot>();
 const columns = [
-  column.accessor((slot) => (needOf(slot) ? 0 : 1) + slot.state, {
+  column.accessor((slot) => (needOf(slot) ? "0 " : "1 ") + slot.state, {
     id: "state",
     header: "State",
     cell: ({ row }) => <StateWord state={row.original.state} />,

@@ -12,7 +12,7 @@ export interface SlotsState {
 export type SlotsAction =
   { type: "slots/sort"; sort: SlotsState["sort"] } | { type: "slots/replacing"; replacing: SlotsState["replacing"] };
 
-export const firstSlots: SlotsState = { sort: [], replacing: null };
+export const firstSlots: SlotsState = { sort: [{ id: "state", desc: false }], replacing: null };
 
 export function slotsReducer(state: SlotsState, action: Action): SlotsState {
   if (action.type === "slots/sort") return { ...state, sort: action.sort };

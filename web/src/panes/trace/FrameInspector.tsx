@@ -83,6 +83,11 @@ function Bits({ runs }: { runs: FieldRun[] }) {
   const run = runs[chosen];
   return (
     <>
+      {run && (
+        <p className="meaning">
+          <b>{runName(run)}</b> = {hex(fieldValue(run))}, from bit {run.at} on. {fieldMeaning[run.field]}
+        </p>
+      )}
       <div className="bits">
         {runs.map((entry, i) => (
           <button
@@ -103,11 +108,6 @@ function Bits({ runs }: { runs: FieldRun[] }) {
           </button>
         ))}
       </div>
-      {run && (
-        <p className="meaning">
-          <b>{runName(run)}</b> = {hex(fieldValue(run))}, from bit {run.at} on. {fieldMeaning[run.field]}
-        </p>
-      )}
       <p className="hint">
         0 dominant, 1 recessive. <span className="bit stuff">1</span> A stuff bit, put in after five equal bits.
       </p>

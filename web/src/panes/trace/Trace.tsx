@@ -215,7 +215,9 @@ function FrameRow({ frame, top, bus, words, selected, dim, onSelect }: RowProps)
       <span className="number">{hex(frame.id, frame.extended ? 8 : 3)}</span>
       <span>{frame.sent ? "→" : "←"}</span>
       <span className="number data">{frame.remote ? `remote, ${frame.data.length}` : bytes(frame.data)}</span>
-      <span className="words">{visible(words ?? meaning.text)}</span>
+      <span className="words" title={visible(words ?? meaning.text)}>
+        {visible(words ?? meaning.text)}
+      </span>
     </div>
   );
 }
