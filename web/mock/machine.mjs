@@ -1,7 +1,7 @@
 /** A machine that does again what was recorded, and a little of what it is asked for. No sockets here. */
 import { dump, recorded, verbs } from "./recorded.mjs";
 
-const RING = 1_000_000;
+const RING = 200_000;
 const machines = {
   conveyor: { name: "coal conveyor", file: "examples/conveyor/machine.toml", bitRate: 500_000 },
   belt: { name: "belt", file: "examples/belt.toml", bitRate: 250_000 },

@@ -1,10 +1,11 @@
 import { useVirtualizer } from "@tanstack/react-virtual";
-import { useEffect, useRef, type KeyboardEvent } from "react";
+import { useEffect, useRef, useState, type KeyboardEvent } from "react";
 import { meaningOf } from "../../can/words";
 import type { Frame } from "../../protocol/batch";
+import type { Bus } from "../../protocol/messages";
 import { bytes, count, hex, visible } from "../../protocol/text";
 import { useData, useStudio, useView } from "../../window/context";
-import { frameAt, rowOf } from "./reducer";
+import { frameAt, lineOf, matcher, rowOf, type TraceState } from "./reducer";
 
 const ROW = 24;
 
@@ -113,15 +114,27 @@ function List() {
     overscan: 6,
   });
   const following = trace.paused === null;
+  // A pause begins where the list was followed: at its end.
   useEffect(() => {
     const box = scroller.current;
-    if (following && box) box.scrollTop = box.scrollHeight;
-  });
+    if (box) box.scrollTop = following ? 0 : box.scrollHeight;
+  }, [following]);
   // Scrolling back pauses: the list must not run away under the eye.
   const onWheel = (event: { deltaY: number }) => {
     if (following && event.deltaY < 0) store.dispatch({ type: "trace/pause", paused: true });
   };
-  const items = list.getVirtualItems();
+  // While it follows, the newest rows that fit are drawn in place: nothing scrolls, so nothing is laid out anew.
+  const [height, setHeight] = useState(480);
+  useEffect(() => {
+    if (!scroller.current) return;
+    const observer = new ResizeObserver(([entry]) => entry && setHeight(entry.contentRect.height));
+    observer.observe(scroller.current);
+    return () => observer.disconnect();
+  }, []);
+  const newest = Math.min(shown, Math.floor(height / ROW));
+  const items = following
+    ? Array.from({ length: newest }, (_, i) => ({ key: i, index: shown - newest + i, start: i * ROW }))
+    : list.getVirtualItems();
   const firstRow = items[0]?.index ?? 0;
   const lastRow = items[items.length - 1]?.index ?? 0;
   const paused = !following;
@@ -172,7 +185,7 @@ function List() {
         onWheel={onWheel}
         onKeyDown={onKey}
       >
-        <div style={{ height: list.getTotalSize(), position: "relative" }}>
+        <div style={{ height: following ? newest * ROW : list.getTotalSize(), position: "relative" }}>
           {items.map((row) => {
             const frame = frameAt(pieces, row.index);
             if (!frame) return null;
@@ -222,51 +235,74 @@ function FrameRow({ frame, top, bus, words, selected, dim, onSelect }: RowProps)
   );
 }
 
+const LATEST_EVERY_MS = 250;
+
+/** The table of identifiers, four times a second: faster than that nobody reads numbers. */
+function useLatest(): { latest: TraceState["latest"]; buses: Bus[] } {
+  const { store } = useStudio();
+  const read = () => ({ latest: store.get().trace.latest, buses: store.get().data.buses });
+  const [value, setValue] = useState(read);
+  useEffect(() => {
+    const timer = setInterval(() => {
+      const { latest } = store.get().trace;
+      setValue((old) => (old.latest === latest ? old : { latest, buses: store.get().data.buses }));
+    }, LATEST_EVERY_MS);
+    return () => clearInterval(timer);
+  }, [store]);
+  return value;
+}
+
 function LatestList() {
   const [view, setView] = useView();
-  const [latest, buses] = useData((state) => [state.trace.latest, state.data.buses] as const);
+  const { latest, buses } = useLatest();
   const dim = useDim();
-  const words = view.filter.toLowerCase().split(/\s+/).filter(Boolean);
+  const scroller = useRef<HTMLDivElement>(null);
+  const matches = matcher(view.filter);
+  const names = buses.map((bus) => bus.name);
   const rows = [...latest.values()]
-    .map((entry) => {
-      const { frame } = entry;
-      const meaning = meaningOf(frame.id, frame.extended, frame.remote, frame.data);
-      const bus = buses[frame.bus]?.name ?? "";
-      const line = `${bus} ${hex(frame.id)} ${frame.id.toString(16).padStart(3, "0")}# ${meaning.text}`.toLowerCase();
-      return { entry, frame, meaning, bus, line };
-    })
-    .filter(({ line }) => words.every((word) => line.includes(word)))
+    .filter(({ frame }) => !matches || matches(lineOf(frame, names)))
     .sort((a, b) => a.frame.bus - b.frame.bus || a.frame.id - b.frame.id);
+  const list = useVirtualizer({
+    count: rows.length,
+    getScrollElement: () => scroller.current,
+    estimateSize: () => ROW,
+    overscan: 4,
+  });
   return (
-    <div className="scroll" tabIndex={0} aria-label="Latest frame of each identifier" role="region">
-      <table className="rows latest">
-        <thead>
-          <tr>
-            <th>Bus</th>
-            <th>Identifier</th>
-            <th className="right">Frames</th>
-            <th className="right">Period</th>
-            <th>Data</th>
-            <th>Meaning</th>
-          </tr>
-        </thead>
-        <tbody>
-          {rows.map(({ entry, frame, meaning, bus }) => (
-            <tr
-              key={entry.key}
-              className={`service-${meaning.service} ${dim(frame, meaning.node) ? "dim" : ""}`}
-              onClick={() => setView({ frame: frame.n })}
-            >
-              <td>{visible(bus)}</td>
-              <td className="number">{hex(frame.id, frame.extended ? 8 : 3)}</td>
-              <td className="number right">{count(entry.count)}</td>
-              <td className="number right">{entry.period > 0 ? `${(entry.period * 1000).toFixed(2)} ms` : ""}</td>
-              <td className="number data">{bytes(frame.data)}</td>
-              <td className="words">{meaning.text}</td>
-            </tr>
-          ))}
-        </tbody>
-      </table>
-    </div>
+    <>
+      <div className="frame latest head">
+        <span>Frames</span>
+        <span>Bus</span>
+        <span>Identifier</span>
+        <span className="right">Period</span>
+        <span>Data</span>
+        <span>Meaning</span>
+      </div>
+      <div className="scroll" ref={scroller} tabIndex={0} aria-label="Latest frame of each identifier" role="region">
+        <div style={{ height: list.getTotalSize(), position: "relative" }}>
+          {list.getVirtualItems().map((item) => {
+            const entry = rows[item.index];
+            if (!entry) return null;
+            const { frame } = entry;
+            const meaning = meaningOf(frame.id, frame.extended, frame.remote, frame.data);
+            return (
+              <div
+                key={item.key}
+                className={`frame latest service-${meaning.service} ${dim(frame, meaning.node) ? "dim" : ""}`}
+                style={{ transform: `translateY(${item.start}px)` }}
+                onClick={() => setView({ frame: frame.n })}
+              >
+                <span className="number">{count(entry.count)}</span>
+                <span>{visible(buses[frame.bus]?.name ?? "")}</span>
+                <span className="number">{hex(frame.id, frame.extended ? 8 : 3)}</span>
+                <span className="number right">{entry.period > 0 ? `${(entry.period * 1000).toFixed(2)} ms` : ""}</span>
+                <span className="number data">{bytes(frame.data)}</span>
+                <span className="words">{meaning.text}</span>
+              </div>
+            );
+          })}
+        </div>
+      </div>
+    </>
   );
 }
