@@ -3,9 +3,18 @@ import hooks from "eslint-plugin-react-hooks";
 import ts from "typescript-eslint";
 
 const node = Object.fromEntries(
-  ["process", "console", "Buffer", "URL", "setTimeout", "setInterval", "clearInterval", "fetch", "performance"].map(
-    (name) => [name, "readonly"],
-  ),
+  [
+    "process",
+    "console",
+    "Buffer",
+    "URL",
+    "setTimeout",
+    "setInterval",
+    "clearInterval",
+    "fetch",
+    "performance",
+    "structuredClone",
+  ].map((name) => [name, "readonly"]),
 );
 const page = Object.fromEntries(
   ["window", "document", "requestAnimationFrame", "PerformanceObserver"].map((name) => [name, "readonly"]),

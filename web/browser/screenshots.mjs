@@ -60,7 +60,7 @@ for (const [name, shot] of Object.entries(shots)) {
     for (const dark of [false, true]) {
       const { page, errors, context } = await openPage(browser, `${mock.url}&${shot.hash}`, { ...size, dark });
       await page.waitForSelector(".tabs");
-      await page.waitForFunction(() => document.querySelectorAll(".event").length > 0 || innerWidth < 900);
+      await page.waitForFunction(() => document.querySelectorAll(".event").length > 0 || window.innerWidth < 900);
       await shot.act(page);
       await seconds(page, 0.2);
       const file = `screenshots/${name}-${size.width}-${dark ? "dark" : "light"}.png`;

@@ -1,5 +1,5 @@
 import { Act, Answer, useLastOf } from "../../parts/Act";
-import { StateWord } from "../../parts/StateMark";
+import { StateWord, toneOf } from "../../parts/StateMark";
 import type { Event, Slot } from "../../protocol/messages";
 import { addressOf, LSS_ADDRESS, serialWords, typeWords, visible } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
@@ -29,7 +29,7 @@ export function SlotInspector({ slot }: { slot: Slot }) {
       <h2>{visible(slot.name)}</h2>
       <StateWord state={slot.state} />
       {need && (
-        <div className="need-box">
+        <div className={`need-box need-${toneOf(slot.state)}`}>
           <p>
             <b>{need.what}</b> {need.todo}
           </p>

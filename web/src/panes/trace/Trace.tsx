@@ -119,6 +119,11 @@ function List() {
     const box = scroller.current;
     if (box) box.scrollTop = following ? 0 : box.scrollHeight;
   }, [following]);
+  // The chosen frame stays in sight, also when the inspector takes room.
+  const chosen = following || view.frame === null ? -1 : rowOf(pieces, view.frame);
+  useEffect(() => {
+    if (chosen >= 0) list.scrollToIndex(chosen);
+  }, [chosen, height, list]);
   // Scrolling back pauses: the list must not run away under the eye.
   const onWheel = (event: { deltaY: number }) => {
     if (following && event.deltaY < 0) store.dispatch({ type: "trace/pause", paused: true });

@@ -35,7 +35,7 @@ export function World() {
           <Answer sent={last} />
         </div>
       </div>
-      <nav className="tools right" aria-label="Devices">
+      <nav className="tools at-right" aria-label="Devices">
         <h3>Devices</h3>
         {slots.map((entry) => {
           const key = slotKey(entry);
