@@ -20,9 +20,10 @@ export function Trace() {
   useEffect(() => {
     if (!open || !known) return;
     const { rates, trace } = store.get();
-    if (trace.kept > 0 || !rates) return;
-    const from = Math.max(rates.ring.first, rates.ring.next - 1000);
-    socket.send({ type: "frames", id: "old", from, count: 1000, filter: "" });
+    if (!rates) return;
+    const held = trace.pieces[0]?.batch.first ?? rates.ring.next;
+    const from = Math.max(rates.ring.first, held - 1000);
+    if (held > from) socket.send({ type: "frames", id: "old", from, count: held - from, filter: "" });
   }, [open, known, socket, store]);
   // The filter runs on the server's whole ring, too.
   useEffect(() => {
@@ -119,11 +120,6 @@ function List() {
     const box = scroller.current;
     if (box) box.scrollTop = following ? 0 : box.scrollHeight;
   }, [following]);
-  // The chosen frame stays in sight, also when the inspector takes room.
-  const chosen = following || view.frame === null ? -1 : rowOf(pieces, view.frame);
-  useEffect(() => {
-    if (chosen >= 0) list.scrollToIndex(chosen);
-  }, [chosen, height, list]);
   // Scrolling back pauses: the list must not run away under the eye.
   const onWheel = (event: { deltaY: number }) => {
     if (following && event.deltaY < 0) store.dispatch({ type: "trace/pause", paused: true });
@@ -136,6 +132,11 @@ function List() {
     observer.observe(scroller.current);
     return () => observer.disconnect();
   }, []);
+  // The chosen frame stays in sight, also when the inspector takes room.
+  const chosen = following || view.frame === null ? -1 : rowOf(pieces, view.frame);
+  useEffect(() => {
+    if (chosen >= 0) list.scrollToIndex(chosen);
+  }, [chosen, height, list]);
   const newest = Math.min(shown, Math.floor(height / ROW));
   const items = following
     ? Array.from({ length: newest }, (_, i) => ({ key: i, index: shown - newest + i, start: i * ROW }))
