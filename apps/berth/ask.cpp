@@ -94,13 +94,6 @@ struct Asker::Answer {
 
 namespace {
 
-rt::Task<void> run(tree::Session& session, const command::Request& request, command::Reply& reply, bool& over,
-                   rt::Job& then) {
-  co_await command::execute(session, request, reply);
-  over = true;
-  session.executor().post(then);
-}
-
 std::vector<Event> open_questions(const tree::Session& session) { return tree::questions_of(session); }
 
 }  // namespace
@@ -150,7 +143,7 @@ void Asker::read_typed() {
   }
 }
 
-void Asker::report_answers() {
+void Asker::report_answers() noexcept {
   std::erase_if(answers_, [&](const auto& answer) {
     if (!answer->over) return false;
     if (!answer->reply.error.empty()) say_(answer->reply.error);
@@ -168,7 +161,8 @@ void Asker::take(const std::string& line) {
     answer->request = std::move(request);
     answers_.push_back(std::move(answer));
     Answer& mine = *answers_.back();
-    scope_.spawn(run(*session_, mine.request, mine.reply, mine.over, reporting_));
+    scope_.spawn(
+        rt::told(command::execute(*session_, mine.request, mine.reply), mine.over, session_->executor(), reporting_));
     return;
   }
   say_(problem);

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "berth/rt/later.hpp"
 #include "berth/rt/scope.hpp"
 #include "berth/tree/session.hpp"
 #include "first_saves.hpp"
@@ -50,17 +51,9 @@ class Asker final : private io::Watcher {
 
  private:
   struct Answer;
-  class Reporting final : public rt::Job {
-   public:
-    explicit Reporting(Asker& asker) noexcept : asker_(&asker) {}
-    void run() noexcept override { asker_->report_answers(); }
-
-   private:
-    Asker* asker_;
-  };
   void ready(std::uint32_t events) noexcept override;
   void read_typed();
-  void report_answers();
+  void report_answers() noexcept;
   [[nodiscard]] bool asks() const;
 
   tree::Session* session_;
@@ -70,7 +63,7 @@ class Asker final : private io::Watcher {
   std::string typed_;
   bool takes_lines_;
   bool over_ = false;  // the input has ended
-  Reporting reporting_{*this};
+  rt::Later<Asker, &Asker::report_answers> reporting_{*this, loop_->executor()};
   std::vector<std::unique_ptr<Answer>> answers_;
   rt::Scope scope_;  // last: its tasks use the rest
 };

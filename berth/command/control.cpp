@@ -255,16 +255,6 @@ struct ControlServer::Client final : private io::Seat::Sitter {
   rt::Scope scope;            // last: its task uses the rest
 };
 
-namespace {
-
-rt::Task<void> run(rt::Task<void> answer, bool& answered, rt::Executor& executor, rt::Job& then) {
-  co_await std::move(answer);
-  answered = true;
-  executor.post(then);
-}
-
-}  // namespace
-
 tl::expected<std::unique_ptr<ControlServer>, std::string> ControlServer::listen(const std::string& path, io::Loop& loop,
                                                                                 tree::Session& session) {
   return listen(path, loop,
@@ -312,7 +302,7 @@ ControlServer::~ControlServer() {
 void ControlServer::ready(std::uint32_t) noexcept { serve(); }
 
 // All of them, whichever it was: there are few, and none of them blocks.
-void ControlServer::serve() {
+void ControlServer::serve() noexcept {
   std::erase_if(clients_, [&](const auto& client) {
     if (client->lost || !read_from(*client) || !write_to(*client)) return true;
     client->seat.output(client->taken, client->out.size());
@@ -367,7 +357,7 @@ void ControlServer::frame(const std::string& line) {
     if (client->dropped > 0) client->out += fmt::format("dropped {}\n", std::exchange(client->dropped, 0));
     client->out += line;
   }
-  loop_->executor().post(answering_);
+  answering_.post();
 }
 
 // Takes the next whole line, if there is one.
@@ -387,9 +377,9 @@ void ControlServer::begin(Client& client) {
   client.answered = client.request.verb.empty();
   if (client.answered) {
     client.reply = refusal(2, problem);
-    loop_->executor().post(answering_);
+    answering_.post();
   } else {
-    client.scope.spawn(run(answer_(client.request, client.reply), client.answered, loop_->executor(), answering_));
+    client.scope.spawn(rt::told(answer_(client.request, client.reply), client.answered, loop_->executor(), answering_));
   }
 }
 

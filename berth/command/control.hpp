@@ -15,6 +15,7 @@
 #include "berth/io/acceptor.hpp"
 #include "berth/io/loop.hpp"
 #include "berth/io/seats.hpp"
+#include "berth/rt/later.hpp"
 #include "berth/rt/scope.hpp"
 #include "berth/tree/session.hpp"
 
@@ -68,17 +69,9 @@ class ControlServer final : private io::Watcher {
 
  private:
   struct Client;
-  class Answering final : public rt::Job {
-   public:
-    explicit Answering(ControlServer& server) noexcept : server_(&server) {}
-    void run() noexcept override { server_->serve(); }
-
-   private:
-    ControlServer* server_;
-  };
   ControlServer(std::string path, int fd, io::Loop& loop, Answer answer);
   void ready(std::uint32_t events) noexcept override;
-  void serve();
+  void serve() noexcept;
   void take(int fd);
   bool read_from(Client& client);
   bool write_to(Client& client);
@@ -89,7 +82,8 @@ class ControlServer final : private io::Watcher {
   Answer answer_;
   io::Seats seats_;
   std::vector<std::unique_ptr<Client>> clients_;
-  Answering answering_{*this};  // posted when a command is done
+  rt::Later<ControlServer, &ControlServer::serve> answering_{*this,
+                                                             loop_->executor()};  // posted when a command is done
   io::Acceptor acceptor_;
 };
 

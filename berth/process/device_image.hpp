@@ -16,6 +16,7 @@
 #include "berth/device/device.hpp"
 #include "berth/process/image.hpp"
 #include "berth/rt/executor.hpp"
+#include "berth/rt/later.hpp"
 
 namespace berth::process {
 
@@ -37,14 +38,6 @@ class DeviceImage final : private rt::Job {
   void exchange() noexcept;
 
  private:
-  class Publish final : public rt::Job {
-   public:
-    explicit Publish(DeviceImage& all) noexcept : all_(&all) {}
-    void run() noexcept override { all_->publish(); }
-
-   private:
-    DeviceImage* all_;
-  };
   struct Line {
     ObjectRef object;
     const std::uint8_t* from;
@@ -60,7 +53,7 @@ class DeviceImage final : private rt::Job {
   rt::Executor* executor_;
   Image* image_;
   rt::Duration cycle_;
-  Publish publish_{*this};
+  rt::Later<DeviceImage, &DeviceImage::publish> publish_{*this, *executor_};
   std::vector<Line> outputs_;
   std::vector<Line> inputs_;
   std::vector<std::string> problems_;

@@ -1,5 +1,7 @@
 #include "berth/rt/scope.hpp"
 
+#include <utility>
+
 namespace berth::rt {
 
 void Scope::spawn(Task<void> task) {
@@ -52,6 +54,12 @@ void Scope::cancel() noexcept {
   // NOLINTNEXTLINE(clang-analyzer-cplusplus.NewDelete): remove() makes first_ the next child
   while (first_ != nullptr) remove(*first_);
   at_once_ = 0;
+}
+
+Task<void> told(Task<void> task, bool& done, Executor& executor, Job& then) {
+  co_await std::move(task);
+  done = true;
+  executor.post(then);
 }
 
 }  // namespace berth::rt

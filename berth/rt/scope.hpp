@@ -68,4 +68,7 @@ class Scope {
   Join* join_ = nullptr;
 };
 
+/// For `Scope::spawn`: runs `task`, then sets `done` and posts `then`. All must stay.
+[[nodiscard]] Task<void> told(Task<void> task, bool& done, Executor& executor, Job& then);
+
 }  // namespace berth::rt

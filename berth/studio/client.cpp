@@ -293,13 +293,10 @@ class Watcher final : public Client {
   }
   // One at a time: a later one takes the place of one that is under way, which is answered as far as it came.
   void search(Message message) {
-    if (search_) {
-      put(search_->answer());
-      search_.emplace(hall().ring(), hall().mirror().buses(), std::move(message));
-      return;
-    }
+    const bool goes_on = search_.has_value();
+    if (goes_on) put(search_->answer());
     search_.emplace(hall().ring(), hall().mirror().buses(), std::move(message));
-    go_on();
+    if (!goes_on) go_on();
   }
   void go_on() {
     constexpr std::size_t at_once = 8192;

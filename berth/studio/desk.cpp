@@ -24,12 +24,6 @@ namespace {
 
 constexpr std::size_t longest_words = 200;
 
-rt::Task<void> run(rt::Task<void> task, bool& done, rt::Executor& executor, rt::Job& then) {
-  co_await std::move(task);
-  done = true;
-  executor.post(then);
-}
-
 bool same(const operate::SlotReport& a, const operate::SlotReport& b) {
   return a.bus == b.bus && a.id == b.id && a.device == b.device && a.state == b.state && a.since == b.since &&
          a.reason == b.reason && a.boot == b.boot;
@@ -61,7 +55,12 @@ const char* word_of(int status) noexcept {
 }  // namespace
 
 Desk::Desk(io::Loop& loop, tree::Session& session, Carry carry, Link& link)
-    : loop_(&loop), session_(&session), carry_(std::move(carry)), link_(&link) {
+    : loop_(&loop),
+      session_(&session),
+      carry_(std::move(carry)),
+      link_(&link),
+      tick_(*this, session.executor()),
+      done_(*this, session.executor()) {
   for (const auto* const bus : session.machine().all_buses()) {
     if (buses_.size() < 255) buses_.emplace(bus->name, static_cast<std::uint8_t>(buses_.size()));
   }
@@ -140,10 +139,10 @@ void Desk::begin(Order order) {
   }
   works_.push_back(std::make_unique<Work>(std::move(order), session_->executor()));
   Work& work = *works_.back();
-  work.scope.spawn(run(carry_(work.order.request, work.reply), work.done, session_->executor(), done_));
+  work.scope.spawn(rt::told(carry_(work.order.request, work.reply), work.done, session_->executor(), done_));
 }
 
-void Desk::finish() {
+void Desk::finish() noexcept {
   for (const auto& work : works_) {
     if (!work->done) continue;
     const auto& request = work->order.request;
@@ -166,14 +165,14 @@ void Desk::answer(Answer answer) {
 }
 
 // Events come with the slots that they changed; a slot may change without one, so all are looked at once a second.
-void Desk::tick() {
+void Desk::tick() noexcept {
   const rt::Time now = session_->executor().now();
   link_->now_ns.store(now.time_since_epoch().count(), std::memory_order_relaxed);
   const bool locks = told_lock_ && *told_lock_ != lock();
   if (!events_.empty() || locks || ticks_ % 10 == 0) tell();
   ++ticks_;
   flush();
-  session_->executor().at(now + period, tick_);
+  tick_.arm(period);
 }
 
 std::vector<operate::SlotReport> Desk::changed() {

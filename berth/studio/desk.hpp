@@ -13,6 +13,7 @@
 
 #include "berth/command/request.hpp"
 #include "berth/io/loop.hpp"
+#include "berth/rt/later.hpp"
 #include "berth/rt/task.hpp"
 #include "berth/studio/link.hpp"
 #include "berth/tree/session.hpp"
@@ -41,28 +42,12 @@ class Desk final : private io::Watcher {
 
  private:
   struct Work;
-  class Tick final : public rt::Job {
-   public:
-    explicit Tick(Desk& desk) noexcept : desk_(&desk) {}
-    void run() noexcept override { desk_->tick(); }
-
-   private:
-    Desk* desk_;
-  };
-  class Done final : public rt::Job {
-   public:
-    explicit Done(Desk& desk) noexcept : desk_(&desk) {}
-    void run() noexcept override { desk_->finish(); }
-
-   private:
-    Desk* desk_;
-  };
   void ready(std::uint32_t events) noexcept override;
   void take(Order order);
   void begin(Order order);
-  void finish();
+  void finish() noexcept;
   void answer(Answer answer);
-  void tick();
+  void tick() noexcept;
   void tell();
   void flush();
   [[nodiscard]] bool may_change() const;
@@ -84,8 +69,8 @@ class Desk final : private io::Watcher {
   std::optional<rt::Time> unlocked_until_;
   std::optional<Lock> told_lock_;
   unsigned ticks_ = 0;
-  Tick tick_{*this};
-  Done done_{*this};
+  rt::Later<Desk, &Desk::tick> tick_;
+  rt::Later<Desk, &Desk::finish> done_;
 };
 
 }  // namespace berth::studio

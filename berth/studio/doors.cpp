@@ -12,16 +12,12 @@
 #include <cstring>
 #include <utility>
 
+#include "berth/base/words.hpp"
+
 namespace berth::studio {
 namespace {
 
 constexpr std::string_view own_names[] = {"127.0.0.1", "localhost", "[::1]"};
-
-char lower(char c) noexcept { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
-
-bool equal(std::string_view a, std::string_view b) noexcept {
-  return std::ranges::equal(a, b, [](char x, char y) { return lower(x) == lower(y); });
-}
 
 std::string_view trimmed(std::string_view text) noexcept {
   while (!text.empty() && (text.front() == ' ' || text.front() == '\t')) text.remove_prefix(1);
@@ -81,7 +77,7 @@ bool is_own_host(std::string_view host, std::uint16_t port) noexcept {
   const auto colon = host.rfind(':');
   if (colon == std::string_view::npos || host.substr(colon + 1) != std::to_string(port)) return false;
   const auto name = host.substr(0, colon);
-  return std::ranges::any_of(own_names, [&](std::string_view own) { return equal(name, own); });
+  return std::ranges::any_of(own_names, [&](std::string_view own) { return same_word(name, own); });
 }
 
 bool is_own_origin(std::string_view origin, std::uint16_t port) noexcept {
@@ -105,7 +101,7 @@ std::string_view token_offered(std::string_view subprotocols) noexcept {
 
 std::string_view bearer(std::string_view authorization) noexcept {
   constexpr std::string_view mark = "Bearer ";
-  return authorization.size() > mark.size() && equal(authorization.substr(0, mark.size()), mark)
+  return authorization.size() > mark.size() && same_word(authorization.substr(0, mark.size()), mark)
              ? trimmed(authorization.substr(mark.size()))
              : std::string_view();
 }

@@ -7,15 +7,14 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "berth/base/words.hpp"
 #include "berth/operate/report.hpp"
 
 namespace berth::studio {
 namespace {
 
-void lower(std::string& text) {
-  for (char& c : text) {
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
+void lower_all(std::string& text) {
+  for (char& c : text) c = lower(c);
 }
 
 std::string in_quotes(std::string_view text) {
@@ -50,14 +49,14 @@ Filter::Filter(std::string_view text) {
   while (!text.empty()) {
     const auto blank = text.find(' ');
     std::string word(text.substr(0, blank));
-    lower(word);
+    lower_all(word);
     if (!word.empty()) words_.push_back(std::move(word));
     text = blank == std::string_view::npos ? std::string_view() : text.substr(blank + 1);
   }
 }
 
 bool Filter::matches(std::string& row) const {
-  lower(row);
+  lower_all(row);
   return std::ranges::all_of(words_, [&](const std::string& word) { return row.find(word) != std::string::npos; });
 }
 
