@@ -48,8 +48,14 @@ rt::Task<Result<Report>> Walker::find(const Known& known, const Options& options
   heard_feedback_ = false;
   asker_.begin(options, feedback_ ? base_of(services_.lss) : std::uint16_t{0});
   asker_.forget();
+  const bool sliced = options.slice > 0;
+  const bool goes_on = std::exchange(goes_on_, false) && sliced;
+  if (!goes_on) memory_ = walk::Memory::for_a_search(sliced, memory_);
+  memory_.aside.begin_round();
   Search search(*this, known, options);
-  co_return co_await search.run();
+  auto report = co_await search.run();
+  goes_on_ = report && report->end == Report::End::more;
+  co_return report;
 }
 
 rt::Task<Result<bool>> Walker::anybody(const Options& options) {
@@ -67,13 +73,13 @@ rt::Task<Result<bool>> Walker::anybody(const Options& options) {
 Walker::Search::Search(Walker& walker, const Known& known, const Options& options)
     : services_(walker.services_),
       options_(options),
-      q_(walker.asker_, options.observer, walker.heard_feedback_),
+      q_(walker.asker_, options, walker.heard_feedback_),
       paths_(known),
-      devices_(q_, services_, walker.method(), known, options, paths_, report_),
+      devices_(q_, services_, walker.method(), known, options, paths_, walker.memory_, report_),
       descent_(q_),
       serials_(q_, descent_, devices_, known, options, report_),
       route_(q_, descent_, serials_, paths_, report_),
-      aside_(q_, descent_, devices_, serials_, route_, report_) {}
+      aside_(q_, descent_, devices_, serials_, route_, walker.memory_, report_) {}
 
 rt::Task<Result<Report>> Walker::Search::run() {
   rt::Executor& executor = services_.dispatcher.executor();

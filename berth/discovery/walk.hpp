@@ -43,6 +43,7 @@
 
 #include "berth/discovery/asker.hpp"
 #include "berth/discovery/auto.hpp"
+#include "berth/discovery/walk_memory.hpp"
 
 namespace berth::discovery {
 
@@ -65,7 +66,9 @@ class Walker final : public Discovery {
   class Search;
   Services services_;
   Asker asker_;
+  walk::Memory memory_;
   bool feedback_;
+  bool goes_on_ = false;  // the last search ended behind a slice
   bool busy_ = false;
   bool heard_feedback_ = false;
 };

@@ -39,7 +39,7 @@ rt::Task<void> Aside::round() {
 }
 
 bool Aside::is_vacant(const Place& place) const {
-  return std::ranges::any_of(vacant_, [&](const Place& v) {
+  return std::ranges::any_of(memory_.vacant, [&](const Place& v) {
     return place.parts >= v.parts && std::equal(v.part.begin(), v.part.begin() + v.parts, place.part.begin());
   });
 }
@@ -58,7 +58,7 @@ rt::Task<Aside::Stand> Aside::stand_at(Place place) {
     silent = place;
     silent.parts = q_.way().sub + 1;
   }
-  vacant_.push_back(silent);
+  memory_.vacant.push_back(silent);
   co_return Stand::vacant;
 }
 
@@ -73,7 +73,7 @@ rt::Task<bool> Aside::ask_beside(Place place) {
   std::vector<Prefix> open;
   without(Prefix{}, numbers, open);
   std::erase_if(open, [&](Prefix p) {
-    return std::ranges::any_of(silent_, [&](const Silent& s) { return s.place == place && s.at == p; });
+    return std::ranges::any_of(memory_.silent, [&](const Silent& s) { return s.place == place && s.at == p; });
   });
   if (open.empty() || is_vacant(place)) co_return false;
   const Stand stand = co_await stand_at(place);
@@ -82,6 +82,11 @@ rt::Task<bool> Aside::ask_beside(Place place) {
   // An answer of theirs that is late would be one to the first question.
   if (q_.entered_answers() < numbers.size()) co_await rt::sleep_until(q_.asker().settled());
   const bool others = q_.entered_answers() > numbers.size();
+  const bool names = q_.is_in_slices() && place.parts == 3;
+  if (names) {
+    co_await serials_.registered_by_name();
+    if (devices_.over()) co_return true;
+  }
   const bool rows = place.parts == 3 && !report_.found.empty();
   if (rows) {
     const bool found = co_await serials_.next_of_last();
@@ -90,35 +95,38 @@ rt::Task<bool> Aside::ask_beside(Place place) {
   for (std::size_t i = 0; i < open.size() && !q_.is_broken(); ++i) {
     const Prefix at = open[i];
     q_.elsewhere();
-    const bool doubted = std::ranges::any_of(doubted_, [&](const Silent& s) { return s.place == place && s.at == at; });
+    const bool doubted =
+        std::ranges::any_of(memory_.doubted, [&](const Silent& s) { return s.place == place && s.at == at; });
     q_.be_patient_where(doubted);
-    const bool last = others && i + 1 == open.size();  // no question follows that a late answer would come to
+    // No question follows that a late answer would come to.
+    const bool last = (others && i + 1 == open.size()) || q_.is_last_of_slice();
     const Wait wait = last ? Wait::closing : Wait::learnt;
     const Heard heard = co_await q_.ask_once(at, q_.way().sub, wait);
     q_.be_patient_where(true);
     const bool before = heard.late && i > 0;  // the place asked before this one was answered
     if (before || heard.yes()) {
-      if (before) silent_.pop_back();
+      if (before) memory_.silent.pop_back();
       const Prefix there = before ? open[i - 1] : at;
       const auto found = report_.found.size();
       co_await below(there);
       const bool led_astray = report_.found.size() == found && !devices_.aside().in_this_round();
       // A slow one there may have answered to the first question below: there it is waited for, next time.
-      if (led_astray) doubted_.push_back({place, there, heard.at});
+      if (led_astray) memory_.doubted.push_back({place, there, heard.at});
       if (led_astray) forget_silence(heard.at);
       co_return true;
     }
     if (!heard.sent) --i;
-    if (heard.sent) silent_.push_back({place, at, heard.at});
+    if (heard.sent) memory_.silent.push_back({place, at, heard.at});
+    q_.end_slice();
   }
   co_return false;
 }
 
 // The answer may have been one to any of the questions shortly before it: those are asked again, patiently.
 void Aside::forget_silence(rt::Time answered) {
-  std::erase_if(silent_, [&](const Silent& s) {
+  std::erase_if(memory_.silent, [&](const Silent& s) {
     const bool lately = s.asked + q_.asker().longest() >= answered;
-    if (lately) doubted_.push_back(s);
+    if (lately) memory_.doubted.push_back(s);
     return lately;
   });
 }

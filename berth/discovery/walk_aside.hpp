@@ -13,9 +13,15 @@ namespace berth::discovery::walk {
 
 class Aside {
  public:
-  Aside(Questions& questions, Descent& descent, Devices& devices, Serials& serials, Route& route,
+  Aside(Questions& questions, Descent& descent, Devices& devices, Serials& serials, Route& route, Memory& memory,
         const Report& report) noexcept
-      : q_(questions), descent_(descent), devices_(devices), serials_(serials), route_(route), report_(report) {}
+      : q_(questions),
+        descent_(descent),
+        devices_(devices),
+        serials_(serials),
+        route_(route),
+        memory_(memory),
+        report_(report) {}
 
   /// One device at most: one that moved on stands elsewhere afterwards, and the next round begins with 80h.
   rt::Task<void> round();
@@ -23,18 +29,7 @@ class Aside {
   [[nodiscard]] bool exhausted() const noexcept { return exhausted_; }
 
  private:
-  /// The first parts of an address that was put aside.
-  struct Place {
-    std::array<std::uint32_t, 3> part{};
-    unsigned parts = 0;
-    friend bool operator==(const Place&, const Place&) = default;
-  };
   enum class Stand : std::uint8_t { there, vacant, nobody };
-  struct Silent {
-    Place place;
-    Prefix at;
-    rt::Time asked{};
-  };
   rt::Task<Stand> stand_at(Place place);
   [[nodiscard]] bool is_vacant(const Place& place) const;
   void forget_silence(rt::Time answered);
@@ -46,10 +41,8 @@ class Aside {
   Devices& devices_;
   Serials& serials_;
   Route& route_;
+  Memory& memory_;
   const Report& report_;
-  std::vector<Place> vacant_;    // no device is led there
-  std::vector<Silent> silent_;   // asked beside those, and silent
-  std::vector<Silent> doubted_;  // silent when they were asked in haste
   bool exhausted_ = false;
 };
 

@@ -5,6 +5,11 @@
 
 namespace berth::discovery::walk {
 
+Memory Memory::for_a_search(bool in_slices, const Memory& last) {
+  if (!in_slices || last.aside.nameless()) return {};
+  return {.aside = last.aside, .stayers = last.stayers, .some_stay = last.some_stay};
+}
+
 void PutAside::put(const LssAddress& device, bool has_node_id) {
   if (!has(device)) devices_.push_back(device);
   nameless_ = nameless_ || !has_node_id;
@@ -14,8 +19,15 @@ void PutAside::put(const LssAddress& device, bool has_node_id) {
 bool PutAside::has(const LssAddress& device) const { return std::ranges::find(devices_, device) != devices_.end(); }
 
 Devices::Devices(Questions& questions, const Services& services, Method by, const Known& known, const Options& options,
-                 KnownPaths& paths, Report& report) noexcept
-    : q_(questions), services_(services), by_(by), known_(known), options_(options), paths_(paths), report_(report) {}
+                 KnownPaths& paths, Memory& memory, Report& report) noexcept
+    : q_(questions),
+      services_(services),
+      by_(by),
+      known_(known),
+      options_(options),
+      paths_(paths),
+      memory_(memory),
+      report_(report) {}
 
 Devices::~Devices() {
   if (held_) services_.dispatcher.send(lss::request(lss::Command::switch_global, 0));
@@ -23,7 +35,7 @@ Devices::~Devices() {
 
 rt::Task<Outcome> Devices::settle(std::uint32_t serial) {
   const LssAddress device = q_.way().address(serial);
-  if (aside_.has(device)) co_return Outcome::nobody;
+  if (memory_.aside.has(device)) co_return Outcome::nobody;
   const bool held = std::exchange(held_, true);
   const Prefix whole{serial, 0};
   const Heard heard = co_await q_.ask_once(whole, 0, Wait::bound);
@@ -99,7 +111,7 @@ rt::Task<Outcome> Devices::selected(LssAddress device) {
   if (q_.is_broken()) co_return Outcome::nobody;
   keep(found);
   // Where some stay, this one may stay too: it is gone round, which costs time only when it does not.
-  if (!found.assigned.configured() || some_stay_) aside_.put(device, found.assigned.configured());
+  if (!found.assigned.configured() || memory_.some_stay) memory_.aside.put(device, found.assigned.configured());
   co_return Outcome::found;
 }
 
@@ -123,18 +135,18 @@ rt::Task<Devices::Told> Devices::active_id(LssAddress device, rt::Duration windo
 // It was proven alone, and no node-ID of ours takes it out of the search. That it is met again makes it no clone.
 rt::Task<Outcome> Devices::stays(const Found& device, bool told) {
   if (q_.is_broken()) co_return Outcome::nobody;
-  some_stay_ = some_stay_ || device.active.configured();
+  memory_.some_stay = memory_.some_stay || device.active.configured();
   if (is_registered(device.address)) {
-    stayers_.note(true);
+    memory_.stayers.note(true);
   } else if (!told) {
     keep(device);
   }
-  aside_.put(device.address, device.active.configured());
+  memory_.aside.put(device.address, device.active.configured());
   if (!told) co_return Outcome::found;
   // The others of its type stay too.
   for (const Found& f : report_.found) {
     if (f.address.type() == device.address.type())
-      aside_.put(f.address, f.assigned.configured() || f.active.configured());
+      memory_.aside.put(f.address, f.assigned.configured() || f.active.configured());
   }
   co_return Outcome::found;
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "berth/discovery/auto.hpp"
+#include "berth/discovery/walk_memory.hpp"
 #include "berth/discovery/walk_questions.hpp"
 #include "berth/lss/select_alone.hpp"
 
@@ -13,40 +14,11 @@ namespace berth::discovery::walk {
 
 enum class Outcome : std::uint8_t { nobody, found, late };
 
-/// Whether a kind of question has been worth asking.
-struct Worth {
-  unsigned tries = 0;
-  unsigned hits = 0;
-  [[nodiscard]] bool ask() const noexcept { return tries < 3 + 12 * hits; }
-  void note(bool hit) noexcept {
-    ++tries;
-    if (hit) ++hits;
-  }
-};
-
-/// Devices that are known and answer on, because they got no node-ID, or whatever node-ID they have.
-class PutAside {
- public:
-  void put(const LssAddress& device, bool has_node_id);
-  [[nodiscard]] bool has(const LssAddress& device) const;
-  [[nodiscard]] const std::vector<LssAddress>& all() const noexcept { return devices_; }
-  /// One of them has no node-ID.
-  [[nodiscard]] bool nameless() const noexcept { return nameless_; }
-  /// One was put aside since `begin_round`: this round can tell nothing more.
-  [[nodiscard]] bool in_this_round() const noexcept { return now_; }
-  void begin_round() noexcept { now_ = false; }
-
- private:
-  std::vector<LssAddress> devices_;
-  bool nameless_ = false;
-  bool now_ = false;
-};
-
 class Devices {
  public:
   /// All must stay. `by`: as which the devices are reported.
   Devices(Questions& questions, const Services& services, Method by, const Known& known, const Options& options,
-          KnownPaths& paths, Report& report) noexcept;
+          KnownPaths& paths, Memory& memory, Report& report) noexcept;
   /// A device that is still in configuration goes back to waiting, however the search ends.
   ~Devices();
   Devices(const Devices&) = delete;
@@ -63,13 +35,13 @@ class Devices {
   [[nodiscard]] bool is_registered(const LssAddress& device) const;
   /// `04 00` was sent since it was asked last: some slaves forgot the parts that they had answered.
   [[nodiscard]] bool take_released() noexcept { return std::exchange(released_, false); }
-  [[nodiscard]] PutAside& aside() noexcept { return aside_; }
+  [[nodiscard]] PutAside& aside() noexcept { return memory_.aside; }
   /// Registered devices, asked for by name: they answer although they have a node-ID.
-  [[nodiscard]] Worth& stayers() noexcept { return stayers_; }
+  [[nodiscard]] Worth& stayers() noexcept { return memory_.stayers; }
   /// As many as are wanted.
   [[nodiscard]] bool enough() const noexcept { return report_.found.size() >= options_.most_devices; }
   /// Nothing more is to be asked in this round.
-  [[nodiscard]] bool over() const noexcept { return q_.is_broken() || aside_.in_this_round() || enough(); }
+  [[nodiscard]] bool over() const noexcept { return q_.is_broken() || memory_.aside.in_this_round() || enough(); }
 
  private:
   rt::Task<Outcome> selected(LssAddress device);
@@ -89,10 +61,8 @@ class Devices {
   const Known& known_;
   const Options& options_;
   KnownPaths& paths_;
+  Memory& memory_;
   Report& report_;
-  PutAside aside_;
-  Worth stayers_;
-  bool some_stay_ = false;  // whatever node-ID they have
   bool released_ = false;
   bool held_ = true;  // a master before us may have left a device there
 };

@@ -20,6 +20,11 @@ bool Questions::stops() noexcept {
   return now;
 }
 
+void Questions::end_slice() noexcept {
+  const bool now = !broken_ && slice_ > 0 && asker_.requests() >= slice_;
+  if (now) broken_ = stopped_ = true;
+}
+
 rt::Task<Heard> Questions::start() {
   way_.sub = 0;
   children_.clear();

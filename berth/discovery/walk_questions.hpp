@@ -11,10 +11,10 @@ namespace berth::discovery::walk {
 
 class Questions {
  public:
-  /// All must stay. `observer` (may be null) says whether the walk goes on. `heard_feedback` becomes true with the
-  /// first feedback.
-  Questions(Asker& asker, Observer* observer, bool& heard_feedback) noexcept
-      : asker_(asker), observer_(observer), heard_feedback_(heard_feedback) {}
+  /// All must stay. The options' observer (may be null) says whether the walk goes on. `heard_feedback` becomes true
+  /// with the first feedback.
+  Questions(Asker& asker, const Options& options, bool& heard_feedback) noexcept
+      : asker_(asker), observer_(options.observer), slice_(options.slice), heard_feedback_(heard_feedback) {}
 
   /// 80h: every device is at the first part again.
   rt::Task<Heard> start();
@@ -51,6 +51,12 @@ class Questions {
   [[nodiscard]] bool stopped() const noexcept { return stopped_; }
   [[nodiscard]] const Error& error() const noexcept { return error_; }
 
+  /// The walk goes on another time behind `Options::slice` questions.
+  [[nodiscard]] bool is_in_slices() const noexcept { return slice_ > 0; }
+  [[nodiscard]] bool is_last_of_slice() const noexcept { return slice_ > 0 && asker_.requests() + 1 >= slice_; }
+  /// Where a walk can go on. Ends it, as the observer does, when so many were asked.
+  void end_slice() noexcept;
+
  private:
   bool stops() noexcept;
   void count(const Heard& heard) noexcept;
@@ -58,6 +64,7 @@ class Questions {
 
   Asker& asker_;
   Observer* observer_;
+  unsigned slice_;
   bool& heard_feedback_;
   Way way_;
   Frontier frontier_;

@@ -83,7 +83,6 @@ rt::Task<void> Serials::by_name() {
   }
 }
 
-// A device that has a node-ID and answers all the same is soonest known by its name, and gone round from then on.
 rt::Task<void> Serials::registered_by_name() {
   for (const LssAddress& a : known_.registered) {
     if (a != q_.way().address(a.serial) || devices_.is_found(a) || devices_.aside().has(a)) continue;
@@ -93,10 +92,13 @@ rt::Task<void> Serials::registered_by_name() {
     const Heard heard = co_await q_.ask(whole, 3, Wait::learnt);
     if (!heard.yes()) {
       devices_.stayers().note(false);
+      q_.end_slice();
       continue;
     }
     const Outcome outcome = co_await devices_.settle(a.serial);
     if (outcome != Outcome::found) continue;
+    q_.end_slice();
+    if (q_.is_broken()) co_return;
     const bool led = co_await lead_to_serials();
     if (!led) co_return;
   }

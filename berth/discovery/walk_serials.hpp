@@ -23,10 +23,11 @@ class Serials {
   /// The same parts led here as in the round before, each found one device: equal answers fall into one here, so that
   /// their number says nothing; told again, the slaves forget their part at `04 00`.
   void note_one_each_round() noexcept { (hints_fail_ ? forgets_ : hints_fail_) = true; }
+  /// A device that has a node-ID and answers all the same is soonest known by its name, and gone round from then on.
+  rt::Task<void> registered_by_name();
 
  private:
   rt::Task<void> by_name();
-  rt::Task<void> registered_by_name();
   rt::Task<void> around();
   rt::Task<Outcome> guess(std::uint64_t serial, Worth& worth);
   [[nodiscard]] std::optional<std::uint32_t> next_of_row(std::uint32_t serial, bool up) const;

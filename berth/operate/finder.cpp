@@ -103,18 +103,25 @@ rt::Task<void> Finder::rest_behind_rand(bool anew, bool any_by_rand) {
 }
 
 // A device that stays without a node-ID answers every poll: that is no news for a while. Nor are the devices at work
-// that answer Fastscan with their node-IDs, for long, while no slot waits.
+// that answer Fastscan with their node-IDs, for long, while no slot waits: then a search takes its time, too.
 void Finder::searched() {
   const bool news = search_.has_news();
   const rt::Duration period = s_.bus.timing.probe_period;
   const rt::Time again = s_.executor.now() + (news ? rt::Duration{0} : 8 * period);
   const bool at_rest = by_fastscan_ && !news && !is_one_missing();
-  scanned_at_ = at_rest ? s_.executor.now() + 256 * period : again;
+  const int pause = search_.has_slices_left() ? 31 : 256;
+  scanned_at_ = at_rest ? s_.executor.now() + pause * period : again;
   if (!std::exchange(by_fastscan_, false)) blank_at_ = again;
 }
 
 rt::Task<void> Finder::by_rest(bool also_configured) {
-  const bool ended = co_await search_.by_rest(also_configured);
+  const bool at_rest = by_fastscan_ && !also_configured && !is_one_missing();
+  bool ended = false;
+  if (at_rest) {
+    ended = co_await search_.by_slice();
+  } else {
+    ended = co_await search_.by_rest(also_configured);
+  }
   if (ended) searched();
 }
 

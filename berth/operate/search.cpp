@@ -37,13 +37,13 @@ void Search::begin() {
 rt::Task<void> Search::by_rand() {
   const bool plans = agenda_.method() == "auto";
   Result<discovery::Report> report = fail(Errc::invalid, "not asked");
-  may_be_interrupted_ = s_.executor.now();
+  stops_.allowed_since = s_.executor.now();
   if (plans) {
     report = co_await methods_.ask_rand_planner(this);
   } else {
     report = co_await methods_.ask_rand_as_published(this);
   }
-  may_be_interrupted_.reset();
+  stops_.allowed_since.reset();
   agenda_.search_open = rand_open_ = report && report->end == discovery::Report::End::more;
   agenda_.alone = !report && report.error().code == Errc::bus;
   if (!report) {
@@ -58,7 +58,7 @@ rt::Task<void> Search::by_rand() {
     const Identity known = d.possible_clone ? device : found_.one_for(device);
     found_.note({known, found_.active_of(known), d.possible_clone});
   }
-  if (!rand_open_) interruptions_ = 0;
+  if (!rand_open_) stops_.count = 0;
   tell_end(*report);
 }
 
@@ -71,6 +71,17 @@ rt::Task<bool> Search::anybody_by_rand() {
 rt::Task<bool> Search::by_rest(bool also_configured) {
   open_configured_ = also_configured;
   co_return co_await by(methods_.rest(also_configured));
+}
+
+rt::Task<bool> Search::by_slice() {
+  constexpr unsigned questions = 20;
+  constexpr bool also_configured = false;
+  open_configured_ = also_configured;
+  const bool ended = co_await by(methods_.rest(also_configured), questions);
+  // Who is found is news: the search goes on at once.
+  slices_left_ = ended && agenda_.search_open && !news_;
+  if (slices_left_) agenda_.search_open = false;
+  co_return ended;
 }
 
 rt::Task<bool> Search::by_method() {
@@ -90,15 +101,17 @@ rt::Task<bool> Search::go_on() {
   co_return co_await by_method();
 }
 
-rt::Task<bool> Search::by(discovery::Discovery& way) {
+rt::Task<bool> Search::by(discovery::Discovery& way, unsigned slice) {
   const discovery::Known known = methods_.known_devices();
-  const discovery::Options how = methods_.options(this);
+  discovery::Options how = methods_.options(this);
+  sliced_ = slice > 0;
+  how.slice = slice;
   if (how.assigner != nullptr) co_await lending_.prepare();
   lending_.forget_told();
-  interrupted_ = false;
-  may_be_interrupted_ = s_.executor.now();
+  stops_.now = false;
+  stops_.allowed_since = s_.executor.now();
   const auto report = co_await way.find(known, how);
-  may_be_interrupted_.reset();
+  stops_.allowed_since.reset();
   // A device that was found may still be in LSS configuration, where a planner leaves those that shall not answer
   // again.
   const auto quiet = co_await s_.lss.switch_global(lss::State::waiting);
@@ -122,17 +135,17 @@ void Search::take(const discovery::Report& report) {
   }
   pace_.found += report.found.size();
   using End = discovery::Report::End;
-  agenda_.search_open = report.end == End::more && gets_on();
-  if (agenda_.search_open) tell_progress();
-  if (!agenda_.search_open) interruptions_ = 0;
-  if (!agenda_.search_open) broken_at_ = {};
+  agenda_.search_open = report.end == End::more && (sliced_ || gets_on());
+  if (agenda_.search_open && !sliced_) tell_progress();
+  if (!agenda_.search_open) stops_.count = 0;
+  if (!agenda_.search_open) stops_.broken_at = {};
   tell_end(report);
 }
 
 // A device that answers and cannot be selected would hold a search for ever.
 bool Search::gets_on() {
   constexpr unsigned most_idle = 2;
-  if (interrupted_) return true;
+  if (stops_.now) return true;
   const bool same = !news_ && now_.kind == before_.kind && now_.swept == before_.swept;
   idle_ = same ? idle_ + 1 : 0;
   before_ = now_;
@@ -151,22 +164,23 @@ bool Search::goes_on() noexcept {
   const rt::Duration way_down = std::max<rt::Duration>(std::chrono::seconds(5), 133 * s_.bus.timing.lss_timeout);
   const rt::Duration within = (most + 1) * way_down;
   const rt::Time now = s_.executor.now();
-  if (!may_be_interrupted_) return true;
+  if (!stops_.allowed_since) return true;
   // A short search is over sooner than it would begin anew.
-  const bool takes_long = now >= *may_be_interrupted_ + std::chrono::seconds(1);
+  const bool takes_long = now >= *stops_.allowed_since + std::chrono::seconds(1);
   const bool called = agenda_.calls || (agenda_.comes.any() && takes_long) || s_.turn.waited_for();
   if (!called) return true;
-  if (now >= interruptions_until_) {
-    interruptions_ = 0;
-    interruptions_until_ = now + within;
+  if (now >= stops_.counted_until) {
+    stops_.count = 0;
+    stops_.counted_until = now + within;
   }
-  // One that got on since has lost nothing: what it swept is kept. It is where it was never before, as it goes back, too.
-  const bool got_on = now_.kind != broken_at_.kind || now_.swept > broken_at_.swept;
-  if (got_on) interruptions_ = 0;
-  if (got_on) broken_at_ = now_;
-  if (interruptions_ == most) return true;
-  ++interruptions_;
-  interrupted_ = true;
+  // One that got on since has lost nothing: what it swept is kept. It is where it was never before, as it goes back,
+  // too.
+  const bool got_on = now_.kind != stops_.broken_at.kind || now_.swept > stops_.broken_at.swept;
+  if (got_on) stops_.count = 0;
+  if (got_on) stops_.broken_at = now_;
+  if (stops_.count == most) return true;
+  ++stops_.count;
+  stops_.now = true;
   return false;
 }
 

@@ -29,6 +29,11 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
   rt::Task<void> by_rand();
   /// Whatever else devices speak, and `also_configured` those with a node-ID. False: the search failed.
   rt::Task<bool> by_rest(bool also_configured);
+  /// The same for devices without a node-ID, a slice of it: the bus is at rest, and those at work answer Fastscan, each
+  /// at the cost of some twenty questions. False: the search failed.
+  rt::Task<bool> by_slice();
+  /// The last `by_slice` was not the last one of its search, and found nobody.
+  [[nodiscard]] bool has_slices_left() const noexcept { return slices_left_; }
   /// `discovery =`. False: there is no such method, or the search failed.
   rt::Task<bool> by_method();
   /// The last `by_rand` was broken off (`Agenda::search_open`): called again, it goes on.
@@ -49,8 +54,16 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
     std::size_t found = 0;
     rt::Time tell_at{};  // it is told again then
   };
+  // By what the bus or a person tells meanwhile.
+  struct Interruptions {
+    unsigned count = 0;  // since the last search that came to its end, or got on
+    discovery::Progress broken_at{};
+    rt::Time counted_until{};                 // they are counted anew from then on
+    std::optional<rt::Time> allowed_since{};  // empty: no search is under way that may be broken off
+    bool now = false;
+  };
   rt::Task<Result<void>> find_the_rest(discovery::Discovery& way, NewDevices& all);
-  rt::Task<bool> by(discovery::Discovery& way);
+  rt::Task<bool> by(discovery::Discovery& way, unsigned slice = 0);
   void take(const discovery::Report& report);
   void tell_found(const Identity& device, bool clone);
   void tell_end(const discovery::Report& report);
@@ -76,14 +89,12 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
   discovery::Progress now_{};
   discovery::Progress before_{};
   Pace pace_;
-  unsigned idle_ = 0;           // slices in a row that brought nothing
-  unsigned interruptions_ = 0;  // since the last search that came to its end, or got on
-  discovery::Progress broken_at_{};
-  rt::Time interruptions_until_{};              // they are counted anew from then on
-  std::optional<rt::Time> may_be_interrupted_;  // since when
-  bool interrupted_ = false;
+  unsigned idle_ = 0;  // slices in a row that brought nothing
+  Interruptions stops_;
   bool rand_open_ = false;
   bool news_ = false;
+  bool sliced_ = false;
+  bool slices_left_ = false;
   bool open_configured_ = false;  // the search that is open looks for devices with a node-ID too
 };
 

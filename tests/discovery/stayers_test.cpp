@@ -166,6 +166,96 @@ TEST_P(Stayers, ANewOneAmongThirtyThatAreSeated) {
   }
 }
 
+struct Sliced {
+  unsigned slices = 0;
+  unsigned asked = 0;
+  std::vector<LssAddress> found;
+};
+
+// Slice by slice to the end.
+Sliced find_in_slices(World& w, Discovery& walker) {
+  constexpr unsigned most = 400;
+  Sliced all;
+  for (auto end = Report::End::more; end == Report::End::more && all.slices < most; ++all.slices) {
+    const auto report = w.run(walker.find(w.known, w.options));
+    EXPECT_TRUE(report) << describe(report.error());
+    if (!report) break;
+    end = report->end;
+    all.asked += report->requests;
+    for (const auto& f : report->found) {
+      all.found.push_back(f.address);
+      w.known.registered.push_back(f.address);
+    }
+    if (report->found.empty()) {
+      EXPECT_LT(report->requests, w.options.slice + 15);
+    }
+    if (end != Report::End::more) {
+      EXPECT_EQ(end, Report::End::complete) << name(end);
+    }
+  }
+  EXPECT_LT(all.slices, most) << "it does not end: " << all.asked << " questions";
+  return all;
+}
+
+// On a bus at rest: each slice is of about so many questions, and what was asked once is not asked again.
+TEST_P(Stayers, InSlicesEachIsShortAndTheWholeEnds) {
+  constexpr unsigned devices = 40;
+  for (const unsigned types : {1U, 4U}) {
+    for (const unsigned blank_at : {0U, 20U, devices}) {  // where the blank one is among them; the last: there is none
+      SCOPED_TRACE(testing::Message() << types << " " << blank_at);
+      World w(types + blank_at);
+      std::vector<std::uint32_t> serials;
+      for (unsigned i = 0; i < devices; ++i) serials.push_back(static_cast<std::uint32_t>(w.random.next()));
+      std::ranges::sort(serials);
+      for (unsigned i = 0; i < devices; ++i) {
+        NodeOptions one = lely(serials[i], i == blank_at ? NodeId() : NodeId(static_cast<std::uint8_t>(1 + i)));
+        one.address.product += i % types;
+        if (i == blank_at) one.habit = device::LssHabit::none;
+        w.add(one);
+        if (i != blank_at) w.known.registered.push_back(one.address);
+      }
+      w.known.kinds = {{type, revision}};
+      Giver giver;
+      giver.next = 100;
+      w.options.assigner = &giver;
+      w.options.slice = 20;
+      const auto walker = make(GetParam(), w.services());
+      const Sliced first = find_in_slices(w, *walker);
+      EXPECT_EQ(first.found.size(), blank_at < devices ? 1U : 0U);
+      if (blank_at < devices) {
+        EXPECT_EQ(w.nodes[blank_at]->slave.pending().node_id, NodeId(100));
+      }
+      EXPECT_GT(first.slices, 20U);
+      if (blank_at < devices) continue;
+      const Sliced second = find_in_slices(w, *walker);
+      EXPECT_TRUE(second.found.empty());
+      EXPECT_LT(second.asked, first.asked) << "those that answer with their node-IDs are known by then";
+    }
+  }
+}
+
+// One of them has lost its node-ID since: a search that is not in slices asks for it, too.
+TEST_P(Stayers, WhoIsGoneRoundInSlicesIsFoundByTheNextWholeSearch) {
+  World w;
+  for (const unsigned i : {1U, 2U, 3U}) {
+    w.add(lely(0x100 * i, NodeId(static_cast<std::uint8_t>(i))));
+    w.known.registered.push_back(w.nodes.back()->options.address);
+  }
+  w.known.kinds = {{type, revision}};
+  Giver giver;
+  giver.next = 50;
+  w.options.assigner = &giver;
+  w.options.slice = 20;
+  const auto walker = make(GetParam(), w.services());
+  static_cast<void>(find_in_slices(w, *walker));
+  w.nodes[1]->slave.power_on({});
+  w.options.slice = 0;
+  const auto report = w.run(walker->find(w.known, w.options));
+  ASSERT_TRUE(report) << describe(report.error());
+  expect_each_once(*report, giver, 1);
+  EXPECT_EQ(w.nodes[1]->slave.pending().node_id, NodeId(50));
+}
+
 NodeOptions leaves(TypeCode type_of, std::uint32_t serial) {
   NodeOptions o;
   o.address = {type_of.vendor, type_of.product, revision, serial};

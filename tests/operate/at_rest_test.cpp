@@ -62,6 +62,43 @@ TEST(AtRest, AnEmptySlotCostsLittle) {
   }
 }
 
+// They answer Fastscan at work. A blank one that answers neither 4Ch nor RAND, and that no slot waits for, is found
+// among them all the same.
+TEST(AtRest, BesideDevicesThatAnswerFastscanAtWorkASearchTakesItsTime) {
+  constexpr unsigned lelys = 16;
+  constexpr double most = 5;
+  for (const unsigned bit_rate : {10'000U, 125'000U}) {
+    SCOPED_TRACE(bit_rate);
+    auto machine = one_bus(bit_rate);
+    auto plant = one_bus_plant(1);
+    for (unsigned i = 1; i <= lelys; ++i) {
+      add_slot(machine, i, type_a);
+      auto& d = add_device(plant, "d" + std::to_string(i), type_a, 0x9E37'79B9U * i);
+      d.speaks = {Speaks::lss, Speaks::fastscan};
+      d.lss.habit = plant::Habit::lely;
+    }
+    auto& stranger = add_device(plant, "stranger", type_b, 5);
+    stranger.speaks = {Speaks::lss, Speaks::fastscan};
+    stranger.lss.habit = plant::Habit::canopennode;
+    stranger.plugged = false;
+    for (auto& slot : machine.slots) slot.spec.when_ambiguous = places::WhenAmbiguous::ascending;
+    Rig rig(machine, plant);
+    MasterEar ear(rig);
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(600s)) << rig.log();
+    rig.run_for(60s);
+    for (unsigned window = 0; window < 10; ++window) {
+      ear.frames = 0;
+      rig.run_for(30s);
+      EXPECT_LT(ear.frames / 30.0, most) << window << rig.log();
+    }
+    rig.device("stranger").plug();
+    const auto is_found = [&] { return rig.log().find("-00000005") != std::string::npos; };
+    for (auto passed = 0s; passed < 2400s && !is_found(); passed += 30s) rig.run_for(30s);
+    EXPECT_TRUE(is_found()) << rig.log();
+  }
+}
+
 // How often: 8 periods, and twice as long behind every round in vain from the fourth on, until something changes.
 TEST(AtRest, ASearchInVainBecomesSeldomAndBeginsAnew) {
   operate::SearchPace pace;
