@@ -7,7 +7,7 @@ test_packages=(ccache python3 libgtest-dev librapidcheck-dev libbenchmark-dev va
 # What ./run vm and the tests in it need; Ubuntu packs its kernel with zstd.
 vm_packages=(python3 qemu-system-x86 busybox-static iproute2 can-utils zstd)
 # Software that others wrote, for tests/peers; some makers' nodejs brings npm along, and Debian's npm clashes with it.
-peer_packages=(tshark can-utils python3-can)
+peer_packages=(tshark can-utils python3-can python3-canmatrix)
 command -v npm >/dev/null || peer_packages+=(nodejs npm)
 bench_packages=(libbenchmark-dev valgrind)
 clang_packages=(clang-16 libclang-rt-16-dev)

@@ -40,6 +40,7 @@ void add_compare(Verb& berth, Options& options);
 void add_serve(Verb& berth, Options& options);
 void add_gateway(Verb& berth, Options& options);
 void add_adopt(Verb& berth, Options& options);
+void add_document(Verb& berth, Options& options);
 void add_export(Verb& berth, Options& options);
 void add_import(Verb& berth, Options& options);
 void add_device(Verb& berth, Options& options);

@@ -8,12 +8,9 @@
 
 #include "berth/can/frame.hpp"
 #include "berth/co/pdo_mapping.hpp"
-#include "berth/command/link_network.hpp"
-#include "berth/eds/concise_dcf.hpp"
+#include "berth/command/configured_values.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/linker/bounds.hpp"
-#include "berth/linker/files.hpp"
-#include "berth/manager/configuration.hpp"
 #include "berth/od/names.hpp"
 #include "berth/od/values.hpp"
 
@@ -83,19 +80,9 @@ class Collector {
 
   // Its dictionary as it is when it was configured.
   Device opened(const design::Slot& slot) {
-    Device device{&slot, add_sender(slot.spec.name.name), nullptr};
-    if (slot.description) {
-      device.values = std::make_unique<od::Values>(slot.description, slot.spec.id);
-      if (!slot.spec.config.empty()) {
-        const auto loaded = manager::load_configuration(slot.spec.config);
-        const auto wanted = manager::wanted(loaded.configuration, slot.spec.id);
-        for (std::size_t i = 0; wanted && i < wanted->entries.size(); ++i) {
-          static_cast<void>(device.values->set_bytes(wanted->entries[i].object, wanted->entries[i].bytes));
-        }
-      }
-      take_links(device);
-    }
-    return device;
+    const std::size_t sender = add_sender(slot.spec.name.name);
+    const std::size_t node = assumed_.links == nullptr ? 0 : node_of(slot);
+    return {&slot, sender, configured_values(slot, assumed_.links, node)};
   }
 
   // A gateway's own node here is no slot, but its TPDOs carry what crosses it.
@@ -109,16 +96,6 @@ class Collector {
     own_.emplace(opened(own_slot_));
   }
 
-  // What its links set goes over that.
-  void take_links(Device& device) {
-    if (assumed_.links == nullptr) return;
-    const auto node = node_of(*device.slot);
-    if (!assumed_.links->plan.linked[node]) return;
-    for (const auto& each : linker::settings_of(assumed_.links->network, assumed_.links->plan, node)) {
-      const auto bytes = eds::encode(each.value, each.type, device.slot->spec.id);
-      if (bytes) static_cast<void>(device.values->set_bytes(each.object, *bytes));
-    }
-  }
   [[nodiscard]] std::size_t node_of(const design::Slot& slot) const {
     if (&slot == &own_slot_) {
       const auto& nodes = assumed_.links->network.nodes;

@@ -1,0 +1,221 @@
+#include "berth/document/bus_signals.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+
+#include "berth/can/frame.hpp"
+#include "berth/co/pdo_mapping.hpp"
+#include "berth/command/configured_values.hpp"
+
+namespace berth::document {
+namespace {
+
+constexpr unsigned most_pdos = 512;
+constexpr std::uint32_t invalid = 0x8000'0000;  // COB-ID: it does not exist, or is not valid
+constexpr std::uint32_t is_extended = 0x2000'0000;
+constexpr std::uint16_t first_dummy_not = 0x20;  // objects below are data types: bits that a receiver skips
+
+std::uint32_t key_of(std::uint32_t cob_id) noexcept {
+  return (cob_id & is_extended) != 0 ? (cob_id & 0x1FFF'FFFF) | can::extended_flag : cob_id & 0x7FF;
+}
+
+struct Pdo {
+  std::uint32_t key = 0;
+  unsigned number = 1;
+  std::uint8_t type = 255;
+  rt::Duration timer{};
+  bool is_mpdo = false;
+  std::vector<Signal> signals{};
+};
+
+std::string name_of(const od::Description& description, ObjectRef ref) {
+  const auto* const object = description.find(ref.index);
+  const auto* const sub = description.find(ref);
+  if (object == nullptr || sub == nullptr) return {};
+  const std::string whole(description.name(*object));
+  const std::string part(description.name(*sub));
+  if (object->count <= 1 || part == whole || whole.empty()) return part.empty() ? whole : part;
+  return part.empty() ? whole : whole + " " + part;
+}
+
+std::vector<Signal> mapped(const Configured& device, std::uint16_t index, std::uint8_t count) {
+  std::vector<Signal> signals;
+  const od::Values& values = *device.values;
+  const auto& description = values.description();
+  unsigned at = 0;
+  for (std::uint8_t sub = 1; sub <= count; ++sub) {
+    const auto entry = co::PdoEntry::of(values.get_or<std::uint32_t>({index, sub}, 0));
+    if (entry.bits == 0 || at + entry.bits > co::PdoMapping::most_bits) break;
+    Signal signal{.name = name_of(description, entry.object), .object = entry.object, .at = at, .bits = entry.bits};
+    const auto* const described = description.find(entry.object);
+    if (described != nullptr) signal.type = described->type;
+    const auto variable = std::ranges::find(device.variables, entry.object, &linker::Variable::object);
+    if (variable != device.variables.end()) {
+      signal.name = variable->name;
+      signal.type = variable->type;
+    }
+    const auto* const meaning = description.meaning(entry.object);
+    if (meaning != nullptr) signal.meaning = *meaning;
+    at += entry.bits;
+    if (entry.object.index >= first_dummy_not) signals.push_back(std::move(signal));
+  }
+  return signals;
+}
+
+// Those that are valid, of one kind.
+std::vector<Pdo> pdos_of(const Configured& device, co::PdoKind kind) {
+  const od::Values& values = *device.values;
+  const bool transmits = kind == co::PdoKind::tpdo;
+  std::vector<Pdo> pdos;
+  for (unsigned n = 0; n < most_pdos; ++n) {
+    const auto communication = static_cast<std::uint16_t>((transmits ? 0x1800U : 0x1400U) + n);
+    const auto mapping = static_cast<std::uint16_t>((transmits ? 0x1A00U : 0x1600U) + n);
+    const auto cob_id = values.get_or<std::uint32_t>({communication, 1}, invalid);
+    if ((cob_id & invalid) != 0) continue;
+    const auto count = values.get_or<std::uint8_t>({mapping, 0}, 0);
+    Pdo pdo{.key = key_of(cob_id & ~0x4000'0000U), .number = n + 1};
+    pdo.type = values.get_or<std::uint8_t>({communication, 2}, 255);
+    pdo.timer = std::chrono::milliseconds(values.get_or<std::uint16_t>({communication, 5}, 0));
+    pdo.is_mpdo = count >= 254;
+    if (!pdo.is_mpdo) pdo.signals = mapped(device, mapping, count);
+    pdos.push_back(std::move(pdo));
+  }
+  return pdos;
+}
+
+unsigned bytes_of(const Pdo& pdo) noexcept {
+  if (pdo.is_mpdo) return 8;
+  return pdo.signals.empty() ? 0 : (pdo.signals.back().at + pdo.signals.back().bits + 7) / 8;
+}
+
+class Collector {
+ public:
+  explicit Collector(const design::Bus& bus) : bus_(bus) {
+    made_.bus = bus.name;
+    made_.bit_rate = bus.bitrate;
+  }
+
+  BusSignals run(const std::vector<Configured>& slots) {
+    for (const auto& each : slots) {
+      if (each.slot->spec.name.bus == bus_.name) here_.push_back(&each);
+    }
+    for (const Configured* const each : here_) add_services(*each);
+    for (const Configured* const each : here_) add_tpdos(*each);
+    for (const Configured* const each : here_) add_rpdos(*each);
+    add_master();
+    for (auto& [key, message] : messages_) made_.messages.push_back(std::move(message));
+    return std::move(made_);
+  }
+
+ private:
+  // The first that is said of an identifier stands.
+  Message& add(std::uint32_t key, std::string name, const std::string& sender, unsigned bytes) {
+    const auto [it, added] = messages_.try_emplace(key);
+    if (added) it->second = {.key = key, .name = std::move(name), .sender = sender, .bytes = bytes};
+    return it->second;
+  }
+
+  void add_services(const Configured& device) {
+    const auto& spec = device.slot->spec;
+    const unsigned id = spec.id.value();
+    made_.senders.push_back(spec.name.name);
+    const std::uint32_t emcy =
+        device.values ? device.values->get_or<std::uint32_t>({0x1014, 0}, 0x80U + id) : 0x80 + id;
+    if ((emcy & invalid) == 0) {
+      add(key_of(emcy), "EMCY", spec.name.name, 8).signals = {
+          {.name = "error code", .at = 0, .bits = 16, .type = od::DataType::unsigned16},
+          {.name = "error register", .object = {0x1001, 0}, .at = 16, .bits = 8, .type = od::DataType::unsigned8}};
+    }
+    add(0x580 + id, "SDO response", spec.name.name, 8);
+    add(0x600 + id, "SDO request to " + spec.name.name, "master", 8);
+    add_heartbeat(spec.name.name, id);
+  }
+
+  void add_heartbeat(const std::string& sender, unsigned id) {
+    Signal state{.name = "NMT state", .at = 0, .bits = 7, .type = od::DataType::unsigned8};
+    state.meaning.values = {{0, "boot-up"}, {4, "stopped"}, {5, "operational"}, {127, "pre-operational"}};
+    Message& heartbeat = add(0x700 + id, "heartbeat", sender, 1);
+    heartbeat.signals = {std::move(state)};
+    heartbeat.period = bus_.timing.heartbeat_period;
+  }
+
+  void add_tpdos(const Configured& device) {
+    if (!device.values) return;
+    for (Pdo& pdo : pdos_of(device, co::PdoKind::tpdo)) {
+      const std::string name = fmt::format("TPDO {}", pdo.number);
+      Message& message = add(pdo.key, name, device.slot->spec.name.name, bytes_of(pdo));
+      const bool ours = message.name == name && message.sender == device.slot->spec.name.name;
+      if (!ours) continue;  // two send with one identifier
+      if (pdo.timer > rt::Duration{0}) message.period = pdo.timer;
+      message.signals = std::move(pdo.signals);
+    }
+  }
+
+  // By its own mapping, bit for bit: what it skips it does not receive.
+  void add_rpdos(const Configured& device) {
+    if (!device.values) return;
+    for (Pdo& pdo : pdos_of(device, co::PdoKind::rpdo)) {
+      const auto known = messages_.find(pdo.key);
+      const auto& name = device.slot->spec.name.name;
+      if (known == messages_.end()) {
+        Message& message = add(pdo.key, fmt::format("RPDO {} of {}", pdo.number, name), "", bytes_of(pdo));
+        message.signals = pdo.signals;
+        for (Signal& signal : message.signals) signal.receivers = {name};
+        continue;
+      }
+      for (Signal& sent : known->second.signals) {
+        const bool taken = std::ranges::any_of(
+            pdo.signals, [&](const Signal& s) { return s.at < sent.at + sent.bits && sent.at < s.at + s.bits; });
+        const bool told = std::ranges::find(sent.receivers, name) != sent.receivers.end();
+        if (taken && !told) sent.receivers.push_back(name);
+      }
+    }
+  }
+
+  void add_master() {
+    made_.senders.emplace_back("master");
+    add(0, "NMT", "master", 2).signals = {{.name = "command",
+                                           .at = 0,
+                                           .bits = 8,
+                                           .type = od::DataType::unsigned8,
+                                           .meaning = {.values = {{1, "start"},
+                                                                  {2, "stop"},
+                                                                  {128, "enter pre-operational"},
+                                                                  {129, "reset node"},
+                                                                  {130, "reset communication"}}}},
+                                          {.name = "node-ID", .at = 8, .bits = 8, .type = od::DataType::unsigned8}};
+    if (bus_.master.configured()) add_heartbeat("master", bus_.master.value());
+    if (!bus_.sync) return;
+    Message& sync = add(0x80, "SYNC", "master", bus_.sync->counter != 0 ? 1 : 0);
+    sync.period = bus_.sync->period;
+  }
+
+  const design::Bus& bus_;
+  std::vector<const Configured*> here_;
+  std::map<std::uint32_t, Message> messages_;
+  BusSignals made_;
+};
+
+}  // namespace
+
+std::vector<Configured> configured_slots(const design::Machine& machine, const command::LinkPlan* links) {
+  std::vector<Configured> all;
+  for (std::size_t i = 0; i < machine.slots.size(); ++i) {
+    Configured& each = all.emplace_back();
+    each.slot = &machine.slots[i];
+    each.values = command::configured_values(machine.slots[i], links, i);
+    if (links == nullptr) continue;
+    for (const auto& variable : links->plan.variables) {
+      if (variable.node == i) each.variables.push_back(variable);
+    }
+  }
+  return all;
+}
+
+BusSignals signals_of(const design::Bus& bus, const std::vector<Configured>& slots) {
+  return Collector(bus).run(slots);
+}
+
+}  // namespace berth::document

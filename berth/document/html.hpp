@@ -1,0 +1,32 @@
+/// Pieces of HTML. All text goes through `escaped`: names are what a person wrote, or a file from anywhere.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace berth::document {
+
+/// Characters that HTML reads become references; control characters become spaces.
+[[nodiscard]] std::string escaped(std::string_view text);
+/// A whole page: no script, nothing from elsewhere. `body` is HTML. `up`: link back, to `index.html`; not on that page.
+[[nodiscard]] std::string page(std::string_view title, const std::string& body, bool up = true);
+
+/// A table, row by row. Cells are text, but for `html`.
+class Table {
+ public:
+  explicit Table(const std::vector<std::string>& heads);
+  Table& cell(std::string_view text);
+  Table& number(std::string_view text);
+  Table& html(std::string_view made);
+  void end_row();
+  /// Empty where there is no row.
+  [[nodiscard]] std::string made() const;
+
+ private:
+  std::string head_;
+  std::string rows_;
+  std::string row_;
+};
+
+}  // namespace berth::document

@@ -1,0 +1,30 @@
+/// A whole machine as a folder of HTML pages that need nothing else, and a DBC file of each bus.
+///
+///     const auto files = document::document_of(machine, links);
+///     for (const auto& file : files) ...            // "index.html", "bus-1.html", "slot-1-5.html", "device-1.html",
+///                                                   // "field.dbc"
+///
+/// What stands in it: buses with their load at most and the bounds of their messages (`analysis`), slots with what
+/// belongs there and how it boots (CiA 302-2's rules), links with deadline and bound, PDOs with the objects that they
+/// carry, what a configured device has other than its defaults, and the objects of each device description.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "berth/command/link_network.hpp"
+#include "berth/design/machine.hpp"
+
+namespace berth::document {
+
+struct DocumentFile {
+  std::string name;  ///< of letters, digits, "-" and "."; none twice, whatever the case of its letters
+  std::string bytes;
+};
+
+/// `links`: of a plan without errors, or null: then PDOs are those of descriptions and configurations. `made_by`: shown
+/// at the end of the first page.
+[[nodiscard]] std::vector<DocumentFile> document_of(const design::Machine& machine, const command::LinkPlan* links,
+                                                    const std::string& made_by);
+
+}  // namespace berth::document
