@@ -123,9 +123,9 @@ class Writer {
     std::string receivers;
     for (const auto& each : signal.receivers) receivers += (receivers.empty() ? "" : ",") + node(each);
     if (receivers.empty()) receivers = nobody;
-    out_ +=
-        fmt::format(" SG_ {} : {}|{}@1{} ({:g},0) [0|0] {} {}\n", name, signal.at, signal.bits,
-                    od::is_signed(signal.type) ? '-' : '+', factor_of(signal), in_quotes(signal.meaning.unit), receivers);
+    out_ += fmt::format(" SG_ {} : {}|{}@1{} ({:g},0) [0|0] {} {}\n", name, signal.at, signal.bits,
+                        od::is_signed(signal.type) ? '-' : '+', factor_of(signal), in_quotes(signal.meaning.unit),
+                        receivers);
     comments_ += fmt::format("CM_ SG_ {} {} {};\n", id, name,
                              in_quotes(has_object ? fmt::format("{} {}", object, signal.name) : signal.name));
     if (is_float(signal)) types_ += fmt::format("SIG_VALTYPE_ {} {} : {};\n", id, name, signal.bits == 32 ? 1 : 2);

@@ -95,6 +95,8 @@ TEST(Document, ALinkHasItsDeadlineItsBoundAndItsPdo) {
   const std::string bus = text_of(files, "bus-1.html");
   EXPECT_TRUE(has(bus, "UNSIGNED16")) << "a network variable has its type";
   EXPECT_TRUE(has(bus, "<td>speed</td>")) << "and its name";
+  const std::string dbc = text_of(files, "field.dbc");
+  EXPECT_TRUE(has(dbc, " SG_ speed : 0|16@1+ (1,0) [0|0] \"\" belt\n")) << dbc;
 }
 
 // DBC: names of letters, digits and "_", 32 at most, none twice; quotes are none; Windows-1252.
