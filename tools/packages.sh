@@ -6,9 +6,14 @@ build_packages=(g++ cmake ninja-build libexpected-dev libcli11-dev libfmt-dev nl
 test_packages=(ccache python3 libgtest-dev librapidcheck-dev libbenchmark-dev valgrind)
 # What ./run vm and the tests in it need; Ubuntu packs its kernel with zstd.
 vm_packages=(python3 qemu-system-x86 busybox-static iproute2 can-utils zstd)
-# Software that others wrote, for tests/peers; some makers' nodejs brings npm along, and Debian's npm clashes with it.
-peer_packages=(tshark can-utils python3-can python3-canmatrix)
-command -v npm >/dev/null || peer_packages+=(nodejs npm)
+# What the pages of Studio are built with. Some makers' nodejs brings npm along, and Debian's npm clashes with it.
+page_packages=()
+command -v npm >/dev/null || page_packages=(nodejs npm)
+# And the browser that tests them and takes pictures of them; Ubuntu's package of this name is not one of apt.
+browser_packages=("${page_packages[@]}")
+command -v "${CHROMIUM:-chromium}" >/dev/null || browser_packages+=(chromium)
+# Software that others wrote, for tests/peers.
+peer_packages=(tshark can-utils python3-can python3-canmatrix "${page_packages[@]}")
 bench_packages=(libbenchmark-dev valgrind)
 clang_packages=(clang-16 libclang-rt-16-dev)
 lint_packages=(clang-format-16 clang-tidy-16)
@@ -20,6 +25,7 @@ install_packages() {
     return 0
   fi
   local have name missing=()
+  [[ $# -gt 0 ]] || return 0
   have=$(dpkg-query -W -f '${Package} ${db:Status-Status}\n' "$@" 2>/dev/null || true)
   for name in "$@"; do
     grep -qxF "$name installed" <<<"$have" || missing+=("$name")

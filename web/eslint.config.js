@@ -21,7 +21,7 @@ const page = Object.fromEntries(
 );
 
 export default ts.config(
-  { ignores: ["dist", "node_modules", "screenshots"] },
+  { ignores: ["dist", "node_modules", "screenshots", "dist.new"] },
   js.configs.recommended,
   ...ts.configs.strict,
   { plugins: { "react-hooks": hooks }, rules: hooks.configs.recommended.rules },

@@ -40,7 +40,7 @@ std::uint64_t append_batch(const FrameRing& ring, std::uint64_t first, std::uint
     append(frame.frame.id | (frame.frame.extended ? 1U << 31U : 0U) | (frame.frame.remote ? 1U << 30U : 0U), 4, out);
     append(frame.bus, 1, out);
     const auto bytes = frame.frame.bytes();
-    append(bytes.size() | (frame.own ? 0x80U : 0U), 1, out);
+    append(frame.frame.size | (frame.own ? 0x80U : 0U), 1, out);  // of a remote frame what it asks for
     out.append(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   }
   out[head + 2] = static_cast<char>(count & 0xFFU);

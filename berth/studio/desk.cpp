@@ -29,6 +29,11 @@ bool same(const operate::SlotReport& a, const operate::SlotReport& b) {
          a.reason == b.reason && a.boot == b.boot;
 }
 
+// The time of a question is when it was asked about.
+bool same_question(const operate::Event& a, const operate::Event& b) {
+  return a.bus == b.bus && a.text == b.text && a.slots == b.slots && a.devices == b.devices;
+}
+
 // "sdo write node=5 object=1017h value=500", as the events and a person read it.
 std::string words_of(const command::Request& request) {
   std::string words = request.verb;
@@ -194,7 +199,10 @@ void Desk::tell() {
   news.events = std::exchange(events_, {});
   news.events_left_out = std::exchange(left_out_, 0);
   if (!told_lock_ || *told_lock_ != lock()) news.lock = told_lock_ = lock();
-  if (news.slots.empty() && news.events.empty() && !news.lock) return;
+  auto questions = tree::questions_of(*session_);
+  if (!std::ranges::equal(questions, told_questions_, same_question))
+    news.questions = told_questions_ = std::move(questions);
+  if (news.slots.empty() && news.events.empty() && !news.lock && !news.questions) return;
   waiting_.push_back(std::move(news));
 }
 

@@ -64,6 +64,7 @@ class Desk final : private io::Watcher {
   std::vector<std::unique_ptr<Work>> works_;
   std::deque<News> waiting_;  // answers that found no room; bounded by `most_requests` and the orders refused
   std::vector<operate::SlotReport> told_;
+  std::vector<operate::Event> told_questions_;
   std::vector<operate::Event> events_;
   std::uint64_t left_out_ = 0;
   std::optional<rt::Time> unlocked_until_;

@@ -44,8 +44,9 @@ struct News {
   double time_s = 0;
   std::vector<operate::SlotReport> slots{};  ///< that changed
   std::vector<operate::Event> events{};
-  std::uint64_t events_left_out = 0;  ///< before `events`: more came than the queue takes
-  std::optional<Lock> lock{};         ///< when it changed
+  std::uint64_t events_left_out = 0;                       ///< before `events`: more came than the queue takes
+  std::optional<Lock> lock{};                              ///< when it changed
+  std::optional<std::vector<operate::Event>> questions{};  ///< all that are open, when they changed
   std::optional<Answer> answer{};
 };
 

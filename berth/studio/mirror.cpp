@@ -35,6 +35,7 @@ std::string verbs_json() {
                             {"required", p.required},
                             {"form", word_of(p.form)},
                             {"value", p.value}});
+      if (!p.spelled.empty()) parameters.back()["spelled"] = p.spelled.substr(0, p.spelled.find(','));
     }
     all.push_back({{"name", verb.name},
                    {"help", verb.help},
@@ -96,7 +97,7 @@ Mirror::Mirror(const design::Machine& machine, bool simulated) : verbs_(verbs_js
 }
 
 std::string Mirror::take(const News& news) {
-  if (news.slots.empty() && news.events.empty() && !news.lock) return {};
+  if (news.slots.empty() && news.events.empty() && !news.lock && !news.questions) return {};
   std::vector<std::string> slots;
   for (const auto& slot : news.slots) {
     slots.push_back(operate::to_json(slot));
@@ -115,12 +116,20 @@ std::string Mirror::take(const News& news) {
     }
   }
   if (news.lock) lock_ = *news.lock;
+  if (news.questions) {
+    questions_.clear();
+    for (const auto& question : *news.questions) questions_.push_back(operate::to_json(question));
+  }
   std::string out = fmt::format(R"({{"type":"change","seq":{},"time_s":{:.6f},"slots":)", ++seq_, news.time_s);
   append_all(slots, out);
   out += ",\"events\":";
   append_all(events, out);
   if (news.events_left_out > 0) out += fmt::format(",\"events_left_out\":{}", news.events_left_out);
   if (news.lock) out += ",\"lock\":" + lock_json(*news.lock);
+  if (news.questions) {
+    out += ",\"questions\":";
+    append_all(questions_, out);
+  }
   out += '}';
   return out;
 }
@@ -130,6 +139,8 @@ std::string Mirror::snapshot(double time_s) const {
   append_all(slots_, out);
   out += ",\"events\":";
   append_all(events_, out);
+  out += ",\"questions\":";
+  append_all(questions_, out);
   out += fmt::format(R"(,"time_s":{:.6f},"verbs":{},"lock":{},"role":"configure"}})", time_s, verbs_, lock_json(lock_));
   return out;
 }

@@ -37,6 +37,7 @@ class Mirror {
   std::vector<std::string> slots_;                                     // JSON, in the machine's order
   std::deque<std::string> events_;                                     // JSON
   std::size_t event_bytes_ = 0;
+  std::vector<std::string> questions_;  // JSON
   Lock lock_;
   std::uint64_t seq_ = 0;
 };

@@ -70,6 +70,7 @@ void append_row(const RingFrame& frame, std::string_view bus, std::string_view w
                  frame.frame.remote);
   append_hex(frame, out);
   out += "\",\"text\":" + in_quotes(words);
+  if (frame.frame.remote) fmt::format_to(std::back_inserter(out), R"(,"dlc":{})", frame.frame.size);
   if (frame.cut) out += ",\"cut\":true";
   out += '}';
 }

@@ -417,6 +417,24 @@ TEST_F(StudioServer, LiveFramesComeInBatchesAndNoneIsMissing) {
   EXPECT_EQ(rates["left_out"], 0);
 }
 
+TEST_F(StudioServer, ARemoteFrameTellsTheLengthItAsksForAndHasNoBytes) {
+  auto client = page();
+  client->send(R"({"type":"live","frames":true})");
+  client->send(R"({"type":"request","id":"a","verb":"report"})");
+  EXPECT_EQ(client->next("reply")["status"], 0);
+  studio_->frame("field", can::Frame::request(0x701, 2), rt::Time(1ms), true);
+  int opcode = 0;
+  std::string batch;
+  while (opcode != 2) batch = client->message(&opcode);
+  ASSERT_EQ(batch.size(), 24U + 10U);
+  EXPECT_EQ(static_cast<unsigned char>(batch[24 + 9]), 0x82U);
+  client->send(R"({"type":"frames","id":"1","count":1})");
+  const auto row = client->next("frames")["rows"][0];
+  EXPECT_EQ(row["rtr"], true);
+  EXPECT_EQ(row["data"], "");
+  EXPECT_EQ(row["dlc"], 2);
+}
+
 TEST_F(StudioServer, ASlowClientIsToldThatItGetsLessAndHoldsNobodyUp) {
   auto slow = page();
   slow->send(R"({"type":"live","frames":true})");

@@ -17,7 +17,7 @@ export function encodeBatch(frames) {
     buffer.writeUInt32LE((frame.id | (frame.rtr ? 0x40000000 : 0) | (frame.ext ? 0x80000000 : 0)) >>> 0, at + 4);
     buffer.writeUInt8(frame.bus, at + 8);
     const sent = frame.id >= 0x600 && frame.id < 0x680 ? 0x80 : 0;
-    buffer.writeUInt8(parts[i].length | sent, at + 9);
+    buffer.writeUInt8((frame.rtr ? frame.dlc : parts[i].length) | sent, at + 9);
     parts[i].copy(buffer, at + 10);
     at += 10 + parts[i].length;
   });

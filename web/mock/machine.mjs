@@ -41,6 +41,7 @@ export class MockMachine {
     this.at = 0;
     this.planned = [];
     this.news = { slots: new Set(), events: [], lock: false };
+    this.questions = [];
     this.next = 0;
     this.ring = [];
     this.owed = 0;
@@ -86,6 +87,7 @@ export class MockMachine {
     const whole = { at_s: Number(this.time.toFixed(6)), bus: "field", ...event };
     this.events.push(whole);
     this.news.events.push(whole);
+    if (event.kind === "question") this.questions.push(whole);
   }
 
   later(seconds, run) {
@@ -145,8 +147,9 @@ export class MockMachine {
       buses: this.buses,
       slots: this.slots,
       events: this.events.slice(-1000),
+      questions: this.questions,
       time_s: this.time,
-      verbs: this.lock.real ? verbs.filter((verb) => !/^(sim|world) /.test(verb.name)) : verbs,
+      verbs: this.lock.real ? verbs.filter((verb) => !verb.name.startsWith("world ")) : verbs,
       lock: this.lock,
       role: this.role,
     };
@@ -155,9 +158,13 @@ export class MockMachine {
   /** What changed since it was asked last, or null. */
   takeNews() {
     const { slots, events, lock } = this.news;
-    if (!slots.size && !events.length && !lock) return null;
+    const answered = this.questions.filter(({ slots }) => slots.some((name) => this.slot(name)?.state === "question"));
+    const changed = answered.length !== this.questions.length || events.some((event) => event.kind === "question");
+    this.questions = answered;
+    if (!slots.size && !events.length && !lock && !changed) return null;
     this.news = { slots: new Set(), events: [], lock: false };
-    return { time_s: this.time, slots: [...slots], events, ...(lock ? { lock: this.lock } : {}) };
+    const more = { ...(lock ? { lock: this.lock } : {}), ...(changed ? { questions: this.questions } : {}) };
+    return { time_s: this.time, slots: [...slots], events, ...more };
   }
 
   rates() {
@@ -174,12 +181,9 @@ export class MockMachine {
     };
   }
 
-  rows({ from, count, filter }) {
+  /** With `from` the first rows from there on, else the newest. */
+  rows({ from, count, filter = "" }) {
     const words = filter.toLowerCase().split(/\s+/).filter(Boolean);
-    const first = this.ringFirst;
-    const all = words.length
-      ? this.ring
-      : this.ring.slice(Math.max(0, from - first), Math.max(0, from - first) + count);
     const row = (frame) => ({
       n: frame.n,
       t_s: frame.t,
@@ -189,22 +193,25 @@ export class MockMachine {
       rtr: frame.rtr,
       data: frame.data,
       text: frame.text,
+      ...(frame.rtr ? { dlc: frame.dlc } : {}),
     });
     const line = (frame) => {
       const id = frame.id.toString(16).padStart(frame.ext ? 8 : 3, "0");
       return `${this.buses[frame.bus].name} ${id}#${frame.data} ${frame.text}`.toLowerCase();
     };
-    const matching = words.length ? all.filter((frame) => words.every((word) => line(frame).includes(word))) : all;
-    const rows = matching
-      .filter((frame) => frame.n >= from)
-      .slice(-Math.min(count, 2000))
-      .map(row);
-    return { first: rows[0]?.n ?? from, last: rows[rows.length - 1]?.n ?? from, rows, matched: matching.length };
+    const matching = words.length
+      ? this.ring.filter((frame) => words.every((word) => line(frame).includes(word)))
+      : this.ring;
+    const chosen =
+      from === undefined ? matching.slice(-count) : matching.filter((frame) => frame.n >= from).slice(0, count);
+    const rows = chosen.map(row);
+    const none = from ?? this.ringFirst;
+    return { first: rows[0]?.n ?? none, last: rows[rows.length - 1]?.n ?? none, rows, matched: matching.length };
   }
 
   /** The reply to a request: { status, reply, lines, error }. */
   request(verb, values) {
-    const entry = verbs.find((candidate) => candidate.name === verb);
+    const entry = verb === "sim" ? { changes: true } : verbs.find((candidate) => candidate.name === verb);
     if (!entry) return refused(2, `there is no command "${verb}"`);
     if (entry.changes && this.role === "view") return refused(1, "your role is view");
     if (entry.changes && this.lock.real && this.lock.unlocked_until_s === null) {
@@ -281,16 +288,12 @@ const answers = {
     delete found.time;
     return done(found);
   },
-  "sim unplug"(machine, { device }) {
-    if (!machine.slot(device)) return noSlot(device);
-    machine.set(device, "absent", "no heartbeat for 1.5 s", "B");
-    return done({});
-  },
-  "sim plug"(machine, { device }) {
+  sim(machine, { action, device }) {
     const slot = machine.slot(device);
     if (!slot) return noSlot(device);
-    machine.bringUp(slot, slot.r_sn ?? "0x00010001000007D5");
-    return done({});
+    if (action === "unplug") machine.set(device, "absent", "no heartbeat for 1.5 s", "B");
+    if (action === "plug") machine.bringUp(slot, slot.r_sn ?? "0x00010001000007D5");
+    return done({ action, device }, [`${device}: ${action}`]);
   },
   "world pause"(machine) {
     machine.running = false;

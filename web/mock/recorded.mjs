@@ -20,6 +20,7 @@ export function parseFrame(line) {
     ext: id.length > 3,
     rtr,
     data: rtr ? "" : data,
+    dlc: rtr ? Number(data.slice(1)) || 0 : undefined,
     text: words.join(" "),
   };
 }

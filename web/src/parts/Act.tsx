@@ -42,7 +42,8 @@ export function Act({ verb, values, owner, label, primary, then }: ActProps) {
   const studio = useStudio();
   const [known, changes, why] = useData((state) => {
     const entry = state.data.verbs.find((candidate) => candidate.name === verb);
-    return [entry !== undefined, entry?.changes ?? false, barrier(state)] as const;
+    const ofPlant = verb === "sim" && state.data.machine.simulated;
+    return [entry !== undefined || ofPlant, entry?.changes ?? ofPlant, barrier(state)] as const;
   });
   if (!known) return null;
   const blocked = changes ? why : why === "Not connected." ? why : null;

@@ -47,14 +47,10 @@ const HEAD = 24;
 const FRAME_HEAD = 10;
 
 /**
- * A binary message of the socket. Null when it is not one of version 1, or is cut short. By the contract as many bytes
- * follow as the length says. A remote frame has a length and no data, so both ways of sending one are read.
+ * A binary message of the socket. Null when it is not one of version 1, or is cut short. As many bytes follow as the
+ * length says. The length of a remote frame is what it asks for: no bytes follow.
  */
 export function decodeBatch(buffer: ArrayBuffer): Batch | null {
-  return decode(buffer, true) ?? decode(buffer, false);
-}
-
-function decode(buffer: ArrayBuffer, remoteHasBytes: boolean): Batch | null {
   const view = new DataView(buffer);
   if (view.byteLength < HEAD || view.getUint8(0) !== 1 || view.getUint8(1) !== 1) return null;
   const count = view.getUint16(2, true);
@@ -72,7 +68,7 @@ function decode(buffer: ArrayBuffer, remoteHasBytes: boolean): Batch | null {
     batch.flags[i] = ((id >>> 31) & 1) | (((id >>> 30) & 1) << 1) | (((lengthByte >>> 7) & 1) << 2);
     batch.buses[i] = view.getUint8(at + 8);
     batch.lengths[i] = length;
-    const bytes = id & 0x40000000 && !remoteHasBytes ? 0 : length;
+    const bytes = id & 0x40000000 ? 0 : length;
     at += FRAME_HEAD;
     if (at + bytes > view.byteLength) return null;
     batch.data.set(new Uint8Array(buffer, at, bytes), i * 8);
@@ -118,7 +114,7 @@ function batchOfRun(run: readonly FrameRow[], first: number, busNames: readonly 
     batch.ids[i] = row.id;
     batch.flags[i] = (row.ext ? EXTENDED : 0) | (row.rtr ? REMOTE : 0);
     batch.buses[i] = Math.max(0, busNames.indexOf(row.bus));
-    batch.lengths[i] = bytes.length;
+    batch.lengths[i] = row.rtr ? (row.dlc ?? 0) : bytes.length;
     batch.data.set(bytes, i * 8);
   });
   return batch;

@@ -2,16 +2,16 @@ import type { Parameter, Verb } from "./messages";
 
 /** Arguments of a form of their own that stand by themselves on the command line. */
 const positional = new Set(["object", "value", "frame", "device"]);
-/** Options that the command line does not spell as the request does. */
-const spelled: Record<string, string> = { "lss set-node-id store": "--save", number: "--program" };
 /** Verbs that the command line has under another name. */
-const renamed: Record<string, string> = {
-  report: "status",
-  "sim power-off": "sim power off",
-  "sim power-on": "sim power on",
-  "sim deaf": "sim fault deaf",
-  "sim slow": "sim fault slow",
-  "sim damage": "sim fault disturb",
+const renamed: Record<string, string> = { report: "status" };
+/** Actions of `sim` that are commands of their own; the others are faults. */
+const simCommands: Record<string, string> = {
+  plug: "plug",
+  unplug: "unplug",
+  "power-on": "power on",
+  "power-off": "power off",
+  reset: "reset",
+  devices: "devices",
 };
 /** Options of which the command line wants a time. */
 const inSeconds = new Set(["lease", "listen"]);
@@ -37,12 +37,18 @@ export function commandLine(
   machineFile: string,
 ): string | null {
   if (verb.startsWith("world ")) return null;
+  const machine = machineFile ? ["-m", quoted(machineFile)] : [];
+  if (verb === "sim") return ["berth sim", ...simWords(values), ...machine].join(" ");
   const parameters = table.find((entry) => entry.name === verb)?.parameters ?? [];
   const ordered = [...parameters, ...unknownParameters(parameters, values)];
   const words = ordered.filter(isWord).flatMap((parameter) => wordOf(parameter, values));
-  const options = ordered.filter((parameter) => !isWord(parameter)).flatMap((p) => optionOf(verb, p, values));
-  const machine = machineFile ? ["-m", quoted(machineFile)] : [];
+  const options = ordered.filter((parameter) => !isWord(parameter)).flatMap((p) => optionOf(p, values));
   return ["berth", renamed[verb] ?? verb, ...words, ...options, ...machine].join(" ");
+}
+
+function simWords({ action = "", device = "", ...rest }: Record<string, string>): string[] {
+  const keys = Object.entries(rest).map(([key, value]) => quoted(`${key}=${value}`));
+  return [simCommands[action] ?? `fault ${quoted(action)}`, ...(device ? [quoted(device)] : []), ...keys];
 }
 
 function unknownParameters(parameters: readonly Parameter[], values: Record<string, string>): Parameter[] {
@@ -67,11 +73,10 @@ function wordOf(parameter: Parameter, values: Record<string, string>): string[] 
   return (parameter.name === "object" ? value.split("\n") : [value]).map(quoted);
 }
 
-function optionOf(verb: string, parameter: Parameter, values: Record<string, string>): string[] {
+function optionOf(parameter: Parameter, values: Record<string, string>): string[] {
   const value = values[parameter.name];
   if (value === undefined || value === "") return [];
-  const option = spelled[`${verb} ${parameter.name}`] ?? spelled[parameter.name] ?? `--${parameter.name}`;
+  const option = parameter.spelled ?? `--${parameter.name}`;
   if (parameter.form === "flag") return value === "1" ? [option] : [];
-  if (verb.startsWith("sim ") && parameter.form !== "common") return [quoted(`${parameter.name}=${value}`)];
   return [option, quoted(inSeconds.has(parameter.name) ? `${value} s` : value)];
 }

@@ -49,6 +49,8 @@ export interface Parameter {
   required: boolean;
   form: Form;
   value: string;
+  /** How the command line spells it, where that is not its name: "--save". */
+  spelled?: string;
 }
 
 export interface Verb {
@@ -73,6 +75,8 @@ export interface Snapshot {
   buses: Bus[];
   slots: Slot[];
   events: Event[];
+  /** That are open. */
+  questions: Event[];
   time_s: number;
   verbs: Verb[];
   lock: Lock;
@@ -85,6 +89,8 @@ export interface Change {
   time_s: number;
   slots?: Slot[];
   events?: Event[];
+  /** All that are open, when they changed. */
+  questions?: Event[];
   lock?: Lock;
 }
 
@@ -106,6 +112,8 @@ export interface FrameRow {
   rtr: boolean;
   data: string;
   text: string;
+  /** Of a remote frame: the length that it asks for. */
+  dlc?: number;
 }
 
 export interface Frames {
@@ -128,7 +136,8 @@ export type ServerMessage = Snapshot | Change | Reply | Frames | Rates;
 
 export type ClientMessage =
   | { type: "request"; id: string; verb: string; arguments: Record<string, string> }
-  | { type: "frames"; id: string; from: number; count: number; filter: string }
+  /** Without `from` the newest rows come. */
+  | { type: "frames"; id: string; from?: number; count: number; filter?: string }
   | { type: "live"; frames: boolean }
   | { type: "unlock"; minutes: number }
   | { type: "lock" };

@@ -34,12 +34,13 @@ describe("a binary batch", () => {
     expect(second?.seconds).toBeCloseTo(1.50025, 9);
     expect([...(second?.data ?? [])]).toEqual([0x80, 0, 0, 0]);
   });
-  it("may have remote frames with or without bytes behind their length", () => {
+  it("has remote frames with a length and no bytes", () => {
     const other = { id: 0x181, length: 1, data: [7], after: 1 };
-    for (const data of [[], [0, 0]]) {
-      const batch = decodeBatch(message([{ id: 0x40000000 + 0x701, length: 2, data, after: 0 }, other]));
-      expect(batch && frameOf(batch, 1).id).toBe(0x181);
-    }
+    const batch = decodeBatch(message([{ id: 0x40000000 + 0x701, length: 2, data: [], after: 0 }, other]));
+    expect(batch && frameOf(batch, 0)).toMatchObject({ id: 0x701, remote: true, data: { length: 2 } });
+    expect(batch && frameOf(batch, 1).id).toBe(0x181);
+    const row = { n: 1, t_s: 1, bus: "a", id: 0x701, ext: false, rtr: true, data: "", text: "", dlc: 2 };
+    expect(batchesOfRows([row], ["a"])[0]?.lengths[0]).toBe(2);
   });
   it("is refused when it is cut short, too long or of another version", () => {
     const good = message([{ id: 1, length: 2, data: [1, 2], after: 0 }]);
@@ -106,10 +107,15 @@ describe("a request as a command", () => {
     );
   });
   it("has the command line's names", () => {
-    expect(commandLine("sim power-off", { device: "s2" }, [], "")).toBe("berth sim power off s2");
-    expect(commandLine("sim deaf", { device: "s2", duration: "5 s" }, [], "")).toBe(
-      "berth sim fault deaf s2 'duration=5 s'",
+    const sim = (values: Record<string, string>) => commandLine("sim", values, [], "m.toml");
+    expect(sim({ action: "power-off", device: "s2" })).toBe("berth sim power off s2 -m m.toml");
+    expect(sim({ action: "deaf", device: "s2", duration: "5 s" })).toBe(
+      "berth sim fault deaf s2 'duration=5 s' -m m.toml",
     );
+    expect(sim({ action: "devices" })).toBe("berth sim devices -m m.toml");
+    const store = { ...parameter("store", "flag"), spelled: "--save" };
+    const verb = { name: "lss set-node-id", help: "", changes: true, parameters: [store] };
+    expect(commandLine(verb.name, { store: "1" }, [verb], "")).toBe("berth lss set-node-id --save");
     expect(commandLine("world pause", {}, [], "")).toBeNull();
   });
   it("quotes whatever a name holds", () => {

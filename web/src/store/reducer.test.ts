@@ -21,6 +21,12 @@ describe("the copy of the server's truth", () => {
     expect(state.data.slots.map((entry) => entry.state)).toEqual(["absent", "operational"]);
     expect(state.data.events).toHaveLength(1);
     expect(state.data.time).toBe(3);
+    const question = { at_s: 3, bus: "field", kind: "question", text: "which?", slots: ["belt"] };
+    state = receive(state, { type: "change", seq: 9, time_s: 3, questions: [question] });
+    state = receive(state, { type: "change", seq: 10, time_s: 4 });
+    expect(state.data.questions).toEqual([question]);
+    state = receive(state, { type: "change", seq: 11, time_s: 4, questions: [] });
+    expect(state.data.questions).toEqual([]);
   });
 
   it("does not believe a change behind a gap, and takes the next snapshot whole", () => {

@@ -20,6 +20,7 @@ export const firstState: State = {
     buses: [],
     slots: [],
     events: [],
+    questions: [],
     time: 0,
     verbs: [],
     lock: { real: false, unlocked_until_s: null },
@@ -94,8 +95,8 @@ function messageReducer(state: State, message: ServerMessage, now: number): Stat
 }
 
 function dataOf(snapshot: Snapshot): Data {
-  const { seq, machine, buses, slots, events, time_s, verbs, lock, role } = snapshot;
-  return { seq, machine, buses, slots, events: events.slice(-MOST_EVENTS), time: time_s, verbs, lock, role };
+  const { seq, machine, buses, slots, events, questions, time_s, verbs, lock, role } = snapshot;
+  return { seq, machine, buses, slots, events: events.slice(-MOST_EVENTS), questions, time: time_s, verbs, lock, role };
 }
 
 /** A change that is not the next one leaves the copy as it is, and says that it is no good any more. */
@@ -111,6 +112,7 @@ function changed(state: State, change: Change): State {
       time: change.time_s,
       slots: mergedSlots(data.slots, change.slots),
       events: mergedEvents(data.events, change.events),
+      questions: change.questions ?? data.questions,
       lock: change.lock ?? data.lock,
     },
   };

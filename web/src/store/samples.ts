@@ -21,6 +21,7 @@ export const snapshot = (change: Partial<Snapshot> = {}): Snapshot => ({
   buses: [{ name: "field", bit_rate: 250000, port: "sim", role: "master", master_id: 127, beneath: null }],
   slots: [slot(), slot({ id: 11, name: "barrier" })],
   events: [],
+  questions: [],
   time_s: 2,
   verbs: [],
   lock: { real: false, unlocked_until_s: null },

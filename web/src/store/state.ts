@@ -37,6 +37,8 @@ export interface Data {
   buses: Bus[];
   slots: Slot[];
   events: Event[];
+  /** That are open. */
+  questions: Event[];
   /** Bus time of the last message. */
   time: number;
   verbs: Verb[];

@@ -5,7 +5,7 @@ import { Network } from "../panes/network/Network";
 import { Slots } from "../panes/slots/Slots";
 import { Trace } from "../panes/trace/Trace";
 import { World } from "../panes/world/World";
-import type { Verb } from "../protocol/messages";
+import type { Data } from "../store/state";
 import type { Pane } from "../store/view";
 import { useData, useView } from "./context";
 
@@ -14,8 +14,10 @@ interface PaneEntry {
   title: string;
   component: ComponentType;
   /** Whether this server can fill it. */
-  there: (verbs: readonly Verb[]) => boolean;
+  there: (data: Data) => boolean;
 }
+
+const has = (verb: string) => (data: Data) => data.verbs.some((entry) => entry.name === verb);
 
 /** The table of panes: a new one is a folder and a line here. */
 const table: PaneEntry[] = [
@@ -25,16 +27,16 @@ const table: PaneEntry[] = [
     name: "dictionary",
     title: "Dictionary",
     component: Dictionary,
-    there: (v) => v.some((e) => e.name === "sdo dump"),
+    there: has("sdo dump"),
   },
-  { name: "network", title: "Network access", component: Network, there: (v) => v.some((e) => e.name === "scan") },
+  { name: "network", title: "Network access", component: Network, there: has("scan") },
   { name: "trace", title: "Trace", component: Trace, there: () => true },
-  { name: "world", title: "World", component: World, there: (v) => v.some((e) => e.name.startsWith("sim ")) },
+  { name: "world", title: "World", component: World, there: (data) => data.machine.simulated },
 ];
 
 export function usePanes(): PaneEntry[] {
-  const verbs = useData((state) => state.data.verbs);
-  return table.filter((entry) => entry.there(verbs));
+  const names = useData((state) => table.filter((entry) => entry.there(state.data)).map((entry) => entry.name));
+  return table.filter((entry) => names.includes(entry.name));
 }
 
 export function PaneTabs() {

@@ -10,14 +10,14 @@ const stepMarks = { done: "✓", now: "▸", later: "·" };
 
 export function SlotInspector({ slot }: { slot: Slot }) {
   const { store } = useStudio();
-  const [events, time, replacing] = useData(
-    (state) => [state.data.events, state.data.time, state.slots.replacing] as const,
+  const [events, questions, time, replacing] = useData(
+    (state) => [state.data.events, state.data.questions, state.data.time, state.slots.replacing] as const,
   );
   const key = slotKey(slot);
   const owner = `slots:${key}`;
   const last = useLastOf(owner);
   const need = needOf(slot);
-  const question = questionOf(slot, events);
+  const question = questionOf(slot, questions);
   const follows = replacing?.slot === key;
   const target = { bus: slot.bus, slot: slot.name };
   const follow = () => store.dispatch({ type: "slots/replacing", replacing: { slot: key, atS: time } });

@@ -93,11 +93,9 @@ export function inNeed(slots: readonly Slot[]): Slot[] {
   return slots.filter((slot) => needOf(slot) !== null);
 }
 
-/** The last question about a slot. Berth answers it by `replace SLOT --device ADDRESS`. */
-export function questionOf(slot: Slot, events: readonly Event[]): Event | null {
-  if (slot.state !== "question") return null;
-  const about = (event: Event) => event.slot === slot.name || (event.slots?.includes(slot.name) ?? false);
-  return events.findLast((event) => event.kind === "question" && event.bus === slot.bus && about(event)) ?? null;
+/** The open question about a slot. Berth takes the answer as `replace SLOT --device ADDRESS`. */
+export function questionOf(slot: Slot, open: readonly Event[]): Event | null {
+  return open.find((event) => event.bus === slot.bus && event.slots?.includes(slot.name)) ?? null;
 }
 
 /** Devices of this slot that were to give up their node-ID and did not come back: they can be forgotten. */

@@ -18,10 +18,11 @@ describe("slots", () => {
     expect(inNeed([slot(), slot({ state: "absent" })])).toHaveLength(1);
   });
 
-  it("find the last question that is about them", () => {
-    const events = [event("question", "old"), { ...event("question", "new"), slot: "", slots: ["barrier", "belt"] }];
-    expect(questionOf(slot({ state: "question" }), events)?.text).toBe("new");
-    expect(questionOf(slot(), events)).toBeNull();
+  it("find the open question that is about them", () => {
+    const other = { ...event("question", "other"), bus: "yard", slots: ["belt"] };
+    const open = [other, event("question", "which?", { slots: ["barrier", "belt"] })];
+    expect(questionOf(slot(), open)?.text).toBe("which?");
+    expect(questionOf(slot({ name: "gate" }), open)).toBeNull();
   });
 
   it("tell which devices can be forgotten", () => {

@@ -23,7 +23,7 @@ export function Trace() {
     if (!rates) return;
     const held = trace.pieces[0]?.batch.first ?? rates.ring.next;
     const from = Math.max(rates.ring.first, held - 1000);
-    if (held > from) socket.send({ type: "frames", id: "old", from, count: held - from, filter: "" });
+    if (held > from) socket.send({ type: "frames", id: "old", from, count: held - from });
   }, [open, known, socket, store]);
   // The filter runs on the server's whole ring, too.
   useEffect(() => {
@@ -31,8 +31,7 @@ export function Trace() {
     const timer = setTimeout(() => {
       const id = `filter ${filter}`;
       store.dispatch({ type: "trace/asked", id });
-      const from = store.get().rates?.ring.first ?? 0;
-      socket.send({ type: "frames", id, from, count: 2000, filter });
+      socket.send({ type: "frames", id, count: 2000, filter });
     }, 200);
     return () => clearTimeout(timer);
   }, [filter, open, socket, store]);
@@ -150,7 +149,7 @@ function List() {
       const from = frameAt(pieces, firstRow);
       const to = frameAt(pieces, lastRow);
       if (!from || !to || to.n - from.n >= 2000) return;
-      socket.send({ type: "frames", id: `words ${from.n}`, from: from.n, count: to.n - from.n + 1, filter: "" });
+      socket.send({ type: "frames", id: `words ${from.n}`, from: from.n, count: to.n - from.n + 1 });
     }, 150);
     return () => clearTimeout(timer);
   }, [paused, firstRow, lastRow, pieces, socket]);

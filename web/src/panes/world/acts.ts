@@ -14,11 +14,11 @@ export const timeActs: WorldAct[] = [
 
 export function deviceActs(device: string): WorldAct[] {
   return [
-    { label: "Unplug", verb: "sim unplug", values: { device } },
-    { label: "Plug in", verb: "sim plug", values: { device } },
-    { label: "Power off", verb: "sim power-off", values: { device } },
-    { label: "Power on", verb: "sim power-on", values: { device } },
-    { label: "Deaf for 5 s", verb: "sim deaf", values: { device, duration: "5 s" } },
-    { label: "Slow by 50 ms", verb: "sim slow", values: { device, latency: "50 ms" } },
+    { label: "Unplug", verb: "sim", values: { action: "unplug", device } },
+    { label: "Plug in", verb: "sim", values: { action: "plug", device } },
+    { label: "Power off", verb: "sim", values: { action: "power-off", device } },
+    { label: "Power on", verb: "sim", values: { action: "power-on", device } },
+    { label: "Deaf for 5 s", verb: "sim", values: { action: "deaf", device, duration: "5 s" } },
+    { label: "Slow by 50 ms", verb: "sim", values: { action: "slow", device, latency: "50 ms" } },
   ];
 }
