@@ -4,6 +4,9 @@
 #include "berth/studio/server_parts.hpp"
 
 #include <fmt/format.h>
+#include <sys/socket.h>
+
+#include <cerrno>
 
 #include <boost/asio/dispatch.hpp>
 #include <boost/asio/post.hpp>
@@ -161,14 +164,16 @@ class Visitor final : public Client {
           words(&request, http::status::service_unavailable, "503: too many requests are under way; try again"));
     watch();
   }
-  // Who leaves before the answer is there ends its request.
+  // Who leaves before the answer is there ends its request. The wait outlasts the answer: it may end at the next
+  // request, which is read already by then, so that there is nothing to look at.
   void watch() {
+    if (std::exchange(watched_, true)) return;
     socket_.socket().async_wait(asio::ip::tcp::socket::wait_read, [self = mine()](Code error) {
+      self->watched_ = false;
       if (error || self->answered_) return;
       char byte = 0;
-      Code problem;
-      const auto got = self->socket_.socket().receive(asio::buffer(&byte, 1), asio::socket_base::message_peek, problem);
-      if (problem || got == 0) self->leave();
+      const auto got = ::recv(self->socket_.socket().native_handle(), &byte, 1, MSG_PEEK | MSG_DONTWAIT);
+      if (got == 0 || (got < 0 && errno != EAGAIN)) self->leave();
     });
   }
   void end(std::shared_ptr<Response> out) {
@@ -202,6 +207,7 @@ class Visitor final : public Client {
   bool served_ = false;  // one request at least
   bool ends_ = false;
   bool answered_ = false;
+  bool watched_ = false;
 };
 
 // ---- WebSocket ----

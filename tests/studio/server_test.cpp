@@ -357,6 +357,19 @@ TEST_F(StudioServer, WhoLeavesEndsItsRequestsAndOneClientHasEightAtMost) {
   EXPECT_EQ(other->next("reply")["status"], 0);
 }
 
+// The wait for a hang-up of the first was still there, and held up the server's thread at the second.
+TEST_F(StudioServer, AConnectionThatIsKeptAsksAgainAndAgain) {
+  auto client = connect();
+  for (int i = 0; i < 3; ++i) {
+    client->say(post(R"({"verb":"report"})"));
+    EXPECT_EQ(client->answer().substr(0, 12), "HTTP/1.1 200") << i;
+    client->in.clear();
+    client->say(head("GET /api/v1/snapshot", bearer()));
+    EXPECT_EQ(client->answer().substr(0, 12), "HTTP/1.1 200") << i;
+    client->in.clear();
+  }
+}
+
 TEST_F(StudioServer, FramesByRangeAndByFilterOverTheWholeRing) {
   auto client = page();
   frames(3000);

@@ -1,0 +1,58 @@
+/** A Berth of its own for each test: a machine of examples/ on the simulator, in a folder that goes with it. */
+import { spawn } from "node:child_process";
+import { mkdtempSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { fileURLToPath } from "node:url";
+
+export const root = fileURLToPath(new URL("../../", import.meta.url));
+const binary = process.env.BERTH_BINARY ?? join(root, "build/test/berth");
+
+/** Paths of machine and plant begin at the repository's root. */
+export async function startBerth(machine, plant, more = []) {
+  const folder = mkdtempSync(join(tmpdir(), "berth-studio-"));
+  const words = ["up", join(root, machine), "--sim", join(root, plant), "--studio=127.0.0.1:0"];
+  const child = spawn(binary, [...words, "--control", join(folder, "control"), ...more], {
+    cwd: folder,
+    env: { ...process.env, XDG_RUNTIME_DIR: folder },
+    stdio: ["ignore", "pipe", "pipe"],
+  });
+  let said = "";
+  const ended = new Promise((resolve) => child.on("exit", (code) => resolve(code)));
+  const url = await new Promise((resolve, reject) => {
+    const hear = (data) => {
+      said += data;
+      const found = /http:\/\/\S+#token=[0-9a-f]+/.exec(said);
+      if (found) resolve(found[0]);
+    };
+    child.stdout.on("data", hear);
+    child.stderr.on("data", hear);
+    child.on("error", reject);
+    child.on("exit", () => reject(new Error(`berth ended before it was there: ${said}`)));
+  });
+  const [address, token] = url.split("#token=");
+  return {
+    url,
+    address,
+    said: () => said,
+    /** Asked past the page, as another program would. */
+    async request(verb, values = {}) {
+      const answer = await fetch(`${address}api/v1/request`, {
+        method: "POST",
+        headers: { Authorization: `Bearer ${token}`, Origin: address.slice(0, -1) },
+        body: JSON.stringify({ verb, arguments: values }),
+      });
+      return answer.json();
+    },
+    async snapshot() {
+      const answer = await fetch(`${address}api/v1/snapshot`, { headers: { Authorization: `Bearer ${token}` } });
+      return answer.json();
+    },
+    async close() {
+      child.kill("SIGTERM");
+      const code = await ended;
+      rmSync(folder, { recursive: true, force: true });
+      return code;
+    },
+  };
+}
