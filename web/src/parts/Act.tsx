@@ -6,11 +6,14 @@ import { act, barrier, useData, useStudio } from "../window/context";
 
 /** The request as a command line, and a button that copies it. */
 export function CommandLine({ verb, values }: { verb: string; values: Record<string, string> }) {
-  const { store } = useStudio();
   const [verbs, file] = useData((state) => [state.data.verbs, state.data.machine.file] as const);
-  const [copied, setCopied] = useState(false);
   const command = commandLine(verb, values, verbs, file);
-  if (command === null) return null;
+  return command === null ? null : <Command command={command} />;
+}
+
+export function Command({ command }: { command: string }) {
+  const { store } = useStudio();
+  const [copied, setCopied] = useState(false);
   const copy = () => {
     void navigator.clipboard.writeText(command).then(() => {
       setCopied(true);
@@ -48,7 +51,7 @@ export function Act({ verb, values, owner, label, primary, then }: ActProps) {
   if (!known) return null;
   const blocked = changes ? why : why === "Not connected." ? why : null;
   const run = () => {
-    act(studio, verb, values, owner);
+    act(studio, [{ verb, values, owner }]);
     then?.();
   };
   return (

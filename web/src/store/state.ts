@@ -16,6 +16,13 @@ export type Connection =
   | { phase: "waiting"; attempt: number; seconds: number }
   | { phase: "refused" };
 
+/** A request that may be sent. */
+export interface Ask {
+  verb: string;
+  values: Record<string, string>;
+  owner: string;
+}
+
 /** A request that was sent, and its answer once it is there. */
 export interface Sent {
   id: string;
@@ -52,8 +59,8 @@ export interface Window {
   treeOpen: boolean;
   inspectorOpen: boolean;
   theme: "system" | "light" | "dark";
-  /** A request that can move a machine and waits for a yes. */
-  confirming: { verb: string; values: Record<string, string>; owner: string } | null;
+  /** Requests that can move a machine and wait for a yes. */
+  confirming: readonly Ask[] | null;
   /** What was copied last, to be said to a screen reader. */
   notice: string;
 }

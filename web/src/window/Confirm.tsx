@@ -1,10 +1,11 @@
 import { useEffect, useRef } from "react";
 import { CommandLine } from "../parts/Act";
-import { useData, useStudio } from "./context";
+import { sendAll, useData, useStudio } from "./context";
 
 /** The only dialog: before something that can move a real machine. */
 export function ConfirmDialog() {
-  const { store, socket } = useStudio();
+  const studio = useStudio();
+  const { store } = studio;
   const confirming = useData((state) => state.window.confirming);
   const dialog = useRef<HTMLDialogElement>(null);
   const close = () => store.dispatch({ type: "window", change: { confirming: null } });
@@ -12,17 +13,20 @@ export function ConfirmDialog() {
     if (confirming) dialog.current?.showModal();
     else dialog.current?.close();
   }, [confirming]);
+  const asks = (confirming ?? []).map((ask) => ({ ...ask, values: { ...ask.values, yes: "1" } }));
+  const first = asks[0];
   const go = () => {
-    if (confirming) socket.request(confirming.verb, { ...confirming.values, yes: "1" }, confirming.owner);
+    if (confirming) sendAll(studio, asks);
     close();
   };
   return (
     <dialog ref={dialog} onClose={close} aria-label="Confirm">
-      {confirming && (
+      {first && (
         <>
           <h2>This can move the machine</h2>
           <p>Look that nobody stands in its way. Then send it.</p>
-          <CommandLine verb={confirming.verb} values={{ ...confirming.values, yes: "1" }} />
+          <CommandLine verb={first.verb} values={first.values} />
+          {asks.length > 1 && <p>The same for {asks.length - 1} more devices.</p>}
           <div className="row">
             <button type="button" autoFocus onClick={close}>
               Do nothing

@@ -1,7 +1,7 @@
 import { createContext, useContext, useRef, useSyncExternalStore } from "react";
 import { createSocket, browserOutside, type Socket } from "../socket/socket";
 import { firstState, reducer } from "../store/reducer";
-import type { Action, State } from "../store/state";
+import type { Action, Ask, State } from "../store/state";
 import { createStore, type Store } from "../store/store";
 import { parseView, type View } from "../store/view";
 
@@ -64,12 +64,35 @@ export function barrier(state: State): string | null {
 const moving =
   /^(nmt|boot|bind|replace|restore|store|send|sdo write|program (download|start|stop|clear)|lss (set|bit|act|move))/;
 
-/** Sends a request, or asks for a yes before one that can move a real machine. */
-export function act(studio: Studio, verb: string, values: Record<string, string>, owner: string): void {
+/** Sends requests, or asks for a yes before those that can move a real machine. */
+export function act(studio: Studio, asks: readonly Ask[]): void {
   const { data } = studio.store.get();
-  if (data.lock.real && moving.test(verb)) {
-    studio.store.dispatch({ type: "window", change: { confirming: { verb, values, owner } } });
+  if (data.lock.real && asks.some(({ verb }) => moving.test(verb))) {
+    studio.store.dispatch({ type: "window", change: { confirming: asks } });
     return;
   }
-  studio.socket.request(verb, values, owner);
+  sendAll(studio, asks);
+}
+
+/** Of a client the server takes eight at once. */
+const MOST_AT_ONCE = 4;
+
+/** One after the other, a few at once. */
+export function sendAll({ store, socket }: Studio, asks: readonly Ask[]): void {
+  const ids = new Set<string>();
+  let next = 0;
+  let busy = false;
+  const open = () => store.get().requests.filter((sent) => ids.has(sent.id) && !sent.done).length;
+  const step = () => {
+    if (busy) return;
+    busy = true;
+    while (next < asks.length && open() < MOST_AT_ONCE) {
+      const ask = asks[next++];
+      if (ask) ids.add(socket.request(ask.verb, ask.values, ask.owner));
+    }
+    busy = false;
+    if (next >= asks.length) forget();
+  };
+  const forget = store.subscribe(step);
+  step();
 }

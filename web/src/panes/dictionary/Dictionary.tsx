@@ -4,7 +4,7 @@ import { Act, Answer, useLastOf } from "../../parts/Act";
 import { visible } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
 import { useData, useStudio, useView } from "../../window/context";
-import { searched, type ObjectRow } from "./reducer";
+import { objectNamed, searched, type ObjectRow } from "./reducer";
 
 export function Dictionary() {
   const [view] = useView();
@@ -17,11 +17,43 @@ export function Dictionary() {
   return (
     <div className="start">
       <p>
-        The objects of <b>{visible(slot.name)}</b> are not read yet.
+        The objects of <b>{visible(slot.name)}</b> are not read yet. One object: type its index and press Enter.
       </p>
+      <Search found={[]} />
       <Act verb="sdo dump" values={values} owner={`dictionary:${view.slot}`} label="Read all objects" primary />
       <Answer sent={last} />
     </div>
+  );
+}
+
+/** Enter goes to the object that is named, or to the first that is found; one that is not read yet is read. */
+function Search({ found }: { found: readonly ObjectRow[] }) {
+  const { store, socket } = useStudio();
+  const [view, setView] = useView();
+  const [search, slot] = useData(
+    (state) => [state.dictionary.search, state.data.slots.find((entry) => slotKey(entry) === view.slot)] as const,
+  );
+  const onKey = (event: KeyboardEvent) => {
+    if (event.key !== "Enter" || !slot) return;
+    const named = objectNamed(search);
+    const first = found.find((row) => row.key === named) ?? found[0];
+    const object = first?.key ?? named;
+    if (!object) return;
+    setView({ object });
+    store.dispatch({ type: "window", change: { inspectorOpen: true } });
+    if (!first) {
+      socket.request("sdo read", { bus: slot.bus, node: slot.name, object }, `dictionary:${view.slot}`);
+    }
+  };
+  return (
+    <input
+      type="search"
+      value={search}
+      placeholder="Search: 1017h, heartbeat, value …"
+      aria-label="Search objects"
+      onChange={(event) => store.dispatch({ type: "dictionary/search", search: event.target.value })}
+      onKeyDown={onKey}
+    />
   );
 }
 
@@ -54,13 +86,7 @@ function Objects({ rows }: { rows: readonly ObjectRow[] }) {
   return (
     <>
       <div className="bar">
-        <input
-          type="search"
-          value={dictionary.search}
-          placeholder="Search: 1017h, heartbeat, value …"
-          aria-label="Search objects"
-          onChange={(event) => store.dispatch({ type: "dictionary/search", search: event.target.value })}
-        />
+        <Search found={found} />
         <label>
           <input
             type="checkbox"
@@ -70,7 +96,7 @@ function Objects({ rows }: { rows: readonly ObjectRow[] }) {
           changed only
         </label>
         <button type="button" onClick={again}>
-          Read all again
+          Read all objects
         </button>
         <span className="number quiet">
           {found.length} of {rows.length}

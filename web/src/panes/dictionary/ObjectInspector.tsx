@@ -1,49 +1,27 @@
-import { Act, Answer, useLastOf } from "../../parts/Act";
+import { Act, Answer, Command, useLastOf } from "../../parts/Act";
+import { commandLine } from "../../protocol/command";
 import type { Slot } from "../../protocol/messages";
 import { visible } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
-import { useData, useStudio } from "../../window/context";
+import { act, barrier, useData, useStudio } from "../../window/context";
+import { idsNamed, type ObjectRow } from "./reducer";
 
 export function ObjectInspector({ slot, object }: { slot: Slot; object: string }) {
   const { store } = useStudio();
   const key = slotKey(slot);
   const owner = `dictionary:${key}`;
-  const [row, draft] = useData(
-    (state) => [state.dictionary.objects[key]?.find((entry) => entry.key === object), state.dictionary.draft] as const,
-  );
+  const [row, draft, devices] = useData((state) => {
+    const { objects, draft, devices } = state.dictionary;
+    return [objects[key]?.find((entry) => entry.key === object), draft, devices] as const;
+  });
   const last = useLastOf(owner);
   const target = { bus: slot.bus, node: slot.name, object };
-  const number = /^-?\d+$/.test(row?.value ?? "") ? Number(row?.value) : null;
   return (
     <section>
       <h2>
         {object} {visible(row?.name ?? "")}
       </h2>
-      {row && (
-        <dl>
-          <div>
-            <dt>Value</dt>
-            <dd className="number">
-              {visible(row.value)}
-              {number !== null && number >= 0 && ` = ${number.toString(16).toUpperCase()}h`}
-            </dd>
-          </div>
-          <div>
-            <dt>Type</dt>
-            <dd>{row.type}</dd>
-          </div>
-          <div>
-            <dt>Bytes</dt>
-            <dd className="number data">{row.bytes.replace(/(..)(?=.)/g, "$1 ")}</dd>
-          </div>
-          {row.abort && (
-            <div>
-              <dt>Abort</dt>
-              <dd className="bad-text">{visible(row.abort)}</dd>
-            </div>
-          )}
-        </dl>
-      )}
+      {row && <RowFacts row={row} />}
       <Act verb="sdo read" values={target} owner={owner} label="Read" />
       <label className="line">
         New value
@@ -53,10 +31,127 @@ export function ObjectInspector({ slot, object }: { slot: Slot; object: string }
           onChange={(event) => store.dispatch({ type: "dictionary/draft", draft: event.target.value })}
         />
       </label>
-      {draft !== "" && (
+      {draft !== "" && <Devices slot={slot} />}
+      {draft !== "" && devices === "" && (
         <Act verb="sdo write" values={{ ...target, value: draft }} owner={owner} label="Write" primary />
       )}
+      {draft !== "" && devices !== "" && <WriteSeveral slot={slot} object={object} value={draft} devices={devices} />}
+      <SeriesAnswer />
       {last?.verb !== "sdo dump" && <Answer sent={last} />}
     </section>
+  );
+}
+
+function RowFacts({ row }: { row: ObjectRow }) {
+  const number = /^-?\d+$/.test(row.value) ? Number(row.value) : null;
+  return (
+    <dl>
+      <div>
+        <dt>Value</dt>
+        <dd className="number">
+          {visible(row.value)}
+          {number !== null && number >= 0 && ` = ${number.toString(16).toUpperCase()}h`}
+        </dd>
+      </div>
+      <div>
+        <dt>Type</dt>
+        <dd>{row.type}</dd>
+      </div>
+      <div>
+        <dt>Bytes</dt>
+        <dd className="number data">{row.bytes.replace(/\s/g, "").replace(/(..)(?=.)/g, "$1 ")}</dd>
+      </div>
+      {row.abort && (
+        <div>
+          <dt>Abort</dt>
+          <dd className="bad-text">{visible(row.abort)}</dd>
+        </div>
+      )}
+    </dl>
+  );
+}
+
+/** For whom the new value is. */
+function Devices({ slot }: { slot: Slot }) {
+  const { store } = useStudio();
+  const [devices, slots] = useData((state) => [state.dictionary.devices, state.data.slots] as const);
+  const alike = slots.filter((entry) => entry.bus === slot.bus && entry.type !== null && entry.type === slot.type);
+  const set = (text: string) => store.dispatch({ type: "dictionary/devices", devices: text });
+  return (
+    <>
+      <label className="line">
+        Devices
+        <input
+          value={devices}
+          placeholder={`${visible(slot.name)} only; or node-IDs: 1-10, 12`}
+          onChange={(event) => set(event.target.value)}
+        />
+      </label>
+      {alike.length > 1 && devices === "" && (
+        <button type="button" className="small" onClick={() => set(alike.map((entry) => entry.id).join(", "))}>
+          All {alike.length} of this type
+        </button>
+      )}
+    </>
+  );
+}
+
+let seriesCount = 0;
+
+function WriteSeveral(props: { slot: Slot; object: string; value: string; devices: string }) {
+  const { slot, object, value, devices } = props;
+  const studio = useStudio();
+  const [slots, verbs, file, why] = useData(
+    (state) => [state.data.slots, state.data.verbs, state.data.machine.file, barrier(state)] as const,
+  );
+  const mine = slots.filter((entry) => entry.bus === slot.bus);
+  const ids = idsNamed(
+    devices,
+    mine.map((entry) => entry.id),
+  );
+  if (!ids?.length) return <p className="hint">Node-IDs of this bus, such as 1-10, 12.</p>;
+  const command = commandLine("sdo write", { bus: slot.bus, node: "NODE", object, value }, verbs, file) ?? "";
+  const loop = `for n in ${ids.join(" ")}; do ${command.replace("write NODE", 'write "$n"')}; done`;
+  const write = () => {
+    const owner = `series ${++seriesCount}`;
+    const asks = ids.map((id) => ({
+      verb: "sdo write",
+      values: { bus: slot.bus, node: String(id), object, value },
+      owner: `${owner} ${slot.bus}/${id}`,
+    }));
+    studio.store.dispatch({ type: "dictionary/series", series: { owner, object, total: ids.length } });
+    act(studio, asks);
+  };
+  return (
+    <div className="act">
+      <button type="button" className="primary" disabled={why !== null} title={why ?? ""} onClick={write}>
+        Write to {ids.length} {ids.length === 1 ? "device" : "devices"}
+      </button>
+      <Command command={loop} />
+      {why && <p className="hint">{why}</p>}
+    </div>
+  );
+}
+
+function SeriesAnswer() {
+  const [series, requests] = useData((state) => [state.dictionary.series, state.requests] as const);
+  if (!series) return null;
+  const mine = requests.filter((sent) => sent.owner.startsWith(`${series.owner} `));
+  const done = mine.filter((sent) => sent.done);
+  const failed = done.filter((sent) => sent.status !== 0);
+  const over = done.length === series.total;
+  const tone = !over ? "busy" : failed.length ? "bad" : "good";
+  return (
+    <div className={`answer ${tone}`} role="status">
+      <p>
+        {over ? (failed.length ? "✕ " : "✓ ") : ""}
+        {series.object}: {done.length - failed.length} of {series.total} written
+      </p>
+      {failed.map((sent) => (
+        <p key={sent.id}>
+          Node {sent.values.node}: {visible(sent.error)}
+        </p>
+      ))}
+    </div>
   );
 }

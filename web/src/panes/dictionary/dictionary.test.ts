@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { firstState, reducer } from "../../store/reducer";
 import type { State } from "../../store/state";
-import { rowsOf, searched } from "./reducer";
+import { idsNamed, objectNamed, rowsOf, searched } from "./reducer";
 
 const object = (index: string, sub: number, value: unknown, name = "") => ({
   index,
@@ -22,6 +22,23 @@ function ask(state: State, id: string, verb: string, reply: unknown): State {
 }
 
 describe("the dictionary", () => {
+  it("takes an object and node-IDs as people write them", () => {
+    const same = ["1018", "1018h", "0x1018", "1018h:00", "1018:0"].map(objectNamed);
+    expect(new Set(same)).toEqual(new Set(["1018h:00"]));
+    expect(objectNamed("1a7f:2")).toBe("1A7Fh:02");
+    expect(objectNamed("heartbeat")).toBeNull();
+    expect(idsNamed("1-3, 12", [1, 2, 4, 12, 13])).toEqual([1, 2, 12]);
+    expect(idsNamed("1-99999", [5, 127])).toBeNull();
+    expect(idsNamed("all", [5])).toBeNull();
+  });
+  it("takes what a writing to several devices answers to each of them", () => {
+    const values = { bus: "field", node: "11" };
+    let state = reducer(firstState, { type: "sent", id: "r1", verb: "sdo write", values, owner: "series 2 field/11" });
+    const reply = object("0x1017", 0, 750);
+    const message = { type: "reply" as const, id: "r1", status: 0, reply, lines: [], error: "" };
+    state = reducer(state, { type: "message", now: 0, message });
+    expect(state.dictionary.objects["field/11"]?.[0]).toMatchObject({ key: "1017h:00", value: "750" });
+  });
   it("is what `sdo dump` read, and `sdo read` changes", () => {
     let state = ask(firstState, "r1", "sdo dump", {
       objects: [object("0x1017", 0, 500, "Producer heartbeat time"), object("0x1018", 4, 1)],

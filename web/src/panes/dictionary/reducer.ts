@@ -19,12 +19,24 @@ export interface DictionaryState {
   /** By the slot's key, then the object's: what it was before the last reading. */
   before: Readonly<Record<string, Readonly<Record<string, string>>>>;
   draft: string;
+  /** Node-IDs that the draft is for: "1-10, 12"; empty: the selected one. */
+  devices: string;
+  /** The last writing to several devices. */
+  series: Series | null;
+}
+
+export interface Series {
+  owner: string;
+  object: string;
+  total: number;
 }
 
 export type DictionaryAction =
   | { type: "dictionary/search"; search: string }
   | { type: "dictionary/changed"; only: boolean }
-  | { type: "dictionary/draft"; draft: string };
+  | { type: "dictionary/draft"; draft: string }
+  | { type: "dictionary/devices"; devices: string }
+  | { type: "dictionary/series"; series: Series };
 
 export const firstDictionary: DictionaryState = {
   search: "",
@@ -32,6 +44,8 @@ export const firstDictionary: DictionaryState = {
   objects: {},
   before: {},
   draft: "",
+  devices: "",
+  series: null,
 };
 
 export function dictionaryReducer(dictionary: DictionaryState, action: Action, state: State): DictionaryState {
@@ -42,8 +56,12 @@ export function dictionaryReducer(dictionary: DictionaryState, action: Action, s
       return { ...dictionary, differencesOnly: action.only };
     case "dictionary/draft":
       return { ...dictionary, draft: action.draft };
+    case "dictionary/devices":
+      return { ...dictionary, devices: action.devices };
+    case "dictionary/series":
+      return { ...dictionary, series: action.series };
     case "view":
-      return action.change.object === undefined ? dictionary : { ...dictionary, draft: "" };
+      return action.change.object === undefined ? dictionary : { ...dictionary, draft: "", devices: "", series: null };
     case "message":
       return action.message.type === "reply" ? withReply(dictionary, action.message.id, state) : dictionary;
     default:
@@ -55,7 +73,7 @@ export function dictionaryReducer(dictionary: DictionaryState, action: Action, s
 function withReply(dictionary: DictionaryState, id: string, state: State): DictionaryState {
   const sent = state.requests.find((entry) => entry.id === id);
   if (!sent?.verb.startsWith("sdo ") || sent.status !== 0) return dictionary;
-  const slot = sent.owner.replace(/^dictionary:/, "");
+  const slot = sent.owner.replace(/^(dictionary:|series \d+ )/, "");
   const rows = rowsOf(sent.reply);
   if (slot === sent.owner || !rows.length) return dictionary;
   const old = dictionary.objects[slot] ?? [];
@@ -84,6 +102,24 @@ function merged(old: readonly ObjectRow[], rows: readonly ObjectRow[]): ObjectRo
       : row;
   });
   return [...next, ...fresh.values()];
+}
+
+/** "1017", "1017h", "0x1018:4", "1018h:04" -> "1018h:04"; null: it is no object. */
+export function objectNamed(text: string): string | null {
+  const match = /^(?:0x)?([0-9a-f]{4})h?(?::([0-9a-f]{1,2})h?)?$/i.exec(text.trim());
+  return match ? `${(match[1] ?? "").toUpperCase()}h:${(match[2] ?? "0").toUpperCase().padStart(2, "0")}` : null;
+}
+
+/** "1-3, 12" -> 1, 2, 3, 12: those of `ids` that it names. Null: it says something else. */
+export function idsNamed(text: string, ids: readonly number[]): number[] | null {
+  const wanted = new Set<number>();
+  for (const word of text.split(/[\s,]+/).filter(Boolean)) {
+    const match = /^(\d{1,3})(?:(?:-|\.\.)(\d{1,3}))?$/.exec(word);
+    if (!match) return null;
+    const last = Math.min(127, Number(match[2] ?? match[1]));
+    for (let id = Number(match[1]); id <= last; id++) wanted.add(id);
+  }
+  return ids.filter((id) => wanted.has(id));
 }
 
 type Json = Record<string, unknown>;

@@ -19,6 +19,8 @@ export function SlotInspector({ slot }: { slot: Slot }) {
   const need = needOf(slot);
   const question = questionOf(slot, questions);
   const follows = replacing?.slot === key;
+  // `replace` before the spare is there: no failure, it waits.
+  const waitsForSpare = follows && last?.verb === "replace" && last.status === 1 && slot.state === "empty";
   const target = { bus: slot.bus, slot: slot.name };
   const follow = () => store.dispatch({ type: "slots/replacing", replacing: { slot: key, atS: time } });
   const replace = (
@@ -39,7 +41,7 @@ export function SlotInspector({ slot }: { slot: Slot }) {
       )}
       {slot.reason && <p className="reason">{visible(slot.reason)}</p>}
       {follows && <Steps slot={slot} events={events} sinceS={replacing.atS} />}
-      <Answer sent={last} />
+      {!waitsForSpare && <Answer sent={last} />}
       <Facts slot={slot} />
       <details className="acts" open={!need}>
         <summary>More acts</summary>
