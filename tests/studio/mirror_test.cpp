@@ -40,12 +40,16 @@ TEST(StudioMirror, AVerbTellsHowTheCommandLineSpellsAnArgument) {
   machine.buses.emplace_back().name = "field";
   const auto verbs = Json::parse(Mirror(machine, true).snapshot(0))["verbs"];
   std::string spelled;
+  bool for_a_person = false;
   for (const auto& verb : verbs) {
+    for (const auto& parameter : verb["parameters"])
+      if (verb["name"] == "program download" && parameter["name"] == "file") for_a_person = true;
     if (verb["name"] != "lss set-node-id") continue;
     for (const auto& parameter : verb["parameters"])
       if (parameter["name"] == "store") spelled = parameter.value("spelled", "");
   }
   EXPECT_EQ(spelled, "--save");
+  EXPECT_FALSE(for_a_person);
 }
 
 }  // namespace

@@ -56,3 +56,13 @@ export async function startBerth(machine, plant, more = []) {
     },
   };
 }
+
+/** Until every slot is operational, but those named; these are `state`, when it is given. */
+export async function operational(berth, but = [], state = "") {
+  const good = (slot) => (but.includes(slot.name) ? !state || slot.state === state : slot.state === "operational");
+  for (;;) {
+    const { slots } = await berth.snapshot();
+    if (slots.every(good)) return;
+    await new Promise((resolve) => setTimeout(resolve, 200));
+  }
+}

@@ -2,7 +2,7 @@ import { chromium } from "playwright-core";
 
 /** Debian's own Chromium; nothing is downloaded. */
 export function launch() {
-  return chromium.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox"] });
+  return chromium.launch({ executablePath: process.env.CHROMIUM || "/usr/bin/chromium", args: ["--no-sandbox"] });
 }
 
 /** A page that reports every error of its console, those of the CSP included. */

@@ -1,39 +1,52 @@
-/** A picture of each pane: node browser/screenshots.mjs [name] -> screenshots/ (needs `npm run build`). */
-import { mkdirSync } from "node:fs";
-import { startMock } from "../mock/server.mjs";
+/**
+ * A picture of each pane of a real Berth on the simulator, light and dark, 1280x800 and a tablet:
+ *   node browser/screenshots.mjs [--docs] [NAME] -> screenshots/   (build/test/berth or $BERTH_BINARY)
+ * --docs: also those that docs/ shows, into docs/studio/.
+ */
+import { copyFileSync, mkdirSync, statSync } from "node:fs";
+import { join } from "node:path";
+import { operational, root, startBerth } from "./berth.mjs";
 import { launch, openPage } from "./open.mjs";
 
 const sizes = [
   { width: 1280, height: 800 },
-  { width: 1024, height: 768 },
   { width: 768, height: 1024, touch: true },
 ];
-const wanted = process.argv[2];
+const words = process.argv.slice(2);
+const forDocs = words[0] === "--docs";
+const wanted = words[forDocs ? 1 : 0];
+/** What docs/studio.md and README.md show: at 1280x800. */
+const shown = { machine: "light", replace: "dark", trace: "light", dictionary: "dark", world: "light" };
 
-async function seconds(page, s) {
-  await page.waitForTimeout(s * 1000);
-}
-
+const button = (page, name) => page.getByRole("button", { name, exact: true });
 const shots = {
-  machine: { hash: "pane=machine", act: (page) => seconds(page, 1.5) },
-  slots: { hash: "pane=slots&slot=field/28", act: (page) => page.locator(".rows tr.needs").first().click() },
-  question: {
+  machine: { hash: "pane=machine", act: (page) => page.locator(".load-plot").waitFor() },
+  slots: { hash: "pane=slots&slot=field/28", act: (page) => page.locator(".inspector h2").first().waitFor() },
+  replace: {
     hash: "pane=slots",
-    act: (page) => page.locator(".rows tr.needs", { hasText: "question" }).first().click(),
-  },
-  trace: {
-    hash: "pane=trace",
     act: async (page) => {
-      await seconds(page, 1.5);
-      await page.locator(".pane .scroll .frame").nth(8).click();
+      await page.locator(".rows tr.needs").first().click();
+      await page.locator(".need-box").waitFor();
     },
   },
-  latest: { hash: "pane=trace&mode=latest&slot=field/7", act: (page) => seconds(page, 1.5) },
-  dictionary: {
-    hash: "pane=dictionary&slot=field/3",
+  trace: {
+    hash: "pane=trace&filter=abort",
     act: async (page) => {
-      await page.getByRole("button", { name: "Read all objects" }).click();
-      await page.getByLabel("Search objects").fill("time");
+      await page.locator(".bar .number", { hasText: "in the whole ring" }).waitFor();
+      await page.locator(".pane .scroll .frame").last().click();
+      await page.locator(".bits .field").first().waitFor();
+    },
+  },
+  latest: {
+    hash: "pane=trace&mode=latest&slot=field/7",
+    act: (page) => page.locator(".frame.latest").nth(20).waitFor(),
+  },
+  dictionary: {
+    hash: "pane=dictionary&slot=field/12",
+    act: async (page) => {
+      await button(page, "Read all objects").click();
+      await page.locator(".object", { hasText: "1017h" }).waitFor();
+      await page.getByLabel("Search objects").fill("heartbeat");
       await page.locator(".object", { hasText: "1017h" }).click();
       await page.getByLabel("New value").fill("600");
     },
@@ -42,46 +55,57 @@ const shots = {
     hash: "pane=network&slot=field/12",
     act: async (page) => {
       await page.locator(".tools").getByRole("button", { name: "scan", exact: true }).click();
-      await page.getByRole("button", { name: "Do: scan" }).click();
-      await seconds(page, 0.3);
+      await button(page, "Do: scan").click();
+      await page.locator(".answer.good").waitFor();
     },
   },
-  boot: { hash: "pane=network", act: () => undefined },
-  world: { hash: "pane=world&slot=field/12", act: () => undefined },
-  palette: { hash: "pane=machine", act: (page) => page.keyboard.press("Control+k") },
+  boot: { hash: "pane=network", act: (page) => page.locator(".boot-log section").first().waitFor() },
+  world: { hash: "pane=world&slot=field/12", act: (page) => button(page, "Unplug").waitFor() },
+  palette: {
+    hash: "pane=machine",
+    act: async (page) => {
+      await page.keyboard.press("Control+k");
+      await page.keyboard.type("drive");
+    },
+  },
 };
+
+async function picture(page, name, size, dark) {
+  const file = `screenshots/${name}-${size.width}-${dark ? "dark" : "light"}.png`;
+  await page.screenshot({ path: file });
+  console.log(file, statSync(file).size);
+  if (!forDocs || size.width !== 1280 || shown[name] !== (dark ? "dark" : "light")) return;
+  mkdirSync(join(root, "docs/studio"), { recursive: true });
+  copyFileSync(file, join(root, `docs/studio/${name}.png`));
+}
 
 mkdirSync("screenshots", { recursive: true });
 const browser = await launch();
-const mock = await startMock({ example: "conveyor", done: true, odd: true });
+const berth = await startBerth("examples/conveyor/machine.toml", "examples/conveyor/plant.toml");
+if (!wanted || wanted === "discovery") {
+  const { page, context } = await openPage(browser, `${berth.url}&pane=machine`);
+  await page.locator('.slot-box[aria-label*="configuring"]').first().waitFor();
+  await picture(page, "discovery", sizes[0], false);
+  await context.close();
+}
+await operational(berth);
+// One that needs somebody, and an SDO that was aborted.
+await berth.request("sdo read", { node: "unloader drive", object: "1A7Fh:02" });
+await berth.request("sim", { action: "unplug", device: "main drive" });
+await operational(berth, ["main drive"], "absent");
 for (const [name, shot] of Object.entries(shots)) {
   if (wanted && wanted !== name) continue;
   for (const size of sizes) {
     for (const dark of [false, true]) {
-      const { page, errors, context } = await openPage(browser, `${mock.url}&${shot.hash}`, { ...size, dark });
+      const { page, errors, context } = await openPage(browser, `${berth.url}&${shot.hash}`, { ...size, dark });
+      page.setDefaultTimeout(30_000);
       await page.waitForSelector(".tabs");
-      await page.waitForFunction(() => document.querySelectorAll(".event").length > 0 || window.innerWidth < 900);
       await shot.act(page);
-      await seconds(page, 0.2);
-      const file = `screenshots/${name}-${size.width}-${dark ? "dark" : "light"}.png`;
-      await page.screenshot({ path: file });
-      console.log(file, errors.length ? errors : "");
+      await picture(page, name, size, dark);
+      if (errors.length) throw new Error(`${name}: ${errors.join("; ")}`);
       await context.close();
     }
   }
 }
-await mock.close();
-
-if (!wanted || wanted === "discovery") {
-  const blank = await startMock({ example: "conveyor", rate: 2000 });
-  for (const dark of [false, true]) {
-    const { page, context } = await openPage(browser, `${blank.url}&pane=machine`, { dark });
-    await seconds(page, 1);
-    const wait = dark ? 1.2 : 0.3;
-    await seconds(page, wait);
-    await page.screenshot({ path: `screenshots/discovery-1280-${dark ? "dark" : "light"}.png` });
-    await context.close();
-  }
-  await blank.close();
-}
 await browser.close();
+await berth.close();

@@ -152,6 +152,7 @@ export class MockMachine {
       verbs: this.lock.real ? verbs.filter((verb) => !verb.name.startsWith("world ")) : verbs,
       lock: this.lock,
       role: this.role,
+      world: this.world(),
     };
   }
 
@@ -167,6 +168,10 @@ export class MockMachine {
     return { time_s: this.time, slots: [...slots], events, ...more };
   }
 
+  world() {
+    return this.lock.real ? null : { paused: !this.running, speed: this.speed, time_s: this.time };
+  }
+
   rates() {
     const each = this.running ? (this.rate * this.speed) / this.buses.length : 0;
     return {
@@ -178,6 +183,7 @@ export class MockMachine {
       })),
       ring: { first: this.ringFirst, next: this.next },
       left_out: 0,
+      world: this.world(),
     };
   }
 

@@ -7,8 +7,7 @@ import { act, barrier, useData, useStudio } from "../window/context";
 /** The request as a command line, and a button that copies it. */
 export function CommandLine({ verb, values }: { verb: string; values: Record<string, string> }) {
   const [verbs, file] = useData((state) => [state.data.verbs, state.data.machine.file] as const);
-  const command = commandLine(verb, values, verbs, file);
-  return command === null ? null : <Command command={command} />;
+  return <Command command={commandLine(verb, values, verbs, file)} />;
 }
 
 export function Command({ command }: { command: string }) {

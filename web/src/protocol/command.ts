@@ -29,14 +29,13 @@ function escaped(word: string): string {
   });
 }
 
-/** What a person would type for this request. Null for what the command line does not have. */
+/** What a person would type for this request. */
 export function commandLine(
   verb: string,
   values: Record<string, string>,
   table: readonly Verb[],
   machineFile: string,
-): string | null {
-  if (verb.startsWith("world ")) return null;
+): string {
   const machine = machineFile ? ["-m", quoted(machineFile)] : [];
   if (verb === "sim") return ["berth sim", ...simWords(values), ...machine].join(" ");
   const parameters = table.find((entry) => entry.name === verb)?.parameters ?? [];

@@ -66,6 +66,14 @@ export interface Lock {
   unlocked_until_s: number | null;
 }
 
+/** The time of a simulated world. */
+export interface WorldTime {
+  paused: boolean;
+  /** World time beside the clock's. */
+  speed: number;
+  time_s: number;
+}
+
 export type Role = "view" | "operate" | "configure";
 
 export interface Snapshot {
@@ -81,6 +89,8 @@ export interface Snapshot {
   verbs: Verb[];
   lock: Lock;
   role: Role;
+  /** Null: the machine is not simulated. */
+  world?: WorldTime | null;
 }
 
 export interface Change {
@@ -92,6 +102,7 @@ export interface Change {
   /** All that are open, when they changed. */
   questions?: Event[];
   lock?: Lock;
+  world?: WorldTime | null;
 }
 
 export interface Reply {
@@ -130,6 +141,7 @@ export interface Rates {
   buses: { bus: string; frames_per_s: number; load: number }[];
   ring: { first: number; next: number };
   left_out: number;
+  world?: WorldTime | null;
 }
 
 export type ServerMessage = Snapshot | Change | Reply | Frames | Rates;

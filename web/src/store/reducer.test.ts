@@ -29,6 +29,13 @@ describe("the copy of the server's truth", () => {
     expect(state.data.questions).toEqual([]);
   });
 
+  it("has the time of the world also while nothing changes", () => {
+    const world = { paused: true, speed: 2, time_s: 9 };
+    let state = receive(firstState, snapshot());
+    state = receive(state, { type: "rates", buses: [], ring: { first: 0, next: 0 }, left_out: 0, world });
+    expect(state.data).toMatchObject({ time: 9, world });
+  });
+
   it("does not believe a change behind a gap, and takes the next snapshot whole", () => {
     let state = receive(firstState, snapshot());
     state = receive(state, { type: "change", seq: 9, time_s: 3, slots: [slot({ state: "failed" })] });

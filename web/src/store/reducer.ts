@@ -21,6 +21,7 @@ export const firstState: State = {
     slots: [],
     events: [],
     questions: [],
+    world: null,
     time: 0,
     verbs: [],
     lock: { real: false, unlocked_until_s: null },
@@ -88,15 +89,27 @@ function messageReducer(state: State, message: ServerMessage, now: number): Stat
       return { ...state, requests: answered(state.requests, message.id, { status, reply, lines, error }) };
     }
     case "rates":
-      return { ...state, rates: message, loads: withLoads(state.loads, message, now) };
+      return { ...withTime(state, message), rates: message, loads: withLoads(state.loads, message, now) };
     case "frames":
       return state;
   }
 }
 
 function dataOf(snapshot: Snapshot): Data {
-  const { seq, machine, buses, slots, events, questions, time_s, verbs, lock, role } = snapshot;
-  return { seq, machine, buses, slots, events: events.slice(-MOST_EVENTS), questions, time: time_s, verbs, lock, role };
+  const { seq, machine, buses, slots, events, questions, time_s, verbs, lock, role, world = null } = snapshot;
+  return {
+    seq,
+    machine,
+    buses,
+    slots,
+    events: events.slice(-MOST_EVENTS),
+    questions,
+    world,
+    time: time_s,
+    verbs,
+    lock,
+    role,
+  };
 }
 
 /** A change that is not the next one leaves the copy as it is, and says that it is no good any more. */
@@ -114,8 +127,14 @@ function changed(state: State, change: Change): State {
       events: mergedEvents(data.events, change.events),
       questions: change.questions ?? data.questions,
       lock: change.lock ?? data.lock,
+      world: change.world ?? data.world,
     },
   };
+}
+
+/** Time goes on also while nothing changes. */
+function withTime(state: State, { world }: Rates): State {
+  return world ? { ...state, data: { ...state.data, world, time: world.time_s } } : state;
 }
 
 function mergedSlots(slots: Slot[], news: Slot[] | undefined): Slot[] {

@@ -1,5 +1,16 @@
 import type { Batch } from "../protocol/batch";
-import type { Bus, Event, Lock, Machine, Rates, Role, ServerMessage, Slot, Verb } from "../protocol/messages";
+import type {
+  Bus,
+  Event,
+  Lock,
+  Machine,
+  Rates,
+  Role,
+  ServerMessage,
+  Slot,
+  Verb,
+  WorldTime,
+} from "../protocol/messages";
 import type { DictionaryAction, DictionaryState } from "../panes/dictionary/reducer";
 import type { MachineState } from "../panes/machine/reducer";
 import type { NetworkAction, NetworkState } from "../panes/network/reducer";
@@ -46,6 +57,7 @@ export interface Data {
   events: Event[];
   /** That are open. */
   questions: Event[];
+  world: WorldTime | null;
   /** Bus time of the last message. */
   time: number;
   verbs: Verb[];

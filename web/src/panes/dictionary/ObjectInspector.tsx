@@ -110,7 +110,7 @@ function WriteSeveral(props: { slot: Slot; object: string; value: string; device
     mine.map((entry) => entry.id),
   );
   if (!ids?.length) return <p className="hint">Node-IDs of this bus, such as 1-10, 12.</p>;
-  const command = commandLine("sdo write", { bus: slot.bus, node: "NODE", object, value }, verbs, file) ?? "";
+  const command = commandLine("sdo write", { bus: slot.bus, node: "NODE", object, value }, verbs, file);
   const loop = `for n in ${ids.join(" ")}; do ${command.replace("write NODE", 'write "$n"')}; done`;
   const write = () => {
     const owner = `series ${++seriesCount}`;

@@ -46,7 +46,13 @@ function Drawing({ width }: { width: number }) {
         <g key={bus.name}>
           <BusLine bus={bus} slots={mine} layout={layout} width={width} />
           {mine.map((slot, i) => (
-            <SlotBox key={slotKey(slot)} slot={slot} place={layout.places[i]} above={i % 2 === 0} />
+            <SlotBox
+              key={slotKey(slot)}
+              slot={slot}
+              place={layout.places[i]}
+              width={layout.boxWidth}
+              above={i % 2 === 0}
+            />
           ))}
           <Devices devices={devices} slots={mine} layout={layout} width={width} />
         </g>
@@ -78,7 +84,14 @@ function BusLine({ bus, slots, layout, width }: { bus: Bus; slots: Slot[]; layou
   );
 }
 
-function SlotBox({ slot, place, above }: { slot: Slot; place: Place | undefined; above: boolean }) {
+interface SlotBoxProps {
+  slot: Slot;
+  place: Place | undefined;
+  width: number;
+  above: boolean;
+}
+
+function SlotBox({ slot, place, width, above }: SlotBoxProps) {
   const [view, setView] = useView();
   if (!place) return null;
   const key = slotKey(slot);
@@ -96,18 +109,18 @@ function SlotBox({ slot, place, above }: { slot: Slot; place: Place | undefined;
       onKeyDown={(event) => (event.key === "Enter" || event.key === " ") && select()}
     >
       <title>{`${visible(slot.name)}: ${slot.state}${slot.reason ? `, ${visible(slot.reason)}` : ""}`}</title>
-      <path className="stub" d={`M${BOX.width / 2} ${above ? BOX.height : 0}v${above ? 12 : -12}`} />
-      <rect className="frame-box" width={BOX.width} height={BOX.height} rx="2" />
-      <text className="box-name" x="6" y="15">
-        {shortened(visible(slot.name))}
-      </text>
+      <path className="stub" d={`M${Math.round(width / 2)} ${above ? BOX.height : 0}v${above ? 12 : -12}`} />
+      <rect className="frame-box" width={width} height={BOX.height} rx="2" />
+      <foreignObject x="6" y="2" width={width - 10} height="18">
+        <div className="box-name">{visible(slot.name)}</div>
+      </foreignObject>
       <text className="box-id" x="6" y="31">
         {slot.id}
       </text>
       <text className="box-state" x="30" y="31">
         {shortState[slot.state] ?? slot.state}
       </text>
-      <g key={slot.state} className="changed" transform={`translate(${BOX.width - 19} 20)`}>
+      <g key={slot.state} className="changed" transform={`translate(${width - 19} 20)`}>
         <StateShape state={slot.state} />
       </g>
     </g>
@@ -120,10 +133,6 @@ const shortState: Record<string, string> = {
   "power cycle needed": "power",
   "wrong type": "wrong",
 };
-
-function shortened(name: string): string {
-  return name.length > 13 ? `${name.slice(0, 12)}…` : name;
-}
 
 interface DevicesProps {
   devices: FoundDevice[];

@@ -177,7 +177,7 @@ function List() {
         <span>Time</span>
         <span>Bus</span>
         <span>Identifier</span>
-        <span>Dir</span>
+        <span title="→ sent by Berth, ← received" />
         <span>Data</span>
         <span>Meaning</span>
       </div>

@@ -3,11 +3,14 @@ import { StateWord } from "../../parts/StateMark";
 import { visible } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
 import { useData, useView } from "../../window/context";
-import { deviceActs, timeActs } from "./acts";
+import { busAct, deviceActs, timeActs } from "./acts";
 
 export function World() {
   const [view, setView] = useView();
-  const [slots, time] = useData((state) => [state.data.slots, state.data.time] as const);
+  const [slots, buses, time, world] = useData(
+    (state) => [state.data.slots, state.data.buses, state.data.time, state.data.world] as const,
+  );
+  const damages = useData((state) => state.data.verbs.some((entry) => entry.name === busAct("").verb));
   const slot = slots.find((entry) => slotKey(entry) === view.slot);
   const last = useLastOf("world");
   return (
@@ -15,7 +18,9 @@ export function World() {
       <div className="scroll" tabIndex={0} role="region" aria-label="World">
         <div className="form">
           <h2>Time</h2>
-          <p className="number">t = {time.toFixed(3)} s</p>
+          <p className="number">
+            t = {time.toFixed(3)} s{world && `, ${world.paused ? "paused" : "running"}, × ${world.speed}`}
+          </p>
           <div className="row">
             {timeActs.map((entry) => (
               <Act key={entry.label} verb={entry.verb} values={entry.values} owner="world" label={entry.label} />
@@ -32,6 +37,11 @@ export function World() {
           ) : (
             <p className="hint">Select a device: it can be unplugged, switched off, made slow or deaf.</p>
           )}
+          {damages && <h2>{buses.length > 1 ? "Buses" : "Bus"}</h2>}
+          {buses.map((bus) => {
+            const { label, verb, values } = busAct(bus.name);
+            return <Act key={bus.name} verb={verb} values={values} owner="world" label={visible(label)} />;
+          })}
           <Answer sent={last} />
         </div>
       </div>

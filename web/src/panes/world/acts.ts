@@ -12,6 +12,11 @@ export const timeActs: WorldAct[] = [
   { label: "× 10", verb: "world speed", values: { factor: "10" } },
 ];
 
+/** The next frame of a bus is damaged: receivers see an error, and it is repeated. */
+export function busAct(bus: string): WorldAct {
+  return { label: `Damage a frame on ${bus}`, verb: "world damage", values: { bus } };
+}
+
 export function deviceActs(device: string): WorldAct[] {
   return [
     { label: "Unplug", verb: "sim", values: { action: "unplug", device } },
