@@ -57,12 +57,17 @@ export async function startBerth(machine, plant, more = []) {
   };
 }
 
-/** Until every slot is operational, but those named; these are `state`, when it is given. */
-export async function operational(berth, but = [], state = "") {
-  const good = (slot) => (but.includes(slot.name) ? !state || slot.state === state : slot.state === "operational");
-  for (;;) {
+const LOOKS = 600;
+
+/** Until every slot is operational, but those named; with `gone` until these are not. */
+export async function operational(berth, but = [], gone = false) {
+  let others = [];
+  for (let look = 0; look < LOOKS; look++) {
     const { slots } = await berth.snapshot();
-    if (slots.every(good)) return;
+    const good = (slot) => (slot.state === "operational") !== (gone && but.includes(slot.name));
+    others = slots.filter((slot) => !good(slot) && (gone || !but.includes(slot.name)));
+    if (!others.length) return;
     await new Promise((resolve) => setTimeout(resolve, 200));
   }
+  throw new Error(`not operational: ${others.map((slot) => `${slot.name}: ${slot.state}`).join(", ")}`);
 }

@@ -92,7 +92,7 @@ await operational(berth);
 // One that needs somebody, and an SDO that was aborted.
 await berth.request("sdo read", { node: "unloader drive", object: "1A7Fh:02" });
 await berth.request("sim", { action: "unplug", device: "main drive" });
-await operational(berth, ["main drive"], "absent");
+await operational(berth, ["main drive"], true);
 for (const [name, shot] of Object.entries(shots)) {
   if (wanted && wanted !== name) continue;
   for (const size of sizes) {
