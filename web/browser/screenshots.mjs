@@ -3,10 +3,11 @@
  *   node browser/screenshots.mjs [--docs] [NAME] -> screenshots/   (build/test/berth or $BERTH_BINARY)
  * --docs: also those that docs/ shows, into docs/studio/.
  */
-import { copyFileSync, mkdirSync, statSync } from "node:fs";
+import { mkdirSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { operational, root, startBerth } from "./berth.mjs";
 import { launch, openPage } from "./open.mjs";
+import { smaller } from "./png.mjs";
 
 const sizes = [
   { width: 1280, height: 800 },
@@ -72,11 +73,12 @@ const shots = {
 
 async function picture(page, name, size, dark) {
   const file = `screenshots/${name}-${size.width}-${dark ? "dark" : "light"}.png`;
-  await page.screenshot({ path: file });
-  console.log(file, statSync(file).size);
+  const png = smaller(await page.screenshot());
+  writeFileSync(file, png);
+  console.log(file, png.length);
   if (!forDocs || size.width !== 1280 || shown[name] !== (dark ? "dark" : "light")) return;
   mkdirSync(join(root, "docs/studio"), { recursive: true });
-  copyFileSync(file, join(root, `docs/studio/${name}.png`));
+  writeFileSync(join(root, `docs/studio/${name}.png`), png);
 }
 
 mkdirSync("screenshots", { recursive: true });

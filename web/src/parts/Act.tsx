@@ -12,7 +12,10 @@ export function CommandLine({ verb, values }: { verb: string; values: Record<str
 
 export function Command({ command }: { command: string }) {
   const { store } = useStudio();
+  const file = useData((state) => state.data.machine.file);
   const [copied, setCopied] = useState(false);
+  // The whole path is copied, and its end is shown.
+  const shown = file ? command.replace(file, file.slice(file.lastIndexOf("/") + 1)) : command;
   const copy = () => {
     void navigator.clipboard.writeText(command).then(() => {
       setCopied(true);
@@ -22,7 +25,7 @@ export function Command({ command }: { command: string }) {
   };
   return (
     <div className="command">
-      <code title="The same as a command">{visible(command)}</code>
+      <code title={visible(command)}>{visible(shown)}</code>
       <button type="button" className="small" onClick={copy} aria-label={`Copy command: ${visible(command)}`}>
         {copied ? "Copied" : "Copy"}
       </button>

@@ -53,7 +53,7 @@ export function needOf(slot: Slot): Need | null {
         act: "replace",
       };
     case "empty":
-      return { what: "No device has been here yet.", todo: "Plug in a device of the slot's type.", act: null };
+      return { what: "This slot has no device.", todo: "Plug in a device of the slot's type.", act: null };
     case "question":
       return {
         what: "Berth cannot decide which device belongs here.",
