@@ -178,13 +178,12 @@ await check(
   },
 );
 
-await check("history, locate", { machine: "five", fresh: true, hash: "&pane=slots" }, async (page, berth, by) => {
-  await by.row("s2").click();
-  await page.locator(".acts summary").click();
+await check("history, locate", { machine: "belt", hash: "&pane=slots" }, async (page, berth, by) => {
+  await by.row("barrier").click();
   await by.button("Who sat here before").click();
-  await page.locator(".answer.good", { hasText: "history" }).waitFor();
+  await page.locator(".answer.good", { hasText: "declared" }).waitFor();
   await by.button("Locate: let it flicker").click();
-  await page.locator(".answer", { hasText: "locate" }).waitFor();
+  await page.locator(".answer:not(.busy)", { hasText: "locate" }).waitFor();
 });
 
 // ---- dictionary ----
