@@ -221,6 +221,8 @@ await check("a service is asked by its form", { hash: "&pane=network&slot=field/
   await page.locator(".tools").getByRole("button", { name: "scan", exact: true }).click();
   await page.getByRole("button", { name: "Do: scan" }).click();
   await page.locator(".answer.good", { hasText: "unloader drive" }).waitFor();
+  // A long line scrolls in its own box.
+  assert.ok(await page.locator(".columns .scroll").evaluate((box) => box.scrollWidth <= box.clientWidth));
 });
 
 await check(

@@ -20,12 +20,12 @@ export function LoadPlot({ width }: { width: number }) {
     plot.current = new uPlot(
       {
         width,
-        height: 110,
+        height: 118,
         legend: { show: false },
         cursor: { show: false },
         scales: { x: { time: false }, y: { range: [0, 100] } },
         axes: [
-          { ...axis, size: 22, values: (_, ticks) => ticks.map((t) => `${t} s`) },
+          { ...axis, size: 30, values: (_, ticks) => ticks.map((t) => `${t} s`) },
           { ...axis, size: 46, values: (_, ticks) => ticks.map((t) => `${t} %`) },
         ],
         series: [
