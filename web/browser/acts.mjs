@@ -178,7 +178,7 @@ await check(
   },
 );
 
-await check("history, locate", { machine: "belt", hash: "&pane=slots" }, async (page, berth, by) => {
+await check("history, locate", { machine: "belt", fresh: true, hash: "&pane=slots" }, async (page, berth, by) => {
   await by.row("barrier").click();
   await by.button("Who sat here before").click();
   await page.locator(".answer.good", { hasText: "declared" }).waitFor();
