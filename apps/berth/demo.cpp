@@ -41,13 +41,14 @@ class Comments {
 };
 
 Story story() {
-  return {{"-- Five devices without node-IDs on a simulated bus, those of paper 1.",
-           "-- Berth finds them, gives each its node-ID, and starts them."},
-          Comments(),
-          {"-- Next: examples/five-slaves.toml is this machine, five-slaves.plant.toml its",
-           "-- devices. Change a serial number, unplug one, and try:",
-           fmt::format("  {} up examples/five-slaves.toml --sim examples/five-slaves.plant.toml",
-                       program_invocation_name)}};
+  return {
+      {"-- Five devices without node-IDs on a simulated bus, those of paper 1.",
+       "-- Berth finds them, gives each its node-ID, and starts them."},
+      Comments(),
+      {"-- Next: examples/five-slaves.toml is this machine, five-slaves.plant.toml its",
+       "-- devices. Change a serial number, unplug one, and try:",
+       fmt::format("  {} up examples/five-slaves.toml --sim examples/five-slaves.plant.toml", program_invocation_name),
+       fmt::format("-- The same in the browser: {} demo --studio", program_invocation_name)}};
 }
 
 int run_demo(const Options& options) {
@@ -61,9 +62,10 @@ void add_demo(Verb& berth, Options& options) {
                               [&options] { return run_demo(options); });
   json_flag(demo, options);
   world_words(demo, options);
-  drive_words(demo, options);
+  const Word fast = drive_words(demo, options);
+  studio_words(demo, options, fast);
   demo.footer(
-      "Examples:\n  berth demo\n  berth demo --fast --until replaced --json\n"
+      "Examples:\n  berth demo\n  berth demo --fast --until replaced --json\n  berth demo --studio\n"
       "A machine of your own: berth help init, berth help up.");
 }
 

@@ -10,6 +10,7 @@
 #include "gateway.hpp"
 #include "plant_commands.hpp"
 #include "studio_host.hpp"
+#include "world_time.hpp"
 
 namespace berth::cli {
 
@@ -111,6 +112,7 @@ namespace {
 
 /// What is served beside the main job, in real time. A dry run has none of it.
 struct Beside {
+  std::unique_ptr<WorldTime> time;  // before who asks for it
   std::unique_ptr<command::ControlServer> server;
   std::unique_ptr<GatewayHost> gateway;
   std::unique_ptr<StudioHost> studio;
@@ -118,7 +120,8 @@ struct Beside {
   std::unique_ptr<Asker> asker;
 };
 
-rt::Task<void> answer(Rig& rig, const command::Request& request, command::Reply& reply) {
+rt::Task<void> answer(Rig& rig, WorldTime* time, const command::Request& request, command::Reply& reply) {
+  if (time != nullptr && WorldTime::is_its(request)) co_return co_await time->carry_out(request, reply);
   if (request.verb != plant_verb) co_return co_await command::execute(rig.session(), request, reply);
   reply = do_in_plant({rig.world(), &rig.plant(), &rig.session()}, request);
 }
@@ -132,10 +135,12 @@ tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Optio
     beside.saves = std::make_unique<FirstSaves>(rig.session(), say, options.yes);
   }
   if (rig.loop() == nullptr) return beside;
+  beside.time = std::make_unique<WorldTime>(rig);
+  const auto carry = [&rig, time = beside.time.get()](const command::Request& request, command::Reply& reply) {
+    return answer(rig, time, request, reply);
+  };
   if (!control.empty()) {
-    auto listening = command::ControlServer::listen(
-        control, *rig.loop(),
-        [&rig](const command::Request& request, command::Reply& reply) { return answer(rig, request, reply); });
+    auto listening = command::ControlServer::listen(control, *rig.loop(), carry);
     if (!listening) return tl::unexpected(failure(Exit::failed, listening.error()));
     beside.server = std::move(*listening);
     auto* const server = beside.server.get();
@@ -152,9 +157,7 @@ tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Optio
     screen.line("CiA 309-3 gateway at " + beside.gateway->where());
   }
   if (options.offers.studio.offered() && !options.dry_run) {
-    auto host = StudioHost::start(
-        rig, options, control,
-        [&rig](const command::Request& request, command::Reply& reply) { return answer(rig, request, reply); });
+    auto host = StudioHost::start(rig, options, control, carry);
     if (!host) return tl::unexpected(host.error());
     beside.studio = std::move(*host);
     if (options.json) print_error("Berth Studio at " + beside.studio->address());
@@ -201,6 +204,8 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
   const auto over = [&] {
     screen.refresh();
     rig.record().settle();
+    if (beside->time) beside->time->between();
+    if (beside->studio) beside->studio->look();
     if (interrupt.noticed()) {
       how = Ended::interrupted;
     } else if (ending.reached() || rig.guards().dry_run_over()) {
@@ -211,12 +216,33 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
     return how != Ended::timeout || ending.hopeless();
   };
   rig.driver().run_until(over, rig.driver().later(allowed(ending, options, real_time)));
+  if (beside->time) beside->time->let_go();
   screen.refresh(true);
   rig.record().follow({}, {});
   rig.record().on_trouble({});
   rig.session().on_event({});
   rig.session().on_milestone({});
   return how;
+}
+
+tl::expected<void, Failure> serve_bench(Rig& rig, const Options& options) {
+  auto host = StudioHost::start(
+      rig, options, options.control,
+      [&rig](const command::Request& request, command::Reply& reply) { return answer(rig, nullptr, request, reply); });
+  if (!host) return tl::unexpected(host.error());
+  rig.session().on_event([&](const operate::Event& event) {
+    (*host)->event(event);
+    print_line(options.json ? operate::to_json(event) : operate::to_line(event));
+  });
+  if (options.json) print_error("Berth Studio at " + (*host)->address());
+  if (!options.json) print_line("Berth Studio at " + (*host)->address());
+  const auto records = [&rig] {
+    rig.record().settle();
+    return false;
+  };
+  wait_until(rig.driver(), rig.interrupt(), records, rt::Duration::max());
+  rig.session().on_event({});
+  return {};
 }
 
 }  // namespace berth::cli

@@ -51,5 +51,7 @@ enum class Ended : std::uint8_t { reached, settled, timeout, interrupted };
 /// a signal; in simulated time it also ends when it is settled.
 [[nodiscard]] tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, const Options& options,
                                                  const std::string& control);
+/// Studio's server for a rig whose main job does not run, until a signal comes; it prints its address and the events.
+[[nodiscard]] tl::expected<void, Failure> serve_bench(Rig& rig, const Options& options);
 
 }  // namespace berth::cli

@@ -53,6 +53,8 @@ class Record {
   using Take = std::function<void(const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master)>;
   void on_frame(Take take) { frames_ = std::move(take); }
   void frame(const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master);
+  /// Frames that came, ever.
+  [[nodiscard]] std::uint64_t seen() const noexcept { return seen_; }
   /// Takes, once, that the file takes nothing: what, where, what to do. Empty: standard error, as at the beginning.
   void on_trouble(std::function<void(const std::string& line)> tell) { tell_ = std::move(tell); }
   /// What came is in the file, so that it can be followed.
@@ -72,6 +74,7 @@ class Record {
   std::function<void(const std::string&)> take_;
   std::function<void(const std::string&)> tell_;
   Take frames_;
+  std::uint64_t seen_ = 0;
   std::string path_;
   int log_ = -1;
   std::string lines_;          // that are not in the file yet

@@ -1,5 +1,5 @@
 // `berth sim plug`, `unplug`, `power`, `reset`, `fault`, `devices`: what a person does to a simulated machine that
-// another process runs, asked of that process by its control socket.
+// another process runs, asked of that process by its control socket. And `berth world`.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -7,10 +7,12 @@
 #include <nlohmann/json.hpp>
 
 #include "berth/command/control.hpp"
+#include "berth/command/verbs.hpp"
 #include "berth/text/quantity.hpp"
 #include "machine_file.hpp"
 #include "plant_commands.hpp"
 #include "ports.hpp"
+#include "request_verb.hpp"
 #include "verbs.hpp"
 
 namespace berth::cli {
@@ -164,7 +166,35 @@ void add_fault(const Verb& sim, Options& options) {
       "  berth sim fault disturb id=0x705 bit_from_end=0 kind=dominant nodes=master");
 }
 
+/// The word that the table has for it, if any; it is not required, or it is the verb's only one.
+void add_world_verb(const Verb& world, Options& options, const std::string& name, const std::string& example) {
+  const std::string verb = "world " + name;
+  const auto request = std::make_shared<command::Request>(command::Request{verb, {}});
+  const Verb made = world.add(name, help_of(verb), [&options, request] { return ask_plant(options, *request); });
+  for (const auto& parameter : command::verb(verb)->parameters) {
+    if (parameter.form != command::Form::word) continue;
+    const std::string key(parameter.name);
+    Word word = made.word(
+        key, [request, key](const std::string& text) { request->arguments[key] = text; }, std::string(parameter.help));
+    if (parameter.required) word.required();
+  }
+  running_words(made, options);
+  made.footer("Example:\n  " + example);
+}
+
 }  // namespace
+
+void add_world(Verb& berth, Options& options) {
+  const Verb world = berth.group("world", "the time of a simulated machine that runs: pause, step, speed");
+  world.footer(
+      "Examples:\n  berth world pause -m machine.toml\n  berth world step 10 -m machine.toml\n"
+      "The machine runs in another terminal: berth up MACHINE --sim PLANT --pace");
+  add_world_verb(world, options, "pause", "berth world pause -m machine.toml");
+  add_world_verb(world, options, "run", "berth world run -m machine.toml");
+  add_world_verb(world, options, "step", "berth world step 10 -m machine.toml");
+  add_world_verb(world, options, "speed", "berth world speed 0.1 -m machine.toml");
+  add_world_verb(world, options, "damage", "berth world damage 3 --bus field -m machine.toml");
+}
 
 void add_running_plant(const Verb& sim, Options& options) {
   add_device_verb(sim, options, "plug", "onto the bus and powered", "berth sim plug s2 machine.toml");

@@ -19,8 +19,11 @@ std::optional<Failure> studio_refused(const Options& options) {
   if (!options.offers.studio.named() || io::parse_endpoint(options.offers.studio.where, studio::default_port)) {
     return std::nullopt;
   }
-  return failure(Exit::usage, fmt::format("--studio={}: write --studio, or --studio=HOST:PORT such as 127.0.0.1:{}",
-                                          options.offers.studio.where, studio::default_port));
+  return failure(
+      Exit::usage,
+      fmt::format(
+          "--studio={}: write --studio, or --studio=HOST:PORT (`berth studio --listen HOST:PORT`) such as 127.0.0.1:{}",
+          options.offers.studio.where, studio::default_port));
 }
 
 class StudioHost::Impl {
@@ -55,6 +58,7 @@ tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(Rig& rig, c
 
 std::string StudioHost::address() const { return impl_->server().address(); }
 void StudioHost::event(const operate::Event& event) { impl_->server().event(event); }
+void StudioHost::look() { impl_->server().look(); }
 
 #else
 
@@ -72,6 +76,7 @@ tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(Rig&, const
 
 std::string StudioHost::address() const { return {}; }
 void StudioHost::event(const operate::Event&) {}
+void StudioHost::look() {}
 
 #endif
 

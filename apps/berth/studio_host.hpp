@@ -28,6 +28,8 @@ class StudioHost {
   StudioHost& operator=(const StudioHost&) = delete;
   [[nodiscard]] std::string address() const;
   void event(const operate::Event& event);
+  /// Between two turns of the loop.
+  void look();
 
  private:
   class Impl;

@@ -105,8 +105,10 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
   if (options.events && !options.json) {
     return tell(failure(Exit::usage, "--events are lines of JSON: give --json too"), options.json);
   }
+  if (const auto no = studio_refused(options)) return tell(*no, options.json);
+  const bool studio = options.offers.studio.offered();
   const bool watched = on_terminal() && !options.json && !options.dry_run;
-  options.sim.pace = (options.sim.pace || watched) && !options.sim.fast && !options.dry_run;
+  options.sim.pace = (options.sim.pace || watched || studio) && !options.sim.fast && !options.dry_run;
   auto made = Rig::make(options, sources);
   if (!made) return tell(made.error(), options.json);
   Rig& rig = **made;
@@ -141,8 +143,6 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
   return Exit::no;
 }
 
-namespace {
-
 int run_up(const Options& options) {
   Options own = options;
   if (own.machine.empty()) {
@@ -157,12 +157,12 @@ int run_up(const Options& options) {
     const auto where = gateway_endpoint("--gateway", options.offers.gateway.where, gateway_rights(options));
     if (!where) return tell(where.error(), options.json);
   }
-  if (const auto no = studio_refused(options)) return tell(*no, options.json);
-  own.sim.pace = own.sim.pace || options.offers.studio.offered();
   own.store.made = true;
   own.master.takes_part = true;
   return bring_up(own, {own.machine, options.sim.plant, {}, {}, true});
 }
+
+namespace {
 
 // It needs real time.
 void gateway_words(const Verb& up, Options& options, const Word& fast) {
@@ -177,15 +177,16 @@ void gateway_words(const Verb& up, Options& options, const Word& fast) {
   anywhere_flag(up, options.offers.gateway.anywhere);
 }
 
+}  // namespace
+
 // It needs real time.
-void studio_words(const Verb& up, Options& options, const Word& fast) {
-  up.flag_or_value("--studio", options.offers.studio.where,
-                   "pages for a browser of this computer, at the address that it prints; --studio=HOST:PORT says where "
-                   "(default 127.0.0.1, the first free port from 8302)")
+void studio_words(const Verb& verb, Options& options, const Word& fast) {
+  verb.flag_or_value(
+          "--studio", options.offers.studio.where,
+          "pages for a browser of this computer, at the address that it prints; --studio=HOST:PORT says where "
+          "(default 127.0.0.1, the first free port from 8302)")
       .excludes(fast);
 }
-
-}  // namespace
 
 Word drive_words(const Verb& verb, Options& options) {
   verb.word("--until", options.until, "end when this is reached")

@@ -16,7 +16,12 @@ struct Story {
 /// Runs the main job, prints what it does and how it ended; the exit status.
 int bring_up(const Options& options, const Sources& sources, const Story& story = {});
 
+/// `berth up`: the machine of the options, or the folder's.
+int run_up(const Options& options);
+
 /// --until, --pace, --fast, --control; gives --fast.
 Word drive_words(const Verb& verb, Options& options);
+/// --studio; `fast`: what `drive_words` gave.
+void studio_words(const Verb& verb, Options& options, const Word& fast);
 
 }  // namespace berth::cli

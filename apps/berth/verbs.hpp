@@ -10,6 +10,7 @@ namespace berth::cli {
 void add_demo(Verb& berth, Options& options);
 void add_init(Verb& berth, Options& options);
 void add_up(Verb& berth, Options& options);
+void add_studio(Verb& berth, Options& options);
 void add_scan(Verb& berth, Options& options);
 void add_status(Verb& berth, Options& options);
 void add_bind(Verb& berth, Options& options);
@@ -47,6 +48,7 @@ void add_device(Verb& berth, Options& options);
 void add_sim(Verb& berth, Options& options);
 /// Those of `berth sim` that another process carries out.
 void add_running_plant(const Verb& sim, Options& options);
+void add_world(Verb& berth, Options& options);
 void add_plant(Verb& berth, Options& options);
 void add_version(Verb& berth, Options& options);
 

@@ -39,5 +39,6 @@ rt::Task<void> program_status(Session& session, const Request& request, Reply& r
 rt::Task<void> program_download(Session& session, const Request& request, Reply& reply);  // program.cpp
 rt::Task<void> program_control(Session& session, const Request& request, Reply& reply);   // program.cpp
 rt::Task<void> bit_rate_command(Session& session, const Request& request, Reply& reply);  // bit_rate.cpp
+rt::Task<void> world_command(Session& session, const Request& request, Reply& reply);     // world.cpp
 
 }  // namespace berth::command

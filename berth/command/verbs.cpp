@@ -128,6 +128,11 @@ constexpr std::array of_lss_identify{of_bus,
                                      option_of("serial-low", "N", "default 0"),
                                      option_of("serial-high", "N", "default 0xFFFFFFFF")};
 
+constexpr std::span<const Parameter> none;
+constexpr std::array of_world_step{word_of("frames", "1 to 10000, of all its buses (default 1)", false)};
+constexpr std::array of_world_speed{word_of("factor", "0.01 to 1000; 1 is real time")};
+constexpr std::array of_world_damage{of_bus, word_of("frames", "1 to 10000 (default 1)", false)};
+
 constexpr auto asks = Effect::asks;
 constexpr auto changes = Effect::changes;
 
@@ -175,6 +180,13 @@ constexpr std::array table{
     Verb{"lss find", "every device that no slot has; is any device without a node-ID?", asks, bus, lss_command},
     Verb{"lss move-bit-rate", "every device of a bus to another bit rate, together", changes, of_move_bit_rate,
          bit_rate_command},
+    Verb{"world pause", "a simulated world stands: its time and its frames", changes, none, world_command},
+    Verb{"world run", "a simulated world that stands goes on", changes, none, world_command},
+    Verb{"world step", "a simulated world stands, but for so many frames more", changes, of_world_step, world_command},
+    Verb{"world speed", "a simulated world runs faster or slower than real time", changes, of_world_speed,
+         world_command},
+    Verb{"world damage", "the next frames of a simulated bus are damaged, and repeated", changes, of_world_damage,
+         world_command},
 };
 
 constexpr Parameter confirmation{.name = "yes", .help = "it may disturb operational devices", .personal = true};

@@ -7,7 +7,7 @@
 
 namespace berth::design {
 
-inline constexpr std::array<std::string_view, 38> command_words{"report",
+inline constexpr std::array<std::string_view, 43> command_words{"report",
                                                                 "scan",
                                                                 "bind",
                                                                 "replace",
@@ -44,6 +44,11 @@ inline constexpr std::array<std::string_view, 38> command_words{"report",
                                                                 "lss identify",
                                                                 "lss identify-unconfigured",
                                                                 "lss find",
-                                                                "lss move-bit-rate"};
+                                                                "lss move-bit-rate",
+                                                                "world pause",
+                                                                "world run",
+                                                                "world step",
+                                                                "world speed",
+                                                                "world damage"};
 
 }  // namespace berth::design

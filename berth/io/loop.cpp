@@ -10,6 +10,15 @@ namespace berth::io {
 
 using Clock = std::chrono::steady_clock;
 
+namespace {
+
+// At 1, as ever, to the nanosecond.
+rt::Duration scaled(rt::Duration time, double factor) noexcept {
+  return factor == 1 ? time : rt::Duration(static_cast<std::int64_t>(static_cast<double>(time.count()) * factor));
+}
+
+}  // namespace
+
 // std::chrono::steady_clock is CLOCK_MONOTONIC here.
 Loop::Loop(rt::Executor& executor)
     : executor_(&executor),
@@ -30,8 +39,34 @@ Loop::~Loop() {
 }
 
 rt::Time Loop::clock() const noexcept {
-  const rt::Time now = began_ + std::chrono::duration_cast<rt::Duration>(Clock::now() - real_);
-  return std::max(now, executor_->now());
+  if (paused_) return std::max(began_, executor_->now());
+  const auto passed = std::chrono::duration_cast<rt::Duration>(Clock::now() - real_);
+  return std::max(began_ + scaled(passed, speed_), executor_->now());
+}
+
+void Loop::begin_at(rt::Time world) noexcept {
+  began_ = woke_ = std::max(world, executor_->now());
+  real_ = Clock::now();
+  alarm_at_ = rt::Time::min();
+}
+
+void Loop::set_speed(double factor) noexcept {
+  begin_at(woke_);
+  speed_ = factor;
+}
+
+void Loop::pause(bool on) noexcept {
+  if (paused_ == on) return;
+  begin_at(woke_);
+  paused_ = on;
+}
+
+// A world that cannot be computed as fast as it is to run loses time, instead of computing ever more at once.
+void Loop::keep_up() noexcept {
+  constexpr rt::Duration most_at_once = std::chrono::milliseconds(100);
+  if (paused_ || speed_ <= 1) return;
+  const rt::Time latest = std::max(executor_->next().value_or(woke_), executor_->now()) + most_at_once;
+  if (woke_ > latest) begin_at(latest);
 }
 
 bool Loop::watch(int fd, Watcher& watcher, std::uint32_t events) {
@@ -63,14 +98,16 @@ Watcher* Loop::watcher_of(int fd) const noexcept {
 // wait.
 void Loop::set_alarm(rt::Time at) noexcept {
   if (alarm_at_ > woke_ && alarm_at_ <= at) return;
-  itimerspec setting{};  // zero: never
-  if (at != rt::never) {
-    const rt::Duration since_boot = real_.time_since_epoch() + (at - began_);
-    setting.it_value = {static_cast<time_t>(since_boot.count() / 1'000'000'000),
-                        static_cast<long>(since_boot.count() % 1'000'000'000)};
-  }
-  ::timerfd_settime(alarm_, TFD_TIMER_ABSTIME, &setting, nullptr);
+  arm(at == rt::never ? rt::Duration{0} : real_.time_since_epoch() + scaled(at - began_, 1 / speed_));
   alarm_at_ = at;
+}
+
+// Zero: never.
+void Loop::arm(std::chrono::nanoseconds since_boot) noexcept {
+  itimerspec setting{};
+  setting.it_value = {static_cast<time_t>(since_boot.count() / 1'000'000'000),
+                      static_cast<long>(since_boot.count() % 1'000'000'000)};
+  ::timerfd_settime(alarm_, TFD_TIMER_ABSTIME, &setting, nullptr);
 }
 
 int Loop::collect(int patience_ms) noexcept {
@@ -84,6 +121,7 @@ bool Loop::wait(bool sleep) noexcept {
   int count = sleep ? collect(-1) : 0;
   const bool interrupted = count < 0;
   woke_ = clock();
+  keep_up();
   // Behind the wait the process may have been held up, by a SIGSTOP for seconds: the clock stands later than what the
   // wait reports. Before a timer runs, all that came until then is known.
   const auto next = executor_->next();
@@ -102,13 +140,31 @@ bool Loop::wait(bool sleep) noexcept {
   return came;
 }
 
-void Loop::turn(rt::Duration most) {
-  const rt::Time limit = most < rt::never - woke_ ? woke_ + most : rt::never;
+// No instant comes by itself: only descriptors, and what they make ready.
+void Loop::stand(rt::Duration most) {
+  const auto next = executor_->next();
+  const bool sleep = most > rt::Duration{0} && (!next || *next > woke_);
+  if (sleep) arm(Clock::now().time_since_epoch() + std::min<rt::Duration>(most, std::chrono::hours(1)));
+  alarm_at_ = rt::Time::min();
+  wait(sleep);
+}
+
+void Loop::run(rt::Duration most) {
+  const rt::Duration world = scaled(most, most == rt::Duration::max() ? 1 : speed_);
+  const rt::Time limit = world < rt::never - woke_ ? woke_ + world : rt::never;
   for (;;) {
     const rt::Time until = std::min(limit, executor_->next().value_or(rt::never));
     const bool sleep = until > woke_;
     if (sleep) set_alarm(until);
     if (wait(sleep) || woke_ >= until) break;
+  }
+}
+
+void Loop::turn(rt::Duration most) {
+  if (paused_) {
+    stand(most);
+  } else {
+    run(most);
   }
   executor_->advance(std::min(woke_, std::exchange(held_, rt::never)));
 }

@@ -59,6 +59,25 @@ class Loop {
   /// later runs before it: heartbeats that wait in a socket of a process that was held up are in time.
   void hold(rt::Time at) noexcept { held_ = std::min(held_, at); }
 
+  /// Of a simulated world that the loop paces (a loop of real ports is left alone): world time passes `factor` times as
+  /// fast as the clock's. When it is faster than it can be computed, it is as fast as it can. No instant is left out.
+  void set_speed(double factor) noexcept;
+  [[nodiscard]] double speed() const noexcept { return speed_; }
+  /// The same: world time stands, up to `pause(false)`. What is ready is still done and descriptors are watched, so
+  /// that who asks is answered; what waits for a time waits.
+  void pause(bool on) noexcept;
+  [[nodiscard]] bool paused() const noexcept { return paused_; }
+  /// While it stands: does the work of the earliest instants, one after another, until `over()` is true, looked at
+  /// after each, or none is left up to `limit`. From a watcher or between two turns, never from inside a job.
+  template <class Predicate>
+  bool step_until(Predicate over, rt::Time limit) {
+    bool done = false;
+    while (!(done = over()) && executor_->step(limit)) {
+    }
+    begin_at(executor_->now());
+    return done;
+  }
+
   /// Sleeps until the executor's next work, a descriptor, or for `most`; then does what is to be done.
   void turn(rt::Duration most);
   /// What can be done without sleeping: descriptors that are ready, then the executor up to the clock.
@@ -72,6 +91,11 @@ class Loop {
   int collect(int patience_ms) noexcept;
   bool wait(bool sleep) noexcept;
   void set_alarm(rt::Time at) noexcept;
+  void arm(std::chrono::nanoseconds since_boot) noexcept;
+  void begin_at(rt::Time world) noexcept;
+  void keep_up() noexcept;
+  void stand(rt::Duration most);
+  void run(rt::Duration most);
   [[nodiscard]] Watcher* watcher_of(int fd) const noexcept;
 
   rt::Executor* executor_;
@@ -80,6 +104,8 @@ class Loop {
   rt::Time began_;
   std::chrono::steady_clock::time_point real_;
   rt::Time woke_;
+  double speed_ = 1;
+  bool paused_ = false;
   rt::Time held_ = rt::never;            // of this turn
   rt::Time alarm_at_ = rt::Time::min();  // in the past: it has gone off, or was never set
   std::vector<Watched> watched_;

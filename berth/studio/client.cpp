@@ -245,7 +245,7 @@ class Watcher final : public Client {
   void tick(bool rates) override {
     if (!open_) return;
     if (live_) send_batch();
-    if (rates && waiting_bytes_ < most_behind) put(hall().rates().json(left_out_));
+    if (rates && waiting_bytes_ < most_behind) put(hall().rates().json(left_out_, hall().time_s()));
   }
   void close() override { boost::beast::get_lowest_layer(socket_).close(); }
 

@@ -88,6 +88,16 @@ void Desk::event(const operate::Event& event) {
   events_.push_back(event);
 }
 
+// The executor's own timers stand with the world.
+void Desk::look() {
+  const Pace pace{loop_->paused(), loop_->speed()};
+  if (pace.paused)
+    link_->now_ns.store(session_->executor().now().time_since_epoch().count(), std::memory_order_relaxed);
+  if (pace == told_pace_ && (!pace.paused || events_.empty())) return;
+  tell();
+  flush();
+}
+
 void Desk::ready(std::uint32_t) noexcept {
   link_->for_executor.silence();
   while (auto order = link_->orders.take()) take(std::move(*order));
@@ -202,7 +212,8 @@ void Desk::tell() {
   auto questions = tree::questions_of(*session_);
   if (!std::ranges::equal(questions, told_questions_, same_question))
     news.questions = told_questions_ = std::move(questions);
-  if (news.slots.empty() && news.events.empty() && !news.lock && !news.questions) return;
+  if (const Pace pace{loop_->paused(), loop_->speed()}; pace != told_pace_) news.pace = told_pace_ = pace;
+  if (news.is_empty()) return;
   waiting_.push_back(std::move(news));
 }
 

@@ -37,6 +37,8 @@ class Desk final : private io::Watcher {
 
   /// Of `Session::on_event`.
   void event(const operate::Event& event);
+  /// Between two turns of the loop.
+  void look();
   /// A frame of a bus; of a bus that the machine lacks nothing is kept. No heap, no lock.
   void frame(std::string_view bus, const can::Frame& frame, rt::Time at, bool own) noexcept;
 
@@ -69,6 +71,7 @@ class Desk final : private io::Watcher {
   std::uint64_t left_out_ = 0;
   std::optional<rt::Time> unlocked_until_;
   std::optional<Lock> told_lock_;
+  Pace told_pace_;
   unsigned ticks_ = 0;
   rt::Later<Desk, &Desk::tick> tick_;
   rt::Later<Desk, &Desk::finish> done_;

@@ -23,6 +23,13 @@ struct Lock {
   friend bool operator==(const Lock&, const Lock&) = default;
 };
 
+/// How the time of a simulated world passes.
+struct Pace {
+  bool paused = false;
+  double speed = 1;  ///< world time beside the clock's
+  friend bool operator==(const Pace&, const Pace&) = default;
+};
+
 /// From a client to the executor.
 struct Order {
   enum class Kind : std::uint8_t { request, gone, unlock, lock };
@@ -47,7 +54,12 @@ struct News {
   std::uint64_t events_left_out = 0;                       ///< before `events`: more came than the queue takes
   std::optional<Lock> lock{};                              ///< when it changed
   std::optional<std::vector<operate::Event>> questions{};  ///< all that are open, when they changed
+  std::optional<Pace> pace{};                              ///< when it changed
   std::optional<Answer> answer{};
+  /// Nothing that a page shows.
+  [[nodiscard]] bool is_empty() const noexcept {
+    return slots.empty() && events.empty() && !lock && !questions && !pace;
+  }
 };
 
 struct Link {
@@ -60,7 +72,7 @@ struct Link {
   Handover<News> news{most_news};
   Bell for_executor;                    ///< there are orders
   Bell for_server;                      ///< there is news
-  std::atomic<std::int64_t> now_ns{0};  ///< the executor's time, ten times a second
+  std::atomic<std::int64_t> now_ns{0};  ///< the executor's time, ten times a second, and while it stands
 };
 
 }  // namespace berth::studio

@@ -85,7 +85,7 @@ std::string lock_json(const Lock& lock) {
 
 }  // namespace
 
-Mirror::Mirror(const design::Machine& machine, bool simulated) : verbs_(verbs_json()) {
+Mirror::Mirror(const design::Machine& machine, bool simulated) : verbs_(verbs_json()), simulated_(simulated) {
   Json buses = Json::array();
   for (const auto* const bus : machine.all_buses()) {
     buses.push_back(bus_json(machine, *bus));
@@ -98,7 +98,7 @@ Mirror::Mirror(const design::Machine& machine, bool simulated) : verbs_(verbs_js
 }
 
 std::string Mirror::take(const News& news) {
-  if (news.slots.empty() && news.events.empty() && !news.lock && !news.questions) return {};
+  if (news.is_empty()) return {};
   std::vector<std::string> slots;
   for (const auto& slot : news.slots) {
     slots.push_back(operate::to_json(slot));
@@ -121,6 +121,7 @@ std::string Mirror::take(const News& news) {
     questions_.clear();
     for (const auto& question : *news.questions) questions_.push_back(operate::to_json(question));
   }
+  if (news.pace) pace_ = *news.pace;
   std::string out = fmt::format(R"({{"type":"change","seq":{},"time_s":{:.6f},"slots":)", ++seq_, news.time_s);
   append_all(slots, out);
   out += ",\"events\":";
@@ -131,8 +132,14 @@ std::string Mirror::take(const News& news) {
     out += ",\"questions\":";
     append_all(questions_, out);
   }
+  if (news.pace) out += ",\"world\":" + world_json(news.time_s);
   out += '}';
   return out;
+}
+
+std::string Mirror::world_json(double time_s) const {
+  if (!simulated_) return "null";
+  return fmt::format(R"({{"paused":{},"speed":{},"time_s":{:.6f}}})", pace_.paused, pace_.speed, time_s);
 }
 
 std::string Mirror::snapshot(double time_s) const {
@@ -142,7 +149,8 @@ std::string Mirror::snapshot(double time_s) const {
   append_all(events_, out);
   out += ",\"questions\":";
   append_all(questions_, out);
-  out += fmt::format(R"(,"time_s":{:.6f},"verbs":{},"lock":{},"role":"configure"}})", time_s, verbs_, lock_json(lock_));
+  out += fmt::format(R"(,"time_s":{:.6f},"verbs":{},"lock":{},"role":"configure","world":{}}})", time_s, verbs_,
+                     lock_json(lock_), world_json(time_s));
   return out;
 }
 

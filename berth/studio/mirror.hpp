@@ -25,6 +25,9 @@ class Mirror {
   /// The message for all; empty: it is an answer and changes nothing.
   [[nodiscard]] std::string take(const News& news);
   [[nodiscard]] std::string snapshot(double time_s) const;
+  /// {"paused", "speed", "time_s"}; null: the machine is not simulated.
+  [[nodiscard]] std::string world_json(double time_s) const;
+  [[nodiscard]] const Pace& pace() const noexcept { return pace_; }
   [[nodiscard]] const std::vector<std::string>& buses() const noexcept { return buses_; }
   [[nodiscard]] const std::vector<std::uint32_t>& bit_rates() const noexcept { return bit_rates_; }
 
@@ -39,6 +42,8 @@ class Mirror {
   std::size_t event_bytes_ = 0;
   std::vector<std::string> questions_;  // JSON
   Lock lock_;
+  Pace pace_;
+  bool simulated_;
   std::uint64_t seq_ = 0;
 };
 

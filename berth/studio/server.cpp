@@ -21,8 +21,9 @@ void Rates::tick(std::chrono::steady_clock::time_point now) {
     buses_[frame.bus].bits += can::exact_bits(frame.frame);
   }
   counted_ = next;
-  const double passed = std::chrono::duration<double>(now - since_).count();
-  if (passed < 1) return;
+  const double clock = std::chrono::duration<double>(now - since_).count();
+  if (clock < 1) return;
+  const double passed = clock * mirror_->pace().speed;  // of the world
   for (std::size_t i = 0; i < buses_.size(); ++i) {
     Bus& bus = buses_[i];
     bus.per_s = static_cast<double>(bus.frames) / passed;
@@ -32,13 +33,13 @@ void Rates::tick(std::chrono::steady_clock::time_point now) {
   since_ = now;
 }
 
-std::string Rates::json(std::uint64_t left_out) const {
+std::string Rates::json(std::uint64_t left_out, double time_s) const {
   auto buses = nlohmann::ordered_json::array();
   for (std::size_t i = 0; i < buses_.size(); ++i) {
     buses.push_back({{"bus", mirror_->buses()[i]}, {"frames_per_s", buses_[i].per_s}, {"load", buses_[i].load}});
   }
-  return fmt::format(R"({{"type":"rates","buses":{},"ring":{{"first":{},"next":{}}},"left_out":{}}})", buses.dump(),
-                     ring_->first(), ring_->next(), left_out);
+  return fmt::format(R"({{"type":"rates","buses":{},"ring":{{"first":{},"next":{}}},"left_out":{},"world":{}}})",
+                     buses.dump(), ring_->first(), ring_->next(), left_out, mirror_->world_json(time_s));
 }
 
 Hall::Hall(int listener, bool ipv6, std::uint16_t port, std::string token, Mirror mirror, Link& link)
@@ -63,10 +64,12 @@ void Hall::run() {
 
 void Hall::stop() { context_.stop(); }
 
-std::string Hall::snapshot() const {
+double Hall::time_s() const noexcept {
   const std::chrono::nanoseconds now(link_->now_ns.load(std::memory_order_relaxed));
-  return mirror_.snapshot(std::chrono::duration<double>(now).count());
+  return std::chrono::duration<double>(now).count();
 }
+
+std::string Hall::snapshot() const { return mirror_.snapshot(time_s()); }
 
 bool Hall::order(Order order) {
   if (!link_->orders.put(order)) return false;

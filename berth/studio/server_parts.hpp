@@ -72,7 +72,7 @@ class Rates {
  public:
   explicit Rates(const FrameRing& ring, const Mirror& mirror) : ring_(&ring), mirror_(&mirror), counted_(ring.next()) {}
   void tick(std::chrono::steady_clock::time_point now);
-  [[nodiscard]] std::string json(std::uint64_t left_out) const;
+  [[nodiscard]] std::string json(std::uint64_t left_out, double time_s) const;
 
  private:
   struct Bus {
@@ -100,6 +100,8 @@ class Hall {
   [[nodiscard]] const Rates& rates() const noexcept { return rates_; }
   [[nodiscard]] asio::io_context& context() noexcept { return context_; }
   [[nodiscard]] std::string snapshot() const;
+  /// The executor's, in seconds.
+  [[nodiscard]] double time_s() const noexcept;
   /// False: the executor has enough to do.
   [[nodiscard]] bool order(Order order);
   void enter(const std::shared_ptr<Client>& client);

@@ -103,6 +103,7 @@ std::string Studio::address() const {
 const io::Endpoint& Studio::where() const noexcept { return impl_->where(); }
 const std::string& Studio::token() const noexcept { return impl_->token(); }
 void Studio::event(const operate::Event& event) { impl_->desk().event(event); }
+void Studio::look() { impl_->desk().look(); }
 void Studio::frame(std::string_view bus, const can::Frame& frame, rt::Time at, bool own) noexcept {
   impl_->desk().frame(bus, frame, at, own);
 }

@@ -51,6 +51,8 @@ class Studio {
   [[nodiscard]] const std::string& token() const noexcept;
   /// The executor's thread: an event of the session, a frame of one of its buses.
   void event(const operate::Event& event);
+  /// Between two turns of the loop: tells when the world's time was held or set to another speed.
+  void look();
   void frame(std::string_view bus, const can::Frame& frame, rt::Time at, bool own) noexcept;
 
  private:

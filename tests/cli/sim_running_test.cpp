@@ -151,5 +151,59 @@ TEST_F(Running, APlantByItselfTakesThemToo) {
   static_cast<void>(up_->end());
 }
 
+// ---- berth world ----
+
+TEST_F(Running, TheWorldStandsAndGoesAFrameFurther) {
+  begin(plant);
+  const auto world = [&](Words words) {
+    words.insert(words.begin(), "world");
+    return ask(words);
+  };
+  const Json stands = Json::parse(world({"pause"}).out);
+  EXPECT_EQ(stands.at("paused"), true);
+  const Json later = Json::parse(world({"pause"}).out);
+  EXPECT_EQ(later.at("time_s"), stands.at("time_s")) << "its time stands";
+  const Outcome step = world({"step", "3"});
+  ASSERT_EQ(step.status, 0) << step.out << step.err;
+  EXPECT_GT(Json::parse(step.out).at("time_s").get<double>(), stands.at("time_s").get<double>());
+  EXPECT_EQ(Json::parse(world({"speed", "50"}).out).at("speed"), 50.0);
+  EXPECT_EQ(Json::parse(world({"run"}).out).at("paused"), false);
+  EXPECT_TRUE(eventually([&] {
+    const Json now = Json::parse(world({"speed", "50"}).out);
+    return now.at("time_s").get<double>() > stands.at("time_s").get<double>() + 2;
+  }));
+  EXPECT_EQ(world({"speed", "1"}).status, 0);
+  for (const char* const factor : {"0", "-1", "1001", "fast", ""})
+    EXPECT_EQ(world({"speed", factor}).status, 2) << factor;
+  for (const char* const frames : {"0", "10001", "x"}) EXPECT_EQ(world({"step", frames}).status, 2) << frames;
+  const Outcome damage = world({"damage", "2"});
+  EXPECT_EQ(damage.status, 0) << damage.out;
+  EXPECT_TRUE(contains(damage.out, "disturbed")) << damage.out;
+}
+
+TEST_F(Running, AWorldThatStandsEndsBySignal) {
+  begin(plant);
+  ASSERT_EQ(ask({"world", "pause"}).status, 0);
+  up_->signal(SIGTERM);
+  EXPECT_EQ(up_->end().status, 0);
+}
+
+TEST_F(Running, TimeIsHeldWhereItIsSimulatedOnly) {
+  const Outcome alone = berth({"world", "pause", machine, "--control", folder.file("none.sock")});
+  EXPECT_EQ(alone.status, 3);
+  EXPECT_TRUE(contains(alone.err, "does not run: start it")) << alone.err;
+  const std::string plant_socket = folder.file("plant.sock");
+  Background plant_alone({"plant", plant, "--listen", plant_socket, "--machine", machine});
+  ASSERT_TRUE(plant_alone.says("Ctrl-C ends it"));
+  std::string text = small_machine;
+  text.replace(text.find("\"sim\""), 5, "\"plant:" + plant_socket + "\"");
+  const std::string outside = folder.write("outside.toml", patient(text));
+  up_ = std::make_unique<Background>(Words{"up", outside, "--control", socket, "--yes"});
+  ASSERT_TRUE(wait_for("drive", "operational"));
+  const Outcome refused = ask({"world", "pause"});
+  EXPECT_EQ(refused.status, 1);
+  EXPECT_TRUE(contains(refused.out, "time is the clock's")) << refused.out;
+}
+
 }  // namespace
 }  // namespace berth::test

@@ -2,14 +2,17 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "../pch.hpp"
 #include "berth/io/stream.hpp"
+#include "machines.hpp"
 #include "process.hpp"
 
 namespace berth::test {
@@ -30,6 +33,78 @@ TEST(StudioCommand, PrintsItsAddressAndKeepsTheTokenBesideTheControlSocket) {
   EXPECT_NE(end.out.find("Berth Studio at http://127.0.0.1:"), std::string::npos) << end.out << end.err;
   EXPECT_NE(end.out.find("/#token=" + token), std::string::npos) << end.out;
   EXPECT_NE(::access(file.c_str(), F_OK), 0);
+}
+
+// Reads what the server answers to a snapshot request, by the address that was printed.
+nlohmann::json snapshot_of(const std::string& said) {
+  const auto at = said.find("http://");
+  const auto hash = said.find("/#token=");
+  if (at == std::string::npos || hash == std::string::npos) return {};
+  const auto where = io::parse_endpoint(said.substr(at + 7, hash - at - 7), 0);
+  const std::string token = said.substr(hash + 8, said.find_first_of("\n ", hash) - hash - 8);
+  const int fd = io::begin_connect(io::look_up(*where).value().front());
+  const auto text =
+      fmt::format("GET /api/v1/snapshot HTTP/1.1\r\nHost: {}\r\nAuthorization: Bearer {}\r\nConnection: close\r\n\r\n",
+                  io::to_string(*where), token);
+  std::string in;
+  std::size_t sent = 0;
+  static_cast<void>(eventually([&] {
+    if (sent < text.size()) {
+      const auto n = ::send(fd, text.data() + sent, text.size() - sent, MSG_NOSIGNAL | MSG_DONTWAIT);
+      if (n > 0) sent += static_cast<std::size_t>(n);
+    }
+    char buffer[65536];
+    const auto n = ::recv(fd, buffer, sizeof buffer, MSG_DONTWAIT);
+    if (n > 0) in.append(buffer, static_cast<std::size_t>(n));
+    return n == 0;
+  }));
+  ::close(fd);
+  const auto body = in.find("\r\n\r\n");
+  return body == std::string::npos ? nlohmann::json() : nlohmann::json::parse(in.substr(body + 4), nullptr, false);
+}
+
+// `berth studio MACHINE --sim PLANT` is `berth up --studio`: paced, and up until a signal comes.
+TEST(StudioCommand, AMachineInTheBrowser) {
+  const Folder folder;
+  Background studio({"studio", example("five-slaves.toml"), "--sim", example("five-slaves.plant.toml"), "--listen",
+                     "127.0.0.1:0", "--control", folder.file("control")});
+  ASSERT_TRUE(studio.says("Berth Studio at http://127.0.0.1:"));
+  ASSERT_TRUE(studio.says("/#token="));
+  const auto snapshot = snapshot_of(studio.said());
+  ASSERT_TRUE(snapshot.is_object());
+  EXPECT_EQ(snapshot.at("machine").at("simulated"), true);
+  EXPECT_EQ(berth({"status", "--control", folder.file("control")}).status, 1) << "not operational yet, and it answers";
+  studio.signal(SIGINT);
+  static_cast<void>(studio.end());
+}
+
+TEST(StudioCommand, TheDemoInTheBrowser) {
+  const Folder folder;
+  Background demo({"demo", "--studio=127.0.0.1:0", "--control", folder.file("control")});
+  ASSERT_TRUE(demo.says("Berth Studio at http://127.0.0.1:"));
+  EXPECT_TRUE(demo.says("-- From blank to operational."));
+  EXPECT_EQ(berth({"status", "--control", folder.file("control")}).status, 0) << "it stays";
+  demo.signal(SIGINT);
+  EXPECT_EQ(demo.end().status, 0);
+}
+
+// One bus without a machine file: nothing is brought up, and its devices can be asked.
+TEST(StudioCommand, ABusByItself) {
+  const Folder folder;
+  const std::string machine = folder.write("machine.toml", small_machine);
+  const std::string plant = folder.write("plant.toml", small_plant);
+  const std::string socket = folder.file("plant.sock");
+  Background alone({"plant", plant, "--listen", socket, "--machine", machine});
+  ASSERT_TRUE(alone.says("Ctrl-C ends it"));
+  Background studio({"studio", "--port", "plant:" + socket, "--bus", "line", "--listen", "127.0.0.1:0"});
+  ASSERT_TRUE(studio.says("/#token="));
+  const auto snapshot = snapshot_of(studio.said());
+  ASSERT_TRUE(snapshot.is_object());
+  EXPECT_TRUE(snapshot.at("slots").empty());
+  EXPECT_EQ(snapshot.at("buses").size(), 1U);
+  studio.signal(SIGTERM);
+  EXPECT_EQ(studio.end().status, 0);
+  EXPECT_EQ(berth({"studio", "--port", "plant:" + folder.file("none")}).status, 3);
 }
 
 TEST(StudioCommand, WrongUse) {

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstdint>
+#include <memory>
 
 #include "berth/io/loop_driver.hpp"
 #include "berth/sim/world.hpp"
@@ -300,6 +301,138 @@ TEST(LoopDriver, APredicateThatNoDescriptorTellsOfIsAskedAgain) {
   int asked = 0;
   EXPECT_TRUE(driver.run_until([&] { return ++asked == 4; }, rt::never));
   EXPECT_GE(driver.now(), rt::Time{} + 6ms);
+}
+
+// ---- a world's pace ----
+
+/// Two nodes that send to each other, each on its own period.
+class Talk {
+ public:
+  Talk() : bus_(&world.add_bus("line", 500'000)), a_(bus_->attach({.name = "a"})), b_(bus_->attach({.name = "b"})) {
+    say(*a_, 0x101, 7ms);
+    say(*b_, 0x102, 11ms);
+    tap_.bus = bus_;
+    bus_->add_tap(tap_);
+  }
+  ~Talk() { bus_->remove_tap(tap_); }
+  Talk(const Talk&) = delete;
+  Talk& operator=(const Talk&) = delete;
+  [[nodiscard]] unsigned frames() const noexcept { return tap_.frames; }
+  sim::World world{7};
+
+ private:
+  struct Tap final : can::Tap {
+    void frame(const can::Frame&, rt::Time, int) noexcept override { ++frames; }
+    sim::Bus* bus = nullptr;
+    unsigned frames = 0;
+  };
+  void say(can::Port& port, std::uint32_t id, rt::Duration period) {
+    world.after(period, [this, &port, id, period] {
+      can::Frame frame;
+      frame.id = id;
+      frame.size = 2;
+      static_cast<void>(port.send(frame, 0));
+      say(port, id, period);
+    });
+  }
+  sim::Bus* bus_;
+  std::unique_ptr<sim::Controller> a_, b_;
+  Tap tap_;
+};
+
+// Held, stepped, slowed and run faster: the frames and their instants are those of a world that runs by itself.
+TEST(LoopPace, NothingOfTheWorldChanges) {
+  Talk held;
+  Loop loop(held.world.executor());
+  const auto turn_for = [&](std::chrono::milliseconds time) {
+    const auto end = std::chrono::steady_clock::now() + time;
+    while (std::chrono::steady_clock::now() < end) loop.turn(2ms);
+  };
+  turn_for(30ms);
+  loop.pause(true);
+  turn_for(5ms);
+  for (int i = 0; i < 5; ++i) {
+    const unsigned before = held.frames();
+    EXPECT_TRUE(loop.step_until([&] { return held.frames() > before; }, held.world.now() + 1s));
+    EXPECT_EQ(held.frames(), before + 1);
+    loop.turn(1ms);
+  }
+  loop.set_speed(20);
+  loop.pause(false);
+  turn_for(30ms);
+  loop.set_speed(0.5);
+  turn_for(30ms);
+  Talk alone;
+  alone.world.run_until(held.world.now());
+  EXPECT_GT(held.frames(), 50U);
+  EXPECT_EQ(held.frames(), alone.frames());
+  EXPECT_EQ(held.world.trace_hash(), alone.world.trace_hash());
+}
+
+TEST(LoopPace, WhileItStandsOnlyWhatIsReadyIsDone) {
+  rt::Executor executor;
+  Loop loop(executor);
+  Counter timed, ready;
+  executor.after(1ms, timed);
+  loop.pause(true);
+  const auto stood = executor.now();
+  Pipe pipe(loop);
+  pipe.job = &ready;
+  pipe.put();
+  const auto end = std::chrono::steady_clock::now() + 20ms;
+  while (std::chrono::steady_clock::now() < end) loop.turn(5ms);
+  EXPECT_EQ(timed.runs, 0);
+  EXPECT_EQ(ready.runs, 1) << "who asks is answered";
+  EXPECT_LT(executor.now() - stood, 1ms);
+  EXPECT_EQ(loop.clock(), executor.now());
+  loop.pause(false);
+  while (timed.runs == 0) loop.turn(5ms);
+  EXPECT_LT(executor.now() - stood, 10s) << "the time that it stood is no time of the world";
+}
+
+TEST(LoopPace, ASpeedIsWorldTimeBesideTheClocks) {
+  rt::Executor executor;
+  Loop loop(executor);
+  Counter timed;
+  loop.set_speed(100);
+  executor.after(5s, timed);
+  const auto began = std::chrono::steady_clock::now();
+  while (timed.runs == 0) loop.turn(10ms);
+  const auto took = std::chrono::steady_clock::now() - began;
+  EXPECT_GE(took, 50ms - 1ms);
+  EXPECT_LT(took, 4s) << "5 s of world time, 50 ms of the clock's";
+}
+
+/// Takes longer than the instant it is at.
+class Slow final : public rt::Job {
+ public:
+  explicit Slow(rt::Executor& executor) : executor_(&executor) { executor.after(1ms, *this); }
+  void run() noexcept override {
+    ++runs;
+    const auto end = std::chrono::steady_clock::now() + 100us;
+    while (std::chrono::steady_clock::now() < end) {
+    }
+    executor_->after(1ms, *this);
+  }
+  int runs = 0;
+
+ private:
+  rt::Executor* executor_;
+};
+
+TEST(LoopPace, AWorldThatIsTooFastIsAsFastAsItCan) {
+  rt::Executor executor;
+  Loop loop(executor);
+  Slow slow(executor);
+  loop.set_speed(1000);  // at most some ten times as fast as real time can be computed
+  int longest = 0;
+  for (int i = 0; i < 5; ++i) {
+    const int before = slow.runs;
+    loop.turn(10ms);
+    longest = std::max(longest, slow.runs - before);
+  }
+  EXPECT_GT(slow.runs, 0);
+  EXPECT_LE(longest, 110) << "a turn does 100 ms of the world's time at most behind the next instant";
 }
 
 }  // namespace

@@ -1,0 +1,63 @@
+// `berth studio`: a machine in the browser, as `berth up --studio`; with `--port` alone the devices of one bus, without
+// a machine file and without the main job.
+#include <fmt/format.h>
+
+#include "drive.hpp"
+#include "machine_file.hpp"
+#include "studio_host.hpp"
+#include "up.hpp"
+#include "verbs.hpp"
+
+namespace berth::cli {
+namespace {
+
+// One bus by itself: nothing is sent to it but what the page asks, and it is read-only until a person unlocks it there.
+int run_bench(const Options& options) {
+  if (const auto no = studio_refused(options)) return tell(*no, options.json);
+  auto made = Rig::make(options, {});
+  if (!made) return tell(made.error(), options.json);
+  Rig& rig = **made;
+  if (const auto clear = rig.strangers().listen_first(); !clear) return tell(clear.error(), options.json);
+  const auto served = serve_bench(rig, options);
+  if (!served) return tell(served.error(), options.json);
+  return rig.record().finish(Exit::done);
+}
+
+int run_studio(const Options& wanted) {
+  Options options = wanted;
+  if (options.offers.studio.where.empty()) options.offers.studio.where = "true";
+  const bool bench = options.machine.empty() && !options.ports.empty();
+  if (bench && options.sim.plant.empty()) return run_bench(options);
+  options.sim.pace = true;
+  return run_up(options);
+}
+
+}  // namespace
+
+void add_studio(Verb& berth, Options& options) {
+  const Verb studio = berth.add("studio", "a machine in the browser of this computer, or the devices of one bus",
+                                [&options] { return run_studio(options); });
+  machine_words(studio, options, {.sends = false});
+  machine_word(studio, options);
+  studio
+      .word("--listen", options.offers.studio.where,
+            "where (default 127.0.0.1, the first free port from 8302); this computer only")
+      .shown("HOST:PORT");
+  studio.word("--control", options.control, "socket for other commands (default: by the machine's name)")
+      .shown("SOCKET");
+  studio.word("--bitrate", options.bit_rate, "bit/s, where --port is all that is known of the bus")
+      .from_to(10'000, 1'000'000)
+      .shown("BIT/S");
+  studio.word("--eds", options.eds, "what devices are like that are in no slot: FILE, or of one NODE=FILE")
+      .one_each()
+      .shown("[NODE=]FILE");
+  beside_master_flag(studio, options);
+  studio.footer(
+      "Examples:\n  berth studio machine.toml --sim plant.toml\n  berth studio machine.toml\n"
+      "  berth studio --port can0 --eds drive.eds\n"
+      "It prints the address to open, and ends with Ctrl-C. A simulated machine runs in\nreal time. With --port and no "
+      "machine file nothing is brought up: Berth\nreads and asks. What changes a device is refused until you\nunlock "
+      "the bus in the page.");
+}
+
+}  // namespace berth::cli

@@ -1,0 +1,39 @@
+/// `berth world`: the time of a simulated world that runs in real time stands, runs, goes a frame further, or goes
+/// faster; and frames of a bus are damaged.
+#pragma once
+
+#include <optional>
+
+#include "berth/command/request.hpp"
+#include "berth/rt/mailbox.hpp"
+#include "berth/rt/task.hpp"
+#include "rig.hpp"
+
+namespace berth::cli {
+
+class WorldTime {
+ public:
+  /// The rig must stay.
+  explicit WorldTime(Rig& rig) : rig_(&rig), stepped_(rig.driver().executor()) {}
+
+  /// Of the table's verbs, those of the world.
+  [[nodiscard]] static bool is_its(const command::Request& request) noexcept;
+  /// Both must stay until the task is done.
+  [[nodiscard]] rt::Task<void> carry_out(const command::Request& request, command::Reply& reply);
+  /// Between two turns of the loop: goes as many frames further as was asked.
+  void between();
+  /// At the end: who waits for world time must not wait for ever.
+  void let_go();
+
+ private:
+  [[nodiscard]] command::Reply set(const command::Request& request);
+  [[nodiscard]] command::Reply told(const std::string& words);
+  [[nodiscard]] command::Reply damage(const command::Request& request);
+  [[nodiscard]] std::optional<command::Reply> refusal_of(const command::Request& request);
+
+  Rig* rig_;
+  std::optional<unsigned> frames_;    // of a step that was asked
+  rt::Mailbox<unsigned, 1> stepped_;  // frames that came
+};
+
+}  // namespace berth::cli

@@ -1,0 +1,17 @@
+// world: only the process that simulates the machine holds its time (apps/berth), and takes these before they come
+// here.
+#include "berth/command/arguments.hpp"
+#include "berth/command/reply.hpp"
+#include "berth/command/run.hpp"
+
+namespace berth::command {
+
+rt::Task<void> world_command(Session& session, const Request& request, Reply& reply) {
+  const Arguments arguments(request);
+  if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
+  refuse(reply, 1,
+         "no simulated world of " + session.machine().name +
+             " runs here in real time: `berth up MACHINE --sim PLANT --pace` runs one, and `berth world` asks that");
+}
+
+}  // namespace berth::command
