@@ -58,7 +58,7 @@ constexpr RequestWords tells{.alone = false, .machine = {.confirms = false, .sen
 
 void add_history(Verb& berth, Options& options) {
   const RequestVerb history(berth, options, "history", "history", {}, tells);
-  history.footer("Examples:\n  berth history\n  berth history left machine.toml");
+  history.footer("Examples:\n  berth history\n  berth history left machine.toml\n  berth history --audit");
 }
 
 void add_status(Verb& berth, Options& options) {

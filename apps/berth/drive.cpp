@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "ask.hpp"
+#include "berth/command/audit.hpp"
 #include "berth/command/control.hpp"
 #include "berth/command/verbs.hpp"
 #include "gateway.hpp"
@@ -126,6 +127,13 @@ rt::Task<void> answer(Rig& rig, WorldTime* time, const command::Request& request
   reply = do_in_plant({rig.world(), &rig.plant(), &rig.session()}, request);
 }
 
+// By the control socket: this account, or root.
+rt::Task<void> audited(Rig& rig, WorldTime* time, const command::Request& request, command::Reply& reply) {
+  command::Audit audit(rig.session(), "control socket", request);
+  co_await answer(rig, time, request, reply);
+  audit.answered(reply);
+}
+
 tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Options& options,
                                            const std::string& control) {
   Beside beside;
@@ -140,7 +148,10 @@ tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Optio
     return answer(rig, time, request, reply);
   };
   if (!control.empty()) {
-    auto listening = command::ControlServer::listen(control, *rig.loop(), carry);
+    auto listening = command::ControlServer::listen(
+        control, *rig.loop(), [&rig, time = beside.time.get()](const command::Request& request, command::Reply& reply) {
+          return audited(rig, time, request, reply);
+        });
     if (!listening) return tl::unexpected(failure(Exit::failed, listening.error()));
     beside.server = std::move(*listening);
     auto* const server = beside.server.get();

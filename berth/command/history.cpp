@@ -5,9 +5,11 @@
 #include <time.h>
 
 #include <algorithm>
+#include <array>
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "berth/command/audit.hpp"
 #include "berth/command/objects.hpp"
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
@@ -63,13 +65,42 @@ Checked<Chosen> chosen(places::SlotStore& store, const design::Machine& machine,
 
 }  // namespace
 
+namespace {
+
+// "WHO<tab>WHAT<tab>ANSWER": berth/command/audit.hpp.
+std::array<std::string, 3> parts_of(const std::string& line) {
+  const auto first = line.find('\t');
+  const auto second = first == std::string::npos ? first : line.find('\t', first + 1);
+  if (second == std::string::npos) return {"", line, ""};
+  return {line.substr(0, first), line.substr(first + 1, second - first - 1), line.substr(second + 1)};
+}
+
+void tell_audit(const std::vector<places::HistoryEntry>& entries, const design::Machine& machine, Reply& reply) {
+  Json json;
+  json["audit"] = Json::array();
+  std::vector<std::string> lines;
+  for (const auto& entry : entries) {
+    if (entry.event != audit_event || entry.on.machine != machine.name) continue;
+    const auto [who, what, answer] = parts_of(entry.reason);
+    json["audit"].push_back({{"stamp_ms", entry.stamp_ms}, {"who", who}, {"what", what}, {"answer", answer}});
+    lines.push_back(fmt::format("{}  {}  {}  {}", when(entry.stamp_ms), text::padded(who, 18), what, answer));
+  }
+  if (lines.empty()) lines.emplace_back("nothing was changed by a request yet, as far as the store knows");
+  give(reply, json, std::move(lines));
+}
+
+}  // namespace
+
 void tell_history(places::SlotStore& store, const design::Machine& machine, const Request& request, Reply& reply) {
   const Arguments arguments(request);
   if (!arguments.good()) return refuse(reply, 2, arguments.problem());
   const auto wanted = chosen(store, machine, request);
   if (!wanted) return refuse(reply, 2, wanted.error());
+  const bool audit = arguments.has("audit");
+  if (audit && wanted->slot) return refuse(reply, 2, "--audit is about the machine: name no slot");
   const auto entries = store.history(wanted->slot);
   if (!entries) return fail_with(reply, entries.error(), "the history");
+  if (audit) return tell_audit(*entries, machine, reply);
   Json json;
   json["history"] = Json::array();
   std::vector<std::string> lines;
@@ -78,6 +109,7 @@ void tell_history(places::SlotStore& store, const design::Machine& machine, cons
     if (!wanted->slot || *wanted->slot == slot) width = std::max(width, text::columns(name));
   }
   for (const auto& entry : *entries) {
+    if (entry.event == audit_event) continue;
     const auto name = entry.slot ? wanted->names.find(*entry.slot) : wanted->names.end();
     const bool ours =
         entry.slot ? name != wanted->names.end() : entry.on.bus.empty() || entry.on.machine == machine.name;

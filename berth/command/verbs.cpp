@@ -99,7 +99,9 @@ constexpr std::array of_memory{
     of_bus, word_of("node", a_node),
     word_of("group", "all (default), communication, application, or a sub-index that the maker describes", false)};
 constexpr std::array of_send{of_bus, own_of("frame", "as candump writes it: 601#4018100400000000", true)};
-constexpr std::array of_history{of_bus, word_of("slot", "its name, BUS/NAME or node-ID (default: all)", false)};
+constexpr std::array of_history{
+    of_bus, word_of("slot", "its name, BUS/NAME or node-ID (default: all)", false),
+    flag_of("audit", "instead: every request that changed something: when, who, what, answer")};
 constexpr std::array of_nmt{
     of_bus, word_of("command", "start, stop, preop, reset-node, reset-comm"),
     word_of("node", "node-ID, slot's name, or all"),

@@ -5,24 +5,34 @@
 #include <algorithm>
 #include <utility>
 
+#include "berth/command/audit.hpp"
 #include "berth/command/rights.hpp"
 #include "berth/command/verbs.hpp"
 #include "berth/rt/scope.hpp"
 
 namespace berth::studio {
 
+using command::changes;
+using command::words_of;
+
+namespace {
+
+std::string who(std::uint64_t client) { return fmt::format("studio, client {}", client); }
+
+}  // namespace
+
 /// A request under way.
 struct Desk::Work {
-  Work(Order given, rt::Executor& executor) : order(std::move(given)), scope(executor) {}
+  Work(Order given, tree::Session& session)
+      : order(std::move(given)), audit(session, who(order.client), order.request), scope(session.executor()) {}
   Order order;
+  command::Audit audit;
   command::Reply reply;
   bool done = false;
   rt::Scope scope;  // last: its task uses the rest
 };
 
 namespace {
-
-constexpr std::size_t longest_words = 200;
 
 bool same(const operate::SlotReport& a, const operate::SlotReport& b) {
   return a.bus == b.bus && a.id == b.id && a.device == b.device && a.state == b.state && a.since == b.since &&
@@ -32,29 +42,6 @@ bool same(const operate::SlotReport& a, const operate::SlotReport& b) {
 // The time of a question is when it was asked about.
 bool same_question(const operate::Event& a, const operate::Event& b) {
   return a.bus == b.bus && a.text == b.text && a.slots == b.slots && a.devices == b.devices;
-}
-
-// "sdo write node=5 object=1017h value=500", as the events and a person read it.
-std::string words_of(const command::Request& request) {
-  std::string words = request.verb;
-  for (const auto& [name, value] : request.arguments) words += fmt::format(" {}={}", name, value);
-  if (words.size() > longest_words) words = words.substr(0, longest_words) + "…";
-  return words;
-}
-
-// What is none of the table's is the process's own ("sim"), and changes something.
-bool changes(const command::Request& request) {
-  const command::Verb* const verb = command::verb(request.verb);
-  return verb == nullptr || verb->effect == command::Effect::changes;
-}
-
-const char* word_of(int status) noexcept {
-  switch (status) {
-    case 0: return "done";
-    case 1: return "no";
-    case 2: return "wrong usage";
-    default: return "failed";
-  }
 }
 
 }  // namespace
@@ -111,9 +98,9 @@ void Desk::take(Order order) {
       std::erase_if(works_, [&](const auto& work) { return work->order.client == order.client; });
       return;
     case Order::Kind::unlock:
-      return set_lock(session_->executor().now() + std::chrono::minutes(order.minutes),
-                      fmt::format("studio: real buses may be changed for {} min", order.minutes));
-    case Order::Kind::lock: return set_lock(std::nullopt, "studio: real buses are read-only again");
+      return set_lock(order.client, session_->executor().now() + std::chrono::minutes(order.minutes),
+                      fmt::format("real buses may be changed for {} min", order.minutes));
+    case Order::Kind::lock: return set_lock(order.client, std::nullopt, "real buses are read-only again");
   }
 }
 
@@ -129,10 +116,11 @@ Lock Desk::lock() const {
 }
 
 // On simulated buses there is nothing to unlock.
-void Desk::set_lock(std::optional<rt::Time> until, const std::string& words) {
+void Desk::set_lock(std::uint64_t client, std::optional<rt::Time> until, const std::string& words) {
   if (!session_->careful()) return;
   unlocked_until_ = until;
-  say({}, words);
+  say({}, "studio: " + words);
+  command::audit(*session_, who(client), until ? "unlock" : "lock", words);
   tell();
 }
 
@@ -145,14 +133,17 @@ void Desk::say(const std::string& bus, const std::string& text) {
 void Desk::begin(Order order) {
   const auto refused = command::why_refused(command::Face::studio, order.request, {.changes = may_change()});
   if (!refused.empty()) {
-    if (changes(order.request)) say({}, fmt::format("studio: {}: refused", words_of(order.request)));
+    if (changes(order.request)) {
+      say({}, fmt::format("studio: {}: refused", words_of(order.request)));
+      command::audit(*session_, who(order.client), words_of(order.request), "refused: " + refused);
+    }
     return answer({order.client, std::move(order.id), command::refusal(1, refused)});
   }
   if (works_.size() >= most_requests) {
     const auto words = fmt::format("{} requests are under way already: try again when one is done", most_requests);
     return answer({order.client, std::move(order.id), command::refusal(3, words)});
   }
-  works_.push_back(std::make_unique<Work>(std::move(order), session_->executor()));
+  works_.push_back(std::make_unique<Work>(std::move(order), *session_));
   Work& work = *works_.back();
   work.scope.spawn(rt::told(carry_(work.order.request, work.reply), work.done, session_->executor(), done_));
 }
@@ -161,10 +152,11 @@ void Desk::finish() noexcept {
   for (const auto& work : works_) {
     if (!work->done) continue;
     const auto& request = work->order.request;
+    work->audit.answered(work->reply);
     if (changes(request)) {
       const auto bus = request.arguments.find("bus");
       say(bus == request.arguments.end() ? std::string() : bus->second,
-          fmt::format("studio: {}: {}", words_of(request), word_of(work->reply.status)));
+          fmt::format("studio: {}: {}", words_of(request), command::word_of_status(work->reply.status)));
     }
     answer({work->order.client, work->order.id, std::move(work->reply)});
   }

@@ -181,6 +181,33 @@ TEST_F(Running, TheWorldStandsAndGoesAFrameFurther) {
   EXPECT_TRUE(contains(damage.out, "disturbed")) << damage.out;
 }
 
+// Who, what and the answer of each request that changed something, and of no other.
+TEST_F(Running, EveryChangeIsInTheAuditLog) {
+  begin(plant);
+  ASSERT_TRUE(wait_for("drive", "operational"));
+  ASSERT_EQ(ask({"sdo", "read", "drive", "1017h"}).status, 0);
+  ASSERT_EQ(ask({"sdo", "write", "drive", "1017h", "321"}).status, 0);
+  ASSERT_EQ(ask({"sdo", "write", "drive", "2FFFh", "1", "--type", "u8"}).status, 1);
+  ASSERT_EQ(ask({"sim", "devices"}).status, 0);
+  ASSERT_EQ(ask({"sim", "unplug", "a"}).status, 0);
+  const Outcome told = ask({"history", "--audit"});
+  ASSERT_EQ(told.status, 0) << told.out;
+  const Json audit = Json::parse(told.out).at("audit");
+  ASSERT_EQ(audit.size(), 6U) << audit.dump(1);
+  const auto what = [&](std::size_t i) { return audit.at(i).at("what").get<std::string>(); };
+  const auto answer = [&](std::size_t i) { return audit.at(i).at("answer").get<std::string>(); };
+  EXPECT_EQ(what(0), "sdo write node=drive object=1017h value=321");
+  EXPECT_EQ(audit.at(0).at("who"), "control socket");
+  EXPECT_EQ(answer(0), "begun") << "before it is carried out";
+  EXPECT_EQ(answer(1), "done");
+  EXPECT_EQ(what(1), what(0));
+  EXPECT_TRUE(answer(3).starts_with("no: ")) << answer(3);
+  EXPECT_TRUE(what(4).starts_with("sim action=unplug")) << what(4);
+  EXPECT_GT(audit.at(5).at("stamp_ms").get<int>(), 0);
+  EXPECT_FALSE(contains(ask({"history"}).out, "sdo write")) << "the history of the slots is without";
+  EXPECT_EQ(ask({"history", "left", "--audit"}).status, 2);
+}
+
 TEST_F(Running, AWorldThatStandsEndsBySignal) {
   begin(plant);
   ASSERT_EQ(ask({"world", "pause"}).status, 0);

@@ -8,16 +8,24 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
+#include <cstdio>
+#include <cstdlib>
 #include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
 #include <vector>
 
+#include "../paths.hpp"
 #include "../pch.hpp"
+#include "berth/command/audit.hpp"
+#include "berth/command/verbs.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/sim/world.hpp"
+#include "berth/studio/messages.hpp"
 
 namespace berth::studio {
 namespace {
@@ -502,6 +510,132 @@ TEST_F(StudioServer, OnlyThisComputerAndATakenPortIsSaid) {
   const auto next = Studio::start(loop_, *session_, carry, {.where = studio_->where(), .frames = 16});
   ASSERT_TRUE(next) << next.error();
   EXPECT_GT((*next)->where().port, studio_->where().port);
+}
+
+// What a page changed, was refused and broke off, and that it unlocked the machine.
+TEST_F(StudioServer, WhatAPageChangesIsInTheAuditLog) {
+  auto client = page();
+  client->send(R"({"type":"request","id":"a","verb":"report"})");
+  EXPECT_EQ(client->next("reply")["status"], 0);
+  client->send(R"({"type":"request","id":"b","verb":"nmt","arguments":{"command":"start\tx"}})");
+  EXPECT_EQ(client->next("reply")["status"], 0);
+  session_->set_careful(true);
+  client->send(R"({"type":"request","id":"c","verb":"nmt"})");
+  EXPECT_EQ(client->next("reply")["status"], 1);
+  client->send(R"({"type":"unlock","minutes":10})");
+  client->send(R"({"type":"request","id":"d","verb":"boot"})");
+  EXPECT_EQ(client->next("reply")["status"], 0);
+  client->send(R"({"type":"lock"})");
+  EXPECT_TRUE(client->until([&] { return store_.history({})->size() >= 8; }));
+  std::vector<std::string> lines;
+  const auto history = store_.history({});
+  for (const auto& line : *history) {
+    if (line.event != command::audit_event) continue;
+    EXPECT_EQ(line.on.machine, "bench");
+    EXPECT_EQ(line.reason.find(studio_->token()), std::string::npos);
+    EXPECT_TRUE(line.reason.starts_with("studio, client ")) << line.reason;
+    lines.push_back(line.reason.substr(line.reason.find('\t') + 1));
+  }
+  ASSERT_EQ(lines.size(), 7U);
+  EXPECT_EQ(lines[0], "nmt command=start x\tbegun");
+  EXPECT_EQ(lines[1], "nmt command=start x\tdone");
+  EXPECT_TRUE(lines[2].starts_with("nmt\trefused: ")) << lines[2];
+  EXPECT_TRUE(lines[3].starts_with("unlock\t")) << lines[3];
+  EXPECT_EQ(lines[5], "boot\tdone");
+  EXPECT_TRUE(lines[6].starts_with("lock\t")) << lines[6];
+}
+
+TEST_F(StudioServer, AWorldThatStandsIsTold) {
+  auto client = page();
+  EXPECT_EQ(snapshot_["world"]["paused"], false);
+  EXPECT_EQ(snapshot_["world"]["speed"], 1);
+  client->send(R"({"type":"live","frames":true})");
+  loop_.pause(true);
+  studio_->look();
+  auto change = client->next("change");
+  while (!change.is_null() && !change.contains("world")) change = client->next("change");
+  EXPECT_EQ(change["world"]["paused"], true);
+  auto rates = client->next("rates");
+  while (rates["world"]["paused"] == false) rates = client->next("rates");
+  EXPECT_EQ(rates["world"]["paused"], true);
+  client->send(R"({"type":"request","id":"n","verb":"nmt"})");
+  EXPECT_EQ(client->next("reply")["status"], 0) << "what needs no time is answered";
+  auto second = page();
+  EXPECT_EQ(snapshot_["world"]["paused"], true);
+  loop_.pause(false);
+  loop_.set_speed(4);
+  studio_->look();
+  change = client->next("change");
+  while (!change.is_null() && !change.contains("world")) change = client->next("change");
+  EXPECT_EQ(change["world"]["speed"], 4);
+}
+
+// ---- docs/api ----
+
+/// The types that `parse_message` names when it is given another.
+std::vector<std::string> taken_types() {
+  std::vector<std::string> types;
+  std::string words = parse_message(R"({"type":"?"})").error();
+  words = words.substr(words.find(" is ") + 4);
+  for (std::size_t at = 0; at < words.size();) {
+    const auto end = std::min(words.find_first_of(" ,", at), words.size());
+    const std::string word = words.substr(at, end - at);
+    if (!word.empty() && word != "or") types.push_back(word);
+    at = end + 1;
+  }
+  return types;
+}
+
+// Every message that the server sends here is as docs/api says, and each that docs/api has is sent; the same for what
+// it takes. The schema's own examples are taken, too.
+TEST_F(StudioServer, TheContractIsWhatIsSpoken) {
+  std::string heard;
+  const auto sent = [&](const Json& message) { heard += Json{{"sent", message}}.dump() + "\n"; };
+  auto client = page();
+  sent(snapshot_);
+  frames(300);
+  session_->tell("field", operate::EventKind::step, "an event");
+  client->send(R"({"type":"live","frames":true})");
+  client->send(R"({"type":"request","id":"a","verb":"nmt","arguments":{"node":"5","command":"start"}})");
+  client->send(R"({"type":"request","id":"b","verb":"no such verb"})");
+  client->send(R"({"type":"frames","id":"f","count":20})");
+  client->send(R"({"type":"frames","id":"g","count":20,"filter":"705"})");
+  client->send("[");
+  loop_.pause(true);
+  studio_->look();
+  std::set<std::string> types;
+  for (int i = 0; i < 200 && types.size() < 5; ++i) {
+    int opcode = 0;
+    const auto text = client->message(&opcode);
+    if (opcode != 1) continue;
+    const auto message = Json::parse(text);
+    types.insert(message["type"].get<std::string>());
+    sent(message);
+  }
+  loop_.pause(false);
+  auto poster = connect();
+  poster->say(post(R"({"verb":"report"})"));
+  const auto answer = poster->answer();
+  heard += Json{{"answer", Json::parse(answer.substr(answer.find("\r\n\r\n") + 4))}}.dump() + "\n";
+  Json verbs = Json::array();
+  for (const auto& verb : command::verbs()) verbs.push_back(verb.name);
+  heard += Json{{"verbs", verbs}}.dump() + "\n" + Json{{"taken", taken_types()}}.dump() + "\n";
+  const std::string file = fmt::format("{}/studio_{}.heard", ::testing::TempDir(), ::getpid());
+  std::ofstream(file) << heard;
+  const std::string source = test::source_dir();
+  const int status = std::system(  // NOLINT(concurrency-mt-unsafe): nothing else runs here
+      fmt::format("python3 '{0}/tests/studio/check_contract.py' '{0}' '{1}'", source, file).c_str());
+  std::remove(file.c_str());
+  if (WEXITSTATUS(status) == 3 && std::getenv("BERTH_REQUIRE") == nullptr) GTEST_SKIP() << "no validator";
+  EXPECT_EQ(WEXITSTATUS(status), 0) << "see what it printed above";
+  std::ifstream in(source + "/docs/api/messages.schema.json");
+  const Json schema = Json::parse(in);
+  for (const auto& type : taken_types()) {
+    for (const auto& example : schema.at("$defs").at("to " + type).at("examples")) {
+      const auto read = parse_message(example.dump());
+      EXPECT_TRUE(read) << example << (read ? "" : read.error());
+    }
+  }
 }
 
 }  // namespace
