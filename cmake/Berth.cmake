@@ -221,5 +221,8 @@ function(berth_rooms)
     target_include_directories(berth_studio SYSTEM PRIVATE ${BERTH_BOOST})
     target_link_libraries(berth_studio PRIVATE nlohmann_json::nlohmann_json)
     berth_pages(berth_studio)
+    if(BERTH_SANITIZE MATCHES "thread")
+      target_compile_options(berth_studio PRIVATE -Wno-tsan)  # Boost.Asio's fences, which tsan does not know
+    endif()
   endif()
 endfunction()

@@ -267,6 +267,22 @@ Meaning Interpreter::base(const can::Frame& frame, std::string& out) const {
   return meaning;
 }
 
+namespace {
+
+constexpr can::IdRange feedback{lss::default_feedback_base, lss::default_feedback_base + 15U};
+
+}  // namespace
+
+std::optional<unsigned> rests_on(const can::Frame& frame) noexcept {
+  if (frame.fd || frame.extended || frame.id >= nodeid::and_ius_id || feedback.contains(frame.id)) return std::nullopt;
+  const bool node = (frame.id & 0x7FU) != 0;
+  if (node && frame.id > 0x180 && frame.id < 0x580) return 0;
+  if (node && frame.id > 0x700) return 1;
+  if (!node || frame.id < 0x580 || frame.id > 0x680) return 8;
+  const unsigned command = frame.data[0] >> 5;
+  return command == 0 || command > 4 ? 1 : command == 4 ? 8 : 4;  // a segment, an abort, an object
+}
+
 Meaning Interpreter::words(const can::Frame& frame, std::string& out) {
   if (frame.fd) {
     out += "FD frame";
@@ -277,7 +293,6 @@ Meaning Interpreter::words(const can::Frame& frame, std::string& out) {
     return extended(frame, out);
   }
   // Most frames have identifiers that neither LSS nor a paper uses.
-  constexpr can::IdRange feedback{lss::default_feedback_base, lss::default_feedback_base + 15U};
   if (frame.id >= nodeid::and_ius_id || (asked_ == Asked::fastscan && feedback.contains(frame.id))) {
     if (lss::is_lss(frame, lss::master_cob_id) && lss::decode_fastscan(frame)) asked_ = Asked::fastscan;
     const std::uint16_t feedback_base = asked_ == Asked::fastscan ? lss::default_feedback_base : 0;

@@ -52,6 +52,11 @@ class Interpreter {
   Asked asked_ = Asked::nothing;
 };
 
+/// How many of a classic frame's first data bytes its words rest on, beside identifier, remote flag and length: frames
+/// that agree in those have the same words. Empty: they may rest on frames before it, or tell what later ones mean;
+/// those an interpreter must see, all in their order, and no others.
+[[nodiscard]] std::optional<unsigned> rests_on(const can::Frame& frame) noexcept;
+
 /// The words for SocketCAN's error classes and details (linux/can/error.h): "error: controller: receive warning level".
 void error_words(const can::Frame& frame, std::string& out);
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstring>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -50,14 +51,36 @@ Filter::Filter(std::string_view text) {
     const auto blank = text.find(' ');
     std::string word(text.substr(0, blank));
     lower_all(word);
-    if (!word.empty()) words_.push_back(std::move(word));
+    if (!word.empty()) {
+      const bool digits = word.find_first_not_of("0123456789abcdef#") == std::string::npos;
+      all_.set(words_.size());
+      digits_.set(words_.size(), digits);
+      words_.push_back(std::move(word));
+    }
     text = blank == std::string_view::npos ? std::string_view() : text.substr(blank + 1);
   }
 }
 
-bool Filter::matches(std::string& row) const {
-  lower_all(row);
-  return std::ranges::all_of(words_, [&](const std::string& word) { return row.find(word) != std::string::npos; });
+Filter::Words Filter::in(std::string& text, const Words& wanted) const {
+  lower_all(text);
+  Words found;
+  for (std::size_t i = 0; i < words_.size(); ++i) {
+    if (wanted.test(i) && text.find(words_[i]) != std::string::npos) found.set(i);
+  }
+  return found;
+}
+
+std::pair<FoundBefore::Entry&, bool> FoundBefore::at(const can::Frame& frame, unsigned bytes) noexcept {
+  Entry key;
+  key.head =
+      frame.key() | std::uint64_t{frame.size} << 32U | std::uint64_t{frame.remote} << 40U | std::uint64_t{1} << 48U;
+  std::memcpy(&key.data, frame.data.data(), std::min<std::size_t>(bytes, sizeof key.data));
+  const std::uint64_t mixed = (key.head ^ key.data * 0x9E37'79B9'7F4A'7C15ULL) * 0xD6E8'FEB8'6659'FD93ULL;
+  Entry& entry = entries_[mixed >> 52U];
+  static_assert(size == std::size_t{1} << 12U);
+  const bool there = entry.head == key.head && entry.data == key.data;
+  if (!there) entry = key;
+  return {entry, there};
 }
 
 void FrameWords::of(const RingFrame& frame, std::string& out) {
@@ -85,6 +108,8 @@ Search::Search(const FrameRing& ring, const std::vector<std::string>& buses, Mes
       end_(ring.next()),
       rows_from_(at_) {
   if (wanted_.from) rows_from_ = std::clamp(*wanted_.from, at_, end_);
+  for (auto name : buses) in_bus_.push_back(filter_.in(name, filter_.all()));
+  in_bus_.emplace_back();  // of a frame of none of them
   if (!filter_.empty()) return;
   // A range by itself: its rows, and what stands before them for the words.
   matched_ = end_ - at_;
@@ -101,35 +126,66 @@ bool Search::step(std::size_t frames) {
   return at_ >= end_;
 }
 
-void Search::look(const RingFrame& frame) {
+// No word has a blank, so that each stands in the bus's name, in `id#data` or in the frame's words.
+bool Search::fits(const RingFrame& frame) {
+  Filter::Words missing = filter_.all() & ~in_bus_[std::min<std::size_t>(frame.bus, in_bus_.size() - 1)];
+  missing &= ~said(frame);
+  if (missing.none()) return true;
+  if ((missing & ~filter_.digits()).any()) return false;
+  row_.clear();
+  append_id(frame, row_);
+  row_ += '#';
+  append_hex(frame, row_);
+  return filter_.in(row_, missing) == missing;
+}
+
+Filter::Words Search::said(const RingFrame& frame) {
   text_.clear();
-  words_.of(frame, text_);
-  if (!filter_.empty()) {
-    row_ = name_of(*buses_, frame.bus);
-    row_ += ' ';
-    append_id(frame, row_);
-    row_ += '#';
-    append_hex(frame, row_);
-    row_ += ' ';
-    row_ += text_;
-    if (!filter_.matches(row_)) return;
+  const auto bytes = decode::rests_on(frame.frame);
+  if (!bytes) {
+    words_.of(frame, text_);
+    row_ = text_;
+    return filter_.in(row_, filter_.all());
+  }
+  const auto [entry, there] = found_before_.at(frame.frame, *bytes);
+  if (!there) {
+    row_.clear();
+    words_.of(frame, row_);
+    entry.found = filter_.in(row_, filter_.all());
+  }
+  return entry.found;
+}
+
+void Search::look(const RingFrame& frame) {
+  if (filter_.empty()) {
+    text_.clear();
+    words_.of(frame, text_);
+  } else if (!fits(frame)) {
+    return;
+  } else {
     ++matched_;
   }
+  keep(frame);
+}
+
+void Search::keep(const RingFrame& frame) {
   if (frame.number < rows_from_) return;
   const bool full = rows_.size() >= wanted_.count;
   if (full && wanted_.from) return;
   if (full) rows_.pop_front();
-  Row& row = rows_.emplace_back(Row{frame.number, {}});
-  append_row(frame, name_of(*buses_, frame.bus), text_, row.json);
+  rows_.push_back({frame, text_});
 }
 
 std::string Search::answer() const {
   std::string out = fmt::format(R"({{"type":"frames","id":{},"first":{},"last":{},"matched":{},"rows":[)",
-                                in_quotes(wanted_.id), rows_.empty() ? rows_from_ : rows_.front().number,
-                                rows_.empty() ? rows_from_ : rows_.back().number, matched_);
+                                in_quotes(wanted_.id), rows_.empty() ? rows_from_ : rows_.front().frame.number,
+                                rows_.empty() ? rows_from_ : rows_.back().frame.number, matched_);
+  FrameWords words(buses_->size());
   for (const auto& row : rows_) {
     if (out.back() != '[') out += ',';
-    out += row.json;
+    std::string text = row.words;
+    if (text.empty()) words.of(row.frame, text);
+    append_row(row.frame, name_of(*buses_, row.frame.bus), text, out);
   }
   out += "]}";
   return out;

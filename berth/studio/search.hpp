@@ -2,10 +2,12 @@
 /// thread does other things between them. Inside of room `studio`.
 #pragma once
 
+#include <bitset>
 #include <cstdint>
 #include <deque>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "berth/decode/words.hpp"
@@ -19,11 +21,35 @@ class Filter {
  public:
   explicit Filter(std::string_view text);
   [[nodiscard]] bool empty() const noexcept { return words_.empty(); }
-  /// Changes `row` to lower case.
-  [[nodiscard]] bool matches(std::string& row) const;
+  /// One bit for each of its words.
+  using Words = std::bitset<longest_filter / 2 + 1>;
+  [[nodiscard]] const Words& all() const noexcept { return all_; }
+  /// Those that may stand in `id#data`.
+  [[nodiscard]] const Words& digits() const noexcept { return digits_; }
+  /// Of these words those that stand in `text`, which is changed to lower case.
+  [[nodiscard]] Words in(std::string& text, const Words& wanted) const;
 
  private:
   std::vector<std::string> words_;
+  Words all_, digits_;
+};
+
+/// Which words of a filter stand in the words of a frame, for frames whose words rest on themselves alone
+/// (`decode::rests_on`): most of a bus's frames say what another said before.
+class FoundBefore {
+ public:
+  FoundBefore() : entries_(size) {}
+  struct Entry {
+    std::uint64_t head = 0;  // 0: none
+    std::uint64_t data = 0;
+    Filter::Words found;
+  };
+  /// The place of a frame that rests on so many of its bytes, and whether it is there.
+  [[nodiscard]] std::pair<Entry&, bool> at(const can::Frame& frame, unsigned bytes) noexcept;
+
+ private:
+  static constexpr std::size_t size = 4096;
+  std::vector<Entry> entries_;
 };
 
 /// The frames' words, bus by bus: what a RAND or a Fastscan answer is, the frame before it says. Frames in their order.
@@ -52,22 +78,27 @@ class Search {
 
  private:
   struct Row {
-    std::uint64_t number;
-    std::string json;
+    RingFrame frame;
+    std::string words;
   };
   void look(const RingFrame& frame);
+  void keep(const RingFrame& frame);
+  [[nodiscard]] bool fits(const RingFrame& frame);
+  [[nodiscard]] Filter::Words said(const RingFrame& frame);
 
   const FrameRing* ring_;
   const std::vector<std::string>* buses_;
   Message wanted_;
   Filter filter_;
   FrameWords words_;
-  std::uint64_t at_;   // the next that is looked at
-  std::uint64_t end_;  // behind the last
+  FoundBefore found_before_;
+  std::vector<Filter::Words> in_bus_;  // of the buses' names
+  std::uint64_t at_;                   // the next that is looked at
+  std::uint64_t end_;                  // behind the last
   std::uint64_t rows_from_;
   std::uint64_t matched_ = 0;
   std::deque<Row> rows_;
-  std::string text_;
+  std::string text_;  // of the frame that is looked at; empty: not made
   std::string row_;
 };
 
