@@ -12,8 +12,8 @@
 #include "berth/co/heartbeat.hpp"
 #include "berth/device/device.hpp"
 #include "berth/device/dictionary.hpp"
-#include "berth/network/managed_bus.hpp"
 #include "berth/manager/program_loader.hpp"
+#include "berth/network/managed_bus.hpp"
 #include "berth/rt/scope.hpp"
 #include "berth/sim/world.hpp"
 

@@ -75,7 +75,8 @@ class EmcyProducer final : private rt::Job {
   void set_backlog(EmcyBacklog* backlog) noexcept { backlog_ = backlog; }
   /// The backlog has more.
   void send_backlog() noexcept { flush(); }
-  /// Messages about errors that are gone carry their code in the last two manufacturer-specific bytes (paper 3 Figure 8).
+  /// Messages about errors that are gone carry their code in the last two manufacturer-specific bytes (paper 3 Figure
+  /// 8).
   void tell_exits(bool on) noexcept { tells_exits_ = on; }
   /// Reset: forgets errors and waiting messages, sends nothing; register 0, off.
   void reset() noexcept;

@@ -85,7 +85,9 @@ class SdoServerData {
     return buffer_.get() + std::exchange(offset_, offset_ + sdo::segment_bytes);
   }
   /// The stream took bytes and is not ready for more (`od::Stream::write`): `pending`, told once.
-  [[nodiscard]] AbortCode ready() noexcept { return std::exchange(waits_, false) ? AbortCode::pending : AbortCode::none; }
+  [[nodiscard]] AbortCode ready() noexcept {
+    return std::exchange(waits_, false) ? AbortCode::pending : AbortCode::none;
+  }
   /// All is there: to the dictionary or the stream; its word, `pending` included.
   [[nodiscard]] AbortCode close_write() noexcept;
   /// @}

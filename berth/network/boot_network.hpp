@@ -23,7 +23,7 @@ struct NetworkSlave {
 };
 
 struct NetworkPlan {
-  manager::Startup startup;                   ///< 1F80h
+  manager::Startup startup;          ///< 1F80h
   NodeId own;                        ///< the master's node-ID; unconfigured: it has none
   rt::Duration boot_time{};          ///< 1F89h: for all mandatory slaves together; 0: for ever
   std::vector<NetworkSlave> slaves;  ///< each node-ID once; not assigned ones and `own` are left out

@@ -63,7 +63,8 @@ class BootSource {
   /// `rules`: what is found here settles how it is supervised from step 9 on (a slave without 1017h is guarded).
   [[nodiscard]] virtual rt::Task<Result<void>> configure(BootTarget& target, manager::SlaveRules& rules);
   /// Step 5, of a slave with more than one program: is the rest as expected? Empty: yes; else what is not, for people.
-  [[nodiscard]] virtual rt::Task<Result<std::string>> other_programs(BootTarget& target, const manager::SlaveRules& rules);
+  [[nodiscard]] virtual rt::Task<Result<std::string>> other_programs(BootTarget& target,
+                                                                     const manager::SlaveRules& rules);
   /// Step 6: stop, clear, download, start. Errc::unsupported: there is no program.
   [[nodiscard]] virtual rt::Task<Result<void>> update(BootTarget& target, const manager::SlaveRules& rules);
 };

@@ -23,7 +23,8 @@ bool ConfigurationRequests::begin(const NetworkSlave& slave) {
   return true;
 }
 
-rt::Task<void> ConfigurationRequests::configure(NodeId node, BootTarget& target, BootSource& source, manager::SlaveRules rules) {
+rt::Task<void> ConfigurationRequests::configure(NodeId node, BootTarget& target, BootSource& source,
+                                                manager::SlaveRules rules) {
   const auto done = co_await source.configure(target, rules);
   busy_[node.value()] = false;
   if (callback_) callback_(node, done);

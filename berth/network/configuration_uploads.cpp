@@ -2,8 +2,8 @@
 
 #include "berth/eds/xdd.hpp"
 #include "berth/manager/configuration_upload.hpp"
-#include "berth/network/slave_requests.hpp"
 #include "berth/manager/stored_dcf.hpp"
+#include "berth/network/slave_requests.hpp"
 #include "berth/od/cia302.hpp"
 
 namespace berth::network {
@@ -51,8 +51,8 @@ rt::Task<Result<void>> ConfigurationUploads::upload_into(NodeId node, co::SdoAcc
 rt::Task<Result<std::string>> ConfigurationUploads::eds_of(NodeId node, co::SdoAccess& device) {
   const auto kept = values_->bytes({cia302::store_eds, node.value()});
   if (!kept.empty()) {
-    co_return manager::unpack_stored(values_->get_or<std::uint8_t>({cia302::eds_format, node.value()}, manager::stored_format::ascii),
-                            kept);
+    co_return manager::unpack_stored(
+        values_->get_or<std::uint8_t>({cia302::eds_format, node.value()}, manager::stored_format::ascii), kept);
   }
   co_return co_await manager::read_own_eds(device);
 }

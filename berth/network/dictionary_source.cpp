@@ -21,10 +21,14 @@ Error error_of(const manager::Failure& failure, NodeId node) noexcept {
     case manager::Failure::Why::differs:
       error = {.code = Errc::mismatch, .text = "it has another value, which none may write"};
       break;
-    case manager::Failure::Why::not_kept: error = {.code = Errc::mismatch, .text = "it did not keep what was written"}; break;
+    case manager::Failure::Why::not_kept:
+      error = {.code = Errc::mismatch, .text = "it did not keep what was written"};
+      break;
     case manager::Failure::Why::restarted: error = {.code = Errc::mismatch, .text = "it restarted meanwhile"}; break;
     case manager::Failure::Why::not_allowed: error = {.code = Errc::cancelled, .text = "it may not be changed"}; break;
-    case manager::Failure::Why::not_saved: error = {.code = Errc::timeout, .text = "it did not save its configuration"}; break;
+    case manager::Failure::Why::not_saved:
+      error = {.code = Errc::timeout, .text = "it did not save its configuration"};
+      break;
   }
   error.node = node.value();
   error.index = failure.object.index;
@@ -35,7 +39,8 @@ Error error_of(const manager::Failure& failure, NodeId node) noexcept {
 }  // namespace
 
 void DictionarySource::renew(manager::SlaveRules& rules) const noexcept {
-  const manager::SlaveRules now = manager::slave_rules_of(values_->get_or<std::uint32_t>({cia302::slave_assignment, node_.value()}, 0));
+  const manager::SlaveRules now =
+      manager::slave_rules_of(values_->get_or<std::uint32_t>({cia302::slave_assignment, node_.value()}, 0));
   rules.boots = now.boots;
   rules.mandatory = now.mandatory;
 }

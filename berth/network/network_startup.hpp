@@ -59,7 +59,7 @@ class NetworkStartup {
 
   struct Plan {
     manager::Startup rules;
-    rt::Duration boot_time{};     ///< 1F89h; 0: for ever
+    rt::Duration boot_time{};         ///< 1F89h; 0: for ever
     std::vector<Slave*> slaves = {};  ///< must stay until the next `begin`
     /// A halted startup goes on by itself; else the application says so (`operate`).
     bool resumes = false;

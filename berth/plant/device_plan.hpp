@@ -15,8 +15,8 @@
 #include "berth/base/result.hpp"
 #include "berth/can/dispatcher.hpp"
 #include "berth/device/device.hpp"
-#include "berth/network/dictionary_manager.hpp"
 #include "berth/manager/node_id_assigner.hpp"
+#include "berth/network/dictionary_manager.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/script/behaviour.hpp"
 

@@ -11,8 +11,8 @@
 #include "berth/base/finding.hpp"
 #include "berth/can/dispatcher.hpp"
 #include "berth/device/device.hpp"
-#include "berth/network/dictionary_manager.hpp"
 #include "berth/multilevel/gateway_device.hpp"
+#include "berth/network/dictionary_manager.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/rt/later.hpp"
 

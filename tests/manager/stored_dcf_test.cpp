@@ -17,7 +17,8 @@ RC_GTEST_PROP(StoredDcf, EveryTextComesBack, (const std::string& text)) {
   RC_ASSERT(*unpack_stored(stored_format::ascii, bytes) == text);
 }
 
-// Every stream that is cut, and every one with a bit flipped behind its head, is no text: RFC 1950 ends with a checksum.
+// Every stream that is cut, and every one with a bit flipped behind its head, is no text: RFC 1950 ends with a
+// checksum.
 TEST(StoredDcf, ADamagedStreamIsNoText) {
   const std::string text = "[FileInfo]\nFileName=slave.dcf\nFileVersion=1\n[DeviceInfo]\nVendorName=Maker\n";
   const auto packed = pack_stored(text);

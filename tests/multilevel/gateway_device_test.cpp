@@ -10,10 +10,10 @@
 #include <vector>
 
 #include "../paths.hpp"
-#include "berth/network/dictionary_manager.hpp"
 #include "berth/multilevel/event_log.hpp"
 #include "berth/multilevel/gateway_access.hpp"
 #include "berth/multilevel/gateway_device.hpp"
+#include "berth/network/dictionary_manager.hpp"
 #include "tree.hpp"
 
 using namespace berth;

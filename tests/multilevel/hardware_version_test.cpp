@@ -4,9 +4,9 @@
 #include <optional>
 #include <vector>
 
+#include "berth/multilevel/hardware_version.hpp"
 #include "berth/network/managed_bus.hpp"
 #include "berth/network/network_boot.hpp"
-#include "berth/multilevel/hardware_version.hpp"
 #include "tree.hpp"
 
 using namespace berth;

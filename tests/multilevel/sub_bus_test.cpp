@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "berth/network/dictionary_manager.hpp"
 #include "berth/multilevel/emcy_gateway.hpp"
 #include "berth/multilevel/event_log.hpp"
 #include "berth/multilevel/sub_bus.hpp"
+#include "berth/network/dictionary_manager.hpp"
 #include "tree.hpp"
 
 using namespace berth;

@@ -13,8 +13,8 @@
 #include "berth/base/crc.hpp"
 #include "berth/device/device.hpp"
 #include "berth/device/dictionary.hpp"
-#include "berth/network/dictionary_manager.hpp"
 #include "berth/manager/program_loader.hpp"
+#include "berth/network/dictionary_manager.hpp"
 #include "berth/sim/world.hpp"
 
 namespace berth::network::test {

@@ -275,7 +275,8 @@ class PowerLossWhileProgrammed : public Programming, public ::testing::WithParam
 }  // namespace
 
 INSTANTIATE_TEST_SUITE_P(AtEachStep, PowerLossWhileProgrammed,
-                         ::testing::Combine(::testing::Values(1, 4, 8, 9, 10, 11, 12, 40, 300, 590, 595, 596, 597, 598, 599, 600, 602, 605, 610, 615),
+                         ::testing::Combine(::testing::Values(1, 4, 8, 9, 10, 11, 12, 40, 300, 590, 595, 596, 597, 598,
+                                                              599, 600, 602, 605, 610, 615),
                                             ::testing::Values(20, 300, 2'000, 12'000)));
 
 TEST_P(PowerLossWhileProgrammed, ItIsProgrammedAllTheSame) {

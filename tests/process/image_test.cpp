@@ -82,7 +82,8 @@ TEST(Image, ASnapshotStaysAsItIsUntilTheNextRefresh) {
   }
 }
 
-// S5.25: both ways at once: every snapshot is of one publication, none is older than the one before, and the last one arrives.
+// S5.25: both ways at once: every snapshot is of one publication, none is older than the one before, and the last one
+// arrives.
 TEST(Image, SnapshotsAcrossThreadsAreNeverTorn) {
   constexpr std::uint64_t last = 20'000;
   constexpr int many = 280;

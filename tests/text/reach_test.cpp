@@ -85,8 +85,8 @@ TEST_F(ReachOf, AProjectOfAnotherUserIsNone) {
 // The system reads a name up to its first NUL, and TOML can write one. (Found by libFuzzer.)
 TEST_F(ReachOf, ANameWithANulReachesNothing) {
   using namespace std::string_view_literals;
-  for (const auto name :
-       {"..\0/shared/b.eds"sv, "../shared/a.eds\0/../../line/b.eds"sv, "sub/../../shared/a.eds\0/../../line/b.eds"sv, "b.eds\0"sv, "\0"sv}) {
+  for (const auto name : {"..\0/shared/b.eds"sv, "../shared/a.eds\0/../../line/b.eds"sv,
+                          "sub/../../shared/a.eds\0/../../line/b.eds"sv, "b.eds\0"sv, "\0"sv}) {
     EXPECT_FALSE(reaches(std::string(name))) << name.size();
   }
 }
