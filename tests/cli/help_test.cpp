@@ -200,7 +200,7 @@ class Taken : public ::testing::Test {
         {"reproduce", {"--trace", "paper4-table1"}},
         {"analyze", {machine}},
         {"link", {example("linked.toml")}},
-        {"document", {machine, "-o", folder.file("document")}},
+        {"document", {machine, "--output", folder.file("document")}},
         {"compare", {"--methods", "rand", "--devices", "1", "--bitrates", "125", "--seeds", "1"}},
         {"serve", {plant, "--listen", "127.0.0.1:0", "--for", "1 ms", "-m", machine}},
         {"gateway", {machine, "--sim", plant, "--listen", "127.0.0.1:0", "--for", "1 ms"}},
