@@ -5,6 +5,12 @@
 
 namespace berth::places {
 
+namespace {
+// Of an answer to guarding (CiA 301 §7.2.8.3.2.1); of a heartbeat it is 0. A slow device's answers come at the distance
+// of the questions.
+constexpr std::uint8_t toggle_bit = 0x80;
+}  // namespace
+
 BootWatch::BootWatch(can::Dispatcher& dispatcher, co::SdoClient* sdo) : sdo_(sdo) {
   dispatcher.add({0x081, 0x0FF}, *this);
   dispatcher.add({0x581, 0x5FF}, *this);
@@ -27,6 +33,12 @@ void BootWatch::error_control(Node& node, const can::Frame& frame, rt::Time at) 
   node.state = static_cast<NmtState>(frame.data[0] & 0x7FU);
   if (frame.data[0] != 0) {
     ++node.beats;
+    const bool is_answer = (frame.data[0] & toggle_bit) != 0;
+    if (is_answer) {
+      node.beat.reset();
+      node.gaps = {};
+      return;
+    }
     if (node.beat) node.gaps = {at - *node.beat, node.gaps[0]};
     node.beat = at;
     return;

@@ -358,6 +358,28 @@ TEST(ErrorControl, AConfigurationBesideAPeriodThatIsRefused) {
 
 // ---- slow answers ----
 
+// It answers guarding later than Berth waits: three questions, and three answers at their distance. They are no
+// heartbeats that end (./run strangers, seeds 163 and 204).
+TEST(ErrorControl, LateAnswersToGuardingAreNoHeartbeats) {
+  for (const auto response : {450ms, 600ms}) {
+    for (const bool guards : {false, true}) {
+      auto m = machine();
+      m.slots.back().spec.watch.sdo_timeout = 2s;
+      if (guards) m.slots.back().spec.watch.by = places::SlotWatch::By::guarding;
+      auto p = plant_of({"slow-guarding", with("100C 100D", guarding)});
+      p.devices.front().response = {response, response, 0, 0ms};
+      Rig rig(m, p);
+      rig.begin();
+      ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+      rig.run_for(120s);
+      EXPECT_TRUE(rig.operational()) << rig.log();
+      EXPECT_EQ(rig.log().find("absent"), std::string::npos) << rig.log();
+      rig.device("d").unplug();
+      EXPECT_TRUE(rig.run_until([&] { return rig.state(5) != places::SlotState::operational; }, 20s)) << rig.log();
+    }
+  }
+}
+
 TEST(ErrorControl, ASlowDeviceHasATimeoutOfItsOwn) {
   for (const bool says : {false, true}) {
     auto m = machine();

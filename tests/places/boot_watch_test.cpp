@@ -46,6 +46,16 @@ TEST_F(Watch, WhatOneGaveUpAnotherMayUse) {
   EXPECT_TRUE(vacancy[127]);
 }
 
+// Answers to guarding have a toggle bit, and come at the distance of the questions.
+TEST_F(Watch, AnswersToGuardingAreNoHeartbeats) {
+  for (int i = 0; i < 4; ++i) {
+    heard(0x705, (i & 1) == 0 ? 0x05 : 0x85);
+    EXPECT_FALSE(boots_.steady(NodeId(5))) << i;
+  }
+  for (int i = 0; i < 3; ++i) heard(0x705, 0x05);
+  EXPECT_TRUE(boots_.steady(NodeId(5))) << "these are";
+}
+
 // A device that had no node-ID gives up none: FFh is not 127.
 TEST_F(Watch, AnUnconfiguredNodeIdIsNot127) {
   heard(0x77F, 0x00);
