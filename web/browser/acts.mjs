@@ -1,10 +1,11 @@
 /**
  * Each pane's act in Chromium against a real Berth on the simulator, and axe over every pane:
  *   node browser/acts.mjs [--summary FILE] [WORD]   (build/test/berth or $BERTH_BINARY, with the pages built in)
+ * STUDIO_PAGES=dist: with the pages of web/dist instead.
  * With WORD only the acts whose name has it. --summary: "passed failed skipped".
  */
 import assert from "node:assert/strict";
-import { writeFileSync } from "node:fs";
+import { readFileSync, writeFileSync } from "node:fs";
 import { AxeBuilder } from "@axe-core/playwright";
 import { startMock } from "../mock/server.mjs";
 import { operational, startBerth } from "./berth.mjs";
@@ -284,6 +285,64 @@ await check(
   { hash: "&pane=trace&mode=latest&slot=field/12&filter=70C" },
   async (page) => {
     await page.locator(".frame.latest", { hasText: "70Ch" }).locator("text=Heartbeat of node 12").waitFor();
+  },
+);
+
+await check(
+  "an SDO transfer is one row, which opens to its frames",
+  { machine: "belt", fresh: true, hash: "&pane=trace&mode=folded&filter=1008h" },
+  async (page, berth) => {
+    await berth.request("sdo read", { node: "10", object: "1008h:00" });
+    const row = page.locator(".frame.transfer", { hasText: "Belt of the examples" }).last();
+    await row.waitFor();
+    assert.match(await row.innerText(), /8 frames/);
+    await row.click();
+    await page.locator(".frame.child").nth(7).waitFor();
+    await page.locator(".frame.child").first().click();
+    await page.getByRole("button", { name: "Object 1008h:00 in the dictionary" }).waitFor();
+  },
+);
+
+await check(
+  "a marker is in the address, and times count from it",
+  { machine: "belt", hash: "&pane=trace" },
+  async (page, berth) => {
+    await page.locator(".scroll .frame").nth(3).waitFor();
+    await page.locator(".scroll .frame").nth(2).click();
+    await page.keyboard.press("m");
+    await page.locator(".scroll .frame.marked", { hasText: "+0.000000" }).waitFor();
+    assert.match(page.url(), /marks=\d+&zero=\d+/);
+    const n = /marks=(\d+)/.exec(page.url())[1];
+    // Another page, which never saw the frame, finds it.
+    const url = `${berth.url}&pane=trace&marks=${n}&zero=${n}`;
+    const other = await openPage(browser, url);
+    await other.page.locator(".marks button", { hasText: "+0.000000 s" }).waitFor();
+    await other.context.close();
+    await page.getByRole("button", { name: /Take the marker of frame/ }).click();
+    assert.equal(await page.locator(".marks").count(), 0);
+  },
+);
+
+await check(
+  "what is listed is saved as candump log and as CSV",
+  { machine: "belt", hash: "&pane=trace&filter=70A" },
+  async (page, berth, by) => {
+    await page.locator(".scroll .frame").nth(3).waitFor();
+    await page.keyboard.press("p");
+    await page.locator(".menu summary").click();
+    for (const [name, line] of [
+      ["What is listed, as candump log", /^\(\d{10}\.\d{6}\) field 70A#[0-9A-F]{2}$/],
+      ["What is listed, as CSV", /^\d+,\d+\.\d{6},field,70A,0,0,[01],1,[0-9A-F]{2},/],
+    ]) {
+      const coming = page.waitForEvent("download");
+      await by.button(name).click();
+      const file = await coming;
+      const lines = readFileSync(await file.path(), "utf8")
+        .split(/\r?\n/)
+        .filter(Boolean);
+      assert.ok(lines.length > 3);
+      for (const each of lines.slice(name.endsWith("CSV") ? 1 : 0)) assert.match(each, line);
+    }
   },
 );
 

@@ -1,4 +1,19 @@
+import { existsSync, readFileSync } from "node:fs";
+import { extname } from "node:path";
+import { fileURLToPath } from "node:url";
 import { chromium } from "playwright-core";
+import { CSP, types } from "../mock/server.mjs";
+
+const dist = fileURLToPath(new URL("../dist", import.meta.url));
+
+/** STUDIO_PAGES=dist: the pages as `npm run build` made them last, with what the server at this address answers. */
+function ofDist(route) {
+  const { pathname } = new URL(route.request().url());
+  const path = dist + (pathname === "/" ? "/index.html" : pathname);
+  if (pathname.startsWith("/api/") || !existsSync(path)) return route.fallback();
+  const headers = { "Content-Type": types[extname(path)] ?? "", "Content-Security-Policy": CSP };
+  return route.fulfill({ body: readFileSync(path), headers });
+}
 
 /** Debian's own Chromium; nothing is downloaded. */
 export function launch() {
@@ -13,6 +28,7 @@ export async function openPage(browser, url, { width = 1280, height = 800, dark 
     hasTouch: touch,
     reducedMotion: "reduce",
   });
+  if (process.env.STUDIO_PAGES) await context.route("**/*", ofDist);
   const page = await context.newPage();
   const errors = [];
   page.on("console", (message) => message.type() === "error" && errors.push(message.text()));

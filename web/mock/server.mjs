@@ -12,13 +12,13 @@ import { encodeBatch } from "./batch.mjs";
 import { MockMachine } from "./machine.mjs";
 
 const dist = fileURLToPath(new URL("../dist/", import.meta.url));
-const types = {
+export const types = {
   ".html": "text/html; charset=utf-8",
   ".js": "text/javascript",
   ".css": "text/css",
   ".svg": "image/svg+xml",
 };
-const CSP =
+export const CSP =
   "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; font-src 'self'; " +
   "base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 const BATCHES_PER_S = 30;

@@ -106,7 +106,8 @@ function objectOf(data: Uint8Array): string {
 function sdo(node: number, data: Uint8Array, fromServer: boolean): Meaning {
   const command = (data[0] ?? 0) >> 5;
   const who = fromServer ? `SDO of node ${node}` : `SDO to node ${node}`;
-  if (command === 4) {
+  // Exactly 80h: a segment of a block transfer may begin with 81h to FFh.
+  if (data[0] === 0x80) {
     const code = u32(data, 4);
     const why = abortTexts[code];
     const object = objectOf(data);
@@ -155,7 +156,14 @@ function rand(id: number, data: Uint8Array): Meaning {
   return { service: "RAND", node: 0, text };
 }
 
-export function meaningOf(id: number, extended: boolean, remote: boolean, data: Uint8Array): Meaning {
+/** `isNode`: whether the machine has this node; a COB-ID of a PDO need not be that of the predefined connection set. */
+export function meaningOf(
+  id: number,
+  extended: boolean,
+  remote: boolean,
+  data: Uint8Array,
+  isNode: (node: number) => boolean = () => true,
+): Meaning {
   if (extended) {
     const kind = id >>> 18;
     if (kind === 0x7d4 || kind === 0x7e4 || kind === 0x7e5) return rand(id, data);
@@ -174,7 +182,7 @@ export function meaningOf(id: number, extended: boolean, remote: boolean, data: 
   if (id === 0x7e4) return lss(data, false);
   if (node === 0) return { service: "other", node: 0, text: "" };
   if (base === 0x080) return emergency(node, data);
-  if (base >= 0x180 && base < 0x580) return pdo(base, node);
+  if (base >= 0x180 && base < 0x580) return pdo(base, node, isNode(node));
   if (base === 0x580) return sdo(node, data, true);
   if (base === 0x600) return sdo(node, data, false);
   if (base === 0x700) return errorControl(node, remote, data);
@@ -187,10 +195,11 @@ function emergency(node: number, data: Uint8Array): Meaning {
   return { service: "EMCY", node, text };
 }
 
-function pdo(base: number, node: number): Meaning {
+function pdo(base: number, node: number, isThere: boolean): Meaning {
   const number = ((base - 0x180) >> 8) + 1;
   const kind = base & 0x080 ? "TPDO" : "RPDO";
   const service = `PDO${number}` as Service;
+  if (!isThere) return { service, node: 0, text: `PDO with COB-ID ${hex(base + node, 3)}` };
   return { service, node, text: `${kind} ${number} of node ${node}` };
 }
 

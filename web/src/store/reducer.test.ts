@@ -67,10 +67,14 @@ describe("the copy of the server's truth", () => {
 describe("the view", () => {
   it("comes back from the address as it went there", () => {
     const view = { ...firstView, pane: "trace" as const, slot: "field/12", frame: 99, filter: "abort 1018h" };
+    const marked = { ...view, mode: "folded" as const, marks: [812, 4711], zero: 812 };
+    expect(parseView(fragmentOf(marked))).toEqual(marked);
     expect(parseView(fragmentOf(view))).toEqual(view);
   });
   it("takes no nonsense from an address", () => {
-    expect(parseView("#pane=__proto__&frame=-1&mode=x")).toEqual(firstView);
+    expect(parseView("#pane=__proto__&frame=-1&mode=x&marks=&zero=")).toEqual(firstView);
+    expect(parseView("#marks=9,x,-1,2,9,1e99").marks).toEqual([2, 9]);
+    expect(parseView(`#marks=${Array.from({ length: 99 }, (_, i) => i).join(",")}`).marks).toHaveLength(20);
   });
   it("lets go of a frame when another slot is selected", () => {
     const view = changedView({ ...firstView, frame: 3, object: "1018h:04" }, { slot: "field/2" });

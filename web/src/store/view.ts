@@ -3,6 +3,11 @@
 export const panes = ["slots", "trace", "machine", "dictionary", "network", "world"] as const;
 export type Pane = (typeof panes)[number];
 
+const traceModes = ["chronological", "folded", "latest"] as const;
+export type TraceMode = (typeof traceModes)[number];
+
+export const MOST_MARKS = 20;
+
 export interface View {
   pane: Pane;
   /** "field/12": bus and node-ID of the slot that is selected everywhere; empty: none */
@@ -13,7 +18,11 @@ export interface View {
   object: string;
   /** Of the trace. */
   filter: string;
-  mode: "chronological" | "latest";
+  mode: TraceMode;
+  /** Numbers of the frames that have a marker. */
+  marks: readonly number[];
+  /** The frame that times count from; null: the machine's start. */
+  zero: number | null;
 }
 
 export const firstView: View = {
@@ -23,23 +32,39 @@ export const firstView: View = {
   object: "",
   filter: "",
   mode: "chronological",
+  marks: [],
+  zero: null,
 };
 
 function isPane(text: string | null): text is Pane {
   return panes.some((pane) => pane === text);
 }
 
+function frameNumber(text: string | null): number | null {
+  const n = Number(text);
+  return text !== null && text !== "" && Number.isSafeInteger(n) && n >= 0 ? n : null;
+}
+
+/** "812,4711", each once and in order. */
+function marksOf(text: string | null): number[] {
+  const numbers = (text ?? "").split(",").map(frameNumber);
+  const marks = numbers.filter((n) => n !== null);
+  return [...new Set(marks)].sort((a, b) => a - b).slice(0, MOST_MARKS);
+}
+
 export function parseView(fragment: string): View {
   const values = new URLSearchParams(fragment.replace(/^#/, ""));
   const pane = values.get("pane");
-  const frame = Number(values.get("frame"));
+  const mode = traceModes.find((entry) => entry === values.get("mode"));
   return {
     pane: isPane(pane) ? pane : firstView.pane,
     slot: values.get("slot") ?? "",
-    frame: values.has("frame") && Number.isSafeInteger(frame) && frame >= 0 ? frame : null,
+    frame: frameNumber(values.get("frame")),
     object: values.get("object") ?? "",
     filter: values.get("filter") ?? "",
-    mode: values.get("mode") === "latest" ? "latest" : "chronological",
+    mode: mode ?? firstView.mode,
+    marks: marksOf(values.get("marks")),
+    zero: frameNumber(values.get("zero")),
   };
 }
 
@@ -50,6 +75,8 @@ export function fragmentOf(view: View): string {
   if (view.object) values.set("object", view.object);
   if (view.filter) values.set("filter", view.filter);
   if (view.mode !== firstView.mode) values.set("mode", view.mode);
+  if (view.marks.length) values.set("marks", view.marks.join(","));
+  if (view.zero !== null) values.set("zero", String(view.zero));
   return `#${values.toString()}`;
 }
 

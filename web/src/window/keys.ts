@@ -1,4 +1,5 @@
 import { useEffect } from "react";
+import { markChange } from "../panes/trace/reducer";
 import { useStudio } from "./context";
 import { usePanes } from "./Panes";
 
@@ -28,6 +29,10 @@ export function useKeys(): void {
       }
       if (event.key === "p" && store.get().view.pane === "trace") {
         store.dispatch({ type: "trace/pause", paused: !store.get().trace.paused });
+      }
+      const { view } = store.get();
+      if (event.key === "m" && view.pane === "trace" && view.frame !== null) {
+        store.dispatch({ type: "view", change: markChange(view, view.frame) });
       }
       if (event.key === "Escape" && !store.get().window.palette) {
         store.dispatch({ type: "view", change: { slot: "", frame: null, object: "" } });

@@ -1,16 +1,16 @@
 import { useState } from "react";
 import { crcOf, fieldMeaning, fieldRuns, fieldValue, wireBits, type FieldRun } from "../../can/bits";
-import { clauses, meaningOf } from "../../can/words";
+import { clauses } from "../../can/words";
 import { count, hex, visible } from "../../protocol/text";
 import { useData, useView } from "../../window/context";
-import { frameNumbered } from "./reducer";
+import { frameNumbered, knownOf, markChange, meaningIn } from "./reducer";
 
 export function FrameInspector({ n }: { n: number }) {
-  const [, setView] = useView();
-  const [trace, buses] = useData((state) => [state.trace, state.data.buses] as const);
+  const [view, setView] = useView();
+  const [trace, buses, known] = useData((state) => [state.trace, state.data.buses, knownOf(state)] as const);
   const frame = frameNumbered(trace.paused?.pieces ?? trace.pieces, n) ?? frameNumbered(trace.pieces, n);
   if (!frame) return <p className="hint">Frame {count(n)} is not on this page any more.</p>;
-  const meaning = meaningOf(frame.id, frame.extended, frame.remote, frame.data);
+  const meaning = meaningIn(frame, known);
   const bus = buses[frame.bus];
   const wire = wireBits(frame);
   const stuffBits = wire.filter((bit) => bit.stuff).length;
@@ -32,6 +32,14 @@ export function FrameInspector({ n }: { n: number }) {
           Object {meaning.object} in the dictionary
         </button>
       )}
+      <button
+        type="button"
+        title="M"
+        aria-pressed={view.marks.includes(n)}
+        onClick={() => setView(markChange(view, n))}
+      >
+        {view.marks.includes(n) ? "Take the marker away" : "Set a marker"}
+      </button>
       <dl>
         {facts
           .filter(([, value]) => value)

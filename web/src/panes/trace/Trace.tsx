@@ -1,11 +1,14 @@
 import { useVirtualizer } from "@tanstack/react-virtual";
 import { useEffect, useRef, useState, type KeyboardEvent } from "react";
-import { meaningOf } from "../../can/words";
 import type { Frame } from "../../protocol/batch";
 import type { Bus } from "../../protocol/messages";
 import { bytes, count, hex, visible } from "../../protocol/text";
 import { useData, useStudio, useView } from "../../window/context";
-import { frameAt, lineOf, matcher, rowOf, type TraceState } from "./reducer";
+import { Exports } from "./Exports";
+import { FoldedList } from "./Folded";
+import { Marks } from "./Marks";
+import { frameAt, knownOf, lineOf, matcher, meaningIn, rowOf, type TraceState } from "./reducer";
+import { FrameRow, useDim, useZero } from "./rows";
 
 const ROW = 24;
 
@@ -38,7 +41,10 @@ export function Trace() {
   return (
     <>
       <Bar />
-      {view.mode === "chronological" ? <List /> : <LatestList />}
+      <Marks />
+      {view.mode === "chronological" && <List />}
+      {view.mode === "folded" && <FoldedList />}
+      {view.mode === "latest" && <LatestList />}
     </>
   );
 }
@@ -77,10 +83,19 @@ function Bar() {
         >
           Chronological
         </button>
+        <button
+          type="button"
+          aria-pressed={view.mode === "folded"}
+          title="Each SDO transfer is one row"
+          onClick={() => setView({ mode: "folded" })}
+        >
+          SDO folded
+        </button>
         <button type="button" aria-pressed={view.mode === "latest"} onClick={() => setView({ mode: "latest" })}>
           Latest of each
         </button>
       </div>
+      <Exports />
       <span className="number quiet" aria-live="off">
         {view.filter ? `${count(pausedShown ?? shown)} of ${count(kept)} here` : `${count(kept)} frames here`}
         {matched !== null && `, ${count(matched)} in the whole ring`}
@@ -91,19 +106,11 @@ function Bar() {
   );
 }
 
-function useDim(): (frame: Frame, node: number) => boolean {
-  const [slot, buses] = useData((state) => [state.view.slot, state.data.buses] as const);
-  const selected = slot.lastIndexOf("/");
-  const bus = slot.slice(0, selected);
-  const id = Number(slot.slice(selected + 1));
-  return (frame, node) => slot !== "" && !(node === id && buses[frame.bus]?.name === bus);
-}
-
 function List() {
   const { socket, store } = useStudio();
   const [view, setView] = useView();
   const trace = useData((state) => state.trace);
-  const buses = useData((state) => state.data.buses);
+  const [buses, known] = useData((state) => [state.data.buses, knownOf(state)] as const);
   const pieces = trace.paused?.pieces ?? trace.pieces;
   const shown = trace.paused?.shown ?? trace.shown;
   const scroller = useRef<HTMLDivElement>(null);
@@ -154,7 +161,7 @@ function List() {
     return () => clearTimeout(timer);
   }, [paused, firstRow, lastRow, pieces, socket]);
   const select = (frame: Frame) => {
-    const meaning = meaningOf(frame.id, frame.extended, frame.remote, frame.data);
+    const meaning = meaningIn(frame, known);
     const bus = buses[frame.bus]?.name;
     const slot = store.get().data.slots.find((entry) => entry.bus === bus && entry.id === meaning.node);
     const object = slot && meaning.object ? meaning.object : "";
@@ -171,6 +178,7 @@ function List() {
     if (frame) list.scrollToIndex(row);
   };
   const dim = useDim();
+  const zero = useZero();
   return (
     <>
       <div className="frame head">
@@ -203,6 +211,8 @@ function List() {
                 words={trace.texts.get(frame.n)}
                 selected={frame.n === view.frame}
                 dim={dim}
+                known={known}
+                zero={zero}
                 onSelect={select}
               />
             );
@@ -210,33 +220,6 @@ function List() {
         </div>
       </div>
     </>
-  );
-}
-
-interface RowProps {
-  frame: Frame;
-  top: number;
-  bus: string;
-  words: string | undefined;
-  selected: boolean;
-  dim: (frame: Frame, node: number) => boolean;
-  onSelect: (frame: Frame) => void;
-}
-
-function FrameRow({ frame, top, bus, words, selected, dim, onSelect }: RowProps) {
-  const meaning = meaningOf(frame.id, frame.extended, frame.remote, frame.data);
-  const classes = `frame service-${meaning.service} ${selected ? "selected" : ""} ${dim(frame, meaning.node) ? "dim" : ""}`;
-  return (
-    <div className={classes} style={{ transform: `translateY(${top}px)` }} onClick={() => onSelect(frame)}>
-      <span className="number">{frame.seconds.toFixed(6)}</span>
-      <span>{visible(bus)}</span>
-      <span className="number">{hex(frame.id, frame.extended ? 8 : 3)}</span>
-      <span>{frame.sent ? "→" : "←"}</span>
-      <span className="number data">{frame.remote ? `remote, ${frame.data.length}` : bytes(frame.data)}</span>
-      <span className="words" title={visible(words ?? meaning.text)}>
-        {visible(words ?? meaning.text)}
-      </span>
-    </div>
   );
 }
 
@@ -260,12 +243,12 @@ function useLatest(): { latest: TraceState["latest"]; buses: Bus[] } {
 function LatestList() {
   const [view, setView] = useView();
   const { latest, buses } = useLatest();
+  const known = useData(knownOf);
   const dim = useDim();
   const scroller = useRef<HTMLDivElement>(null);
   const matches = matcher(view.filter);
-  const names = buses.map((bus) => bus.name);
   const rows = [...latest.values()]
-    .filter(({ frame }) => !matches || matches(lineOf(frame, names)))
+    .filter(({ frame }) => !matches || matches(lineOf(frame, known)))
     .sort((a, b) => a.frame.bus - b.frame.bus || a.frame.id - b.frame.id);
   const list = useVirtualizer({
     count: rows.length,
@@ -289,7 +272,7 @@ function LatestList() {
             const entry = rows[item.index];
             if (!entry) return null;
             const { frame } = entry;
-            const meaning = meaningOf(frame.id, frame.extended, frame.remote, frame.data);
+            const meaning = meaningIn(frame, known);
             return (
               <div
                 key={item.key}

@@ -1,8 +1,9 @@
-import { meaningOf, type Service } from "../../can/words";
+import { meaningOf, type Meaning, type Service } from "../../can/words";
 import { batchesOfRows, frameOf, joined, type Batch, type Frame } from "../../protocol/batch";
 import type { FrameRow } from "../../protocol/messages";
 import { bytes, hex } from "../../protocol/text";
 import type { Action, State } from "../../store/state";
+import { MOST_MARKS, type View } from "../../store/view";
 
 /** Frames that the page keeps; the server's ring has the others. */
 export const MOST_FRAMES = 100_000;
@@ -41,10 +42,17 @@ export interface TraceState {
   matched: number | null;
   /** Id of the question that `matched` waits for. */
   asked: string;
+  /** Times of the frames with a marker, where the page knows them. */
+  marked: ReadonlyMap<number, number>;
+  /** Transfers that show their frames, by the number of the first. */
+  opened: ReadonlySet<number>;
 }
 
 export type TraceAction =
-  { type: "trace/pause"; paused: boolean } | { type: "trace/clear" } | { type: "trace/asked"; id: string };
+  | { type: "trace/pause"; paused: boolean }
+  | { type: "trace/clear" }
+  | { type: "trace/asked"; id: string }
+  | { type: "trace/open"; first: number; open: boolean };
 
 export const firstTrace: TraceState = {
   pieces: [],
@@ -56,35 +64,93 @@ export const firstTrace: TraceState = {
   texts: new Map(),
   matched: null,
   asked: "",
+  marked: new Map(),
+  opened: new Set(),
 };
 
 export function traceReducer(trace: TraceState, action: Action, state: State): TraceState {
   switch (action.type) {
     case "batch":
-      return withBatch(trace, action.batch, busNames(state));
+      return withBatch(trace, action.batch, knownOf(state));
     case "view":
-      return state.view.filter === trace.filter ? trace : refiltered(trace, state.view.filter, busNames(state));
+      return withMarks(viewReducer(trace, state), state.view.marks);
     case "message":
-      return messageReducer(trace, action.message, state);
+      return withMarks(messageReducer(trace, action.message, state), state.view.marks);
     case "trace/pause":
       return { ...trace, paused: action.paused ? { pieces: trace.pieces, shown: trace.shown } : null };
     case "trace/clear":
-      return { ...firstTrace, filter: trace.filter };
+      return { ...firstTrace, filter: trace.filter, marked: trace.marked };
     case "trace/asked":
       return { ...trace, asked: action.id };
+    case "trace/open":
+      return { ...trace, opened: withOpened(trace.opened, action.first, action.open) };
     default:
       return trace;
   }
 }
 
-const busNames = (state: State): string[] => state.data.buses.map((bus) => bus.name);
+function viewReducer(trace: TraceState, state: State): TraceState {
+  const { filter } = state.view;
+  return filter === trace.filter ? trace : refiltered(trace, filter, knownOf(state));
+}
+
+function withOpened(opened: ReadonlySet<number>, first: number, open: boolean): ReadonlySet<number> {
+  const next = new Set(opened);
+  if (open) next.add(first);
+  else next.delete(first);
+  return next;
+}
+
+/** Times of new markers, while their frames are here. */
+function withMarks(trace: TraceState, marks: readonly number[]): TraceState {
+  const fresh = marks.filter((n) => !trace.marked.has(n));
+  const found = fresh.flatMap((n): [number, number][] => {
+    const frame = frameNumbered(trace.pieces, n);
+    return frame ? [[n, frame.seconds]] : [];
+  });
+  return found.length ? { ...trace, marked: new Map([...trace.marked, ...found]) } : trace;
+}
+
+/** A marker on a frame, or none any more. The first one is where times count from. */
+export function markChange(view: Pick<View, "marks" | "zero">, n: number): Partial<View> {
+  if (view.marks.includes(n)) {
+    const marks = view.marks.filter((mark) => mark !== n);
+    return { marks, zero: view.zero === n ? null : view.zero };
+  }
+  if (view.marks.length >= MOST_MARKS) return {};
+  const marks = [...view.marks, n].sort((a, b) => a - b);
+  return { marks, zero: view.zero ?? n };
+}
+
+/** What words about frames rest on: the buses in their order, and which nodes the machine has. */
+export interface Known {
+  buses: readonly string[];
+  isNode: (bus: number, node: number) => boolean;
+}
+
+let knownFor: { slots: unknown; buses: unknown; known: Known } | null = null;
+
+export function knownOf({ data }: State): Known {
+  if (knownFor?.slots === data.slots && knownFor.buses === data.buses) return knownFor.known;
+  const nodes = new Set(data.slots.map((slot) => `${slot.bus}/${slot.id}`));
+  for (const bus of data.buses) if (bus.master_id !== null) nodes.add(`${bus.name}/${bus.master_id}`);
+  const buses = data.buses.map((bus) => bus.name);
+  const known = { buses, isNode: (bus: number, node: number) => nodes.has(`${buses[bus] ?? ""}/${node}`) };
+  knownFor = { slots: data.slots, buses: data.buses, known };
+  return known;
+}
+
+export function meaningIn(frame: Frame, known: Known): Meaning {
+  const { id, extended, remote, data, bus } = frame;
+  return meaningOf(id, extended, remote, data, (node) => known.isNode(bus, node));
+}
 
 function messageReducer(trace: TraceState, message: Extract<Action, { type: "message" }>["message"], state: State) {
   if (message.type !== "frames") return trace;
   const texts = withTexts(trace.texts, message.rows);
   if (message.id.startsWith("words")) return { ...trace, texts };
   const matched = message.id === trace.asked && trace.filter ? message.matched : trace.matched;
-  return withOlder({ ...trace, texts, matched }, batchesOfRows(message.rows, busNames(state)), busNames(state));
+  return withOlder({ ...trace, texts, matched }, batchesOfRows(message.rows, knownOf(state).buses), knownOf(state));
 }
 
 function withTexts(texts: ReadonlyMap<number, string>, rows: readonly FrameRow[]): ReadonlyMap<number, string> {
@@ -103,27 +169,27 @@ export function matcher(filter: string): ((line: string) => boolean) | null {
   };
 }
 
-export function lineOf(frame: Frame, buses: readonly string[]): string {
-  const meaning = meaningOf(frame.id, frame.extended, frame.remote, frame.data);
+export function lineOf(frame: Frame, known: Known): string {
+  const meaning = meaningIn(frame, known);
   const id = frame.id
     .toString(16)
     .toUpperCase()
     .padStart(frame.extended ? 8 : 3, "0");
-  return `${buses[frame.bus] ?? ""} ${id}#${bytes(frame.data).replace(/ /g, "")} ${hex(frame.id)} ${meaning.text}`;
+  return `${known.buses[frame.bus] ?? ""} ${id}#${bytes(frame.data).replace(/ /g, "")} ${hex(frame.id)} ${meaning.text}`;
 }
 
-function pieceOf(batch: Batch, filter: string, buses: readonly string[], texts: ReadonlyMap<number, string>): Piece {
+function pieceOf(batch: Batch, filter: string, known: Known, texts: ReadonlyMap<number, string>): Piece {
   const matches = matcher(filter);
   if (!matches) return { batch, rows: null, count: batch.count };
   const rows: number[] = [];
   for (let i = 0; i < batch.count; i++) {
     const text = texts.get(batch.first + i) ?? "";
-    if (matches(lineOf(frameOf(batch, i), buses) + text)) rows.push(i);
+    if (matches(lineOf(frameOf(batch, i), known) + text)) rows.push(i);
   }
   return { batch, rows: Uint32Array.from(rows), count: rows.length };
 }
 
-function withBatch(trace: TraceState, batch: Batch, buses: readonly string[]): TraceState {
+function withBatch(trace: TraceState, batch: Batch, known: Known): TraceState {
   if (batch.count === 0) return trace;
   const last = trace.pieces[trace.pieces.length - 1];
   // What was sent again, after a reconnection or out of the ring, is there already.
@@ -132,7 +198,7 @@ function withBatch(trace: TraceState, batch: Batch, buses: readonly string[]): T
   const small = follows && last.batch.count + batch.count <= SMALL_BATCH;
   const whole = small ? joined(last.batch, batch) : batch;
   const before = small ? trace.pieces.slice(0, -1) : trace.pieces;
-  const pieces = [...before, pieceOf(whole, trace.filter, buses, trace.texts)];
+  const pieces = [...before, pieceOf(whole, trace.filter, known, trace.texts)];
   return { ...trace, ...limited(pieces), latest: withLatest(trace.latest, batch) };
 }
 
@@ -145,10 +211,10 @@ function limited(pieces: Piece[]): Pick<TraceState, "pieces" | "kept" | "shown">
 }
 
 /** Rows of the ring go where their numbers belong, unless the page has them. */
-function withOlder(trace: TraceState, batches: readonly Batch[], buses: readonly string[]): TraceState {
+function withOlder(trace: TraceState, batches: readonly Batch[], known: Known): TraceState {
   const fresh = batches.flatMap((batch) => missing(trace.pieces, batch));
   if (!fresh.length) return trace;
-  const pieces = [...trace.pieces, ...fresh.map((batch) => pieceOf(batch, trace.filter, buses, trace.texts))];
+  const pieces = [...trace.pieces, ...fresh.map((batch) => pieceOf(batch, trace.filter, known, trace.texts))];
   pieces.sort((a, b) => a.batch.first - b.batch.first);
   let { latest } = trace;
   if (latest.size === 0) for (const batch of fresh) latest = withLatest(latest, batch);
@@ -210,8 +276,8 @@ function withLatest(latest: ReadonlyMap<string, Latest>, batch: Batch): Readonly
   return next;
 }
 
-function refiltered(trace: TraceState, filter: string, buses: readonly string[]): TraceState {
-  const again = (pieces: readonly Piece[]) => pieces.map((p) => pieceOf(p.batch, filter, buses, trace.texts));
+function refiltered(trace: TraceState, filter: string, known: Known): TraceState {
+  const again = (pieces: readonly Piece[]) => pieces.map((p) => pieceOf(p.batch, filter, known, trace.texts));
   const live = limited(again(trace.pieces));
   const paused = trace.paused ? again(trace.paused.pieces) : null;
   return {

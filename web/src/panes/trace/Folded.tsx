@@ -1,0 +1,168 @@
+import { useVirtualizer } from "@tanstack/react-virtual";
+import { useEffect, useMemo, useRef, useState } from "react";
+import type { Frame } from "../../protocol/batch";
+import { hex, visible } from "../../protocol/text";
+import { slotKey } from "../../store/keys";
+import { useData, useStudio, useView } from "../../window/context";
+import { frameNumbered, knownOf, meaningIn, type Piece } from "./reducer";
+import { FrameRow, timeWords, useDim, useZero, type Zero } from "./rows";
+import { folded, serverWords, transferWords, type FoldedRow, type Transfer } from "./transfers";
+
+const ROW = 24;
+const EVERY_MS = 500;
+
+/** The list as it is, twice a second while it is followed: all transfers are put together anew each time. */
+function usePieces(): readonly Piece[] {
+  const { store } = useStudio();
+  const paused = useData((state) => state.trace.paused?.pieces ?? null);
+  const filter = useData((state) => state.trace.filter);
+  const [live, setLive] = useState(() => store.get().trace.pieces);
+  useEffect(() => {
+    setLive(store.get().trace.pieces);
+    const timer = setInterval(() => setLive(store.get().trace.pieces), EVERY_MS);
+    return () => clearInterval(timer);
+  }, [store, filter]);
+  return paused ?? live;
+}
+
+export function FoldedList() {
+  const { store, socket } = useStudio();
+  const [view, setView] = useView();
+  const pieces = usePieces();
+  const [opened, paused, buses, known, texts] = useData((state) => {
+    const { trace, data } = state;
+    return [trace.opened, trace.paused !== null, data.buses, knownOf(state), trace.texts] as const;
+  });
+  const rows = useMemo(() => folded(pieces, view.filter, known, opened), [pieces, view.filter, known, opened]);
+  const scroller = useRef<HTMLDivElement>(null);
+  const list = useVirtualizer({
+    count: rows.length,
+    getScrollElement: () => scroller.current,
+    estimateSize: () => ROW,
+    overscan: 6,
+  });
+  useEffect(() => {
+    if (!paused && rows.length) list.scrollToIndex(rows.length - 1);
+  }, [paused, rows, list]);
+  const pause = () => {
+    if (!store.get().trace.paused) store.dispatch({ type: "trace/pause", paused: true });
+  };
+  const items = list.getVirtualItems();
+  const from = firstOf(rows[items[0]?.index ?? 0]);
+  const to = firstOf(rows[items[items.length - 1]?.index ?? 0]);
+  // The server's words for what is in sight.
+  useEffect(() => {
+    if (!paused || from < 0 || to < from) return;
+    const timer = setTimeout(() => {
+      const count = Math.min(2000, to - from + 100);
+      socket.send({ type: "frames", id: `words ${from}`, from, count });
+    }, 150);
+    return () => clearTimeout(timer);
+  }, [paused, from, to, socket]);
+  const select = (frame: Frame) => {
+    const { node, object } = meaningIn(frame, known);
+    const bus = buses[frame.bus]?.name;
+    const slot = store.get().data.slots.find((entry) => entry.bus === bus && entry.id === node);
+    setView({ frame: frame.n, object: slot && object ? object : "", ...(slot ? { slot: slotKey(slot) } : {}) });
+    pause();
+  };
+  const open = (transfer: Transfer) => {
+    const first = transfer.frames[0] ?? -1;
+    store.dispatch({ type: "trace/open", first, open: !opened.has(first) });
+    const frame = frameNumbered(pieces, transfer.frames[transfer.frames.length - 1] ?? -1);
+    if (frame) select(frame);
+  };
+  const dim = useDim();
+  const zero = useZero();
+  const drawn = (row: FoldedRow | undefined, top: number, key: number | string | bigint) => {
+    if (row === undefined) return null;
+    if (typeof row === "object" && "frames" in row) {
+      const first = frameNumbered(pieces, row.frames[0] ?? -1);
+      return (
+        <TransferRow
+          key={key}
+          transfer={row}
+          top={top}
+          bus={buses[row.bus]?.name ?? ""}
+          words={serverWords(row, texts) ?? transferWords(row)}
+          open={opened.has(row.frames[0] ?? -1)}
+          dim={first !== null && dim(first, row.node)}
+          zero={zero}
+          onOpen={open}
+        />
+      );
+    }
+    const child = typeof row === "object";
+    const frame = frameNumbered(pieces, child ? row.child : row);
+    if (!frame) return null;
+    const selected = frame.n === view.frame;
+    const common = { frame, top, dim, known, zero, selected, child, onSelect: select };
+    return <FrameRow key={key} {...common} bus={buses[frame.bus]?.name ?? ""} words={texts.get(frame.n)} />;
+  };
+  return (
+    <>
+      <div className="frame head">
+        <span>Time</span>
+        <span>Bus</span>
+        <span>Identifier</span>
+        <span title="→ sent by Berth, ← received, ▸ a transfer" />
+        <span>Data</span>
+        <span>Meaning</span>
+      </div>
+      <div
+        className="scroll"
+        ref={scroller}
+        tabIndex={0}
+        role="region"
+        aria-label="Frames, SDO transfers folded"
+        onWheel={(event) => event.deltaY < 0 && pause()}
+      >
+        <div style={{ height: list.getTotalSize(), position: "relative" }}>
+          {items.map((item) => drawn(rows[item.index], item.start, item.key))}
+        </div>
+      </div>
+    </>
+  );
+}
+
+function firstOf(row: FoldedRow | undefined): number {
+  if (row === undefined) return -1;
+  if (typeof row === "number") return row;
+  return "child" in row ? row.child : (row.frames[0] ?? -1);
+}
+
+interface TransferProps {
+  transfer: Transfer;
+  top: number;
+  bus: string;
+  words: string;
+  open: boolean;
+  dim: boolean;
+  zero: Zero;
+  onOpen: (transfer: Transfer) => void;
+}
+
+function TransferRow({ transfer, top, bus, words, open, dim, zero, onOpen }: TransferProps) {
+  const service = transfer.state === "aborted" ? "abort" : "SDO";
+  const { frames, from, to } = transfer;
+  return (
+    <div
+      className={`frame transfer service-${service} ${dim ? "dim" : ""}`}
+      style={{ transform: `translateY(${top}px)` }}
+      onClick={() => onOpen(transfer)}
+    >
+      <span className="number">{timeWords(from, zero)}</span>
+      <span>{visible(bus)}</span>
+      <span className="number">{hex(0x600 + transfer.node, 3)}</span>
+      <button type="button" className="fold" aria-expanded={open} aria-label={`Frames of ${visible(words)}`}>
+        {open ? "▾" : "▸"}
+      </button>
+      <span className="number">
+        {frames.length} {frames.length === 1 ? "frame" : "frames"}, {((to - from) * 1000).toFixed(2)} ms
+      </span>
+      <span className="words" title={visible(words)}>
+        {visible(words)}
+      </span>
+    </div>
+  );
+}

@@ -1,0 +1,52 @@
+import { csv } from "../../parts/download";
+import type { Frame } from "../../protocol/batch";
+import { frameOf } from "../../protocol/batch";
+import { bytes } from "../../protocol/text";
+import { meaningIn, type Known, type Piece } from "./reducer";
+
+/** The frames that the filter lets through; with `slot` ("field/12") only those of this node. */
+export function exported(pieces: readonly Piece[], known: Known, slot = ""): Frame[] {
+  const at = slot.lastIndexOf("/");
+  const bus = slot.slice(0, at);
+  const node = Number(slot.slice(at + 1));
+  const frames = pieces.flatMap(({ batch, rows, count }) =>
+    Array.from({ length: count }, (_, i) => frameOf(batch, rows ? (rows[i] ?? 0) : i)),
+  );
+  if (!slot) return frames;
+  return frames.filter((frame) => known.buses[frame.bus] === bus && meaningIn(frame, known).node === node);
+}
+
+const idOf = (frame: Frame): string =>
+  frame.id
+    .toString(16)
+    .toUpperCase()
+    .padStart(frame.extended ? 8 : 3, "0");
+
+/** As `candump -L` writes it. A name of a bus is one word there. */
+export function candumpLog(frames: readonly Frame[], known: Known): string {
+  return frames
+    .map((frame) => {
+      const bus = (known.buses[frame.bus] ?? "").replace(/\s+/g, "_") || "can0";
+      const data = frame.remote ? `R${frame.data.length || ""}` : bytes(frame.data).replace(/ /g, "");
+      return `(${frame.seconds.toFixed(6).padStart(17, "0")}) ${bus} ${idOf(frame)}#${data}\n`;
+    })
+    .join("");
+}
+
+export function framesCsv(frames: readonly Frame[], known: Known, texts: ReadonlyMap<number, string>): string {
+  const head = ["frame", "time_s", "bus", "identifier", "extended", "remote", "sent", "length", "data", "meaning"];
+  const flag = (value: boolean) => (value ? 1 : 0);
+  const rows = frames.map((frame) => [
+    frame.n,
+    frame.seconds.toFixed(6),
+    known.buses[frame.bus] ?? "",
+    idOf(frame),
+    flag(frame.extended),
+    flag(frame.remote),
+    flag(frame.sent),
+    frame.data.length,
+    frame.remote ? "" : bytes(frame.data),
+    texts.get(frame.n) ?? meaningIn(frame, known).text,
+  ]);
+  return csv([head, ...rows]);
+}

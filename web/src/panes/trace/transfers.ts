@@ -1,0 +1,225 @@
+import type { Batch, Frame } from "../../protocol/batch";
+import { frameOf } from "../../protocol/batch";
+import { bytes, hex } from "../../protocol/text";
+import { matcher, type Known, type Piece } from "./reducer";
+
+/** A transfer of the default SDO channel of a node (CiA 301 §7.2.4): a request and all that belongs to it. */
+export interface Transfer {
+  bus: number;
+  node: number;
+  /** Numbers of its frames. */
+  frames: number[];
+  /** "1018h:04"; empty: its request is not here */
+  object: string;
+  kind: "read" | "write";
+  how: "expedited" | "segmented" | "block";
+  state: "open" | "done" | "aborted";
+  abort: number;
+  /** The value as far as its frames are here; of a block transfer none is taken together. */
+  data: number[];
+  /** Whether a download's last bytes are sent: the next answer ends it. */
+  last: boolean;
+  from: number;
+  to: number;
+  /** Whether the filter lets one of its frames through. */
+  hit: boolean;
+}
+
+/** A row of the folded list: the number of a frame, a transfer, or a frame of a transfer that is open. */
+export type FoldedRow = number | Transfer | { child: number };
+
+const MOST_BYTES = 64;
+/** Who stays silent for so long answers nothing more. */
+const LONGEST_PAUSE_S = 10;
+
+function begins(command: number, first: number): boolean {
+  if (command === 1 || command === 2) return true;
+  // Block upload and download: only their initiate.
+  return (command === 5 && (first & 3) === 0) || (command === 6 && (first & 1) === 0);
+}
+
+function begun(frame: Frame): Transfer {
+  const { data } = frame;
+  const first = data[0] ?? 0;
+  const command = first >> 5;
+  const index = (data[1] ?? 0) | ((data[2] ?? 0) << 8);
+  const object = `${hex(index, 4)}:${(data[3] ?? 0).toString(16).toUpperCase().padStart(2, "0")}`;
+  const kind = command === 1 || command === 6 ? "write" : "read";
+  const how = command >= 5 ? "block" : command === 1 && first & 2 ? "expedited" : "segmented";
+  const made: Transfer = {
+    bus: frame.bus,
+    node: frame.id & 0x7f,
+    frames: [],
+    object,
+    kind,
+    how,
+    state: "open",
+    abort: 0,
+    data: [],
+    last: how === "expedited",
+    from: frame.seconds,
+    to: frame.seconds,
+    hit: false,
+  };
+  if (how === "expedited") keep(made, expedited(data));
+  return made;
+}
+
+/** What is not known of a transfer whose request is not here. */
+function headless(first: number): Partial<Transfer> {
+  return { kind: "read", how: "segmented", last: false, data: [], ...(first === 0x80 ? {} : { object: "" }) };
+}
+
+/** The value in a frame that carries all of it. */
+function expedited(data: Uint8Array): Uint8Array {
+  const first = data[0] ?? 0;
+  return data.subarray(4, first & 1 ? 8 - ((first >> 2) & 3) : 8);
+}
+
+function segment(data: Uint8Array): Uint8Array {
+  return data.subarray(1, 8 - (((data[0] ?? 0) >> 1) & 7));
+}
+
+function keep(transfer: Transfer, data: Uint8Array): void {
+  if (transfer.data.length < MOST_BYTES) transfer.data.push(...data);
+}
+
+/** A frame of a transfer after its request. */
+function goesOn(transfer: Transfer, { data }: Frame, ofServer: boolean): void {
+  const first = data[0] ?? 0;
+  const command = first >> 5;
+  if (first === 0x80) {
+    transfer.state = "aborted";
+    transfer.abort = ((data[4] ?? 0) | ((data[5] ?? 0) << 8) | ((data[6] ?? 0) << 16) | ((data[7] ?? 0) << 24)) >>> 0;
+  } else if (transfer.how === "block") {
+    block(transfer, data, ofServer);
+  } else if (ofServer && command === 2) {
+    if ((first & 2) === 0) return;
+    transfer.how = "expedited";
+    keep(transfer, expedited(data));
+    transfer.state = "done";
+  } else if (ofServer && (command === 3 || command === 1)) {
+    if (transfer.last) transfer.state = "done";
+  } else if (command === 0) {
+    keep(transfer, segment(data));
+    // The last segment of a download is answered, that of an upload ends it.
+    if (first & 1 && ofServer) transfer.state = "done";
+    else if (first & 1) transfer.last = true;
+  }
+}
+
+function block(transfer: Transfer, data: Uint8Array, ofServer: boolean): void {
+  const first = data[0] ?? 0;
+  if (transfer.kind === "read") {
+    if (ofServer && first >> 5 === 2 && transfer.frames.length === 1) {
+      // A server without block transfer, or with little to say, answers as without.
+      transfer.how = first & 2 ? "expedited" : "segmented";
+      if (first & 2) {
+        keep(transfer, expedited(data));
+        transfer.state = "done";
+      }
+    } else if (!ofServer && first === 0xa1) {
+      transfer.state = "done";
+    }
+  } else if (ofServer && first === 0xa1) {
+    transfer.state = "done";
+  }
+}
+
+/** Takes frames one after the other, and says to which transfer each belongs. */
+class Channels {
+  private readonly open = new Map<number, Transfer>();
+  readonly all: Transfer[] = [];
+
+  take(frame: Frame, hit: boolean): { transfer: Transfer; isNew: boolean } {
+    const key = frame.bus * 128 + (frame.id & 0x7f);
+    const ofServer = (frame.id & 0x780) === 0x580;
+    let transfer = this.open.get(key);
+    if (transfer && frame.seconds - transfer.to > LONGEST_PAUSE_S) transfer = undefined;
+    const first = frame.data[0] ?? 0;
+    // Data of a block download may look like any request.
+    const inBlock = transfer?.how === "block" && transfer.kind === "write" && transfer.frames.length > 1;
+    const isNew = !transfer || (!ofServer && !inBlock && begins(first >> 5, first));
+    if (!transfer || isNew) {
+      const whole = !ofServer && begins(first >> 5, first);
+      transfer = whole ? begun(frame) : { ...begun(frame), ...headless(first) };
+      if (!whole) goesOn(transfer, frame, ofServer);
+      this.all.push(transfer);
+    } else {
+      goesOn(transfer, frame, ofServer);
+    }
+    transfer.frames.push(frame.n);
+    transfer.to = frame.seconds;
+    transfer.hit ||= hit;
+    if (transfer.state === "open") this.open.set(key, transfer);
+    else this.open.delete(key);
+    return { transfer, isNew };
+  }
+}
+
+const isSdo = (batch: Batch, i: number): boolean => {
+  const id = batch.ids[i] ?? 0;
+  return id > 0x580 && id < 0x680 && id !== 0x600 && ((batch.flags[i] ?? 0) & 3) === 0;
+};
+
+/** The list with each SDO transfer as one row, where its request stands. Those in `opened` show their frames, too. */
+export function folded(
+  pieces: readonly Piece[],
+  filter: string,
+  known: Known,
+  opened: ReadonlySet<number>,
+): FoldedRow[] {
+  const channels = new Channels();
+  const rows: (number | Transfer)[] = [];
+  for (const { batch, rows: passed } of pieces) {
+    let at = 0;
+    for (let i = 0; i < batch.count; i++) {
+      const hit = passed === null || passed[at] === i;
+      if (hit) at++;
+      if (!isSdo(batch, i)) {
+        if (hit) rows.push(batch.first + i);
+        continue;
+      }
+      const { transfer, isNew } = channels.take(frameOf(batch, i), hit);
+      if (isNew) rows.push(transfer);
+    }
+  }
+  const matches = matcher(filter);
+  const shown = rows.filter((row) => typeof row === "number" || row.hit || matches?.(transferLine(row, known)));
+  if (!opened.size) return shown;
+  return shown.flatMap((row): FoldedRow[] => {
+    if (typeof row === "number" || !opened.has(row.frames[0] ?? -1)) return [row];
+    return [row, ...row.frames.map((child) => ({ child }))];
+  });
+}
+
+const transferLine = (transfer: Transfer, known: Known): string =>
+  `${known.buses[transfer.bus] ?? ""} ${transferWords(transfer)}`;
+
+/** The value as the page can tell it without the object's type. */
+function valueOf(data: readonly number[]): string {
+  const value = Uint8Array.from(data);
+  const text = data.length > 4 && data.every((byte) => byte >= 0x20 && byte < 0x7f);
+  if (text) return `"${String.fromCharCode(...data)}"`;
+  const number = data.length <= 4 ? data.reduceRight((sum, byte) => sum * 256 + byte, 0) : 0;
+  return data.length > 1 && data.length <= 4 ? `${bytes(value)} (${hex(number)})` : bytes(value);
+}
+
+export function transferWords({ kind, node, object, state, abort, data, how }: Transfer): string {
+  const what = `SDO ${kind} ${object || "(its request is not here)"}, node ${node}`;
+  if (state === "aborted") return `${what}: abort ${hex(abort, 8)}`;
+  if (state === "open") return `${what}: no answer yet`;
+  return data.length ? `${what}: ${valueOf(data)}` : `${what}: done${how === "block" ? ", by block transfer" : ""}`;
+}
+
+/** The server's words of the frames, where they are here: what was asked, and what the answer says more. */
+export function serverWords(transfer: Transfer, texts: ReadonlyMap<number, string>): string | null {
+  const asked = texts.get(transfer.frames[0] ?? -1);
+  if (!asked) return null;
+  if (transfer.state === "open") return `${asked} → no answer yet`;
+  const answer = texts.get(transfer.frames[transfer.frames.length - 1] ?? -1) ?? "";
+  const told = answer.replace(/^SDO (of|to) node \d+: /, "").replace(/ \[[^\]]*\]$/, "");
+  if (transfer.state === "aborted") return `${asked} → ${told.replace(`${transfer.object}, `, "")}`;
+  if (transfer.kind === "write" && told) return `${asked} ${valueOf(transfer.data)} → written`;
+  return `${asked} → ${valueOf(transfer.data) || "done"}`;
+}
