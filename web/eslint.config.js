@@ -8,6 +8,7 @@ const node = Object.fromEntries(
     "console",
     "Buffer",
     "URL",
+    "URLSearchParams",
     "setTimeout",
     "setInterval",
     "clearInterval",

@@ -79,6 +79,26 @@ function actsOn(page) {
   };
 }
 
+/** How many frames of the whole ring the filter of the trace finds. The watch list stays. */
+async function framesOf(page, filter) {
+  const show = (pane, words) =>
+    page.evaluate(
+      ([pane, filter]) => {
+        const values = new URLSearchParams(window.location.hash.slice(1));
+        values.set("pane", pane);
+        values.set("filter", filter);
+        window.location.hash = `#${values.toString()}`;
+      },
+      [pane, words],
+    );
+  await show("trace", filter);
+  const told = page.locator(".bar .number", { hasText: "in the whole ring" });
+  await told.waitFor();
+  const count = /, ([\d,]+) in the whole ring/.exec(await told.innerText())[1];
+  await show("slots", "");
+  return Number(count.replace(/,/g, ""));
+}
+
 const tablet = { width: 768, height: 1024, touch: true };
 const state = (page, word) => page.locator(".inspector .state-word", { hasText: word }).first().waitFor();
 
@@ -325,14 +345,14 @@ await check(
 
 await check(
   "what is listed is saved as candump log and as CSV",
-  { machine: "belt", hash: "&pane=trace&filter=70A" },
+  { machine: "belt", hash: "&pane=trace&filter=70A%2305" },
   async (page, berth, by) => {
     await page.locator(".scroll .frame").nth(3).waitFor();
     await page.keyboard.press("p");
     await page.locator(".menu summary").click();
     for (const [name, line] of [
-      ["What is listed, as candump log", /^\(\d{10}\.\d{6}\) field 70A#[0-9A-F]{2}$/],
-      ["What is listed, as CSV", /^\d+,\d+\.\d{6},field,70A,0,0,[01],1,[0-9A-F]{2},/],
+      ["What is listed, as candump log", /^\(\d{10}\.\d{6}\) field 70A#05$/],
+      ["What is listed, as CSV", /^\d+,\d+\.\d{6},field,70A,0,0,[01],1,05,/],
     ]) {
       const coming = page.waitForEvent("download");
       await by.button(name).click();
@@ -343,6 +363,45 @@ await check(
       assert.ok(lines.length > 3);
       for (const each of lines.slice(name.endsWith("CSV") ? 1 : 0)) assert.match(each, line);
     }
+  },
+);
+
+// ---- plots ----
+
+await check(
+  "load, heartbeats and a watched object are drawn, paused and saved",
+  { machine: "belt", fresh: true, hash: "&pane=dictionary&slot=field/10&object=1001h:00" },
+  async (page, _, by) => {
+    await by.button("Watch").click();
+    await by.tab("Plots").click();
+    await page.locator(".watch tr", { hasText: "1001h:00" }).locator("td", { hasText: /^0$/ }).waitFor();
+    await page.locator(".plots p", { hasText: /intervals: mean \d/ }).waitFor();
+    assert.ok((await page.locator(".plots canvas").count()) >= 4);
+    assert.match(page.url(), /watch=field%2F10\+1001h%3A00/);
+    await page.keyboard.press("p");
+    const coming = page.waitForEvent("download");
+    await by.button("Export as CSV").click();
+    const text = readFileSync(await (await coming).path(), "utf8");
+    for (const line of [
+      /^load field,%,page,/m,
+      /^heartbeat interval field\/10,ms,bus,/m,
+      /^field\/10 1001h:00,,page,/m,
+    ]) {
+      assert.match(text, line);
+    }
+    // While it is paused, and when the pane is left, nobody is asked.
+    const asked = () => framesOf(page, "60A#40011000");
+    await page.keyboard.press("p");
+    await page.waitForTimeout(2200);
+    await by.tab("Slots").click();
+    await page.waitForTimeout(300);
+    const before = await asked();
+    await page.waitForTimeout(2500);
+    assert.ok(before > 1);
+    assert.equal(await asked(), before);
+    await by.tab("Plots").click();
+    await page.waitForTimeout(2500);
+    assert.ok((await asked()) > before);
   },
 );
 
@@ -424,7 +483,7 @@ await check(
   },
 );
 
-const panes = ["machine", "slots", "dictionary", "network", "trace", "world"];
+const panes = ["machine", "slots", "dictionary", "network", "trace", "trace&mode=folded&marks=20", "plots&watch=field/32+1017h:00", "world"];
 for (const dark of [false, true]) {
   for (const pane of panes) {
     const hash = `&pane=${pane}&slot=field/32`;

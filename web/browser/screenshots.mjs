@@ -38,6 +38,22 @@ const shots = {
       await page.locator(".bits .field").first().waitFor();
     },
   },
+  folded: {
+    hash: "pane=trace&mode=folded&filter=1A7F&marks=40,90&zero=40",
+    act: async (page) => {
+      await page.locator(".frame.transfer").first().click();
+      await page.locator(".frame.child").first().waitFor();
+      await page.locator(".marks .quiet", { hasText: "+" }).first().waitFor();
+    },
+  },
+  plots: {
+    hash: "pane=plots&slot=field/12&watch=field/12+1001h:00&watch=field/13+1017h:00&watch=field/14+1017h:00",
+    act: async (page) => {
+      await page.locator(".watch td.number", { hasText: /\d/ }).nth(2).waitFor();
+      await page.locator(".plots p", { hasText: "intervals" }).waitFor();
+      await page.waitForTimeout(6000);
+    },
+  },
   latest: {
     hash: "pane=trace&mode=latest&slot=field/7",
     act: (page) => page.locator(".frame.latest").nth(20).waitFor(),

@@ -43,7 +43,7 @@ const start = (): void => {
       live = false;
       return;
     }
-    const wanted = !document.hidden && (view.pane === "trace" || view.pane === "machine");
+    const wanted = !document.hidden && ["trace", "machine", "plots"].includes(view.pane);
     if (wanted === live) return;
     live = wanted;
     socket.send({ type: "live", frames: wanted });

@@ -1,6 +1,7 @@
 import { dictionaryReducer, firstDictionary } from "../panes/dictionary/reducer";
 import { firstMachine, machineReducer } from "../panes/machine/reducer";
 import { firstNetwork, networkReducer } from "../panes/network/reducer";
+import { firstPlots, plotsReducer } from "../panes/plots/reducer";
 import { firstSlots, slotsReducer } from "../panes/slots/reducer";
 import { firstTrace, traceReducer } from "../panes/trace/reducer";
 import type { Change, Event, Rates, ServerMessage, Slot, Snapshot } from "../protocol/messages";
@@ -45,6 +46,7 @@ export const firstState: State = {
   machine: firstMachine,
   dictionary: firstDictionary,
   network: firstNetwork,
+  plots: firstPlots,
 };
 
 export function reducer(state: State, action: Action): State {
@@ -56,6 +58,7 @@ export function reducer(state: State, action: Action): State {
     machine: machineReducer(next.machine, action, next),
     dictionary: dictionaryReducer(next.dictionary, action, next),
     network: networkReducer(next.network, action),
+    plots: plotsReducer(next.plots, action, next),
   };
 }
 
@@ -66,7 +69,7 @@ function windowReducer(state: State, action: Action): State {
     case "message":
       return messageReducer(state, action.message, action.now);
     case "sent":
-      return { ...state, requests: [...state.requests.slice(1 - MOST_REQUESTS), pending(action)] };
+      return { ...state, requests: [...keptRequests(state.requests, action.owner), pending(action)] };
     case "lost":
       return { ...state, requests: answered(state.requests, action.id, { status: 3, error: action.error }) };
     case "view":
@@ -151,6 +154,12 @@ function mergedSlots(slots: Slot[], news: Slot[] | undefined): Slot[] {
 
 function mergedEvents(events: Event[], news: Event[] | undefined): Event[] {
   return news?.length ? [...events, ...news].slice(-MOST_EVENTS) : events;
+}
+
+/** Of a watched object the last reading only: the others would push out what a person asked for. */
+function keptRequests(requests: Sent[], owner: string): Sent[] {
+  const kept = owner.startsWith("watch:") ? requests.filter((sent) => sent.owner !== owner || !sent.done) : requests;
+  return kept.slice(1 - MOST_REQUESTS);
 }
 
 function pending(action: { id: string; verb: string; values: Record<string, string>; owner: string }): Sent {

@@ -14,6 +14,7 @@ import type {
 import type { DictionaryAction, DictionaryState } from "../panes/dictionary/reducer";
 import type { MachineState } from "../panes/machine/reducer";
 import type { NetworkAction, NetworkState } from "../panes/network/reducer";
+import type { PlotsAction, PlotsState } from "../panes/plots/reducer";
 import type { SlotsAction, SlotsState } from "../panes/slots/reducer";
 import type { TraceAction, TraceState } from "../panes/trace/reducer";
 import type { View } from "./view";
@@ -91,6 +92,7 @@ export interface State {
   machine: MachineState;
   dictionary: DictionaryState;
   network: NetworkState;
+  plots: PlotsState;
 }
 
 export type Action =
@@ -104,4 +106,5 @@ export type Action =
   | SlotsAction
   | TraceAction
   | DictionaryAction
-  | NetworkAction;
+  | NetworkAction
+  | PlotsAction;

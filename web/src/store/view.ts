@@ -1,12 +1,14 @@
 /** What one looks at. It lives in the fragment of the address, so that a link shows a colleague the same. */
 
-export const panes = ["slots", "trace", "machine", "dictionary", "network", "world"] as const;
+export const panes = ["slots", "trace", "machine", "dictionary", "network", "plots", "world"] as const;
 export type Pane = (typeof panes)[number];
 
 const traceModes = ["chronological", "folded", "latest"] as const;
 export type TraceMode = (typeof traceModes)[number];
 
 export const MOST_MARKS = 20;
+export const MOST_WATCHED = 16;
+const watchForm = /^.+\/\d{1,3} [0-9A-F]{4}h:[0-9A-F]{2}$/;
 
 export interface View {
   pane: Pane;
@@ -23,6 +25,8 @@ export interface View {
   marks: readonly number[];
   /** The frame that times count from; null: the machine's start. */
   zero: number | null;
+  /** Objects that are watched: "field/12 6041h:00" */
+  watch: readonly string[];
 }
 
 export const firstView: View = {
@@ -34,6 +38,7 @@ export const firstView: View = {
   mode: "chronological",
   marks: [],
   zero: null,
+  watch: [],
 };
 
 function isPane(text: string | null): text is Pane {
@@ -65,6 +70,7 @@ export function parseView(fragment: string): View {
     mode: mode ?? firstView.mode,
     marks: marksOf(values.get("marks")),
     zero: frameNumber(values.get("zero")),
+    watch: [...new Set(values.getAll("watch"))].filter((key) => watchForm.test(key)).slice(0, MOST_WATCHED),
   };
 }
 
@@ -77,6 +83,7 @@ export function fragmentOf(view: View): string {
   if (view.mode !== firstView.mode) values.set("mode", view.mode);
   if (view.marks.length) values.set("marks", view.marks.join(","));
   if (view.zero !== null) values.set("zero", String(view.zero));
+  for (const key of view.watch) values.append("watch", key);
   return `#${values.toString()}`;
 }
 

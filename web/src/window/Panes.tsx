@@ -2,6 +2,7 @@ import type { ComponentType, KeyboardEvent } from "react";
 import { Dictionary } from "../panes/dictionary/Dictionary";
 import { Machine } from "../panes/machine/Machine";
 import { Network } from "../panes/network/Network";
+import { Plots } from "../panes/plots/Plots";
 import { Slots } from "../panes/slots/Slots";
 import { Trace } from "../panes/trace/Trace";
 import { World } from "../panes/world/World";
@@ -31,6 +32,7 @@ const table: PaneEntry[] = [
   },
   { name: "network", title: "Network access", component: Network, there: has("scan") },
   { name: "trace", title: "Trace", component: Trace, there: () => true },
+  { name: "plots", title: "Plots", component: Plots, there: () => true },
   { name: "world", title: "World", component: World, there: (data) => data.machine.simulated },
 ];
 

@@ -31,6 +31,9 @@ export function useKeys(): void {
         store.dispatch({ type: "trace/pause", paused: !store.get().trace.paused });
       }
       const { view } = store.get();
+      if (event.key === "p" && view.pane === "plots") {
+        store.dispatch({ type: "plots/pause", paused: !store.get().plots.paused });
+      }
       if (event.key === "m" && view.pane === "trace" && view.frame !== null) {
         store.dispatch({ type: "view", change: markChange(view, view.frame) });
       }

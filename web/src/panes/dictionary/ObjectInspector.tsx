@@ -4,6 +4,7 @@ import type { Slot } from "../../protocol/messages";
 import { visible } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
 import { act, barrier, useData, useStudio } from "../../window/context";
+import { WatchButton } from "../plots/Watch";
 import { idsNamed, type ObjectRow } from "./reducer";
 
 export function ObjectInspector({ slot, object }: { slot: Slot; object: string }) {
@@ -22,6 +23,9 @@ export function ObjectInspector({ slot, object }: { slot: Slot; object: string }
         {object} {visible(row?.name ?? "")}
       </h2>
       {row && <RowFacts row={row} />}
+      <div className="row">
+        <WatchButton slot={key} object={object} />
+      </div>
       <Act verb="sdo read" values={target} owner={owner} label="Read" />
       <label className="line">
         New value

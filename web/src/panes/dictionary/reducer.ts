@@ -73,7 +73,7 @@ export function dictionaryReducer(dictionary: DictionaryState, action: Action, s
 function withReply(dictionary: DictionaryState, id: string, state: State): DictionaryState {
   const sent = state.requests.find((entry) => entry.id === id);
   if (!sent?.verb.startsWith("sdo ") || sent.status !== 0) return dictionary;
-  const slot = sent.owner.replace(/^(dictionary:|series \d+ )/, "");
+  const slot = sent.owner.replace(/^(dictionary:|series \d+ )/, "").replace(/^watch:(.*) \S+$/s, "$1");
   const rows = rowsOf(sent.reply);
   if (slot === sent.owner || !rows.length) return dictionary;
   const old = dictionary.objects[slot] ?? [];

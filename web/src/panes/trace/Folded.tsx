@@ -6,7 +6,7 @@ import { slotKey } from "../../store/keys";
 import { useData, useStudio, useView } from "../../window/context";
 import { frameNumbered, knownOf, meaningIn, type Piece } from "./reducer";
 import { FrameRow, timeWords, useDim, useZero, type Zero } from "./rows";
-import { folded, serverWords, transferWords, type FoldedRow, type Transfer } from "./transfers";
+import { folded, outcomeOf, wordsOf, type FoldedRow, type Transfer } from "./transfers";
 
 const ROW = 24;
 const EVERY_MS = 500;
@@ -84,7 +84,7 @@ export function FoldedList() {
           transfer={row}
           top={top}
           bus={buses[row.bus]?.name ?? ""}
-          words={serverWords(row, texts) ?? transferWords(row)}
+          words={wordsOf(row, texts)}
           open={opened.has(row.frames[0] ?? -1)}
           dim={first !== null && dim(first, row.node)}
           zero={zero}
@@ -145,6 +145,8 @@ interface TransferProps {
 function TransferRow({ transfer, top, bus, words, open, dim, zero, onOpen }: TransferProps) {
   const service = transfer.state === "aborted" ? "abort" : "SDO";
   const { frames, from, to } = transfer;
+  const outcome = outcomeOf(transfer);
+  const told = `${frames.length} ${frames.length === 1 ? "frame" : "frames"}, ${((to - from) * 1000).toFixed(2)} ms`;
   return (
     <div
       className={`frame transfer service-${service} ${dim ? "dim" : ""}`}
@@ -157,11 +159,12 @@ function TransferRow({ transfer, top, bus, words, open, dim, zero, onOpen }: Tra
       <button type="button" className="fold" aria-expanded={open} aria-label={`Frames of ${visible(words)}`}>
         {open ? "▾" : "▸"}
       </button>
-      <span className="number">
-        {frames.length} {frames.length === 1 ? "frame" : "frames"}, {((to - from) * 1000).toFixed(2)} ms
+      <span className="number data" title={outcome}>
+        {outcome}
       </span>
-      <span className="words" title={visible(words)}>
+      <span className="words" title={`${visible(words)}, ${told}`}>
         {visible(words)}
+        <span className="quiet">, {told}</span>
       </span>
     </div>
   );

@@ -4,7 +4,7 @@ import { batch, slot, snapshot } from "../../store/samples";
 import type { State } from "../../store/state";
 import { candumpLog, exported, framesCsv } from "./export";
 import { frameAt, knownOf, lineOf } from "./reducer";
-import { folded, serverWords, transferWords, type Transfer } from "./transfers";
+import { folded, outcomeOf, transferWords, wordsOf, type Transfer } from "./transfers";
 
 const begun = reducer(firstState, { type: "message", message: snapshot(), now: 0 });
 const add = (state: State, first: number, frames: string) =>
@@ -85,10 +85,11 @@ describe("SDO transfers in one row", () => {
       [0, "SDO to node 10: read 1017h:00 Producer heartbeat time [belt]"],
       [1, "SDO of node 10: value of 1017h:00"],
     ]);
-    expect(read && serverWords(read, texts)).toBe(
-      "SDO to node 10: read 1017h:00 Producer heartbeat time [belt] → F4 01 (1F4h)",
-    );
-    expect(read && serverWords(read, new Map())).toBeNull();
+    expect(read && wordsOf(read, texts)).toBe(texts.get(0));
+    expect(read && outcomeOf(read)).toBe("F4 01 (1F4h)");
+    const [none] = transfers("60A#4018100900000000 58A#8018100911000906");
+    expect(none && wordsOf(none, new Map())).toBe("sub-index does not exist: SDO read 1018h:09, node 10");
+    expect(none && outcomeOf(none)).toBe("abort 06090011h");
   });
 
   it("is put together from 100,000 frames in less than 500 ms", () => {

@@ -1,3 +1,4 @@
+import { abortTexts } from "../../can/words";
 import type { Batch, Frame } from "../../protocol/batch";
 import { frameOf } from "../../protocol/batch";
 import { bytes, hex } from "../../protocol/text";
@@ -205,21 +206,23 @@ function valueOf(data: readonly number[]): string {
   return data.length > 1 && data.length <= 4 ? `${bytes(value)} (${hex(number)})` : bytes(value);
 }
 
-export function transferWords({ kind, node, object, state, abort, data, how }: Transfer): string {
-  const what = `SDO ${kind} ${object || "(its request is not here)"}, node ${node}`;
-  if (state === "aborted") return `${what}: abort ${hex(abort, 8)}`;
-  if (state === "open") return `${what}: no answer yet`;
-  return data.length ? `${what}: ${valueOf(data)}` : `${what}: done${how === "block" ? ", by block transfer" : ""}`;
+/** How it ended. */
+export function outcomeOf({ state, abort, data, kind }: Transfer): string {
+  if (state === "aborted") return `abort ${hex(abort, 8)}`;
+  if (state === "open") return "no answer yet";
+  return valueOf(data) || (kind === "write" ? "written" : "read");
 }
 
-/** The server's words of the frames, where they are here: what was asked, and what the answer says more. */
-export function serverWords(transfer: Transfer, texts: ReadonlyMap<number, string>): string | null {
-  const asked = texts.get(transfer.frames[0] ?? -1);
-  if (!asked) return null;
-  if (transfer.state === "open") return `${asked} → no answer yet`;
+const askedWords = ({ kind, object, node }: Transfer): string =>
+  `SDO ${kind} ${object || "(its request is not here)"}, node ${node}`;
+
+export const transferWords = (transfer: Transfer): string => `${askedWords(transfer)}: ${outcomeOf(transfer)}`;
+
+/** What was asked, with the names of the server's words where these are here; of an abort also why. */
+export function wordsOf(transfer: Transfer, texts: ReadonlyMap<number, string>): string {
+  const asked = texts.get(transfer.frames[0] ?? -1) ?? askedWords(transfer);
+  if (transfer.state !== "aborted") return asked;
   const answer = texts.get(transfer.frames[transfer.frames.length - 1] ?? -1) ?? "";
-  const told = answer.replace(/^SDO (of|to) node \d+: /, "").replace(/ \[[^\]]*\]$/, "");
-  if (transfer.state === "aborted") return `${asked} → ${told.replace(`${transfer.object}, `, "")}`;
-  if (transfer.kind === "write" && told) return `${asked} ${valueOf(transfer.data)} → written`;
-  return `${asked} → ${valueOf(transfer.data) || "done"}`;
+  const why = abortTexts[transfer.abort] ?? answer.split(", ").slice(2).join(", ");
+  return why ? `${why}: ${asked}` : asked;
 }

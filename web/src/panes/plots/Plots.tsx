@@ -1,0 +1,148 @@
+import { useMemo, useState } from "react";
+import { csv, download, fileName } from "../../parts/download";
+import { count, visible } from "../../protocol/text";
+import { slotKey } from "../../store/keys";
+import { useData, useStudio } from "../../window/context";
+import { Chart, Legend, type Line } from "./Chart";
+import { figuresOf, plotRows, watchParts, type Point } from "./reducer";
+import { WatchBar, WatchTable } from "./Watch";
+import { useWatching } from "./watching";
+
+const spans = [30, 60, 300, 900];
+
+export function Plots() {
+  useWatching();
+  const { store } = useStudio();
+  const [span, setSpan] = useState(60);
+  const paused = useData((state) => state.plots.paused !== null);
+  const save = () => {
+    const { plots, data } = store.get();
+    const rows = plotRows(
+      plots.paused ?? plots,
+      data.buses.map((bus) => bus.name),
+    );
+    download(fileName(`${data.machine.name} plots`, "csv", new Date()), csv(rows), "text/csv");
+  };
+  return (
+    <>
+      <div className="bar">
+        <button
+          type="button"
+          aria-pressed={paused}
+          title="P"
+          onClick={() => store.dispatch({ type: "plots/pause", paused: !paused })}
+        >
+          {paused ? "▶ Go on" : "▮▮ Pause"}
+        </button>
+        <label>
+          The last
+          <select value={span} onChange={(event) => setSpan(Number(event.target.value))}>
+            {spans.map((seconds) => (
+              <option key={seconds} value={seconds}>
+                {seconds < 60 ? `${seconds} s` : `${seconds / 60} min`}
+              </option>
+            ))}
+          </select>
+        </label>
+        <WatchBar />
+        <button type="button" onClick={save}>
+          Export as CSV
+        </button>
+      </div>
+      <div className="scroll plots" tabIndex={0} role="region" aria-label="Plots">
+        <BusPlots span={span} />
+        <BeatPlot span={span} />
+        <WatchPlot span={span} />
+      </div>
+    </>
+  );
+}
+
+const linesOf = (of: Readonly<Record<string, readonly Point[]>>): Line[] =>
+  Object.entries(of).map(([label, points]) => ({ label, points }));
+
+function BusPlots({ span }: { span: number }) {
+  const [load, frames] = useData((state) => {
+    const { load, frames } = state.plots.paused ?? state.plots;
+    return [load, frames] as const;
+  });
+  const loads = useMemo(() => linesOf(load), [load]);
+  const rates = useMemo(() => linesOf(frames), [frames]);
+  return (
+    <>
+      <section>
+        <h2>Load</h2>
+        <Legend lines={loads} />
+        <Chart title="Load of each bus" unit="%" lines={loads} span={span} least={percent} />
+      </section>
+      <section>
+        <h2>Frames a second</h2>
+        <Legend lines={rates} />
+        <Chart title="Frames a second of each bus" unit="/s" lines={rates} span={span} least={fromZero} />
+      </section>
+    </>
+  );
+}
+
+const percent = [0, 100] as const;
+const fromZero = [0, 0] as const;
+const none: readonly Point[] = [];
+
+/** How regular the heartbeats of the selected device are. */
+function BeatPlot({ span }: { span: number }) {
+  const [slot, points] = useData((state) => {
+    const chosen = state.data.slots.find((entry) => slotKey(entry) === state.view.slot);
+    const bus = state.data.buses.findIndex((entry) => entry.name === chosen?.bus);
+    const { beats } = state.plots.paused ?? state.plots;
+    return [chosen, beats.get(`${bus}/${chosen?.id ?? 0}`) ?? none] as const;
+  });
+  const lines = useMemo(() => [{ label: "interval", points }], [points]);
+  if (!slot) {
+    return (
+      <section className="wide">
+        <h2>Heartbeat interval</h2>
+        <p className="hint">Select a slot in the tree: its heartbeats are measured.</p>
+      </section>
+    );
+  }
+  const last = points[points.length - 1]?.[0] ?? 0;
+  const figures = figuresOf(points.filter(([at]) => at > last - span));
+  const ms = (value: number) => `${value.toFixed(3)} ms`;
+  return (
+    <section className="wide">
+      <h2>
+        Heartbeat interval <span className="quiet">{visible(slot.name)}, bus time</span>
+      </h2>
+      {figures ? (
+        <p className="number quiet">
+          {count(figures.count)} intervals: mean {ms(figures.mean)}, {ms(figures.least)} to {ms(figures.most)}, standard
+          deviation {ms(figures.spread)}
+        </p>
+      ) : (
+        <p className="hint">Two heartbeats of {visible(slot.name)} are needed. Measured while this pane is open.</p>
+      )}
+      <Chart title={`Heartbeat interval of ${slot.name}`} unit="ms" lines={lines} span={span} />
+    </section>
+  );
+}
+
+function WatchPlot({ span }: { span: number }) {
+  const [watch, values] = useData((state) => {
+    const { values } = state.plots.paused ?? state.plots;
+    return [state.view.watch, values] as const;
+  });
+  const lines = useMemo(() => watch.map((key) => ({ label: key, points: values[key] ?? none })), [watch, values]);
+  return (
+    <section className="wide">
+      <h2>Watch list</h2>
+      {watch.length === 0 ? (
+        <p className="hint">Select an object in the dictionary and press Watch.</p>
+      ) : (
+        <>
+          <WatchTable />
+          <Chart title={watch.map((key) => watchParts(key).object).join(", ")} unit="" lines={lines} span={span} />
+        </>
+      )}
+    </section>
+  );
+}
