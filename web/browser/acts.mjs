@@ -229,6 +229,49 @@ await check(
   },
 );
 
+await check(
+  "a value is edited as its type wants it",
+  { machine: "belt", hash: "&pane=dictionary&slot=field/10" },
+  async (page, berth, by) => {
+    await by.button("Read all objects").click();
+    await page.getByLabel("Search objects").fill("1017h");
+    await page.locator(".object", { hasText: "1017h:00" }).click();
+    await page.getByLabel("New value").fill("65536");
+    await page.locator(".bad-text", { hasText: "UNSIGNED16 takes 0 to 65535." }).waitFor();
+    assert.equal(await by.button("Write").count(), 0);
+    await page.getByLabel("New value").fill("0x320");
+    await by.button("Write").click();
+    await page.locator(".object", { hasText: "1017h:00" }).locator("text=800").waitFor();
+    await page.getByLabel("Search objects").fill("6005h");
+    await page.locator(".object", { hasText: "6005h:00" }).click();
+    const box = page.getByLabel(/^New value/);
+    const was = await box.isChecked();
+    await box.setChecked(!was);
+    await by.button("Write").click();
+    await page.locator(".answer.good", { hasText: "sdo write" }).waitFor();
+    const { reply } = await berth.request("sdo read", { node: "10", object: "6005h:00" });
+    assert.equal(Boolean(reply.value), !was);
+    await by.button("Watch").click();
+    await page.getByLabel("Search objects").fill("");
+    await page.getByLabel("watched only").check();
+    assert.equal(await page.locator(".scroll .object").count(), 1);
+  },
+);
+
+await check(
+  "a device's configuration is saved as DCF",
+  { machine: "belt", hash: "&pane=slots&slot=field/10" },
+  async (page, berth, by) => {
+    const coming = page.waitForEvent("download");
+    await by.button("Save as DCF").click();
+    const file = await coming;
+    assert.match(file.suggestedFilename(), /^belt-\d{4}-\d\d-\d\d-\d{4}\.dcf$/);
+    const text = readFileSync(await file.path(), "latin1");
+    assert.match(text, /^\[1017\]/m);
+    assert.match(text, /^ParameterValue=/m);
+  },
+);
+
 // ---- network access ----
 
 await check("a service is asked by its form", { hash: "&pane=network&slot=field/12" }, async (page, berth) => {
@@ -483,7 +526,16 @@ await check(
   },
 );
 
-const panes = ["machine", "slots", "dictionary", "network", "trace", "trace&mode=folded&marks=20", "plots&watch=field/32+1017h:00", "world"];
+const panes = [
+  "machine",
+  "slots",
+  "dictionary",
+  "network",
+  "trace",
+  "trace&mode=folded&marks=20",
+  "plots&watch=field/32+1017h:00",
+  "world",
+];
 for (const dark of [false, true]) {
   for (const pane of panes) {
     const hash = `&pane=${pane}&slot=field/32`;

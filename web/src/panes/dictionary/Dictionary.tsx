@@ -4,9 +4,12 @@ import { Act, Answer, useLastOf } from "../../parts/Act";
 import { visible } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
 import { useData, useStudio, useView } from "../../window/context";
+import { watchKey } from "../plots/reducer";
+import { useWatching } from "../plots/watching";
 import { objectNamed, searched, type ObjectRow } from "./reducer";
 
 export function Dictionary() {
+  useWatching();
   const [view] = useView();
   const slot = useData((state) => state.data.slots.find((entry) => slotKey(entry) === view.slot));
   const rows = useData((state) => state.dictionary.objects[view.slot]);
@@ -65,7 +68,10 @@ function Objects({ rows }: { rows: readonly ObjectRow[] }) {
   );
   const before = dictionary.before[view.slot] ?? {};
   const all = searched(rows, dictionary.search);
-  const found = dictionary.differencesOnly ? all.filter((row) => row.key in before) : all;
+  const watched = new Set(view.watch);
+  const isWatched = (row: ObjectRow) => watched.has(watchKey(view.slot, row.key));
+  const changed = dictionary.differencesOnly ? all.filter((row) => row.key in before) : all;
+  const found = dictionary.watchedOnly ? changed.filter(isWatched) : changed;
   const scroller = useRef<HTMLDivElement>(null);
   const list = useVirtualizer({
     count: found.length,
@@ -95,6 +101,14 @@ function Objects({ rows }: { rows: readonly ObjectRow[] }) {
           />
           changed only
         </label>
+        <label>
+          <input
+            type="checkbox"
+            checked={dictionary.watchedOnly}
+            onChange={(event) => store.dispatch({ type: "dictionary/watched", only: event.target.checked })}
+          />
+          watched only
+        </label>
         <button type="button" onClick={again}>
           Read all objects
         </button>
@@ -121,7 +135,10 @@ function Objects({ rows }: { rows: readonly ObjectRow[] }) {
                 style={{ transform: `translateY(${item.start}px)` }}
                 onClick={() => setView({ object: row.key })}
               >
-                <span className="number">{row.key}</span>
+                <span className="number">
+                  {row.key}
+                  {isWatched(row) && <span title="watched"> ◉</span>}
+                </span>
                 <span>{visible(row.name)}</span>
                 <span className="quiet">{row.type}</span>
                 <span className={row.abort ? "bad-text" : "number"}>

@@ -5,10 +5,9 @@ import { visible } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
 import { act, barrier, useData, useStudio } from "../../window/context";
 import { WatchButton } from "../plots/Watch";
-import { idsNamed, type ObjectRow } from "./reducer";
+import { idsNamed, limitsOf, wrongFor, type ObjectRow } from "./reducer";
 
 export function ObjectInspector({ slot, object }: { slot: Slot; object: string }) {
-  const { store } = useStudio();
   const key = slotKey(slot);
   const owner = `dictionary:${key}`;
   const [row, draft, devices] = useData((state) => {
@@ -16,6 +15,7 @@ export function ObjectInspector({ slot, object }: { slot: Slot; object: string }
     return [objects[key]?.find((entry) => entry.key === object), draft, devices] as const;
   });
   const last = useLastOf(owner);
+  const writes = draft !== "" && wrongFor(row?.type ?? "", draft) === "";
   const target = { bus: slot.bus, node: slot.name, object };
   return (
     <section>
@@ -27,22 +27,53 @@ export function ObjectInspector({ slot, object }: { slot: Slot; object: string }
         <WatchButton slot={key} object={object} />
       </div>
       <Act verb="sdo read" values={target} owner={owner} label="Read" />
+      <Editor row={row} />
+      {writes && <Devices slot={slot} />}
+      {writes && devices === "" && (
+        <Act verb="sdo write" values={{ ...target, value: draft }} owner={owner} label="Write" primary />
+      )}
+      {writes && devices !== "" && <WriteSeveral slot={slot} object={object} value={draft} devices={devices} />}
+      <SeriesAnswer />
+      {last?.verb !== "sdo dump" && <Answer sent={last} />}
+    </section>
+  );
+}
+
+/** The field for a new value as the object's type wants it. */
+function Editor({ row }: { row: ObjectRow | undefined }) {
+  const { store } = useStudio();
+  const draft = useData((state) => state.dictionary.draft);
+  const set = (text: string) => store.dispatch({ type: "dictionary/draft", draft: text });
+  if (row?.type === "BOOLEAN") {
+    const held = /^(1|true)$/.test(row.value) ? "1" : "0";
+    const wanted = draft === "" ? held : draft;
+    return (
+      <label className="row">
+        <input type="checkbox" checked={wanted === "1"} onChange={(event) => set(event.target.checked ? "1" : "0")} />
+        New value: {wanted}
+      </label>
+    );
+  }
+  const limits = limitsOf(row?.type ?? "");
+  const wrong = wrongFor(row?.type ?? "", draft);
+  return (
+    <>
       <label className="line">
         New value
         <input
           value={draft}
           placeholder={row?.value ?? ""}
-          onChange={(event) => store.dispatch({ type: "dictionary/draft", draft: event.target.value })}
+          aria-invalid={wrong !== ""}
+          aria-describedby={limits ? "value-limits" : undefined}
+          onChange={(event) => set(event.target.value)}
         />
       </label>
-      {draft !== "" && <Devices slot={slot} />}
-      {draft !== "" && devices === "" && (
-        <Act verb="sdo write" values={{ ...target, value: draft }} owner={owner} label="Write" primary />
+      {limits && (
+        <p id="value-limits" className={wrong ? "bad-text" : "hint"}>
+          {wrong || `${String(limits[0])} to ${String(limits[1])}, or hexadecimal: 0x1F4`}
+        </p>
       )}
-      {draft !== "" && devices !== "" && <WriteSeveral slot={slot} object={object} value={draft} devices={devices} />}
-      <SeriesAnswer />
-      {last?.verb !== "sdo dump" && <Answer sent={last} />}
-    </section>
+    </>
   );
 }
 

@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { firstState, reducer } from "../../store/reducer";
 import type { State } from "../../store/state";
-import { idsNamed, objectNamed, rowsOf, searched } from "./reducer";
+import { idsNamed, limitsOf, objectNamed, rowsOf, searched, wrongFor } from "./reducer";
 
 const object = (index: string, sub: number, value: unknown, name = "") => ({
   index,
@@ -66,6 +66,22 @@ describe("the dictionary", () => {
     const start = performance.now();
     expect(searched(rows, "speed 2FA")).toHaveLength(18); // 22FAh, 32FAh, 2FA0h to 2FAFh
     expect(performance.now() - start).toBeLessThan(50);
+  });
+
+  it("knows what an integer type takes", () => {
+    expect(limitsOf("UNSIGNED16")).toEqual([0n, 65535n]);
+    expect(limitsOf("INTEGER24")).toEqual([-8388608n, 8388607n]);
+    expect(limitsOf("REAL32")).toBeNull();
+    expect(wrongFor("UNSIGNED8", "256")).toBe("UNSIGNED8 takes 0 to 255.");
+    expect(wrongFor("INTEGER8", "-0x81")).not.toBe("");
+    const good: [string, string][] = [
+      ["UNSIGNED8", "0xFF"],
+      ["INTEGER8", "-128"],
+      ["UNSIGNED64", "18446744073709551615"],
+    ];
+    for (const [type, text] of good) expect(wrongFor(type, text)).toBe("");
+    // What is no plain number the server judges: "500 ms", "$NODEID+0x180".
+    expect(wrongFor("UNSIGNED8", "no number")).toBe("");
   });
 
   it("takes no nonsense for objects", () => {

@@ -14,6 +14,7 @@ export interface ObjectRow {
 export interface DictionaryState {
   search: string;
   differencesOnly: boolean;
+  watchedOnly: boolean;
   /** By the key of the slot. */
   objects: Readonly<Record<string, readonly ObjectRow[]>>;
   /** By the slot's key, then the object's: what it was before the last reading. */
@@ -34,6 +35,7 @@ export interface Series {
 export type DictionaryAction =
   | { type: "dictionary/search"; search: string }
   | { type: "dictionary/changed"; only: boolean }
+  | { type: "dictionary/watched"; only: boolean }
   | { type: "dictionary/draft"; draft: string }
   | { type: "dictionary/devices"; devices: string }
   | { type: "dictionary/series"; series: Series };
@@ -41,6 +43,7 @@ export type DictionaryAction =
 export const firstDictionary: DictionaryState = {
   search: "",
   differencesOnly: false,
+  watchedOnly: false,
   objects: {},
   before: {},
   draft: "",
@@ -54,6 +57,8 @@ export function dictionaryReducer(dictionary: DictionaryState, action: Action, s
       return { ...dictionary, search: action.search };
     case "dictionary/changed":
       return { ...dictionary, differencesOnly: action.only };
+    case "dictionary/watched":
+      return { ...dictionary, watchedOnly: action.only };
     case "dictionary/draft":
       return { ...dictionary, draft: action.draft };
     case "dictionary/devices":
@@ -156,4 +161,21 @@ export function searched(rows: readonly ObjectRow[], search: string): readonly O
     const line = `${row.key} ${row.name} ${row.value}`.toLowerCase();
     return words.every((word) => line.includes(word));
   });
+}
+
+/** The least and the greatest number of an integer type; null: it is none. */
+export function limitsOf(type: string): [bigint, bigint] | null {
+  const match = /^(UNSIGNED|INTEGER)(8|16|24|32|40|48|56|64)$/.exec(type);
+  if (!match) return null;
+  const bits = BigInt(match[2] ?? "8");
+  return match[1] === "UNSIGNED" ? [0n, (1n << bits) - 1n] : [-(1n << (bits - 1n)), (1n << (bits - 1n)) - 1n];
+}
+
+/** What is wrong with a number for this type; empty: nothing, or it is no plain number and the server judges it. */
+export function wrongFor(type: string, text: string): string {
+  const limits = limitsOf(type);
+  const match = /^([+-]?)(0x[0-9a-f]+|\d+)$/i.exec(text.trim());
+  if (!limits || !match) return "";
+  const value = BigInt(match[2] ?? "0") * (match[1] === "-" ? -1n : 1n);
+  return value < limits[0] || value > limits[1] ? `${type} takes ${limits[0]} to ${limits[1]}.` : "";
 }

@@ -12,7 +12,14 @@ const verb = (name: string, ...required: string[]): Verb => ({
 
 describe("network access", () => {
   it("offers the verbs that no other pane has, in groups", () => {
-    const groups = groupsOf([verb("scan"), verb("nmt"), verb("sdo read"), verb("lss find"), verb("sim plug")]);
+    const groups = groupsOf([
+      verb("scan"),
+      verb("nmt"),
+      verb("sdo read"),
+      verb("lss find"),
+      verb("sim plug"),
+      verb("boot"),
+    ]);
     expect(groups.map((group) => [group.title, group.verbs.map((entry) => entry.name)])).toEqual([
       ["Bus", ["scan", "nmt"]],
       ["LSS", ["lss find"]],

@@ -23,8 +23,8 @@ export function networkReducer(network: NetworkState, action: Action): NetworkSt
   return network;
 }
 
-/** Verbs that another pane does better. */
-const elsewhere = /^(report|sdo (read|write|dump|probe)|sim |world |history|replace|forget)/;
+/** Verbs that another pane does better; and `boot`, which a Berth that runs the machine always refuses. */
+const elsewhere = /^(report|sdo (read|write|dump|probe)|sim |world |history|replace|forget|upload|boot$)/;
 
 export function groupsOf(verbs: readonly Verb[]): { title: string; verbs: Verb[] }[] {
   const mine = verbs.filter((verb) => !elsewhere.test(verb.name));
@@ -40,7 +40,7 @@ function titleOf(name: string): string {
   if (name.startsWith("lss ")) return "LSS";
   if (name.startsWith("program ")) return "Programs";
   if (name.startsWith("sdo ")) return "SDO channels";
-  if (/^(scan|bind|boot|configure|nmt|locate)$/.test(name)) return "Bus";
+  if (/^(scan|bind|configure|nmt|locate)$/.test(name)) return "Bus";
   return "Device";
 }
 

@@ -4,6 +4,7 @@ import type { Event, Slot } from "../../protocol/messages";
 import { addressOf, LSS_ADDRESS, serialWords, typeWords, visible } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
 import { useData, useStudio } from "../../window/context";
+import { Backup } from "./Backup";
 import { bootLetters, eventsOf, forgettable, needOf, questionOf, replacementSteps } from "./reducer";
 
 const stepMarks = { done: "✓", now: "▸", later: "·" };
@@ -53,6 +54,7 @@ export function SlotInspector({ slot }: { slot: Slot }) {
         />
         {need?.act !== "replace" && replace}
         <Act verb="history" values={target} owner={owner} label="Who sat here before" />
+        <Backup slot={slot} />
         {forgettable(slot, events).map((address) => (
           <Act
             key={address}

@@ -143,3 +143,10 @@ export function replacementSteps(
 export function isSelected(slot: Slot, selected: string): boolean {
   return slotKey(slot) === selected;
 }
+
+/** The DCF in the answer of `upload`, or null. */
+export function dcfOf(reply: unknown): Uint8Array<ArrayBuffer> | null {
+  const text = typeof reply === "object" && reply !== null && "dcf" in reply ? reply.dcf : null;
+  if (typeof text !== "string" || !/^([0-9a-f]{2}( |$))+$/i.test(text)) return null;
+  return Uint8Array.from(text.split(" "), (byte) => parseInt(byte, 16));
+}

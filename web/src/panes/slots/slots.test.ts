@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { slot } from "../../store/samples";
-import { forgettable, inNeed, needOf, questionOf, replacementSteps } from "./reducer";
+import { dcfOf, forgettable, inNeed, needOf, questionOf, replacementSteps } from "./reducer";
 
 const event = (kind: string, text = "", more = {}) => ({ at_s: 5, bus: "field", slot: "belt", kind, text, ...more });
 const address = "00000001-00000010-00010001-00000001";
@@ -40,5 +40,14 @@ describe("slots", () => {
     expect(at([event("bound"), event("configured")])).toEqual(["done", "done", "done", "now"]);
     expect(at([event("bound")], slot())).toEqual(["done", "done", "done", "done"]);
     expect(at([{ ...event("bound"), at_s: 3 }], slot())).toEqual(["now", "later", "later", "later"]);
+  });
+});
+
+describe("a DCF in an answer", () => {
+  it("is its bytes, or nothing", () => {
+    expect(dcfOf({ dcf: "5B 46 69 E9" })).toEqual(Uint8Array.of(0x5b, 0x46, 0x69, 0xe9));
+    for (const reply of [null, 3, {}, { dcf: 5 }, { dcf: "" }, { dcf: "5B 4" }, { dcf: "5B zz" }]) {
+      expect(dcfOf(reply)).toBeNull();
+    }
   });
 });
