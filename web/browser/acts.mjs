@@ -367,6 +367,18 @@ await check(
 );
 
 await check(
+  "what the whole ring has of a transfer is found, not only what the filter lets through",
+  { machine: "belt", hash: "&pane=slots" },
+  async (page, berth) => {
+    await berth.request("sdo read", { node: "10", object: "1009h:00" });
+    for (let i = 0; i < 80; i++)
+      await berth.request("sdo probe", { node: "11", objects: "1018:0-4,1000:0,1001:0,1017:0" });
+    await page.evaluate(() => (window.location.hash = "#pane=trace&mode=folded&filter=node 10 read 1009h"));
+    await page.locator(".frame.transfer", { hasText: "31 2E 30" }).first().waitFor();
+  },
+);
+
+await check(
   "a marker is in the address, and times count from it",
   { machine: "belt", hash: "&pane=trace" },
   async (page, berth) => {

@@ -4,9 +4,9 @@ import { fileURLToPath } from "node:url";
 import { chromium } from "playwright-core";
 import { CSP, types } from "../mock/server.mjs";
 
-const dist = fileURLToPath(new URL("../dist", import.meta.url));
+const dist = fileURLToPath(new URL(`../${process.env.STUDIO_PAGES}`, import.meta.url));
 
-/** STUDIO_PAGES=dist: the pages as `npm run build` made them last, with what the server at this address answers. */
+/** STUDIO_PAGES=dist: the pages as `npm run build` made them last (a folder of web/), with what the server at this address answers. */
 function ofDist(route) {
   const { pathname } = new URL(route.request().url());
   const path = dist + (pathname === "/" ? "/index.html" : pathname);

@@ -17,7 +17,15 @@ const words = process.argv.slice(2);
 const forDocs = words[0] === "--docs";
 const wanted = words[forDocs ? 1 : 0];
 /** What docs/studio.md and README.md show: at 1280x800. */
-const shown = { machine: "light", replace: "dark", trace: "light", dictionary: "dark", world: "light" };
+const shown = {
+  machine: "light",
+  replace: "dark",
+  trace: "light",
+  dictionary: "dark",
+  world: "light",
+  folded: "dark",
+  plots: "light",
+};
 
 const button = (page, name) => page.getByRole("button", { name, exact: true });
 const shots = {
@@ -39,7 +47,7 @@ const shots = {
     },
   },
   folded: {
-    hash: "pane=trace&mode=folded&filter=1A7F&marks=40,90&zero=40",
+    hash: "pane=trace&mode=folded&filter=node+12+read&marks=40,90&zero=40",
     act: async (page) => {
       await page.locator(".frame.transfer").first().click();
       await page.locator(".frame.child").first().waitFor();

@@ -59,6 +59,7 @@ export function FoldedList() {
     }, 150);
     return () => clearTimeout(timer);
   }, [paused, from, to, socket]);
+  useAnswers(items.map((item) => rows[item.index]));
   const select = (frame: Frame) => {
     const { node, object } = meaningIn(frame, known);
     const bus = buses[frame.bus]?.name;
@@ -123,6 +124,27 @@ export function FoldedList() {
       </div>
     </>
   );
+}
+
+const MOST_ASKED = 8;
+const NEAR = 64;
+
+/** What the filter of the server's ring found has no frames around it: those after a request without an answer are asked for. */
+function useAnswers(rows: readonly (FoldedRow | undefined)[]): void {
+  const { store, socket } = useStudio();
+  const asked = useRef(new Set<number>());
+  useEffect(() => {
+    const { trace, rates } = store.get();
+    let count = 0;
+    for (const row of rows) {
+      if (typeof row !== "object" || !("frames" in row) || row.state !== "open" || count >= MOST_ASKED) continue;
+      const from = (row.frames[row.frames.length - 1] ?? 0) + 1;
+      const there = from >= (rates?.ring.next ?? 0) || frameNumbered(trace.pieces, from) !== null;
+      if (there || asked.current.has(from)) continue;
+      if (socket.send({ type: "frames", id: `near ${from}`, from, count: NEAR })) asked.current.add(from);
+      count++;
+    }
+  });
 }
 
 function firstOf(row: FoldedRow | undefined): number {

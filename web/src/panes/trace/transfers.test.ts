@@ -62,7 +62,7 @@ describe("SDO transfers in one row", () => {
   it("says an abort, a missing answer and a missing request", () => {
     expect(words("60A#4018100900000000 58A#8018100911000906")).toEqual(["SDO read 1018h:09, node 10: abort 06090011h"]);
     expect(words("60A#4018100100000000 60A#4018100200000000 58A#4318100211000000")).toEqual([
-      "SDO read 1018h:01, node 10: no answer yet",
+      "SDO read 1018h:01, node 10: no answer here",
       "SDO read 1018h:02, node 10: 11 00 00 00 (11h)",
     ]);
     expect(words("58A#4318100211000000")).toEqual(["SDO read (its request is not here), node 10: 11 00 00 00 (11h)"]);

@@ -209,7 +209,7 @@ function valueOf(data: readonly number[]): string {
 /** How it ended. */
 export function outcomeOf({ state, abort, data, kind }: Transfer): string {
   if (state === "aborted") return `abort ${hex(abort, 8)}`;
-  if (state === "open") return "no answer yet";
+  if (state === "open") return "no answer here";
   return valueOf(data) || (kind === "write" ? "written" : "read");
 }
 
