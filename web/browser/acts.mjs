@@ -52,8 +52,10 @@ async function check(name, { machine = "conveyor", mock, fresh, early, ready, vi
     page.setDefaultTimeout(30_000);
     await page.waitForSelector(".tabs");
     await act(page, berth, actsOn(page));
+    // Before its server goes: that is an error of the page, too.
+    const found = [...errors];
     if (mock) await berth.close();
-    assert.deepEqual(errors, []);
+    assert.deepEqual(found, []);
     passed++;
     console.log(`ok    ${name}`);
   } catch (error) {
@@ -244,7 +246,7 @@ await check(
     await page.locator(".object", { hasText: "1017h:00" }).locator("text=800").waitFor();
     await page.getByLabel("Search objects").fill("6005h");
     await page.locator(".object", { hasText: "6005h:00" }).click();
-    const box = page.getByLabel(/^New value/);
+    const box = page.getByRole("checkbox", { name: /^New value/ });
     const was = await box.isChecked();
     await box.setChecked(!was);
     await by.button("Write").click();

@@ -125,7 +125,9 @@ export async function startMock({ port = 0, token = "test", ...options } = {}) {
       clearInterval(timer);
       clearInterval(slow);
       clients.forEach((client) => client.ws.terminate());
-      return new Promise((resolve) => server.close(resolve));
+      const closed = new Promise((resolve) => server.close(resolve));
+      server.closeAllConnections();
+      return closed;
     },
   };
 }

@@ -127,7 +127,18 @@ export function FoldedList() {
 }
 
 const MOST_ASKED = 8;
-const NEAR = 64;
+const NEAR = 256;
+/** How far after its request an answer is looked for. */
+const FARTHEST = 4000;
+
+/** The first frame from `n` on that this page does not hold. */
+function firstMissing(pieces: readonly Piece[], n: number): number {
+  let at = n;
+  for (const { batch } of pieces) {
+    if (batch.first <= at && at < batch.first + batch.count) at = batch.first + batch.count;
+  }
+  return at;
+}
 
 /** What the filter of the server's ring found has no frames around it: those after a request without an answer are asked for. */
 function useAnswers(rows: readonly (FoldedRow | undefined)[]): void {
@@ -138,9 +149,10 @@ function useAnswers(rows: readonly (FoldedRow | undefined)[]): void {
     let count = 0;
     for (const row of rows) {
       if (typeof row !== "object" || !("frames" in row) || row.state !== "open" || count >= MOST_ASKED) continue;
-      const from = (row.frames[row.frames.length - 1] ?? 0) + 1;
-      const there = from >= (rates?.ring.next ?? 0) || frameNumbered(trace.pieces, from) !== null;
-      if (there || asked.current.has(from)) continue;
+      const request = row.frames[0] ?? 0;
+      const from = firstMissing(trace.pieces, request);
+      const over = from >= (rates?.ring.next ?? 0) || from - request > FARTHEST;
+      if (over || asked.current.has(from)) continue;
       if (socket.send({ type: "frames", id: `near ${from}`, from, count: NEAR })) asked.current.add(from);
       count++;
     }
