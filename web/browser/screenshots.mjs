@@ -49,7 +49,9 @@ const shots = {
   folded: {
     hash: "pane=trace&mode=folded&filter=node+12+read&marks=40,90&zero=40",
     act: async (page) => {
-      await page.locator(".frame.transfer").first().click();
+      const read = page.locator(".frame.transfer", { hasText: "2 frames" });
+      await read.nth(2).waitFor();
+      await read.nth(1).click();
       await page.locator(".frame.child").first().waitFor();
       await page.locator(".marks .quiet", { hasText: "+" }).first().waitFor();
     },

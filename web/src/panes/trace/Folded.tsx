@@ -126,7 +126,7 @@ export function FoldedList() {
   );
 }
 
-const MOST_ASKED = 8;
+const MOST_ASKED = 32;
 const NEAR = 256;
 /** How far after its request an answer is looked for. */
 const FARTHEST = 4000;
