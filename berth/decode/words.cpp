@@ -161,12 +161,15 @@ void of_sdo(const can::Frame& frame, unsigned node, bool request, std::string& o
       out += ": upload segment";
       return;
     case 4: {
+      // Else the last segment of a block: bit 7, and its number.
+      if (frame.data[0] != 0x80) break;
       const auto code = load_le<std::uint32_t>(frame.data.data() + 4);
       with_object(": abort ");
       return say(out, ", {:08X}h, {}", code, od::text(static_cast<od::AbortCode>(code)));
     }
-    default: out += ": block transfer";
+    default: break;
   }
+  out += ": block transfer";
 }
 
 }  // namespace

@@ -194,11 +194,13 @@ TEST(Decoder, LearnsFromWhatIsWritten) {
 }
 
 TEST(Decoder, EveryFrameByItself) {
-  const auto rows = rows_of("605#4018100100000000 585#431810011F000000 585#8000200000000206", false, {.fold = false});
-  ASSERT_EQ(rows.size(), 3U);
+  const auto rows = rows_of("605#4018100100000000 585#431810011F000000 585#8000200000000206 585#83616D706C657300",
+                            false, {.fold = false});
+  ASSERT_EQ(rows.size(), 4U);
   EXPECT_EQ(rows[0].words, "SDO to node 5: read 1018h:01 Identity object.Vendor-ID");
   EXPECT_EQ(rows[1].words, "SDO of node 5: value of 1018h:01 Identity object.Vendor-ID");
   EXPECT_EQ(rows[2].words, "SDO of node 5: abort 2000h:00, 06020000h, object does not exist");
+  EXPECT_EQ(rows[3].words, "SDO of node 5: block transfer") << "a block's last segment is no abort";
   for (const auto& row : rows) EXPECT_EQ(row.frames, 1U);
 }
 
