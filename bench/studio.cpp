@@ -146,9 +146,6 @@ class Client {
                     "websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: "
                     "dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: berth.v1, token.{1}\r\n\r\n",
                     port, token));
-    const std::string live = R"({"type":"live","frames":true})";
-    std::string frame{static_cast<char>(0x81), static_cast<char>(0x80U | live.size()), 0, 0, 0, 0};
-    say(frame + live);
     std::string in;
     bool open = false;
     std::array<char, 65536> buffer{};
@@ -164,6 +161,9 @@ class Client {
         if (head == std::string::npos) continue;
         in.erase(0, head + 4);
         open = true;
+        const std::string live = R"({"type":"live","frames":true})";
+        const std::string frame{static_cast<char>(0x81), static_cast<char>(0x80U | live.size()), 0, 0, 0, 0};
+        say(frame + live);  // before the answer a client may send nothing (RFC 6455 §4.1)
         ready = true;
       }
       take(in);

@@ -7,7 +7,6 @@
 #include <nlohmann/json.hpp>
 
 #include "berth/analysis/plot.hpp"
-#include "berth/can/frame.hpp"
 #include "berth/command/bus_messages.hpp"
 #include "berth/command/link_network.hpp"
 #include "berth/linker/bounds.hpp"
@@ -33,11 +32,6 @@ struct AnalyzeOptions {
 
 double ms(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
 
-std::string key_text(std::uint32_t key) {
-  const bool extended = (key & can::extended_flag) != 0;
-  return fmt::format(fmt::runtime(extended ? "{:08X}h" : "{:03X}h"), key & ~can::extended_flag);
-}
-
 std::string verdict(const analysis::Message& message, const analysis::Response& response) {
   if (!response.worst) return "no bound";
   if (message.deadline.count() == 0) return "";
@@ -57,8 +51,8 @@ void print_table(const design::Bus& bus, const analysis::Line& line, const analy
     const std::string sender = text::padded(text::cut(line.senders[m.sender].name, width), width);
     const std::string worst = r.worst ? fmt::format("{:.3f}", ms(*r.worst)) : "-";
     const std::string deadline = m.deadline.count() > 0 ? fmt::format("{:g}", ms(m.deadline)) : "";
-    print_line(fmt::format("{:>9}  {} {:<12} {:>8g} {:>9} {:>9} {}", key_text(m.key), sender, m.name, ms(m.period),
-                           worst, deadline, verdict(m, r)));
+    print_line(fmt::format("{:>9}  {} {:<12} {:>8g} {:>9} {:>9} {}", analysis::key_text(m.key), sender, m.name,
+                           ms(m.period), worst, deadline, verdict(m, r)));
   }
 }
 
@@ -67,7 +61,7 @@ Json json_of(const design::Bus& bus, const analysis::Line& line, const analysis:
   Json messages = Json::array();
   for (const auto& r : result.responses) {
     const auto& m = line.messages[r.message];
-    Json row{{"id", key_text(m.key)},
+    Json row{{"id", analysis::key_text(m.key)},
              {"sender", line.senders[m.sender].name},
              {"message", m.name},
              {"bytes", m.data_bytes},

@@ -2,10 +2,7 @@
 #include "berth/document/machine_document.hpp"
 
 #include <fmt/format.h>
-#include <sys/stat.h>
 
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -25,8 +22,7 @@ std::optional<Failure> write_all(const std::vector<document::DocumentFile>& file
     paths.push_back((folder / file.name).string());
     if (auto bad = may_write(paths.back(), "--output", force)) return bad;
   }
-  if (::mkdir(folder.c_str(), 0777) != 0 && errno != EEXIST)
-    return failure(Exit::failed, fmt::format("{}: {}", folder.string(), std::strerror(errno)));
+  if (auto bad = make_folder(folder.string())) return bad;
   std::vector<WholeFile> whole;
   for (std::size_t i = 0; i < files.size(); ++i) whole.push_back({paths[i], files[i].bytes});
   return write_whole(whole, force);
@@ -35,12 +31,11 @@ std::optional<Failure> write_all(const std::vector<document::DocumentFile>& file
 int document(const Options& options, const std::string& folder) {
   const auto machine = machine_of(options);
   if (!machine) return tell(machine.error(), options.json);
-  command::LinkPlan links;
+  std::optional<command::LinkPlan> links;
   if (!machine->links.empty()) links = command::plan_links(*machine);
-  const bool good = !machine->links.empty() && !has_errors(links.findings);
-  if (!machine->links.empty() && !good) return tell(failure(links.findings), options.json);
+  if (links && has_errors(links->findings)) return tell(failure(links->findings), options.json);
   const auto files =
-      document::document_of(*machine, good ? &links : nullptr, fmt::format("Made by berth {}.", BERTH_VERSION));
+      document::document_of(*machine, links ? &*links : nullptr, fmt::format("Made by berth {}.", BERTH_VERSION));
   if (const auto bad = write_all(files, folder, options.files.force)) return tell(*bad, options.json);
   if (options.json) {
     nlohmann::ordered_json names = nlohmann::ordered_json::array();

@@ -1,10 +1,7 @@
 // `berth link`: the links of a machine file become PDOs, network variables and files.
 #include <fmt/format.h>
-#include <sys/stat.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -255,9 +252,7 @@ std::optional<Failure> may_fill(const std::vector<linker::MadeFile>& files, cons
 }
 
 std::optional<Failure> write_files(const std::vector<linker::MadeFile>& files, const fs::path& folder) {
-  if (::mkdir(folder.c_str(), 0777) != 0 && errno != EEXIST) {
-    return failure(Exit::failed, fmt::format("{}: {}", folder.string(), std::strerror(errno)));
-  }
+  if (auto bad = make_folder(folder.string())) return bad;
   std::vector<std::string> paths;
   for (const auto& file : files) paths.push_back((folder / file.name).string());
   std::vector<WholeFile> whole;

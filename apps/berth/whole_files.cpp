@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -91,6 +92,11 @@ std::optional<Failure> write_whole(const std::vector<WholeFile>& files, bool rep
   }
   for (const auto& each : placing) each->keep();
   return std::nullopt;
+}
+
+std::optional<Failure> make_folder(const std::string& path) {
+  if (::mkdir(path.c_str(), 0777) == 0 || errno == EEXIST) return std::nullopt;
+  return failure(Exit::failed, path + ": " + std::strerror(errno));
 }
 
 }  // namespace berth::cli

@@ -20,4 +20,7 @@ struct WholeFile {
 /// is status 3. A process that dies meanwhile leaves `PATH.PID.part` and no half file.
 [[nodiscard]] std::optional<Failure> write_whole(const std::vector<WholeFile>& files, bool replace);
 
+/// A folder to write them in, where it is not there yet. Status 3: the system says why.
+[[nodiscard]] std::optional<Failure> make_folder(const std::string& path);
+
 }  // namespace berth::cli

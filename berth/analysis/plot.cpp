@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "berth/can/frame.hpp"
+#include "berth/base/words.hpp"
 
 namespace berth::analysis {
 namespace {
@@ -16,23 +16,9 @@ constexpr const char *kept = "#0072B2", *late = "#D55E00", *grid = "#DDDDDD", *b
 
 double ms(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
 
-// Names come from files.
-std::string escaped(const std::string& text) {
-  std::string safe;
-  for (const char c : text) {
-    switch (c) {
-      case '<': safe += "&lt;"; break;
-      case '>': safe += "&gt;"; break;
-      case '&': safe += "&amp;"; break;
-      default: safe += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
-    }
-  }
-  return safe;
-}
-
 std::string words(double x, double y, const char* anchor, const std::string& text, int size = 10) {
   return fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"{}\" font-size=\"{}\">{}</text>\n", x, y, anchor,
-                     size, escaped(text));
+                     size, markup(text));
 }
 
 std::string stroke(double x1, double y1, double x2, double y2, const char* colour, double thick = 1) {
@@ -80,13 +66,11 @@ class Scale {
 
 std::string row(const PlottedBus& bus, const Response& r, const Scale& scale, double y) {
   const Message& m = bus.line->messages[r.message];
-  const bool extended = (m.key & can::extended_flag) != 0;
-  const std::string id = fmt::format(fmt::runtime(extended ? "{:08X}h" : "{:03X}h"), m.key & ~can::extended_flag);
   const double begin = scale.at(r.frame);
   const double end = r.worst ? scale.at(*r.worst) : left + width;
   const bool good = r.worst && r.meets_deadline;
   std::string svg = words(left - 8, y + row_height - 4, "end",
-                          fmt::format("{} {}, {}", id, bus.line->senders[m.sender].name, m.name));
+                          fmt::format("{} {}, {}", key_text(m.key), bus.line->senders[m.sender].name, m.name));
   svg += fmt::format("<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" fill=\"{}\"/>\n", begin, y + 3,
                      std::max(1.0, end - begin), row_height - 6, good ? kept : late);
   if (m.deadline.count() > 0) {

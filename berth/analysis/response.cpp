@@ -175,6 +175,11 @@ class Analyzer {
 
 }  // namespace
 
+std::string key_text(std::uint32_t key) {
+  const bool extended = (key & can::extended_flag) != 0;
+  return extended ? fmt::format("{:08X}h", key & ~can::extended_flag) : fmt::format("{:03X}h", key);
+}
+
 bool Result::good() const noexcept {
   return std::ranges::all_of(responses, [](const Response& r) { return r.worst && r.meets_deadline; });
 }

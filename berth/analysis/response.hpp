@@ -83,6 +83,9 @@ struct Result {
 [[nodiscard]] std::string wrong(const Line& line);
 [[nodiscard]] Result analyze(const Line& line);
 
+/// "181h", "18FF0105h": a message's identifier as people write it.
+[[nodiscard]] std::string key_text(std::uint32_t key);
+
 /// Longest time of a frame on the wire, at the line's bit rate.
 [[nodiscard]] rt::Duration frame_time(const Line& line, bool extended, unsigned data_bytes) noexcept;
 /// True when a frame with key `a` wins arbitration against one with key `b` (base identifier first; of equal ones the

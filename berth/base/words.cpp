@@ -86,4 +86,18 @@ std::string quoted(std::string_view text) {
   return out + '"';
 }
 
+std::string markup(std::string_view text) {
+  std::string made;
+  for (const char c : text) {
+    switch (c) {
+      case '&': made += "&amp;"; break;
+      case '<': made += "&lt;"; break;
+      case '>': made += "&gt;"; break;
+      case '"': made += "&quot;"; break;
+      default: made += static_cast<unsigned char>(c) < ' ' || c == '\x7F' ? ' ' : c;
+    }
+  }
+  return made;
+}
+
 }  // namespace berth

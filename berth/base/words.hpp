@@ -24,6 +24,9 @@ namespace berth {
 /// case. Empty when none is near.
 [[nodiscard]] std::string_view closest(std::string_view word, std::span<const std::string_view> candidates);
 
+/// As text of HTML, XML and SVG, between tags or in an attribute's double quotes; control characters become spaces.
+[[nodiscard]] std::string markup(std::string_view text);
+
 /// A TOML basic string, quoted and escaped: also how messages write what a person typed.
 [[nodiscard]] std::string quoted(std::string_view text);
 

@@ -6,7 +6,7 @@
 #include <memory>
 #include <optional>
 
-#include "berth/can/frame.hpp"
+#include "berth/co/cob_id.hpp"
 #include "berth/co/pdo_mapping.hpp"
 #include "berth/command/configured_values.hpp"
 #include "berth/eds/xdd.hpp"
@@ -22,14 +22,7 @@ using namespace std::chrono_literals;
 constexpr std::uint16_t first_tpdo = 0x1800;
 constexpr std::uint16_t first_mapping = 0x1A00;
 constexpr unsigned most_tpdos = 512;
-constexpr std::uint32_t invalid = 0x8000'0000;  // COB-ID: does not exist, or is not valid
-constexpr std::uint32_t produces_sync = 0x4000'0000;
-
-// CiA 301: bit 29 of a COB-ID says 29 bits.
-std::uint32_t key_of(std::uint32_t cob_id) noexcept {
-  const bool extended = (cob_id & 0x2000'0000) != 0;
-  return extended ? (cob_id & 0x1FFF'FFFF) | can::extended_flag : cob_id & 0x7FF;
-}
+constexpr std::uint32_t produces_sync = co::CobId::second_bit;
 
 class Collector {
  public:
@@ -128,7 +121,7 @@ class Collector {
     const auto period = std::chrono::microseconds(device.values->get_or<std::uint32_t>({0x1006, 0}, 0));
     if ((cob_id & produces_sync) == 0 || period == 0us) return;
     const bool counts = device.values->get_or<std::uint8_t>({0x1019, 0}, 0) != 0;
-    add_sync(device.slot->spec.name.name, device.sender, key_of(cob_id & ~produces_sync), counts, period);
+    add_sync(device.slot->spec.name.name, device.sender, co::CobId(cob_id).key(), counts, period);
   }
 
   void add_sync(const std::string& producer, std::size_t sender, std::uint32_t key, bool counts, rt::Duration period) {
@@ -151,14 +144,14 @@ class Collector {
       emcy = device.values->get_or<std::uint32_t>({0x1014, 0}, emcy);
       for (unsigned n = 0; n < most_tpdos && assumed_.pdos; ++n) add_tpdo(device, n);
     }
-    if ((emcy & invalid) == 0)
-      add("EMCY", device.sender, key_of(emcy), 8, inhibit > 0ns ? inhibit : assumed_.emcy, 0ns);
+    if (co::CobId(emcy).valid())
+      add("EMCY", device.sender, co::CobId(emcy).key(), 8, inhibit > 0ns ? inhibit : assumed_.emcy, 0ns);
   }
 
   void add_tpdo(const Device& device, unsigned number) {
     const auto at = [&](std::uint8_t sub) { return ObjectRef{static_cast<std::uint16_t>(first_tpdo + number), sub}; };
-    const auto cob_id = device.values->get_or<std::uint32_t>(at(1), invalid);
-    if ((cob_id & invalid) != 0) return;
+    const co::CobId cob_id(device.values->get_or<std::uint32_t>(at(1), co::CobId::invalid_bit));
+    if (!cob_id.valid()) return;
     const std::string name = fmt::format("TPDO {}", number + 1);
     const auto period = period_of(device, number, name);
     if (period == 0ns) return;
@@ -167,7 +160,7 @@ class Collector {
     std::optional<rt::Duration> link;
     const unsigned bits = mapped_bits(device, number, link);
     keep_planned(*device.slot, number, sending, link);
-    add(name, device.sender, key_of(cob_id & ~0x4000'0000U), (bits + 7) / 8, period,
+    add(name, device.sender, cob_id.key(), (bits + 7) / 8, period,
         link ? linker::left_for_bus(sending, *link) : period);
   }
 

@@ -68,7 +68,7 @@ class Walker final : public Discovery {
   Asker asker_;
   walk::Memory memory_;
   bool feedback_;
-  bool goes_on_ = false;  // the last search ended behind a slice
+  bool goes_on_ = false;  // the last search ended with `more`
   bool busy_ = false;
   bool heard_feedback_ = false;
 };

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <map>
 
-#include "berth/can/frame.hpp"
+#include "berth/co/cob_id.hpp"
 #include "berth/co/pdo_mapping.hpp"
 #include "berth/command/configured_values.hpp"
 
@@ -13,18 +13,11 @@ namespace berth::document {
 namespace {
 
 constexpr unsigned most_pdos = 512;
-constexpr std::uint32_t invalid = 0x8000'0000;  // COB-ID: it does not exist, or is not valid
-constexpr std::uint32_t is_extended = 0x2000'0000;
 constexpr std::uint16_t first_dummy_not = 0x20;  // objects below are data types: bits that a receiver skips
-
-std::uint32_t key_of(std::uint32_t cob_id) noexcept {
-  return (cob_id & is_extended) != 0 ? (cob_id & 0x1FFF'FFFF) | can::extended_flag : cob_id & 0x7FF;
-}
 
 struct Pdo {
   std::uint32_t key = 0;
   unsigned number = 1;
-  std::uint8_t type = 255;
   rt::Duration timer{};
   bool is_mpdo = false;
   std::vector<Signal> signals{};
@@ -72,11 +65,10 @@ std::vector<Pdo> pdos_of(const Configured& device, co::PdoKind kind) {
   for (unsigned n = 0; n < most_pdos; ++n) {
     const auto communication = static_cast<std::uint16_t>((transmits ? 0x1800U : 0x1400U) + n);
     const auto mapping = static_cast<std::uint16_t>((transmits ? 0x1A00U : 0x1600U) + n);
-    const auto cob_id = values.get_or<std::uint32_t>({communication, 1}, invalid);
-    if ((cob_id & invalid) != 0) continue;
+    const co::CobId cob_id(values.get_or<std::uint32_t>({communication, 1}, co::CobId::invalid_bit));
+    if (!cob_id.valid()) continue;
     const auto count = values.get_or<std::uint8_t>({mapping, 0}, 0);
-    Pdo pdo{.key = key_of(cob_id & ~0x4000'0000U), .number = n + 1};
-    pdo.type = values.get_or<std::uint8_t>({communication, 2}, 255);
+    Pdo pdo{.key = cob_id.key(), .number = n + 1};
     pdo.timer = std::chrono::milliseconds(values.get_or<std::uint16_t>({communication, 5}, 0));
     pdo.is_mpdo = count >= 254;
     if (!pdo.is_mpdo) pdo.signals = mapped(device, mapping, count);
@@ -121,10 +113,9 @@ class Collector {
     const auto& spec = device.slot->spec;
     const unsigned id = spec.id.value();
     made_.senders.push_back(spec.name.name);
-    const std::uint32_t emcy =
-        device.values ? device.values->get_or<std::uint32_t>({0x1014, 0}, 0x80U + id) : 0x80 + id;
-    if ((emcy & invalid) == 0) {
-      add(key_of(emcy), "EMCY", spec.name.name, 8).signals = {
+    const co::CobId emcy(device.values ? device.values->get_or<std::uint32_t>({0x1014, 0}, 0x80U + id) : 0x80 + id);
+    if (emcy.valid()) {
+      add(emcy.key(), "EMCY", spec.name.name, 8).signals = {
           {.name = "error code", .at = 0, .bits = 16, .type = od::DataType::unsigned16},
           {.name = "error register", .object = {0x1001, 0}, .at = 16, .bits = 8, .type = od::DataType::unsigned8}};
     }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "berth/base/words.hpp"
 #include "berth/command/meanings.hpp"
 #include "berth/command/values.hpp"
 #include "berth/document/html.hpp"
@@ -77,9 +78,9 @@ DevicePages::DevicePages(const std::vector<Configured>& slots) {
 std::string DevicePages::link(const design::Slot& slot) const {
   for (std::size_t i = 0; i < first_.size(); ++i) {
     if (first_[i]->description == slot.description)
-      return fmt::format("<a href=\"device-{}.html\">{}</a>", i + 1, escaped(type_text(slot)));
+      return fmt::format("<a href=\"device-{}.html\">{}</a>", i + 1, markup(type_text(slot)));
   }
-  return escaped(type_text(slot));
+  return markup(type_text(slot));
 }
 
 std::vector<DocumentFile> DevicePages::pages() const {

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "berth/base/words.hpp"
+
 namespace berth::document {
 namespace {
 
@@ -23,41 +25,26 @@ td.n{text-align:right;white-space:nowrap}
 
 }  // namespace
 
-std::string escaped(std::string_view text) {
-  std::string made;
-  for (const char c : text) {
-    switch (c) {
-      case '&': made += "&amp;"; break;
-      case '<': made += "&lt;"; break;
-      case '>': made += "&gt;"; break;
-      case '"': made += "&quot;"; break;
-      case '\'': made += "&#39;"; break;
-      default: made += static_cast<unsigned char>(c) < ' ' || c == '\x7F' ? ' ' : c;
-    }
-  }
-  return made;
-}
-
 std::string page(std::string_view title, const std::string& body, bool up) {
   return fmt::format(
       "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
       "<meta name=\"viewport\" content=\"width=device-width\">\n"
       "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">\n"
       "<title>{0}</title><style>{1}</style></head>\n<body>\n{2}<h1>{0}</h1>\n{3}</body></html>\n",
-      escaped(title), style, up ? "<nav><a href=\"index.html\">The machine</a></nav>\n" : "", body);
+      markup(title), style, up ? "<nav><a href=\"index.html\">The machine</a></nav>\n" : "", body);
 }
 
 Table::Table(const std::vector<std::string>& heads) {
-  for (const auto& head : heads) head_ += "<th>" + escaped(head) + "</th>";
+  for (const auto& head : heads) head_ += "<th>" + markup(head) + "</th>";
 }
 
 Table& Table::cell(std::string_view text) {
-  row_ += "<td>" + escaped(text) + "</td>";
+  row_ += "<td>" + markup(text) + "</td>";
   return *this;
 }
 
 Table& Table::number(std::string_view text) {
-  row_ += "<td class=\"n\">" + escaped(text) + "</td>";
+  row_ += "<td class=\"n\">" + markup(text) + "</td>";
   return *this;
 }
 

@@ -1,4 +1,5 @@
-/// Pieces of HTML. All text goes through `escaped`: names are what a person wrote, or a file from anywhere.
+/// Pieces of HTML. All text goes through `markup` (base/words.hpp): names are what a person wrote, or a file from
+/// anywhere.
 #pragma once
 
 #include <string>
@@ -7,8 +8,6 @@
 
 namespace berth::document {
 
-/// Characters that HTML reads become references; control characters become spaces.
-[[nodiscard]] std::string escaped(std::string_view text);
 /// A whole page: no script, nothing from elsewhere. `body` is HTML. `up`: link back, to `index.html`; not on that page.
 [[nodiscard]] std::string page(std::string_view title, const std::string& body, bool up = true);
 

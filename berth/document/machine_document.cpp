@@ -5,7 +5,8 @@
 #include <algorithm>
 #include <set>
 
-#include "berth/can/frame.hpp"
+#include "berth/analysis/response.hpp"
+#include "berth/base/words.hpp"
 #include "berth/command/bus_messages.hpp"
 #include "berth/document/dbc.hpp"
 #include "berth/document/device_page.hpp"
@@ -16,11 +17,6 @@ namespace berth::document {
 namespace {
 
 double ms(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
-
-std::string key_text(std::uint32_t key) {
-  const bool extended = (key & can::extended_flag) != 0;
-  return extended ? fmt::format("{:08X}h", key & ~can::extended_flag) : fmt::format("{:03X}h", key);
-}
 
 const char* words(design::Role role) {
   switch (role) {
@@ -65,10 +61,10 @@ class Maker {
     for (const auto* const bus : machine_.all_buses()) add_bus(*bus);
     for (std::size_t i = 0; i < slots_.size(); ++i) add_slot(slots_[i]);
     for (auto& file : devices_.pages()) files_.push_back(std::move(file));
-    std::string body = "<p>Machine file " + escaped(machine_.file) + ".</p>\n<h2>Buses</h2>\n" + buses_.made();
+    std::string body = "<p>Machine file " + markup(machine_.file) + ".</p>\n<h2>Buses</h2>\n" + buses_.made();
     for (const auto* const bus : machine_.all_buses()) body += slots_table(*bus);
     body += links_table();
-    body += "<p>" + escaped(made_by) + "</p>\n";
+    body += "<p>" + markup(made_by) + "</p>\n";
     files_.insert(files_.begin(), {"index.html", page(machine_.name, body, false)});
     return std::move(files_);
   }
@@ -83,13 +79,13 @@ class Maker {
     return fmt::format("slot-{}-{}.html", number_of(slot.spec.name.bus), slot.spec.id.value());
   }
   std::string slot_link(const design::Slot& slot) const {
-    return fmt::format("<a href=\"{}\">{}</a>", slot_page(slot), escaped(slot.spec.name.name));
+    return fmt::format("<a href=\"{}\">{}</a>", slot_page(slot), markup(slot.spec.name.name));
   }
   std::string link_of(const std::string& bus, const std::string& name) const {
     for (const auto& slot : machine_.slots) {
       if (slot.spec.name.bus == bus && slot.spec.name.name == name) return slot_link(slot);
     }
-    return escaped(name);
+    return markup(name);
   }
 
   std::string dbc_name(const std::string& bus) {
@@ -114,7 +110,7 @@ class Maker {
     const auto result = analysis::analyze(found.line);
     const std::string file = fmt::format("bus-{}.html", number_of(bus.name));
     const auto slots = std::ranges::count(machine_.slots, bus.name, [](const auto& s) { return s.spec.name.bus; });
-    buses_.html(fmt::format("<a href=\"{}\">{}</a>", file, escaped(bus.name)))
+    buses_.html(fmt::format("<a href=\"{}\">{}</a>", file, markup(bus.name)))
         .number(std::to_string(bus.bitrate))
         .cell(words(bus.role))
         .cell(bus.gateway
@@ -131,7 +127,7 @@ class Maker {
     for (const auto& sentence : startup_words(bus)) body += "<p>" + sentence + "</p>\n";
     body += slots_table(bus) + "<h2>Messages</h2>\n" + messages_table(bus, found.line, result);
     body += "<h2>What they carry</h2>\n" + signals_table(bus, signals);
-    for (const auto& note : found.notes) body += "<p>" + escaped(to_string(note)) + "</p>\n";
+    for (const auto& note : found.notes) body += "<p>" + markup(to_string(note)) + "</p>\n";
     files_.push_back({file, page("Bus " + bus.name, body)});
   }
 
@@ -152,7 +148,7 @@ class Maker {
           .end_row();
     }
     const std::string made = table.made();
-    return made.empty() ? made : "<h2>Slots on " + escaped(bus.name) + "</h2>\n" + made;
+    return made.empty() ? made : "<h2>Slots on " + markup(bus.name) + "</h2>\n" + made;
   }
 
   std::string messages_table(const design::Bus& bus, const analysis::Line& line, const analysis::Result& result) const {
@@ -160,7 +156,7 @@ class Maker {
     for (const auto& r : result.responses) {
       const auto& m = line.messages[r.message];
       const bool missed = m.deadline > rt::Duration{0} && !r.meets_deadline;
-      table.number(key_text(m.key))
+      table.number(analysis::key_text(m.key))
           .html(link_of(bus.name, line.senders[m.sender].name))
           .cell(m.name)
           .number(std::to_string(m.data_bytes))
@@ -183,7 +179,7 @@ class Maker {
         std::string receivers;
         for (const auto& name : signal.receivers)
           receivers += (receivers.empty() ? "" : ", ") + link_of(bus.name, name);
-        table.number(key_text(message.key))
+        table.number(analysis::key_text(message.key))
             .html(link_of(bus.name, message.sender))
             .cell(message.name)
             .number(fmt::format("{} to {}", signal.at, signal.at + signal.bits - 1))
@@ -229,7 +225,7 @@ class Maker {
     const auto& spec = slot.spec;
     Table facts({"", ""});
     const auto fact = [&](const char* what, const std::string& html) { facts.cell(what).html(html).end_row(); };
-    fact("bus", fmt::format("<a href=\"bus-{}.html\">{}</a>", number_of(spec.name.bus), escaped(spec.name.bus)));
+    fact("bus", fmt::format("<a href=\"bus-{}.html\">{}</a>", number_of(spec.name.bus), markup(spec.name.bus)));
     fact("node-ID", fmt::format("{}, {}", spec.id.value(), words(spec.assign)));
     fact("type", devices_.link(slot));
     if (spec.revision) fact("revision", fmt::format("{:08X}h", *spec.revision));
@@ -237,7 +233,7 @@ class Maker {
     fact("mandatory", spec.mandatory ? "yes" : spec.optional ? "no: optional" : "no");
     fact("a replacement",
          spec.replacement == places::Replacement::automatic ? "is taken by itself" : "a person confirms");
-    if (!spec.config.empty()) fact("configuration", escaped(spec.config));
+    if (!spec.config.empty()) fact("configuration", markup(spec.config));
     std::string body = facts.made();
     body += "<h2>PDOs</h2>\n" + slot_pdos(slot);
     body += "<h2>Other than the defaults</h2>\n" + differences(configured);
@@ -253,7 +249,7 @@ class Maker {
         const bool sends = message.sender == name;
         const bool receives = std::ranges::find(signal.receivers, name) != signal.receivers.end();
         if (signal.object.index < 0x1002 || (!sends && !receives)) continue;
-        table.number(key_text(message.key))
+        table.number(analysis::key_text(message.key))
             .cell(sends ? "sends" : "receives")
             .cell(sends || message.sender.empty() ? message.name : message.name + " of " + message.sender)
             .number(fmt::format("{} to {}", signal.at, signal.at + signal.bits - 1))

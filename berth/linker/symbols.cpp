@@ -83,20 +83,6 @@ constexpr std::array<std::string_view, 66> reserved{"action",
 bool letter(char c) noexcept { return lower(c) >= 'a' && lower(c) <= 'z'; }
 bool digit(char c) noexcept { return c >= '0' && c <= '9'; }
 
-std::string escaped(std::string_view text) {
-  std::string made;
-  for (const char c : text) {
-    switch (c) {
-      case '&': made += "&amp;"; break;
-      case '<': made += "&lt;"; break;
-      case '>': made += "&gt;"; break;
-      case '"': made += "&quot;"; break;
-      default: made += c;
-    }
-  }
-  return made;
-}
-
 /// Without what would end a comment of structured text.
 std::string in_comment(std::string text) {
   std::ranges::replace(text, '*', '+');
@@ -172,8 +158,8 @@ std::string plcopen_xml(const Network& network, const Plan& plan, std::size_t no
         "              <type><{}/></type>\n"
         "              <documentation><xhtml xmlns=\"http://www.w3.org/1999/xhtml\">{}</xhtml></documentation>\n"
         "            </variable>\n",
-        escaped(each.name), address.empty() ? "" : fmt::format(" address=\"{}\"", address), iec_type(each.type),
-        escaped(where(each)));
+        markup(each.name), address.empty() ? "" : fmt::format(" address=\"{}\"", address), iec_type(each.type),
+        markup(where(each)));
   }
   // The schema wants a date; the same links give the same file.
   constexpr std::string_view head =
@@ -194,7 +180,7 @@ std::string plcopen_xml(const Network& network, const Plan& plan, std::size_t no
       "      <configuration name=\"network\">\n"
       "        <resource name=\"{}\">\n"
       "          <globalVars name=\"network_variables\">\n";
-  return fmt::format(head, escaped(network.name), escaped(network.nodes[node].name)) + variables +
+  return fmt::format(head, markup(network.name), markup(network.nodes[node].name)) + variables +
          "          </globalVars>\n"
          "        </resource>\n"
          "      </configuration>\n"

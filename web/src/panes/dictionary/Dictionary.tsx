@@ -1,6 +1,7 @@
 import { useVirtualizer } from "@tanstack/react-virtual";
 import { useRef, type KeyboardEvent } from "react";
 import { Act, Answer, useLastOf } from "../../parts/Act";
+import { Check } from "../../parts/Bar";
 import { visible } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
 import { useData, useStudio, useView } from "../../window/context";
@@ -93,22 +94,16 @@ function Objects({ rows }: { rows: readonly ObjectRow[] }) {
     <>
       <div className="bar">
         <Search found={found} />
-        <label>
-          <input
-            type="checkbox"
-            checked={dictionary.differencesOnly}
-            onChange={(event) => store.dispatch({ type: "dictionary/changed", only: event.target.checked })}
-          />
-          changed only
-        </label>
-        <label>
-          <input
-            type="checkbox"
-            checked={dictionary.watchedOnly}
-            onChange={(event) => store.dispatch({ type: "dictionary/watched", only: event.target.checked })}
-          />
-          watched only
-        </label>
+        <Check
+          on={dictionary.differencesOnly}
+          words="changed only"
+          onChange={(only) => store.dispatch({ type: "dictionary/changed", only })}
+        />
+        <Check
+          on={dictionary.watchedOnly}
+          words="watched only"
+          onChange={(only) => store.dispatch({ type: "dictionary/watched", only })}
+        />
         <button type="button" onClick={again}>
           Read all objects
         </button>

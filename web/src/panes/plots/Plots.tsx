@@ -1,4 +1,5 @@
 import { useMemo, useState } from "react";
+import { Pause } from "../../parts/Bar";
 import { csv, download, fileName } from "../../parts/download";
 import { count, visible } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
@@ -26,14 +27,7 @@ export function Plots() {
   return (
     <>
       <div className="bar">
-        <button
-          type="button"
-          aria-pressed={paused}
-          title="P"
-          onClick={() => store.dispatch({ type: "plots/pause", paused: !paused })}
-        >
-          {paused ? "▶ Go on" : "▮▮ Pause"}
-        </button>
+        <Pause paused={paused} onChange={(now) => store.dispatch({ type: "plots/pause", paused: now })} />
         <label>
           The last
           <select value={span} onChange={(event) => setSpan(Number(event.target.value))}>

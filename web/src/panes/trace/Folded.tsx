@@ -5,7 +5,7 @@ import { hex, visible } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
 import { useData, useStudio, useView } from "../../window/context";
 import { frameNumbered, knownOf, meaningIn, type Piece } from "./reducer";
-import { FrameRow, timeWords, useDim, useZero, type Zero } from "./rows";
+import { FrameHead, FrameRow, timeWords, useDim, useZero, type Zero } from "./rows";
 import { folded, outcomeOf, wordsOf, type FoldedRow, type Transfer } from "./transfers";
 
 const ROW = 24;
@@ -102,14 +102,7 @@ export function FoldedList() {
   };
   return (
     <>
-      <div className="frame head">
-        <span>Time</span>
-        <span>Bus</span>
-        <span>Identifier</span>
-        <span title="→ sent by Berth, ← received, ▸ a transfer" />
-        <span>Data</span>
-        <span>Meaning</span>
-      </div>
+      <FrameHead arrows="→ sent by Berth, ← received, ▸ a transfer" />
       <div
         className="scroll"
         ref={scroller}

@@ -1,5 +1,6 @@
 import { useVirtualizer } from "@tanstack/react-virtual";
 import { useEffect, useRef, useState, type KeyboardEvent } from "react";
+import { Pause } from "../../parts/Bar";
 import type { Frame } from "../../protocol/batch";
 import type { Bus } from "../../protocol/messages";
 import { bytes, count, hex, visible } from "../../protocol/text";
@@ -8,7 +9,7 @@ import { Exports } from "./Exports";
 import { FoldedList } from "./Folded";
 import { Marks } from "./Marks";
 import { frameAt, knownOf, lineOf, matcher, meaningIn, rowOf, type TraceState } from "./reducer";
-import { FrameRow, useDim, useZero } from "./rows";
+import { FrameHead, FrameRow, useDim, useZero } from "./rows";
 
 const ROW = 24;
 
@@ -67,14 +68,7 @@ function Bar() {
         aria-label="Filter frames"
         onChange={(event) => setView({ filter: event.target.value })}
       />
-      <button
-        type="button"
-        aria-pressed={paused}
-        title="P"
-        onClick={() => store.dispatch({ type: "trace/pause", paused: !paused })}
-      >
-        {paused ? "▶ Go on" : "▮▮ Pause"}
-      </button>
+      <Pause paused={paused} onChange={(now) => store.dispatch({ type: "trace/pause", paused: now })} />
       <div className="switch" role="group" aria-label="Order">
         <button
           type="button"
@@ -181,14 +175,7 @@ function List() {
   const zero = useZero();
   return (
     <>
-      <div className="frame head">
-        <span>Time</span>
-        <span>Bus</span>
-        <span>Identifier</span>
-        <span title="→ sent by Berth, ← received" />
-        <span>Data</span>
-        <span>Meaning</span>
-      </div>
+      <FrameHead arrows="→ sent by Berth, ← received" />
       <div
         className="scroll"
         ref={scroller}

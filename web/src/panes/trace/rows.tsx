@@ -31,6 +31,20 @@ export function useDim(): (frame: Frame, node: number) => boolean {
   return (frame, node) => slot !== "" && !(node === id && buses[frame.bus]?.name === bus);
 }
 
+/** `arrows`: what the signs of the fourth column are. */
+export function FrameHead({ arrows }: { arrows: string }) {
+  return (
+    <div className="frame head">
+      <span>Time</span>
+      <span>Bus</span>
+      <span>Identifier</span>
+      <span title={arrows} />
+      <span>Data</span>
+      <span>Meaning</span>
+    </div>
+  );
+}
+
 interface RowProps {
   frame: Frame;
   top: number;
