@@ -1,6 +1,7 @@
 #include "berth/discovery/auto.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "berth/discovery/busy.hpp"
 #include "berth/discovery/by_name.hpp"
@@ -41,13 +42,21 @@ Discovery& Auto::of(Method method) {
 }
 
 struct Auto::Run {
-  Known known;
+  const Known& given;
   const Options& options;
-  Options part;  // for one scheme: as many devices as are still wanted
+  Known known = given;  // and who was found since
+  Options part;         // for one scheme: as many devices as are still wanted
   Report report{};
 
   [[nodiscard]] bool over() const {
     return report.end == Report::End::more || report.found.size() >= options.most_devices;
+  }
+  // Equal devices that answer on are found by each walk.
+  [[nodiscard]] bool none_is_new() const {
+    return std::ranges::all_of(report.found, [this](const Found& f) {
+      const auto is_it = [&f](const LssAddress& one) { return one == f.address; };
+      return std::ranges::any_of(given.registered, is_it) || std::ranges::any_of(given.equals, is_it);
+    });
   }
   // Devices that have no node-ID after all schemes were run: the non-configured question means them too.
   [[nodiscard]] bool all_assigned() const {
@@ -55,6 +64,15 @@ struct Auto::Run {
                                [](const Found& f) { return f.assigned.configured() || f.active.configured(); });
   }
 };
+
+void Auto::OpenRanges::broken_off(Report::End schemes_end) { open_ = schemes_end; }
+
+std::optional<Report::End> Auto::OpenRanges::go_on(const Options& options) {
+  constexpr unsigned most = 4;  // then a device may have come that speaks a scheme
+  const std::optional<Report::End> open = std::exchange(open_, std::nullopt);
+  times_ = open && options.slice == 0 && times_ < most ? times_ + 1 : 0;
+  return times_ > 0 ? open : std::nullopt;
+}
 
 // One scheme. A device that was found before is known to it, and not reported again.
 rt::Task<Result<void>> Auto::part(Run& run, Method method) {
@@ -75,7 +93,8 @@ rt::Task<Result<void>> Auto::part(Run& run, Method method) {
   }
   run.report.requests += done->requests;
   run.report.restarts += done->restarts;
-  if (done->end != Report::End::complete && run.report.end == Report::End::complete) run.report.end = done->end;
+  const bool first = run.report.end == Report::End::complete && done->end != Report::End::complete;
+  if (first || done->end == Report::End::more) run.report.end = done->end;
   co_return Result<void>{};
 }
 
@@ -114,10 +133,23 @@ rt::Task<Result<void>> Auto::by_name(Run& run) {
 rt::Task<Result<Report>> Auto::find(const Known& known, const Options& options) {
   if (busy_) co_return fail(Errc::invalid, busy_text);
   const Busy busy(busy_);
-  spoken_ = {};
-  Run run{.known = known, .options = options, .part = options};
+  Run run{.given = known, .options = options, .part = options};
   run.report.began = services_.dispatcher.executor().now();
   run.report.known = run.report.began;
+  const std::optional<Report::End> before = ranges_.go_on(options);
+  if (before) run.report.end = *before;
+  if (!before) {
+    const auto asked = co_await by_schemes(run);
+    if (!asked) co_return fail(asked.error());
+  }
+  const auto rest = co_await by_the_rest(run, before.has_value());
+  if (!rest) co_return fail(rest.error());
+  run.report.ended = services_.dispatcher.executor().now();
+  co_return run.report;
+}
+
+rt::Task<Result<void>> Auto::by_schemes(Run& run) {
+  spoken_ = {};
   // Each planner's first question is the probe.
   constexpr std::array<Method, 3> schemes{Method::planner_feedback, Method::planner_rand, Method::and_protocol};
   const std::array<bool, 3> wanted{options_.fastscan, options_.rand, options_.and_protocol};
@@ -125,7 +157,7 @@ rt::Task<Result<Report>> Auto::find(const Known& known, const Options& options) 
   for (std::size_t i = 0; i < schemes.size() && !run.over(); ++i) {
     if (!wanted[i]) continue;
     Discovery& scheme = of(schemes[i]);
-    const auto anybody = co_await scheme.anybody(options);
+    const auto anybody = co_await scheme.anybody(run.options);
     if (!anybody) co_return fail(anybody.error());
     *spoken[i] = *anybody;
     if (!*anybody) continue;
@@ -136,12 +168,17 @@ rt::Task<Result<Report>> Auto::find(const Known& known, const Options& options) 
           static_cast<const Walker*>(parts_[static_cast<std::size_t>(Method::planner_feedback)].get())) {
     spoken_.feedback = walker->heard_feedback();
   }
+  co_return Result<void>{};
+}
+
+rt::Task<Result<void>> Auto::by_the_rest(Run& run, bool goes_on) {
+  const Known& known = run.known;
   // A device on Fastscan has no node-ID, and only ranges can look behind it.
-  bool look = options_.configured || run.report.end == Report::End::held;
+  bool look = options_.configured || goes_on || run.report.end == Report::End::held;
   run.part.configured = options_.configured;
   if (options_.identify && run.all_assigned() && !run.over()) {
     Discovery& identify = of(Method::identify);
-    const auto blank = co_await identify.anybody(options);
+    const auto blank = co_await identify.anybody(run.options);
     if (!blank) co_return fail(blank.error());
     spoken_.non_configured = *blank;
     look = look || *blank;
@@ -152,11 +189,13 @@ rt::Task<Result<Report>> Auto::find(const Known& known, const Options& options) 
     if (!named) co_return fail(named.error());
   }
   if (look && !run.over() && !(known.kinds.empty() && known.expected.empty())) {
+    const Report::End schemes_end = run.report.end;
+    const bool none_is_new = run.none_is_new();
     const auto done = co_await part(run, Method::identify);
     if (!done) co_return fail(done.error());
+    if (run.report.end == Report::End::more && none_is_new) ranges_.broken_off(schemes_end);
   }
-  run.report.ended = services_.dispatcher.executor().now();
-  co_return run.report;
+  co_return Result<void>{};
 }
 
 rt::Task<Result<Spoken>> Auto::ask_spoken(const Options& options) {

@@ -13,6 +13,7 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 
 #include "berth/discovery/discovery.hpp"
 #include "berth/lss/master.hpp"
@@ -60,22 +61,39 @@ class Auto final : public Discovery {
   /// The planner that was used last.
   [[nodiscard]] Method method() const noexcept override { return last_; }
   /// Finds every device that is not registered. `Found::by` tells how each was found. A device that speaks several
-  /// schemes is reported once. The report ends with the worst end of its parts.
+  /// schemes is reported once. The report ends with `more` when a part did, else as the first part that was not
+  /// complete. `more` among the ranges, and nobody new found by a scheme: the next `find` goes on there, four times in
+  /// a row at most, and asks no scheme.
   [[nodiscard]] rt::Task<Result<Report>> find(const Known& known, const Options& options) override;
   /// One question per scheme; ends at the first answer. For polls while the machine runs: 4 frames at most.
   [[nodiscard]] rt::Task<Result<bool>> anybody(const Options& options) override;
   /// One question per scheme, all of them.
   [[nodiscard]] rt::Task<Result<Spoken>> ask_spoken(const Options& options);
-  /// Of the last `find` or `probe`.
+  /// Of the last `find` that asked the schemes, or of the last `ask_spoken`.
   [[nodiscard]] const Spoken& spoken() const noexcept { return spoken_; }
 
  private:
   struct Run;
+  // A search that was broken off among the ranges, and whose schemes had found nobody new, goes on there: on a slow bus
+  // the schemes take all the time that a search gets.
+  class OpenRanges {
+   public:
+    void broken_off(Report::End schemes_end);
+    /// How the schemes ended that need not be asked again.
+    [[nodiscard]] std::optional<Report::End> go_on(const Options& options);
+
+   private:
+    std::optional<Report::End> open_{};
+    unsigned times_ = 0;  // in a row
+  };
+  [[nodiscard]] rt::Task<Result<void>> by_schemes(Run& run);
+  [[nodiscard]] rt::Task<Result<void>> by_the_rest(Run& run, bool goes_on);
   [[nodiscard]] rt::Task<Result<void>> part(Run& run, Method method);
   [[nodiscard]] rt::Task<Result<void>> by_name(Run& run);
   [[nodiscard]] Discovery& of(Method method);
   Services services_;
   AutoOptions options_;
+  OpenRanges ranges_;
   Spoken spoken_{};
   std::size_t named_ = 0;  // of `Known::expected`, that were asked for by name
   Method last_ = Method::planner_fastscan;

@@ -1,7 +1,9 @@
 // Mixed buses: whoever speaks what is found, one scheme after the other (S1.24, S1.54, HU.1).
 #include <gtest/gtest.h>
+#include <algorithm>
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "berth/discovery/auto.hpp"
 
@@ -144,6 +146,101 @@ TEST(Auto, NeverTwoSchemesAtOnce) {
     last = record.times[i];
   }
   EXPECT_EQ(changes, 2U);
+}
+
+// Lets a search by ranges be so long, then breaks it off, as a boot-up or a person's command does.
+struct Impatient final : Observer {
+  void found(const Found&) noexcept override {}
+  void progress(const Progress&) noexcept override { ++ranges; }
+  bool goes_on() noexcept override { return ranges < most; }
+  unsigned ranges = 0;
+  unsigned most = 3;
+};
+
+// Seven equal devices at work answer Fastscan and cannot be told apart, so that each walk is long and in vain. The bus
+// is slow, and the ranges are broken off each time.
+struct BesideEquals {
+  BesideEquals() : w(1, 20'000), record(w.bus) {
+    for (std::uint8_t i = 1; i <= 7; ++i) {
+      auto equal = like(scan_type, 0);
+      equal.habit = device::LssHabit::lely;
+      equal.node_id = NodeId(i);
+      w.add(equal);
+    }
+    w.known.registered = {w.nodes.front()->options.address};
+    w.known.equals = w.known.registered;
+    w.known.kinds = {{lss_type, 0x1'0000}};
+    w.options.assigner = &giver;
+    w.options.observer = &impatient;
+    giver.next = 20;
+  }
+  std::size_t count(lss::Command command) const {
+    return static_cast<std::size_t>(std::ranges::count_if(record.frames, [command](const can::Frame& f) {
+      return lss::is_lss(f, lss::master_cob_id) && lss::command(f) == command;
+    }));
+  }
+  // Requests of Fastscan in one search. Who is found is registered.
+  std::size_t find(Auto& everybody) {
+    const std::size_t before = count(lss::Command::fastscan);
+    impatient.ranges = 0;
+    const auto report = w.run(everybody.find(w.known, w.options));
+    EXPECT_TRUE(report) << describe(report.error());
+    if (!report) return 0;
+    end = report->end;
+    for (const auto& f : report->found) {
+      if (f.address == w.nodes.front()->options.address) continue;  // found by each walk
+      w.known.registered.push_back(f.address);
+      found.push_back(f);
+    }
+    return count(lss::Command::fastscan) - before;
+  }
+  World w;
+  Record record;
+  Giver giver;
+  Impatient impatient;
+  Report::End end = Report::End::complete;
+  std::vector<Found> found;
+};
+
+// The walk ends `held`, as they keep their node-IDs and answer on; that the ranges were broken off weighs more, or nobody goes on.
+TEST(Auto, ASearchThatIsBrokenOffAmongTheRangesGoesOnThere) {
+  BesideEquals b;
+  constexpr unsigned plain_devices = 8;
+  for (std::uint32_t i = 0; i < plain_devices; ++i) {
+    auto plain = like(lss_type, 0x1234'5678 + 0x0BAD'CAFE * i);
+    plain.fastscan = false;
+    b.w.add(plain);
+  }
+  Auto everybody(b.w.services());
+  EXPECT_GT(b.find(everybody), 10U);
+  ASSERT_EQ(b.end, Report::End::more) << name(b.end);
+  unsigned searches = 1;
+  std::size_t walks = 0;
+  for (; searches < 200 && b.end == Report::End::more; ++searches) {
+    const std::size_t asked = b.find(everybody);
+    if (asked > 0) ++walks;
+    EXPECT_EQ(asked > 0, searches % 5 == 0) << searches << ": " << asked;
+  }
+  EXPECT_NE(b.end, Report::End::more) << "it does not end";
+  EXPECT_EQ(b.found.size(), plain_devices);
+  for (const Found& f : b.found) EXPECT_EQ(f.by, Method::identify);
+  EXPECT_GT(walks, 0U) << "too short a search to tell anything";
+  b.w.expect_right(b.giver);
+}
+
+// Who comes meanwhile and speaks a scheme waits for four parts of the search by ranges, no longer.
+TEST(Auto, AFastscanDeviceThatComesToASearchByRangesIsFound) {
+  BesideEquals b;
+  auto plain = like(lss_type, 0x8765'4321);
+  plain.fastscan = false;
+  b.w.add(plain);
+  Auto everybody(b.w.services());
+  b.find(everybody);
+  ASSERT_EQ(b.end, Report::End::more) << name(b.end);
+  const auto newcomer = like(feedback_type, 0x55AA'1234);
+  b.w.add(newcomer);
+  for (unsigned i = 0; i < 5; ++i) b.find(everybody);
+  EXPECT_NE(std::ranges::find(b.w.known.registered, newcomer.address), b.w.known.registered.end());
 }
 
 // S4.20: a poll is one question per scheme, and ends at the first answer.
