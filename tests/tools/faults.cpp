@@ -135,7 +135,7 @@ void report_failure(const WorldPlan& plan, const Outcome& outcome, bool show) {
                                                             "seed " + std::to_string(plan.seed) + ": " + again.failure);
   std::printf(
       "  shrunk: %s; %zu slots, %zu devices, %zu faults, %zu at steps\n  replay: berth up %s.toml --sim "
-      "%s.plant.toml\n",
+      "%s.plant.toml --allow-outside /\n",
       again.failure.c_str(), small.machine.slots.size(), small.plant.devices.size(), small.faults.size(),
       small.step_faults.size(), stem.c_str(), stem.c_str());
   for (const auto& f : small.step_faults)
