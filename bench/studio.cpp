@@ -9,6 +9,8 @@
 #include <array>
 #include <atomic>
 #include <chrono>
+#include <cstdio>
+#include <cstdlib>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -201,53 +203,90 @@ double thread_seconds() {
   return static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_nsec) / 1e9;
 }
 
-/// Four buses at 8,000 frames a second each for two seconds.
-void with_clients(unsigned count, const design::Machine& machine, Figures& figures) {
-  constexpr unsigned a_ms = 32, ms = 2000;
-  sim::World world;
-  io::Loop loop(world.executor());
-  places::MemoryStore store;
-  std::vector<std::unique_ptr<sim::Controller>> ports;
-  tree::Session session(world.executor(), machine, store);
-  for (const auto& bus : machine.buses) {
-    ports.push_back(world.add_bus(bus.name, 1'000'000).attach({.name = "master"}));
-    if (!session.connect(bus.name, *ports.back())) return;
+/// Four buses at 8,000 frames a second each, and a server of Studio that is told of them.
+class Load {
+ public:
+  explicit Load(const design::Machine& machine)
+      : machine_(machine), loop_(world_.executor()), session_(world_.executor(), machine, store_) {
+    for (const auto& bus : machine.buses) {
+      ports_.push_back(world_.add_bus(bus.name, 1'000'000).attach({.name = "master"}));
+      if (!session_.connect(bus.name, *ports_.back())) return;
+    }
+    if (!session_.open()) return;
+    const auto carry = [](const command::Request&, command::Reply&) -> rt::Task<void> { co_return; };
+    auto made =
+        studio::Studio::start(loop_, session_, carry, {.where = {"127.0.0.1", 0}, .named = true, .simulated = true});
+    if (!made) fmt::print(stderr, "{}\n", made.error());
+    if (made) studio_ = std::move(*made);
+    Random random(1);
+    for (unsigned i = 0; i < 4096; ++i) kinds_.push_back(drawn(random, i));
   }
-  if (!session.open()) return;
-  const auto carry = [](const command::Request&, command::Reply&) -> rt::Task<void> { co_return; };
-  auto made =
-      studio::Studio::start(loop, session, carry, {.where = {"127.0.0.1", 0}, .named = true, .simulated = true});
-  if (!made) return figures.push_back({"clients", made.error()});
-  studio::Studio& studio = **made;
-  std::vector<std::unique_ptr<Client>> clients;
-  for (unsigned i = 0; i < count; ++i) clients.push_back(std::make_unique<Client>(studio));
-  const auto all_ready = [&] { return std::ranges::all_of(clients, [](const auto& c) { return c->ready.load(); }); };
-  for (int i = 0; i < 2000 && !all_ready(); ++i) loop.turn(1ms);
-  Random random(1);
-  std::vector<can::Frame> kinds;
-  for (unsigned i = 0; i < 4096; ++i) kinds.push_back(drawn(random, i));
-  double inside = 0, longest = 0;
-  unsigned number = 0;
-  auto next = Clock::now();
-  for (unsigned step = 0; step < ms; ++step) {
+  /// Null: the server could not be started.
+  [[nodiscard]] studio::Studio* studio() noexcept { return studio_.get(); }
+  [[nodiscard]] unsigned frames() const noexcept { return number_; }
+  void wait(rt::Duration time, const auto& until) {
+    for (const auto end = Clock::now() + time; Clock::now() < end && !until();) loop_.turn(1ms);
+  }
+  /// In real time, from the first instant that is not behind.
+  void run(std::chrono::milliseconds time) {
+    auto next = Clock::now();
+    for (auto step = 0ms; step < time; step += 1ms) {
+      late_us_.push_back(std::chrono::duration<double, std::micro>(Clock::now() - next).count());
+      give();
+      next += 1ms;
+      while (Clock::now() < next) loop_.turn(std::max<Clock::duration>(next - Clock::now(), 0ms));
+    }
+    wait(300ms, [] { return false; });
+  }
+  void tell(const std::string& of, Figures& figures) {
+    figures.push_back(
+        {of + "processor time of the bus's thread a frame", fmt::format("{:.0f} ns", inside_ / number_ * 1e9)});
+    figures.push_back({of + "longest for 32 frames", fmt::format("{:.0f} us", longest_ * 1e6)});
+    std::ranges::sort(late_us_);
+    const auto at = [this](double part) {
+      return late_us_[static_cast<std::size_t>(part * static_cast<double>(late_us_.size() - 1))];
+    };
+    figures.push_back({of + "the bus's thread behind its time, median, 99 %, longest",
+                       fmt::format("{:.0f}, {:.0f}, {:.0f} us", at(0.5), at(0.99), at(1))});
+  }
+
+ private:
+  void give() {
+    constexpr unsigned a_ms = 32;
     const double before = thread_seconds();
-    for (unsigned i = 0; i < a_ms; ++i, ++number) {
-      const auto& bus = machine.buses[number % 4].name;
-      studio.frame(bus, kinds[number % kinds.size()], rt::Time(rt::Duration(std::int64_t{number} * 31'250)), false);
+    for (unsigned i = 0; i < a_ms; ++i, ++number_) {
+      const auto& bus = machine_.buses[number_ % machine_.buses.size()].name;
+      studio_->frame(bus, kinds_[number_ % kinds_.size()], rt::Time(rt::Duration(std::int64_t{number_} * 31'250)),
+                     false);
     }
     const double took = thread_seconds() - before;
-    inside += took;
-    longest = std::max(longest, took);
-    next += 1ms;
-    while (Clock::now() < next) loop.turn(std::max<Clock::duration>(next - Clock::now(), 0ms));
+    inside_ += took;
+    longest_ = std::max(longest_, took);
   }
-  for (int i = 0; i < 300; ++i) loop.turn(1ms);
+  const design::Machine& machine_;
+  sim::World world_;
+  io::Loop loop_;
+  places::MemoryStore store_;
+  std::vector<std::unique_ptr<sim::Controller>> ports_;
+  tree::Session session_;
+  std::unique_ptr<studio::Studio> studio_;
+  std::vector<can::Frame> kinds_;
+  std::vector<double> late_us_;
+  double inside_ = 0, longest_ = 0;
+  unsigned number_ = 0;
+};
+
+void with_clients(unsigned count, const design::Machine& machine, Figures& figures) {
+  Load load(machine);
+  if (load.studio() == nullptr) return figures.push_back({"clients", "no server"});
+  std::vector<std::unique_ptr<Client>> clients;
+  for (unsigned i = 0; i < count; ++i) clients.push_back(std::make_unique<Client>(*load.studio()));
+  load.wait(2s, [&] { return std::ranges::all_of(clients, [](const auto& c) { return c->ready.load(); }); });
+  load.run(2s);
   const std::string of = fmt::format("{} clients, 4 buses at 8,000 frames/s: ", count);
-  figures.push_back(
-      {of + "processor time of the bus's thread a frame", fmt::format("{:.0f} ns", inside / number * 1e9)});
-  figures.push_back({of + "longest for 32 frames", fmt::format("{:.0f} us", longest * 1e6)});
+  load.tell(of, figures);
   if (count == 0) return;
-  std::uint64_t frames = 0, bytes = 0, least = number;
+  std::uint64_t frames = 0, bytes = 0, least = load.frames();
   for (const auto& client : clients) {
     frames += client->frames;
     bytes += client->bytes;
@@ -257,17 +296,35 @@ void with_clients(unsigned count, const design::Machine& machine, Figures& figur
                                    static_cast<double>(bytes) / static_cast<double>(std::max<std::uint64_t>(frames, 1)),
                                    24, "bytes"));
   figures.push_back(
-      bench::at_most(of + "frames that a client did not get", static_cast<double>(number - least), 0, "frames"));
+      bench::at_most(of + "frames that a client did not get", static_cast<double>(load.frames() - least), 0, "frames"));
+}
+
+/// For browsers (web/browser/figures.mjs): the address at once, and the figures behind the time.
+int serve(const design::Machine& machine, std::chrono::seconds time) {
+  Load load(machine);
+  if (load.studio() == nullptr) return 1;
+  fmt::print("{}\n", load.studio()->address());
+  static_cast<void>(std::fflush(stdout));
+  load.run(time);
+  Figures figures;
+  load.tell("", figures);
+  for (const auto& figure : figures) fmt::print("{}: {}\n", figure.name, figure.measured);
+  return 0;
 }
 
 }  // namespace
 
-int main() {
+int main(int argc, char** argv) {
+  const auto read = design::read_machine(machine_text, "bench.toml", {});
+  if (!read.machine) return 1;
+  const std::vector<std::string> words(argv + 1, argv + argc);
+  if (words.size() == 2 && words[0] == "--serve") {
+    return serve(*read.machine, std::chrono::seconds(std::atoi(words[1].c_str())));
+  }
+  if (!words.empty()) return fmt::print(stderr, "bench_studio [--serve SECONDS]\n"), 2;
   Figures figures;
   of_the_pages(figures);
   of_the_ring(figures);
-  const auto read = design::read_machine(machine_text, "bench.toml", {});
-  if (!read.machine) return 1;
   for (const unsigned clients : {0U, 1U, 10U}) with_clients(clients, *read.machine, figures);
   bench::print_figures("Berth Studio's server", figures);
 }

@@ -2,7 +2,7 @@
 import { spawn } from "node:child_process";
 import { mkdtempSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
-import { join } from "node:path";
+import { join, resolve as absolute } from "node:path";
 import { fileURLToPath } from "node:url";
 
 export const root = fileURLToPath(new URL("../../", import.meta.url));
@@ -11,7 +11,7 @@ const binary = process.env.BERTH_BINARY ?? join(root, "build/test/berth");
 /** Paths of machine and plant begin at the repository's root. */
 export async function startBerth(machine, plant, more = []) {
   const folder = mkdtempSync(join(tmpdir(), "berth-studio-"));
-  const words = ["up", join(root, machine), "--sim", join(root, plant), "--studio=127.0.0.1:0"];
+  const words = ["up", absolute(root, machine), "--sim", absolute(root, plant), "--studio=127.0.0.1:0"];
   const child = spawn(binary, [...words, "--control", join(folder, "control"), ...more], {
     cwd: folder,
     env: { ...process.env, XDG_RUNTIME_DIR: folder },
