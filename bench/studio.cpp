@@ -123,7 +123,9 @@ bitrate = 1_000_000
 class Client {
  public:
   explicit Client(const studio::Studio& studio)
-      : thread_([this, port = studio.where().port, token = studio.token()] { run(port, token); }) {}
+      : thread_([this, port = studio.where().port, token = studio.tokens().of(command::Role::configure)] {
+          run(port, token);
+        }) {}
   ~Client() {
     ends_ = true;
     thread_.join();

@@ -22,10 +22,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const bool node_may = why_refused(Face::node, request, {.listed = &listed}).empty();
   if (node_may && (!listed.allow(request.verb) || personal)) std::abort();
   const bool client_may = why_refused(Face::gateway, request, {}).empty();
-  if (client_may && (known->effect == Effect::changes || personal)) std::abort();
+  if (client_may && (known->effect() == Effect::changes || personal)) std::abort();
   const bool page_may = why_refused(Face::studio, request, {}).empty();
   const bool more_than_yes = request.arguments.contains("from-scratch") || request.arguments.contains("file");
-  if (page_may && (known->effect == Effect::changes || more_than_yes)) std::abort();
+  if (page_may && (known->effect() == Effect::changes || more_than_yes)) std::abort();
   return 0;
 }
 

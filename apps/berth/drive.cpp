@@ -171,8 +171,10 @@ tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Optio
     auto host = StudioHost::start(rig, options, control, carry);
     if (!host) return tl::unexpected(host.error());
     beside.studio = std::move(*host);
-    if (options.json) print_error("Berth Studio at " + beside.studio->address());
-    screen.line("Berth Studio at " + beside.studio->address());
+    for (const auto& line : beside.studio->lines()) {
+      if (options.json) print_error(line);
+      screen.line(line);
+    }
   }
   if (types && beside.saves) {
     beside.asker = std::make_unique<Asker>(rig.session(), *rig.loop(), *beside.saves, say, screen.live());
@@ -245,8 +247,10 @@ tl::expected<void, Failure> serve_bench(Rig& rig, const Options& options) {
     (*host)->event(event);
     print_line(options.json ? operate::to_json(event) : operate::to_line(event));
   });
-  if (options.json) print_error("Berth Studio at " + (*host)->address());
-  if (!options.json) print_line("Berth Studio at " + (*host)->address());
+  for (const auto& line : (*host)->lines()) {
+    if (options.json) print_error(line);
+    if (!options.json) print_line(line);
+  }
   const auto records = [&rig] {
     rig.record().settle();
     return false;

@@ -33,6 +33,8 @@ struct Cia309 {
 /// Pages for a browser beside the main job.
 struct StudioOptions {
   std::string where;  ///< HOST:PORT; "true": 127.0.0.1 and the first free port from 8302; empty: not offered
+  std::vector<std::string> roles;  ///< whose addresses are printed, too
+  std::string tokens;              ///< file that keeps the tokens; empty: new ones for each start
   [[nodiscard]] bool offered() const noexcept { return !where.empty(); }
   [[nodiscard]] bool named() const noexcept { return offered() && where != "true"; }
 };

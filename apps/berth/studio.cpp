@@ -43,6 +43,7 @@ void add_studio(Verb& berth, Options& options) {
       .word("--listen", options.offers.studio.where,
             "where (default 127.0.0.1, the first free port from 8302); this computer only")
       .shown("HOST:PORT");
+  studio_door_words(studio, options, "--");
   studio.word("--control", options.control, "socket for other commands (default: by the machine's name)")
       .shown("SOCKET");
   studio.word("--bitrate", options.bit_rate, "bit/s, where --port is all that is known of the bus")

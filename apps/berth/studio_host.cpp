@@ -16,19 +16,23 @@ namespace berth::cli {
 #if BERTH_STUDIO
 
 std::optional<Failure> studio_refused(const Options& options) {
-  if (!options.offers.studio.named() || io::parse_endpoint(options.offers.studio.where, studio::default_port)) {
+  const StudioOptions& offer = options.offers.studio;
+  if (!offer.offered() && (!offer.roles.empty() || !offer.tokens.empty()))
+    return failure(Exit::usage, "--studio-role and --studio-tokens are for --studio: write that, too");
+  if (!offer.named() || io::parse_endpoint(offer.where, studio::default_port)) {
     return std::nullopt;
   }
   return failure(
       Exit::usage,
       fmt::format(
           "--studio={}: write --studio, or --studio=HOST:PORT (`berth studio --listen HOST:PORT`) such as 127.0.0.1:{}",
-          options.offers.studio.where, studio::default_port));
+          offer.where, studio::default_port));
 }
 
 class StudioHost::Impl {
  public:
-  Impl(Rig& rig, std::unique_ptr<studio::Studio> server) : rig_(&rig), server_(std::move(server)) {
+  Impl(Rig& rig, std::unique_ptr<studio::Studio> server, std::vector<std::string> roles)
+      : rig_(&rig), server_(std::move(server)), roles_(std::move(roles)) {
     rig_->record().on_frame([this](const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master) {
       server_->frame(bus, frame, at, by_master);
     });
@@ -37,10 +41,12 @@ class StudioHost::Impl {
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
   [[nodiscard]] studio::Studio& server() noexcept { return *server_; }
+  [[nodiscard]] const std::vector<std::string>& roles() const noexcept { return roles_; }
 
  private:
   Rig* rig_;
   std::unique_ptr<studio::Studio> server_;
+  std::vector<std::string> roles_;
 };
 
 tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(Rig& rig, const Options& options,
@@ -50,13 +56,22 @@ tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(Rig& rig, c
     wanted.where = *io::parse_endpoint(options.offers.studio.where, studio::default_port);
   wanted.named = options.offers.studio.named();
   if (!control.empty()) wanted.token_file = control + ".token";
+  wanted.tokens_kept = options.offers.studio.tokens;
   wanted.simulated = rig.world() != nullptr;
   auto server = studio::Studio::start(*rig.loop(), rig.session(), std::move(carry), wanted);
   if (!server) return tl::unexpected(failure(Exit::failed, "--studio: " + server.error()));
-  return std::unique_ptr<StudioHost>(new StudioHost(std::make_unique<Impl>(rig, std::move(*server))));
+  return std::unique_ptr<StudioHost>(
+      new StudioHost(std::make_unique<Impl>(rig, std::move(*server), options.offers.studio.roles)));
 }
 
-std::string StudioHost::address() const { return impl_->server().address(); }
+std::vector<std::string> StudioHost::lines() const {
+  std::vector<std::string> lines{"Berth Studio at " + impl_->server().address(command::Role::configure)};
+  for (const auto& word : impl_->roles()) {
+    const auto role = command::parse_role(word);
+    if (role) lines.push_back(fmt::format("Berth Studio, role {}, at {}", word, impl_->server().address(*role)));
+  }
+  return lines;
+}
 void StudioHost::event(const operate::Event& event) { impl_->server().event(event); }
 void StudioHost::look() { impl_->server().look(); }
 
@@ -74,7 +89,7 @@ tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(Rig&, const
   return tl::unexpected(*studio_refused(options));
 }
 
-std::string StudioHost::address() const { return {}; }
+std::vector<std::string> StudioHost::lines() const { return {}; }
 void StudioHost::event(const operate::Event&) {}
 void StudioHost::look() {}
 

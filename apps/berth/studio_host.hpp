@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "berth/command/request.hpp"
 #include "berth/rt/task.hpp"
@@ -26,7 +27,8 @@ class StudioHost {
   ~StudioHost();
   StudioHost(const StudioHost&) = delete;
   StudioHost& operator=(const StudioHost&) = delete;
-  [[nodiscard]] std::string address() const;
+  /// "Berth Studio at http://...", and a line for each role that was asked for.
+  [[nodiscard]] std::vector<std::string> lines() const;
   void event(const operate::Event& event);
   /// Between two turns of the loop.
   void look();

@@ -186,6 +186,21 @@ void studio_words(const Verb& verb, Options& options, const Word& fast) {
           "pages for a browser of this computer, at the address that it prints; --studio=HOST:PORT says where "
           "(default 127.0.0.1, the first free port from 8302)")
       .excludes(fast);
+  studio_door_words(verb, options, "--studio-");
+}
+
+void studio_door_words(const Verb& verb, Options& options, const std::string& prefix) {
+  StudioOptions& studio = options.offers.studio;
+  verb.word(prefix + "role", studio.roles,
+            "prints the page's address for this role, too: view (reads and asks) or operate (also starts, stops, "
+            "replaces; no objects, programs, LSS)")
+      .one_of(std::vector<std::string>{"view", "operate"})
+      .one_each()
+      .shown("ROLE");
+  verb.word(prefix + "tokens", studio.tokens,
+            "the page's tokens are kept in this file, which is made when it is not there (default: new ones for each "
+            "start)")
+      .shown("FILE");
 }
 
 Word drive_words(const Verb& verb, Options& options) {

@@ -21,7 +21,9 @@ int run_up(const Options& options);
 
 /// --until, --pace, --fast, --control; gives --fast.
 Word drive_words(const Verb& verb, Options& options);
-/// --studio; `fast`: what `drive_words` gave.
+/// --studio and what belongs to it; `fast`: what `drive_words` gave.
 void studio_words(const Verb& verb, Options& options, const Word& fast);
+/// Who is let in; `prefix`: "--studio-" behind `berth up`, "--" behind `berth studio`.
+void studio_door_words(const Verb& verb, Options& options, const std::string& prefix);
 
 }  // namespace berth::cli

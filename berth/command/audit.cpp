@@ -25,7 +25,7 @@ std::string field(std::string_view text) {
 
 bool changes(const Request& request) {
   const Verb* const known = verb(request.verb);
-  if (known != nullptr) return known->effect == Effect::changes;
+  if (known != nullptr) return known->effect() == Effect::changes;
   const auto action = request.arguments.find("action");
   return action == request.arguments.end() || action->second != "devices";
 }

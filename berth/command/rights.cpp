@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "berth/command/audit.hpp"
 #include "berth/command/verbs.hpp"
 #include "berth/text/quantity.hpp"
 
@@ -32,19 +33,37 @@ std::string personal_argument(Face face, const Request& request) {
 
 }  // namespace
 
+Role role_needed(const Request& request) {
+  const Verb* const known = verb(request.verb);
+  if (known != nullptr) return known->role;
+  return changes(request) ? Role::operate : Role::view;
+}
+
+std::string why_role_refused(std::string_view what, Role needed, Role has) {
+  if (has >= needed) return {};
+  return fmt::format(
+      "{} needs the role {}, and this token is for {}: open the address of that role (who started "
+      "Studio has it)",
+      text::quoted(what), name(needed), name(has));
+}
+
 std::string why_refused(Face face, const Request& request, const Granted& granted) {
   const Verb* const known = verb(request.verb);
   const bool trusted = face == Face::person || face == Face::program;
+  if (face == Face::studio) {
+    auto no = why_role_refused(request.verb, role_needed(request), granted.role);
+    if (!no.empty()) return no;
+  }
   if (trusted || known == nullptr) return {};
   if (face == Face::node && (granted.listed == nullptr || !granted.listed->allow(request.verb)))
     return fmt::format("no node of bus {} may command {}: [bus.{}.commands] does not list it",
                        text::quoted(granted.bus), text::quoted(request.verb), granted.bus);
-  if (face == Face::gateway && known->effect == Effect::changes && !granted.changes)
+  if (face == Face::gateway && known->effect() == Effect::changes && !granted.changes)
     return fmt::format(
         "{} changes something, and on a real bus a client may only read and ask: allow it with --commands "
         "(berth gateway) or --gateway-commands (berth up)",
         text::quoted(request.verb));
-  if (face == Face::studio && !granted.changes && known->effect == Effect::changes)
+  if (face == Face::studio && !granted.changes && known->effect() == Effect::changes)
     return fmt::format("{} changes something, and real buses are read-only until a person unlocks them for a time",
                        text::quoted(request.verb));
   return personal_argument(face, request);

@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "berth/command/request.hpp"
+#include "berth/command/role.hpp"
 #include "berth/design/machine.hpp"
 
 namespace berth::command {
@@ -26,7 +27,14 @@ struct Granted {
   const design::BusCommands* listed = nullptr;  ///< node: `[bus.NAME.commands]` of its bus; null: nothing
   /// gateway: `--commands`, or no real bus is touched; studio: unlocked by a person, or no real bus is touched
   bool changes = false;
+  Role role = Role::configure;  ///< studio: that of the token
 };
+
+/// The role that a request needs: of the table; of the process's own verbs ("sim") what changes the plant is for
+/// operate.
+[[nodiscard]] Role role_needed(const Request& request);
+/// Empty: `has` is enough. Else what to tell: `what` needs another role.
+[[nodiscard]] std::string why_role_refused(std::string_view what, Role needed, Role has);
 
 /// Empty: it may. Else what to tell the one who asked. A verb that there is not, or an argument that it does not take,
 /// is none of its business (`Arguments` refuses those).

@@ -135,17 +135,19 @@ constexpr std::array of_world_step{word_of("frames", "1 to 10000, of all its bus
 constexpr std::array of_world_speed{word_of("factor", "0.01 to 1000; 1 is real time")};
 constexpr std::array of_world_damage{of_bus, word_of("frames", "1 to 10000 (default 1)", false)};
 
-constexpr auto asks = Effect::asks;
-constexpr auto changes = Effect::changes;
+// What each verb does at most, and with it the role that may have it carried out.
+constexpr auto asks = Role::view;
+constexpr auto operates = Role::operate;
+constexpr auto changes = Role::configure;
 
 constexpr std::array table{
     Verb{"report", "the slot table as it stands; exit status 1 when a slot is not operational", asks, bus, report},
     Verb{"scan", "which devices are on this bus: configured, unconfigured, duplicates", asks, of_scan, scan},
-    Verb{"bind", "discovery and binding once, without starting anything", changes, of_bind, bind},
-    Verb{"replace", "give a slot to a new device", changes, of_replace, replace},
-    Verb{"forget", "a device that was to give its node-ID up is gone for good", changes, of_forget, forget},
-    Verb{"locate", "a device shows itself: both of its indicators flicker", changes, of_locate, locate},
-    Verb{"boot", "reset, check, configure and start the devices of the slots once (CiA 302-2)", changes, bus, boot},
+    Verb{"bind", "discovery and binding once, without starting anything", operates, of_bind, bind},
+    Verb{"replace", "give a slot to a new device", operates, of_replace, replace},
+    Verb{"forget", "a device that was to give its node-ID up is gone for good", operates, of_forget, forget},
+    Verb{"locate", "a device shows itself: both of its indicators flicker", operates, of_locate, locate},
+    Verb{"boot", "reset, check, configure and start the devices of the slots once (CiA 302-2)", operates, bus, boot},
     Verb{"configure", "bring devices to what their configuration files want", changes, of_configure, configure},
     Verb{"upload", "a device's configuration, as it is now, becomes its slot's file", changes, of_upload, upload},
     Verb{"sdo read", "read objects of a device", asks, of_sdo_read, sdo_read},
@@ -156,7 +158,7 @@ constexpr std::array table{
          sdo_connect},
     Verb{"sdo release", "takes the channel of two nodes back", changes, of_sdo_release, sdo_release},
     Verb{"sdo channels", "the channels that the SDO manager of a bus has given", asks, bus, sdo_channels},
-    Verb{"nmt", "one NMT command to one node or all", changes, of_nmt, nmt_command},
+    Verb{"nmt", "one NMT command to one node or all", operates, of_nmt, nmt_command},
     Verb{"program status", "which programs it has, and whether they run", asks, of_program, program_status},
     Verb{"program download", "stop, clear, download and start a program", changes, of_program_download,
          program_download},
@@ -182,12 +184,12 @@ constexpr std::array table{
     Verb{"lss find", "every device that no slot has; is any device without a node-ID?", asks, bus, lss_command},
     Verb{"lss move-bit-rate", "every device of a bus to another bit rate, together", changes, of_move_bit_rate,
          bit_rate_command},
-    Verb{"world pause", "a simulated world stands: its time and its frames", changes, none, world_command},
-    Verb{"world run", "a simulated world that stands goes on", changes, none, world_command},
-    Verb{"world step", "a simulated world stands, but for so many frames more", changes, of_world_step, world_command},
-    Verb{"world speed", "a simulated world runs faster or slower than real time", changes, of_world_speed,
+    Verb{"world pause", "a simulated world stands: its time and its frames", operates, none, world_command},
+    Verb{"world run", "a simulated world that stands goes on", operates, none, world_command},
+    Verb{"world step", "a simulated world stands, but for so many frames more", operates, of_world_step, world_command},
+    Verb{"world speed", "a simulated world runs faster or slower than real time", operates, of_world_speed,
          world_command},
-    Verb{"world damage", "the next frames of a simulated bus are damaged, and repeated", changes, of_world_damage,
+    Verb{"world damage", "the next frames of a simulated bus are damaged, and repeated", operates, of_world_damage,
          world_command},
 };
 

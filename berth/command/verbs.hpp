@@ -19,6 +19,7 @@
 
 #include "berth/can/frame.hpp"
 #include "berth/command/request.hpp"
+#include "berth/command/role.hpp"
 #include "berth/rt/task.hpp"
 #include "berth/tree/session.hpp"
 
@@ -53,13 +54,15 @@ struct Parameter {
 struct Verb {
   std::string_view name;  ///< "sdo read"
   std::string_view help;  ///< for people, one line
-  Effect effect;          ///< what rights ask about (rights.hpp)
+  Role role;              ///< who may have it carried out where roles are asked for (rights.hpp)
   /// The arguments that it takes beside "yes"; any other is refused, and so is a request without a required one.
   std::span<const Parameter> parameters;
   rt::Task<void> (*run)(tree::Session& session, const Request& request, Reply& reply);  ///< see `execute`
 
   /// Null: it takes no argument of this name. "yes" is a personal one of all.
   [[nodiscard]] const Parameter* parameter(std::string_view name) const noexcept;
+  /// What rights ask about (rights.hpp): a verb that role view may use only asks.
+  [[nodiscard]] Effect effect() const noexcept { return role == Role::view ? Effect::asks : Effect::changes; }
 };
 
 /// In the order of the table above.

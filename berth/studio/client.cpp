@@ -61,8 +61,8 @@ std::optional<std::string_view> the_one(const Request& request, http::field name
 
 bool is_socket(const Request& request) { return plain(request.target()) == "/api/v1/socket"; }
 
-/// Null: it may go on.
-std::shared_ptr<Response> refused(const Request& request, const Hall& hall) {
+/// Null: it may go on, with that role where it showed a token.
+std::shared_ptr<Response> refused(const Request& request, const Hall& hall, std::optional<command::Role>& role) {
   const auto host = the_one(request, http::field::host);
   if (!host || !is_own_host(*host, hall.port()))
     return words(&request, http::status::forbidden,
@@ -81,7 +81,8 @@ std::shared_ptr<Response> refused(const Request& request, const Hall& hall) {
   if (!plain(request.target()).starts_with("/api/")) return nullptr;
   const auto token = is_socket(request) ? token_offered(plain(request[http::field::sec_websocket_protocol]))
                                         : bearer(plain(request[http::field::authorization]));
-  if (same_token(token, hall.token())) return nullptr;
+  role = hall.tokens().role_of(token);
+  if (role) return nullptr;
   auto out =
       words(&request, http::status::unauthorized,
             "401: the token is missing or not that of this start; it stands in the address that berth up printed "
@@ -127,7 +128,8 @@ class Visitor final : public Client {
       return end(words(nullptr, http::status::bad_request, "400: this is no HTTP request"));
     if (error) return leave();
     socket_.expires_never();
-    if (auto no = refused(parser_->get(), hall())) return end(std::move(no));
+    role_.reset();
+    if (auto no = refused(parser_->get(), hall(), role_)) return end(std::move(no));
     serve();
   }
   void serve() {
@@ -138,14 +140,14 @@ class Visitor final : public Client {
         return send(words(&request, http::status::upgrade_required, "426: this is a WebSocket"));
       const auto stays = mine();
       hall().leave(*this);
-      return hall().enter(upgrade(hall(), std::move(socket_), parser_->release()));
+      return hall().enter(upgrade(hall(), std::move(socket_), parser_->release(), *role_));
     }
     if (target == "/api/v1/request") return take_request(request);
     const bool gets = request.method() == http::verb::get || request.method() == http::verb::head;
     if (!gets)
       return send(words(&request, http::status::method_not_allowed, "405: GET, HEAD; POST of /api/v1/request"));
     if (target == "/api/v1/snapshot")
-      return send(response(&request, http::status::ok, hall().snapshot(), "application/json"));
+      return send(response(&request, http::status::ok, hall().snapshot(*role_), "application/json"));
     const Page page = page_at(target);
     if (page.body.data() == nullptr)
       return send(words(&request, http::status::not_found, "404: there is no such page"));
@@ -159,7 +161,7 @@ class Visitor final : public Client {
       return send(words(&request, http::status::method_not_allowed, "405: POST"));
     auto wanted = parse_body(request.body());
     if (!wanted) return send(words(&request, http::status::bad_request, "400: " + wanted.error()));
-    if (!hall().order({.client = number(), .request = std::move(*wanted)}))
+    if (!hall().order({.client = number(), .request = std::move(*wanted), .role = *role_}))
       return send(
           words(&request, http::status::service_unavailable, "503: too many requests are under way; try again"));
     watch();
@@ -203,6 +205,7 @@ class Visitor final : public Client {
   Socket socket_;
   boost::beast::flat_buffer buffer_{longest_header + longest_message + 1024};
   std::optional<Parser> parser_;
+  std::optional<command::Role> role_;  // of the token that the request showed
   bool idle_ = false;
   bool served_ = false;  // one request at least
   bool ends_ = false;
@@ -214,8 +217,8 @@ class Visitor final : public Client {
 
 class Watcher final : public Client {
  public:
-  Watcher(Hall& hall, Socket socket, Request request)
-      : Client(hall, hall.next_number()), socket_(std::move(socket)), request_(std::move(request)) {}
+  Watcher(Hall& hall, Socket socket, Request request, command::Role role)
+      : Client(hall, hall.next_number()), socket_(std::move(socket)), request_(std::move(request)), role_(role) {}
   void start() {
     socket_.set_option(websocket::stream_base::timeout{request_time, idle_time, true});
     socket_.set_option(websocket::stream_base::decorator(
@@ -225,7 +228,7 @@ class Watcher final : public Client {
       if (error) return self->leave();
       self->open_ = true;
       self->cursor_ = self->hall().ring().next();
-      self->put(self->hall().snapshot());
+      self->put(self->hall().snapshot(self->role_));
       self->read();
     });
   }
@@ -239,6 +242,7 @@ class Watcher final : public Client {
     push({text, false, true});
   }
   void answer(const Answer& answer) override {
+    if (answer.id.empty()) return put(error_json(answer.reply.error));
     if (asked_ > 0) --asked_;
     put(reply_json(answer.id, answer.reply));
   }
@@ -285,13 +289,16 @@ class Watcher final : public Client {
       case MessageKind::lock: break;
     }
     const bool unlock = message->kind == MessageKind::unlock;
-    if (!hall().order({.kind = unlock ? Order::Kind::unlock : Order::Kind::lock, .minutes = message->minutes}))
+    if (!hall().order({.kind = unlock ? Order::Kind::unlock : Order::Kind::lock,
+                       .client = number(),
+                       .minutes = message->minutes,
+                       .role = role_}))
       put(error_json("too many requests are under way; try again"));
   }
   void ask(Message message) {
     const std::string id = message.id;
     const bool may = asked_ < most_asked;
-    if (may && hall().order({.client = number(), .id = id, .request = std::move(message.request)})) {
+    if (may && hall().order({.client = number(), .id = id, .request = std::move(message.request), .role = role_})) {
       ++asked_;
       return;
     }
@@ -350,7 +357,7 @@ class Watcher final : public Client {
   void write() {
     if (out_.empty() && behind_) {
       behind_ = false;
-      put(hall().snapshot());
+      put(hall().snapshot(role_));
     }
     if (out_.empty() || writing_) return;
     writing_ = true;
@@ -373,6 +380,7 @@ class Watcher final : public Client {
 
   websocket::stream<Socket> socket_;
   Request request_;
+  command::Role role_;
   boost::beast::flat_buffer in_;
   std::deque<Out> out_;
   std::size_t waiting_bytes_ = 0;
@@ -396,8 +404,8 @@ std::shared_ptr<Client> greet(Hall& hall, Socket socket) {
   return visitor;
 }
 
-std::shared_ptr<Client> upgrade(Hall& hall, Socket socket, Request request) {
-  auto page = std::make_shared<Watcher>(hall, std::move(socket), std::move(request));
+std::shared_ptr<Client> upgrade(Hall& hall, Socket socket, Request request, command::Role role) {
+  auto page = std::make_shared<Watcher>(hall, std::move(socket), std::move(request), role);
   page->start();
   return page;
 }

@@ -17,14 +17,14 @@ using command::words_of;
 
 namespace {
 
-std::string who(std::uint64_t client) { return fmt::format("studio, client {}", client); }
+std::string who(const Order& order) { return fmt::format("studio, client {} ({})", order.client, name(order.role)); }
 
 }  // namespace
 
 /// A request under way.
 struct Desk::Work {
   Work(Order given, tree::Session& session)
-      : order(std::move(given)), audit(session, who(order.client), order.request), scope(session.executor()) {}
+      : order(std::move(given)), audit(session, who(order), order.request), scope(session.executor()) {}
   Order order;
   command::Audit audit;
   command::Reply reply;
@@ -98,10 +98,22 @@ void Desk::take(Order order) {
       std::erase_if(works_, [&](const auto& work) { return work->order.client == order.client; });
       return;
     case Order::Kind::unlock:
-      return set_lock(order.client, session_->executor().now() + std::chrono::minutes(order.minutes),
+    case Order::Kind::lock:
+      if (turned_away(order)) return;
+      if (order.kind == Order::Kind::lock) return set_lock(order, std::nullopt, "real buses are read-only again");
+      return set_lock(order, session_->executor().now() + std::chrono::minutes(order.minutes),
                       fmt::format("real buses may be changed for {} min", order.minutes));
-    case Order::Kind::lock: return set_lock(order.client, std::nullopt, "real buses are read-only again");
   }
+}
+
+// By its role: to lock would break off what another does.
+bool Desk::turned_away(const Order& order) {
+  const char* const what = order.kind == Order::Kind::lock ? "lock" : "unlock";
+  const auto refused = command::why_role_refused(what, command::Role::operate, order.role);
+  if (refused.empty()) return false;
+  command::audit(*session_, who(order), what, "refused: " + refused);
+  answer({order.client, {}, command::refusal(1, refused)});
+  return true;
 }
 
 bool Desk::may_change() const {
@@ -116,11 +128,11 @@ Lock Desk::lock() const {
 }
 
 // On simulated buses there is nothing to unlock.
-void Desk::set_lock(std::uint64_t client, std::optional<rt::Time> until, const std::string& words) {
+void Desk::set_lock(const Order& order, std::optional<rt::Time> until, const std::string& words) {
   if (!session_->careful()) return;
   unlocked_until_ = until;
   say({}, "studio: " + words);
-  command::audit(*session_, who(client), until ? "unlock" : "lock", words);
+  command::audit(*session_, who(order), until ? "unlock" : "lock", words);
   tell();
 }
 
@@ -131,11 +143,12 @@ void Desk::say(const std::string& bus, const std::string& text) {
 }
 
 void Desk::begin(Order order) {
-  const auto refused = command::why_refused(command::Face::studio, order.request, {.changes = may_change()});
+  const auto refused =
+      command::why_refused(command::Face::studio, order.request, {.changes = may_change(), .role = order.role});
   if (!refused.empty()) {
     if (changes(order.request)) {
       say({}, fmt::format("studio: {}: refused", words_of(order.request)));
-      command::audit(*session_, who(order.client), words_of(order.request), "refused: " + refused);
+      command::audit(*session_, who(order), words_of(order.request), "refused: " + refused);
     }
     return answer({order.client, std::move(order.id), command::refusal(1, refused)});
   }

@@ -52,8 +52,9 @@ class Desk final : private io::Watcher {
   void tick() noexcept;
   void tell();
   void flush();
+  [[nodiscard]] bool turned_away(const Order& order);
   [[nodiscard]] bool may_change() const;
-  void set_lock(std::uint64_t client, std::optional<rt::Time> until, const std::string& words);
+  void set_lock(const Order& order, std::optional<rt::Time> until, const std::string& words);
   void say(const std::string& bus, const std::string& text);
   [[nodiscard]] std::vector<operate::SlotReport> changed();
   [[nodiscard]] Lock lock() const;

@@ -8,8 +8,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cerrno>
 #include <cstring>
+#include <sstream>
 #include <utility>
 
 #include "berth/base/words.hpp"
@@ -23,6 +25,19 @@ std::string_view trimmed(std::string_view text) noexcept {
   while (!text.empty() && (text.front() == ' ' || text.front() == '\t')) text.remove_prefix(1);
   while (!text.empty() && (text.back() == ' ' || text.back() == '\t')) text.remove_suffix(1);
   return text;
+}
+
+/// A file of mode 0600 that was not there. What is wrong, in words.
+std::optional<std::string> write_new(const std::string& path, const std::string& text) {
+  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600);
+  if (fd < 0) return fmt::format("{}: {}", path, std::strerror(errno));
+  const bool whole =
+      ::fchmod(fd, 0600) == 0 && ::write(fd, text.data(), text.size()) == static_cast<ssize_t>(text.size());
+  const int error = errno;
+  ::close(fd);
+  if (whole) return std::nullopt;
+  ::unlink(path.c_str());
+  return fmt::format("{}: {}", path, std::strerror(error));
 }
 
 }  // namespace
@@ -45,31 +60,94 @@ bool same_token(std::string_view given, std::string_view token) noexcept {
   return different == 0;
 }
 
-tl::expected<TokenFile, std::string> TokenFile::write(const std::string& path, const std::string& token) {
-  const auto problem = [&] { return tl::unexpected(fmt::format("{}: {}", path, std::strerror(errno))); };
-  if (::unlink(path.c_str()) != 0 && errno != ENOENT) return problem();
-  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600);
-  if (fd < 0) return problem();
-  TokenFile file;
-  file.path_ = path;
-  const std::string line = token + '\n';
-  const bool whole =
-      ::fchmod(fd, 0600) == 0 && ::write(fd, line.data(), line.size()) == static_cast<ssize_t>(line.size());
-  const int error = errno;
+tl::expected<Tokens, std::string> Tokens::make() {
+  Tokens tokens;
+  for (auto& token : tokens.each_) {
+    token = make_token();
+    if (token.empty()) return tl::unexpected(std::string("the system gives no random numbers for the token"));
+  }
+  return tokens;
+}
+
+tl::expected<void, std::string> Tokens::read(const std::string& text) {
+  std::istringstream lines(text);
+  std::string line;
+  for (unsigned number = 1; std::getline(lines, line); ++number) {
+    const auto blank = line.find(' ');
+    const auto role = command::parse_role(line.substr(0, blank));
+    const auto token = trimmed(blank == std::string::npos ? std::string_view() : std::string_view(line).substr(blank));
+    const bool hex = std::ranges::all_of(token, [](unsigned char c) { return std::isxdigit(c) != 0; });
+    if (!role || token.size() != 64 || !hex)
+      return tl::unexpected(
+          fmt::format("{}: a line is a role (view, operate, configure) and 64 hexadecimal digits", number));
+    each_[static_cast<std::size_t>(*role)] = token;
+  }
+  for (const auto role : command::all_roles) {
+    if (of(role).empty()) return tl::unexpected(fmt::format("1: there is no token for the role {}", name(role)));
+    for (const auto other : command::all_roles) {
+      if (role != other && of(role) == of(other))
+        return tl::unexpected(fmt::format("1: {} and {} have the same token", name(role), name(other)));
+    }
+  }
+  return {};
+}
+
+tl::expected<Tokens, std::string> Tokens::keep(const std::string& path) {
+  constexpr std::size_t longest = 4096;
+  const int fd = ::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK);
+  if (fd < 0 && errno == ENOENT) {
+    auto made = make();
+    if (!made) return made;
+    std::string text;
+    for (const auto role : command::all_roles) text += fmt::format("{} {}\n", name(role), made->of(role));
+    if (const auto problem = write_new(path, text)) return tl::unexpected(*problem);
+    return made;
+  }
+  if (fd < 0) return tl::unexpected(fmt::format("{}: {}", path, std::strerror(errno)));
+  struct stat what {};
+  std::array<char, longest> buffer{};
+  const bool plain = ::fstat(fd, &what) == 0 && S_ISREG(what.st_mode);
+  const auto got = plain ? ::read(fd, buffer.data(), buffer.size()) : -1;
   ::close(fd);
-  errno = error;
-  if (!whole) return problem();
-  return file;
+  if (!plain || got < 0) return tl::unexpected(fmt::format("{}: this is no file that can be read", path));
+  if ((what.st_mode & 077U) != 0)
+    return tl::unexpected(fmt::format("{}: other users can read the tokens in it: chmod 600 {}", path, path));
+  Tokens tokens;
+  const auto read = tokens.read(std::string(buffer.data(), static_cast<std::size_t>(got)));
+  if (!read) return tl::unexpected(fmt::format("{}:{}", path, read.error()));
+  return tokens;
 }
 
-TokenFile::~TokenFile() {
-  if (!path_.empty()) ::unlink(path_.c_str());
+const std::string& Tokens::of(command::Role role) const noexcept { return each_[static_cast<std::size_t>(role)]; }
+
+std::optional<command::Role> Tokens::role_of(std::string_view given) const noexcept {
+  std::optional<command::Role> found;
+  for (const auto role : command::all_roles) {
+    if (same_token(given, of(role))) found = role;
+  }
+  return found;
 }
 
-TokenFile::TokenFile(TokenFile&& other) noexcept : path_(std::exchange(other.path_, {})) {}
+tl::expected<TokenFiles, std::string> TokenFiles::write(const std::string& path, const Tokens& tokens) {
+  TokenFiles files;
+  for (const auto role : command::all_roles) {
+    const auto file = role == command::Role::configure ? path : fmt::format("{}.{}", path, name(role));
+    if (::unlink(file.c_str()) != 0 && errno != ENOENT)
+      return tl::unexpected(fmt::format("{}: {}", file, std::strerror(errno)));
+    if (const auto problem = write_new(file, tokens.of(role) + '\n')) return tl::unexpected(*problem);
+    files.paths_.push_back(file);
+  }
+  return files;
+}
 
-TokenFile& TokenFile::operator=(TokenFile&& other) noexcept {
-  std::swap(path_, other.path_);
+TokenFiles::~TokenFiles() {
+  for (const auto& path : paths_) ::unlink(path.c_str());
+}
+
+TokenFiles::TokenFiles(TokenFiles&& other) noexcept : paths_(std::exchange(other.paths_, {})) {}
+
+TokenFiles& TokenFiles::operator=(TokenFiles&& other) noexcept {
+  std::swap(paths_, other.paths_);
   return *this;
 }
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "berth/command/request.hpp"
+#include "berth/command/role.hpp"
 #include "berth/operate/report.hpp"
 #include "berth/studio/bell.hpp"
 #include "berth/studio/frame_ring.hpp"
@@ -37,7 +38,8 @@ struct Order {
   std::uint64_t client = 0;  ///< number of the connection, never used twice; `gone`: all its requests end
   std::string id{};          ///< request: comes back with the answer
   command::Request request{};
-  unsigned minutes = 0;  ///< unlock
+  unsigned minutes = 0;                      ///< unlock
+  command::Role role = command::Role::view;  ///< of the client's token
 };
 
 struct Answer {

@@ -40,7 +40,8 @@ std::string verbs_json() {
     }
     all.push_back({{"name", verb.name},
                    {"help", verb.help},
-                   {"changes", verb.effect == command::Effect::changes},
+                   {"changes", verb.effect() == command::Effect::changes},
+                   {"role", command::name(verb.role)},
                    {"parameters", std::move(parameters)}});
   }
   return dump(all);
@@ -142,15 +143,15 @@ std::string Mirror::world_json(double time_s) const {
   return fmt::format(R"({{"paused":{},"speed":{},"time_s":{:.6f}}})", pace_.paused, pace_.speed, time_s);
 }
 
-std::string Mirror::snapshot(double time_s) const {
+std::string Mirror::snapshot(double time_s, command::Role role) const {
   std::string out = fmt::format(R"({{"type":"snapshot","seq":{},{},"slots":)", seq_, head_);
   append_all(slots_, out);
   out += ",\"events\":";
   append_all(events_, out);
   out += ",\"questions\":";
   append_all(questions_, out);
-  out += fmt::format(R"(,"time_s":{:.6f},"verbs":{},"lock":{},"role":"configure","world":{}}})", time_s, verbs_,
-                     lock_json(lock_), world_json(time_s));
+  out += fmt::format(R"(,"time_s":{:.6f},"verbs":{},"lock":{},"role":"{}","world":{}}})", time_s, verbs_,
+                     lock_json(lock_), name(role), world_json(time_s));
   return out;
 }
 

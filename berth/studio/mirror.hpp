@@ -24,7 +24,7 @@ class Mirror {
 
   /// The message for all; empty: it is an answer and changes nothing.
   [[nodiscard]] std::string take(const News& news);
-  [[nodiscard]] std::string snapshot(double time_s) const;
+  [[nodiscard]] std::string snapshot(double time_s, command::Role role) const;
   /// {"paused", "speed", "time_s"}; null: the machine is not simulated.
   [[nodiscard]] std::string world_json(double time_s) const;
   [[nodiscard]] const Pace& pace() const noexcept { return pace_; }

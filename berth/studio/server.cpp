@@ -42,12 +42,12 @@ std::string Rates::json(std::uint64_t left_out, double time_s) const {
                      buses.dump(), ring_->first(), ring_->next(), left_out, mirror_->world_json(time_s));
 }
 
-Hall::Hall(int listener, bool ipv6, std::uint16_t port, std::string token, Mirror mirror, Link& link)
+Hall::Hall(int listener, bool ipv6, std::uint16_t port, Tokens tokens, Mirror mirror, Link& link)
     : acceptor_(context_, ipv6 ? asio::ip::tcp::v6() : asio::ip::tcp::v4(), listener),
       bell_(context_),
       timer_(context_),
       port_(port),
-      token_(std::move(token)),
+      tokens_(std::move(tokens)),
       mirror_(std::move(mirror)),
       link_(&link),
       rates_(link.ring, mirror_) {
@@ -69,7 +69,7 @@ double Hall::time_s() const noexcept {
   return std::chrono::duration<double>(now).count();
 }
 
-std::string Hall::snapshot() const { return mirror_.snapshot(time_s()); }
+std::string Hall::snapshot(command::Role role) const { return mirror_.snapshot(time_s(), role); }
 
 bool Hall::order(Order order) {
   if (!link_->orders.put(order)) return false;

@@ -20,6 +20,7 @@
 #include <string_view>
 #include <vector>
 
+#include "berth/studio/doors.hpp"
 #include "berth/studio/link.hpp"
 #include "berth/studio/mirror.hpp"
 #include "berth/studio/search.hpp"
@@ -89,17 +90,17 @@ class Rates {
 /// All of the server's thread.
 class Hall {
  public:
-  Hall(int listener, bool ipv6, std::uint16_t port, std::string token, Mirror mirror, Link& link);
+  Hall(int listener, bool ipv6, std::uint16_t port, Tokens tokens, Mirror mirror, Link& link);
   void run();
   void stop();  ///< any thread
 
-  [[nodiscard]] const std::string& token() const noexcept { return token_; }
+  [[nodiscard]] const Tokens& tokens() const noexcept { return tokens_; }
   [[nodiscard]] std::uint16_t port() const noexcept { return port_; }
   [[nodiscard]] const Mirror& mirror() const noexcept { return mirror_; }
   [[nodiscard]] const FrameRing& ring() const noexcept { return link_->ring; }
   [[nodiscard]] const Rates& rates() const noexcept { return rates_; }
   [[nodiscard]] asio::io_context& context() noexcept { return context_; }
-  [[nodiscard]] std::string snapshot() const;
+  [[nodiscard]] std::string snapshot(command::Role role) const;
   /// The executor's, in seconds.
   [[nodiscard]] double time_s() const noexcept;
   /// False: the executor has enough to do.
@@ -121,7 +122,7 @@ class Hall {
   asio::posix::stream_descriptor bell_;
   asio::steady_timer timer_;
   std::uint16_t port_;
-  std::string token_;
+  Tokens tokens_;
   Mirror mirror_;
   Link* link_;
   Rates rates_;
@@ -136,6 +137,7 @@ class Hall {
 /// One too many: says so, and is gone.
 void turn_away(asio::ip::tcp::socket socket);
 /// A connection whose request for a WebSocket was found good.
-[[nodiscard]] std::shared_ptr<Client> upgrade(Hall& hall, Socket socket, http::request<http::string_body> request);
+[[nodiscard]] std::shared_ptr<Client> upgrade(Hall& hall, Socket socket, http::request<http::string_body> request,
+                                              command::Role role);
 
 }  // namespace berth::studio

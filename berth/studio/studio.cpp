@@ -44,12 +44,12 @@ tl::expected<void, std::string> only_here(const io::Endpoint& where) {
 
 class Studio::Impl {
  public:
-  Impl(int listener, io::Endpoint where, std::string token, TokenFile file, io::Loop& loop, tree::Session& session,
+  Impl(int listener, io::Endpoint where, Tokens tokens, TokenFiles files, io::Loop& loop, tree::Session& session,
        Carry carry, const Options& options)
       : where_(std::move(where)),
-        file_(std::move(file)),
+        files_(std::move(files)),
         link_(options.frames),
-        hall_(listener, where_.host.find(':') != std::string::npos, where_.port, std::move(token),
+        hall_(listener, where_.host.find(':') != std::string::npos, where_.port, std::move(tokens),
               Mirror(session.machine(), options.simulated), link_),
         desk_(loop, session, std::move(carry), link_),
         thread_([this] { hall_.run(); }) {}
@@ -60,12 +60,12 @@ class Studio::Impl {
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
   [[nodiscard]] const io::Endpoint& where() const noexcept { return where_; }
-  [[nodiscard]] const std::string& token() const noexcept { return hall_.token(); }
+  [[nodiscard]] const Tokens& tokens() const noexcept { return hall_.tokens(); }
   [[nodiscard]] Desk& desk() noexcept { return desk_; }
 
  private:
   io::Endpoint where_;
-  TokenFile file_;
+  TokenFiles files_;
   Link link_;
   Hall hall_;
   Desk desk_;
@@ -76,32 +76,32 @@ tl::expected<std::unique_ptr<Studio>, std::string> Studio::start(io::Loop& loop,
                                                                  const Options& options) {
   io::Endpoint where = options.where;
   if (const auto here = only_here(where); !here) return tl::unexpected(here.error());
-  auto token = make_token();
-  if (token.empty()) return tl::unexpected(std::string("the system gives no random numbers for the token"));
+  auto tokens = options.tokens_kept.empty() ? Tokens::make() : Tokens::keep(options.tokens_kept);
+  if (!tokens) return tl::unexpected(tokens.error());
   const auto fd = listen(where, options.named);
   if (!fd) return tl::unexpected(fd.error());
-  TokenFile file;
+  TokenFiles files;
   if (!options.token_file.empty()) {
-    auto written = TokenFile::write(options.token_file, token);
+    auto written = TokenFiles::write(options.token_file, *tokens);
     if (!written) {
       ::close(*fd);
       return tl::unexpected(written.error());
     }
-    file = std::move(*written);
+    files = std::move(*written);
   }
   if (const auto local = io::local_endpoint(*fd)) where.host = local->host;
   return std::unique_ptr<Studio>(new Studio(std::make_unique<Impl>(
-      *fd, std::move(where), std::move(token), std::move(file), loop, session, std::move(carry), options)));
+      *fd, std::move(where), std::move(*tokens), std::move(files), loop, session, std::move(carry), options)));
 }
 
 Studio::Studio(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
 Studio::~Studio() = default;
 
-std::string Studio::address() const {
-  return fmt::format("http://{}/#token={}", io::to_string(impl_->where()), impl_->token());
+std::string Studio::address(command::Role role) const {
+  return fmt::format("http://{}/#token={}", io::to_string(impl_->where()), impl_->tokens().of(role));
 }
 const io::Endpoint& Studio::where() const noexcept { return impl_->where(); }
-const std::string& Studio::token() const noexcept { return impl_->token(); }
+const Tokens& Studio::tokens() const noexcept { return impl_->tokens(); }
 void Studio::event(const operate::Event& event) { impl_->desk().event(event); }
 void Studio::look() { impl_->desk().look(); }
 void Studio::frame(std::string_view bus, const can::Frame& frame, rt::Time at, bool own) noexcept {

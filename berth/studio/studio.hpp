@@ -3,7 +3,7 @@
 ///
 ///     auto studio = Studio::start(loop, session, carry, {.token_file = path + ".token"});
 ///     session.on_event([&](const auto& event) { studio->event(event); });
-///     print(studio->address());                       // http://127.0.0.1:8302/#token=...
+///     print(studio->address(command::Role::configure));   // http://127.0.0.1:8302/#token=...
 ///
 /// It has a thread of its own, which never touches the session: requests and news go through bounded queues (link.hpp),
 /// frames through a ring (frame_ring.hpp). So no client, however many or slow, holds up the executor.
@@ -15,9 +15,11 @@
 #include <string_view>
 #include <tl/expected.hpp>
 
+#include "berth/command/role.hpp"
 #include "berth/io/loop.hpp"
 #include "berth/io/stream.hpp"
 #include "berth/studio/desk.hpp"
+#include "berth/studio/doors.hpp"
 #include "berth/studio/frame_ring.hpp"
 #include "berth/tree/session.hpp"
 
@@ -27,9 +29,10 @@ inline constexpr std::uint16_t default_port = 8302;  ///< and up to 8311, when i
 
 struct Options {
   io::Endpoint where{"127.0.0.1", default_port};
-  bool named = false;        ///< a person named `where`: no other port is taken instead
-  std::string token_file{};  ///< mode 0600, gone when the server is; empty: none
-  bool simulated = false;    ///< for the pages
+  bool named = false;         ///< a person named `where`: no other port is taken instead
+  std::string token_file{};   ///< the tokens of this start: `TokenFiles`; empty: no files
+  std::string tokens_kept{};  ///< the tokens are those of this file: `Tokens::keep`; empty: new ones
+  bool simulated = false;     ///< for the pages
   std::size_t frames = FrameRing::standard;
 };
 
@@ -44,11 +47,11 @@ class Studio {
   Studio(const Studio&) = delete;
   Studio& operator=(const Studio&) = delete;
 
-  /// To be opened in a browser; it has the token.
-  [[nodiscard]] std::string address() const;
-  /// Where it listens, and the token of this start.
+  /// To be opened in a browser; it has the role's token.
+  [[nodiscard]] std::string address(command::Role role) const;
+  /// Where it listens, and the tokens of this start.
   [[nodiscard]] const io::Endpoint& where() const noexcept;
-  [[nodiscard]] const std::string& token() const noexcept;
+  [[nodiscard]] const Tokens& tokens() const noexcept;
   /// The executor's thread: an event of the session, a frame of one of its buses.
   void event(const operate::Event& event);
   /// Between two turns of the loop: tells when the world's time was held or set to another speed.

@@ -107,11 +107,36 @@ TEST(StudioCommand, ABusByItself) {
   EXPECT_EQ(berth({"studio", "--port", "plant:" + folder.file("none")}).status, 3);
 }
 
+// The role's own address, and tokens that a second start has again.
+TEST(StudioCommand, AnAddressForARoleAndTokensThatStay) {
+  const Folder folder;
+  std::string first;
+  for (int start = 0; start < 2; ++start) {
+    Background studio({"studio", example("five-slaves.toml"), "--sim", example("five-slaves.plant.toml"), "--listen",
+                       "127.0.0.1:0", "--role", "view", "--tokens", folder.file("tokens"), "--control",
+                       folder.file("control")});
+    ASSERT_TRUE(studio.says("Berth Studio, role view, at http://127.0.0.1:"));
+    const auto said = studio.said();
+    const auto lines = said.substr(said.find("Berth Studio, role view, at "));
+    EXPECT_EQ(snapshot_of(said).at("role"), "configure");
+    EXPECT_EQ(snapshot_of(lines).at("role"), "view");
+    const auto token = lines.substr(lines.find("#token="), 7 + 64);
+    if (start == 0) first = token;
+    EXPECT_EQ(token, first);
+    studio.signal(SIGINT);
+    static_cast<void>(studio.end());
+  }
+}
+
 TEST(StudioCommand, WrongUse) {
   const auto machine = example("five-slaves.toml");
   const auto plant = example("five-slaves.plant.toml");
   EXPECT_EQ(berth({"up", machine, "--sim", plant, "--studio", "--fast"}).status, 2);
   EXPECT_EQ(berth({"up", machine, "--sim", plant, "--studio=nowhere:99999"}).status, 2);
+  EXPECT_EQ(berth({"up", machine, "--sim", plant, "--studio", "--studio-role", "owner"}).status, 2);
+  const auto without = berth({"up", machine, "--sim", plant, "--studio-role", "view"});
+  EXPECT_EQ(without.status, 2);
+  EXPECT_NE(without.err.find("--studio"), std::string::npos) << without.err;
   const auto anywhere = berth({"up", machine, "--sim", plant, "--studio=0.0.0.0:0"});
   EXPECT_EQ(anywhere.status, 3);
   EXPECT_NE(anywhere.err.find("TLS"), std::string::npos) << anywhere.err;

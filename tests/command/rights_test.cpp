@@ -16,14 +16,14 @@
 namespace berth::command {
 namespace {
 
-// The verbs in backquotes between "only read and ask:" and the full stop.
-std::set<std::string> asking_verbs_of_the_page() {
+// The verbs in backquotes on the page between these words.
+std::set<std::string> verbs_of_the_page(const std::string& after, const std::string& before) {
   std::ifstream file(test::source_dir() + "/docs/security.md");
   std::ostringstream all;
   all << file.rdbuf();
   const std::string page = all.str();
-  const auto begin = page.find("Verbs that only read and ask:");
-  const auto end = page.find(". All others", begin);
+  const auto begin = page.find(after);
+  const auto end = page.find(before, begin);
   if (begin == std::string::npos || end == std::string::npos) return {};
   std::set<std::string> verbs;
   const std::string list = page.substr(begin, end - begin);
@@ -44,13 +44,13 @@ bool may(Face face, const std::string& verb, const Granted& granted = {}, const 
 }  // namespace
 
 TEST(Rights, EveryVerbByEveryFace) {
-  const auto asking = asking_verbs_of_the_page();
+  const auto asking = verbs_of_the_page("Verbs that only read and ask:", ". All others");
   ASSERT_EQ(asking.size(), 13U);
   for (const auto& each : verbs()) {
     const std::string verb(each.name);
     SCOPED_TRACE(verb);
     const bool asks = asking.contains(verb);
-    EXPECT_EQ(each.effect == Effect::asks, asks) << "docs/security.md has it otherwise";
+    EXPECT_EQ(each.effect() == Effect::asks, asks) << "docs/security.md has it otherwise";
     EXPECT_TRUE(may(Face::person, verb));
     EXPECT_TRUE(may(Face::program, verb));
     EXPECT_EQ(may(Face::gateway, verb), asks);
@@ -65,6 +65,36 @@ TEST(Rights, EveryVerbByEveryFace) {
     const design::BusCommands another{{verb == "report" ? "scan" : "report"}};
     EXPECT_FALSE(may(Face::node, verb, {.listed = &another}));
   }
+}
+
+// A page's role, and no other face's.
+TEST(Rights, EveryVerbByEveryRole) {
+  const auto asking = verbs_of_the_page("Verbs that only read and ask:", ". All others");
+  const auto operating = verbs_of_the_page("Verbs of role operate:", ". All others");
+  ASSERT_EQ(operating.size(), 11U);
+  for (const auto& each : verbs()) {
+    const std::string verb(each.name);
+    SCOPED_TRACE(verb);
+    const auto as = [&](Face face, Role role) { return may(face, verb, {.changes = true, .role = role}); };
+    EXPECT_EQ(as(Face::studio, Role::view), asking.contains(verb));
+    EXPECT_EQ(as(Face::studio, Role::operate), asking.contains(verb) || operating.contains(verb));
+    EXPECT_TRUE(as(Face::studio, Role::configure));
+    EXPECT_TRUE(as(Face::person, Role::view));
+    EXPECT_TRUE(as(Face::gateway, Role::view));
+  }
+  EXPECT_EQ(why_refused(Face::studio, {"nmt", {}}, {.changes = true, .role = Role::view})
+                .find("\"nmt\" needs the role operate"),
+            0U);
+  for (const auto role : all_roles) EXPECT_EQ(parse_role(name(role)), role);
+  EXPECT_FALSE(parse_role("owner"));
+}
+
+// What the process itself carries out (the plant's "sim") is not in the table.
+TEST(Rights, AVerbOutsideOfTheTableChangesThePlantAndIsForRoleOperate) {
+  const Granted viewer{.changes = true, .role = Role::view};
+  EXPECT_FALSE(why_refused(Face::studio, {"sim", {{"action", "unplug"}}}, viewer).empty());
+  EXPECT_TRUE(why_refused(Face::studio, {"sim", {{"action", "devices"}}}, viewer).empty());
+  EXPECT_TRUE(why_refused(Face::studio, {"sim", {{"action", "unplug"}}}, {.role = Role::operate}).empty());
 }
 
 // "yes" is taken by every verb; the others by those that have them.

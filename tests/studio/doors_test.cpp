@@ -39,21 +39,64 @@ TEST(StudioDoors, TheTokensFileIsItsUsersAloneAndFollowsNoLink) {
   std::ofstream(other) << "untouched";
   ASSERT_EQ(::symlink(other.c_str(), path.c_str()), 0);
   {
-    const auto file = TokenFile::write(path, "abc");
+    const auto tokens = Tokens::make();
+    ASSERT_TRUE(tokens);
+    const auto file = TokenFiles::write(path, *tokens);
     ASSERT_TRUE(file) << file.error();
     struct stat status {};
     ASSERT_EQ(::lstat(path.c_str(), &status), 0);
     EXPECT_EQ(status.st_mode, S_IFREG | 0600U);
     std::string text;
     std::getline(std::ifstream(path), text);
-    EXPECT_EQ(text, "abc");
+    EXPECT_EQ(text, tokens->of(command::Role::configure));
+    std::getline(std::ifstream(path + ".view"), text);
+    EXPECT_EQ(text, tokens->of(command::Role::view));
   }
-  EXPECT_NE(::access(path.c_str(), F_OK), 0);
+  for (const char* end : {"", ".view", ".operate"}) EXPECT_NE(::access((path + end).c_str(), F_OK), 0) << end;
   std::string text;
   std::getline(std::ifstream(other), text);
   EXPECT_EQ(text, "untouched");
   ::unlink(other.c_str());
-  EXPECT_FALSE(TokenFile::write("/nowhere/at/all", "abc"));
+  EXPECT_FALSE(TokenFiles::write("/nowhere/at/all", *Tokens::make()));
+}
+
+TEST(StudioDoors, EachRoleHasItsToken) {
+  const auto tokens = Tokens::make();
+  ASSERT_TRUE(tokens);
+  for (const auto role : command::all_roles) EXPECT_EQ(tokens->role_of(tokens->of(role)), role);
+  EXPECT_EQ(tokens->role_of(make_token()), std::nullopt);
+  EXPECT_EQ(tokens->role_of(""), std::nullopt);
+  EXPECT_EQ(Tokens().role_of(""), std::nullopt);
+}
+
+TEST(StudioDoors, KeptTokensAreTheSameAgainAndABadFileIsToldByItsLine) {
+  const std::string path = fmt::format("{}/tokens_{}", ::testing::TempDir(), ::getpid());
+  ::unlink(path.c_str());
+  const auto made = Tokens::keep(path);
+  ASSERT_TRUE(made) << made.error();
+  struct stat status {};
+  ASSERT_EQ(::stat(path.c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777U, 0600U);
+  const auto again = Tokens::keep(path);
+  ASSERT_TRUE(again) << again.error();
+  for (const auto role : command::all_roles) EXPECT_EQ(again->of(role), made->of(role));
+  ASSERT_EQ(::chmod(path.c_str(), 0640), 0);
+  EXPECT_NE(Tokens::keep(path).error().find("chmod 600"), std::string::npos);
+  ASSERT_EQ(::chmod(path.c_str(), 0600), 0);
+  const std::string a(64, 'a'), b(64, 'b'), c(64, 'c');
+  const auto refusal = [&](const std::string& text) {
+    std::ofstream(path) << text;
+    const auto read = Tokens::keep(path);
+    return read ? std::string() : read.error();
+  };
+  EXPECT_EQ(refusal("view " + a + "\noperate " + b + "\nconfigure " + c + "\n"), "");
+  EXPECT_EQ(refusal("view " + a + "\noperate short\n").find(path + ":2: "), 0U);
+  EXPECT_EQ(refusal("owner " + a + "\n").find(path + ":1: "), 0U);
+  EXPECT_NE(refusal("view " + a + "\noperate " + b + "\n").find("configure"), std::string::npos);
+  EXPECT_NE(refusal("view " + a + "\noperate " + b + "\nconfigure " + a + "\n").find("same"), std::string::npos);
+  EXPECT_NE(refusal(""), "");
+  ::unlink(path.c_str());
+  EXPECT_NE(Tokens::keep("/nowhere/at/all").error().find("/nowhere/at/all: "), std::string::npos);
 }
 
 TEST(StudioDoors, HostsAndOriginsAreThisServersOwn) {

@@ -16,7 +16,7 @@ TEST(StudioMirror, OpenQuestionsAreInTheSnapshotAndInTheChangeThatChangesThem) {
   design::Machine machine;
   machine.buses.emplace_back().name = "field";
   Mirror mirror(machine, true);
-  EXPECT_TRUE(Json::parse(mirror.snapshot(0))["questions"].empty());
+  EXPECT_TRUE(Json::parse(mirror.snapshot(0, command::Role::view))["questions"].empty());
   operate::Event question{{}, "field", operate::EventKind::question, {}, "which one?"};
   question.slots = {"left", "right"};
   question.devices = {"00000001-00000002-00000003-00000004"};
@@ -29,16 +29,16 @@ TEST(StudioMirror, OpenQuestionsAreInTheSnapshotAndInTheChangeThatChangesThem) {
   news.questions.reset();
   news.events = {operate::Event{{}, "field", operate::EventKind::step, {}, "searching"}};
   EXPECT_FALSE(Json::parse(mirror.take(news)).contains("questions"));
-  EXPECT_EQ(Json::parse(mirror.snapshot(0))["questions"][0]["devices"][0], question.devices[0]);
+  EXPECT_EQ(Json::parse(mirror.snapshot(0, command::Role::view))["questions"][0]["devices"][0], question.devices[0]);
   news.questions.emplace();
   EXPECT_TRUE(Json::parse(mirror.take(news))["questions"].is_array());
-  EXPECT_TRUE(Json::parse(mirror.snapshot(0))["questions"].empty());
+  EXPECT_TRUE(Json::parse(mirror.snapshot(0, command::Role::view))["questions"].empty());
 }
 
 TEST(StudioMirror, AVerbTellsHowTheCommandLineSpellsAnArgument) {
   design::Machine machine;
   machine.buses.emplace_back().name = "field";
-  const auto verbs = Json::parse(Mirror(machine, true).snapshot(0))["verbs"];
+  const auto verbs = Json::parse(Mirror(machine, true).snapshot(0, command::Role::view))["verbs"];
   std::string spelled;
   bool for_a_person = false;
   for (const auto& verb : verbs) {

@@ -197,7 +197,13 @@ class StudioServer : public ::testing::Test {
   std::string head(const std::string& line, const std::string& more = {}) const {
     return line + " HTTP/1.1\r\nHost: " + own() + "\r\n" + more + "\r\n";
   }
-  std::string bearer() const { return "Authorization: Bearer " + studio_->token() + "\r\n"; }
+  const std::string& token(command::Role role = command::Role::configure) const { return studio_->tokens().of(role); }
+  static std::string first_line(const std::string& path) {
+    std::string line;
+    std::getline(std::ifstream(path), line);
+    return line;
+  }
+  std::string bearer() const { return "Authorization: Bearer " + token() + "\r\n"; }
   std::string post(const std::string& body) const {
     return head("POST /api/v1/request",
                 bearer() + fmt::format("Origin: http://{}\r\nContent-Length: {}\r\n", own(), body.size())) +
@@ -215,9 +221,9 @@ class StudioServer : public ::testing::Test {
     return client->answer().substr(0, 12);
   }
   /// One that has its snapshot.
-  std::unique_ptr<Connection> page(int receive_buffer = 0) {
+  std::unique_ptr<Connection> page(int receive_buffer = 0, command::Role role = command::Role::configure) {
     auto client = connect(receive_buffer);
-    client->say(socket(studio_->token(), "http://" + own()));
+    client->say(socket(token(role), "http://" + own()));
     EXPECT_EQ(client->answer().substr(0, 12), "HTTP/1.1 101");
     snapshot_ = client->next("snapshot");
     EXPECT_TRUE(snapshot_.is_object());
@@ -256,17 +262,18 @@ TEST_F(StudioServer, PagesNeedNoTokenAndCarryThePolicy) {
 }
 
 TEST_F(StudioServer, TheTokenIsInItsFileAndWithoutItNothingIsToldOrDone) {
-  std::string token;
-  std::getline(std::ifstream(file_), token);
-  EXPECT_EQ(token, studio_->token());
-  EXPECT_EQ(studio_->address(), "http://" + own() + "/#token=" + token);
+  const std::string token = first_line(file_);
+  EXPECT_EQ(token, this->token());
+  EXPECT_EQ(first_line(file_ + ".view"), studio_->tokens().of(command::Role::view));
+  EXPECT_EQ(first_line(file_ + ".operate"), studio_->tokens().of(command::Role::operate));
+  EXPECT_EQ(studio_->address(command::Role::configure), "http://" + own() + "/#token=" + token);
   EXPECT_EQ(status_of(head("GET /api/v1/snapshot")), "HTTP/1.1 401");
   EXPECT_EQ(status_of(head("GET /api/v1/snapshot", "Authorization: Bearer " + std::string(64, '0') + "\r\n")),
             "HTTP/1.1 401");
   EXPECT_EQ(status_of(head("GET /api/v1/snapshot", bearer())), "HTTP/1.1 200");
   EXPECT_EQ(status_of(socket(std::string(64, '0'), "http://" + own())), "HTTP/1.1 401");
   start();
-  EXPECT_NE(studio_->token(), token);
+  EXPECT_NE(this->token(), token);
 }
 
 TEST_F(StudioServer, OtherHostsAndOtherPagesAreRefused) {
@@ -276,7 +283,7 @@ TEST_F(StudioServer, OtherHostsAndOtherPagesAreRefused) {
   EXPECT_EQ(status_of(rebound), "HTTP/1.1 403");
   EXPECT_EQ(status_of("GET / HTTP/1.1\r\n\r\n"), "HTTP/1.1 403");
   EXPECT_EQ(status_of("GET / HTTP/1.1\r\nHost: " + own() + "\r\nHost: evil.example\r\n\r\n"), "HTTP/1.1 403");
-  EXPECT_EQ(status_of(socket(studio_->token(), "http://evil.example")), "HTTP/1.1 403");
+  EXPECT_EQ(status_of(socket(token(), "http://evil.example")), "HTTP/1.1 403");
   EXPECT_EQ(status_of(head("GET /api/v1/snapshot", bearer() + "Origin: http://evil.example\r\n")), "HTTP/1.1 403");
   const std::string body = R"({"verb":"nmt"})";
   const auto length = fmt::format("Content-Length: {}\r\n", body.size());
@@ -351,6 +358,66 @@ TEST_F(StudioServer, RequestsAreCarriedOutByRightsAndChangesAreTold) {
   const auto answer = other->answer();
   EXPECT_EQ(answer.substr(0, 12), "HTTP/1.1 200");
   EXPECT_NE(answer.find(R"("status":0)"), std::string::npos);
+}
+
+// Each token has its role: what it may not is refused with the role that it takes, by the socket and by POST.
+TEST_F(StudioServer, ARoleMayWhatItMayAndIsToldWhatItMayNot) {
+  const auto status = [this](Connection& client, const std::string& verb, Json* reply = nullptr) {
+    client.send(Json{{"type", "request"}, {"id", verb}, {"verb", verb}, {"arguments", Json::object()}}.dump());
+    const auto answer = client.next("reply");
+    if (reply != nullptr) *reply = answer;
+    return answer["status"].get<int>();
+  };
+  auto viewer = page(0, command::Role::view);
+  EXPECT_EQ(snapshot_["role"], "view");
+  Json reply;
+  EXPECT_EQ(status(*viewer, "report"), 0);
+  EXPECT_EQ(status(*viewer, "nmt", &reply), 1);
+  EXPECT_NE(reply["error"].get<std::string>().find("needs the role operate"), std::string::npos) << reply;
+  EXPECT_EQ(status(*viewer, "sim"), 1) << "the plant's own verb changes it";
+  auto operator_page = page(0, command::Role::operate);
+  EXPECT_EQ(snapshot_["role"], "operate");
+  EXPECT_EQ(status(*operator_page, "nmt"), 0);
+  EXPECT_EQ(status(*operator_page, "sim"), 0);
+  EXPECT_EQ(status(*operator_page, "sdo write", &reply), 1);
+  EXPECT_NE(reply["error"].get<std::string>().find("needs the role configure"), std::string::npos) << reply;
+  EXPECT_EQ(carried_, 3U);
+  auto poster = connect();
+  const std::string body = R"({"verb":"nmt"})";
+  poster->say(head("POST /api/v1/request",
+                   fmt::format("Authorization: Bearer {}\r\nOrigin: http://{}\r\nContent-Length: {}\r\n",
+                               token(command::Role::view), own(), body.size())) +
+              body);
+  EXPECT_NE(poster->answer().find("needs the role operate"), std::string::npos);
+  EXPECT_EQ(carried_, 3U);
+}
+
+TEST_F(StudioServer, OnlyWhoOperatesUnlocksRealBuses) {
+  session_->set_careful(true);
+  auto viewer = page(0, command::Role::view);
+  auto watcher = page(0, command::Role::operate);
+  const auto unlocked = [](const Json& change) {
+    return change.contains("lock") && change["lock"]["unlocked_until_s"].is_number();
+  };
+  viewer->send(R"({"type":"unlock","minutes":5})");
+  EXPECT_NE(viewer->next("error")["error"].get<std::string>().find("needs the role operate"), std::string::npos);
+  watcher->send(R"({"type":"request","id":"a","verb":"nmt"})");
+  EXPECT_EQ(watcher->next("reply")["status"], 1) << "still locked";
+  watcher->send(R"({"type":"unlock","minutes":5})");
+  auto change = watcher->next("change");
+  while (change.is_object() && !unlocked(change)) change = watcher->next("change");
+  EXPECT_TRUE(unlocked(change));
+  viewer->send(R"({"type":"lock"})");
+  EXPECT_TRUE(viewer->next("error").is_object());
+  watcher->send(R"({"type":"request","id":"b","verb":"nmt"})");
+  EXPECT_EQ(watcher->next("reply")["status"], 0) << "still unlocked";
+  std::string refusals;
+  const auto history = store_.history({});
+  for (const auto& line : *history) {
+    if (line.reason.find("(view)\tunlock\trefused: ") != std::string::npos) refusals += 'u';
+    if (line.reason.find("(view)\tlock\trefused: ") != std::string::npos) refusals += 'l';
+  }
+  EXPECT_EQ(refusals, "ul");
 }
 
 TEST_F(StudioServer, WhoLeavesEndsItsRequestsAndOneClientHasEightAtMost) {
@@ -491,7 +558,7 @@ TEST_F(StudioServer, TheSeventeenthIsToldAndAnIdleOneMakesRoom) {
 TEST_F(StudioServer, AServerThatEndsEndsItsClientsAndTheNextOneHasOthers) {
   auto client = page();
   client->send(R"({"type":"request","id":"a","verb":"scan"})");
-  const auto token = studio_->token();
+  const auto token = this->token();
   start();
   EXPECT_TRUE(client->hung_up());
   EXPECT_EQ(status_of(socket(token, "http://" + own())), "HTTP/1.1 401");
@@ -532,7 +599,7 @@ TEST_F(StudioServer, WhatAPageChangesIsInTheAuditLog) {
   for (const auto& line : *history) {
     if (line.event != command::audit_event) continue;
     EXPECT_EQ(line.on.machine, "bench");
-    EXPECT_EQ(line.reason.find(studio_->token()), std::string::npos);
+    EXPECT_EQ(line.reason.find(token()), std::string::npos);
     EXPECT_TRUE(line.reason.starts_with("studio, client ")) << line.reason;
     lines.push_back(line.reason.substr(line.reason.find('\t') + 1));
   }

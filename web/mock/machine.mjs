@@ -217,9 +217,12 @@ export class MockMachine {
 
   /** The reply to a request: { status, reply, lines, error }. */
   request(verb, values) {
-    const entry = verb === "sim" ? { changes: true } : verbs.find((candidate) => candidate.name === verb);
+    const entry =
+      verb === "sim" ? { changes: true, role: "operate" } : verbs.find((candidate) => candidate.name === verb);
     if (!entry) return refused(2, `there is no command "${verb}"`);
-    if (entry.changes && this.role === "view") return refused(1, "your role is view");
+    const roles = ["view", "operate", "configure"];
+    if (roles.indexOf(this.role) < roles.indexOf(entry.role))
+      return refused(1, `"${verb}" needs the role ${entry.role}, and this token is for ${this.role}`);
     if (entry.changes && this.lock.real && this.lock.unlocked_until_s === null) {
       return refused(1, "real buses are read-only; unlock them first");
     }

@@ -2,7 +2,8 @@ import { useState } from "react";
 import { commandLine } from "../protocol/command";
 import { visible } from "../protocol/text";
 import type { Sent } from "../store/state";
-import { act, barrier, useData, useStudio } from "../window/context";
+import { barrier } from "../store/barrier";
+import { act, useData, useStudio } from "../window/context";
 
 /** The request as a command line, and a button that copies it. */
 export function CommandLine({ verb, values }: { verb: string; values: Record<string, string> }) {
@@ -45,13 +46,11 @@ interface ActProps {
 /** A button that sends a request, with its command line beneath. Not shown when the server does not have the verb. */
 export function Act({ verb, values, owner, label, primary, then }: ActProps) {
   const studio = useStudio();
-  const [known, changes, why] = useData((state) => {
-    const entry = state.data.verbs.find((candidate) => candidate.name === verb);
+  const [known, blocked] = useData((state) => {
     const ofPlant = verb === "sim" && state.data.machine.simulated;
-    return [entry !== undefined || ofPlant, entry?.changes ?? ofPlant, barrier(state)] as const;
+    return [ofPlant || state.data.verbs.some(({ name }) => name === verb), barrier(state, verb)] as const;
   });
   if (!known) return null;
-  const blocked = changes ? why : why === "Not connected." ? why : null;
   const run = () => {
     act(studio, [{ verb, values, owner }]);
     then?.();

@@ -57,6 +57,8 @@ export interface Verb {
   name: string;
   help: string;
   changes: boolean;
+  /** That it needs. */
+  role: Role;
   parameters: Parameter[];
 }
 
@@ -74,7 +76,9 @@ export interface WorldTime {
   time_s: number;
 }
 
-export type Role = "view" | "operate" | "configure";
+/** Each may do what those before it may. */
+export const roles = ["view", "operate", "configure"] as const;
+export type Role = (typeof roles)[number];
 
 export interface Snapshot {
   type: "snapshot";

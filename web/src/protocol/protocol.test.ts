@@ -76,6 +76,7 @@ const verbs: Verb[] = [
     name: "replace",
     help: "",
     changes: true,
+    role: "configure",
     parameters: [
       parameter("bus", "common"),
       parameter("slot", "word"),
@@ -87,6 +88,7 @@ const verbs: Verb[] = [
     name: "sdo write",
     help: "",
     changes: true,
+    role: "configure",
     parameters: [
       parameter("bus", "common"),
       parameter("node", "word"),
@@ -114,7 +116,7 @@ describe("a request as a command", () => {
     );
     expect(sim({ action: "devices" })).toBe("berth sim devices -m m.toml");
     const store = { ...parameter("store", "flag"), spelled: "--save" };
-    const verb = { name: "lss set-node-id", help: "", changes: true, parameters: [store] };
+    const verb = { name: "lss set-node-id", help: "", changes: true, role: "configure" as const, parameters: [store] };
     expect(commandLine(verb.name, { store: "1" }, [verb], "")).toBe("berth lss set-node-id --save");
     expect(commandLine("world pause", {}, [], "")).toBe("berth world pause");
   });

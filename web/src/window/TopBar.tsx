@@ -45,6 +45,7 @@ export function TopBar() {
       )}
       {leftOut > 0 && <span className="hint">slow connection: {leftOut} frames not sent here</span>}
       <span className="space" />
+      <RoleMark />
       <Lock />
       <button type="button" className="find" onClick={() => set({ palette: true })}>
         <span>Find or do</span> <kbd>Ctrl K</kbd>
@@ -71,6 +72,20 @@ export function TopBar() {
   );
 }
 
+/** Who may everything is not told so. */
+function RoleMark() {
+  const [role, open] = useData((state) => [state.data.role, state.connection.phase === "open"] as const);
+  if (!open || role === "configure") return null;
+  return (
+    <span
+      className="lock"
+      title="The address that you opened has this role. Who started Studio has those of the others."
+    >
+      role: {role}
+    </span>
+  );
+}
+
 function Lock() {
   const { socket } = useStudio();
   const [lock, simulated, time, role] = useData(
@@ -93,9 +108,11 @@ function Lock() {
   return (
     <span className="lock">
       <span className="lock-open">▲ real buses: unlocked, {left} min</span>
-      <button type="button" onClick={() => socket.send({ type: "lock" })}>
-        Lock
-      </button>
+      {role !== "view" && (
+        <button type="button" onClick={() => socket.send({ type: "lock" })}>
+          Lock
+        </button>
+      )}
     </span>
   );
 }

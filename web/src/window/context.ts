@@ -51,15 +51,6 @@ export function useView(): [View, (change: Partial<View>) => void] {
   return [useData((state) => state.view), (change) => store.dispatch({ type: "view", change })];
 }
 
-/** Why an act that changes something cannot be asked for now; null: it can. */
-export function barrier(state: State): string | null {
-  if (state.connection.phase !== "open") return "Not connected.";
-  if (state.data.role === "view") return "Your role is view: you may look, and not change anything.";
-  const { lock } = state.data;
-  if (lock.real && lock.unlocked_until_s === null) return "Real buses are read-only. Unlock them first.";
-  return null;
-}
-
 /** On a real bus these can move a machine, and are confirmed. */
 const moving =
   /^(nmt|boot|bind|replace|restore|store|send|sdo write|program (download|start|stop|clear)|lss (set|bit|act|move))/;

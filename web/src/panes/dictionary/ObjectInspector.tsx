@@ -3,7 +3,8 @@ import { commandLine } from "../../protocol/command";
 import type { Slot } from "../../protocol/messages";
 import { visible } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
-import { act, barrier, useData, useStudio } from "../../window/context";
+import { barrier } from "../../store/barrier";
+import { act, useData, useStudio } from "../../window/context";
 import { WatchButton } from "../plots/Watch";
 import { idsNamed, limitsOf, wrongFor, type ObjectRow } from "./reducer";
 
@@ -137,7 +138,7 @@ function WriteSeveral(props: { slot: Slot; object: string; value: string; device
   const { slot, object, value, devices } = props;
   const studio = useStudio();
   const [slots, verbs, file, why] = useData(
-    (state) => [state.data.slots, state.data.verbs, state.data.machine.file, barrier(state)] as const,
+    (state) => [state.data.slots, state.data.verbs, state.data.machine.file, barrier(state, "sdo write")] as const,
   );
   const mine = slots.filter((entry) => entry.bus === slot.bus);
   const ids = idsNamed(

@@ -7,6 +7,7 @@ const verb = (name: string, ...required: string[]): Verb => ({
   name,
   help: "",
   changes: false,
+  role: "view",
   parameters: required.map((entry) => ({ name: entry, help: "", required: true, form: "word", value: "" })),
 });
 

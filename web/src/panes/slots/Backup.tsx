@@ -5,7 +5,8 @@ import { commandLine, quoted } from "../../protocol/command";
 import type { Slot } from "../../protocol/messages";
 import { visible } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
-import { act, barrier, useData, useStudio } from "../../window/context";
+import { barrier } from "../../store/barrier";
+import { act, useData, useStudio } from "../../window/context";
 import { dcfOf } from "./reducer";
 
 /** What the device has now, as a DCF with its date: `upload`, whose answer the page saves. */
@@ -13,7 +14,9 @@ export function Backup({ slot }: { slot: Slot }) {
   const studio = useStudio();
   const owner = `backup:${slotKey(slot)}`;
   const last = useLastOf(owner);
-  const [verbs, file, why] = useData((state) => [state.data.verbs, state.data.machine.file, barrier(state)] as const);
+  const [verbs, file, why] = useData(
+    (state) => [state.data.verbs, state.data.machine.file, barrier(state, "upload")] as const,
+  );
   // Of an answer that was there before, nothing is saved again.
   const saved = useRef(last?.done ? last.id : "");
   useEffect(() => {
