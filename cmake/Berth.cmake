@@ -219,7 +219,8 @@ function(berth_rooms)
     # Headers only, and in sources only: whoever uses the room needs no Boost.
     find_path(BERTH_BOOST boost/beast.hpp REQUIRED)
     target_include_directories(berth_studio SYSTEM PRIVATE ${BERTH_BOOST})
-    target_link_libraries(berth_studio PRIVATE nlohmann_json::nlohmann_json)
+    find_package(OpenSSL REQUIRED COMPONENTS SSL)
+    target_link_libraries(berth_studio PRIVATE nlohmann_json::nlohmann_json OpenSSL::SSL)
     berth_pages(berth_studio)
     if(BERTH_SANITIZE MATCHES "thread")
       target_compile_options(berth_studio PRIVATE -Wno-tsan)  # Boost.Asio's fences, which tsan does not know

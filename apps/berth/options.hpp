@@ -35,6 +35,11 @@ struct StudioOptions {
   std::string where;  ///< HOST:PORT; "true": 127.0.0.1 and the first free port from 8302; empty: not offered
   std::vector<std::string> roles;  ///< whose addresses are printed, too
   std::string tokens;              ///< file that keeps the tokens; empty: new ones for each start
+  std::string certificate;         ///< file; with `key`: TLS
+  std::string key;
+  [[nodiscard]] bool has_doors() const noexcept {
+    return !roles.empty() || !tokens.empty() || !certificate.empty() || !key.empty();
+  }
   [[nodiscard]] bool offered() const noexcept { return !where.empty(); }
   [[nodiscard]] bool named() const noexcept { return offered() && where != "true"; }
 };

@@ -41,7 +41,7 @@ void add_studio(Verb& berth, Options& options) {
   machine_word(studio, options);
   studio
       .word("--listen", options.offers.studio.where,
-            "where (default 127.0.0.1, the first free port from 8302); this computer only")
+            "where (default 127.0.0.1, the first free port from 8302); for other computers with --certificate")
       .shown("HOST:PORT");
   studio_door_words(studio, options, "--");
   studio.word("--control", options.control, "socket for other commands (default: by the machine's name)")

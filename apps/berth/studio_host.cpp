@@ -17,8 +17,14 @@ namespace berth::cli {
 
 std::optional<Failure> studio_refused(const Options& options) {
   const StudioOptions& offer = options.offers.studio;
-  if (!offer.offered() && (!offer.roles.empty() || !offer.tokens.empty()))
-    return failure(Exit::usage, "--studio-role and --studio-tokens are for --studio: write that, too");
+  if (!offer.offered() && offer.has_doors())
+    return failure(Exit::usage,
+                   "--studio-role, --studio-tokens, --studio-certificate and --studio-key are for --studio: "
+                   "write that, too");
+  if (offer.certificate.empty() != offer.key.empty())
+    return failure(Exit::usage,
+                   "a certificate and its key belong together: --studio-certificate FILE --studio-key FILE "
+                   "(berth studio: --certificate, --key)");
   if (!offer.named() || io::parse_endpoint(offer.where, studio::default_port)) {
     return std::nullopt;
   }
@@ -57,6 +63,8 @@ tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(Rig& rig, c
   wanted.named = options.offers.studio.named();
   if (!control.empty()) wanted.token_file = control + ".token";
   wanted.tokens_kept = options.offers.studio.tokens;
+  wanted.certificate = options.offers.studio.certificate;
+  wanted.key = options.offers.studio.key;
   wanted.simulated = rig.world() != nullptr;
   auto server = studio::Studio::start(*rig.loop(), rig.session(), std::move(carry), wanted);
   if (!server) return tl::unexpected(failure(Exit::failed, "--studio: " + server.error()));

@@ -184,7 +184,7 @@ void studio_words(const Verb& verb, Options& options, const Word& fast) {
   verb.flag_or_value(
           "--studio", options.offers.studio.where,
           "pages for a browser of this computer, at the address that it prints; --studio=HOST:PORT says where "
-          "(default 127.0.0.1, the first free port from 8302)")
+          "(default 127.0.0.1, the first free port from 8302; other computers with --studio-certificate)")
       .excludes(fast);
   studio_door_words(verb, options, "--studio-");
 }
@@ -201,6 +201,10 @@ void studio_door_words(const Verb& verb, Options& options, const std::string& pr
             "the page's tokens are kept in this file, which is made when it is not there (default: new ones for each "
             "start)")
       .shown("FILE");
+  verb.word(prefix + "certificate", studio.certificate,
+            "the page comes by TLS with this certificate (PEM), and may be offered to other computers")
+      .shown("FILE");
+  verb.word(prefix + "key", studio.key, "the certificate's private key (PEM, without a passphrase)").shown("FILE");
 }
 
 Word drive_words(const Verb& verb, Options& options) {

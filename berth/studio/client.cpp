@@ -4,12 +4,13 @@
 #include "berth/studio/server_parts.hpp"
 
 #include <fmt/format.h>
-#include <sys/socket.h>
-
-#include <cerrno>
+#include <openssl/err.h>
+#include <openssl/ssl.h>
+#include <poll.h>
 
 #include <boost/asio/dispatch.hpp>
 #include <boost/asio/post.hpp>
+#include <boost/asio/ssl/error.hpp>
 #include <boost/asio/write.hpp>
 #include <boost/beast/http/read.hpp>
 #include <boost/beast/http/write.hpp>
@@ -64,19 +65,19 @@ bool is_socket(const Request& request) { return plain(request.target()) == "/api
 /// Null: it may go on, with that role where it showed a token.
 std::shared_ptr<Response> refused(const Request& request, const Hall& hall, std::optional<command::Role>& role) {
   const auto host = the_one(request, http::field::host);
-  if (!host || !is_own_host(*host, hall.port()))
+  if (!host || !hall.is_own_host(*host))
     return words(&request, http::status::forbidden,
-                 fmt::format("403: this is Berth Studio at 127.0.0.1:{}, and the request means another host (Host). "
-                             "Use the address that berth up printed",
-                             hall.port()));
+                 fmt::format("403: this is Berth Studio at port {}, and the request means another host (Host). Use the "
+                             "address that berth up printed{}",
+                             hall.port(), hall.tls() ? ", or a name that its certificate is for" : ""));
   const bool from_page = is_socket(request) || request.method() == http::verb::post;
   const bool says_origin = request.count(http::field::origin) > 0;
   if (from_page || says_origin) {
     const auto origin = the_one(request, http::field::origin);
-    if (!origin || !is_own_origin(*origin, hall.port()))
-      return words(
-          &request, http::status::forbidden,
-          fmt::format("403: only pages of this server may send this (Origin: http://127.0.0.1:{})", hall.port()));
+    if (!origin || !hall.is_own_origin(*origin))
+      return words(&request, http::status::forbidden,
+                   fmt::format("403: only pages of this server may send this (Origin: {}://{})",
+                               hall.tls() ? "https" : "http", *host));
   }
   if (!plain(request.target()).starts_with("/api/")) return nullptr;
   const auto token = is_socket(request) ? token_offered(plain(request[http::field::sec_websocket_protocol]))
@@ -95,26 +96,48 @@ std::shared_ptr<Response> refused(const Request& request, const Hall& hall, std:
 
 class Visitor final : public Client {
  public:
-  Visitor(Hall& hall, Socket socket) : Client(hall, hall.next_number()), socket_(std::move(socket)) {}
+  Visitor(Hall& hall, Wire wire) : Client(hall, hall.next_number()), wire_(std::move(wire)) {}
   void start() {
-    asio::post(hall().context(), [self = mine()] { self->read(); });
+    asio::post(hall().context(), [self = mine()] { self->wire_.secure() ? self->shake_hands() : self->read(); });
   }
   void answer(const Answer& answer) override {
     auto out = response(&parser_->get(), http::status::ok, reply_json({}, answer.reply), "application/json");
     send(std::move(out));
   }
-  [[nodiscard]] bool idle() const override { return idle_; }
-  void close() override { socket_.close(); }
+  [[nodiscard]] Hold hold() const override { return idle_ ? Hold::idle : known_ ? Hold::stays : Hold::stranger; }
+  void close() override { wire_.tcp().close(); }
+  // Who leaves before the answer is there ends its request.
+  void tick(bool /*rates*/) override {
+    if (!asked_) return;
+    pollfd end{wire_.tcp().socket().native_handle(), POLLRDHUP, 0};
+    if (::poll(&end, 1, 0) > 0) leave();
+  }
 
  private:
   std::shared_ptr<Visitor> mine() { return std::static_pointer_cast<Visitor>(shared_from_this()); }
+  void shake_hands() {
+    wire_.tcp().expires_after(request_time);
+    wire_.async_handshake([self = mine()](Code error) {
+      if (!error) return self->read();
+      const bool plain = error.category() == asio::error::get_ssl_category() &&
+                         ERR_GET_REASON(static_cast<unsigned long>(error.value())) == SSL_R_HTTP_REQUEST;
+      plain ? self->tell_scheme() : self->leave();
+    });
+  }
+  // A browser that was given http:// shows this.
+  void tell_scheme() {
+    static const std::string text =
+        "HTTP/1.1 400 Bad Request\r\nContent-Type: text/plain; charset=utf-8\r\nConnection: close\r\n"
+        "Content-Length: 49\r\n\r\n400: Berth Studio speaks https here, not http://\n";
+    asio::async_write(wire_.tcp(), asio::buffer(text), [self = mine()](Code, std::size_t) { self->leave(); });
+  }
   void read() {
     parser_.emplace();
     parser_->header_limit(longest_header);
     parser_->body_limit(longest_message);
     idle_ = served_;
-    socket_.expires_after(request_time);
-    http::async_read(socket_, buffer_, *parser_, [self = mine()](Code error, std::size_t) { self->taken(error); });
+    wire_.tcp().expires_after(request_time);
+    http::async_read(wire_, buffer_, *parser_, [self = mine()](Code error, std::size_t) { self->taken(error); });
   }
   void taken(Code error) {
     idle_ = false;
@@ -127,9 +150,10 @@ class Visitor final : public Client {
         error != http::error::end_of_stream && error != http::error::partial_message)
       return end(words(nullptr, http::status::bad_request, "400: this is no HTTP request"));
     if (error) return leave();
-    socket_.expires_never();
+    wire_.tcp().expires_never();
     role_.reset();
     if (auto no = refused(parser_->get(), hall(), role_)) return end(std::move(no));
+    known_ = known_ || role_.has_value();
     serve();
   }
   void serve() {
@@ -140,7 +164,7 @@ class Visitor final : public Client {
         return send(words(&request, http::status::upgrade_required, "426: this is a WebSocket"));
       const auto stays = mine();
       hall().leave(*this);
-      return hall().enter(upgrade(hall(), std::move(socket_), parser_->release(), *role_));
+      return hall().enter(upgrade(hall(), std::move(wire_), parser_->release(), *role_));
     }
     if (target == "/api/v1/request") return take_request(request);
     const bool gets = request.method() == http::verb::get || request.method() == http::verb::head;
@@ -164,19 +188,7 @@ class Visitor final : public Client {
     if (!hall().order({.client = number(), .request = std::move(*wanted), .role = *role_}))
       return send(
           words(&request, http::status::service_unavailable, "503: too many requests are under way; try again"));
-    watch();
-  }
-  // Who leaves before the answer is there ends its request. The wait outlasts the answer: it may end at the next
-  // request, which is read already by then, so that there is nothing to look at.
-  void watch() {
-    if (std::exchange(watched_, true)) return;
-    socket_.socket().async_wait(asio::ip::tcp::socket::wait_read, [self = mine()](Code error) {
-      self->watched_ = false;
-      if (error || self->answered_) return;
-      char byte = 0;
-      const auto got = ::recv(self->socket_.socket().native_handle(), &byte, 1, MSG_PEEK | MSG_DONTWAIT);
-      if (got == 0 || (got < 0 && errno != EAGAIN)) self->leave();
-    });
+    asked_ = true;
   }
   void end(std::shared_ptr<Response> out) {
     out->keep_alive(false);
@@ -184,41 +196,44 @@ class Visitor final : public Client {
     send(std::move(out));
   }
   void send(std::shared_ptr<Response> out) {
-    answered_ = true;
+    asked_ = false;
     out->keep_alive(!ends_ && parser_->is_done() && parser_->get().keep_alive());
     ends_ = !out->keep_alive();
     out->prepare_payload();
     if (parser_->is_done() && parser_->get().method() == http::verb::head) out->body().clear();
-    socket_.expires_after(idle_time);
-    http::async_write(socket_, *out, [self = mine(), out](Code error, std::size_t) { self->sent(error); });
+    wire_.tcp().expires_after(idle_time);
+    http::async_write(wire_, *out, [self = mine(), out](Code error, std::size_t) { self->sent(error); });
   }
   void sent(Code error) {
-    answered_ = false;
     served_ = true;
     if (!error && !ends_) return read();
+    if (!error && wire_.secure()) {
+      wire_.tcp().expires_after(farewell_time);
+      return wire_.async_shutdown([self = mine()](Code) { self->leave(); });
+    }
     Code ignored;
-    if (!error) socket_.socket().shutdown(asio::ip::tcp::socket::shutdown_send, ignored);
+    if (!error) wire_.tcp().socket().shutdown(asio::ip::tcp::socket::shutdown_send, ignored);
     leave();
   }
   void leave() { hall().leave(*this); }
 
-  Socket socket_;
+  Wire wire_;
   boost::beast::flat_buffer buffer_{longest_header + longest_message + 1024};
   std::optional<Parser> parser_;
   std::optional<command::Role> role_;  // of the token that the request showed
   bool idle_ = false;
   bool served_ = false;  // one request at least
   bool ends_ = false;
-  bool answered_ = false;
-  bool watched_ = false;
+  bool asked_ = false;  // the executor has its request
+  bool known_ = false;  // it showed a token once
 };
 
 // ---- WebSocket ----
 
 class Watcher final : public Client {
  public:
-  Watcher(Hall& hall, Socket socket, Request request, command::Role role)
-      : Client(hall, hall.next_number()), socket_(std::move(socket)), request_(std::move(request)), role_(role) {}
+  Watcher(Hall& hall, Wire wire, Request request, command::Role role)
+      : Client(hall, hall.next_number()), socket_(std::move(wire)), request_(std::move(request)), role_(role) {}
   void start() {
     socket_.set_option(websocket::stream_base::timeout{request_time, idle_time, true});
     socket_.set_option(websocket::stream_base::decorator(
@@ -251,7 +266,7 @@ class Watcher final : public Client {
     if (live_) send_batch();
     if (rates && waiting_bytes_ < most_behind) put(hall().rates().json(left_out_, hall().time_s()));
   }
-  void close() override { boost::beast::get_lowest_layer(socket_).close(); }
+  void close() override { socket_.next_layer().tcp().close(); }
 
  private:
   struct Out {
@@ -378,7 +393,7 @@ class Watcher final : public Client {
     hall().leave(*this);
   }
 
-  websocket::stream<Socket> socket_;
+  websocket::stream<Wire> socket_;
   Request request_;
   command::Role role_;
   boost::beast::flat_buffer in_;
@@ -398,19 +413,20 @@ class Watcher final : public Client {
 
 }  // namespace
 
-std::shared_ptr<Client> greet(Hall& hall, Socket socket) {
-  auto visitor = std::make_shared<Visitor>(hall, std::move(socket));
+std::shared_ptr<Client> greet(Hall& hall, Wire wire) {
+  auto visitor = std::make_shared<Visitor>(hall, std::move(wire));
   visitor->start();
   return visitor;
 }
 
-std::shared_ptr<Client> upgrade(Hall& hall, Socket socket, Request request, command::Role role) {
-  auto page = std::make_shared<Watcher>(hall, std::move(socket), std::move(request), role);
+std::shared_ptr<Client> upgrade(Hall& hall, Wire wire, Request request, command::Role role) {
+  auto page = std::make_shared<Watcher>(hall, std::move(wire), std::move(request), role);
   page->start();
   return page;
 }
 
-void turn_away(asio::ip::tcp::socket socket) {
+void turn_away(const Hall& hall, asio::ip::tcp::socket socket) {
+  if (hall.tls() != nullptr) return;  // a handshake only to say no is what a flood wants
   auto held = std::make_shared<asio::ip::tcp::socket>(std::move(socket));
   static const std::string text =
       "HTTP/1.1 503 Service Unavailable\r\nContent-Type: text/plain; charset=utf-8\r\nConnection: close\r\n"

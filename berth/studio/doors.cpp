@@ -158,9 +158,15 @@ bool is_own_host(std::string_view host, std::uint16_t port) noexcept {
   return std::ranges::any_of(own_names, [&](std::string_view own) { return same_word(name, own); });
 }
 
-bool is_own_origin(std::string_view origin, std::uint16_t port) noexcept {
-  constexpr std::string_view scheme = "http://";
-  return origin.starts_with(scheme) && is_own_host(origin.substr(scheme.size()), port);
+std::string_view name_in_host(std::string_view host, std::uint16_t port) noexcept {
+  constexpr std::uint16_t port_of_https = 443;
+  const bool in_brackets = host.starts_with('[');
+  const auto close = host.find(']');
+  if (in_brackets && close == std::string_view::npos) return {};
+  const auto name = in_brackets ? host.substr(1, close - 1) : host.substr(0, host.find(':'));
+  const auto rest = in_brackets ? host.substr(close + 1) : host.substr(name.size());
+  if (rest.empty()) return port == port_of_https ? name : std::string_view();
+  return rest.front() == ':' && rest.substr(1) == std::to_string(port) ? name : std::string_view();
 }
 
 std::string_view token_offered(std::string_view subprotocols) noexcept {

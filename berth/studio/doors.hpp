@@ -57,8 +57,9 @@ class TokenFiles {
 /// stranger's name server points here (DNS rebinding) says another.
 [[nodiscard]] bool is_own_host(std::string_view host, std::uint16_t port) noexcept;
 
-/// `Origin` is a page of this server: "http://" and one of these names.
-[[nodiscard]] bool is_own_origin(std::string_view origin, std::uint16_t port) noexcept;
+/// The name in `Host` where its port is this one ("plant.example:8302", "[::1]:8302" without brackets; for 443 also
+/// without a port); empty: it is another port.
+[[nodiscard]] std::string_view name_in_host(std::string_view host, std::uint16_t port) noexcept;
 
 /// The token in "berth.v1, token.TOKEN" (Sec-WebSocket-Protocol), in any order; empty: there is none, or no "berth.v1".
 [[nodiscard]] std::string_view token_offered(std::string_view subprotocols) noexcept;

@@ -42,11 +42,13 @@ std::string Rates::json(std::uint64_t left_out, double time_s) const {
                      buses.dump(), ring_->first(), ring_->next(), left_out, mirror_->world_json(time_s));
 }
 
-Hall::Hall(int listener, bool ipv6, std::uint16_t port, Tokens tokens, Mirror mirror, Link& link)
+Hall::Hall(int listener, bool ipv6, std::uint16_t port, std::unique_ptr<Tls> tls, Tokens tokens, Mirror mirror,
+           Link& link)
     : acceptor_(context_, ipv6 ? asio::ip::tcp::v6() : asio::ip::tcp::v4(), listener),
       bell_(context_),
       timer_(context_),
       port_(port),
+      tls_(std::move(tls)),
       tokens_(std::move(tokens)),
       mirror_(std::move(mirror)),
       link_(&link),
@@ -107,15 +109,32 @@ void Hall::accept() {
 void Hall::accepted(asio::ip::tcp::socket socket) {
   boost::system::error_code ignored;
   socket.set_option(asio::ip::tcp::no_delay(true), ignored);
-  if (clients_.size() >= most_clients) {
-    // A browser keeps connections that it has no use for.
-    const auto idle = std::ranges::find_if(clients_, [](const auto& client) { return client.second->idle(); });
-    if (idle == clients_.end()) return turn_away(std::move(socket));
-    const auto client = idle->second;
+  if (clients_.size() >= most_clients && !make_room()) return turn_away(*this, std::move(socket));
+  Wire::Plain plain(std::move(socket));
+  enter(greet(*this, tls_ ? Wire(std::move(plain), tls_->context()) : Wire(std::move(plain))));
+}
+
+// The oldest of those that may go: half of a handshake, or of a request, keeps nobody out.
+bool Hall::make_room() {
+  for (const auto hold : {Client::Hold::idle, Client::Hold::stranger}) {
+    const auto it = std::ranges::find_if(clients_, [&](const auto& client) { return client.second->hold() == hold; });
+    if (it == clients_.end()) continue;
+    const auto client = it->second;
     client->close();
     leave(*client);
+    return true;
   }
-  enter(greet(*this, Socket(std::move(socket))));
+  return false;
+}
+
+bool Hall::is_own_host(std::string_view host) const {
+  if (studio::is_own_host(host, port_)) return true;
+  return tls_ && tls_->names(std::string(name_in_host(host, port_)));
+}
+
+bool Hall::is_own_origin(std::string_view origin) const {
+  const std::string_view scheme = tls_ ? "https://" : "http://";
+  return origin.starts_with(scheme) && is_own_host(origin.substr(scheme.size()));
 }
 
 void Hall::listen_for_news() {

@@ -7,7 +7,6 @@
 #include <boost/asio/posix/stream_descriptor.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
-#include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/http/parser.hpp>
 #include <boost/beast/http/string_body.hpp>
 #include <boost/beast/http/vector_body.hpp>
@@ -24,19 +23,21 @@
 #include "berth/studio/link.hpp"
 #include "berth/studio/mirror.hpp"
 #include "berth/studio/search.hpp"
+#include "berth/studio/tls.hpp"
+#include "berth/studio/wire.hpp"
 
 namespace berth::studio {
 
 namespace asio = boost::asio;
 namespace http = boost::beast::http;
 namespace websocket = boost::beast::websocket;
-using Socket = boost::beast::tcp_stream;
 using Text = std::shared_ptr<const std::string>;
 using Parser = http::request_parser<http::string_body>;
 
 inline constexpr std::size_t most_clients = 16;
 inline constexpr std::uint32_t longest_header = 8 * 1024;
-inline constexpr std::chrono::seconds request_time{10};  ///< for a whole request
+inline constexpr std::chrono::seconds request_time{10};  ///< for a whole request; the same for a TLS handshake
+inline constexpr std::chrono::seconds farewell_time{2};  ///< for the end of TLS
 inline constexpr std::chrono::seconds idle_time{60};     ///< of a WebSocket that answers no ping
 inline constexpr std::chrono::milliseconds batch_period{40};
 inline constexpr std::size_t most_in_batch = 8192;                   ///< frames
@@ -57,7 +58,13 @@ class Client : public std::enable_shared_from_this<Client> {
   virtual void change(const Text&) {}             ///< for all
   virtual void answer(const Answer& answer) = 0;  ///< for it
   virtual void tick(bool /*rates*/) {}            ///< every `batch_period`
-  [[nodiscard]] virtual bool idle() const { return false; }
+  /// Whether it may go when all places are taken and another comes.
+  enum class Hold : std::uint8_t {
+    idle,      ///< between two requests: a browser keeps connections that it has no use for
+    stranger,  ///< it has shown no token yet
+    stays
+  };
+  [[nodiscard]] virtual Hold hold() const { return Hold::stays; }
   virtual void close() = 0;
 
  protected:
@@ -90,12 +97,17 @@ class Rates {
 /// All of the server's thread.
 class Hall {
  public:
-  Hall(int listener, bool ipv6, std::uint16_t port, Tokens tokens, Mirror mirror, Link& link);
+  /// `tls` null: it speaks plain HTTP.
+  Hall(int listener, bool ipv6, std::uint16_t port, std::unique_ptr<Tls> tls, Tokens tokens, Mirror mirror, Link& link);
   void run();
   void stop();  ///< any thread
 
   [[nodiscard]] const Tokens& tokens() const noexcept { return tokens_; }
   [[nodiscard]] std::uint16_t port() const noexcept { return port_; }
+  [[nodiscard]] Tls* tls() const noexcept { return tls_.get(); }
+  /// `Host` and `Origin` mean this server: by its loopback names, or by one that its certificate is for.
+  [[nodiscard]] bool is_own_host(std::string_view host) const;
+  [[nodiscard]] bool is_own_origin(std::string_view origin) const;
   [[nodiscard]] const Mirror& mirror() const noexcept { return mirror_; }
   [[nodiscard]] const FrameRing& ring() const noexcept { return link_->ring; }
   [[nodiscard]] const Rates& rates() const noexcept { return rates_; }
@@ -112,6 +124,7 @@ class Hall {
  private:
   void accept();
   void accepted(asio::ip::tcp::socket socket);
+  [[nodiscard]] bool make_room();
   void listen_for_news();
   void take_news();
   void tick();
@@ -122,6 +135,7 @@ class Hall {
   asio::posix::stream_descriptor bell_;
   asio::steady_timer timer_;
   std::uint16_t port_;
+  std::unique_ptr<Tls> tls_;
   Tokens tokens_;
   Mirror mirror_;
   Link* link_;
@@ -132,12 +146,12 @@ class Hall {
   unsigned ticks_ = 0;
 };
 
-/// A connection that speaks HTTP, as yet.
-[[nodiscard]] std::shared_ptr<Client> greet(Hall& hall, Socket socket);
-/// One too many: says so, and is gone.
-void turn_away(asio::ip::tcp::socket socket);
+/// A connection that speaks HTTP, as yet; by TLS after its handshake.
+[[nodiscard]] std::shared_ptr<Client> greet(Hall& hall, Wire wire);
+/// One too many: says so where it can, and is gone.
+void turn_away(const Hall& hall, asio::ip::tcp::socket socket);
 /// A connection whose request for a WebSocket was found good.
-[[nodiscard]] std::shared_ptr<Client> upgrade(Hall& hall, Socket socket, http::request<http::string_body> request,
+[[nodiscard]] std::shared_ptr<Client> upgrade(Hall& hall, Wire wire, http::request<http::string_body> request,
                                               command::Role role);
 
 }  // namespace berth::studio

@@ -28,28 +28,33 @@ tl::expected<int, std::string> listen(io::Endpoint& where, bool named) {
   return tl::unexpected(named ? first : fmt::format("{}; nor is any port up to {} free", first, where.port - 1));
 }
 
-tl::expected<void, std::string> only_here(const io::Endpoint& where) {
-  const auto own = io::is_loopback(where);
+/// Null: plain HTTP, which is for this computer only.
+tl::expected<std::unique_ptr<Tls>, std::string> secured(const Options& options) {
+  if (!options.certificate.empty()) return Tls::load(options.certificate, options.key);
+  const auto own = io::is_loopback(options.where);
   if (!own) return tl::unexpected(own.error());
-  if (*own) return {};
-  return tl::unexpected(fmt::format(
-      "{}: other computers may reach this address, and Studio listens on this computer only (127.0.0.1, ::1): "
-      "encryption (TLS) and roles, which others need, are not there yet. From elsewhere use an ssh tunnel with the "
-      "same "
-      "port at both ends: ssh -L {}:127.0.0.1:{} HOST",
-      io::to_string(where), where.port, where.port));
+  if (!*own) return tl::unexpected(needs_certificate(options.where));
+  return nullptr;
+}
+
+/// What a browser opens: the host as it was named where the certificate is for it, or it is this computer only.
+std::string host_of(const io::Endpoint& named, const io::Endpoint& where, const Tls* tls) {
+  if (tls != nullptr && tls->names(named.host)) return named.host;
+  if (tls == nullptr || io::is_loopback(where).value_or(false)) return where.host;
+  return tls->first_name();
 }
 
 }  // namespace
 
 class Studio::Impl {
  public:
-  Impl(int listener, io::Endpoint where, Tokens tokens, TokenFiles files, io::Loop& loop, tree::Session& session,
-       Carry carry, const Options& options)
+  Impl(int listener, io::Endpoint where, std::unique_ptr<Tls> tls, Tokens tokens, TokenFiles files, io::Loop& loop,
+       tree::Session& session, Carry carry, const Options& options)
       : where_(std::move(where)),
         files_(std::move(files)),
         link_(options.frames),
-        hall_(listener, where_.host.find(':') != std::string::npos, where_.port, std::move(tokens),
+        shown_{host_of(options.where, where_, tls.get()), where_.port},
+        hall_(listener, where_.host.find(':') != std::string::npos, where_.port, std::move(tls), std::move(tokens),
               Mirror(session.machine(), options.simulated), link_),
         desk_(loop, session, std::move(carry), link_),
         thread_([this] { hall_.run(); }) {}
@@ -60,6 +65,9 @@ class Studio::Impl {
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
   [[nodiscard]] const io::Endpoint& where() const noexcept { return where_; }
+  [[nodiscard]] std::string page() const {
+    return fmt::format("{}://{}/", hall_.tls() != nullptr ? "https" : "http", io::to_string(shown_));
+  }
   [[nodiscard]] const Tokens& tokens() const noexcept { return hall_.tokens(); }
   [[nodiscard]] Desk& desk() noexcept { return desk_; }
 
@@ -67,6 +75,7 @@ class Studio::Impl {
   io::Endpoint where_;
   TokenFiles files_;
   Link link_;
+  io::Endpoint shown_;
   Hall hall_;
   Desk desk_;
   std::thread thread_;
@@ -75,7 +84,8 @@ class Studio::Impl {
 tl::expected<std::unique_ptr<Studio>, std::string> Studio::start(io::Loop& loop, tree::Session& session, Carry carry,
                                                                  const Options& options) {
   io::Endpoint where = options.where;
-  if (const auto here = only_here(where); !here) return tl::unexpected(here.error());
+  auto tls = secured(options);
+  if (!tls) return tl::unexpected(tls.error());
   auto tokens = options.tokens_kept.empty() ? Tokens::make() : Tokens::keep(options.tokens_kept);
   if (!tokens) return tl::unexpected(tokens.error());
   const auto fd = listen(where, options.named);
@@ -90,15 +100,16 @@ tl::expected<std::unique_ptr<Studio>, std::string> Studio::start(io::Loop& loop,
     files = std::move(*written);
   }
   if (const auto local = io::local_endpoint(*fd)) where.host = local->host;
-  return std::unique_ptr<Studio>(new Studio(std::make_unique<Impl>(
-      *fd, std::move(where), std::move(*tokens), std::move(files), loop, session, std::move(carry), options)));
+  return std::unique_ptr<Studio>(
+      new Studio(std::make_unique<Impl>(*fd, std::move(where), std::move(*tls), std::move(*tokens), std::move(files),
+                                        loop, session, std::move(carry), options)));
 }
 
 Studio::Studio(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
 Studio::~Studio() = default;
 
 std::string Studio::address(command::Role role) const {
-  return fmt::format("http://{}/#token={}", io::to_string(impl_->where()), impl_->tokens().of(role));
+  return fmt::format("{}#token={}", impl_->page(), impl_->tokens().of(role));
 }
 const io::Endpoint& Studio::where() const noexcept { return impl_->where(); }
 const Tokens& Studio::tokens() const noexcept { return impl_->tokens(); }

@@ -1,5 +1,5 @@
-/// Berth Studio's server: a machine that runs, for pages in a browser of this computer, by HTTP and WebSocket
-/// (docs/api.md).
+/// Berth Studio's server: a machine that runs, for pages in a browser of this computer, or by TLS of another, by HTTP
+/// and WebSocket (docs/api.md).
 ///
 ///     auto studio = Studio::start(loop, session, carry, {.token_file = path + ".token"});
 ///     session.on_event([&](const auto& event) { studio->event(event); });
@@ -29,8 +29,11 @@ inline constexpr std::uint16_t default_port = 8302;  ///< and up to 8311, when i
 
 struct Options {
   io::Endpoint where{"127.0.0.1", default_port};
-  bool named = false;         ///< a person named `where`: no other port is taken instead
-  std::string token_file{};   ///< the tokens of this start: `TokenFiles`; empty: no files
+  bool named = false;        ///< a person named `where`: no other port is taken instead
+  std::string token_file{};  ///< the tokens of this start: `TokenFiles`; empty: no files
+  std::string
+      certificate{};  ///< with `key`, files in PEM: it speaks TLS, and may be reached from elsewhere; empty: not
+  std::string key{};
   std::string tokens_kept{};  ///< the tokens are those of this file: `Tokens::keep`; empty: new ones
   bool simulated = false;     ///< for the pages
   std::size_t frames = FrameRing::standard;
@@ -39,7 +42,7 @@ struct Options {
 class Studio {
  public:
   /// All must stay; the loop drives the session's executor. What is wrong is told in words: an address that is not
-  /// loopback, a port that is taken, a file that cannot be written.
+  /// loopback without a certificate, a port that is taken, a file that cannot be read or written.
   [[nodiscard]] static tl::expected<std::unique_ptr<Studio>, std::string> start(io::Loop& loop, tree::Session& session,
                                                                                 Carry carry, const Options& options);
   /// Ends the thread; its clients' connections end.

@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -126,6 +127,63 @@ TEST(StudioCommand, AnAddressForARoleAndTokensThatStay) {
     studio.signal(SIGINT);
     static_cast<void>(studio.end());
   }
+}
+
+int run(const std::string& command) {
+  return WEXITSTATUS(std::system(command.c_str()));  // NOLINT(concurrency-mt-unsafe): nothing else runs here
+}
+
+// Other addresses are refused without a certificate, with the command that makes one; and that one is taken.
+TEST(StudioCommand, TheCertificateThatTheRefusalMakesIsTaken) {
+  if (run("command -v openssl >/dev/null") != 0) GTEST_SKIP() << "no openssl";
+  const Folder folder;
+  const auto machine = example("five-slaves.toml");
+  const auto plant = example("five-slaves.plant.toml");
+  const auto refused = berth({"studio", machine, "--sim", plant, "--listen", "0.0.0.0:0"});
+  EXPECT_EQ(refused.status, 3);
+  const auto begin = refused.err.find("openssl req");
+  ASSERT_NE(begin, std::string::npos) << refused.err;
+  const auto command = refused.err.substr(begin, refused.err.find(". Or") - begin);
+  ASSERT_EQ(run("cd '" + folder.file("") + "' && " + command + " 2>made || { cat made; false; }"), 0) << command;
+  const std::string certificate = folder.file("studio.crt"), key = folder.file("studio.key");
+  Background studio({"studio", machine, "--sim", plant, "--listen", "0.0.0.0:0", "--certificate", certificate, "--key",
+                     key, "--control", folder.file("control")});
+  ASSERT_TRUE(studio.says("Berth Studio at https://"));
+  studio.signal(SIGINT);
+  static_cast<void>(studio.end());
+  ASSERT_EQ(::chmod(key.c_str(), 0644), 0);
+  const auto open = berth({"studio", machine, "--sim", plant, "--certificate", certificate, "--key", key});
+  EXPECT_EQ(open.status, 3);
+  EXPECT_NE(open.err.find("chmod 600"), std::string::npos) << open.err;
+  EXPECT_EQ(berth({"studio", machine, "--sim", plant, "--certificate", certificate}).status, 2);
+}
+
+// Python's ssl, curl and openssl s_client; old versions, other hosts, plain HTTP, and handshakes that stop
+// (tls_peer.py).
+TEST(StudioCommand, TlsBeforeItsPeers) {
+  if (run("command -v openssl >/dev/null && command -v python3 >/dev/null") != 0)
+    GTEST_SKIP() << "no openssl or python3";
+  const Folder folder;
+  const std::string certificate = folder.file("studio.crt"), key = folder.file("studio.key");
+  ASSERT_EQ(
+      run("openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 2 -subj /CN=berth -addext "
+          "subjectAltName=DNS:plant.example -keyout '" +
+          key + "' -out '" + certificate + "' 2>/dev/null"),
+      0);
+  Background studio({"studio", example("five-slaves.toml"), "--sim", example("five-slaves.plant.toml"), "--listen",
+                     "127.0.0.1:0", "--certificate", certificate, "--key", key, "--control", folder.file("control")});
+  ASSERT_TRUE(studio.says("/#token="));
+  const auto said = studio.said();
+  const auto at = said.find("https://127.0.0.1:");
+  ASSERT_NE(at, std::string::npos) << said;
+  const auto hash = said.find("/#token=", at);
+  const auto port = said.substr(at + 18, hash - at - 18);
+  EXPECT_EQ(run("python3 '" + source_dir() + "/tests/cli/tls_peer.py' " + port + " '" + certificate + "' " +
+                said.substr(hash + 8, 64) + " plant.example"),
+            0)
+      << "see what it printed above";
+  studio.signal(SIGINT);
+  static_cast<void>(studio.end());
 }
 
 TEST(StudioCommand, WrongUse) {

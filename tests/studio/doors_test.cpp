@@ -99,18 +99,22 @@ TEST(StudioDoors, KeptTokensAreTheSameAgainAndABadFileIsToldByItsLine) {
   EXPECT_NE(Tokens::keep("/nowhere/at/all").error().find("/nowhere/at/all: "), std::string::npos);
 }
 
-TEST(StudioDoors, HostsAndOriginsAreThisServersOwn) {
-  for (const char* good : {"127.0.0.1:8302", "localhost:8302", "LOCALHOST:8302", "[::1]:8302"}) {
+TEST(StudioDoors, HostsAreThisServersOwn) {
+  for (const char* good : {"127.0.0.1:8302", "localhost:8302", "LOCALHOST:8302", "[::1]:8302"})
     EXPECT_TRUE(is_own_host(good, 8302)) << good;
-    EXPECT_TRUE(is_own_origin(std::string("http://") + good, 8302)) << good;
-  }
   for (const char* bad : {"", "127.0.0.1", "127.0.0.1:8303", "evil.example:8302", "127.0.0.1.evil.example:8302",
-                          ":8302", "127.0.0.1:08302", "localhost:8302 ", "x@127.0.0.1:8302"}) {
+                          ":8302", "127.0.0.1:08302", "localhost:8302 ", "x@127.0.0.1:8302"})
     EXPECT_FALSE(is_own_host(bad, 8302)) << bad;
-    EXPECT_FALSE(is_own_origin(std::string("http://") + bad, 8302)) << bad;
-  }
-  for (const char* bad : {"null", "https://127.0.0.1:8302", "http://127.0.0.1:8302/", "127.0.0.1:8302"})
-    EXPECT_FALSE(is_own_origin(bad, 8302)) << bad;
+}
+
+TEST(StudioDoors, TheNameInAHost) {
+  EXPECT_EQ(name_in_host("plant.example:8302", 8302), "plant.example");
+  EXPECT_EQ(name_in_host("[fe80::1]:8302", 8302), "fe80::1");
+  EXPECT_EQ(name_in_host("plant.example", 443), "plant.example");
+  EXPECT_EQ(name_in_host("[::1]", 443), "::1");
+  for (const char* bad : {"", ":8302", "plant.example", "plant.example:8303", "plant.example:", "[::1", "[::1]8302",
+                          "a:b:8302", "plant.example:08302"})
+    EXPECT_EQ(name_in_host(bad, 8302), "") << bad;
 }
 
 TEST(StudioDoors, WhereTheTokenStands) {
