@@ -4,7 +4,9 @@
 #include <vector>
 
 #include "berth/studio/doors.hpp"
+#include "berth/studio/export.hpp"
 #include "berth/studio/messages.hpp"
+#include "berth/studio/opened.hpp"
 #include "berth/studio/search.hpp"
 #include "fuzz/require.hpp"
 
@@ -30,6 +32,18 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   fuzz::require(!search.answer().empty());
   static_cast<void>(studio::parse_body(text));
+  if (const auto query = studio::parse_trace_query(text)) {
+    studio::Export file(*ring, buses, *query);
+    std::string out;
+    while (!file.step(7, out)) {
+    }
+    fuzz::require(query->filter.size() <= studio::longest_filter);
+  }
+  if (const auto name = studio::parse_name_query(text)) fuzz::require(name->find('/') == std::string::npos);
+  studio::Opened opened("run.log", text);
+  while (!opened.step()) {
+  }
+  if (const auto answer = opened.answer(); !answer) fuzz::require(answer.error().starts_with("run.log: "));
   const auto name = studio::name_in_host(text, 8302);
   if (!name.empty()) fuzz::require(text.find(name) != std::string::npos && text.ends_with(":8302"));
   if (studio::is_own_host(text, 8302)) fuzz::require(text.ends_with(":8302"));

@@ -14,8 +14,8 @@
 #include "berth/can/port_spec.hpp"
 #include "berth/command/control.hpp"
 #include "berth/io/open_port.hpp"
+#include "berth/trace/any_file.hpp"
 #include "berth/trace/candump.hpp"
-#include "berth/trace/gunzip.hpp"
 #include "interrupt.hpp"
 #include "node_words.hpp"
 #include "ports.hpp"
@@ -35,11 +35,7 @@ constexpr auto look_again = 50ms;  // at a file that may have grown
 class FileSource final : public TraceSource {
  public:
   FileSource(int fd, std::string name, const TraceOptions& options)
-      : fd_(fd),
-        name_(std::move(name)),
-        follow_(options.follow),
-        format_(options.from.format),
-        reading_(options.from.how) {
+      : fd_(fd), name_(name), follow_(options.follow), file_(std::move(name), options.from.format, options.from.how) {
     if (follow_) interrupt_ = std::make_unique<Interrupt>();
   }
   ~FileSource() override {
@@ -54,74 +50,21 @@ class FileSource final : public TraceSource {
       if (errno == EINTR) return State::more;
       return tl::unexpected(failure(Exit::failed, fmt::format("{}: {}", name_, std::strerror(errno))));
     }
-    if (got == 0) return follow_ ? wait(sink) : end(sink);
+    if (got == 0 && follow_) return wait(sink);
     read_ += got;
-    return unpack({buffer_.data(), static_cast<std::size_t>(got)}, sink);
+    const auto wrong = got == 0 ? file_.end(sink) : file_.feed({buffer_.data(), static_cast<std::size_t>(got)}, sink);
+    if (!wrong.empty()) return tl::unexpected(failure(Exit::usage, wrong));
+    return got == 0 ? State::over : State::more;
   }
 
-  void finish(trace::Sink& sink) override {
-    if (reader_) reader_->finish(sink);
+  void finish(trace::Sink& sink) override { file_.finish(sink); }
+  const std::vector<std::string>& buses() const noexcept override { return file_.buses(); }
+  std::string format() const override {
+    const auto format = file_.format();
+    return format ? std::string(trace::name(*format)) : "empty";
   }
-  const std::vector<std::string>& buses() const noexcept override { return reader_ ? reader_->buses() : none_; }
-  std::string format() const override { return format_ ? std::string(trace::name(*format_)) : "empty"; }
 
  private:
-  [[nodiscard]] Failure unreadable(const std::string& why) const {
-    return failure(Exit::usage, fmt::format("{}: {}", name_, why));
-  }
-
-  // A log in gzip is one like any other.
-  Turned unpack(std::string_view bytes, trace::Sink& sink) {
-    if (read_ == static_cast<std::int64_t>(bytes.size()) && trace::is_gzip(bytes))
-      gunzip_ = std::make_unique<trace::Gunzip>();
-    if (!gunzip_) return feed(bytes, sink);
-    Turned turned = State::more;
-    const std::string wrong = gunzip_->feed(bytes, [&](std::string_view piece) {
-      if (turned) turned = feed(piece, sink);
-    });
-    if (!wrong.empty() && turned) return tl::unexpected(unreadable(wrong));
-    return turned;
-  }
-
-  // Nothing more comes. A file without a frame is told as what it is.
-  Turned end(trace::Sink& sink) {
-    if (gunzip_ && !gunzip_->whole()) return tl::unexpected(unreadable("the gzip file is cut short"));
-    if (reader_) return State::over;
-    if (head_.empty()) return tl::unexpected(unreadable("the file is empty"));
-    const auto begun = begin(sink, true);
-    if (!begun) return begun;
-    return State::over;
-  }
-
-  Turned feed(std::string_view bytes, trace::Sink& sink) {
-    if (reader_) {
-      reader_->feed(bytes, sink);
-      return State::more;
-    }
-    head_ += bytes;
-    return begin(sink, head_.size() >= trace::head_size);
-  }
-
-  // Which format it is, as soon as that can be told.
-  Turned begin(trace::Sink& sink, bool whole_head) {
-    if (!format_) format_ = trace::recognise(head_);
-    const bool other = !format_ || *format_ == trace::Format::candump;
-    if (const auto kind = trace::foreign(head_); other && !kind.empty())
-      return tl::unexpected(unreadable(fmt::format("this is {}", kind)));
-    if (!format_ && whole_head) {
-      // Without a word of its own a text is read as candump, whose errors say what is wrong with each line.
-      if (head_.find('\0') != std::string::npos)
-        return tl::unexpected(
-            unreadable("this is neither candump, pcapng, pcap, Vector ASC nor PEAK TRC; name it by --from"));
-      format_ = trace::Format::candump;
-    }
-    if (!format_) return State::more;
-    reader_ = trace::make_reader(*format_, name_, reading_);
-    reader_->feed(head_, sink);
-    head_.clear();
-    return State::more;
-  }
-
   Turned wait(trace::Sink& sink) {
     pollfd stop{interrupt_->descriptor(), POLLIN, 0};
     ::poll(&stop, 1, static_cast<int>(look_again / 1ms));
@@ -132,6 +75,7 @@ class FileSource final : public TraceSource {
           {Finding::Severity::warning, name_, 0, 0, {}, "the file became shorter: it is read from its beginning", {}});
       ::lseek(fd_, 0, SEEK_SET);
       read_ = 0;
+      file_.begin_anew();
     }
     return State::waiting;
   }
@@ -139,13 +83,8 @@ class FileSource final : public TraceSource {
   int fd_;
   std::string name_;
   bool follow_;
-  std::optional<trace::Format> format_;
-  trace::ReadOptions reading_;
-  std::unique_ptr<trace::Reader> reader_;
-  std::unique_ptr<trace::Gunzip> gunzip_;  // of a file in gzip
+  trace::AnyFile file_;
   std::unique_ptr<Interrupt> interrupt_;
-  std::string head_;  // until the format is known
-  std::vector<std::string> none_;
   std::int64_t read_ = 0;
   std::vector<char> buffer_ = std::vector<char>(std::size_t{1} << 18U);
 };

@@ -18,7 +18,9 @@
 
 #include "berth/studio/batch.hpp"
 #include "berth/studio/doors.hpp"
+#include "berth/studio/export.hpp"
 #include "berth/studio/messages.hpp"
+#include "berth/studio/opened.hpp"
 #include "berth/studio/pages.hpp"
 
 namespace berth::studio {
@@ -59,6 +61,16 @@ std::optional<std::string_view> the_one(const Request& request, http::field name
   if (range.first == range.second || std::next(range.first) != range.second) return std::nullopt;
   return plain(range.first->value());
 }
+
+/// Empty: another path. Else what stands behind the '?', with it.
+std::optional<std::string_view> query_of(const Request& request, std::string_view path) {
+  const auto target = plain(request.target());
+  if (!target.starts_with(path)) return std::nullopt;
+  const auto rest = target.substr(path.size());
+  return rest.empty() || rest.front() == '?' ? std::optional(rest) : std::nullopt;
+}
+
+constexpr const char* another_file = "503: another file is read just now; try again when its page has it";
 
 bool is_socket(const Request& request) { return plain(request.target()) == "/api/v1/socket"; }
 
@@ -134,10 +146,28 @@ class Visitor final : public Client {
   void read() {
     parser_.emplace();
     parser_->header_limit(longest_header);
-    parser_->body_limit(longest_message);
+    parser_->body_limit(longest_file);
     idle_ = served_;
     wire_.tcp().expires_after(request_time);
-    http::async_read(wire_, buffer_, *parser_, [self = mine()](Code error, std::size_t) { self->taken(error); });
+    http::async_read_header(wire_, buffer_, *parser_,
+                            [self = mine()](Code error, std::size_t) { self->taken_header(error); });
+  }
+  // A whole file is taken of those only who may send one, and one at a time.
+  void taken_header(Code error) {
+    if (error) return taken(error);
+    const Request& request = parser_->get();
+    const bool file = query_of(request, "/api/v1/read").has_value();
+    if (file) {
+      if (auto no = refused(request, hall(), role_)) return end(std::move(no));
+      if (std::exchange(hall().has_file(), true))
+        return end(words(&request, http::status::service_unavailable, another_file));
+      has_file_ = true;
+      wire_.tcp().expires_after(file_time);
+    } else if (parser_->content_length().value_or(0) > longest_message) {
+      return taken(http::error::body_limit);
+    }
+    parser_->body_limit(file ? longest_file : longest_message);
+    http::async_read(wire_, buffer_, *parser_, [self = mine()](Code failed, std::size_t) { self->taken(failed); });
   }
   void taken(Code error) {
     idle_ = false;
@@ -145,7 +175,8 @@ class Visitor final : public Client {
       return end(
           words(nullptr, http::status::request_header_fields_too_large, "431: a header has at most 8,192 bytes"));
     if (error == http::error::body_limit)
-      return end(words(nullptr, http::status::payload_too_large, "413: a body has at most 65,536 bytes"));
+      return end(words(nullptr, http::status::payload_too_large,
+                       "413: a request has at most 65,536 bytes, a trace file 16 MiB (in gzip it may hold more)"));
     if (error.category() == http::make_error_code(http::error::bad_method).category() &&
         error != http::error::end_of_stream && error != http::error::partial_message)
       return end(words(nullptr, http::status::bad_request, "400: this is no HTTP request"));
@@ -167,6 +198,8 @@ class Visitor final : public Client {
       return hall().enter(upgrade(hall(), std::move(wire_), parser_->release(), *role_));
     }
     if (target == "/api/v1/request") return take_request(request);
+    if (const auto query = query_of(request, "/api/v1/trace")) return send_trace(request, *query);
+    if (const auto query = query_of(request, "/api/v1/read")) return take_file(request, *query);
     const bool gets = request.method() == http::verb::get || request.method() == http::verb::head;
     if (!gets)
       return send(words(&request, http::status::method_not_allowed, "405: GET, HEAD; POST of /api/v1/request"));
@@ -179,6 +212,60 @@ class Visitor final : public Client {
     if (page.compressed) out->set(http::field::content_encoding, "gzip");
     if (page.lasts) out->set(http::field::cache_control, "max-age=31536000, immutable");
     send(std::move(out));
+  }
+  void take_file(const Request& request, std::string_view query) {
+    if (request.method() != http::verb::post)
+      return send(words(&request, http::status::method_not_allowed, "405: POST"));
+    auto name = parse_name_query(query.empty() ? query : query.substr(1));
+    if (!name) return send(words(&request, http::status::bad_request, "400: " + name.error()));
+    opened_.emplace(std::move(*name), std::move(parser_->get().body()));
+    read_file();
+  }
+  void read_file() {
+    if (!opened_->step()) return asio::post(hall().context(), [self = mine()] { self->read_file(); });
+    auto answer = opened_->answer();
+    opened_.reset();
+    send(answer ? response(&parser_->get(), http::status::ok, std::move(*answer), "application/json")
+                : words(&parser_->get(), http::status::unprocessable_entity, "422: " + answer.error()));
+  }
+  void let_file_go() {
+    if (std::exchange(has_file_, false)) hall().has_file() = false;
+  }
+  // A file of any length, piece by piece: the next is made when the client took the one before.
+  void send_trace(const Request& request, std::string_view query) {
+    if (request.method() != http::verb::get || request.version() != 11)
+      return send(words(&request, http::status::method_not_allowed, "405: GET, by HTTP/1.1"));
+    const auto wanted = parse_trace_query(query.empty() ? query : query.substr(1));
+    if (!wanted) return send(words(&request, http::status::bad_request, "400: " + wanted.error()));
+    export_.emplace(hall().ring(), hall().mirror().buses(), *wanted);
+    const auto head = response(&request, http::status::ok, {}, "application/octet-stream");
+    head->set(http::field::content_disposition,
+              fmt::format("attachment; filename=\"trace.{}\"", ending_of(wanted->format)));
+    head->chunked(true);
+    head->keep_alive(request.keep_alive());
+    ends_ = !head->keep_alive();
+    const auto serializer = std::make_shared<http::response_serializer<http::string_body>>(*head);
+    wire_.tcp().expires_after(idle_time);
+    http::async_write_header(wire_, *serializer, [self = mine(), head, serializer](Code error, std::size_t) {
+      error ? self->leave() : self->next_piece();
+    });
+  }
+  void next_piece() {
+    constexpr std::size_t at_once = 4096;  // frames
+    piece_.clear();
+    const bool over = export_->step(at_once, piece_);
+    if (piece_.empty() && !over) return asio::post(hall().context(), [self = mine()] { self->next_piece(); });
+    if (piece_.empty()) return end_pieces();
+    wire_.tcp().expires_after(idle_time);
+    asio::async_write(wire_, http::make_chunk(asio::const_buffer(piece_.data(), piece_.size())),
+                      [self = mine(), over](Code error, std::size_t) {
+                        if (error) return self->leave();
+                        over ? self->end_pieces() : self->next_piece();
+                      });
+  }
+  void end_pieces() {
+    export_.reset();
+    asio::async_write(wire_, http::make_chunk_last(), [self = mine()](Code error, std::size_t) { self->sent(error); });
   }
   void take_request(const Request& request) {
     if (request.method() != http::verb::post)
@@ -197,6 +284,7 @@ class Visitor final : public Client {
   }
   void send(std::shared_ptr<Response> out) {
     asked_ = false;
+    let_file_go();
     out->keep_alive(!ends_ && parser_->is_done() && parser_->get().keep_alive());
     ends_ = !out->keep_alive();
     out->prepare_payload();
@@ -215,12 +303,19 @@ class Visitor final : public Client {
     if (!error) wire_.tcp().socket().shutdown(asio::ip::tcp::socket::shutdown_send, ignored);
     leave();
   }
-  void leave() { hall().leave(*this); }
+  void leave() {
+    let_file_go();
+    hall().leave(*this);
+  }
 
   Wire wire_;
   boost::beast::flat_buffer buffer_{longest_header + longest_message + 1024};
   std::optional<Parser> parser_;
   std::optional<command::Role> role_;  // of the token that the request showed
+  std::optional<Export> export_;       // that is sent
+  std::string piece_;                  // of it
+  std::optional<Opened> opened_;       // a file that is read
+  bool has_file_ = false;              // it is taken or read
   bool idle_ = false;
   bool served_ = false;  // one request at least
   bool ends_ = false;

@@ -128,10 +128,14 @@ std::optional<command::Role> Tokens::role_of(std::string_view given) const noexc
   return found;
 }
 
+std::string TokenFiles::file_of(const std::string& path, command::Role role) {
+  return role == command::Role::configure ? path : fmt::format("{}.{}", path, name(role));
+}
+
 tl::expected<TokenFiles, std::string> TokenFiles::write(const std::string& path, const Tokens& tokens) {
   TokenFiles files;
   for (const auto role : command::all_roles) {
-    const auto file = role == command::Role::configure ? path : fmt::format("{}.{}", path, name(role));
+    const auto file = file_of(path, role);
     if (::unlink(file.c_str()) != 0 && errno != ENOENT)
       return tl::unexpected(fmt::format("{}: {}", file, std::strerror(errno)));
     if (const auto problem = write_new(file, tokens.of(role) + '\n')) return tl::unexpected(*problem);

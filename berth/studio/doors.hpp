@@ -41,7 +41,9 @@ class Tokens {
 /// control socket, so that programs of the same user find them.
 class TokenFiles {
  public:
-  /// PATH has the token of role configure, PATH.operate and PATH.view those of the others. What is there under these
+  /// Where a role's token stands: PATH has that of configure, PATH.operate and PATH.view have those of the others.
+  [[nodiscard]] static std::string file_of(const std::string& path, command::Role role);
+  /// What is there under these
   /// names goes first: a link is not followed. Failures in words.
   [[nodiscard]] static tl::expected<TokenFiles, std::string> write(const std::string& path, const Tokens& tokens);
   TokenFiles() = default;  ///< none

@@ -6,6 +6,7 @@
 
 #include "berth/can/port_spec.hpp"
 #include "berth/command/verbs.hpp"
+#include "berth/studio/doors.hpp"
 
 namespace berth::studio {
 namespace {
@@ -86,7 +87,8 @@ std::string lock_json(const Lock& lock) {
 
 }  // namespace
 
-Mirror::Mirror(const design::Machine& machine, bool simulated) : verbs_(verbs_json()), simulated_(simulated) {
+Mirror::Mirror(const design::Machine& machine, bool simulated, std::string token_file)
+    : verbs_(verbs_json()), simulated_(simulated), token_file_(std::move(token_file)) {
   Json buses = Json::array();
   for (const auto* const bus : machine.all_buses()) {
     buses.push_back(bus_json(machine, *bus));
@@ -150,8 +152,10 @@ std::string Mirror::snapshot(double time_s, command::Role role) const {
   append_all(events_, out);
   out += ",\"questions\":";
   append_all(questions_, out);
-  out += fmt::format(R"(,"time_s":{:.6f},"verbs":{},"lock":{},"role":"{}","world":{}}})", time_s, verbs_,
-                     lock_json(lock_), name(role), world_json(time_s));
+  out +=
+      fmt::format(R"(,"time_s":{:.6f},"verbs":{},"lock":{},"role":"{}","token_file":{},"world":{}}})", time_s, verbs_,
+                  lock_json(lock_), name(role),
+                  dump(token_file_.empty() ? token_file_ : TokenFiles::file_of(token_file_, role)), world_json(time_s));
   return out;
 }
 

@@ -20,7 +20,8 @@ class Mirror {
   static constexpr std::size_t most_events = 1000;
   static constexpr std::size_t most_event_bytes = std::size_t{1} << 20U;  ///< of them all: a device's words may be long
 
-  Mirror(const design::Machine& machine, bool simulated);
+  /// `token_file`: as of `TokenFiles`; empty: there is none.
+  Mirror(const design::Machine& machine, bool simulated, std::string token_file = {});
 
   /// The message for all; empty: it is an answer and changes nothing.
   [[nodiscard]] std::string take(const News& news);
@@ -44,6 +45,7 @@ class Mirror {
   Lock lock_;
   Pace pace_;
   bool simulated_;
+  std::string token_file_;
   std::uint64_t seq_ = 0;
 };
 

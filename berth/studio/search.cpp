@@ -98,36 +98,19 @@ void append_row(const RingFrame& frame, std::string_view bus, std::string_view w
   out += '}';
 }
 
-Search::Search(const FrameRing& ring, const std::vector<std::string>& buses, Message wanted)
-    : ring_(&ring),
-      buses_(&buses),
-      wanted_(std::move(wanted)),
-      filter_(wanted_.filter),
-      words_(buses.size()),
-      at_(ring.first()),
-      end_(ring.next()),
-      rows_from_(at_) {
-  if (wanted_.from) rows_from_ = std::clamp(*wanted_.from, at_, end_);
+Matcher::Matcher(const std::vector<std::string>& buses, std::string_view filter)
+    : filter_(filter), words_(buses.size()) {
   for (auto name : buses) in_bus_.push_back(filter_.in(name, filter_.all()));
   in_bus_.emplace_back();  // of a frame of none of them
-  if (!filter_.empty()) return;
-  // A range by itself: its rows, and what stands before them for the words.
-  matched_ = end_ - at_;
-  if (!wanted_.from) rows_from_ = end_ - std::min<std::uint64_t>(wanted_.count, end_ - at_);
-  end_ = std::min(end_, rows_from_ + wanted_.count);
-  at_ = rows_from_ - std::min(warm_up, rows_from_ - at_);
 }
 
-bool Search::step(std::size_t frames) {
-  RingFrame frame;
-  for (; frames > 0 && at_ < end_; --frames, ++at_) {
-    if (ring_->read(at_, frame)) look(frame);
-  }
-  return at_ >= end_;
+void Matcher::say(const RingFrame& frame) {
+  text_.clear();
+  words_.of(frame, text_);
 }
 
 // No word has a blank, so that each stands in the bus's name, in `id#data` or in the frame's words.
-bool Search::fits(const RingFrame& frame) {
+bool Matcher::fits(const RingFrame& frame) {
   Filter::Words missing = filter_.all() & ~in_bus_[std::min<std::size_t>(frame.bus, in_bus_.size() - 1)];
   missing &= ~said(frame);
   if (missing.none()) return true;
@@ -139,7 +122,7 @@ bool Search::fits(const RingFrame& frame) {
   return filter_.in(row_, missing) == missing;
 }
 
-Filter::Words Search::said(const RingFrame& frame) {
+Filter::Words Matcher::said(const RingFrame& frame) {
   text_.clear();
   const auto bytes = decode::rests_on(frame.frame);
   if (!bytes) {
@@ -156,11 +139,35 @@ Filter::Words Search::said(const RingFrame& frame) {
   return entry.found;
 }
 
+Search::Search(const FrameRing& ring, const std::vector<std::string>& buses, Message wanted)
+    : ring_(&ring),
+      buses_(&buses),
+      wanted_(std::move(wanted)),
+      matcher_(buses, wanted_.filter),
+      at_(ring.first()),
+      end_(ring.next()),
+      rows_from_(at_) {
+  if (wanted_.from) rows_from_ = std::clamp(*wanted_.from, at_, end_);
+  if (!matcher_.lets_all()) return;
+  // A range by itself: its rows, and what stands before them for the words.
+  matched_ = end_ - at_;
+  if (!wanted_.from) rows_from_ = end_ - std::min<std::uint64_t>(wanted_.count, end_ - at_);
+  end_ = std::min(end_, rows_from_ + wanted_.count);
+  at_ = rows_from_ - std::min(warm_up, rows_from_ - at_);
+}
+
+bool Search::step(std::size_t frames) {
+  RingFrame frame;
+  for (; frames > 0 && at_ < end_; --frames, ++at_) {
+    if (ring_->read(at_, frame)) look(frame);
+  }
+  return at_ >= end_;
+}
+
 void Search::look(const RingFrame& frame) {
-  if (filter_.empty()) {
-    text_.clear();
-    words_.of(frame, text_);
-  } else if (!fits(frame)) {
+  if (matcher_.lets_all()) {
+    matcher_.say(frame);
+  } else if (!matcher_.fits(frame)) {
     return;
   } else {
     ++matched_;
@@ -173,7 +180,7 @@ void Search::keep(const RingFrame& frame) {
   const bool full = rows_.size() >= wanted_.count;
   if (full && wanted_.from) return;
   if (full) rows_.pop_front();
-  rows_.push_back({frame, text_});
+  rows_.push_back({frame, matcher_.words()});
 }
 
 std::string Search::answer() const {

@@ -62,6 +62,29 @@ class FrameWords {
   std::vector<decode::Interpreter> buses_;
 };
 
+/// Which frames of the ring a filter lets through. Each frame is asked about once, in the order of their numbers.
+class Matcher {
+ public:
+  /// The names must stay.
+  Matcher(const std::vector<std::string>& buses, std::string_view filter);
+  [[nodiscard]] bool lets_all() const noexcept { return filter_.empty(); }
+  [[nodiscard]] bool fits(const RingFrame& frame);
+  /// Words of the frame that was asked about last; empty: they were not needed.
+  [[nodiscard]] const std::string& words() const noexcept { return text_; }
+  /// The words of a frame that no filter is asked about.
+  void say(const RingFrame& frame);
+
+ private:
+  [[nodiscard]] Filter::Words said(const RingFrame& frame);
+
+  Filter filter_;
+  FrameWords words_;
+  FoundBefore found_before_;
+  std::vector<Filter::Words> in_bus_;  // of the buses' names
+  std::string text_;
+  std::string row_;
+};
+
 /// {"n", "t_s", "bus", "id", "ext", "rtr", "data", "text"}; "cut" too for an FD frame of more than 8 bytes.
 void append_row(const RingFrame& frame, std::string_view bus, std::string_view words, std::string& out);
 
@@ -83,23 +106,16 @@ class Search {
   };
   void look(const RingFrame& frame);
   void keep(const RingFrame& frame);
-  [[nodiscard]] bool fits(const RingFrame& frame);
-  [[nodiscard]] Filter::Words said(const RingFrame& frame);
 
   const FrameRing* ring_;
   const std::vector<std::string>* buses_;
   Message wanted_;
-  Filter filter_;
-  FrameWords words_;
-  FoundBefore found_before_;
-  std::vector<Filter::Words> in_bus_;  // of the buses' names
-  std::uint64_t at_;                   // the next that is looked at
-  std::uint64_t end_;                  // behind the last
+  Matcher matcher_;
+  std::uint64_t at_;   // the next that is looked at
+  std::uint64_t end_;  // behind the last
   std::uint64_t rows_from_;
   std::uint64_t matched_ = 0;
   std::deque<Row> rows_;
-  std::string text_;  // of the frame that is looked at; empty: not made
-  std::string row_;
 };
 
 }  // namespace berth::studio

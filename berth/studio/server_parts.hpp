@@ -38,6 +38,7 @@ inline constexpr std::size_t most_clients = 16;
 inline constexpr std::uint32_t longest_header = 8 * 1024;
 inline constexpr std::chrono::seconds request_time{10};  ///< for a whole request; the same for a TLS handshake
 inline constexpr std::chrono::seconds farewell_time{2};  ///< for the end of TLS
+inline constexpr std::chrono::seconds file_time{60};     ///< for a trace file that a page sends
 inline constexpr std::chrono::seconds idle_time{60};     ///< of a WebSocket that answers no ping
 inline constexpr std::chrono::milliseconds batch_period{40};
 inline constexpr std::size_t most_in_batch = 8192;                   ///< frames
@@ -117,6 +118,8 @@ class Hall {
   [[nodiscard]] double time_s() const noexcept;
   /// False: the executor has enough to do.
   [[nodiscard]] bool order(Order order);
+  /// Whether a trace file is taken or read: one at a time, for it needs memory.
+  [[nodiscard]] bool& has_file() noexcept { return has_file_; }
   void enter(const std::shared_ptr<Client>& client);
   void leave(const Client& client);
   [[nodiscard]] std::uint64_t next_number() noexcept { return ++numbers_; }
@@ -144,6 +147,7 @@ class Hall {
   std::deque<std::uint64_t> gone_;  // whose leaving the executor does not know yet
   std::uint64_t numbers_ = 0;
   unsigned ticks_ = 0;
+  bool has_file_ = false;
 };
 
 /// A connection that speaks HTTP, as yet; by TLS after its handshake.

@@ -55,7 +55,7 @@ class Studio::Impl {
         link_(options.frames),
         shown_{host_of(options.where, where_, tls.get()), where_.port},
         hall_(listener, where_.host.find(':') != std::string::npos, where_.port, std::move(tls), std::move(tokens),
-              Mirror(session.machine(), options.simulated), link_),
+              Mirror(session.machine(), options.simulated, options.token_file), link_),
         desk_(loop, session, std::move(carry), link_),
         thread_([this] { hall_.run(); }) {}
   ~Impl() {

@@ -4,8 +4,8 @@
     check_contract.py SOURCE_DIR HEARD
 
 HEARD is a file of JSON lines: {"sent": MESSAGE} that the server sent, {"answer": BODY} of POST /api/v1/request,
-{"verbs": [...]} of the code's table, {"taken": [...]} the types of message that the server takes. Prints what differs;
-exit status 1 then, 3 without the validator.
+{"opened": BODY} of POST /api/v1/read, {"verbs": [...]} of the code's table, {"taken": [...]} the types of message that the
+server takes. Prints what differs; exit status 1 then, 3 without the validator.
 """
 import json
 import pathlib
@@ -64,6 +64,8 @@ for message in sent:
 for entry in heard:
     if "answer" in entry:
         check("answer", entry["answer"])
+    if "opened" in entry:
+        check("opened file", entry["opened"])
     if "verbs" in entry:
         same("verb", entry["verbs"], schema["$defs"]["verb name"]["enum"])
     if "taken" in entry:

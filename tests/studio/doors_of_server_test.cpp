@@ -14,6 +14,7 @@ TEST_F(StudioServer, ARoleMayWhatItMayAndIsToldWhatItMayNot) {
   };
   auto viewer = page(0, command::Role::view);
   EXPECT_EQ(snapshot_["role"], "view");
+  EXPECT_EQ(snapshot_["token_file"], file_ + ".view");
   Json reply;
   EXPECT_EQ(status(*viewer, "report"), 0);
   EXPECT_EQ(status(*viewer, "nmt", &reply), 1);

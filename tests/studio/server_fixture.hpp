@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "berth/command/audit.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/sim/world.hpp"
 
@@ -176,6 +177,7 @@ class StudioServer : public ::testing::Test {
   }
   rt::Task<void> carry(const command::Request& request, command::Reply& reply) {
     ++carried_;
+    if (command::changes(request)) ++changed_;
     if (request.verb == "report") co_await rt::sleep_for(10ms);
     if (request.verb == "scan") co_await rt::sleep_for(10h);
     reply.json = R"({"done":true})";
@@ -237,6 +239,7 @@ class StudioServer : public ::testing::Test {
   std::unique_ptr<Studio> studio_;
   Json snapshot_;
   unsigned carried_ = 0;
+  unsigned changed_ = 0;  // of them, by requests that change something
   std::int64_t frames_ = 0;
 };
 

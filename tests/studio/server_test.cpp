@@ -391,6 +391,12 @@ TEST_F(StudioServer, TheContractIsWhatIsSpoken) {
   poster->say(post(R"({"verb":"report"})"));
   const auto answer = poster->answer();
   heard += Json{{"answer", Json::parse(answer.substr(answer.find("\r\n\r\n") + 4))}}.dump() + "\n";
+  const std::string log = "(0000000001.000000) can0 705#7F\nno frame\n(0000000002.000000) can0 701#R\n";
+  poster->say(head("POST /api/v1/read?name=run.log",
+                   bearer() + fmt::format("Origin: http://{}\r\nContent-Length: {}\r\n", own(), log.size())) +
+              log);
+  const auto opened = poster->answer();
+  heard += Json{{"opened", Json::parse(opened.substr(opened.find("\r\n\r\n") + 4))}}.dump() + "\n";
   Json verbs = Json::array();
   for (const auto& verb : command::verbs()) verbs.push_back(verb.name);
   heard += Json{{"verbs", verbs}}.dump() + "\n" + Json{{"taken", taken_types()}}.dump() + "\n";

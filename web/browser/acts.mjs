@@ -401,6 +401,66 @@ await check(
 );
 
 await check(
+  "what the filter finds in the whole ring is saved by the server",
+  { machine: "belt", hash: "&pane=trace&filter=70A%2305" },
+  async (page, berth, by) => {
+    await page.locator(".bar .number", { hasText: "in the whole ring" }).waitFor();
+    await page.locator(".menu summary").click();
+    const saved = async (words) => {
+      const coming = page.waitForEvent("download");
+      await by.button(`What the filter finds in the whole ring, as ${words}`).click();
+      return readFileSync(await (await coming).path());
+    };
+    const lines = (await saved("candump log")).toString().trim().split("\n");
+    assert.ok(lines.length > 3);
+    for (const line of lines) assert.match(line, /^\(\d{10}\.\d{6}\) field 70A#05 [RT]$/);
+    assert.equal((await saved("pcapng")).readUInt32BE(0), 0x0a0d0d0a);
+    assert.match((await saved("Vector ASC")).toString(), /^date /);
+    assert.match((await saved("PEAK TRC 2.1")).toString(), /^;\$FILEVERSION=2\.1/);
+    await page.locator(".menu code", { hasText: "curl" }).waitFor();
+  },
+);
+
+await check(
+  "a log of this computer is opened, its wrong lines are told, and the machine's frames come back",
+  { machine: "belt", hash: "&pane=trace" },
+  async (page, berth, by) => {
+    const log = "(0000000001.000000) can0 705#7F\nno frame\n(0000000002.000000) can0 601#4018100400000000\n";
+    const pick = (name, text) =>
+      page.getByLabel("Open a log", { exact: true }).setInputFiles({ name, mimeType: "", buffer: Buffer.from(text) });
+    await pick("run.log", log);
+    const bar = page.getByRole("group", { name: "Opened file" });
+    await bar.getByText("2 frames, candump").waitFor();
+    await page.locator(".frame", { hasText: /pre-operational/i }).waitFor();
+    await bar.getByText("1 remark").click();
+    await bar.getByText(/^run\.log:2:/).waitFor();
+    await bar.locator("code", { hasText: "berth trace run.log" }).waitFor();
+    await by.type(page.getByLabel("Filter frames"), "1018h");
+    await bar.getByText("1 of 2 frames").waitFor();
+    await by.type(page.getByLabel("Filter frames"), "");
+    await by.button("Close the file").click();
+    await page.locator(".scroll .frame").nth(3).waitFor();
+    await pick("empty.log", "");
+    await page.getByRole("alert").getByText("empty.log: the file is empty").waitFor();
+  },
+);
+
+await check("a page of role view sees, and may not", { machine: "belt", hash: "" }, async (page, berth, by) => {
+  await by.slot("barrier").click();
+  await by.button("Locate: let it flicker").waitFor();
+  assert.equal(await by.button("Locate: let it flicker").isDisabled(), false);
+  const { token_file } = await berth.snapshot();
+  const token = readFileSync(`${token_file}.view`, "utf8").trim();
+  const other = await openPage(browser, `${berth.address}#token=${token}&slot=field/11`);
+  const button = other.page.getByRole("button", { name: "Locate: let it flicker", exact: true });
+  await button.waitFor();
+  assert.equal(await button.isDisabled(), true);
+  await other.page.getByText("This needs the role operate. Yours is view.").first().waitFor();
+  await other.page.getByText("role: view").waitFor();
+  await other.context.close();
+});
+
+await check(
   "what is listed is saved as candump log and as CSV",
   { machine: "belt", hash: "&pane=trace&filter=70A%2305" },
   async (page, berth, by) => {

@@ -93,6 +93,8 @@ export interface Snapshot {
   verbs: Verb[];
   lock: Lock;
   role: Role;
+  /** On the server's computer: where the token of this role stands; empty: nowhere. */
+  token_file?: string;
   /** Null: the machine is not simulated. */
   world?: WorldTime | null;
 }
@@ -129,6 +131,19 @@ export interface FrameRow {
   text: string;
   /** Of a remote frame: the length that it asks for. */
   dlc?: number;
+}
+
+/** The answer to a trace file that was sent. */
+export interface OpenedFile {
+  name: string;
+  format: string;
+  buses: string[];
+  /** In the file; `rows` has the first of them. */
+  frames: number;
+  rows: FrameRow[];
+  /** "run.log:12:3: error: …" */
+  findings: string[];
+  more_findings: number;
 }
 
 export interface Frames {

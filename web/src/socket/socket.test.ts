@@ -35,6 +35,7 @@ function connected(refused = false) {
       return wire;
     },
     refuses: () => Promise.resolve(refused),
+    fetch: (path, init) => Promise.resolve(new Response(`${init.method} ${path} ${JSON.stringify(init.headers)}`)),
     later: (seconds, run) => later.push({ seconds, run }),
     now: () => 0,
   });
@@ -44,6 +45,12 @@ function connected(refused = false) {
 }
 
 describe("the socket", () => {
+  it("shows its token by HTTP, too", async () => {
+    const { socket } = connected();
+    const answer = await socket.fetch("/api/v1/trace", { method: "GET" });
+    expect(await answer.text()).toBe('GET /api/v1/trace {"Authorization":"Bearer secret"}');
+  });
+
   it("asks for a new snapshot by a new connection behind a gap, and ignores the old one", () => {
     const { store, wires, wire } = connected();
     wire(0).receive(snapshot());

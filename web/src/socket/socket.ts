@@ -21,6 +21,7 @@ export interface Outside {
   open(token: string): Wire;
   /** Whether the server says that the token is wrong. */
   refuses(token: string): Promise<boolean>;
+  fetch(path: string, init: RequestInit): Promise<Response>;
   later(seconds: number, run: () => void): void;
   now(): number;
 }
@@ -29,6 +30,8 @@ export interface Socket {
   start(token: string): void;
   request(verb: string, values: Record<string, string>, owner: string): string;
   send(message: ClientMessage): boolean;
+  /** What is too long for a message: by HTTP, with the token. */
+  fetch(path: string, init?: RequestInit): Promise<Response>;
 }
 
 export function pause(attempt: number): number {
@@ -123,6 +126,7 @@ export function createSocket(store: Store<State, Action>, outside: Outside): Soc
       return id;
     },
     send,
+    fetch: (path, init) => outside.fetch(path, { ...init, headers: { Authorization: `Bearer ${token}` } }),
   };
 }
 
@@ -142,6 +146,7 @@ export function browserOutside(): Outside {
         return false;
       }
     },
+    fetch: (path, init) => fetch(path, init),
     later: (seconds, run) => void setTimeout(run, seconds * 1000),
     now: () => performance.now() / 1000,
   };

@@ -27,6 +27,7 @@ export const firstState: State = {
     verbs: [],
     lock: { real: false, unlocked_until_s: null },
     role: "view",
+    tokenFile: "",
   },
   rates: null,
   loads: [],
@@ -100,6 +101,7 @@ function messageReducer(state: State, message: ServerMessage, now: number): Stat
 
 function dataOf(snapshot: Snapshot): Data {
   const { seq, machine, buses, slots, events, questions, time_s, verbs, lock, role, world = null } = snapshot;
+  const tokenFile = snapshot.token_file ?? "";
   return {
     seq,
     machine,
@@ -112,6 +114,7 @@ function dataOf(snapshot: Snapshot): Data {
     verbs,
     lock,
     role,
+    tokenFile,
   };
 }
 

@@ -64,6 +64,8 @@ export interface Data {
   verbs: Verb[];
   lock: Lock;
   role: Role;
+  /** On the server's computer: where this page's token stands; empty: nowhere. */
+  tokenFile: string;
 }
 
 export interface Window {

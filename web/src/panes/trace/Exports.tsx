@@ -1,12 +1,16 @@
+import { useState } from "react";
+import { Command } from "../../parts/Act";
 import { download, fileName } from "../../parts/download";
 import { visible } from "../../protocol/text";
 import { useData, useStudio } from "../../window/context";
-import { candumpLog, exported, framesCsv } from "./export";
+import { candumpLog, exported, framesCsv, ringCommand, ringFormats, ringPath } from "./export";
 import { knownOf } from "./reducer";
 
 /** What is in the list, or only what belongs to the selected slot, as a file. */
 export function Exports() {
-  const { store } = useStudio();
+  const { socket, store } = useStudio();
+  const [trouble, setTrouble] = useState("");
+  const [filter, tokenFile] = useData((state) => [state.view.filter, state.data.tokenFile] as const);
   const [slot, name] = useData((state) => {
     const chosen = state.data.slots.find((entry) => `${entry.bus}/${entry.id}` === state.view.slot);
     return [chosen ? state.view.slot : "", chosen?.name ?? ""] as const;
@@ -21,6 +25,18 @@ export function Exports() {
     download(fileName(state.data.machine.name, ending, new Date()), text, type);
     store.dispatch({ type: "window", change: { notice: `${frames.length} frames saved.` } });
   };
+  // The server writes the file: this page holds a part of its ring only.
+  const saveRing = async (format: string, ending: string) => {
+    setTrouble("");
+    try {
+      const answer = await socket.fetch(ringPath(format, filter));
+      if (!answer.ok) return setTrouble(await answer.text());
+      download(fileName(store.get().data.machine.name, ending, new Date()), await answer.blob(), "");
+      store.dispatch({ type: "window", change: { notice: "The ring is saved." } });
+    } catch {
+      setTrouble("The connection was lost before the file was whole.");
+    }
+  };
   return (
     <details className="menu">
       <summary>Export</summary>
@@ -31,6 +47,17 @@ export function Exports() {
         <button type="button" onClick={() => save("csv", "")}>
           What is listed, as CSV
         </button>
+        {ringFormats.map(({ format, ending, words }) => (
+          <button key={format} type="button" onClick={() => void saveRing(format, ending)}>
+            {filter ? "What the filter finds in the whole ring" : "The whole ring"}, as {words}
+          </button>
+        ))}
+        <Command command={ringCommand(window.location.origin, filter, tokenFile)} />
+        {trouble && (
+          <span className="bad-text" role="alert">
+            {visible(trouble)}
+          </span>
+        )}
         {slot && (
           <>
             <button type="button" onClick={() => save("log", slot)}>

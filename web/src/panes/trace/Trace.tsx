@@ -6,6 +6,7 @@ import type { Bus } from "../../protocol/messages";
 import { bytes, count, hex, visible } from "../../protocol/text";
 import { useData, useStudio, useView } from "../../window/context";
 import { Exports } from "./Exports";
+import { FileList, OpenFile } from "./FileList";
 import { FoldedList } from "./Folded";
 import { Marks } from "./Marks";
 import { frameAt, knownOf, lineOf, matcher, meaningIn, rowOf, type TraceState } from "./reducer";
@@ -20,6 +21,7 @@ export function Trace() {
     (state) => [state.view.filter, state.connection.phase === "open", state.rates?.ring.next ?? 0] as const,
   );
   const known = next > 0;
+  const file = useData((state) => state.trace.file);
   // What the ring holds from before the pane was opened.
   useEffect(() => {
     if (!open || !known) return;
@@ -39,6 +41,14 @@ export function Trace() {
     }, 200);
     return () => clearTimeout(timer);
   }, [filter, open, socket, store]);
+  if (file) {
+    return (
+      <>
+        <Bar />
+        <FileList file={file} />
+      </>
+    );
+  }
   return (
     <>
       <Bar />
@@ -90,6 +100,7 @@ function Bar() {
         </button>
       </div>
       <Exports />
+      <OpenFile />
       <span className="number quiet" aria-live="off">
         {view.filter ? `${count(pausedShown ?? shown)} of ${count(kept)} here` : `${count(kept)} frames here`}
         {matched !== null && `, ${count(matched)} in the whole ring`}

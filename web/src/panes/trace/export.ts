@@ -1,8 +1,28 @@
 import { csv } from "../../parts/download";
 import type { Frame } from "../../protocol/batch";
 import { frameOf } from "../../protocol/batch";
+import { quoted } from "../../protocol/command";
 import { bytes } from "../../protocol/text";
 import { meaningIn, type Known, type Piece } from "./reducer";
+
+/** Formats in which the server writes its ring, as `berth trace` does. */
+export const ringFormats = [
+  { format: "candump", ending: "log", words: "candump log" },
+  { format: "pcapng", ending: "pcapng", words: "pcapng" },
+  { format: "asc", ending: "asc", words: "Vector ASC" },
+  { format: "trc", ending: "trc", words: "PEAK TRC 2.1" },
+  { format: "trc1.1", ending: "trc", words: "PEAK TRC 1.1" },
+] as const;
+
+export const ringPath = (format: string, filter: string): string =>
+  `/api/v1/trace?format=${format}${filter && `&filter=${encodeURIComponent(filter)}`}`;
+
+/** For a shell on the server's computer. */
+export function ringCommand(origin: string, filter: string, tokenFile: string): string {
+  const token = tokenFile ? `$(cat ${quoted(tokenFile)})` : "TOKEN";
+  const address = `${origin}${ringPath("candump", filter)}`.replace(/'/g, "%27");
+  return `curl -H "Authorization: Bearer ${token}" -o run.log '${address}'`;
+}
 
 /** The frames that the filter lets through; with `slot` ("field/12") only those of this node. */
 export function exported(pieces: readonly Piece[], known: Known, slot = ""): Frame[] {

@@ -1,6 +1,6 @@
 import { meaningOf, type Meaning, type Service } from "../../can/words";
-import { batchesOfRows, frameOf, joined, type Batch, type Frame } from "../../protocol/batch";
-import type { FrameRow } from "../../protocol/messages";
+import { batchesOfRows, emptyBatch, frameOf, joined, type Batch, type Frame } from "../../protocol/batch";
+import type { FrameRow, OpenedFile } from "../../protocol/messages";
 import { bytes, hex } from "../../protocol/text";
 import type { Action, State } from "../../store/state";
 import { MOST_MARKS, type View } from "../../store/view";
@@ -46,12 +46,27 @@ export interface TraceState {
   marked: ReadonlyMap<number, number>;
   /** Transfers that show their frames, by the number of the first. */
   opened: ReadonlySet<number>;
+  /** A file that is shown instead of the machine's frames. */
+  file: TraceFile | null;
+}
+
+export interface TraceFile {
+  name: string;
+  format: string;
+  /** In the file; `batch` has the first of them. */
+  frames: number;
+  batch: Batch;
+  texts: readonly string[];
+  known: Known;
+  findings: readonly string[];
+  moreFindings: number;
 }
 
 export type TraceAction =
   | { type: "trace/pause"; paused: boolean }
   | { type: "trace/clear" }
   | { type: "trace/asked"; id: string }
+  | { type: "trace/file"; file: TraceFile | null }
   | { type: "trace/open"; first: number; open: boolean };
 
 export const firstTrace: TraceState = {
@@ -66,6 +81,7 @@ export const firstTrace: TraceState = {
   asked: "",
   marked: new Map(),
   opened: new Set(),
+  file: null,
 };
 
 export function traceReducer(trace: TraceState, action: Action, state: State): TraceState {
@@ -79,7 +95,9 @@ export function traceReducer(trace: TraceState, action: Action, state: State): T
     case "trace/pause":
       return { ...trace, paused: action.paused ? { pieces: trace.pieces, shown: trace.shown } : null };
     case "trace/clear":
-      return { ...firstTrace, filter: trace.filter, marked: trace.marked };
+      return { ...firstTrace, filter: trace.filter, marked: trace.marked, file: trace.file };
+    case "trace/file":
+      return { ...trace, file: action.file };
     case "trace/asked":
       return { ...trace, asked: action.id };
     case "trace/open":
@@ -288,6 +306,22 @@ function refiltered(trace: TraceState, filter: string, known: Known): TraceState
     asked: "",
     paused: paused && { pieces: paused, shown: paused.reduce((sum, piece) => sum + piece.count, 0) },
   };
+}
+
+/** What the server read of a file. Which of its nodes are there nobody said: each may be. */
+export function fileOf(answer: OpenedFile): TraceFile {
+  const { name, format, buses, frames, rows, findings, more_findings } = answer;
+  const batch = batchesOfRows(rows, buses)[0] ?? emptyBatch(0, 0);
+  const texts = rows.map((row) => row.text);
+  const known = { buses, isNode: () => true };
+  return { name, format, frames, batch, texts, known, findings, moreFindings: more_findings };
+}
+
+/** Positions of the frames that the filter lets through. */
+export function rowsOfFile({ batch, texts, known }: TraceFile, filter: string): number[] {
+  const matches = matcher(filter);
+  const all = Array.from({ length: batch.count }, (_, i) => i);
+  return matches ? all.filter((i) => matches(`${lineOf(frameOf(batch, i), known)} ${texts[i] ?? ""}`)) : all;
 }
 
 /** The frame in row `row` of the list, or null. */

@@ -2,7 +2,8 @@ import { describe, expect, it } from "vitest";
 import { firstState, reducer } from "../../store/reducer";
 import { batch, snapshot } from "../../store/samples";
 import type { State } from "../../store/state";
-import { frameAt, MOST_FRAMES, rowOf } from "./reducer";
+import { ringCommand, ringPath } from "./export";
+import { fileOf, frameAt, MOST_FRAMES, rowOf, rowsOfFile } from "./reducer";
 
 const begun = reducer(firstState, { type: "message", message: snapshot(), now: 0 });
 const add = (state: State, first: number, frames: string) =>
@@ -81,5 +82,47 @@ describe("the trace", () => {
     for (let i = 0; i < 60; i++) state = add(state, i * 2000, many);
     expect(state.trace.kept).toBeLessThanOrEqual(MOST_FRAMES);
     expect(frameAt(state.trace.pieces, state.trace.shown - 1)?.n).toBe(119_999);
+  });
+});
+
+describe("a file that is opened", () => {
+  const row = (n: number, bus: string, id: number, data: string, text: string) => ({
+    ...{ n, t_s: n / 10, bus, id, ext: false, rtr: false, data, text },
+  });
+  const file = fileOf({
+    ...{ name: "run.log", format: "candump", buses: ["can0", "can1"], frames: 9, more_findings: 2 },
+    rows: [row(0, "can0", 0x705, "7F", "heartbeat of node 5"), row(1, "can1", 0x601, "4018100400000000", "SDO read")],
+    findings: ["run.log:3:1: error: no frame"],
+  });
+
+  it("has its own buses, and is filtered by the server's words and by the bytes", () => {
+    expect(file.batch.count).toBe(2);
+    expect(file.frames).toBe(9);
+    expect(rowsOfFile(file, "")).toEqual([0, 1]);
+    expect(rowsOfFile(file, "can1")).toEqual([1]);
+    expect(rowsOfFile(file, "heartbeat 705#7f")).toEqual([0]);
+    expect(rowsOfFile(file, "601#40181004")).toEqual([1]);
+  });
+
+  it("stands instead of the machine's frames until it is closed, and these go on", () => {
+    let state = reducer(add(begun, 0, "701#05"), { type: "trace/file", file });
+    state = add(state, 1, "702#05");
+    expect(state.trace.file?.name).toBe("run.log");
+    expect(state.trace.kept).toBe(2);
+    state = reducer(state, { type: "trace/file", file: null });
+    expect(state.trace.file).toBeNull();
+    expect(state.trace.kept).toBe(2);
+  });
+});
+
+describe("the whole ring", () => {
+  it("is asked for by an address and by a command that a shell takes", () => {
+    expect(ringPath("pcapng", "")).toBe("/api/v1/trace?format=pcapng");
+    expect(ringPath("asc", "sdo 605#")).toBe("/api/v1/trace?format=asc&filter=sdo%20605%23");
+    expect(ringCommand("http://127.0.0.1:8302", "it's", "/run/a b.token")).toBe(
+      `curl -H "Authorization: Bearer $(cat '/run/a b.token')" -o run.log ` +
+        `'http://127.0.0.1:8302/api/v1/trace?format=candump&filter=it%27s'`,
+    );
+    expect(ringCommand("http://127.0.0.1:8302", "", "")).toContain("Bearer TOKEN");
   });
 });

@@ -1,0 +1,52 @@
+/// A trace file that a page sent, for its list: the frames with their words, and what is wrong with the file, as `berth
+/// trace` reads it. Works in steps, so that the thread does other things between them. Inside of room `studio`.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <tl/expected.hpp>
+#include <vector>
+
+#include "berth/studio/search.hpp"
+#include "berth/trace/any_file.hpp"
+
+namespace berth::studio {
+
+inline constexpr std::size_t longest_file = std::size_t{16} << 20U;  ///< bytes, as they are sent
+
+class Opened final : private trace::Sink {
+ public:
+  static constexpr std::uint64_t most_frames = 100'000;                   ///< in the answer; the others are counted
+  static constexpr std::size_t most_findings = 100;                       ///< the same
+  static constexpr std::size_t most_buses = 255;                          ///< frames of further ones are left out
+  static constexpr std::uint64_t most_entries = std::uint64_t{4} << 20U;  ///< of one in gzip
+
+  Opened(std::string name, std::string bytes);
+  /// Reads a piece; true: that was the end, and `answer` tells.
+  bool step();
+  /// {"name", "format", "buses", "frames", "rows", "findings", "more_findings"}; or why nothing could be read.
+  [[nodiscard]] tl::expected<std::string, std::string> answer() const;
+
+ private:
+  void entry(const trace::Entry& entry) override;
+  void finding(Finding finding) override;
+
+  std::string name_;
+  std::string bytes_;
+  std::size_t fed_ = 0;
+  trace::AnyFile file_;
+  std::string wrong_;
+  std::vector<decode::Interpreter> words_;  // by bus
+  std::uint64_t frames_ = 0;
+  std::uint64_t errors_ = 0;  // error frames, which have no row
+  std::string rows_;          // JSON
+  std::vector<std::string> findings_;
+  std::uint64_t more_findings_ = 0;
+};
+
+/// "name=run.log": the name that findings tell; a reason in words for anything else. No path: what stands before the
+/// last slash is left out.
+[[nodiscard]] tl::expected<std::string, std::string> parse_name_query(std::string_view query);
+
+}  // namespace berth::studio
