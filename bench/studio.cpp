@@ -305,7 +305,7 @@ void with_clients(unsigned count, const design::Machine& machine, Figures& figur
 int serve(const design::Machine& machine, std::chrono::seconds time) {
   Load load(machine);
   if (load.studio() == nullptr) return 1;
-  fmt::print("{}\n", load.studio()->address());
+  fmt::print("{}\n", load.studio()->address(command::Role::configure));
   static_cast<void>(std::fflush(stdout));
   load.run(time);
   Figures figures;
