@@ -171,10 +171,19 @@ void Desk::finish() noexcept {
       say(bus == request.arguments.end() ? std::string() : bus->second,
           fmt::format("studio: {}: {}", words_of(request), command::word_of_status(work->reply.status)));
     }
+    note_written(request, work->reply);
     answer({work->order.client, work->order.id, std::move(work->reply)});
   }
   std::erase_if(works_, [](const auto& work) { return work->done; });
   flush();
+}
+
+// Another client may show or edit the same value.
+void Desk::note_written(const command::Request& request, const command::Reply& reply) {
+  constexpr std::size_t most = 256;
+  if (request.verb != "sdo write" || reply.json.empty()) return;
+  if (written_.size() == most) written_.erase(written_.begin());
+  written_.push_back(reply.json);
 }
 
 void Desk::answer(Answer answer) {
@@ -213,6 +222,7 @@ void Desk::tell() {
   news.slots = changed();
   news.events = std::exchange(events_, {});
   news.events_left_out = std::exchange(left_out_, 0);
+  news.written = std::exchange(written_, {});
   if (!told_lock_ || *told_lock_ != lock()) news.lock = told_lock_ = lock();
   auto questions = tree::questions_of(*session_);
   if (!std::ranges::equal(questions, told_questions_, same_question))

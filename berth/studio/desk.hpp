@@ -53,6 +53,7 @@ class Desk final : private io::Watcher {
   void tell();
   void flush();
   [[nodiscard]] bool turned_away(const Order& order);
+  void note_written(const command::Request& request, const command::Reply& reply);
   [[nodiscard]] bool may_change() const;
   void set_lock(const Order& order, std::optional<rt::Time> until, const std::string& words);
   void say(const std::string& bus, const std::string& text);
@@ -70,6 +71,7 @@ class Desk final : private io::Watcher {
   std::vector<operate::Event> told_questions_;
   std::vector<operate::Event> events_;
   std::uint64_t left_out_ = 0;
+  std::vector<std::string> written_;  // JSON, since the last change
   std::optional<rt::Time> unlocked_until_;
   std::optional<Lock> told_lock_;
   Pace told_pace_;

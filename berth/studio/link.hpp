@@ -57,10 +57,11 @@ struct News {
   std::optional<Lock> lock{};                              ///< when it changed
   std::optional<std::vector<operate::Event>> questions{};  ///< all that are open, when they changed
   std::optional<Pace> pace{};                              ///< when it changed
+  std::vector<std::string> written{};                      ///< JSON: what "sdo write" answered to any client
   std::optional<Answer> answer{};
   /// Nothing that a page shows.
   [[nodiscard]] bool is_empty() const noexcept {
-    return slots.empty() && events.empty() && !lock && !questions && !pace;
+    return slots.empty() && events.empty() && !lock && !questions && !pace && written.empty();
   }
 };
 

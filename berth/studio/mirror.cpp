@@ -136,6 +136,10 @@ std::string Mirror::take(const News& news) {
     append_all(questions_, out);
   }
   if (news.pace) out += ",\"world\":" + world_json(news.time_s);
+  if (!news.written.empty()) {
+    out += ",\"written\":";
+    append_all(news.written, out);
+  }
   out += '}';
   return out;
 }

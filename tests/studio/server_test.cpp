@@ -127,6 +127,21 @@ TEST_F(StudioServer, RequestsAreCarriedOutByRightsAndChangesAreTold) {
   EXPECT_NE(answer.find(R"("status":0)"), std::string::npos);
 }
 
+TEST_F(StudioServer, WhatOneClientWritesTheOthersAreTold) {
+  auto writer = page();
+  auto other = page();
+  writer->send(R"({"type":"request","id":"r","verb":"sdo read","arguments":{"node":"5","object":"1017h"}})");
+  EXPECT_EQ(writer->next("reply")["status"], 0);
+  writer->send(
+      R"({"type":"request","id":"w","verb":"sdo write","arguments":{"node":"5","object":"1017h","value":"500"}})");
+  const auto reply = writer->next("reply");
+  EXPECT_EQ(reply["status"], 0);
+  auto change = other->next("change");
+  while (change.is_object() && !change.contains("written")) change = other->next("change");
+  ASSERT_EQ(change["written"].size(), 1U) << "who reads changes nothing";
+  EXPECT_EQ(change["written"][0], reply["reply"]);
+}
+
 TEST_F(StudioServer, WhoLeavesEndsItsRequestsAndOneClientHasEightAtMost) {
   auto client = page();
   for (int i = 0; i < 9; ++i) client->send(fmt::format(R"({{"type":"request","id":"{}","verb":"scan"}})", i));

@@ -232,6 +232,26 @@ await check(
 );
 
 await check(
+  "what another browser writes is seen beside one's own draft",
+  { machine: "belt", hash: "&pane=dictionary&slot=field/10&object=1017h:00" },
+  async (page, berth, by) => {
+    await by.button("Read all objects").click();
+    await page.getByLabel("Search objects").fill("1017h");
+    const row = page.locator(".object", { hasText: "1017h:00" });
+    await row.click();
+    await page.getByLabel("New value").fill("611");
+    const second = await openPage(browser, `${berth.url}&pane=dictionary&slot=field/10&object=1017h:00`);
+    await second.page.getByLabel("New value").fill("622");
+    await second.page.getByRole("button", { name: "Write", exact: true }).click();
+    await row.locator("text=622").waitFor();
+    await page.locator(".events", { hasText: "studio: sdo write" }).waitFor();
+    assert.equal(await page.getByLabel("New value").inputValue(), "611");
+    assert.deepEqual(second.errors, []);
+    await second.context.close();
+  },
+);
+
+await check(
   "a value is edited as its type wants it",
   { machine: "belt", hash: "&pane=dictionary&slot=field/10" },
   async (page, berth, by) => {

@@ -109,6 +109,8 @@ export interface Change {
   questions?: Event[];
   lock?: Lock;
   world?: WorldTime | null;
+  /** What `sdo write` of any client answered. */
+  written?: unknown[];
 }
 
 export interface Reply {

@@ -52,6 +52,22 @@ describe("the dictionary", () => {
     expect(state.dictionary.before["field/10"]).toEqual({ "1017h:00": "500" });
   });
 
+  it("shows what another page wrote, in the devices that it shows", () => {
+    const shown = ask(firstState, "r1", "sdo dump", { objects: [object("0x1017", 0, 500, "Producer heartbeat time")] });
+    const data = { ...shown.data, seq: 4 };
+    const written = [
+      { bus: "field", node: 10, ...object("0x1017", 0, 750) },
+      { bus: "field", node: 11, ...object("0x1017", 0, 900) },
+      { bus: "field", node: 10, objects: [{ index: "0x1018", sub: 4, abort_code: "0x06010002", text: "read only" }] },
+    ];
+    const message = { type: "change" as const, seq: 5, time_s: 1, written };
+    const state = reducer({ ...shown, data }, { type: "message", now: 0, message });
+    expect(state.dictionary.objects["field/10"]?.[0]).toMatchObject({ name: "Producer heartbeat time", value: "750" });
+    expect(state.dictionary.before["field/10"]).toEqual({ "1017h:00": "500" });
+    expect(state.dictionary.objects["field/10"]).toHaveLength(1);
+    expect(state.dictionary.objects["field/11"]).toBeUndefined();
+  });
+
   it("says why an object could not be read", () => {
     const [row] = rowsOf({
       objects: [{ index: "0x1003", sub: 1, name: "n", abort_code: "0x08000024", text: "no data available" }],

@@ -68,6 +68,7 @@ export function dictionaryReducer(dictionary: DictionaryState, action: Action, s
     case "view":
       return action.change.object === undefined ? dictionary : { ...dictionary, draft: "", devices: "", series: null };
     case "message":
+      if (action.message.type === "change") return withWritten(dictionary, action.message.written ?? []);
       return action.message.type === "reply" ? withReply(dictionary, action.message.id, state) : dictionary;
     default:
       return dictionary;
@@ -79,16 +80,32 @@ function withReply(dictionary: DictionaryState, id: string, state: State): Dicti
   const sent = state.requests.find((entry) => entry.id === id);
   if (!sent?.verb.startsWith("sdo ") || sent.status !== 0) return dictionary;
   const slot = sent.owner.replace(/^(dictionary:|series \d+ )/, "").replace(/^watch:(.*) \S+$/s, "$1");
-  const rows = rowsOf(sent.reply);
-  if (slot === sent.owner || !rows.length) return dictionary;
+  if (slot === sent.owner) return dictionary;
+  return withRows(dictionary, slot, rowsOf(sent.reply), sent.verb === "sdo dump");
+}
+
+/** What any client wrote, in the devices of which something is shown. */
+function withWritten(dictionary: DictionaryState, written: readonly unknown[]): DictionaryState {
+  let next = dictionary;
+  for (const reply of written) {
+    if (!isJson(reply) || reply.path !== undefined) continue;
+    const slot = `${textOf(reply.bus)}/${textOf(reply.node)}`;
+    const rows = rowsOf(reply).filter((row) => !row.abort);
+    if (slot in next.objects) next = withRows(next, slot, rows, false);
+  }
+  return next;
+}
+
+function withRows(dictionary: DictionaryState, slot: string, rows: ObjectRow[], all: boolean): DictionaryState {
+  if (!rows.length) return dictionary;
   const old = dictionary.objects[slot] ?? [];
-  const next = sent.verb === "sdo dump" ? rows : merged(old, rows);
+  const next = all ? rows : merged(old, rows);
   const before = new Map(Object.entries(dictionary.before[slot] ?? {}));
   const oldValues = new Map(old.map((row) => [row.key, row.value]));
   for (const row of rows) {
     const was = oldValues.get(row.key);
     if (was !== undefined && was !== row.value) before.set(row.key, was);
-    else if (sent.verb === "sdo dump") before.delete(row.key);
+    else if (all) before.delete(row.key);
   }
   return {
     ...dictionary,
