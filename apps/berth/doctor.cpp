@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "berth/base/words.hpp"
+#include "berth/command/diagnosis.hpp"
+#include "berth/command/verbs.hpp"
 #include "berth/doctor/conformance.hpp"
 #include "berth/doctor/diagnose.hpp"
 #include "berth/doctor/questions.hpp"
@@ -52,16 +54,6 @@ struct Patient {
   bool deaf = false;      // the port was down all the time
   std::string problem{};  // why questions could not be asked, or nothing was heard
 };
-
-doctor::Expected expected_on(const design::Machine& machine, const design::Bus& bus) {
-  doctor::Expected e;
-  e.slots = machine.specs(bus.name);
-  if (bus.role != design::Role::observer) e.master = bus.master;
-  e.heartbeat_period = bus.timing.heartbeat_period;
-  e.heartbeat_timeout = bus.timing.heartbeat_timeout;
-  e.bit_rate = bus.bitrate;
-  return e;
-}
 
 // On a simulated bus, a node of its own.
 tl::expected<std::unique_ptr<can::Port>, Failure> node_on(Rig& rig, const design::Bus& bus) {
@@ -111,11 +103,8 @@ void ask_all(Rig& rig, std::vector<Patient>& patients, const Options& options) {
 Patient patient_of(const design::Machine& machine, const design::Bus& bus, const DoctorOptions& wanted) {
   Patient p;
   p.bus = &bus;
-  p.expected = expected_on(machine, bus);
-  p.questions.lss_timeout = bus.timing.lss_timeout;
-  p.questions.identify_window = std::min<rt::Duration>(bus.timing.lss_timeout, 30ms);
-  p.questions.sdo_timeout = std::min<rt::Duration>(bus.timing.sdo_timeout, 200ms);
-  p.questions.intrusive = wanted.intrusive;
+  p.expected = command::expected_on(machine, bus);
+  p.questions = command::questions_on(bus, wanted.intrusive);
   return p;
 }
 
@@ -184,8 +173,8 @@ std::vector<std::string> not_heard(const design::Machine& machine, bool simulate
 
 rt::Duration listening_time(const std::vector<Patient>& patients, const DoctorOptions& wanted) {
   if (wanted.listen) return *wanted.listen;
-  rt::Duration longest = 5s;
-  for (const auto& p : patients) longest = std::max<rt::Duration>(longest, 5 * p.expected.heartbeat_timeout);
+  rt::Duration longest{0};
+  for (const auto& p : patients) longest = std::max(longest, command::listening_time(*p.bus));
   return longest;
 }
 
@@ -200,41 +189,6 @@ rt::Duration listen(Rig& rig, std::vector<Patient>& patients, const DoctorOption
     p.problem = fmt::format("bus {}: {} is down: nothing was heard", p.bus->name, can::to_string(p.bus->port));
   }
   return rig.now() - began;
-}
-
-double in_s(rt::Time at) { return std::chrono::duration<double>(at.time_since_epoch()).count(); }
-
-Json json_of(const doctor::Diagnosis& d, const std::string& bus) {
-  Json j;
-  j["kind"] = doctor::name(d.kind);
-  j["bus"] = bus;
-  if (d.node.configured()) {
-    j["node"] = d.node.value();
-  } else {
-    j["node"] = nullptr;
-  }
-  if (!d.slot.empty()) j["slot"] = d.slot;
-  if (d.cob_id) j["cob_id"] = fmt::format("0x{:03X}", *d.cob_id & ~can::extended_flag);
-  if (!d.devices.empty()) {
-    j["devices"] = Json::array();
-    for (const auto& device : d.devices) j["devices"].push_back(to_string(device));
-  }
-  j["certainty"] = doctor::name(d.certainty);
-  j["what"] = d.what;
-  j["evidence"] = d.evidence;
-  j["count"] = d.count;
-  if (d.count > 0) {
-    j["first_s"] = in_s(d.first);
-    j["last_s"] = in_s(d.last);
-  }
-  j["do"] = d.advice;
-  return j;
-}
-
-void print_finding(const doctor::Diagnosis& d, const std::string& bus) {
-  print_line(fmt::format("{}: {} ({}): {}", bus, doctor::name(d.kind), doctor::name(d.certainty), d.what));
-  for (const auto& line : d.evidence) print_line("    " + line);
-  print_line("    -> " + d.advice);
 }
 
 int report(std::vector<Patient>& patients, rt::Duration listened, const Options& options, const DoctorOptions& wanted,
@@ -254,8 +208,8 @@ int report(std::vector<Patient>& patients, rt::Duration listened, const Options&
                              {"errors", heard.errors}});
     const auto findings = p.deaf ? std::vector<doctor::Diagnosis>() : doctor::diagnose(heard, p.expected, p.answers);
     for (const auto& d : findings) {
-      json["findings"].push_back(json_of(d, p.bus->name));
-      if (!options.json) print_finding(d, p.bus->name);
+      json["findings"].push_back(command::json_of(d, p.bus->name));
+      if (!options.json) print_lines(command::finding_lines(d, p.bus->name));
     }
     if (p.problem.empty()) continue;
     json["problems"].push_back(p.problem);
@@ -306,40 +260,15 @@ rt::Task<void> examine_node(Patient& patient, const doctor::ConformanceOptions& 
   over = true;
 }
 
-Json json_of(const doctor::Check& check) {
-  Json j;
-  j["paragraph"] = check.paragraph;
-  if (check.has_object) {
-    j["index"] = fmt::format("0x{:04X}", check.object.index);
-    j["sub"] = check.object.sub;
-  }
-  j["what"] = check.what;
-  j["verdict"] = doctor::name(check.verdict);
-  if (!check.told.empty()) j["told"] = check.told;
-  return j;
-}
-
-int report_conformance(const doctor::Conformance& report, const Patient& patient, unsigned node,
-                       const Options& options) {
-  using doctor::Verdict;
-  const auto passed = report.count(Verdict::passed), failed = report.count(Verdict::failed),
-             skipped = report.count(Verdict::skipped);
+int report_conformance(const doctor::Conformance& report, const Patient& patient, NodeId node, const Options& options) {
   if (options.json) {
-    Json json{{"bus", patient.bus->name}, {"node", node},       {"passed", passed},       {"failed", failed},
-              {"skipped", skipped},       {"problem", nullptr}, {"checks", Json::array()}};
-    if (!patient.problem.empty()) json["problem"] = patient.problem;
-    for (const auto& check : report.checks) json["checks"].push_back(json_of(check));
-    print_text(json.dump(2));
+    print_text(command::json_of(report, patient.bus->name, node, patient.problem).dump(2));
   } else {
-    for (const auto& check : report.checks) {
-      if (check.verdict != Verdict::passed) print_line(to_string(check));
-    }
-    print_line(fmt::format("{}, node {}: CiA 301: {} checks passed, {} failed, {} skipped", patient.bus->name, node,
-                           passed, failed, skipped));
+    print_lines(command::conformance_lines(report, patient.bus->name, node));
     if (!patient.problem.empty()) print_error(patient.problem);
   }
   if (!patient.problem.empty()) return Exit::failed;
-  return failed == 0 ? Exit::done : Exit::no;
+  return report.count(doctor::Verdict::failed) == 0 ? Exit::done : Exit::no;
 }
 
 int run_conformance(Rig& rig, std::vector<Patient>& patients, const Options& options, const DoctorOptions& wanted) {
@@ -358,7 +287,7 @@ int run_conformance(Rig& rig, std::vector<Patient>& patients, const Options& opt
         rig.driver(), rig.interrupt(), [&] { return over; }, options.timeout.value_or(10min));
   }
   if (!over) patient.problem = "not all checks could be made: give a longer --timeout";
-  return report_conformance(report, patient, wanted.node.value(), options);
+  return report_conformance(report, patient, wanted.node, options);
 }
 
 // --- Beside a simulated machine that runs ----------------------------------------------------------------------------
@@ -450,20 +379,18 @@ int run_doctor(const Options& given, DoctorOptions wanted) {
 
 void add_doctor(Verb& berth, Options& options) {
   const auto wanted = std::make_shared<DoctorOptions>();
-  const Verb doctor = berth.add("doctor", "what is wrong on the buses; sends nothing unless it is told to",
-                                [&options, wanted] { return run_doctor(options, *wanted); });
+  const command::Verb& known = *command::verb("doctor");
+  const auto help = [&known](std::string_view name) { return std::string(known.parameter(name)->help); };
+  const Verb doctor =
+      berth.add("doctor", std::string(known.help), [&options, wanted] { return run_doctor(options, *wanted); });
   machine_words(doctor, options, {.sends = false, .stores = false});
   machine_word(doctor, options);
   control_word(doctor, options);
   doctor.time("--for", wanted->listen, "how long to listen (default: 5 heartbeat times, at least 5 s)");
-  doctor.flag("--active", wanted->active, "ask by LSS, too");
+  doctor.flag("--active", wanted->active, help("active"));
   doctor.flag(
-      "--intrusive", [wanted] { wanted->active = wanted->intrusive = true; }, "ask by LSS and SDO, too");
-  doctor
-      .word("--conformance", wanted->conformance,
-            "instead: what CiA 301 wants of this node, paragraph by paragraph, by SDO; changes nothing. A node-ID, a "
-            "slot, with --sim a path such as 3/5")
-      .shown("NODE");
+      "--intrusive", [wanted] { wanted->active = wanted->intrusive = true; }, help("intrusive"));
+  doctor.word("--conformance", wanted->conformance, help("conformance")).shown("NODE");
   doctor.word("--eds", wanted->eds, "with --conformance: its description (default: its slot's)").shown("FILE");
   doctor.word("--bitrate", options.bit_rate, "bit/s, where --port is all that is known of the bus")
       .from_to(10'000, 1'000'000)

@@ -52,6 +52,8 @@ class Record {
   /// Gives each frame to `take` as well; empty: no more.
   using Take = std::function<void(const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master)>;
   void on_frame(Take take) { frames_ = std::move(take); }
+  /// Gives each frame that Berth sends to `take`.
+  void on_sent(Take take) { own_ = std::move(take); }
   void frame(const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master);
   /// Frames that came, ever.
   [[nodiscard]] std::uint64_t seen() const noexcept { return seen_; }
@@ -74,6 +76,7 @@ class Record {
   std::function<void(const std::string&)> take_;
   std::function<void(const std::string&)> tell_;
   Take frames_;
+  Take own_;
   std::uint64_t seen_ = 0;
   std::string path_;
   int log_ = -1;

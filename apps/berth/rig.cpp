@@ -182,6 +182,9 @@ tl::expected<void, Failure> Rig::open_session(const Options& options, bool links
     if (!connected) return tl::unexpected(failure(Exit::failed, describe(connected.error())));
   }
   strangers_ = std::make_unique<Strangers>(*driver_, *interrupt_, *session_, guards_);
+  record_.on_sent([this](const std::string& bus, const can::Frame& frame, rt::Time at, bool) {
+    if (session_) own_frames(*session_).sent(bus, frame, at);
+  });
   if (!options.files.record.empty()) {
     if (auto good = record_.write_to(options.files.record, options.files.force); !good) return good;
   }

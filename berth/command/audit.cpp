@@ -25,7 +25,12 @@ std::string field(std::string_view text) {
 
 bool changes(const Request& request) {
   const Verb* const known = verb(request.verb);
-  if (known != nullptr) return known->effect() == Effect::changes;
+  if (known != nullptr) {
+    const auto makes_it = [&](const Parameter& parameter) {
+      return parameter.changes && request.arguments.contains(std::string(parameter.name));
+    };
+    return known->effect() == Effect::changes || std::ranges::any_of(known->parameters, makes_it);
+  }
   const auto action = request.arguments.find("action");
   return action == request.arguments.end() || action->second != "devices";
 }

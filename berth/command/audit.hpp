@@ -18,8 +18,8 @@ namespace berth::command {
 /// The event of its lines in the history.
 inline constexpr std::string_view audit_event = "audit";
 
-/// Carrying it out changes something: by the table. What the table does not have is the process's own ("sim"), and
-/// changes the simulated plant, but for its list of devices.
+/// Carrying it out changes something: by the table, and by arguments that say so. What the table does not have is the
+/// process's own ("sim"), and changes the simulated plant, but for its list of devices.
 [[nodiscard]] bool changes(const Request& request);
 /// "sdo write node=5 object=1017h value=500": for people, at most some 200 bytes, in one line.
 [[nodiscard]] std::string words_of(const Request& request);

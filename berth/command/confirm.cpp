@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "berth/command/audit.hpp"
 #include "berth/command/objects.hpp"
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
@@ -125,6 +126,27 @@ Disturbed by_program(Session& session, const Request& request) {
   return disturbed;
 }
 
+// What a doctor asks; who only listens disturbs nobody.
+Disturbed by_doctor(Session& session, const Request& request) {
+  Arguments arguments(request);
+  const std::string bus = arguments.text("bus");
+  if (!arguments.good() || !changes(request)) return {};
+  if (arguments.has("conformance")) {
+    const auto node = find_node(session.machine(), bus, arguments.text("conformance"));
+    const auto network = node ? network_for(session, node->bus, Use::look) : tl::unexpected(std::string());
+    if (!node || !network) return {};
+    return disturbed_at(session, **network, node->gateways, node->node,
+                        "gets hundreds of SDO requests, some of which it must refuse");
+  }
+  const auto networks = networks_for(session, bus, Use::look);
+  if (!networks) return {};
+  for (Network* const network : *networks) {
+    const auto nodes = operational_of(*network, co::NmtTarget::all());
+    if (!nodes.empty()) return {network, nodes, "is selected by LSS while it works; some devices stop then"};
+  }
+  return {};
+}
+
 Disturbed by_boot(Session& session, const Request& request) {
   const auto bus = request.arguments.find("bus");
   const auto networks = networks_for(session, bus == request.arguments.end() ? "" : bus->second, Use::look);
@@ -142,6 +164,7 @@ Disturbed disturbed_by(Session& session, const Request& request) {
   if (request.verb == "sdo write") return by_sdo(session, request);
   if (request.verb == "store" || request.verb == "restore") return by_memory(session, request);
   if (request.verb.starts_with("program ")) return by_program(session, request);
+  if (request.verb == "doctor") return by_doctor(session, request);
   if (request.verb == "send") return by_frame(session, request);
   if (request.verb.starts_with("lss ") && request.verb != "lss move-bit-rate") return by_lss(session, request);
   return {};

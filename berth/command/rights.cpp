@@ -35,8 +35,8 @@ std::string personal_argument(Face face, const Request& request) {
 
 Role role_needed(const Request& request) {
   const Verb* const known = verb(request.verb);
-  if (known != nullptr) return known->role;
-  return changes(request) ? Role::operate : Role::view;
+  const Role least = changes(request) ? Role::operate : Role::view;
+  return known != nullptr ? std::max(known->role, least) : least;
 }
 
 std::string why_role_refused(std::string_view what, Role needed, Role has) {
@@ -58,12 +58,12 @@ std::string why_refused(Face face, const Request& request, const Granted& grante
   if (face == Face::node && (granted.listed == nullptr || !granted.listed->allow(request.verb)))
     return fmt::format("no node of bus {} may command {}: [bus.{}.commands] does not list it",
                        text::quoted(granted.bus), text::quoted(request.verb), granted.bus);
-  if (face == Face::gateway && known->effect() == Effect::changes && !granted.changes)
+  if (face == Face::gateway && changes(request) && !granted.changes)
     return fmt::format(
         "{} changes something, and on a real bus a client may only read and ask: allow it with --commands "
         "(berth gateway) or --gateway-commands (berth up)",
         text::quoted(request.verb));
-  if (face == Face::studio && !granted.changes && known->effect() == Effect::changes)
+  if (face == Face::studio && !granted.changes && changes(request))
     return fmt::format("{} changes something, and real buses are read-only until a person unlocks them for a time",
                        text::quoted(request.verb));
   return personal_argument(face, request);

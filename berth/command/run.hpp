@@ -34,6 +34,7 @@ rt::Task<void> sdo_channels(Session& session, const Request& request, Reply& rep
 rt::Task<void> emcy(Session& session, const Request& request, Reply& reply);              // emcy.cpp
 rt::Task<void> device_memory(Session& session, const Request& request, Reply& reply);     // memory.cpp
 rt::Task<void> send(Session& session, const Request& request, Reply& reply);              // send.cpp
+rt::Task<void> doctor_command(Session& session, const Request& request, Reply& reply);    // doctor.cpp
 rt::Task<void> history(Session& session, const Request& request, Reply& reply);           // history.cpp
 rt::Task<void> program_status(Session& session, const Request& request, Reply& reply);    // program.cpp
 rt::Task<void> program_download(Session& session, const Request& request, Reply& reply);  // program.cpp

@@ -38,6 +38,11 @@ constexpr Parameter personal(Parameter parameter) {
   return parameter;
 }
 
+constexpr Parameter changing(Parameter parameter) {
+  parameter.changes = true;
+  return parameter;
+}
+
 constexpr std::array bus{of_bus};
 constexpr std::array of_scan{
     of_bus, flag_of("all",
@@ -99,6 +104,12 @@ constexpr std::array of_memory{
     of_bus, word_of("node", a_node),
     word_of("group", "all (default), communication, application, or a sub-index that the maker describes", false)};
 constexpr std::array of_send{of_bus, own_of("frame", "as candump writes it: 601#4018100400000000", true)};
+constexpr std::array of_doctor{
+    of_bus, own_of("for", "how long to listen, in seconds (1 to 600; default: 5 heartbeat times, at least 5 s)"),
+    changing(flag_of("active", "ask by LSS, too")), changing(flag_of("intrusive", "ask by LSS and SDO, too")),
+    changing(option_of("conformance", "NODE",
+                       "instead: what CiA 301 wants of this node, paragraph by paragraph, by SDO; changes nothing. A "
+                       "node-ID, a slot, with --sim a path such as 3/5"))};
 constexpr std::array of_history{
     of_bus, word_of("slot", "its name, BUS/NAME or node-ID (default: all)", false),
     flag_of("audit", "instead: every request that changed something: when, who, what, answer")};
@@ -170,6 +181,7 @@ constexpr std::array table{
     Verb{"store", "a device stores its parameters (1010h)", changes, of_memory, device_memory},
     Verb{"restore", "a device takes its default parameters, after a reset (1011h)", changes, of_memory, device_memory},
     Verb{"send", "frames as they are written, through the gate as ever", changes, of_send, send},
+    Verb{"doctor", "what is wrong on the buses; sends nothing unless it is told to", asks, of_doctor, doctor_command},
     Verb{"history", "which device sat where, since when and why", asks, of_history, history},
     Verb{"lss global", "all devices to waiting or configuration state", changes, of_lss_global, lss_command},
     Verb{"lss select", "one device to configuration state", changes, of_lss_select, lss_command},

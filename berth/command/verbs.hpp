@@ -6,9 +6,9 @@
 /// name says it; `scan` and `bind` then take every bus. A node is a node-ID or a slot's name, an object an index such
 /// as 1018h:04 or its name (objects.hpp); several objects, values or frames stand one a line.
 ///
-/// On a real bus, `nmt` resets, `boot`, `lss` services, `store`, `restore`, `send`, `program` (but its status) and
-/// `sdo write` to 1010h and 1011h take yes too: without it they are refused (status 1, {"result": "unconfirmed"}) while
-/// a device that they disturb is operational.
+/// On a real bus, `nmt` resets, `boot`, `lss` services, `store`, `restore`, `send`, `program` (but its status), a
+/// `doctor` that asks and `sdo write` to 1010h and 1011h take yes too: without it they are refused (status 1,
+/// {"result": "unconfirmed"}) while a device that they disturb is operational.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +25,7 @@
 
 namespace berth::command {
 
-/// What carrying out a verb does at most, whatever its arguments.
+/// What carrying out a verb does at most, whatever its arguments but those that say `changes`.
 enum class Effect : std::uint8_t {
   asks,    ///< it reads and asks: devices, bus and store are afterwards as they were
   changes  ///< devices, what the bus does, or what the store knows
@@ -49,6 +49,7 @@ struct Parameter {
   std::string_view value{};    ///< what stands for its value in the help: "MS"
   std::string_view spelled{};  ///< an option or a flag that is not spelled as its name: "--save"
   bool personal = false;       ///< a person alone may give it: a file of this computer, or a confirmation
+  bool changes = false;        ///< with it a verb changes something that else only asks
 };
 
 struct Verb {

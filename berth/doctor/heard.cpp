@@ -112,6 +112,11 @@ void Ear::measure(const can::Frame& frame, rt::Time at) noexcept {
   second_bits_ += bits;
 }
 
+void Ear::own(const can::Frame& frame, rt::Time at) noexcept {
+  const bool tells = !frame.extended && (frame.id == 0 || frame.id == 0x080 || (frame.id & 0x780U) == 0x700);
+  return tells ? received(frame, at) : measure(frame, at);
+}
+
 void Ear::received(const can::Frame& frame, rt::Time at) noexcept {
   look(at);
   // Two frames of one identifier that differ, back to back behind a long run: what a collision leaves

@@ -115,6 +115,10 @@ class Ear final : private can::Handler, private rt::Job {
   Ear& operator=(const Ear&) = delete;
   /// What was heard until now.
   [[nodiscard]] const Heard& heard() noexcept;
+  /// A frame that this port itself sent, of an ear that shares the port with a master: it is on the bus like any other.
+  /// Commands, SYNC, heartbeat and guarding count; its LSS requests are no other master's, and what else it sends is no
+  /// sign of a device.
+  void own(const can::Frame& frame, rt::Time at) noexcept;
 
  private:
   void received(const can::Frame& frame, rt::Time at) noexcept override;

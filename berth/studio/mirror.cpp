@@ -37,6 +37,7 @@ std::string verbs_json() {
                             {"required", p.required},
                             {"form", word_of(p.form)},
                             {"value", p.value}});
+      if (p.changes) parameters.back()["changes"] = true;
       if (!p.spelled.empty()) parameters.back()["spelled"] = p.spelled.substr(0, p.spelled.find(','));
     }
     all.push_back({{"name", verb.name},

@@ -15,6 +15,7 @@
 #include "berth/operate/report.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/tree/gateway_settings.hpp"
+#include "berth/tree/own_frames.hpp"
 #include "berth/tree/tree.hpp"
 
 namespace berth::tree {
@@ -80,6 +81,9 @@ class Session {
   /// The buses beneath gateways.
   [[nodiscard]] Tree& tree() noexcept { return tree_; }
 
+  /// Frames that Berth itself sends, as far as who knows the ports tells them.
+  friend OwnFrames& own_frames(Session& session) noexcept { return session.own_frames_; }
+
  private:
   class StampedStore;
   void record(const operate::Event& event);
@@ -91,6 +95,7 @@ class Session {
   operate::SlotSettings settings_;
   std::vector<std::unique_ptr<operate::Network>> networks_;
   Tree tree_;
+  OwnFrames own_frames_;
   std::deque<operate::Event> events_;
   std::function<void(const operate::Event&)> on_event_;
   std::function<void(operate::Milestone)> on_milestone_;
@@ -101,6 +106,7 @@ class Session {
   bool careful_ = false;
 };
 
+[[nodiscard]] OwnFrames& own_frames(Session& session) noexcept;
 /// The questions that are open now, of all buses.
 [[nodiscard]] std::vector<operate::Event> questions_of(const Session& session);
 

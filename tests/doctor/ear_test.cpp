@@ -77,6 +77,23 @@ TEST_F(EarTest, ADeviceThatBootedMayComeBackInAnotherState) {
   EXPECT_EQ(ear_.heard().node(NodeId(3)).flips.count, 1U);
 }
 
+// Beside a master its commands are on the bus, too, though they are never received.
+TEST_F(EarTest, WhatItsOwnPortSendsIsOnTheBusToo) {
+  beat(100ms, 3, 0x05);
+  executor_.advance(rt::Time(150ms));
+  ear_.own(Frame::base(0x000, {0x80, 3}), rt::Time(150ms));
+  beat(200ms, 3, 0x7F);
+  EXPECT_EQ(ear_.heard().node(NodeId(3)).flips.count, 0U) << "it was told to";
+  ear_.own(Frame::base(0x000, {0x81, 3}), rt::Time(250ms));
+  EXPECT_EQ(ear_.heard().node(NodeId(3)).resets.count, 1U);
+  EXPECT_EQ(ear_.heard().frames, 4U);
+  ear_.own(Frame::base(lss::master_cob_id, {0x04, 0, 0, 0, 0, 0, 0, 0}), rt::Time(300ms));
+  EXPECT_EQ(ear_.heard().lss_requests.count, 0U) << "no other master";
+  EXPECT_EQ(ear_.heard().frames, 5U);
+  ear_.own(Frame::base(0x383, {1, 2, 3, 4, 5, 6, 7, 8}), rt::Time(400ms));
+  EXPECT_EQ(ear_.heard().node(NodeId(3)).signs.count, 2U) << "its two heartbeats: no device sent the rest";
+}
+
 // docs/protocols/can-frames.md §Arbitration: what destroys so many attempts in a row is no noise, but a second sender
 // of the identifier.
 TEST_F(EarTest, OnlyALongRunOfErrorsTellsACollision) {

@@ -561,6 +561,46 @@ await check(
   },
 );
 
+// ---- doctor ----
+
+await check(
+  "the doctor says what is wrong, and where to look",
+  { machine: "belt", fresh: true, hash: "&pane=doctor" },
+  async (page, berth, by) => {
+    await page.getByLabel("Seconds").fill("4");
+    // What Berth itself commands meanwhile is nobody's fault.
+    await by.button("Run the doctor").click();
+    await berth.request("nmt", { command: "preop", node: "belt" });
+    await berth.request("nmt", { command: "start", node: "belt" });
+    await page.locator(".answer.good", { hasText: "nothing wrong" }).waitFor();
+    await berth.request("sim", { action: "unplug", device: "light barrier" });
+    await by.button("Run it again").click();
+    const silent = page.locator(".finding.certain", { hasText: "barrier) is silent" });
+    await silent.locator("text=has it power").waitFor();
+    const kinds = await page.locator(".finding h3 .quiet").allInnerTexts();
+    assert.deepEqual(kinds, ["certain", "possible"]);
+    await silent.getByRole("button", { name: "Select barrier" }).click();
+    await page.locator(".inspector h2", { hasText: "barrier" }).waitFor();
+    await silent.getByRole("button", { name: "Frames 70Bh" }).click();
+    assert.equal(await page.getByLabel("Filter frames").inputValue(), "field 70B#");
+  },
+);
+
+await check(
+  "a device is examined, and each check leads to its object",
+  { machine: "belt", fresh: true, hash: "&pane=doctor&slot=field/10" },
+  async (page, berth, by) => {
+    await page.getByLabel("What it does").selectOption("conformance");
+    await page.getByRole("button", { name: /^Copy command: berth doctor --bus field --conformance belt/ }).waitFor();
+    await by.button("Run the doctor").click();
+    await page.locator(".answer", { hasText: /\d+ checks passed, \d+ failed/ }).waitFor();
+    await page.getByLabel("what passed, too").check();
+    await page.locator(".doctor tr", { hasText: "1018h:00" }).getByRole("button", { name: "1018h:00" }).first().click();
+    await page.locator(".inspector h2", { hasText: "1018h:00" }).waitFor();
+    await operational(berth);
+  },
+);
+
 // ---- the window ----
 
 await check(
@@ -612,6 +652,23 @@ await check(
 );
 
 await check(
+  "a doctor who asks on a real bus is confirmed, and one who listens is not",
+  { mock: { real: true }, hash: "&pane=doctor&slot=field/3" },
+  async (page, mock, by) => {
+    await page.locator("button:enabled", { hasText: "Run the doctor" }).waitFor();
+    await page.getByLabel("What it does").selectOption("lss");
+    await page.locator("button:disabled", { hasText: "Run the doctor" }).waitFor();
+    await page.getByRole("button", { name: /Unlock/ }).click();
+    await by.button("Run the doctor").click();
+    await page.getByRole("button", { name: "Do nothing" }).click();
+    assert.equal(await page.locator(".doctor .answer").count(), 0);
+    await page.getByLabel("What it does").selectOption("listen");
+    await by.button("Run the doctor").click();
+    await page.locator(".doctor .answer", { hasText: "nothing wrong" }).waitFor();
+  },
+);
+
+await check(
   "a name that is HTML stays text",
   { mock: { odd: true }, hash: "&pane=slots&slot=field/2" },
   async (page) => {
@@ -628,6 +685,7 @@ const panes = [
   "trace",
   "trace&mode=folded&marks=20",
   "plots&watch=field/32+1017h:00",
+  "doctor",
   "world",
 ];
 for (const dark of [false, true]) {

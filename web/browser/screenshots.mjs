@@ -25,6 +25,7 @@ const shown = {
   world: "light",
   folded: "dark",
   plots: "light",
+  doctor: "light",
 };
 
 const button = (page, name) => page.getByRole("button", { name, exact: true });
@@ -87,6 +88,13 @@ const shots = {
     },
   },
   boot: { hash: "pane=network", act: (page) => page.locator(".boot-log section").first().waitFor() },
+  doctor: {
+    hash: "pane=doctor&slot=field/12",
+    act: async (page) => {
+      await button(page, "Run the doctor").click();
+      await page.locator(".finding.certain").first().waitFor();
+    },
+  },
   world: { hash: "pane=world&slot=field/12", act: (page) => button(page, "Unplug").waitFor() },
   palette: {
     hash: "pane=machine",

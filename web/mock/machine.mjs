@@ -281,6 +281,11 @@ const answers = {
       {},
       machine.slots.map((slot) => `node ${String(slot.id).padStart(3)}  ${slot.state.padEnd(12)}  ${slot.name}`),
     ),
+  doctor(machine, values) {
+    const buses = [{ bus: "field", frames: 812, load: 0.1, errors: 0 }];
+    const asked = values.active || values.intrusive ? "lss" : "nothing";
+    return done({ listened_s: 5, asked, buses, findings: [], problems: [], without_port: [] }, ["nothing wrong"]);
+  },
   nmt: (_, { command, node }) => done({ command }, [`${command} sent to ${node}`]),
   "sdo dump": () => done({ ...dump, objects }),
   "sdo read"(_, { object }) {

@@ -48,7 +48,7 @@ export function Act({ verb, values, owner, label, primary, then }: ActProps) {
   const studio = useStudio();
   const [known, blocked] = useData((state) => {
     const ofPlant = verb === "sim" && state.data.machine.simulated;
-    return [ofPlant || state.data.verbs.some(({ name }) => name === verb), barrier(state, verb)] as const;
+    return [ofPlant || state.data.verbs.some(({ name }) => name === verb), barrier(state, verb, values)] as const;
   });
   if (!known) return null;
   const run = () => {

@@ -14,7 +14,12 @@ const simCommands: Record<string, string> = {
   devices: "devices",
 };
 /** Options of which the command line wants a time. */
-const inSeconds = new Set(["lease", "listen"]);
+const inSeconds = new Set(["lease", "listen", "for"]);
+
+/** Carrying it out changes something. */
+export function changes(verb: Verb, values: Record<string, string>): boolean {
+  return verb.changes || verb.parameters.some((parameter) => parameter.changes && parameter.name in values);
+}
 
 export function quoted(word: string): string {
   // eslint-disable-next-line no-control-regex

@@ -51,6 +51,8 @@ export interface Parameter {
   value: string;
   /** How the command line spells it, where that is not its name: "--save". */
   spelled?: string;
+  /** With it a verb changes something that else only asks. */
+  changes?: true;
 }
 
 export interface Verb {

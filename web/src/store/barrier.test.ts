@@ -30,6 +30,15 @@ describe("what a page may ask for", () => {
     expect(asked("operate", real(60))).toEqual(["report", "nmt", "sim"]);
   });
 
+  it("goes by an argument that makes a verb change something", () => {
+    const active = { name: "active", help: "", required: false, form: "flag" as const, value: "", changes: true as const };
+    const doctor = { name: "doctor", help: "", changes: false, role: "view" as const, parameters: [active] };
+    const state = as("view", { verbs: [doctor] });
+    expect(barrier(state, "doctor")).toBeNull();
+    expect(barrier(state, "doctor", { active: "1" })).toBe("This needs the role operate. Yours is view.");
+    expect(barrier(as("operate", { verbs: [doctor] }), "doctor", { active: "1" })).toBeNull();
+  });
+
   it("is nothing without a connection", () => {
     expect(barrier(firstState, "report")).toBe("Not connected.");
   });

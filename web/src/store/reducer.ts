@@ -1,4 +1,5 @@
 import { dictionaryReducer, firstDictionary } from "../panes/dictionary/reducer";
+import { doctorReducer, firstDoctor } from "../panes/doctor/reducer";
 import { firstMachine, machineReducer } from "../panes/machine/reducer";
 import { firstNetwork, networkReducer } from "../panes/network/reducer";
 import { firstPlots, plotsReducer } from "../panes/plots/reducer";
@@ -48,6 +49,7 @@ export const firstState: State = {
   dictionary: firstDictionary,
   network: firstNetwork,
   plots: firstPlots,
+  doctor: firstDoctor,
 };
 
 export function reducer(state: State, action: Action): State {
@@ -60,6 +62,7 @@ export function reducer(state: State, action: Action): State {
     dictionary: dictionaryReducer(next.dictionary, action, next),
     network: networkReducer(next.network, action),
     plots: plotsReducer(next.plots, action, next),
+    doctor: doctorReducer(next.doctor, action),
   };
 }
 

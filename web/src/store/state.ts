@@ -12,6 +12,7 @@ import type {
   WorldTime,
 } from "../protocol/messages";
 import type { DictionaryAction, DictionaryState } from "../panes/dictionary/reducer";
+import type { DoctorAction, DoctorState } from "../panes/doctor/reducer";
 import type { MachineState } from "../panes/machine/reducer";
 import type { NetworkAction, NetworkState } from "../panes/network/reducer";
 import type { PlotsAction, PlotsState } from "../panes/plots/reducer";
@@ -95,6 +96,7 @@ export interface State {
   dictionary: DictionaryState;
   network: NetworkState;
   plots: PlotsState;
+  doctor: DoctorState;
 }
 
 export type Action =
@@ -109,4 +111,5 @@ export type Action =
   | TraceAction
   | DictionaryAction
   | NetworkAction
-  | PlotsAction;
+  | PlotsAction
+  | DoctorAction;

@@ -1,5 +1,6 @@
 import type { ComponentType, KeyboardEvent } from "react";
 import { Dictionary } from "../panes/dictionary/Dictionary";
+import { Doctor } from "../panes/doctor/Doctor";
 import { Machine } from "../panes/machine/Machine";
 import { Network } from "../panes/network/Network";
 import { Plots } from "../panes/plots/Plots";
@@ -33,6 +34,7 @@ const table: PaneEntry[] = [
   { name: "network", title: "Network access", component: Network, there: has("scan") },
   { name: "trace", title: "Trace", component: Trace, there: () => true },
   { name: "plots", title: "Plots", component: Plots, there: () => true },
+  { name: "doctor", title: "Doctor", component: Doctor, there: has("doctor") },
   { name: "world", title: "World", component: World, there: (data) => data.machine.simulated },
 ];
 

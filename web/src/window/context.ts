@@ -1,6 +1,8 @@
 import { createContext, useContext, useRef, useSyncExternalStore } from "react";
+import { changes } from "../protocol/command";
 import { createSocket, browserOutside, type Socket } from "../socket/socket";
 import { firstState, reducer } from "../store/reducer";
+import type { Verb } from "../protocol/messages";
 import type { Action, Ask, State } from "../store/state";
 import { createStore, type Store } from "../store/store";
 import { parseView, type View } from "../store/view";
@@ -55,10 +57,17 @@ export function useView(): [View, (change: Partial<View>) => void] {
 const moving =
   /^(nmt|boot|bind|replace|restore|store|send|sdo write|program (download|start|stop|clear)|lss (set|bit|act|move))/;
 
+/** On a real bus it is confirmed: what moves, and the doctor when he asks. */
+function moves({ verb, values }: Ask, verbs: readonly Verb[]): boolean {
+  if (moving.test(verb)) return true;
+  const entry = verbs.find((candidate) => candidate.name === verb);
+  return verb === "doctor" && entry !== undefined && changes(entry, values);
+}
+
 /** Sends requests, or asks for a yes before those that can move a real machine. */
 export function act(studio: Studio, asks: readonly Ask[]): void {
   const { data } = studio.store.get();
-  if (data.lock.real && asks.some(({ verb }) => moving.test(verb))) {
+  if (data.lock.real && asks.some((ask) => moves(ask, data.verbs))) {
     studio.store.dispatch({ type: "window", change: { confirming: asks } });
     return;
   }

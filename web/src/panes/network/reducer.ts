@@ -24,7 +24,7 @@ export function networkReducer(network: NetworkState, action: Action): NetworkSt
 }
 
 /** Verbs that another pane does better; and `boot`, which a Berth that runs the machine always refuses. */
-const elsewhere = /^(report|sdo (read|write|dump|probe)|sim |world |history|replace|forget|upload|boot$)/;
+const elsewhere = /^(report|sdo (read|write|dump|probe)|sim |world |history|replace|forget|upload|doctor|boot$)/;
 
 export function groupsOf(verbs: readonly Verb[]): { title: string; verbs: Verb[] }[] {
   const mine = verbs.filter((verb) => !elsewhere.test(verb.name));

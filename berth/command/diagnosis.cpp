@@ -1,0 +1,116 @@
+#include "berth/command/diagnosis.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "berth/can/frame.hpp"
+
+namespace berth::command {
+
+using namespace std::chrono_literals;
+using doctor::Verdict;
+
+namespace {
+
+double in_s(rt::Time at) { return std::chrono::duration<double>(at.time_since_epoch()).count(); }
+
+Json json_of(const doctor::Check& check) {
+  Json j;
+  j["paragraph"] = check.paragraph;
+  if (check.has_object) {
+    j["index"] = hex(check.object.index, 4);
+    j["sub"] = check.object.sub;
+  }
+  j["what"] = check.what;
+  j["verdict"] = doctor::name(check.verdict);
+  if (!check.told.empty()) j["told"] = check.told;
+  return j;
+}
+
+}  // namespace
+
+doctor::Expected expected_on(const design::Machine& machine, const design::Bus& bus) {
+  doctor::Expected e;
+  e.slots = machine.specs(bus.name);
+  if (bus.role != design::Role::observer) e.master = bus.master;
+  e.heartbeat_period = bus.timing.heartbeat_period;
+  e.heartbeat_timeout = bus.timing.heartbeat_timeout;
+  e.bit_rate = bus.bitrate;
+  return e;
+}
+
+doctor::QuestionOptions questions_on(const design::Bus& bus, bool intrusive) {
+  doctor::QuestionOptions questions;
+  questions.lss_timeout = bus.timing.lss_timeout;
+  questions.identify_window = std::min<rt::Duration>(bus.timing.lss_timeout, 30ms);
+  questions.sdo_timeout = std::min<rt::Duration>(bus.timing.sdo_timeout, 200ms);
+  questions.intrusive = intrusive;
+  return questions;
+}
+
+rt::Duration listening_time(const design::Bus& bus) {
+  return std::max<rt::Duration>(5s, 5 * bus.timing.heartbeat_timeout);
+}
+
+Json json_of(const doctor::Diagnosis& d, const std::string& bus) {
+  Json j;
+  j["kind"] = doctor::name(d.kind);
+  j["bus"] = bus;
+  if (d.node.configured()) {
+    j["node"] = d.node.value();
+  } else {
+    j["node"] = nullptr;
+  }
+  if (!d.slot.empty()) j["slot"] = d.slot;
+  if (d.cob_id) j["cob_id"] = hex(*d.cob_id & ~can::extended_flag, 3);
+  if (!d.devices.empty()) {
+    j["devices"] = Json::array();
+    for (const auto& device : d.devices) j["devices"].push_back(to_string(device));
+  }
+  j["certainty"] = doctor::name(d.certainty);
+  j["what"] = d.what;
+  j["evidence"] = d.evidence;
+  j["count"] = d.count;
+  if (d.count > 0) {
+    j["first_s"] = in_s(d.first);
+    j["last_s"] = in_s(d.last);
+  }
+  j["do"] = d.advice;
+  return j;
+}
+
+std::vector<std::string> finding_lines(const doctor::Diagnosis& d, const std::string& bus) {
+  std::vector<std::string> lines{
+      fmt::format("{}: {} ({}): {}", bus, doctor::name(d.kind), doctor::name(d.certainty), d.what)};
+  for (const auto& line : d.evidence) lines.push_back("    " + line);
+  lines.push_back("    -> " + d.advice);
+  return lines;
+}
+
+Json json_of(const doctor::Conformance& report, const std::string& bus, NodeId node, const std::string& problem) {
+  Json json{{"bus", bus},
+            {"node", node.value()},
+            {"passed", report.count(Verdict::passed)},
+            {"failed", report.count(Verdict::failed)},
+            {"skipped", report.count(Verdict::skipped)},
+            {"problem", nullptr},
+            {"checks", Json::array()}};
+  if (!problem.empty()) json["problem"] = problem;
+  for (const auto& check : report.checks) json["checks"].push_back(json_of(check));
+  return json;
+}
+
+std::vector<std::string> conformance_lines(const doctor::Conformance& report, const std::string& bus, NodeId node) {
+  std::vector<std::string> lines;
+  for (const auto& check : report.checks) {
+    if (check.verdict != Verdict::passed) lines.push_back(to_string(check));
+  }
+  lines.push_back(fmt::format("{}, node {}: CiA 301: {} checks passed, {} failed, {} skipped", bus, node.value(),
+                              report.count(Verdict::passed), report.count(Verdict::failed),
+                              report.count(Verdict::skipped)));
+  return lines;
+}
+
+}  // namespace berth::command

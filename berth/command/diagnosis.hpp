@@ -1,0 +1,33 @@
+/// What the doctor expects of a bus, and how its findings read: the same for `berth doctor` and for the verb of a
+/// running machine.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "berth/command/reply.hpp"
+#include "berth/design/machine.hpp"
+#include "berth/doctor/conformance.hpp"
+#include "berth/doctor/diagnosis.hpp"
+#include "berth/doctor/questions.hpp"
+
+namespace berth::command {
+
+/// As the machine file has it.
+[[nodiscard]] doctor::Expected expected_on(const design::Machine& machine, const design::Bus& bus);
+[[nodiscard]] doctor::QuestionOptions questions_on(const design::Bus& bus, bool intrusive);
+/// How long a doctor listens that is told nothing else: five heartbeat times, 5 s at least.
+[[nodiscard]] rt::Duration listening_time(const design::Bus& bus);
+
+[[nodiscard]] Json json_of(const doctor::Diagnosis& finding, const std::string& bus);
+/// The finding, its evidence, what to do.
+[[nodiscard]] std::vector<std::string> finding_lines(const doctor::Diagnosis& finding, const std::string& bus);
+
+/// Counts and checks of an examination. `problem`: why it ended early; empty: it did not.
+[[nodiscard]] Json json_of(const doctor::Conformance& report, const std::string& bus, NodeId node,
+                           const std::string& problem);
+/// What did not pass, and the counts.
+[[nodiscard]] std::vector<std::string> conformance_lines(const doctor::Conformance& report, const std::string& bus,
+                                                         NodeId node);
+
+}  // namespace berth::command
