@@ -30,8 +30,8 @@ struct Granted {
   Role role = Role::configure;  ///< studio: that of the token
 };
 
-/// The role that a request needs: of the table; of the process's own verbs ("sim") what changes the plant is for
-/// operate.
+/// The role that a request needs: of the table, and operate at least when an argument makes the verb change something.
+/// Of the process's own verbs ("sim") what changes the plant is for operate.
 [[nodiscard]] Role role_needed(const Request& request);
 /// Empty: `has` is enough. Else what to tell: `what` needs another role.
 [[nodiscard]] std::string why_role_refused(std::string_view what, Role needed, Role has);

@@ -31,7 +31,14 @@ describe("what a page may ask for", () => {
   });
 
   it("goes by an argument that makes a verb change something", () => {
-    const active = { name: "active", help: "", required: false, form: "flag" as const, value: "", changes: true as const };
+    const active = {
+      name: "active",
+      help: "",
+      required: false,
+      form: "flag" as const,
+      value: "",
+      changes: true as const,
+    };
     const doctor = { name: "doctor", help: "", changes: false, role: "view" as const, parameters: [active] };
     const state = as("view", { verbs: [doctor] });
     expect(barrier(state, "doctor")).toBeNull();

@@ -12,7 +12,6 @@ export function barrier(state: State, verb: string, values: Record<string, strin
   const moves = entry === undefined || changes(entry, values);
   const needed = entry && !(moves && entry.role === "view") ? entry.role : "operate";
   if (!roleSuffices(role, needed)) return `This needs the role ${needed}. Yours is ${role}.`;
-  if (moves && lock.real && lock.unlocked_until_s === null)
-    return "Real buses are read-only. Unlock them first.";
+  if (moves && lock.real && lock.unlocked_until_s === null) return "Real buses are read-only. Unlock them first.";
   return null;
 }

@@ -16,6 +16,7 @@ const verb: Verb = {
   name: "doctor",
   help: "",
   changes: false,
+  role: "view",
   parameters: [
     parameter("bus", "common"),
     parameter("for", "own"),
