@@ -186,6 +186,33 @@ TEST(StudioCommand, TlsBeforeItsPeers) {
   static_cast<void>(studio.end());
 }
 
+// A bus outside this process (socketcand) is a real one: a page reads there, and changes it while it is unlocked only.
+TEST(StudioCommand, ARealBusIsReadOnlyUntilAPersonUnlocksIt) {
+  if (run("command -v python3 >/dev/null") != 0) GTEST_SKIP() << "no python3";
+  const Folder folder;
+  const int fd = io::listen_tcp({"127.0.0.1", 0}).value();
+  const auto where = io::to_string(*io::local_endpoint(fd));
+  ::close(fd);
+  const std::string plant = folder.write("plant.toml",
+                                         "[plant]\nseed = 1\n[bus.line]\nbitrate = 125000\n[[device]]\nbus = "
+                                         "\"line\"\nname = \"a\"\ntype = { vendor = 1, product = 1 }\nserial = "
+                                         "1\nnode_id = 5\n");
+  Background server({"serve", plant, "--listen", where});
+  ASSERT_TRUE(server.says("socketcand://"));
+  Background studio(
+      {"studio", "--port", "socketcand://" + where + "/line", "--bitrate", "125000", "--listen", "127.0.0.1:0"});
+  ASSERT_TRUE(studio.says("/#token="));
+  const auto said = studio.said();
+  const auto at = said.find("http://127.0.0.1:") + 17;
+  const auto hash = said.find("/#token=", at);
+  EXPECT_EQ(run("python3 '" + source_dir() + "/tests/cli/lock_peer.py' " + said.substr(at, hash - at) + " " +
+                said.substr(hash + 8, 64) + " 5"),
+            0)
+      << "see what it printed above";
+  studio.signal(SIGINT);
+  static_cast<void>(studio.end());
+}
+
 TEST(StudioCommand, WrongUse) {
   const auto machine = example("five-slaves.toml");
   const auto plant = example("five-slaves.plant.toml");

@@ -5,15 +5,14 @@
 
 Prints what is not as docs/api.md says; exit status 1 then. NAME is one that the certificate is for; it need not resolve.
 """
-import base64
-import json
-import os
 import shutil
 import socket
 import ssl
 import subprocess
 import sys
 import warnings
+
+from studio_page import Page, answer, head, upgrade
 
 warnings.simplefilter("ignore", DeprecationWarning)
 port, certificate, token, name = int(sys.argv[1]), sys.argv[2], sys.argv[3], sys.argv[4]
@@ -39,20 +38,6 @@ def trusting(lowest=ssl.TLSVersion.TLSv1_2, highest=ssl.TLSVersion.MAXIMUM_SUPPO
 
 def secured(context=None):
     return (context or trusting()).wrap_socket(tcp(), server_hostname=name)
-
-
-def head(line, host, *more):
-    return "\r\n".join([f"{line} HTTP/1.1", f"Host: {host}", *more, "", ""]).encode()
-
-
-def answer(connection):
-    text = b""
-    while b"\r\n\r\n" not in text:
-        piece = connection.recv(65536)
-        if not piece:
-            break
-        text += piece
-    return text
 
 
 def status(request):
@@ -110,55 +95,9 @@ def plain():
             pass
 
 
-def upgrade(origin):
-    return head("GET /api/v1/socket", own, "Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13",
-                "Sec-WebSocket-Key: " + base64.b64encode(os.urandom(16)).decode(),
-                f"Sec-WebSocket-Protocol: berth.v1, token.{token}", f"Origin: {origin}")
-
-
-class Page:
-    """A WebSocket over TLS."""
-
-    def __init__(self):
-        self.connection = secured()
-        self.connection.sendall(upgrade(f"https://{own}"))
-        text = answer(self.connection)
-        expect("the WebSocket opens", text.startswith(b"HTTP/1.1 101"))
-        self.rest = text.split(b"\r\n\r\n", 1)[1]
-
-    def take(self, count):
-        while len(self.rest) < count:
-            piece = self.connection.recv(65536)
-            if not piece:
-                raise ConnectionError("the server hung up")
-            self.rest += piece
-        out, self.rest = self.rest[:count], self.rest[count:]
-        return out
-
-    def message(self):
-        text = b""
-        while True:
-            first, size = self.take(2)
-            size &= 127
-            if size > 125:
-                size = int.from_bytes(self.take(2 if size == 126 else 8), "big")
-            text += self.take(size)
-            if first & 0x80:
-                return json.loads(text) if first & 15 < 8 else {"type": "control"}
-
-    def next(self, kind):
-        while (message := self.message())["type"] != kind:
-            pass
-        return message
-
-    def send(self, message):
-        text = json.dumps(message).encode()
-        self.connection.sendall(bytes([0x81, 0x80 | len(text)]) + bytes(4) + text)
-
-
 def other_origins():
-    expect("Origin http", status(upgrade(f"http://{own}")) == "403")
-    expect("Origin of another", status(upgrade("https://evil.example")) == "403")
+    expect("Origin http", status(upgrade(own, f"http://{own}", token)) == "403")
+    expect("Origin of another", status(upgrade(own, "https://evil.example", token)) == "403")
 
 
 def half_open(page):
@@ -201,7 +140,7 @@ def command_line_clients():
         expect(f"{tool}: {done.stdout[:300]} {done.stderr[:300]}", wanted in done.stdout)
 
 
-page = Page()
+page = Page(secured(), own, f"https://{own}", token)
 expect("the snapshot comes first", page.message()["type"] == "snapshot")
 stuck = half_open(page)
 for check in (pages_and_hosts, versions, strangers_certificate, plain, other_origins, command_line_clients):
