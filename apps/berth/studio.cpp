@@ -35,7 +35,7 @@ int run_studio(const Options& wanted) {
 }  // namespace
 
 void add_studio(Verb& berth, Options& options) {
-  const Verb studio = berth.add("studio", "a machine in the browser of this computer, or the devices of one bus",
+  const Verb studio = berth.add("studio", "a machine in the browser, or the devices of one bus",
                                 [&options] { return run_studio(options); });
   machine_words(studio, options, {.sends = false});
   machine_word(studio, options);

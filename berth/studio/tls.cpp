@@ -50,13 +50,12 @@ tl::expected<struct stat, std::string> look_at(const std::string& file) {
 // Old versions, compression and renegotiation are what attacks on TLS rest on; a page needs none of them. Without a
 // cache and tickets a client that comes often leaves nothing behind.
 Tls::Tls() : context_(boost::asio::ssl::context::tls_server) {
-  SSL_CTX* const context = context_.native_handle();
-  SSL_CTX_set_min_proto_version(context, TLS1_2_VERSION);
+  SSL_CTX_set_min_proto_version(native_, TLS1_2_VERSION);
   SSL_CTX_set_options(
-      context, SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_COMPRESSION | SSL_OP_CIPHER_SERVER_PREFERENCE | SSL_OP_NO_TICKET);
-  SSL_CTX_set_session_cache_mode(context, SSL_SESS_CACHE_OFF);
-  SSL_CTX_set_num_tickets(context, 0);
-  SSL_CTX_set_cipher_list(context, "ECDHE+AESGCM:ECDHE+CHACHA20");  // of TLS 1.2; those of 1.3 are all good
+      native_, SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_COMPRESSION | SSL_OP_CIPHER_SERVER_PREFERENCE | SSL_OP_NO_TICKET);
+  SSL_CTX_set_session_cache_mode(native_, SSL_SESS_CACHE_OFF);
+  SSL_CTX_set_num_tickets(native_, 0);
+  SSL_CTX_set_cipher_list(native_, "ECDHE+AESGCM:ECDHE+CHACHA20");  // of TLS 1.2; those of 1.3 are all good
 }
 
 tl::expected<std::unique_ptr<Tls>, std::string> Tls::load(const std::string& certificate, const std::string& key) {
@@ -102,16 +101,14 @@ tl::expected<std::unique_ptr<Tls>, std::string> Tls::load(const std::string& cer
 // A leading dot would mean every name beneath it.
 bool Tls::names(const std::string& host) const {
   if (host.empty() || host.front() == '.') return false;
-  auto* const context = const_cast<boost::asio::ssl::context&>(context_).native_handle();
-  X509* const certificate = certificate_of(context);
+  X509* const certificate = certificate_of(native_);
   return X509_check_ip_asc(certificate, host.c_str(), 0) == 1 ||
          X509_check_host(certificate, host.data(), host.size(), X509_CHECK_FLAG_NEVER_CHECK_SUBJECT, nullptr) == 1;
 }
 
 std::string Tls::first_name() const {
-  auto* const context = const_cast<boost::asio::ssl::context&>(context_).native_handle();
   auto* const all =
-      static_cast<GENERAL_NAMES*>(X509_get_ext_d2i(certificate_of(context), NID_subject_alt_name, nullptr, nullptr));
+      static_cast<GENERAL_NAMES*>(X509_get_ext_d2i(certificate_of(native_), NID_subject_alt_name, nullptr, nullptr));
   std::string found;
   for (int i = 0; all != nullptr && found.empty() && i < sk_GENERAL_NAME_num(all); ++i) {
     auto text = name_text(*sk_GENERAL_NAME_value(all, i));

@@ -30,6 +30,7 @@ class Tls {
  private:
   Tls();
   boost::asio::ssl::context context_;
+  boost::asio::ssl::context::native_handle_type native_ = context_.native_handle();
 };
 
 /// Why an address is refused without a certificate, and how to make one.

@@ -38,7 +38,7 @@ export function Exports() {
     }
   };
   return (
-    <details className="menu">
+    <details className="menu end">
       <summary>Export</summary>
       <div>
         <button type="button" onClick={() => save("log", "")}>
