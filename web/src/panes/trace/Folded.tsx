@@ -1,12 +1,22 @@
 import { useVirtualizer } from "@tanstack/react-virtual";
-import { useEffect, useMemo, useRef, useState } from "react";
+import { useEffect, useMemo, useRef, useState, type KeyboardEvent } from "react";
 import type { Frame } from "../../protocol/batch";
 import { hex, visible } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
 import { useData, useStudio, useView } from "../../window/context";
 import { frameNumbered, knownOf, meaningIn, type Piece } from "./reducer";
 import { FrameHead, FrameRow, timeWords, useDim, useZero, type Zero } from "./rows";
-import { folded, outcomeOf, wordsOf, type FoldedRow, type Transfer } from "./transfers";
+import {
+  firstFrameOf,
+  folded,
+  frameOfRow,
+  outcomeOf,
+  rowHolding,
+  steppedRow,
+  wordsOf,
+  type FoldedRow,
+  type Transfer,
+} from "./transfers";
 
 const ROW = 24;
 const EVERY_MS = 500;
@@ -73,6 +83,23 @@ export function FoldedList() {
     const frame = frameNumbered(pieces, transfer.frames[transfer.frames.length - 1] ?? -1);
     if (frame) select(frame);
   };
+  const onKey = (event: KeyboardEvent) => {
+    const step = event.key === "ArrowDown" ? 1 : event.key === "ArrowUp" ? -1 : 0;
+    const held = rows[rowHolding(rows, view.frame, opened)];
+    const opens = event.key === "ArrowRight" ? true : event.key === "ArrowLeft" ? false : null;
+    if (!step && (opens === null || held === undefined)) return;
+    event.preventDefault();
+    if (!step) {
+      const first = held === undefined ? null : firstFrameOf(rows, held);
+      if (first !== null) store.dispatch({ type: "trace/open", first, open: opens === true });
+      return;
+    }
+    const row = steppedRow(rows, view.frame, step, opened);
+    const frame = frameNumbered(pieces, frameOfRow(rows[row]) ?? -1);
+    if (!frame) return;
+    select(frame);
+    list.scrollToIndex(row);
+  };
   const dim = useDim();
   const zero = useZero();
   const drawn = (row: FoldedRow | undefined, top: number, key: number | string | bigint) => {
@@ -87,6 +114,7 @@ export function FoldedList() {
           bus={buses[row.bus]?.name ?? ""}
           words={wordsOf(row, texts)}
           open={opened.has(row.frames[0] ?? -1)}
+          selected={!opened.has(row.frames[0] ?? -1) && view.frame !== null && row.frames.includes(view.frame)}
           dim={first !== null && dim(first, row.node)}
           zero={zero}
           onOpen={open}
@@ -110,6 +138,7 @@ export function FoldedList() {
         role="region"
         aria-label="Frames, SDO transfers folded"
         onWheel={(event) => event.deltaY < 0 && pause()}
+        onKeyDown={onKey}
       >
         <div style={{ height: list.getTotalSize(), position: "relative" }}>
           {items.map((item) => drawn(rows[item.index], item.start, item.key))}
@@ -164,19 +193,20 @@ interface TransferProps {
   bus: string;
   words: string;
   open: boolean;
+  selected: boolean;
   dim: boolean;
   zero: Zero;
   onOpen: (transfer: Transfer) => void;
 }
 
-function TransferRow({ transfer, top, bus, words, open, dim, zero, onOpen }: TransferProps) {
+function TransferRow({ transfer, top, bus, words, open, selected, dim, zero, onOpen }: TransferProps) {
   const service = transfer.state === "aborted" ? "abort" : "SDO";
   const { frames, from, to } = transfer;
   const outcome = outcomeOf(transfer);
   const told = `${frames.length} ${frames.length === 1 ? "frame" : "frames"}, ${((to - from) * 1000).toFixed(2)} ms`;
   return (
     <div
-      className={`frame transfer service-${service} ${dim ? "dim" : ""}`}
+      className={`frame transfer service-${service} ${dim ? "dim" : ""} ${selected ? "selected" : ""}`}
       style={{ transform: `translateY(${top}px)` }}
       onClick={() => onOpen(transfer)}
     >

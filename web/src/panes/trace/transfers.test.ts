@@ -4,7 +4,17 @@ import { batch, slot, snapshot } from "../../store/samples";
 import type { State } from "../../store/state";
 import { candumpLog, exported, framesCsv } from "./export";
 import { frameAt, knownOf, lineOf } from "./reducer";
-import { folded, outcomeOf, transferWords, wordsOf, type Transfer } from "./transfers";
+import {
+  firstFrameOf,
+  folded,
+  frameOfRow,
+  outcomeOf,
+  rowHolding,
+  steppedRow,
+  transferWords,
+  wordsOf,
+  type Transfer,
+} from "./transfers";
 
 const begun = reducer(firstState, { type: "message", message: snapshot(), now: 0 });
 const add = (state: State, first: number, frames: string) =>
@@ -22,6 +32,31 @@ describe("SDO transfers in one row", () => {
     expect(rows).toMatchObject([10, { frames: [11, 13], state: "done", object: "1017h:00", data: [0xf4, 1] }, 12, 14]);
     expect(rowsOf(state, [11]).slice(1, 4)).toMatchObject([{ frames: [11, 13] }, { child: 11 }, { child: 13 }]);
     expect(rowsOf(state, [99])).toHaveLength(4);
+  });
+
+  it("is walked by up and down, an open transfer frame by frame", () => {
+    const state = add(begun, 10, "70A#05 60A#4017100000000000 70B#05 58A#4B171000F4010000 70A#05");
+    const walk = (opened: number[], from: number | null, step: number) => {
+      const set = new Set(opened);
+      const rows = rowsOf(state, opened);
+      const frames: number[] = [];
+      for (let at = from, i = 0; i < 9; i++) {
+        const row = steppedRow(rows, at, step, set);
+        if (row < 0) return frames;
+        at = frameOfRow(rows[row]);
+        frames.push(at ?? -1);
+      }
+      return frames;
+    };
+    expect(walk([], 10, 1)).toEqual([13, 12, 14]);
+    expect(walk([], 14, -1)).toEqual([12, 13, 10]);
+    expect(walk([11], 10, 1)).toEqual([11, 13, 12, 14]);
+    expect(walk([11], 12, -1)).toEqual([13, 11, 10]);
+    expect(walk([], null, -1)[0]).toBe(14);
+    const open = rowsOf(state, [11]);
+    expect(rowHolding(open, 11, new Set([11]))).toBe(2);
+    expect(rowHolding(open, 99, new Set([11]))).toBe(-1);
+    expect(open.map((row) => firstFrameOf(open, row))).toEqual([null, 11, 11, 11, null, null]);
   });
 
   it("takes the segments of an upload and of a download together", () => {

@@ -194,6 +194,49 @@ export function folded(
   });
 }
 
+/** The frame that a row selects: of a transfer its last one. */
+export function frameOfRow(row: FoldedRow | undefined): number | null {
+  if (row === undefined || typeof row === "number") return row ?? null;
+  return "child" in row ? row.child : (row.frames[row.frames.length - 1] ?? null);
+}
+
+/** An open transfer is stood for by its frames. */
+function holds(row: FoldedRow | undefined, frame: number, opened: ReadonlySet<number>): boolean {
+  if (typeof row !== "object" || "child" in row) return frameOfRow(row) === frame;
+  return !opened.has(row.frames[0] ?? -1) && row.frames.includes(frame);
+}
+
+/** The row of a frame; -1: there is none. */
+export function rowHolding(rows: readonly FoldedRow[], frame: number | null, opened: ReadonlySet<number>): number {
+  return frame === null ? -1 : rows.findLastIndex((row) => holds(row, frame, opened));
+}
+
+/** The row that is one up (-1) or down (1), the last one when nothing is selected; -1: there is none. */
+export function steppedRow(
+  rows: readonly FoldedRow[],
+  frame: number | null,
+  step: number,
+  opened: ReadonlySet<number>,
+): number {
+  const at = rowHolding(rows, frame, opened);
+  if (at < 0) return rows.length - 1;
+  const isHead = (row: FoldedRow | undefined) =>
+    typeof row === "object" && "frames" in row && opened.has(row.frames[0] ?? -1);
+  const next = at + step;
+  const wanted = isHead(rows[next]) ? next + step : next;
+  return wanted >= 0 && wanted < rows.length ? wanted : -1;
+}
+
+/** The first frame of the transfer that a row is, or is a frame of; null: it is of none. */
+export function firstFrameOf(rows: readonly FoldedRow[], row: FoldedRow): number | null {
+  if (typeof row === "number") return null;
+  if ("frames" in row) return row.frames[0] ?? null;
+  const whole = rows.find(
+    (entry) => typeof entry === "object" && "frames" in entry && entry.frames.includes(row.child),
+  );
+  return typeof whole === "object" && "frames" in whole ? (whole.frames[0] ?? null) : null;
+}
+
 const transferLine = (transfer: Transfer, known: Known): string =>
   `${known.buses[transfer.bus] ?? ""} ${transferWords(transfer)}`;
 
