@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "berth/co/sdo_client.hpp"
@@ -13,6 +14,9 @@
 #include "berth/command/run.hpp"
 #include "berth/command/values.hpp"
 #include "berth/decode/standard_objects.hpp"
+#include "berth/eds/concise_dcf.hpp"
+#include "berth/manager/configuration_upload.hpp"
+#include "berth/manager/configurator.hpp"
 #include "berth/od/abort_code.hpp"
 #include "berth/od/notation.hpp"
 
@@ -76,8 +80,56 @@ class Walk {
   std::vector<ObjectRef> left_;  // the next one last
 };
 
+using Bytes = std::vector<std::uint8_t>;
+
+/// What a device's settings are by default, and as its slot's file (`config =`) wants them.
+class Expectation {
+ public:
+  Expectation(const design::Machine& machine, const NodeArgument& node)
+      : description_(node.description.get()), node_(node.node) {
+    const auto* const bus = bus_of(machine, node);
+    const auto* const slot = bus == nullptr ? nullptr : machine.slot(bus->name, node.node);
+    if (slot == nullptr || slot->spec.config.empty()) return;
+    const auto loaded = manager::load_configuration(slot->spec.config);
+    auto wanted = manager::wanted(loaded.configuration, node.node);
+    if (!wanted || !loaded.usable()) return;
+    for (auto& entry : wanted->entries) configured_[entry.object] = std::move(entry.bytes);
+  }
+
+  /// Adds "default", "configured", and of a setting "differs": it is not as configured, or not as by default where no
+  /// file says more. For people: what it should be then.
+  [[nodiscard]] std::string put(Json& json, const KnownObject& object, std::span<const std::uint8_t> bytes) const {
+    const auto* const holder = description_ == nullptr ? nullptr : description_->find(object.ref.index);
+    if (holder == nullptr || object.described == nullptr) return {};
+    const od::SubObject& sub = *object.described;
+    const auto usual = eds::encode(description_->default_of(sub), sub.type, node_);
+    const auto configured = configured_.find(object.ref);
+    if (usual) json["default"] = value_of(object, *usual);
+    if (configured != configured_.end()) json["configured"] = value_of(object, configured->second);
+    if (!manager::is_setting(*holder, sub) || (!usual && configured == configured_.end())) return {};
+    const Bytes& expected = configured != configured_.end() ? configured->second : *usual;
+    const bool differs = !manager::same_value(sub.type, bytes, expected);
+    json["differs"] = differs;
+    if (!differs) return {};
+    return fmt::format("  ({}: {})", configured != configured_.end() ? "configured" : "default",
+                       value_text(object, expected));
+  }
+
+ private:
+  static Json value_of(const KnownObject& object, const Bytes& bytes) {
+    Json json;
+    put_value(json, object, bytes);
+    return json.contains("value") ? json["value"] : json["bytes"];
+  }
+
+  const od::Description* description_;
+  NodeId node_;
+  std::map<ObjectRef, Bytes> configured_;
+};
+
 /// What was heard, as JSON and as a table.
 struct Dump {
+  const Expectation& expected;
   Json objects = Json::array();
   std::vector<std::string> lines{};
   std::size_t read = 0;
@@ -87,8 +139,9 @@ struct Dump {
     ++read;
     Json json = head(object);
     put_value(json, object, bytes);
+    const std::string should = expected.put(json, object, bytes);
     objects.push_back(std::move(json));
-    line(object, value_text(object, bytes));
+    line(object, value_text(object, bytes) + should);
   }
 
   void abort(const KnownObject& object, std::uint32_t code) {
@@ -140,7 +193,8 @@ rt::Task<void> sdo_dump(Session& session, const Request& request, Reply& reply) 
   const co::SdoOptions how = bus.services().sdo.options();
   co::SdoAccess& device = objects_of(session, bus, wanted, how, direct);
   Walk walk(description);
-  Dump dump;
+  const Expectation expected(session.machine(), wanted);
+  Dump dump{.expected = expected};
   Patience patience;
   while (const auto ref = walk.next()) {
     const KnownObject object = known_object(description, *ref);

@@ -72,7 +72,8 @@ function Objects({ rows }: { rows: readonly ObjectRow[] }) {
   const watched = new Set(view.watch);
   const isWatched = (row: ObjectRow) => watched.has(watchKey(view.slot, row.key));
   const changed = dictionary.differencesOnly ? all.filter((row) => row.key in before) : all;
-  const found = dictionary.watchedOnly ? changed.filter(isWatched) : changed;
+  const other = dictionary.otherOnly ? changed.filter((row) => row.differs) : changed;
+  const found = dictionary.watchedOnly ? other.filter(isWatched) : other;
   const scroller = useRef<HTMLDivElement>(null);
   const list = useVirtualizer({
     count: found.length,
@@ -100,6 +101,11 @@ function Objects({ rows }: { rows: readonly ObjectRow[] }) {
           onChange={(only) => store.dispatch({ type: "dictionary/changed", only })}
         />
         <Check
+          on={dictionary.otherOnly}
+          words="differences only"
+          onChange={(only) => store.dispatch({ type: "dictionary/other", only })}
+        />
+        <Check
           on={dictionary.watchedOnly}
           words="watched only"
           onChange={(only) => store.dispatch({ type: "dictionary/watched", only })}
@@ -116,6 +122,7 @@ function Objects({ rows }: { rows: readonly ObjectRow[] }) {
         <span>Name</span>
         <span>Type</span>
         <span>Value</span>
+        <span>Should be</span>
         <span>Before</span>
       </div>
       <div className="scroll" ref={scroller} tabIndex={0} role="region" aria-label="Objects" onKeyDown={onKey}>
@@ -138,6 +145,10 @@ function Objects({ rows }: { rows: readonly ObjectRow[] }) {
                 <span className="quiet">{row.type}</span>
                 <span className={row.abort ? "bad-text" : "number"}>
                   {visible(row.abort || row.value || row.bytes)}
+                </span>
+                <span className={row.differs ? "number other" : "number quiet"}>
+                  {row.differs && "≠ "}
+                  {visible(row.configured || row.usual)}
                 </span>
                 <span className="number">{visible(before[row.key] ?? "")}</span>
               </div>

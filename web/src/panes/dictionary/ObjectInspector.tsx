@@ -97,6 +97,18 @@ function RowFacts({ row }: { row: ObjectRow }) {
         <dt>Bytes</dt>
         <dd className="number data">{row.bytes.replace(/\s/g, "").replace(/(..)(?=.)/g, "$1 ")}</dd>
       </div>
+      {row.usual && (
+        <div>
+          <dt>Default</dt>
+          <dd className="number">{visible(row.usual)}</dd>
+        </div>
+      )}
+      {row.configured && (
+        <div>
+          <dt>Configured</dt>
+          <dd className="number">{visible(row.configured)}</dd>
+        </div>
+      )}
       {row.abort && (
         <div>
           <dt>Abort</dt>

@@ -31,6 +31,22 @@ describe("the dictionary", () => {
     expect(idsNamed("1-99999", [5, 127])).toBeNull();
     expect(idsNamed("all", [5])).toBeNull();
   });
+  it("knows what is not as configured, or by default, after a write, too", () => {
+    const dumped = { ...object("0x1017", 0, 500), default: 0, configured: 600, differs: true };
+    const plain = { ...object("0x1018", 1, 1), default: 0 }; // no setting
+    let state = ask(firstState, "r1", "sdo dump", { objects: [dumped, plain] });
+    const row = () => state.dictionary.objects["field/10"]?.[0];
+    expect(row()).toMatchObject({ usual: "0", configured: "600", differs: true });
+    expect(state.dictionary.objects["field/10"]?.[1]?.differs).toBe(false);
+    state = ask(state, "r2", "sdo write", object("0x1017", 0, 600));
+    expect(row()).toMatchObject({ value: "600", configured: "600", differs: false });
+    state = ask(state, "r3", "sdo write", object("0x1017", 0, 700));
+    expect(row()?.differs).toBe(true);
+    state = ask(state, "r4", "sdo read", object("0x1018", 1, 9));
+    expect(state.dictionary.objects["field/10"]?.[1]?.differs).toBe(false);
+    state = reducer(state, { type: "dictionary/other", only: true });
+    expect(state.dictionary.otherOnly).toBe(true);
+  });
   it("takes what a writing to several devices answers to each of them", () => {
     const values = { bus: "field", node: "11" };
     let state = reducer(firstState, { type: "sent", id: "r1", verb: "sdo write", values, owner: "series 2 field/11" });

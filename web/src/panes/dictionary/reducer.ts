@@ -9,12 +9,21 @@ export interface ObjectRow {
   bytes: string;
   /** Why it could not be read. */
   abort: string;
+  /** What the description and the slot's file say; empty: nothing. */
+  usual: string;
+  configured: string;
+  /** A setting: it is compared with these. */
+  setting: boolean;
+  /** A setting that is not as the file wants it, or as it is by default. */
+  differs: boolean;
 }
 
 export interface DictionaryState {
   search: string;
   differencesOnly: boolean;
   watchedOnly: boolean;
+  /** Only what is not as configured, or by default. */
+  otherOnly: boolean;
   /** By the key of the slot. */
   objects: Readonly<Record<string, readonly ObjectRow[]>>;
   /** By the slot's key, then the object's: what it was before the last reading. */
@@ -36,6 +45,7 @@ export type DictionaryAction =
   | { type: "dictionary/search"; search: string }
   | { type: "dictionary/changed"; only: boolean }
   | { type: "dictionary/watched"; only: boolean }
+  | { type: "dictionary/other"; only: boolean }
   | { type: "dictionary/draft"; draft: string }
   | { type: "dictionary/devices"; devices: string }
   | { type: "dictionary/series"; series: Series };
@@ -44,6 +54,7 @@ export const firstDictionary: DictionaryState = {
   search: "",
   differencesOnly: false,
   watchedOnly: false,
+  otherOnly: false,
   objects: {},
   before: {},
   draft: "",
@@ -59,6 +70,8 @@ export function dictionaryReducer(dictionary: DictionaryState, action: Action, s
       return { ...dictionary, differencesOnly: action.only };
     case "dictionary/watched":
       return { ...dictionary, watchedOnly: action.only };
+    case "dictionary/other":
+      return { ...dictionary, otherOnly: action.only };
     case "dictionary/draft":
       return { ...dictionary, draft: action.draft };
     case "dictionary/devices":
@@ -119,11 +132,23 @@ function merged(old: readonly ObjectRow[], rows: readonly ObjectRow[]): ObjectRo
   const next = old.map((row) => {
     const replacement = fresh.get(row.key);
     fresh.delete(row.key);
-    return replacement
-      ? { ...replacement, name: replacement.name || row.name, type: replacement.type || row.type }
-      : row;
+    return replacement ? again(row, replacement) : row;
   });
   return [...next, ...fresh.values()];
+}
+
+/** `sdo read` and `sdo write` say less than `sdo dump`: what it said of default and file stays. */
+function again(row: ObjectRow, fresh: ObjectRow): ObjectRow {
+  const { usual, configured, setting } = row;
+  return {
+    ...fresh,
+    name: fresh.name || row.name,
+    type: fresh.type || row.type,
+    usual,
+    configured,
+    setting,
+    differs: setting && fresh.abort === "" && fresh.value !== (configured || usual),
+  };
 }
 
 /** "1017", "1017h", "0x1018:4", "1018h:04" -> "1018h:04"; null: it is no object. */
@@ -166,6 +191,10 @@ function rowOf(object: Json): ObjectRow {
     type: textOf(object.type),
     value: textOf(object.value ?? object.time),
     bytes: textOf(object.bytes),
+    usual: textOf(object.default),
+    configured: textOf(object.configured),
+    setting: typeof object.differs === "boolean",
+    differs: object.differs === true,
     abort: object.abort_code === undefined ? "" : `${textOf(object.abort_code)} ${textOf(object.text)}`.trim(),
   };
 }
