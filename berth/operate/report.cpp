@@ -93,6 +93,7 @@ Json json_of(const Event& e) {
   j["text"] = e.text;
   if (!e.slots.empty()) j["slots"] = e.slots;
   if (!e.devices.empty()) j["devices"] = e.devices;
+  if (e.offers_save) j["offers_save"] = true;
   return j;
 }
 

@@ -39,6 +39,8 @@ export interface Event {
   /** Of a question: the slots that it is about, and the LSS addresses of the devices. */
   slots?: string[];
   devices?: string[];
+  /** Of a question: shall its slot's device save its parameters, and be reset? */
+  offers_save?: true;
 }
 
 export type Form = "word" | "option" | "flag" | "common" | "own";

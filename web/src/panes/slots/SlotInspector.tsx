@@ -5,7 +5,7 @@ import { addressOf, LSS_ADDRESS, serialWords, typeWords, visible } from "../../p
 import { slotKey } from "../../store/keys";
 import { useData, useStudio } from "../../window/context";
 import { Backup } from "./Backup";
-import { bootLetters, eventsOf, forgettable, needOf, questionOf, replacementSteps } from "./reducer";
+import { bootLetters, eventsOf, forgettable, needOf, questionOf, replacementSteps, savesFirst } from "./reducer";
 
 const stepMarks = { done: "✓", now: "▸", later: "·" };
 
@@ -40,6 +40,7 @@ export function SlotInspector({ slot }: { slot: Slot }) {
           {question && <Question question={question} slot={slot} owner={owner} />}
         </div>
       )}
+      {savesFirst(slot, events) && <FirstSave slot={slot} owner={owner} />}
       {slot.reason && <p className="reason">{visible(slot.reason)}</p>}
       {follows && <Steps slot={slot} events={events} sinceS={replacing.atS} />}
       {!waitsForSpare && <Answer sent={last} />}
@@ -67,6 +68,21 @@ export function SlotInspector({ slot }: { slot: Slot }) {
       </details>
       <History events={eventsOf(slot, events)} />
     </section>
+  );
+}
+
+/** `berth up` asks the same on its terminal: "save SLOT". */
+function FirstSave({ slot, owner }: { slot: Slot; owner: string }) {
+  const target = { bus: slot.bus, node: slot.name };
+  return (
+    <div className="need-box need-question">
+      <p>
+        <b>Its memory holds nothing that was saved.</b> Save its parameters, then reset it. If its program ends at that,
+        start it again.
+      </p>
+      <Act verb="store" values={target} owner={owner} label="Save its parameters" primary />
+      <Act verb="nmt" values={{ ...target, command: "reset-node", "no-wait": "1" }} owner={owner} label="Reset it" />
+    </div>
   );
 }
 

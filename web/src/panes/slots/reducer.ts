@@ -98,6 +98,14 @@ export function questionOf(slot: Slot, open: readonly Event[]): Event | null {
   return open.find((event) => event.bus === slot.bus && event.slots?.includes(slot.name)) ?? null;
 }
 
+/** Its device stays pre-operational until it has saved its parameters once and was reset: that was offered. */
+export function savesFirst(slot: Slot, events: readonly Event[]): boolean {
+  const mine = events.filter((event) => event.bus === slot.bus);
+  const offered = mine.findLastIndex((event) => event.offers_save === true && event.slots?.includes(slot.name));
+  if (offered < 0 || slot.state === "operational") return false;
+  return !mine.slice(offered).some((event) => event.slot === slot.name && event.text === "operational");
+}
+
 /** Devices of this slot that were to give up their node-ID and did not come back: they can be forgotten. */
 export function forgettable(slot: Slot, events: readonly Event[]): string[] {
   const mine = events.filter((event) => event.bus === slot.bus && event.slot === slot.name);

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { slot } from "../../store/samples";
-import { dcfOf, forgettable, inNeed, needOf, questionOf, replacementSteps } from "./reducer";
+import { dcfOf, forgettable, inNeed, needOf, questionOf, replacementSteps, savesFirst } from "./reducer";
 
 const event = (kind: string, text = "", more = {}) => ({ at_s: 5, bus: "field", slot: "belt", kind, text, ...more });
 const address = "00000001-00000010-00010001-00000001";
@@ -23,6 +23,16 @@ describe("slots", () => {
     const open = [other, event("question", "which?", { slots: ["barrier", "belt"] })];
     expect(questionOf(slot(), open)?.text).toBe("which?");
     expect(questionOf(slot({ name: "gate" }), open)).toBeNull();
+  });
+
+  it("offer the first saving until the device is operational", () => {
+    const offer = { ...event("question", "shall it save?", { slots: ["belt"], offers_save: true as const }), slot: "" };
+    const pre = slot({ state: "failed" });
+    expect(savesFirst(pre, [offer])).toBe(true);
+    expect(savesFirst(slot(), [offer])).toBe(false);
+    expect(savesFirst(pre, [offer, event("state", "operational")])).toBe(false);
+    expect(savesFirst(pre, [event("question", "which?", { slots: ["belt"] })])).toBe(false);
+    expect(savesFirst({ ...pre, name: "gate" }, [offer])).toBe(false);
   });
 
   it("tell which devices can be forgotten", () => {
