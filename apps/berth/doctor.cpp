@@ -208,7 +208,7 @@ int report(std::vector<Patient>& patients, rt::Duration listened, const Options&
                              {"errors", heard.errors}});
     const auto findings = p.deaf ? std::vector<doctor::Diagnosis>() : doctor::diagnose(heard, p.expected, p.answers);
     for (const auto& d : findings) {
-      json["findings"].push_back(command::json_of(d, p.bus->name));
+      json["findings"].push_back(command::finding_json(d, p.bus->name));
       if (!options.json) print_lines(command::finding_lines(d, p.bus->name));
     }
     if (p.problem.empty()) continue;
@@ -262,7 +262,7 @@ rt::Task<void> examine_node(Patient& patient, const doctor::ConformanceOptions& 
 
 int report_conformance(const doctor::Conformance& report, const Patient& patient, NodeId node, const Options& options) {
   if (options.json) {
-    print_text(command::json_of(report, patient.bus->name, node, patient.problem).dump(2));
+    print_text(command::conformance_json(report, patient.bus->name, node, patient.problem).dump(2));
   } else {
     print_lines(command::conformance_lines(report, patient.bus->name, node));
     if (!patient.problem.empty()) print_error(patient.problem);

@@ -19,6 +19,7 @@ void add_replace(Verb& berth, Options& options);
 void add_forget(Verb& berth, Options& options);
 void add_boot(Verb& berth, Options& options);
 void add_configure(Verb& berth, Options& options);
+void add_backup(Verb& berth, Options& options);
 void add_upload(Verb& berth, Options& options);
 void add_program(Verb& berth, Options& options);
 void add_program_image(const Verb& program, Options& options);

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "berth/command/arguments.hpp"
+#include "berth/command/differences.hpp"
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
@@ -36,16 +37,6 @@ std::string text_of(const SlotConfiguration& c, bool write) {
   return result == "power cycle needed" ? c.reason : summary(c.report, c.file);
 }
 
-Json json_of(const manager::Difference& d) {
-  Json json;
-  json["object"] = fmt::format("0x{:04X}:{:02X}", d.object.index, d.object.sub);
-  if (!d.name.empty()) json["name"] = d.name;
-  if (d.line != 0) json["line"] = d.line;
-  if (d.held) json["has"] = manager::print_value(d.type, *d.held);
-  json["wants"] = manager::print_value(d.type, d.wanted);
-  return json;
-}
-
 Json json_of(const SlotConfiguration& c, bool write) {
   Json json;
   json["bus"] = c.bus;
@@ -55,7 +46,7 @@ Json json_of(const SlotConfiguration& c, bool write) {
   json["result"] = result_of(c, write);
   json["text"] = text_of(c, write);
   json["differences"] = Json::array();
-  for (const auto& d : c.report.differences) json["differences"].push_back(json_of(d));
+  for (const auto& d : c.report.differences) json["differences"].push_back(difference_json(d));
   return json;
 }
 

@@ -164,6 +164,11 @@ Disturbed disturbed_by(Session& session, const Request& request) {
   if (request.verb == "sdo write") return by_sdo(session, request);
   if (request.verb == "store" || request.verb == "restore") return by_memory(session, request);
   if (request.verb.starts_with("program ")) return by_program(session, request);
+  if (request.verb == "backup restore") {
+    auto disturbed = by_memory(session, request);
+    disturbed.how = "gets other parameters while it works, and stores them";
+    return disturbed;
+  }
   if (request.verb == "doctor") return by_doctor(session, request);
   if (request.verb == "send") return by_frame(session, request);
   if (request.verb.starts_with("lss ") && request.verb != "lss move-bit-rate") return by_lss(session, request);

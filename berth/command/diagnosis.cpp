@@ -16,7 +16,7 @@ namespace {
 
 double in_s(rt::Time at) { return std::chrono::duration<double>(at.time_since_epoch()).count(); }
 
-Json json_of(const doctor::Check& check) {
+Json check_json(const doctor::Check& check) {
   Json j;
   j["paragraph"] = check.paragraph;
   if (check.has_object) {
@@ -54,7 +54,7 @@ rt::Duration listening_time(const design::Bus& bus) {
   return std::max<rt::Duration>(5s, 5 * bus.timing.heartbeat_timeout);
 }
 
-Json json_of(const doctor::Diagnosis& d, const std::string& bus) {
+Json finding_json(const doctor::Diagnosis& d, const std::string& bus) {
   Json j;
   j["kind"] = doctor::name(d.kind);
   j["bus"] = bus;
@@ -89,7 +89,8 @@ std::vector<std::string> finding_lines(const doctor::Diagnosis& d, const std::st
   return lines;
 }
 
-Json json_of(const doctor::Conformance& report, const std::string& bus, NodeId node, const std::string& problem) {
+Json conformance_json(const doctor::Conformance& report, const std::string& bus, NodeId node,
+                      const std::string& problem) {
   Json json{{"bus", bus},
             {"node", node.value()},
             {"passed", report.count(Verdict::passed)},
@@ -98,7 +99,7 @@ Json json_of(const doctor::Conformance& report, const std::string& bus, NodeId n
             {"problem", nullptr},
             {"checks", Json::array()}};
   if (!problem.empty()) json["problem"] = problem;
-  for (const auto& check : report.checks) json["checks"].push_back(json_of(check));
+  for (const auto& check : report.checks) json["checks"].push_back(check_json(check));
   return json;
 }
 

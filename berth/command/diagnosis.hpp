@@ -19,13 +19,13 @@ namespace berth::command {
 /// How long a doctor listens that is told nothing else: five heartbeat times, 5 s at least.
 [[nodiscard]] rt::Duration listening_time(const design::Bus& bus);
 
-[[nodiscard]] Json json_of(const doctor::Diagnosis& finding, const std::string& bus);
+[[nodiscard]] Json finding_json(const doctor::Diagnosis& finding, const std::string& bus);
 /// The finding, its evidence, what to do.
 [[nodiscard]] std::vector<std::string> finding_lines(const doctor::Diagnosis& finding, const std::string& bus);
 
 /// Counts and checks of an examination. `problem`: why it ended early; empty: it did not.
-[[nodiscard]] Json json_of(const doctor::Conformance& report, const std::string& bus, NodeId node,
-                           const std::string& problem);
+[[nodiscard]] Json conformance_json(const doctor::Conformance& report, const std::string& bus, NodeId node,
+                                    const std::string& problem);
 /// What did not pass, and the counts.
 [[nodiscard]] std::vector<std::string> conformance_lines(const doctor::Conformance& report, const std::string& bus,
                                                          NodeId node);

@@ -61,7 +61,7 @@ class Patient final : private tree::OwnFrames::Listener {
                              {"errors", heard_.errors}});
     const auto findings = deaf_ ? std::vector<doctor::Diagnosis>() : doctor::diagnose(heard_, expected_, answers_);
     for (const auto& finding : findings) {
-      json["findings"].push_back(json_of(finding, bus().name));
+      json["findings"].push_back(finding_json(finding, bus().name));
       const auto told = finding_lines(finding, bus().name);
       lines.insert(lines.end(), told.begin(), told.end());
     }
@@ -92,7 +92,7 @@ rt::Task<void> examine(Session& session, Arguments& arguments, Reply& reply) {
   const auto done = co_await doctor::examine((*network)->services().dispatcher, how, report);
   std::string problem;
   if (!done) problem = fmt::format("bus {}, node {}: {}", bus.name, node->node.value(), describe(done.error()));
-  give(reply, json_of(report, bus.name, node->node, problem), conformance_lines(report, bus.name, node->node));
+  give(reply, conformance_json(report, bus.name, node->node, problem), conformance_lines(report, bus.name, node->node));
   if (report.count(doctor::Verdict::failed) > 0) reply.status = 1;
   if (problem.empty()) co_return;
   reply.status = 3;

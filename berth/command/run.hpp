@@ -11,20 +11,23 @@ using operate::Network;
 using operate::SlotReport;
 using tree::Session;
 
-rt::Task<void> report(Session& session, const Request& request, Reply& reply);       // slots.cpp
-rt::Task<void> bind(Session& session, const Request& request, Reply& reply);         // slots.cpp
-rt::Task<void> replace(Session& session, const Request& request, Reply& reply);      // slots.cpp
-rt::Task<void> forget(Session& session, const Request& request, Reply& reply);       // slots.cpp
-rt::Task<void> scan(Session& session, const Request& request, Reply& reply);         // scan.cpp
-rt::Task<void> boot(Session& session, const Request& request, Reply& reply);         // boot.cpp
-rt::Task<void> configure(Session& session, const Request& request, Reply& reply);    // configure.cpp
-rt::Task<void> upload(Session& session, const Request& request, Reply& reply);       // upload.cpp
-rt::Task<void> locate(Session& session, const Request& request, Reply& reply);       // locate.cpp
-rt::Task<void> sdo_read(Session& session, const Request& request, Reply& reply);     // sdo.cpp
-rt::Task<void> sdo_write(Session& session, const Request& request, Reply& reply);    // sdo.cpp
-rt::Task<void> nmt_command(Session& session, const Request& request, Reply& reply);  // nmt.cpp
-rt::Task<void> sdo_probe(Session& session, const Request& request, Reply& reply);    // probe.cpp
-rt::Task<void> lss_command(Session& session, const Request& request, Reply& reply);  // lss.cpp
+rt::Task<void> report(Session& session, const Request& request, Reply& reply);          // slots.cpp
+rt::Task<void> bind(Session& session, const Request& request, Reply& reply);            // slots.cpp
+rt::Task<void> replace(Session& session, const Request& request, Reply& reply);         // slots.cpp
+rt::Task<void> forget(Session& session, const Request& request, Reply& reply);          // slots.cpp
+rt::Task<void> scan(Session& session, const Request& request, Reply& reply);            // scan.cpp
+rt::Task<void> boot(Session& session, const Request& request, Reply& reply);            // boot.cpp
+rt::Task<void> configure(Session& session, const Request& request, Reply& reply);       // configure.cpp
+rt::Task<void> upload(Session& session, const Request& request, Reply& reply);          // upload.cpp
+rt::Task<void> backup_save(Session& session, const Request& request, Reply& reply);     // backup.cpp
+rt::Task<void> backup_compare(Session& session, const Request& request, Reply& reply);  // backup.cpp
+rt::Task<void> backup_restore(Session& session, const Request& request, Reply& reply);  // backup.cpp
+rt::Task<void> locate(Session& session, const Request& request, Reply& reply);          // locate.cpp
+rt::Task<void> sdo_read(Session& session, const Request& request, Reply& reply);        // sdo.cpp
+rt::Task<void> sdo_write(Session& session, const Request& request, Reply& reply);       // sdo.cpp
+rt::Task<void> nmt_command(Session& session, const Request& request, Reply& reply);     // nmt.cpp
+rt::Task<void> sdo_probe(Session& session, const Request& request, Reply& reply);       // probe.cpp
+rt::Task<void> lss_command(Session& session, const Request& request, Reply& reply);     // lss.cpp
 /// The same for who holds the network's turn.
 rt::Task<void> lss_service(Session& session, const Request& request, Reply& reply);       // lss.cpp
 rt::Task<void> sdo_dump(Session& session, const Request& request, Reply& reply);          // dump.cpp

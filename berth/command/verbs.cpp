@@ -92,6 +92,11 @@ constexpr std::array of_sdo_connect{of_bus, a_client, a_server,
                                     own_of("lease", "it is taken back after so many seconds (default 600)"), a_manager};
 constexpr std::array of_sdo_release{of_bus, a_client, a_server, a_manager};
 constexpr auto a_program = option_of("number", "N", "1 to 254", "--program");
+constexpr std::array of_backup{of_bus, own_of("node", "node-IDs or slots' names, one a line"),
+                               flag_of("all", "every slot's device")};
+constexpr std::array of_comparison{of_bus, word_of("node", a_node),
+                                   personal(word_of("file", "a DCF, XDC or concise DCF", false)),
+                                   own_of("dcf", "instead of a file: the DCF as a zlib stream, in hexadecimal digits")};
 constexpr std::array of_program{of_bus, word_of("node", a_node), a_program};
 constexpr std::array of_program_download{
     of_bus, word_of("node", a_node), a_program,
@@ -161,6 +166,9 @@ constexpr std::array table{
     Verb{"boot", "reset, check, configure and start the devices of the slots once (CiA 302-2)", operates, bus, boot},
     Verb{"configure", "bring devices to what their configuration files want", changes, of_configure, configure},
     Verb{"upload", "a device's configuration, as it is now, becomes its slot's file", changes, of_upload, upload},
+    Verb{"backup save", "what devices hold now, as dated DCFs", asks, of_backup, backup_save},
+    Verb{"backup compare", "a DCF beside what a device holds", asks, of_comparison, backup_compare},
+    Verb{"backup restore", "a DCF into a device of its type, stored there", changes, of_comparison, backup_restore},
     Verb{"sdo read", "read objects of a device", asks, of_sdo_read, sdo_read},
     Verb{"sdo write", "write objects of a device", changes, of_sdo_write, sdo_write},
     Verb{"sdo probe", "read all of these objects, whichever the device has", asks, of_sdo_probe, sdo_probe},

@@ -6,8 +6,9 @@
 /// name says it; `scan` and `bind` then take every bus. A node is a node-ID or a slot's name, an object an index such
 /// as 1018h:04 or its name (objects.hpp); several objects, values or frames stand one a line.
 ///
-/// On a real bus, `nmt` resets, `boot`, `lss` services, `store`, `restore`, `send`, `program` (but its status), a
-/// `doctor` that asks and `sdo write` to 1010h and 1011h take yes too: without it they are refused (status 1,
+/// On a real bus, `nmt` resets, `boot`, `lss` services, `store`, `restore`, `backup restore`, `send`, `program` (but
+/// its status), a `doctor` that asks and `sdo write` to 1010h and 1011h take yes too: without it they are refused
+/// (status 1,
 /// {"result": "unconfirmed"}) while a device that they disturb is operational.
 #pragma once
 

@@ -37,6 +37,19 @@ std::array<std::uint8_t, 4> four_bytes(std::uint32_t value) noexcept {
   return bytes;
 }
 
+// It is about one value, and the person wants the others all the same.
+bool goes_on(const ConfiguratorOptions& options, ConfigurationReport& report) {
+  using enum Failure::Why;
+  if (!options.refused || !report.failure) return false;
+  const Failure& failure = *report.failure;
+  const bool refused = failure.why == error && failure.error.code == Errc::aborted;
+  if (!refused && failure.why != differs && failure.why != not_kept) return false;
+  options.refused(failure);
+  ++report.refused;
+  report.failure.reset();
+  return true;
+}
+
 }  // namespace
 
 bool same_value(od::DataType type, std::span<const std::uint8_t> held, std::span<const std::uint8_t> wanted) noexcept {
@@ -201,6 +214,10 @@ rt::Task<bool> Configurator::make_right(ConfigurationReport& report, bool differ
     const bool kept = co_await read_back(report);
     if (!kept) co_return false;
   }
+  if (report.refused > 0 && report.dated) {
+    co_await take_date();
+    report.dated = report.has_date = false;
+  }
   if (!saves) co_return true;
   const bool saved = co_await save(report);
   co_return saved&& still_there(report, Stage::saving);
@@ -231,7 +248,7 @@ rt::Task<bool> Configurator::read_entry(std::size_t index, ConfigurationReport& 
     const bool write_only = !entry.compare_only && aborted_with(value.error(), {od::AbortCode::write_only});
     if (!write_only) {
       fail_at(report, Stage::comparing, entry, value.error());
-      co_return false;
+      co_return goes_on(*options_, report);
     }
     readable_[index] = false;
     co_return true;
@@ -266,7 +283,7 @@ rt::Task<bool> Configurator::compare(ConfigurationReport& report) {
     fail_at(report, Stage::comparing, entry, {});
     report.failure->why = Failure::Why::differs;
     report.failure->held = held->second;
-    co_return false;
+    if (!goes_on(*options_, report)) co_return false;
   }
   co_return true;
 }
@@ -309,7 +326,9 @@ rt::Task<bool> Configurator::download(ConfigurationReport& report) {
       fail_at(report, Stage::writing, wanted_->entries[step.entry], done.error());
       report.failure->object = object;
       report.failure->wanted = step.bytes;
-      co_return false;
+      if (!goes_on(*options_, report)) co_return false;
+      changes_[step.entry] = false;  // it is not read back
+      continue;
     }
     ++report.written;
     tell_value(Stage::writing, report.written, steps.size());
@@ -319,6 +338,7 @@ rt::Task<bool> Configurator::download(ConfigurationReport& report) {
 
 // A device that refuses the date, or shows another, has none that could be relied on.
 rt::Task<bool> Configurator::put_date(ConfigurationReport& report) {
+  if (report.refused > 0) report.has_date = false;  // a part of a configuration carries none
   if (!report.has_date) co_return true;
   const auto days = four_bytes(wanted_->date.days);
   const auto ms = four_bytes(wanted_->date.ms);
@@ -390,7 +410,7 @@ rt::Task<bool> Configurator::read_values_back(ConfigurationReport& report) {
     fail_at(report, Stage::reading_back, entries[i], {});
     report.failure->why = Failure::Why::not_kept;
     report.failure->held.assign(bytes.begin(), bytes.end());
-    co_return false;
+    if (!goes_on(*options_, report)) co_return false;
   }
   co_return true;
 }

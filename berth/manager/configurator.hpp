@@ -89,6 +89,7 @@ struct ConfigurationReport {
   bool has_date = false;     ///< the device has 1020h and keeps what is written there
   std::size_t compared = 0;  ///< values read
   std::vector<Difference> differences;
+  std::size_t refused = 0;  ///< values that `ConfiguratorOptions::refused` was told
   std::size_t written = 0;  ///< downloads, without date and saving
   bool dated = false;       ///< 1020h was written
   Saved saved = Saved::no_need;
@@ -122,7 +123,10 @@ struct ConfiguratorOptions {
   std::function<bool()> before_change;
   std::function<bool()> restarted;                ///< true: the device has booted since `run` began; may be empty
   std::function<void(const Progress&)> progress;  ///< at the beginning of each stage; may be empty
-  bool each_value = false;                        ///< `progress` also after each value that was read or written
+  /// A value that the device refuses, cannot hold or does not keep is told here, the others are brought in all the
+  /// same, and 1020h stays 0; empty: the first one is the end.
+  std::function<void(const Failure&)> refused;
+  bool each_value = false;  ///< `progress` also after each value that was read or written
 };
 
 class Configurator {

@@ -202,6 +202,37 @@ TEST(Configurator, ARefusalNamesObjectAbortCodeAndLine) {
   EXPECT_EQ(d.value({0x1020, 1}), u32(0)) << "what is half done carries no date";
 }
 
+// For a backup that is restored: each refusal is told, and the rest is brought in; what is not whole carries no date.
+TEST(Configurator, RefusalsAreToldAndTheOthersWritten) {
+  auto d = pump();
+  d.refuses_write[limit] = AbortCode::value_too_high;
+  d.add({0x1000, 0}, u32(0x0191), false);
+  auto w = wanted_of({entry({0x1000, 0}, u32(0x0192), od::DataType::unsigned32),
+                      entry(limit, u16(500), od::DataType::unsigned16), entry(gain, u8(7), od::DataType::unsigned8),
+                      entry(label, {'b'}, od::DataType::visible_string),
+                      entry({0x2005, 0}, u8(1), od::DataType::unsigned8)});  // it has none of 2005h
+  w.entries.front().compare_only = true;
+  std::vector<Failure> refused;
+  auto options = quick();
+  options.refused = [&](const Failure& failure) { refused.push_back(failure); };
+  const auto r = configure(d, w, options);
+  ASSERT_TRUE(r.good()) << describe(*r.failure, "pump.dcf");
+  EXPECT_EQ(r.refused, 3U);
+  ASSERT_EQ(refused.size(), 3U);
+  EXPECT_EQ(refused[0].object, (ObjectRef{0x2005, 0}));
+  EXPECT_EQ(refused[1].object, (ObjectRef{0x1000, 0}));
+  EXPECT_EQ(refused[1].why, Why::differs);
+  EXPECT_EQ(refused[2].object, limit);
+  EXPECT_EQ(static_cast<AbortCode>(refused[2].error.detail), AbortCode::value_too_high);
+  EXPECT_EQ(d.value(gain), u8(7));
+  EXPECT_EQ(d.value(label), (Bytes{'b'}));
+  EXPECT_EQ(d.saved.at(gain), u8(7));
+  EXPECT_FALSE(r.dated);
+  EXPECT_EQ(d.value({0x1020, 1}), u32(0));
+  d.silent = {gain};
+  EXPECT_FALSE(configure(d, w, options).good()) << "silence is no refusal";
+}
+
 TEST(Configurator, AnObjectThatTheDeviceDoesNotHave) {
   auto d = pump();
   d.objects.erase(gain);

@@ -18,8 +18,10 @@ const machines = {
   belt: file("belt"),
   five: file("five-slaves"),
   many: file("hundred-twenty"),
+  configured: file("configured"),
   programmed: file("programmed"),
   twins: own("twins"),
+  unsaved: own("unsaved"),
   conveyor: folder("conveyor"),
   harvester: folder("harvester"),
 };
@@ -201,6 +203,20 @@ await check(
   },
 );
 
+await check(
+  "a device that must save its parameters first is told to",
+  { machine: "unsaved", fresh: true, early: true, hash: "&pane=slots&slot=field/1" },
+  async (page, berth, by) => {
+    await page.locator(".need-box", { hasText: "nothing that was saved" }).waitFor();
+    await by.button("Save its parameters").click();
+    await page.locator(".answer.good", { hasText: "store" }).waitFor();
+    await by.button("Reset it").click();
+    await state(page, "operational");
+    await operational(berth);
+    assert.equal(await page.locator(".need-box").count(), 0);
+  },
+);
+
 await check("history, locate", { machine: "belt", fresh: true, hash: "&pane=slots" }, async (page, berth, by) => {
   await by.row("barrier").click();
   await by.button("Who sat here before").click();
@@ -248,6 +264,26 @@ await check(
     assert.equal(await page.getByLabel("New value").inputValue(), "611");
     assert.deepEqual(second.errors, []);
     await second.context.close();
+  },
+);
+
+await check(
+  "differences from the slot's file and from the defaults are shown alone",
+  { machine: "configured", fresh: true, hash: "&pane=dictionary" },
+  async (page, berth, by) => {
+    const { slots } = await berth.snapshot();
+    const { bus, id, name } = slots[0];
+    await page.evaluate((hash) => (window.location.hash = hash), `#pane=dictionary&slot=${bus}/${id}`);
+    await berth.request("sdo write", { node: name, object: "1017h", value: "650" });
+    await by.button("Read all objects").click();
+    await page.getByLabel("differences only").check();
+    await page.locator(".object", { hasText: "1017h:00" }).locator(".other").waitFor();
+    await page.getByLabel("Search objects").fill("2000h:01");
+    assert.equal(await page.locator(".scroll .object").count(), 0, "it is as pump.dcf wants it");
+    await page.getByLabel("differences only").uncheck();
+    await page.locator(".object", { hasText: "2000h:01" }).click();
+    const told = await page.locator(".inspector dl", { hasText: "Configured" }).first().innerText();
+    assert.match(told, /Default\s+100\s+Configured\s+500/);
   },
 );
 
@@ -310,6 +346,45 @@ await check("a service is asked by its form", { hash: "&pane=network&slot=field/
   // A long line scrolls in its own box.
   assert.ok(await page.locator(".columns .scroll").evaluate((box) => box.scrollWidth <= box.clientWidth));
 });
+
+await check(
+  "devices are backed up, compared and restored",
+  { machine: "belt", fresh: true, hash: "&pane=network&slot=field/10" },
+  async (page, berth, by) => {
+    await page.locator(".tools").getByRole("button", { name: "backup and restore", exact: true }).click();
+    const files = [];
+    page.on("download", (file) => files.push(file));
+    await by.button("Back up all 2 devices").click();
+    await page.locator(".answer.good", { hasText: "2 of 2 backed up" }).waitFor();
+    for (let i = 0; files.length < 2 && i < 100; i++) await page.waitForTimeout(50);
+    const names = files.map((file) => file.suggestedFilename());
+    assert.match(names[0], /^belt-\d{4}-\d\d-\d\d-\d{4}\.dcf$/);
+    assert.match(names[1], /^barrier-/);
+    const before = await berth.request("sdo read", { node: "belt", object: "1017h" });
+    await berth.request("sdo write", { node: "belt", object: "1017h", value: "650" });
+    await page
+      .locator("input[type=file]")
+      .setInputFiles({ name: names[0], mimeType: "text/plain", buffer: readFileSync(await files[0].path()) });
+    await by.button("Compare with belt").click();
+    const row = page.locator(".form tr", { hasText: "1017h:00" });
+    await row.locator("text=650").waitFor();
+    await by.button("Restore into belt").click();
+    await page
+      .getByRole("dialog")
+      .locator("code", { hasText: `berth backup restore belt ${names[0]}` })
+      .waitFor();
+    await by.button("Send it").click();
+    await page.locator(".answer.good", { hasText: "restored and stored" }).waitFor();
+    const after = await berth.request("sdo read", { node: "belt", object: "1017h" });
+    assert.equal(after.reply.value, before.reply.value);
+    await by.button("Compare with belt").click();
+    await page.locator(".answer.good", { hasText: "as the DCF has it" }).waitFor();
+    await by.slot("barrier").click();
+    await by.button("Compare with barrier").click();
+    await page.locator(".answer.bad", { hasText: "of another type of device" }).waitFor();
+    await operational(berth);
+  },
+);
 
 await check(
   "each service without obligatory arguments answers",
@@ -385,6 +460,13 @@ await check(
     await page.locator(".frame.child").nth(7).waitFor();
     await page.locator(".frame.child").first().click();
     await page.getByRole("button", { name: "Object 1008h:00 in the dictionary" }).waitFor();
+    await page.keyboard.press("ArrowDown");
+    await page.locator(".frame.child:nth-child(n) + .frame.child.selected").waitFor();
+    await page.keyboard.press("ArrowLeft");
+    await page.locator(".frame.transfer.selected", { hasText: "Belt of the examples" }).waitFor();
+    assert.equal(await page.locator(".frame.child").count(), 0);
+    await page.keyboard.press("ArrowRight");
+    await page.locator(".frame.child").nth(7).waitFor();
   },
 );
 

@@ -3,7 +3,7 @@
  *   node browser/screenshots.mjs [--docs] [NAME] -> screenshots/   (build/test/berth or $BERTH_BINARY)
  * --docs: also those that docs/ shows, into docs/studio/.
  */
-import { mkdirSync, writeFileSync } from "node:fs";
+import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { operational, root, startBerth } from "./berth.mjs";
 import { launch, openPage } from "./open.mjs";
@@ -85,6 +85,22 @@ const shots = {
       await page.locator(".tools").getByRole("button", { name: "scan", exact: true }).click();
       await button(page, "Do: scan").click();
       await page.locator(".answer.good").waitFor();
+    },
+  },
+  backup: {
+    hash: "pane=network&slot=field/12",
+    act: async (page) => {
+      await page.locator(".tools").getByRole("button", { name: "backup and restore", exact: true }).click();
+      const coming = page.waitForEvent("download");
+      await button(page, "Back up unloader drive").click();
+      const file = await coming;
+      await page.locator("input[type=file]").setInputFiles({
+        name: file.suggestedFilename(),
+        mimeType: "text/plain",
+        buffer: readFileSync(await file.path()),
+      });
+      await button(page, "Compare with unloader drive").click();
+      await page.locator(".answer.good", { hasText: "as the DCF has it" }).waitFor();
     },
   },
   boot: { hash: "pane=network", act: (page) => page.locator(".boot-log section").first().waitFor() },

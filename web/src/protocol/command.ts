@@ -1,7 +1,7 @@
 import type { Parameter, Verb } from "./messages";
 
 /** Arguments of a form of their own that stand by themselves on the command line. */
-const positional = new Set(["object", "value", "frame", "device"]);
+const positional = new Set(["object", "value", "frame", "device", "file", "node"]);
 /** Verbs that the command line has under another name. */
 const renamed: Record<string, string> = { report: "status" };
 /** Actions of `sim` that are commands of their own; the others are faults. */

@@ -33,6 +33,8 @@ export type Connection =
 export interface Ask {
   verb: string;
   values: Record<string, string>;
+  /** What the command line has instead of the values: a file's name instead of its content. */
+  shown?: Record<string, string>;
   owner: string;
 }
 

@@ -13,7 +13,11 @@ export function ConfirmDialog() {
     if (confirming) dialog.current?.showModal();
     else dialog.current?.close();
   }, [confirming]);
-  const asks = (confirming ?? []).map((ask) => ({ ...ask, values: { ...ask.values, yes: "1" } }));
+  const asks = (confirming ?? []).map((ask) => ({
+    ...ask,
+    values: { ...ask.values, yes: "1" },
+    shown: { ...(ask.shown ?? ask.values), yes: "1" },
+  }));
   const first = asks[0];
   const go = () => {
     if (confirming) sendAll(studio, asks);
@@ -25,7 +29,7 @@ export function ConfirmDialog() {
         <>
           <h2>This can move the machine</h2>
           <p>Look that nobody stands in its way. Then send it.</p>
-          <CommandLine verb={first.verb} values={first.values} />
+          <CommandLine verb={first.verb} values={first.shown} />
           {asks.length > 1 && <p>The same for {asks.length - 1} more devices.</p>}
           <div className="row">
             <button type="button" autoFocus onClick={close}>

@@ -55,7 +55,7 @@ export function useView(): [View, (change: Partial<View>) => void] {
 
 /** On a real bus these can move a machine, and are confirmed. */
 const moving =
-  /^(nmt|boot|bind|replace|restore|store|send|sdo write|program (download|start|stop|clear)|lss (set|bit|act|move))/;
+  /^(nmt|boot|bind|replace|restore|backup restore|store|send|sdo write|program (download|start|stop|clear)|lss (set|bit|act|move))/;
 
 /** On a real bus it is confirmed: what moves, and the doctor when he asks. */
 function moves({ verb, values }: Ask, verbs: readonly Verb[]): boolean {

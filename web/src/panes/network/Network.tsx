@@ -5,7 +5,8 @@ import { visible } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
 import { useData, useStudio, useView } from "../../window/context";
 import { bootLetters } from "../slots/reducer";
-import { BOOT_LOG, bootStories, groupsOf, missingOf } from "./reducer";
+import { BackupRestore } from "./BackupRestore";
+import { BACKUP, BOOT_LOG, bootStories, groupsOf, missingOf } from "./reducer";
 
 export function Network() {
   const { store } = useStudio();
@@ -26,6 +27,8 @@ export function Network() {
     <div className="columns">
       <nav className="tools" aria-label="Services">
         {item(BOOT_LOG, "each boot-up, step by step")}
+        {verbs.some(({ name }) => name === "backup save") &&
+          item(BACKUP, "devices' values as DCFs, compared and restored")}
         {groupsOf(verbs).map((group) => (
           <section key={group.title}>
             <h3>{group.title}</h3>
@@ -34,7 +37,7 @@ export function Network() {
         ))}
       </nav>
       <div className="scroll" tabIndex={0} role="region" aria-label="Service">
-        {verb ? <VerbForm verb={verb} key={verb.name} /> : <BootLog />}
+        {verb ? <VerbForm verb={verb} key={verb.name} /> : chosen === BACKUP ? <BackupRestore /> : <BootLog />}
       </div>
     </div>
   );

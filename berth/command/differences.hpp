@@ -1,0 +1,12 @@
+/// What a device holds and a file wants, as replies have it.
+#pragma once
+
+#include "berth/command/reply.hpp"
+#include "berth/manager/configurator.hpp"
+
+namespace berth::command {
+
+/// {"object", "name", "line", "has", "wants"}: "has" is missing where the value cannot be read.
+[[nodiscard]] Json difference_json(const manager::Difference& difference);
+
+}  // namespace berth::command
