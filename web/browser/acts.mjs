@@ -277,7 +277,7 @@ await check(
     await berth.request("sdo write", { node: name, object: "1017h", value: "650" });
     await by.button("Read all objects").click();
     await page.getByLabel("differences only").check();
-    await page.locator(".object", { hasText: "1017h:00" }).locator(".other").waitFor();
+    await page.locator(".object", { hasText: "1017h:00" }).locator(".unlike").waitFor();
     await page.getByLabel("Search objects").fill("2000h:01");
     assert.equal(await page.locator(".scroll .object").count(), 0, "it is as pump.dcf wants it");
     await page.getByLabel("differences only").uncheck();

@@ -122,7 +122,7 @@ function Objects({ rows }: { rows: readonly ObjectRow[] }) {
         <span>Name</span>
         <span>Type</span>
         <span>Value</span>
-        <span>Should be</span>
+        <span>Default or file</span>
         <span>Before</span>
       </div>
       <div className="scroll" ref={scroller} tabIndex={0} role="region" aria-label="Objects" onKeyDown={onKey}>
@@ -146,7 +146,7 @@ function Objects({ rows }: { rows: readonly ObjectRow[] }) {
                 <span className={row.abort ? "bad-text" : "number"}>
                   {visible(row.abort || row.value || row.bytes)}
                 </span>
-                <span className={row.differs ? "number other" : "number quiet"}>
+                <span className={row.differs ? "number unlike" : "number quiet"}>
                   {row.differs && "≠ "}
                   {visible(row.configured || row.usual)}
                 </span>
