@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "berth/co/sdo_client.hpp"
+#include "berth/command/notes.hpp"
 #include "berth/command/objects.hpp"
 #include "berth/command/patience.hpp"
 #include "berth/command/permission.hpp"
@@ -130,6 +131,7 @@ class Expectation {
 /// What was heard, as JSON and as a table.
 struct Dump {
   const Expectation& expected;
+  const NoteBook& notes;
   Json objects = Json::array();
   std::vector<std::string> lines{};
   std::size_t read = 0;
@@ -140,8 +142,10 @@ struct Dump {
     Json json = head(object);
     put_value(json, object, bytes);
     const std::string should = expected.put(json, object, bytes);
+    const Note note = notes.of(object.ref);
+    put_note(json, note, object.type, bytes);
     objects.push_back(std::move(json));
-    line(object, value_text(object, bytes) + should);
+    line(object, value_text(object, bytes) + note_text(note, object.type, bytes) + should);
   }
 
   void abort(const KnownObject& object, std::uint32_t code) {
@@ -194,7 +198,8 @@ rt::Task<void> sdo_dump(Session& session, const Request& request, Reply& reply) 
   co::SdoAccess& device = objects_of(session, bus, wanted, how, direct);
   Walk walk(description);
   const Expectation expected(session.machine(), wanted);
-  Dump dump{.expected = expected};
+  const NoteBook notes(session.machine(), wanted);
+  Dump dump{.expected = expected, .notes = notes};
   Patience patience;
   while (const auto ref = walk.next()) {
     const KnownObject object = known_object(description, *ref);
@@ -226,6 +231,10 @@ rt::Task<void> sdo_dump(Session& session, const Request& request, Reply& reply) 
                                    description != nullptr ? ""
                                                           : "; no description is known: only CiA 301's objects were "
                                                             "asked for (eds = of the slot, or --eds)"));
+  if (!notes.problem().empty()) {
+    json["notes"] = notes.problem();
+    dump.lines.push_back(notes.problem());
+  }
   give(reply, json, std::move(dump.lines));
 }
 

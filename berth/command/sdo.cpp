@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "berth/co/sdo_client.hpp"
+#include "berth/command/notes.hpp"
 #include "berth/command/objects.hpp"
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
@@ -158,6 +159,7 @@ rt::Task<void> sdo_read(Session& session, const Request& request, Reply& reply) 
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
   std::optional<co::NodeAccess> direct;
   co::SdoAccess& device = objects_of(session, bus, wanted.node, how, direct);
+  const NoteBook notes(session.machine(), wanted.node);
   Answers answers(reply, bus, wanted, "read");
   for (const KnownObject& object : wanted.objects) {
     const auto value = co_await device.read(object.ref.index, object.ref.sub);
@@ -177,7 +179,9 @@ rt::Task<void> sdo_read(Session& session, const Request& request, Reply& reply) 
     }
     Json json;
     put_value(json, object, bytes);
-    answers.good(object, json, value_text(object, bytes) + misfit(object, bytes));
+    const Note note = notes.of(object.ref);
+    put_note(json, note, object.type, bytes);
+    answers.good(object, json, value_text(object, bytes) + note_text(note, object.type, bytes) + misfit(object, bytes));
   }
   answers.finish();
 }

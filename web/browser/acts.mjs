@@ -234,6 +234,7 @@ await check(
     await by.button("Read all objects").click();
     await page.getByLabel("Search objects").fill("heartbeat");
     await page.locator(".object", { hasText: "1017h:00" }).click();
+    await page.locator(".inspector", { hasText: "Time between two heartbeats" }).waitFor();
     await page.getByLabel("New value").fill("700");
     await by.button("Write").click();
     await page.locator(".object", { hasText: "1017h:00" }).locator("text=700").waitFor();

@@ -23,6 +23,7 @@ export function ObjectInspector({ slot, object }: { slot: Slot; object: string }
       <h2>
         {object} {visible(row?.name ?? "")}
       </h2>
+      {row?.note && <p className="reason">{visible(row.note)}</p>}
       {row && <RowFacts row={row} />}
       <div className="row">
         <WatchButton slot={key} object={object} />
@@ -89,6 +90,12 @@ function RowFacts({ row }: { row: ObjectRow }) {
           {number !== null && number >= 0 && ` = ${number.toString(16).toUpperCase()}h`}
         </dd>
       </div>
+      {row.meaning && (
+        <div>
+          <dt>Meaning</dt>
+          <dd>{visible(row.meaning)}</dd>
+        </div>
+      )}
       <div>
         <dt>Type</dt>
         <dd>{row.type}</dd>

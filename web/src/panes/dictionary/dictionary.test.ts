@@ -47,6 +47,13 @@ describe("the dictionary", () => {
     state = reducer(state, { type: "dictionary/other", only: true });
     expect(state.dictionary.otherOnly).toBe(true);
   });
+  it("says what an object is and what its value means", () => {
+    const told = { ...object("0x6041", 0, 0x27), note: { text: "State of the drive" }, meaning: "operation enabled" };
+    const [row] = rowsOf({ objects: [told] });
+    expect(row).toMatchObject({ note: "State of the drive", meaning: "operation enabled" });
+    expect(rowsOf({ objects: [object("0x6041", 0, 1)] })[0]).toMatchObject({ note: "", meaning: "" });
+    expect(searched(rowsOf({ objects: [told] }), "enabled")).toHaveLength(1);
+  });
   it("takes what a writing to several devices answers to each of them", () => {
     const values = { bus: "field", node: "11" };
     let state = reducer(firstState, { type: "sent", id: "r1", verb: "sdo write", values, owner: "series 2 field/11" });

@@ -9,6 +9,9 @@ export interface ObjectRow {
   bytes: string;
   /** Why it could not be read. */
   abort: string;
+  /** What the object is, and what the value means: by its description or its notes; empty: not known. */
+  note: string;
+  meaning: string;
   /** What the description and the slot's file say; empty: nothing. */
   usual: string;
   configured: string;
@@ -191,6 +194,8 @@ function rowOf(object: Json): ObjectRow {
     type: textOf(object.type),
     value: textOf(object.value ?? object.time),
     bytes: textOf(object.bytes),
+    note: isJson(object.note) ? textOf(object.note.text) : "",
+    meaning: [object.quantity, object.meaning].map(textOf).filter(Boolean).join(", "),
     usual: textOf(object.default),
     configured: textOf(object.configured),
     setting: typeof object.differs === "boolean",
@@ -204,7 +209,7 @@ export function searched(rows: readonly ObjectRow[], search: string): readonly O
   const words = search.toLowerCase().split(/\s+/).filter(Boolean);
   if (!words.length) return rows;
   return rows.filter((row) => {
-    const line = `${row.key} ${row.name} ${row.value}`.toLowerCase();
+    const line = `${row.key} ${row.name} ${row.value} ${row.meaning}`.toLowerCase();
     return words.every((word) => line.includes(word));
   });
 }
