@@ -202,7 +202,8 @@ struct BesideEquals {
   std::vector<Found> found;
 };
 
-// The walk ends `held`, as they keep their node-IDs and answer on; that the ranges were broken off weighs more, or nobody goes on.
+// The walk ends `held`, as they keep their node-IDs and answer on; that the ranges were broken off weighs more, or
+// nobody goes on.
 TEST(Auto, ASearchThatIsBrokenOffAmongTheRangesGoesOnThere) {
   BesideEquals b;
   constexpr unsigned plain_devices = 8;
