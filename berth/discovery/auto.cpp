@@ -193,7 +193,8 @@ rt::Task<Result<void>> Auto::by_the_rest(Run& run, bool goes_on) {
     const bool none_is_new = run.none_is_new();
     const auto done = co_await part(run, Method::identify);
     if (!done) co_return fail(done.error());
-    if (run.report.end == Report::End::more && none_is_new) ranges_.broken_off(schemes_end);
+    const bool walked = spoken_.fastscan || spoken_.rand || spoken_.and_protocol;  // else a scheme costs one question
+    if (run.report.end == Report::End::more && none_is_new && walked) ranges_.broken_off(schemes_end);
   }
   co_return Result<void>{};
 }

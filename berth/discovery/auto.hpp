@@ -62,8 +62,8 @@ class Auto final : public Discovery {
   [[nodiscard]] Method method() const noexcept override { return last_; }
   /// Finds every device that is not registered. `Found::by` tells how each was found. A device that speaks several
   /// schemes is reported once. The report ends with `more` when a part did, else as the first part that was not
-  /// complete. `more` among the ranges, and nobody new found by a scheme: the next `find` goes on there, four times in
-  /// a row at most, and asks no scheme.
+  /// complete. `more` among the ranges, and nobody new found by the schemes that were answered: the next `find` goes on
+  /// there, four times in a row at most, and asks no scheme.
   [[nodiscard]] rt::Task<Result<Report>> find(const Known& known, const Options& options) override;
   /// One question per scheme; ends at the first answer. For polls while the machine runs: 4 frames at most.
   [[nodiscard]] rt::Task<Result<bool>> anybody(const Options& options) override;

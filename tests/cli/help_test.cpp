@@ -217,6 +217,7 @@ class Taken : public ::testing::Test {
   }
   [[nodiscard]] std::string value_of(const std::string& option) const {
     static const std::map<std::string, std::string> values{{"--seed", "3"},
+                                                           {"--role", "view"},
                                                            {"--timeout", "60 s"},
                                                            {"--bus", "line"},
                                                            {"--for", "1 s"},
@@ -290,14 +291,41 @@ class Taken : public ::testing::Test {
 TEST_F(Taken, EveryOptionThatIsShown) {
   static const std::set<std::string> others{"-h",    "--port",      "--control", "--eds",   "--machine",
                                             "--sim", "--sim-state", "--file",    "--watch", "--follow"};
-  static const std::set<std::string> together{
-      "up --events",    "up --gateway",    "up --pace",       "demo --events",
-      "demo --pace",    "up --studio",     "demo --studio",   "trace --to",
-      "trace --stats",  "trace --quiet",   "eds diff --node", "reproduce --negotiation-load",
-      "plant --listen", "sdo dump --to",   "emcy --listen",   "gateway --real-time",
-      "adopt --all",    "device --device", "device --except", "configure --bus",
-      "up --master-id", "up --priority",   "upload --bus",    "analyze --node",
-      "link --node"};
+  static const std::set<std::string> together{"up --events",
+                                              "up --gateway",
+                                              "up --pace",
+                                              "demo --events",
+                                              "demo --pace",
+                                              "up --studio",
+                                              "demo --studio",
+                                              "trace --to",
+                                              "trace --stats",
+                                              "trace --quiet",
+                                              "eds diff --node",
+                                              "reproduce --negotiation-load",
+                                              "plant --listen",
+                                              "sdo dump --to",
+                                              "emcy --listen",
+                                              "gateway --real-time",
+                                              "adopt --all",
+                                              "device --device",
+                                              "device --except",
+                                              "configure --bus",
+                                              "up --master-id",
+                                              "up --priority",
+                                              "upload --bus",
+                                              "analyze --node",
+                                              "link --node",
+                                              "up --studio-role",
+                                              "up --studio-tokens",
+                                              "up --studio-certificate",
+                                              "up --studio-key",
+                                              "demo --studio-role",
+                                              "demo --studio-tokens",
+                                              "demo --studio-certificate",
+                                              "demo --studio-key",
+                                              "studio --certificate",
+                                              "studio --key"};
   const auto known = verbs();
   for (const auto& page : pages()) {
     const bool group = !listed(page.lines, "Subcommands:").empty();
