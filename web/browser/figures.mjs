@@ -8,6 +8,7 @@ import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { operational, root, startBerth } from "./berth.mjs";
+import { drawnIn } from "./drawn.mjs";
 import { launch, openPage } from "./open.mjs";
 
 const bench = process.env.BENCH_STUDIO ?? join(root, "build/bench/bench/bench_studio");
@@ -63,22 +64,6 @@ async function load(seconds) {
   });
   const after = async () => (await ended, said.trim().split("\n").slice(1));
   return { url, after, stop: () => child.kill() };
-}
-
-function drawnIn(seconds) {
-  return new Promise((resolve) => {
-    const times = [];
-    const end = performance.now() + seconds * 1000;
-    const draw = (now) => {
-      times.push(now);
-      if (performance.now() < end) return requestAnimationFrame(draw);
-      const gaps = times.slice(1).map((time, i) => time - times[i]);
-      const sorted = [...gaps].sort((a, b) => a - b);
-      const whole = times[times.length - 1] - times[0];
-      resolve({ drawn: (gaps.length / whole) * 1000, p99: sorted[Math.floor(sorted.length * 0.99)] });
-    };
-    requestAnimationFrame(draw);
-  });
 }
 
 async function drawnAtLoad() {
