@@ -83,7 +83,7 @@ async function drawnAtLoad() {
 }
 
 async function busBeside(browsers) {
-  const server = await load(10 + 2 * browsers);
+  const server = await load(10 + 8 * browsers);
   const pages = [];
   for (let i = 0; i < browsers; i++) pages.push(await openPage(browser, `${server.url}&pane=trace`));
   for (const line of await server.after()) {
