@@ -2,8 +2,8 @@
 
 add_library(berth_options INTERFACE)
 target_compile_options(berth_options INTERFACE
-  -Wall -Wextra -Wpedantic -Werror -Wconversion -Wno-sign-conversion -Wdelete-non-virtual-dtor -Wold-style-cast
-  -Wcast-qual -Woverloaded-virtual -Wundef)
+  -Wall -Wextra -Wpedantic -Werror -Wconversion -Wno-sign-conversion -Wcast-qual -Wundef
+  "$<$<COMPILE_LANGUAGE:CXX>:-Wdelete-non-virtual-dtor;-Wold-style-cast;-Woverloaded-virtual>")
 # A unit of several sources is no source: what stands in its anonymous namespaces is used from no other, and a local name
 # may be what another source calls something of its own. What is built without units sees both.
 target_compile_options(berth_options INTERFACE
@@ -215,6 +215,7 @@ function(berth_rooms)
   target_link_libraries(berth_store PRIVATE SQLiteCpp SQLite::SQLite3)
   target_link_libraries(berth_operate PRIVATE nlohmann_json::nlohmann_json)
   target_link_libraries(berth_command PRIVATE nlohmann_json::nlohmann_json)
+  target_link_libraries(berth_document PRIVATE nlohmann_json::nlohmann_json)
   if(BERTH_STUDIO)
     # Headers only, and in sources only: whoever uses the room needs no Boost.
     find_path(BERTH_BOOST boost/beast.hpp REQUIRED)

@@ -3,6 +3,18 @@
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
+# Of a build of the program alone (./run demo) nothing is installed, rather than the half of it.
+set(BERTH_INSTALLED "$<TARGET_FILE:berth>")
+foreach(room IN LISTS BERTH_ROOMS)
+  list(APPEND BERTH_INSTALLED "$<TARGET_FILE:berth_${room}>")
+endforeach()
+install(CODE "
+foreach(file IN ITEMS ${BERTH_INSTALLED})
+  if(NOT EXISTS \"\${file}\")
+    message(FATAL_ERROR \"Nothing is installed: this is not built: \${file}\nBuild all of it first: cmake --build ${PROJECT_BINARY_DIR}\")
+  endif()
+endforeach()")
+
 set(package ${CMAKE_INSTALL_LIBDIR}/cmake/Berth)
 set(BERTH_PACKAGE_LINKS "")
 foreach(room IN LISTS BERTH_ROOMS)
@@ -14,7 +26,7 @@ foreach(room IN LISTS BERTH_ROOMS)
 endforeach()
 install(TARGETS berth RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/berth/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/berth
-  FILES_MATCHING PATTERN "*.hpp")
+  FILES_MATCHING PATTERN "*.hpp" PATTERN "*.h")
 install(EXPORT BerthTargets NAMESPACE Berth:: DESTINATION ${package})
 
 configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/BerthConfig.cmake.in ${PROJECT_BINARY_DIR}/BerthConfig.cmake

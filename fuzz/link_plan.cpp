@@ -44,8 +44,10 @@ linker::Network machine() {
   for (const char* const name : {"a", "b"}) {
     network.nodes.push_back({.name = name, .bus = 0, .id = NodeId(name[0] == 'a' ? 1 : 2), .file = file});
   }
-  network.links.push_back({.from = {0, "x"}, .to = {{1, "x"}}, .type = od::DataType::unsigned8});
-  network.links.push_back({.from = {1, "y"}, .to = {{0, "y"}}, .type = od::DataType::unsigned8});
+  network.links.push_back(
+      {.from = {0, "x"}, .to = {{1, "x"}}, .type = od::DataType::unsigned8, .inhibit = std::chrono::milliseconds(10)});
+  network.links.push_back(
+      {.from = {1, "y"}, .to = {{0, "y"}}, .type = od::DataType::unsigned8, .inhibit = std::chrono::milliseconds(10)});
   return network;
 }
 

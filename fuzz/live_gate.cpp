@@ -32,6 +32,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   options.watch.tolerated = in.byte();
   live::Gate gate(executor, port, options);
   bool shut = false;
+  bool ran = false;  // it has listened: an SDO request is a client's from then on, and no master's
+  bool foreign = false;
   std::uint32_t signs = 0;
   port.on_sent = [&](const can::Frame& frame) {
     require(live::allowed(options.role, frame));
@@ -44,10 +46,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       const can::Frame frame = in.frame(key);
       const auto sign = gate.watch().sign_of(frame);
       const bool counts = sign && !options.watch.tolerated[static_cast<std::size_t>(*sign)];
+      ran = ran || gate.state() == live::GateState::open;
       port.hear(frame);
       if (counts) ++signs;
-      shut = shut || (counts && options.role == live::Role::master);
-      require(gate.watch().foreign() == (signs > 0));
+      const bool masters = counts && !(ran && *sign == live::Sign::sdo);
+      foreign = foreign || masters;
+      shut = shut || (masters && options.role == live::Role::master);
+      require(gate.watch().foreign() == foreign);
     } else if (step < 0xC0) {
       const auto key = key_of(in);
       const can::Frame frame = in.frame(key);
@@ -66,7 +71,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   require(told == signs);
   const auto probably = gate.watch().probably();
   require(!probably.configured() || (probably.value() >= 1 && probably.value() <= 127));
-  require(gate.report().empty() == (signs == 0));
+  require(gate.report().empty() == !foreign);
   return 0;
 }
 

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "berth/base/counted.hpp"
 #include "berth/live/census.hpp"
 #include "berth/store/database.hpp"
 #include "berth/text/quantity.hpp"
@@ -179,7 +180,7 @@ tl::expected<Learnt, Failure> learn(Rig& rig, const Options& options, const Adop
   if (adopt.master != 0) learnt.master_id = NodeId(static_cast<std::uint8_t>(adopt.master));
   if (!learnt.master.empty() && !learnt.master_id.configured()) {
     learnt.master.emplace_back(
-        "which node it is could not be told: if it is among the slots, take it out (--master ID)");
+        "Berth could not find out which node it is: if it is among the slots, remove it (--master ID)");
   }
   if (!adopt.passive) {
     std::string problem;
@@ -227,10 +228,10 @@ void report(const Learnt& learnt, const std::vector<Seated>& seats, const std::s
   for (const auto& line : learnt.master) print_line(line);
   for (const auto& node : learnt.nodes) {
     print_line(fmt::format("{:>3}  {:<35}  {}{}", node.id.value(),
-                           node.identity ? to_string(*node.identity) : "(does not tell its identity)", node.name,
+                           node.identity ? to_string(*node.identity) : "(does not report its identity)", node.name,
                            node.problem.empty() ? "" : "  " + node.problem));
   }
-  if (!seats.empty()) print_line(fmt::format("{} slots: {}, bindings in {}", seats.size(), file, store));
+  if (!seats.empty()) print_line(fmt::format("{}: {}, bindings in {}", counted(seats.size(), "slot"), file, store));
 }
 
 std::string seed_machine(const Options& options, const AdoptOptions& adopt) {
@@ -276,11 +277,11 @@ int run_adopt(const Options& wanted, const AdoptOptions& adopt) {
   if (seats.empty()) {
     report(*learnt, seats, adopt.file, store, options.json);
     if (options.json) return Exit::no;
-    return tell(failure(Exit::no, adopt.passive ? "listening alone tells no device's identity, so no slot can be "
-                                                  "written; without --passive devices are asked by SDO"
+    return tell(failure(Exit::no, adopt.passive ? "listening alone does not show the identity of a device, so no slot "
+                                                  "can be written; without --passive devices are asked by SDO"
                                   : learnt->nodes.empty() && !adopt.everybody
-                                      ? "nobody was heard, so nobody was asked; --all asks every node-ID"
-                                      : "no device told its identity; nothing was written"),
+                                      ? "no device was heard, so none was asked; --all asks every node-ID"
+                                      : "no device reported its identity; nothing was written"),
                 false);
   }
   const auto checked = design::read_machine(text, adopt.file, {});

@@ -20,7 +20,7 @@ void add_adopt(Verb& berth, Options& options) {
   adopt.word("--store", options.store.file, "slot table to write (default: beside the machine file, .db)")
       .shown("FILE");
   adopt.time("--for", wanted->listen, "how long to listen (default: 8 s)");
-  const Word passive = adopt.flag("--passive", wanted->passive, "send nothing: only what is heard is told");
+  const Word passive = adopt.flag("--passive", wanted->passive, "send nothing; report only what is heard");
   adopt.flag("--all", wanted->everybody, "ask silent node-IDs, too").excludes(passive);
   adopt.word("--master", wanted->master, "node-ID of the master that runs it: it gets no slot")
       .from_to(1, 127)
@@ -37,7 +37,7 @@ void add_export(Verb& berth, Options& options) {
   const Verb out = berth.add("export", "machine file, the files it names and its slot table as one file",
                              [&options, to] { return run_export(options, *to); });
   machine_option(out, options);
-  out.word("to", *to, "file to write").required().shown("FILE");
+  out.word("file", *to, "file to write").required().shown("FILE");
   out.word("--store", options.store.file, "slot table (default: beside the machine file, .db)").shown("FILE");
   json_flag(out, options);
   out.footer("Examples:\n  berth export conveyor.export\n  berth export conveyor.toml conveyor.export");

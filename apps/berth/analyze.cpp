@@ -7,7 +7,9 @@
 #include <nlohmann/json.hpp>
 
 #include "berth/analysis/plot.hpp"
+#include "berth/base/counted.hpp"
 #include "berth/command/bus_messages.hpp"
+#include "berth/command/can_id_text.hpp"
 #include "berth/command/link_network.hpp"
 #include "berth/linker/bounds.hpp"
 #include "berth/text/columns.hpp"
@@ -42,17 +44,18 @@ void print_table(const design::Bus& bus, const analysis::Line& line, const analy
   std::size_t width = 6;
   for (const auto& sender : line.senders)
     width = std::max(width, std::min<std::size_t>(text::columns(sender.name), 20));
-  print_line(fmt::format("{}: {} bit/s, {} messages, {:.1f} % of the bus at most", bus.name, bus.bitrate,
-                         line.messages.size(), 100 * result.load));
+  print_line(fmt::format("{}: {} bit/s, {}, {:.1f} % of the bus at most", bus.name, bus.bitrate,
+                         counted(line.messages.size(), "message"), 100 * result.load));
   print_line(fmt::format("{:>9}  {} {:<12} {:>8} {:>9} {:>9}", "id", text::padded("sender", width), "message",
                          "every ms", "worst ms", "deadline"));
   for (const auto& r : result.responses) {
     const auto& m = line.messages[r.message];
     const std::string sender = text::padded(text::cut(line.senders[m.sender].name, width), width);
-    const std::string worst = r.worst ? fmt::format("{:.3f}", ms(*r.worst)) : "-";
+    const std::string worst = r.arrival ? fmt::format("{:.3f}", ms(*r.arrival)) : "-";
     const std::string deadline = m.deadline.count() > 0 ? fmt::format("{:g}", ms(m.deadline)) : "";
-    print_line(fmt::format("{:>9}  {} {:<12} {:>8g} {:>9} {:>9} {}", analysis::key_text(m.key), sender, m.name,
-                           ms(m.period), worst, deadline, verdict(m, r)));
+    const std::string every = m.period.count() > 0 ? fmt::format("{:g}", ms(m.period)) : "-";
+    print_line(fmt::format("{:>9}  {} {:<12} {:>8} {:>9} {:>9} {}", analysis::key_text(m.key), sender, m.name, every,
+                           worst, deadline, verdict(m, r)));
   }
 }
 
@@ -61,14 +64,15 @@ Json json_of(const design::Bus& bus, const analysis::Line& line, const analysis:
   Json messages = Json::array();
   for (const auto& r : result.responses) {
     const auto& m = line.messages[r.message];
-    Json row{{"id", analysis::key_text(m.key)},
+    Json row{{"id", command::can_id_text(m.key)},
              {"sender", line.senders[m.sender].name},
              {"message", m.name},
              {"bytes", m.data_bytes},
-             {"period_ms", ms(m.period)},
+             {"period_ms", m.period.count() > 0 ? Json(ms(m.period)) : Json()},
              {"frame_ms", ms(r.frame)},
              {"load", r.load},
-             {"worst_ms", r.worst ? Json(ms(*r.worst)) : Json()},
+             {"bus_ms", r.worst ? Json(ms(*r.worst)) : Json()},
+             {"worst_ms", r.arrival ? Json(ms(*r.arrival)) : Json()},
              {"deadline_ms", m.deadline.count() > 0 ? Json(ms(m.deadline)) : Json()}};
     row["kept"] = m.deadline.count() > 0 ? Json(r.meets_deadline) : Json();
     messages.push_back(std::move(row));
@@ -164,7 +168,7 @@ class Ends {
   void add(const design::Bus& bus, const analysis::Line& line, const analysis::Result& result) {
     for (const auto& r : result.responses) {
       const auto& m = line.messages[r.message];
-      if (r.worst) responses_[{bus.name, line.senders[m.sender].name, m.name}] = *r.worst;
+      if (r.arrival) responses_[{bus.name, line.senders[m.sender].name, m.name}] = *r.arrival;
     }
   }
   [[nodiscard]] std::vector<CrossingShown> crossings(const command::LinkPlan& links) const {
@@ -180,17 +184,26 @@ class Ends {
   [[nodiscard]] std::optional<rt::Duration> worst_of(const linker::Network& network, const linker::Pdo& pdo) const {
     const auto known = responses_.find(
         {network.buses[pdo.bus].name, network.nodes[pdo.producer].name, fmt::format("TPDO {}", pdo.tpdo)});
-    if (known == responses_.end()) return std::nullopt;
-    return linker::worst_of(network, pdo, known->second);
+    return known == responses_.end() ? std::nullopt : std::optional(known->second);
   }
   std::map<std::tuple<std::string, std::string, std::string>, rt::Duration> responses_;
 };
+
+/// What the linker says of the links: printed, or for --json.
+Json told(const Findings& findings, bool json) {
+  Json all = Json::array();
+  for (const auto& each : findings) {
+    if (json) all.push_back(to_string(each));
+    if (!json) print_error(to_string(each));
+  }
+  return all;
+}
 
 int analyze(const Options& options, const AnalyzeOptions& how) {
   if (!how.plot.empty()) {
     if (const auto bad = may_write(how.plot, "--plot", options.files.force)) return tell(*bad, options.json);
   }
-  const auto machine = machine_of(options);
+  const auto machine = machine_by_file(options);
   if (!machine) return tell(machine.error(), options.json);
   if (!options.bus.empty() && machine->bus(options.bus) == nullptr)
     return tell(no_such_bus(*machine, options.bus), options.json);
@@ -202,8 +215,9 @@ int analyze(const Options& options, const AnalyzeOptions& how) {
   if (!machine->links.empty()) links = command::plan_links(*machine);
   command::Assumptions assumed = how.assumed;
   assumed.fifo = *fifo;
-  if (!machine->links.empty() && !has_errors(links.findings)) assumed.links = &links;
-  bool good = true;
+  // Also of links that cannot be: which messages are late, and by how much.
+  if (links.plan.linked.size() == links.network.nodes.size() && !machine->links.empty()) assumed.links = &links;
+  bool good = !has_errors(links.findings);
   Ends ends;
   Json buses = Json::array();
   Picture picture;
@@ -233,12 +247,14 @@ int analyze(const Options& options, const AnalyzeOptions& how) {
   // Of a part of the buses no way is whole.
   Json crossings = Json::array();
   const bool whole = options.bus.empty() && how.nodes.empty() && assumed.links != nullptr;
+  const Json wrong = told(links.findings, options.json);
   for (const auto& each : whole ? ends.crossings(links) : std::vector<CrossingShown>{}) {
     good = good && each.kept();
     if (options.json) crossings.push_back(each.json());
     if (!options.json) print_lines(text::wrapped(each.text(), 80));
   }
-  if (options.json) print_line(Json{{"good", good}, {"buses", buses}, {"crossings", crossings}}.dump());
+  if (options.json)
+    print_text(Json{{"good", good}, {"buses", buses}, {"crossings", crossings}, {"links", wrong}}.dump(2));
   return good ? Exit::done : Exit::no;
 }
 
@@ -260,7 +276,7 @@ void add_analyze(Verb& berth, Options& options) {
   verb.time("--errors", how->errors.interval, "least time between two disturbed frames (default: none is)");
   verb.word("--burst", how->errors.burst, "so many disturbed frames at once").from_to(1, 1000).shown("NUMBER");
   verb.time("--event", how->assumed.event,
-            "between two events of a PDO without inhibit time and timer (default: 10 ms)");
+            "between two events of a PDO without an inhibit time (default: not known: no bound)");
   verb.time("--emcy", how->assumed.emcy, "between two EMCYs of a device without inhibit time (default: 1 s)");
   verb.time("--sdo", how->assumed.sdo, "between two SDO requests (default: 10 ms)");
   verb.time("--nmt", how->assumed.nmt, "between two NMT commands (default: 100 ms)");

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <poll.h>
+#include <signal.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -61,7 +62,26 @@ std::vector<std::string> lines_of(const Event& question) {
   return lines;
 }
 
-command::Request answer_of(const Event& question, const std::string& line, std::string& problem) {
+namespace {
+
+// A slot by its name, or by its node-ID: every command takes both.
+std::string slot_typed(const Event& question, const std::string& word, const design::Machine& machine) {
+  const auto asked = [&](const std::string& name) {
+    return std::ranges::find(question.slots, name) != question.slots.end();
+  };
+  const auto id = text::parse_ranges(word, 1, 127);
+  if (asked(word) || !id || id->size() != 1) return word;
+  for (const auto& slot : machine.slots) {
+    if (slot.spec.id.value() == id->front() && slot.spec.name.bus == question.bus && asked(slot.spec.name.name))
+      return slot.spec.name.name;
+  }
+  return word;
+}
+
+}  // namespace
+
+command::Request answer_of(const Event& question, const std::string& line, const design::Machine& machine,
+                           std::string& problem) {
   const auto end = line.find_last_not_of(" \t\r");
   const std::string text = end == std::string::npos ? "" : line.substr(0, end + 1);
   const auto space = text.find_last_of(" \t");
@@ -71,14 +91,16 @@ command::Request answer_of(const Event& question, const std::string& line, std::
   };
   if (space == std::string::npos) return no("type a slot and the number of its device, such as \"left 2\"");
   const auto last = text.find_last_not_of(" \t", space);
-  const std::string slot = last == std::string::npos ? "" : text.substr(0, last + 1);
+  const std::string slot = slot_typed(question, last == std::string::npos ? "" : text.substr(0, last + 1), machine);
   const auto most = static_cast<unsigned>(question.devices.size());
   const auto number = text::parse_ranges(text.substr(space + 1), 1, std::max(1U, most));
   if (std::ranges::find(question.slots, slot) == question.slots.end()) {
-    return no(fmt::format("{} is not one of the slots", text::quoted(slot)));
+    return no(fmt::format("{} is not one of the slots ({}); type one of them and the number of its device, such as {}",
+                          text::quoted(slot), some_of(question.slots, 4),
+                          text::quoted(question.slots.empty() ? "left 1" : question.slots.front() + " 1")));
   }
   if (!number || number->size() != 1 || most == 0) {
-    return no(fmt::format("{} is no number from 1 to {}", text::quoted(text.substr(space + 1)), most));
+    return no(fmt::format("{} is not a number from 1 to {}", text::quoted(text.substr(space + 1)), most));
   }
   problem.clear();
   return {"replace", {{"bus", question.bus}, {"slot", slot}, {"device", question.devices[number->front() - 1]}}};
@@ -155,7 +177,7 @@ void Asker::take(const std::string& line) {
   if (saves_->take(line)) return;
   std::string problem = "nothing is asked now";
   for (const auto& question : open_questions(*session_)) {
-    auto request = answer_of(question, line, problem);
+    auto request = answer_of(question, line, session_->machine(), problem);
     if (request.verb.empty()) continue;
     auto answer = std::make_unique<Answer>();
     answer->request = std::move(request);
@@ -166,6 +188,20 @@ void Asker::take(const std::string& line) {
     return;
   }
   say_(problem);
+}
+
+bool Asker::take(char key) {
+  if (key == '?') {
+    say_(
+        "q or Ctrl-C ends the run; arrows, Page Up, Page Down, Home and End move the table; other commands are typed "
+        "in another terminal: berth status, berth replace SLOT");
+    for (const auto& line : help_) say_(line);
+    if (asks()) say_("a question is open: type the slot and the number of its device, such as \"left 2\", and Enter");
+    return true;
+  }
+  const bool ends = key == 'q' && !asks();
+  if (ends) ::raise(SIGINT);
+  return ends;
 }
 
 // ---- in a world that stands still ----
@@ -180,7 +216,7 @@ void ask_here(Rig& rig, rt::Duration limit) {
     const auto line = typed_line(rig.interrupt());
     if (!line || line->empty()) return;
     std::string problem;
-    const auto request = answer_of(*question, *line, problem);
+    const auto request = answer_of(*question, *line, rig.session().machine(), problem);
     if (request.verb.empty()) {
       print_error(problem);
       continue;

@@ -30,9 +30,10 @@ namespace berth::cli {
 /// How to answer, line by line: the devices are numbered.
 [[nodiscard]] std::vector<std::string> lines_of(const operate::Event& question);
 
-/// "left 2": the second device of the question for slot "left". An empty verb and the reason in `problem` for anything
-/// else.
-[[nodiscard]] command::Request answer_of(const operate::Event& question, const std::string& line, std::string& problem);
+/// "left 2": the second device of the question for slot "left"; a slot by its node-ID, too. An empty verb and the
+/// reason in `problem` for anything else.
+[[nodiscard]] command::Request answer_of(const operate::Event& question, const std::string& line,
+                                         const design::Machine& machine, std::string& problem);
 
 /// Asks beside a run that goes on, in the loop that drives it. `say` prints a line.
 class Asker final : private io::Watcher {
@@ -44,10 +45,15 @@ class Asker final : private io::Watcher {
   Asker(const Asker&) = delete;
   Asker& operator=(const Asker&) = delete;
 
+  /// Lines that "?" tells besides.
+  void also_helps(std::vector<std::string> lines) { help_ = std::move(lines); }
   /// Tells a question when it comes; from then on what is typed is read.
   void event(const operate::Event& event);
   /// A line that was typed: the answer to an open question, or what it lacks is told.
   void take(const std::string& line);
+  /// A key at the beginning of a line: "?" tells what can be typed, "q" ends the run as Ctrl-C does, unless a question
+  /// is open, whose answer may begin so. False: it begins a line.
+  bool take(char key);
 
  private:
   struct Answer;
@@ -61,6 +67,7 @@ class Asker final : private io::Watcher {
   FirstSaves* saves_;
   std::function<void(const std::string&)> say_;
   std::string typed_;
+  std::vector<std::string> help_;
   bool takes_lines_;
   bool over_ = false;  // the input has ended
   rt::Later<Asker, &Asker::report_answers> reporting_{*this, loop_->executor()};

@@ -66,6 +66,11 @@ std::optional<Failure> write_backups(Json& json, const std::string& folder, bool
     each["file"] = paths.back();
   }
   if (paths.empty()) return std::nullopt;
+  std::error_code none;
+  for (const auto& path : paths) {
+    if (!force && fs::exists(fs::symlink_status(path, none)))
+      return failure(Exit::no, path + ": is there already; --force replaces it, or name another folder by -o");
+  }
   if (auto bad = make_folder(folder)) return bad;
   std::vector<WholeFile> files;
   for (std::size_t i = 0; i < paths.size(); ++i) files.push_back({paths[i], texts[i]});

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "adopt.hpp"
+#include "berth/base/counted.hpp"
 #include "berth/io/loop_driver.hpp"
 #include "berth/io/open_port.hpp"
 #include "berth/live/rate_search.hpp"
@@ -115,8 +116,9 @@ int report(const can::PortSpec& spec, const std::vector<live::RateHeard>& heard,
     print_text(all.dump(2));
   } else {
     for (const auto& h : heard) {
-      print_line(fmt::format("{:>8} bit/s  {}", h.rate,
-                             h.problem.empty() ? fmt::format("{} frames, {} errors", h.frames, h.errors) : h.problem));
+      print_line(
+          fmt::format("{:>8} bit/s  {}", h.rate,
+                      h.problem.empty() ? counted(h.frames, "frame") + ", " + counted(h.errors, "error") : h.problem));
     }
     if (rate) {
       print_line(why);

@@ -7,6 +7,8 @@
 #include <limits>
 #include <map>
 
+#include "berth/base/counted.hpp"
+#include "berth/operate/slot_rows.hpp"
 #include "berth/text/columns.hpp"
 #include "berth/text/printable.hpp"
 
@@ -29,7 +31,7 @@ std::string summary(const std::string& name, const std::vector<const BoardSlot*>
   for (const auto* const s : slots) ++count[{rank(*s), s->slot.state}];
   std::string states;
   for (const auto& [state, n] : count) states += fmt::format(", {} {}", n, places::name(state.second));
-  return fmt::format("{}: {} slot{}{}", name, slots.size(), slots.size() == 1 ? "" : "s", states);
+  return fmt::format("{}: {}{}", name, counted(slots.size(), "slot"), states);
 }
 
 /// A line for each bus, or one for all when there are many.
@@ -46,42 +48,6 @@ std::vector<std::string> summaries(const BoardContent& content, std::size_t most
   return lines;
 }
 
-/// How wide the columns are.
-struct Columns {
-  std::size_t bus = 0;  ///< 0: one bus only, which the summary names
-  std::size_t name = 4;
-  std::size_t state = 11;
-};
-
-Columns columns_of(const std::vector<BoardSlot>& slots) {
-  Columns c;
-  const bool one = std::ranges::all_of(slots, [&](const auto& s) { return s.slot.bus == slots.front().slot.bus; });
-  for (const auto& s : slots) {
-    if (!one) c.bus = std::max({c.bus, std::size_t{3}, std::min(widest_name, text::columns(s.slot.bus))});
-    c.name = std::max(c.name, std::min(widest_name, text::columns(s.slot.name)));
-    c.state = std::max(c.state, std::string_view(places::name(s.slot.state)).size());
-  }
-  return c;
-}
-
-std::string fitted(const std::string& name, std::size_t width) {
-  const std::string shown = text::one_line(name);
-  return text::padded(text::columns(shown) > width ? text::cut(shown, width - 1) + "~" : shown, width);
-}
-
-std::string row(const operate::SlotReport& s, const Columns& c) {
-  std::string line = c.bus == 0 ? "" : fitted(s.bus, c.bus) + "  ";
-  return line + fmt::format("{:>3}  {}  {:<{}}  {:>8.3f} s  {:<17}  {}", s.id.value(), fitted(s.name, c.name),
-                            places::name(s.state), c.state, operate::seconds(s.since), to_string(s.type),
-                            s.device ? fmt::format("{:016X}", s.device->r_sn().value()) : "-");
-}
-
-std::string heading(const Columns& c) {
-  const std::string bus = c.bus == 0 ? "" : text::padded("bus", c.bus) + "  ";
-  return bus + fmt::format("{:>3}  {:<{}}  {:<{}}  {:>10}  {:<17}  {}", "id", "slot", c.name, "state", c.state, "since",
-                           "type", "R_SN");
-}
-
 void add_wrapped(std::vector<BoardLine>& lines, const std::string& text, std::size_t width) {
   constexpr std::size_t indent = 4;
   const std::size_t room = width > 2 * indent ? width - indent : width;
@@ -92,17 +58,19 @@ void add_wrapped(std::vector<BoardLine>& lines, const std::string& text, std::si
 
 /// Slots that need a person, and the reasons; then the others.
 std::vector<BoardLine> body(const BoardContent& content, std::size_t width) {
-  const Columns columns = columns_of(content.slots);
   std::vector<BoardLine> lines;
   for (const auto& question : content.questions) add_wrapped(lines, question, width);
   if (content.slots.empty()) return lines;
-  lines.push_back({heading(columns), false});
+  std::vector<operate::SlotReport> all;
+  for (const auto& s : content.slots) all.push_back(s.slot);
+  const operate::SlotRows rows(all, {.width = width, .bus = false, .widest_name = widest_name});
+  lines.push_back({rows.heading(), false});
   std::vector<operate::SlotReport> urgent;
   for (const int wanted : {0, 1, 2}) {
     for (const auto& s : content.slots) {
       if (rank(s) != wanted) continue;
       if (wanted == 0) urgent.push_back(s.slot);
-      lines.push_back({row(s.slot, columns), wanted == 0});
+      lines.push_back({rows.row(s.slot), wanted == 0});
     }
     if (wanted != 0) continue;
     for (const auto& reason : operate::reasons_of(urgent)) add_wrapped(lines, reason, width);
@@ -116,9 +84,9 @@ bool needs_a_person(const BoardSlot& s) noexcept {
   switch (s.slot.state) {
     case SlotState::operational:
     case SlotState::present:
-    case SlotState::unknown:
     case SlotState::binding:
     case SlotState::configuring: return false;
+    case SlotState::unknown: return !s.slot.reason.empty();  // its port takes no frame
     case SlotState::empty: return !s.optional;
     default: return true;
   }
@@ -135,6 +103,8 @@ std::vector<BoardLine> Board::draw(const BoardContent& content, BoardSize size) 
   if (most_buses > 0) {
     for (auto& line : summaries(content, most_buses)) lines.push_back({std::move(line), false});
   }
+  const std::size_t most_values = size.rows / 2;
+  for (std::size_t i = 0; i < std::min(content.values.size(), most_values); ++i) lines.push_back(content.values[i]);
   std::vector<BoardLine> slots = body(content, size.columns);
   const std::size_t room = size.rows > lines.size() ? size.rows - lines.size() : 0;
   partial_ = slots.size() > room;

@@ -20,23 +20,25 @@ struct BoardSlot {
   bool optional = false;  ///< that it is empty is no trouble
 };
 
-struct BoardContent {
-  std::string headline;
-  std::vector<BoardSlot> slots;
-  std::vector<std::string> questions;  ///< that are open
-};
-
 struct BoardLine {
   std::string text;
   bool urgent = false;  ///< about a slot that needs a person
   friend bool operator==(const BoardLine&, const BoardLine&) = default;
 };
 
+struct BoardContent {
+  std::string headline;
+  std::vector<BoardSlot> slots;
+  std::vector<std::string> questions;  ///< that are open
+  std::vector<BoardLine> values = {};  ///< watched ones, with their heading (watch_rows.hpp)
+};
+
 /// A person has to do something: it is absent, failed, a question, empty though it is not optional, ...
 [[nodiscard]] bool needs_a_person(const BoardSlot& slot) noexcept;
 
-/// Headline, a summary line for each bus, open questions, slots that need a person with their reasons whole, then the
-/// others. Each line is no wider than `size.columns`, and there are no more than `size.rows` of them.
+/// Headline, a summary line for each bus, watched values (in half of the lines at most), open questions, slots that
+/// need a person with their reasons whole, then the others. Each line is no wider than `size.columns`, and there are no
+/// more than `size.rows` of them.
 class Board {
  public:
   [[nodiscard]] std::vector<BoardLine> draw(const BoardContent& content, BoardSize size);

@@ -6,6 +6,7 @@
 
 #include <utility>
 
+#include "studio_host.hpp"
 #include "up.hpp"
 #include "verbs.hpp"
 
@@ -48,7 +49,8 @@ Story story() {
       {"-- Next: examples/five-slaves.toml is this machine, five-slaves.plant.toml its",
        "-- devices. Change a serial number, unplug one, and try:",
        fmt::format("  {} up examples/five-slaves.toml --sim examples/five-slaves.plant.toml", program_invocation_name),
-       fmt::format("-- The same in the browser: {} demo --studio", program_invocation_name)}};
+       StudioHost::has_pages() ? fmt::format("-- The same in the browser: {} demo --studio", program_invocation_name)
+                               : std::string("-- The same in the browser: ./run pages, which builds Studio's pages")}};
 }
 
 int run_demo(const Options& options) {

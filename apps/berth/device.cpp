@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "berth/base/counted.hpp"
 #include "berth/device/storage_words.hpp"
 #include "berth/io/loop_driver.hpp"
 #include "berth/io/open_port.hpp"
@@ -240,7 +241,7 @@ class Voice final : public plant::PortDevices::Observer {
     if (!json_) {
       for (const auto& d : devices.all()) {
         const auto lost = d->port_status().lost + d->lost();
-        if (lost > 0) print_line(fmt::format("{}: {} frames came in and were lost", d->name(), lost));
+        if (lost > 0) print_line(fmt::format("{}: {} received and lost", d->name(), counted(lost, "frame")));
       }
       return;
     }

@@ -63,8 +63,10 @@ void add_history(Verb& berth, Options& options) {
 
 void add_status(Verb& berth, Options& options) {
   const RequestVerb status(berth, options, "status", "report", {}, tells);
-  status.verb().time("--watch", options.single.watch, "again and again, so far apart");
-  status.footer("Examples:\n  berth status\n  berth status machine.toml --bus drives --watch \"2 s\"");
+  status.verb().time("--watch", options.single.watch, "again and again, so far apart (default: 1 s)");
+  colour_word(status.verb());
+  status.footer(
+      "Examples:\n  berth status\n  berth status left\n  berth status machine.toml --bus drives --watch \"2 s\"");
 }
 
 }  // namespace berth::cli

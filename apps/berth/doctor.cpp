@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "berth/base/counted.hpp"
 #include "berth/base/words.hpp"
+#include "berth/command/control.hpp"
 #include "berth/command/diagnosis.hpp"
 #include "berth/command/verbs.hpp"
 #include "berth/doctor/conformance.hpp"
@@ -222,13 +224,12 @@ int report(std::vector<Patient>& patients, rt::Duration listened, const Options&
   } else {
     if (!silent.empty()) {
       print_line(
-          fmt::format("not listened to, because Berth has no port there: {} (berth scan tells whom the gateways' "
-                      "masters know)",
+          fmt::format("not listened to, because Berth has no port there: {} (`berth scan` shows which nodes the "
+                      "gateways' masters know)",
                       some_of(silent)));
     }
-    print_line(fmt::format("{} in {:.1f} s on {} bus{}",
-                           found == 0 ? "nothing wrong" : fmt::format("{} findings", found),
-                           json["listened_s"].get<double>(), patients.size(), patients.size() == 1 ? "" : "es"));
+    print_line(fmt::format("{} in {:.1f} s on {}", found == 0 ? "nothing wrong" : counted(found, "finding"),
+                           json["listened_s"].get<double>(), counted(patients.size(), "bus", "buses")));
   }
   if (failed) return Exit::failed;
   return found == 0 ? Exit::done : Exit::no;
@@ -299,6 +300,15 @@ std::string running_world(const Options& options, const design::Machine& machine
   return here ? std::string() : running_control(options, machine);
 }
 
+// A world that stands is as silent as a bus whose cable is out: nothing can be found there. Empty: it goes on.
+std::string standing(const std::string& path) {
+  constexpr int patience_ms = 2000;
+  const auto reply = command::control_call(path, {"report", {}}, patience_ms);
+  const auto report = reply ? Json::parse(reply->json, nullptr, false) : Json();
+  const bool stands = report.is_object() && report.value("paused", false);
+  return stands ? reply->lines.back() : std::string();
+}
+
 int run_joined(const design::Machine& machine, const std::string& path, const Options& options,
                const DoctorOptions& wanted) {
   if (wanted.active) {
@@ -312,6 +322,8 @@ int run_joined(const design::Machine& machine, const std::string& path, const Op
   rt::Executor executor;
   io::LoopDriver driver(executor);
   Interrupt interrupt(&driver.loop());
+  if (const auto other = runs_another(options, path)) return tell(*other, options.json);
+  if (const auto stands = standing(path); !stands.empty()) return tell(failure(Exit::no, stands), options.json);
   const auto followed = FollowedBuses::join(driver.loop(), path, machine);
   if (!followed) return tell(followed.error(), options.json);
   std::vector<Patient> patients;
@@ -340,7 +352,8 @@ int run_doctor(const Options& given, DoctorOptions wanted) {
   options.machine = default_machine(given);
   wanted.active = wanted.active || !wanted.conformance.empty();
   if (options.machine.empty() && options.ports.empty()) {
-    return tell(failure(Exit::usage, "name the machine file: --machine FILE; or a bus without one: --port can0"),
+    return tell(failure(Exit::usage,
+                        "name the machine file: --machine FILE; or a bus without one: --port can0" + machines_here()),
                 options.json);
   }
   if (!options.machine.empty()) {

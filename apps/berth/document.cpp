@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "berth/base/counted.hpp"
 #include "machine_file.hpp"
 #include "outputs.hpp"
 #include "verbs.hpp"
@@ -29,7 +30,7 @@ std::optional<Failure> write_all(const std::vector<document::DocumentFile>& file
 }
 
 int document(const Options& options, const std::string& folder) {
-  const auto machine = machine_of(options);
+  const auto machine = machine_by_file(options);
   if (!machine) return tell(machine.error(), options.json);
   std::optional<command::LinkPlan> links;
   if (!machine->links.empty()) links = command::plan_links(*machine);
@@ -40,11 +41,11 @@ int document(const Options& options, const std::string& folder) {
   if (options.json) {
     nlohmann::ordered_json names = nlohmann::ordered_json::array();
     for (const auto& file : files) names.push_back((fs::path(folder) / file.name).string());
-    print_line(nlohmann::ordered_json{{"files", names}}.dump());
+    print_text(nlohmann::ordered_json{{"files", names}}.dump(2));
     return Exit::done;
   }
-  print_line(
-      fmt::format("{} files in {}: begin with {}", files.size(), folder, (fs::path(folder) / "index.html").string()));
+  print_line(fmt::format("{} in {}: begin with {}", counted(files.size(), "file"), folder,
+                         (fs::path(folder) / "index.html").string()));
   return Exit::done;
 }
 

@@ -3,12 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 
 #include "ask.hpp"
 #include "berth/command/audit.hpp"
 #include "berth/command/control.hpp"
 #include "berth/command/verbs.hpp"
 #include "gateway.hpp"
+#include "live_values.hpp"
 #include "plant_commands.hpp"
 #include "studio_host.hpp"
 #include "world_time.hpp"
@@ -113,22 +115,73 @@ namespace {
 
 /// What is served beside the main job, in real time. A dry run has none of it.
 struct Beside {
-  std::unique_ptr<WorldTime> time;  // before who asks for it
+  std::unique_ptr<const StudioHost*> ring = std::make_unique<const StudioHost*>();  // before who asks for it
+  std::unique_ptr<WorldTime> time;                                                  // before who asks for it
   std::unique_ptr<command::ControlServer> server;
   std::unique_ptr<GatewayHost> gateway;
   std::unique_ptr<StudioHost> studio;
   std::unique_ptr<FirstSaves> saves;  // before who asks about them
   std::unique_ptr<Asker> asker;
+  std::unique_ptr<LiveValues> values;
 };
+
+// What `watch =` of the machine file names stands in the live table.
+void show_values(Rig& rig, Screen& screen, Beside& beside) {
+  const auto words = watch_words(rig.machine());
+  if (!screen.live() || words.empty()) return;
+  auto watched = Watched::of(rig.machine(), {}, words);
+  if (!watched) return screen.line("watch of the machine file: " + watched.error());
+  beside.values = std::make_unique<LiveValues>(rig.session(), std::move(*watched));
+  screen.show_values([&rig, values = beside.values.get(), utf8 = terminal_has_utf8()](std::size_t columns) {
+    return watch_lines(values->rows(), columns, rig.now(), utf8);
+  });
+}
+
+// Nobody can tell a world that stands from a bus on which nobody answers.
+void tell_standing(const WorldTime& time, const command::Request& request, command::Reply& reply) {
+  const std::string standing = time.standing();
+  if (standing.empty()) return;
+  const std::string words = "the world is " + standing;
+  if (reply.progress) reply.progress(words);
+  if (request.verb != "report") return;
+  reply.lines.push_back(words);
+  auto json = nlohmann::ordered_json::parse(reply.json, nullptr, false);
+  if (!json.is_object()) return;
+  json["paused"] = true;
+  reply.json = json.dump();
+}
 
 rt::Task<void> answer(Rig& rig, WorldTime* time, const command::Request& request, command::Reply& reply) {
   if (time != nullptr && WorldTime::is_its(request)) co_return co_await time->carry_out(request, reply);
-  if (request.verb != plant_verb) co_return co_await command::execute(rig.session(), request, reply);
+  if (request.verb != plant_verb) {
+    if (time != nullptr && request.verb != "report") tell_standing(*time, request, reply);
+    const WorldTime::Waiting waiting(time, reply);
+    co_await command::execute(rig.session(), request, reply);
+    if (time != nullptr && request.verb == "report") tell_standing(*time, request, reply);
+    co_return;
+  }
   reply = do_in_plant({rig.world(), &rig.plant(), &rig.session()}, request);
 }
 
+command::Reply ring_of(const StudioHost* studio, const command::Request& request) {
+  if (studio != nullptr) return studio->ring(request);
+  return command::refusal(Exit::no,
+                          "the running process keeps no frames: start it with --studio, or let it write them to a "
+                          "file (berth up --record FILE)");
+}
+
 // By the control socket: this account, or root.
-rt::Task<void> audited(Rig& rig, WorldTime* time, const command::Request& request, command::Reply& reply) {
+rt::Task<void> audited(Rig& rig, WorldTime* time, const StudioHost* const* studio, const command::Request& asked,
+                       command::Reply& reply) {
+  command::Request request = asked;
+  if (auto other = other_machine(request, rig.session().machine().file)) {
+    reply = std::move(*other);
+    co_return;
+  }
+  if (request.verb == ring_verb) {
+    reply = ring_of(*studio, request);
+    co_return;
+  }
   command::Audit audit(rig.session(), "control socket", request);
   co_await answer(rig, time, request, reply);
   audit.answered(reply);
@@ -144,14 +197,16 @@ tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Optio
   }
   if (rig.loop() == nullptr) return beside;
   beside.time = std::make_unique<WorldTime>(rig);
+  screen.show_time([time = beside.time.get()] { return time->standing(); });
   const auto carry = [&rig, time = beside.time.get()](const command::Request& request, command::Reply& reply) {
     return answer(rig, time, request, reply);
   };
   if (!control.empty()) {
-    auto listening = command::ControlServer::listen(
-        control, *rig.loop(), [&rig, time = beside.time.get()](const command::Request& request, command::Reply& reply) {
-          return audited(rig, time, request, reply);
-        });
+    auto listening = command::ControlServer::listen(control, *rig.loop(),
+                                                    [&rig, time = beside.time.get(), ring = beside.ring.get()](
+                                                        const command::Request& request, command::Reply& reply) {
+                                                      return audited(rig, time, ring, request, reply);
+                                                    });
     if (!listening) return tl::unexpected(failure(Exit::failed, listening.error()));
     beside.server = std::move(*listening);
     auto* const server = beside.server.get();
@@ -171,14 +226,19 @@ tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Optio
     auto host = StudioHost::start(rig, options, control, carry);
     if (!host) return tl::unexpected(host.error());
     beside.studio = std::move(*host);
+    *beside.ring = beside.studio.get();
     for (const auto& line : beside.studio->lines()) {
-      if (options.json) print_error(line);
+      if (options.json || options.events.none) print_error(line);
       screen.line(line);
     }
   }
   if (types && beside.saves) {
     beside.asker = std::make_unique<Asker>(rig.session(), *rig.loop(), *beside.saves, say, screen.live());
-    screen.listen(*rig.loop(), [asker = beside.asker.get()](const std::string& line) { asker->take(line); });
+    if (beside.studio) beside.asker->also_helps(beside.studio->lines());
+    auto* const asker = beside.asker.get();
+    screen.listen(
+        *rig.loop(), [asker](const std::string& line) { asker->take(line); },
+        [asker](char key) { return asker->take(key); });
   }
   return beside;
 }
@@ -213,6 +273,7 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
   if (screen.live()) rig.record().on_trouble([&screen](const std::string& line) { screen.line(line); });
   rig.power_on();
   rig.session().start();
+  show_values(rig, screen, *beside);
   Ended how = Ended::timeout;
   const auto over = [&] {
     screen.refresh();
@@ -231,6 +292,8 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
   rig.driver().run_until(over, rig.driver().later(allowed(ending, options, real_time)));
   if (beside->time) beside->time->let_go();
   screen.refresh(true);
+  screen.show_values({});
+  screen.show_time({});
   rig.record().follow({}, {});
   rig.record().on_trouble({});
   rig.session().on_event({});

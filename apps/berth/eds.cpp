@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "berth/base/counted.hpp"
 #include "berth/command/meanings.hpp"
 #include "berth/eds/cpj.hpp"
 #include "berth/eds/review.hpp"
@@ -49,9 +50,7 @@ std::size_t count(const Findings& findings, Severity severity) {
   return static_cast<std::size_t>(std::ranges::count(findings, severity, &Finding::severity));
 }
 
-std::string plural(std::size_t number, const char* what) {
-  return fmt::format("{} {}{}", number, what, number == 1 ? "" : "s");
-}
+std::string plural(std::size_t number, const char* what) { return counted(number, what); }
 
 // What a file is, in a line: "EDS of Demo device (vendor 00000000h, product 00000001h), 47 objects".
 std::string summary(const Described& file) {

@@ -269,7 +269,7 @@ int run_eds_convert(const Options& options, const EdsOptions& asked) {
   const auto to = asked.to.empty() ? format_by_extension(out) : format_of(asked.to);
   if (!to) {
     const std::string what = asked.to.empty() ? fmt::format("{}: the name does not say the format; end it in", out)
-                                              : fmt::format("{} is no format; write --to", text::quoted(asked.to));
+                                              : fmt::format("{} is not a format; write --to", text::quoted(asked.to));
     return tell(
         failure(Exit::usage, what + " eds, dcf, xdd, xdc, cdcf or bin" + (asked.to.empty() ? ", or give --to" : "")),
         options.json);

@@ -13,12 +13,13 @@ rt::Task<void> run(tree::Session& session, const command::Request& request, comm
 
 }  // namespace
 
-bool execute_in(Rig& rig, const command::Request& request, command::Reply& reply, rt::Duration limit) {
+bool execute_in(Rig& rig, const command::Request& request, command::Reply& reply, rt::Duration limit,
+                const std::function<bool()>& goes_on) {
   bool over = false;
   rt::Scope scope(rig.driver().executor());
   scope.spawn(run(rig.session(), request, reply, over));
   wait_until(
-      rig.driver(), rig.interrupt(), [&] { return over || rig.guards().dry_run_over(); }, limit);
+      rig.driver(), rig.interrupt(), [&] { return over || rig.guards().dry_run_over() || !goes_on(); }, limit);
   return over;
 }
 

@@ -12,6 +12,7 @@
 #include <set>
 
 #include "adopt.hpp"
+#include "berth/command/notes.hpp"
 #include "berth/store/database.hpp"
 #include "berth/text/file.hpp"
 #include "berth/text/printable.hpp"
@@ -81,7 +82,7 @@ bool is_safe(const std::string& name) {
   return std::ranges::none_of(path, [](const fs::path& part) { return part.empty() || part.native().front() == '.'; });
 }
 
-/// The files that a machine file names, itself first, as seen from its folder.
+/// The files that a machine file names, and the notes beside them, itself first, as seen from its folder.
 tl::expected<std::vector<std::string>, Failure> files_of(const design::Machine& machine) {
   const fs::path folder = fs::path(machine.file).parent_path();
   std::vector<std::string> names{fs::path(machine.file).filename().string()};
@@ -95,6 +96,11 @@ tl::expected<std::vector<std::string>, Failure> files_of(const design::Machine& 
     if (device.file != machine.file) seen.insert(device.file);
   }
   seen.erase("");
+  for (const std::string& path : std::set(seen)) {
+    std::error_code none;
+    const std::string notes = command::notes_file(path);  // beside it, where a person wrote some
+    if (fs::is_regular_file(notes, none)) seen.insert(notes);
+  }
   for (const auto& path : seen) {
     const std::string name = fs::path(path).lexically_relative(folder.empty() ? fs::path(".") : folder).string();
     const std::string inside = folder.empty() ? fs::path(path).lexically_normal().string() : name;
@@ -136,7 +142,7 @@ tl::expected<Content, Failure> content_of(const Json& entry, const std::string& 
   const auto name = entry.at("name").get<std::string>();
   if (!is_safe(name)) {
     return tl::unexpected(
-        failure(Exit::usage, fmt::format("{}: \"{}\" is no plain name beneath a folder", from, name)));
+        failure(Exit::usage, fmt::format("{}: \"{}\" is not a plain name beneath a folder", from, name)));
   }
   auto bytes = from_base64(entry.at("base64").get<std::string>());
   if (!bytes) return tl::unexpected(failure(Exit::usage, fmt::format("{}: {} is damaged", from, name)));
@@ -166,13 +172,13 @@ std::optional<std::size_t> beyond_an_export(std::string_view text) {
 
 tl::expected<std::vector<Content>, Failure> contents_of(const std::string& text, const std::string& from) {
   if (const auto at = beyond_an_export(text)) {
-    return tl::unexpected(
-        failure(Exit::usage, fmt::format("{}: this is no export of Berth's: too many values, at byte {}", from, *at)));
+    return tl::unexpected(failure(
+        Exit::usage, fmt::format("{}: this is not an export of Berth: too many values, at byte {}", from, *at)));
   }
   const auto json = Json::parse(text, nullptr, false);
   const bool ours = json.is_object() && json.contains("berth_export") && json.at("berth_export").is_number_integer() &&
                     json.contains("files") && json.at("files").is_array();
-  if (!ours) return tl::unexpected(failure(Exit::usage, from + ": this is no export of Berth's"));
+  if (!ours) return tl::unexpected(failure(Exit::usage, from + ": this is not an export of Berth"));
   const auto version = json.at("berth_export").get<std::int64_t>();
   if (version != export_version) {
     return tl::unexpected(failure(Exit::usage, fmt::format("{}: it is of version {}, and this Berth reads version {}",

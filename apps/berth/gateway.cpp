@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "berth/base/counted.hpp"
 #include "berth/operate/report.hpp"
 #include "interrupt.hpp"
 #include "listening.hpp"
@@ -79,11 +80,11 @@ void tell_counters(const serve::cia309::Counters& c, bool json) {
         {"lines",
          c.lines}}.dump());
   }
-  print_line(fmt::format("{} clients, {} lines", c.clients, c.lines));
-  if (c.too_slow > 0) print_line(fmt::format("{} let go because they took too little", c.too_slow));
-  if (c.silent > 0) print_line(fmt::format("{} let go because they were silent", c.silent));
-  if (c.strange > 0) print_line(fmt::format("{} let go because they did not begin with a command", c.strange));
-  if (c.too_many > 0) print_line(fmt::format("{} let go because there were enough", c.too_many));
+  print_line(counted(c.clients, "client") + ", " + counted(c.lines, "line"));
+  if (c.too_slow > 0) print_line(fmt::format("{} disconnected because they read too slowly", c.too_slow));
+  if (c.silent > 0) print_line(fmt::format("{} disconnected because they were silent", c.silent));
+  if (c.strange > 0) print_line(fmt::format("{} disconnected because they did not begin with a command", c.strange));
+  if (c.too_many > 0) print_line(fmt::format("{} disconnected because there were too many", c.too_many));
 }
 
 int run_gateway(const Options& wanted, const GatewayOptions& gateway) {

@@ -1,6 +1,7 @@
 #include "guards.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 
@@ -25,24 +26,36 @@ can::Port& Guards::add(rt::Executor& executor, const design::Bus& bus, can::Port
   for (const auto& spec : machine_->specs(bus.name)) wanted.slots.push_back(spec.id);
   auto gate = std::make_unique<live::Gate>(executor, port, std::move(wanted));
   gate->on_change([this, name = bus.name, raw = gate.get()] { changed(name, *raw); });
+  gate->clients().on_first([this, name = bus.name](NodeId node, const can::Frame& request) {
+    if (!on_client_) return;
+    on_client_(name,
+               fmt::format("another SDO client asks node {} ({}). Berth goes on; it asks that node nothing until the "
+                           "client has been silent for {:g} s. When it is one of the machine's own, write tolerate "
+                           "= [\"sdo\"] into the bus",
+                           node.value(), can::to_string(request),
+                           std::chrono::duration<double>(live::OtherClients::pause).count()));
+  });
   if (options.dry_run) {
     gate->on_held([this, name = bus.name](const can::Frame& frame, rt::Time at) {
       record_->frame(name, frame, at, true);
       if (live::expects_answer(frame)) question_at_ = std::min(question_at_, at);
     });
-  } else if (!options.files.record.empty() || options.offers.studio.offered()) {
-    gate->on_frame([this, name = bus.name](const can::Frame& frame, rt::Time at, bool own) {
-      record_->frame(name, frame, at, own);
-    });
+  } else if (!options.files.record.empty() || options.master.takes_part) {  // `berth trace` may join a `berth up`
+    gate->on_frame(
+        [this, name = bus.name](const can::Frame& frame, rt::Time at, bool own) {
+          record_->frame(name, frame, at, own);
+        },
+        [this, name = bus.name](const can::Frame& report, rt::Time at) { record_->error(name, report, at, {}); });
   }
   return *gates_.emplace_back(bus.name, std::move(gate)).second;
 }
 
 void Guards::changed(const std::string& bus, const live::Gate& gate) {
   if (!on_foreign_ || gate.state() != live::GateState::foreign) return;
-  std::string text;
-  for (const auto& line : gate.report()) text += (text.empty() ? "" : "; ") + line;
-  on_foreign_(bus, text + ". Berth writes nothing more on this bus; end that master, then start anew");
+  const auto report = gate.report();
+  constexpr const char* cure = "end that master, then restart Berth";
+  on_foreign_(bus, fmt::format("{}; {}", report.front(), cure),
+              fmt::format("{}. Berth writes nothing more on this bus; {}", fmt::join(report, "; "), cure));
 }
 
 live::Gate* Guards::gate(std::string_view bus) noexcept {
@@ -64,7 +77,8 @@ tl::expected<void, Failure> Guards::no_foreign_frames() const {
   }
   if (problem.empty()) return {};
   problem.emplace_back(
-      "Berth sends nothing there. End that master; or use the bus as role = \"commissioner\" or \"observer\"; or, when "
+      "Berth sends nothing there. End that master; or have its network written as a machine file by `berth adopt`; or "
+      "use the bus as role = \"commissioner\" or \"observer\"; or, when "
       "the machine's own devices send these frames, say so by tolerate = […]");
   return tl::unexpected(failure_in_lines(Exit::no, problem));
 }

@@ -19,8 +19,11 @@ namespace berth::cli {
 
 class Guards {
  public:
-  /// Told when another master shuts a bus: its name, and what to tell the person.
-  using Foreign = std::function<void(const std::string& bus, const std::string& text)>;
+  /// Told when another master shuts a bus: its name, who it is and what to do in a sentence, and all that is to be
+  /// told.
+  using Foreign = std::function<void(const std::string& bus, const std::string& verdict, const std::string& text)>;
+  /// Told when another SDO client asks a slot: the bus, and what to tell the person.
+  using Client = std::function<void(const std::string& bus, const std::string& text)>;
   /// `record` gets the frames. Both must stay.
   Guards(const design::Machine& machine, Record& record) : machine_(&machine), record_(&record) {}
   Guards(const Guards&) = delete;
@@ -29,6 +32,8 @@ class Guards {
   /// Puts a gate before the port of a bus. The port and its executor, one for all of them, must stay.
   can::Port& add(rt::Executor& executor, const design::Bus& bus, can::Port& port, const Options& options);
   void on_foreign(Foreign foreign) { on_foreign_ = std::move(foreign); }
+  /// Told when another SDO client asks a node for the first time.
+  void on_client(Client client) { on_client_ = std::move(client); }
 
   [[nodiscard]] bool empty() const noexcept { return gates_.empty(); }
   /// Null: the bus is simulated here.
@@ -48,6 +53,7 @@ class Guards {
   const design::Machine* machine_;
   Record* record_;
   Foreign on_foreign_;
+  Client on_client_;
   std::vector<std::pair<std::string, std::unique_ptr<live::Gate>>> gates_;
   rt::Time question_at_ = rt::never;  // dry run: the first frame that would have to be answered
 };

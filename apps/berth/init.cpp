@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "ask.hpp"
+#include "berth/base/counted.hpp"
 #include "berth/base/words.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/plant/plant_file.hpp"
@@ -27,7 +28,7 @@ namespace fs = std::filesystem;
 constexpr const char* usual_file = "berth.toml";
 
 Failure wrong_name(const char* option, const std::string& name) {
-  return failure(Exit::usage, fmt::format("{} \"{}\": this is no name; {}", option, name, design::name_fix));
+  return failure(Exit::usage, fmt::format("{} \"{}\": this is not a name; {}", option, name, design::name_fix));
 }
 
 // What the two readers would refuse is refused before anything is asked or read.
@@ -96,9 +97,7 @@ Json json_of(const InitPlan& plan, const InitOptions& init) {
   return json;
 }
 
-std::string number_of(std::size_t count, const char* what) {
-  return fmt::format("{} {}{}", count, what, count == 1 ? "" : "s");
-}
+std::string number_of(std::size_t count, const char* what) { return counted(count, what); }
 
 void tell_written(const InitPlan& plan, const InitOptions& init) {
   std::string buses;

@@ -69,6 +69,8 @@ struct InitCopy {
 /// copies. `allowed`: folders whose files it may name. Of machine and plant files in two folders: none.
 [[nodiscard]] tl::expected<std::vector<InitCopy>, Failure> take_along(InitPlan& plan, const InitOptions& init,
                                                                       const std::vector<std::string>& allowed);
+/// The file that "drive.eds:4" names with its count; empty: no such file, or no number of devices that a bus can have.
+[[nodiscard]] std::string file_of_counted(const std::string& word);
 /// Asks a person for what `options` and `init` lack. Status 1: nothing is to be written.
 [[nodiscard]] tl::expected<void, Failure> ask_for_machine(Options& options, InitOptions& init, Interrupt& interrupt);
 

@@ -20,6 +20,13 @@ namespace fs = std::filesystem;
 Failure nothing_written() { return failure(Exit::no, "nothing was written"); }
 
 /// What was typed, or `usual` for Enter alone; asked again until `wrong` has nothing against it.
+// "~/drive.eds", as a shell would have it.
+std::string at_home(const std::string& word) {
+  const char* const home = std::getenv("HOME");
+  const bool named = word.starts_with("~/") && home != nullptr && *home != '\0';
+  return named ? home + word.substr(1) : word;
+}
+
 tl::expected<std::string, Failure> answer(Interrupt& interrupt, const std::string& question, const std::string& usual,
                                           const std::function<std::string(const std::string&)>& wrong) {
   for (;;) {
@@ -29,6 +36,7 @@ tl::expected<std::string, Failure> answer(Interrupt& interrupt, const std::strin
       return tl::unexpected(nothing_written());
     }
     if (line->empty()) line = usual;
+    line = at_home(*line);
     const auto why = wrong(*line);
     if (why.empty()) return *line;
     print_line("  " + why);
@@ -41,7 +49,7 @@ bool is_file(const std::string& word) {
 }
 
 std::string no_name(const std::string& name) {
-  return design::good_name(name) ? "" : std::string("this is no name; ") + design::name_fix;
+  return design::good_name(name) ? "" : std::string("this is not a name; ") + design::name_fix;
 }
 
 std::string no_bit_rate(const std::string& word) {
@@ -72,7 +80,7 @@ std::string unusable(const std::string& file) {
   if (reading.usable()) return {};
   const auto first = std::ranges::find(reading.findings, Finding::Severity::error, &Finding::severity);
   return fmt::format("this cannot be used: {}; `berth eds check` says more",
-                     first == reading.findings.end() ? "it is no description" : first->message);
+                     first == reading.findings.end() ? "it is not a description" : first->message);
 }
 
 tl::expected<void, Failure> take_description(InitOptions& init, const std::string& file, Interrupt& interrupt) {
@@ -108,13 +116,19 @@ tl::expected<void, Failure> ask_sources(Options& options, InitOptions& init, Int
     const auto word = answer(interrupt, first ? "Description, or port" : "Another description (Enter: no more)", "",
                              [&](const std::string& said) -> std::string {
                                if (is_file(said)) return unusable(said);
+                               if (const auto file = file_of_counted(said); !file.empty()) return unusable(file);
                                if (said.empty() && !first) return {};
-                               if (said.empty()) return "a file (drive.eds), or a port (can0, /dev/ttyACM0)";
+                               if (said.empty())
+                                 return "a file (drive.eds, or drive.eds:4 for four), or a port (can0, /dev/ttyACM0)";
                                if (first && port_of_word(said)) return {};
-                               return first ? "there is no such file, and this is no port" : "there is no such file";
+                               return first ? "there is no such file, and this is not a port" : "there is no such file";
                              });
     if (!word) return tl::unexpected(word.error());
     if (word->empty()) return {};
+    if (!file_of_counted(*word).empty()) {
+      init.eds.push_back(*word);
+      continue;
+    }
     if (!is_file(*word)) return take_port(options, *word, interrupt);
     if (auto taken = take_description(init, *word, interrupt); !taken) return taken;
   }
@@ -142,6 +156,10 @@ tl::expected<void, Failure> ask_to_replace(const Options& options, InitOptions& 
 tl::expected<void, Failure> ask_for_machine(Options& options, InitOptions& init, Interrupt& interrupt) {
   print_line("A machine is made from device descriptions (EDS, DCF, XDD, XDC), or from a bus");
   print_line("that is there: every device that answers gets a slot. Ctrl-C ends this.");
+  std::error_code none;
+  const std::string usual = init.file.empty() ? "berth.toml" : init.file;
+  const bool there = fs::exists(fs::symlink_status(usual, none));
+  if (there && !init.force) print_line(usual + " is there already: name another file, or it is asked before it goes.");
   tell_descriptions_here();
   if (auto asked = ask_sources(options, init, interrupt); !asked) return asked;
   if (init.file.empty()) {
@@ -153,7 +171,6 @@ tl::expected<void, Failure> ask_for_machine(Options& options, InitOptions& init,
     init.file = *file;
   }
   if (init.name.empty()) {
-    std::error_code none;
     const auto folder = fs::weakly_canonical(fs::absolute(init.file), none).parent_path().filename().string();
     const auto name = answer(interrupt, "Name of the machine", name_from(folder), no_name);
     if (!name) return tl::unexpected(name.error());

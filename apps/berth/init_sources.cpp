@@ -10,7 +10,9 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "berth/base/counted.hpp"
 #include "berth/command/control.hpp"
+#include "berth/eds/review.hpp"
 #include "berth/eds/xdd.hpp"
 #include "execute.hpp"
 #include "init.hpp"
@@ -54,23 +56,42 @@ tl::expected<DeviceKind, Failure> counted(const std::string& word) {
   return all;
 }
 
-tl::expected<DeviceKind, Failure> described(const std::string& word) {
+}  // namespace
+
+std::string file_of_counted(const std::string& word) {
+  const auto one = counted(word);
+  std::error_code none;
+  return one && one->path != word && fs::is_regular_file(one->path, none) ? one->path : std::string();
+}
+
+namespace {
+
+/// By the identity a device is found: what contradicts itself there is told now, the rest by `berth eds check`.
+void note_identity(const DeviceKind& kind, std::vector<std::string>& notes) {
+  for (const auto& finding : eds::review(kind.file, kind.path)) {
+    if (finding.key.find("1018") == std::string::npos) continue;
+    notes.push_back(fmt::format("{}: {}; `berth eds check {}` tells more", kind.path, finding.message, kind.path));
+  }
+}
+
+tl::expected<DeviceKind, Failure> described(const std::string& word, std::vector<std::string>& notes) {
   auto one = counted(word);
   if (!one) return one;
   if (eds::encoding_of(one->path) == eds::Encoding::windows_1252) {
     return tl::unexpected(
-        misuse(fmt::format("--eds {}: the name is no UTF-8, and a machine file could not name it", word)));
+        misuse(fmt::format("--eds {}: the name is not UTF-8, and a machine file could not name it", word)));
   }
   auto reading = eds::read_any_file(one->path);
   if (!reading.usable()) return tl::unexpected(failure(reading.findings));
   one->file = std::move(reading.file);
+  note_identity(*one, notes);
   return one;
 }
 
 tl::expected<Descriptions, Failure> read_all(const std::vector<std::string>& words, std::vector<std::string>& notes) {
   Descriptions all;
   for (const auto& word : words) {
-    auto one = described(word);
+    auto one = described(word, notes);
     if (!one) return tl::unexpected(one.error());
     std::error_code none;
     const auto before =
@@ -322,7 +343,7 @@ void add_found(InitBus& bus, const Found& found, const Descriptions& description
                        return d.has_id && d.first_id == found.id;
                      });
   if (!found.device) {
-    bus.left_out.push_back(who + ": does not tell its identity (1018h); write its [[slot]] by hand");
+    bus.left_out.push_back(who + ": does not report its identity (1018h); write its [[slot]] by hand");
     return;
   }
   const unsigned id = found.id != 0 && !again ? found.id : ids.next();
@@ -442,7 +463,7 @@ tl::expected<InitPlan, Failure> plan_of_running(const Options& options, const In
   if (!plan) return plan;
   for (auto& bus : plan->buses) {
     bus.bitrate = options.bit_rate.value_or(bus.bitrate);
-    bus.remark = options.bit_rate ? "" : "bit/s; a guess: the running machine does not tell its own";
+    bus.remark = options.bit_rate ? "" : "bit/s; a guess: the running machine does not report its own";
   }
   return plan;
 }

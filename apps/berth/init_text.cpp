@@ -88,6 +88,8 @@ void add_device(std::string& text, const InitBus& bus, const InitDevice& device,
     text += fmt::format("serial = 0x{:X}\n", device.device.address.serial);
   } else {
     text += fmt::format("count  = {}\nserial_first = 0x{:X}\n", device.count, device.device.address.serial);
+    if (device.first_id != 1)
+      text += fmt::format("n_first = {}                    # as the slots' names\n", device.first_id);
   }
   if (device.fixed || device.has_id) text += fmt::format("node_id = {}\n", device.first_id);
   if (device.fixed) text += "source = \"switches\"\n";
@@ -158,8 +160,13 @@ std::string machine_text(const InitPlan& plan, const std::string& file, const st
   const std::string port = first.port.kind == can::PortKind::sim ? " --port " + of_bus + "can0" : "";
   std::string text = fmt::format(
       "# {}: written by `berth init` from {}.\n"
-      "# Which device sits where is for you to say: look at node-IDs and names before this runs on a real bus.\n#\n"
-      "#   berth up {} --sim {}\n#   berth up {}{}\n\n[machine]\nname = {}\n",
+      "# You decide which device belongs in which slot: check node-IDs and names before this runs on a real bus.\n"
+      "#\n"
+      "#   berth up {} --sim {}\n"
+      "#   berth up {}{}\n"
+      "\n"
+      "[machine]\n"
+      "name = {}\n",
       one_line(plan.name), one_line(plan.from), one_line(word(file)), one_line(word(plant_file)), one_line(word(file)),
       one_line(port), text::quoted(plan.name));
   for (const auto& bus : plan.buses) {

@@ -35,8 +35,12 @@ bool in_foreground() noexcept { return ::tcgetpgrp(STDIN_FILENO) == ::getpgrp();
 }  // namespace
 
 Keyboard::Keyboard(io::Loop& loop, std::function<void(Key)> key, std::function<void(const std::string&)> line,
-                   std::function<void()> changed)
-    : loop_(&loop), key_(std::move(key)), line_(std::move(line)), changed_(std::move(changed)) {
+                   std::function<void()> changed, std::function<bool(char)> alone)
+    : loop_(&loop),
+      key_(std::move(key)),
+      line_(std::move(line)),
+      changed_(std::move(changed)),
+      alone_(std::move(alone)) {
   set();
   loop_->watch(STDIN_FILENO, *this, EPOLLIN);
 }
@@ -85,7 +89,8 @@ void Keyboard::take(char byte) {
   } else if (byte == control_u) {
     typed_.clear();
   } else if (static_cast<unsigned char>(byte) >= ' ' && typed_.size() < longest_line) {
-    typed_ += byte;
+    const bool done = typed_.empty() && alone_ && alone_(byte);
+    if (!done) typed_ += byte;
   }
 }
 

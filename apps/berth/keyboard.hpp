@@ -16,8 +16,9 @@ enum class Key : std::uint8_t { up, down, page_up, page_down, home, end };
 class Keyboard final : private io::Watcher {
  public:
   /// `loop` must stay. `changed`: what is typed so far, or the table, is to be drawn anew.
+  /// `alone`: a key at the beginning of a line; false: it is the line's first.
   Keyboard(io::Loop& loop, std::function<void(Key)> key, std::function<void(const std::string&)> line,
-           std::function<void()> changed);
+           std::function<void()> changed, std::function<bool(char)> alone);
   /// The terminal is as it was.
   ~Keyboard();
   Keyboard(const Keyboard&) = delete;
@@ -40,6 +41,7 @@ class Keyboard final : private io::Watcher {
   std::function<void(Key)> key_;
   std::function<void(const std::string&)> line_;
   std::function<void()> changed_;
+  std::function<bool(char)> alone_;
   termios before_{};
   bool set_ = false;
   std::string typed_;

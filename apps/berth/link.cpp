@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "berth/command/bus_messages.hpp"
+#include "berth/command/can_id_text.hpp"
 #include "berth/command/link_network.hpp"
 #include "berth/linker/files.hpp"
 #include "berth/linker/plan_file.hpp"
@@ -162,7 +164,7 @@ Json json_of(const Network& network, const Pdo& pdo) {
   return {{"bus", network.buses[pdo.bus].name},
           {"producer", network.nodes[pdo.producer].name},
           {"tpdo", pdo.tpdo},
-          {"can_id", pdo.can_id},
+          {"can_id", command::can_id_text(pdo.can_id)},
           {"mpdo", pdo.mpdo},
           {"type", pdo.transmission},
           {"inhibit_ms", pdo.inhibit / 10.0},
@@ -262,6 +264,43 @@ std::optional<Failure> write_files(const std::vector<linker::MadeFile>& files, c
   return whole.empty() ? std::nullopt : write_whole(whole, true);
 }
 
+/// What the bounds of a good plan rest on, and what of the buses with links has none, or is too late: by the same
+/// messages as `berth analyze` has them.
+void judge_buses(const design::Machine& machine, const Network& network, linker::Planned& planned) {
+  if (!planned.good()) return;
+  constexpr std::size_t most = 3;
+  const command::LinkPlan links{network, planned.plan, {}};
+  for (const auto* const bus : machine.all_buses()) {
+    const bool linked = std::ranges::any_of(planned.plan.pdos,
+                                            [&](const Pdo& pdo) { return network.buses[pdo.bus].name == bus->name; });
+    if (!linked) continue;
+    auto found = command::messages_of(machine, *bus, {.links = &links});
+    for (auto& note : found.notes) planned.findings.push_back(std::move(note));
+    const auto result = analysis::analyze(found.line);
+    const auto tell = [&](std::string message, std::string fix) {
+      planned.findings.push_back({Finding::Severity::error, machine.file, 0, 0, fmt::format("bus.{}", bus->name),
+                                  std::move(message), std::move(fix)});
+    };
+    std::size_t wrong = 0;
+    for (const auto& response : result.responses) {
+      if (response.meets_deadline) continue;
+      if (++wrong > most) continue;
+      const auto& message = found.line.messages[response.message];
+      const std::string why = response.arrival ? fmt::format("it can take {:g} ms, and has {:g} ms",
+                                                             in_ms(*response.arrival), in_ms(message.deadline))
+                                               : std::string("it has no bound");
+      tell(fmt::format("{} of {}, {}: {}", message.name, found.line.senders[message.sender].name,
+                       analysis::key_text(message.key), why),
+           "`berth analyze` shows all messages of the bus");
+    }
+    if (wrong > most) tell(fmt::format("{} more messages are late or have no bound", wrong - most), "");
+    if (result.load > 1) {
+      tell(fmt::format("all messages take {:.1f} % of the bus", 100 * result.load),
+           "raise the bit rate, give longer deadlines, or link fewer objects");
+    }
+  }
+}
+
 // What the plan has of these nodes alone, as producers or consumers. The indices are the machine's slots.
 linker::Plan of_nodes(const design::Machine& machine, linker::Plan plan, const std::vector<MeantNode>& nodes) {
   const auto meant = [&](std::size_t node) {
@@ -287,7 +326,7 @@ int show(const Options& options, const LinkOptions& how, const Network& network,
     Json all = json_of(network, planned);
     all["files"] = changed;
     all["written"] = !options.dry_run && planned.good() && !how.output.empty();
-    print_line(all.dump());
+    print_text(all.dump(2));
     return planned.good() ? Exit::done : Exit::no;
   }
   for (std::size_t bus = 0; bus < planned.plan.buses.size(); ++bus) {
@@ -302,13 +341,13 @@ int show(const Options& options, const LinkOptions& how, const Network& network,
     return Exit::no;
   }
   if (how.output.empty()) return Exit::done;
-  if (changed.empty()) print_line(fmt::format("{}: all files are as they shall be", how.output));
+  if (changed.empty()) print_line(fmt::format("{}: all files are up to date", how.output));
   for (const auto& path : changed) print_line(fmt::format("{} {}", options.dry_run ? "would write" : "written", path));
   return Exit::done;
 }
 
 int link(const Options& options, const LinkOptions& how) {
-  const auto machine = machine_of(options);
+  const auto machine = machine_by_file(options);
   if (!machine) return tell(machine.error(), options.json);
   if (machine->links.empty()) {
     return tell(
@@ -321,15 +360,16 @@ int link(const Options& options, const LinkOptions& how) {
   if (!nodes) return tell(nodes.error(), options.json);
   const auto empty = std::ranges::find(*nodes, nullptr, [](const MeantNode& node) { return node.slot; });
   if (empty != nodes->end()) {
-    return tell(failure(Exit::usage, fmt::format("{}: node {} on bus {} is no slot: no link leads to it", machine->file,
-                                                 empty->text, empty->bus->name)),
+    return tell(failure(Exit::usage, fmt::format("{}: node {} on bus {} is not a slot: no link leads to it",
+                                                 machine->file, empty->text, empty->bus->name)),
                 options.json);
   }
   const auto made = command::link_network(*machine);
   if (has_errors(made.findings)) return tell(failure(made.findings), options.json);
   const auto earlier = earlier_plan(*machine, how);
   if (!earlier) return tell(earlier.error(), options.json);
-  const auto planned = linker::make_plan(made.network, *earlier);
+  auto planned = linker::make_plan(made.network, *earlier);
+  judge_buses(*machine, made.network, planned);
   std::vector<std::string> changed;
   if (planned.good() && !how.output.empty()) {
     const auto files = linker::make_files(made.network, planned.plan);

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <set>
 
+#include "berth/base/words.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/text/file.hpp"
 #include "berth/text/quantity.hpp"
@@ -33,27 +34,39 @@ bool is_machine_file(const std::string& path) {
 
 namespace {
 
-std::string found_here() {
-  if (std::error_code none; fs::is_regular_file("berth.toml", none)) return "berth.toml";
+constexpr const char* usual_name = "berth.toml";
+
+// Of a folder with very many files, none.
+std::vector<std::string> found_here() {
+  if (std::error_code none; fs::is_regular_file(usual_name, none)) return {usual_name};
   constexpr std::size_t most_files = 200;
   std::set<std::string> machines;
   std::error_code error;
   std::size_t looked = 0;
   for (const auto& entry : fs::directory_iterator(".", error)) {
-    if (entry.path().extension() != ".toml" || ++looked > most_files) continue;
+    if (entry.path().extension() != ".toml") continue;
+    if (++looked > most_files) return {};
     const std::string name = entry.path().filename().string();
     if (is_machine_file(name)) machines.insert(name);
   }
-  return machines.size() == 1 && looked <= most_files ? *machines.begin() : std::string();
+  return {machines.begin(), machines.end()};
 }
 
 }  // namespace
 
 std::string default_machine(const Options& options) {
   if (!options.machine.empty() || !options.ports.empty() || !options.control.empty()) return options.machine;
-  std::string found = found_here();
-  if (!found.empty() && !options.json) print_error(fmt::format("machine file: {}, of this folder", found));
-  return found;
+  const auto found = found_here();
+  if (found.size() != 1) return {};
+  const bool is_guess = found.front() != usual_name;
+  if (is_guess && !options.json) print_error(fmt::format("machine file: {}, of this folder", found.front()));
+  return found.front();
+}
+
+std::string machines_here() {
+  constexpr std::size_t most = 6;
+  const auto found = found_here();
+  return found.empty() ? "; this folder has none" : fmt::format("; this folder has {}", some_of(found, most));
 }
 
 tl::expected<std::string, Failure> ad_hoc_machine(const Options& options) {
@@ -63,10 +76,10 @@ tl::expected<std::string, Failure> ad_hoc_machine(const Options& options) {
   const auto port = port_of_word(options.ports.front());
   if (!port) return tl::unexpected(failure(Exit::usage, port.error()));
   if (port->kind == can::PortKind::slcan && !options.bit_rate) {
-    return tl::unexpected(failure(Exit::usage, fmt::format("{}: a serial adapter must be told the bus's bit rate: give "
-                                                           "--bitrate 125000, or find it out by `berth scan --bitrate "
-                                                           "auto --port {}`",
-                                                           can::to_string(*port), can::to_string(*port))));
+    return tl::unexpected(
+        failure(Exit::usage, fmt::format("{}: a serial adapter needs the bit rate of the bus: give --bitrate 125000, "
+                                         "or find it out by `berth scan --bitrate auto --port {}`",
+                                         can::to_string(*port), can::to_string(*port))));
   }
   constexpr unsigned any_rate = 125'000;  // until the port says at which it runs
   return fmt::format("[machine]\nname = \"a bus by itself\"\n[bus.{}]\nport = {}\nbitrate = {}\n",
@@ -104,6 +117,16 @@ tl::expected<design::Machine, Failure> machine_of(const Options& options) {
   if (!read.machine) return tl::unexpected(failure(read.findings));
   if (auto good = describe_nodes(*read.machine, options); !good) return tl::unexpected(good.error());
   return std::move(*read.machine);
+}
+
+tl::expected<design::Machine, Failure> machine_by_file(const Options& options) {
+  Options found = options;
+  found.machine = default_machine(options);
+  if (found.machine.empty()) {
+    return tl::unexpected(
+        failure(Exit::usage, "which machine file: name it, or write one by `berth init`" + machines_here()));
+  }
+  return machine_of(found);
 }
 
 }  // namespace berth::cli

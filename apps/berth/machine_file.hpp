@@ -15,8 +15,10 @@ inline constexpr const char* no_machine_file = "(no machine file)";
 [[nodiscard]] bool is_ad_hoc(const design::Machine& machine) noexcept;
 
 /// Where no machine file, port or socket is named: `berth.toml` of the current folder, else its only machine file. It
-/// is said on standard error which one, unless with --json. Empty: there is none, or there are several.
+/// is said on standard error which other one, unless with --json. Empty: there is none, or there are several.
 [[nodiscard]] std::string default_machine(const Options& options);
+/// "; this folder has a.toml, b.toml" for the message that no machine file is named.
+[[nodiscard]] std::string machines_here();
 
 /// A file with a table [machine], which plant files and device libraries do not have.
 [[nodiscard]] bool is_machine_file(const std::string& path);
@@ -26,6 +28,8 @@ inline constexpr const char* no_machine_file = "(no machine file)";
 
 /// The machine of the file, or the bus at the port, with what --eds says of its nodes.
 [[nodiscard]] tl::expected<design::Machine, Failure> machine_of(const Options& options);
+/// The machine that `options` names or that is of this folder: for commands that no bus by itself is enough for.
+[[nodiscard]] tl::expected<design::Machine, Failure> machine_by_file(const Options& options);
 /// Adds what --eds says: "drive.eds" of every node that nothing else is known of, "5=drive.eds" of one.
 [[nodiscard]] tl::expected<void, Failure> describe_nodes(design::Machine& machine, const Options& options);
 

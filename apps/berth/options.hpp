@@ -85,6 +85,12 @@ struct SingleOptions {
   std::optional<std::chrono::nanoseconds> watch;  ///< again and again, so far apart
 };
 
+/// Which events of a run are printed.
+struct EventOptions {
+  bool none = false;   ///< only how it ends
+  bool lines = false;  ///< --json: each as a line, as it happens
+};
+
 struct Options {
   bool json = false;
   bool dry_run = false;
@@ -102,8 +108,8 @@ struct Options {
   std::string control;  ///< empty: command::control_path of the machine
   Offers offers;
   std::optional<std::chrono::nanoseconds> timeout;
-  std::string until;    ///< "", "operational", "replaced"
-  bool events = false;  ///< --json: every event as a line, as it happens
+  std::string until;  ///< "", "operational", "replaced"
+  EventOptions events;
   SingleOptions single;
   int real_time = 0;  ///< SCHED_FIFO priority; 0: none
 };

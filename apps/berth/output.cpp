@@ -8,9 +8,11 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "berth/text/printable.hpp"
 #include "options.hpp"
@@ -125,9 +127,50 @@ void print_text(const std::string& text) { write_text(text::printable(text) + "\
 
 void print_error(const std::string& message) { print_errors(text::one_line(message)); }
 
-void print_errors(const std::string& message) {
-  std::fflush(stdout);
-  std::fprintf(stderr, "berth: %s\n", text::printable(message).c_str());
+namespace {
+
+ErrorLines::Take error_lines;  // empty: standard error
+
+// Filtered already.
+void write_errors(const std::string& lines) {
+  if (!error_lines) {
+    std::fflush(stdout);
+    std::fprintf(stderr, "%s\n", lines.c_str());
+    return;
+  }
+  std::istringstream each(lines);
+  for (std::string line; std::getline(each, line);) error_lines(line);
+}
+
+}  // namespace
+
+ErrorLines::ErrorLines(Take take) {
+  if (::isatty(STDERR_FILENO) == 1) error_lines = std::move(take);
+}
+
+ErrorLines::~ErrorLines() { error_lines = {}; }
+
+void print_progress(const std::string& line) { write_errors(text::one_line(line)); }
+
+void print_errors(const std::string& message) { write_errors("berth: " + text::printable(message)); }
+
+namespace {
+
+Colour chosen_colour = Colour::automatic;
+
+bool is_set(const char* name) noexcept {
+  const char* const value = std::getenv(name);
+  return value != nullptr && *value != '\0';
+}
+
+}  // namespace
+
+void choose_colour(Colour colour) noexcept { chosen_colour = colour; }
+
+bool coloured() noexcept {
+  if (chosen_colour != Colour::automatic) return chosen_colour == Colour::always;
+  const char* const terminal = std::getenv("TERM");
+  return on_terminal() && is_set("TERM") && std::strcmp(terminal, "dumb") != 0 && !is_set("NO_COLOR");
 }
 
 bool on_terminal() { return ::isatty(STDOUT_FILENO) == 1; }

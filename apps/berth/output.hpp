@@ -1,6 +1,8 @@
 /// What goes to a person or a program, and how.
 #pragma once
 
+#include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -46,13 +48,35 @@ void end_run() noexcept;
 void print_line(const std::string& line);
 void print_lines(const std::vector<std::string>& lines);
 void print_error(const std::string& message);
+/// What happens meanwhile, on standard error: it is no part of the answer.
+void print_progress(const std::string& line);
 /// Text whose line feeds are this program's own: JSON, a file that Berth wrote. The rest is filtered
 /// (`text::printable`).
 void print_text(const std::string& text);
+/// While it lives, what `print_error`, `print_errors` and `print_progress` say goes to `take`, line by line, instead of
+/// standard error, if that is a terminal: a table that is drawn in place there would be drawn over it. One at a time.
+class ErrorLines {
+ public:
+  using Take = std::function<void(const std::string& line)>;
+  explicit ErrorLines(Take take);
+  ~ErrorLines();
+  ErrorLines(const ErrorLines&) = delete;
+  ErrorLines& operator=(const ErrorLines&) = delete;
+};
 /// Errors one a line, as `Failure::message` and `command::Reply::error` have them.
 void print_errors(const std::string& message);
 /// What moves a cursor, with the texts in it filtered already.
 void write_text(const std::string& text);
 [[nodiscard]] bool on_terminal();
+
+enum class Colour : std::uint8_t {
+  automatic,  ///< on a terminal that can draw, unless NO_COLOR is set
+  always,
+  never
+};
+/// `--color`.
+void choose_colour(Colour colour) noexcept;
+/// What stands out is written in colour.
+[[nodiscard]] bool coloured() noexcept;
 
 }  // namespace berth::cli

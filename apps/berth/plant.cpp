@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "berth/base/words.hpp"
 #include "berth/command/control.hpp"
 #include "berth/io/loop_driver.hpp"
 #include "berth/io/plant_port.hpp"
@@ -165,7 +166,7 @@ int run_alone(plant::World& world, const Options& options) {
                                  {"text", s.told.text}});
   }
   if (options.json) {
-    print_line(report.dump());
+    print_text(report.dump(2));
     return record.finish(good ? Exit::done : Exit::no);
   }
   print_alone(ids, report);
@@ -193,7 +194,9 @@ int run_plant(const Options& options) {
   Interrupt interrupt(&driver.loop());
   auto server = io::PlantServer::listen(driver.loop(), options.control, [&](const std::string& bus, std::string& why) {
     std::unique_ptr<can::Port> port = (*world)->attach_master(bus);
-    if (!port) why = fmt::format("the plant has no bus \"{}\"", bus);
+    std::vector<std::string> names;
+    for (const auto& each : plant->buses) names.push_back(each.name);
+    if (!port) why = fmt::format("the plant has no bus \"{}\", but {} (--bus)", bus, some_of(names));
     return port;
   });
   if (!server) return tell(failure(Exit::failed, server.error()), options.json);

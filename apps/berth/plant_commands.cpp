@@ -8,6 +8,9 @@
 
 #include "berth/base/words.hpp"
 #include "berth/command/objects.hpp"
+#include "berth/command/values.hpp"
+#include "berth/od/notation.hpp"
+#include "berth/operate/report.hpp"
 #include "berth/plant/plant_words.hpp"
 #include "berth/text/columns.hpp"
 #include "berth/text/quantity.hpp"
@@ -48,7 +51,8 @@ bool fits(Action action, const plant::SimDevice& device) noexcept {
     case Action::power_off:
     case Action::reset:
     case Action::deaf:
-    case Action::slow: return device.powered();
+    case Action::slow:
+    case Action::recover: return device.powered();
     default: return true;
   }
 }
@@ -110,14 +114,31 @@ class Finder {
     for (const auto& slot : running_->session->slots()) {
       const auto way = tree::way_to(running_->session->machine(), slot.bus);
       const bool is_there = node->bus.empty() || way.bus == node->bus;
-      if (slot.id != node->node || !slot.device || way.gateways != node->gateways || !is_there) continue;
+      if (slot.id != node->node || way.gateways != node->gateways || !is_there) continue;
+      const auto sits = slot.device ? slot.device : last_device(slot);
+      if (!sits) continue;
       for (const auto& device : running_->world->devices()) {
         const auto truth = device->truth();
-        if (truth.bus != slot.bus || truth.address != *slot.device) continue;
+        if (truth.bus != slot.bus || truth.address != *sits) continue;
         const bool known = std::ranges::any_of(meant, [&](const Meant& m) { return m.device == device.get(); });
         if (!known) meant.push_back({device.get(), slot.bus + "/" + slot.name});
       }
     }
+  }
+
+  // The device that sat there last, as the history has it.
+  [[nodiscard]] std::optional<Identity> last_device(const operate::SlotReport& slot) const {
+    auto& session = *running_->session;
+    const auto records = session.store().load(session.machine().name);
+    if (!records) return std::nullopt;
+    const auto record = std::ranges::find_if(
+        *records, [&](const auto& r) { return r.name.bus == slot.bus && r.name.name == slot.name; });
+    if (record == records->end()) return std::nullopt;
+    const auto history = session.store().history(record->slot);
+    if (!history) return std::nullopt;
+    const auto last =
+        std::ranges::find_if(history->rbegin(), history->rend(), [](const auto& e) { return e.device.has_value(); });
+    return last == history->rend() ? std::nullopt : last->device;
   }
 
   std::vector<Meant> devices_with_node_id(const std::string& word) {
@@ -146,7 +167,10 @@ class Finder {
     }
     const std::vector<std::string_view> known(names.begin(), names.end());
     const auto near = text::closest(word, known);
-    const std::string then = near.empty() ? "the devices are " + some_of(names) : fmt::format("did you mean {}?", near);
+    const std::string then =
+        near.empty() ? "the devices are " + some_of(names) +
+                           "; a new one is a [[device]] of the plant file, with plugged = false until it is plugged in"
+                     : fmt::format("did you mean {}?", near);
     return fmt::format("no device of the plant{} is called {}; {}",
                        running_->session != nullptr && !only_device ? " and no slot" : "", text::quoted(word), then);
   }
@@ -170,7 +194,7 @@ std::string toml_value(const std::string& key, const std::string& value) {
     for (const auto& name : command::lines_of(value)) list += (list.empty() ? "" : ", ") + text::quoted(name);
     return "[" + list + "]";
   }
-  const bool text = key == "device" || key == "bus" || key == "action";
+  const bool text = key == "device" || key == "bus" || key == "action" || key == "sender";
   return !text && (is_number(value) || value == "true" || value == "false") ? value : text::quoted(value);
 }
 
@@ -200,6 +224,7 @@ const char* done_word(Action action) noexcept {
     case Action::join: return "one again";
     case Action::disturb: return "disturbed, from the next frame that fits";
     case Action::overrun: return "losing frames, from the next that fits";
+    case Action::recover: return "as before: it hears, and answers as fast";
   }
   return "";
 }
@@ -207,6 +232,8 @@ const char* done_word(Action action) noexcept {
 std::string sentence(const plant::PlantEvent& event) {
   std::string words = acts_on_device(event.action) ? event.device : "bus " + event.bus;
   words += fmt::format(" is {}", done_word(event.action));
+  if (!event.strike.sender.empty()) words += fmt::format(", of those that {} sends", event.strike.sender);
+  if (!acts_on_device(event.action) && !event.nodes.empty()) words += fmt::format(" ({})", some_of(event.nodes));
   if (event.duration > plant::Duration::zero()) words += " for " + text::write_duration(event.duration);
   return words;
 }
@@ -223,30 +250,129 @@ Reply not_here(const RunningPlant& running) {
                                                 buses));
 }
 
+/// The slot in which it sits, or sat last; null: in none.
+Json slot_of(const RunningPlant& running, const plant::Truth& truth) {
+  if (running.session == nullptr) return nullptr;
+  for (const auto& slot : running.session->slots()) {
+    if (slot.bus == truth.bus && slot.device && truth.is_or_will_be(*slot.device)) return slot.name;
+  }
+  return nullptr;
+}
+
+const char* what_it_is(const plant::Truth& truth) noexcept {
+  if (!truth.plugged) return "not plugged in";
+  return truth.powered ? name(truth.state) : "without power";
+}
+
+bool is_unplugged(const plant::World& world, const sim::Controller& node) {
+  return std::ranges::any_of(world.devices(),
+                             [&](const auto& device) { return !device->plugged() && &device->controller() == &node; });
+}
+
+/// The pieces of each bus's cable: the names of the nodes on each, "master" is Berth's own.
+void list_cables(const RunningPlant& running, const std::string& only, Json& json, std::vector<std::string>& lines) {
+  json = Json::array();
+  for (const auto& planned : running.plant->buses) {
+    const sim::Bus* const bus = running.world->bus(planned.name);
+    if (bus == nullptr || (!only.empty() && planned.name != only)) continue;
+    Json pieces = Json::array();
+    std::vector<std::string> words;
+    for (const auto& piece : sim::pieces(*bus)) {
+      std::vector<std::string> names;
+      for (const auto* node : piece) {
+        if (!is_unplugged(*running.world, *node)) names.push_back(node->name());
+      }
+      if (names.empty()) continue;
+      words.push_back(some_of(names));
+      pieces.push_back(names);
+    }
+    json.push_back({{"bus", planned.name}, {"pieces", pieces}});
+    if (words.size() > 1) lines.push_back(fmt::format("bus {} is cut: {}", planned.name, fmt::join(words, " | ")));
+  }
+}
+
+// A row fits 80 columns, whatever its name: an LSS address takes 35 of them.
+constexpr std::size_t widest_name = 22;
+
+// Without its middle where it is too long: names often differ at their end alone ("... hall 1").
+std::string fitted_name(const std::string& name, std::size_t width) {
+  constexpr std::size_t end = 6;
+  if (text::columns(name) <= width || width <= 2 * end) return text::cut(name, width);
+  std::size_t at = name.size();
+  while (at > 0 && text::columns(std::string_view(name).substr(at - 1)) <= end) --at;
+  while (at < name.size() && (static_cast<unsigned char>(name[at]) & 0xC0U) == 0x80) ++at;
+  return text::cut(name, width - end - 1) + "~" + name.substr(at);
+}
+
+std::string device_row(const plant::Truth& truth, std::size_t width) {
+  const bool has_id = truth.powered && truth.active.configured();
+  std::string row =
+      fmt::format("{}  {:>3}  {:<14} {}", text::padded(fitted_name(truth.name, width), width),
+                  has_id ? std::to_string(truth.active.value()) : "-", what_it_is(truth), to_string(truth.address));
+  if (truth.deaf) row += "  deaf";
+  if (truth.late > plant::Duration::zero()) row += "  late by " + text::write_duration(truth.late);
+  return row;
+}
+
+Json device_json(const RunningPlant& running, const plant::Truth& truth) {
+  const bool has_id = truth.powered && truth.active.configured();
+  return {{"device", truth.name},
+          {"bus", truth.bus},
+          {"node_id", has_id ? Json(truth.active.value()) : Json(nullptr)},
+          {"plugged", truth.plugged},
+          {"powered", truth.powered},
+          {"deaf", truth.deaf},
+          {"late_s", operate::seconds(rt::Time(truth.late))},
+          {"slot", slot_of(running, truth)},
+          {"lss_address", to_string(truth.address)}};
+}
+
+// Bus by bus, as the plant file has them; a bus beneath which nothing else stands is not named.
 Reply list_devices(const RunningPlant& running, const std::string& bus) {
   Reply reply;
   Json all = Json::array();
   std::size_t width = 6;
-  for (const auto& device : running.world->devices()) width = std::max(width, text::columns(device->name()));
-  reply.lines.push_back(
-      fmt::format("{:<{}}  {:<10} {:>3}  {:<14} {}", "device", width, "bus", "id", "is", "LSS address"));
+  std::vector<std::string> buses;
   for (const auto& device : running.world->devices()) {
     const auto truth = device->truth();
     if (!bus.empty() && truth.bus != bus) continue;
-    const char* const is = !truth.plugged ? "not plugged in" : !truth.powered ? "without power" : name(truth.state);
-    const bool has_id = truth.powered && truth.active.configured();
-    reply.lines.push_back(fmt::format("{}  {} {:>3}  {:<14} {}", text::padded(truth.name, width),
-                                      text::padded(truth.bus, 10), has_id ? std::to_string(truth.active.value()) : "-",
-                                      is, to_string(truth.address)));
-    all.push_back({{"device", truth.name},
-                   {"bus", truth.bus},
-                   {"node_id", has_id ? Json(truth.active.value()) : Json(nullptr)},
-                   {"plugged", truth.plugged},
-                   {"powered", truth.powered},
-                   {"lss_address", to_string(truth.address)}});
+    width = std::max(width, std::min(widest_name, text::columns(truth.name)));
+    if (std::ranges::find(buses, truth.bus) == buses.end()) buses.push_back(truth.bus);
+    all.push_back(device_json(running, truth));
   }
-  reply.json = Json{{"devices", all}}.dump();
+  reply.lines.push_back(fmt::format("{:<{}}  {:>3}  {:<14} {}", "device", width, "id", "is", "LSS address"));
+  for (const auto& name : buses) {
+    if (buses.size() > 1) reply.lines.push_back(fmt::format("bus {}:", name));
+    for (const auto& device : running.world->devices()) {
+      const auto truth = device->truth();
+      if (truth.bus == name) reply.lines.push_back(device_row(truth, width));
+    }
+  }
+  Json cables;
+  list_cables(running, bus, cables, reply.lines);
+  reply.json = Json{{"devices", all}, {"cables", cables}}.dump();
   return reply;
+}
+
+// A node of an event may be named by its slot, too; "" when all is well.
+std::string name_nodes(Request& request, const RunningPlant& running, Action action) {
+  Finder finder(running, request.arguments.contains("bus") ? request.arguments["bus"] : "");
+  for (const char* const key : {"nodes", "sender"}) {
+    const auto given = request.arguments.find(key);
+    if (given == request.arguments.end()) continue;
+    std::string names;
+    for (const auto& word : command::lines_of(given->second)) {
+      std::string name = word;
+      if (word != plant::master_name) {
+        const auto found = finder.find(word, action);
+        if (!found) return found.error();
+        name = (*found)->name();
+      }
+      names += (names.empty() ? "" : "\n") + name;
+    }
+    given->second = names;
+  }
+  return {};
 }
 
 // The only bus needs no name.
@@ -262,13 +388,73 @@ Checked<plant::PlantEvent> event_of(const RunningPlant& running, const Request& 
   std::string keys;
   for (const auto& [key, value] : request.arguments) {
     if (key.find_first_not_of("abcdefghijklmnopqrstuvwxyz_") != std::string::npos || key.empty()) {
-      return tl::unexpected(text::quoted(key) + " is no key of an event; docs/plant-file.md lists them");
+      return tl::unexpected(text::quoted(key) + " is not a key of an event; docs/plant-file.md lists them");
     }
     keys += fmt::format("{} = {}\n", key, toml_value(key, value));
   }
   auto read = plant::read_event(keys, *running.plant);
   if (!read.event) return tl::unexpected(words_of(read.findings));
   return std::move(*read.event);
+}
+
+/// An input of a device takes a value, as its hardware would give it. What maps it is sent.
+Reply set_object(const RunningPlant& running, plant::SimDevice& device, const Request& request) {
+  const auto argument = [&](const char* key) {
+    const auto given = request.arguments.find(key);
+    return given == request.arguments.end() ? std::string() : given->second;
+  };
+  device::Device& firmware = device.device();
+  const auto object = command::find_object(&firmware.values().description(), argument("object"));
+  if (!object) return command::refusal(Exit::usage, object.error());
+  const std::string shown = od::write_object(object->ref);
+  if (object->described == nullptr) {
+    return command::refusal(Exit::usage, fmt::format("{} has no object {}", device.name(), shown));
+  }
+  if (object->ref.index < 0x2000) {
+    return command::refusal(Exit::usage,
+                            fmt::format("{}: 1000h to 1FFFh are the device's own; `berth sdo write` writes what may be "
+                                        "written of them, `berth sim set` sets the others",
+                                        shown));
+  }
+  const auto value = command::value_bytes(*object, argument("value"), firmware.node_id(), true);
+  if (!value) return command::refusal(Exit::usage, value.error());
+  const auto stored = firmware.values().bytes(object->ref);
+  const bool changes = !std::ranges::equal(stored, *value);
+  if (const auto answer = firmware.values().set_bytes(object->ref, *value); answer != od::AbortCode::none) {
+    return command::refusal(Exit::no, fmt::format("{} of {}: {}", shown, device.name(), od::text(answer)));
+  }
+  if (changes) firmware.services().changed(object->ref);
+  Reply reply;
+  const std::string said =
+      fmt::format("{}: {} {} is {}", device.name(), shown, object->name, command::value_text(*object, *value));
+  if (running.session != nullptr) {
+    running.session->tell(device.bus().name(), operate::EventKind::step, "simulated plant: " + said);
+  }
+  Json json{{"action", "set"}, {"device", device.name()}, {"object", shown}};
+  command::put_value(json, *object, *value);
+  json["text"] = said;
+  reply.json = json.dump();
+  reply.lines = {said};
+  return reply;
+}
+
+/// What is done to one device's inside, and is no event of a plant file.
+Reply set_in_device(const RunningPlant& running, const std::string& bus, const Request& request) {
+  const auto word = request.arguments.find("device");
+  if (word == request.arguments.end()) return command::refusal(Exit::usage, "device: which one? Name it");
+  const auto device = Finder(running, bus).find(word->second, Action::reset);
+  if (!device) return command::refusal(Exit::usage, device.error());
+  if (!(*device)->powered()) return command::refusal(Exit::no, why_unfit(Action::reset, **device));
+  return set_object(running, **device, request);
+}
+
+Reply unknown_action(const std::string& word) {
+  std::vector<std::string_view> words(plant::action_words.begin(), plant::action_words.end());
+  words.insert(words.end(), {"set", "devices"});
+  const auto near = text::closest(word, words);
+  return command::refusal(Exit::usage, fmt::format("{} is nothing that can be done in a plant; {}", text::quoted(word),
+                                                   near.empty() ? fmt::format("use one of {}", fmt::join(words, ", "))
+                                                                : fmt::format("did you mean {}?", near)));
 }
 
 }  // namespace
@@ -285,14 +471,9 @@ Reply do_in_plant(const RunningPlant& running, const Request& given) {
         Exit::usage, fmt::format("the plant has no bus {}; its buses are {}", text::quoted(bus), some_of(names)));
   }
   if (word == "devices") return list_devices(running, bus);
+  if (word == "set") return set_in_device(running, bus, request);
   const auto known = std::ranges::find(plant::action_words, word);
-  if (known == plant::action_words.end()) {
-    const auto near = text::closest(word, plant::action_words);
-    return command::refusal(
-        Exit::usage, fmt::format("{} is nothing that can be done in a plant; {}", text::quoted(word),
-                                 near.empty() ? fmt::format("use one of {}", fmt::join(plant::action_words, ", "))
-                                              : fmt::format("did you mean {}?", near)));
-  }
+  if (known == plant::action_words.end()) return unknown_action(word);
   const auto action = static_cast<Action>(known - plant::action_words.begin());
   plant::SimDevice* device = nullptr;
   if (acts_on_device(action) && request.arguments.contains("device")) {
@@ -302,6 +483,8 @@ Reply do_in_plant(const RunningPlant& running, const Request& given) {
     request.arguments["device"] = device->name();
   }
   complete(request, running, action);
+  if (const auto wrong = name_nodes(request, running, action); !wrong.empty())
+    return command::refusal(Exit::usage, wrong);
   const auto event = event_of(running, request);
   if (!event) return command::refusal(Exit::usage, event.error());
   if (device != nullptr && !fits(action, *device)) return command::refusal(Exit::no, why_unfit(action, *device));

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "berth/base/real_path.hpp"
 #include "berth/command/control.hpp"
 #include "berth/tree/beneath.hpp"
 
@@ -57,10 +58,10 @@ tl::expected<can::PortSpec, std::string> port_of_word(const std::string& word) {
   auto port = can::parse_port(word);
   if (!port) port = guessed(word);
   if (port && port->kind != can::PortKind::sim) return *port;
-  return tl::unexpected(fmt::format(
-      "--port {}: this is no port; use socketcan:can0 (or can0), slcan:/dev/ttyACM0, socketcand://host:29536/can0 or "
-      "plant:/run/plant.sock; `berth ports` lists what is plugged in",
-      word));
+  return tl::unexpected(
+      fmt::format("--port {}: this is not a port; use socketcan:can0 (or can0), slcan:/dev/ttyACM0, "
+                  "socketcand://host:29536/can0 or plant:/run/plant.sock; `berth ports` lists what is plugged in",
+                  word));
 }
 
 tl::expected<void, Failure> override_ports(design::Machine& machine, const Options& options) {
@@ -123,10 +124,41 @@ std::vector<std::string> control_paths(const Options& options, const design::Mac
   return paths;
 }
 
+namespace {
+
+constexpr const char* file_meant = "machine_file";
+
+}  // namespace
+
+void name_machine(command::Request& request, const Options& options) {
+  if (options.control.empty() && !options.machine.empty())
+    request.arguments[file_meant] = real_path(options.machine).string();
+}
+
+std::optional<command::Reply> other_machine(command::Request& request, const std::string& running) {
+  const auto meant = request.arguments.extract(file_meant);
+  const std::string real = real_path(running).string();
+  if (meant.empty() || meant.mapped() == real) return std::nullopt;
+  return command::refusal(
+      Exit::failed,
+      fmt::format("the `berth up` that runs is of {}, and not of {}, though both machines have one name; give "
+                  "one of them another [machine] name, or name the other file",
+                  real, meant.mapped()));
+}
+
 std::string running_control(const Options& options, const design::Machine& machine) {
   const auto paths = control_paths(options, machine);
   const auto found = std::ranges::find_if(paths, command::control_answers);
   return found == paths.end() ? std::string() : *found;
+}
+
+std::optional<Failure> runs_another(const Options& options, const std::string& path) {
+  constexpr int patience_ms = 2000;
+  command::Request report{"report", {}};
+  name_machine(report, options);
+  const auto reply = command::control_call(path, report, patience_ms);
+  if (!reply || reply->error.empty()) return std::nullopt;
+  return failure(Exit::failed, reply->error);
 }
 
 bool all_elsewhere(const design::Machine& machine) noexcept {

@@ -1,8 +1,10 @@
 /// Which port each bus of a machine runs on: what the machine file says, `--port` stronger, `--sim` strongest.
 #pragma once
 
+#include <optional>
 #include <tl/expected.hpp>
 
+#include "berth/command/request.hpp"
 #include "berth/design/machine.hpp"
 #include "options.hpp"
 #include "output.hpp"
@@ -24,10 +26,19 @@ void restrict_to(design::Machine& machine, const std::string& bus);
 /// The name by which a process for one bus alone is known: its control socket's.
 [[nodiscard]] std::string bus_process(const std::string& machine, const std::string& bus);
 
+/// A control socket is found by the machine's name, which a copy of the folder has, too. So a request says which file
+/// is meant, and who runs another refuses it.
+void name_machine(command::Request& request, const Options& options);
+/// Takes that out of the request. A refusal: another file is meant.
+[[nodiscard]] std::optional<command::Reply> other_machine(command::Request& request, const std::string& running);
+
 /// Where a `berth up` that runs the machine, or only the bus of `--bus`, listens: `--control`, else by name.
 [[nodiscard]] std::vector<std::string> control_paths(const Options& options, const design::Machine& machine);
 /// That of them at which a process listens now; empty: none does.
 [[nodiscard]] std::string running_control(const Options& options, const design::Machine& machine);
+/// The process that listens at `path` runs another machine file, whose machine has the same name: for who only follows
+/// its frames and asks nothing that would be refused. Empty: it does not.
+[[nodiscard]] std::optional<Failure> runs_another(const Options& options, const std::string& path);
 
 /// The buses are all in other hands than this process's simulator, so that it runs in real time by a loop.
 [[nodiscard]] bool all_elsewhere(const design::Machine& machine) noexcept;

@@ -27,7 +27,7 @@ int make_image(const Options& options, const ImageOptions& wanted) {
   Findings findings;
   const auto text = text::read_file(wanted.content, findings);
   if (!text) return tell(failure(findings), options.json);
-  if (text->empty()) return tell(failure(Exit::usage, wanted.content + " is empty: it is no program"), options.json);
+  if (text->empty()) return tell(failure(Exit::usage, wanted.content + " is empty: it is not a program"), options.json);
   const std::vector<std::uint8_t> content(text->begin(), text->end());
   device::ProgramHead head;
   head.type = {wanted.vendor.value_or(0), wanted.product.value_or(0)};

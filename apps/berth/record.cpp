@@ -8,12 +8,14 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "berth/base/private_file.hpp"
 #include "berth/operate/report.hpp"
 #include "berth/trace/candump.hpp"
+#include "berth/trace/stream.hpp"
 #include "options.hpp"
 #include "outputs.hpp"
 
@@ -48,6 +50,12 @@ Record::~Record() {
 }
 
 tl::expected<void, Failure> Record::write_to(const std::string& path, bool force) {
+  if (const auto other = trace::format_of_path(path); other && *other != trace::Format::candump) {
+    return tl::unexpected(failure(
+        Exit::usage, fmt::format("--record {0}: the record is a candump log: name it {1}; `berth trace {1} -o {0}` "
+                                 "converts it",
+                                 path, std::filesystem::path(path).replace_extension("log").string())));
+  }
   if (auto bad = may_write(path, "--record", force)) return tl::unexpected(*std::move(bad));
   path_ = path;
   log_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, private_mode(path));
@@ -147,13 +155,31 @@ void Record::tell_trouble() {
   if (std::exchange(told_, true)) return;
   const bool full = error_ == ENOSPC || error_ == EDQUOT || error_ == EFBIG;
   const auto line =
-      fmt::format("{}: {}: the record stands still, and frames will be missing in it; {}", path_, std::strerror(error_),
+      fmt::format("{}: {}: the record is paused, and frames will be missing in it; {}", path_, std::strerror(error_),
                   full ? "make room there, and it goes on" : "Berth tries again ten times a second");
   if (tell_) {
     tell_(line);
   } else {
     print_error(line);
   }
+}
+
+std::string BusTap::words_of(const can::BusError& error) const {
+  const auto name_of = [this](int number) {
+    if (number == master_) return std::string("Berth");
+    for (const auto* const node : bus_->controllers()) {
+      if (node->number() == number) return node->name();
+    }
+    return std::string();
+  };
+  std::string words;
+  if (const auto first = name_of(error.first); !first.empty()) words = "signalled first by " + first;
+  if (!words.empty() && error.beside_first > 0)
+    words += fmt::format(" and {} other{}", error.beside_first, error.beside_first == 1 ? "" : "s");
+  const auto sender = name_of(error.sender);
+  if (sender.empty()) return words;
+  return fmt::format("{}{}{} sent {:0{}X}h", words, words.empty() ? "" : "; ", sender, error.frame.id,
+                     error.frame.extended ? 8 : 3);
 }
 
 }  // namespace berth::cli

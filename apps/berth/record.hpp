@@ -55,6 +55,14 @@ class Record {
   /// Gives each frame that Berth sends to `take`.
   void on_sent(Take take) { own_ = std::move(take); }
   void frame(const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master);
+  /// Gives each error on a bus to `take` (can/bus_error.hpp), with what is known of it beside; empty: no more.
+  using TakeError =
+      std::function<void(const std::string& bus, const can::Frame& report, rt::Time at, const std::string& words)>;
+  void on_error(TakeError take) { errors_ = std::move(take); }
+  void error(const std::string& bus, const can::Frame& report, rt::Time at, const std::string& words) {
+    if (errors_) errors_(bus, report, at, words);
+  }
+  [[nodiscard]] bool takes_errors() const noexcept { return static_cast<bool>(errors_); }
   /// Frames that came, ever.
   [[nodiscard]] std::uint64_t seen() const noexcept { return seen_; }
   /// Takes, once, that the file takes nothing: what, where, what to do. Empty: standard error, as at the beginning.
@@ -77,6 +85,7 @@ class Record {
   std::function<void(const std::string&)> tell_;
   Take frames_;
   Take own_;
+  TakeError errors_;
   std::uint64_t seen_ = 0;
   std::string path_;
   int log_ = -1;
@@ -100,8 +109,14 @@ class BusTap final : public can::Tap {
   void frame(const can::Frame& frame, rt::Time at, int sender) noexcept override {
     record_->frame(bus_->name(), frame, at, sender == master_);
   }
+  void error(const can::BusError& error, rt::Time at) noexcept override {
+    if (record_->takes_errors()) record_->error(bus_->name(), error.report, at, words_of(error));
+  }
 
  private:
+  /// "signalled first by left and 2 others; right sent 185h"
+  [[nodiscard]] std::string words_of(const can::BusError& error) const;
+
   Record* record_;
   sim::Bus* bus_;
   int master_;

@@ -54,8 +54,7 @@ RequestVerb::RequestVerb(const Verb& parent, Options& options, const std::string
   request_words(verb_, options, request_, which);
 }
 
-void request_words(const Verb& verb, Options& options, const std::shared_ptr<command::Request>& request,
-                   RequestWords which) {
+void bus_words(const Verb& verb, Options& options, RequestWords which) {
   machine_words(verb, options, which.machine);
   control_word(verb, options);
   if (which.alone && which.bit_rate) {
@@ -70,6 +69,11 @@ void request_words(const Verb& verb, Options& options, const std::shared_ptr<com
   }
   if (which.up)
     verb.flag("--up", options.single.bring_up, "with --sim: first run the main job until the machine is operational");
+}
+
+void request_words(const Verb& verb, Options& options, const std::shared_ptr<command::Request>& request,
+                   RequestWords which) {
+  bus_words(verb, options, which);
   for (const command::Parameter& parameter : command::verb(request->verb)->parameters) {
     const bool reads = parameter.form != command::Form::common && parameter.form != command::Form::own;
     if (reads) word_of(verb, request, parameter);

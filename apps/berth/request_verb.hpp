@@ -42,6 +42,8 @@ class RequestVerb {
 /// verb that `request` names, the words, options and flags of the table, which become its arguments.
 void request_words(const Verb& verb, Options& options, const std::shared_ptr<command::Request>& request,
                    RequestWords which = {});
+/// The machine, or the bus alone, and what carries it out, of a verb that makes requests of its own.
+void bus_words(const Verb& verb, Options& options, RequestWords which = {});
 /// One line, of the table.
 [[nodiscard]] std::string help_of(const std::string& request);
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "berth/command/link_network.hpp"
+#include "contradictions.hpp"
 #include "machine_file.hpp"
 #include "node_words.hpp"
 #include "simulated.hpp"
@@ -127,6 +128,7 @@ tl::expected<void, Failure> Rig::build_world(const Options& options) {
     if (simulated(bus)) rates.push_back({bus.name, bus.bitrate});
   }
   for (const auto& bus : machine_.beneath) rates.push_back({bus.name, bus.bitrate});
+  warn(contradictions(machine_, plant_, options.sim.plant), options.json);
   auto world = make_world(plant_, rates, options.sim.plant, options);
   if (!world) return tl::unexpected(world.error());
   world_ = std::move(*world);
@@ -172,11 +174,15 @@ tl::expected<std::vector<can::Port*>, Failure> Rig::attach_all(const Options& op
 tl::expected<void, Failure> Rig::open_session(const Options& options, bool links,
                                               const std::vector<can::Port*>& ports) {
   session_ = std::make_unique<tree::Session>(driver_->executor(), machine_, slot_table_->store());
+  tree::keep_written(*session_, slot_table_->written(machine_.file));
   session_->set_careful(std::ranges::any_of(machine_.buses, [](const auto& b) { return is_real(b.port); }));
   remote_commands_.emplace(*session_);
-  guards_.on_foreign([this](const std::string& bus, const std::string& text) {
+  guards_.on_foreign([this](const std::string& bus, const std::string& verdict, const std::string& text) {
+    if (auto* const network = session_->network(bus)) network->services().shut_by = verdict;
     session_->tell(bus, operate::EventKind::error, text);
   });
+  guards_.on_client(
+      [this](const std::string& bus, const std::string& text) { session_->tell(bus, operate::EventKind::step, text); });
   for (std::size_t i = 0; i < ports.size(); ++i) {
     const auto connected = session_->connect(machine_.buses[i].name, *ports[i]);
     if (!connected) return tl::unexpected(failure(Exit::failed, describe(connected.error())));
@@ -259,6 +265,12 @@ void Rig::leave(const Options& options) {
   }
   constexpr rt::Duration time_to_send = std::chrono::milliseconds(100);
   if (any) driver_->run_for(time_to_send);
+}
+
+bool leaves_running(Rig& rig, const Options& options) {
+  return !rig.guards().empty() && std::ranges::all_of(rig.machine().buses, [&](const auto& bus) {
+    return bus.role != design::Role::master || wish_of(bus, options) == design::OnExit::leave;
+  });
 }
 
 }  // namespace berth::cli

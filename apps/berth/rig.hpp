@@ -112,4 +112,7 @@ class Rig {
   std::unique_ptr<Strangers> strangers_;
 };
 
+/// Devices outside of this process stay as they are when it ends.
+[[nodiscard]] bool leaves_running(Rig& rig, const Options& options);
+
 }  // namespace berth::cli

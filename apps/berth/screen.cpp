@@ -1,13 +1,9 @@
 #include "screen.hpp"
 
 #include <fmt/format.h>
-#include <sys/ioctl.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cstdio>
-#include <cstdlib>
-#include <string_view>
+#include <utility>
 
 #include "berth/text/columns.hpp"
 #include "berth/text/printable.hpp"
@@ -20,17 +16,6 @@ using Clock = std::chrono::steady_clock;
 
 namespace {
 
-std::string_view variable(const char* name) noexcept {
-  const char* const value = std::getenv(name);
-  return value == nullptr ? std::string_view() : std::string_view(value);
-}
-
-BoardSize terminal_size() noexcept {
-  winsize size{};
-  const bool known = ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 && size.ws_row > 0;
-  return known ? BoardSize{size.ws_col, size.ws_row} : BoardSize{};
-}
-
 /// Some lines above the table stay in view, and the cursor's own is below it.
 BoardSize room_in(BoardSize terminal) noexcept {
   const std::size_t above = terminal.rows / 4;
@@ -39,25 +24,23 @@ BoardSize room_in(BoardSize terminal) noexcept {
 
 }  // namespace
 
-bool can_draw() noexcept {
-  const auto terminal = variable("TERM");
-  return on_terminal() && !terminal.empty() && terminal != "dumb";
-}
-
 Screen::Screen(tree::Session& session, ScreenOptions options)
-    : session_(&session),
-      options_(std::move(options)),
-      colours_(variable("NO_COLOR").empty()),
-      events_(options_.wall_clock) {
+    : session_(&session), options_(std::move(options)), events_(options_.wall_clock) {
   for (const auto& slot : session.machine().slots) {
     if (slot.spec.optional) optional_.insert({slot.spec.name.bus, slot.spec.id});
   }
+  if (options_.live && !options_.quiet) errors_.emplace([this](const std::string& text) { line(text); });
 }
 
-void Screen::listen(io::Loop& loop, std::function<void(const std::string&)> line) {
+Screen::~Screen() {
+  errors_.reset();
+  print_lines(waiting_);
+}
+
+void Screen::listen(io::Loop& loop, std::function<void(const std::string&)> line, std::function<bool(char)> alone) {
   if (!options_.live) return;
   keyboard_ = std::make_unique<Keyboard>(
-      loop, [this](Key key) { moved(key); }, std::move(line), [this] { dirty_ = true; });
+      loop, [this](Key key) { moved(key); }, std::move(line), [this] { dirty_ = true; }, std::move(alone));
 }
 
 void Screen::line(const std::string& text) {
@@ -99,8 +82,11 @@ void Screen::moved(Key key) {
 
 BoardContent Screen::content() const {
   BoardContent content;
-  content.headline = fmt::format("{}  {:.1f} s on the bus  Ctrl-C ends it", session_->machine().name,
-                                 operate::seconds(session_->executor().now()));
+  const std::string word = time_ ? time_() : "";
+  // The answer to an open question may begin with q.
+  const char* const end = tree::questions_of(*session_).empty() ? "q" : "Ctrl-C";
+  content.headline = fmt::format("{}  {:.1f} s on the bus{}  {} ends it, ? helps", session_->machine().name,
+                                 operate::seconds(session_->executor().now()), word.empty() ? "" : ", " + word, end);
   for (auto& slot : session_->slots()) {
     const bool optional = optional_.contains({slot.bus, slot.id});
     content.slots.push_back({std::move(slot), optional});
@@ -115,7 +101,9 @@ std::vector<BoardLine> Screen::drawing(BoardSize size) {
   BoardSize room = room_in(size);
   const bool types = keyboard_ != nullptr && !keyboard_->typed().empty() && room.rows > 1;
   if (types) --room.rows;
-  auto lines = board_.draw(content(), room);
+  BoardContent now = content();
+  if (values_) now.values = values_(size.columns);
+  auto lines = board_.draw(now, room);
   if (types) {
     // The end of a long one is what is being typed.
     std::string typed = text::one_line(keyboard_->typed());
@@ -125,31 +113,6 @@ std::vector<BoardLine> Screen::drawing(BoardSize size) {
   return lines;
 }
 
-std::string Screen::written(const BoardLine& line) const {
-  return line.urgent && colours_ ? "\x1b[33m" + line.text + "\x1b[0m" : line.text;
-}
-
-void Screen::erase(std::string& out) {
-  if (!drawn_.empty()) out += fmt::format("\x1b[{}A", drawn_.size());
-  out += "\r\x1b[J";
-  drawn_.clear();
-}
-
-void Screen::draw_all(std::string& out, std::vector<BoardLine> lines) {
-  for (const auto& line : lines) out += written(line) + "\n";
-  drawn_ = std::move(lines);
-}
-
-// As many lines as before: each that differs is written over.
-void Screen::draw_changes(std::string& out, std::vector<BoardLine> lines) {
-  for (std::size_t i = 0; i < lines.size(); ++i) {
-    if (lines[i] == drawn_[i]) continue;
-    const std::size_t up = lines.size() - i;
-    out += fmt::format("\x1b[{}A\r{}\x1b[K\x1b[{}B\r", up, written(lines[i]), up);
-  }
-  drawn_ = std::move(lines);
-}
-
 void Screen::refresh(bool now) {
   if (const auto rest = events_.rest(); !rest.empty()) put(rest);
   if (!options_.live || options_.quiet) return;
@@ -157,35 +120,28 @@ void Screen::refresh(bool now) {
   if (!now && since < (dirty_ ? 100ms : 1000ms)) return;
   last_ = Clock::now();
   dirty_ = false;
-  const BoardSize size = terminal_size();
-  const bool returned = keyboard_ != nullptr && keyboard_->take_again();
-  const bool other_size = size.columns != size_.columns || size.rows != size_.rows;
-  size_ = size;
-  auto lines = drawing(size);
-  std::string out;
-  if (returned) drawn_.clear();  // the shell has written below it
-  if (waiting_.empty() && !other_size && !returned && lines.size() == drawn_.size()) {
-    draw_changes(out, std::move(lines));
-  } else {
-    erase(out);
-    for (const auto& line : waiting_) out += text::one_line(line) + "\n";
-    waiting_.clear();
-    draw_all(out, std::move(lines));
+  // The terminal is the shell's meanwhile (Ctrl-Z, `bg`): lines, and no table over its prompt.
+  if (in_background()) {
+    redraw_.keep();
+    print_lines(std::exchange(waiting_, {}));
+    return;
   }
-  write_text(out);
+  const BoardSize size = terminal_size();
+  // After Ctrl-Z the shell has written below it.
+  if (keyboard_ != nullptr && keyboard_->take_again()) redraw_.keep();
+  redraw_.draw(std::exchange(waiting_, {}), drawing(size), size);
 }
 
 void Screen::keep() {
   refresh(true);
   if (!options_.live) return;
   keyboard_.reset();
+  errors_.reset();
   if (board_.partial()) {
-    std::string out;
-    erase(out);
-    write_text(out);
+    redraw_.erase();
     print_lines(operate::to_table(session_->slots()));
   }
-  drawn_.clear();
+  redraw_.keep();
   options_.live = false;
 }
 

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -13,11 +14,10 @@
 #include "board.hpp"
 #include "event_lines.hpp"
 #include "keyboard.hpp"
+#include "output.hpp"
+#include "redraw.hpp"
 
 namespace berth::cli {
-
-/// Standard output is a terminal on which a cursor can be moved (TERM is set, and not "dumb").
-[[nodiscard]] bool can_draw() noexcept;
 
 struct ScreenOptions {
   bool live = false;        ///< draws the table; needs `can_draw`
@@ -31,8 +31,18 @@ struct ScreenOptions {
 class Screen {
  public:
   Screen(tree::Session& session, ScreenOptions options);
-  /// From now on keys move the table, and a line that is typed goes to `line`. Live screens only; `loop` must stay.
-  void listen(io::Loop& loop, std::function<void(const std::string&)> line);
+  /// What was said and not drawn is printed: a run that failed before its first drawing says why.
+  ~Screen();
+  Screen(const Screen&) = delete;
+  Screen& operator=(const Screen&) = delete;
+  /// From now on keys move the table, and a line that is typed goes to `line`; a key at its beginning
+  /// may be one by itself (`alone`). Live screens only; `loop` must stay.
+  void listen(io::Loop& loop, std::function<void(const std::string&)> line, std::function<bool(char)> alone);
+
+  /// Its word stands in the heading while it is not empty: "paused", such as.
+  void show_time(std::function<std::string()> word) { time_ = std::move(word); }
+  /// Values for the table: lines with their heading, for so many columns.
+  void show_values(std::function<std::vector<BoardLine>(std::size_t columns)> values) { values_ = std::move(values); }
 
   [[nodiscard]] bool live() const noexcept { return options_.live; }
   void line(const std::string& text);
@@ -46,24 +56,21 @@ class Screen {
   void put(const std::vector<std::string>& lines);
   [[nodiscard]] BoardContent content() const;
   [[nodiscard]] std::vector<BoardLine> drawing(BoardSize size);
-  [[nodiscard]] std::string written(const BoardLine& line) const;
-  void erase(std::string& out);
-  void draw_all(std::string& out, std::vector<BoardLine> lines);
-  void draw_changes(std::string& out, std::vector<BoardLine> lines);
   void moved(Key key);
 
   tree::Session* session_;
   ScreenOptions options_;
-  bool colours_;
   EventLines events_;
   Board board_;
-  std::set<std::pair<std::string, NodeId>> optional_;  // slots, by bus and node-ID
+  std::function<std::vector<BoardLine>(std::size_t)> values_;  // may be empty
+  std::function<std::string()> time_;                          // may be empty
+  std::set<std::pair<std::string, NodeId>> optional_;          // slots, by bus and node-ID
   bool dirty_ = true;
-  BoardSize size_{};              // of the terminal when it was drawn
-  std::vector<BoardLine> drawn_;  // what is on the terminal now, the cursor below it
+  Redraw redraw_;
   std::vector<std::string> waiting_;
   std::chrono::steady_clock::time_point last_{};
   std::unique_ptr<Keyboard> keyboard_;
+  std::optional<ErrorLines> errors_;  // while the table is drawn
 };
 
 }  // namespace berth::cli

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -61,6 +62,18 @@ void take_objects(const Words& words, command::Request& request) {
   }
 }
 
+// "1017h 3 s": a number and its unit as two words at the end. What to write instead; empty: there is none.
+std::string split_quantity(const Words& words) {
+  constexpr std::array<std::string_view, 8> units{"ns", "us", "µs", "ms", "s", "min", "h", "°C"};
+  if (words.size() < 3 || std::ranges::find(units, words.back()) == units.end()) return {};
+  const std::string& number = words[words.size() - 2];
+  if (number.find_first_not_of("+-.0123456789") != std::string::npos) return {};
+  std::string text = fmt::format("put value and unit in quotes: \"{} {}\"", number, words.back());
+  if (words.size() == 3)
+    text += fmt::format("; or, for a text in sub-index {0}, write {1}:{0} {2}", number, words.front(), words.back());
+  return text;
+}
+
 // OBJECT VALUE, OBJECT SUB VALUE, or OBJECT=VALUE... What is wrong, for people.
 std::string take_objects_and_values(const Words& words, command::Request& request) {
   const bool pairs = std::ranges::all_of(words, [](const auto& w) { return w.find('=', 1) != std::string::npos; });
@@ -76,6 +89,7 @@ std::string take_objects_and_values(const Words& words, command::Request& reques
     request.arguments["value"] = one_a_line(values);
     return {};
   }
+  if (auto split = split_quantity(words); !split.empty()) return split;
   if (words.size() != 2 && words.size() != 3) {
     return "sdo write takes OBJECT VALUE, or OBJECT SUB VALUE, or several OBJECT=VALUE";
   }
@@ -154,7 +168,7 @@ void add_read(const Verb& sdo, Options& options) {
   request_words(read, options, wanted->request, {.machine = {.confirms = false}});
   sdo_words(read, wanted, "1018h:04, 0x1018:4, 1018sub4, or its name: \"Producer heartbeat time\"", "OBJECT...",
             "write the bytes of the object there");
-  read.time("--watch", options.single.watch, "again and again, so far apart");
+  read.time("--watch", options.single.watch, "again and again, so far apart (default: 1 s)");
   read.footer(
       "Examples:\n  berth sdo read 5 1018h:04\n  berth sdo read drive \"Identity object/Serial number\" 1017h\n"
       "  berth sdo read 5 6041h --port can0 --eds drive.eds --watch \"200 ms\"\n"
@@ -168,7 +182,7 @@ void add_write(const Verb& sdo, Options& options) {
   request_words(write, options, wanted->request);
   sdo_words(write, wanted,
             "an object and its value, or several as OBJECT=VALUE; of an unknown type hex bytes such as \"F4 01\"",
-            "OBJECT VALUE", "the value is what stands in this file");
+            "OBJECT VALUE", "the value is the content of this file");
   write.footer(
       "Examples:\n  berth sdo write 5 1017h 500\n  berth sdo write drive 1017h \"0.5 s\"\n"
       "  berth sdo write drive 1017h=500 6000h:01=3\n  berth sdo write 5 2000h:01 -3 --type i16\n"
@@ -184,7 +198,7 @@ void add_channels(const Verb& sdo, Options& options) {
     }
     return std::string();
   });
-  connect.verb().time("--lease", *lease, "it is taken back then (default: 10 min); asking again renews it");
+  connect.verb().time("--lease", *lease, "it is released then (default: 10 min); asking again renews it");
   connect.footer(
       "Examples:\n  berth sdo connect panel drive\n  berth sdo connect 3 5 --lease \"60 s\" --request 1 --port can0");
   const RequestVerb release(sdo, options, "release", "sdo release");

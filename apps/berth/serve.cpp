@@ -8,6 +8,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "berth/base/counted.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/io/loop_driver.hpp"
 #include "berth/io/open_port.hpp"
@@ -182,12 +183,13 @@ void tell_counters(const serve::ServerCounters& c, bool json) {
                    .dump());
     return;
   }
-  print_line(fmt::format("{} clients, {} frames to them, {} from them", c.clients, c.frames_out, c.frames_in));
-  if (c.too_slow > 0) print_line(fmt::format("{} let go because they took too little", c.too_slow));
-  if (c.misbehaved > 0) print_line(fmt::format("{} let go because of what they sent", c.misbehaved));
+  print_line(fmt::format("{}, {} to them, {} from them", counted(c.clients, "client"), counted(c.frames_out, "frame"),
+                         c.frames_in));
+  if (c.too_slow > 0) print_line(fmt::format("{} disconnected because they read too slowly", c.too_slow));
+  if (c.misbehaved > 0) print_line(fmt::format("{} disconnected because of what they sent", c.misbehaved));
   if (c.not_sent > 0) print_line(fmt::format("{} frames that the bus did not take", c.not_sent));
   if (c.unspeakable > 0) print_line(fmt::format("{} remote and FD frames, which socketcand cannot say", c.unspeakable));
-  if (c.malformed > 0) print_line(fmt::format("{} commands with wrong words", c.malformed));
+  if (c.malformed > 0) print_line(fmt::format("{} commands with wrong arguments", c.malformed));
 }
 
 /// The machine of the folder where nothing is named; and a machine file by itself is no plant.

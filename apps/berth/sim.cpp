@@ -48,7 +48,7 @@ int run_scenario(const Options& options, const std::string& scenario) {
 
 int run_version(const Options& options) {
   if (options.json) {
-    print_line(nlohmann::ordered_json{{"version", BERTH_VERSION}}.dump());
+    print_text(nlohmann::ordered_json{{"version", BERTH_VERSION}}.dump(2));
   } else {
     print_line(fmt::format("berth {}", BERTH_VERSION));
   }
@@ -64,7 +64,8 @@ constexpr std::pair<const char*, const char*> scenes[] = {
 }  // namespace
 
 void add_sim(Verb& berth, Options& options) {
-  const Verb sim = berth.group("sim", "a running simulated machine: plug, unplug, power, faults; and textbook scenes");
+  const Verb sim =
+      berth.group("sim", "a running simulated machine: plug, unplug, power, inputs, faults; and textbook scenes");
   sim.footer(
       "Examples:\n"
       "  berth sim unplug s2 machine.toml\n  berth sim power off s2 machine.toml\n  berth sim devices machine.toml\n"
@@ -80,7 +81,7 @@ void add_sim(Verb& berth, Options& options) {
 }
 
 void add_version(Verb& berth, Options& options) {
-  const Verb version = berth.add("version", "which Berth this is", [&options] { return run_version(options); });
+  const Verb version = berth.add("version", "print version", [&options] { return run_version(options); });
   json_flag(version, options);
   version.footer("Example:\n  berth version --json");
 }

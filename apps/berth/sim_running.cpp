@@ -53,7 +53,7 @@ tl::expected<std::string, Failure> running_plant(Options options) {
     if (!port) return tl::unexpected(failure(Exit::usage, port.error()));
     if (port->kind == can::PortKind::plant) return plant_control(port->address);
     return tl::unexpected(
-        failure(Exit::no, fmt::format("{} is no simulated plant; `berth sim` is for those", can::to_string(*port))));
+        failure(Exit::no, fmt::format("{} is not a simulated plant; `berth sim` is for those", can::to_string(*port))));
   }
   options.machine = default_machine(options);
   if (options.machine.empty() && !options.control.empty()) return options.control;
@@ -75,6 +75,7 @@ int ask_plant(const Options& options, command::Request request) {
   if (!options.bus.empty()) request.arguments["bus"] = options.bus;
   const auto path = running_plant(options);
   if (!path) return tell(path.error(), options.json);
+  if (!path->ends_with(".control")) name_machine(request, options);  // a plant has no machine
   const auto reply = command::control_call(*path, request, patience_ms);
   if (!reply) return tell(failure(Exit::failed, reply.error()), options.json);
   if (options.json) {
@@ -104,13 +105,13 @@ std::string read_fault(command::Request& request, const std::vector<std::string>
     const auto equals = word.find('=');
     const std::string key = word.substr(0, equals);
     if (equals == std::string::npos && request.arguments.contains("device")) {
-      return fmt::format("{}: one device; what else stands in an [[event]] is written KEY=VALUE", text::quoted(word));
+      return fmt::format("{}: one device; write the other keys of an [[event]] as KEY=VALUE", text::quoted(word));
     }
     std::string value = equals == std::string::npos ? word : word.substr(equals + 1);
     if (key == "nodes") std::ranges::replace(value, ',', '\n');
     const std::string into = equals == std::string::npos ? "device" : key;
     if (into == "action")
-      return fmt::format("{}: the action stands before it, `berth sim fault ACTION`", text::quoted(word));
+      return fmt::format("{}: the action comes first: `berth sim fault ACTION`", text::quoted(word));
     if (!request.arguments.emplace(into, std::move(value)).second) {
       return fmt::format("{}: {} is given twice", text::quoted(word), into);
     }
@@ -142,6 +143,23 @@ void add_power(const Verb& sim, Options& options) {
   power.footer("Example:\n  berth sim power off s2 machine.toml");
 }
 
+void add_set(const Verb& sim, Options& options) {
+  const auto request = std::make_shared<command::Request>(command::Request{plant_verb, {{"action", "set"}}});
+  const Verb set = sim.add("set", "an object of a device, as its hardware would: a sensor, a switch",
+                           [&options, request] { return ask_plant(options, *request); });
+  const auto word = [&](const std::string& key, const std::string& help, const std::string& shown) {
+    set.word(
+           key, [request, key](const std::string& text) { request->arguments[key] = text; }, help)
+        .required()
+        .shown(shown);
+  };
+  word("device", "its name in the plant file, or its slot's name or node-ID", "DEVICE");
+  word("object", "index or name, from 2000h on, whether or not SDO may write it", "OBJECT");
+  word("value", "as for `berth sdo write`", "VALUE");
+  running_words(set, options);
+  set.footer("Example:\n  berth sim set s2 6000h:01 5 -m machine.toml\nWhat maps the object is sent: a changed input.");
+}
+
 void add_fault(const Verb& sim, Options& options) {
   struct Fault {
     std::string action;
@@ -153,7 +171,8 @@ void add_fault(const Verb& sim, Options& options) {
     const auto wrong = read_fault(request, fault->words);
     return wrong.empty() ? ask_plant(options, std::move(request)) : tell(failure(Exit::usage, wrong), options.json);
   });
-  verb.word("action", fault->action, "deaf, slow, cut-cable, join, disturb, overrun, set-serial, set-node-id, …")
+  verb.word("action", fault->action,
+            "deaf, slow, recover, cut-cable, join, disturb, overrun, set-serial, set-node-id, …")
       .required()
       .shown("ACTION");
   verb.word("event", fault->words, "its device, and KEY=VALUE as in an [[event]] (docs/plant-file.md)")
@@ -172,11 +191,14 @@ void add_world_verb(const Verb& world, Options& options, const std::string& name
   const auto request = std::make_shared<command::Request>(command::Request{verb, {}});
   const Verb made = world.add(name, help_of(verb), [&options, request] { return ask_plant(options, *request); });
   for (const auto& parameter : command::verb(verb)->parameters) {
-    if (parameter.form != command::Form::word) continue;
+    const bool option = parameter.form == command::Form::option;
+    if (parameter.form != command::Form::word && !option) continue;
     const std::string key(parameter.name);
-    Word word = made.word(
-        key, [request, key](const std::string& text) { request->arguments[key] = text; }, std::string(parameter.help));
+    Word word = made.word((option ? "--" : "") + key,
+                          [request, key](const std::string& text) { request->arguments[key] = text; },
+                          std::string(parameter.help));
     if (parameter.required) word.required();
+    if (option) word.shown(std::string(parameter.value));
   }
   running_words(made, options);
   made.footer("Example:\n  " + example);
@@ -202,6 +224,7 @@ void add_running_plant(const Verb& sim, Options& options) {
   add_power(sim, options);
   add_device_verb(sim, options, "reset", "its firmware starts again, as by a watchdog",
                   "berth sim reset s2 machine.toml");
+  add_set(sim, options);
   add_fault(sim, options);
   const Verb devices = sim.add("devices", "the plant's devices as they are, whatever Berth believes", [&options] {
     return ask_plant(options, {plant_verb, {{"action", "devices"}}});

@@ -5,16 +5,21 @@
 
 #include <algorithm>
 #include <array>
+#include <filesystem>
+#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "ask.hpp"
 #include "berth/command/control.hpp"
 #include "berth/command/stored.hpp"
 #include "berth/command/verbs.hpp"
+#include "berth/text/columns.hpp"
+#include "berth/text/printable.hpp"
 #include "drive.hpp"
 #include "execute.hpp"
 #include "machine_file.hpp"
 #include "ports.hpp"
+#include "redraw.hpp"
 #include "second_word.hpp"
 #include "single.hpp"
 #include "slot_table.hpp"
@@ -33,13 +38,41 @@ bool wants_yes(const command::Reply& reply) {
 
 bool may_ask(const Options& options) { return !options.json && !options.yes && someone_types(); }
 
+// The state of a slot that somebody has to do something about.
+bool is_trouble(const std::string& state) {
+  using enum places::SlotState;
+  return std::ranges::any_of(std::array{absent, failed, question, duplicate, wrong_type, power_cycle},
+                             [&](places::SlotState one) { return state == places::name(one); });
+}
+
+// Of the slot table, a heading and a row for each slot, those in trouble are urgent.
+std::vector<BoardLine> drawn_lines(const command::Reply& reply) {
+  const auto json = Json::parse(reply.json, nullptr, false);
+  const auto slots = json.is_object() ? json.find("slots") : json.end();
+  const bool table = slots != json.end() && slots->is_array() && slots->size() < reply.lines.size();
+  std::vector<BoardLine> lines;
+  for (std::size_t i = 0; i < reply.lines.size(); ++i) {
+    const bool row = table && i > 0 && i <= slots->size();
+    lines.push_back({text::one_line(reply.lines[i]), row && is_trouble((*slots)[i - 1].value("state", ""))});
+  }
+  return lines;
+}
+
+void print_reply(const command::Reply& reply) {
+  if (!coloured()) return print_lines(reply.lines);
+  for (const auto& line : drawn_lines(reply)) {
+    if (line.urgent) write_text("\x1b[33m" + line.text + "\x1b[0m\n");
+    if (!line.urgent) print_line(line.text);
+  }
+}
+
 // A watched reply is one line.
 int show(const command::Reply& reply, const Options& options) {
   if (options.json) {
     print_text(Json::parse(reply.json).dump(options.single.watch ? -1 : 2));
     return reply.status;
   }
-  print_lines(reply.lines);
+  print_reply(reply);
   if (!reply.error.empty()) print_errors(reply.error);
   return reply.status;
 }
@@ -125,6 +158,7 @@ command::Reply repeated(Rig& rig, const command::Request& request, command::Repl
   const rt::Time end = rig.now() + options.timeout.value_or(24h * 365);
   while (reply.status <= Exit::no && rig.now() + *options.single.watch < end) {
     repeat(reply);
+    if (run_must_end()) break;  // nobody reads it any more
     wait_for(rig.driver(), rig.interrupt(), *options.single.watch);
     command::Reply next;
     if (rig.interrupt().came() || !execute_in(rig, request, next, end - rig.now())) {
@@ -136,10 +170,12 @@ command::Reply repeated(Rig& rig, const command::Request& request, command::Repl
   return reply;
 }
 
-// What takes long is told on the way.
+// What takes long is told on the way, where no program reads the answer.
+bool tells_progress(const Options& options) { return !options.json && !options.dry_run; }
+
 void tell_progress(Rig& rig, const command::Request& request, const Options& options) {
-  const bool takes_long = request.verb == "program download" || request.verb == "configure" || request.verb == "boot";
-  if (!takes_long || options.json || options.dry_run || !on_terminal()) return;
+  const bool takes_long = request.verb == "configure" || request.verb == "boot";
+  if (!takes_long || !tells_progress(options) || !on_terminal()) return;
   rig.session().on_event([](const operate::Event& event) {
     print_line(event.slot.empty() ? event.text : event.slot + ": " + event.text);
   });
@@ -173,6 +209,7 @@ Replied done_in(Rig& rig, const Options& options, const command::Request& reques
   }
   tell_progress(rig, request, options);
   command::Reply reply;
+  if (tells_progress(options)) reply.progress = print_progress;
   const auto limit = options.timeout.value_or(5min);
   if (execute_in(rig, request, reply, limit)) {
     if (only_looks(request)) add_masters(rig, reply);
@@ -216,8 +253,9 @@ int foreseen(const Options& options, const command::Request& request, const desi
   std::string problem;
   const auto frames = command::foreseeable_frames(request, machine, problem);
   if (!problem.empty()) {
-    return tell(failure(Exit::usage, problem + "; a dry run of it needs a world to throw away: give --sim PLANT"),
-                options.json);
+    return tell(
+        failure(Exit::usage, problem + "; a dry run of it needs a simulated world of its own: give --sim PLANT"),
+        options.json);
   }
   std::vector<Recorded> sent;
   for (const auto& f : frames) sent.push_back({std::nullopt, options.bus, can::to_string(f), true});
@@ -225,12 +263,24 @@ int foreseen(const Options& options, const command::Request& request, const desi
   return Exit::done;
 }
 
-Replied ask_running_up(const Options& options, const command::Request& request, const std::string& path) {
+Replied ask_running_up(const Options& options, const command::Request& request, const std::string& path,
+                       const std::function<bool()>& goes_on = {}) {
   const auto patience = std::chrono::duration_cast<std::chrono::milliseconds>(options.timeout.value_or(2min)).count();
-  const auto reply =
-      command::control_call(path, request, static_cast<int>(std::min<std::int64_t>(patience, 24 * 3'600'000)));
+  command::Request wanted = request;
+  wanted.progress = true;
+  name_machine(wanted, options);
+  std::string last;
+  const auto tell_progress = [&](const std::string& line) {
+    last = line;
+    if (tells_progress(options)) print_progress(line);
+  };
+  const auto reply = command::control_call(
+      path, wanted, static_cast<int>(std::min<std::int64_t>(patience, 24 * 3'600'000)), tell_progress, goes_on);
   if (reply) return *reply;
   const std::string machine = options.machine.empty() ? "MACHINE" : options.machine;
+  // It is there, and did not answer: another would not help.
+  const std::string behind = last.empty() ? "" : fmt::format(" ({})", last);
+  if (command::control_answers(path)) return tl::unexpected(failure(Exit::failed, reply.error() + behind));
   return tl::unexpected(failure_in_lines(
       Exit::failed, {fmt::format("no running `berth up` does this for {}: {}", machine, reply.error()),
                      fmt::format("start one (berth up {} --sim PLANT --pace), or give --sim PLANT to do it in a "
@@ -248,6 +298,7 @@ Replied ask_again(const Options& options, const command::Request& request, const
   const auto end = began + options.timeout.value_or(24h * 365);
   while (reply && reply->status <= Exit::no && std::chrono::steady_clock::now() + *options.single.watch < end) {
     repeat(*reply);
+    if (run_must_end()) return reply;
     const auto pause = std::chrono::ceil<std::chrono::milliseconds>(*options.single.watch).count();
     pollfd signals{interrupt.descriptor(), POLLIN, 0};
     if (::poll(&signals, 1, static_cast<int>(pause)) > 0) {
@@ -259,17 +310,67 @@ Replied ask_again(const Options& options, const command::Request& request, const
   return reply;
 }
 
+// ---- many requests ----
+
+using Talk = std::function<int(const Conversation&)>;
+
+tl::expected<int, Failure> converse_in_own_world(const Options& options, const command::Request& kind,
+                                                 const Talk& talk) {
+  auto made =
+      Rig::make(own_options(options, kind), {options.machine, options.sim.plant, {}, {}, options.single.bring_up});
+  if (!made) return tl::unexpected(made.error());
+  Rig& rig = **made;
+  if (const auto clear = rig.strangers().listen_first(); !clear) return tl::unexpected(clear.error());
+  if (options.single.bring_up) {
+    if (const auto alone = takes_alone(rig, options); !alone) return tl::unexpected(alone.error());
+  }
+  if (const auto ready = prepare_rig(rig, options); !ready) return tl::unexpected(ready.error());
+  const Conversation by_rig{[&rig](const command::Request& request, const std::function<bool()>& goes_on) -> Replied {
+                              command::Reply reply;
+                              if (execute_in(rig, request, reply, 5min, goes_on)) return reply;
+                              return tl::unexpected(failure(Exit::failed, request.verb + ": ended before it was done"));
+                            },
+                            [&rig](std::chrono::nanoseconds time) {
+                              wait_for(rig.driver(), rig.interrupt(), time);
+                              return !rig.interrupt().came();
+                            },
+                            [&rig] { return rig.now(); }, rig.loop()};
+  return rig.record().finish(talk(by_rig));
+}
+
+tl::expected<int, Failure> converse_by_control(const Options& options, const std::string& path, const Talk& talk) {
+  rt::Executor executor;
+  io::LoopDriver driver(executor);
+  Interrupt interrupt(&driver.loop());
+  // The call waits by itself: the loop turns beside it, for the keys.
+  return talk({[&](const command::Request& request, const std::function<bool()>& goes_on) {
+                 return ask_running_up(options, request, path, [&] {
+                   driver.loop().turn(rt::Duration{0});
+                   return goes_on() && !interrupt.came();
+                 });
+               },
+               [&](std::chrono::nanoseconds time) {
+                 driver.loop().turn(rt::Duration{0});  // keys count where no time is left, too
+                 wait_for(driver, interrupt, time);
+                 return !interrupt.came();
+               },
+               [&driver] { return driver.loop().clock(); }, &driver.loop()});
+}
+
 // ---- from the slot table ----
 
-// Its port is left alone, and a simulated machine has no slot table but one that is named.
+// Its port is left alone. A simulated machine has a slot table only where one is named, or is beside its file.
 bool by_slot_table(const design::Machine& machine, const Options& options, const command::Request& request) {
   const bool asks = request.verb == "report" || request.verb == "history";
-  return asks && options.control.empty() && (all_elsewhere(machine) || !options.store.file.empty());
+  const bool kept = !options.store.file.empty() || std::filesystem::exists(default_store(machine.file));
+  return asks && options.control.empty() && (all_elsewhere(machine) || kept);
 }
 
 Replied reply_of_slot_table(const design::Machine& machine, const Options& options, const command::Request& request) {
   Options own = options;
   own.outside.observe = true;  // a copy: the table belongs to the process that runs the machine, or is about to
+  const std::string beside = default_store(machine.file);
+  if (own.store.file.empty() && !all_elsewhere(machine)) own.store.file = beside;
   Interrupt interrupt;
   auto table = SlotTable::open(machine, own);
   if (!table) return tl::unexpected(table.error());
@@ -295,6 +396,11 @@ Replied reply_outside(const Options& options, const command::Request& request, s
   if (!path.empty()) return ask_again(options, request, path, repeat);
   if (auto good = override_ports(machine, options); !good) return tl::unexpected(good.error());
   if (!options.bus.empty()) restrict_to(machine, options.bus);
+  if (options.control.empty() && request.verb.starts_with("note ")) {
+    command::Reply reply;
+    command::tell_note(machine, request, reply);
+    return reply;
+  }
   if (by_slot_table(machine, options, request)) return reply_of_slot_table(machine, options, request);
   if (options.control.empty() && all_elsewhere(machine)) return reply_of_own_world(options, request, sent, repeat);
   return ask_running_up(options, request, control_paths(options, machine).front());
@@ -302,8 +408,9 @@ Replied reply_outside(const Options& options, const command::Request& request, s
 
 // What is asked of a bus alone: none of these needs to know slots.
 bool needs_slots(const command::Request& request) {
-  static constexpr std::array<std::string_view, 8> verbs{"report",    "bind",   "replace", "forget",
-                                                         "configure", "upload", "boot",    "history"};
+  static constexpr std::array<std::string_view, 12> verbs{"report",  "bind",      "replace",    "forget",
+                                                          "poll",    "configure", "upload",     "boot",
+                                                          "history", "note read", "note write", "note remove"};
   return std::ranges::find(verbs, request.verb) != verbs.end();
 }
 
@@ -331,9 +438,9 @@ tl::expected<void, Failure> complete(Options& options, command::Request& request
     request.arguments.erase("bus");  // it is the only one, whatever it is called
     return {};
   }
-  return tl::unexpected(failure(Exit::usage, bus_alone
-                                                 ? "this is about slots: name the machine file, --machine FILE"
-                                                 : "name the machine file, --machine FILE, or a port, --port can0"));
+  const std::string wanted = bus_alone ? "this is about slots: name the machine file, --machine FILE"
+                                       : "name the machine file, --machine FILE, or a port, --port can0";
+  return tl::unexpected(failure(Exit::usage, wanted + machines_here()));
 }
 
 Replied carry_out_again(const Options& options, const command::Request& request, const Repeat& repeat) {
@@ -345,7 +452,21 @@ Replied carry_out_again(const Options& options, const command::Request& request,
 // --watch: every reply but the last, which the caller shows.
 Repeat watching(const Options& options) {
   if (!options.single.watch) return {};
-  return [&options](const command::Reply& reply) { static_cast<void>(show(reply, options)); };
+  const auto plain = [&options](const command::Reply& reply) { static_cast<void>(show(reply, options)); };
+  if (options.json || !can_draw()) return plain;
+  // In place, as long as all of it fits.
+  return [plain, redraw = std::make_shared<Redraw>()](const command::Reply& reply) {
+    const BoardSize size = terminal_size();
+    std::vector<BoardLine> lines;
+    for (const auto& line : drawn_lines(reply)) {
+      for (auto& part : text::wrapped(line.text, std::max<std::size_t>(size.columns, 1)))
+        lines.push_back({std::move(part), line.urgent});
+    }
+    const bool fits = reply.error.empty() && lines.size() < size.rows;
+    if (!fits) redraw->keep();
+    if (!fits || lines.size() < 2) return plain(reply);
+    redraw->draw({}, std::move(lines), size);
+  };
 }
 
 }  // namespace
@@ -367,6 +488,24 @@ int run_single(const Options& given, command::Request request) {
     reply = carry_out_again(sure, request, watching(options));
   }
   return reply ? show(*reply, options) : tell(reply.error(), options.json);
+}
+
+// As `reply_outside`: a running `berth up` before all.
+tl::expected<int, Failure> converse(const Options& given, const command::Request& kind, const Talk& talk) {
+  Options options = given;
+  command::Request request = kind;
+  if (const auto known = complete(options, request); !known) return tl::unexpected(known.error());
+  if (!options.sim.plant.empty()) return converse_in_own_world(options, request, talk);
+  const bool bus_alone = options.machine.empty() && !options.ports.empty();
+  if (options.machine.empty() && !bus_alone) return converse_by_control(options, options.control, talk);
+  auto machine = machine_of(options);
+  if (!machine) return tl::unexpected(machine.error());
+  const auto path = bus_alone ? std::string() : running_control(options, *machine);
+  if (!path.empty()) return converse_by_control(options, path, talk);
+  if (auto good = override_ports(*machine, options); !good) return tl::unexpected(good.error());
+  if (!options.bus.empty()) restrict_to(*machine, options.bus);
+  if (options.control.empty() && all_elsewhere(*machine)) return converse_in_own_world(options, request, talk);
+  return converse_by_control(options, control_paths(options, *machine).front(), talk);
 }
 
 tl::expected<command::Reply, Failure> carry_out(const Options& given, command::Request request) {

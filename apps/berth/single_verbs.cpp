@@ -4,6 +4,7 @@
 #include <memory>
 #include <utility>
 
+#include "berth/command/objects.hpp"
 #include "berth/text/quantity.hpp"
 #include "request_verb.hpp"
 #include "verbs.hpp"
@@ -22,7 +23,8 @@ void add_scan(Verb& berth, Options& options) {
     *rate = text;
     const auto number = text::parse_ranges(text, 10'000, 1'000'000);
     if (number && number->size() == 1) options.bit_rate = number->front();
-    return text == "auto" || options.bit_rate ? std::string() : "\"" + text + "\" is no bit rate; write bit/s, or auto";
+    return text == "auto" || options.bit_rate ? std::string()
+                                              : "\"" + text + "\" is not a bit rate; write bit/s, or auto";
   };
   scan.verb().read("--bitrate", "BIT/S", read,
                    "bit/s, where --port is all that is known; auto: at which does the bus run? Listens, sends nothing");
@@ -54,6 +56,11 @@ void add_replace(Verb& berth, Options& options) {
 void add_forget(Verb& berth, Options& options) {
   const RequestVerb forget(berth, options, "forget", "forget", {}, {.alone = false});
   forget.footer("Example:\n  berth forget 00000001-00000002-00010000-00000015");
+}
+
+void add_poll(Verb& berth, Options& options) {
+  const RequestVerb poll(berth, options, "poll", "poll", {}, {.alone = false});
+  poll.footer("Examples:\n  berth poll left --stop\n  berth poll left");
 }
 
 void add_configure(Verb& berth, Options& options) {
@@ -97,7 +104,11 @@ void add_boot(Verb& berth, Options& options) {
 }
 
 void add_nmt(Verb& berth, Options& options) {
-  const RequestVerb nmt(berth, options, "nmt", "nmt");
+  // Before anything is asked whether a process runs the machine.
+  const RequestVerb nmt(berth, options, "nmt", "nmt", [](command::Request& request) {
+    const auto word = request.arguments.find("command");
+    return word == request.arguments.end() ? std::string() : command::no_nmt_command(word->second);
+  });
   nmt.footer(
       "Examples:\n  berth nmt preop drive machine.toml\n  berth nmt start all --port can0\n"
       "  berth nmt stop 5 --request 1 --port can0");

@@ -80,6 +80,7 @@ tl::expected<std::unique_ptr<SlotTable>, Failure> SlotTable::open(const design::
   std::string path = path_of(machine, options);
   const bool copies = options.dry_run || options.outside.observe;
   if (copies && !path.empty() && !fs::exists(path)) path.clear();
+  table->path_ = path;
   if (copies && !path.empty()) {
     auto copy = table->copied(path);
     if (!copy) return tl::unexpected(copy.error());
@@ -97,6 +98,11 @@ tl::expected<std::unique_ptr<SlotTable>, Failure> SlotTable::open(const design::
   table->store_ = std::move(*opened);
   note_read(path);
   return table;
+}
+
+operate::WrittenFiles::Place SlotTable::written(const std::string& machine_file) const {
+  if (path_.empty()) return {};
+  return {.folder = path_ + "-written", .machine_file = machine_file, .writes = throw_away_.empty()};
 }
 
 }  // namespace berth::cli

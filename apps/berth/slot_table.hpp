@@ -6,6 +6,7 @@
 #include <tl/expected.hpp>
 
 #include "berth/design/machine.hpp"
+#include "berth/operate/written_files.hpp"
 #include "berth/places/slot_store.hpp"
 #include "options.hpp"
 #include "output.hpp"
@@ -28,11 +29,15 @@ class SlotTable {
   SlotTable& operator=(const SlotTable&) = delete;
 
   [[nodiscard]] places::SlotStore& store() noexcept { return *store_; }
+  /// Where configurations are kept that SDO clients write to the manager: a folder beside the slot table, "conveyor.db"
+  /// -> "conveyor.db-written". Of a copy, that of the slot table itself, which is left as it is.
+  [[nodiscard]] operate::WrittenFiles::Place written(const std::string& machine_file) const;
 
  private:
   SlotTable() = default;
   [[nodiscard]] tl::expected<std::string, Failure> copied(const std::string& path);
   std::string throw_away_;  // folder of a copied store
+  std::string path_;        // of the store, or of what was copied; empty: it is in memory
   std::unique_ptr<places::SlotStore> store_;
 };
 

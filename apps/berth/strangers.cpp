@@ -66,7 +66,7 @@ bool may_be_master(const live::NodeSeen& node, const std::vector<places::SlotSpe
 }
 
 std::string line_of(const design::Bus& bus, const live::NodeSeen& node) {
-  std::string type = "tells no type";
+  std::string type = "reports no type";
   if (node.identity) {
     const auto& is = node.identity->address;
     type = fmt::format("vendor-ID {:08X}h, product code {:08X}h", is.vendor, is.product);

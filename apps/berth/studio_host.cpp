@@ -2,12 +2,19 @@
 
 #include <fmt/format.h>
 
+#include <charconv>
+#include <nlohmann/json.hpp>
 #include <utility>
 
+#include "berth/command/link_network.hpp"
+#include "berth/command/reply.hpp"
+#include "berth/document/signals_json.hpp"
 #include "berth/io/stream.hpp"
 #include "options.hpp"
 
 #if BERTH_STUDIO
+#include "berth/studio/messages.hpp"
+#include "berth/studio/pages.hpp"
 #include "berth/studio/studio.hpp"
 #endif
 
@@ -35,24 +42,43 @@ std::optional<Failure> studio_refused(const Options& options) {
           offer.where, studio::default_port));
 }
 
+namespace {
+
+// A machine whose links are wrong has told so already.
+std::string signals_of(const design::Machine& machine) {
+  std::optional<command::LinkPlan> links;
+  if (!machine.links.empty()) links = command::plan_links(machine);
+  const bool good = links && !has_errors(links->findings);
+  return document::signals_json(machine, good ? &*links : nullptr);
+}
+
+}  // namespace
+
 class StudioHost::Impl {
  public:
-  Impl(Rig& rig, std::unique_ptr<studio::Studio> server, std::vector<std::string> roles)
-      : rig_(&rig), server_(std::move(server)), roles_(std::move(roles)) {
+  Impl(Rig& rig, std::unique_ptr<studio::Studio> server, const StudioOptions& offer)
+      : rig_(&rig), server_(std::move(server)), roles_(offer.roles), named_(offer.named()) {
     rig_->record().on_frame([this](const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master) {
       server_->frame(bus, frame, at, by_master);
     });
+    rig_->record().on_error([this](const std::string& bus, const can::Frame& report, rt::Time at,
+                                   const std::string& about) { server_->error(bus, report, at, about); });
   }
-  ~Impl() { rig_->record().on_frame({}); }
+  ~Impl() {
+    rig_->record().on_frame({});
+    rig_->record().on_error({});
+  }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
   [[nodiscard]] studio::Studio& server() noexcept { return *server_; }
   [[nodiscard]] const std::vector<std::string>& roles() const noexcept { return roles_; }
+  [[nodiscard]] bool named() const noexcept { return named_; }
 
  private:
   Rig* rig_;
   std::unique_ptr<studio::Studio> server_;
   std::vector<std::string> roles_;
+  bool named_;  // a person named the address
 };
 
 tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(Rig& rig, const Options& options,
@@ -66,14 +92,24 @@ tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(Rig& rig, c
   wanted.certificate = options.offers.studio.certificate;
   wanted.key = options.offers.studio.key;
   wanted.simulated = rig.world() != nullptr;
+  wanted.signals = signals_of(rig.machine());
   auto server = studio::Studio::start(*rig.loop(), rig.session(), std::move(carry), wanted);
   if (!server) return tl::unexpected(failure(Exit::failed, "--studio: " + server.error()));
   return std::unique_ptr<StudioHost>(
-      new StudioHost(std::make_unique<Impl>(rig, std::move(*server), options.offers.studio.roles)));
+      new StudioHost(std::make_unique<Impl>(rig, std::move(*server), options.offers.studio)));
 }
 
+bool StudioHost::has_pages() noexcept { return !studio::built_pages().empty(); }
+
 std::vector<std::string> StudioHost::lines() const {
-  std::vector<std::string> lines{"Berth Studio at " + impl_->server().address(command::Role::configure)};
+  std::vector<std::string> lines;
+  const auto port = impl_->server().where().port;
+  if (!impl_->named() && port != studio::default_port)
+    lines.push_back(
+        fmt::format("Port {} is taken, perhaps by another Studio: this one is at {}", studio::default_port, port));
+  if (!has_pages())
+    lines.emplace_back("The pages are not in this berth: `./run pages` in the folder of its sources builds them");
+  lines.push_back("Berth Studio at " + impl_->server().address(command::Role::configure));
   for (const auto& word : impl_->roles()) {
     const auto role = command::parse_role(word);
     if (role) lines.push_back(fmt::format("Berth Studio, role {}, at {}", word, impl_->server().address(*role)));
@@ -82,6 +118,28 @@ std::vector<std::string> StudioHost::lines() const {
 }
 void StudioHost::event(const operate::Event& event) { impl_->server().event(event); }
 void StudioHost::look() { impl_->server().look(); }
+
+command::Reply StudioHost::ring(const command::Request& request) const {
+  constexpr std::size_t at_once = 4096;  // a few milliseconds of the executor
+  const auto word = [&](const char* key) {
+    const auto found = request.arguments.find(key);
+    return found == request.arguments.end() ? std::string() : found->second;
+  };
+  const std::string number = word("from");
+  const std::string filter = word("filter");
+  std::uint64_t from = 0;
+  const char* const end = number.data() + number.size();
+  const auto [last, error] = std::from_chars(number.data(), end, from);
+  if (!number.empty() && (error != std::errc() || last != end))
+    return command::refusal(Exit::usage, "\"from\" is the number of a frame");
+  if (filter.size() > studio::longest_filter)
+    return command::refusal(Exit::usage, fmt::format("a filter has at most {} bytes", studio::longest_filter));
+  const auto part = impl_->server().ring(from, at_once, filter);
+  command::Reply reply;
+  reply.json = nlohmann::json{{"text", part.text}, {"next", part.next}, {"end", part.end}}.dump(
+      -1, ' ', false, nlohmann::json::error_handler_t::replace);
+  return reply;
+}
 
 #else
 
@@ -97,9 +155,13 @@ tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(Rig&, const
   return tl::unexpected(*studio_refused(options));
 }
 
+bool StudioHost::has_pages() noexcept { return false; }
 std::vector<std::string> StudioHost::lines() const { return {}; }
 void StudioHost::event(const operate::Event&) {}
 void StudioHost::look() {}
+command::Reply StudioHost::ring(const command::Request&) const {
+  return command::refusal(Exit::no, "this berth was built without Studio, which keeps the frames");
+}
 
 #endif
 

@@ -16,6 +16,10 @@ namespace berth::cli {
 /// What is wrong with `--studio`, before anything is begun: no HOST:PORT, or this berth was built without it.
 [[nodiscard]] std::optional<Failure> studio_refused(const Options& options);
 
+/// The request of `berth trace --ring`, at the control socket alone: `{"text", "next", "end"}`, lines of a candump log,
+/// the frame to go on from, and that behind the newest.
+inline constexpr const char* ring_verb = "ring";
+
 /// The server of a rig that runs in real time.
 class StudioHost {
  public:
@@ -27,11 +31,15 @@ class StudioHost {
   ~StudioHost();
   StudioHost(const StudioHost&) = delete;
   StudioHost& operator=(const StudioHost&) = delete;
+  /// This program has Studio, with its pages in it.
+  [[nodiscard]] static bool has_pages() noexcept;
   /// "Berth Studio at http://...", and a line for each role that was asked for.
   [[nodiscard]] std::vector<std::string> lines() const;
   void event(const operate::Event& event);
   /// Between two turns of the loop.
   void look();
+  /// `ring_verb`: from frame "from" on, a part of the frames that "filter" finds.
+  [[nodiscard]] command::Reply ring(const command::Request& request) const;
 
  private:
   class Impl;

@@ -22,7 +22,7 @@ void add_reproduce(Verb& berth, Options& options) {
     if (study->latency && study->latency->count() >= 0 && *study->latency <= std::chrono::seconds(1)) {
       return std::string();
     }
-    return fmt::format("\"{}\" is no time up to 1 s; write \"4 ms\" or \"500 us\"", text);
+    return fmt::format("\"{}\" is not a time up to 1 s; write \"4 ms\" or \"500 us\"", text);
   };
   reproduce.read("--latency", "TIME", latency, "of the devices' answers, instead of the papers'");
   reproduce.word("--record", study->folder, "write every trace into this folder").shown("FOLDER");

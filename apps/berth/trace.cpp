@@ -7,6 +7,8 @@
 #include <cctype>
 #include <nlohmann/json.hpp>
 
+#include "berth/base/counted.hpp"
+#include "berth/command/can_id_text.hpp"
 #include "berth/text/printable.hpp"
 #include "machine_file.hpp"
 #include "trace_known.hpp"
@@ -50,7 +52,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
         trace_(trace),
         known_(known),
         nodes_(known, std::move(nodes)),
-        live_(trace.file.empty() || trace.follow),
+        live_(!trace.from.ring && (trace.file.empty() || trace.follow)),
         prints_(!trace.stats && (!trace.to || live_) && !(trace.quiet && trace.to)),
         decodes_(prints_ || trace.filters_rows()),
         decoder_(*this, {.fold = !trace.frames && !trace.table && !writes_and_filters(),
@@ -58,7 +60,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
         rows_(options.json  ? RowPrinter::Form::json
               : trace.table ? RowPrinter::Form::table
                             : RowPrinter::Form::words,
-              live_) {}
+              live_, trace.time.shown) {}
 
   std::optional<Failure> open(bool force) {
     if (!trace_.to) return std::nullopt;
@@ -69,7 +71,10 @@ class Pipeline final : public trace::Sink, private decode::Rows {
 
   void entry(const trace::Entry& entry) override {
     ++read_;
-    if (!first_) first_ = entry.at;
+    if (!first_) {
+      first_ = entry.at;
+      rows_.begin(entry.at, known_.machine() ? known_.machine()->buses.size() : source_->buses().size());
+    }
     if (!in_time(entry.at) || !wanted_bus(entry.bus)) return;
     if (decodes_) {
       nodes_.look(entry);
@@ -111,9 +116,9 @@ class Pipeline final : public trace::Sink, private decode::Rows {
                0,
                0,
                {},
-               fmt::format("{} rows stand behind rows of a later time: the times of the file go back too far, or a "
-                           "transfer was silent for too long",
-                           rows_.late()),
+               fmt::format("{} after others of a later time: the times of the file go back too far, or a transfer "
+                           "was silent for too long",
+                           rows_.late() == 1 ? "1 row comes" : std::to_string(rows_.late()) + " rows come"),
                {}});
     }
     if (findings_.not_shown > 0) finding_of_rest(fmt::format("{} more findings", findings_.not_shown), file);
@@ -127,6 +132,10 @@ class Pipeline final : public trace::Sink, private decode::Rows {
       print_conversion(file);
     }
     const auto unprinted = rows_.screen().done();
+    const bool nothing = prints_ && !options_.json && taken_ == 0 && read_ > 0 && !rows_.screen().left();
+    if (nothing)
+      print_error(fmt::format("{}no row: none of {} is what was asked for", file.empty() ? "" : file + ": ",
+                              counted(read_, "frame")));
     if (rows_.screen().left()) return Exit::failed;
     if (bad) return tell(*bad, options_.json);
     if (unprinted) return tell(*unprinted, false);
@@ -167,13 +176,17 @@ class Pipeline final : public trace::Sink, private decode::Rows {
       const auto field = std::ranges::find(row.fields, key, &decode::Field::key);
       return field == row.fields.end() ? std::string() : field->value;
     };
+    const auto is_wanted = [&](ObjectRef object, const std::string& name) {
+      return std::ranges::any_of(trace_.objects, [&](const ObjectFilter& wanted) {
+        if (!wanted.number) return begins_so(name, wanted.name);
+        return wanted.number->index == object.index && wanted.number->sub.value_or(object.sub) == object.sub;
+      });
+    };
+    const auto of_pdo = [&](const decode::Field& field) {
+      return field.kind == decode::Field::Kind::signal && is_wanted(field.object, field.key);
+    };
     const auto object = od::parse_object(value("object"));
-    if (!object) return false;
-    const std::string name = value("name");
-    return std::ranges::any_of(trace_.objects, [&](const ObjectFilter& wanted) {
-      if (!wanted.number) return begins_so(name, wanted.name);
-      return wanted.number->index == object->index && wanted.number->sub.value_or(object->sub) == object->sub;
-    });
+    return (object && is_wanted(*object, value("name"))) || std::ranges::any_of(row.fields, of_pdo);
   }
 
   void row(const decode::Row& row) override {
@@ -240,8 +253,14 @@ class Pipeline final : public trace::Sink, private decode::Rows {
       json["load"] = all.load(*trace_.bit_rate);
     }
     for (const auto& id : all.ids) {
-      Json one{{"id", key_word(id.key)},  {"frames", id.frames},     {"bits", id.bits},     {"period_min_s", nullptr},
-               {"period_avg_s", nullptr}, {"period_max_s", nullptr}, {"jitter_s", nullptr}, {"load", nullptr}};
+      Json one{{"id", command::can_id_text(id.key)},
+               {"frames", id.frames},
+               {"bits", id.bits},
+               {"period_min_s", nullptr},
+               {"period_avg_s", nullptr},
+               {"period_max_s", nullptr},
+               {"jitter_s", nullptr},
+               {"load", nullptr}};
       if (id.frames > 1) {
         one["period_min_s"] = seconds_of(id.shortest);
         one["period_avg_s"] = seconds_of(id.average);
@@ -316,8 +335,8 @@ class Pipeline final : public trace::Sink, private decode::Rows {
       rows_.screen().buffer() += json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
       return;
     }
-    std::string words = fmt::format("{} ({}) to {} ({}): {} frames", file, source_->format(), trace_.output,
-                                    trace::name(*trace_.to), taken_);
+    std::string words = fmt::format("{} ({}) to {} ({}): {}", file, source_->format(), trace_.output,
+                                    trace::name(*trace_.to), counted(taken_, "frame"));
     if (taken_ < read_) words += fmt::format(" of {}", read_);
     if (!to_screen && !live_) rows_.screen().buffer() += text::one_line(words) + "\n";
     if (lost.empty()) return;
@@ -390,7 +409,8 @@ int run_trace(const Options& given, const TraceOptions& written) {
     if (live && options.timeout && std::chrono::steady_clock::now() - begin >= *options.timeout) break;
   }
   (*source)->finish(pipeline);
-  const int status = pipeline.finish(trace.file.empty() ? trace.port : trace.file);
+  const std::string live = trace.from.ring ? "the ring" : trace.port;
+  const int status = pipeline.finish(trace.file.empty() ? live : trace.file);
   return failed ? tell(*failed, options.json) : status;
 }
 

@@ -1,8 +1,8 @@
 /// `berth trace`: trace files and live buses in words, in numbers, and from one format into another.
 ///
-/// `trace_options.cpp` is the command line, `trace_source.*` where entries come from, `trace_outlet.*` where they go,
-/// `trace_known.*` what the machine file and the descriptions know, `trace_nodes.*` which node a row is about,
-/// `trace.cpp` the command.
+/// `trace_options.cpp` is the command line, `trace_source.*` (and `trace_ring.*`) where entries come from,
+/// `trace_outlet.*` where they go, `trace_known.*` what the machine file and the descriptions know, `trace_nodes.*`
+/// which node a row is about, `trace.cpp` the command.
 #pragma once
 
 #include <chrono>
@@ -26,6 +26,7 @@ struct TracePoint {
 
 struct TraceTime {
   std::optional<TracePoint> after, before;
+  std::string shown;  ///< "relative", "absolute"; empty: relative on a terminal that shows a live source
 };
 
 /// Which SDO transfers: by index, and sub-index if one is given, or by the beginning of the object's name.
@@ -38,6 +39,8 @@ struct ObjectFilter {
 struct TraceFrom {
   std::optional<trace::Format> format;  ///< empty: by its content
   trace::ReadOptions how;
+  bool ring = false;   ///< of a running process with Studio: what its ring has
+  std::string filter;  ///< of the ring: what Studio's trace finds by these words
 };
 
 struct TraceOptions {

@@ -7,7 +7,9 @@
 #include <filesystem>
 #include <map>
 
-#include "berth/eds/eds.hpp"
+#include "berth/command/link_network.hpp"
+#include "berth/command/notes.hpp"
+#include "berth/eds/xdd.hpp"
 #include "berth/manager/configuration.hpp"
 #include "berth/tree/beneath.hpp"
 #include "node_words.hpp"
@@ -18,7 +20,7 @@ namespace {
 using Described = tl::expected<std::shared_ptr<const od::Description>, Failure>;
 
 Described description(const std::string& path) {
-  auto reading = eds::read_file(path);
+  auto reading = eds::read_any_file(path);
   if (!reading.usable()) return tl::unexpected(failure(reading.findings));
   return reading.file.description;
 }
@@ -26,6 +28,21 @@ Described description(const std::string& path) {
 bool describes(const std::string& path) {
   const auto ending = std::filesystem::path(path).extension().string();
   return ending == ".dcf" || ending == ".eds" || ending == ".xdc" || ending == ".xdd";
+}
+
+// What is wrong with the notes is told, and the trace is read without them.
+std::shared_ptr<const decode::ValueWords> words_of(const std::shared_ptr<const od::Description>& description,
+                                                   const std::string& file) {
+  command::NoteBook notes(description, file);
+  if (!notes.problem().empty()) print_errors(notes.problem());
+  return std::make_shared<command::NoteWords>(std::move(notes));
+}
+
+// What the device is given besides its defaults.
+void add_settings(decode::Profile& profile, const manager::Configuration& configuration, NodeId node) {
+  const auto wanted = manager::wanted(configuration, node);
+  if (!wanted) return;
+  for (const auto& entry : wanted->entries) profile.settings.emplace_back(entry.object, entry.bytes);
 }
 
 }  // namespace
@@ -45,7 +62,11 @@ std::optional<Failure> KnownNodes::add_machine(const Options& options) {
   auto loaded = design::load_machine(options.machine, options.files.allow_outside);
   if (!loaded.machine) return failure(loaded.findings);
   machine_ = std::move(*loaded.machine);
-  std::map<std::string, std::shared_ptr<const od::Description>> read;
+  struct Read {
+    std::shared_ptr<const od::Description> description;
+    std::shared_ptr<const decode::ValueWords> words;
+  };
+  std::map<std::string, Read> read;
   for (const auto& slot : machine_->slots) {
     Known known{slot.spec.name.bus, slot.spec.id, {.name = slot.spec.name.name, .description = nullptr}};
     // A configuration that is a description itself has the values that the device is given.
@@ -54,24 +75,45 @@ std::optional<Failure> KnownNodes::add_machine(const Options& options) {
                                                             : "";
     if (!file.empty()) {
       auto& found = read[file];
-      if (!found) {
+      if (!found.description) {
         auto described = description(file);
         if (!described) return described.error();
-        found = *described;
+        found = {*described, words_of(*described, file)};
       }
-      known.profile.description = found;
+      known.profile.description = found.description;
+      known.profile.words = found.words;
+    } else {
+      known.profile.description = slot.description;  // the library's
     }
     if (!slot.spec.config.empty() && known.profile.description) {
       const auto configuration = manager::load_configuration(slot.spec.config);
       if (!configuration.usable()) return failure(configuration.findings);
-      const auto wanted = manager::wanted(configuration.configuration, slot.spec.id);
-      if (wanted) {
-        for (const auto& entry : wanted->entries) known.profile.settings.emplace_back(entry.object, entry.bytes);
-      }
+      add_settings(known.profile, configuration.configuration, slot.spec.id);
     }
     nodes_.push_back(std::move(known));
   }
+  add_links();
   return std::nullopt;
+}
+
+// The PDOs that `berth up` lays for the machine's links.
+void KnownNodes::add_links() {
+  if (machine_->links.empty()) return;
+  const auto planned = command::plan_links(*machine_);
+  if (has_errors(planned.findings)) {
+    print_errors(failure(planned.findings).message);
+    return print_errors("the links have no plan: PDOs are told as the devices' files have them");
+  }
+  for (const auto& [slot, configuration] : command::settings_of(planned)) {
+    const auto known = std::ranges::find(nodes_, slot, [](const Known& each) { return each.profile.name; });
+    if (known == nodes_.end()) continue;
+    add_settings(known->profile, *configuration, known->node);
+  }
+  // Network variables by the names that the links give them.
+  for (const auto& variable : linker::earlier_of(planned.network, planned.plan).variables) {
+    const auto known = std::ranges::find(nodes_, variable.node, [](const Known& each) { return each.profile.name; });
+    if (known != nodes_.end()) known->profile.named.push_back({variable.object, variable.name, variable.type});
+  }
 }
 
 std::optional<Failure> KnownNodes::add_eds(const std::string& text, const TraceOptions& trace) {
@@ -94,7 +136,8 @@ std::optional<Failure> KnownNodes::add_eds(const std::string& text, const TraceO
   if (!described) return described.error();
   // What a person names here is stronger than the machine file.
   std::erase_if(nodes_, [&](const Known& k) { return k.node == *id; });
-  nodes_.push_back({{}, *id, {.name = {}, .description = *described}});
+  nodes_.push_back(
+      {{}, *id, {.name = {}, .description = *described, .settings = {}, .words = words_of(*described, path)}});
   return std::nullopt;
 }
 

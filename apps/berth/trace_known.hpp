@@ -50,6 +50,7 @@ class KnownNodes {
     decode::Profile profile;
   };
   [[nodiscard]] std::optional<Failure> add_machine(const Options& options);
+  void add_links();
   [[nodiscard]] std::optional<Failure> add_eds(const std::string& text, const TraceOptions& trace);
 
   std::optional<design::Machine> machine_;

@@ -26,8 +26,9 @@ std::optional<TracePoint> parse_point(std::string text) {
 void point_word(const Verb& verb, const char* name, std::optional<TracePoint>& into, const char* help) {
   const auto read = [&into](const std::string& text) {
     into = parse_point(text);
-    return into ? std::string()
-                : fmt::format("\"{}\" is no time; write seconds as the log does, or +2.5 from its first frame", text);
+    return into
+               ? std::string()
+               : fmt::format("\"{}\" is not a time; write seconds as the log does, or +2.5 from its first frame", text);
   };
   verb.read(name, "SECONDS", read, help);
 }
@@ -61,7 +62,7 @@ void add_formats(const Verb& verb, TraceOptions& trace) {
       .shown("FILE");
   verb.flag(
       "--no-directions", [&trace] { trace.directions = false; },
-      "--to candump: without R and T behind the frames, which some readers do not know");
+      "--to candump: without R and T after the frames, which some readers do not know");
 }
 
 void add_filters(const Verb& verb, TraceOptions& trace) {
@@ -91,7 +92,7 @@ void add_filters(const Verb& verb, TraceOptions& trace) {
     return std::string();
   };
   verb.read_each("--object", "OBJECT...", object,
-                 "only SDO transfers of these: 1018h, 1018h:04, or the beginning of a name that the row shows")
+                 "only SDO transfers and PDOs of these: 1018h, 1018h:04, or the beginning of a name that the row shows")
       .one_each();
   verb.word("--text", trace.text, "only rows whose words have this, in either case").shown("WORD");
   verb.word("--bus", trace.buses, "only these buses: as the log names them, or the machine file")
@@ -106,6 +107,11 @@ void add_forms(const Verb& verb, TraceOptions& trace) {
   const Word stats = verb.flag("--stats", trace.stats, "frames, bits, periods, jitter and load, by identifier");
   verb.flag("--table", trace.table, "number, identifier, details, raw message, with tabs between").excludes(stats);
   verb.flag("--frames", trace.frames, "every frame by itself: SDO transfers are not folded into one row");
+  verb.word("--times", trace.time.shown,
+            "of rows in words: from the first frame, or as the log counts (default: relative where a live source is "
+            "shown on a terminal)")
+      .one_of(std::vector<std::string>{"relative", "absolute"});
+  colour_word(verb);
 }
 
 }  // namespace
@@ -120,7 +126,8 @@ void add_trace(Verb& berth, Options& options) {
       "berth trace run.pcapng --stats --bitrate 125000\n"
       "  berth trace run.asc -o run.pcapng\n  berth trace run.log --follow --text abort\n"
       "  berth trace --port socketcan:can0 -o run.log\n  berth trace machine.toml\n"
-      "The last one: the frames of the `berth up` that runs it.");
+      "  berth trace machine.toml --ring --filter abort -o run.log\n"
+      "The last two: the frames of the `berth up` that runs it, from now on, and those\nthat its Studio has kept.");
   trace.word("file", wanted->file, "candump, pcapng, Vector ASC or PEAK TRC; - for standard input").shown("FILE");
   add_formats(trace, *wanted);
   trace.word("--machine,-m", options.machine, "machine file: its slots' names, descriptions and configurations")
@@ -138,6 +145,10 @@ void add_trace(Verb& berth, Options& options) {
   trace.flag("--follow,-f", wanted->follow, "go on when the file's end is reached, until Ctrl-C or --timeout");
   trace.word("--port", wanted->port, "listen on a live bus and send nothing: socketcan:can0, plant:PATH, ...")
       .shown("PORT");
+  trace.flag("--ring", wanted->from.ring,
+             "what the process that runs the machine with --studio has kept: its last 1,048,576 frames");
+  trace.word("--filter", wanted->from.filter, "of the ring only what Studio's trace finds by these words")
+      .shown("WORDS");
   control_word(trace, options);
   trace.flag("--quiet,-q", wanted->quiet, "with -o and a live source: no words");
   trace.time("--timeout", options.timeout, "end a live source after this time");

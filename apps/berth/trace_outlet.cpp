@@ -48,7 +48,8 @@ Failure Outlet::failed() const {
 bool Outlet::left() const noexcept { return error_ == EPIPE; }
 
 void Outlet::flush() {
-  if (screen_ || (fd_ == STDOUT_FILENO && ::isatty(fd_) == 1)) buffer_ = text::printable(buffer_);
+  const bool shown = screen_ || (fd_ == STDOUT_FILENO && ::isatty(fd_) == 1);
+  if (filters_ && shown) buffer_ = text::printable(buffer_);
   std::string_view rest(buffer_);
   while (!rest.empty() && error_ == 0) {
     const auto wrote = ::write(fd_, rest.data(), rest.size());
@@ -135,6 +136,13 @@ void RowText::words(std::string& out, const decode::Row& row, const std::string&
     fmt::format_to(std::back_inserter(out), "  [{} frames, {:.3f} ms]", row.frames,
                    std::chrono::duration<double, std::milli>(row.entry->at - row.began).count());
   out += '\n';
+}
+
+void RowText::brief(std::string& out, const decode::Row& row, const std::string& bus, const std::string& path,
+                    const BriefStyle& style) {
+  std::string words(row.words);
+  if (!path.empty()) words += "  (" + path + ")";
+  out += brief_line(row.entry->at, bus, can::to_string(row.entry->frame), words, style) + "\n";
 }
 
 void RowText::json(std::string& out, const decode::Row& row, const std::string& bus, const std::string& path) {

@@ -8,6 +8,7 @@
 #include "berth/trace/candump.hpp"
 #include "output.hpp"
 #include "trace.hpp"
+#include "trace_brief.hpp"
 
 namespace berth::cli {
 
@@ -25,6 +26,8 @@ class Outlet {
   [[nodiscard]] std::optional<Failure> open(const std::string& path, bool grows, bool force);
   /// Append here, then call `full`.
   std::string& buffer() noexcept { return buffer_; }
+  /// What is appended is filtered already (`text::printable`), or is a colour.
+  void filter_nothing() noexcept { filters_ = false; }
   void full() {
     if (buffer_.size() >= piece) flush();
   }
@@ -39,6 +42,7 @@ class Outlet {
  private:
   [[nodiscard]] Failure failed() const;
   int fd_ = 1;
+  bool filters_ = true;
   bool screen_ = true;  // lines for a person or a program, no file of a trace
   int error_ = 0;
   std::string path_;
@@ -57,6 +61,9 @@ class RowText {
  public:
   /// As candump writes the frame, then the words.
   void words(std::string& out, const decode::Row& row, const std::string& bus, const std::string& path);
+  /// One line on a terminal.
+  static void brief(std::string& out, const decode::Row& row, const std::string& bus, const std::string& path,
+                    const BriefStyle& style);
   void json(std::string& out, const decode::Row& row, const std::string& bus, const std::string& path);
   /// Identifier, details, raw message, with tabs between.
   static void table(std::string& out, const decode::Row& row);

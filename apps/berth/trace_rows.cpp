@@ -2,6 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
+#include "berth/text/printable.hpp"
+#include "redraw.hpp"
+
 namespace berth::cli {
 namespace {
 
@@ -11,17 +16,61 @@ using namespace std::chrono_literals;
 constexpr rt::Duration file_slack = 5s;
 constexpr rt::Duration file_patience = 60s;
 constexpr rt::Duration live_patience = 1s;
+// Before a line that stands out, until it is printed: no text of a row begins so.
+constexpr char red_mark = '\x01';
 
 }  // namespace
 
-RowPrinter::RowPrinter(Form form, bool live)
+RowPrinter::RowPrinter(Form form, bool live, const std::string& times)
     : form_(form),
+      colours_(form == Form::words && coloured()),
       queue_(live ? rt::Duration::zero() : file_slack, live ? live_patience : file_patience,
-             [this](std::string_view line, RowQueue::Kind kind) { print(line, kind); }) {}
+             [this](std::string_view line, RowQueue::Kind kind) { print(line, kind); }) {
+  if (form == Form::words && on_terminal()) brief_ = BriefStyle{.width = terminal_size().columns};
+  relative_ = times.empty() ? live && brief_ : times == "relative";
+  if (colours_) screen_.filter_nothing();
+}
+
+void RowPrinter::begin(rt::Duration first, std::size_t buses) {
+  first_ = first;
+  if (brief_) brief_->bus = buses > 1;
+}
+
+// With the time that is shown; `entry` has it.
+decode::Row RowPrinter::timed(const decode::Row& row, trace::Entry& entry) const {
+  decode::Row shown = row;
+  if (!relative_ || !first_) return shown;
+  entry = *row.entry;
+  entry.at = std::max(rt::Duration::zero(), entry.at - *first_);  // candump has no time before 0
+  shown.began -= *first_;
+  shown.entry = &entry;
+  return shown;
+}
+
+namespace {
+
+bool stands_out(const decode::Row& row) {
+  const bool error = row.meaning.service == decode::Service::emcy || row.meaning.service == decode::Service::error;
+  return error || row.words.find("abort") != std::string_view::npos;
+}
+
+}  // namespace
 
 void RowPrinter::row(const decode::Row& row, const std::string& bus, const std::string& path) {
   switch (form_) {
-    case Form::words: text_.words(queue_.buffer(), row, bus, path); break;
+    case Form::words: {
+      trace::Entry entry;
+      const decode::Row shown = timed(row, entry);
+      std::string& out = queue_.buffer();
+      const bool red = colours_ && stands_out(row);
+      if (red) out += red_mark;
+      if (brief_) {
+        RowText::brief(out, shown, bus, path, *brief_);
+      } else {
+        text_.words(out, shown, bus, path);
+      }
+      break;
+    }
     case Form::json: text_.json(queue_.buffer(), row, bus, path); break;
     case Form::table: RowText::table(queue_.buffer(), row); break;
   }
@@ -43,6 +92,7 @@ void RowPrinter::remark(const Finding& finding) {
 void RowPrinter::settle(const std::optional<rt::Duration>& pending, bool more) {
   const auto now = std::chrono::steady_clock::now();
   if (more) heard_ = now;
+  if (brief_) brief_->width = terminal_size().columns;
   if (now - heard_ >= live_patience) {
     queue_.release_all();
   } else {
@@ -61,7 +111,13 @@ void RowPrinter::print(std::string_view line, RowQueue::Kind kind) {
     if (printed_ == 0) screen_.buffer() += "Msg\tID\tDetails\tRaw Message\n";
     screen_.buffer() += fmt::format("{}\t", ++printed_);
   }
-  screen_.buffer() += line;
+  if (!colours_) {
+    screen_.buffer() += line;
+  } else if (line.starts_with(red_mark)) {
+    screen_.buffer() += "\x1b[31m" + text::one_line(line.substr(1, line.size() - 2)) + "\x1b[0m\n";
+  } else {
+    screen_.buffer() += text::printable(line);
+  }
   screen_.full();
 }
 

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <chrono>
+#include <optional>
 
+#include "trace_brief.hpp"
 #include "trace_order.hpp"
 #include "trace_outlet.hpp"
 
@@ -12,8 +14,10 @@ class RowPrinter {
  public:
   enum class Form : std::uint8_t { words, json, table };
 
-  /// `live`: rows are seen at once, but for those behind a request without an answer.
-  RowPrinter(Form form, bool live);
+  /// `live`: rows are seen at once, but for those behind a request without an answer. `times`: of --times.
+  RowPrinter(Form form, bool live, const std::string& times);
+  /// The trace has this as its first frame, and so many buses. Before the first row.
+  void begin(rt::Duration first, std::size_t buses);
 
   /// `path`: of the node beneath gateways that the row is about; empty: the bus's own.
   void row(const decode::Row& row, const std::string& bus, const std::string& path);
@@ -32,8 +36,13 @@ class RowPrinter {
 
  private:
   void print(std::string_view line, RowQueue::Kind kind);
+  [[nodiscard]] decode::Row timed(const decode::Row& row, trace::Entry& entry) const;
 
   Form form_;
+  bool relative_ = false;
+  bool colours_;                     // rows that stand out
+  std::optional<BriefStyle> brief_;  // one line a row on this terminal
+  std::optional<rt::Duration> first_;
   Outlet screen_;
   RowText text_;
   RowQueue queue_;

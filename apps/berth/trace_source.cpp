@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "berth/base/counted.hpp"
 #include "berth/base/read_files.hpp"
 #include "berth/can/port_spec.hpp"
 #include "berth/command/control.hpp"
@@ -20,6 +21,7 @@
 #include "node_words.hpp"
 #include "ports.hpp"
 #include "trace_known.hpp"
+#include "trace_ring.hpp"
 
 namespace berth::cli {
 namespace {
@@ -147,7 +149,7 @@ class PortSource final : public TraceSource, private can::Listener {
                     0,
                     0,
                     {},
-                    fmt::format("{} frames came in and were lost on the way", lost - lost_),
+                    fmt::format("{} received and lost on the way", counted(lost - lost_, "frame")),
                     {}});
     lost_ = lost;
   }
@@ -263,10 +265,14 @@ std::optional<Failure> heard_nowhere(const TraceOptions& trace, const KnownNodes
 Opened open_source(const Options& options, const TraceOptions& trace, const KnownNodes& known) {
   if (!trace.file.empty() && !trace.port.empty())
     return tl::unexpected(failure(Exit::usage, "a file or --port, not both"));
+  if (trace.from.ring) return open_ring(options, trace, known);
+  if (!trace.from.filter.empty())
+    return tl::unexpected(failure(Exit::usage, "--filter is for --ring; --text finds words in the rows of a file"));
   if (auto bad = heard_nowhere(trace, known)) return tl::unexpected(std::move(*bad));
   if (trace.file.empty() && trace.port.empty()) {
     const auto path = known.machine() ? running_control(options, *known.machine()) : std::string();
     if (!path.empty()) {
+      if (auto other = runs_another(options, path)) return tl::unexpected(std::move(*other));
       const auto fd = command::control_follow(path);
       if (!fd) return tl::unexpected(failure(Exit::failed, fd.error()));
       return std::make_unique<ControlSource>(*fd, path);

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <filesystem>
 #include <optional>
 
 #include "ask.hpp"
@@ -88,7 +90,7 @@ void print_outcome(Rig& rig, const Options& options, const std::vector<Recorded>
   if (options.dry_run) {
     print_dry_run(sent, nullptr, options.json);
   } else if (options.json) {
-    operate::write_json(rig.session().take_report(), options.events ? -1 : 2,
+    operate::write_json(rig.session().take_report(), options.events.lines ? -1 : 2,
                         [](std::string_view piece) { write_text(text::printable(piece)); });
     print_line("");
   } else if (table) {
@@ -102,7 +104,7 @@ void print_outcome(Rig& rig, const Options& options, const std::vector<Recorded>
 
 int bring_up(const Options& wanted, const Sources& sources, const Story& story) {
   Options options = wanted;
-  if (options.events && !options.json) {
+  if (options.events.lines && !options.json) {
     return tell(failure(Exit::usage, "--events are lines of JSON: give --json too"), options.json);
   }
   if (const auto no = studio_refused(options)) return tell(*no, options.json);
@@ -112,13 +114,13 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
   auto made = Rig::make(options, sources);
   if (!made) return tell(made.error(), options.json);
   Rig& rig = **made;
-  const bool live = watched && can_draw() && rig.loop() != nullptr;
+  const bool live = watched && !options.events.none && can_draw() && rig.loop() != nullptr;
   std::vector<Recorded> sent;
   if (options.dry_run) rig.record().collect_sent(sent);
   if (const auto no = refusal(rig, options)) return tell(*no, options.json);
   Screen screen(rig.session(), {.live = live,
-                                .quiet = options.json || options.dry_run,
-                                .events = options.events && !options.dry_run,
+                                .quiet = options.json || options.dry_run || options.events.none,
+                                .events = options.events.lines && !options.dry_run,
                                 .wall_clock = !rig.guards().empty(),
                                 .comment = story.comment});
   for (const auto& line : story.begin) screen.line(line);
@@ -128,6 +130,8 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
   const bool good =
       rig.session().operational() && (*ended != Ended::settled || options.until != "replaced" || ending.reached());
   if (!options.dry_run) rig.leave(options);
+  if (*ended == Ended::interrupted && !options.json && !options.dry_run && leaves_running(rig, options))
+    screen.line("the devices run on, without this master; `berth up` takes them over again");
   screen.keep();
   print_outcome(rig, options, sent, !live);
   if (options.dry_run && !rig.guards().empty()) return Exit::done;
@@ -143,6 +147,29 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
   return Exit::no;
 }
 
+namespace {
+
+// A machine whose buses are all simulated needs one: `berth init` writes NAME.plant.toml beside NAME.toml.
+std::string plant_of(const Options& options) {
+  if (!options.sim.plant.empty() || !options.ports.empty()) return options.sim.plant;
+  const auto machine = machine_of(options);
+  const bool simulated =
+      machine && std::ranges::all_of(machine->buses, [](const auto& b) { return b.port.kind == can::PortKind::sim; });
+  if (!simulated) return {};
+  namespace fs = std::filesystem;
+  const fs::path file(options.machine);
+  for (const auto& name : {file.stem().string() + ".plant.toml", std::string("plant.toml")}) {
+    const auto beside = file.parent_path() / name;
+    std::error_code none;
+    if (!fs::is_regular_file(beside, none)) continue;
+    if (!options.json) print_error(fmt::format("plant file: {}, beside the machine file", beside.string()));
+    return beside.string();
+  }
+  return {};
+}
+
+}  // namespace
+
 int run_up(const Options& options) {
   Options own = options;
   if (own.machine.empty()) {
@@ -152,14 +179,19 @@ int run_up(const Options& options) {
     own.machine = default_machine(here);
   }
   if (own.machine.empty())
-    return tell(failure(Exit::usage, "name the machine file: berth up machine.toml"), options.json);
+    return tell(failure(Exit::usage,
+                        "name the machine file: berth up machine.toml; `berth init` makes one of device descriptions, "
+                        "or of a bus that is there" +
+                            machines_here()),
+                options.json);
   if (!options.offers.gateway.where.empty()) {
     const auto where = gateway_endpoint("--gateway", options.offers.gateway.where, gateway_rights(options));
     if (!where) return tell(where.error(), options.json);
   }
   own.store.made = true;
   own.master.takes_part = true;
-  return bring_up(own, {own.machine, options.sim.plant, {}, {}, true});
+  own.sim.plant = plant_of(own);
+  return bring_up(own, {own.machine, own.sim.plant, {}, {}, true});
 }
 
 namespace {
@@ -214,7 +246,9 @@ Word drive_words(const Verb& verb, Options& options) {
       verb.flag("--pace", options.sim.pace, "in real time, and stay up until Ctrl-C (on a terminal: always)");
   Word fast = verb.flag("--fast", options.sim.fast, "as fast as possible, on a terminal too; ends by itself");
   fast.excludes(pace);
-  verb.flag("--events", options.events, "with --json: every event as a line, as it happens; the last is the report");
+  verb.flag("--quiet,-q", options.events.none, "no events: only the slot table at the end, and what is wrong");
+  verb.flag("--events", options.events.lines,
+            "with --json: every event as a line, as it happens; the last is the report");
   verb.word("--listen,--control", options.control, "socket for other commands (default: by the machine's name)")
       .shown("SOCKET");
   return fast;
@@ -235,6 +269,7 @@ void add_up(Verb& berth, Options& options) {
           "among several masters of a bus: 0 high to 2 low (default: as the machine file)")
       .from_to(0, 2);
   beside_master_flag(up, options);
+  colour_word(up);
   real_time_word(up, options);
   up.footer(
       "Examples:\n  berth up\n  berth up machine.toml --sim plant.toml\n  berth up machine.toml --port can0 --dry-run\n"

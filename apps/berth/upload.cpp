@@ -37,7 +37,7 @@ tl::expected<std::string, Failure> target_of(const Options& options, const Uploa
     if (path.extension() == ".dcf") return slot.spec.config;
     if (!path.empty()) {
       return tl::unexpected(failure(
-          Exit::usage, fmt::format("config = \"{}\" is no DCF; say where to: --output FILE.dcf", slot.spec.config)));
+          Exit::usage, fmt::format("config = \"{}\" is not a DCF; say where to: --output FILE.dcf", slot.spec.config)));
     }
   }
   return tl::unexpected(failure(

@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
 #include <sstream>
 #include <utility>
 
@@ -108,7 +109,7 @@ Word Verb::word(const std::string& names, std::optional<unsigned>& into, const s
 // CLI11 takes "-3" for a very large number.
 Word Verb::seed(const std::string& names, std::optional<std::uint64_t>& into, const std::string& help) const {
   const auto is_seed = [](const std::string& text) {
-    return text.empty() || text.front() == '-' ? fmt::format("\"{}\" is no seed; write a number from 0", text)
+    return text.empty() || text.front() == '-' ? fmt::format("\"{}\" is not a seed; write a number from 0", text)
                                                : std::string();
   };
   return Word(app_ == nullptr ? nullptr
@@ -140,7 +141,7 @@ Word Verb::time(const std::string& names, const std::function<void(std::chrono::
   const auto reads = [take](const std::string& text) {
     auto time = text::parse_duration(text);
     if (!time) time = text::parse_duration(text + " s");
-    if (!time || time->count() <= 0) return fmt::format("\"{}\" is no time; write 30, \"30 s\" or \"500 ms\"", text);
+    if (!time || time->count() <= 0) return fmt::format("\"{}\" is not a time; write 30, \"30 s\" or \"500 ms\"", text);
     take(*time);
     return std::string();
   };
@@ -206,7 +207,12 @@ std::string did_you_mean(const CLI::App& app, const std::string& word) {
     }
   }
   const std::vector<std::string_view> known(names.begin(), names.end());
-  const auto meant = closest(word.substr(0, word.find('=')), known);
+  // What some verbs call --for, others call --timeout.
+  const std::string said = word.substr(0, word.find('='));
+  const bool lasts = said == "--for" && std::ranges::find(names, "--timeout") != names.end();
+  auto meant = lasts ? std::string_view("--timeout") : closest(said, known);
+  const auto begins = [&](std::string_view name) { return said.size() > 2 && name.starts_with(said); };
+  if (meant.empty() && std::ranges::count_if(known, begins) == 1) meant = *std::ranges::find_if(known, begins);
   return meant.empty() ? std::string() : fmt::format("; did you mean {}?", meant);
 }
 
@@ -225,6 +231,16 @@ std::string suggestion(const CLI::App& command, int argc, char** argv) {
   return {};
 }
 
+bool wants_json(int argc, char** argv) {
+  return std::any_of(argv, argv + argc, [](const char* word) { return std::string_view(word) == "--json"; });
+}
+
+int no_such_command(const CLI::App& app, int argc, char** argv, const char* word) {
+  const std::string what =
+      fmt::format("there is no command {}{}; see berth --help", text::quoted(word), did_you_mean(app, word));
+  return tell(failure(Exit::usage, what), wants_json(argc, argv));
+}
+
 int wrong_use(const CLI::App& app, const CLI::ParseError& error, int argc, char** argv) {
   if (error.get_exit_code() == 0) {  // --help
     std::ostringstream page;
@@ -232,17 +248,12 @@ int wrong_use(const CLI::App& app, const CLI::ParseError& error, int argc, char*
     write_text(page.str());
     return status;
   }
-  const bool json = std::any_of(argv, argv + argc, [](const char* word) { return std::string_view(word) == "--json"; });
   const auto used = app.get_subcommands();
-  if (used.empty() && argc > 1 && argv[1][0] != '-') {
-    const std::string what =
-        fmt::format("there is no command {}{}; see berth --help", text::quoted(argv[1]), did_you_mean(app, argv[1]));
-    return tell(failure(Exit::usage, what), json);
-  }
+  if (used.empty() && argc > 1 && argv[1][0] != '-') return no_such_command(app, argc, argv, argv[1]);
   const CLI::App& command = deepest(app);
   return tell(failure(Exit::usage, fmt::format("{}{}; see {} --help", error.what(), suggestion(command, argc, argv),
                                                path_of(command))),
-              json);
+              wants_json(argc, argv));
 }
 
 }  // namespace
@@ -283,11 +294,15 @@ class CommandLine {
     }
   }
 
-  void option(const std::string& word) {
+  void option(std::string& word) {
     if (word == "--") {
       rest_is_plain_ = true;
       return;
     }
+    // Its time may be left out, and what stands behind it is no time then.
+    const bool last = next_ + 1 == words_.size();
+    const bool timed = !last && std::isdigit(static_cast<unsigned char>(words_[next_ + 1].front())) != 0;
+    if (word == "--watch" && !timed) word = "--watch=1 s";
     named_.push_back(word);
     const auto equals = word.find('=');
     const CLI::Option* const option = at_->get_option_no_throw(word.substr(0, equals));
@@ -317,7 +332,7 @@ class CommandLine {
 int run_command_line(int argc, char** argv, const std::vector<AddVerb>& verbs) {
   CLI::App app("Berth gives every CANopen device its place.", "berth");
   app.require_subcommand(1);
-  app.set_version_flag("--version", std::string("berth ") + BERTH_VERSION, "which Berth this is");
+  app.set_version_flag("-V,--version", std::string("berth ") + BERTH_VERSION, "print version");
   app.formatter(std::make_shared<HelpFormat>());
   app.set_help_flag("-h,--help", "this help");
   app.footer(
@@ -334,6 +349,8 @@ int run_command_line(int argc, char** argv, const std::vector<AddVerb>& verbs) {
   std::string help = "--help";
   if (given.size() > 1 && std::string_view(given[1]) == "help") {
     given.erase(given.begin() + 1);
+    const auto is_named = [&](const CLI::App* sub) { return sub->check_name(given[1]); };
+    if (given.size() > 1 && app.get_subcommands(is_named).empty()) return no_such_command(app, argc, argv, given[1]);
     given.push_back(help.data());
   }
   const int count = static_cast<int>(given.size());
@@ -351,6 +368,10 @@ int run_command_line(int argc, char** argv, const std::vector<AddVerb>& verbs) {
 
 // ---- words that several verbs have ----
 
+namespace {
+constexpr std::array<std::string_view, 3> colour_words{"auto", "always", "never"};  // as `Colour`
+}
+
 void json_flag(const Verb& verb, Options& options, const char* help) { verb.flag("--json", options.json, help); }
 
 void reach_word(const Verb& verb, Options& options) {
@@ -363,6 +384,16 @@ void reach_word(const Verb& verb, Options& options) {
 void anywhere_flag(const Verb& verb, bool& anywhere) {
   verb.flag("--listen-anywhere", anywhere,
             "allow an address that other computers reach: anybody who reaches the port may use it, without a password");
+}
+
+void colour_word(const Verb& verb) {
+  const auto take = [](const std::string& word) {
+    const auto known = std::ranges::find(colour_words, word);
+    if (known == colour_words.end()) return fmt::format("\"{}\" is none of auto, always and never", word);
+    choose_colour(static_cast<Colour>(known - colour_words.begin()));
+    return std::string();
+  };
+  verb.read("--color", "WHEN", take, "auto (default: on a terminal, unless NO_COLOR is set), always or never");
 }
 
 void force_word(const Verb& verb, Options& options) {

@@ -140,6 +140,8 @@ void plant_words(const Verb& verb, Options& options);
 void reach_word(const Verb& verb, Options& options);
 /// `--listen-anywhere`: of what offers a TCP port.
 void anywhere_flag(const Verb& verb, bool& anywhere);
+/// `--color`: of what prints a table or rows.
+void colour_word(const Verb& verb);
 /// `--force`; `world_words` has it.
 void force_word(const Verb& verb, Options& options);
 /// `--real-time PRIORITY`: of what runs for long on a real bus.

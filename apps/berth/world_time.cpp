@@ -5,6 +5,7 @@
 #include <charconv>
 #include <nlohmann/json.hpp>
 
+#include "berth/base/counted.hpp"
 #include "berth/command/arguments.hpp"
 #include "berth/operate/report.hpp"
 #include "plant_commands.hpp"
@@ -53,11 +54,26 @@ Reply WorldTime::told(const std::string& words) {
   return reply;
 }
 
+WorldTime::Waiting::Waiting(WorldTime* time, const Reply& reply) : time_(time), reply_(&reply) {
+  if (time_ != nullptr) time_->waiting_.push_back(reply_);
+}
+
+WorldTime::Waiting::~Waiting() {
+  if (time_ != nullptr) std::erase(time_->waiting_, reply_);
+}
+
+void WorldTime::stand() {
+  const bool stood = rig_->loop()->paused();
+  rig_->loop()->pause(true);
+  if (stood) return;
+  for (const Reply* const reply : waiting_) reply->tell("the world is " + standing());
+}
+
 Reply WorldTime::set(const Request& request) {
   io::Loop& loop = *rig_->loop();
   if (request.verb == "world pause") {
-    loop.pause(true);
-    return told("the world stands");
+    stand();
+    return told("the world is paused");
   }
   if (request.verb == "world run") {
     loop.pause(false);
@@ -76,6 +92,8 @@ Reply WorldTime::damage(const Request& request) {
                 {{"action", "disturb"}, {"bit_from_end", "10"}, {"kind", "flip"}, {"spare_senders", "true"}}};
   const auto bus = request.arguments.find("bus");
   if (bus != request.arguments.end()) event.arguments["bus"] = bus->second;
+  const auto from = request.arguments.find("from");
+  if (from != request.arguments.end()) event.arguments["sender"] = from->second;
   command::Arguments arguments(request);
   event.arguments["times"] = std::to_string(arguments.number("frames", 1, most_frames, 1));
   if (!arguments.good()) return command::refusal(Exit::usage, arguments.problem());
@@ -105,14 +123,14 @@ rt::Task<void> WorldTime::carry_out(const Request& request, Reply& reply) {
     reply = command::refusal(Exit::no, "a step is under way already: try again");
     co_return;
   }
-  rig_->loop()->pause(true);
+  stand();
   stepped_.clear();
   frames_ = frames;
   const auto came = co_await stepped_.next(rt::never);
-  reply = told(fmt::format("{} frames came", came.value_or(0)));
+  reply = told(counted(came.value_or(0), "frame") + " passed");
   if (came.value_or(0) < frames) {
     reply.status = Exit::no;
-    reply.error = fmt::format("{} of {} frames came within {} s of world time", came.value_or(0), frames,
+    reply.error = fmt::format("{} of {} passed within {} s of world time", came.value_or(0), counted(frames, "frame"),
                               operate::seconds(rt::Time(longest_step)));
   }
 }
@@ -125,6 +143,11 @@ void WorldTime::between() {
   const rt::Time limit = rig_->now() + longest_step;
   rig_->loop()->step_until([&] { return came() >= wanted; }, limit);
   stepped_.push(came());
+}
+
+std::string WorldTime::standing() const {
+  const bool stands = rig_->loop() != nullptr && rig_->loop()->paused() && !frames_;
+  return stands ? "paused: `berth world run` lets it go on" : "";
 }
 
 void WorldTime::let_go() {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "berth/command/request.hpp"
 #include "berth/rt/mailbox.hpp"
@@ -22,10 +23,26 @@ class WorldTime {
   [[nodiscard]] rt::Task<void> carry_out(const command::Request& request, command::Reply& reply);
   /// Between two turns of the loop: goes as many frames further as was asked.
   void between();
+  /// Of a world that stands: "paused: `berth world run` lets it go on"; empty: it runs.
+  [[nodiscard]] std::string standing() const;
+  /// A request whose answer is awaited, as long as this stands: it is told when the world is paused meanwhile.
+  class Waiting {
+   public:
+    /// `time`: null, or must stay longer; as `reply` must.
+    Waiting(WorldTime* time, const command::Reply& reply);
+    ~Waiting();
+    Waiting(const Waiting&) = delete;
+    Waiting& operator=(const Waiting&) = delete;
+
+   private:
+    WorldTime* time_;
+    const command::Reply* reply_;
+  };
   /// At the end: who waits for world time must not wait for ever.
   void let_go();
 
  private:
+  void stand();
   [[nodiscard]] command::Reply set(const command::Request& request);
   [[nodiscard]] command::Reply told(const std::string& words);
   [[nodiscard]] command::Reply damage(const command::Request& request);
@@ -34,6 +51,7 @@ class WorldTime {
   Rig* rig_;
   std::optional<unsigned> frames_;    // of a step that was asked
   rt::Mailbox<unsigned, 1> stepped_;  // frames that came
+  std::vector<const command::Reply*> waiting_;
 };
 
 }  // namespace berth::cli

@@ -40,7 +40,7 @@ class Scale {
     for (const auto& bus : buses) {
       for (const auto& r : bus.result->responses) {
         add(r.frame);
-        add(r.worst.value_or(rt::Duration{0}));
+        add(r.arrival.value_or(rt::Duration{0}));
         add(bus.line->messages[r.message].deadline);
       }
     }
@@ -67,8 +67,8 @@ class Scale {
 std::string row(const PlottedBus& bus, const Response& r, const Scale& scale, double y) {
   const Message& m = bus.line->messages[r.message];
   const double begin = scale.at(r.frame);
-  const double end = r.worst ? scale.at(*r.worst) : left + width;
-  const bool good = r.worst && r.meets_deadline;
+  const double end = r.arrival ? scale.at(*r.arrival) : left + width;
+  const bool good = r.arrival && r.meets_deadline;
   std::string svg = words(left - 8, y + row_height - 4, "end",
                           fmt::format("{} {}, {}", key_text(m.key), bus.line->senders[m.sender].name, m.name));
   svg += fmt::format("<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" fill=\"{}\"/>\n", begin, y + 3,

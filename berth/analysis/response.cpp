@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <vector>
 
 #include "berth/can/frame.hpp"
 #include "berth/can/length.hpp"
@@ -21,12 +22,32 @@ constexpr Ns ceil_div(Ns a, Ns b) noexcept { return a <= 0 ? 0 : (a + b - 1) / b
 struct Task {
   std::uint32_t key;
   std::size_t sender;
-  Ns c;         // frame
-  Ns t;         // period
-  Ns j;         // jitter
-  Ns f = 0;     // waits so long in a FIFO before arbitration sees it, at most
-  Ns queued{};  // bound from the queue to the end of the frame
-  Ns worst{};   // and from the event
+  Ns c;                  // frame
+  Ns t;                  // period; 0: it may come at any time
+  Ns j;                  // jitter
+  Ns f = 0;              // waits so long in a FIFO before arbitration sees it, at most
+  bool endless = false;  // or for ever
+  bool never = false;    // what sends it has no bound
+  Ns queued{};           // bound from the queue to the end of the frame
+  Ns worst{};            // and from the event
+  Ns chain = 0;          // and what it and those that it waits for take together
+};
+
+/// The frames that leave in one order, those of a FIFO or one message's, and what is before them. What it found is
+/// where it goes on when others wait longer: no bound becomes shorter by that.
+struct Order {
+  std::vector<std::size_t> own = {};
+  std::vector<std::size_t> before = {};  // others, that win against the lowest of `own`
+  Ns blocking = 0;
+  Ns resent = 0;  // the longest frame that an error can destroy
+  Ns busy = 0;    // the longest time in which the bus has work of this priority without a pause
+  struct Instant {
+    Ns at;         // one more frame can be in the queue then
+    Ns own_work;   // the frames that are in it from the begin up to then
+    Ns start = 0;  // of the last of them, that is `longest` long, at worst
+  };
+  /// Ascending, within `busy`, for each length of a frame in `own`.
+  std::vector<std::pair<Ns, std::vector<Instant>>> instants = {};
 };
 
 class Analyzer {
@@ -43,121 +64,284 @@ class Analyzer {
     }
   }
 
-  // What waits in FIFOs makes others later, and so waits longer: from below to the least that fits together.
+  // What waits in FIFOs makes others later, and so waits longer: from below to the least that fits together. What waits
+  // in no FIFO makes nobody later than its frame does: it is bounded once, behind that. FIFOs that make each other
+  // later without end are given up sooner: what waits for ten of the longest periods has no bound.
   void run() {
+    fifos_ = all_fifos();
+    find_senders();
+    const Ns longest = longest_;
+    if (fifos_.size() > 1) longest_ /= 10;
     for (bool again = true; again;) {
       again = false;
-      for (Task& task : tasks_) bound(task);
-      for (Task& task : tasks_) {
-        if (!line_.senders[task.sender].fifo) continue;
-        const Ns f = task.queued == no_bound ? longest_ : task.queued - task.c;
-        again = again || f > task.f;
-        task.f = std::max(task.f, f);
+      for (Order& fifo : fifos_) {
+        bound(fifo);
+        for (const std::size_t i : fifo.own) again = waits_longer(tasks_[i]) || again;
       }
+      for (const std::size_t i : cause_) again = lets_go(i) || again;
+    }
+    longest_ = longest;
+    for (std::size_t i = 0; i < tasks_.size(); ++i) {
+      const Queue queue = line_.senders[tasks_[i].sender].queue;
+      if (queue == Queue::in_order) {
+        find_chain(i, fifo_of(i));
+        continue;
+      }
+      const Task fifo = tasks_[i];
+      Order alone = order_of({i});
+      bound(alone);
+      if (queue == Queue::unknown) take_worse(tasks_[i], fifo);
+      find_chain(i, alone);
+      if (queue == Queue::unknown) find_chain(i, fifo_of(i));
     }
   }
   [[nodiscard]] const std::vector<Task>& tasks() const noexcept { return tasks_; }
 
  private:
-  // The frames that leave in one order: those of a FIFO, or this message alone.
-  struct Queue {
-    std::vector<const Task*> own;
-    std::vector<const Task*> before;  // of others, that win against the lowest of `own`
-    Ns blocking = 0;
-    Ns resent = 0;  // the longest frame that an error can destroy
-  };
-
-  [[nodiscard]] Queue queue_of(const Task& task) const {
-    Queue queue;
-    const bool fifo = line_.senders[task.sender].fifo;
-    std::uint32_t lowest = task.key;
-    for (const Task& each : tasks_) {
-      const bool own = &each == &task || (fifo && each.sender == task.sender);
-      if (!own) continue;
-      queue.own.push_back(&each);
-      if (precedes(lowest, each.key)) lowest = each.key;
+  // The messages whose reception sends others.
+  void find_senders() {
+    std::vector<std::uint32_t> keys;
+    for (const Message& m : line_.messages) {
+      if (m.after && std::ranges::find(keys, *m.after) == keys.end()) keys.push_back(*m.after);
     }
-    if (line_.background_bytes)
-      queue.blocking = frame_time(line_, line_.background_extended, *line_.background_bytes).count();
-    for (const Task& each : tasks_) {
-      if (std::ranges::find(queue.own, &each) != queue.own.end()) {
-        queue.resent = std::max(queue.resent, each.c);
-      } else if (precedes(each.key, lowest) || each.key == lowest) {
-        queue.before.push_back(&each);
-        queue.resent = std::max(queue.resent, each.c);
-      } else {
-        queue.blocking = std::max(queue.blocking, each.c);
-      }
+    for (std::size_t i = 0; i < tasks_.size(); ++i) {
+      if (std::ranges::find(keys, tasks_[i].key) != keys.end()) cause_.push_back(i);
     }
-    return queue;
   }
 
-  [[nodiscard]] Ns errors_in(Ns time, const Queue& queue) const noexcept {
+  // What this one takes is jitter of those that come after it. True: it is more than before.
+  bool lets_go(std::size_t cause) {
+    const Queue queue = line_.senders[tasks_[cause].sender].queue;
+    Task& task = tasks_[cause];
+    const Task fifo = task;
+    if (queue != Queue::in_order) {
+      Order alone = order_of({cause});
+      bound(alone);
+      if (queue == Queue::unknown) take_worse(task, fifo);
+    }
+    const Ns worst = task.worst;
+    if (queue == Queue::unknown) task = fifo;
+    bool more = false;
+    for (std::size_t i = 0; i < tasks_.size(); ++i) {
+      if (line_.messages[i].after != task.key) continue;
+      const Ns jitter = line_.messages[i].jitter.count() + (worst == no_bound ? 0 : worst);
+      if (worst == no_bound ? tasks_[i].never : jitter <= tasks_[i].j) continue;
+      tasks_[i].never = tasks_[i].never || worst == no_bound;
+      tasks_[i].j = std::max(tasks_[i].j, jitter);
+      more = true;
+      for (Order& each : fifos_) {
+        if (std::ranges::count(each.own, i) > 0) each.instants.clear();
+      }
+    }
+    return more;
+  }
+
+  // What is not known is a FIFO: to other senders that is the worse.
+  [[nodiscard]] bool in_order(const Task& task) const noexcept {
+    return line_.senders[task.sender].queue != Queue::priority;
+  }
+
+  static bool waits_longer(Task& task) noexcept {
+    const bool endless = task.queued == no_bound;
+    const Ns f = endless ? task.f : task.queued - task.c;
+    const bool longer = f > task.f || endless != task.endless;
+    task.f = std::max(task.f, f);
+    task.endless = task.endless || endless;
+    return longer;
+  }
+
+  // Within its own queue either may be the worse.
+  static void take_worse(Task& task, const Task& other) noexcept {
+    const bool bounded = task.worst != no_bound && other.worst != no_bound;
+    task.queued = bounded ? std::max(task.queued, other.queued) : no_bound;
+    task.worst = bounded ? std::max(task.worst, other.worst) : no_bound;
+  }
+
+  [[nodiscard]] std::vector<Order> all_fifos() const {
+    std::vector<Order> fifos;
+    for (std::size_t sender = 0; sender < line_.senders.size(); ++sender) {
+      std::vector<std::size_t> own;
+      for (std::size_t i = 0; i < tasks_.size(); ++i) {
+        if (tasks_[i].sender == sender && in_order(tasks_[i])) own.push_back(i);
+      }
+      if (!own.empty()) fifos.push_back(order_of(std::move(own)));
+    }
+    return fifos;
+  }
+
+  [[nodiscard]] Order order_of(std::vector<std::size_t> own) const {
+    Order order{.own = std::move(own)};
+    std::uint32_t lowest = tasks_[order.own.front()].key;
+    for (const std::size_t i : order.own) {
+      if (precedes(lowest, tasks_[i].key)) lowest = tasks_[i].key;
+    }
+    if (line_.background_bytes)
+      order.blocking = frame_time(line_, line_.background_extended, *line_.background_bytes).count();
+    for (std::size_t i = 0; i < tasks_.size(); ++i) {
+      const Task& each = tasks_[i];
+      if (std::ranges::find(order.own, i) != order.own.end()) {
+        order.resent = std::max(order.resent, each.c);
+      } else if (precedes(each.key, lowest) || each.key == lowest) {
+        order.before.push_back(i);
+        order.resent = std::max(order.resent, each.c);
+      } else {
+        order.blocking = std::max(order.blocking, each.c);
+      }
+    }
+    return order;
+  }
+
+  // One of them may come at any time, or waits for ever before it comes.
+  [[nodiscard]] bool endless(const Order& order) const {
+    const auto of_another = [&](const Task& each) { return each.sender != tasks_[order.own.front()].sender; };
+    return std::ranges::any_of(order.own, [&](std::size_t i) { return tasks_[i].t == 0 || tasks_[i].never; }) ||
+           std::ranges::any_of(order.before, [&](std::size_t i) {
+             return tasks_[i].t == 0 || tasks_[i].never || (tasks_[i].endless && of_another(tasks_[i]));
+           });
+  }
+
+  /// What is before an order, in numbers side by side: it is added up again and again.
+  struct Load {
+    Ns c;
+    Ns t;
+    Ns late;  // its jitter, and what it waits
+  };
+  [[nodiscard]] std::vector<Load> loads_before(const Order& order) const {
+    std::vector<Load> loads;
+    loads.reserve(order.before.size());
+    const std::size_t sender = tasks_[order.own.front()].sender;
+    for (const std::size_t i : order.before) {
+      const Task& each = tasks_[i];
+      // The sender's own are in one order with this one.
+      loads.push_back({each.c, each.t, each.j + (each.sender == sender ? 0 : each.f)});
+    }
+    return loads;
+  }
+
+  [[nodiscard]] static Ns work_of(Ns time, const std::vector<Load>& loads) noexcept {
+    Ns sum = 0;
+    for (const Load& each : loads) sum += ceil_div(time + each.late, each.t) * each.c;
+    return sum;
+  }
+
+  [[nodiscard]] Ns errors_in(Ns time, const Order& order) const noexcept {
     const Ns interval = line_.errors.interval.count();
     if (interval <= 0) return 0;
     const Ns burst = std::max(1U, line_.errors.burst);
-    return (burst - 1 + ceil_div(time, interval)) * (error_bits * bit_ + queue.resent);
+    return (burst - 1 + ceil_div(time, interval)) * (error_bits * bit_ + order.resent);
   }
 
-  [[nodiscard]] static Ns of_others(Ns time, const Queue& queue) noexcept {
+  // The frames of the order that can be queued in a window that begins with all of them, up to and at `x`.
+  [[nodiscard]] Ns own_until(Ns x, const Order& order) const noexcept {
     Ns sum = 0;
-    for (const Task* k : queue.before) sum += ceil_div(time + k->j + k->f, k->t) * k->c;
+    for (const std::size_t i : order.own) sum += ((x + tasks_[i].j) / tasks_[i].t + 1) * tasks_[i].c;
     return sum;
   }
 
-  // The frames that can be queued in a window that begins with all of them, up to and at `x`.
-  [[nodiscard]] static Ns own_until(Ns x, const Queue& queue) noexcept {
-    Ns sum = 0;
-    for (const Task* i : queue.own) sum += ((x + i->j) / i->t + 1) * i->c;
+  [[nodiscard]] double load_of(const std::vector<std::size_t>& tasks) const noexcept {
+    double sum = 0;
+    for (const std::size_t i : tasks) sum += static_cast<double>(tasks_[i].c) / static_cast<double>(tasks_[i].t);
     return sum;
   }
 
-  // The longest time in which the bus has work of this priority without a pause.
-  [[nodiscard]] Ns busy_period(const Queue& queue) const noexcept {
-    Ns length = queue.blocking + 1;
-    while (length <= longest_) {
-      Ns next = queue.blocking + of_others(length, queue) + errors_in(length, queue);
-      for (const Task* i : queue.own) next += ceil_div(length + i->j, i->t) * i->c;
+  // False: it never ends.
+  [[nodiscard]] bool find_busy(Order& order, const std::vector<Load>& before) const noexcept {
+    if (load_of(order.own) + load_of(order.before) > 1) return false;
+    for (Ns length = std::max(order.busy, order.blocking + 1); length <= longest_;) {
+      Ns next = order.blocking + work_of(length, before) + errors_in(length, order);
+      for (const std::size_t i : order.own) next += ceil_div(length + tasks_[i].j, tasks_[i].t) * tasks_[i].c;
+      order.busy = length;
+      if (next <= length) return true;
+      length = next;
+    }
+    return false;
+  }
+
+  // From the window's begin to the start of the last frame, of length `last`, that was queued up to the instant.
+  [[nodiscard]] bool find_start(Order::Instant& instant, Ns last, const Order& order,
+                                const std::vector<Load>& before) const noexcept {
+    const Ns least = order.blocking + instant.own_work - last;
+    for (Ns start = std::max(instant.start, least); start <= longest_;) {
+      const Ns next = least + work_of(start + bit_, before) + errors_in(start + last, order);
+      instant.start = start;
+      if (next <= start) return true;
+      start = next;
+    }
+    return false;
+  }
+
+  // The instants at which one more frame can be in the queue, ascending, behind those that are known.
+  void find_instants(Order& order) const {
+    std::vector<Ns> all{0};
+    for (const std::size_t i : order.own) {
+      const Task& own = tasks_[i];
+      for (Ns n = own.j / own.t + 1; n * own.t - own.j < order.busy; ++n) all.push_back(n * own.t - own.j);
+    }
+    std::ranges::sort(all);
+    const auto [first, end] = std::ranges::unique(all);
+    all.erase(first, end);
+    for (const std::size_t i : order.own) {
+      const auto same = std::ranges::find(order.instants, tasks_[i].c, &decltype(order.instants)::value_type::first);
+      if (same == order.instants.end()) order.instants.push_back({tasks_[i].c, {}});
+    }
+    for (auto& [length, known] : order.instants) {
+      for (std::size_t n = known.size(); n < all.size(); ++n) known.push_back({all[n], own_until(all[n], order)});
+    }
+  }
+
+  // All messages of an order.
+  void bound(Order& order) {
+    for (const std::size_t i : order.own) tasks_[i].queued = tasks_[i].worst = no_bound;
+    if (endless(order)) return;
+    const auto before = loads_before(order);
+    if (!find_busy(order, before)) return;
+    find_instants(order);
+    for (auto& [length, instants] : order.instants) {
+      for (auto& instant : instants) {
+        if (!find_start(instant, length, order, before)) return;
+      }
+    }
+    for (const std::size_t i : order.own) {
+      const auto& instants =
+          std::ranges::find(order.instants, tasks_[i].c, &decltype(order.instants)::value_type::first)->second;
+      take(tasks_[i], instants);
+    }
+  }
+
+  [[nodiscard]] const Order& fifo_of(std::size_t i) const {
+    return *std::ranges::find_if(fifos_, [i](const Order& each) { return std::ranges::count(each.own, i) > 0; });
+  }
+
+  // It, and those of its frames behind whose ends it waits; the longest of the orders in which it may be.
+  void find_chain(std::size_t i, const Order& order) {
+    Task& task = tasks_[i];
+    const unsigned before = line_.messages[i].frames_before;
+    if (before == 0 || task.worst == no_bound) return;
+    task.chain = std::max(task.chain, chain_of(i, order, (before + 1) * task.worst));
+  }
+
+  // What comes in the time of all of them can delay only one of them. `most`: each as late as one can be.
+  [[nodiscard]] Ns chain_of(std::size_t i, const Order& order, Ns most) const noexcept {
+    const Message& message = line_.messages[i];
+    const Ns frames = message.frames_before + 1;
+    const Ns pauses = message.before.count() + frames * bit_;
+    const bool alone = order.own.size() == 1;
+    const auto before = loads_before(order);
+    // The frame before the first may be the one that has begun: when it began, nothing stronger waited.
+    const Ns blocking = (frames - 1) * order.blocking + std::max(order.blocking, tasks_[i].c);
+    for (Ns length = frames * tasks_[i].c; length <= most;) {
+      const Ns window = length + pauses;
+      Ns next = blocking + work_of(window, before) + errors_in(window, order);
+      next += alone ? frames * tasks_[i].c : own_until(window, order);
       if (next <= length) return length;
       length = next;
     }
-    return no_bound;
+    return most;
   }
 
-  // From the window's begin to the start of the last frame that was queued up to `x`.
-  [[nodiscard]] Ns start_of_last(Ns work, Ns last, const Queue& queue) const noexcept {
-    Ns start = queue.blocking + work - last;
-    while (start <= longest_) {
-      const Ns next = queue.blocking + work - last + of_others(start + bit_, queue) + errors_in(start + last, queue);
-      if (next <= start) return start;
-      start = next;
-    }
-    return no_bound;
-  }
-
-  // The instants at which one more frame can be in the queue, ascending.
-  [[nodiscard]] static std::vector<Ns> instants(Ns end, const Queue& queue) {
-    std::vector<Ns> result{0};
-    for (const Task* i : queue.own) {
-      for (Ns n = i->j / i->t + 1; n * i->t - i->j < end; ++n) result.push_back(n * i->t - i->j);
-    }
-    std::ranges::sort(result);
-    const auto [first, last] = std::ranges::unique(result);
-    result.erase(first, last);
-    return result;
-  }
-
-  void bound(Task& task) const {
-    const Queue queue = queue_of(task);
-    const Ns end = busy_period(queue);
-    task.queued = task.worst = end == no_bound ? no_bound : 0;
-    if (end == no_bound) return;
-    for (const Ns x : instants(end, queue)) {
-      const Ns start = start_of_last(own_until(x, queue), task.c, queue);
-      if (start == no_bound) {
-        task.queued = task.worst = no_bound;
-        return;
-      }
+  static void take(Task& task, const std::vector<Order::Instant>& instants) noexcept {
+    task.queued = task.worst = 0;
+    for (const auto& [x, work, start] : instants) {
       // The event of the frame that is queued at x: its jitter before x at most, and a period behind the one before.
       // With a jitter of a period and more they may have overtaken each other.
       const Ns in_order = std::max((x + task.j) / task.t * task.t, x) - task.j;
@@ -171,7 +355,23 @@ class Analyzer {
   Ns bit_;
   Ns longest_ = 0;
   std::vector<Task> tasks_;
+  std::vector<Order> fifos_;
+  std::vector<std::size_t> cause_;  // whose reception sends others
 };
+
+/// From the cause to where it counts.
+std::optional<rt::Duration> arrival_of(const Message& message, const Response& response,
+                                       const std::vector<Task>& tasks) {
+  if (!response.worst) return std::nullopt;
+  const Ns chain = tasks[response.message].chain;
+  if (message.counts_every <= rt::Duration(0)) return message.before + std::max(*response.worst, rt::Duration(chain));
+  const Ns every = message.counts_every.count();
+  Ns act = 0;
+  for (const Task& task : tasks) {
+    if (task.key == message.after) act = std::max(act, task.worst);
+  }
+  return message.before + rt::Duration(ceil_div(response.worst->count(), every) * every + act);
+}
 
 }  // namespace
 
@@ -181,7 +381,7 @@ std::string key_text(std::uint32_t key) {
 }
 
 bool Result::good() const noexcept {
-  return std::ranges::all_of(responses, [](const Response& r) { return r.worst && r.meets_deadline; });
+  return load <= 1 && std::ranges::all_of(responses, [](const Response& r) { return r.worst && r.meets_deadline; });
 }
 
 std::string wrong(const Line& line) {
@@ -192,8 +392,8 @@ std::string wrong(const Line& line) {
     const char* why = nullptr;
     if (m.sender >= line.senders.size()) why = "its sender is not there";
     if (m.data_bytes > 8) why = "a frame has 8 bytes of data at most";
-    if (m.period.count() <= 0) why = "it has no period";
-    if (m.jitter.count() < 0 || m.deadline.count() < 0) why = "a time is negative";
+    const auto least = std::min({m.period, m.jitter, m.deadline, m.before, m.counts_every});
+    if (least.count() < 0) why = "a time is negative";
     if (why != nullptr) return fmt::format("{}: {}", m.name, why);
   }
   return {};
@@ -206,10 +406,11 @@ Result analyze(const Line& line) {
   for (std::size_t i = 0; i < line.messages.size(); ++i) {
     const Task& task = analyzer.tasks()[i];
     Response r{.message = i, .frame = rt::Duration(task.c)};
-    r.load = static_cast<double>(task.c) / static_cast<double>(task.t);
+    if (task.t > 0) r.load = static_cast<double>(task.c) / static_cast<double>(task.t);
     if (task.worst != no_bound) r.worst = rt::Duration(task.worst);
     const rt::Duration deadline = line.messages[i].deadline;
-    r.meets_deadline = r.worst && (deadline.count() == 0 || *r.worst <= deadline);
+    r.arrival = arrival_of(line.messages[i], r, analyzer.tasks());
+    r.meets_deadline = r.arrival && (deadline.count() == 0 || *r.arrival <= deadline);
     result.load += r.load;
     result.responses.push_back(r);
   }

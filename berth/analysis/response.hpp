@@ -28,15 +28,32 @@ struct Message {
   std::size_t sender = 0;    ///< index in `Line::senders`
   std::uint32_t key = 0;     ///< `can::Frame::key`
   unsigned data_bytes = 8;   ///< 0 to 8
-  rt::Duration period{};     ///< least time from event to event; greater than 0
+  rt::Duration period{};     ///< least time from event to event; 0: there is none, and so no bound
   rt::Duration jitter{};     ///< latest minus earliest time from the event to the frame in the queue
-  rt::Duration deadline{0};  ///< from the event; 0: none
+  rt::Duration deadline{0};  ///< from the cause to where it counts; 0: none
+  rt::Duration before{0};    ///< passes at most from the cause to the event: a change waits for an inhibit time
+  /// So many of its frames go before it, and of `before` an equal part passes behind the end of each: an inhibit time
+  /// that counts from there. 0: `before` passes whatever its frames do.
+  unsigned frames_before = 0;
+  /// `key` of a message whose reception is what sends this one: SYNC. Its event is the other's then, and what the other
+  /// takes is jitter of this one.
+  std::optional<std::uint32_t> after{};
+  /// What it brings counts at the next of these periods, as late as `after` is: SYNC, where it is received. 0: as it
+  /// arrives.
+  rt::Duration counts_every{0};
+};
+
+/// In which order the frames of one queue leave.
+enum class Queue : std::uint8_t {
+  priority,  ///< by identifier
+  in_order,  ///< as they came (FIFO)
+  unknown,   ///< one of these two: for each message the worse is taken
 };
 
 /// A node, or a part of it that has a transmit queue of its own.
 struct Sender {
   std::string name;
-  bool fifo = false;  ///< its frames leave in the order in which they came; else by identifier
+  Queue queue = Queue::priority;
 };
 
 /// Disturbances of the bus: each destroys a frame, which is sent again.
@@ -65,20 +82,23 @@ struct Line {
 /// Of one message, in the order of `Line::messages`.
 struct Response {
   std::size_t message = 0;
-  rt::Duration frame{};                 ///< longest time of one frame on the wire, intermission included
-  std::optional<rt::Duration> worst{};  ///< empty: there is no bound, the bus is too slow for it and those before it
-  double load = 0;                      ///< its share of the bus, frames at their longest
+  rt::Duration frame{};  ///< longest time of one frame on the wire, intermission included
+  /// Empty: there is no bound. The bus is too slow for it and those before it, or one of them has no least interval.
+  std::optional<rt::Duration> worst{};
+  std::optional<rt::Duration> arrival{};  ///< the same from the cause to where it counts: what the deadline is for
+  double load = 0;  ///< its share of the bus, frames at their longest; 0 where it has no least interval
   /// The deadline is kept; true too where there is none.
   bool meets_deadline = false;
 };
 
 struct Result {
   std::vector<Response> responses;
-  double load = 0;  ///< share of the bus that all messages take; 1 and more: they do not fit
+  double load = 0;  ///< share of the bus that all messages with a least interval take; above 1: they do not fit
+  /// Each message has a bound and keeps its deadline, and all fit on the bus.
   [[nodiscard]] bool good() const noexcept;
 };
 
-/// Errors of the input (no bit rate, a period of 0, more than 8 bytes, a sender that is not there) are refused by
+/// Errors of the input (no bit rate, a negative time, more than 8 bytes, a sender that is not there) are refused by
 /// `wrong`, empty when all is well; `analyze` wants such input.
 [[nodiscard]] std::string wrong(const Line& line);
 [[nodiscard]] Result analyze(const Line& line);

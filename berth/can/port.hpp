@@ -48,6 +48,9 @@ class Listener {
   virtual void sent(std::uint32_t tag, rt::Time at) noexcept = 0;
   /// Error state, bus-off, cable or interface changed. Not for each error: to count them, ask `Port::status`.
   virtual void changed(const Status& status, rt::Time at) noexcept = 0;
+  /// The port reports an error on the bus (bus_error.hpp), where it can: for who lists frames. A port may tell fewer
+  /// than there were.
+  virtual void error(const Frame& /*report*/, rt::Time /*at*/) noexcept {}
 
  protected:
   ~Listener() = default;
@@ -69,11 +72,22 @@ class Port {
   virtual bool restart(std::uint32_t bit_rate) noexcept = 0;
 };
 
+/// A frame that an error ended, as a bus sees it that knows all nodes.
+struct BusError {
+  Frame report;               ///< bus_error.hpp; its counters are those of `first`
+  Frame frame;                ///< that was sent
+  int sender = -1;            ///< by this port
+  int first = -1;             ///< the port that signalled the error first, by an error flag
+  unsigned beside_first = 0;  ///< ports that did the same in the same bit
+};
+
 /// Sees every frame of a bus as it ends: recorders and monitors. Called from the executor.
 class Tap {
  public:
   /// `sender` is a port number that the bus gives, or -1 where it is unknown.
   virtual void frame(const Frame& frame, rt::Time at, int sender) noexcept = 0;
+  /// `at` is the beginning of the first error flag.
+  virtual void error(const BusError& /*error*/, rt::Time /*at*/) noexcept {}
 
  protected:
   ~Tap() = default;

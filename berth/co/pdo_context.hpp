@@ -22,6 +22,11 @@ class PdoObserver {
     (void)object;
     (void)at;
   }
+  /// The deadline of RPDO `number` (1400h:05) ran out; once, until it is received again.
+  virtual void silent(unsigned number, rt::Time at) noexcept {
+    (void)number;
+    (void)at;
+  }
 
  protected:
   ~PdoObserver() = default;

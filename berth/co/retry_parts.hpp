@@ -1,11 +1,12 @@
 /// How soon a service offers a frame again that its port did not take.
 #pragma once
 
+#include "berth/can/full_queue.hpp"
 #include "berth/rt/executor.hpp"
 
 namespace berth::co {
 
-inline constexpr rt::Duration full_retry = std::chrono::milliseconds(1);         ///< the port is full
+using can::full_retry;                                                           ///< the port is full
 inline constexpr rt::Duration dead_port_retry = std::chrono::milliseconds(100);  ///< bus-off, or closed
 
 }  // namespace berth::co

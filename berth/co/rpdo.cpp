@@ -99,6 +99,7 @@ void Rpdo::run(rt::Time now) noexcept {
   if (due_ > now) return;
   due_ = rt::never;
   fault(PdoFault::timeout, true);
+  if (context_->observer != nullptr) context_->observer->silent(number_, now);
 }
 
 void Rpdo::set_deadline(std::uint16_t milliseconds) noexcept {

@@ -1,6 +1,7 @@
 #include "berth/co/sdo_client.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "berth/co/retry_parts.hpp"
 #include "berth/co/sdo_client_parts.hpp"
@@ -391,16 +392,40 @@ void SdoLine::give_up_open(rt::Time at) noexcept {
     silent_ = 0;
   }
   if (open_ > 0 && at <= open_until_) {
-    owed_ += open_;
-    owed_until_ = open_until_;
+    owe(open_);
     silent_ |= bit_of(open_ref_);
   }
   open_ = 0;
 }
 
+// Not in the line: it would make each answer's way to its line longer.
+rt::Time* SdoLine::owed_since() const noexcept {
+  return settings_->learnt == nullptr ? nullptr : &settings_->learnt->owed_since[request_.key() & 0x7FU];
+}
+
+void SdoLine::owe(std::uint32_t answers) noexcept {
+  if (rt::Time* const since = owed_since(); owed_ == 0 && since != nullptr)
+    *since = open_until_ - settings_->late_window;
+  owed_ += answers;
+  owed_until_ = open_until_;
+}
+
+// Answers come in the order of the requests, so the first late one belongs to the first request. Which request a later
+// one belongs to is not known.
+void SdoLine::learn(NodeId node, const can::Frame& frame, rt::Time at) noexcept {
+  if (settings_->learnt == nullptr) return;
+  const rt::Time since = std::exchange(settings_->learnt->owed_since[node.value() & 0x7FU], rt::Time{});
+  const bool upload = static_cast<Scs>(sdo::specifier(frame.data[0])) == Scs::upload;
+  if (!upload || since == rt::Time{}) return;
+  const rt::Duration took = at - since;
+  rt::Duration& patience = settings_->learnt->times[node.value() & 0x7FU];
+  patience = std::max(patience, std::min<rt::Duration>(took + took / 4, settings_->learnt->most));
+}
+
 // A device that boots answers nothing that was asked before.
 void SdoLine::booted() noexcept {
   owed_ = 0;
+  if (rt::Time* const since = owed_since()) *since = {};
   silent_ = 0;
   const bool on_wire = first_ != nullptr && first_->request_.on_wire;
   if (!on_wire) open_ = 0;
@@ -462,6 +487,7 @@ void SdoLine::received_other(NodeId node, const can::Frame& frame, rt::Time at) 
   if (!belated && first_ != nullptr && first_->answer(frame)) {
     if (open_ > 0) --open_;
   } else if (owed) {
+    learn(node, frame, at);
     --owed_;
     ++late_;
   } else if (is_for_another(node, frame, at)) {

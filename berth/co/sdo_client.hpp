@@ -55,6 +55,16 @@ struct SdoOptions {
   BlockPace* pace = nullptr;
 };
 
+/// How slow each node was: an answer to an upload that comes late raises the time of its node to what it took and a
+/// quarter more. For `SdoOptions::least`: then each question to that node waits as long as its slowest answer needed. A
+/// late answer to a download teaches nothing: the device may have been saving.
+struct SdoPatience {
+  std::array<rt::Duration, 128> times{};  ///< by node-ID
+  rt::Duration most{};                    ///< never more than that is learnt
+  /// The client's: when the first request of those whose answers a node owes was on the wire; 0: not known.
+  std::array<rt::Time, 128> owed_since{};
+};
+
 inline constexpr std::size_t slowest_pace = 64;  ///< bytes a second
 inline constexpr rt::Duration most_lingering = std::chrono::seconds(4);
 
@@ -277,6 +287,7 @@ struct SdoClientSettings {
   SdoObserver* observer = nullptr;
   rt::Duration late_window = std::chrono::seconds(5);
   SdoAnothers* anothers = nullptr;  ///< by node-ID; null: other clients are not heeded
+  SdoPatience* learnt = nullptr;    ///< null: nothing is
 };
 
 /// One channel as its client sees it: the transfers in it, one behind the other. A part of the clients below.
@@ -301,6 +312,10 @@ class SdoLine : private rt::Job {
   [[nodiscard]] bool may_be_owed(const can::Frame& frame) const noexcept;
   [[nodiscard]] bool is_for_another(NodeId node, const can::Frame& answer, rt::Time at) noexcept;
   void give_up_open(rt::Time at) noexcept;
+  [[gnu::cold]] void owe(std::uint32_t answers) noexcept;
+  /// Null: nothing is learnt.
+  [[nodiscard]] rt::Time* owed_since() const noexcept;
+  [[gnu::cold]] void learn(NodeId node, const can::Frame& frame, rt::Time at) noexcept;
   void booted() noexcept;
   void run() noexcept override {
     if (first_ != nullptr) first_->run();
@@ -395,7 +410,11 @@ class SdoClient final : private can::Handler {
   [[nodiscard]] const SdoOptions& options() const noexcept { return settings_.options; }
   void set_observer(Observer* observer) noexcept { settings_.observer = observer; }
   /// How long an answer may come late after its request timed out and still not count as surplus. Default 5 s.
-  void set_late_window(rt::Duration window) noexcept { settings_.late_window = window; }
+  /// `learnt`: what late answers teach, from now on; it must stay.
+  void set_late_window(rt::Duration window, SdoPatience* learnt = nullptr) noexcept {
+    settings_.late_window = window;
+    settings_.learnt = learnt;
+  }
 
   /// A boot-up message of this node was heard: answers that it owed from before are not to come, and what comes behind
   /// the one answer to a request is surplus.

@@ -51,8 +51,8 @@ std::uint32_t Arguments::number(const std::string& key, std::uint32_t low, std::
       parsed && !parsed->negative && !parsed->node_id && parsed->magnitude >= low && parsed->magnitude <= high;
   if (good) return static_cast<std::uint32_t>(parsed->magnitude);
   const bool as_hex = high > 0xFFF;
-  wrong(as_hex ? fmt::format("{} {} is no number from 0x{:X} to 0x{:X}", key, text::quoted(word), low, high)
-               : fmt::format("{} {} is no number from {} to {}", key, text::quoted(word), low, high));
+  wrong(as_hex ? fmt::format("{} {} is not a number from 0x{:X} to 0x{:X}", key, text::quoted(word), low, high)
+               : fmt::format("{} {} is not a number from {} to {}", key, text::quoted(word), low, high));
   return low;
 }
 
@@ -61,7 +61,7 @@ LssAddress Arguments::address(const std::string& key) {
   const auto parsed = parse_lss_address(word);
   if (parsed) return *parsed;
   wrong(
-      fmt::format("{} {} is no LSS address; write vendor-product-revision-serial, eight hex digits each, such as "
+      fmt::format("{} {} is not an LSS address; write vendor-product-revision-serial, eight hex digits each, such as "
                   "00000001-00000001-00000000-00000005",
                   key, text::quoted(word)));
   return {};
@@ -77,9 +77,8 @@ Identity Arguments::device(const std::string& key) {
   const auto parsed = parse_identity(word);
   if (parsed) return *parsed;
   wrong(
-      fmt::format("{} {} is no device; write vendor-product-revision-serial, eight hex digits each, such as "
-                  "00000001-00000001-00000000-00000005, and @ with its node-ID behind that of one without a serial "
-                  "number",
+      fmt::format("{} {} is not a device; write vendor-product-revision-serial, eight hex digits each, such as "
+                  "00000001-00000001-00000000-00000005, and @NODE-ID after it if the device has no serial number",
                   key, text::quoted(word)));
   return {};
 }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "berth/base/counted.hpp"
 #include "berth/command/differences.hpp"
 #include "berth/command/objects.hpp"
 #include "berth/command/permission.hpp"
@@ -22,7 +23,7 @@ namespace {
 
 using manager::LoadedConfiguration;
 
-constexpr const char* conforms = "`berth scan` shows who answers";
+constexpr const char* conforms = "`berth scan` shows which devices answer";
 
 /// 1018h, as far as the device tells.
 struct Told {
@@ -151,8 +152,8 @@ Json json_of(const Saved& saved) {
 std::string line_of(const Saved& saved) {
   const std::string who = fmt::format("{}  {:>3}  {}", saved.bus, saved.node.node.value(), saved.slot);
   if (!saved.problem.empty()) return fmt::format("{}: no backup: {}", who, saved.problem);
-  return fmt::format("{}: {} values read, {} refused, {} left out", who, saved.uploaded.read, saved.uploaded.refused,
-                     saved.uploaded.left_out.size());
+  return fmt::format("{}: {} read, {} refused, {} left out", who, counted(saved.uploaded.read, "value"),
+                     saved.uploaded.refused, saved.uploaded.left_out.size());
 }
 
 // Those that are named, one a line, else every slot's.
@@ -204,7 +205,7 @@ rt::Task<void> backup_save(Session& session, const Request& request, Reply& repl
   give(reply, json, std::move(lines));
   if (failed == 0) co_return;
   reply.status = 1;
-  reply.error = fmt::format("{} of {} devices have no backup", failed, devices->size());
+  reply.error = fmt::format("{} of {} without a backup", failed, counted(devices->size(), "device"));
 }
 
 // ---- a DCF and a device ----
@@ -279,25 +280,37 @@ Json json_of(const Comparison& c, bool write) {
   return json;
 }
 
+// After a restore the old value is history, not what differs.
+std::string restored_line(const manager::Difference& d) {
+  return fmt::format("    {}{}: {}, was {}", od::write_object(d.object), d.name.empty() ? "" : " \"" + d.name + '"',
+                     manager::print_value(d.type, d.wanted),
+                     d.held ? manager::print_value(d.type, *d.held) : std::string("unreadable"));
+}
+
 void give_result(const Comparison& c, bool write, Reply& reply) {
   const std::string result = result_of(c, write);
   std::vector<std::string> lines{
       fmt::format("{}  {:>3}: {}: {}", c.bus, c.node.node.value(), result, summary(c.report, c.wanted.file))};
-  for (const auto& d : c.report.differences) lines.push_back("    " + describe(d, c.wanted.file));
+  for (const auto& d : c.report.differences) {
+    const bool refused = std::ranges::find(c.refused, d.object, &manager::Failure::object) != c.refused.end();
+    if (!refused) lines.push_back(write ? restored_line(d) : "    " + describe(d, c.wanted.file));
+  }
   for (const auto& f : c.refused) lines.push_back("    " + describe(f, c.wanted.file));
   give(reply, json_of(c, write), std::move(lines));
   if (result == "equal" || result == "restored") return;
   reply.status = 1;
   if (result == "differs") {
-    reply.error = fmt::format("the device is not as {} has it", c.wanted.file);
+    reply.error = fmt::format("the device differs from {}", c.wanted.file);
   } else if (result == "partly restored") {
-    reply.error = error_line(fmt::format("{} values were refused; the others are restored", c.refused.size()),
-                             "some devices take them only while pre-operational: `berth nmt preop`, then again");
+    reply.error =
+        error_line(fmt::format("{} refused; the others are restored", counted(c.refused.size(), "value")),
+                   "some devices accept them only in pre-operational: `berth nmt preop`, then repeat the command");
   } else {
     reply.status = c.report.failure->error.code == Errc::aborted ? 1 : 3;
-    reply.error =
-        error_line(describe(*c.report.failure, c.wanted.file),
-                   write && c.report.written > 0 ? "a part is written: do it again when the device is back" : conforms);
+    reply.error = error_line(describe(*c.report.failure, c.wanted.file),
+                             write && c.report.written > 0
+                                 ? "the values were written in part; repeat the command when the device is back"
+                                 : conforms);
   }
 }
 
@@ -343,7 +356,7 @@ rt::Task<void> beside(Session& session, const Request& request, Reply& reply, bo
   give_result(c, write, reply);
   const auto* const slot = slot_of(session.machine(), c.node);
   if (write && slot != nullptr && session.configures(*slot)) {
-    reply.lines.push_back("    the slot has a configuration of its own, which counts again when the device boots");
+    reply.lines.push_back("    the slot has its own configuration: Berth writes it again when the device boots");
   }
 }
 

@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "berth/base/counted.hpp"
 #include "berth/command/arguments.hpp"
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
@@ -58,7 +59,7 @@ std::string way_out(const BitRateReport& report) {
     if (node.stored) kept += fmt::format("{}{}", kept.empty() ? "" : ", ", named(node));
   }
   if (kept.empty()) return cycle + fmt::format("nothing was stored, so all come back at {} bit/s", report.before);
-  return cycle + fmt::format("all come back at {} bit/s but those that stored the new rate or may have: {}",
+  return cycle + fmt::format("all come back at {} bit/s, except those that stored the new rate or may have: {}",
                              report.before, kept);
 }
 
@@ -81,14 +82,14 @@ void tell(const BitRateReport& report, const BitRateOptions& options, const std:
       return give(reply, json, std::move(lines));
     }
     case End::unconfirmed:
-      return no(1, fmt::format("{}: {} devices would change; nothing was done", where, report.nodes.size()),
-                "say --yes to do it");
+      return no(1, fmt::format("{}: {} would change; nothing was done", where, counted(report.nodes.size(), "device")),
+                "confirm it with --yes");
     case End::refused:
       return no(1, fmt::format("{}: nothing was changed: {}", where, problems(report)),
                 "every device must speak LSS, know the bit rate and not be operational");
     case End::brought_back:
       return no(1, fmt::format("{}: brought back to {} bit/s: {}", where, report.rate, problems(report)),
-                "see to that device, then try again");
+                "check that device, then try again");
     case End::lost:
       return no(3, fmt::format("{}: not all were heard again: {}", where, problems(report)), way_out(report));
   }

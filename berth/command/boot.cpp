@@ -116,11 +116,11 @@ class BusBoot {
       if (answered_twice(i)) row["answered_twice"] = true;
       row["text"] = text;
       rows.push_back(std::move(row));
-      lines.push_back(fmt::format("{}  {:>3}  {}: {}{}", network_.bus().name, slots_[i]->spec.id.value(),
-                                  slots_[i]->spec.name.name, text,
-                                  answered_twice(i) ? "; an SDO request to it was answered twice: two devices hold "
-                                                      "this node-ID, `berth bind` tells them apart"
-                                                    : ""));
+      lines.push_back(fmt::format(
+          "{}  {:>3}  {}: {}{}", network_.bus().name, slots_[i]->spec.id.value(), slots_[i]->spec.name.name, text,
+          answered_twice(i)
+              ? "; an SDO request to it was answered twice: two devices have this node-ID; `berth bind` separates them"
+              : ""));
     }
   }
   [[nodiscard]] const std::vector<std::string>& events() const noexcept { return events_; }
@@ -179,8 +179,8 @@ class BusBoot {
 
   [[nodiscard]] std::string trouble(std::size_t i, const network::SlaveStatus& slave) const {
     const char letter = letter_of(slave);
-    if (slave.phase == SlavePhase::ready) return "ready, and not started: the startup is halted, or waits for a person";
-    if (letter == '\0') return "it was started, and no heartbeat told that it is operational";
+    if (slave.phase == SlavePhase::ready) return "ready, and not started: the startup is halted, or waits for the user";
+    if (letter == '\0') return "it was started, and no heartbeat reported operational";
     const auto status = static_cast<BootStatus>(letter);
     const bool ended = slave.result.status == status;
     const std::string said = ended ? slave.result.text() : network::BootResult{.status = status}.text();

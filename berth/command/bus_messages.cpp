@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 
+#include "berth/base/counted.hpp"
 #include "berth/co/cob_id.hpp"
 #include "berth/co/pdo_mapping.hpp"
 #include "berth/command/configured_values.hpp"
@@ -13,6 +14,7 @@
 #include "berth/linker/bounds.hpp"
 #include "berth/od/names.hpp"
 #include "berth/od/values.hpp"
+#include "berth/text/quantity.hpp"
 
 namespace berth::command {
 namespace {
@@ -38,13 +40,14 @@ class Collector {
       if (slot.spec.name.bus == bus_.name) devices_.push_back(opened(slot));
     }
     open_gateway_node();
-    master_ = add_sender("master");
+    master_ = add_sender("master", own_queue());
     if (bus_.sync) add_sync("master", master_, 0x80, bus_.sync->counter != 0, bus_.sync->period);
     for (const Device& device : devices_) add_sync_of(device);
     for (const Device& device : devices_) add_device(device);
     for (unsigned n = 0; n < most_tpdos && own_; ++n) add_tpdo(*own_, n);
     add_master();
     tell_unknown();
+    tell_queues();
     if (assumed_.pdos) tell_links();
     std::ranges::stable_sort(line().messages,
                              [](const auto& a, const auto& b) { return analysis::precedes(a.key, b.key); });
@@ -65,15 +68,27 @@ class Collector {
         {Finding::Severity::note, machine_.file, 0, 0, std::move(key), std::move(message), std::move(fix)});
   }
 
-  std::size_t add_sender(const std::string& name) {
+  static analysis::Queue queue_of(const design::Slot& slot) noexcept {
+    if (slot.queue == design::SendOrder::unknown) return analysis::Queue::unknown;
+    return slot.queue == design::SendOrder::in_order ? analysis::Queue::in_order : analysis::Queue::priority;
+  }
+
+  /// Berth gives its frames to the port in the order in which they came. A simulated port sends them so; a controller
+  /// with several transmit buffers may send those that it holds by identifier.
+  [[nodiscard]] analysis::Queue own_queue() const noexcept {
+    const bool simulated = bus_.port.kind == can::PortKind::sim || bus_.port.kind == can::PortKind::plant;
+    return simulated && bus_.own_port ? analysis::Queue::in_order : analysis::Queue::unknown;
+  }
+
+  std::size_t add_sender(const std::string& name, analysis::Queue queue) {
     const bool fifo = std::ranges::any_of(assumed_.fifo, [&](const auto& f) { return f == name || f == "all"; });
-    line().senders.push_back({name, fifo});
+    line().senders.push_back({name, fifo ? analysis::Queue::in_order : queue});
     return line().senders.size() - 1;
   }
 
   // Its dictionary as it is when it was configured.
   Device opened(const design::Slot& slot) {
-    const std::size_t sender = add_sender(slot.spec.name.name);
+    const std::size_t sender = add_sender(slot.spec.name.name, queue_of(slot));
     const std::size_t node = assumed_.links == nullptr ? 0 : node_of(slot);
     return {&slot, sender, configured_values(slot, assumed_.links, node)};
   }
@@ -98,14 +113,25 @@ class Collector {
     return static_cast<std::size_t>(&slot - machine_.slots.data());
   }
 
-  void keep_planned(const design::Slot& slot, unsigned number, linker::Sending& sending,
-                    std::optional<rt::Duration>& deadline) {
+  /// What the links that a TPDO carries make of it.
+  struct Linked {
+    bool any = false;
+    linker::Sending sending = {};
+    std::optional<rt::Duration> deadline = {};
+    rt::Duration said{};  // least interval; 0: nothing
+  };
+
+  void keep_planned(const design::Slot& slot, unsigned number, Linked& linked) {
     if (assumed_.links == nullptr) return;
     for (const auto& pdo : assumed_.links->plan.pdos) {
       if (pdo.producer != node_of(slot) || pdo.tpdo != number + 1) continue;
-      for (const std::size_t link : pdo.links) carried_.push_back(&machine_.links[link]);
-      sending = linker::sending_of(assumed_.links->network, pdo);
-      if (pdo.deadline) deadline = pdo.deadline;
+      for (const std::size_t link : pdo.links) {
+        carried_.push_back(&machine_.links[link]);
+        linked.said = std::max<rt::Duration>(linked.said, machine_.links[link].inhibit.value_or(design::Duration(0)));
+      }
+      linked.any = true;
+      linked.sending = linker::sending_of(assumed_.links->network, pdo);
+      linked.deadline = pdo.deadline;
     }
   }
 
@@ -130,8 +156,9 @@ class Collector {
            "leave one: [bus.NAME.sync], or bit 30 of the device's 1005h");
     }
     sync_producer_ = producer;
-    add("SYNC", sender, key, counts ? 1 : 0, period, period);
+    add("SYNC", sender, key, counts ? 1 : 0, period, 0ns);
     sync_ = sync_ == 0ns ? period : std::min(sync_, period);
+    sync_key_ = key;
   }
 
   void add_device(const Device& device) {
@@ -153,42 +180,49 @@ class Collector {
     const co::CobId cob_id(device.values->get_or<std::uint32_t>(at(1), co::CobId::invalid_bit));
     if (!cob_id.valid()) return;
     const std::string name = fmt::format("TPDO {}", number + 1);
-    const auto period = period_of(device, number, name);
-    if (period == 0ns) return;
-    linker::Sending sending{device.values->get_or<std::uint8_t>(at(2), 255),
-                            100us * device.values->get_or<std::uint16_t>(at(3), 0), sync_};
-    std::optional<rt::Duration> link;
-    const unsigned bits = mapped_bits(device, number, link);
-    keep_planned(*device.slot, number, sending, link);
-    add(name, device.sender, cob_id.key(), (bits + 7) / 8, period,
-        link ? linker::left_for_bus(sending, *link) : period);
+    if (!is_sent(device, number, name)) return;
+    Linked linked{.sending = {.transmission = device.values->get_or<std::uint8_t>(at(2), 255),
+                              .inhibit = 100us * device.values->get_or<std::uint16_t>(at(3), 0),
+                              .sync = sync_,
+                              .sync_key = sync_key_}};
+    const unsigned bits = mapped_bits(device, number, linked);
+    keep_planned(*device.slot, number, linked);
+    const auto period = period_of(device, number, name, linked.said);
+    add(name, device.sender, cob_id.key(), (bits + 7) / 8, period, 0ns);
+    linker::set_sending(line().messages.back(), linked.sending, linked.any, linked.deadline);
   }
 
-  // 0: it is never sent by itself.
-  rt::Duration period_of(const Device& device, unsigned number, const std::string& name) {
-    const auto at = [&](std::uint8_t sub) { return ObjectRef{static_cast<std::uint16_t>(first_tpdo + number), sub}; };
-    const auto type = device.values->get_or<std::uint8_t>(at(2), 255);
+  static ObjectRef parameter(unsigned number, std::uint8_t sub) noexcept {
+    return {static_cast<std::uint16_t>(first_tpdo + number), sub};
+  }
+
+  // By itself.
+  bool is_sent(const Device& device, unsigned number, const std::string& name) {
+    const auto type = device.values->get_or<std::uint8_t>(parameter(number, 2), 255);
     const std::string where = fmt::format("{}/{}", device.slot->spec.name.name, name);
-    if (type <= 240) {
-      if (sync_ == 0ns) note(where, "it waits for SYNC, and nothing on this bus produces that");
-      return sync_ * std::max<std::uint8_t>(type, 1);
+    const bool on_request = type == 252 || type == 253;
+    if (on_request) note(where, "it is sent when a remote frame asks for it: not analysed");
+    const bool waits = type <= 240 && sync_ == 0ns;
+    if (waits) note(where, "it waits for SYNC, and nothing on this bus produces that");
+    return !on_request && !waits;
+  }
+
+  /// `said`: by the links that it carries.
+  rt::Duration period_of(const Device& device, unsigned number, const std::string& name, rt::Duration said) {
+    const auto type = device.values->get_or<std::uint8_t>(parameter(number, 2), 255);
+    const rt::Duration inhibit = 100us * device.values->get_or<std::uint16_t>(parameter(number, 3), 0);
+    if (said == 0ns) said = device.slot->inhibit.value_or(design::Duration(0));
+    auto period = linker::least_interval(type, inhibit, sync_, said);
+    if (linker::synchronous(type) || inhibit > 0ns) return period;
+    if (period > 0ns) {
+      promised_.push_back(fmt::format("{}/{}", device.slot->spec.name.name, name));
+      return period;
     }
-    if (type == 252 || type == 253) {
-      note(where, "it is sent when a remote frame asks for it: not analysed");
-      return 0ns;
-    }
-    const rt::Duration inhibit = 100us * device.values->get_or<std::uint16_t>(at(3), 0);
-    const rt::Duration timer = 1ms * device.values->get_or<std::uint16_t>(at(5), 0);
-    if (inhibit > 0ns) return inhibit;
-    if (timer > 0ns) {
-      ++by_timer_;
-      return timer;
-    }
-    ++by_event_;
+    endless_.push_back(fmt::format("{}/{}", device.slot->spec.name.name, name));
     return assumed_.event;
   }
 
-  unsigned mapped_bits(const Device& device, unsigned number, std::optional<rt::Duration>& deadline) {
+  unsigned mapped_bits(const Device& device, unsigned number, Linked& linked) {
     const auto index = static_cast<std::uint16_t>(first_mapping + number);
     const auto count = device.values->get_or<std::uint8_t>({index, 0}, 0);
     if (count >= 254) return 64;  // MPDO
@@ -197,18 +231,26 @@ class Collector {
       const auto raw = device.values->get_or<std::uint32_t>({index, static_cast<std::uint8_t>(sub)}, 0);
       const auto entry = co::PdoEntry::of(raw);
       bits += entry.bits;
-      keep_link(*device.slot, entry.object, deadline);
+      keep_link(*device.slot, entry.object, linked);
     }
     return std::min(bits, 64U);
   }
 
-  void keep_link(const design::Slot& slot, ObjectRef object, std::optional<rt::Duration>& deadline) {
-    for (const auto& link : machine_.links) {
+  void keep_link(const design::Slot& slot, ObjectRef object, Linked& linked) {
+    meant_.resize(machine_.links.size());
+    for (std::size_t i = 0; i < machine_.links.size(); ++i) {
+      const auto& link = machine_.links[i];
       if (link.from.slot != slot.spec.name.name || !slot.description) continue;
-      const auto meant = od::find_object(*slot.description, link.from.object);
-      if (!meant || *meant != object) continue;
+      // By name once: a device may have a hundred links, and thousands of objects.
+      if (!meant_[i]) {
+        const auto found = od::find_object(*slot.description, link.from.object);
+        meant_[i] = found ? std::optional(*found) : std::nullopt;
+      }
+      if (*meant_[i] != object) continue;
       carried_.push_back(&link);
-      if (link.deadline) deadline = std::min<rt::Duration>(deadline.value_or(*link.deadline), *link.deadline);
+      linked.any = true;
+      if (!link.deadline) continue;
+      linked.deadline = std::min<rt::Duration>(linked.deadline.value_or(*link.deadline), *link.deadline);
     }
   }
 
@@ -224,7 +266,9 @@ class Collector {
     const Device& first =
         *std::ranges::min_element(devices_, {}, [](const auto& d) { return d.slot->spec.id.value(); });
     const unsigned id = first.slot->spec.id.value();
+    // Each comes before the next request, but how long behind its own is the device's.
     add("SDO response", first.sender, 0x580U + id, 8, assumed_.sdo, 0ns);
+    line().messages.back().jitter = assumed_.sdo;
     add("SDO request", sender, 0x600U + id, 8, assumed_.sdo, 0ns);
   }
 
@@ -235,17 +279,51 @@ class Collector {
            fmt::format("{} of {} slots have no description: which PDOs their devices send is not known", unknown,
                        devices_.size()),
            "add eds = \"FILE\" to the slot");
-    if (by_timer_ > 0)
+    if (!promised_.empty()) {
       note("",
-           fmt::format("{} TPDOs have an event timer and no inhibit time: analysed as if they were sent by the "
-                       "timer alone",
-                       by_timer_),
-           "set an inhibit time (sub-index 3)");
-    if (by_event_ > 0)
+           fmt::format("{} without an inhibit time {} as far apart as the file says: {}",
+                       counted(promised_.size(), "TPDO"), promised_.size() == 1 ? "is" : "are", first_of(promised_)));
+    }
+    if (endless_.empty()) return;
+    const std::string what = counted(endless_.size(), "TPDO");
+    if (assumed_.event > 0ns) {
+      note("", fmt::format("{} at a change without an inhibit time: one every {} is assumed (--event): {}", what,
+                           text::write_duration(assumed_.event), first_of(endless_)));
+    } else {
       note("",
-           fmt::format("{} TPDOs have neither inhibit time nor event timer: one every {} ms is assumed", by_event_,
-                       std::chrono::duration<double, std::milli>(assumed_.event).count()),
-           "set an inhibit time (sub-index 3), or say --event TIME");
+           fmt::format("{} at a change without an inhibit time: nothing says how often a frame comes, so neither {} "
+                       "nor what gives way to {} has a bound: {}",
+                       what, endless_.size() == 1 ? "it" : "they", endless_.size() == 1 ? "it" : "them",
+                       first_of(endless_)),
+           "set an inhibit time (sub-index 3), write inhibit = \"10 ms\" into the slot, or say --event TIME");
+    }
+  }
+
+  void tell_queues() {
+    std::vector<std::string> unknown;
+    for (const auto& sender : line().senders) {
+      if (sender.queue == analysis::Queue::unknown && sender.name != "master") unknown.push_back(sender.name);
+    }
+    if (line().senders[master_].queue == analysis::Queue::unknown && bus_.own_port &&
+        bus_.role != design::Role::observer) {
+      note("",
+           "Berth's own frames wait in order, but a controller with several transmit buffers may send those that it "
+           "holds by identifier: the worse is taken for each");
+    }
+    if (unknown.empty()) return;
+    note("",
+         fmt::format("it is not known in which order {} {} (by identifier, or as they came): the worse is taken for "
+                     "each: {}",
+                     unknown.size() == 1 ? "a device" : fmt::format("{} devices", unknown.size()),
+                     unknown.size() == 1 ? "sends its frames" : "send their frames", first_of(unknown)),
+         "write queue = \"priority\" or \"in-order\" into the slot");
+  }
+
+  static std::string first_of(const std::vector<std::string>& names) {
+    constexpr std::size_t most = 3;
+    std::string made;
+    for (std::size_t i = 0; i < std::min(most, names.size()); ++i) made += (i == 0 ? "" : ", ") + names[i];
+    return names.size() > most ? made + fmt::format(" and {} more", names.size() - most) : made;
   }
 
   void tell_links() {
@@ -268,11 +346,13 @@ class Collector {
   design::Slot own_slot_;  // of `own_`
   std::optional<Device> own_;
   std::vector<const design::Link*> carried_;
+  std::vector<std::optional<std::optional<ObjectRef>>> meant_;  // by link: where it begins; inside none: no object
   rt::Duration sync_{0};
+  std::uint32_t sync_key_ = linker::default_sync_key;
   std::string sync_producer_;
   std::size_t master_ = 0;
-  unsigned by_timer_ = 0;
-  unsigned by_event_ = 0;
+  std::vector<std::string> promised_;  // TPDOs whose least interval the machine file says
+  std::vector<std::string> endless_;   // TPDOs of which nothing says it
 };
 
 }  // namespace

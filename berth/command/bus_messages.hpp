@@ -18,14 +18,16 @@ namespace berth::command {
 struct LinkPlan;  // link_network.hpp
 struct Assumptions {
   rt::Duration emcy = std::chrono::seconds(1);  ///< between two EMCYs of a device without an inhibit time (1015h)
-  rt::Duration event =
-      std::chrono::milliseconds(10);  ///< between two events of a TPDO with neither inhibit time nor timer
+  /// Between two frames of a TPDO that is sent at a change, has no inhibit time and whose slot says none; 0: not known,
+  /// and so neither it nor what gives way to it has a bound.
+  rt::Duration event{0};
   rt::Duration sdo = std::chrono::milliseconds(10);   ///< between two SDO requests on the bus
   rt::Duration nmt = std::chrono::milliseconds(100);  ///< between two NMT commands
-  /// Nodes whose frames leave in the order in which they came: slots' names; "all": every node, the master too.
+  /// Nodes whose frames leave in the order in which they came, whatever their slots say: slots' names; "all": every
+  /// node, the master too.
   std::vector<std::string> fifo{};
   bool pdos = true;                 ///< false: TPDOs are left out, and nothing is said of links
-  const LinkPlan* links = nullptr;  ///< the PDOs that `berth up` lays, without errors; null: none
+  const LinkPlan* links = nullptr;  ///< the PDOs that `berth up` lays; null: none
 };
 
 struct BusMessages {
@@ -34,9 +36,9 @@ struct BusMessages {
 };
 
 /// Heartbeats of slots and master, SYNC, TPDOs, EMCYs, NMT commands and the SDO channel between master and devices. A
-/// TPDO's period is its inhibit time, or its event timer where it has none, or its SYNCs'. A message's deadline is its
-/// period, or the shortest `[[link]]` deadline of an object that it carries; SDO and EMCY have none. LSS and RAND are
-/// the frame that may be on the wire already.
+/// TPDO's period is its inhibit time, or what its links or its slot say of it, or its SYNCs'. A heartbeat's deadline is
+/// its period, a TPDO's the shortest `[[link]]` deadline of an object that it carries, from the change to its arrival;
+/// all others have none. LSS and RAND are the frame that may be on the wire already.
 [[nodiscard]] BusMessages messages_of(const design::Machine& machine, const design::Bus& bus,
                                       const Assumptions& assumptions);
 

@@ -2,10 +2,12 @@
 // another one, whose 1F00h, 1F01h and 1F10h are written and read.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <nlohmann/json.hpp>
 
 #include "berth/base/bytes.hpp"
+#include "berth/command/can_id_text.hpp"
 #include "berth/command/objects.hpp"
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
@@ -83,15 +85,33 @@ Json channel_json(const SdoConnection& c, double left_s) {
           {"server", c.server.value()},
           {"client_object", index_text(c.client_object)},
           {"server_object", index_text(c.server_object)},
-          {"request", fmt::format("0x{:03X}", c.ids.request)},
-          {"response", fmt::format("0x{:03X}", c.ids.response)},
+          {"request", can_id_text(c.ids.request)},
+          {"response", can_id_text(c.ids.response)},
           {"lease_s", left_s}};
 }
 
+std::string channel_line(const SdoConnection& c, const std::string& until) {
+  return fmt::format("{:>3} -> {:>3}  {} of the client, {} of the server, {:03X}h and {:03X}h, {}", c.client.value(),
+                     c.server.value(), index_text(c.client_object), index_text(c.server_object), c.ids.request,
+                     c.ids.response, until);
+}
+
 std::string channel_line(const SdoConnection& c, double left_s) {
-  return fmt::format("{:>3} -> {:>3}  {} of the client, {} of the server, {:03X}h and {:03X}h, {:.0f} s left",
-                     c.client.value(), c.server.value(), index_text(c.client_object), index_text(c.server_object),
-                     c.ids.request, c.ids.response, left_s);
+  return channel_line(c, fmt::format("{:.0f} s left", left_s));
+}
+
+// Those of the machine file: no manager gives or takes them.
+Json planned_channels(const design::Bus& bus, std::vector<std::string>& lines) {
+  Json all = Json::array();
+  for (const auto& each : bus.channels) {
+    const SdoConnection planned{
+        each.client, each.server, each.client_object, each.server_object, {each.request, each.request + 1}};
+    Json json = channel_json(planned, 0);
+    json.erase("lease_s");
+    all.push_back(std::move(json));
+    lines.push_back(channel_line(planned, "planned"));
+  }
+  return all;
 }
 
 double lease_left(Network& network, const SdoConnection& c) {
@@ -101,7 +121,7 @@ double lease_left(Network& network, const SdoConnection& c) {
 const char* const no_manager =
     "Berth is not the SDO manager of this bus: it only observes it, or another master is active";
 const char* const nothing_watches =
-    "nothing takes it back when its lease is over: that does a running `berth up`, or `berth sdo release`";
+    "nothing releases it when its lease ends: keep `berth up` running, or use `berth sdo release`";
 
 // ---- another manager ------------------------------------------------------------------------------------------------
 
@@ -119,7 +139,8 @@ rt::Task<void> ask_another(Session& session, const ChannelWish& wish, bool conne
   const std::uint16_t object = connects ? request_sdo : release_sdo;
   const std::string where = fmt::format("the SDO manager at node {} ({})", at.text(), index_text(object));
   const auto asked = co_await objects.write_u32(object, 0, word);
-  if (!asked) co_return fail_with(reply, asked.error(), where, "a node that is no SDO manager, or not active, refuses");
+  if (!asked)
+    co_return fail_with(reply, asked.error(), where, "a node that is not an SDO manager, or not active, refuses");
   const rt::Time limit = wish.network->services().executor.now() + 10 * wish.network->bus().timing.sdo_timeout;
   std::uint32_t state = 0;
   do {
@@ -134,14 +155,14 @@ rt::Task<void> ask_another(Session& session, const ChannelWish& wish, bool conne
   const bool good = ended == (connects ? ChannelState::connected : ChannelState::released);
   if (!good) {
     co_return refuse(reply, 1, where + (ended == ChannelState::under_way ? ": it has not ended yet" : ": it failed"),
-                     "a party that is away, or has no free channel object, is why");
+                     "one of the two nodes is absent, or has no free channel object");
   }
   Json json = channel_head(wish);
   json["manager"] = wish.manager.value();
   const auto of_client = static_cast<std::uint16_t>(state >> lease_at);
   if (connects) json["client_object"] = index_text(of_client);
   give(reply, json,
-       {connects ? fmt::format("{} -> {}: its CAN-IDs stand in {} of the client", wish.client.value(),
+       {connects ? fmt::format("{} -> {}: its CAN-IDs are in {} of the client", wish.client.value(),
                                wish.server.value(), index_text(of_client))
                  : fmt::format("{} -> {}: released", wish.client.value(), wish.server.value())});
 }
@@ -177,11 +198,19 @@ rt::Task<void> sdo_release(Session& session, const Request& request, Reply& repl
   if (wish->manager.configured()) co_return co_await ask_another(session, *wish, connects, reply);
   SdoManager* const manager = wish->network->services().channels->manager_for_request();
   if (manager == nullptr) co_return refuse(reply, 1, no_manager, "name another manager by --request NODE-ID");
+  const auto& planned = wish->network->bus().channels;
+  const bool stands =
+      std::ranges::any_of(planned, [&](const auto& c) { return c.client == wish->client && c.server == wish->server; });
+  if (stands) {
+    co_return refuse(reply, 1,
+                     fmt::format("{} -> {} stands in the machine file", wish->client.value(), wish->server.value()),
+                     "take its [[channel]] out of it; the devices keep what they saved until they are configured anew");
+  }
   const auto done = co_await manager->disconnect(wish->client, wish->server);
   if (!done) {
     co_return fail_with(reply, done.error(),
                         fmt::format("the channel of node {} to node {}", wish->client.value(), wish->server.value()),
-                        "`berth sdo channels` lists those there are");
+                        "`berth sdo channels` lists them");
   }
   give(reply, channel_head(*wish), {fmt::format("{} -> {}: released", wish->client.value(), wish->server.value())});
 }
@@ -196,6 +225,7 @@ rt::Task<void> sdo_channels(Session& session, const Request& request, Reply& rep
   json["bus"] = wish->network->bus().name;
   json["channels"] = Json::array();
   std::vector<std::string> lines;
+  json["planned"] = planned_channels(wish->network->bus(), lines);
   for (const auto& each : manager->connections().all()) {
     const double left = lease_left(*wish->network, each);
     json["channels"].push_back(channel_json(each, left));
@@ -205,7 +235,7 @@ rt::Task<void> sdo_channels(Session& session, const Request& request, Reply& rep
   for (std::uint8_t id = 1; id < 128; ++id) {
     if (!manager->unread(NodeId(id))) continue;
     json["unread"].push_back(id);
-    lines.push_back(fmt::format("node {} did not answer: what channels it has is not known", id));
+    lines.push_back(fmt::format("node {} did not answer: its channels are not known", id));
   }
   if (lines.empty()) lines.emplace_back("no channels");
   give(reply, json, std::move(lines));

@@ -64,7 +64,7 @@ bool RemoteCommands::came(const std::string& bus, const std::string& text, opera
   if (error.empty()) error = why_not(session_.machine(), bus, request);
   if (error.empty() && known->parameter("bus") != nullptr) {
     const auto [named, fresh] = request.arguments.try_emplace("bus", bus);
-    if (!fresh && named->second != bus) error = "a command that comes by a bus is for that bus";
+    if (!fresh && named->second != bus) error = "a command from a bus is only for that bus";
   }
   if (!error.empty()) {
     confirm(false, refusal(2, error).json);

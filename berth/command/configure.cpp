@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "berth/base/counted.hpp"
 #include "berth/command/arguments.hpp"
 #include "berth/command/differences.hpp"
 #include "berth/command/permission.hpp"
@@ -68,9 +69,8 @@ void give_result(Reply& reply, const std::vector<SlotConfiguration>& slots, bool
   give(reply, json, std::move(lines));
   reply.status = wrong == 0 ? 0 : 1;
   if (wrong != 0) {
-    reply.error =
-        fmt::format("{} of {} slots {} not as {} file{} {} it", wrong, slots.size(), wrong == 1 ? "is" : "are",
-                    wrong == 1 ? "its" : "their", wrong == 1 ? "" : "s", wrong == 1 ? "has" : "have");
+    reply.error = fmt::format("{} of {} {}", wrong, counted(slots.size(), "slot"),
+                              wrong == 1 ? "differs from its file" : "differ from their files");
   }
 }
 
@@ -82,12 +82,11 @@ std::string read_wish(Session& session, const Request& request, Wish& wish) {
   const std::string bus = arguments.text("bus");
   const std::string slot = arguments.text("slot");
   if (!slot.empty()) {
-    Network* const network = network_of_slot(session, bus, slot, wish.slot);
-    if (network == nullptr) {
-      return fmt::format("the machine has no slot {}, or several; name it as the machine file does",
-                         text::quoted(slot));
-    }
-    wish.networks = {network};
+    const auto meant =
+        own_slot(session, bus, slot, "`berth up` brings its configuration into the gateway, whose master writes it");
+    if (!meant) return meant.error();
+    wish.slot = meant->name;
+    wish.networks = {meant->network};
   } else if (!bus.empty()) {
     Network* const network = session.network(bus);
     if (network == nullptr) return fmt::format("the machine has no bus {}", text::quoted(bus));

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "berth/base/counted.hpp"
 #include "berth/command/audit.hpp"
 #include "berth/command/objects.hpp"
 #include "berth/command/permission.hpp"
@@ -81,7 +82,7 @@ Disturbed by_sdo(Session& session, const Request& request) {
   });
   if (!arguments.good() || !network || !stores) return {};
   return disturbed_at(session, **network, wanted.node.gateways, wanted.node.node,
-                      "writes its memory while it works; some devices are deaf meanwhile");
+                      "writes its memory while it works; some devices receive nothing while they write");
 }
 
 Disturbed by_lss(Session& session, const Request& request) {
@@ -116,7 +117,7 @@ Disturbed by_memory(Session& session, const Request& request) {
   const auto network = network_for(session, node.bus, Use::look);
   if (!arguments.good() || !network) return {};
   return disturbed_at(session, **network, node.gateways, node.node,
-                      "writes its memory while it works; some devices are deaf meanwhile");
+                      "writes its memory while it works; some devices receive nothing while they write");
 }
 
 Disturbed by_program(Session& session, const Request& request) {
@@ -205,9 +206,9 @@ bool confirmed_from_scratch(Session& session, const Request& request, Reply& rep
     bound += static_cast<std::size_t>(std::ranges::count_if(slots, [](const auto& s) { return s.device.has_value(); }));
   }
   unconfirmed(reply, {{"bound", bound}},
-              fmt::format("all devices stop, and every node-ID that LSS can change is taken from them; {} slots are "
-                          "bound now; nothing was sent; confirm it with --yes",
-                          bound));
+              fmt::format("all devices stop, and every node-ID that LSS can change is taken from them; {} bound now; "
+                          "nothing was sent; confirm it with --yes",
+                          counted(bound, "slot")));
   return false;
 }
 

@@ -14,6 +14,8 @@
 #include <chrono>
 #include <cstdlib>
 #include <cstring>
+#include <fstream>
+#include <iterator>
 #include <optional>
 
 #include "berth/command/verbs.hpp"
@@ -92,7 +94,7 @@ std::string untrusted_folder(const std::string& path) {
   if (!ours_by_name || ::lstat(folder.c_str(), &itself) != 0) return {};
   const bool safe = S_ISDIR(itself.st_mode) && itself.st_uid == ::getuid() && (itself.st_mode & 0077U) == 0;
   return safe ? std::string()
-              : fmt::format("{}: this folder is not this user's alone; remove it or give --control", folder);
+              : fmt::format("{}: other users have access to this folder; remove it or give --control", folder);
 }
 
 std::string make_folder(const std::string& path) {
@@ -198,29 +200,96 @@ tl::expected<int, std::string> control_follow(const std::string& path) {
   return fd.release();
 }
 
-tl::expected<Reply, std::string> control_call(const std::string& path, const Request& request, int timeout_ms) {
+namespace {
+
+/// Whether a process is stopped, as by Ctrl-Z. The state stands behind the name, which may hold anything.
+bool is_stopped(pid_t process) {
+  std::ifstream file(fmt::format("/proc/{}/stat", process));
+  const std::string text((std::istreambuf_iterator<char>(file)), {});
+  const auto name_end = text.rfind(')');
+  const char state = name_end != std::string::npos && name_end + 2 < text.size() ? text[name_end + 2] : '?';
+  return state == 'T' || state == 't';
+}
+
+/// Lines of an answer, one after the other.
+class Answers {
+ public:
+  Answers(int fd, const std::string& path, int timeout_ms, const std::function<bool()>& goes_on)
+      : fd_(fd),
+        path_(path),
+        timeout_ms_(timeout_ms),
+        end_(Clock::now() + std::chrono::milliseconds(timeout_ms)),
+        goes_on_(goes_on) {
+    if (const auto peer = peer_of(fd)) process_ = peer->pid;
+  }
+  [[nodiscard]] Deadline end() const noexcept { return end_; }
+  tl::expected<std::string, std::string> next() {
+    for (;;) {
+      const auto line_end = text_.find('\n');
+      if (line_end != std::string::npos) {
+        std::string line = text_.substr(0, line_end);
+        text_.erase(0, line_end + 1);
+        return line;
+      }
+      if (text_.size() > longest_answer) return problem("the answer has more than {} bytes", longest_answer);
+      if (!await()) {
+        if (is_stopped(process_)) {
+          return problem(
+              "process {} runs this machine and is stopped (Ctrl-Z): `kill -CONT {}`, or `fg` in its "
+              "terminal, lets it go on",
+              process_, process_);
+        }
+        if (Clock::now() >= end_) return problem("no answer within {} ms; give a longer --timeout", timeout_ms_);
+        if (goes_on_ && !goes_on_()) return problem("ended before the answer came");
+        continue;
+      }
+      std::array<char, 65536> buffer;
+      const auto n = ::recv(fd_, buffer.data(), buffer.size(), 0);
+      if (n < 0 && (errno == EINTR || errno == EAGAIN)) continue;
+      if (n <= 0) return problem("the running `berth up` ended before it answered");
+      text_.append(buffer.data(), static_cast<std::size_t>(n));
+    }
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  [[nodiscard]] bool await() const {
+    constexpr auto to_stopped = std::chrono::milliseconds(500);  // at whether the process is stopped
+    constexpr auto to_goes_on = std::chrono::milliseconds(50);
+    return ready(fd_, POLLIN, std::min(end_, Clock::now() + (goes_on_ ? to_goes_on : to_stopped)));
+  }
+  template <class... Values>
+  [[nodiscard]] tl::unexpected<std::string> problem(fmt::format_string<Values...> words, Values&&... values) const {
+    return tl::unexpected(path_ + ": " + fmt::format(words, std::forward<Values>(values)...));
+  }
+  int fd_;
+  const std::string& path_;
+  int timeout_ms_;
+  Deadline end_;
+  const std::function<bool()>& goes_on_;  // may be empty
+  pid_t process_ = 0;
+  std::string text_;
+};
+
+}  // namespace
+
+tl::expected<Reply, std::string> control_call(const std::string& path, const Request& request, int timeout_ms,
+                                              const std::function<void(const std::string& line)>& on_progress,
+                                              const std::function<bool()>& goes_on) {
   const auto made = connected_to(path);
   if (!made) return tl::unexpected(made.error());
   const Descriptor fd(*made);
-  const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(timeout_ms);
-  const auto problem = give(fd.get(), to_json(request) + "\n", end);
+  Answers answers(fd.get(), path, timeout_ms, goes_on);
+  const auto problem = give(fd.get(), to_json(request) + "\n", answers.end());
   if (!problem.empty() && problem != reason(EPIPE))  // one that has hung up may have said why
     return tl::unexpected(fmt::format("{}: the request could not be sent: {}", path, problem));
-  std::string answer;
   for (;;) {
-    if (answer.size() > longest_answer)
-      return tl::unexpected(fmt::format("{}: an answer of more than {} bytes is none", path, longest_answer));
-    if (!ready(fd.get(), POLLIN, end))
-      return tl::unexpected(fmt::format("{}: no answer within {} ms; give a longer --timeout", path, timeout_ms));
-    std::array<char, 65536> buffer;
-    const auto n = ::recv(fd.get(), buffer.data(), buffer.size(), 0);
-    if (n < 0 && (errno == EINTR || errno == EAGAIN)) continue;
-    if (n <= 0) return tl::unexpected(fmt::format("{}: the running `berth up` ended before it answered", path));
-    const auto line_end = std::find(buffer.begin(), buffer.begin() + n, '\n');
-    answer.append(buffer.begin(), line_end);
-    if (line_end != buffer.begin() + n) break;
+    const auto line = answers.next();
+    if (!line) return tl::unexpected(line.error());
+    const auto progress = parse_progress(*line);
+    if (!progress) return parse_reply(*line);
+    if (on_progress) on_progress(*progress);
   }
-  return parse_reply(answer);
 }
 
 // ---- the serving side ----
@@ -274,7 +343,7 @@ tl::expected<std::unique_ptr<ControlServer>, std::string> ControlServer::listen(
   }
   struct stat status {};
   if (::lstat(path.c_str(), &status) == 0) {
-    if (!S_ISSOCK(status.st_mode)) return tl::unexpected(path + ": there is a file of this name that is no socket");
+    if (!S_ISSOCK(status.st_mode)) return tl::unexpected(path + ": there is a file of this name that is not a socket");
     ::unlink(path.c_str());
   }
   Descriptor fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
@@ -374,6 +443,13 @@ void ControlServer::begin(Client& client) {
     return;
   }
   client.busy = true;
+  client.reply = {};
+  if (client.request.progress) {
+    client.reply.progress = [this, &client](const std::string& told) {
+      if (client.out.size() < most_behind) client.out += progress_json(told) + "\n";
+      answering_.post();
+    };
+  }
   client.answered = client.request.verb.empty();
   if (client.answered) {
     client.reply = refusal(2, problem);
@@ -386,6 +462,7 @@ void ControlServer::begin(Client& client) {
 bool ControlServer::write_to(Client& client) {
   if (client.busy && client.answered) {
     client.out += to_json(client.reply) + "\n";
+    client.reply.progress = {};
     client.busy = client.answered = false;
   }
   while (!client.out.empty()) {

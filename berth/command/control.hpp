@@ -31,9 +31,12 @@ namespace berth::command {
 
 /// Sends `request` to the process that listens at `path` and waits for the answer. A failure is told in words: no
 /// process there, no answer in `timeout_ms`, another user's folder or process, an answer beyond 16 MiB. Nothing is sent
-/// to a stranger.
-[[nodiscard]] tl::expected<Reply, std::string> control_call(const std::string& path, const Request& request,
-                                                            int timeout_ms);
+/// to a stranger. A process that is stopped (Ctrl-Z) is told at once. `on_progress`: lines on the way, where the
+/// request wants them. `goes_on` is asked some twenty times a second meanwhile: false gives the answer up, and the
+/// other end breaks off what it did for it.
+[[nodiscard]] tl::expected<Reply, std::string> control_call(
+    const std::string& path, const Request& request, int timeout_ms,
+    const std::function<void(const std::string& line)>& on_progress = {}, const std::function<bool()>& goes_on = {});
 
 /// A process accepts connections at `path`.
 [[nodiscard]] bool control_answers(const std::string& path);

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "berth/can/frame.hpp"
+#include "berth/command/can_id_text.hpp"
 
 namespace berth::command {
 
@@ -38,6 +39,8 @@ doctor::Expected expected_on(const design::Machine& machine, const design::Bus& 
   e.heartbeat_period = bus.timing.heartbeat_period;
   e.heartbeat_timeout = bus.timing.heartbeat_timeout;
   e.bit_rate = bus.bitrate;
+  e.predefined_pdos = machine.links.empty() &&
+                      std::ranges::all_of(e.slots, [](const places::SlotSpec& slot) { return slot.config.empty(); });
   return e;
 }
 
@@ -64,7 +67,7 @@ Json finding_json(const doctor::Diagnosis& d, const std::string& bus) {
     j["node"] = nullptr;
   }
   if (!d.slot.empty()) j["slot"] = d.slot;
-  if (d.cob_id) j["cob_id"] = hex(*d.cob_id & ~can::extended_flag, 3);
+  if (d.cob_id) j["cob_id"] = can_id_text(*d.cob_id);
   if (!d.devices.empty()) {
     j["devices"] = Json::array();
     for (const auto& device : d.devices) j["devices"].push_back(to_string(device));

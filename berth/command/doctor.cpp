@@ -6,6 +6,7 @@
 #include <list>
 #include <nlohmann/json.hpp>
 
+#include "berth/base/counted.hpp"
 #include "berth/command/diagnosis.hpp"
 #include "berth/command/objects.hpp"
 #include "berth/command/permission.hpp"
@@ -118,9 +119,8 @@ void conclude(Session& session, bool all, const std::list<Patient>& patients, Js
     for (const auto& beneath : session.machine().beneath) json["without_port"].push_back(beneath.name);
   }
   const auto found = json["findings"].size();
-  lines.push_back(fmt::format("{} in {:.1f} s on {} bus{}",
-                              found == 0 ? "nothing wrong" : fmt::format("{} findings", found),
-                              json["listened_s"].get<double>(), patients.size(), patients.size() == 1 ? "" : "es"));
+  lines.push_back(fmt::format("{} in {:.1f} s on {}", found == 0 ? "nothing wrong" : counted(found, "finding"),
+                              json["listened_s"].get<double>(), counted(patients.size(), "bus", "buses")));
   give(reply, json, std::move(lines));
   reply.status = found == 0 ? 0 : 1;
   if (json["problems"].empty()) return;

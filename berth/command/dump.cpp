@@ -6,6 +6,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "berth/base/counted.hpp"
 #include "berth/co/sdo_client.hpp"
 #include "berth/command/notes.hpp"
 #include "berth/command/objects.hpp"
@@ -140,12 +141,13 @@ struct Dump {
   void value(const KnownObject& object, std::span<const std::uint8_t> bytes) {
     ++read;
     Json json = head(object);
-    put_value(json, object, bytes);
+    const KnownObject shown = notes.shown(object);
+    put_value(json, shown, bytes);
     const std::string should = expected.put(json, object, bytes);
     const Note note = notes.of(object.ref);
     put_note(json, note, object.type, bytes);
     objects.push_back(std::move(json));
-    line(object, value_text(object, bytes) + note_text(note, object.type, bytes) + should);
+    line(object, value_text(shown, bytes) + note_text(note, shown, bytes) + should);
   }
 
   void abort(const KnownObject& object, std::uint32_t code) {
@@ -211,7 +213,7 @@ rt::Task<void> sdo_dump(Session& session, const Request& request, Reply& reply) 
       continue;
     }
     const Error& error = answer.error();
-    if (gives_up) co_return fail_silent(reply, error, bus);
+    if (gives_up) co_return fail_silent(reply, error, bus, wanted);
     if (description == nullptr && is_absent(error)) continue;
     if (error.code == Errc::aborted) {
       dump.abort(object, error.detail);
@@ -227,7 +229,8 @@ rt::Task<void> sdo_dump(Session& session, const Request& request, Reply& reply) 
   json["read"] = dump.read;
   json["refused"] = dump.refused;
   json["objects"] = std::move(dump.objects);
-  dump.lines.push_back(fmt::format("node {}: {} values read, {} refused{}", wanted.text(), dump.read, dump.refused,
+  dump.lines.push_back(fmt::format("node {}: {} read, {} refused{}", wanted.text(), counted(dump.read, "value"),
+                                   dump.refused,
                                    description != nullptr ? ""
                                                           : "; no description is known: only CiA 301's objects were "
                                                             "asked for (eds = of the slot, or --eds)"));

@@ -3,9 +3,9 @@
 
 #include <fmt/format.h>
 
-#include <array>
 #include <nlohmann/json.hpp>
 
+#include "berth/base/counted.hpp"
 #include "berth/co/sdo_client.hpp"
 #include "berth/command/objects.hpp"
 #include "berth/command/permission.hpp"
@@ -16,17 +16,6 @@
 
 namespace berth::command {
 namespace {
-
-// CiA 301 §7.5.2.2.
-std::string register_words(std::uint8_t bits) {
-  static constexpr std::array<const char*, 8> names{"generic",       "current",        "voltage",  "temperature",
-                                                    "communication", "device profile", "reserved", "manufacturer"};
-  std::string text;
-  for (unsigned i = 0; i < names.size(); ++i) {
-    if ((bits >> i & 1U) != 0) text += fmt::format("{}{}", text.empty() ? "" : ", ", names[i]);
-  }
-  return text.empty() ? "no error" : text;
-}
 
 std::uint32_t number(const co::SdoValue& value) {
   std::uint32_t number = 0;
@@ -83,7 +72,7 @@ class Ear final : private co::EmcyConsumer::Observer {
     json["info"] = hex_bytes(message.info);
     heard_.push_back(std::move(json));
     lines_.push_back(fmt::format("{:9.3f} s  node {}  {:04X}h  {}; register: {}; info {}", operate::seconds(at),
-                                 node.value(), message.code, text, register_words(message.error_register),
+                                 node.value(), message.code, text, decode::register_words(message.error_register),
                                  hex_bytes(message.info)));
   }
   NodeId only_;
@@ -121,7 +110,7 @@ rt::Task<void> listen(Session& session, const NodeArgument& node, std::uint32_t 
   json["listened_s"] = seconds;
   json["messages"] = ear.heard();
   auto lines = ear.lines();
-  lines.push_back(fmt::format("{} emergency messages in {} s", ear.heard().size(), seconds));
+  lines.push_back(fmt::format("{} in {} s", counted(ear.heard().size(), "emergency message"), seconds));
   give(reply, json, std::move(lines));
 }
 
@@ -144,7 +133,7 @@ rt::Task<void> emcy(Session& session, const Request& request, Reply& reply) {
   const co::SdoOptions how = bus.services().sdo.options();
   co::SdoAccess& device = objects_of(session, bus, node, how, direct);
   const auto state = co_await device.read(0x1001, 0);
-  if (!state) co_return fail_with(reply, state.error(), where, "`berth scan` shows who answers", node.path());
+  if (!state) co_return fail_with(reply, state.error(), where, "`berth scan` shows which devices answer", node.path());
   const auto bits = static_cast<std::uint8_t>(number(*state));
   const std::uint16_t profile = co_await profile_of(device);
   Told told;
@@ -158,10 +147,10 @@ rt::Task<void> emcy(Session& session, const Request& request, Reply& reply) {
   if (!node.gateways.empty()) json["path"] = node.text();
   json["profile"] = profile;
   json["register"] = hex(bits, 2);
-  json["text"] = register_words(bits);
+  json["text"] = decode::register_words(bits);
   json["history"] = none ? Json() : told.history;
   std::vector<std::string> lines{fmt::format("node {}  1001h:00  {:02X}h  {}{}", node.text(), bits,
-                                             register_words(bits),
+                                             decode::register_words(bits),
                                              profile == 0 ? "" : fmt::format("  (device profile CiA {})", profile))};
   lines.insert(lines.end(), told.lines.begin(), told.lines.end());
   if (told.lines.empty()) lines.push_back(none ? "  it keeps no history (1003h)" : "  its history (1003h) is empty");

@@ -36,7 +36,8 @@ Frames download_frames(const Request& request, const design::Machine& machine, s
   }
   const auto& bytes = wanted.values.front();
   if (bytes.size() > 4 || bytes.empty()) {
-    problem = "a value of no or more than four bytes goes in segments, which depend on the device's answers";
+    problem =
+        "an empty value, or one of more than four bytes, is sent in segments, which depend on the device's answers";
     return {};
   }
   const auto unused = static_cast<unsigned>(4 - bytes.size());

@@ -14,6 +14,7 @@
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
+#include "berth/command/slot_status.hpp"
 #include "berth/text/columns.hpp"
 
 namespace berth::command {
@@ -152,8 +153,15 @@ void tell_report(places::SlotStore& store, const design::Machine& machine, const
     line.state = line.device ? places::SlotState::unknown : places::SlotState::empty;
     report.slots.push_back(std::move(line));
   }
-  reply.json = to_json(report, -1);
-  reply.lines = operate::to_table(report.slots);
+  if (arguments.has("slot")) {
+    const auto slot = wanted_slot(machine, request);
+    if (!slot) return refuse(reply, 2, slot.error());
+    const auto index = static_cast<std::size_t>(*slot - machine.slots.data());  // in the same order
+    tell_slot(report, report.slots[index], {}, machine, store, std::nullopt, reply);
+  } else {
+    reply.json = to_json(report, -1);
+    reply.lines = operate::to_table(report.slots);
+  }
   reply.lines.emplace_back("this is what the slot table knows: no process runs the machine");
   reply.status = 1;
 }

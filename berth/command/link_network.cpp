@@ -45,9 +45,12 @@ class Builder {
     linker::Bus made{.name = bus.name, .master = {}};
     if (bus.role != design::Role::observer) made.master = bus.master;
     made.others = std::move(found.line);
+    for (const auto& channel : bus.channels)
+      made.channels.insert(made.channels.end(), {channel.request, channel.request + 1});
     for (const auto& message : made.others.messages) {
-      if (message.name == "SYNC")
-        made.sync = made.sync.count() == 0 ? message.period : std::min(made.sync, message.period);
+      if (message.name != "SYNC") continue;
+      made.sync = made.sync.count() == 0 ? message.period : std::min(made.sync, message.period);
+      made.sync_key = message.key;
     }
     return made;
   }
@@ -91,6 +94,7 @@ class Builder {
 
   linker::Node node_of(const design::Slot& slot) {
     linker::Node node{.name = slot.spec.name.name, .id = slot.spec.id};
+    node.interval = slot.inhibit.value_or(rt::Duration(0));
     const auto& buses = made_.network.buses;
     const auto bus = std::ranges::find(buses, slot.spec.name.bus, &linker::Bus::name);
     node.bus = static_cast<std::size_t>(bus - buses.begin());
@@ -145,6 +149,7 @@ class Builder {
     linker::Link made{.from = end_of(link.from), .to = {}, .transmission = link.transmission, .type = link.type};
     for (const auto& end : link.to) made.to.push_back(end_of(end));
     if (link.deadline) made.deadline = *link.deadline;
+    if (link.inhibit) made.inhibit = *link.inhibit;
     made.place = {link.place.line, link.place.column};
     return made;
   }

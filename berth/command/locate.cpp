@@ -34,9 +34,10 @@ Target target_of(Session& session, const std::string& bus, const std::string& wo
     if (!network) return {nullptr, {}, {}, network.error()};
     return {*network, *address, {}, {}};
   }
-  std::string name;
-  target.network = network_of_slot(session, bus, word, name);
-  if (target.network != nullptr) {
+  const auto slot = own_slot(session, bus, word, "its own master has LSS and NMT there");
+  if (slot) {
+    const std::string& name = slot->name;
+    target.network = slot->network;
     target.device = device_of(*target.network, name);
     const auto id = text::parse_ranges(word, 1, 127);
     if (!target.device && id && id->size() == 1) target.id = NodeId(static_cast<std::uint8_t>(id->front()));
@@ -50,9 +51,7 @@ Target target_of(Session& session, const std::string& bus, const std::string& wo
     return target;
   }
   const auto id = text::parse_ranges(word, 1, 127);
-  if (!id || id->size() != 1) {
-    return {nullptr, {}, {}, fmt::format("{} is no slot, LSS address or node-ID", text::quoted(word))};
-  }
+  if (!id || id->size() != 1) return {nullptr, {}, {}, slot.error() + "; or give an LSS address or a node-ID"};
   const auto network = network_for(session, bus, Use::send);
   if (!network) return {nullptr, {}, {}, network.error()};
   return {*network, {}, NodeId(static_cast<std::uint8_t>(id->front())), {}};
@@ -83,9 +82,8 @@ rt::Task<void> locate(Session& session, const Request& request, Reply& reply) {
   const auto shown = co_await network.locate(device, time, anyway);
   if (!shown) {
     const bool runs = shown.error().code == Errc::invalid;
-    co_return fail_with(
-        reply, shown.error(), where,
-        runs ? "stop it first (`berth nmt preop`), or give --anyway: it goes on working meanwhile" : "");
+    co_return fail_with(reply, shown.error(), where,
+                        runs ? "stop it first (`berth nmt preop`), or give --anyway: the device runs on" : "");
   }
   Json json;
   json["bus"] = network.bus().name;

@@ -82,7 +82,7 @@ rt::Task<void> global(Network& network, lss::State state, Reply& reply) {
   const char* const word = state == lss::State::waiting ? "waiting" : "configuration";
   Json json = start_json(network, "global");
   json["state"] = word;
-  give(reply, json, {fmt::format("all devices are told to be in LSS {} state", word)});
+  give(reply, json, {fmt::format("all devices were switched to LSS {} state", word)});
 }
 
 rt::Task<void> select_one(Network& network, LssAddress device, Reply& reply) {
@@ -211,7 +211,7 @@ rt::Task<void> configure_node_id(Network& network, const NewId& wanted, NodeId o
   json["takes_effect"] = reset ? "reset communication" : "now";
   std::vector<std::string> lines{fmt::format("{}: node-ID {}{}", named(wanted.device), wanted.id.value(),
                                              wanted.store ? ", stored" : ", not stored: lost when it is switched off")};
-  if (reset) lines.push_back(fmt::format("it counts after: berth nmt reset-comm {}", old.value()));
+  if (reset) lines.push_back(fmt::format("in use after: berth nmt reset-comm {}", old.value()));
   give(reply, json, std::move(lines));
 }
 
@@ -373,7 +373,7 @@ LssArguments lss_arguments(const Request& request, std::string& problem) {
   } else if (r.service == "activate") {
     r.delay_ms = static_cast<std::uint16_t>(a.number("delay", 0, 0xFFFF));
     r.rate = a.number("rate", 1, 1'000'000, 0);
-    if (r.rate != 0 && !lss::bit_rate_index(r.rate)) a.wrong(fmt::format("{} bit/s is no CANopen bit rate", r.rate));
+    if (r.rate != 0 && !lss::bit_rate_index(r.rate)) a.wrong(fmt::format("{} bit/s is not a CANopen bit rate", r.rate));
   } else if (r.service == "identify") {
     constexpr std::uint32_t top = 0xFFFF'FFFF;
     r.ranges = {a.number("vendor", 0, top),          a.number("product", 0, top),

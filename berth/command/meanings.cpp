@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "berth/base/words.hpp"
+#include "berth/od/mapping_text.hpp"
 #include "berth/od/notation.hpp"
 #include "berth/text/quantity.hpp"
 
@@ -89,7 +90,7 @@ Checked<std::uint64_t> raw_of_quantity(const KnownObject& object, const Quantity
                                        NodeId node) {
   const od::Meaning& meaning = *object.meaning;
   const auto value = decimal(parts.number);
-  if (!value) return tl::unexpected(fmt::format("value {} is no number of {}", text::quoted(text), meaning.unit));
+  if (!value) return tl::unexpected(fmt::format("value {} is not a number of {}", text::quoted(text), meaning.unit));
   if (od::is_real(object.type)) {
     const double counts = std::stod(std::string(parts.number)) / scale_of(meaning);
     const auto parsed = od::parse(object.type, fmt::format("{}", counts));
@@ -98,7 +99,7 @@ Checked<std::uint64_t> raw_of_quantity(const KnownObject& object, const Quantity
   }
   const auto counts = counts_of(meaning, *value);
   if (!counts) {
-    return tl::unexpected(fmt::format("value {} is no multiple of {}, which {} counts in", text::quoted(text),
+    return tl::unexpected(fmt::format("value {} is not a multiple of {}, the unit of {}", text::quoted(text),
                                       one_count(meaning), od::write_object(object.ref)));
   }
   const bool fits = value->negative ? od::is_signed(object.type) && *counts <= (1ULL << 63U)
@@ -183,6 +184,7 @@ std::string quantity_text(const KnownObject& object, std::span<const std::uint8_
 }
 
 std::string value_name(const KnownObject& object, std::span<const std::uint8_t> bytes) {
+  if (auto mapped = od::mapping_text(object.ref, bytes); !mapped.empty()) return mapped;
   const bool known = object.meaning != nullptr && object.type_is_described();
   if (!known || bytes.size() != od::byte_size(object.type)) return {};
   const auto raw = od::load(object.type, bytes.data());
@@ -206,11 +208,11 @@ std::optional<Checked<std::uint64_t>> raw_meant(const KnownObject& object, const
   if (number && !parts.unit.empty() && !meaning.unit.empty()) {
     if (same_word(parts.unit, meaning.unit)) return raw_of_quantity(object, parts, text, node);
     if (od::parse(object.type, text)) return std::nullopt;  // "0x1F", "1e3"
-    return Answer(tl::unexpected(fmt::format("value {}: {} counts in {}; write that unit, or the number by itself",
+    return Answer(tl::unexpected(fmt::format("value {}: the unit of {} is {}; write that unit, or the number alone",
                                              text::quoted(text), od::write_object(object.ref), one_count(meaning))));
   }
   if (number || text.empty() || text.starts_with('$') || meaning.values.empty()) return std::nullopt;
-  return Answer(tl::unexpected(fmt::format("value {} is no value of {}; these are: {}", text::quoted(text),
+  return Answer(tl::unexpected(fmt::format("value {} is not a value of {}; its values are: {}", text::quoted(text),
                                            od::write_object(object.ref), candidates(object, all_of(meaning)))));
 }
 
@@ -218,10 +220,8 @@ std::string not_allowed(const KnownObject& object, std::uint64_t raw, const std:
   if (object.meaning == nullptr || !object.type_is_described() || !object.meaning->only_these) return {};
   const auto& values = object.meaning->values;
   if (std::ranges::find(values, raw, &od::NamedValue::raw) != values.end()) return {};
-  return fmt::format(
-      "value {} is not allowed for {} by the description; these are: {}; write it all the same with "
-      "--anyway",
-      text::quoted(text), od::write_object(object.ref), candidates(object, all_of(*object.meaning)));
+  return fmt::format("value {} is not allowed for {} by the description; these are: {}; write it with --anyway",
+                     text::quoted(text), od::write_object(object.ref), candidates(object, all_of(*object.meaning)));
 }
 
 }  // namespace berth::command

@@ -22,7 +22,7 @@ struct Service {
   const char* done;
 };
 constexpr Service saves{0x1010, {'s', 'a', 'v', 'e'}, "stored"};
-constexpr Service loads{0x1011, {'l', 'o', 'a', 'd'}, "restored: in force after a reset (`berth nmt reset-node`)"};
+constexpr Service loads{0x1011, {'l', 'o', 'a', 'd'}, "restored: in use after a reset (`berth nmt reset-node`)"};
 
 // Sub-index by the group's name.
 std::uint8_t group_of(Arguments& arguments) {
@@ -33,7 +33,7 @@ std::uint8_t group_of(Arguments& arguments) {
   const auto parsed = text::parse_ranges(word, 1, 127);
   if (parsed && parsed->size() == 1) return static_cast<std::uint8_t>(parsed->front());
   arguments.wrong(
-      fmt::format("{} is no group of parameters; use all, communication, application, or a sub-index from 4 to 127 "
+      fmt::format("{} is not a group of parameters; use all, communication, application, or a sub-index from 4 to 127 "
                   "that the maker describes",
                   text::quoted(word)));
   return 1;

@@ -15,13 +15,33 @@
 
 namespace berth::command {
 
+namespace {
+
+struct NmtWord {
+  std::string_view word;
+  std::string_view also;  ///< the state that it leads to, or the short word
+  co::NmtCommand command;
+};
+constexpr std::array nmt_words{NmtWord{"start", "operational", co::NmtCommand::start},
+                               NmtWord{"stop", "stopped", co::NmtCommand::stop},
+                               NmtWord{"preop", "pre-operational", co::NmtCommand::enter_pre_operational},
+                               NmtWord{"reset-node", "reset", co::NmtCommand::reset_node},
+                               NmtWord{"reset-comm", "reset-communication", co::NmtCommand::reset_communication}};
+
+const NmtWord* nmt_word(std::string_view word) noexcept {
+  const auto* const it =
+      std::ranges::find_if(nmt_words, [word](const NmtWord& w) { return w.word == word || w.also == word; });
+  return it == nmt_words.end() ? nullptr : it;
+}
+
+}  // namespace
+
+std::string no_nmt_command(const std::string& word) {
+  if (nmt_word(word) != nullptr) return {};
+  return fmt::format("{} is not an NMT command; use start, stop, preop, reset-node or reset-comm", text::quoted(word));
+}
+
 NmtArguments nmt_arguments(Arguments& arguments, const design::Machine& machine) {
-  static constexpr std::array<std::pair<std::string_view, co::NmtCommand>, 5> commands{
-      {{"start", co::NmtCommand::start},
-       {"stop", co::NmtCommand::stop},
-       {"preop", co::NmtCommand::enter_pre_operational},
-       {"reset-node", co::NmtCommand::reset_node},
-       {"reset-comm", co::NmtCommand::reset_communication}}};
   NmtArguments nmt;
   nmt.bus = arguments.text("bus");
   nmt.word = arguments.required("command");
@@ -33,12 +53,11 @@ NmtArguments nmt_arguments(Arguments& arguments, const design::Machine& machine)
   }
   if (arguments.has("request"))
     nmt.requested_of = NodeId(static_cast<std::uint8_t>(arguments.number("request", 1, 127)));
-  const auto* const it = std::ranges::find(commands, nmt.word, &decltype(commands)::value_type::first);
-  if (it != commands.end()) {
-    nmt.command = it->second;
+  if (const auto* const meant = nmt_word(nmt.word)) {
+    nmt.word = meant->word;
+    nmt.command = meant->command;
   } else {
-    arguments.wrong(
-        fmt::format("{} is no NMT command; use start, stop, preop, reset-node or reset-comm", text::quoted(nmt.word)));
+    arguments.wrong(no_nmt_command(nmt.word));
   }
   return nmt;
 }
@@ -98,8 +117,15 @@ rt::Task<void> request_of(Session& session, Network& bus, const NmtArguments& nm
     co_return fail_with(reply, written.error(),
                         fmt::format("bus {}, NMT {} of {} by the master at node {} (1F82h:{:02X})", bus.bus().name,
                                     nmt.word, whom(nmt), master.text(), nmt.request_sub()),
-                        "a node that is no NMT master, or is not in its network list (1F81h), is refused",
+                        "a node that is not an NMT master, or is not in its network list (1F81h), is refused",
                         master.path());
+  }
+  // The master beneath was told, and sends it now; who asks for the slots after this is told what they are then.
+  const auto* const line = bus_of(session.machine(), master);
+  tree::Beneath* const beneath = line == nullptr ? nullptr : session.tree().bus(line->name);
+  if (beneath != nullptr && session.started()) {
+    co_await rt::sleep_for(bus.bus().timing.heartbeat_period / 16 + std::chrono::milliseconds(1));
+    beneath->ask_all();
   }
   Json json = json_of(bus, nmt);
   json["requested_of"] = nmt.requested_of.value();

@@ -1,6 +1,8 @@
 /// Notes about objects, for people: what an object is, its unit and scale, names of its values and bits. The most usual
-/// objects of CiA 301, 302, 401 and 402 have one built in; a file beside a description, `drive.notes` beside
-/// `drive.eds`, adds others and counts first. The file is TOML:
+/// objects of CiA 301, 302, 401 and 402 have one built in. Units and names of values that a description has
+/// (od::Meaning, of an XDD) count before these, and a file beside the description, `drive.notes` beside `drive.eds`,
+/// counts first. Each field of a note is taken by itself: a file that says the unit leaves the names of values as they
+/// are. The file is TOML (notes_edit.hpp writes it):
 ///
 ///     ["6041h"]
 ///     text   = "State of the drive"
@@ -21,6 +23,7 @@
 #include "berth/base/finding.hpp"
 #include "berth/command/objects.hpp"
 #include "berth/command/reply.hpp"
+#include "berth/decode/value_words.hpp"
 
 namespace berth::command {
 
@@ -45,30 +48,64 @@ struct NotesRead {
 [[nodiscard]] NotesRead read_notes(std::string_view text, const std::string& file);
 inline constexpr std::size_t longest_notes = std::size_t{1} << 20U;  ///< bytes of a file
 
+/// What stands in it. Empty: there is no such file, or it cannot be read, is no plain file or is too long, which
+/// `problem` says then.
+[[nodiscard]] std::string notes_text(const std::string& file, std::string& problem);
+
 /// "eds/drive.notes".
 [[nodiscard]] std::string notes_file(const std::string& description);
 
-/// The notes of one device: its file's, else those that are built in.
+/// "12", "0x7FFF", "-1": a number as a file of notes has it.
+[[nodiscard]] std::optional<std::int64_t> note_number(std::string_view text);
+
+/// The notes of one device: its file's, then its description's, then those that are built in.
 class NoteBook {
  public:
+  /// `description`: null: not known; `file`: that it was read from, or empty.
+  NoteBook(std::shared_ptr<const od::Description> description, const std::string& file);
   NoteBook(const design::Machine& machine, const NodeArgument& node);
   [[nodiscard]] Note of(ObjectRef object) const;
+  /// What the file says alone; empty: nothing.
+  [[nodiscard]] Note own(ObjectRef object) const;
+  /// The object for what prints values: without the description's unit and names where the file has others.
+  [[nodiscard]] KnownObject shown(const KnownObject& object) const;
   /// Empty: nothing is wrong with the file, or there is none.
   [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
   /// Empty: the device has no description that one could stand beside.
   [[nodiscard]] const std::string& file() const noexcept { return file_; }
 
  private:
+  std::shared_ptr<const od::Description> description_;
   std::uint16_t profile_ = 0;
   std::string file_;
   std::string problem_;
   Notes notes_;
 };
 
-/// Adds "note" ({"text", "unit", "scale", "values", "bits"}), and what it makes of the value: "quantity", "meaning",
-/// where the description says none.
+/// The notes of one device for who reads a trace. Of one thread: what was looked up is kept.
+class NoteWords final : public decode::ValueWords {
+ public:
+  explicit NoteWords(NoteBook book) : book_(std::move(book)) {}
+  [[nodiscard]] bool knows(ObjectRef object) const override { return !note(object).empty(); }
+  [[nodiscard]] std::string words(ObjectRef object, od::DataType type,
+                                  std::span<const std::uint8_t> bytes) const override;
+
+ private:
+  [[nodiscard]] const Note& note(ObjectRef object) const;
+  NoteBook book_;
+  mutable std::map<ObjectRef, Note> found_;
+};
+
+/// {"text", "unit", "scale", "values", "bits"}, those that it has.
+[[nodiscard]] Json note_json(const Note& note);
+/// Adds "note", and what it makes of the value: "quantity", "meaning", where `put_value` said none.
 void put_note(Json& json, const Note& note, od::DataType type, std::span<const std::uint8_t> bytes);
-/// " = ready to switch on, fault", " = 23.5 °C"; empty: it says nothing of this value.
-[[nodiscard]] std::string note_text(const Note& note, od::DataType type, std::span<const std::uint8_t> bytes);
+/// What `value_text` does not say: " = ready to switch on, fault", " = 23.5 °C"; empty: the note says nothing of this
+/// value.
+[[nodiscard]] std::string note_text(const Note& note, const KnownObject& object, std::span<const std::uint8_t> bytes);
+/// Its unit and the names of values of this type, as a description has them.
+[[nodiscard]] od::Meaning meaning_of(const Note& note, od::DataType type);
+/// One line: "Temperature, 0.1 °C; 0 = off, 32767 = sensor broken; bit 3 = fault".
+[[nodiscard]] std::string line_of(const Note& note);
 
 }  // namespace berth::command

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "berth/base/words.hpp"
+#include "berth/command/network_variables.hpp"
 #include "berth/command/permission.hpp"
 #include "berth/decode/standard_objects.hpp"
 #include "berth/od/names.hpp"
@@ -26,12 +27,12 @@ bool like_a_path(std::string_view word) {
 std::string no_slot(const design::Machine& machine, const std::string& word) {
   if (like_a_path(word)) {
     return fmt::format(
-        "node {} is no path; write node-IDs from 1 to 127, gateways first: 3/5, or 3.2/5 on the second of "
-        "up to 8 buses beneath gateway 3",
+        "node {} is not a path; write node-IDs from 1 to 127, gateways first: 3/5, or 3.2/5 on the second of up to 8 "
+        "buses beneath gateway 3",
         text::quoted(word));
   }
   if (machine.slots.empty()) {
-    return fmt::format("node {} is no node-ID from 1 to 127, and there is no machine file whose slots have names",
+    return fmt::format("node {} is not a node-ID from 1 to 127, and there is no machine file whose slots have names",
                        text::quoted(word));
   }
   std::vector<std::string_view> names;
@@ -42,9 +43,10 @@ std::string no_slot(const design::Machine& machine, const std::string& word) {
   }
   const auto meant = text::closest(word, names);
   if (!meant.empty()) {
-    return fmt::format("node {} is no node-ID from 1 to 127 and no slot; did you mean {}?", text::quoted(word), meant);
+    return fmt::format("node {} is not a node-ID from 1 to 127 and no slot; did you mean {}?", text::quoted(word),
+                       meant);
   }
-  return fmt::format("node {} is no node-ID from 1 to 127 and no slot; the slots are {}", text::quoted(word),
+  return fmt::format("node {} is not a node-ID from 1 to 127 and no slot; the slots are {}", text::quoted(word),
                      some_of(shown));
 }
 
@@ -173,6 +175,13 @@ Checked<KnownObject> find_object(const od::Description* description, const std::
                         (advice ? "; `berth sdo dump NODE` lists the objects, and an index is written 1018h:04" : ""));
 }
 
+Checked<KnownObject> find_object(const design::Machine& machine, const NodeArgument& node, const std::string& word) {
+  auto object = find_object(node.description.get(), word);
+  if (object) return object;
+  auto variable = network_variable(machine, node, word);
+  return variable ? Checked<KnownObject>(std::move(*variable)) : object;
+}
+
 std::vector<std::string> lines_of(const std::string& text) {
   std::vector<std::string> lines;
   std::size_t at = 0;
@@ -208,8 +217,8 @@ void give_type(Arguments& arguments, ObjectArguments& into) {
   const auto known = od::data_type(type);
   if (!known) {
     return arguments.wrong(
-        fmt::format("{} is no data type; use one of b i8 i16 i24 i32 i40 i48 i56 i64 u8 u16 u24 u32 u40 u48 "
-                    "u56 u64 r32 r64 t td vs os us d, or CiA 301's names such as UNSIGNED32",
+        fmt::format("{} is not a data type; use one of b i8 i16 i24 i32 i40 i48 i56 i64 u8 u16 u24 u32 u40 u48 u56 u64 "
+                    "r32 r64 t td vs os us d, or CiA 301's names such as UNSIGNED32",
                     text::quoted(type)));
   }
   for (KnownObject& object : into.objects) {
@@ -226,7 +235,7 @@ ObjectArguments object_arguments(Arguments& arguments, const design::Machine& ma
   const std::string words = arguments.required("object");
   if (!arguments.good()) return wanted;
   for (const auto& word : lines_of(words)) {
-    auto object = find_object(wanted.node.description.get(), word);
+    auto object = find_object(machine, wanted.node, word);
     if (!object) {
       arguments.wrong(object.error());
       return wanted;

@@ -69,6 +69,9 @@ struct KnownObject {
 };
 /// `word`: "1018h:04", "Identity object/Serial number", "serial".
 [[nodiscard]] Checked<KnownObject> find_object(const od::Description* description, const std::string& word);
+/// The same of a node of a machine, or a network variable by its name (network_variables.hpp).
+[[nodiscard]] Checked<KnownObject> find_object(const design::Machine& machine, const NodeArgument& node,
+                                               const std::string& word);
 /// What is known of an object.
 [[nodiscard]] KnownObject known_object(const od::Description* description, ObjectRef ref);
 
@@ -107,6 +110,9 @@ struct NmtArguments {
   [[nodiscard]] std::uint8_t request_value() const noexcept;
 };
 /// "command", "node", which may be "all", and "request".
+/// Empty: the word is an NMT command: start, stop, preop, reset-node, reset-comm, or what these lead to ("operational",
+/// "stopped", "pre-operational", "reset", "reset-communication"). Else what is wrong, and what to write.
+[[nodiscard]] std::string no_nmt_command(const std::string& word);
 [[nodiscard]] NmtArguments nmt_arguments(Arguments& arguments, const design::Machine& machine);
 
 }  // namespace berth::command

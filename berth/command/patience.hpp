@@ -1,8 +1,9 @@
-/// Reading many objects of one device: how long silence is borne.
+/// Reading objects of one device: how long silence is borne, and what is said of it.
 #pragma once
 
 #include "berth/base/result.hpp"
 #include "berth/co/sdo_client.hpp"
+#include "berth/command/objects.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/operate/network.hpp"
 
@@ -26,7 +27,10 @@ class Patience {
   bool spoke_ = false;
 };
 
+/// What to do about an SDO request that was not answered; empty where its error says all.
+[[nodiscard]] std::string silence_fix(const Error& error, operate::Network& bus, const NodeArgument& node);
+
 /// What is said when it is over.
-void fail_silent(Reply& reply, const Error& error, const operate::Network& bus);
+void fail_silent(Reply& reply, const Error& error, operate::Network& bus, const NodeArgument& node);
 
 }  // namespace berth::command

@@ -2,7 +2,11 @@
 
 #include <fmt/format.h>
 
+#include "berth/base/words.hpp"
+#include "berth/command/objects.hpp"
+#include "berth/text/printable.hpp"
 #include "berth/text/quantity.hpp"
+#include "berth/tree/way.hpp"
 
 namespace berth::command {
 
@@ -33,21 +37,47 @@ tl::expected<Network*, std::string> network_for(Session& session, const std::str
                     "or reset there",
                     network->bus().name));
   }
+  // Every frame would be refused by its port, and a binding that is cleared meanwhile would be lost.
+  const std::string& shut_by = network->services().shut_by;
+  if (use != Use::look && !shut_by.empty())
+    return tl::unexpected(fmt::format("bus {}: {}; Berth sends nothing there", network->bus().name, shut_by));
   return network;
 }
 
-Network* network_of_slot(Session& session, const std::string& bus, const std::string& slot, std::string& name) {
-  const std::string wanted = bus.empty() ? slot : bus + "/" + slot;
-  auto meant = session.machine().slots_named({}, wanted);
+namespace {
+
+std::vector<const design::Slot*> slots_meant(const design::Machine& machine, const std::string& wanted) {
+  auto meant = machine.slots_named({}, wanted);
   const auto number = text::parse_ranges(wanted, 1, 127);
-  if (meant.empty() && number && number->size() == 1) {
-    for (const auto& s : session.machine().slots) {
-      if (s.spec.id.value() == number->front()) meant.push_back(&s);
-    }
+  if (!meant.empty() || !number || number->size() != 1) return meant;
+  for (const auto& s : machine.slots) {
+    if (s.spec.id.value() == number->front()) meant.push_back(&s);
   }
-  if (meant.size() != 1) return nullptr;
-  name = meant.front()->spec.name.name;
-  return session.network(meant.front()->spec.name.bus);
+  return meant;
+}
+
+}  // namespace
+
+tl::expected<OwnSlot, std::string> own_slot(Session& session, const std::string& bus, const std::string& slot,
+                                            std::string_view beneath) {
+  const design::Machine& machine = session.machine();
+  const std::string wanted = bus.empty() ? slot : bus + "/" + slot;
+  const auto meant = slots_meant(machine, wanted);
+  if (meant.empty()) {
+    const auto node = find_node(machine, bus, slot);
+    return tl::unexpected(node ? fmt::format("the machine has no slot {}", text::quoted(wanted)) : node.error());
+  }
+  if (meant.size() > 1) {
+    std::vector<std::string> each;
+    for (const auto* const s : meant) each.push_back(s->spec.name.bus + "/" + s->spec.name.name);
+    return tl::unexpected(fmt::format("{} can be {}; name it with its bus", text::quoted(wanted), some_of(each)));
+  }
+  const auto& name = meant.front()->spec.name;
+  if (Network* const network = session.network(name.bus)) return OwnSlot{network, name.name};
+  const auto way = tree::way_to(machine, name.bus);
+  return tl::unexpected(fmt::format("slot {} is beneath gateway {} of bus {}, and Berth has no port there; {}",
+                                    name.name, way.gateways.empty() ? 0 : way.gateways.front().gateway.value(), way.bus,
+                                    beneath));
 }
 
 tl::expected<std::vector<Network*>, std::string> networks_for(Session& session, const std::string& bus, Use use) {

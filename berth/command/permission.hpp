@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <tl/expected.hpp>
 #include <vector>
 
@@ -22,10 +23,15 @@ enum class Use : std::uint8_t { look, send, command };  ///< nothing, frames, NM
 [[nodiscard]] tl::expected<std::vector<operate::Network*>, std::string> networks_for(tree::Session& session,
                                                                                      const std::string& bus, Use use);
 
-/// A slot by its name, "bus/name" or its node-ID when that is unique, on `bus` or, when that is empty, on all; null
-/// when the machine has none or several, or Berth has no port on its bus. `name` gets the slot's plain name.
-[[nodiscard]] operate::Network* network_of_slot(tree::Session& session, const std::string& bus, const std::string& slot,
-                                                std::string& name);
+struct OwnSlot {
+  operate::Network* network = nullptr;
+  std::string name;  ///< plain
+};
+/// A slot by its name, "bus/name" or its node-ID when that is unique, on `bus` or, when that is empty, on all. Else why
+/// there is none, for people: the machine has none or several, or Berth has no port on its bus, behind which `beneath`
+/// says what to do.
+[[nodiscard]] tl::expected<OwnSlot, std::string> own_slot(tree::Session& session, const std::string& bus,
+                                                          const std::string& slot, std::string_view beneath);
 
 /// On a real bus (`Session::careful`) a command that disturbs operational devices needs "yes", and on every bus so does
 /// "bind" from scratch; false: `reply` says so.

@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "berth/base/counted.hpp"
 #include "berth/co/sdo_client.hpp"
 #include "berth/command/objects.hpp"
 #include "berth/command/patience.hpp"
@@ -95,11 +96,12 @@ rt::Task<void> sdo_probe(Session& session, const Request& request, Reply& reply)
   Patience patience;
   for (const ObjectRef ref : probe.objects) {
     const auto answer = co_await device.read(ref.index, ref.sub);
-    if (patience.over(answer)) co_return fail_silent(reply, answer.error(), bus);
+    if (patience.over(answer)) co_return fail_silent(reply, answer.error(), bus, probe.node);
     if (answer) ++read;
     json["objects"].push_back(json_of(ref, answer));
   }
-  give(reply, json, {fmt::format("node {}: {} of {} objects read", node.value(), read, probe.objects.size())});
+  give(reply, json,
+       {fmt::format("node {}: {} of {} read", node.value(), read, counted(probe.objects.size(), "object"))});
 }
 
 }  // namespace berth::command

@@ -243,6 +243,14 @@ std::string read_images(const ProgramRequest& wanted, Download& download) {
   return {};
 }
 
+const char* advice_of(const Error& error) noexcept {
+  constexpr std::uint32_t unknown_format = 2;  // 1F57h, bits 1 to 7 (CiA 302-3)
+  return error.index == od::cia302::flash_status && error.detail == unknown_format
+             ? "the device stays in its boot loader; give it an image as its maker builds it: for a device of Berth's "
+               "`berth program image` makes one of a binary"
+             : "the device stays in its boot loader; `berth program status` says more";
+}
+
 std::string progress_line(const ProgramRequest& wanted, const ProgramProgress& p) {
   const std::string whose = fmt::format("node {}: {} program {}", wanted.node.text(), name(p.stage), p.number);
   if (p.stage != ProgramStage::downloading || p.done == 0) return whose;
@@ -263,16 +271,25 @@ rt::Task<void> program_download(Session& session, const Request& request, Reply&
   std::optional<co::NodeAccess> direct;
   const co::SdoOptions how = bus.services().sdo.options();
   co::SdoAccess& device = objects_of(session, bus, wanted->node, how, direct);
+  for (std::size_t i = 0; i < download.images.size(); ++i) {
+    const auto suited = co_await operate::suits(download.images[i], device);
+    if (suited) continue;
+    co_return fail_with(reply, suited.error(), fmt::format("{}, program {}", where(*wanted), download.wishes[i].number),
+                        "", wanted->node.path());
+  }
   manager::ProgramTransfers transfers(bus.services().dispatcher);
   manager::ProgramOptions options;
   options.transfers = &transfers;
   options.restart_time = bus.bus().timing.boot_timeout;
   std::size_t twentieth = 0;
-  options.progress = [&session, &wanted, &twentieth](const ProgramProgress& p) {
+  options.progress = [&session, &wanted, &twentieth, &reply](const ProgramProgress& p) {
     const std::size_t now = p.total == 0 ? 0 : p.done * 20 / p.total;
     const bool tells = p.stage != ProgramStage::downloading || now != twentieth || p.done == 0;
     twentieth = now;
-    if (tells) session.tell(wanted->network->bus().name, operate::EventKind::step, progress_line(*wanted, p));
+    if (!tells) return;
+    const std::string line = progress_line(*wanted, p);
+    session.tell(wanted->network->bus().name, operate::EventKind::step, line);
+    reply.tell(line);
   };
   manager::ProgramLoader loader(device, download.wishes, options);
   manager::ProgramReport report;
@@ -280,7 +297,7 @@ rt::Task<void> program_download(Session& session, const Request& request, Reply&
   if (!done) {
     co_return fail_with(reply, done.error(),
                         fmt::format("{}, program {}, {}", where(*wanted), report.number, name(report.stage)),
-                        "the device stays in its boot loader; `berth program status` says more");
+                        advice_of(done.error()));
   }
   Json json = head_of(*wanted);
   json["bytes"] = report.bytes;

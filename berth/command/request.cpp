@@ -12,6 +12,7 @@ std::string to_json(const Request& request) {
   json["verb"] = request.verb;
   json["arguments"] = Json::object();
   for (const auto& [key, value] : request.arguments) json["arguments"][key] = value;
+  if (request.progress) json["progress"] = true;
   return dump(json);
 }
 
@@ -31,6 +32,8 @@ Request parse_request(const std::string& line, std::string& error) {
         if (!text.is_string()) return no("every argument is a string");
         request.arguments[name] = text.get<std::string>();
       }
+    } else if (key == "progress" && value.is_boolean()) {
+      request.progress = value.get<bool>();
     } else {
       return no("a request has \"verb\", a string, and \"arguments\", an object of strings");
     }
@@ -49,13 +52,25 @@ std::string to_json(const Reply& reply) {
   return dump(json);
 }
 
+std::string progress_json(const std::string& line) {
+  Json json;
+  json["progress"] = line;
+  return dump(json);
+}
+
+std::optional<std::string> parse_progress(const std::string& line) {
+  const auto json = Json::parse(line, nullptr, false);
+  const bool is = json.is_object() && json.size() == 1 && json.contains("progress") && json["progress"].is_string();
+  return is ? std::optional(json["progress"].get<std::string>()) : std::nullopt;
+}
+
 Reply parse_reply(const std::string& line) {
   const auto json = Json::parse(line, nullptr, false);
   const bool good = json.is_object() && json.contains("status") && json["status"].is_number_integer() &&
                     json.contains("reply") && json["reply"].is_object() && json.contains("lines") &&
                     json["lines"].is_array() && json.contains("error") && json["error"].is_string() &&
                     std::ranges::all_of(json["lines"], [](const auto& l) { return l.is_string(); });
-  if (!good) return refusal(3, "the running `berth up` answered something that is no reply");
+  if (!good) return refusal(3, "the running `berth up` answered something that is not a reply");
   Reply reply;
   reply.status = json["status"].get<int>();
   reply.json = dump(json["reply"]);

@@ -24,9 +24,9 @@ std::string personal_argument(Face face, const Request& request) {
   for (const auto& [name, value] : request.arguments) {
     if (!is_personal(name) || (face == Face::studio && name == "yes")) continue;
     return face == Face::studio
-               ? fmt::format("{} is for the command line: it names a file of this computer, or begins anew",
+               ? fmt::format("{} works only on the command line: it names a file of this computer, or starts anew",
                              text::quoted(name))
-               : fmt::format("{} is for a person to say, not for a node", text::quoted(name));
+               : fmt::format("only a user can command {}, not a node", text::quoted(name));
   }
   return {};
 }
@@ -64,7 +64,7 @@ std::string why_refused(Face face, const Request& request, const Granted& grante
         "(berth gateway) or --gateway-commands (berth up)",
         text::quoted(request.verb));
   if (face == Face::studio && !granted.changes && changes(request))
-    return fmt::format("{} changes something, and real buses are read-only until a person unlocks them for a time",
+    return fmt::format("{} changes something, and real buses are read-only until a user unlocks them for a time",
                        text::quoted(request.verb));
   return personal_argument(face, request);
 }

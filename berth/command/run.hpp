@@ -12,8 +12,10 @@ using operate::SlotReport;
 using tree::Session;
 
 rt::Task<void> report(Session& session, const Request& request, Reply& reply);          // slots.cpp
+rt::Task<void> slot_status(Session& session, const Request& request, Reply& reply);     // slot_status.cpp
 rt::Task<void> bind(Session& session, const Request& request, Reply& reply);            // slots.cpp
 rt::Task<void> replace(Session& session, const Request& request, Reply& reply);         // slots.cpp
+rt::Task<void> poll(Session& session, const Request& request, Reply& reply);            // slots.cpp
 rt::Task<void> forget(Session& session, const Request& request, Reply& reply);          // slots.cpp
 rt::Task<void> scan(Session& session, const Request& request, Reply& reply);            // scan.cpp
 rt::Task<void> boot(Session& session, const Request& request, Reply& reply);            // boot.cpp
@@ -39,6 +41,7 @@ rt::Task<void> device_memory(Session& session, const Request& request, Reply& re
 rt::Task<void> send(Session& session, const Request& request, Reply& reply);              // send.cpp
 rt::Task<void> doctor_command(Session& session, const Request& request, Reply& reply);    // doctor.cpp
 rt::Task<void> history(Session& session, const Request& request, Reply& reply);           // history.cpp
+rt::Task<void> note_command(Session& session, const Request& request, Reply& reply);      // note.cpp
 rt::Task<void> program_status(Session& session, const Request& request, Reply& reply);    // program.cpp
 rt::Task<void> program_download(Session& session, const Request& request, Reply& reply);  // program.cpp
 rt::Task<void> program_control(Session& session, const Request& request, Reply& reply);   // program.cpp

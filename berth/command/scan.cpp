@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "berth/base/counted.hpp"
 #include "berth/command/arguments.hpp"
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
@@ -30,7 +31,7 @@ Json json_of(const operate::Seen& seen, const std::string& bus) {
 }
 
 const char* why_unknown(const operate::Seen& seen) {
-  return seen.left_alone ? "(another SDO client talks to it)" : "(does not tell its identity)";
+  return seen.left_alone ? "(another SDO client talks to it)" : "(does not report its identity)";
 }
 
 std::string line_of(const operate::Seen& seen, const std::string& bus) {
@@ -70,13 +71,13 @@ std::string totals(std::size_t all, std::size_t unconfigured, std::size_t duplic
   constexpr const char* rest =
       "`berth scan --all` asks every node-ID, and searches for devices without one by LSS and RAND";
   if (!among_heard) {
-    return fmt::format("{} devices: {} with a node-ID, {} without, {} duplicate", all, all - unconfigured, unconfigured,
-                       duplicates);
+    return fmt::format("{}: {} with a node-ID, {} without, {} duplicate", counted(all, "device"), all - unconfigured,
+                       unconfigured, duplicates);
   }
   constexpr auto listened = std::chrono::duration_cast<std::chrono::seconds>(operate::Scan::listens).count();
-  if (all == 0) return fmt::format("nobody was heard in {} s, and nobody was asked; {}", listened, rest);
-  return fmt::format("{} devices were heard, {} duplicate; one that is silent, or has no node-ID, was not asked: {}",
-                     all, duplicates, rest);
+  if (all == 0) return fmt::format("no device was heard in {} s, and none was asked; {}", listened, rest);
+  return fmt::format("{} heard, {} duplicate; one that is silent, or has no node-ID, was not asked: {}",
+                     counted(all, "device"), duplicates, rest);
 }
 
 // The gateway's slot as people name it, on the bus above.

@@ -7,10 +7,12 @@
 #include "berth/co/sdo_client.hpp"
 #include "berth/command/notes.hpp"
 #include "berth/command/objects.hpp"
+#include "berth/command/patience.hpp"
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
 #include "berth/command/values.hpp"
+#include "berth/od/abort_code.hpp"
 #include "berth/od/notation.hpp"
 
 namespace berth::command {
@@ -31,17 +33,6 @@ co::SdoOptions transfer_options(Network& bus, Arguments& arguments) {
   options.mode = is_devices_choice ? co::SdoMode::automatic : co::SdoMode::block;
   options.fall_back = is_devices_choice;
   return options;
-}
-
-const char* sdo_fix(Errc code, bool beneath) {
-  switch (code) {
-    case Errc::timeout:
-      if (beneath)
-        return "are the device and each gateway on the way there and not stopped? `berth scan` shows who answers";
-      return "is the device there and not stopped? `berth scan` shows who answers";
-    case Errc::bus: return "is the bit rate right, is the cable plugged in, have devices power, is the bus terminated?";
-    default: return "";
-  }
 }
 
 Json node_json(const Network& network, const NodeArgument& node) {
@@ -66,8 +57,9 @@ std::string object_line(const NodeArgument& node, const KnownObject& object, con
 /// The reply about one object or several: one alone is the whole reply, several stand in "objects".
 class Answers {
  public:
-  Answers(Reply& reply, const Network& network, const ObjectArguments& wanted, const char* what)
+  Answers(Reply& reply, Network& network, const ObjectArguments& wanted, const char* what)
       : reply_(reply),
+        network_(network),
         wanted_(wanted),
         several_(wanted.objects.size() > 1),
         where_(fmt::format("bus {}, SDO {}", network.bus().name, what)),
@@ -87,8 +79,10 @@ class Answers {
 
   void failed(const KnownObject& object, const Error& error) {
     Reply one;
-    const bool beneath = !wanted_.node.gateways.empty();
-    fail_with(one, error, where_, sdo_fix(error.code, beneath), wanted_.node.path());
+    const bool is_input =
+        error.code == Errc::aborted && static_cast<od::AbortCode>(error.detail) == od::AbortCode::read_only;
+    const std::string fix = is_input ? input_fix(object) : silence_fix(error, network_, wanted_.node);
+    fail_with(one, error, where_, fix, wanted_.node.path());
     add(object, one);
   }
 
@@ -107,6 +101,12 @@ class Answers {
   }
 
  private:
+  // Its sensor sets it, and a test has none.
+  [[nodiscard]] std::string input_fix(const KnownObject& object) const {
+    return fmt::format("of a simulated device `berth sim set {} {} VALUE` sets it, as its sensor would",
+                       wanted_.node.text(), od::write_object(object.ref));
+  }
+
   void add(Json json) {
     if (several_) {
       json_["objects"].push_back(std::move(json));
@@ -130,6 +130,7 @@ class Answers {
   }
 
   Reply& reply_;
+  Network& network_;
   const ObjectArguments& wanted_;
   bool several_;
   std::string where_;
@@ -174,14 +175,15 @@ rt::Task<void> sdo_read(Session& session, const Request& request, Reply& reply) 
                       fmt::format("{}: node {}, object {} has {} bytes ({}), {} has {}", answers.where(),
                                   wanted.node.text(), od::write_object(object.ref), bytes.size(), hex_bytes(bytes),
                                   od::name(object.type), od::byte_size(object.type)),
-                      "give its own type, or none to see the bytes");
+                      "give the type of the object, or none to see the bytes");
       continue;
     }
     Json json;
-    put_value(json, object, bytes);
+    const KnownObject shown = notes.shown(object);
+    put_value(json, shown, bytes);
     const Note note = notes.of(object.ref);
     put_note(json, note, object.type, bytes);
-    answers.good(object, json, value_text(object, bytes) + note_text(note, object.type, bytes) + misfit(object, bytes));
+    answers.good(object, json, value_text(shown, bytes) + note_text(note, shown, bytes) + misfit(object, bytes));
   }
   answers.finish();
 }
@@ -231,6 +233,7 @@ rt::Task<void> sdo_write(Session& session, const Request& request, Reply& reply)
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
   std::optional<co::NodeAccess> direct;
   co::SdoAccess& device = objects_of(session, bus, wanted.to.node, how, direct);
+  const NoteBook notes(session.machine(), wanted.to.node);
   Answers answers(reply, bus, wanted.to, "write");
   for (std::size_t i = 0; i < wanted.values.size(); ++i) {
     const KnownObject& object = wanted.to.objects[i];
@@ -241,8 +244,10 @@ rt::Task<void> sdo_write(Session& session, const Request& request, Reply& reply)
       break;  // what follows may rest on it
     }
     Json json;
-    put_value(json, object, data);
-    answers.good(object, json, fmt::format("written: {}", hex_bytes(data)));
+    const KnownObject shown = notes.shown(object);
+    put_value(json, shown, data);
+    answers.good(object, json,
+                 fmt::format("written: {}{}", value_text(shown, data), note_text(notes.of(object.ref), shown, data)));
   }
   answers.finish();
 }

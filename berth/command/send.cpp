@@ -30,7 +30,7 @@ std::vector<can::Frame> frame_arguments(Arguments& arguments) {
   for (const auto& word : lines_of(arguments.required("frame"))) {
     const auto frame = can::parse_frame(word);
     if (!frame) {
-      arguments.wrong(fmt::format("{} is no frame; write it as candump does: 601#4018100400000000, 00000123#R, 080#",
+      arguments.wrong(fmt::format("{} is not a frame; write it as candump does: 601#4018100400000000, 00000123#R, 080#",
                                   text::quoted(word)));
       return {};
     }

@@ -1,11 +1,13 @@
-// The slot table and its changes by a person: report, bind, replace, forget.
+// The slot table and its changes by a person: report, bind, replace, forget, poll.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "berth/base/shell_word.hpp"
 #include "berth/command/arguments.hpp"
+#include "berth/command/objects.hpp"
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
@@ -18,6 +20,7 @@ using places::SlotState;
 rt::Task<void> report(Session& session, const Request& request, Reply& reply) {
   const Arguments arguments(request);
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
+  if (arguments.has("slot")) co_return co_await slot_status(session, request, reply);
   const std::string bus = arguments.text("bus");
   operate::Report now = session.report();
   bool operational = session.operational();
@@ -29,9 +32,13 @@ rt::Task<void> report(Session& session, const Request& request, Reply& reply) {
     std::erase_if(now.masters, [&](const operate::MasterReport& master) { return master.bus != bus; });
   }
   reply.json = to_json(now, -1);
-  reply.lines = operate::to_table(now.slots);
+  reply.lines = operate::to_table(now.slots, session.executor().now());
   for (const auto& master : now.masters) reply.lines.push_back(master.text());
   for (const auto& question : now.questions) reply.lines.push_back(question.text);
+  for (const auto& network : session.networks()) {
+    if (!bus.empty() && network->bus().name != bus) continue;
+    for (const auto& oddity : network->planning().plan().oddities) reply.lines.push_back(oddity.text);
+  }
   reply.status = operational ? 0 : 1;
 }
 
@@ -40,7 +47,7 @@ namespace {
 void give_report(Session& session, Reply& reply) {
   const operate::Report now = session.report();
   reply.json = to_json(now, -1);
-  reply.lines = operate::to_table(now.slots);
+  reply.lines = operate::to_table(now.slots, session.executor().now());
   for (const auto& network : session.networks()) {
     for (const auto& question : network->planning().plan().questions) reply.lines.push_back(question.text);
     for (const auto& oddity : network->planning().plan().oddities) reply.lines.push_back(oddity.text);
@@ -99,10 +106,22 @@ std::optional<SlotReport> slot_of(const Network& network, const std::string& nam
   return it == slots.end() ? std::nullopt : std::optional<SlotReport>(*it);
 }
 
+rt::Duration longest_wait(const Network& network) noexcept {
+  const auto& timing = network.bus().timing;
+  return 3 * timing.probe_period + timing.boot_timeout;
+}
+
+// "valve-b released (heartbeat lost)". What its reason says to do is done.
+std::string released(const SlotReport& before) {
+  const std::string fact = before.reason.substr(0, before.reason.find(';'));
+  return before.state == SlotState::absent ? fmt::format("{} released ({})", before.name, fact)
+                                           : fmt::format("{} released", before.name);
+}
+
 // The main job does the work in its own time; a slot for which no device comes stays empty.
 rt::Task<void> await_slot(Network& network, const std::string& name) {
   const auto& timing = network.bus().timing;
-  const rt::Time deadline = network.services().executor.now() + 3 * timing.probe_period + timing.boot_timeout;
+  const rt::Time deadline = network.services().executor.now() + longest_wait(network);
   while (network.services().executor.now() < deadline) {
     co_await rt::sleep_for(timing.heartbeat_period / 8 + std::chrono::milliseconds(1));
     const auto slot = slot_of(network, name);
@@ -118,13 +137,11 @@ rt::Task<void> replace(Session& session, const Request& request, Reply& reply) {
   const std::string wanted = arguments.required("slot");
   const std::optional<Identity> device = arguments.optional_device("device");
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
-  const std::string bus = arguments.text("bus");
-  std::string name;
-  Network* const network = network_of_slot(session, bus, wanted, name);
-  if (network == nullptr) {
-    co_return refuse(reply, 2, fmt::format("the machine has no slot {}, or several", text::quoted(wanted)),
-                     "name it as the machine file does, with its bus before it if need be: BUS/SLOT");
-  }
+  const auto slot_meant =
+      own_slot(session, arguments.text("bus"), wanted,
+               "the NMT master there gives its device the node-ID: put the new device in, and that master takes it");
+  if (!slot_meant) co_return refuse(reply, 2, slot_meant.error());
+  const auto& [network, name] = *slot_meant;
   const auto usable = network_for(session, network->bus().name, Use::send);
   if (!usable) co_return refuse(reply, 2, usable.error());
   // Whether the slot's device is there is known only after a look, which the main job has taken already.
@@ -142,6 +159,8 @@ rt::Task<void> replace(Session& session, const Request& request, Reply& reply) {
   }
   if (!cleared) co_return fail_with(reply, cleared.error(), fmt::format("bus {}, slot {}", network->bus().name, name));
   if (session.started()) {
+    const double seconds = std::chrono::duration<double>(longest_wait(*network)).count();
+    if (before) reply.tell(fmt::format("{}; waiting for a new device, {:.0f} s at most", released(*before), seconds));
     co_await await_slot(*network, name);
   } else {
     const auto bound = co_await network->bind_once();
@@ -151,12 +170,13 @@ rt::Task<void> replace(Session& session, const Request& request, Reply& reply) {
   const bool seated = slot && (slot->state == SlotState::operational || slot->state == SlotState::present);
   reply.json = slot ? to_json(*slot) : "{}";
   reply.lines = operate::to_table(slot ? std::vector<SlotReport>{*slot} : std::vector<SlotReport>{});
-  if (before && before->state == SlotState::absent) {
-    reply.lines.insert(reply.lines.begin(),
-                       fmt::format("slot {} is given away; it was kept: {}", name, before->reason));
-  }
+  const bool untold = !session.started() || !reply.progress;
+  if (untold && before && before->state == SlotState::absent)
+    reply.lines.insert(reply.lines.begin(), released(*before));
   if (seated) co_return;
   reply.status = 1;
+  // Who is on the bus and does not fit: that may be what the person plugged in.
+  for (const auto& oddity : network->planning().plan().oddities) reply.lines.push_back(oddity.text);
   reply.error =
       error_line(fmt::format("slot {} has no new device yet; its binding is cleared, and {}", name,
                              session.started() ? "the next device of its type that comes gets it"
@@ -187,7 +207,7 @@ rt::Task<void> forget(Session& session, const Request& request, Reply& reply) {
     co_return refuse(reply, 2,
                      fmt::format("device {} is waited for on the buses {}: which one is gone?", to_string(device),
                                  fmt::join(waiting, ", ")),
-                     "say it: --bus NAME");
+                     "give --bus NAME");
   }
   bool known = false;
   for (Network* const network : *networks) {
@@ -200,11 +220,29 @@ rt::Task<void> forget(Session& session, const Request& request, Reply& reply) {
   }
   if (!known) {
     co_return refuse(reply, 1, fmt::format("nothing unfinished is known of device {}", to_string(device)),
-                     "a device that sits in a slot leaves it by `berth replace SLOT`");
+                     "`berth replace SLOT` releases a device that is in a slot");
   }
   Json json;
   put_address(json, device);
   give(reply, json, {fmt::format("{} is no longer waited for", to_string(device))});
+}
+
+rt::Task<void> poll(Session& session, const Request& request, Reply& reply) {
+  Arguments arguments(request);
+  const bool on = !arguments.has("stop");
+  const std::string wanted = arguments.required("slot");
+  if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
+  const auto slot = own_slot(session, arguments.text("bus"), wanted, "the NMT master there asks for its slaves");
+  if (!slot) co_return refuse(reply, 2, slot.error());
+  const auto& [network, name] = *slot;
+  const auto usable = network_for(session, network->bus().name, Use::send);
+  if (!usable) co_return refuse(reply, 2, usable.error());
+  const auto done = operate::poll_slot(*network, name, on);
+  if (!done) co_return fail_with(reply, done.error(), fmt::format("bus {}, slot {}", network->bus().name, name));
+  give(reply, Json{{"slot", name}, {"polled", on}},
+       {on ? fmt::format("{} is asked for", name)
+           : fmt::format("{} is not asked for any more, until it is heard, or `berth poll {}`", name,
+                         shell_word(name))});
 }
 
 }  // namespace berth::command

@@ -70,7 +70,7 @@ constexpr std::array communication{
     Standard{0x1018, 0x1018, 1, "Maker's number, given by CiA"},
     Standard{0x1018, 0x1018, 2, "The maker's number of this type of device"},
     Standard{0x1018, 0x1018, 3, "Upper word: major, lower word: minor revision"},
-    Standard{0x1018, 0x1018, 4, "Serial number of this very device"},
+    Standard{0x1018, 0x1018, 4, "Serial number of this device"},
     Standard{0x1019, 0x1019, 0, "Highest count in a SYNC; 0: SYNC has no counter"},
     Standard{0x1020, 0x1020, 1, "Day of the configuration; 0: not configured", "days since 1984-01-01"},
     Standard{0x1020, 0x1020, 2, "Time of the configuration; 0: not configured", "ms"},

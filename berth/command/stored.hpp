@@ -1,4 +1,5 @@
-/// What the slot table tells by itself, while no process runs the machine: no port is opened, and no device is asked.
+/// What the slot table and the files beside the machine file tell by themselves, while no process runs the machine: no
+/// port is opened, and no device is asked.
 #pragma once
 
 #include "berth/command/request.hpp"
@@ -11,5 +12,7 @@ namespace berth::command {
 void tell_history(places::SlotStore& store, const design::Machine& machine, const Request& request, Reply& reply);
 /// "report": which device belongs where; no slot is operational, so its status is 1.
 void tell_report(places::SlotStore& store, const design::Machine& machine, const Request& request, Reply& reply);
+/// "note read", "note write", "note remove": what is known of an object, and what a person writes about it.
+void tell_note(const design::Machine& machine, const Request& request, Reply& reply);
 
 }  // namespace berth::command

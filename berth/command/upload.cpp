@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "berth/base/counted.hpp"
 #include "berth/command/arguments.hpp"
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
@@ -37,13 +38,9 @@ rt::Task<void> upload(Session& session, const Request& request, Reply& reply) {
   const std::string slot = arguments.required("slot");
   const bool whole = arguments.has("dcf");
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
-  std::string name;
-  Network* const network = network_of_slot(session, bus, slot, name);
-  if (network == nullptr) {
-    co_return refuse(
-        reply, 2,
-        fmt::format("the machine has no slot {}, or several; name it as the machine file does", text::quoted(slot)));
-  }
+  const auto meant = own_slot(session, bus, slot, "`berth sdo dump` and `berth backup save` read its objects");
+  if (!meant) co_return refuse(reply, 2, meant.error());
+  const auto& [network, name] = *meant;
   const auto usable = network_for(session, network->bus().name, Use::send);
   if (!usable) co_return refuse(reply, 2, usable.error());
   auto done = co_await operate::upload_slot(*network, name);
@@ -62,8 +59,9 @@ rt::Task<void> upload(Session& session, const Request& request, Reply& reply) {
   for (const auto& object : done->uploaded.left_out) json["left_out"].push_back(od::write_object(object));
   json["bytes"] = done->uploaded.dcf.size();
   json["changes"] = Json::array();
-  std::vector<std::string> lines{fmt::format("{}  {:>3}  {}: {} values read, {} refused", done->bus, done->id.value(),
-                                             done->slot, done->uploaded.read, done->uploaded.refused)};
+  std::vector<std::string> lines{fmt::format("{}  {:>3}  {}: {} read, {} refused", done->bus, done->id.value(),
+                                             done->slot, counted(done->uploaded.read, "value"),
+                                             done->uploaded.refused)};
   for (const auto& object : done->uploaded.left_out) {
     lines.push_back(fmt::format("    {} is left out: a DCF cannot carry it", od::write_object(object)));
   }

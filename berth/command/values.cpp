@@ -48,14 +48,14 @@ bool printable(std::span<const std::uint8_t> bytes) {
   return !bytes.empty() && std::ranges::all_of(bytes, [](std::uint8_t b) { return b >= 0x20 && b <= 0x7E; });
 }
 
+}  // namespace
+
 std::string unit_text(const KnownObject& object, std::span<const std::uint8_t> bytes) {
   const auto one = tick(object.ref);
   const bool counts = one.count() != 0 && od::is_unsigned(object.type) && fits(object.type, bytes);
   if (!counts) return {};
   return text::write_duration(one * static_cast<std::int64_t>(od::load(object.type, bytes.data())));
 }
-
-}  // namespace
 
 // ---- to a person ----
 
@@ -76,13 +76,15 @@ std::string value_text(const KnownObject& object, std::span<const std::uint8_t> 
   std::uint64_t number = 0;
   for (std::size_t i = bytes.size(); i-- > 0 && bytes.size() <= 8;) number = number << 8U | bytes[i];
   if (!bytes.empty() && bytes.size() <= 8) text += fmt::format("  = {} (0x{:X})", number, number);
+  if (const std::string name = value_name(object, bytes); !name.empty()) text += " = " + name;
   return text;
 }
 
+namespace {
+
 // Numbers that JSON's readers keep exact go out as numbers.
-void put_value(nlohmann::ordered_json& json, const KnownObject& object, std::span<const std::uint8_t> bytes) {
+void put_typed(nlohmann::ordered_json& json, const KnownObject& object, std::span<const std::uint8_t> bytes) {
   const DataType type = object.type;
-  json["bytes"] = hex_bytes(bytes);
   if (type == DataType::none || !fits(type, bytes)) return;
   json["type"] = std::string(od::name(type));
   if (!od::is_integer(type)) {
@@ -96,6 +98,13 @@ void put_value(nlohmann::ordered_json& json, const KnownObject& object, std::spa
   if (object.meaning == nullptr || !object.type_is_described()) return;
   if (!object.meaning->unit.empty()) json["unit"] = one_count(*object.meaning);
   if (const auto quantity = quantity_text(object, bytes); !quantity.empty()) json["quantity"] = quantity;
+}
+
+}  // namespace
+
+void put_value(nlohmann::ordered_json& json, const KnownObject& object, std::span<const std::uint8_t> bytes) {
+  json["bytes"] = hex_bytes(bytes);
+  put_typed(json, object, bytes);
   if (const auto name = value_name(object, bytes); !name.empty()) json["meaning"] = name;
 }
 
@@ -122,7 +131,7 @@ Checked<Bytes> untyped(const std::string& text) {
   if (!parsed->value.present()) return tl::unexpected(std::string("the value is empty"));
   if (!parsed->notes.has(od::Note::plain_text)) return parsed->value.bytes;
   return tl::unexpected(
-      fmt::format("value {} is no row of hex bytes such as \"91 01 0F 00\"; the object's type is not known: give "
+      fmt::format("value {} is not a row of hex bytes such as \"91 01 0F 00\"; the object's type is not known: give "
                   "--type for anything else",
                   text::quoted(text)));
 }
@@ -140,16 +149,16 @@ bool has_unit(const std::string& text) {
 Checked<std::uint64_t> in_ticks(const KnownObject& object, const std::string& text) {
   const auto one = tick(object.ref);
   if (one.count() == 0) {
-    return tl::unexpected(fmt::format("value {}: the unit of {} is not known; write the number by itself",
+    return tl::unexpected(fmt::format("value {}: the unit of {} is not known; write the number alone",
                                       text::quoted(text), od::write_object(object.ref)));
   }
   const auto time = text::parse_duration(text);
   if (!time) {
     return tl::unexpected(
-        fmt::format("value {} is no time; the units are ns, us, ms, s, min and h", text::quoted(text)));
+        fmt::format("value {} is not a time; the units are ns, us, ms, s, min and h", text::quoted(text)));
   }
   if (*time % one != text::Duration(0)) {
-    return tl::unexpected(fmt::format("value {} is no multiple of {}, which {} counts in", text::quoted(text),
+    return tl::unexpected(fmt::format("value {} is not a multiple of {}, the unit of {}", text::quoted(text),
                                       text::write_duration(one), od::write_object(object.ref)));
   }
   return static_cast<std::uint64_t>(*time / one);
@@ -163,11 +172,9 @@ Checked<void> within_limits(const KnownObject& object, std::uint64_t raw, NodeId
   if (!low && !high) return {};
   Bytes bytes(od::byte_size(object.type));
   od::store(object.type, is(low ? limits->low : limits->high), bytes.data());
-  return tl::unexpected(
-      fmt::format("value {} is {} {}, the {} limit of {} in the description; write it all the same "
-                  "with --anyway",
-                  text::quoted(text), low ? "below" : "above", od::print(object.type, bytes), low ? "low" : "high",
-                  od::write_object(object.ref)));
+  return tl::unexpected(fmt::format("value {} is {} {}, the {} limit of {} in the description; write it with --anyway",
+                                    text::quoted(text), low ? "below" : "above", od::print(object.type, bytes),
+                                    low ? "low" : "high", od::write_object(object.ref)));
 }
 
 // "UNSIGNED16 of 1017h:00: 0 to 65535".

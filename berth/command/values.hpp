@@ -27,6 +27,9 @@ namespace berth::command {
 /// "quantity" ("23.5 °C") and "meaning" (the value's name).
 void put_value(nlohmann::ordered_json& json, const KnownObject& object, std::span<const std::uint8_t> bytes);
 
+/// "500 ms", of a communication object that counts time; else empty.
+[[nodiscard]] std::string unit_text(const KnownObject& object, std::span<const std::uint8_t> bytes);
+
 /// "F4 01".
 [[nodiscard]] std::string hex_bytes(std::span<const std::uint8_t> bytes);
 /// The type can have these bytes.

@@ -44,6 +44,9 @@ constexpr Parameter changing(Parameter parameter) {
 }
 
 constexpr std::array bus{of_bus};
+constexpr std::array of_report{
+    of_bus,
+    word_of("slot", "all that is known of one: its name, BUS/NAME or node-ID (default: a row for each)", false)};
 constexpr std::array of_scan{
     of_bus, flag_of("all",
                     "ask every node-ID, and search for devices without one by RAND and LSS (default: listen for "
@@ -54,9 +57,10 @@ constexpr std::array of_bind{
     personal(flag_of("from-scratch",
                      "stop the bus, forget every binding, take every node-ID that LSS can change, and bind all anew"))};
 constexpr std::array of_replace{
-    of_bus, word_of("slot", a_slot), option_of("device", "ADDRESS", "LSS address of the device that shall sit there"),
-    flag_of("used", "the used device that waits for the slot, or sits in it: it gets its factory settings first")};
+    of_bus, word_of("slot", a_slot), option_of("device", "ADDRESS", "LSS address of the device for this slot"),
+    flag_of("used", "take the used device that waits for the slot or is in it; it gets its factory settings first")};
 constexpr std::array of_forget{of_bus, word_of("device", "its LSS address")};
+constexpr std::array of_poll{of_bus, word_of("slot", a_slot), flag_of("stop", "it is not asked for any more")};
 constexpr std::array of_locate{of_bus, word_of("target", "slot, LSS address or node-ID"),
                                option_of("seconds", "N", "for so long (1 to 600, default 10)"),
                                flag_of("anyway", "also when it is operational")};
@@ -69,8 +73,8 @@ constexpr auto a_sub = own_of("sub", "the sub-index, where object is the index a
 constexpr auto a_type =
     option_of("type", "TYPE", "u8 u16 u32 i8 i16 i32 r32 vs os … (default: what the slot's eds = says)", "--type,-t");
 constexpr auto by_block = flag_of("block", "by SDO block transfer");
-constexpr auto an_answer =
-    option_of("sdo-timeout", "MS", "for each answer, and nothing is asked twice (default: the machine file's)");
+constexpr auto an_answer = option_of(
+    "sdo-timeout", "MS", "longest wait for each answer; no request is repeated (default: the machine file's)");
 constexpr std::array of_sdo_read{of_bus, word_of("node", a_node), an_object, a_sub, a_type, by_block, an_answer};
 constexpr std::array of_sdo_write{of_bus,
                                   word_of("node", a_node),
@@ -81,15 +85,16 @@ constexpr std::array of_sdo_write{of_bus,
                                   by_block,
                                   an_answer,
                                   flag_of("anyway", "also a value outside of the description's limits")};
-constexpr std::array of_sdo_probe{of_bus, word_of("node", a_node),
-                                  word_of("objects", "hex: 1000:0,1018:0-4; a refusal is told, and is no failure")};
+constexpr std::array of_sdo_probe{
+    of_bus, word_of("node", a_node),
+    word_of("objects", "hex: 1000:0,1018:0-4; a refusal is reported, and is not a failure")};
 constexpr std::array of_sdo_dump{of_bus, word_of("node", a_node)};
 constexpr auto a_client = word_of("client", "node-ID or slot's name of the node that will ask");
 constexpr auto a_server = word_of("server", "that of the node that will answer");
 constexpr auto a_manager =
     option_of("request", "NODE-ID", "the SDO manager with this node-ID is asked to do it (1F00h, 1F01h)");
 constexpr std::array of_sdo_connect{of_bus, a_client, a_server,
-                                    own_of("lease", "it is taken back after so many seconds (default 600)"), a_manager};
+                                    own_of("lease", "it is released after so many seconds (default 600)"), a_manager};
 constexpr std::array of_sdo_release{of_bus, a_client, a_server, a_manager};
 constexpr auto a_program = option_of("number", "N", "1 to 254", "--program");
 constexpr std::array of_backup{of_bus, own_of("node", "node-IDs or slots' names, one a line"),
@@ -101,7 +106,7 @@ constexpr std::array of_program{of_bus, word_of("node", a_node), a_program};
 constexpr std::array of_program_download{
     of_bus, word_of("node", a_node), a_program,
     personal(option_of("file", "FILE", "its image (default: the programs of its slot)")),
-    option_of("identification", "NUMBER", "what 1F56h tells then (default: the CRC-32 of the content)")};
+    option_of("identification", "NUMBER", "what 1F56h reports then (default: the CRC-32 of the content)")};
 constexpr std::array of_emcy{
     of_bus, word_of("node", "node-ID or slot's name: its error register (1001h) and history (1003h)", false),
     own_of("listen", "instead: the messages that come, for so many seconds")};
@@ -118,11 +123,25 @@ constexpr std::array of_doctor{
 constexpr std::array of_history{
     of_bus, word_of("slot", "its name, BUS/NAME or node-ID (default: all)", false),
     flag_of("audit", "instead: every request that changed something: when, who, what, answer")};
+constexpr std::array of_object{of_bus, word_of("node", a_node), an_object};
+constexpr std::array of_note{
+    of_bus,
+    word_of("node", a_node),
+    an_object,
+    option_of("text", "TEXT", "what it is, in one line"),
+    option_of("unit", "UNIT", "its unit: °C"),
+    option_of("scale", "N", "value of one count in the unit: 0.1"),
+    Parameter{.name = "values",
+              .form = own,
+              .help = "names of values, one a line: 3=fault; without a name: it has none any more",
+              .spelled = "--value"},
+    Parameter{.name = "bits", .form = own, .help = "names of bits, the same", .spelled = "--bit"},
+    flag_of("anew", "replaces all that the file has about it (default: keeps what is not given)")};
 constexpr std::array of_nmt{
     of_bus, word_of("command", "start, stop, preop, reset-node, reset-comm"),
     word_of("node", "node-ID, slot's name, or all"),
     option_of("request", "NODE-ID", "the NMT master with this node-ID is asked to do it (1F82h)"),
-    flag_of("no-wait", "does not wait for the heartbeats that tell the new state")};
+    flag_of("no-wait", "does not wait for the heartbeats that report the new state")};
 constexpr std::array of_lss_global{of_bus, word_of("state", "waiting or configuration")};
 constexpr std::array of_lss_select{of_bus, word_of("address", an_address)};
 constexpr std::array of_lss_device{of_bus, word_of("address", an_address, false)};
@@ -149,7 +168,9 @@ constexpr std::array of_lss_identify{of_bus,
 constexpr std::span<const Parameter> none;
 constexpr std::array of_world_step{word_of("frames", "1 to 10000, of all its buses (default 1)", false)};
 constexpr std::array of_world_speed{word_of("factor", "0.01 to 1000; 1 is real time")};
-constexpr std::array of_world_damage{of_bus, word_of("frames", "1 to 10000 (default 1)", false)};
+constexpr std::array of_world_damage{
+    of_bus, word_of("frames", "1 to 10000 (default 1)", false),
+    option_of("from", "DEVICE", "only frames that it sends: its name in the plant file, its slot's name or node-ID")};
 
 // What each verb does at most, and with it the role that may have it carried out.
 constexpr auto asks = Role::view;
@@ -157,25 +178,32 @@ constexpr auto operates = Role::operate;
 constexpr auto changes = Role::configure;
 
 constexpr std::array table{
-    Verb{"report", "the slot table as it stands; exit status 1 when a slot is not operational", asks, bus, report},
+    Verb{"report", "the slot table as it is now; exit status 1 when a slot is not operational", asks, of_report,
+         report},
     Verb{"scan", "which devices are on this bus: configured, unconfigured, duplicates", asks, of_scan, scan},
     Verb{"bind", "discovery and binding once, without starting anything", operates, of_bind, bind},
     Verb{"replace", "give a slot to a new device", operates, of_replace, replace},
-    Verb{"forget", "a device that was to give its node-ID up is gone for good", operates, of_forget, forget},
-    Verb{"locate", "a device shows itself: both of its indicators flicker", operates, of_locate, locate},
+    Verb{"forget", "a device that had to release its node-ID will not come back", operates, of_forget, forget},
+    Verb{"poll", "an optional slot's device that is not there is asked for, or not any more", operates, of_poll, poll},
+    Verb{"locate", "a device flickers both of its indicators", operates, of_locate, locate},
     Verb{"boot", "reset, check, configure and start the devices of the slots once (CiA 302-2)", operates, bus, boot},
-    Verb{"configure", "bring devices to what their configuration files want", changes, of_configure, configure},
+    Verb{"configure", "write into devices what their configuration files want", changes, of_configure, configure},
     Verb{"upload", "a device's configuration, as it is now, becomes its slot's file", changes, of_upload, upload},
     Verb{"backup save", "what devices hold now, as dated DCFs", asks, of_backup, backup_save},
-    Verb{"backup compare", "a DCF beside what a device holds", asks, of_comparison, backup_compare},
+    Verb{"backup compare", "a DCF compared with what a device holds", asks, of_comparison, backup_compare},
     Verb{"backup restore", "a DCF into a device of its type, stored there", changes, of_comparison, backup_restore},
     Verb{"sdo read", "read objects of a device", asks, of_sdo_read, sdo_read},
     Verb{"sdo write", "write objects of a device", changes, of_sdo_write, sdo_write},
     Verb{"sdo probe", "read all of these objects, whichever the device has", asks, of_sdo_probe, sdo_probe},
     Verb{"sdo dump", "every object of a device that can be read: a table, JSON, or a DCF", asks, of_sdo_dump, sdo_dump},
+    Verb{"note read", "what is known of an object: text, unit, names of values and bits", asks, of_object,
+         note_command},
+    Verb{"note write", "a note of an object, into the file beside its description", changes, of_note, note_command},
+    Verb{"note remove", "the note of an object, out of the file beside its description", changes, of_object,
+         note_command},
     Verb{"sdo connect", "a channel of their own for two nodes (SDO manager, CiA 302-5)", changes, of_sdo_connect,
          sdo_connect},
-    Verb{"sdo release", "takes the channel of two nodes back", changes, of_sdo_release, sdo_release},
+    Verb{"sdo release", "releases the channel of two nodes", changes, of_sdo_release, sdo_release},
     Verb{"sdo channels", "the channels that the SDO manager of a bus has given", asks, bus, sdo_channels},
     Verb{"nmt", "one NMT command to one node or all", operates, of_nmt, nmt_command},
     Verb{"program status", "which programs it has, and whether they run", asks, of_program, program_status},
@@ -184,12 +212,12 @@ constexpr std::array table{
     Verb{"program start", "start a program", changes, of_program, program_control},
     Verb{"program stop", "stop a program; the device's own: it restarts into its boot loader", changes, of_program,
          program_control},
-    Verb{"program clear", "take a stopped program away", changes, of_program, program_control},
-    Verb{"emcy", "what devices say is wrong with them: now, before, as it comes", asks, of_emcy, emcy},
+    Verb{"program clear", "delete a stopped program", changes, of_program, program_control},
+    Verb{"emcy", "errors that devices report: present, past, and as they come", asks, of_emcy, emcy},
     Verb{"store", "a device stores its parameters (1010h)", changes, of_memory, device_memory},
     Verb{"restore", "a device takes its default parameters, after a reset (1011h)", changes, of_memory, device_memory},
-    Verb{"send", "frames as they are written, through the gate as ever", changes, of_send, send},
-    Verb{"doctor", "what is wrong on the buses; sends nothing unless it is told to", asks, of_doctor, doctor_command},
+    Verb{"send", "send frames; the role of the bus still decides what may be sent", changes, of_send, send},
+    Verb{"doctor", "what is wrong on the buses; sends nothing unless asked to", asks, of_doctor, doctor_command},
     Verb{"history", "which device sat where, since when and why", asks, of_history, history},
     Verb{"lss global", "all devices to waiting or configuration state", changes, of_lss_global, lss_command},
     Verb{"lss select", "one device to configuration state", changes, of_lss_select, lss_command},
@@ -204,9 +232,9 @@ constexpr std::array table{
     Verb{"lss find", "every device that no slot has; is any device without a node-ID?", asks, bus, lss_command},
     Verb{"lss move-bit-rate", "every device of a bus to another bit rate, together", changes, of_move_bit_rate,
          bit_rate_command},
-    Verb{"world pause", "a simulated world stands: its time and its frames", operates, none, world_command},
-    Verb{"world run", "a simulated world that stands goes on", operates, none, world_command},
-    Verb{"world step", "a simulated world stands, but for so many frames more", operates, of_world_step, world_command},
+    Verb{"world pause", "stops the time of a simulated world", operates, none, world_command},
+    Verb{"world run", "lets a paused simulated world run on", operates, none, world_command},
+    Verb{"world step", "lets a paused simulated world run for some frames", operates, of_world_step, world_command},
     Verb{"world speed", "a simulated world runs faster or slower than real time", operates, of_world_speed,
          world_command},
     Verb{"world damage", "the next frames of a simulated bus are damaged, and repeated", operates, of_world_damage,
@@ -231,7 +259,9 @@ const Verb* verb(std::string_view name) noexcept {
 }
 
 rt::Task<void> execute(Session& session, const Request& request, Reply& reply, Turn turn) {
+  auto progress = std::move(reply.progress);
   reply = Reply{};
+  reply.progress = std::move(progress);
   const Verb* const wanted = verb(request.verb);
   if (wanted == nullptr) {
     co_return refuse(reply, 2, fmt::format("there is no command {}", text::quoted(request.verb)));

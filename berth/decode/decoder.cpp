@@ -15,6 +15,7 @@
 #include "berth/decode/say_parts.hpp"
 #include "berth/decode/standard_objects.hpp"
 #include "berth/od/abort_code.hpp"
+#include "berth/od/mapping_text.hpp"
 #include "berth/od/notation.hpp"
 
 namespace berth::decode {
@@ -51,6 +52,22 @@ std::string object_name(const od::Description& description, ObjectRef ref) {
   return name;
 }
 
+// What the value of a signal means; empty: nothing is known, or it is no value of its type.
+std::string meant(const ValueWords& words, ObjectRef object, od::DataType type, unsigned bits, std::uint64_t raw) {
+  std::array<std::uint8_t, 8> bytes{};
+  const auto size = od::byte_size(type);
+  if (od::bit_length(type) != bits || size == 0 || size > bytes.size()) return {};
+  od::store(type, raw, bytes.data());
+  return words.words(object, type, std::span(bytes).first(size));
+}
+
+// What the value of a transfer means, where all of it is there.
+std::string meant(const ValueWords* words, const SdoRecord& record, od::DataType type,
+                  std::span<const std::uint8_t> bytes) {
+  const bool whole = !record.sized || record.bytes.size() == record.length;
+  return words != nullptr && record.has_object && whole ? words->words(record.object, type, bytes) : std::string();
+}
+
 }  // namespace
 
 struct Decoder::Signal {
@@ -60,6 +77,8 @@ struct Decoder::Signal {
   std::uint8_t at = 0;  // bit
   std::uint8_t bits = 0;
   bool dummy = false;
+  ObjectRef object{};
+  const ValueWords* words = nullptr;  // of the node; null: they know nothing of this object
 };
 
 struct Decoder::Pdo {
@@ -82,8 +101,14 @@ struct Decoder::Channel {
 struct Decoder::Node {
   std::string name;
   std::unique_ptr<od::Values> values;  // null: no description
-  std::vector<std::uint16_t> givers;   // objects that give identifiers to further SDO channels and PDOs
-  std::vector<std::uint32_t> keys;     // whose routes are this node's own
+  std::shared_ptr<const ValueWords> words;
+  std::vector<NamedObject> named;
+  [[nodiscard]] const NamedObject* named_of(ObjectRef object) const noexcept {
+    const auto it = std::ranges::find(named, object, &NamedObject::object);
+    return it == named.end() ? nullptr : &*it;
+  }
+  std::vector<std::uint16_t> givers;  // objects that give identifiers to further SDO channels and PDOs
+  std::vector<std::uint32_t> keys;    // whose routes are this node's own
 };
 
 struct Decoder::Route {
@@ -156,6 +181,8 @@ void Decoder::know(std::uint16_t number, NodeId node, Profile profile) {
   auto& known = bus.nodes[node.value()];
   known = std::make_unique<Node>();
   known->name = std::move(profile.name);
+  known->words = std::move(profile.words);
+  known->named = std::move(profile.named);
   if (!profile.description) return;
   known->values = std::make_unique<od::Values>(std::move(profile.description), node);
   for (const auto& [object, bytes] : profile.settings) (void)known->values->set_bytes(object, bytes);
@@ -239,12 +266,16 @@ void Decoder::add_pdo(Bus& bus, Node& node, std::uint8_t id, bool transmit, unsi
       signal.at = static_cast<std::uint8_t>(pdo.bits);
       signal.bits = entry.bits;
       signal.dummy = entry.object.index < 0x20;
-      signal.label = object_name(values.description(), entry.object);
+      const NamedObject* const variable = node.named_of(entry.object);
+      signal.label = variable != nullptr ? variable->name : object_name(values.description(), entry.object);
       if (signal.label.empty()) signal.label = od::write_object(entry.object);
       signal.name_size = signal.label.size();
       signal.label += " = ";
       const auto* const described = values.description().find(entry.object);
       if (described != nullptr) signal.type = described->type;
+      if (variable != nullptr) signal.type = variable->type;
+      signal.object = entry.object;
+      if (node.words && node.words->knows(entry.object)) signal.words = node.words.get();
       pdo.bits += entry.bits;
       pdo.signals.push_back(std::move(signal));
     }
@@ -418,7 +449,13 @@ void Decoder::signals(const Pdo& pdo, const can::Frame& frame) {
     } else {
       put(fmt::format_int(raw));
     }
-    if (options_.fields) field(Field::Kind::signal, signal.label.substr(0, signal.name_size), words_.substr(begin));
+    if (options_.fields) {
+      field(Field::Kind::signal, signal.label.substr(0, signal.name_size), words_.substr(begin));
+      fields_.back().object = signal.object;
+    }
+    if (signal.words == nullptr) continue;
+    const std::string means = meant(*signal.words, signal.object, signal.type, signal.bits, raw);
+    if (!means.empty()) say(words_, " ({})", means);
   }
   if (frame.size > (pdo.bits + 7) / 8) say(words_, " (and {} bytes more)", frame.size - (pdo.bits + 7) / 8);
 }
@@ -490,6 +527,10 @@ od::DataType Decoder::say_object(const Node* node, ObjectRef object) {
     const auto* const sub = node->values->description().find(object);
     if (sub != nullptr) type = sub->type;
   }
+  if (const NamedObject* const variable = node == nullptr ? nullptr : node->named_of(object)) {
+    name = variable->name;
+    type = variable->type;
+  }
   if (name.empty()) {
     const auto standard = standard_object(object);
     name = standard.name;
@@ -538,8 +579,13 @@ void Decoder::ended(const SdoRecord& record) {
     put_value(type, bytes, record.bytes.size() == record.length);
     say(words_, " = {}", value_);
   }
+  const Node* const node = bus_->nodes[id].get();
+  std::string means = has_value && node != nullptr ? meant(node->words.get(), record, type, bytes) : std::string();
+  if (has_value && means.empty() && record.has_object) means = od::mapping_text(record.object, bytes);
+  if (!means.empty()) say(words_, " = {}", means);
   if (options_.fields && has_value) {
     field(Field::Kind::text, "value", value_);
+    if (!means.empty()) field(Field::Kind::text, "meaning", means);
     std::string hex;
     put_hex(bytes, bytes.size(), hex);
     field(Field::Kind::text, "bytes", std::move(hex));

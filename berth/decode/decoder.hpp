@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "berth/decode/sdo_transfer.hpp"
+#include "berth/decode/value_words.hpp"
 #include "berth/decode/words.hpp"
 #include "berth/od/values.hpp"
 #include "berth/trace/trace.hpp"
@@ -29,10 +30,19 @@
 namespace berth::decode {
 
 /// What is known of a device beyond the trace.
+/// An object that has its name from elsewhere than the device's description: a network variable of a link.
+struct NamedObject {
+  ObjectRef object;
+  std::string name;
+  od::DataType type = od::DataType::none;
+};
+
 struct Profile {
   std::string name;                                                         ///< the slot's; may be empty
   std::shared_ptr<const od::Description> description;                       ///< may be null
   std::vector<std::pair<ObjectRef, std::vector<std::uint8_t>>> settings{};  ///< instead of the defaults
+  std::shared_ptr<const ValueWords> words{};                                ///< what values mean; may be null
+  std::vector<NamedObject> named{};                                         ///< before the description's names
 };
 
 /// One thing that a row says, for programs. Good for the call only.
@@ -40,7 +50,8 @@ struct Field {
   enum class Kind : std::uint8_t { text, number, signal };  ///< signal: `key` is its name
   Kind kind = Kind::text;
   std::string key;
-  std::string value;  ///< number: decimal
+  std::string value;   ///< number: decimal
+  ObjectRef object{};  ///< signal: what the PDO carries
 };
 
 /// Good for the call only.
@@ -50,7 +61,8 @@ struct Row {
   unsigned frames = 1;
   Meaning meaning;
   std::string_view words;
-  std::span<const Field> fields;  ///< object, name, value, bytes, mode, abort, result; code; kind, number, signals
+  std::span<const Field>
+      fields;  ///< object, name, value, meaning, bytes, mode, abort, result; code; kind, number, signals
 };
 
 class Rows {

@@ -1,9 +1,10 @@
 #include "berth/decode/emcy_words.hpp"
 
-#include <algorithm>
-#include <span>
+#include <fmt/format.h>
 
-#include "berth/co/emcy.hpp"
+#include <algorithm>
+#include <array>
+#include <span>
 
 namespace berth::decode {
 namespace {
@@ -194,6 +195,24 @@ const char* emcy_words(std::uint16_t code, std::uint16_t profile) noexcept {
   const auto table = table_of(profile);
   const auto found = std::ranges::find(table, code, &CodeWords::code);
   return found == table.end() ? co::emcy_text(code) : found->words;
+}
+
+std::string register_words(std::uint8_t bits) {
+  static constexpr std::array<const char*, 8> names{"generic",       "current",        "voltage",  "temperature",
+                                                    "communication", "device profile", "reserved", "manufacturer"};
+  std::string text;
+  for (unsigned i = 0; i < names.size(); ++i) {
+    if ((bits >> i & 1U) != 0) text += fmt::format("{}{}", text.empty() ? "" : ", ", names[i]);
+  }
+  return text.empty() ? "no error" : text;
+}
+
+std::string emcy_line(const co::Emcy& message, std::uint16_t profile) {
+  std::string line = fmt::format("EMCY {:04X}h {}", message.code, emcy_words(message.code, profile));
+  if (message.error_register != 0) line += "; register: " + register_words(message.error_register);
+  const bool says_more = std::ranges::any_of(message.info, [](std::uint8_t byte) { return byte != 0; });
+  if (says_more) line += fmt::format("; info {:02X}", fmt::join(message.info, " "));
+  return line;
 }
 
 }  // namespace berth::decode

@@ -7,6 +7,7 @@
 #include <iterator>
 
 #include "berth/base/bytes.hpp"
+#include "berth/can/bus_error.hpp"
 #include "berth/co/emcy.hpp"
 #include "berth/co/nmt.hpp"
 #include "berth/co/time_stamp.hpp"
@@ -321,6 +322,37 @@ std::string Interpreter::words(const can::Frame& frame) {
   return out;
 }
 
+namespace {
+
+std::string_view place_of(std::uint8_t code) noexcept {
+  using can::ErrorPlace;
+  switch (static_cast<ErrorPlace>(code)) {
+    case ErrorPlace::start: return "in start of frame";
+    case ErrorPlace::id28_21:
+    case ErrorPlace::id20_18:
+    case ErrorPlace::id17_13:
+    case ErrorPlace::id12_5:
+    case ErrorPlace::id4_0: return "in the identifier";
+    case ErrorPlace::srr:
+    case ErrorPlace::rtr: return "in RTR";
+    case ErrorPlace::ide: return "in IDE";
+    case ErrorPlace::reserved0:
+    case ErrorPlace::reserved1: return "in a reserved bit";
+    case ErrorPlace::dlc: return "in DLC";
+    case ErrorPlace::data: return "in the data";
+    case ErrorPlace::crc: return "in CRC";
+    case ErrorPlace::crc_delimiter: return "in the CRC delimiter";
+    case ErrorPlace::acknowledge: return "in the ACK slot";
+    case ErrorPlace::acknowledge_delimiter: return "in the ACK delimiter";
+    case ErrorPlace::end_of_frame: return "in end of frame";
+    case ErrorPlace::intermission: return "in intermission";
+    case ErrorPlace::unknown: break;
+  }
+  return {};
+}
+
+}  // namespace
+
 void error_words(const can::Frame& frame, std::string& out) {
   out += "error";
   const char* between = ": ";
@@ -355,6 +387,10 @@ void error_words(const can::Frame& frame, std::string& out) {
                                         "recessive bit", "overload", "active", "while sending"};
   details(0x004, "controller", frame.data[1], controller);
   details(0x008, "protocol", frame.data[2], protocol);
+  if ((frame.id & can::error_protocol) != 0 && frame.data[3] != 0) {
+    const auto place = place_of(frame.data[3]);
+    if (!place.empty()) say(out, ", {}", place);
+  }
   if (frame.data[6] != 0 || frame.data[7] != 0) say(out, "; counters tx {}, rx {}", frame.data[6], frame.data[7]);
 }
 

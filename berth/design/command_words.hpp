@@ -7,11 +7,12 @@
 
 namespace berth::design {
 
-inline constexpr std::array<std::string_view, 47> command_words{"report",
+inline constexpr std::array<std::string_view, 51> command_words{"report",
                                                                 "scan",
                                                                 "bind",
                                                                 "replace",
                                                                 "forget",
+                                                                "poll",
                                                                 "locate",
                                                                 "boot",
                                                                 "configure",
@@ -23,6 +24,9 @@ inline constexpr std::array<std::string_view, 47> command_words{"report",
                                                                 "sdo write",
                                                                 "sdo probe",
                                                                 "sdo dump",
+                                                                "note read",
+                                                                "note write",
+                                                                "note remove",
                                                                 "sdo connect",
                                                                 "sdo release",
                                                                 "sdo channels",

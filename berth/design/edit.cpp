@@ -188,7 +188,7 @@ std::vector<std::pair<std::string, NewValue>> all_keys(const NewSlot& slot) {
 
 Result<std::string> set_slot_key(std::string_view text, std::string_view slot_name, std::string_view key,
                                  const NewValue& value) {
-  if (!bare_key(key)) return fail(Errc::invalid, "this is no key");
+  if (!bare_key(key)) return fail(Errc::invalid, "this is not a key");
   auto root = parse(text);
   if (!root) return fail(root.error());
   const auto slot = find_slot(*root, slot_name);
@@ -216,7 +216,7 @@ Result<std::string> remove_slot_key(std::string_view text, std::string_view slot
   const auto member = std::ranges::find((*slot)->members, key, &Member::key);
   if (member == (*slot)->members.end()) return fail(Errc::not_found, "the slot has no such key");
   const bool own_header = member->value.kind == Value::Kind::table && !member->value.in_line;
-  if (own_header || (*slot)->in_line) return fail(Errc::unsupported, "the key does not stand on a line of its own");
+  if (own_header || (*slot)->in_line) return fail(Errc::unsupported, "the key is not on a line of its own");
   auto begin = text::offset_of(text, member->place);
   auto end = text::offset_of(text, member->value.end);
   const auto rest = text.substr(end, next_line(text, end) - end);
@@ -248,7 +248,7 @@ Result<std::string> add_slot(std::string_view text, const NewSlot& slot) {
   std::string lines = fmt::format("{}[[slot]]{}", newline, newline);
   Value added;
   for (const auto& [key, value] : all_keys(slot)) {
-    if (!bare_key(key)) return fail(Errc::invalid, "this is no key");
+    if (!bare_key(key)) return fail(Errc::invalid, "this is not a key");
     lines += fmt::format("{} = {}{}", key, rendered(value), newline);
     added.members.push_back({key, {}, as_value(value)});
   }

@@ -73,11 +73,12 @@ class LibraryReader {
     if (device.eds_path.empty()) return;
     Findings said;
     const auto type = loader_ ? loader_(device.eds_path, said) : std::nullopt;
+    if (!type && loader_ && !text::Reach::there(table, "eds", device.eds_path)) return;
     std::ranges::copy_if(said, std::back_inserter(findings_),
                          [](const Finding& f) { return f.severity == Finding::Severity::error; });
     if (!type) {
-      return table.error("eds", fmt::format("{} gives no device type", text::quoted(device.eds_path)),
-                         loader_ ? "see what is said about that file" : "write type = { … } instead");
+      return table.error("eds", fmt::format("{} cannot be used as a device description", text::quoted(device.eds_path)),
+                         loader_ ? "see the messages about that file" : "write type = { … } instead");
     }
     device.type = type->type;
     device.revision = type->revision;
@@ -150,8 +151,7 @@ class LibraryReader {
       return;
     }
     if (text->empty() || text->size() > 8 || (size && *size != std::ssize(*text))) {
-      return table.error("value",
-                         fmt::format("{} has not 1 to 8 bytes, or not as many as size says", text::quoted(*text)),
+      return table.error("value", fmt::format("{} needs 1 to 8 bytes, and as many as size says", text::quoted(*text)),
                          "write \"{id}\", a number, or a text such as \"save\"");
     }
     write.size = static_cast<std::uint8_t>(text->size());

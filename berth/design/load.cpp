@@ -34,6 +34,10 @@ ConfigLoader config_loader() {
   };
 }
 
+bool is_for(const places::SlotSpec& slot, TypeCode type) noexcept {
+  return type == TypeCode{} || slot.asks.unasked != 0 || slot.type == TypeCode{} || type == slot.type;
+}
+
 MachineResult load_machine(const std::string& path, std::span<const std::string> allowed) {
   MachineResult result;
   const auto text = text::read_file(path, result.findings);

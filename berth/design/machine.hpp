@@ -116,6 +116,19 @@ struct BusSync {
   std::uint8_t counter = 0;  ///< 1019h, 2..240: how far the SYNC counts; 0: a SYNC without data
 };
 
+/// An SDO channel between two slots of a bus beside the default ones, `[[channel]]`: it stands in the configurations of
+/// both devices, 1280h ff. of the client and 1201h ff. of the server (CiA 301; docs/sdo-manager.md).
+struct Channel {
+  static constexpr std::uint32_t last_id = 0x6DF;  ///< planned ones have the highest pairs of 680h to 6DFh
+  static constexpr std::size_t most = 48;          ///< of one bus
+  NodeId client;
+  NodeId server;
+  std::uint16_t client_object = 0;
+  std::uint16_t server_object = 0;
+  std::uint32_t request = 0;  ///< CAN-ID of the client's frames; the server's have the next one
+  friend bool operator==(const Channel&, const Channel&) = default;
+};
+
 struct Bus {
   std::string name;
   PortSpec port;
@@ -136,12 +149,20 @@ struct Bus {
   /// False: a controller of CAN 2.0A is on it, which answers each frame in extended format with an error frame. Nothing
   /// that is sent or asked for has 29 bits: no RAND, no feedback in extended identifiers.
   bool extended_frames = true;
+  std::vector<Channel> channels;  ///< in the order of the file
   Timing timing;
   text::Place place;  ///< of its table
 };
 
 /// What a gateway's own node on a bus beneath it without a port is called: "gateway on left".
 [[nodiscard]] std::string gateway_node_name(const Bus& beneath);
+
+/// In which order the frames that a device has queued leave.
+enum class SendOrder : std::uint8_t {
+  unknown,
+  in_order,  ///< as they came: one transmit buffer, or a driver with a ring
+  priority,  ///< by identifier
+};
 
 struct Slot {
   places::SlotSpec spec;   ///< what binding needs; `spec.name.machine` is the machine's name
@@ -151,6 +172,9 @@ struct Slot {
   std::shared_ptr<const od::Description> description;  ///< what `eds`, or the library for `device`, says; may be null
   text::Place place;                                   ///< of its table
   bool of_range = false;                               ///< came out of `ids = "1..60"`
+  SendOrder queue = SendOrder::unknown;
+  /// So much apart are two frames of one of its PDOs that is sent at a change and has no inhibit time; empty: not said.
+  std::optional<Duration> inhibit{};
 };
 
 /// One object of one slot: "left sensor/Position", "left sensor/6004h:00", or by its path "3/5/Position".
@@ -166,6 +190,7 @@ struct Link {
   std::optional<Duration> deadline;
   std::uint8_t transmission = 255;     ///< transmission type (CiA 301 §7.5.2.35): 0 to 240, 254, 255
   std::optional<od::DataType> type{};  ///< of network variables at its ends
+  std::optional<Duration> inhibit{};   ///< of the PDO that carries it; empty: the linker's choice
   text::Place place;
 };
 
@@ -182,8 +207,9 @@ struct Machine {
   std::vector<Bus> beneath = {};  ///< on which it has none, each above those beneath it
   std::vector<Slot> slots;        ///< in the order of the file, ranges ascending
   std::vector<Link> links;
-  std::string link_plan;  ///< path of the plan that links go on from; empty: none
-  Library library;        ///< of the file itself and of `devices =`
+  std::string link_plan;            ///< path of the plan that links go on from; empty: none
+  std::vector<LinkEnd> watch = {};  ///< values that the live table of `berth up` shows, and `berth watch`
+  Library library;                  ///< of the file itself and of `devices =`
   /// What devices in no slot are like: no key of the file's, but said beside it (`--eds`).
   std::vector<Described> described;
 
@@ -213,6 +239,8 @@ struct ConfigType {
   std::optional<NodeId> node_id;  ///< the one it was made for
   bool sets_heartbeat = false;    ///< it gives 1017h a value, which is not used
 };
+/// A configuration for devices of this type may be the slot's; one that does not say its type may be any's.
+[[nodiscard]] bool is_for(const places::SlotSpec& slot, TypeCode type) noexcept;
 /// Reads the configuration at `path`; remarks go to `findings`, and at least one error when it cannot be used.
 using ConfigLoader = std::function<std::optional<ConfigType>(const std::string& path, Findings& findings)>;
 

@@ -44,11 +44,12 @@ void read_heartbeat(Table& table, Timing& timing) {
     timing.heartbeat_given = true;
     timing.heartbeat_period = *period;
     timing.heartbeat_timeout = std::min<Duration>(*period * 3, 65535ms);
-    if (*period % 1ms != 0ns) table.error("heartbeat_period", "heartbeat counts whole milliseconds", "round it");
+    if (*period % 1ms != 0ns)
+      table.error("heartbeat_period", "heartbeat is a whole number of milliseconds", "round it");
   }
   read_duration(table, "heartbeat_timeout", 1ms, 65535ms, timing.heartbeat_timeout);
   if (timing.heartbeat_timeout % 1ms != 0ns) {
-    table.error("heartbeat_timeout", "heartbeat counts whole milliseconds", "round it");
+    table.error("heartbeat_timeout", "heartbeat is a whole number of milliseconds", "round it");
   }
   check_heartbeat(table, timing.heartbeat_period, timing.heartbeat_timeout);
 }
@@ -62,7 +63,7 @@ void read_port(Table& table, Bus& bus) {
   if (port) {
     bus.port = *port;
   } else {
-    table.error("port", fmt::format("{} is no port", text::quoted(*text)),
+    table.error("port", fmt::format("{} is not a port", text::quoted(*text)),
                 "use \"sim\", \"plant:/run/plant.sock\", \"socketcan:can0\", \"slcan:/dev/ttyACM0\", "
                 "\"socketcand://host:29536/can0\" or \"gateway\"");
   }
@@ -75,7 +76,7 @@ void read_bitrate(Table& table, Bus& bus) {
   constexpr std::int64_t highest = 1'000'000;
   if (*rate < lowest || *rate > highest) {
     const bool kilo = *rate * 1000 >= lowest && *rate <= highest / 1000;
-    return table.error("bitrate", fmt::format("{} bit/s is no bit rate of classic CAN", *rate),
+    return table.error("bitrate", fmt::format("{} bit/s is not a bit rate of classic CAN", *rate),
                        kilo ? fmt::format("write {}_000", *rate) : "give 5_000 to 1_000_000");
   }
   bus.bitrate = static_cast<std::uint32_t>(*rate);
@@ -138,7 +139,7 @@ void read_startup(Table& table, Bus& bus) {
   read_duration(*entry, "boot_time", 0s, 24h, bus.startup.boot_time);
   read_duration(*entry, "nmt_inhibit", 0s, 6553500us, bus.startup.nmt_inhibit);
   if (bus.startup.nmt_inhibit % 100us != 0ns) {
-    entry->error("nmt_inhibit", "object 102Ah counts tenths of a millisecond", "round it");
+    entry->error("nmt_inhibit", "object 102Ah holds tenths of a millisecond", "round it");
   }
   if (bus.role != Role::master) {
     table.error("startup", "only a master starts a network", "leave the table out, or the key role");
@@ -152,7 +153,7 @@ void read_sync(Table& table, Bus& bus) {
   if (!entry) return;
   BusSync sync;
   if (entry->require("period", "such as \"10 ms\"")) read_duration(*entry, "period", 100us, 1h, sync.period);
-  if (sync.period % 1us != 0ns) entry->error("period", "object 1006h counts whole microseconds", "round it");
+  if (sync.period % 1us != 0ns) entry->error("period", "object 1006h holds whole microseconds", "round it");
   if (const auto counter = entry->u32("counter", {2, 240})) sync.counter = static_cast<std::uint8_t>(*counter);
   const Duration half_of_the_bus = 2 * longest_bits_of_a_byte * Duration(1s) / bus.bitrate;
   if (sync.period > 0ns && sync.period < half_of_the_bus) {
@@ -189,7 +190,7 @@ void read_flying(Table& table, Bus& bus) {
                  "use 1500 ms and 10 ms, or the same proportion");
   }
   if (bus.role != Role::master) {
-    table.error("flying_master", "only a master is one of several", "leave the table out, or the key role");
+    table.error("flying_master", "only a master can be a flying master", "leave the table out, or the key role");
   }
   entry->finish();
   bus.flying = flying;
@@ -202,7 +203,8 @@ void read_commands(Table& table, Bus& bus) {
   const auto words = entry->strings("verbs");
   for (const auto& word : words ? *words : std::vector<std::string>()) {
     const bool known = std::ranges::find(command_words, word) != command_words.end();
-    if (!known) entry->error("verbs", fmt::format("{} is no command", text::quoted(word)), "`berth help` lists them");
+    if (!known)
+      entry->error("verbs", fmt::format("{} is not a command", text::quoted(word)), "`berth help` lists them");
     if (known) bus.commands.verbs.push_back(word);
   }
   if (!bus.own_port) {
@@ -219,7 +221,7 @@ void read_tolerated(Table& table, Bus& bus) {
     if (sign) {
       bus.tolerate.set(static_cast<std::size_t>(*sign));
     } else {
-      table.error("tolerate", fmt::format("{} is no sign of another master", text::quoted(word)),
+      table.error("tolerate", fmt::format("{} is not a sign of another master", text::quoted(word)),
                   "use nmt, lss, discovery, flying-master, sdo, sync, heartbeat or guarding");
     }
   }
@@ -274,7 +276,7 @@ Bus read_bus(const std::string& name, text::Table& table, const Timing& timing) 
   bus.name = name;
   bus.place = table.begin();
   bus.timing = timing;
-  if (!good_name(name)) table.error("", fmt::format("{} is no bus name", text::quoted(name)), name_fix);
+  if (!good_name(name)) table.error("", fmt::format("{} is not a bus name", text::quoted(name)), name_fix);
   if (table.require("port", "such as \"sim\" or \"socketcan:can0\"")) read_port(table, bus);
   if (table.require("bitrate", "such as 125_000")) read_bitrate(table, bus);
   if (const auto role = table.word("role", role_words)) bus.role = roles[*role];
@@ -286,6 +288,11 @@ Bus read_bus(const std::string& name, text::Table& table, const Timing& timing) 
   read_gateway(table, bus);
   if (!bus.own_port && !table.has("gateway")) {
     table.error("port", "which gateway?", "write gateway = { bus = \"…\", slot = … }");
+  } else if (!bus.own_port && !table.has("master_id")) {
+    table.warning("",
+                  fmt::format("no master_id: the gateway's own node-ID on bus {} is taken to be {}", text::quoted(name),
+                              bus.master.value()),
+                  "write master_id = ID, as its description or its switches have it");
   }
   read_startup(table, bus);
   bus.startup.rules.master = bus.role == Role::master;

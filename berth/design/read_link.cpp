@@ -1,4 +1,4 @@
-// `[[link]]` of the machine file: docs/machine-file.md.
+// `[[link]]` of the machine file, and `watch` of [machine], which names objects alike: docs/machine-file.md.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -14,6 +14,10 @@ namespace {
 using namespace std::chrono_literals;
 using std::string_view;
 using text::Table;
+
+// 1800h:03 counts 100 us in 16 bits (CiA 301).
+constexpr Duration least_inhibit = 100us;
+constexpr Duration most_inhibit = 6'553'500us;
 
 // A node-ID, and behind a dot a gateway's port.
 struct PathStep {
@@ -60,6 +64,8 @@ std::string path_of(string_view text) {
   return path;
 }
 
+}  // namespace
+
 std::optional<LinkEnd> read_end(const Machine& machine, Table& table, string_view key, const std::string& text) {
   const auto slash = text.find('/');
   if (slash == std::string::npos || slash == 0 || slash + 1 == text.size()) {
@@ -84,16 +90,18 @@ std::optional<LinkEnd> read_end(const Machine& machine, Table& table, string_vie
   return std::nullopt;
 }
 
+namespace {
+
 void read_targets(const Machine& machine, Table& table, Link& link) {
   const auto targets = table.strings("to");
   if (!targets) return;
-  if (targets->empty()) table.error("to", "the link leads nowhere", "name at least one object");
+  if (targets->empty()) table.error("to", "the link has no receiver", "name at least one object");
   for (const auto& target : *targets) {
     auto end = read_end(machine, table, "to", target);
     if (!end) continue;
     if (*end == link.from) table.error("to", "the link leads to itself", "name another object");
     if (std::ranges::find(link.to, *end) != link.to.end()) {
-      table.error("to", fmt::format("{} stands here twice", text::quoted(target)), "keep one");
+      table.error("to", fmt::format("{} appears twice", text::quoted(target)), "keep one");
     }
     link.to.push_back(std::move(*end));
   }
@@ -112,7 +120,7 @@ void read_transmission(Table& table, Link& link) {
   if (value->kind == text::Value::Kind::integer) {
     const auto type = value->integer;
     if ((type < 0 || type > 240) && type != 254 && type != 255) {
-      return table.error("transmission", fmt::format("{} is no transmission type of a link", type),
+      return table.error("transmission", fmt::format("{} is not a transmission type of a link", type),
                          "0 to 240 (at SYNC), 254 or 255 (at a change)");
     }
     link.transmission = static_cast<std::uint8_t>(type);
@@ -129,11 +137,32 @@ void read_link_type(Table& table, Link& link) {
   link.type = od::data_type(*word);
   if (link.type && od::bit_length(*link.type) != 0) return;
   link.type.reset();
-  table.error("type", fmt::format("{} is no data type of a network variable", text::quoted(*word)),
+  table.error("type", fmt::format("{} is not a data type of a network variable", text::quoted(*word)),
               "such as \"BOOLEAN\", \"UNSIGNED16\" or \"REAL32\"");
 }
 
 }  // namespace
+
+void read_watched(Machine& machine, Table& root) {
+  auto head = root.table("machine");
+  const auto words = head ? head->strings("watch") : std::nullopt;
+  if (!words) return;
+  constexpr std::size_t most = 32;
+  if (words->size() > most) {
+    return head->error("watch", fmt::format("{} values are too many to look at", words->size()),
+                       fmt::format("name {} at most", most));
+  }
+  for (const auto& word : *words) {
+    if (auto end = read_end(machine, *head, "watch", word)) machine.watch.push_back(std::move(*end));
+  }
+}
+
+void read_sending(Table& table, Slot& slot) {
+  constexpr std::array<string_view, 3> words{"in-order", "fifo", "priority"};
+  if (const auto found = table.word("queue", words))
+    slot.queue = *found < 2 ? SendOrder::in_order : SendOrder::priority;
+  slot.inhibit = table.duration("inhibit", least_inhibit, most_inhibit);
+}
 
 Link read_link(const Machine& machine, Table& table) {
   Link link;
@@ -147,6 +176,11 @@ Link read_link(const Machine& machine, Table& table) {
   link.deadline = table.duration("deadline", 1us, 1h);
   read_transmission(table, link);
   read_link_type(table, link);
+  link.inhibit = table.duration("inhibit", least_inhibit, most_inhibit);
+  if (link.inhibit && link.transmission <= 240) {
+    table.error("inhibit", "a synchronous link has no inhibit time: it is sent at SYNC",
+                "leave it out, or transmission = \"event\"");
+  }
   table.finish();
   return link;
 }

@@ -4,12 +4,14 @@
 
 #include <algorithm>
 #include <array>
+#include <filesystem>
 #include <map>
 
 #include "berth/design/machine.hpp"
 #include "berth/design/read_parts.hpp"
 #include "berth/od/notation.hpp"
 #include "berth/text/reach.hpp"
+#include "berth/text/taken_for.hpp"
 
 namespace berth::design {
 namespace {
@@ -24,6 +26,7 @@ constexpr std::array<string_view, 3> revision_words{"any", "major", "exact"};
 constexpr std::array<string_view, 2> replacement_words{"ask", "auto"};
 constexpr std::array<string_view, 3> assign_words{"lss", "fixed", "recipe"};
 constexpr std::array<string_view, 3> activate_words{"at-once", "reset", "power-cycle"};
+constexpr std::array<string_view, 2> configure_words{"by-date", "each-boot"};
 constexpr std::array<string_view, 2> update_words{"automatic", "by-hand"};
 
 void read_probe_object(Table& table, const std::string& word, places::Probe& probe) {
@@ -41,8 +44,7 @@ void read_probe(Table& table, places::SlotSpec& spec, bool says_how) {
   const bool by_probe = spec.when_ambiguous == places::WhenAmbiguous::probe;
   if (!entry) {
     if (by_probe && !table.has("probe")) {
-      table.error("when_ambiguous", "the slot has no probe that could tell",
-                  "write probe = { object = \"6000h:01\", value = 1 }");
+      table.error("when_ambiguous", "the slot has no probe", "write probe = { object = \"6000h:01\", value = 1 }");
     }
     return;
   }
@@ -54,7 +56,7 @@ void read_probe(Table& table, places::SlotSpec& spec, bool says_how) {
   }
   if (entry->require("value", "what the object has in this place")) probe.value = entry->u32("value").value_or(0);
   probe.mask = entry->u32("mask").value_or(probe.mask);
-  if (probe.mask == 0) entry->error("mask", "no bit of the value counts", "leave the key out, or set the bits");
+  if (probe.mask == 0) entry->error("mask", "the mask has no bit set", "leave the key out, or set the bits");
   if ((probe.value & ~probe.mask) != 0) {
     entry->error("value", "it has bits that are not in the mask", "no device could show it");
   }
@@ -79,7 +81,7 @@ std::vector<unsigned> read_ids(Table& table, Slot& slot) {
   if (!text) return {};
   const auto ids = text::parse_ranges(*text, 1, 127);
   if (!ids) {
-    table.error("ids", fmt::format("{} is no list of node-IDs", text::quoted(*text)),
+    table.error("ids", fmt::format("{} is not a list of node-IDs", text::quoted(*text)),
                 "write ascending ranges within 1 to 127, such as \"1..60\" or \"1..9, 20\"");
   }
   return ids.value_or(std::vector<unsigned>{});
@@ -91,11 +93,11 @@ std::string read_name(Table& table, bool of_range) {
   if (!name) return {};
   const bool varies = name->find("{id}") != std::string::npos;
   if (!good_name(*name)) {
-    table.error("name", "this is no name", name_fix);
+    table.error("name", "this is not a name", name_fix);
   } else if (of_range && !varies) {
     table.error("name", "every slot of a range needs a name of its own", "put {id} into it: \"pump {id}\"");
   } else if (!of_range && varies) {
-    table.error("name", "{id} stands for nothing here", "use ids = \"…\" for several slots");
+    table.error("name", "{id} has no meaning here", "use ids = \"…\" for several slots");
   }
   return *name;
 }
@@ -169,7 +171,9 @@ class MachineReader {
     check_startups();
     check_heartbeats();
     fit_heartbeats(machine_);
+    for (auto& channel : table.tables("channel")) read_channel(machine_, channel);
     for (auto& link : table.tables("link")) machine_.links.push_back(read_link(machine_, link));
+    read_watched(machine_, table);
     table.finish();
     part_buses(machine_);
     if (machine_.buses.empty() && !machine_.beneath.empty())
@@ -220,7 +224,7 @@ class MachineReader {
     if (!head) return;
     if (head->require("name", "give the machine a name")) {
       const auto name = head->string("name");
-      if (name && !good_name(*name)) head->error("name", "this is no name", name_fix);
+      if (name && !good_name(*name)) head->error("name", "this is not a name", name_fix);
       machine_.name = name.value_or("");
     }
     read_library_file(*head);
@@ -228,6 +232,7 @@ class MachineReader {
       if (plan->empty()) head->error("link_plan", "the file name is empty", "name a plan.toml, or leave the key out");
       machine_.link_plan = plan->empty() ? std::string() : reach_.path(*head, "link_plan", *plan);
     }
+    static_cast<void>(head->has("watch"));  // read when the slots are known
     head->finish();
   }
 
@@ -265,7 +270,7 @@ class MachineReader {
       if (machine_.bus(bus.gateway->bus) == nullptr) {
         error_at(place, key, fmt::format("there is no bus {}", text::quoted(bus.gateway->bus)), bus_fix());
       } else if (runs_in_circle(bus)) {
-        error_at(place, key, "these gateways run in a circle", "one of the buses must be at the top");
+        error_at(place, key, "these gateways form a loop", "one of the buses must be at the top");
       }
     }
   }
@@ -352,8 +357,15 @@ class MachineReader {
     read_config(table, slot, ids);
     read_software(table, spec);
     read_watch(table, spec.watch);
+    read_sending(table, slot);
     const Bus* const bus = machine_.bus(spec.name.bus);
     if (bus != nullptr && !bus->own_port) refuse_watch(table, spec.watch);
+    for (const char* const key : {"serial", "serials", "serial_number"}) {
+      if (table.has(key))
+        table.error(key, "unknown key",
+                    "a slot takes any device of its type; for devices that are kept for this slot write spares = "
+                    "[SERIAL, …]");
+    }
     table.finish();
     for (const unsigned id : ids) add_slot(table, slot, id, pattern);
   }
@@ -386,8 +398,8 @@ class MachineReader {
       const bool twice =
           also.type == spec.type || std::ranges::find(spec.also, also.type, &places::AlsoType::type) != spec.also.end();
       if (twice && also.type != TypeCode{}) {
-        table.error("also", fmt::format("type {} stands there twice", to_string(also.type)),
-                    "name each type once; a type's revisions are what `revision` is for");
+        table.error("also", fmt::format("type {} appears twice", to_string(also.type)),
+                    "name each type once; use `revision` for its revisions");
       }
       if (spec.rule != places::RevisionRule::any && !also.revision) {
         table.error("also", "the revision number of a further type is not known", "add revision = 0x…");
@@ -403,7 +415,7 @@ class MachineReader {
     for (const auto serial : *serials) {
       const auto number = static_cast<std::uint32_t>(serial);
       if (std::ranges::find(spares, number) != spares.end()) {
-        table.error("spares", fmt::format("serial number {} stands there twice", number), "name it once");
+        table.error("spares", fmt::format("serial number {} appears twice", number), "name it once");
       }
       spares.push_back(number);
     }
@@ -441,10 +453,11 @@ class MachineReader {
   void read_config(Table& table, Slot& slot, const std::vector<unsigned>& ids) {
     auto& spec = slot.spec;
     const bool activates = table.has("activate");
-    read_word(table, "activate", activate_words, spec.activate);
+    read_word(table, "activate", activate_words, spec.configuring.activate);
+    read_word(table, "configure", configure_words, spec.configuring.when);
     const auto config = table.string("config");
     if (!config) {
-      if (activates) table.error("activate", "there is no config that could be activated", "leave the key out");
+      if (activates) table.error("activate", "the slot has no config to activate", "leave the key out");
       return;
     }
     if (config->empty())
@@ -470,13 +483,20 @@ class MachineReader {
         const auto file = entry.string("file");
         if (file && file->empty()) entry.error("file", "the file name is empty", "name the image of a program");
         if (file && !file->empty()) program.file = reach_.path(entry, "file", *file);
+        // Where files are read at all: told now, with its place, and again when a device wants it. The other slots go
+        // on.
+        std::error_code none;
+        if (configs_ && !program.file.empty() && !std::filesystem::is_regular_file(program.file, none)) {
+          entry.warning("file", fmt::format("{}: there is no such file", text::quoted(*file)),
+                        "name the image of a program, or bring it there");
+        }
       }
       program.identification = entry.u32("identification", {1, 0xFFFF'FFFF});
       entry.finish();
       const bool twice =
           std::ranges::find(software.programs, program.number, &places::SlotProgram::number) != software.programs.end();
       if (number > 254 || twice) {
-        table.error("programs", fmt::format("program {} {}", number, twice ? "stands there twice" : "is above 254"),
+        table.error("programs", fmt::format("program {} {}", number, twice ? "appears twice" : "is above 254"),
                     "number the programs from 1 to 254, each once");
       }
       software.programs.push_back(std::move(program));
@@ -484,7 +504,7 @@ class MachineReader {
     std::ranges::sort(software.programs, {}, &places::SlotProgram::number);
     const auto update = table.word("update", update_words);
     if (update && software.programs.empty()) {
-      table.error("update", "there are no programs that could be updated", "leave the key out, or add programs");
+      table.error("update", "the slot has no programs to update", "leave the key out, or add programs");
     }
     software.updates = !update || *update == 0;
   }
@@ -504,11 +524,9 @@ class MachineReader {
     }
     if (!type) {
       return table.error("config", fmt::format("{} cannot be used as a configuration", text::quoted(path)),
-                         "see what is said about that file");
+                         "see the messages about that file");
     }
-    const bool other = type->type != TypeCode{} && slot.spec.asks.unasked == 0 && slot.spec.type != TypeCode{} &&
-                       type->type != slot.spec.type;
-    if (other) {
+    if (!is_for(slot.spec, type->type)) {
       table.error("config",
                   fmt::format("{} is for devices of type {}, and the slot is for {}", text::quoted(path),
                               to_string(type->type), to_string(slot.spec.type)),
@@ -566,9 +584,13 @@ class MachineReader {
     slot.eds_path = reach_.path(table, "eds", *file);
     if (slot.eds_path.empty()) return;
     const auto type = load_type(slot.eds_path);
+    if (!type && loader_ && !text::Reach::there(table, "eds", slot.eds_path)) {
+      std::erase_if(findings_, [&](const Finding& f) { return f.file == slot.eds_path; });  // that it cannot be opened
+      return;
+    }
     if (!type) {
-      return table.error("eds", fmt::format("{} gives no device type", text::quoted(slot.eds_path)),
-                         loader_ ? "see what is said about that file" : "write type = { … } instead");
+      return table.error("eds", fmt::format("{} cannot be used as a device description", text::quoted(slot.eds_path)),
+                         loader_ ? "see the messages about that file" : "write type = { … } instead");
     }
     slot.spec.type = type->type;
     slot.spec.asks.unasked = type->unasked;
@@ -579,7 +601,7 @@ class MachineReader {
                   fmt::format("{} gives neither vendor-ID nor product code: whatever answers at the slot's node-ID is "
                               "taken for its device",
                               text::quoted(slot.eds_path)),
-                  "write type = \"any\" beside it when that is meant");
+                  "write type = \"any\" as well if that is intended");
   }
 
   std::optional<DeviceType> load_type(const std::string& path) {
@@ -608,7 +630,7 @@ class MachineReader {
       table.error(key,
                   fmt::format("node-ID {} is taken on bus {} by slot {} (line {})", id, text::quoted(spec.name.bus),
                               text::quoted(other->spec.name.name), other->place.line),
-                  "a node-ID stands once on a bus");
+                  "a node-ID is used once on a bus");
     }
     const Slot* twin = name.empty() ? nullptr : machine_.slot(spec.name.name);
     if (twin != nullptr) {
@@ -644,6 +666,10 @@ MachineResult read_machine(std::string_view text, const std::string& file_name, 
                            const ConfigLoader& configs, const TextLoader& libraries,
                            std::span<const std::string> allowed) {
   MachineResult result;
+  if (auto other = text::taken_for(text::FileKind::machine, text, file_name)) {
+    result.findings.push_back(*std::move(other));
+    return result;
+  }
   const auto root = text::parse_toml(text, file_name, result.findings);
   if (!root) return result;
   auto machine = MachineReader(file_name, loader, configs, libraries, allowed, result.findings).read(*root);

@@ -1,8 +1,10 @@
-/// What the parts of the machine file's reader share (read_machine.cpp, read_bus.cpp, read_link.cpp). Inside of room
+/// What the parts of the machine file's reader share (read_machine.cpp, read_bus.cpp, read_channel.cpp,
+/// read_link.cpp). Inside of room
 /// `design`.
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -24,12 +26,22 @@ void read_timing(text::Table& parent, Timing& timing);
 void check_heartbeat(text::Table& table, Duration period, Duration timeout);
 /// What a `[[slot]]` says of how its device is watched.
 void read_watch(text::Table& slot, places::SlotWatch& watch);
+/// What a `[[slot]]` says of how its device sends: `queue`, `inhibit`.
+void read_sending(text::Table& table, Slot& slot);
 /// Beneath a gateway its own master watches all devices by the bus's [timing] (1F81h, 1016h).
 void refuse_watch(text::Table& slot, const places::SlotWatch& watch);
 /// One `[bus.NAME]`; its timing begins with `timing`.
 [[nodiscard]] Bus read_bus(const std::string& name, text::Table& table, const Timing& timing);
+/// "left/1001h", "3/5/Position": the slot, and the object as it is written. Empty, with an error at `key`: the machine,
+/// whose slots are there, has no such slot.
+[[nodiscard]] std::optional<LinkEnd> read_end(const Machine& machine, text::Table& table, std::string_view key,
+                                              const std::string& text);
+/// `watch` of [machine]; the slots are there already.
+void read_watched(Machine& machine, text::Table& root);
 /// One `[[link]]`; its ends are slots of `machine`, which has them already.
 [[nodiscard]] Link read_link(const Machine& machine, text::Table& table);
+/// One `[[channel]]`; the buses and slots are there already.
+void read_channel(Machine& machine, text::Table& table);
 /// Those that Berth reaches through gateways alone become `beneath`, each above those beneath it.
 void part_buses(Machine& machine);
 

@@ -20,7 +20,7 @@ void read_milliseconds(Table& table, string_view key, Duration& into) {
   const auto value = table.duration(key, 1ms, 65535ms);
   if (!value) return;
   into = *value;
-  if (*value % 1ms != 0ns) table.error(key, "the object counts whole milliseconds", "round it");
+  if (*value % 1ms != 0ns) table.error(key, "the object holds whole milliseconds", "round it");
 }
 
 void refuse(Table& table, string_view key, const char* why, const char* fix) {
@@ -57,7 +57,7 @@ void read_watch(Table& table, SlotWatch& watch) {
   }
   const bool hears_both = table.has("guard_time") && table.has("heartbeat_period");
   if (hears_both) {
-    table.error("guard_time", "a device guards or beats, not both (CiA 301 §7.2.8.3.2)",
+    table.error("guard_time", "a device uses node guarding or heartbeat, not both (CiA 301 §7.2.8.3.2)",
                 "leave heartbeat_period out, or guard_time");
   }
   // Who writes a guard time wants guarding.

@@ -27,6 +27,7 @@ struct Callbacks {
   std::function<void()> start;                             ///< power-on or reset node: values are back, no boot-up yet
   std::function<void(NmtState)> state;                     ///< the NMT state entered
   std::function<void(unsigned)> rpdo;                      ///< RPDO number 1..512 is stored
+  std::function<void(unsigned)> rpdo_silent;               ///< the deadline 1400h:05 of RPDO 1..512 ran out
   std::function<void(std::uint8_t)> sync;                  ///< SYNC counter, 0 = without
   std::function<void(bool)> sync_missing;                  ///< as consumer: none for 1.5 times 1006h; or back
   std::function<void(const co::TimeOfDay&)> time;          ///< another node's TIME message (1012h bit 31)
@@ -82,6 +83,7 @@ class Application final : public co::Pdos::Observer,
  private:
   void received(unsigned rpdo, rt::Time at) noexcept override;
   void received_mpdo(ObjectRef object, rt::Time at) noexcept override;
+  void silent(unsigned rpdo, rt::Time) noexcept override { tell(&Callbacks::rpdo_silent, rpdo); }
   void synchronised(std::uint8_t counter, rt::Time) noexcept override { tell(&Callbacks::sync, counter); }
   void sync_missing(bool missing, rt::Time) noexcept override { tell(&Callbacks::sync_missing, missing); }
   void time_of_day(const co::TimeOfDay& time, rt::Time) noexcept override { tell(&Callbacks::time, time); }

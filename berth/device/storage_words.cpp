@@ -30,7 +30,7 @@ std::vector<std::string> storage_words(const Device& device) {
       const auto described = promised.resolve(sub.type, device.node_id().value());
       if (told == described) continue;
       char text[128];
-      std::snprintf(text, sizeof text, "%04Xh:%02X tells %llXh, its description %llXh: %s", unsigned{index},
+      std::snprintf(text, sizeof text, "%04Xh:%02X reports %llXh, its description %llXh: %s", unsigned{index},
                     unsigned{sub.sub}, static_cast<unsigned long long>(told),
                     static_cast<unsigned long long>(described), why(index, told, described));
       words.emplace_back(text);

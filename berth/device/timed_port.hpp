@@ -34,8 +34,10 @@ class TimedPort final : public can::Port, private can::Listener, private rt::Job
   enum class Deaf : std::uint8_t { storing = 1, booting = 2, fault = 4 };
   void deaf(Deaf why, bool on) noexcept;
   [[nodiscard]] bool deaf() const noexcept { return deaf_ != 0; }
+  [[nodiscard]] bool deaf(Deaf why) const noexcept { return (deaf_ & static_cast<std::uint8_t>(why)) != 0; }
   /// Added to every latency; a device that has become slow.
   void slow(rt::Duration extra) noexcept { extra_ = extra; }
+  [[nodiscard]] rt::Duration slow() const noexcept { return extra_; }
   /// Power lost or firmware started anew: the buffer is empty.
   void clear() noexcept;
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "berth/can/empty_bus.hpp"
+#include "berth/can/full_queue.hpp"
 
 namespace berth::discovery {
 namespace {
@@ -30,9 +31,16 @@ bool Question::start() noexcept {
 
 void Question::send() noexcept {
   step_ = Step::sending;
-  executor().after(send_timeout, *this);
-  if (asker_->dispatcher_->send(lss::request_fastscan(request_), *this) != can::Queued::yes) {
-    fail_with("the port does not take a Fastscan request");
+  give_up_ = executor().now() + send_timeout;
+  try_to_send();
+}
+
+void Question::try_to_send() noexcept {
+  executor().at(give_up_, *this);
+  switch (asker_->dispatcher_->send(lss::request_fastscan(request_), *this)) {
+    case can::Queued::yes: break;
+    case can::Queued::full: executor().at(can::again_at(executor().now(), give_up_), *this); break;
+    default: fail_with("the port does not take a Fastscan request");
   }
 }
 
@@ -89,7 +97,10 @@ void Question::late(rt::Time at) noexcept {
 void Question::run() noexcept {
   switch (step_) {
     case Step::inhibited: send(); break;
-    case Step::sending: fail_with(can::no_acknowledge); break;
+    case Step::sending:
+      if (executor().now() < give_up_) return try_to_send();
+      fail_with(can::no_acknowledge);
+      break;
     case Step::listening: over(); break;
     case Step::idle:
     case Step::done: break;

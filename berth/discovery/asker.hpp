@@ -76,6 +76,7 @@ class Question final : public rt::Operation<Question>, private rt::Job, private 
   void sent(rt::Time at) noexcept override;
   void run() noexcept override;
   void send() noexcept;
+  void try_to_send() noexcept;
   void answered(rt::Time at, bool whole) noexcept;
   void late(rt::Time at) noexcept;
   void fail_with(const char* text) noexcept;
@@ -87,6 +88,7 @@ class Question final : public rt::Operation<Question>, private rt::Job, private 
   Wait wait_;
   bool alone_;
   Step step_ = Step::idle;
+  rt::Time give_up_{};   // sending
   rt::Time ready_by_{};  // every answer is ready
   Heard heard_{};
   Result<Heard> outcome_{};

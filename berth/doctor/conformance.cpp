@@ -82,7 +82,7 @@ rt::Task<Result<void>> examine(can::Dispatcher& dispatcher, const ConformanceOpt
   if (!device.reachable()) co_return fail(*device.bus_error());
   if (device.others() > others) {
     verdicts.skip(
-        "7.2.4.3", {}, "no other client asks the node meanwhile",
+        "7.2.4.3", {}, "no other SDO client uses the node",
         fmt::format("another one sent {} SDO requests: some verdicts may be of its answers", device.others() - others));
   }
   co_return Result<void>();

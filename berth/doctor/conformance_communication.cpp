@@ -70,7 +70,7 @@ rt::Task<void> CommunicationChecks::identity() {
   if (few && parts < 4) {
     const auto beyond = static_cast<std::uint8_t>(parts + 1);
     const auto more = co_await device_.read(0x1018, beyond);
-    report_.refused("7.5.2.21", {0x1018, beyond}, "a part of the identity behind the last", more, codes::no_sub);
+    report_.refused("7.5.2.21", {0x1018, beyond}, "a part of the identity after the last", more, codes::no_sub);
   }
 }
 
@@ -114,7 +114,7 @@ rt::Task<void> CommunicationChecks::storage() {
       if (sub.sub == 0 || !described_.settable(index, sub.sub, 4)) continue;
       const auto able = co_await device_.read(index, sub.sub);
       const std::uint32_t known = index == 0x1010 ? 3U : 1U;
-      report_.holds(paragraph_of(index), {index, sub.sub}, "what it tells of its capability has no reserved bit",
+      report_.holds(paragraph_of(index), {index, sub.sub}, "its capability has no reserved bit set",
                     able.good() && (able.number() & ~std::uint64_t{known}) == 0, fmt::format("{:X}h", able.number()));
       const auto told = co_await device_.write_number(index, sub.sub, 4, wrong_signature);
       report_.refused(paragraph_of(index), {index, sub.sub}, "a wrong signature", told, codes::wrong_signature);

@@ -82,7 +82,7 @@ rt::Task<void> ObjectChecks::highest_sub(const od::Object& object) {
   if (highest >= 0xFE) co_return;
   const auto beyond = static_cast<std::uint8_t>(highest + 1);
   const auto more = co_await device_.read(object.index, beyond);
-  report_.refused(sub_indices, {object.index, beyond}, "the sub-index behind the highest", more, codes::no_sub);
+  report_.refused(sub_indices, {object.index, beyond}, "the sub-index after the highest", more, codes::no_sub);
 }
 
 rt::Task<void> ObjectChecks::sub_object(const od::Object& object, const od::SubObject& sub) {
@@ -91,7 +91,7 @@ rt::Task<void> ObjectChecks::sub_object(const od::Object& object, const od::SubO
   if (reserved(index, sub.sub)) co_return;
   const bool kept_back = ((object.obj_flags | sub.obj_flags) & od::refuse_read_on_scan) != 0;
   if (kept_back) {
-    report_.skip(access, ref, "an upload", "the description says that it must not be read in passing");
+    report_.skip(access, ref, "an upload", "the description says that a scan must not read it");
     co_return;
   }
   const std::size_t size = od::byte_size(sub.type);

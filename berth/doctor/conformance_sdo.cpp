@@ -113,7 +113,7 @@ rt::Task<void> SdoChecks::segmented_upload(std::uint16_t index, std::uint8_t sub
   const bool sized = begun && (begun->data[0] & 0x01U) != 0;
   if (sized) {
     const auto size = load_le<std::uint32_t>(begun->data.data() + 4);
-    report_.holds(upload, ref, "the size that the initiate tells is that of the value", size == whole.bytes.size(),
+    report_.holds(upload, ref, "the initiate response has the size of the value", size == whole.bytes.size(),
                   answer_text(begun));
   }
   const auto wrong = co_await device_.raw(device_.request(upload_segment | toggle, 0, 0));

@@ -8,6 +8,7 @@
 #include "berth/can/frame.hpp"
 #include "berth/doctor/findings.hpp"
 #include "berth/doctor/silence.hpp"
+#include "berth/places/plan.hpp"
 
 namespace berth::doctor {
 
@@ -156,7 +157,7 @@ class Consultation {
     }
     d.evidence.push_back(
         fmt::format("this port's counters went up to TEC {}, REC {}", heard_.worst.tec, heard_.worst.rec));
-    if (!loud.empty()) d.evidence.push_back(fmt::format("node {} told to be error-passive or bus-off", list(loud)));
+    if (!loud.empty()) d.evidence.push_back(fmt::format("node {} reported error-passive or bus-off", list(loud)));
     if (one) {
       jammer_ = suspects[0];
       d.what =
@@ -195,7 +196,8 @@ class Consultation {
     if (node.flips.count >= 3) {
       // A command or a boot-up that passed this port by would explain it.
       note(node.flips.count >= 6 && heard_.complete() ? Certainty::certain : Certainty::likely,
-           fmt::format("its heartbeats tell two NMT states in turn, without a command between: {}", times(node.flips)));
+           fmt::format("its heartbeats report two NMT states alternately, without a command between: {}",
+                       times(node.flips)));
       seen = node.flips;
     }
     if (const auto boots = boots_beside(node, expected_.heartbeat_period); boots.count > 0) {
@@ -217,7 +219,7 @@ class Consultation {
     }
     if (!signs.evidence.empty() && node.collision.count > 0) {
       note(Certainty::likely,
-           fmt::format("it told EMCY 8150h, another sends with its identifiers: {}", times(node.collision)));
+           fmt::format("it sent EMCY 8150h, another sends with its identifiers: {}", times(node.collision)));
     }
     std::vector<LssAddress> devices = asked_twice(id, signs);
     if (signs.evidence.empty()) return;
@@ -271,9 +273,9 @@ class Consultation {
     if (known) {
       return fmt::format("{} heartbeats, {:.1f} times as many as one device sends every {:g} ms{}", r.beats, r.rate,
                          in_ms(expected_.heartbeat_period),
-                         r.interleaved ? ", in two rhythms that take turns" : ", evenly spaced");
+                         r.interleaved ? ", in two alternating rhythms" : ", evenly spaced");
     }
-    return fmt::format("{} heartbeats in two rhythms that take turns", r.beats);
+    return fmt::format("{} heartbeats in two alternating rhythms", r.beats);
   }
 
   // ---- identifiers ----
@@ -286,7 +288,7 @@ class Consultation {
       auto& d = add(Kind::identifier_collision, Certainty::certain, id);
       when(d, node.collision);
       d.what = fmt::format("{} hears another node send with one of its identifiers", who(id));
-      d.evidence.push_back(fmt::format("it told EMCY 8150h: {}", times(node.collision)));
+      d.evidence.push_back(fmt::format("it sent EMCY 8150h: {}", times(node.collision)));
       d.advice = fmt::format(
           "is there a second device with node-ID {}? If not, look for a PDO or SYNC of another node that is mapped to "
           "an identifier of this one",
@@ -311,7 +313,7 @@ class Consultation {
       d.first = heard_.syncs.front();
       d.last = heard_.syncs.back();
       d.what = "two nodes produce SYNC (identifier 080h)";
-      d.evidence.push_back(fmt::format("{} SYNC messages in two rhythms that take turns", r.beats));
+      d.evidence.push_back(fmt::format("{} SYNC messages in two alternating rhythms", r.beats));
       d.advice = "clear bit 30 of object 1005h in all devices but one";
     }
     claims();
@@ -360,14 +362,33 @@ class Consultation {
     return answers_.blank || (heard_.blank.all.count > 0 && !(had_one() && denied()));
   }
 
-  void blank(const std::vector<NodeId>& candidates) {
+  // Those that told by LSS that they have no node-ID.
+  [[nodiscard]] std::vector<LssAddress> told_blank() const {
+    std::vector<LssAddress> all;
+    for (const auto& p : answers_.present) {
+      if (p.told && !p.active.configured()) all.push_back(p.device);
+    }
+    return all;
+  }
+
+  // Each is known, and none may sit in one of these slots.
+  [[nodiscard]] bool fit_nowhere(const std::vector<LssAddress>& devices, const std::vector<NodeId>& candidates) const {
+    return !devices.empty() && !candidates.empty() && std::ranges::none_of(devices, [&](const LssAddress& device) {
+      return std::ranges::any_of(candidates, [&](NodeId id) { return places::fits(*expected_.slot(id), device); });
+    });
+  }
+
+  void blank(const std::vector<NodeId>& unheard) {
+    const auto devices = told_blank();
+    const bool foreign = fit_nowhere(devices, unheard);
+    const std::vector<NodeId> candidates = foreign ? std::vector<NodeId>() : unheard;
     const bool one = candidates.size() == 1;
     const bool now = answers_.blank || (!had_one() && !denied());
     const bool scanned = !answers_.blank && heard_.blank.by_fastscan.count == heard_.blank.all.count;
     const auto sure = scanned ? Certainty::likely : Certainty::certain;
     auto& d = add(Kind::blank_node, now ? sure : Certainty::possible, one ? candidates[0] : NodeId());
     when(d, heard_.blank.all);
-    d.what = now ? "at least one device has no node-ID" : "a device had no node-ID, and perhaps has none still";
+    d.what = now ? "at least one device has no node-ID" : "a device had no node-ID, and perhaps still has none";
     if (one) d.what += fmt::format("; probably that of {}", who(candidates[0]));
     if (heard_.blank.all.count > 0)
       d.evidence.push_back(
@@ -381,11 +402,14 @@ class Consultation {
       d.evidence.emplace_back("it answered LSS identify non-configured remote slave");
     if (one) d.evidence.push_back(fmt::format("{} is the only slot that was not heard", who(candidates[0])));
     if (candidates.size() > 1) d.evidence.push_back(fmt::format("not heard: nodes {}", list(candidates)));
-    for (const auto& p : answers_.present) {
-      if (p.told && !p.active.configured()) d.devices.push_back(p.device);
-    }
+    d.devices = devices;
     for (const auto& device : d.devices) d.evidence.push_back(to_string(device) + " has none, by LSS");
-    d.advice = "`berth bind` gives it the node-ID of its slot";
+    if (foreign) d.evidence.emplace_back("it is of another type than the slots that were not heard");
+    d.advice = foreign ? fmt::format(
+                             "take it off the bus, or write into the slot that may have it: also = [{{ vendor = "
+                             "0x{:X}, product = 0x{:X} }}]",
+                             devices.front().vendor, devices.front().product)
+                       : std::string("`berth bind` gives it the node-ID of its slot");
   }
 
   void blanks() {
@@ -445,7 +469,7 @@ class Consultation {
                                        in_ms(heard_.to - heard_.from) / 1000, worst * 100));
       if (!heard_.knows_bit_rate)
         d.evidence.push_back(
-            fmt::format("this port does not tell its bit rate: {} bit/s is what it was called by", expected_.bit_rate));
+            fmt::format("this port does not report its bit rate; {} bit/s is assumed", expected_.bit_rate));
       if (!stretched.empty()) d.evidence.push_back(fmt::format("heartbeats come late: nodes {}", list(stretched)));
       d.advice = "send less often (event and inhibit times, SYNC period, heartbeats), or raise the bit rate of all";
     }

@@ -56,6 +56,9 @@ struct Expected {
   rt::Duration heartbeat_period{0};   ///< 1017h of slots' devices and master; 0 = not known
   rt::Duration heartbeat_timeout{0};  ///< silence that counts
   std::uint32_t bit_rate = 125'000;   ///< bit/s, for the load
+  /// TPDOs have the identifiers of the predefined connection set (CiA 301 §7.3.5): false where links or configuration
+  /// files move them, so that an identifier does not tell who sends it.
+  bool predefined_pdos = true;
 
   [[nodiscard]] const places::SlotSpec* slot(NodeId node) const noexcept;
   /// A slot's node, or the master's.

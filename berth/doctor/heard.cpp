@@ -35,6 +35,13 @@ std::size_t Heard::long_runs() const noexcept {
 double Heard::load(std::uint32_t bit_rate) const noexcept { return share(bits, to - from, bit_rate); }
 double Heard::worst_load(std::uint32_t bit_rate) const noexcept { return share(worst_bits, 1s, bit_rate); }
 
+Count signs_of(const HeardNode& node, bool predefined) noexcept {
+  if (!predefined || node.pdos.count == 0) return node.signs;
+  if (node.signs.count == 0) return node.pdos;
+  return {node.signs.count + node.pdos.count, std::min(node.signs.first, node.pdos.first),
+          std::max(node.signs.last, node.pdos.last)};
+}
+
 Ear::Ear(can::Dispatcher& dispatcher) : dispatcher_(&dispatcher) {
   const auto now = dispatcher.executor().now();
   heard_.from = heard_.to = second_ = looked_at_ = now;
@@ -146,6 +153,8 @@ void Ear::received(const can::Frame& frame, rt::Time at) noexcept {
     case 0x280:
     case 0x380:
     case 0x480:
+      if (!frame.remote) heard_.nodes[node.value()].pdos.add(at);
+      return;
     case 0x580:
       if (!frame.remote) heard_.nodes[node.value()].signs.add(at);
       return;

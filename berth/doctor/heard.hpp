@@ -34,7 +34,8 @@ struct HeardNode {
   std::vector<rt::Time> boots{};     ///< boot-up messages, the first `most_boots`
   Count beat{};                      ///< all heartbeats
   Count boot{};                      ///< all boot-up messages
-  Count signs{};                     ///< everything that only this node sends: error control, EMCY, TPDOs, SDO answers
+  Count signs{};                     ///< what only this node sends: error control, EMCY, answers to SDO requests
+  Count pdos{};                      ///< identifiers of its TPDOs by the predefined connection set (CiA 301 §7.3.5)
   Count flips{};                     ///< another state than before, with neither boot-up nor NMT command between
   Count resets{};                    ///< NMT reset node and reset communication to it, or to all
   std::uint64_t guard_requests = 0;  ///< remote frames on its error control identifier
@@ -44,6 +45,10 @@ struct HeardNode {
   Count overrun{};        ///< EMCY 8110h
   Count collision{};      ///< EMCY 8150h
 };
+
+/// All that shows that a node is there. `predefined`: nobody moved a PDO to another identifier, where TPDOs of one node
+/// would count as another's.
+[[nodiscard]] Count signs_of(const HeardNode& node, bool predefined) noexcept;
 
 /// Boot-ups while the node's heartbeat went on as if nothing had been: a device that starts anew begins its period with
 /// its boot-up message. `period` 0: the usual one is what was heard.

@@ -195,7 +195,8 @@ rt::Task<Result<void>> ask(can::Dispatcher& dispatcher, Ear& ear, const Expected
   answers.intrusive = true;
   for (unsigned n = 1; n <= 127; ++n) {
     const NodeId node(static_cast<std::uint8_t>(n));
-    if (ear.heard().node(node).signs.count == 0 && expected.slot(node) == nullptr) continue;
+    if (signs_of(ear.heard().node(node), expected.predefined_pdos).count == 0 && expected.slot(node) == nullptr)
+      continue;
     const auto done = co_await ask_node(dispatcher, node, options, answers);
     if (!done) co_return fail(done.error());
   }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "berth/base/counted.hpp"
 #include "berth/doctor/findings.hpp"
 
 namespace berth::doctor {
@@ -16,7 +17,7 @@ bool Silence::answered(NodeId node) const {
 }
 
 bool Silence::unheard(const places::SlotSpec& slot) const {
-  return heard_.node(slot.id).signs.count == 0 && !answered(slot.id);
+  return signs_of(heard_.node(slot.id), expected_.predefined_pdos).count == 0 && !answered(slot.id);
 }
 
 void Silence::weigh(Diagnosis& diagnosis, Certainty most) const {
@@ -26,7 +27,7 @@ void Silence::weigh(Diagnosis& diagnosis, Certainty most) const {
     diagnosis.evidence.push_back(
         fmt::format("this port was down or bus-off for {:.1f} s of the time", in_ms(heard_.down) / 1000));
   }
-  if (heard_.lost > 0) diagnosis.evidence.push_back(fmt::format("this port lost {} frames", heard_.lost));
+  if (heard_.lost > 0) diagnosis.evidence.push_back("this port lost " + counted(heard_.lost, "frame"));
 }
 
 // ---- a bus on which nothing is said ----
@@ -51,8 +52,8 @@ std::optional<Diagnosis> Silence::of_bus() const {
     d.evidence.emplace_back("this port counts no errors: at a wrong bit rate it would hear nothing either");
   }
   d.advice =
-      "is the bit rate right (`berth scan --bitrate auto`), is the cable plugged in, have devices power, is the bus "
-      "terminated?";
+      "is the bit rate right (`berth scan --bitrate auto`), is the cable plugged in, do the devices have power, is the "
+      "bus terminated?";
   if (!answers_.asked) {
     d.advice += " Devices without a node-ID are silent, too: `berth doctor --active` asks for them";
   }
@@ -85,7 +86,7 @@ std::optional<Diagnosis> Silence::of_heartbeat(NodeId node, bool jammed) const {
   if (slot == nullptr || patience.count() == 0) return stopped(node);
   if (heard_.listened() <= patience) return std::nullopt;
   const auto& heard = heard_.node(node);
-  if (heard.signs.count == 0 && !answered(node)) {
+  if (signs_of(heard, expected_.predefined_pdos).count == 0 && !answered(node)) {
     if (slot->optional) return std::nullopt;
     return not_a_sign(node, jammed);
   }
@@ -101,12 +102,12 @@ Diagnosis Silence::not_a_sign(NodeId node, bool jammed) const {
                                    in_ms(heard_.listened()) / 1000, in_ms(expected_.heartbeat_period)));
   if (jammed) d.evidence.emplace_back("another node destroys frames: its own may be among them");
   weigh(d, Certainty::likely);
-  d.advice = "has it power, is it on this bus, at this bit rate, has it a node-ID, is its object 1017h set?";
+  d.advice = "does it have power and a node-ID, is it on this bus at this bit rate, is its object 1017h set?";
   return d;
 }
 
 Diagnosis Silence::no_heartbeat(NodeId node) const {
-  const auto& signs = heard_.node(node).signs;
+  const auto signs = signs_of(heard_.node(node), expected_.predefined_pdos);
   auto d = finding(expected_, Kind::missing_heartbeat, Certainty::certain, node);
   when(d, signs);
   d.what = fmt::format("{} is there and sends no heartbeat", who(expected_, node));
@@ -139,7 +140,7 @@ std::optional<Diagnosis> Silence::irregular(NodeId id) const {
                          in_ms(heard_.to - node.beat.last))
            : fmt::format("silent for more than {:g} ms, until it came again: {}", in_ms(patience), times(gaps)));
   weigh(d, Certainty::possible);
-  d.advice = "look for a loose plug, a lack of power, or an error-passive node; `berth status` tells what Berth knows";
+  d.advice = "look for a loose plug, a lack of power, or an error-passive node; `berth status` shows what Berth knows";
   return d;
 }
 
@@ -158,7 +159,7 @@ std::optional<Diagnosis> Silence::stopped(NodeId id) const {
   d.evidence.push_back(
       fmt::format("it came every {:.0f} ms, and not for {:.0f} ms at the end", in_ms(usual), in_ms(silence)));
   weigh(d, Certainty::possible);
-  d.advice = "has it lost its power or its cable?";
+  d.advice = "did it lose its power or its cable?";
   return d;
 }
 

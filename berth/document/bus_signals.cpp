@@ -49,8 +49,7 @@ std::vector<Signal> mapped(const Configured& device, std::uint16_t index, std::u
       signal.name = variable->name;
       signal.type = variable->type;
     }
-    const auto* const meaning = description.meaning(entry.object);
-    if (meaning != nullptr) signal.meaning = *meaning;
+    if (device.notes) signal.meaning = command::meaning_of(device.notes->of(entry.object), signal.type);
     at += entry.bits;
     if (entry.object.index >= first_dummy_not) signals.push_back(std::move(signal));
   }
@@ -193,10 +192,16 @@ class Collector {
 
 std::vector<Configured> configured_slots(const design::Machine& machine, const command::LinkPlan* links) {
   std::vector<Configured> all;
+  std::map<std::pair<std::shared_ptr<const od::Description>, std::string>, std::shared_ptr<const command::NoteBook>>
+      books;
   for (std::size_t i = 0; i < machine.slots.size(); ++i) {
     Configured& each = all.emplace_back();
     each.slot = &machine.slots[i];
     each.values = command::configured_values(machine.slots[i], links, i);
+    const auto& description = each.slot->description;
+    auto& book = books[{description, each.slot->eds_path}];
+    if (!book) book = std::make_shared<command::NoteBook>(description, each.slot->eds_path);
+    each.notes = book;
     if (links == nullptr) continue;
     for (const auto& variable : links->plan.variables) {
       if (variable.node == i) each.variables.push_back(variable);

@@ -1,13 +1,15 @@
 /// What the messages of one bus carry: which objects of which slot stand where in a PDO, and who receives them; by the
-/// slots' descriptions, configurations and links. Nothing is asked on the bus.
+/// slots' descriptions, notes, configurations and links. Nothing is asked on the bus.
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "berth/command/link_network.hpp"
+#include "berth/command/notes.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/linker/plan.hpp"
 #include "berth/od/values.hpp"
@@ -22,7 +24,7 @@ struct Signal {
   unsigned at = 0;  ///< its first bit in the PDO (CiA 301 §7.1.4: bit 0 of byte 0 is 0)
   unsigned bits = 0;
   od::DataType type = od::DataType::none;
-  od::Meaning meaning{};                 ///< unit and names of values, where the description has them
+  od::Meaning meaning{};                 ///< unit and names of values, of the description or of notes
   std::vector<std::string> receivers{};  ///< slots
 };
 
@@ -45,11 +47,12 @@ struct BusSignals {
 /// A slot and its dictionary as it is when it is configured.
 struct Configured {
   const design::Slot* slot = nullptr;
-  std::unique_ptr<od::Values> values{};       ///< null: nothing is known of its device
-  std::vector<linker::Variable> variables{};  ///< network variables that its links make on it
+  std::unique_ptr<od::Values> values{};              ///< null: nothing is known of its device
+  std::vector<linker::Variable> variables{};         ///< network variables that its links make on it
+  std::shared_ptr<const command::NoteBook> notes{};  ///< of its description; slots of one file have one
 };
 
-/// In the machine's order. `links`: of a plan without errors, or null.
+/// In the machine's order. The notes' files are read here. `links`: of a plan without errors, or null.
 [[nodiscard]] std::vector<Configured> configured_slots(const design::Machine& machine, const command::LinkPlan* links);
 
 /// PDOs, heartbeats, EMCYs, SDO's default channels, NMT and SYNC. `slots`: of all buses.

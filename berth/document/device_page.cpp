@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "berth/base/words.hpp"
-#include "berth/command/meanings.hpp"
 #include "berth/command/values.hpp"
 #include "berth/document/html.hpp"
 #include "berth/od/notation.hpp"
@@ -40,16 +39,29 @@ std::string limits_text(const od::Description& description, const od::SubObject&
   return fmt::format("{} to {}", text(limits->low), text(limits->high));
 }
 
-std::string objects_table(const design::Slot& slot) {
+std::string unit_of(const command::Note& note) {
+  if (note.unit.empty() || note.scale == 1) return note.unit;
+  return fmt::format("{} {}", note.scale, note.unit);
+}
+
+// Its text, and the names of its values and bits; the unit has a column of its own.
+std::string words_of(command::Note note) {
+  note.unit.clear();
+  return command::line_of(note);
+}
+
+std::string objects_table(const Configured& device) {
+  const design::Slot& slot = *device.slot;
   const auto& description = *slot.description;
   const od::Values defaults(slot.description, slot.spec.id);
-  Table table({"object", "name", "type", "access", "default", "range", "in PDOs", "unit"});
+  Table table({"object", "name", "type", "access", "default", "range", "in PDOs", "unit", "note"});
   for (const auto& object : description.objects()) {
     for (const auto& sub : description.subs(object)) {
       const auto each = known(description, object, sub);
       const std::string whole(description.name(object));
       const bool part = object.count > 1 && each.name != whole;
       const auto bytes = defaults.bytes(each.ref);
+      const command::Note note = device.notes ? device.notes->of(each.ref) : command::Note();
       table.cell(od::write_object(each.ref))
           .cell(part ? whole + ": " + each.name : whole)
           .cell(od::name(sub.type))
@@ -57,7 +69,8 @@ std::string objects_table(const design::Slot& slot) {
           .cell(sub.has_default && bytes.size() <= 64 ? command::value_text(each, bytes) : "")
           .cell(limits_text(description, sub))
           .cell(sub.mappable ? "yes" : "")
-          .cell(each.meaning != nullptr ? command::one_count(*each.meaning) : "")
+          .cell(unit_of(note))
+          .cell(words_of(note))
           .end_row();
     }
   }
@@ -70,14 +83,14 @@ DevicePages::DevicePages(const std::vector<Configured>& slots) {
   for (const auto& each : slots) {
     if (!each.slot->description) continue;
     const bool told =
-        std::ranges::any_of(first_, [&](const auto* s) { return s->description == each.slot->description; });
-    if (!told) first_.push_back(each.slot);
+        std::ranges::any_of(first_, [&](const auto* f) { return f->slot->description == each.slot->description; });
+    if (!told) first_.push_back(&each);
   }
 }
 
 std::string DevicePages::link(const design::Slot& slot) const {
   for (std::size_t i = 0; i < first_.size(); ++i) {
-    if (first_[i]->description == slot.description)
+    if (first_[i]->slot->description == slot.description)
       return fmt::format("<a href=\"device-{}.html\">{}</a>", i + 1, markup(type_text(slot)));
   }
   return markup(type_text(slot));
@@ -87,8 +100,8 @@ std::vector<DocumentFile> DevicePages::pages() const {
   std::vector<DocumentFile> all;
   for (std::size_t i = 0; i < first_.size(); ++i) {
     const std::string body = "<p>The objects of the device description. Defaults with $NODEID are those of node " +
-                             std::to_string(first_[i]->spec.id.value()) + ".</p>\n" + objects_table(*first_[i]);
-    all.push_back({fmt::format("device-{}.html", i + 1), page(type_text(*first_[i]), body)});
+                             std::to_string(first_[i]->slot->spec.id.value()) + ".</p>\n" + objects_table(*first_[i]);
+    all.push_back({fmt::format("device-{}.html", i + 1), page(type_text(*first_[i]->slot), body)});
   }
   return all;
 }

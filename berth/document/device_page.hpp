@@ -18,7 +18,7 @@ class DevicePages {
   [[nodiscard]] std::vector<DocumentFile> pages() const;
 
  private:
-  std::vector<const design::Slot*> first_;  // slots whose descriptions differ, one for each
+  std::vector<const Configured*> first_;  // whose descriptions differ, one for each; they must stay
 };
 
 /// HTML: the objects that the configured device has other than its description's defaults.

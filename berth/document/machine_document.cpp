@@ -8,6 +8,7 @@
 #include "berth/analysis/response.hpp"
 #include "berth/base/words.hpp"
 #include "berth/command/bus_messages.hpp"
+#include "berth/command/meanings.hpp"
 #include "berth/document/dbc.hpp"
 #include "berth/document/device_page.hpp"
 #include "berth/document/html.hpp"
@@ -186,7 +187,7 @@ class Maker {
             .cell(od::write_object(signal.object))
             .cell(signal.name)
             .cell(od::name(signal.type))
-            .cell(signal.meaning.unit)
+            .cell(signal.meaning.unit.empty() ? "" : command::one_count(signal.meaning))
             .html(receivers)
             .end_row();
       }

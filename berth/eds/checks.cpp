@@ -80,7 +80,7 @@ void ObjectReader::check_pdo_counts(const od::Description& description) {
     const Entry* const entry = context_.document().find(*section, each.key);
     if (present == each.promised || entry == nullptr) continue;
     context_.tell(Severity::note, *section, entry,
-                  fmt::format("{} PDOs are promised, {} communication records stand there", each.promised, present));
+                  fmt::format("{} PDOs are declared, {} communication records are there", each.promised, present));
   }
 }
 

@@ -53,7 +53,7 @@ Result<ConciseDcf> decode_concise_dcf(std::span<const std::uint8_t> stream) {
   if (stream.size() < count_size) return wrong(0, "the stream ends inside the number of entries");
   const auto count = load_le<std::uint32_t>(stream.data());
   std::size_t at = count_size;
-  if (count > (stream.size() - at) / head_size) return wrong(0, "more entries are promised than the stream can hold");
+  if (count > (stream.size() - at) / head_size) return wrong(0, "more entries are declared than the stream can hold");
   dcf.entries.reserve(count);
   for (std::uint32_t i = 0; i < count; ++i) {
     if (stream.size() - at < head_size) return wrong(at, "the stream ends inside the head of an entry");
@@ -65,7 +65,7 @@ Result<ConciseDcf> decode_concise_dcf(std::span<const std::uint8_t> stream) {
     dcf.entries.push_back({object, {data.begin(), data.end()}});
     at += size;
   }
-  if (at != stream.size()) return wrong(at, "bytes stand behind the last entry");
+  if (at != stream.size()) return wrong(at, "bytes follow the last entry");
   return dcf;
 }
 

@@ -61,13 +61,13 @@ void Context::tell_notes(const Section& section, const Entry& entry, od::Notes n
          "write it without the 0, or with 0x");
   }
   if (notes.has(od::Note::node_id_last)) {
-    warn(section, &entry, fmt::format("{}: $NODEID must stand first (CiA 306)", value), "write $NODEID+number");
+    warn(section, &entry, fmt::format("{}: $NODEID must be first (CiA 306)", value), "write $NODEID+number");
   }
   if (notes.has(od::Note::wrapped)) {
     warn(section, &entry, fmt::format("{} is out of the range of {}; taken by its bits", value, od::name(type)));
   }
   if (notes.has(od::Note::plain_text)) {
-    tell(Severity::note, section, &entry, fmt::format("{} is no hex text; taken as plain text", value));
+    tell(Severity::note, section, &entry, fmt::format("{} is not hex text; taken as plain text", value));
   }
   if (notes.has(od::Note::real_bits)) {
     tell(Severity::note, section, &entry, fmt::format("{} is taken as the bits of a {}", value, od::name(type)));

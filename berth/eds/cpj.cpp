@@ -54,9 +54,9 @@ class TopologyReader {
       made_.nodes.push_back(std::move(node));
     }
     if (count_ == nullptr) {
-      context_.warn(section_, nullptr, fmt::format("Nodes is missing; {} stand there", nodes_.size()));
+      context_.warn(section_, nullptr, fmt::format("Nodes is missing; {} are there", nodes_.size()));
     } else if (promised_ && *promised_ != nodes_.size() && *promised_ != present) {
-      context_.warn(section_, count_, fmt::format("says {}, {} nodes stand there", *promised_, nodes_.size()));
+      context_.warn(section_, count_, fmt::format("says {}, {} nodes are there", *promised_, nodes_.size()));
     }
     return std::move(made_);
   }
@@ -150,13 +150,13 @@ ProjectReading read_cpj(std::string text, std::string_view file_name, const Read
       context.tell(Severity::note, each, nullptr, "CiA 306-3 does not know this section; it is left out");
       continue;
     }
-    if (found.contains(*number)) context.warn(each, nullptr, "the section stands twice; the last one counts");
+    if (found.contains(*number)) context.warn(each, nullptr, "the section appears twice; the last one is used");
     if (found.size() < most_topologies || found.contains(*number)) {
       found.insert_or_assign(*number, TopologyReader(context, each).run(*number));
     }
   }
   if (found.empty() && !report.has_error()) {
-    report.add(Severity::error, 0, 0, "[Topology]", "the section is missing: this is no nodelist project");
+    report.add(Severity::error, 0, 0, "[Topology]", "the section is missing: this is not a nodelist project");
   }
   for (auto& [number, topology] : found) reading.project.topologies.push_back(std::move(topology));
   reading.findings = report.take();

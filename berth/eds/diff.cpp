@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 
+#include "berth/base/counted.hpp"
 #include "berth/eds/write.hpp"
 #include "berth/od/abort_code.hpp"
 
@@ -338,12 +339,8 @@ class LiveComparison {
     const std::size_t size = od::byte_size(sub.type);
     const std::size_t got = answer.bytes.size();
     if (size != 0 && size != got) {
-      found_.push_back({Aspect::data_type,
-                        answer.object,
-                        false,
-                        {},
-                        type_text(sub.type),
-                        fmt::format("a value of {} byte{}", got, got == 1 ? "" : "s")});
+      found_.push_back(
+          {Aspect::data_type, answer.object, false, {}, type_text(sub.type), "a value of " + counted(got, "byte")});
       return;
     }
     const bool counts = object.code == od::ObjectCode::array || object.code == od::ObjectCode::record;

@@ -126,7 +126,7 @@ class LineReader {
     tell_once(lone_cr_, "a lone CR ends the line", "use LF or CRLF");
     tell_once(hash_, "a comment begins with #", "use ; in column 1");
     tell_once(inline_comment_, "a comment follows a value; it is left out", "put comments on lines of their own");
-    tell_once(nul_, "the text contains NUL bytes; they count as blanks", "");
+    tell_once(nul_, "the text contains NUL bytes; they are read as blanks", "");
     tell_once(long_line_, "the line is longer than 255 characters", "");
   }
 
@@ -210,7 +210,7 @@ class LineReader {
     }
     if (!open_) {
       warn(begin, std::string(text_.substr(key_begin, key_end - key_begin)),
-           "stands before the first section; the line is left out", "");
+           "is before the first section; the line is left out", "");
       return;
     }
     std::size_t value_begin = begin + equals + 1;

@@ -89,7 +89,7 @@ Editor::Fresh* Editor::fresh(std::string_view section) {
 Result<std::string> Editor::encoded(std::string_view text) {
   const Encoding of_text = encoding_of(text);
   if (of_text == Encoding::ascii) return std::string(text);
-  if (of_text == Encoding::windows_1252) return fail(Errc::invalid, "the text is no UTF-8");
+  if (of_text == Encoding::windows_1252) return fail(Errc::invalid, "the text is not UTF-8");
   if (encoding_ == Encoding::windows_1252) {
     auto made = to_windows_1252(text);
     if (!made) return fail(Errc::invalid, "the file's Windows-1252 does not have one of the characters");

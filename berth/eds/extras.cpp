@@ -36,7 +36,7 @@ void check_counter(Context& context, const Section& section, const char* counter
   const Entry* const entry = context.document().find(section, counter);
   const auto promised = context.number(section, entry, 0xFFFF'FFFF, Severity::warning);
   if (!promised || *promised == found) return;
-  context.tell(Severity::note, section, entry, fmt::format("says {}, {} stand there", *promised, found));
+  context.tell(Severity::note, section, entry, fmt::format("says {}, {} are there", *promised, found));
 }
 
 /// CiA 306: `Lines` is an Unsigned16.
@@ -76,7 +76,7 @@ class SegmentReader {
     DynamicSegment segment;
     const Entry* const type = entry("Type");
     const auto code = plain_number(context_.raw(type), 0xFFFF);
-    if (!code) return bad(type, "Type is no data type");
+    if (!code) return bad(type, "Type is not a data type");
     segment.type = static_cast<od::DataType>(*code);
     if (!direction(segment) || !range(segment) || !offset(segment)) return std::nullopt;
     if (!usual_range(segment)) {

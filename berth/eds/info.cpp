@@ -40,7 +40,7 @@ class SectionKeys {
     const Entry* found = nullptr;
     for (const Entry& each : context_.document().entries(section_)) {
       if (!same_word(context_.document().key(each), key)) continue;
-      if (found != nullptr) context_.warn(section_, &each, "stands twice; the last one counts");
+      if (found != nullptr) context_.warn(section_, &each, "appears twice; the last one is used");
       found = &each;
     }
     return found;

@@ -75,7 +75,7 @@ void KeyReader::collect(const Section& section, Keys& keys, std::span<const std:
       context_.tell(Severity::note, section, &each, "CiA 306 does not know this key; it is kept and not used");
       continue;
     }
-    if (own[slot] != nullptr) context_.warn(section, &each, "stands twice; the last one counts");
+    if (own[slot] != nullptr) context_.warn(section, &each, "appears twice; the last one is used");
     own[slot] = &each;
     keys[slot] = &each;
   }
@@ -97,7 +97,7 @@ od::ObjectCode KeyReader::object_code(const ObjectGroup& group, bool has_subs) {
   const bool valid = value && (*value == 0 || *value == 2 || (*value >= 5 && *value <= 9));
   if (!valid) {
     if (value) {
-      context_.warn(*group.main, type, fmt::format("{} is no object code; taken as {}", *value, od::name(derived)));
+      context_.warn(*group.main, type, fmt::format("{} is not an object code; taken as {}", *value, od::name(derived)));
     }
     return derived;
   }
@@ -160,7 +160,7 @@ od::Access KeyReader::access(const Section& section, const Keys& keys, const Fal
   const Access taken = fallback.sub == 0 && fallback.type == od::DataType::unsigned8 ? Access::ro : Access::rw;
   context_.warn(section, key,
                 value.empty() ? fmt::format("AccessType is missing; taken as {}", od::name(taken))
-                              : fmt::format("\"{}\" is no access type; taken as {}",
+                              : fmt::format("\"{}\" is not an access type; taken as {}",
                                             context_.document().utf8(value.substr(0, 20)), od::name(taken)),
                 "write ro, wo, rw, rwr, rww or const");
   return taken;
@@ -196,14 +196,14 @@ std::optional<od::Literal> KeyReader::literal(const Section& section, const Entr
   auto [parsed, plain] = understand(type, raw);
   if (plain) {
     context_.warn(section, entry,
-                  fmt::format("\"{}\" is no {} as CiA 306 writes it; taken as {}",
+                  fmt::format("\"{}\" is not a {} as CiA 306 writes it; taken as {}",
                               context_.document().utf8(raw.substr(0, 40)), od::name(type), *plain));
   }
   if (!parsed) {
     const std::string_view name = od::name(type);
     const char* const so = wrong == Severity::error ? "" : "; left out";
     context_.tell(wrong, section, entry,
-                  fmt::format("\"{}\" is no {}: {}{}", context_.document().utf8(raw.substr(0, 40)), name,
+                  fmt::format("\"{}\" is not a {}: {}{}", context_.document().utf8(raw.substr(0, 40)), name,
                               parsed.error().what, so),
                   "", parsed.error().at);
     return std::nullopt;
@@ -241,7 +241,8 @@ void KeyReader::limits(const Section& section, const Keys& keys, od::SubSpec& sp
   spec.high = limit(section, high, spec.type, false);
   const bool both = spec.low.kind == spec.high.kind && spec.low.present();
   if (both && od::compare(spec.type, spec.low.raw, spec.high.raw) > 0) {
-    context_.warn(section, low, "LowLimit is above HighLimit; both are left out, for they would refuse every value");
+    context_.warn(section, low,
+                  "LowLimit is above HighLimit; both are left out, because they would refuse every value");
     spec.low = {};
     spec.high = {};
   }

@@ -148,9 +148,9 @@ void numbered(Context& context, const Section& section, const char* counter, F&&
     each(*number, entry);
   }
   if (!promised) {
-    context.warn(section, nullptr, fmt::format("{} is missing; {} entries stand there", counter, found));
+    context.warn(section, nullptr, fmt::format("{} is missing; {} entries are there", counter, found));
   } else if (*promised != found) {
-    context.warn(section, nullptr, fmt::format("{} says {}, {} stand there", counter, *promised, found));
+    context.warn(section, nullptr, fmt::format("{} says {}, {} are there", counter, *promised, found));
   }
 }
 

@@ -83,7 +83,7 @@ void ModuleReader::read(File& file) {
   for (std::size_t i = 1; i < sections.size(); ++i) {
     if (sections[i].order() != sections[i - 1].order()) continue;
     context_.warn(*sections[i].section, nullptr,
-                  "the section stands twice; where both have a key, the last one counts");
+                  "the section appears twice; where both have a key, the last one is used");
   }
   for (std::size_t begin = 0; begin < sections.size() && !budget_.spent();) {
     std::size_t end = begin;
@@ -101,8 +101,7 @@ void ModuleReader::read(File& file) {
   const Entry* const count = context_.document().find(*list, "NrOfEntries");
   const auto promised = context_.number(*list, count, 0xFFFF'FFFF, Severity::warning);
   if (promised && *promised != file.modules.size()) {
-    context_.warn(*list, count,
-                  fmt::format("says {}, {} kinds of modules stand there", *promised, file.modules.size()));
+    context_.warn(*list, count, fmt::format("says {}, {} kinds of modules are there", *promised, file.modules.size()));
   }
 }
 

@@ -28,7 +28,7 @@ void ObjectLists::read(bool any_object) {
   }
   if (!any_list_ && any_object) {
     context_.report().add(Severity::warning, 0, 0, "[OptionalObjects]",
-                          "no object list stands in the file; every object section counts");
+                          "the file has no object list; every object section is used");
   }
 }
 
@@ -50,11 +50,11 @@ void ObjectLists::read_list(const Section& section, std::uint16_t first, std::ui
   std::ranges::sort(numbers);
   for (std::size_t i = 0; i < numbers.size(); ++i) {
     if (i != 0 && numbers[i] == numbers[i - 1]) {
-      context_.warn(section, nullptr, fmt::format("the list has number {} twice; both count", numbers[i]));
+      context_.warn(section, nullptr, fmt::format("the list has number {} twice; both are used", numbers[i]));
       return;
     }
     if (numbers[i] != i + 1) {
-      context_.warn(section, nullptr, fmt::format("the list has a hole: number {} is missing", i + 1));
+      context_.warn(section, nullptr, fmt::format("the list has a gap: number {} is missing", i + 1));
       return;
     }
   }

@@ -92,7 +92,7 @@ void ObjectReader::run(File& file, std::uint32_t dummies) {
   ModuleReader(context_, budget_).read(file);
   file.description = builder_.build();
   if (file.description->objects().empty() && !context_.report().has_error()) {
-    context_.report().add(Severity::error, 0, 0, "", "no object sections: this is no EDS or DCF");
+    context_.report().add(Severity::error, 0, 0, "", "no object sections: this is not an EDS or DCF");
   }
   check_mandatory(*file.description);
   check_pdo_counts(*file.description);
@@ -143,7 +143,7 @@ void ObjectReader::classify() {
     if (module_section(name)) continue;
     // At most a dozen names: a hostile file may repeat them, not multiply them.
     if (std::ranges::any_of(others, [name](std::string_view each) { return same_word(each, name); })) {
-      context_.warn(section, nullptr, "the section stands twice; the last one counts");
+      context_.warn(section, nullptr, "the section appears twice; the last one is used");
     } else if (others.size() < 64) {
       others.push_back(name);
     }
@@ -159,7 +159,7 @@ ObjectGroup ObjectReader::group(std::span<const ObjectSection> sections) {
   for (std::size_t i = 0; i < sections.size(); ++i) {
     const ObjectSection& each = sections[i];
     if (i != 0 && each.order() == sections[i - 1].order()) {
-      context_.warn(*each.section, nullptr, "the section stands twice; where both have a key, the last one counts");
+      context_.warn(*each.section, nullptr, "the section appears twice; where both have a key, the last one is used");
     }
     switch (each.part) {
       case Part::object:
@@ -284,7 +284,7 @@ void ObjectReader::check_sub_number(const ObjectGroup& group, bool compact) {
   const Entry* const key = entry(group.keys, Key::sub_number);
   const auto promised = context_.number(*group.main, key, ~0ULL, Severity::warning);
   if (compact) {
-    if (promised && *promised != 0) context_.warn(*group.main, key, "stands beside CompactSubObj; left out");
+    if (promised && *promised != 0) context_.warn(*group.main, key, "is beside CompactSubObj; left out");
     return;
   }
   std::size_t present = 0;
@@ -293,10 +293,9 @@ void ObjectReader::check_sub_number(const ObjectGroup& group, bool compact) {
     if (!again && group.subs[i].sub != 0xFF) ++present;
   }
   if (!promised || *promised == 0) {
-    context_.warn(*group.main, key, fmt::format("SubNumber is missing or 0; {} sub-objects stand there", present));
+    context_.warn(*group.main, key, fmt::format("SubNumber is missing or 0; {} sub-objects are there", present));
   } else if (*promised != present) {
-    context_.warn(*group.main, key,
-                  fmt::format("says {}, {} sub-objects stand there; all are kept", *promised, present));
+    context_.warn(*group.main, key, fmt::format("says {}, {} sub-objects are there; all are kept", *promised, present));
   }
 }
 
@@ -336,7 +335,7 @@ void ObjectReader::name_list(const ObjectGroup& group, unsigned count, std::vect
       context_.warn(*group.names, &entry, "there is no such sub-index; left out");
       return;
     }
-    if (!names[sub].empty()) context_.warn(*group.names, &entry, "stands twice; the last one counts");
+    if (!names[sub].empty()) context_.warn(*group.names, &entry, "appears twice; the last one is used");
     names[sub] = context_.text(&entry);
   });
 }

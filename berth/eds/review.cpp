@@ -163,7 +163,7 @@ class Review {
     }
     if (file_.type_code().vendor == 0) {
       tell(Severity::warning, {0x1018, 1}, false, values,
-           "neither here nor in VendorNumber is there a vendor-ID: the file does not say whose device this is",
+           "there is no vendor-ID, neither here nor in VendorNumber: the maker of the device is not known",
            "give the vendor-ID that CiA has assigned");
     }
     if (!device.lss) return;
@@ -288,7 +288,7 @@ class Review {
     tell(Severity::warning, use.ref, false, values,
          fmt::format("{} has the CAN-ID {:X}h of {} ({:04X}h){}", use.what, id & 0x1FFF'FFFFU, other.what,
                      other.ref.index,
-                     use.sends && other.sends ? ": receivers cannot tell them apart"
+                     use.sends && other.sends ? ": receivers cannot distinguish them"
                                               : ": a device does not receive its own frames"),
          "give each its own, or set bit 31 of the one that is not used");
   }
@@ -413,11 +413,11 @@ class Review {
       if (receive != file_.device.rpdos)
         tell_device(
             Severity::note, "nrOfRxPDO",
-            fmt::format("{} PDOs are promised, {} communication records stand there", file_.device.rpdos, receive));
+            fmt::format("{} PDOs are declared, {} communication records are there", file_.device.rpdos, receive));
       if (transmit != file_.device.tpdos)
         tell_device(
             Severity::note, "nrOfTxPDO",
-            fmt::format("{} PDOs are promised, {} communication records stand there", file_.device.tpdos, transmit));
+            fmt::format("{} PDOs are declared, {} communication records are there", file_.device.tpdos, transmit));
     }
     const auto writable = [&](std::uint16_t first) {
       return std::ranges::any_of(description_.objects(), [&](const od::Object& each) {

@@ -72,7 +72,7 @@ void TextBuilder::text(std::string_view key, std::string_view value) {
   }
   tell(key, of_value == Encoding::utf8
                 ? "Windows-1252, which a value of the file needs, lacks a character of this text; written with ?"
-                : "the text is no UTF-8; written with ?");
+                : "the text is not UTF-8; written with ?");
   std::string made(value);
   std::ranges::replace_if(
       made, [](char c) { return static_cast<unsigned char>(c) >= 0x80; }, '?');

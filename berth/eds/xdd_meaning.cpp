@@ -2,7 +2,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <charconv>
+#include <span>
+#include <utility>
 
 #include "berth/eds/xdd_reader.hpp"
 
@@ -64,6 +67,41 @@ Node enumeration(Node holder, const NodesById& by_id) {
   return {};
 }
 
+constexpr std::size_t longest_text = 1000;  // bytes of what is said of an object
+
+// A text of several lines as one.
+std::string one_line(std::string_view text) {
+  std::string line;
+  bool gap = false;
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (byte <= ' ' || byte == 0x7F) {
+      gap = !line.empty();
+      continue;
+    }
+    if (std::exchange(gap, false)) line += ' ';
+    line += c;
+    if (line.size() < longest_text) continue;
+    while (!line.empty() && (static_cast<unsigned char>(line.back()) & 0xC0U) == 0x80U) line.pop_back();
+    line.pop_back();  // the character that is cut
+    break;
+  }
+  return line;
+}
+
+// Of the parameter, else of its template: a description, else a label that says more than the object's own name.
+std::string text_of(std::span<const Node> holders, std::string_view name) {
+  for (const Node holder : holders) {
+    std::string text = one_line(words_in_english(holder, "description"));
+    if (!text.empty()) return text;
+  }
+  for (const Node holder : holders) {
+    std::string text = one_line(label(holder));
+    if (!text.empty() && text != one_line(name)) return text;
+  }
+  return {};
+}
+
 enum class UnitIs : std::uint8_t { absent, taken, without_a_name, of_a_scaled_value, unreadable };
 
 // A parameter that is itself scaled (its `multiplier` and `offset`) has a unit that does not belong to the bare value.
@@ -93,8 +131,15 @@ Node allowed_values(Node holder, const NodesById& by_id) {
 }
 
 void ObjectList::meaning(const Facts& facts, const od::SubSpec& spec) {
-  if (od::bit_length(spec.type) == 0 || !facts.parameter) return;
+  if (!facts.parameter) return;
   od::Meaning made;
+  const std::array<Node, 2> holders{facts.parameter, facts.model};
+  made.text = text_of(holders, attribute(facts.own, "name"));
+  if (!made.text.empty() && !afford(facts.parameter, 0, made.text.size())) made.text.clear();
+  if (od::bit_length(spec.type) == 0) {
+    if (!made.text.empty()) builder_.meaning({facts.index, facts.sub}, std::move(made));
+    return;
+  }
   UnitIs unit = UnitIs::absent;
   for (const Node holder : {facts.parameter, facts.model}) {
     if (unit == UnitIs::absent) unit = read_unit(holder, made);
@@ -103,7 +148,7 @@ void ObjectList::meaning(const Facts& facts, const od::SubSpec& spec) {
   if (unit == UnitIs::of_a_scaled_value) ++left_out_["unit of a scaled value"];
   if (unit == UnitIs::unreadable) {
     const Node given = child(facts.parameter, "unit") ? child(facts.parameter, "unit") : child(facts.model, "unit");
-    warn(facts, given, "multiplier", "this is no multiplier such as 0.1; the unit is left out");
+    warn(facts, given, "multiplier", "this is not a multiplier such as 0.1; the unit is left out");
   }
   const auto take = [&](Node list, std::string_view element) {
     for (const Node each : list.children()) {
@@ -130,7 +175,8 @@ void ObjectList::meaning(const Facts& facts, const od::SubSpec& spec) {
   const auto rest = std::ranges::unique(made.values, {}, &od::NamedValue::raw);
   made.values.erase(rest.begin(), rest.end());
   made.only_these = !made.values.empty() && !range;
-  if (!made.unit.empty() || !made.values.empty()) builder_.meaning({facts.index, facts.sub}, std::move(made));
+  if (!made.text.empty() || !made.unit.empty() || !made.values.empty())
+    builder_.meaning({facts.index, facts.sub}, std::move(made));
 }
 
 }  // namespace berth::eds::xml

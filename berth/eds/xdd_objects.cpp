@@ -85,7 +85,7 @@ void ObjectList::learn(Node process) {
       const auto [at, fresh] = by_id_.try_emplace(id, each);
       if (!fresh) {
         source_.tell(Severity::warning, each, "uniqueID", std::string(local(each)),
-                     fmt::format("\"{}\" stands twice; the first one counts", id.substr(0, 40)));
+                     fmt::format("\"{}\" appears twice; the first one is used", id.substr(0, 40)));
       }
     }
   }
@@ -160,13 +160,13 @@ void ObjectList::read_object(Node object) {
     return source_.tell(Severity::note, object, {}, facts.key,
                         "the object is marked as disabled (CO_disabled); left out");
   }
-  if (builder_.has(at)) return warn(facts, object, "index", "the object stands twice; the first one counts");
+  if (builder_.has(at)) return warn(facts, object, "index", "the object appears twice; the first one is used");
   const auto number = source_.number(object, "objectType", 0xFF, false, facts.key, Severity::warning);
   const bool has_subs = static_cast<bool>(child(object, "CANopenSubObject"));
   auto code = static_cast<od::ObjectCode>(number.value_or(has_subs ? 9 : 7));
   if (number && !known_code(*number)) {
     warn(facts, object, "objectType",
-         fmt::format("{} is no object code of CiA 301; taken as {}", *number, has_subs ? "RECORD" : "VAR"));
+         fmt::format("{} is not an object code of CiA 301; taken as {}", *number, has_subs ? "RECORD" : "VAR"));
     code = has_subs ? od::ObjectCode::record : od::ObjectCode::var;
   }
   if (!has_subs && simple(code)) return read_simple(facts, code);
@@ -210,7 +210,7 @@ void ObjectList::read_sub_objects(Node object, const Facts& facts, od::ObjectCod
     const auto sub = static_cast<std::uint8_t>(*number);
     const Facts of = this->facts(each, facts.index, sub, false);
     if (seen[sub]) {
-      warn(of, each, "subIndex", "the sub-object stands twice; the first one counts");
+      warn(of, each, "subIndex", "the sub-object appears twice; the first one is used");
       continue;
     }
     present += sub == 0xFF ? 0 : 1;
@@ -227,7 +227,7 @@ void ObjectList::read_sub_objects(Node object, const Facts& facts, od::ObjectCod
   const auto promised = source_.number(object, "subNumber", 0xFFFF, false, facts.key, Severity::warning);
   if (promised && *promised != present) {
     warn(facts, object, "subNumber",
-         fmt::format("says {}, {} sub-objects stand there; all are kept", *promised, present));
+         fmt::format("says {}, {} sub-objects are there; all are kept", *promised, present));
   }
 }
 
@@ -333,7 +333,8 @@ Access ObjectList::access(const Facts& facts, DataType type) {
     warn(facts, facts.own, {}, fmt::format("accessType is missing; taken as {}", od::name(taken)),
          "write const, ro, wo or rw");
   } else {
-    warn(facts, at, name, fmt::format("\"{}\" is no access type; taken as {}", value.substr(0, 20), od::name(taken)),
+    warn(facts, at, name,
+         fmt::format("\"{}\" is not an access type; taken as {}", value.substr(0, 20), od::name(taken)),
          "write const, ro, wo or rw");
   }
   return taken;
@@ -349,7 +350,7 @@ void ObjectList::mapping(const Facts& facts, od::SubSpec& spec) {
   if (!transmit && !receive) {
     if (!same_word(value, "default") && !same_word(value, "optional")) {
       warn(facts, facts.own, "PDOmapping",
-           fmt::format("\"{}\" is no word for a mapping; taken as optional", value.substr(0, 20)),
+           fmt::format("\"{}\" is not a word for a mapping; taken as optional", value.substr(0, 20)),
            "write no, default, optional, TPDO or RPDO");
     }
     return;
@@ -395,11 +396,12 @@ std::optional<od::Literal> ObjectList::literal(const Facts& facts, const Found& 
   auto [parsed, plain] = understand(type, text);
   if (plain) {
     warn(facts, found.node, found.attribute,
-         fmt::format("\"{}\" is no {} as CiA 311 writes it; taken as {}", text.substr(0, 40), od::name(type), *plain));
+         fmt::format("\"{}\" is not a {} as CiA 311 writes it; taken as {}", text.substr(0, 40), od::name(type),
+                     *plain));
   }
   if (!parsed) {
     source_.tell(wrong, found.node, found.attribute, facts.key,
-                 fmt::format("\"{}\" is no {}: {}{}", text.substr(0, 40), od::name(type), parsed.error().what,
+                 fmt::format("\"{}\" is not a {}: {}{}", text.substr(0, 40), od::name(type), parsed.error().what,
                              wrong == Severity::error ? "" : "; left out"));
     return std::nullopt;
   }
@@ -413,7 +415,7 @@ std::optional<od::Literal> ObjectList::literal(const Facts& facts, const Found& 
          "write it without the 0, or with 0x");
   }
   if (parsed->notes.has(od::Note::node_id_last)) {
-    warn(facts, found.node, found.attribute, "$NODEID must stand first (CiA 306)", "write $NODEID+number");
+    warn(facts, found.node, found.attribute, "$NODEID must be first (CiA 306)", "write $NODEID+number");
   }
   if (parsed->notes.has(od::Note::wrapped)) {
     warn(facts, found.node, found.attribute,
@@ -442,7 +444,7 @@ void ObjectList::limits(const Facts& facts, od::SubSpec& spec) {
   const bool both = spec.low.kind == spec.high.kind && spec.low.present();
   if (both && od::compare(spec.type, spec.low.raw, spec.high.raw) > 0) {
     warn(facts, facts.own, {},
-         "the low limit is above the high limit; both are left out, for they would refuse every value");
+         "the low limit is above the high limit; both are left out, because they would refuse every value");
     spec.low = {};
     spec.high = {};
   }

@@ -73,7 +73,7 @@ class Reader {
     if (device || layers) read_file_info(body, file.info);
     if (identity) {
       if (device_)
-        source_.tell(Severity::warning, body, {}, "DeviceIdentity", "a second device profile; the last one counts");
+        source_.tell(Severity::warning, body, {}, "DeviceIdentity", "a second device profile; the last one is used");
       device_ = true;
       read_identity(identity, file);
     }
@@ -127,7 +127,7 @@ class Reader {
       into = form(value);
       if (into.empty())
         source_.tell(Severity::note, body, name, "ProfileBody",
-                     fmt::format("\"{}\" is no date or time; left out", value.substr(0, 40)));
+                     fmt::format("\"{}\" is not a date or time; left out", value.substr(0, 40)));
     };
     converted(info.creation_date, "fileCreationDate", xml::eds_date);
     converted(info.modification_date, "fileModificationDate", xml::eds_date);
@@ -263,7 +263,8 @@ class Reader {
       device.baud_rates.push_back(*rate);
     } else {
       source_.tell(Severity::warning, node, "value", "supportedBaudRate",
-                   fmt::format("\"{}\" is no bit rate; left out", value.substr(0, 20)), "write such as \"250 Kbps\"");
+                   fmt::format("\"{}\" is not a bit rate; left out", value.substr(0, 20)),
+                   "write such as \"250 Kbps\"");
     }
   }
 
@@ -302,7 +303,8 @@ class Reader {
       const bool automatic = same_word(value, "auto-baudRate");
       if (!info.baud_rate && !automatic) {
         source_.tell(Severity::warning, node, "actualBaudRate", key,
-                     fmt::format("\"{}\" is no bit rate; left out", value.substr(0, 20)), "write such as \"250 Kbps\"");
+                     fmt::format("\"{}\" is not a bit rate; left out", value.substr(0, 20)),
+                     "write such as \"250 Kbps\"");
       }
     }
     const auto net = source_.number(node, "networkNumber", 0xFFFF'FFFF, false, key, Severity::warning);
@@ -340,7 +342,7 @@ std::string other_root(Node root) {
   if (name.find("CanOpenProject") != std::string_view::npos || name.find("EDSProject") != std::string_view::npos) {
     return "this is an editor's project file, not an XDD";
   }
-  return fmt::format("the element {} is no device description of CiA 311", name.substr(0, 60));
+  return fmt::format("the element {} is not a device description of CiA 311", name.substr(0, 60));
 }
 
 bool names_powerlink(Node root) noexcept {
@@ -364,7 +366,7 @@ Reading read_xdd(std::string_view text, std::string_view file_name, const ReadOp
     const auto at = std::min(static_cast<std::size_t>(std::max<std::ptrdiff_t>(parsed.offset, 0)), text.size());
     const auto line = 1 + std::ranges::count(text.substr(0, at), '\n');
     return refused(file_name, places ? static_cast<std::uint32_t>(line) : 0,
-                   fmt::format("no XML: {}", parsed.description()), "is the file whole?");
+                   fmt::format("no XML: {}", parsed.description()), "is the file complete?");
   }
   xml::Source source(text, places, report);
   const Node root = document.document_element();

@@ -31,8 +31,9 @@ inline constexpr unsigned deepest_reference = 8;
 [[nodiscard]] std::string_view text(Node node) noexcept;
 /// Text of the first `label` or `description` in it.
 [[nodiscard]] std::string_view words(Node node, std::string_view kind) noexcept;
-/// Its label: the English one where there are several.
-[[nodiscard]] std::string_view label(Node node) noexcept;
+/// The same: the English one where there are several.
+[[nodiscard]] std::string_view words_in_english(Node node, std::string_view kind) noexcept;
+[[nodiscard]] inline std::string_view label(Node node) noexcept { return words_in_english(node, "label"); }
 
 /// The text, its places, and the report.
 class Source {

@@ -42,11 +42,11 @@ std::string_view trimmed(std::string_view text) noexcept {
 
 std::string_view text(Node node) noexcept { return trimmed(node.child_value()); }
 
-std::string_view label(Node node) noexcept {
+std::string_view words_in_english(Node node, std::string_view kind) noexcept {
   for (const Node each : node.children()) {
-    if (local(each) == "label" && attribute(each, "lang").starts_with("en")) return text(each);
+    if (local(each) == kind && attribute(each, "lang").starts_with("en")) return text(each);
   }
-  return words(node, "label");
+  return words(node, kind);
 }
 
 std::string_view words(Node node, std::string_view kind) noexcept { return text(child(node, kind)); }

@@ -129,7 +129,7 @@ class XddWriter {
     if (lost) tell(Severity::warning, key, "XML cannot carry control characters; they are written as ?");
     if (foreign)
       tell(Severity::warning, key,
-           "characters that are no UTF-8 are taken as Latin-1; as a value they get other bytes");
+           "characters that are not UTF-8 are taken as Latin-1; as a value they get other bytes");
     return out;
   }
 
@@ -238,6 +238,8 @@ class XddWriter {
         set(parameter, "uniqueID", id_of(object.index, sub.sub));
         set(parameter, "access", parameter_access(sub.access));
         label(parameter, "label", description_.name(sub), {});
+        if (meaning != nullptr && !meaning->text.empty())
+          label(parameter, "description", meaning->text, ref_text({object.index, sub.sub}));
         parameter.append_child(iec_type(sub.type));
         if (meaning != nullptr) write_meaning(parameter, {object.index, sub.sub}, sub, *meaning);
       }
@@ -352,7 +354,7 @@ class XddWriter {
       if (!description_.dummy_mappable(type)) continue;
       set(usage.append_child("dummy"), "entry", fmt::format("Dummy{:04X}=1", type));
       tell(Severity::note, "DummyUsage",
-           fmt::format("CiA 311 knows dummies of the types 0001h to 0007h; {:04X}h is written all the same", type));
+           fmt::format("CiA 311 knows dummies of the types 0001h to 0007h; {:04X}h is written anyway", type));
     }
   }
 
@@ -427,7 +429,7 @@ class XddWriter {
           std::tuple(&xml::xml_time, &file_.info.creation_time, "CreationTime"),
           std::tuple(&xml::xml_time, &file_.info.modification_time, "ModificationTime")}) {
       if (!value->empty() && form(*value).empty())
-        tell(Severity::warning, key, fmt::format("\"{}\" is no date or time; left out", *value));
+        tell(Severity::warning, key, fmt::format("\"{}\" is not a date or time; left out", *value));
     }
     tell_unknown_sections();
   }

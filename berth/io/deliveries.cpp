@@ -22,6 +22,10 @@ void Deliveries::changed(const can::Status& status, rt::Time at) noexcept {
   if (listener_ != nullptr) add(What::changed, at).status = status;
 }
 
+void Deliveries::error(const can::Frame& report, rt::Time at) noexcept {
+  if (listener_ != nullptr) add(What::error, at).frame = report;
+}
+
 Deliveries::Event& Deliveries::add(What what, rt::Time at) noexcept {
   const bool first = events_.empty();
   Event& event = events_.push();
@@ -53,6 +57,7 @@ void Deliveries::run() noexcept {
       case What::received: return listener_->received(event.frame, event.at);
       case What::sent: return listener_->sent(event.tag, event.at);
       case What::changed: return listener_->changed(event.status, event.at);
+      case What::error: return listener_->error(event.frame, event.at);
     }
   }
 }

@@ -26,13 +26,14 @@ class Deliveries final : private rt::Job {
   void received(const can::Frame& frame, rt::Time at) noexcept;
   void sent(std::uint32_t tag, rt::Time at) noexcept;
   void changed(const can::Status& status, rt::Time at) noexcept;
+  void error(const can::Frame& report, rt::Time at) noexcept;
 
   [[nodiscard]] std::size_t size() const noexcept { return events_.size(); }
   [[nodiscard]] bool empty() const noexcept { return events_.empty(); }
   void clear() noexcept { events_.clear(); }
 
  private:
-  enum class What : std::uint8_t { received, sent, changed };
+  enum class What : std::uint8_t { received, sent, changed, error };
   struct Event {
     What what = What::received;
     std::uint32_t tag = 0;

@@ -63,8 +63,8 @@ class Loop {
   /// fast as the clock's. When it is faster than it can be computed, it is as fast as it can. No instant is left out.
   void set_speed(double factor) noexcept;
   [[nodiscard]] double speed() const noexcept { return speed_; }
-  /// The same: world time stands, up to `pause(false)`. What is ready is still done and descriptors are watched, so
-  /// that who asks is answered; what waits for a time waits.
+  /// The same: world time stands, at the instant of the job that says so, up to `pause(false)`. What is ready is still
+  /// done and descriptors are watched, so that who asks is answered; what waits for a time waits.
   void pause(bool on) noexcept;
   [[nodiscard]] bool paused() const noexcept { return paused_; }
   /// While it stands: does the work of the earliest instants, one after another, until `over()` is true, looked at
@@ -96,6 +96,7 @@ class Loop {
   void keep_up() noexcept;
   void stand(rt::Duration most);
   void run(rt::Duration most);
+  void advance(rt::Time until) noexcept;
   [[nodiscard]] Watcher* watcher_of(int fd) const noexcept;
 
   rt::Executor* executor_;

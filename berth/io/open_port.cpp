@@ -35,7 +35,9 @@ Opened open_port(Loop& loop, const can::PortSpec& spec, const PortOptions& optio
     }
     case can::PortKind::sim: break;
   }
-  return tl::unexpected(can::to_string(spec) + ": this Berth has no such port");
+  return tl::unexpected(can::to_string(spec) +
+                        ": the bus is simulated, and no process that simulates it was found; start `berth up` with "
+                        "--sim, or `berth plant`");
 }
 
 }  // namespace berth::io

@@ -96,12 +96,13 @@ bool Seats::make_room(std::string_view peer) {
 std::string Seats::why(Seat::End end) const {
   const auto seconds = [](rt::Duration time) { return std::chrono::duration<double>(time).count(); };
   switch (end) {
-    case Seat::End::silent: return fmt::format("no whole request in {} s", seconds(rules_.patience));
-    case Seat::End::unfinished: return fmt::format("a request that was not whole {} s later", seconds(rules_.patience));
-    case Seat::End::untaken: return fmt::format("took nothing of its answers for {} s", seconds(rules_.untaken));
+    case Seat::End::silent: return fmt::format("no complete request in {} s", seconds(rules_.patience));
+    case Seat::End::unfinished:
+      return fmt::format("a request that was not complete after {} s", seconds(rules_.patience));
+    case Seat::End::untaken: return fmt::format("did not read its answers for {} s", seconds(rules_.untaken));
     case Seat::End::displaced: break;
   }
-  return "idle, and another wants in";
+  return "idle, and another client connected";
 }
 
 BoundedLines::BoundedLines(rt::Executor& executor, std::function<void(const std::string&)> tell)

@@ -227,7 +227,7 @@ class SlcanPort::Impl final : private Watcher {
   // ---- the line ----
 
   void say(std::string_view text) noexcept {
-    if (!stream_->put(text) || !stream_->flush()) lost("the adapter takes nothing");
+    if (!stream_->put(text) || !stream_->flush()) lost("the adapter accepts no data");
   }
 
   void ready(std::uint32_t events) noexcept override {
@@ -275,7 +275,7 @@ class SlcanPort::Impl final : private Watcher {
       case Kind::garbage: break;
     }
     ++lost_;
-    faults_ = {faults_.count + 1, line.at, fmt::format("no line of an adapter: {}", shown(line.text))};
+    faults_ = {faults_.count + 1, line.at, fmt::format("not a line of an adapter: {}", shown(line.text))};
   }
 
   // ---- own frames ----
@@ -413,8 +413,7 @@ tl::expected<std::unique_ptr<SlcanPort>, std::string> SlcanPort::open(Loop& loop
   }
   if (options.bit_rate != 0 && slcan_rate(options.bit_rate).empty()) {
     return tl::unexpected(
-        fmt::format("{}: no adapter is given {} bit/s; use 10, 20, 50, 100, 125, 250, 500, 800 or 1000 "
-                    "kbit/s",
+        fmt::format("{}: an adapter cannot be set to {} bit/s; use 10, 20, 50, 100, 125, 250, 500, 800 or 1000 kbit/s",
                     name, options.bit_rate));
   }
   auto impl = std::make_unique<Impl>(loop, std::move(*device), options);

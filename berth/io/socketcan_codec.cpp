@@ -101,6 +101,14 @@ std::optional<BusReport> decode_error(std::span<const std::uint8_t> bytes) noexc
   return r;
 }
 
+can::Frame error_frame(std::span<const std::uint8_t> bytes) noexcept {
+  can::Frame report;
+  report.id = id_of(bytes) & CAN_ERR_MASK;
+  report.size = CAN_MAX_DLEN;
+  std::memcpy(report.data.data(), bytes.data() + offsetof(can_frame, data), CAN_MAX_DLEN);
+  return report;
+}
+
 // ---- filters ----
 
 namespace {

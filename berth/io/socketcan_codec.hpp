@@ -37,6 +37,9 @@ struct BusReport {
 /// Empty for what is no error frame.
 [[nodiscard]] std::optional<BusReport> decode_error(std::span<const std::uint8_t> bytes) noexcept;
 
+/// The same as a frame: the classes (can/bus_error.hpp) and eight bytes of details. Only of what `decode_error` takes.
+[[nodiscard]] can::Frame error_frame(std::span<const std::uint8_t> bytes) noexcept;
+
 /// As `struct can_filter`: a frame passes when its can_id and `id` agree in the bits of `mask`.
 struct KernelFilter {
   std::uint32_t id = 0;

@@ -126,7 +126,7 @@ class SocketCanPort::Impl final : private Watcher, private LinkNews::Owner, priv
     trouble_.clear();
     drop_queue();
     if (bit_rate == 0 || !there_) {
-      trouble_ = bit_rate == 0 ? name_ + ": a bit rate of 0 is none" : name_ + ": there is no such interface";
+      trouble_ = bit_rate == 0 ? name_ + ": 0 is not a bit rate" : name_ + ": there is no such interface";
       return false;
     }
     wanted_.bit_rate = bit_rate;
@@ -285,7 +285,10 @@ class SocketCanPort::Impl final : private Watcher, private LinkNews::Owner, priv
   void arrived(const CanSocket::Received& r, rt::Time at) noexcept {
     const auto frame = decode_frame(r.bytes);
     if (!frame) {
-      if (const auto report = decode_error(r.bytes)) heard_error(*report, at);
+      const auto report = decode_error(r.bytes);
+      if (!report) return;
+      if (report->error) deliveries_.error(error_frame(r.bytes), at);
+      heard_error(*report, at);
     } else if (r.own) {
       freed_ = true;
       written_.echoed(*frame, socket_.dropped(), [&](std::uint32_t tag) { deliveries_.sent(tag, at); });

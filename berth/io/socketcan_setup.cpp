@@ -89,7 +89,7 @@ tl::expected<Link, std::string> set_up(const Link& link, const Steps& steps, con
 
 tl::expected<Link, std::string> find_interface(const std::string& name) {
   if (name.empty() || name.size() >= IFNAMSIZ)
-    return tl::unexpected("'" + name + "' is no name of an interface: 1 to 15 characters");
+    return tl::unexpected("'" + name + "' is not a name of an interface: 1 to 15 characters");
   auto link = read_link(name);
   if (!link && link.error().error == ENODEV) {
     const bool virtual_one = name.starts_with("vcan");
@@ -98,8 +98,8 @@ tl::expected<Link, std::string> find_interface(const std::string& name) {
                                ? "as root: ip link add dev " + name + " type vcan && ip link set " + name + " up"
                                : "is the adapter plugged in? ip -brief link shows those there are"));
   }
-  if (!link) return tl::unexpected(name + ": the kernel does not tell about interfaces: " + link.error().text);
-  if (!link->can) return tl::unexpected(name + ": is no CAN interface");
+  if (!link) return tl::unexpected(name + ": the kernel does not report its interfaces: " + link.error().text);
+  if (!link->can) return tl::unexpected(name + ": is not a CAN interface");
   return std::move(*link);
 }
 

@@ -142,7 +142,7 @@ class SocketcandPort::Impl final : private Watcher {
       if (reader_.faults() != known_faults_) {
         known_faults_ = reader_.faults();
         ++lost_;
-        faults_ = {faults_.count + 1, reader_.fault_at(), "bytes that are no socketcand element"};
+        faults_ = {faults_.count + 1, reader_.fault_at(), "bytes that are not a socketcand element"};
         if (state_ != State::up) return lost("the program that listens there speaks another protocol");
       }
       if (!element) return;
@@ -205,7 +205,7 @@ class SocketcandPort::Impl final : private Watcher {
     say("< echo >");
   }
   void say(std::string_view text) {
-    if (!stream_ || !stream_->put(text)) return lost("the server takes nothing");
+    if (!stream_ || !stream_->put(text)) return lost("the server accepts no data");
     flush_.post();
   }
   void flush() noexcept {

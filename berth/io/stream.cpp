@@ -6,6 +6,7 @@
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <sys/epoll.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -201,6 +202,8 @@ Stream::~Stream() { close(); }
 void Stream::close() noexcept {
   if (fd_ < 0) return;
   loop_->forget(fd_);
+  // Exclusive use outlives the descriptor while anybody else has the line open: the next program would be refused.
+  if (kind_ == Kind::line) ::ioctl(fd_, TIOCNXCL);
   ::close(fd_);
   fd_ = -1;
 }

@@ -13,7 +13,14 @@ bool synchronous(TransmissionType type) noexcept { return type <= last_cyclic; }
 
 Sending sending_of(const Network& network, const Pdo& pdo) {
   const auto objects = static_cast<std::int64_t>(pdo.mpdo ? pdo.carried.size() : 1);
-  return {pdo.transmission, inhibit_unit * pdo.inhibit * objects, network.buses[pdo.bus].sync};
+  const Bus& bus = network.buses[pdo.bus];
+  return {pdo.transmission, inhibit_unit * pdo.inhibit * objects, static_cast<unsigned>(objects), bus.sync,
+          bus.sync_key};
+}
+
+rt::Duration least_interval(TransmissionType type, rt::Duration inhibit, rt::Duration sync, rt::Duration said) {
+  if (synchronous(type)) return sync * std::max<unsigned>(type, 1);
+  return inhibit > rt::Duration(0) ? inhibit : said;
 }
 
 rt::Duration waiting(const Sending& sending) {
@@ -21,14 +28,18 @@ rt::Duration waiting(const Sending& sending) {
   return sending.sync * (std::max<unsigned>(sending.transmission, 1) + 1);
 }
 
-rt::Duration left_for_bus(const Sending& sending, rt::Duration deadline) {
-  const auto left = deadline - waiting(sending);
-  if (synchronous(sending.transmission) && left >= rt::Duration(0)) return sending.sync;
-  return std::max(left, rt::Duration(1));
-}
-
-rt::Duration worst_of(const Network& network, const Pdo& pdo, rt::Duration response) {
-  return waiting(sending_of(network, pdo)) + (synchronous(pdo.transmission) ? rt::Duration(0) : response);
+void set_sending(analysis::Message& message, const Sending& sending, bool linked,
+                 const std::optional<rt::Duration>& deadline) {
+  const bool at_sync = synchronous(sending.transmission);
+  if (at_sync) message.after = sending.sync_key;
+  message.deadline = deadline.value_or(rt::Duration(0));
+  if (!linked) return;
+  message.before = waiting(sending);
+  // A device may count its inhibit time from the end of the frame before (Berth's do).
+  if (!at_sync && message.before > rt::Duration(0)) message.frames_before = sending.objects;
+  if (!at_sync) return;
+  message.before -= sending.sync;
+  message.counts_every = sending.sync;
 }
 
 std::optional<rt::Duration> worst_of(const Network& network, const CrossingLink& crossing,

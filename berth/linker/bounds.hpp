@@ -15,25 +15,30 @@ inline constexpr rt::Duration inhibit_unit = std::chrono::microseconds(100);
 /// Sent at a SYNC: transmission types 0 to 240 (CiA 301, object 1800h, sub-index 02h).
 [[nodiscard]] bool synchronous(TransmissionType type) noexcept;
 
+/// Least time between two frames of a TPDO: of one at a change its inhibit time, or what its sender is said to keep; of
+/// a synchronous one so many SYNCs. 0: there is none, or it is never sent.
+[[nodiscard]] rt::Duration least_interval(TransmissionType type, rt::Duration inhibit, rt::Duration sync,
+                                          rt::Duration said);
+
 /// When a TPDO is sent.
 struct Sending {
   TransmissionType transmission = at_change;
   rt::Duration inhibit{0};  ///< between two changes of one object: of an MPDO once for each of its objects
+  unsigned objects = 1;     ///< of an MPDO
   rt::Duration sync{0};     ///< period of SYNC on its bus
+  std::uint32_t sync_key = default_sync_key;
 };
 [[nodiscard]] Sending sending_of(const Network& network, const Pdo& pdo);
 
-/// What passes at worst before the frame is in the producer's queue, and before it counts where it was received: the
-/// inhibit time; of a synchronous PDO its SYNCs and the one behind its reception.
+/// What passes at worst although the bus is free: the inhibit time; of a synchronous PDO its SYNCs and the one behind
+/// its reception.
 [[nodiscard]] rt::Duration waiting(const Sending& sending);
 
-/// What a link's deadline leaves for the frame from the queue to its end; 1 ns, which no frame keeps, where it leaves
-/// nothing. A synchronous PDO has until the next SYNC, as what comes later counts at the one behind it.
-[[nodiscard]] rt::Duration left_for_bus(const Sending& sending, rt::Duration deadline);
-
-/// From the change to its arrival. `response`: of the frame on its bus, from the queue to the end (analysis::Response);
-/// a synchronous PDO has it within its SYNC period, or is too late whatever it waits.
-[[nodiscard]] rt::Duration worst_of(const Network& network, const Pdo& pdo, rt::Duration response);
+/// What the message of a TPDO is: `berth link` and `berth analyze` both have it from here. A synchronous one comes
+/// after SYNC. `linked`: it carries a link, and so counts from the change to its arrival: a change waits for the
+/// inhibit time or for its SYNCs, and what comes behind a SYNC counts at the next.
+void set_sending(analysis::Message& message, const Sending& sending, bool linked,
+                 const std::optional<rt::Duration>& deadline);
 
 /// Of a link across gateways: the sum over its PDOs, and the gateways' delays. `pdos`: as `Plan::pdos`, the worst of
 /// each; none: no bound, and then the link has none.

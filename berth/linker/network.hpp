@@ -31,15 +31,21 @@ struct Node {
   std::shared_ptr<const eds::File> file = {};
   /// `file` is a DCF that the linker wrote (`written_by_linker`): its PDOs and network variables are made anew.
   bool linked_before = false;
+  /// Least time between two frames of one of its PDOs that is sent at a change and has no inhibit time; 0: not known.
+  rt::Duration interval{0};
 };
+
+inline constexpr std::uint32_t default_sync_key = 0x80;
 
 struct Bus {
   std::string name;
-  NodeId master;  ///< its predefined CAN-IDs are not used; may be unconfigured
+  NodeId master;                             ///< its predefined CAN-IDs are not used; may be unconfigured
+  std::vector<std::uint32_t> channels = {};  ///< CAN-IDs of planned SDO channels: no PDO gets one
   /// Everything on the bus but the PDOs of the nodes with a `file`, and the bit rate. Senders: nodes by their names.
   analysis::Line others = {};
   /// Period of SYNC; 0: nothing produces it.
   rt::Duration sync{0};
+  std::uint32_t sync_key = default_sync_key;  ///< `can::Frame::key` of SYNC
 };
 
 /// A gateway between two buses: one device with a node on each (paper 3; docs/multilevel.md). A link that crosses it
@@ -77,6 +83,8 @@ struct Link {
   std::optional<rt::Duration> deadline{};  ///< from the change to its arrival, greater than 0
   TransmissionType transmission = at_change;
   std::optional<od::DataType> type{};  ///< of network variables at its ends; empty: as the other end has it
+  /// Inhibit time of the PDO that carries it; what a device without inhibit times is said to keep. Empty: the linker's.
+  std::optional<rt::Duration> inhibit{};
   Place place{};
 };
 

@@ -77,6 +77,7 @@ class Numbering {
       }
     }
     for (std::size_t bus = 0; bus < network_.buses.size(); ++bus) {
+      for (const auto id : network_.buses[bus].channels) take(bus, id);
       if (!network_.buses[bus].master.configured()) continue;
       inhabited_[bus].insert(network_.buses[bus].master.value());
       reserve_all(bus, network_.buses[bus].master);

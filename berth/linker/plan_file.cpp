@@ -30,7 +30,7 @@ std::string joined(const Range& range, const Text& text) {
 std::optional<ObjectRef> read_object(Table& table, std::string_view key, const std::string& word) {
   const auto object = od::read_object(word);
   if (object && object->sub) return ObjectRef{object->index, *object->sub};
-  table.error(key, fmt::format("{} is no object", berth::quoted(word)), "such as \"A100h:01\"");
+  table.error(key, fmt::format("{} is not an object", berth::quoted(word)), "such as \"A100h:01\"");
   return std::nullopt;
 }
 
@@ -42,7 +42,7 @@ EarlierVariable read_variable(Table& table) {
   if (table.require("type", "its data type")) {
     const auto word = table.string("type").value_or("");
     const auto type = od::data_type(word);
-    if (!type) table.error("type", fmt::format("{} is no data type", berth::quoted(word)), "such as \"UNSIGNED16\"");
+    if (!type) table.error("type", fmt::format("{} is not a data type", berth::quoted(word)), "such as \"UNSIGNED16\"");
     made.type = type.value_or(od::DataType::none);
   }
   if (table.require("object", "index and sub-index")) {
@@ -110,7 +110,7 @@ EarlierRoute read_route(Table& table) {
 
 std::string write(const Earlier& plan) {
   std::string text = fmt::format(
-      "# Made by berth link: which objects stand in which PDO, so that they stay there. Keep it beside the machine "
+      "# Made by berth link: which objects are in which PDO, so that they stay there. Keep it beside the machine "
       "file.\n"
       "format = {}\n",
       format_now);

@@ -168,7 +168,7 @@ class Resolver {
     const Node& node = network_.nodes[place.node];
     const auto type = type_of(place);
     if (type == DataType::none && place.variable != no_variable) {
-      refuse(link, fmt::format("{}: nothing says the data type of this network variable", at(end)),
+      refuse(link, fmt::format("{}: the data type of this network variable is not known", at(end)),
              "write type = \"UNSIGNED16\", or what it is, into the link");
       return false;
     }
@@ -335,7 +335,7 @@ class Resolver {
       std::string names;
       for (const auto link : links) names += (names.empty() ? "" : ", ") + name_of(network_, link);
       for (const auto link : links) {
-        refuse(link, fmt::format("these links run in a circle: {}", names), "take one of them out");
+        refuse(link, fmt::format("these links form a loop: {}", names), "take one of them out");
       }
     }
   }

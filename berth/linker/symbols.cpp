@@ -103,7 +103,7 @@ std::string wrong_identifier(std::string_view name) {
   for (std::size_t i = 0; i < name.size(); ++i) {
     const char c = name[i];
     if (!letter(c) && !digit(c) && c != '_')
-      return fmt::format("{} is no letter or digit", berth::quoted(name.substr(i, 1)));
+      return fmt::format("{} is not a letter or digit", berth::quoted(name.substr(i, 1)));
     if (c == '_' && i + 1 < name.size() && name[i + 1] == '_') return "two underscores in a row";
   }
   if (name.back() == '_') return "it ends with an underscore";

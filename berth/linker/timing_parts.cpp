@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
+#include <tuple>
 
 #include "berth/linker/bounds.hpp"
 
@@ -11,23 +13,24 @@ namespace berth::linker {
 namespace {
 
 using namespace std::chrono_literals;
+using analysis::Queue;
 using rt::Duration;
 
 constexpr unsigned most_ticks = 0xFFFF;
-constexpr Duration assumed_period = 10ms;  // as `berth analyze` has it of PDOs that say nothing
 // Of links without a deadline; the first with which the others are in time.
-constexpr std::array<Duration, 5> idle_inhibits{10ms, 20ms, 50ms, 100ms, 200ms};
+constexpr std::array<Duration, 9> idle_inhibits{10ms, 20ms, 50ms, 100ms, 200ms, 500ms, 1s, 2s, 5s};
 constexpr unsigned no_deadline_event_ms = 1000;
 constexpr unsigned least_event_ms = 100;
 constexpr unsigned event_in_deadlines = 10;
 constexpr unsigned missing_in_events = 3;
 
-/// What of a deadline the inhibit time takes; the rest is for the bus.
+/// What of a deadline the inhibit time takes at most; the rest is for the bus.
 struct Share {
   unsigned parts = 1;
   unsigned of = 2;
 };
-constexpr std::array<Share, 4> shares{{{1, 2}, {2, 3}, {3, 4}, {7, 8}}};
+// A short one leaves changes room to follow each other, a long one leaves the bus to others.
+constexpr std::array<Share, 5> shares{{{1, 2}, {2, 3}, {3, 4}, {7, 8}, {1, 1}}};
 
 double ms(Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
 
@@ -41,12 +44,15 @@ class Timing {
     bool good = true;
     plan_.buses.assign(network_.buses.size(), {});
     for (std::size_t bus = 0; bus < network_.buses.size(); ++bus) {
-      const bool kept = std::ranges::any_of(idle_inhibits, [&](Duration idle) {
-        idle_ = idle;
-        return std::ranges::any_of(shares, [&](Share share) { return try_share(bus, share); });
-      });
+      // So that everything on the bus is in time; if that cannot be, the links at least.
+      all_ = true;
+      bool kept = find_times(bus);
+      all_ = false;
+      kept = kept || find_times(bus);
       if (!kept) {
-        (void)try_share(bus, shares.front());
+        tell_queue(bus, findings);
+        idle_ = idle_inhibits.front();
+        (void)try_share(bus, shares.front(), false);
         tell(bus, findings);
       }
       good = good && kept;
@@ -55,6 +61,18 @@ class Timing {
   }
 
  private:
+  /// What fits with short times fits with the longest too: where these do not, nothing does.
+  bool find_times(std::size_t bus) {
+    idle_ = idle_inhibits.front();
+    if (try_share(bus, shares.front())) return true;
+    idle_ = idle_inhibits.back();
+    if (!try_share(bus, shares.back())) return false;
+    return std::ranges::any_of(idle_inhibits, [&](Duration idle) {
+      idle_ = idle;
+      return std::ranges::any_of(shares, [&](Share share) { return try_share(bus, share); });
+    });
+  }
+
   const DevicePdo& device_of(const Pdo& pdo) const { return *devices_[pdo.producer].find(co::PdoKind::tpdo, pdo.tpdo); }
 
   static std::uint16_t event_of(const std::optional<Duration>& deadline) {
@@ -68,10 +86,9 @@ class Timing {
     pdo.inhibit = 0;
     pdo.event_ms = 0;
     if (!synchronous(pdo.transmission)) {
-      // An MPDO carries one object at a time: the last of them waits for all others.
-      const auto objects = static_cast<std::int64_t>(pdo.mpdo ? pdo.carried.size() : 1);
       Duration inhibit = idle_;
-      if (pdo.deadline) inhibit = *pdo.deadline * share.parts / share.of / objects;
+      if (pdo.deadline) inhibit = *pdo.deadline * share.parts / share.of / objects_of(pdo);
+      if (const auto said = inhibit_of_links(pdo)) inhibit = *said;
       const auto ticks = std::clamp<std::int64_t>(inhibit / inhibit_unit, 1, most_ticks);
       if (device.has_inhibit) pdo.inhibit = static_cast<std::uint16_t>(ticks);
       if (device.has_event) pdo.event_ms = event_of(pdo.deadline);
@@ -83,15 +100,29 @@ class Timing {
     }
   }
 
-  Duration period_of(const Pdo& pdo) const {
-    if (synchronous(pdo.transmission)) return network_.buses[pdo.bus].sync * std::max<unsigned>(pdo.transmission, 1);
-    return pdo.inhibit > 0 ? inhibit_unit * pdo.inhibit : assumed_period;
+  /// An MPDO carries one object at a time: the last of them waits for all others.
+  static std::int64_t objects_of(const Pdo& pdo) noexcept {
+    return static_cast<std::int64_t>(pdo.mpdo ? pdo.carried.size() : 1);
+  }
+
+  /// The longest that its links ask for.
+  [[nodiscard]] std::optional<Duration> inhibit_of_links(const Pdo& pdo) const {
+    std::optional<Duration> longest;
+    for (const std::size_t link : pdo.links) {
+      if (const auto& said = network_.links[link].inhibit) longest = std::max(longest.value_or(*said), *said);
+    }
+    return longest;
+  }
+
+  [[nodiscard]] Duration period_of(const Pdo& pdo) const {
+    const auto said = inhibit_of_links(pdo).value_or(network_.nodes[pdo.producer].interval);
+    return least_interval(pdo.transmission, inhibit_unit * pdo.inhibit, network_.buses[pdo.bus].sync, said);
   }
   std::size_t sender(analysis::Line& line, std::size_t node) const {
     const std::string& name = network_.nodes[node].name;
     const auto found = std::ranges::find(line.senders, name, &analysis::Sender::name);
     if (found != line.senders.end()) return static_cast<std::size_t>(found - line.senders.begin());
-    line.senders.push_back({name, false});
+    line.senders.push_back({name, analysis::Queue::unknown});
     return line.senders.size() - 1;
   }
 
@@ -103,11 +134,9 @@ class Timing {
         const bool stays = !linked_[node] || pdo.kept;
         const bool sent = pdo.valid && !pdo.mapping.empty();  // without objects it is switched off
         if (!sent || !stays || pdo.can_id > 0x7FF || pdo.type == 252 || pdo.type == 253) continue;
-        Duration period = assumed_period;
-        if (synchronous(pdo.type)) period = network_.buses[bus].sync * std::max<unsigned>(pdo.type, 1);
-        if (!synchronous(pdo.type) && pdo.inhibit > 0) period = inhibit_unit * pdo.inhibit;
-        if (!synchronous(pdo.type) && pdo.inhibit == 0 && pdo.event_ms > 0) period = 1ms * pdo.event_ms;
-        if (period == Duration(0)) continue;
+        const Duration sync = network_.buses[bus].sync;
+        if (synchronous(pdo.type) && sync == Duration(0)) continue;
+        const auto period = least_interval(pdo.type, inhibit_unit * pdo.inhibit, sync, network_.nodes[node].interval);
         unsigned bits = 0;
         for (const auto& entry : pdo.mapping) bits += entry.bits;
         line.messages.push_back({.name = fmt::format("TPDO {}", pdo.number),
@@ -115,38 +144,88 @@ class Timing {
                                  .key = pdo.can_id,
                                  .data_bytes = std::min((bits + 7) / 8, 8U),
                                  .period = period});
+        set_sending(line.messages.back(),
+                    {.transmission = pdo.type, .sync = sync, .sync_key = network_.buses[bus].sync_key}, false, {});
       }
     }
   }
 
-  bool try_share(std::size_t bus, Share share) {
-    analysis::Line line = network_.buses[bus].others;
-    add_kept(line, bus);
-    std::vector<Pdo*> ours;
-    const std::size_t first = line.messages.size();
-    bool in_time = true;
+  /// The PDOs of a bus that is tried, and their messages behind the others.
+  struct Tried {
+    analysis::Line line;
+    std::size_t first = 0;
+    std::vector<Pdo*> pdos = {};
+  };
+
+  Tried begin(std::size_t bus, Share share) {
+    Tried tried{network_.buses[bus].others};
+    add_kept(tried.line, bus);
+    tried.first = tried.line.messages.size();
     for (Pdo& pdo : plan_.pdos) {
       if (pdo.bus != bus) continue;
       set(pdo, share);
-      const auto left = pdo.deadline ? left_for_bus(sending_of(network_, pdo), *pdo.deadline) : Duration(0);
-      line.messages.push_back({.name = fmt::format("TPDO {}", pdo.tpdo),
-                               .sender = sender(line, pdo.producer),
-                               .key = pdo.can_id,
-                               .data_bytes = pdo.bytes(),
-                               .period = period_of(pdo),
-                               .deadline = left});
-      ours.push_back(&pdo);
+      tried.line.messages.push_back({.name = fmt::format("TPDO {}", pdo.tpdo),
+                                     .sender = sender(tried.line, pdo.producer),
+                                     .key = pdo.can_id,
+                                     .data_bytes = pdo.bytes()});
+      tried.pdos.push_back(&pdo);
     }
-    const auto result = analysis::analyze(line);
+    for (auto& sender : tried.line.senders) {
+      const bool slot = std::ranges::find(network_.nodes, sender.name, &Node::name) != network_.nodes.end();
+      if (meant_ && slot && sender.queue == Queue::unknown) sender.queue = *meant_;
+    }
+    return tried;
+  }
+
+  void take_times(Tried& tried) const {
+    for (std::size_t i = 0; i < tried.pdos.size(); ++i) {
+      const Pdo& pdo = *tried.pdos[i];
+      auto& message = tried.line.messages[tried.first + i];
+      message.period = period_of(pdo);
+      set_sending(message, sending_of(network_, pdo), true, pdo.deadline);
+    }
+  }
+
+  /// The inhibit time of a PDO that is late by what the bus takes becomes as long as its deadline leaves. False: none
+  /// was shortened, or one cannot be short enough.
+  bool shorten(Tried& tried, const analysis::Result& result) const {
+    if (result.load > 1) return false;  // and a shorter one takes more
+    bool shortened = false;
     for (const auto& response : result.responses) {
-      if (response.message < first) continue;
-      Pdo& pdo = *ours[response.message - first];
-      pdo.worst.reset();
-      if (!response.worst) in_time = false;
-      if (response.worst) pdo.worst = worst_of(network_, pdo, *response.worst);
-      if (!response.meets_deadline) in_time = false;
+      if (response.message < tried.first) continue;
+      Pdo& pdo = *tried.pdos[response.message - tried.first];
+      if (!response.worst) return false;
+      if (response.meets_deadline || !pdo.deadline) continue;
+      if (*response.worst >= *pdo.deadline) return false;
+      if (synchronous(pdo.transmission) || pdo.inhibit <= 1 || inhibit_of_links(pdo)) return false;
+      const auto most = (*pdo.deadline - *response.worst) / objects_of(pdo) / inhibit_unit;
+      // By what the frames before it take: with a shorter one that is less, so half of the way.
+      const auto waits = tried.line.messages[response.message].before;
+      const auto now = (*pdo.deadline - *response.arrival + waits) / objects_of(pdo) / inhibit_unit;
+      const auto ticks = pdo.inhibit > most ? most : (std::max<std::int64_t>(now, 0) + pdo.inhibit) / 2;
+      pdo.inhibit = static_cast<std::uint16_t>(std::clamp<std::int64_t>(ticks, 1, pdo.inhibit - 1));
+      shortened = true;
     }
-    measure(bus, line, first, result);
+    return shortened;
+  }
+
+  /// Inhibit times as long as they may be: a longer one leaves the bus to the others. So from above, until all fit or
+  /// one cannot be shorter.
+  bool try_share(std::size_t bus, Share share, bool shortens = true) {
+    Tried tried = begin(bus, share);
+    take_times(tried);
+    auto result = analysis::analyze(tried.line);
+    while (shortens && shorten(tried, result)) {
+      take_times(tried);
+      result = analysis::analyze(tried.line);
+    }
+    bool in_time = result.load <= 1;
+    for (const auto& response : result.responses) {
+      const bool own = response.message >= tried.first;
+      in_time = in_time && (response.meets_deadline || !(own || all_));
+      if (own) tried.pdos[response.message - tried.first]->worst = response.arrival;
+    }
+    measure(bus, tried.line, tried.first, result);
     return in_time;
   }
 
@@ -168,17 +247,92 @@ class Timing {
     }
   }
 
-  void tell(std::size_t bus, Findings& findings) {
-    const BusLoad& load = plan_.buses[bus];
+  /// What may come at any time leaves no bound to anything behind it.
+  bool tell_endless(std::size_t bus, Findings& findings) {
+    Tried tried = begin(bus, shares.front());
+    take_times(tried);
     bool told = false;
+    for (const auto& message : tried.line.messages) {
+      if (message.period > Duration(0)) continue;
+      const auto& name = tried.line.senders[message.sender].name;
+      findings.push_back(
+          {Finding::Severity::error, network_.file, 0, 0, fmt::format("{}/{}", name, message.name),
+           fmt::format("{:03X}h is sent at each change, and nothing says how often that is: neither it nor what gives "
+                       "way to it has a bound",
+                       message.key),
+           "write inhibit = \"10 ms\" into its link or its slot: what it keeps"});
+      told = true;
+    }
+    return told;
+  }
+
+  void error(std::size_t bus, Findings& findings, std::string message, std::string fix) const {
+    findings.push_back({Finding::Severity::error, network_.file, 0, 0, fmt::format("bus.{}", network_.buses[bus].name),
+                        std::move(message), std::move(fix)});
+  }
+
+  /// Whether it is the queues that are not known, and nothing else.
+  void tell_queue(std::size_t bus, Findings& findings) {
+    std::vector<std::string> unknown;
+    for (const auto& node : network_.nodes) {
+      const auto& senders = network_.buses[bus].others.senders;
+      const auto sender = std::ranges::find(senders, node.name, &analysis::Sender::name);
+      if (sender != senders.end() && sender->queue == Queue::unknown) unknown.push_back(node.name);
+    }
+    if (unknown.empty()) return;
+    for (const auto& [queue, word, how] : {std::tuple(Queue::priority, "priority", "by identifier"),
+                                           std::tuple(Queue::in_order, "in-order", "as they came")}) {
+      meant_ = queue;
+      const bool fits = find_times(bus);
+      meant_.reset();
+      if (!fits) continue;
+      const std::string who =
+          unknown.size() == 1 ? unknown.front() : fmt::format("{} and {} more", unknown.front(), unknown.size() - 1);
+      return error(bus, findings,
+                   fmt::format("it is not known in which order {} {} frames that wait, so the worse is taken: would "
+                               "they leave {}, all would be in time",
+                               who, unknown.size() == 1 ? "sends" : "send", how),
+                   fmt::format("write queue = \"{}\" into the slots whose devices do that", word));
+    }
+  }
+
+  /// What takes most of a bus.
+  static std::string most_of(const analysis::Line& line, const analysis::Result& result) {
+    constexpr std::size_t most = 3;
+    auto all = result.responses;
+    std::ranges::stable_sort(all, std::ranges::greater{}, &analysis::Response::load);
+    std::string text;
+    for (std::size_t i = 0; i < std::min(most, all.size()); ++i) {
+      const auto& message = line.messages[all[i].message];
+      text += fmt::format("{}{} of {} {:.0f} %", i == 0 ? "" : ", ", message.name, line.senders[message.sender].name,
+                          100 * all[i].load);
+    }
+    return text;
+  }
+
+  /// More than the whole bus.
+  bool tell_load(std::size_t bus, Findings& findings) {
+    Tried tried = begin(bus, shares.front());
+    take_times(tried);
+    const auto result = analysis::analyze(tried.line);
+    if (result.load <= 1) return false;
+    error(bus, findings,
+          fmt::format("the bus is too slow: everything on it would take {:.0f} % of it; most by {}", 100 * result.load,
+                      most_of(tried.line, result)),
+          "raise the bit rate, give the links deadlines or inhibit times that are longer, or link fewer objects");
+    return true;
+  }
+
+  void tell(std::size_t bus, Findings& findings) {
+    if (tell_endless(bus, findings)) return;
+    bool told = tell_load(bus, findings);
     for (const Pdo& pdo : plan_.pdos) {
       if (pdo.bus != bus) continue;
       for (const std::size_t link : pdo.links) told = tell_link(pdo, link, findings) || told;
     }
     if (told) return;
-    findings.push_back({Finding::Severity::error, network_.file, 0, 0, fmt::format("bus.{}", network_.buses[bus].name),
-                        fmt::format("the bus is too slow: everything on it would take {:.0f} % of it", 100 * load.load),
-                        "raise the bit rate, give the links deadlines, or link fewer objects"});
+    error(bus, findings, "no times were found with which all links are in time",
+          "raise the bit rate, give the links longer deadlines, or link fewer objects");
   }
 
   /// What of the deadline of a link across gateways is for the bus of this PDO.
@@ -230,6 +384,8 @@ class Timing {
   const std::vector<bool>& linked_;
   Plan& plan_;
   Duration idle_ = idle_inhibits.front();
+  std::optional<Queue> meant_{};  // of the queues that are not known
+  bool all_ = false;              // all messages have to be in time, not the links' alone
 };
 
 }  // namespace

@@ -49,7 +49,10 @@ std::optional<Sign> ForeignWatch::sign_of(const can::Frame& frame) const noexcep
   if (key == lss_requests) return Sign::lss;
   if (key == rand_requests || key == and_requests) return Sign::discovery;
   if (flying_master.contains(key)) return Sign::flying_master;
-  if (co::all_sdo_requests.contains(key)) return Sign::sdo;
+  if (co::all_sdo_requests.contains(key)) {
+    const bool to_us = options_.own.configured() && (key & 0x7FU) == options_.own.value();
+    return to_us ? std::nullopt : std::optional(Sign::sdo);
+  }
   if (key == co::sync_id) return Sign::sync;
   return std::nullopt;
 }
@@ -74,7 +77,7 @@ std::optional<Sign> ForeignWatch::heard(const can::Frame& frame, rt::Time at) no
   }
   evidence.last = at;
   if (evidence.count < std::numeric_limits<std::uint32_t>::max()) ++evidence.count;
-  foreign_ = true;
+  foreign_ = foreign_ || !running_ || *sign != Sign::sdo;
   return sign;
 }
 

@@ -6,7 +6,7 @@
 ///     lss            7E5h                  LSS requests, Fastscan
 ///     discovery      1F940000h, 7C2h       requests of RAND and AND
 ///     flying master  071h..076h            master detection and negotiation; 071h names the active master
-///     sdo            600h + n              requests to the server of node n
+///     sdo            600h + n              requests to the server of node n; those to Berth's own are a client's
 ///     sync           080h                  SYNC
 ///     heartbeat      700h + own node-ID    error control of another node under Berth's own node-ID
 ///     guarding       700h + n, remote      node guarding requests
@@ -60,7 +60,8 @@ class ForeignWatch {
   /// What the frame would be, without counting it.
   [[nodiscard]] std::optional<Sign> sign_of(const can::Frame& frame) const noexcept;
   /// From now on a heartbeat under Berth's own node-ID counts only when its sender is operational: a device that
-  /// boots, or waits, under that node-ID is not yet a master.
+  /// boots, or waits, under that node-ID is not yet a master. And SDO requests are a client's, whoever that is: `heard`
+  /// gives them, and they make no master.
   void running() noexcept { running_ = true; }
 
   [[nodiscard]] bool foreign() const noexcept { return foreign_; }

@@ -86,7 +86,6 @@ Gate::Gate(rt::Executor& executor, can::Port& inner, GateOptions options)
   pending_.reserve(most_pending);
   held_.reserve(most_pending);
   inner_->listen(this, std::span(&everything, 1));
-  since_ = executor_->now();
   if (options_.role == Role::observer) {
     state_ = GateState::observing;
   } else if (inner_->status().up) {
@@ -100,7 +99,7 @@ std::vector<std::string> Gate::report() const {
   if (!watch_.foreign()) return {};
   std::vector<std::string> all{verdict(watch_, options_.slots)};
   const auto evidence = watch_.evidence();
-  std::ranges::move(lines(evidence, since_), std::back_inserter(all));
+  std::ranges::move(lines(evidence, rt::Time{}), std::back_inserter(all));
   return all;
 }
 
@@ -108,7 +107,6 @@ std::vector<std::string> Gate::report() const {
 
 void Gate::begin_listening() noexcept {
   watch_.reset();
-  since_ = executor_->now();
   if (options_.listen.count() <= 0) return become(GateState::open);
   executor_->after(options_.listen, listening_);
   become(GateState::listening);
@@ -127,10 +125,6 @@ void Gate::become(GateState state) noexcept {
   if (state_ == state) return;
   state_ = state;
   if (state == GateState::open) watch_.running();
-  tell();
-}
-
-void Gate::tell() noexcept {
   if (on_change_) on_change_();
   if (listener_ != nullptr) listener_->changed(status(), executor_->now());
 }
@@ -151,6 +145,7 @@ can::Queued Gate::send(const can::Frame& frame, std::uint32_t tag) noexcept {
     return can::Queued::listen_only;
   }
   if (options_.dry_run) return hold(frame, tag);
+  if (options_.role == Role::master && clients_.owns_channel_of(frame, executor_->now())) return can::Queued::full;
   if (pending_.size() == most_pending) return can::Queued::full;
   if (++next_tag_ == 0) next_tag_ = 1;
   const auto queued = inner_->send(frame, next_tag_);
@@ -210,7 +205,8 @@ bool Gate::restart(std::uint32_t bit_rate) noexcept {
 void Gate::received(const can::Frame& frame, rt::Time at) noexcept {
   if (on_frame_) on_frame_(frame, at, false);
   const auto sign = watch_.heard(frame, at);
-  if (sign && state_ == GateState::open && options_.role == Role::master) shut();
+  if (sign && state_ == GateState::open && options_.role == Role::master)
+    *sign == Sign::sdo ? clients_.asks(frame, at) : shut();
   const auto holds = [key = frame.key()](const can::IdRange& r) { return key >= r.first && key <= r.last; };
   if (listener_ != nullptr && std::ranges::any_of(accept_, holds)) listener_->received(frame, at);
 }

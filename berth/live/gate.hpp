@@ -13,6 +13,10 @@
 /// Roles are kept frame by frame: a commissioner never sends NMT start, NMT reset or SYNC, and is not shut by another
 /// master; an observer never sends a frame.
 ///
+/// Another SDO client is no master: when one asks a node behind the opening, this master goes on, and gives no SDO
+/// request to that node until the client has been silent for `OtherClients::pause`: both use one channel, and each
+/// would take the other's answers for its own. Requests to Berth's own node-ID are its clients'.
+///
 /// Own frames are known by their confirmations, so other processes of this machine must send through the process that
 /// owns the port.
 #pragma once
@@ -24,6 +28,7 @@
 
 #include "berth/can/port.hpp"
 #include "berth/live/foreign_watch.hpp"
+#include "berth/live/other_clients.hpp"
 #include "berth/live/role.hpp"
 
 namespace berth::live {
@@ -69,8 +74,6 @@ class Gate final : public can::Port, private can::Listener {
   /// It will not listen any longer by itself: open, or shut by another master, or observing.
   [[nodiscard]] bool decided() const noexcept { return state_ != GateState::listening && state_ != GateState::down; }
   [[nodiscard]] const ForeignWatch& watch() const noexcept { return watch_; }
-  /// When it began to listen, last.
-  [[nodiscard]] rt::Time since() const noexcept { return since_; }
   /// Frames that the role forbade.
   [[nodiscard]] std::uint32_t refused() const noexcept { return refused_; }
   /// What a person is told about the other master: the verdict, then one line for each sign; empty while there is none.
@@ -80,10 +83,16 @@ class Gate final : public can::Port, private can::Listener {
 
   /// The state changed. Called from the executor; must not destroy the gate.
   void on_change(std::function<void()> handler) { on_change_ = std::move(handler); }
+  /// Behind the opening of a master's gate: other SDO clients, and the nodes that are left to them (`Queued::full`).
+  [[nodiscard]] OtherClients& clients() noexcept { return clients_; }
   /// Dry run: a frame that would have been sent.
   void on_held(std::function<void(const can::Frame&, rt::Time)> handler) { on_held_ = std::move(handler); }
-  /// Every frame on the bus, own ones when they are confirmed.
-  void on_frame(std::function<void(const can::Frame&, rt::Time, bool own)> handler) { on_frame_ = std::move(handler); }
+  /// Every frame on the bus, own ones when they are confirmed; and every error there that the port reports.
+  void on_frame(std::function<void(const can::Frame&, rt::Time, bool own)> handler,
+                std::function<void(const can::Frame& report, rt::Time)> on_error = {}) {
+    on_frame_ = std::move(handler);
+    on_error_ = std::move(on_error);
+  }
 
   // can::Port. `status` is the inner port's, and `listen_only` while nothing may be sent.
   can::Queued send(const can::Frame& frame, std::uint32_t tag) noexcept override;
@@ -125,29 +134,32 @@ class Gate final : public can::Port, private can::Listener {
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void sent(std::uint32_t tag, rt::Time at) noexcept override;
   void changed(const can::Status& status, rt::Time at) noexcept override;
+  void error(const can::Frame& report, rt::Time at) noexcept override {
+    if (on_error_) on_error_(report, at);
+  }
   void begin_listening() noexcept;
   void heard_enough() noexcept;
   void confirm_held() noexcept;
   can::Queued hold(const can::Frame& frame, std::uint32_t tag) noexcept;
   void shut() noexcept;
   void become(GateState state) noexcept;
-  void tell() noexcept;
 
   rt::Executor* executor_;
   can::Port* inner_;
   GateOptions options_;
   ForeignWatch watch_;
   GateState state_ = GateState::down;
-  rt::Time since_{};
   std::uint32_t refused_ = 0;
   std::uint32_t next_tag_ = 0;
   std::vector<Pending> pending_;
   std::vector<std::uint32_t> held_;  // tags of held frames that are to be confirmed
   can::Listener* listener_ = nullptr;
   std::vector<can::IdRange> accept_;
+  OtherClients clients_;
   std::function<void()> on_change_;
   std::function<void(const can::Frame&, rt::Time)> on_held_;
   std::function<void(const can::Frame&, rt::Time, bool)> on_frame_;
+  std::function<void(const can::Frame&, rt::Time)> on_error_;
   Listening listening_{*this};
   Confirming confirming_{*this};
   Rechecking rechecking_{*this};  // waits while the controller restarts

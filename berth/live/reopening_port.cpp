@@ -62,4 +62,8 @@ void ReopeningPort::changed(const can::Status& status, rt::Time at) noexcept {
   if (listener_ != nullptr) listener_->changed(counted(status), at);
 }
 
+void ReopeningPort::error(const can::Frame& report, rt::Time at) noexcept {
+  if (listener_ != nullptr) listener_->error(report, at);
+}
+
 }  // namespace berth::live

@@ -34,6 +34,7 @@ class ReopeningPort final : public can::Port, private can::Listener, private rt:
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void sent(std::uint32_t tag, rt::Time at) noexcept override;
   void changed(const can::Status& status, rt::Time at) noexcept override;
+  void error(const can::Frame& report, rt::Time at) noexcept override;
   [[nodiscard]] can::Status counted(can::Status status) const noexcept;
 
   rt::Executor* executor_;

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "berth/can/empty_bus.hpp"
+#include "berth/can/full_queue.hpp"
 
 namespace berth::lss {
 
@@ -45,9 +46,16 @@ void Exchange::take_turn() noexcept {
 
 void Exchange::send_next() noexcept {
   step_ = Step::sending;
-  executor().after(master_->options_.send_timeout, *this);
-  if (master_->dispatcher_->send(plan_.frames[next_frame_], *this) != can::Queued::yes) {
-    done({.code = Errc::bus, .text = "the port does not take an LSS request"});
+  give_up_ = executor().now() + master_->options_.send_timeout;
+  send();
+}
+
+void Exchange::send() noexcept {
+  executor().at(give_up_, *this);
+  switch (master_->dispatcher_->send(plan_.frames[next_frame_], *this)) {
+    case can::Queued::yes: break;
+    case can::Queued::full: executor().at(can::again_at(executor().now(), give_up_), *this); break;
+    default: done({.code = Errc::bus, .text = "the port does not take an LSS request"});
   }
 }
 
@@ -97,7 +105,10 @@ void Exchange::run() noexcept {
   switch (step_) {
     case Step::queued: take_turn(); break;
     case Step::inhibited: send_next(); break;
-    case Step::sending: done({.code = Errc::bus, .text = can::no_acknowledge}); break;
+    case Step::sending:
+      if (executor().now() < give_up_) return send();
+      done({.code = Errc::bus, .text = can::no_acknowledge});
+      break;
     case Step::listening: window_over(); break;
     case Step::idle:
     case Step::done: break;

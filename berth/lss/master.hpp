@@ -144,6 +144,7 @@ class Exchange final : public rt::Operation<Exchange>, private rt::Job, private 
   void refuse(Error error) noexcept;
   void take_turn() noexcept;
   void send_next() noexcept;
+  void send() noexcept;
   void heard(const can::Frame& frame, rt::Time at) noexcept;
   void sent(rt::Time at) noexcept override;
   void run() noexcept override;
@@ -159,6 +160,7 @@ class Exchange final : public rt::Operation<Exchange>, private rt::Job, private 
   Step step_ = Step::idle;
   bool failed_ = false;
   std::uint8_t next_frame_ = 0;
+  rt::Time give_up_{};  // sending
   Reply reply_{};
   Error error_{};
 };

@@ -30,7 +30,7 @@ constexpr std::array status_words{
           "check its producer heartbeat time (1017h) against the master's 1016h"},
     Words{BootStatus::f, "node guarding had no answer when its state was checked",
           "the device may not support node guarding: use a heartbeat"},
-    Words{BootStatus::g, "no expected software is given (1F55h), or the device tells none (1F56h)",
+    Words{BootStatus::g, "no expected software is given (1F55h), or the device reports none (1F56h)",
           "enter the expected software in 1F55h, or by `program` in its slot; or take bit 5 out of 1F81h"},
     Words{BootStatus::h, "its software is not the expected one, and it may not be updated (1F81h bits 4 and 6)",
           "update it by hand, or allow the update in 1F81h"},

@@ -106,6 +106,9 @@ class Loader {
     const auto& file = reading.file;
     auto& c = result_.configuration;
     c.type = file.type_code();
+    c.revision = file.revision();
+    if (const auto* const type = file.description->find(ObjectRef{0x1000, 0}))
+      c.device_type = static_cast<std::uint32_t>(file.description->default_of(*type).resolve(type->type, 0));
     if (file.commissioning) c.node_id = file.commissioning->node_id;
     c.modified = days_of(file.info.modification_date);
     if (c.modified == 0) c.modified = days_of(file.info.creation_date);
@@ -192,7 +195,7 @@ class Loader {
   void concise(std::span<const std::uint8_t> stream) {
     const auto dcf = eds::decode_concise_dcf(stream);
     if (!dcf) {
-      return error(fmt::format("this is no concise DCF: {} (byte {})", dcf.error().text, dcf.error().detail),
+      return error(fmt::format("this is not a concise DCF: {} (byte {})", dcf.error().text, dcf.error().detail),
                    "a DCF in text is named *.dcf");
     }
     std::map<ObjectRef, Setting> settings;

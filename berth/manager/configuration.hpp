@@ -48,6 +48,8 @@ struct Configuration {
   std::uint32_t modified = 0;  ///< [FileInfo] ModificationDate (else CreationDate) in days since 1984-01-01; 0 = none
   TypeCode type;               ///< vendor-ID and product code; 0, 0 = the file does not say
   std::optional<NodeId> node_id;  ///< [DeviceComissioning] NodeID
+  std::uint32_t device_type = 0;  ///< 1000h; 0 = the file does not say
+  std::uint32_t revision = 0;     ///< [DeviceInfo] RevisionNumber; 0 = the file does not say
 };
 
 struct LoadedConfiguration {

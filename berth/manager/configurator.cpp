@@ -65,6 +65,17 @@ bool same_value(od::DataType type, std::span<const std::uint8_t> held, std::span
   return unsized && std::ranges::equal(held.first(wanted.size()), wanted);
 }
 
+namespace {
+
+// A value that had no answer: the device booted over it.
+void tell_restart(ConfigurationReport& report, const ConfiguratorOptions& options) {
+  const bool unanswered = report.failure && report.failure->why == Failure::Why::error &&
+                          report.failure->error.code == Errc::timeout && report.failure->stage != Stage::saving;
+  if (unanswered && options.restarted && options.restarted()) report.failure->why = Failure::Why::restarted;
+}
+
+}  // namespace
+
 struct Configurator::DateRead {
   bool missing = false;
   std::optional<Error> error;
@@ -101,7 +112,7 @@ rt::Task<void> Configurator::read_date(DateRead& into) {
     const auto number = value ? value->as<std::uint32_t>() : std::nullopt;
     if (number) {
       (object == date_days ? into.date.days : into.date.ms) = *number;
-    } else if (value || missing(value.error())) {
+    } else if (value || value.error().code == Errc::aborted) {  // CiA 302-2 §Boot-up: any abort means download
       into.missing = true;
       co_return;
     } else {
@@ -198,6 +209,7 @@ rt::Task<void> Configurator::run(ConfigurationReport& report) {
   if (!may_change(report)) co_return;
   if (differs && report.has_date && date.date != ConfigurationDate{}) co_await take_date();
   const bool right = co_await make_right(report, differs, needs_date, worth_saving);
+  if (!right) tell_restart(report, *options_);
   // A date stays only over values that were seen to be there.
   if (!right && report.dated) co_await take_date();
 }

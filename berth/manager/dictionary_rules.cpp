@@ -102,8 +102,8 @@ Result<Wanted> wanted_of(const od::Values& values, NodeId node) {
       has_concise ? read_concise_configuration(concise, "1F22h") : read_configuration(std::move(*text), "1F20h");
   if (!loaded.usable()) {
     return fail(wrong(index, node,
-                      has_concise ? "what is stored is no concise DCF, or sets nothing"
-                                  : "what is stored is no DCF, or sets nothing"));
+                      has_concise ? "what is stored is not a concise DCF, or sets nothing"
+                                  : "what is stored is not a DCF, or sets nothing"));
   }
   auto made = wanted(loaded.configuration, node);
   const ConfigurationDate expected{number(values, cia302::configuration_date, sub),

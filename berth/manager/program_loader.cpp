@@ -24,7 +24,7 @@ constexpr std::array<const char*, 9> flash_errors{"",
                                                   "its flash memory could not be written",
                                                   "the program does not fit its addresses",
                                                   "its flash memory is secured against writing",
-                                                  "its flash memory tells an error"};
+                                                  "its flash memory reports an error"};
 
 bool is_aborted(const Error& error, AbortCode code) noexcept {
   return error.code == Errc::aborted && error.detail == static_cast<std::uint32_t>(code);
@@ -312,7 +312,7 @@ rt::Task<Result<void>> ProgramLoader::check(const ProgramWish& wish) {
   if (!is) co_return fail(is.error());
   if (*is == wish.identification) co_return Result<void>{};
   Error other = wrong(od::cia302::program_identification, wish.number,
-                      "it took the program, and tells another identification than the expected one");
+                      "it took the program, and reports another identification than the expected one");
   other.detail = *is;
   co_return fail(other);
 }

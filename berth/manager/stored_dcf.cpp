@@ -32,8 +32,8 @@ class Unpacker {
       if (got > longest_stored_text - text.size()) return fail(Errc::invalid, "it unpacks to more than 4 MiB");
       text.append(piece_.begin(), piece_.begin() + static_cast<std::ptrdiff_t>(got));
     }
-    if (state != Z_STREAM_END) return fail(Errc::invalid, "it is no zlib stream, or a damaged one");
-    if (stream_.avail_in != 0) return fail(Errc::invalid, "there are bytes behind its zlib stream");
+    if (state != Z_STREAM_END) return fail(Errc::invalid, "it is not a zlib stream, or it is damaged");
+    if (stream_.avail_in != 0) return fail(Errc::invalid, "bytes follow its zlib stream");
     return text;
   }
 
@@ -57,7 +57,7 @@ std::vector<std::uint8_t> pack_stored(std::string_view text) {
 
 Result<std::string> unpack_stored(std::uint8_t format, std::span<const std::uint8_t> bytes) {
   if (format == stored_format::ascii) return std::string(bytes.begin(), bytes.end());
-  if (format != stored_format::zlib) return fail(Errc::unsupported, "a format of what is stored that is not known");
+  if (format != stored_format::zlib) return fail(Errc::unsupported, "the stored data has an unknown format");
   return Unpacker().run(bytes);
 }
 

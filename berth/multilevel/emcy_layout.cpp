@@ -88,7 +88,7 @@ const char* gateway_code_text(std::uint16_t code) noexcept {
     case gateway_code::mandatory_bus_failed: return "a mandatory bus beneath has not booted";
     case gateway_code::optional_bus_failed: return "a bus beneath has booted in part";
     case gateway_code::emcy_lost: return "emergencies from beneath were lost: too many at once";
-    case gateway_code::too_deep: return "an emergency from deeper than its layout can tell";
+    case gateway_code::too_deep: return "an emergency from a level that its layout cannot show";
     case gateway_code::signal_late: return "a signal was handed on too late";
     case gateway_code::route_wrong: return "a row of the routing objects is wrong, and left out";
     default: return nullptr;

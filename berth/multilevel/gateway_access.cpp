@@ -15,7 +15,6 @@ constexpr unsigned most_again = 3;  // each time another gateway on the way may 
 constexpr auto no_answer = static_cast<std::uint32_t>(od::AbortCode::timeout);
 constexpr auto no_data = static_cast<std::uint32_t>(od::AbortCode::no_data);
 constexpr const char* gateway_silent = "no answer of the gateway";
-constexpr const char* node_silent = "no answer beneath the gateway";
 constexpr const char* no_gateway = "no gateway to that bus: it has no object for it (5F30h to 5F4Fh)";
 
 // Of an access that the gateway answers by itself. One that is beneath another is silent, too, when that one waits in

@@ -19,6 +19,9 @@
 
 namespace berth::multilevel {
 
+/// `Error::text` where a gateway answered, and who it asked beneath it did not.
+inline constexpr const char* node_silent = "no answer beneath the gateway";
+
 /// What one client knows of one gateway's bus beneath: which node it has written there. One access at a time.
 struct GatewayLine {
   rt::Turn turn;

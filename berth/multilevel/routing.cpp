@@ -91,7 +91,7 @@ class Check {
       }
       return false;
     };
-    if (leads_back(i)) tell(i, "it leads round in a loop");
+    if (leads_back(i)) tell(i, "it forms a loop");
   }
 
   const std::vector<Signal>* table_;

@@ -85,7 +85,7 @@ void BootSlave::differs(std::uint32_t is, std::uint32_t expected) {
 
 rt::Task<BootSlave::Verdict> BootSlave::check_identity() {
   found_ = options_.identified;
-  if (options_.identified && rules_.device_type == 0) co_return co_await check_hardware();
+  if (options_.identified && options_.typed && rules_.device_type == 0) co_return co_await check_hardware();
   const auto type = co_await device_type();
   // A slave that answers, and has no device type to tell, is there; it is of no type that can be expected.
   const bool refused = !type && type.error().code == Errc::aborted;
@@ -139,14 +139,17 @@ rt::Task<BootSlave::Software> BootSlave::compare_text(std::uint16_t index, const
   co_return Software::other;
 }
 
+bool BootSlave::asks_on() const noexcept { return rules_.mandatory || source_->polls(); }
+
 rt::Task<Result<std::uint32_t>> BootSlave::device_type() {
   for (;;) {
     auto type = co_await target_->objects().read_u32(boot_device_type, 0);
     // A request that no other node acknowledges is silence too: perhaps no device has been switched on yet.
     const bool silent = !type && type.error().code != Errc::aborted && type.error().code != Errc::cancelled;
     if (!silent) co_return type;
-    if (executor_->now() + options_.pause > options_.give_up) co_return type;
+    if (executor_->now() + options_.pause > options_.give_up || !asks_on()) co_return type;
     co_await rt::sleep_for(options_.pause);
+    if (!asks_on()) co_return type;
   }
 }
 
@@ -184,7 +187,7 @@ rt::Task<BootSlave::Verdict> BootSlave::check_state() {
     co_return manager::BootStatus::b;
   }
   const bool booted = co_await target_->boots(*sent, *sent + options_.boot_timeout);
-  if (!booted) result_.detail = "no boot-up message after it was told to reset its communication";
+  if (!booted) result_.detail = "no boot-up message after the reset communication command";
   co_return booted ? Verdict{} : Verdict{manager::BootStatus::b};
 }
 

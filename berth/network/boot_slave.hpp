@@ -59,6 +59,9 @@ class BootSource {
   virtual ~BootSource() = default;
   /// Before each boot-up: whether the slave is booted, and whether it is mandatory, may be other than it was.
   virtual void renew(manager::SlaveRules&) const noexcept {}
+  /// Step 2, after each question to a slave that is not mandatory and does not answer. False: the application stops
+  /// polling (paper 5, Figure 4). It is B then, and booted again after its boot-up message only.
+  [[nodiscard]] virtual bool polls() const noexcept { return true; }
   /// Step 8: whatever it takes, factory settings and saving included. Where nothing is to be configured: done.
   /// `rules`: what is found here settles how it is supervised from step 9 on (a slave without 1017h is guarded).
   [[nodiscard]] virtual rt::Task<Result<void>> configure(BootTarget& target, manager::SlaveRules& rules);
@@ -73,9 +76,11 @@ struct BootOptions {
   /// A slave that does not answer is asked until then. Mandatory ones: the boot time (1F89h) from the begin of the
   /// network's boot-up. Default: for ever, as CiA 302-2 has it for optional slaves.
   rt::Time give_up = rt::never;
-  /// Its identity was read since its last boot-up, and is the expected one: step 2 asks for the device type only when
-  /// one is expected, and step 3 is done.
+  /// Its identity was read since its last boot-up, and is the expected one: step 3 is done.
   bool identified = false;
+  /// Beside that, it has answered the upload of 1000h since its last boot-up: step 2 asks for it only when a device
+  /// type is expected.
+  bool typed = false;
   /// It may be running under a former master: step 4 is done as for a keep-alive slave, but one that tells no state is
   /// reset too.
   bool may_run = false;
@@ -114,6 +119,7 @@ class BootSlave {
 
   rt::Task<Verdict> check_identity();
   rt::Task<Result<std::uint32_t>> device_type();
+  [[nodiscard]] bool asks_on() const noexcept;
   rt::Task<bool> is_as(Expected expected);
   rt::Task<Verdict> check_hardware();
   rt::Task<Verdict> check_state();

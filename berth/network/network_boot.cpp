@@ -14,7 +14,7 @@ bool resets(NmtCommand command) noexcept {
 }
 
 Result<void> check(const NetworkPlan& plan) {
-  if (!plan.startup.master) return fail(Errc::invalid, "1F80h bit 0 is not set: this device is no NMT master");
+  if (!plan.startup.master) return fail(Errc::invalid, "1F80h bit 0 is not set: this device is not an NMT master");
   std::bitset<128> named;
   for (const auto& slave : plan.slaves) {
     if (!slave.node.configured()) return fail(Errc::invalid, "a slave without a node-ID");

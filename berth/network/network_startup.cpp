@@ -69,7 +69,7 @@ void NetworkStartup::all_operational() noexcept {
 
 Result<NetworkStartup::Go> NetworkStartup::operate() {
   if (phase_.is(Phase::operational)) return Go::nothing;
-  if (!phase_.may_operate()) return fail(Errc::invalid, "the startup has not come so far");
+  if (!phase_.may_operate()) return fail(Errc::invalid, "the startup has not reached this step");
   if (const Slave* const slave = missing(); slave != nullptr) {
     return fail(
         Error{.code = Errc::invalid, .node = slave->what.node.value(), .text = "this mandatory slave is not ready"});

@@ -86,11 +86,12 @@ rt::Task<void> SlaveBoots::boot_awaited(Slave& slave) {
   co_await run(slave, options);
 }
 
-rt::Task<void> SlaveBoots::boot_found(Slave& slave) {
+rt::Task<void> SlaveBoots::boot_found(Slave& slave, bool typed) {
   slave.status.phase = SlavePhase::booting;
   slave.what.source->renew(slave.what.rules);
   BootOptions options;
   options.identified = true;
+  options.typed = typed;
   options.give_up = executor_->now();
   co_await run(slave, options);
 }

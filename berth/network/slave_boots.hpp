@@ -80,8 +80,8 @@ class SlaveBoots {
   /// The same for a slave that a former master may have started.
   void take_over(Slave& slave) noexcept;
   /// A slave of the owner's, which has identified it since its last boot-up: its boot-up and its start. One that is
-  /// silent now is B.
-  [[nodiscard]] rt::Task<void> boot_found(Slave& slave);
+  /// silent now is B. `typed`: it has answered 1000h since then.
+  [[nodiscard]] rt::Task<void> boot_found(Slave& slave, bool typed);
   /// The start of a slave that waited for it.
   [[nodiscard]] rt::Task<void> start(Slave& slave);
   /// A boot-up message came while it was booting: is all to be done again?

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "berth/can/empty_bus.hpp"
+#include "berth/can/full_queue.hpp"
 
 namespace berth::nodeid {
 
@@ -10,9 +11,18 @@ Exchange::~Exchange() { end(); }
 
 bool Exchange::start() noexcept {
   owner_->current_ = this;
-  executor().after(times_.send_timeout, *this);
-  if (owner_->dispatcher_->send(frame_, *this) != can::Queued::yes) fail_with("the port does not take a request");
+  limit_ = executor().now() + times_.send_timeout;
+  send();
   return true;
+}
+
+void Exchange::send() noexcept {
+  executor().at(limit_, *this);
+  switch (owner_->dispatcher_->send(frame_, *this)) {
+    case can::Queued::yes: break;
+    case can::Queued::full: executor().at(can::again_at(executor().now(), limit_), *this); break;
+    default: fail_with("the port does not take a request");
+  }
 }
 
 void Exchange::sent(rt::Time at) noexcept {
@@ -24,7 +34,7 @@ void Exchange::sent(rt::Time at) noexcept {
   }
   open_ = true;
   owner_->opened_ = at;
-  if (times_.most.count() > 0) limit_ = at + times_.most;
+  limit_ = times_.most.count() > 0 ? at + times_.most : rt::never;
   stay_open(at + times_.first);
 }
 
@@ -35,10 +45,7 @@ void Exchange::stay_open(rt::Time until) noexcept {
 
 // The one timer: the wait for the confirmation, then the window.
 void Exchange::run() noexcept {
-  if (!open_) {
-    fail_with(can::no_acknowledge);
-    return;
-  }
+  if (!open_) return executor().now() < limit_ ? send() : fail_with(can::no_acknowledge);
   end();
   finish();
 }

@@ -33,6 +33,7 @@ class Exchange final : public rt::Operation<Exchange>, private rt::Job, private 
   friend class Exchanges;
   Exchange(Exchanges& owner, const can::Frame& frame, const WindowTimes& times) noexcept
       : owner_(&owner), frame_(frame), times_(times) {}
+  void send() noexcept;
   void sent(rt::Time at) noexcept override;
   void run() noexcept override;
   void stay_open(rt::Time until) noexcept;
@@ -42,7 +43,7 @@ class Exchange final : public rt::Operation<Exchange>, private rt::Job, private 
   Exchanges* owner_;
   can::Frame frame_;
   WindowTimes times_;
-  rt::Time limit_ = rt::never;
+  rt::Time limit_{};  // of the sending, then of the window
   rt::Time closes_{};
   bool open_ = false;
   Result<rt::Time> outcome_{};

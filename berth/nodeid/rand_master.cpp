@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "berth/can/empty_bus.hpp"
+#include "berth/can/full_queue.hpp"
 #include "berth/nodeid/masters_parts.hpp"
 
 namespace berth::nodeid {
@@ -15,9 +16,18 @@ Collect::~Collect() { end(); }
 bool Collect::start() noexcept {
   master_->current_ = this;
   master_->heard_.clear();
-  executor().after(waits_.send_timeout, *this);
-  if (master_->dispatcher_->send(frame_, *this) != can::Queued::yes) fail_with("the port does not take a RAND request");
+  limit_ = executor().now() + waits_.send_timeout;
+  send();
   return true;
+}
+
+void Collect::send() noexcept {
+  executor().at(limit_, *this);
+  switch (master_->dispatcher_->send(frame_, *this)) {
+    case can::Queued::yes: break;
+    case can::Queued::full: executor().at(can::again_at(executor().now(), limit_), *this); break;
+    default: fail_with("the port does not take a RAND request");
+  }
 }
 
 void Collect::sent(rt::Time at) noexcept {
@@ -39,10 +49,7 @@ void Collect::heard(rt::Time at) noexcept {
 
 // The one timer: the wait for the confirmation, then the window.
 void Collect::run() noexcept {
-  if (!listening_) {
-    fail_with(can::no_acknowledge);
-    return;
-  }
+  if (!listening_) return executor().now() < limit_ ? send() : fail_with(can::no_acknowledge);
   end();
   finish();
 }

@@ -133,6 +133,7 @@ class Collect final : public rt::Operation<Collect>, private rt::Job, private ca
   };
   Collect(RandMaster& master, const can::Frame& frame, const Waits& waits) noexcept
       : master_(&master), frame_(frame), waits_(waits) {}
+  void send() noexcept;
   void sent(rt::Time at) noexcept override;
   void run() noexcept override;
   void heard(rt::Time at) noexcept;
@@ -143,7 +144,7 @@ class Collect final : public rt::Operation<Collect>, private rt::Job, private ca
   can::Frame frame_;
   Waits waits_;
   bool listening_ = false;
-  rt::Time limit_{};
+  rt::Time limit_{};  // of the sending, then of the window
   Result<rt::Time> outcome_{};
 };
 

@@ -411,7 +411,7 @@ tl::expected<Number, TextError> parse_number(std::string_view text) noexcept {
     number.node_id = true;
     in.skip_blanks();
     if (in.end()) return number;
-    if (in.peek() != '+' && in.peek() != '-') return wrong("after $NODEID only + and a number can stand", in.at);
+    if (in.peek() != '+' && in.peek() != '-') return wrong("after $NODEID only + and a number can follow", in.at);
     const std::size_t sign_at = in.at;
     if (in.take('+')) {
       in.skip_blanks();

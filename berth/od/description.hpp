@@ -94,6 +94,7 @@ struct NamedValue {
 /// What a scalar's numbers stand for, where the description says it: that of CiA 311 (XDD, XDC) does, in `unit`,
 /// `allowedValues` and enumerated data types; an EDS has nothing of it.
 struct Meaning {
+  std::string text = {};     ///< what it is, for people, one line; empty: nothing more than the object's name
   std::string unit = {};     ///< "°C"; empty: not known
   std::int64_t number = 1;   ///< one count is `number` times 10 to the power of `exponent` of the unit; `number` > 0
   std::int8_t exponent = 0;  ///< -18 to 18

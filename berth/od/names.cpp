@@ -69,7 +69,41 @@ std::string candidate(const Description& description, const NamedObject& object)
   return fmt::format("{:04X}h {}", object.index, whole == nullptr ? "" : description.name(*whole));
 }
 
+// Names that have the word somewhere else than at their begin, each with its object.
+std::vector<std::string> containing(const Description& description, std::string_view word) {
+  constexpr std::size_t shortest = 3;
+  std::vector<std::string> found;
+  if (word.size() < shortest) return found;
+  for (const auto& object : description.objects()) {
+    const std::string_view name = description.name(object);
+    const auto at = std::ranges::search(name, word, {}, lower, lower);
+    if (!at.empty()) found.push_back(fmt::format("{:04X}h {}", object.index, name));
+  }
+  return found;
+}
+
+// "Write output 8 bit/1": the object is there, and that is no name of a part. Empty: it is not of that kind.
+std::string parts_of(const Description& description, std::string_view word) {
+  const auto cut = word.find_last_of("/.");
+  if (cut == word.npos || cut == 0) return {};
+  const auto found = find_named(description, word.substr(0, cut));
+  const Object* const object =
+      found.size() == 1 && !found.front().sub ? description.find(found.front().index) : nullptr;
+  if (object == nullptr || is_plain(*object)) return {};
+  std::vector<std::string> parts;
+  for (const auto& sub : description.subs(*object)) {
+    if (sub.sub != 0) parts.push_back(fmt::format("{:04X}h:{:02X} {}", object->index, sub.sub, description.name(sub)));
+  }
+  return fmt::format("{} has no part {}; it has {}", berth::quoted(description.name(*object)),
+                     berth::quoted(word.substr(cut + 1)), some_of(parts));
+}
+
 NoObject none_called(const Description& description, std::string_view word) {
+  if (auto parts = parts_of(description, word); !parts.empty()) return {NoObject::Kind::other, std::move(parts)};
+  if (const auto with = containing(description, word); !with.empty()) {
+    return {NoObject::Kind::other,
+            fmt::format("no object is called {}; names with this word: {}", berth::quoted(word), some_of(with))};
+  }
   std::vector<std::string_view> names;
   for (const auto& object : description.objects()) names.push_back(description.name(object));
   const auto meant = closest(word, names);

@@ -70,10 +70,10 @@ NoObject both_readings(std::string_view word, const Parts& parts, const std::opt
   }
   if (as_hex)
     return {NoObject::Kind::unmarked,
-            fmt::format("{} is no object: write {}", berth::quoted(word), written(*as_hex, sub))};
-  return {
-      NoObject::Kind::bare,
-      fmt::format("{} is no object: an index has up to four hexadecimal digits, such as 1018h", berth::quoted(word))};
+            fmt::format("{} is not an object: write {}", berth::quoted(word), written(*as_hex, sub))};
+  return {NoObject::Kind::bare,
+          fmt::format("{} is not an object: an index has up to four hexadecimal digits, such as 1018h",
+                      berth::quoted(word))};
 }
 
 }  // namespace
@@ -95,7 +95,7 @@ tl::expected<ObjectWord, NoObject> read_object(std::string_view word) {
   }
   return tl::unexpected(
       NoObject{NoObject::Kind::other,
-               fmt::format("{} is no object: write index and sub-index such as 1018h:04", berth::quoted(word))});
+               fmt::format("{} is not an object: write index and sub-index such as 1018h:04", berth::quoted(word))});
 }
 
 std::optional<ObjectRef> parse_object(std::string_view word) {
@@ -114,7 +114,7 @@ tl::expected<std::uint8_t, std::string> read_sub_index(std::string_view word) {
                     berth::quoted(word), *sub.value, *decimal));
   }
   if (sub.value) return tl::unexpected(fmt::format("sub-index {}: write {:02X}h", berth::quoted(word), *sub.value));
-  return tl::unexpected(fmt::format("{} is no sub-index; write 00h to FFh", berth::quoted(word)));
+  return tl::unexpected(fmt::format("{} is not a sub-index; write 00h to FFh", berth::quoted(word)));
 }
 
 std::string write_object(ObjectRef object) { return fmt::format("{:04X}h:{:02X}", object.index, object.sub); }

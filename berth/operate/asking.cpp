@@ -17,6 +17,21 @@ co::SdoOptions Asking::patience(NodeId id, unsigned retries) const {
   return patience;
 }
 
+co::SdoOptions Asking::first_patience() const {
+  co::SdoOptions patience = s_.sdo.options();
+  patience.timeout = std::max(s_.bus.timing.guard_timeout, s_.bus.timing.sdo_timeout);
+  patience.retries = 0;
+  patience.abort_on_timeout = false;
+  return patience;
+}
+
+std::size_t Asking::most_first_at_once() const noexcept {
+  if (s_.bus.timing.at_once != 0) return s_.bus.timing.at_once;
+  constexpr double question_bits = 300;  // as much again for the answers
+  const double timeout = std::chrono::duration<double>(first_patience().timeout).count();
+  return std::max<std::size_t>(2, static_cast<std::size_t>(timeout * s_.bus.bitrate / question_bits));
+}
+
 // So many that the questions of those that stay silent leave room on the bus for the answers of the others: behind more
 // of them a remote frame, which has the lower priority, would wait until its own time is over.
 std::size_t Asking::most_at_once() const noexcept {
@@ -115,7 +130,7 @@ places::Binder::Options Asking::binder_options() const {
   options.lss_turn = &s_.lss_turn;
   options.before_step = slots_.events().before_step();
   options.on = slots_.bus();
-  options.stores_end = std::max(s_.own_stores_end, s_.foreign_stores.end());
+  options.stores_end = s_.foreign_stores.end();
   return options;
 }
 

@@ -26,6 +26,11 @@ class Asking {
   /// To ask whether a device is there: silence is the expected answer, so it is not waited for long nor aborted. Of a
   /// node that was heard to answer later than that, as long as for any other of its answers.
   [[nodiscard]] co::SdoOptions patience(NodeId id, unsigned retries) const;
+  /// For the first question to a node-ID where a device is to be, and was not heard: it waits as long as any other
+  /// question, so that a slow device is not taken for none. Silence is not aborted.
+  [[nodiscard]] co::SdoOptions first_patience() const;
+  /// So many of those at once that they take half of the bus at most.
+  [[nodiscard]] std::size_t most_first_at_once() const noexcept;
   /// So many questions at once that those that stay unanswered leave room on the bus for the answers to the others.
   [[nodiscard]] std::size_t most_at_once() const noexcept;
   /// LSS with pauses, so that a single-slot receive buffer loses none of the frames.

@@ -26,10 +26,11 @@ BusServices::BusServices(rt::Executor& clock, can::Port& port_used, const design
   // A device that leaves between its last heartbeat before it is watched and the first after is missed too.
   heartbeats.set_never_seen_time(timing.heartbeat_timeout + timing.heartbeat_period);
   co::SdoOptions options = sdo.options();
-  options.least = &patience;
+  patience.most = 2 * timing.sdo_timeout;
+  options.least = &patience.times;
   sdo.set_options(options);
   // A saving may be answered long after it was given up.
-  sdo.set_late_window(std::max<rt::Duration>(std::chrono::seconds(5), 2 * timing.save_timeout));
+  sdo.set_late_window(std::max<rt::Duration>(std::chrono::seconds(5), 2 * timing.save_timeout), &patience);
 }
 
 std::optional<NmtState> BusServices::watched_state(NodeId node) const noexcept {

@@ -49,7 +49,9 @@ struct BusServices {
   can::Dispatcher dispatcher;
   lss::Master lss;
   nodeid::RandMaster rand;
-  std::array<rt::Duration, 128> patience{};  ///< by node-ID: `sdo_timeout` of its slot, 0 where it says none
+  /// By node-ID: each SDO answer is waited for at least so long. `sdo_timeout` of its slot, or what its late answers
+  /// taught; 0: neither.
+  co::SdoPatience patience{};
   co::SdoClient sdo;
   co::NmtMaster nmt;
   co::HeartbeatConsumer heartbeats;
@@ -57,12 +59,13 @@ struct BusServices {
   co::EmcyConsumer emergencies;
   places::BootWatch boots;
   places::VacancyTable vacancy;
+  /// Why the port takes no frame, in words: whoever shuts it knows. Empty: its own state says it.
+  std::string shut_by{};
   std::optional<MasterReport> master{};  ///< who is, on a bus with several; kept by `Mastership`
   /// The SDO manager of the bus (CiA 302-5; docs/sdo-manager.md), which begins with the first request. Made with the
   /// objects of the master's own device.
   std::unique_ptr<manager::SdoRequests> channels{};
   ForeignStores foreign_stores;
-  rt::Time own_stores_end{};  ///< what an earlier run of this Berth told a device to store is stored then
   rt::Turn turn;
   rt::Turn lss_turn;
 };

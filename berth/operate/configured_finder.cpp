@@ -146,7 +146,8 @@ std::vector<NodeId> ConfiguredFinder::ids_to_ask(bool all) {
         (seat != nullptr && seat->there()) || (id == s_.bus.master && agenda_.speaks && !speaks && !sweeps);
     const bool found = found_.any_at(id);
     const bool takes = seat != nullptr && seat->slot.spec.assign == Assign::fixed && !seat->slot.record.device();
-    if (known || (found && !takes)) continue;
+    const bool rests = seat != nullptr && !seat->polled && !speaks;
+    if (known || rests || (found && !takes)) continue;
     const bool factory = std::ranges::find(factory_ids, id) != factory_ids.end();
     const bool own = seat != nullptr && seat->slot.spec.assign != Assign::fixed;
     const bool again = std::exchange(look_again_at_[i], false);
@@ -192,7 +193,7 @@ rt::Task<void> ConfiguredFinder::ask_everywhere() {
     const NodeId id(i);
     const Seat* const seat = slots_.at(id);
     const bool known = (seat != nullptr && seat->there()) || id == s_.bus.master || found_.any_at(id);
-    if (known) continue;
+    if (known || (seat != nullptr && !seat->polled)) continue;
     // A device that boots meanwhile is more than one that may be there.
     if (agenda_.wakes.size() > waiting) {
       everywhere_from_ = i;

@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <map>
+#include <utility>
 
 #include "berth/eds/xdd.hpp"
 #include "berth/od/abort_code.hpp"
+#include "berth/operate/configuration_intake.hpp"
 #include "berth/operate/error_control.hpp"
 #include "berth/operate/timing_options.hpp"
 #include "berth/places/identity.hpp"
@@ -23,7 +25,7 @@ using places::Configured;
 
 namespace {
 
-constexpr unsigned most_attempts = 3;
+constexpr unsigned most_attempts = most_restarts;
 
 bool has_agreed(const places::SlotRecord& record, const Wanted& wanted) noexcept {
   return record.configured && record.confirmed && record.configured->device == record.confirmed->device &&
@@ -56,37 +58,92 @@ std::string short_name(const std::string& path) {
   return slash == std::string::npos ? path : path.substr(slash + 1);
 }
 
+struct Read {
+  std::shared_ptr<const manager::Configuration> wanted;
+  std::string unreadable;
+};
+using Reads = std::map<std::string, Read>;  // by path
+
+// What the slot's file says, which is `config =` or what an SDO client wrote instead.
+void read_files(Seat& seat, const WrittenFiles& files, Reads& known) {
+  SeatConfiguration& mine = seat.configuration;
+  const std::string written = files.of(seat.slot.spec.name);
+  mine.path = written.empty() ? seat.slot.spec.config : written;
+  mine.written.reset();
+  if (!written.empty())
+    mine.written = written.ends_with(".dcf") ? WrittenFiles::Form::dcf : WrittenFiles::Form::concise;
+  mine.uploaded.clear();
+  mine.wanted.reset();
+  mine.unreadable.clear();
+  mine.file = short_name(mine.path);
+  if (!mine.path.empty()) {
+    const auto [it, fresh] = known.try_emplace(mine.path);
+    if (fresh) {
+      auto loaded = manager::load_configuration(mine.path);
+      if (loaded.usable()) {
+        it->second.wanted = std::make_shared<manager::Configuration>(std::move(loaded.configuration));
+      } else {
+        const auto error = std::ranges::find(loaded.findings, Finding::Severity::error, &Finding::severity);
+        it->second.unreadable = to_string(*error);
+      }
+    }
+    mine.wanted = it->second.wanted;
+    mine.unreadable = it->second.unreadable;
+  }
+  // The machine file may be another one than when it was written.
+  const std::string other = mine.written && mine.wanted ? not_for(seat.slot.spec, *mine.wanted) : std::string();
+  if (!other.empty()) {
+    mine.wanted.reset();
+    mine.unreadable = fmt::format("{}: {}, or remove the file", mine.path, other);
+  }
+}
+
 }  // namespace
 
-void Configuring::load(const SlotSettings& more, const SlotDescriptions& descriptions) {
+std::string restarted_each_time(const std::string& cause, unsigned times) {
+  return fmt::format("{}, {} times in a row: it is configured again when it was switched off and on", cause, times);
+}
+
+unsigned restarts_by_configuration(SeatConfiguration& configuration, rt::Time booted, rt::Duration within) {
+  const rt::Time unanswered = std::exchange(configuration.unanswered, rt::Time{});
+  const bool by_it = unanswered != rt::Time{} && booted < unanswered + within;
+  configuration.restarts = by_it ? configuration.restarts + 1 : 0;
+  return configuration.restarts;
+}
+
+void Configuring::load(const SlotSettings& more, const SlotDescriptions& descriptions, WrittenFiles written) {
   linked_ = more;
-  struct Read {
-    std::shared_ptr<const manager::Configuration> wanted;
-    std::string unreadable;
-  };
-  std::map<std::string, Read> known;
+  written_ = std::move(written);
+  Reads known;
   for (auto& seat : slots_.seats()) {
-    SeatConfiguration& mine = seat->configuration;
     const auto eds = descriptions.find(seat->name());
-    if (eds != descriptions.end()) mine.eds = eds->second;
-    const auto& path = seat->slot.spec.config;
-    if (!path.empty()) {
-      const auto [it, fresh] = known.try_emplace(path);
-      if (fresh) {
-        auto loaded = manager::load_configuration(path);
-        if (loaded.usable()) {
-          it->second.wanted = std::make_shared<manager::Configuration>(std::move(loaded.configuration));
-        } else {
-          const auto error = std::ranges::find(loaded.findings, Finding::Severity::error, &Finding::severity);
-          it->second.unreadable = to_string(*error);
-        }
-      }
-      mine.wanted = it->second.wanted;
-      mine.unreadable = it->second.unreadable;
-      mine.file = short_name(path);
-    }
+    if (eds != descriptions.end()) seat->configuration.eds = eds->second;
+    read_files(*seat, written_, known);
     add_links(*seat);
   }
+}
+
+void Configuring::load(Seat& seat) {
+  Reads known;
+  read_files(seat, written_, known);
+  add_links(seat);
+}
+
+void Configuring::begin_with(Seat& seat, manager::Configuration configuration, const std::string& path) {
+  SeatConfiguration& mine = seat.configuration;
+  mine.path = path;
+  mine.file = short_name(configuration.file);
+  mine.wanted = std::make_shared<manager::Configuration>(std::move(configuration));
+  mine.uploaded.clear();
+  mine.unreadable.clear();
+  mine.failed_savings = 0;
+  mine.stuck = false;
+  add_links(seat);
+}
+
+const manager::Configuration* Configuring::linked(const Seat& seat) const {
+  const auto linked = linked_.find(seat.name());
+  return linked == linked_.end() ? nullptr : linked->second.get();
 }
 
 void Configuring::add_links(Seat& seat) {
@@ -160,11 +217,10 @@ bool Configuring::may_be_configured(Seat& seat) {
   }
   if (seat.configuration.failed_savings < most_attempts) return true;
   seat.configuration.stuck = true;
-  slots_.happened(
-      seat, SlotEvent::boot_failed,
-      fmt::format("it failed to save its configuration {} times and is not asked again, for its memory's sake; "
-                  "`berth configure` does",
-                  most_attempts));
+  slots_.happened(seat, SlotEvent::boot_failed,
+                  fmt::format("it failed to save its configuration {} times; Berth does not try again, to spare its "
+                              "memory; `berth configure` tries again",
+                              most_attempts));
   return false;
 }
 
@@ -184,13 +240,14 @@ rt::Task<bool> Configuring::configure(Seat& seat, ConfigurationReport& report) {
   const bool waits = co_await waits_for_power(seat, looking, *wanted);
   if (waits) co_return false;
   if (rebooted(seat)) {
-    slots_.happened(seat, SlotEvent::boots_while_prepared, "it booted: it is asked what it is before it is configured");
+    slots_.happened(seat, SlotEvent::boots_while_prepared, "rebooted; checking identity");
     co_return false;
   }
   Attempt attempt{*wanted, looking, report, configurator_options(s_.bus.timing), identified};
   attempt.verifies = is_in(seat.slot.record, Configured::Stage::power_cycle, *wanted);
   attempt.options.write = !attempt.verifies;
-  attempt.options.trust_date = !attempt.verifies && !was_begun(seat.slot.record);
+  const bool by_date = seat.slot.spec.configuring.when == places::Configure::by_date;
+  attempt.options.trust_date = by_date && !attempt.verifies && !was_begun(seat.slot.record);
   attempt.options.save_anyway = is_in(seat.slot.record, Configured::Stage::writing, *wanted);
   seat.configuration.waits_since.reset();
   Next next = Next::again;
@@ -221,10 +278,24 @@ rt::Task<Configuring::Next> Configuring::try_once(Seat& seat, Attempt& attempt) 
   // Or another device booted under this node-ID, which sends no heartbeat and is deaf while it saves what was meant for
   // this one: they are told apart when this one runs.
   if (restarted) seat.doubt.shared = std::max(seat.doubt.shared, 1U);
-  if (restarted && attempt.number < most_attempts) {
+  if (restarted) {
+    const std::string cause = seat.reason;
     co_await asker_->ask_seat(seat);  // another device may have come under this node-ID
     attempt.identified = seat.checked;
-    co_return seat.there() && !seat.is_booted() ? Next::again : Next::not_now;
+    if (!seat.there() || seat.is_booted()) co_return Next::not_now;
+    if (attempt.number < most_attempts) co_return Next::again;
+    // A device may restart because 1017h was written; that is found out first (`ErrorControl::leave_as_it_is`).
+    const bool by_heartbeat = seat.rate.written != rt::Time{};
+    const unsigned times = ++seat.configuration.restarts * most_attempts;
+    if (by_heartbeat && seat.configuration.restarts < most_restarts) {
+      slots_.happened(seat, SlotEvent::boot_failed, cause);
+      co_return Next::not_now;
+    }
+    // Its last boot-up is no reason to begin anew: what was written caused it.
+    seat.configuration.restarts = 0;
+    seat.configuration.stuck = true;
+    slots_.happened(seat, SlotEvent::boot_failed, restarted_each_time(cause, times));
+    co_return Next::not_now;
   }
   if (!good) co_return Next::not_now;
   seat.rate.written = {};  // all was read back: it has not reset itself for its heartbeat time
@@ -238,12 +309,12 @@ rt::Task<Configuring::Next> Configuring::try_once(Seat& seat, Attempt& attempt) 
 rt::Task<Configuring::Next> Configuring::take_into_use(Seat& seat, Attempt& attempt) {
   const ConfigurationReport& report = attempt.report;
   const bool changed = report.changed() || report.saved != Saved::no_need;
-  const Activate activate = changed ? seat.slot.spec.activate : Activate::at_once;
+  const Activate activate = changed ? seat.slot.spec.configuring.activate : Activate::at_once;
   const bool unsure = report.saved == Saved::unanswered;
   if (activate != Activate::at_once && report.saved == Saved::cannot) {
     seat.configuration.stuck = true;
     slots_.happened(seat, SlotEvent::boot_failed,
-                    "its configuration is in use only after a restart, says the machine file, and it cannot save it");
+                    "by the machine file its configuration needs a restart, and the device cannot save it");
     co_return Next::not_now;
   }
   if (!unsure && activate == Activate::at_once) co_return Next::done;
@@ -252,12 +323,12 @@ rt::Task<Configuring::Next> Configuring::take_into_use(Seat& seat, Attempt& atte
   if (by_power || !resets) {
     std::string reason = "its configuration is saved; reset the device, or switch it off and on";
     if (by_power) reason = "its configuration is saved; switch the device off and on";
-    if (unsure) reason = "it did not answer the saving of its configuration; switch it off and on";
+    if (unsure) reason = "it did not answer the save command for its configuration; switch it off and on";
     co_await wait_for_power(seat, attempt.looking, attempt.wanted, reason);
     co_return Next::not_now;
   }
   slots_.happened(seat, SlotEvent::configures,
-                  unsure ? "it did not answer the saving: it is reset to see what it has saved"
+                  unsure ? "it did not answer the save command: it is reset to see what it has saved"
                          : "it is reset to take its configuration into use");
   // Some answer first and save then: the reset before came too early for them.
   if (attempt.number > 1) co_await rt::sleep_for(s_.bus.timing.save_timeout / 4);
@@ -304,6 +375,7 @@ rt::Task<bool> Configuring::configure_once(Seat& seat, Attempt& attempt) {
   co_await configurator.run(report);
   if (report.good()) {
     if (report.saved != Saved::unanswered) seat.configuration.failed_savings = 0;
+    seat.configuration.restarts = 0;
     co_return true;
   }
   if (refuses_heartbeat(seat, report)) co_return false;
@@ -313,6 +385,8 @@ rt::Task<bool> Configuring::configure_once(Seat& seat, Attempt& attempt) {
       error.code == Errc::aborted && error.detail == static_cast<std::uint32_t>(od::AbortCode::device_state);
   if (report.failure->stage == manager::Stage::saving && !busy) ++seat.configuration.failed_savings;
   seat.configuration.stuck = !report.failure->passing();
+  const bool unanswered = error.code == Errc::timeout && report.failure->why == manager::Failure::Why::error;
+  seat.configuration.unanswered = unanswered ? s_.executor.now() : rt::Time{};
   slots_.happened(seat, SlotEvent::boot_failed, "its configuration failed: " + describe(*report.failure, wanted.file));
   co_return false;
 }
@@ -418,7 +492,7 @@ rt::Task<void> Configuring::upload_from(Seat& seat, SlotUpload& into) {
   } else {
     auto own = co_await manager::read_own_eds(device);
     if (!own) {
-      into.problem = fmt::format("what it is like is not known (eds = of the slot): {}", describe(own.error()));
+      into.problem = fmt::format("its description is not known (eds = of the slot): {}", describe(own.error()));
       co_return;
     }
     reading = eds::read_any(std::move(*own), "1021h");
@@ -456,12 +530,8 @@ void Configuring::take(Seat& seat, const std::string& dcf, SlotUpload& into) {
     if (held == has->entries.end() || held->bytes == entry.bytes) continue;
     into.changes.push_back({entry.object, entry.name, entry.line, entry.type, entry.bytes, held->bytes, false});
   }
+  begin_with(seat, std::move(loaded.configuration), {});
   mine.uploaded = dcf;
-  mine.wanted = std::make_shared<manager::Configuration>(std::move(loaded.configuration));
-  mine.file = "1F20h";
-  mine.unreadable.clear();
-  mine.stuck = false;
-  add_links(seat);
 }
 
 rt::Task<void> Configuring::compare(Seat& seat, bool write, SlotConfiguration& into) {

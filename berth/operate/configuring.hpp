@@ -13,6 +13,13 @@
 
 namespace berth::operate {
 
+/// Its configuration failed because it restarted, so often: `cause`, and what to do.
+[[nodiscard]] std::string restarted_each_time(const std::string& cause, unsigned times);
+/// A boot-up message behind a configuration that had no answer: the device restarted by it. Counts that; 0: it did not.
+[[nodiscard]] unsigned restarts_by_configuration(SeatConfiguration& configuration, rt::Time booted,
+                                                 rt::Duration within);
+constexpr unsigned most_restarts = 3;  ///< then it is not configured again before it boots by itself
+
 /// What `berth configure` did, or found, in one slot.
 struct SlotConfiguration {
   std::string bus;
@@ -58,8 +65,16 @@ class Configuring {
   /// Before the first `configure`; must stay.
   void set_asker(SeatAsker& asker) noexcept { asker_ = &asker; }
 
-  /// Reads the files of `config =`. One file may stand for many slots. `more` goes over them.
-  void load(const SlotSettings& more = {}, const SlotDescriptions& descriptions = {});
+  /// Reads the files of `config =`, or what SDO clients wrote instead. One file may stand for many slots. `more` goes
+  /// over them.
+  void load(const SlotSettings& more = {}, const SlotDescriptions& descriptions = {}, WrittenFiles written = {});
+  /// The same again, of one slot.
+  void load(Seat& seat);
+  /// What the slot wants from now on, links over it. `path`: of its file; empty: it is in none.
+  void begin_with(Seat& seat, manager::Configuration configuration, const std::string& path);
+  [[nodiscard]] const WrittenFiles& written() const noexcept { return written_; }
+  /// What goes over the slot's file; null: nothing.
+  [[nodiscard]] const manager::Configuration* linked(const Seat& seat) const;
   /// True: the device has its configuration, in use, and may be started. Else the slot's state says why not.
   rt::Task<bool> configure(Seat& seat, manager::ConfigurationReport& report);
   /// A device that runs is left alone; that it runs with something else is told.
@@ -97,6 +112,7 @@ class Configuring {
   SlotTable& slots_;
   SeatAsker* asker_ = nullptr;
   SlotSettings linked_;
+  WrittenFiles written_;
 };
 
 }  // namespace berth::operate

@@ -82,14 +82,15 @@ rt::Task<std::uint16_t> ErrorControl::nearest(NodeId id, std::uint16_t refused_m
 }
 
 void ErrorControl::tell(Seat& seat, const std::string& instead) {
-  slots_.events().tell_once(EventKind::step, fmt::format("{}: its heartbeat is not what was wanted ({}): {}",
-                                                         seat.name(), seat.rate.refused, instead));
+  slots_.events().tell_once(EventKind::step, fmt::format("{}: its heartbeat is not as configured ({}): {}", seat.name(),
+                                                         seat.rate.refused, instead));
 }
 
 void ErrorControl::begin_anew(Seat& seat) {
   seat.guarded = seat.rate.by_sdo = false;
   seat.rate.period = {};
   seat.rate.refused.clear();
+  seat.rate.how.clear();
 }
 
 rt::Task<Result<bool>> ErrorControl::look(Seat& seat) {
@@ -185,8 +186,8 @@ rt::Task<bool> ErrorControl::leave_as_it_is(Seat& seat, std::uint16_t wanted) {
   if (has == wanted) {
     slots_.events().tell_once(
         EventKind::step,
-        fmt::format("{}: it booted behind the writing of 1017h: it has {} ms now, and is not told again", seat.name(),
-                    has));
+        fmt::format("{}: it booted after 1017h was written: it has {} ms now, and 1017h is not written again",
+                    seat.name(), has));
     co_return true;
   }
   if (seat.rate.resets < enough_resets) co_return false;
@@ -202,44 +203,61 @@ void ErrorControl::take_period(Seat& seat, rt::Duration steady) {
   const bool as_promised = steady < promised + promised / 8 && promised < steady + steady / 8;
   seat.rate.seen = as_promised ? rt::Duration{} : std::max<rt::Duration>(steady, milliseconds(1));
   seat.rate.fast = 0;
+  seat.rate.how.clear();
   seat.guarded = seat.rate.by_sdo = false;
   s_.heartbeats.supervise(seat.id(), heartbeat_timeout(s_.bus.timing, seat));
+  if (seat.letter() == manager::BootStatus::k && seat.life == Life::operational) {
+    seat.slave.status.result = {};
+    slots_.happened(seat, SlotEvent::operational);
+  }
   if (as_promised) return;
-  slots_.events().tell_once(EventKind::step,
-                            fmt::format("{}: its heartbeat comes every {}, and 1017h says {}: it is watched by what "
-                                        "comes",
-                                        seat.name(), text_of(steady), text_of(promised)));
+  slots_.events().tell_once(
+      EventKind::step,
+      fmt::format("{}: its heartbeat comes every {}, and 1017h was {} when it booted: Berth uses the observed period",
+                  seat.name(), text_of(steady), text_of(promised)));
 }
 
-// It keeps 1017h, and has another value than it was given: it booted, and its boot-up was lost.
-rt::Task<bool> ErrorControl::has_forgotten(Seat& seat) {
+// It has another value than it was given: it booted, and its boot-up was lost, so it keeps the value that is written
+// now. Or it keeps none.
+rt::Task<ErrorControl::Keeps> ErrorControl::look_at_what_it_keeps(Seat& seat) {
   const std::uint16_t given = in_ms(heartbeat_time(s_.bus.timing, seat));
   const auto has = co_await s_.sdo.read<std::uint16_t>(seat.id(), 0x1017, 0);
-  if (!has || *has == given) co_return false;
+  if (!has || *has == given) co_return Keeps::all;
   note_write(seat);
   const auto written = co_await write(seat.id(), given);
-  if (!written) co_return false;
+  if (!written) co_return Keeps::all;
   const auto keeps = co_await s_.sdo.read<std::uint16_t>(seat.id(), 0x1017, 0);
-  co_return keeps.has_value() && *keeps == given;
+  if (keeps && *keeps == given) co_return Keeps::again;
+  const bool none = keeps.has_value() && *keeps == 0;
+  co_return none ? Keeps::none : Keeps::all;
 }
 
-rt::Task<bool> ErrorControl::ask_unheard(Seat& seat) {
+rt::Task<bool> ErrorControl::watch_unheard(Seat& seat) {
   const auto type = co_await s_.sdo.read<std::uint32_t>(seat.id(), 0x1000, 0);
   const bool answers = type || type.error().code == Errc::aborted;
   if (!answers || seat.life != Life::present) co_return answers;
-  const bool booted = co_await has_forgotten(seat);
-  if (booted) co_return false;
+  const Keeps keeps = co_await look_at_what_it_keeps(seat);
+  if (keeps == Keeps::again) co_return false;
+  if (keeps == Keeps::none) {
+    seat.rate.refused =
+        fmt::format("{} ms: the device accepts the write and keeps 0", in_ms(heartbeat_time(s_.bus.timing, seat)));
+    seat.guarded = true;
+    s_.heartbeats.supervise(seat.id(), {});
+    co_await ask_started(seat);
+    co_return true;
+  }
   seat.guarded = seat.rate.by_sdo = true;
   s_.heartbeats.supervise(seat.id(), {});  // a first one that comes late is no reason to miss the next
   seat.rate.at = s_.executor.now();
-  const std::string every = text_of(heartbeat_timeout(s_.bus.timing, seat));
-  slots_.events().tell_once(
-      EventKind::step,
-      fmt::format("{}: no heartbeat came for {}, though 1017h was set to {}: it was told to start and answers SDO, and "
-                  "is asked by SDO, every {}, until a heartbeat comes",
-                  seat.name(), every, text_of(heartbeat_time(s_.bus.timing, seat)), every));
-  slots_.happened(seat, SlotEvent::operational);
   co_return true;
+}
+
+std::string ErrorControl::text_of_unheard(const Seat& seat) const {
+  const std::string every = text_of(heartbeat_timeout(s_.bus.timing, seat));
+  return fmt::format(
+      "it was started, and no heartbeat came for {}, though 1017h was set to {}; it answers SDO, and is asked by SDO, "
+      "every {}, until a heartbeat comes: reset it, or error_control = \"none\" in the machine file",
+      every, text_of(heartbeat_time(s_.bus.timing, seat)), every);
 }
 
 rt::Task<bool> ErrorControl::set_heartbeat(Seat& seat) {
@@ -340,17 +358,18 @@ rt::Task<void> ErrorControl::ask_started(Seat& seat) {
     guarded = co_await co::guard_once(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
   }
   if (guarded && guarded->state != NmtState::operational) {
-    slots_.happened(
-        seat, SlotEvent::boot_failed,
-        fmt::format("it was started, and says by error control that it is {}", berth::name(guarded->state)));
+    slots_.happened(seat, SlotEvent::boot_failed,
+                    fmt::format("it was started, and its error control reports {}", berth::name(guarded->state)));
     co_return;
   }
   const std::string why = seat.rate.refused.empty() ? std::string() : " (1017h refused " + seat.rate.refused + ")";
   std::string how = "it is not watched (error_control = \"none\")";
+  seat.rate.how.clear();
   if (guarded && !none) {
     guard(seat);
     how = fmt::format("{}it is watched by guarding, every {}", why.empty() ? why : "it sends no heartbeat" + why + ": ",
                       text_of(guard_time(s_.bus.timing, seat)));
+    if (!why.empty()) seat.rate.how = how;
   }
   if (!guarded) {
     // Neither error control protocol: that it answers is all that can be known.
@@ -362,14 +381,17 @@ rt::Task<void> ErrorControl::ask_started(Seat& seat) {
       co_return;
     }
     how = fmt::format(
-        "it has neither heartbeat{} nor guarding: it was told to start and answers SDO, and whether it "
-        "runs is not known",
+        "it has neither heartbeat{} nor guarding: it was started and answers SDO, and whether it runs is not known",
         why);
     seat.rate.by_sdo = !none;
     seat.rate.at = s_.executor.now();
     if (!none) how += fmt::format("; it is asked by SDO, every {}", text_of(heartbeat_timeout(s_.bus.timing, seat)));
+    // CiA 302-2 starts error control by one of the two: it has neither, and nobody can say that it runs.
+    if (!none) seat.slave.status.result.status = manager::BootStatus::k;
+    if (!none) seat.rate.how = how;
   }
-  slots_.events().tell_once(EventKind::step, fmt::format("{}: {}", seat.name(), how));
+  // A reason is told with the state.
+  if (seat.rate.how.empty()) slots_.events().tell_once(EventKind::step, fmt::format("{}: {}", seat.name(), how));
   slots_.happened(seat, SlotEvent::operational);
 }
 

@@ -33,16 +33,20 @@ class ErrorControl {
   rt::Task<void> watch_running(Seat& seat);
   /// It was started, and sends no heartbeat: what can be known of it, and it is watched by guarding or SDO.
   rt::Task<void> ask_started(Seat& seat);
-  /// It was started, and the heartbeat that 1017h promises did not come in time: it is watched by SDO until one does.
-  /// False: nor does it answer, or it has booted unheard.
-  rt::Task<bool> ask_unheard(Seat& seat);
+  /// It was started, and the heartbeat that 1017h promises did not come in time (letter K): it is watched by SDO until
+  /// one does. A device that accepted the period and keeps 0 has no heartbeat: `ask_started`. False: it does not answer
+  /// SDO either, or it has booted unheard.
+  rt::Task<bool> watch_unheard(Seat& seat);
+  /// Why it is letter K then.
+  [[nodiscard]] std::string text_of_unheard(const Seat& seat) const;
   /// Its heartbeats come so often (`places::BootWatch::steady`): it is watched by that, and told once.
   void take_period(Seat& seat, rt::Duration steady);
 
  private:
   void note_reset(Seat& seat) const;
   void note_write(Seat& seat) const;
-  rt::Task<bool> has_forgotten(Seat& seat);
+  enum class Keeps : std::uint8_t { all, again, none };
+  rt::Task<Keeps> look_at_what_it_keeps(Seat& seat);
   rt::Task<bool> leave_as_it_is(Seat& seat, std::uint16_t wanted);
   rt::Task<Result<void>> write(NodeId id, std::uint16_t period_ms);
   rt::Task<std::uint16_t> nearest(NodeId id, std::uint16_t refused_ms, std::uint32_t abort_code);

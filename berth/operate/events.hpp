@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "berth/base/result.hpp"
+#include "berth/co/emcy.hpp"
 #include "berth/operate/report.hpp"
 #include "berth/places/binding.hpp"
 #include "berth/rt/executor.hpp"
@@ -21,6 +22,9 @@ struct BeneathFirst {
   /// Returns when the buses beneath this one are operational, or need not be; before it is started. An error: it is not
   /// started. May be empty.
   std::function<rt::Task<Result<void>>(NodeId gateway)> bring_up = {};
+  /// Whether this EMCY of a gateway on this bus tells of a node beneath it: who knows the buses beneath tells it. May
+  /// be empty.
+  std::function<bool(NodeId gateway, const co::Emcy& message)> hands_on = {};
   [[nodiscard]] bool of(NodeId node) const noexcept { return bring_up && gateways[node.value()]; }
 };
 

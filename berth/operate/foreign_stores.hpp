@@ -3,6 +3,8 @@
 /// because it names no request (CiA 305, store configuration). So this master stores nothing before `end`.
 #pragma once
 
+#include <algorithm>
+
 #include "berth/can/dispatcher.hpp"
 #include "berth/rt/executor.hpp"
 
@@ -13,7 +15,9 @@ class ForeignStores final : private can::Handler {
   /// `store_timeout`: how long a device may take to store.
   ForeignStores(can::Dispatcher& dispatcher, rt::Duration store_timeout);
 
-  /// No answer to another master's 17h comes later.
+  /// What an earlier run of this Berth told a device to store is stored then.
+  void earlier_run_stores_until(rt::Time end) noexcept { end_ = std::max(end_, end); }
+  /// No answer to another master's 17h, or to one of an earlier run, comes later.
   [[nodiscard]] rt::Time end() const noexcept { return end_; }
 
  private:

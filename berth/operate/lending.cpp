@@ -48,7 +48,7 @@ NodeId Lending::id_to_lend(const Identity& device) const noexcept {
 rt::Task<Result<NodeId>> Lending::lend_to(Identity device) {
   if (asking_.has_equals(device)) co_return fail(Errc::unsupported, "several devices have its LSS address");
   const NodeId id = id_to_lend(device);
-  if (!id.configured()) co_return fail(Errc::exhausted, "no node-ID is left that could be lent to it");
+  if (!id.configured()) co_return fail(Errc::exhausted, "no node-ID is free for it");
   const rt::Time began = s_.executor.now();
   loans_.expect_boot_up(id);
   const auto selected = co_await asking_.select_alone(device);
@@ -59,10 +59,11 @@ rt::Task<Result<NodeId>> Lending::lend_to(Identity device) {
   const bool store = false;
   const auto given = co_await lss::configure_alone(s_.lss, device.address, id, store, how);
   if (!given) co_return fail(given.error());
-  if (given->outcome != lss::Given::Outcome::taken) co_return fail(Errc::timeout, "it did not take what it was lent");
+  if (given->outcome != lss::Given::Outcome::taken)
+    co_return fail(Errc::timeout, "it did not take its temporary node-ID");
   bool heard = co_await s_.boots.wait(id, began, began + asking_.binder_options().own_boot);
   if (!heard) heard = co_await wake(device, id);
-  if (!heard) co_return fail(Errc::timeout, "it was lent a node-ID and was not heard under it");
+  if (!heard) co_return fail(Errc::timeout, "it got a temporary node-ID and was not heard under it");
   co_return id;
 }
 

@@ -82,7 +82,7 @@ rt::Task<void> MainJob::opening() {
       !p_.slots.unfinished_here().empty();
   const bool other_masters = s.bus.flying.has_value();  // what one of them began is in its own slot table
   if (unfinished) p_.slots.events().tell(EventKind::step, "", "finishing what an earlier run began");
-  if (unfinished) s.own_stores_end = s.executor.now() + s.bus.timing.store_timeout;
+  if (unfinished) s.foreign_stores.earlier_run_stores_until(s.executor.now() + s.bus.timing.store_timeout);
   const auto loaded = p_.loans.load();
   if (!loaded)
     p_.slots.events().tell(EventKind::error, "", "the slot table cannot be read: " + describe(loaded.error()));
@@ -170,9 +170,10 @@ const Identity* who_is_left(const Parts& p, const Seat& seat) {
 std::string who_is_known(const Parts& p, const Seat& seat) {
   if (!is_vacant(seat)) return {};
   const Identity* const left = who_is_left(p, seat);
-  if (left != nullptr) return fmt::format("{} was found and could not be seated: it is tried again", to_string(*left));
+  if (left != nullptr) return fmt::format("{} was found and could not be bound: Berth tries again", to_string(*left));
   const Identity* const silent = p.found.silent_for(seat.slot.spec);
-  if (silent != nullptr) return fmt::format("{} was found and answers no more: it is looked for", to_string(*silent));
+  if (silent != nullptr)
+    return fmt::format("{} was found and no longer answers: Berth looks for it", to_string(*silent));
   const auto equal = std::ranges::find_if(p.found.all(), [&](const auto& f) {
     return !f.device.has_serial() && !f.clone && p.slots.of(f.device) == nullptr &&
            places::fits(seat.slot.spec, f.device);
@@ -202,11 +203,11 @@ void tell_nobody(Parts& p, Seat& seat, bool news) {
   const bool were_two = why.empty() && seat.last.failed == SlotState::duplicate;
   if (were_two && ++seat.doubt.in_vain < rounds_in_vain) return;
   seat.misses_one = !why.empty();
-  if (were_two) why = "two devices were found for it, and none answers now: they are looked for";
+  if (were_two) why = "two devices were found for it, and none answers now: Berth looks for them";
   // What a device of its own address may lack, no search can find.
   if (why.empty())
     why = "no device of its type was found; one that answers no search needs its slot's `spares` and `revision`";
-  if (p.bus.only_observes()) why = "an observer asks nobody, and its slot table knows no device of this slot";
+  if (p.bus.only_observes()) why = "an observer sends nothing, and the slot table has no device for this slot";
   if (p.agenda.alone) why = can::no_acknowledge;
   p.slots.happened(seat, SlotEvent::nobody, why);
 }
@@ -217,10 +218,10 @@ void MainJob::tell_whether_empty(Seat& seat) {
   const Identity* const waits = who_fades(p_, seat);
   const bool none = seat.life == Life::unknown && !p_.agenda.search_open;
   if (waits != nullptr && (none || seat.life == Life::empty)) {
-    p_.slots.happened(seat, SlotEvent::waits_for_power,
-                      fmt::format("{} is of its type and has given up another node-ID: switch it off and on, and "
-                                  "it is seated",
-                                  to_string(*waits)));
+    p_.slots.happened(
+        seat, SlotEvent::waits_for_power,
+        fmt::format("{} has its type and released another node-ID: switch it off and on, then Berth binds it",
+                    to_string(*waits)));
     return;
   }
   const bool shared = p_.fading.user_of(seat.id()) != nullptr;
@@ -321,10 +322,15 @@ rt::Task<void> MainJob::watch() {
 
 namespace {
 
-// It waits for a device that nobody has seen.
-bool waits_for_one(const Seat& seat) {
-  return !seat.slot.spec.optional && (seat.life == Life::empty || seat.state() == SlotState::question);
+// A device of another type, or one that does not tell its type, is no reason to look no more: it may leave.
+bool lacks_one(const Seat& seat) {
+  const bool has_other = seat.life == Life::stranger || seat.life == Life::absent;
+  const bool fixed = seat.slot.spec.assign == Assign::fixed && !seat.slot.record.confirmed;
+  return seat.life == Life::empty || seat.state() == SlotState::question || (fixed && has_other);
 }
+
+// It waits for a device that nobody has seen.
+bool waits_for_one(const Seat& seat) { return !seat.slot.spec.optional && lacks_one(seat); }
 
 // What was tried and did not succeed.
 bool is_troubled(const Seat& seat) {
@@ -371,6 +377,7 @@ rt::Task<bool> MainJob::look() {
   co_await p_.bus.turn.take();
   const rt::Held held(p_.bus.turn);
   idle_ = false;
+  p_.supervision.tell_repeated_emcys();
   bool wanted = co_await act_on_wakes(wake);
   if (wanted) pace_.hurry();  // a person's word
   if (!wake) {
@@ -411,9 +418,7 @@ bool MainJob::has_trouble() const {
 }
 
 bool MainJob::lacks_optional() const {
-  return std::ranges::any_of(p_.slots.seats(), [](const auto& s) {
-    return s->slot.spec.optional && (s->life == Life::empty || s->state() == SlotState::question);
-  });
+  return std::ranges::any_of(p_.slots.seats(), [](const auto& s) { return s->slot.spec.optional && lacks_one(*s); });
 }
 
 // A device that is away is not asked for for ever.
@@ -452,7 +457,8 @@ bool MainJob::retry_due() {
     const bool troubled =
         seat->life == Life::absent || seat->state() == SlotState::duplicate || seat->life == Life::misplaced;
     const bool silent = again && !beats;  // it may have left before its heartbeat was waited for
-    seat->ask_again = (troubled || silent) && seat->slot.record.confirmed && !seat->slot.record.intended;
+    seat->ask_again =
+        (troubled || silent) && seat->polled && seat->slot.record.confirmed && !seat->slot.record.intended;
     const bool unknown_duplicate = seat->life == Life::doubled && !seat->slot.record.device();
     if (unknown_duplicate) look_anew(p_.slots, *seat);
   }

@@ -3,15 +3,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <filesystem>
 
 #include "berth/base/bytes.hpp"
+#include "berth/base/counted.hpp"
 #include "berth/manager/boot_rules.hpp"
 #include "berth/network/configuration_requests.hpp"
 #include "berth/network/configuration_uploads.hpp"
 #include "berth/network/network_requests.hpp"
 #include "berth/od/cia302.hpp"
-#include "berth/text/file.hpp"
+#include "berth/operate/manager_views.hpp"
 #include "berth/text/printable.hpp"
 
 namespace berth::operate {
@@ -23,6 +23,7 @@ using od::Access;
 using od::DataType;
 using places::SlotState;
 
+constexpr std::uint16_t consumer_heartbeat = 0x1016;
 constexpr std::uint16_t os_command = 0x1023;
 constexpr std::uint16_t manager_status = 0x5F00;
 constexpr std::uint16_t bus_status = 0x5F01;
@@ -58,8 +59,15 @@ struct Array {
   Access access;
 };
 constexpr std::array arrays{
-    Array{cia302::store_dcf, "Store DCF", "Node-ID", DataType::domain, 127, Access::ro},
+    Array{cia302::store_dcf, "Store DCF", "Node-ID", DataType::domain, 127, Access::rw},
     Array{cia302::dcf_format, "Storage format", "Node-ID", DataType::unsigned8, 127, Access::ro},
+    Array{cia302::concise_dcf, "Concise DCF", "Node-ID", DataType::domain, 127, Access::rw},
+    Array{cia302::configuration_date, "Expected configuration date", "Node-ID", DataType::unsigned32, 127, Access::ro},
+    Array{cia302::configuration_time, "Expected configuration time", "Node-ID", DataType::unsigned32, 127, Access::ro},
+    Array{cia302::expected_program, "Expected software identification", "Node-ID", DataType::unsigned32, 127,
+          Access::ro},
+    Array{cia302::program_of_slave, "Program of the slave", "Node-ID", DataType::domain, 127, Access::ro},
+    Array{consumer_heartbeat, "Consumer heartbeat time", "Consumer", DataType::unsigned32, 127, Access::ro},
     Array{upload_configuration, "Upload configuration", "Node-ID", DataType::unsigned32, cia302::all_nodes, Access::rw},
     Array{cia302::request_configuration, "Request configuration", "Node-ID", DataType::unsigned32, cia302::all_nodes,
           Access::wo},
@@ -105,13 +113,23 @@ void add_record(od::DescriptionBuilder& b, std::uint16_t index, const char* name
   }
 }
 
+// No room is kept for what a stream serves: 16 KiB for each of them else.
+constexpr std::uint32_t of_stream(DataType type) noexcept { return type == DataType::domain ? 1 : 0; }
+
+// Another configuration is wanted since the device was configured.
+bool is_due(const Seat& seat) noexcept {
+  const auto& noted = seat.slot.record.configured;
+  const auto& sits = seat.slot.record.confirmed;
+  return noted && sits && noted->device == sits->device && noted->stage == places::Configured::Stage::writing;
+}
+
 Configured configured(const Seat& seat) noexcept {
   if (!seat.configuration.any()) return Configured::none;
   switch (seat.state()) {
     case SlotState::configuring: return Configured::under_way;
     case SlotState::power_cycle: return Configured::needs_power;
     case SlotState::failed: return Configured::failed;
-    case SlotState::operational: return Configured::as_it_shall_be;
+    case SlotState::operational: return is_due(seat) ? Configured::not_yet : Configured::as_it_shall_be;
     default: break;
   }
   const auto& noted = seat.slot.record.configured;
@@ -153,7 +171,8 @@ void ManagerObjects::describe(od::DescriptionBuilder& b) {
       b.sub(each.index, {.sub = static_cast<std::uint8_t>(sub),
                          .name = fmt::format("{} {}", each.part, sub),
                          .type = each.type,
-                         .access = each.access});
+                         .access = each.access,
+                         .capacity = of_stream(each.type)});
     }
   }
   add_record(b, manager_status, "Manager status", manager_parts);
@@ -162,11 +181,16 @@ void ManagerObjects::describe(od::DescriptionBuilder& b) {
 
 ManagerObjects::ManagerObjects(od::Values& values, BusServices& services, SlotTable& slots, Agenda& agenda,
                                Requests& requests)
-    : s_(services), slots_(slots), agenda_(agenda), requests_(requests) {
+    : s_(services), slots_(slots), agenda_(agenda), requests_(requests), dcfs_(*this) {
   values.attach(*this, os_command, os_command);
   values.attach(*this, cia302::request_configuration, cia302::request_configuration);
   values.attach(*this, cia302::nmt_startup, cia302::boot_time);
-  values.attach(*this, cia302::store_dcf, cia302::dcf_format);
+  values.attach(*this, consumer_heartbeat, consumer_heartbeat);
+  values.attach(*this, cia302::dcf_format, cia302::dcf_format);
+  dcfs_.attach_to(values);
+  values.attach(*this, cia302::configuration_date, cia302::configuration_time);
+  values.attach(*this, cia302::expected_program, cia302::expected_program);
+  values.attach(*this, cia302::program_of_slave, cia302::program_of_slave);
   values.attach(*this, manager_status, upload_configuration);
 }
 
@@ -195,12 +219,15 @@ std::uint64_t ManagerObjects::of_node(std::uint16_t index, NodeId node) const {
     case cia302::request_guarding: return seat->there() && !seat->guarded ? 1 : 0;
     case slot_state: return static_cast<std::uint64_t>(seat->shown_state());
     case boot_letter: return static_cast<std::uint8_t>(manager::letter(seat->letter()));
+    case cia302::configuration_date: return expected_date(*seat).days;
+    case cia302::configuration_time: return expected_date(*seat).ms;
+    case cia302::expected_program: return expected_program(*seat);
     case upload_configuration: return static_cast<std::uint64_t>(seat->configuration.upload);
     case cia302::dcf_format: return 0;
     case configuration_status: return static_cast<std::uint64_t>(configured(*seat));
     case last_emergency: {
       const auto& told = seat->last.emergency;
-      return told ? told->code | std::uint64_t{told->error_register} << 16U : 0U;
+      return told ? told->message.code | std::uint64_t{told->message.error_register} << 16U : 0U;
     }
     default: return expected(*seat, index);
   }
@@ -266,10 +293,11 @@ AbortCode ManagerObjects::reading(const od::Values&, ObjectRef ref, std::span<co
     }
     return AbortCode::none;
   }
-  if (ref.index == cia302::store_dcf && ref.sub != 0) {
-    dcf_ = dcf_of(ref.sub);
-    if (dcf_.empty()) return AbortCode::no_data;
-    value = {reinterpret_cast<const std::uint8_t*>(dcf_.data()), dcf_.size()};
+  if (ref.index == cia302::program_of_slave && ref.sub != 0) {
+    const Seat* const seat = is_slot(ref.sub) ? slots_.at(NodeId(ref.sub)) : nullptr;
+    domain_ = seat != nullptr ? program_of(*seat) : std::vector<std::uint8_t>();
+    if (domain_.empty()) return AbortCode::no_data;
+    value = domain_;
     return AbortCode::none;
   }
   std::uint64_t number = 0;
@@ -284,6 +312,9 @@ AbortCode ManagerObjects::reading(const od::Values&, ObjectRef ref, std::span<co
     number = of_manager(ref.sub);
   } else if (ref.index == bus_status) {
     number = of_bus(ref.sub);
+  } else if (ref.index == consumer_heartbeat) {
+    const auto& seats = slots_.seats();
+    number = ref.sub <= seats.size() ? consumer_of(s_.bus.timing, *seats[ref.sub - 1U]) : 0;
   } else if (ref.index == emergency_history) {
     number = emergency(ref.sub);
   } else if (ref.sub <= 127) {
@@ -347,16 +378,29 @@ AbortCode ManagerObjects::ask_upload(std::uint8_t sub, std::uint32_t word) {
   return AbortCode::none;
 }
 
-// What was uploaded, else the file of `config =` where that is a DCF.
-std::string ManagerObjects::dcf_of(std::uint8_t sub) const {
-  const auto id = NodeId::make(sub);
-  const Seat* const seat = id && id->configured() ? slots_.at(*id) : nullptr;
+std::vector<std::uint8_t> ManagerObjects::dcf(ObjectRef ref) {
+  const Seat* const seat = is_slot(ref.sub) ? slots_.at(NodeId(ref.sub)) : nullptr;
   if (seat == nullptr) return {};
-  if (!seat->configuration.uploaded.empty()) return seat->configuration.uploaded;
-  const std::filesystem::path path(seat->slot.spec.config);
-  Findings findings;
-  if (path.extension() != ".dcf") return {};
-  return text::read_file(path.string(), findings).value_or(std::string());
+  if (ref.index == cia302::concise_dcf) return concise_dcf_of(*seat);
+  const std::string dcf = dcf_of(*seat);
+  return {dcf.begin(), dcf.end()};
+}
+
+AbortCode ManagerObjects::may_store(ObjectRef ref) {
+  if (s_.only_observes() || !s_.bus.commands.allow("configure")) return AbortCode::local_control;
+  if (!is_slot(ref.sub)) return AbortCode::invalid_value;
+  const Seat& seat = *slots_.at(NodeId(ref.sub));
+  const bool busy = seat.state() == SlotState::configuring || seat.configuration.upload == Uploading::under_way;
+  return busy ? AbortCode::device_state : AbortCode::none;
+}
+
+AbortCode ManagerObjects::store(ObjectRef ref, std::span<const std::uint8_t> bytes) {
+  const AbortCode may = may_store(ref);
+  if (may != AbortCode::none) return may;
+  if (!note(fmt::format("{:04X}h:{:02X} = {}", ref.index, ref.sub, counted(bytes.size(), "byte"))))
+    return AbortCode::device_state;
+  const auto form = ref.index == cia302::store_dcf ? WrittenFiles::Form::dcf : WrittenFiles::Form::concise;
+  return requests_.store(NodeId(ref.sub), form, bytes);
 }
 
 AbortCode ManagerObjects::ask_command(std::span<const std::uint8_t> text) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "berth/operate/configuration_intake.hpp"
 #include "berth/operate/manager_objects.hpp"
 
 namespace berth::operate {
@@ -22,6 +23,8 @@ void give_channels(BusServices& bus, const SlotTable& slots, od::Values& values)
     manager::SdoManagerOptions options;
     for (const auto& seat : slots.seats()) options.nodes.push_back(seat->id());
     options.heartbeat = bus.bus.timing.heartbeat_timeout;
+    // Planned channels stay: the manager takes back what has CAN-IDs of its pool.
+    options.pool.last -= 2 * static_cast<std::uint32_t>(bus.bus.channels.size());
     return options;
   });
 }
@@ -48,6 +51,10 @@ class Network::Asked final : public ManagerObjects::Requests {
       seat->configuration.upload = Uploading::under_way;
       network_.scope_.spawn(fetch(network_, seat->name()));
     }
+  }
+  od::AbortCode store(NodeId node, WrittenFiles::Form form, std::span<const std::uint8_t> bytes) override {
+    ConfigurationIntake intake(network_.parts_.slots, network_.parts_.configuring);
+    return intake.take(*network_.parts_.slots.at(node), form, bytes);
   }
   bool command(std::string text) override {
     if (!carry_out_) return false;
@@ -92,20 +99,21 @@ Network::Network(rt::Executor& executor, can::Port& port, std::string machine, c
   ears_.lead_to(parts_.supervision);
   parts_.startup.set_master(port_);
   for (const auto& seat : parts_.slots.seats())
-    parts_.bus.patience[seat->id().value()] = seat->slot.spec.watch.sdo_timeout;
+    parts_.bus.patience.times[seat->id().value()] = seat->slot.spec.watch.sdo_timeout;
 }
 
 Network::~Network() { stop(); }
 
-Result<void> Network::open(const SlotSettings& settings, const SlotDescriptions& descriptions) {
+Result<void> Network::open(const SlotSettings& settings, const SlotDescriptions& descriptions, WrittenFiles written) {
   const auto opened = parts_.slots.open();
-  if (opened) parts_.configuring.load(settings, descriptions);
+  if (opened) parts_.configuring.load(settings, descriptions, std::move(written));
   return opened;
 }
 
 void Network::start() {
   if (running_) return;
   running_ = true;
+  tell_written(parts_.slots, parts_.configuring.written());
   parts_.bus.heartbeats.hear_all_boot_ups(true);
   parts_.bus.emergencies.hear_all();
   if (mastership_) mastership_->start();
@@ -153,7 +161,7 @@ Result<void> Network::replace(const std::string& slot, std::optional<Identity> d
   if (used && !device) {
     const auto sits = seat->slot.record.confirmed;
     if (seat->there() && sits && parts_.slots.is_marked(places::Mark::looks_used, sits->device)) {
-      parts_.slots.set_mark(places::Mark::restore, sits->device, seat->id(), "a person said that it may be used");
+      parts_.slots.set_mark(places::Mark::restore, sits->device, seat->id(), "factory reset requested by operator");
       parts_.spares.make_welcome(sits->device);
       parts_.slots.happened(*seat, SlotEvent::tried_again, "it gets its factory settings");
       parts_.agenda.wakes.push({Wake::Kind::look, seat->id(), parts_.bus.executor.now()});
@@ -180,7 +188,7 @@ Result<void> Network::replace(const std::string& slot, std::optional<Identity> d
   if (device) {
     parts_.spares.make_welcome(*device);
     const places::Assignment wanted{*device, seat->id()};
-    const auto asked = parts_.slots.store().ask(seat->slot.record.slot, wanted, "named by a person");
+    const auto asked = parts_.slots.store().ask(seat->slot.record.slot, wanted, "named by the user");
     if (!asked) return asked;
     seat->slot.record.intended = wanted;
   }
@@ -200,7 +208,7 @@ Result<void> Network::forget(const Identity& device) {
     return fail(Errc::not_found, "nothing unfinished is known of this device on this bus");
   }
   const auto dropped =
-      parts_.slots.store().drop_blank(parts_.slots.known(device), "a person said that it is gone for good");
+      parts_.slots.store().drop_blank(parts_.slots.known(device), "the user said that it will not come back");
   if (!dropped) return dropped;
   parts_.planning.drop_unfinished(device);
   parts_.slots.events().tell(EventKind::forgotten, "", fmt::format("{} is no longer waited for", to_string(device)));
@@ -230,6 +238,11 @@ rt::Task<Result<std::vector<SlotConfiguration>>> Network::configure(std::string 
   co_return results;
 }
 
+bool is_configured(const Network& network, const std::string& slot) {
+  const Seat* const seat = network.parts_.slots.named(slot);
+  return seat != nullptr && seat->configuration.any();
+}
+
 rt::Task<Result<SlotUpload>> upload_slot(Network& network, std::string slot) {
   Parts& parts = network.parts_;
   co_await parts.bus.turn.take();
@@ -239,6 +252,29 @@ rt::Task<Result<SlotUpload>> upload_slot(Network& network, std::string slot) {
   SlotUpload upload;
   co_await parts.configuring.upload(*seat, upload);
   co_return upload;
+}
+
+Result<void> poll_slot(Network& network, const std::string& slot, bool on) {
+  Parts& parts = network.parts_;
+  Seat* const seat = parts.slots.named(slot);
+  if (seat == nullptr) return fail(Errc::not_found, "no slot of this name on this bus");
+  if (!on && !seat->slot.spec.optional) {
+    return fail(Errc::invalid, "the slot is not optional: its device is asked for until it is found");
+  }
+  if (!on && seat->is_accounted_for()) return fail(Errc::invalid, "the slot's device is there");
+  if (seat->polled == on) return {};
+  seat->polled = on;
+  if (!on) {
+    seat->ask_again = false;
+    parts.slots.events().tell(EventKind::step, slot, "it is not asked for any more, until it is heard or polled again");
+    return {};
+  }
+  parts.slots.events().tell(EventKind::step, slot, "it is asked for again");
+  parts.agenda.look_anew = true;
+  parts.agenda.anew_at = parts.agenda.retry_at = parts.bus.executor.now();
+  parts.finding.configured.look_again_at(seat->id());
+  parts.agenda.wakes.push({Wake::Kind::look, seat->id(), parts.bus.executor.now()});
+  return {};
 }
 
 }  // namespace berth::operate

@@ -41,8 +41,10 @@ class Network final : private PortHealth::Owner {
   Network(const Network&) = delete;
   Network& operator=(const Network&) = delete;
 
-  /// Declares the slots in the store and takes over what it knows. Call once, before anything else.
-  Result<void> open(const SlotSettings& settings = {}, const SlotDescriptions& descriptions = {});
+  /// Declares the slots in the store and takes over what it knows. Call once, before anything else. `written`: where
+  /// configurations are kept that SDO clients write to the manager.
+  Result<void> open(const SlotSettings& settings = {}, const SlotDescriptions& descriptions = {},
+                    WrittenFiles written = {});
   /// Begins the main job. Without it the network only serves single commands. The main job rests while the port is
   /// down, or takes no frame (another master, a gate that listens still), and begins anew by itself.
   void start();
@@ -129,6 +131,8 @@ class Network final : private PortHealth::Owner {
   [[nodiscard]] rt::Task<Result<Located>> locate(Identity device, rt::Duration time, bool anyway);
 
   friend rt::Task<Result<SlotUpload>> upload_slot(Network& network, std::string slot);
+  friend Result<void> poll_slot(Network& network, const std::string& slot, bool on);
+  friend bool is_configured(const Network& network, const std::string& slot);
 
  private:
   class Asked;
@@ -150,5 +154,15 @@ class Network final : private PortHealth::Owner {
 /// The configuration that the device of this slot has now, as a DCF; it becomes what the slot wants, instead of
 /// `config =`, until Berth ends: a replacement gets it. Waits for its turn. Errors: `not_found` no such slot.
 [[nodiscard]] rt::Task<Result<SlotUpload>> upload_slot(Network& network, std::string slot);
+
+/// `berth poll SLOT --stop`, `berth poll SLOT`: whether an optional slot's device that is not there is asked for
+/// (paper 5 §2, Figure 4: the application stops polling). Without, the slot's node-ID is asked nothing until
+/// something is heard of it, its boot-up message say; from then on it is asked for again. Blank devices are found all
+/// the same. Errors: `not_found` no such slot; `invalid` to stop it: the slot is not optional, or its device is
+/// there.
+Result<void> poll_slot(Network& network, const std::string& slot, bool on);
+
+/// Something is wanted of the slot's device: by `config =`, by links, or by what an SDO client wrote.
+[[nodiscard]] bool is_configured(const Network& network, const std::string& slot);
 
 }  // namespace berth::operate

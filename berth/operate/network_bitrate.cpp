@@ -85,7 +85,7 @@ void Move::allow() {
 rt::Task<void> Move::who_is_there() {
   const auto seen = co_await network_.scan(ScanRange::all);
   if (!seen) {
-    report_.reason = "the bus could not be asked who is there: " + describe(seen.error());
+    report_.reason = "the bus could not be scanned: " + describe(seen.error());
     co_return;
   }
   for (const auto& s : *seen) {
@@ -93,12 +93,12 @@ rt::Task<void> Move::who_is_there() {
     node.id = s.id;
     const bool whole = s.device && s.device->unknown == 0;
     if (whole) node.device = s.device->address;
-    if (s.duplicate) node.problem = "two devices answer here: they cannot be told from each other";
-    if (!whole) node.problem = "it does not tell its LSS address (1018h)";
+    if (s.duplicate) node.problem = "two devices answer here: they cannot be distinguished";
+    if (!whole) node.problem = "it does not report its LSS address (1018h)";
     if (s.state) node.problem = wrong_state(*s.state).value_or(node.problem);
     report_.nodes.push_back(node);
   }
-  if (report_.nodes.empty()) report_.reason = "nobody is there";
+  if (report_.nodes.empty()) report_.reason = "no device is there";
 }
 
 // A node that sends no heartbeat is asked for its state by guarding.
@@ -112,7 +112,7 @@ rt::Task<void> Move::state_of(Node& node) {
     const auto window = network_.bus().timing.guard_timeout;
     const auto asked = co_await co::guard_once(network_.services().dispatcher, node.id, window, 2);
     if (!asked) {
-      node.problem = "it does not tell whether it is operational: neither heartbeat nor guarding";
+      node.problem = "it does not report whether it is operational: neither heartbeat nor guarding";
       co_return;
     }
     state = asked->state;

@@ -7,8 +7,8 @@ namespace berth::operate {
 Parts::Parts(rt::Executor& executor, can::Port& port, std::string machine, const design::Bus& line,
              std::vector<places::SlotSpec> specs, places::SlotStore& store, NetworkObserver observer,
              co::HeartbeatConsumer::Observer& heartbeats, co::GuardingMaster::Observer& guarding,
-             co::EmcyConsumer::Observer& emergencies)
-    : bus(executor, port, line, heartbeats, guarding, emergencies),
+             co::EmcyConsumer::Observer& emcys)
+    : bus(executor, port, line, heartbeats, guarding, emcys),
       slots(bus, std::move(machine), std::move(specs), store, std::move(observer)),
       agenda(executor, line.discovery),
       startup(bus, slots),

@@ -20,7 +20,7 @@ struct Parts {
   Parts(rt::Executor& executor, can::Port& port, std::string machine, const design::Bus& bus,
         std::vector<places::SlotSpec> specs, places::SlotStore& store, NetworkObserver observer,
         co::HeartbeatConsumer::Observer& heartbeats, co::GuardingMaster::Observer& guarding,
-        co::EmcyConsumer::Observer& emergencies);
+        co::EmcyConsumer::Observer& emcys);
 
   BusServices bus;
   SlotTable slots;

@@ -145,12 +145,12 @@ rt::Task<bool> PlaceProbes::stays_in_place(Seat& seat) {
                             : it == readings_.end() ? "it was not read"
                                                     : "it has " + text_of(it->value);
     slots_.happened(seat, SlotEvent::misplaced,
-                    fmt::format("its probe {} shall be {:X}h in this place, and {}; is it in the right place?",
+                    fmt::format("its probe {} must be {:X}h in this place, and {}; is it in the right place?",
                                 name_of(own), own.value, has));
     co_return false;
   }
   const std::string reason =
-      fmt::format("by its probe {} its device sits in the place of slot {}", name_of(own), (*other)->name());
+      fmt::format("by its probe {} its device is in the place of slot {}", name_of(own), (*other)->name());
   slots_.events().tell(EventKind::moved, seat.name(), reason);
   const auto cleared = slots_.clear(seat, reason);
   if (!cleared) {

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "berth/base/shell_word.hpp"
 #include "berth/operate/asking.hpp"
 #include "berth/operate/duplicates.hpp"
 #include "berth/operate/plants_master.hpp"
@@ -108,11 +109,10 @@ void Planning::name_unfinished() {
     const bool there = found_.of(blank.device) != nullptr;
     if (there || slots_.of(blank.device) != nullptr) continue;
     const std::string id = blank.id.configured() ? fmt::format("node-ID {}", blank.id.value()) : "its node-ID";
-    plan_.oddities.push_back(
-        {places::OddityKind::unfinished, blank.device, blank.id,
-         fmt::format("device {} was to give up {} and does not answer: it may come back under it; switch it on, or "
-                     "`berth forget {}` when it is gone for good",
-                     to_string(blank.device), id, to_string(blank.device))});
+    plan_.oddities.push_back({places::OddityKind::unfinished, blank.device, blank.id,
+                              fmt::format("device {} had to release {} and does not answer: it may come back with it; "
+                                          "switch it on, or `berth forget {}` if it will not come back",
+                                          to_string(blank.device), id, to_string(blank.device))});
   }
 }
 
@@ -123,10 +123,9 @@ void Planning::name_loans() {
     if (there || !Loans::given_up(loan)) continue;
     plan_.oddities.push_back(
         {places::OddityKind::lent, loan.device, loan.id,
-         fmt::format(
-             "device {} was lent node-ID {} while it was searched for, and does not answer: the node-ID is given to "
-             "no other device; switch it on, or `berth forget {}` when it is gone for good",
-             to_string(loan.device), loan.id.value(), to_string(loan.device))});
+         fmt::format("device {} got the temporary node-ID {} during the search, and does not answer: no other device "
+                     "gets this node-ID; switch it on, or `berth forget {}` if it will not come back",
+                     to_string(loan.device), loan.id.value(), to_string(loan.device))});
   }
 }
 
@@ -147,9 +146,10 @@ void Planning::ask_about_used() {
     }
     question.devices = {f.device};
     question.text = fmt::format(
-        "device {} sat in {} until {}: shall it be used again? `berth replace {} --used` gives it its factory settings "
-        "and this slot; else take it off the bus",
-        to_string(f.device), place_of(sat), moment(sat.until_ms), slots_.seats()[question.slots.front()]->name());
+        "device {} sat in {} until {}: use it again? `berth replace {} --used` gives it its factory settings and this "
+        "slot; otherwise take it off the bus",
+        to_string(f.device), place_of(sat), moment(sat.until_ms),
+        shell_word(slots_.seats()[question.slots.front()]->name()));
     plan_.questions.push_back(std::move(question));
   }
 }
@@ -300,6 +300,20 @@ void Planning::tell_mismatch(const Identity& device, NodeId active) {
   plan_.oddities.push_back({places::OddityKind::fixed_mismatch, device, active, text});
 }
 
+namespace {
+
+// A person has put the new device in before they said a word about the old one.
+void offer_replacements(SlotTable& slots, const places::Plan& plan) {
+  for (const auto& seat : slots.seats()) {
+    const auto fits = std::ranges::find_if(plan.oddities, [&](const places::Oddity& o) {
+      return o.kind == places::OddityKind::surplus && places::fits(seat->slot.spec, o.device);
+    });
+    offer(slots, *seat, fits == plan.oddities.end() ? std::nullopt : std::optional(fits->device));
+  }
+}
+
+}  // namespace
+
 void Planning::report() {
   if (!agenda_.search_open) report_questions();  // a missing device may be found yet
   for (const auto& oddity : plan_.oddities) {
@@ -307,6 +321,7 @@ void Planning::report() {
     if (oddity.kind == places::OddityKind::fixed_mismatch) report_mismatch(oddity);
     if (oddity.kind == places::OddityKind::clone) report_clone(oddity);
   }
+  offer_replacements(slots_, plan_);
 }
 
 void Planning::report_mismatch(const places::Oddity& oddity) {

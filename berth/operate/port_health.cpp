@@ -54,13 +54,14 @@ void PortHealth::rest_or_go_on(const can::Status& status) {
   if (!usable(status) && !resting_) {
     const bool stands_by = status.up && s_.bus.flying.has_value();
     go_to_rest(stands_by   ? "another device is the NMT master, or the masters agree on one"
-               : status.up ? "the port takes no frame of Berth's"
+               : status.up ? (s_.shut_by.empty() ? "the port accepts no frames" : s_.shut_by)
                            : "the port is down; what is wrong with cable, adapter or "
                              "interface? Berth waits for it");
   } else if (usable(status) && resting_) {
     resting_ = false;
+    s_.shut_by.clear();
     agenda_.look_anew = true;
-    slots_.events().tell(EventKind::step, "", "the port takes frames: looking who is there");
+    slots_.events().tell(EventKind::step, "", "the port accepts frames again: looking for devices");
     owner_.port_goes_on();
   }
 }
@@ -77,7 +78,8 @@ void PortHealth::go_to_rest(const std::string& why) {
     seat->checked = {};
     slots_.happened(*seat, SlotEvent::rests, why);
   }
-  slots_.events().tell(s_.bus.flying ? EventKind::step : EventKind::error, "", why);
+  // Whoever shut it has told more of it.
+  if (why != s_.shut_by) slots_.events().tell(s_.bus.flying ? EventKind::step : EventKind::error, "", why);
 }
 
 void PortHealth::way_out_of_bus_off() {
@@ -85,15 +87,15 @@ void PortHealth::way_out_of_bus_off() {
   const auto& timing = s_.bus.timing;
   if (s_.bus.bus_off == design::BusOff::stay) {
     return slots_.events().tell_once(
-        EventKind::error, "this port is bus-off and stays so (bus_off = \"stay\"); find the fault, then start anew");
+        EventKind::error, "this port is bus-off and stays so (bus_off = \"stay\"); find the fault, then restart Berth");
   }
   const auto calm = std::max<rt::Duration>(10 * timing.bus_off_pause, std::chrono::seconds(10));
   if (restarts_ > 0 && s_.executor.now() - restarted_ > calm) restarts_ = 0;
   if (timing.bus_off_limit > 0 && restarts_ >= timing.bus_off_limit) {
-    return slots_.events().tell_once(
-        EventKind::error, fmt::format("this port is bus-off again after {} restarts (bus_off_limit), and stays so; "
-                                      "find the fault, then start anew",
-                                      restarts_));
+    return slots_.events().tell_once(EventKind::error,
+                                     fmt::format("this port is bus-off again after {} restarts (bus_off_limit), and "
+                                                 "stays so; find the fault, then restart Berth",
+                                                 restarts_));
   }
   slots_.events().tell(
       EventKind::error, "",

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 
+#include "berth/base/shell_word.hpp"
 #include "berth/co/guarding.hpp"
 #include "berth/operate/duplicates.hpp"
 #include "berth/operate/error_control.hpp"
@@ -71,12 +72,22 @@ rt::Task<void> Presence::prepare() {
 }
 
 rt::Task<Presence::Sign> Presence::sign_of_life(NodeId id) {
-  const Seat* const seat = slots_.at(id);
+  Seat* const seat = slots_.at(id);
   const rt::Duration patience =
       seat == nullptr ? s_.bus.timing.heartbeat_timeout : heartbeat_timeout(s_.bus.timing, *seat);
-  if (s_.heard_within(id, patience)) co_return Sign{true, s_.boots.state(id)};
+  const bool beats = s_.heard_within(id, patience);
+  const bool untyped = seat != nullptr && seat->last.untyped;  // letter B is asked again, though it beats
+  if (beats && !untyped) co_return Sign{true, s_.boots.state(id)};
+  const rt::Time asked = s_.executor.now();
   const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0);
-  if (type || type.error().code == Errc::aborted) co_return Sign{true, std::nullopt};
+  const bool typed = type || type.error().code == Errc::aborted;
+  if (typed && seat != nullptr) seat->last.typed = asked;
+  if (typed) co_return Sign{true, beats ? std::optional(s_.boots.state(id)) : std::nullopt};
+  if (untyped) {
+    const auto vendor = co_await s_.sdo.read<std::uint32_t>(id, 0x1018, 1);
+    if (vendor || vendor.error().code == Errc::aborted) co_return Sign{true, std::nullopt, false};
+  }
+  if (beats) co_return Sign{true, s_.boots.state(id)};
   const auto guarded = co_await co::guard_once(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
   if (!guarded) co_return Sign{};
   co_return Sign{true, guarded->state};
@@ -88,7 +99,7 @@ void Presence::hear_seat(Seat& seat) {
   const rt::Duration patience = heartbeat_timeout(s_.bus.timing, seat);
   seat.checked = s_.executor.now();
   if (!s_.heard_within(id, patience)) {
-    slots_.set_absent(seat, fmt::format("no heartbeat from node-ID {}, and an observer asks nobody", id.value()));
+    slots_.set_absent(seat, fmt::format("no heartbeat from node-ID {}, and an observer sends nothing", id.value()));
     return;
   }
   s_.heartbeats.supervise(id, patience);
@@ -106,9 +117,12 @@ rt::Task<void> Presence::ask_seat(Seat& seat) {
   const Sign sign = co_await sign_of_life(id);
   seat.checked = s_.executor.now();
   if (!sign.alive) {
+    seat.last.untyped = false;
     slots_.set_absent(seat, fmt::format("no heartbeat, SDO or guarding answer from node-ID {}", id.value()));
     co_return;
   }
+  if (!sign.typed) co_return slots_.set_absent(seat, Seat::no_type);
+  seat.last.untyped = false;
   const bool shares = sign.state != NmtState::operational && waits_beside_another(seat);
   if (shares) co_return;
   const bool own = co_await is_its_own(seat, sign.state);
@@ -141,7 +155,10 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
     // Stopped devices speak no SDO; they are known by their error control alone (the paper's figure).
     const bool stopped = state == NmtState::stopped;
     if (!stopped) {
-      slots_.set_absent(seat, "its identity cannot be read: " + describe(who.error()));
+      // That it was asked in vain is no news of one that is away; how it went is the better reason.
+      const auto heard = s_.boots.heard(id);
+      const bool away = seat.life == Life::absent && !seat.absence.empty() && (!heard || *heard <= seat.since);
+      if (!away) slots_.set_absent(seat, "its identity cannot be read: " + describe(who.error()));
       co_return false;
     }
     take_stopped(seat);
@@ -197,7 +214,7 @@ rt::Task<void> Presence::take_replacement(Seat& seat, Identity device) {
     slots_.happened(seat, SlotEvent::gone,
                     fmt::format("device {} answers under its node-ID instead of {}: `berth replace {}` takes it, or "
                                 "replacement = \"auto\" in the machine file",
-                                to_string(device), to_string(before), seat.name()),
+                                to_string(device), to_string(before), shell_word(seat.name())),
                     letter_of(device, before));
     co_return;
   }
@@ -247,11 +264,35 @@ rt::Task<void> Presence::look_by_lss(Seat& seat) {
   found_.note({device, *id});
 }
 
+// 1000h first, then the vendor-ID: one of the two may be lost, and a device may not answer 1000h.
+rt::Task<bool> Presence::answers_first(Seat& seat) {
+  const NodeId id = seat.id();
+  const co::SdoOptions how = asking_.first_patience();
+  const auto answers = [](const auto& read) { return read || read.error().code == Errc::aborted; };
+  const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0, how);
+  if (answers(type)) co_return true;
+  const auto vendor = co_await s_.sdo.read<std::uint32_t>(id, 0x1018, 1, how);
+  if (answers(vendor)) {
+    const auto again = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0);
+    if (answers(again)) co_return true;
+    seat.last.untyped = true;
+    slots_.set_absent(seat, Seat::no_type);
+    co_return false;
+  }
+  // Who was there before has left, or does not speak any more.
+  const bool other = seat.life == Life::stranger;
+  const bool told = other || seat.life == Life::absent;
+  if (told && !s_.heard_within(id, s_.bus.timing.heartbeat_timeout)) {
+    slots_.happened(seat, SlotEvent::nobody,
+                    other ? "the device of another type that had its node-ID has left" : "no device has its node-ID");
+  }
+  co_return false;
+}
+
 rt::Task<void> Presence::adopt_fixed(Seat& seat) {
   const NodeId id = seat.id();
-  const co::SdoOptions patience = asking_.patience(id, 1);
-  const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0, patience);
-  if (!type) co_return;
+  const bool there = co_await answers_first(seat);
+  if (!there) co_return;
   const auto answer = co_await places::identify(s_.sdo, id, places::second_answer);
   const auto& who = answer.who;
   if (!who) co_return;
@@ -292,10 +333,15 @@ rt::Task<void> Presence::adopt_fixed(Seat& seat) {
 }
 
 rt::Task<void> Presence::adopt_all_fixed() {
+  rt::Scope adopted(s_.executor, asking_.most_first_at_once());
   for (const auto& seat : slots_.seats()) {
     const bool fixed = seat->slot.spec.assign == places::Assign::fixed && !seat->slot.record.confirmed;
-    if (fixed) co_await adopt_fixed(*seat);
+    if (!fixed || !seat->polled) continue;
+    // A receive buffer of one frame loses the question to its device behind that to another.
+    if (adopted.running() > 0) co_await rt::sleep_for(s_.bus.timing.rand_response);
+    adopted.spawn(adopt_fixed(*seat));
   }
+  co_await adopted.join();
 }
 
 rt::Task<bool> Presence::take_where_it_is(Seat& seat, Identity device) {

@@ -31,9 +31,10 @@ class Presence final : public SeatAsker {
   /// A bound device that is silent under its node-ID may have lost it, or have another. The turn must be held.
   rt::Task<void> look_by_lss(Seat& seat);
   /// A slot whose device gets its node-ID by switches, plug or firmware: the device of the right type that sits there
-  /// is taken. Nothing is written to it.
+  /// is taken. Nothing is written to it. A device of another type shows in the slot for as long as it answers there;
+  /// one that answers 1018h and not 1000h is letter B.
   rt::Task<void> adopt_fixed(Seat& seat);
-  /// Each slot of that kind that has no device yet.
+  /// Each slot of that kind that has no device yet, side by side.
   rt::Task<void> adopt_all_fixed();
   /// Nothing needs to be assigned: the device that LSS does not reach, or that does not take a node-ID, sits under the
   /// slot's already. False: it is not there any more.
@@ -46,8 +47,10 @@ class Presence final : public SeatAsker {
   struct Sign {
     bool alive = false;
     std::optional<NmtState> state;
+    bool typed = true;  // or it may be; else it answers 1018h and not 1000h
   };
   rt::Task<Sign> sign_of_life(NodeId id);
+  rt::Task<bool> answers_first(Seat& seat);
   void hear_seat(Seat& seat);
   [[nodiscard]] const Identity* other_at(const Seat& seat) const noexcept;
   void take_stopped(Seat& seat);

@@ -14,6 +14,7 @@
 namespace berth::operate {
 namespace {
 
+constexpr std::uint16_t identity = 0x1018;
 constexpr std::size_t longest_program = std::size_t{16} << 20U;
 
 std::int64_t change_of(const std::string& file) {
@@ -37,6 +38,7 @@ Result<ProgramImage> load_program(const std::string& file) {
   ProgramImage image;
   std::error_code unknown;
   const bool regular = std::filesystem::is_regular_file(file, unknown);
+  if (!std::filesystem::exists(file, unknown)) return fail(Errc::io, "there is no such file");
   if (!in || !regular) return fail(Errc::io, "its program's file cannot be read");
   const auto size = std::filesystem::file_size(file, unknown);
   if (unknown || size > longest_program) return fail(Errc::invalid, "its program's file is longer than 16 MiB");
@@ -44,7 +46,30 @@ Result<ProgramImage> load_program(const std::string& file) {
   if (image.bytes.empty()) return fail(Errc::invalid, "its program's file is empty");
   const auto head = device::read_program_head(image.bytes);
   image.identification = head ? head->crc : crc32(image.bytes);
+  if (head) image.type = head->type;
+  const auto content = std::span<const std::uint8_t>(image.bytes).subspan(head ? device::ProgramHead::size : 0);
+  if (head && (head->length != content.size() || head->crc != crc32(content)))
+    return fail(Errc::invalid, "its program's file is damaged: length or checksum is not as its head says");
   return image;
+}
+
+rt::Task<Result<void>> suits(const ProgramImage& image, co::SdoAccess& device) {
+  const bool any = image.type == TypeCode{};
+  for (std::uint8_t sub = 1; sub <= 2; ++sub) {
+    const auto part = co_await device.read_u32(identity, sub);
+    const bool lacks = !part && part.error().code == Errc::aborted;
+    if (!part && !lacks) co_return fail(part.error());
+    const std::uint32_t named = sub == 1 ? image.type.vendor : image.type.product;
+    if (part && !any && *part != named) {
+      const Error other{.code = Errc::mismatch,
+                        .sub = sub,
+                        .index = identity,
+                        .detail = *part,
+                        .text = "the image is of another product than the device; its program was left alone"};
+      co_return fail(other);
+    }
+  }
+  co_return Result<void>{};
 }
 
 const Result<ProgramImage>& Programming::image(const std::string& file) {
@@ -101,11 +126,11 @@ rt::Task<Result<void>> Programming::is_the_same(const Seat& seat, network::BootT
   const auto& confirmed = seat.slot.record.confirmed;
   if (!confirmed) co_return Result<void>{};
   for (std::uint8_t sub = 1; sub <= 4; ++sub) {
-    const auto part = co_await target.objects().read_u32(0x1018, sub);
+    const auto part = co_await target.objects().read_u32(identity, sub);
     const bool lacks = !part && part.error().code == Errc::aborted;
     if (!part && !lacks) co_return fail(part.error());
     if (part && confirmed->device.knows(sub - 1U) && *part != confirmed->device.address.part(sub - 1U)) {
-      co_return fail(Error{.code = Errc::mismatch, .sub = sub, .index = 0x1018, .text = "another device answers"});
+      co_return fail(Error{.code = Errc::mismatch, .sub = sub, .index = identity, .text = "another device answers"});
     }
   }
   co_return Result<void>{};
@@ -116,6 +141,8 @@ rt::Task<Result<void>> Programming::update(Seat& seat, network::BootTarget& targ
   for (const auto& program : seat.slot.spec.software.programs) {
     const auto& loaded = image(program.file);
     if (!loaded) co_return fail(loaded.error());
+    const auto suited = co_await suits(*loaded, target.objects());
+    if (!suited) co_return suited;
     wishes.push_back({.number = program.number, .image = loaded->bytes, .identification = expected(program)});
   }
   manager::ProgramOptions options;

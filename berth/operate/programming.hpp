@@ -17,9 +17,15 @@ namespace berth::operate {
 struct ProgramImage {
   std::vector<std::uint8_t> bytes;
   std::uint32_t identification = 0;  ///< CRC-32 of the content: without the head of an image that has one
+  TypeCode type{};                   ///< the product that its head names; 0, 0: none, or it has no head
 };
 /// Errc::io: it cannot be read. Errc::invalid: it is empty, or longer than 16 MiB.
 [[nodiscard]] Result<ProgramImage> load_program(const std::string& file);
+
+/// Whether the device answers, and whether it is of the product that the image names: asked before its program is
+/// stopped and cleared, since a device that refuses the image afterwards has none any more. Errc::mismatch: another
+/// vendor-ID or product code (1018h). A device that does not have that object may be of any product.
+rt::Task<Result<void>> suits(const ProgramImage& image, co::SdoAccess& device);
 
 class Programming {
  public:

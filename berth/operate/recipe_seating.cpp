@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "berth/base/shell_word.hpp"
 #include "berth/places/recipe_binder.hpp"
 
 namespace berth::operate {
@@ -55,8 +56,8 @@ rt::Task<void> RecipeSeating::bind(Seat& seat, Identity device, NodeId now) {
   if (!leaves_factory && !own) {
     slots_.events().tell_once(EventKind::recipe,
                               fmt::format("device {} has node-ID {}, with which such devices do not leave the factory; "
-                                          "`berth replace {} --device {}` takes it all the same",
-                                          to_string(device), now.value(), seat.name(), to_string(device)));
+                                          "`berth replace {} --device {}` takes it anyway",
+                                          to_string(device), now.value(), shell_word(seat.name()), to_string(device)));
     co_return;
   }
   const bool resumed = seat.slot.record.intended.has_value();

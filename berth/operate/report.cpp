@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "berth/base/words.hpp"
-#include "berth/text/columns.hpp"
+#include "berth/operate/slot_rows.hpp"
 
 namespace berth::operate {
 
@@ -30,6 +30,7 @@ const char* name(EventKind kind) noexcept {
     case EventKind::duplicate: return "duplicate";
     case EventKind::power_cycle_needed: return "power cycle needed";
     case EventKind::recipe: return "recipe";
+    case EventKind::emcy: return "emcy";
     case EventKind::startup: return "startup";
     case EventKind::master: return "master";
     case EventKind::milestone: return "milestone";
@@ -65,6 +66,16 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+Json json_of(const EmcyReport& e) {
+  Json j;
+  j["at_s"] = seconds(e.at);
+  j["code"] = fmt::format("0x{:04X}", e.code);
+  j["text"] = e.text;
+  j["register"] = fmt::format("0x{:02X}", e.error_register);
+  j["count"] = e.count;
+  return j;
+}
+
 Json json_of(const SlotReport& s) {
   Json j;
   j["bus"] = s.bus;
@@ -81,6 +92,9 @@ Json json_of(const SlotReport& s) {
   j["since_s"] = seconds(s.since);
   if (!s.reason.empty()) j["reason"] = s.reason;
   if (s.boot != manager::BootStatus::booted) j["boot"] = std::string(1, manager::letter(s.boot));
+  if (s.nmt) j["nmt"] = berth::name(*s.nmt);
+  if (s.heard) j["heard_s"] = seconds(*s.heard);
+  if (s.emcy) j["emcy"] = json_of(*s.emcy);
   return j;
 }
 
@@ -228,41 +242,10 @@ std::vector<std::string> reasons_of(const std::vector<SlotReport>& slots) {
   return lines;
 }
 
-namespace {
-
-// The slot's, else what its device says.
-std::string type_of(const SlotReport& s) {
-  if (s.unasked == 0) return to_string(s.type);
-  Identity type(s.type.vendor, s.type.product, 0, 0);
-  type.unknown = s.unasked;
-  constexpr std::size_t columns = 17;
-  return to_string(s.device.value_or(type)).substr(0, columns);
-}
-
-std::string r_sn_of(const SlotReport& s) {
-  if (!s.device || (!s.device->knows(2) && !s.device->knows(3))) return "-";
-  return fmt::format("{:016X}", s.device->r_sn().value());
-}
-
-}  // namespace
-
-std::vector<std::string> to_table(const std::vector<SlotReport>& slots) {
-  std::size_t bus = 3;
-  std::size_t name = 4;
-  std::size_t state = 11;  // with short names a row fits a terminal of 80 columns
-  for (const auto& s : slots) {
-    bus = std::max(bus, text::columns(s.bus));
-    name = std::max(name, text::columns(s.name));
-    state = std::max(state, std::string_view(places::name(s.state)).size());
-  }
-  std::vector<std::string> lines;
-  lines.push_back(fmt::format("{:<{}}  {:>3}  {:<{}}  {:<{}}  {:>9}  {:<17}  {}", "bus", bus, "id", "slot", name,
-                              "state", state, "since", "type", "R_SN"));
-  for (const auto& s : slots) {
-    lines.push_back(fmt::format("{}  {:>3}  {}  {:<{}}  {:>7.3f} s  {:<17}  {}", text::padded(s.bus, bus), s.id.value(),
-                                text::padded(s.name, name), places::name(s.state), state, seconds(s.since), type_of(s),
-                                r_sn_of(s)));
-  }
+std::vector<std::string> to_table(const std::vector<SlotReport>& slots, std::optional<rt::Time> now) {
+  const SlotRows rows(slots, {.now = now});
+  std::vector<std::string> lines{rows.heading()};
+  for (const auto& slot : slots) lines.push_back(rows.row(slot));
   std::ranges::move(reasons_of(slots), std::back_inserter(lines));
   return lines;
 }

@@ -19,6 +19,15 @@
 
 namespace berth::operate {
 
+/// The error that a slot's device told last (EMCY) and that is not gone, as far as is known.
+struct EmcyReport {
+  std::uint16_t code = 0;
+  std::uint8_t error_register = 0;
+  std::string text;         ///< what the code means for a device of its profile
+  rt::Time at{};            ///< the first of `count` equal ones, one after the other
+  std::uint32_t count = 1;  ///< of these
+};
+
 /// One slot as it stands.
 struct SlotReport {
   std::string bus;
@@ -31,6 +40,9 @@ struct SlotReport {
   std::string reason;                                      ///< for states that need one: what is wrong and what to do
   manager::BootStatus boot = manager::BootStatus::booted;  ///< how its boot-up ended: the letter of CiA 302-2
   std::uint8_t unasked = 0;                                ///< parts of `type`: `places::SlotAsks::unasked`
+  std::optional<NmtState> nmt = {};                        ///< that its device told last, by heartbeat or guarding
+  std::optional<rt::Time> heard = {};                      ///< when it told that
+  std::optional<EmcyReport> emcy = {};
 };
 
 /// What an event is about.
@@ -48,6 +60,7 @@ enum class EventKind : std::uint8_t {
   duplicate,
   power_cycle_needed,
   recipe,
+  emcy,       ///< a device told an error, or that its errors are gone
   startup,    ///< of the network as a whole: halted, stopped, reset
   master,     ///< which of several masters is the active one
   milestone,  ///< its text is the milestone's name
@@ -113,7 +126,9 @@ struct Report {
 
 /// One JSON object: `{"slots": [{"bus", "id", "name", "type", "r_sn", "state", "since_s"}], "bus_time_s": {...},
 /// "events": [...]}`. Type code and R_SN are "0x…" strings; `r_sn` is null for a slot without a device; "reason" is
-/// there when it is not empty, "boot" when the boot-up ended with a letter (CiA 302-2; "L" is no error), and so is
+/// there when it is not empty, "boot" when the boot-up ended with a letter (CiA 302-2; "L" is no error), "nmt" and
+/// "heard_s" what its device told last and when, "emcy" its last error (`{"at_s", "code", "text", "register",
+/// "count"}`) while that is not gone; so is
 /// "questions": `[{"bus", "kind", "text", "slots", "devices"}]`, which `berth replace SLOT --device ADDRESS` answers,
 /// and "masters": `[{"bus", "node", "priority", "here"}]`, the active NMT master (`node` null: not agreed) of each bus
 /// that has several.
@@ -128,8 +143,10 @@ void write_json(const Report& report, int indent, const JsonSink& out);
 
 /// "  0.215 s  backbone  slot 2 'left': bound to ...".
 [[nodiscard]] std::string to_line(const Event& event);
-/// The slot table in columns, a line a slot, headed; then the reasons, each once with the slots that it is about.
-[[nodiscard]] std::vector<std::string> to_table(const std::vector<SlotReport>& slots);
+/// The slot table in columns (slot_rows.hpp), a line a slot, headed; then the reasons, each once with the slots that it
+/// is about. `now`: for how long ago each device was heard.
+[[nodiscard]] std::vector<std::string> to_table(const std::vector<SlotReport>& slots,
+                                                std::optional<rt::Time> now = std::nullopt);
 /// The reasons of these slots, each once: "left, right: question: ...". "field/left" when there are several buses.
 [[nodiscard]] std::vector<std::string> reasons_of(const std::vector<SlotReport>& slots);
 

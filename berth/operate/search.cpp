@@ -152,7 +152,7 @@ bool Search::gets_on() {
   if (idle_ < most_idle) return true;
   idle_ = 0;
   slots_.events().tell_once(EventKind::error,
-                            "discovery ended early: a device answers to identify ranges that cannot be identified");
+                            "discovery ended early: a device that cannot be identified answers identify ranges");
   return false;
 }
 

@@ -9,6 +9,7 @@
 #include "berth/manager/configuration.hpp"
 #include "berth/network/slave_boots.hpp"
 #include "berth/operate/slot_life.hpp"
+#include "berth/operate/written_files.hpp"
 #include "berth/places/binding.hpp"
 #include "berth/places/identity.hpp"
 #include "berth/places/plan.hpp"
@@ -35,13 +36,17 @@ enum class Uploading : std::uint8_t { none, under_way, done, failed };
 /// What `config =` and the machine's links want of its device.
 struct SeatConfiguration {
   std::string file;                                      ///< where it is from, as messages name it
+  std::string path;                                      ///< of that file; empty: it is in none
+  std::optional<WrittenFiles::Form> written;             ///< an SDO client wrote it, instead of `config =`
   std::shared_ptr<const manager::Configuration> wanted;  ///< null: nothing, or unreadable
   std::string unreadable;                                ///< why the file of `config =` could not be read
   std::string eds;                                       ///< path of its description; empty: not known
-  std::string uploaded;                                  ///< DCF of its device, instead of `config =`; empty: none
+  std::string uploaded;                                  ///< a DCF that is in no file, instead of one; empty: none
   Uploading upload = Uploading::none;                    ///< how the last one ended
   std::optional<rt::Time> waits_since;                   ///< it was saved then, and waits for a power cycle
   unsigned failed_savings = 0;                           ///< in a row: memory wears out
+  unsigned restarts = 0;                                 ///< in a row, each while it was configured
+  rt::Time unanswered{};                                 ///< a write of it had no answer then; 0: none
   bool stuck = false;  ///< it failed for good: not tried again before the device boots or a person says so
   /// Something is wanted, whether it can be read or not.
   [[nodiscard]] bool any() const noexcept { return wanted != nullptr || !unreadable.empty(); }
@@ -51,6 +56,7 @@ struct SeatConfiguration {
 struct HeartbeatRate {
   rt::Duration period{};        ///< other than the bus's: what the device takes, or has; 0: the bus's
   std::string refused{};        ///< why it is not what was wanted; empty: it is
+  std::string how{};            ///< how it is watched without a heartbeat, and why: the reason while it is operational
   rt::Duration seen{};          ///< its heartbeats come so often, whatever 1017h says; 0: as that says
   rt::Time written{};           ///< 1017h was, and whether the device resets itself for that is not known yet; 0: it is
   rt::Time ran{};               ///< its heartbeat told that it became operational, last
@@ -69,11 +75,20 @@ struct PowerCycle {
   unsigned looked_at = 0;  ///< rounds
 };
 
+/// The error that a device told last (EMCY), and that is not gone as far as is known.
+struct ToldError {
+  co::Emcy message;
+  rt::Time at{};            ///< the first of those that were equal, one after the other
+  std::uint32_t count = 1;  ///< of these
+};
+
 /// What came under its node-ID, that it is not told or done again for each.
 struct LastHeard {
   bool seen = false;                          ///< the device that is bound was there in this run
   rt::Time heard_again{};                     ///< it was told that the node-ID is heard again
-  std::optional<co::Emcy> emergency{};        ///< its last error since its boot-up
+  std::optional<ToldError> emergency{};       ///< its last error since its boot-up
+  rt::Time typed{};                           ///< it answered 1000h
+  bool untyped = false;                       ///< it answered 1018h and not 1000h (letter B)
   rt::Time hurried{};                         ///< a boot-up hastened the look at the bus
   rt::Time taken_back{};                      ///< a search found it where it sits
   rt::Time left{};                            ///< it left operational by itself, last
@@ -92,12 +107,15 @@ struct Seat {
   Life life = Life::unknown;  ///< changed by `SlotTable::happened` alone
   rt::Time since{};
   std::string reason;
-  bool fresh = false;       ///< bound in this run, and not yet looked at for a past elsewhere
-  bool held = false;        ///< a person took it out of operational: it is not started again
-  bool ask_again = false;   ///< silent, and due to be asked once more
-  bool misses_one = false;  ///< empty, and says which device was found and is not seated
-  bool guarded = false;     ///< the device sends no heartbeat, or none is wanted: it is asked
-  rt::Time checked{};       ///< when it was identified last
+  std::string absence;              ///< why it is absent, without what to do about it
+  std::optional<Identity> offered;  ///< a device that fits it, is on the bus and has no slot
+  bool fresh = false;               ///< bound in this run, and not yet looked at for a past elsewhere
+  bool held = false;                ///< a person took it out of operational: it is not started again
+  bool ask_again = false;           ///< silent, and due to be asked once more
+  bool polled = true;               ///< false: nobody asks for its device before it speaks (paper 5 §2)
+  bool misses_one = false;          ///< empty, and says which device was found and is not seated
+  bool guarded = false;             ///< the device sends no heartbeat, or none is wanted: it is asked
+  rt::Time checked{};               ///< when it was identified last
   Doubt doubt;
   places::Uncompared uncompared;  ///< parts of its 1018h
   network::Slave slave;           ///< the boot-up of its device (CiA 302-2); `awaited`: nor before a person says so
@@ -106,8 +124,13 @@ struct Seat {
   PowerCycle power_cycle;
   LastHeard last;
 
+  /// Why a device that speaks is letter B (CiA 302-2: no answer to the upload of 1000h).
+  static constexpr const char* no_type = "it answers 1018h, and no answer comes to the upload of 1000h";
+
   [[nodiscard]] const std::string& name() const noexcept { return slot.spec.name.name; }
   [[nodiscard]] NodeId id() const noexcept { return slot.spec.id; }
+  /// The device profile that is expected: the lower word of 1000h (CiA 301 §7.5.2.1); 0: none, or not known.
+  [[nodiscard]] std::uint16_t profile() const noexcept { return static_cast<std::uint16_t>(slot.spec.device_type); }
   [[nodiscard]] bool there() const noexcept { return is_there(life); }
   /// What answers under its node-ID says nothing else than its device does. Where one of the two says a part only, all
   /// of a maker would agree: the type is the slot's, too.
@@ -136,6 +159,10 @@ struct Seat {
     slave.status.result.status = status;
   }
   [[nodiscard]] manager::BootStatus letter() const noexcept { return slave.status.result.status; }
+  /// Letter K: it was started, answers SDO, and the heartbeat that 1017h promises never came.
+  [[nodiscard]] bool is_unheard() const noexcept {
+    return life == Life::failed && rate.by_sdo && letter() == manager::BootStatus::k;
+  }
 };
 
 }  // namespace berth::operate

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "berth/base/shell_word.hpp"
 #include "berth/operate/plants_master.hpp"
 #include "berth/places/odd_identity.hpp"
 
@@ -197,11 +198,10 @@ rt::Task<bool> Seating::act(const Action& action) {
   // One that is silent may have it pending, as Lely core's slaves do, and no question finds that out.
   const auto* const loan = loans_.to_another(seat.id(), device);
   if (loan != nullptr && !found_.uses(device, seat.id())) {
-    slots_.happened(
-        seat, SlotEvent::nobody,
-        fmt::format("its node-ID was lent to {}, which does not answer: switch that on, or `berth forget {}` when it "
-                    "is gone for good",
-                    to_string(loan->device), to_string(loan->device)));
+    slots_.happened(seat, SlotEvent::nobody,
+                    fmt::format("its node-ID was given temporarily to {}, which does not answer: switch that on, or "
+                                "`berth forget {}` if it will not come back",
+                                to_string(loan->device), to_string(loan->device)));
     co_return false;
   }
   co_return co_await bind_seat(seat, device, reason);
@@ -610,9 +610,9 @@ void Seating::keep_for_its_device(Seat& seat) {
   reset_who_may_be_its_device(s_, slots_, found_, seat);
   slots_.happened(
       seat, SlotEvent::gone,
-      fmt::format("{} may have node-ID {} in its memory and does not answer: the node-ID is kept for it; switch "
-                  "it on, or give the slot away with `berth replace {}`",
-                  to_string(seat.slot.record.intended->device), seat.id().value(), seat.name()));
+      fmt::format("{} may have node-ID {} in its memory and does not answer: the node-ID is reserved for "
+                  "it; switch it on, or release the slot with `berth replace {}`",
+                  to_string(seat.slot.record.intended->device), seat.id().value(), shell_word(seat.name())));
 }
 
 }  // namespace berth::operate

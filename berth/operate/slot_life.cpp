@@ -93,6 +93,8 @@ std::optional<Life> next(Life life, SlotEvent event) noexcept {
 bool forgets_boot_up(Life before, SlotEvent event, Life now) noexcept {
   // What booted is asked first: when it is the slot's device, its boot-up was an error of a device that ran.
   if (event == E::boots || event == E::boots_while_prepared) return false;
+  // What a device left in the slot's letter goes with it.
+  if (event == E::nobody || event == E::freed) return true;
   const bool left = (is_there(before) || before == L::asked) && !is_there(now);
   return left || event == E::bound || event == E::identified || event == E::runs;
 }

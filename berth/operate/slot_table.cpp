@@ -6,6 +6,10 @@
 #include <chrono>
 #include <utility>
 
+#include "berth/base/shell_word.hpp"
+#include "berth/base/words.hpp"
+#include "berth/decode/emcy_words.hpp"
+
 namespace berth::operate {
 
 using places::Mark;
@@ -77,8 +81,25 @@ std::vector<places::Slot> SlotTable::plain() const {
 std::vector<SlotReport> SlotTable::report() const {
   std::vector<SlotReport> slots;
   for (const auto& seat : seats_) {
-    slots.push_back({s_.bus.name, seat->id(), seat->name(), seat->slot.spec.type, seat->slot.record.device(),
-                     seat->shown_state(), seat->since, seat->reason, seat->letter(), seat->slot.spec.asks.unasked});
+    SlotReport slot{s_.bus.name,         seat->id(),  seat->name(), seat->slot.spec.type, seat->slot.record.device(),
+                    seat->shown_state(), seat->since, seat->reason, seat->letter(),       seat->slot.spec.asks.unasked};
+    // It asks nobody, so it never learns which device that is.
+    if (s_.only_observes() && slot.state == SlotState::empty && s_.boots.heard(seat->id())) {
+      slot.state = SlotState::unknown;
+      slot.reason = "a device sends under this node-ID; an observer asks nobody which one it is";
+    }
+    if (!seat->polled) {
+      slot.reason += slot.reason.empty() ? "" : "; ";
+      slot.reason += "it is not asked for until it is heard: polling was stopped";
+    }
+    // What was heard of a device that is gone is no state of the slot.
+    if (slot.state != SlotState::empty) slot.heard = s_.boots.heard(seat->id());
+    if (slot.heard && slot.state != SlotState::absent) slot.nmt = s_.boots.state(seat->id());
+    if (const auto& error = seat->last.emergency) {
+      slot.emcy = {error->message.code, error->message.error_register,
+                   decode::emcy_words(error->message.code, seat->profile()), error->at, error->count};
+    }
+    slots.push_back(std::move(slot));
   }
   std::ranges::sort(slots, {}, &SlotReport::id);
   return slots;
@@ -106,6 +127,7 @@ bool SlotTable::happened(Seat& seat, SlotEvent event, std::string reason, std::o
     return true;
   }
   const SlotState state = seat.state();
+  if (reason.empty() && seat.life == Life::operational) reason = seat.rate.how;
   if (before == state && seat.reason == reason) return true;
   if (before != state) seat.since = s_.executor.now();
   seat.reason = std::move(reason);
@@ -125,7 +147,12 @@ bool SlotTable::happened_silently(Seat& seat, SlotEvent event) noexcept {
 }
 
 void SlotTable::set_absent(Seat& seat, const std::string& fact) {
-  happened(seat, SlotEvent::gone, fact + "; switch the device on, or `berth replace` it", manager::BootStatus::b);
+  seat.absence = fact;
+  const std::string advice =
+      seat.offered ? fmt::format("{} of its type is on the bus and has no slot: `berth replace {}` gives it this one",
+                                 to_string(*seat.offered), shell_word(seat.name()))
+                   : "switch the device on, or `berth replace` it";
+  happened(seat, SlotEvent::gone, fact + "; " + advice, manager::BootStatus::b);
 }
 
 Seat* SlotTable::with_record(places::SlotId slot) const noexcept {
@@ -145,6 +172,7 @@ Result<void> SlotTable::clear(Seat& seat, const std::string& reason) {
   seat.slot.record.confirmed.reset();
   seat.slot.record.configured.reset();
   seat.power_cycle.binding.reset();
+  seat.offered.reset();
   seat.configuration.waits_since.reset();
   seat.configuration.stuck = false;
   seat.configuration.failed_savings = 0;
@@ -185,6 +213,10 @@ std::vector<UnfinishedBlank> SlotTable::unfinished_here() const {
   std::ranges::copy_if(*all, std::back_inserter(here),
                        [&](const UnfinishedBlank& b) { return b.who().on.covers(bus_); });
   return here;
+}
+
+void offer(SlotTable& slots, Seat& seat, const std::optional<Identity>& device) {
+  if (std::exchange(seat.offered, device) != device && seat.life == Life::absent) slots.set_absent(seat, seat.absence);
 }
 
 bool has_vacancy_for(const SlotTable& slots, const Identity& device) {

@@ -80,6 +80,9 @@ class SlotTable {
   Seats seats_;
 };
 
+/// A device that fits the slot is on the bus and has none: what an absent slot says to do names it. Empty: there is
+/// none, or none any more.
+void offer(SlotTable& slots, Seat& seat, const std::optional<Identity>& device);
 /// A slot that LSS fills has no device, and this one fits it.
 [[nodiscard]] bool has_vacancy_for(const SlotTable& slots, const Identity& device);
 

@@ -110,15 +110,14 @@ rt::Task<bool> Spares::clear_past(Seat& seat) {
         std::ranges::find(welcome_, device) != welcome_.end() || places::listed_spare(seat.slot.spec, device);
     restores = *dated && welcome;
     asks = *dated && !welcome;
-    if (restores) slots_.set_mark(Mark::restore, device, seat.id(), "it has a configuration of somewhere else");
-    if (asks) slots_.set_mark(Mark::looks_used, device, seat.id(), "it has a configuration of somewhere else");
+    if (restores) slots_.set_mark(Mark::restore, device, seat.id(), "it has the configuration of another place");
+    if (asks) slots_.set_mark(Mark::looks_used, device, seat.id(), "it has the configuration of another place");
   }
   if (asks) {
-    slots_.happened(
-        seat, SlotEvent::asks_person,
-        fmt::format("device {} has a configuration that is not of this slot (1020h): shall it be used? `berth "
-                    "replace {} --used` gives it its factory settings first; else take it off the bus",
-                    to_string(device), seat.name()));
+    slots_.happened(seat, SlotEvent::asks_person,
+                    fmt::format("device {} has a configuration that is not of this slot (1020h): use it? `berth "
+                                "replace {} --used` gives it its factory settings first; otherwise take it off the bus",
+                                to_string(device), seat.name()));
     co_return false;
   }
   if (!restores) co_return true;
@@ -170,8 +169,7 @@ rt::Task<bool> Spares::restore_seat(Seat& seat) {
     co_return true;
   }
   if (!s_.may_command()) {
-    slots_.happened(seat, SlotEvent::saves_for_power,
-                    "its factory settings are in use when it was switched off and on");
+    slots_.happened(seat, SlotEvent::saves_for_power, "its factory settings are in use after a power cycle");
     slots_.take_mark(Mark::restore, device, "loaded; in use after a power cycle");
     co_return false;
   }
@@ -197,9 +195,9 @@ rt::Task<bool> Spares::restore_seat(Seat& seat) {
 void Spares::make_welcome(const Identity& device) {
   welcome_.push_back(device);
   if (slots_.former_seat_of(device))
-    slots_.set_mark(Mark::restore, device, NodeId(), "a person said that it may be used again");
-  slots_.take_mark(Mark::looks_used, device, "a person said that it may be used");
-  slots_.take_mark(Mark::fixed, device, "a person named it: it is tried again");
+    slots_.set_mark(Mark::restore, device, NodeId(), "factory reset requested by operator");
+  slots_.take_mark(Mark::looks_used, device, "released for use by operator");
+  slots_.take_mark(Mark::fixed, device, "the user named it: Berth tries again");
 }
 
 }  // namespace berth::operate

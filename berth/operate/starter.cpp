@@ -6,6 +6,9 @@
 #include <utility>
 
 #include "berth/co/guarding.hpp"
+#include "berth/co/sdo_access.hpp"
+#include "berth/decode/emcy_words.hpp"
+#include "berth/od/cia302.hpp"
 #include "berth/operate/duplicates.hpp"
 #include "berth/operate/seat_target.hpp"
 #include "berth/rt/scope.hpp"
@@ -33,8 +36,8 @@ std::string text_of_first_save(NodeId id) {
 // Not at once: it is the person's device, and its program may end at NMT reset node instead of starting anew.
 void offer_first_save(const BusServices& services, SlotTable& slots, const Seat& seat) {
   const std::string text = fmt::format(
-      "{}: its memory holds nothing that was saved, and it stays pre-operational (EMCY 5000h): shall it save its "
-      "parameters (1010h:01) and be reset (NMT reset node)?",
+      "{}: its memory holds nothing that was saved, and it stays pre-operational (EMCY 5000h): save its parameters "
+      "(1010h:01) and reset it (NMT reset node)?",
       seat.name());
   Event event{services.executor.now(), services.bus.name, EventKind::question, {}, text};
   event.slots = {seat.name()};
@@ -148,7 +151,9 @@ rt::Task<void> Starter::boot(Seat& seat) {
   if (ran) co_return;
   const bool clear = co_await spares_.clear_past(seat);
   if (!clear) co_return;
-  co_await boots_.boot_found(seat.slave);
+  const auto booted = s_.boots.boot_up(seat.id());
+  const bool typed = seat.last.typed != rt::Time{} && (!booted || *booted < seat.last.typed);
+  co_await boots_.boot_found(seat.slave, typed);
   // Another master starts it: whether it runs is asked of one without a heartbeat.
   const bool guards = !s_.may_command() && seat.guarded && seat.slave.status.ready();
   if (guards) co_await control_.watch_running(seat);
@@ -217,11 +222,14 @@ bool Starter::boot_failed(Seat& seat, const network::BootResult& result) {
   using Status = manager::BootStatus;
   const bool unwritten = result.status == Status::i && seat.life == Life::present;
   if (unwritten && configuring_.rebooted(seat)) {
-    slots_.happened(seat, SlotEvent::boots_while_prepared, "it booted: it is asked what it is before it is programmed");
+    slots_.happened(seat, SlotEvent::boots_while_prepared, "rebooted; checking identity");
     return false;
   }
   switch (result.status) {
-    case Status::b: slots_.set_absent(seat, "no answer to the upload of 1000h"); return true;
+    case Status::b:
+      seat.last.untyped = true;
+      slots_.set_absent(seat, "no answer to the upload of 1000h");
+      return true;
     case Status::c: slots_.happened(seat, SlotEvent::wrong_type, result.text()); return true;
     case Status::g:
     case Status::h:
@@ -329,6 +337,21 @@ rt::Task<void> Starter::start_all() {
   }
 }
 
+// A device whose program does not run stays in its boot loader, and in pre-operational (CiA 302-3). Empty: it has no
+// programs, or runs them.
+rt::Task<std::string> Starter::stopped_program(NodeId id) {
+  constexpr std::uint8_t started = 1;            // 1F51h
+  constexpr std::uint32_t no_valid_program = 1;  // 1F57h, bits 1 to 7
+  const char* const cure = ": `berth program download` gives it one, and so does programs = [...] of its slot";
+  co::NodeAccess device(s_.sdo, id);
+  const auto control = co_await device.read_up_to(od::cia302::program_control, 1, 4);
+  if (!control || control->bytes().empty() || control->bytes().front() == started) co_return std::string();
+  const auto flash = co_await device.read_u32(od::cia302::flash_status, 1);
+  if (flash && (*flash >> 1U & 0x7FU) == no_valid_program)
+    co_return fmt::format("; it has no valid program (1F57h:01){}", cure);
+  co_return fmt::format("; its program 1 does not run (1F51h:01){}", cure);
+}
+
 // Operational is what the device says in its heartbeat, not what it was told.
 rt::Task<void> Starter::await_operational() {
   // One that boots again is asked anew.
@@ -353,21 +376,23 @@ rt::Task<void> Starter::await_operational() {
     const auto heard = s_.boots.heard(seat->id());
     const bool unheard = (!heard || *heard <= began) && !seat->last.emergency;
     bool watched = false;
-    if (unheard) watched = co_await control_.ask_unheard(*seat);
-    if (watched) continue;
-    std::string why = "it was started and no heartbeat told that it is operational";
+    if (unheard) watched = co_await control_.watch_unheard(*seat);
+    if (!waits(seat)) continue;
+    std::string why =
+        watched ? control_.text_of_unheard(*seat) : "it was started and no heartbeat reported operational";
     if (const auto& e = seat->last.emergency) {
-      why += fmt::format("; it told an error: EMCY {:04X}h ({})", e->code, co::emcy_text(e->code));
+      why += fmt::format("; it reported an error: EMCY {:04X}h ({})", e->message.code,
+                         decode::emcy_words(e->message.code, seat->profile()));
     }
-    const bool unsaved = seat->last.emergency && lacks_first_save(*seat->last.emergency);
+    const std::string program = co_await stopped_program(seat->id());
+    why += program;
+    const bool unsaved = seat->last.emergency && lacks_first_save(seat->last.emergency->message);
     if (unsaved) why = text_of_first_save(seat->id());
     seat->set_letter(manager::BootStatus::k);
     slots_.happened(*seat, SlotEvent::boot_failed, why);
-    // Nothing changes before it boots, or a person says so.
-    if (unsaved) {
-      seat->configuration.stuck = true;
-      offer_first_save(s_, slots_, *seat);
-    }
+    // Nothing changes before it boots, a heartbeat comes, or a person says so.
+    seat->configuration.stuck = unsaved || watched;
+    if (unsaved) offer_first_save(s_, slots_, *seat);
   }
 }
 

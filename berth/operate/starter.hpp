@@ -44,6 +44,7 @@ class Starter final : public EarlyStarter, private network::SlaveBoots::Owner {
   rt::Task<void> start_all();
   rt::Task<void> await_operational();
   rt::Task<void> start_again(rt::Time since);
+  rt::Task<std::string> stopped_program(NodeId id);
   [[nodiscard]] bool beats(const Seat& seat) const noexcept;
   [[nodiscard]] Seat& seat_of(const network::Slave& slave) const noexcept { return *slots_.at(slave.what.node); }
 

@@ -14,15 +14,17 @@ namespace {
 
 // Why a slot stays as it is: a person's command did it.
 std::string made(NmtState state, NodeId id) {
-  return fmt::format("it was made {}; `berth nmt start {}` starts it", berth::name(state), id.value());
+  return fmt::format("NMT {} by command; `berth nmt start {}` starts it", berth::name(state), id.value());
 }
 
 // Stopped is what it was told to be; pre-operational may be its answer to an error, and is started again.
 bool stays(const Seat& seat, NmtState state) noexcept { return seat.held || state == NmtState::stopped; }
 
 const char* silence_of(const Seat& seat) noexcept {
-  if (seat.rate.by_sdo) return "it answers SDO no more, and has no error control";
-  return seat.guarded ? "it answers guarding no more" : "its heartbeat stopped";
+  if (seat.life == Life::unfit) return "it no longer answers SDO";
+  if (seat.is_unheard()) return "it no longer answers SDO, and never sent a heartbeat";
+  if (seat.rate.by_sdo) return "it no longer answers SDO, and has no error control";
+  return seat.guarded ? "it no longer answers guarding" : "heartbeat lost";
 }
 
 std::string text_of_leaving(const Seat& seat, NmtState state) {
@@ -38,7 +40,7 @@ void Supervision::show(Seat& seat, const Wake& wake, NmtState state) {
   if (wake.kind == Wake::Kind::lost) {
     lost(seat);
   } else if (wake.kind == Wake::Kind::boot_up) {
-    slots_.happened(seat, SlotEvent::boots, "it booted: it is asked what it is before it is started");
+    slots_.happened(seat, SlotEvent::boots, "rebooted; checking identity");
   } else if (wake.kind == Wake::Kind::state && state != NmtState::operational) {
     slots_.happened(seat, SlotEvent::leaves, text_of_leaving(seat, state));
     if (!stays(seat, state)) doubt_who_leaves(seat);
@@ -48,7 +50,10 @@ void Supervision::show(Seat& seat, const Wake& wake, NmtState state) {
 void Supervision::heartbeat(const co::HeartbeatEvent& event, rt::Time at) {
   using Kind = co::HeartbeatEvent::Kind;
   Wake wake{Wake::Kind::look, event.node, at};
-  if (event.kind == Kind::boot_up) slots_.diagnosis().booted(event.node);
+  if (event.kind == Kind::boot_up) {
+    slots_.diagnosis().booted(event.node);
+    emergencies_.booted(event.node);
+  }
   if (event.kind == Kind::lost) slots_.diagnosis().lost(event.node);
   switch (event.kind) {
     case Kind::boot_up: wake.kind = Wake::Kind::boot_up; break;
@@ -59,7 +64,6 @@ void Supervision::heartbeat(const co::HeartbeatEvent& event, rt::Time at) {
     case Kind::state_changed: wake.kind = Wake::Kind::state; break;
   }
   Seat* seat = slots_.at(event.node);
-  if (seat != nullptr && event.kind == Kind::boot_up) seat->last.emergency.reset();
   const bool runs = event.state == NmtState::operational && wake.kind == Wake::Kind::state;
   if (runs && seat != nullptr && seat->is_booted() && slots_.happened(*seat, SlotEvent::operational)) {
     seat->slave.status.phase = network::SlavePhase::started;
@@ -106,24 +110,12 @@ void Supervision::guarding(const co::GuardingEvent& event, rt::Time at) {
   heartbeat(told, at);
 }
 
-// The last one of a device since its boot-up, while it has an error.
-void Supervision::emergency(NodeId node, const co::Emcy& message) noexcept {
-  slots_.diagnosis().told(node, message, s_.executor.now());
-  Seat* seat = slots_.at(node);
-  if (seat == nullptr) return;
-  if (message.code == co::emcy_code::error_reset) {
-    seat->last.emergency.reset();
-  } else if ((message.code >> 8U) != 0) {
-    seat->last.emergency = message;
-  }
-}
-
 void Supervision::check_rates() {
   for (auto& seat : slots_.seats()) {
     const auto beats = s_.boots.beats(seat->id());
     const auto elapsed = s_.executor.now() - seat->rate.at;
     const auto period = heartbeat_period(s_.bus.timing, *seat);
-    if (seat->guarded) continue;
+    if (seat->guarded || seat->life == Life::unfit) continue;  // when it is asked next is for `ask_the_unwatched`
     if (seat->life != Life::operational || period.count() == 0 || elapsed < 4 * period) {
       if (seat->life != Life::operational) {
         seat->rate.beats = beats;
@@ -243,19 +235,40 @@ void Supervision::lost(Seat& seat) {
   make_free(seat);
 }
 
+// The first heartbeat of a device that was letter K says what it is. How often they come is not known yet.
+bool Supervision::hears_at_last(Seat& seat) {
+  const auto heard = s_.boots.heard(seat.id());
+  const bool beats = seat.is_unheard() && heard && *heard > seat.since;
+  if (!beats) return false;
+  seat.configuration.stuck = false;
+  if (s_.boots.state(seat.id()) != NmtState::operational) {
+    slots_.happened(seat, SlotEvent::tried_again, "trying again");
+    seat.boot_again();
+    return true;
+  }
+  seat.set_letter(manager::BootStatus::booted);
+  seat.slave.status.phase = network::SlavePhase::started;
+  slots_.happened(seat, SlotEvent::operational);
+  if (slots_.operational()) slots_.events().reach(Milestone::operational);
+  return true;
+}
+
 rt::Task<void> Supervision::ask_the_unwatched() {
   for (const auto& seat : slots_.seats()) {
+    if (hears_at_last(*seat)) continue;
     const rt::Duration pause = heartbeat_timeout(s_.bus.timing, *seat);
     const auto steady = s_.boots.steady(seat->id());
     const bool beats = seat->rate.by_sdo && seat->life == Life::operational && steady;
     if (beats) ErrorControl(s_, slots_).take_period(*seat, *steady);
-    const bool due = seat->rate.by_sdo && seat->life == Life::operational && s_.executor.now() >= seat->rate.at + pause;
-    if (!due) continue;
+    // A device of another type was not told to send a heartbeat.
+    const bool unfit = seat->life == Life::unfit && !s_.only_observes() && !s_.heard_within(seat->id(), pause);
+    const bool watched = (seat->rate.by_sdo && seat->life == Life::operational) || seat->is_unheard() || unfit;
+    if (!watched || s_.executor.now() < seat->rate.at + pause) continue;
     const auto type = co_await s_.sdo.read<std::uint32_t>(seat->id(), 0x1000, 0);
     seat->rate.at = s_.executor.now();
     // On a bus that nothing acknowledges it is away, too.
     const bool silent = !type && (type.error().code == Errc::timeout || type.error().code == Errc::bus);
-    if (silent && seat->rate.by_sdo) lost(*seat);
+    if (silent && (seat->rate.by_sdo || unfit)) lost(*seat);
   }
 }
 
@@ -339,8 +352,11 @@ rt::Task<void> Supervision::came_back(Seat& seat, rt::Time booted) {
   const bool told = std::exchange(seat.last.heard_again, s_.executor.now()) == s_.executor.now();
   if (!told)
     slots_.events().tell(EventKind::step, seat.name(), fmt::format("node-ID {} is heard again", seat.id().value()));
+  const std::string cause = seat.reason;
+  const unsigned restarts = restarts_by_configuration(seat.configuration, booted, s_.bus.timing.boot_timeout);
   slots_.happened_silently(seat, SlotEvent::heard_again);
   seat.held = seat.configuration.stuck = false;
+  seat.polled = true;
   seat.doubt.other = {};
   seat.slave.forget();
   if (seat.power_cycle.binding) {
@@ -355,6 +371,10 @@ rt::Task<void> Supervision::came_back(Seat& seat, rt::Time booted) {
   co_await presence_.ask_seat(seat);
   // Identified before it booted again: what was read belongs to the life before.
   if (s_.boots.boot_up(seat.id()) && *s_.boots.boot_up(seat.id()) > booted) seat.checked = booted;
+  if (restarts < most_restarts || seat.life != Life::present) co_return;
+  seat.configuration.restarts = 0;
+  seat.configuration.stuck = true;
+  slots_.happened(seat, SlotEvent::boot_failed, restarted_each_time(cause, restarts), manager::BootStatus::j);
 }
 
 }  // namespace berth::operate

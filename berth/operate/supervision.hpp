@@ -4,6 +4,7 @@
 #include <array>
 #include <optional>
 
+#include "berth/operate/emergencies.hpp"
 #include "berth/operate/spares.hpp"
 #include "berth/operate/startup.hpp"
 
@@ -20,13 +21,16 @@ class Supervision {
         startup_(startup),
         presence_(presence),
         seating_(seating),
-        spares_(spares) {}
+        spares_(spares),
+        emergencies_(services, slots) {}
 
   // What the bus tells.
   void heartbeat(const co::HeartbeatEvent& event, rt::Time at);
   void guarding(const co::GuardingEvent& event, rt::Time at);
-  void emergency(NodeId node, const co::Emcy& message) noexcept;
+  void emergency(NodeId node, const co::Emcy& message) noexcept { emergencies_.heard(node, message); }
 
+  /// EMCYs that were counted: now and then.
+  void tell_repeated_emcys() { emergencies_.tell_repeated(); }
   /// Acts on it. The turn must be held.
   rt::Task<void> handle(Wake wake);
   /// Two devices with one identity that once fell into one frame drift apart: their heartbeats then come twice as
@@ -48,6 +52,7 @@ class Supervision {
 
  private:
   void show(Seat& seat, const Wake& wake, NmtState state);
+  bool hears_at_last(Seat& seat);
   rt::Task<void> booted(Seat& seat, rt::Time at);
   void lost(Seat& seat);
   rt::Task<bool> beats_alone(Seat& seat);
@@ -66,6 +71,7 @@ class Supervision {
   Presence& presence_;
   Seating& seating_;
   Spares& spares_;
+  Emergencies emergencies_;
   std::array<std::optional<rt::Time>, 128> came_{};  // by node-ID: a boot-up that was acted on at once
 };
 

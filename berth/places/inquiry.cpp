@@ -62,7 +62,7 @@ rt::Task<Result<NodeId>> Inquiry::active_id_once(LssAddress device, bool whole) 
   if (!released) co_return fail(released.error());
   if (!tells) co_return co_await where_it_answers(device);
   const auto id = NodeId::make((*reply)->byte());
-  if (!id) co_return fail(Errc::mismatch, "the node-ID it told is none");
+  if (!id) co_return fail(Errc::mismatch, "the node-ID it reported is not valid");
   co_return *id;
 }
 

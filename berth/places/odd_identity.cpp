@@ -81,13 +81,12 @@ rt::Task<Uncompared> excuse(Binder::Services services, NodeId node, Identity who
 
 std::string words_of(const Uncompared& parts) {
   if (parts.differs != 0)
-    return "1018h:04 tells another serial number than LSS does: it is known by what LSS tells; its maker should mend "
-           "it";
+    return "1018h:04 and LSS report different serial numbers: Berth uses that of LSS; report it to the maker";
   std::string list;
   for (unsigned part = 0; part < 4; ++part) {
     if ((parts.changes >> part & 1U) != 0) list += fmt::format("{}1018h:{:02X}", list.empty() ? "" : ", ", part + 1);
   }
-  return fmt::format("{} changes from reading to reading: it is not compared; its maker should mend it", list);
+  return fmt::format("{} changes from reading to reading: it is not compared; report it to the maker", list);
 }
 
 }  // namespace berth::places

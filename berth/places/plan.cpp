@@ -67,8 +67,8 @@ class Draft {
              ? fmt::format("more than one device answers to LSS address {}; take one away, or give it a serial number "
                            "of its own",
                            to_string(f.device))
-             : fmt::format("several devices {} have no serial number and wait for a node-ID: LSS does not tell them "
-                           "apart; switch them on one at a time",
+             : fmt::format("several devices {} have no serial number and wait for a node-ID: LSS cannot distinguish "
+                           "them; switch them on one at a time",
                            to_string(f.device))});
   }
 
@@ -80,7 +80,7 @@ class Draft {
     }
   }
 
-  void leave(const Found& f, OddityKind kind, const char* what) {
+  void leave(const Found& f, OddityKind kind, const std::string& what) {
     plan_.oddities.push_back({kind, f.device, f.active, fmt::format("device {} {}", to_string(f.device), what)});
     keep_off_our_ids(f);
   }
@@ -317,8 +317,11 @@ class PlanMaker {
       const bool waits_for_another = misplaced(f);
       if (waits_for_another) return true;
       if (!known_type) {
-        draft_.leave(f, OddityKind::foreign,
-                     "is of a type that this machine has no slot for; take it off the bus, or add a slot");
+        draft_.leave(
+            f, OddityKind::foreign,
+            fmt::format("is of a type that this machine has no slot for; take it off the bus, add a slot, or "
+                        "write into the slot that may have it: also = [{{ vendor = 0x{:X}, product = 0x{:X} }}]",
+                        f.device.type().vendor, f.device.type().product));
       } else if (fixed_slot_waits(f.device.type()) || std::ranges::any_of(group.free, fits_it)) {
         draft_.plan().oddities.push_back(
             {OddityKind::fixed_mismatch, f.device, f.active,
@@ -326,14 +329,23 @@ class PlanMaker {
                          "it; set its switches, or put it into the right place",
                          to_string(f.device))});
       } else if (group.free.empty()) {
-        draft_.leave(f, OddityKind::surplus,
-                     "finds every slot of its type taken; take it off the bus, or `berth replace` a slot");
+        draft_.leave(f, OddityKind::surplus, surplus(f));
       } else {
         draft_.leave(f, OddityKind::wrong_revision,
                      "has a revision that no free slot accepts; see the slots' `revision`");
       }
       return true;
     });
+  }
+
+  [[nodiscard]] std::string surplus(const Found& f) const {
+    std::vector<std::string> names;
+    for (const Slot& slot : slots_) {
+      if (slot.spec.type == f.device.type() || fits(slot.spec, f.device)) names.push_back(slot.spec.name.name);
+    }
+    return fmt::format("is of the type of {}, and {} device; take it off the bus, or `berth replace` {}",
+                       some_of(names), names.size() == 1 ? "that has its" : "each has its",
+                       names.size() == 1 ? "that" : "one of them");
   }
 
   // ---- probe ----
@@ -399,7 +411,7 @@ class PlanMaker {
       }
     }
     if (others) std::erase_if(group.free, [&](std::size_t i) { return slots_[i].spec.probe.has_value(); });
-    if (!puzzling.empty()) draft_.ask(draft_.places_free(places), puzzling, "their probes do not tell their places");
+    if (!puzzling.empty()) draft_.ask(draft_.places_free(places), puzzling, "their probes do not show their places");
   }
 
   /// It is to be read under its own node-ID, unless that is another's.
@@ -438,8 +450,8 @@ class PlanMaker {
     const bool unnumbered = std::ranges::any_of(fresh, [](const Found& f) { return !f.device.has_serial(); });
     if (unnumbered && free.size() > fresh.size()) {
       return draft_.ask(free, fresh,
-                        "it has no serial number, and LSS does not tell it from its equals: leave only the next one "
-                        "switched on (when_ambiguous = \"one-at-a-time\" seats them in that order)");
+                        "it has no serial number, and LSS cannot distinguish it from identical devices: leave only the "
+                        "next one switched on (when_ambiguous = \"one-at-a-time\" binds them in that order)");
     }
     if (mode != WhenAmbiguous::ascending || free.size() == fresh.size()) return draft_.ask(free, fresh, nullptr);
     draft_.ask(free, fresh,

@@ -77,6 +77,19 @@ enum class Activate : std::uint8_t {
   power_cycle,  ///< to be switched off and on by a person
 };
 
+/// When a device that boots is compared with its configuration (CiA 302-2 §Boot-up, step 7; paper 5 §2).
+enum class Configure : std::uint8_t {
+  by_date,    ///< when its date (1020h) is another one than the configuration's
+  each_boot,  ///< whatever its date is
+};
+
+/// How the devices of a slot get its configuration.
+struct SlotConfiguring {
+  Activate activate = Activate::at_once;
+  Configure when = Configure::by_date;
+  friend bool operator==(const SlotConfiguring&, const SlotConfiguring&) = default;
+};
+
 /// A further type that may sit in a slot too: the successor of one that is made no more.
 struct AlsoType {
   TypeCode type;
@@ -140,7 +153,7 @@ struct SlotSpec {
   bool mandatory = false;         ///< 1F81h bit 3: the network's startup halts without it
   std::uint32_t device_type = 0;  ///< 1F84h: expected 1000h; 0 is not checked
   std::string config;             ///< file with the device's configuration, empty for none
-  Activate activate = Activate::at_once;
+  SlotConfiguring configuring = {};
   SlotSoftware software = {};
   std::vector<AlsoType> also = {};         ///< `fits` knows them; `type` is what the slot is for
   std::vector<std::uint32_t> spares = {};  ///< serial numbers of devices that are kept for this slot: such a device is

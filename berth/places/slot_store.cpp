@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "berth/base/kept.hpp"
+#include "berth/base/shell_word.hpp"
 
 namespace berth::places {
 
@@ -73,11 +74,11 @@ std::optional<FormerSeat> former_seat(const std::vector<HistoryEntry>& lines) {
 }
 
 Error sits_in(const SlotName& there) {
-  const char* const text = kept(
-      fmt::format("by the slot table a device of this LSS address sits in slot {} of bus {}, and on one bus an "
-                  "address is one device's: `berth replace {}/{}` gives that slot away (one that has gone from the "
-                  "machine file is written there again first); two devices need two serial numbers",
-                  there.name, there.bus, there.bus, there.name));
+  const char* const text =
+      kept(fmt::format("by the slot table a device of this LSS address sits in slot {} of bus {}, and on one bus an "
+                       "address is one device's: `berth replace {}` gives that slot away (one that has gone from the "
+                       "machine file is written there again first); two devices need two serial numbers",
+                       there.name, there.bus, shell_word(there.bus + "/" + there.name)));
   return Error{.code = Errc::duplicate, .text = text};
 }
 

@@ -139,39 +139,13 @@ std::string own_variables(const PlantDevice& plan) {
 /// Adds the variables to what the description has. Null: a finding says which has no place there.
 std::shared_ptr<const od::Description> with_variables(const PlantDevice& plan, const eds::File& file,
                                                       const od::Description& description, Findings& findings) {
-  od::DescriptionBuilder b;
-  device::add_all(b, description);
-  bool good = true;
-  const auto refuse = [&](const PlantVariable& variable, std::string message, std::string fix) {
-    good = false;
-    findings.push_back({Finding::Severity::error, plan.name, 0, 0, fmt::format("variables.{}", variable.name),
-                        std::move(message), std::move(fix)});
-  };
-  for (const auto& each : plan.does.variables) {
-    const auto within = [&](const eds::DynamicSegment& s) { return s.address(each.object).has_value(); };
-    const auto segment = std::ranges::find_if(file.dynamic_segments, within);
-    if (segment == file.dynamic_segments.end()) {
-      refuse(each,
-             fmt::format("{} lies in no segment of its description's [DynamicChannels]", od::write_object(each.object)),
-             "`berth link --links` says where the linker puts it");
-    } else if (segment->type != each.type) {
-      refuse(each,
-             fmt::format("{} is in a segment of {}, not of {}", od::write_object(each.object), od::name(segment->type),
-                         od::name(each.type)),
-             "`berth link --links` says where the linker puts it");
-    } else if (b.has(each.object)) {
-      refuse(each, fmt::format("{} is there already", od::write_object(each.object)), "give each a place of its own");
-    } else {
-      if (!b.has(each.object.index)) {
-        b.object(each.object.index, od::ObjectCode::array, fmt::format("Network variables {:04X}h", each.object.index),
-                 each.type);
-      }
-      b.sub(
-          each.object.index,
-          {.sub = each.object.sub, .name = each.name, .type = each.type, .access = segment->access, .mappable = true});
-    }
+  std::vector<process::VariableProblem> problems;
+  auto made = process::with_variables(description, file.dynamic_segments, plan.does.variables, problems);
+  for (auto& each : problems) {
+    findings.push_back({Finding::Severity::error, plan.name, 0, 0, fmt::format("variables.{}", each.name),
+                        std::move(each.message), std::move(each.fix)});
   }
-  return good ? b.build() : nullptr;
+  return made;
 }
 
 struct LoadedProgram {
@@ -200,7 +174,7 @@ std::optional<LoadedProgram> loaded_program(const PlantDevice& plan, Findings& f
                       0,
                       0,
                       {},
-                      fmt::format("it is no program for device \"{}\"", plan.name),
+                      fmt::format("it is not a program for device \"{}\"", plan.name),
                       "a program has its head (docs/programs.md) and fits `size`"});
   return std::nullopt;
 }

@@ -15,6 +15,7 @@
 #include "berth/base/ids.hpp"
 #include "berth/lss/frames.hpp"
 #include "berth/od/data_type.hpp"
+#include "berth/process/network_variables.hpp"
 #include "berth/text/quantity.hpp"
 
 namespace berth::plant {
@@ -208,12 +209,7 @@ struct PlantOddities {
 };
 
 /// A network variable that the program of a device has. Key `variables`.
-struct PlantVariable {
-  std::string name;
-  od::DataType type = od::DataType::none;
-  ObjectRef object;  ///< in a segment of [DynamicChannels], which says the direction
-  friend bool operator==(const PlantVariable&, const PlantVariable&) = default;
-};
+using PlantVariable = process::NetworkVariable;
 
 /// A device's program: a Lua file (docs/scripts.md). Key `script`.
 struct PlantScript {
@@ -278,6 +274,7 @@ enum class Action : std::uint8_t {
   overrun,      ///< `nodes` lose one or more frames, acknowledged all the same
   set_serial,   ///< the device's serial number is `value` from its next power-on (a swap that is not announced)
   set_node_id,  ///< the device's stored node-ID is `value` (255 blank) from its next power-on
+  recover,      ///< it hears, and answers as fast, as before `deaf` and `slow`
 };
 [[nodiscard]] const char* name(Action action) noexcept;
 
@@ -295,6 +292,7 @@ struct Strike {
   bool from_end = false;               ///< then 0 = last bit of end-of-frame, 8 the ACK slot, -1..-3 intermission
   std::uint32_t bits = 1;              ///< how many bits in a row
   bool spare_senders = false;          ///< with empty `nodes`: all but the sender
+  std::string sender;                  ///< only frames of this node, a device or "master"; empty: of any
   friend bool operator==(const Strike&, const Strike&) = default;
 };
 

@@ -19,9 +19,9 @@ inline constexpr std::array<std::string_view, 2> lss_store_words{"kept", "refuse
 inline constexpr std::array<std::string_view, 4> identity_words{"vendor", "product", "revision", "serial"};
 inline constexpr std::array<std::string_view, 4> reset_words{"never", "keeps", "forgets", "silent"};
 inline constexpr std::array<std::string_view, 4> after_words{"start", "discovered", "bound", "operational"};
-inline constexpr std::array<std::string_view, 13> action_words{
-    "plug",      "unplug", "power-off", "power-on", "reset",      "deaf",       "slow",
-    "cut-cable", "join",   "disturb",   "overrun",  "set-serial", "set-node-id"};
+inline constexpr std::array<std::string_view, 14> action_words{
+    "plug",      "unplug", "power-off", "power-on", "reset",      "deaf",        "slow",
+    "cut-cable", "join",   "disturb",   "overrun",  "set-serial", "set-node-id", "recover"};
 inline constexpr std::array<std::string_view, 3> disturbance_words{"flip", "dominant", "recessive"};
 
 }  // namespace berth::plant

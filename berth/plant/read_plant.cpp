@@ -8,12 +8,14 @@
 #include <set>
 #include <tuple>
 
+#include "berth/base/counted.hpp"
 #include "berth/multilevel/path.hpp"
 #include "berth/od/notation.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/plant/plant_words.hpp"
 #include "berth/text/file.hpp"
 #include "berth/text/reach.hpp"
+#include "berth/text/taken_for.hpp"
 #include "berth/text/toml.hpp"
 
 namespace berth::plant {
@@ -57,7 +59,8 @@ std::optional<ObjectRef> read_object(Table& table, string_view key) {
   const auto object = od::read_object(*text);
   const bool own = object && object->index >= 0x2000;
   if (own) return object->ref();
-  table.error(key, object ? fmt::format("{} is no object of a maker's own", text::quoted(*text)) : object.error().why,
+  table.error(key,
+              object ? fmt::format("{} is not an object of a maker's own", text::quoted(*text)) : object.error().why,
               "write one from 2000h on, such as \"2000h:00\"");
   return std::nullopt;
 }
@@ -79,7 +82,7 @@ void read_signature(Table& table, PlantSignature& signature) {
     }
     return;
   }
-  table.error("value", fmt::format("{} is no signature of 1 to 8 bytes", text::quoted(text)),
+  table.error("value", fmt::format("{} is not a signature of 1 to 8 bytes", text::quoted(text)),
               "write a text such as \"save\", or a number such as \"0x1234\" with its size");
 }
 
@@ -131,7 +134,7 @@ void read_speaks(Table& table, PlantDevice& device) {
       device.speaks.add(static_cast<Speaks>(known - speaks_words.begin()));
     } else {
       const auto near = text::closest(word, speaks_words);
-      table.error("speaks", fmt::format("{} is no service", text::quoted(word)),
+      table.error("speaks", fmt::format("{} is not a service", text::quoted(word)),
                   near.empty() ? fmt::format("use some of {}", fmt::join(speaks_words, ", "))
                                : fmt::format("did you mean {}?", text::quoted(near)));
     }
@@ -145,7 +148,7 @@ void read_habits(Table& table, PlantDevice& device) {
     const auto known = std::ranges::find(habit_words, word);
     if (known == habit_words.end()) {
       const auto near = text::closest(word, habit_words);
-      table.error("habits", fmt::format("{} is no stack whose habits are known", text::quoted(word)),
+      table.error("habits", fmt::format("{} is not a stack whose habits are known", text::quoted(word)),
                   near.empty() ? fmt::format("use one of {}", fmt::join(habit_words, ", "))
                                : fmt::format("did you mean {}?", text::quoted(near)));
     } else if (device.lss.habit) {
@@ -170,7 +173,7 @@ void read_lss(Table& table, PlantDevice& device) {
       continue;
     }
     const auto near = text::closest(word, lackable_words);
-    table.error("lss_without", fmt::format("{} is no service that a device may lack", text::quoted(word)),
+    table.error("lss_without", fmt::format("{} is not a service that a device may lack", text::quoted(word)),
                 !near.empty()        ? fmt::format("did you mean {}?", text::quoted(near))
                 : word == "fastscan" ? "leave \"fastscan\" out of speaks"
                                      : fmt::format("use some of {}", fmt::join(lackable_words, ", ")));
@@ -191,7 +194,7 @@ void read_oddities(Table& table, PlantDevice& device) {
     if (known != identity_words.end()) {
       odd.changing = static_cast<std::uint8_t>(odd.changing | 1U << (known - identity_words.begin()));
     } else {
-      table.error("identity_changes", fmt::format("{} is no part of the identity object", text::quoted(word)),
+      table.error("identity_changes", fmt::format("{} is not part of the identity object", text::quoted(word)),
                   fmt::format("use some of {}", fmt::join(identity_words, ", ")));
     }
   }
@@ -227,7 +230,8 @@ void read_times(Table& table, PlantDevice& device) {
   device.reset = table.duration("reset", 0s, 1h).value_or(device.reset);
   device.storing.time = table.duration("store", 0s, 1h).value_or(device.storing.time);
   device.heartbeat = table.duration("heartbeat", 0s, 65535ms).value_or(device.heartbeat);
-  if (device.heartbeat % 1ms != 0ns) table.error("heartbeat", "heartbeat counts whole milliseconds", "round it");
+  if (device.heartbeat % 1ms != 0ns)
+    table.error("heartbeat", "heartbeat is a whole number of milliseconds", "round it");
 }
 
 void read_script(Table& table, const text::Reach& reach, PlantDevice& device) {
@@ -260,7 +264,7 @@ void read_master(Table& table, PlantDevice& device) {
     const auto slaves = text::parse_ranges(text, 1, 127);
     if (slaves) master.slaves = *slaves;
     if (!slaves && !text.empty())
-      entry->error("slaves", fmt::format("{} are no node-IDs", text::quoted(text)), "write \"1..5\"");
+      entry->error("slaves", fmt::format("{} are not node-IDs", text::quoted(text)), "write \"1..5\"");
   }
   if (master.flying) master.keep_alive = entry->boolean("keep_alive").value_or(true);
   entry->finish();
@@ -286,7 +290,7 @@ PlantVariable read_variable(Table& table) {
     const auto type = table.string("type").value_or("");
     variable.type = od::data_type(type).value_or(od::DataType::none);
     if (od::bit_length(variable.type) == 0) {
-      table.error("type", fmt::format("{} is no data type of a network variable", text::quoted(type)),
+      table.error("type", fmt::format("{} is not a data type of a network variable", text::quoted(type)),
                   "such as \"BOOLEAN\", \"UNSIGNED16\" or \"REAL32\"");
     }
   }
@@ -377,14 +381,14 @@ class PlantReader {
       const bool hex = text.starts_with("0x") && text.size() > 2;
       const auto read = std::from_chars(text.data() + (hex ? 2 : 0), end, plant_.seed, 16);
       if (hex && read.ec == std::errc() && read.ptr == end) return;
-      table.error("seed", fmt::format("{} is no seed", text::quoted(text)), "write a number, or \"0x…\" of 64 bits");
+      table.error("seed", fmt::format("{} is not a seed", text::quoted(text)), "write a number, or \"0x…\" of 64 bits");
     } else if (const auto seed = table.integer("seed", {0, std::numeric_limits<std::int64_t>::max()})) {
       plant_.seed = static_cast<std::uint64_t>(*seed);
     }
   }
 
   void read_bus(const std::string& name, Table& table) {
-    if (!good_name(name)) table.error("", fmt::format("{} is no bus name", text::quoted(name)), name_fix);
+    if (!good_name(name)) table.error("", fmt::format("{} is not a bus name", text::quoted(name)), name_fix);
     const auto nominal = table.u32("bitrate", bit_rates).value_or(0);
     plant_.buses.push_back({name, nominal, table.u32("fd_bitrate", fd_bit_rates).value_or(0)});
     table.finish();
@@ -470,9 +474,11 @@ class PlantReader {
     device.name = table.string("name").value_or("");
     const bool varies = device.name.find("{n}") != std::string::npos;
     if (!table.string("name")) return;
-    if (!good_name(device.name)) table.error("name", "this is no name", name_fix);
+    if (!good_name(device.name)) table.error("name", "this is not a name", name_fix);
     if (many_ && !varies) table.error("name", "every device needs a name of its own", "put {n} into it: \"pump {n}\"");
-    if (!many_ && varies) table.error("name", "{n} stands for nothing here", "use count or serials for many devices");
+    if (!many_ && varies) table.error("name", "{n} has no meaning here", "use count or serials for many devices");
+    first_n_ = table.u32("n_first", {0, most_of_a_kind}).value_or(1);
+    if (!many_ && table.has("n_first")) table.error("n_first", "there is one device only", "add count = …");
   }
 
   void read_identity(Table& table, PlantDevice& device) {
@@ -497,11 +503,11 @@ class PlantReader {
     if (plant_.devices.size() + serials.size() > most_devices) {
       return table.error("", "there are more than 20000 devices", "use fewer");
     }
-    std::size_t n = 0;
+    std::size_t n = first_n_;
     for (const auto serial : serials) {
       PlantDevice device = pattern;
       device.address.serial = serial;
-      if (many_) device.name = text::fill(pattern.name, "n", fmt::format("{}", ++n));
+      if (many_) device.name = text::fill(pattern.name, "n", fmt::format("{}", n++));
       if (device.name == master_name) {
         table.error("name", "this is what events call Berth's own node", "use another name");
       }
@@ -623,20 +629,22 @@ class PlantReader {
 
   void read_nodes(Table& table, PlantEvent& event) {
     event.nodes = table.strings("nodes").value_or(std::vector<std::string>{});
-    for (const auto& node : event.nodes) {
-      check_node(table, "nodes", node, true);
-      const auto it = names_.find(node);
-      if (it == names_.end() || event.bus.empty() || plant_.devices[it->second].bus == event.bus) continue;
-      table.error("nodes", fmt::format("{} is not on bus {}", text::quoted(node), text::quoted(event.bus)),
-                  "name devices of that bus");
-    }
+    for (const auto& node : event.nodes) check_on_bus(table, "nodes", node, event.bus);
+  }
+
+  void check_on_bus(Table& table, string_view key, const std::string& node, const std::string& bus) {
+    check_node(table, key, node, true);
+    const auto it = names_.find(node);
+    if (it == names_.end() || bus.empty() || plant_.devices[it->second].bus == bus) return;
+    table.error(key, fmt::format("{} is not on bus {}", text::quoted(node), text::quoted(bus)),
+                "name devices of that bus");
   }
 
   void read_cut(Table& table, PlantEvent& event) {
     event.bus = read_bus_name(table);
-    if (table.require("nodes", "name those behind the cut")) read_nodes(table, event);
+    if (table.require("nodes", "name the nodes beyond the cut")) read_nodes(table, event);
     if (table.has("nodes") && event.nodes.empty())
-      table.error("nodes", "no node is behind the cut", "name at least one");
+      table.error("nodes", "no node is beyond the cut", "name at least one");
   }
 
   void read_strike(Table& table, PlantEvent& event) {
@@ -647,6 +655,8 @@ class PlantReader {
       strike.frame = static_cast<std::uint64_t>(*frame);
     }
     read_id(table, strike);
+    strike.sender = table.string("sender").value_or("");
+    check_on_bus(table, "sender", strike.sender, event.bus);
     strike.skip = table.u32("skip").value_or(0);
     strike.times = table.u32("times").value_or(1);
     strike.spare_senders = table.boolean("spare_senders").value_or(false);
@@ -680,6 +690,7 @@ class PlantReader {
   Findings& findings_;
   PlantFile plant_;
   bool many_ = false;                                      ///< the table being read stands for several devices
+  std::uint32_t first_n_ = 1;                              ///< what {n} begins with
   std::map<std::string, std::size_t, std::less<>> names_;  ///< device name → index
   std::map<std::tuple<std::string, std::string, LssAddress>, std::string> addresses_;  ///< bus, EDS, address
   std::set<std::string> ports_;                                                        ///< devices beneath gateways
@@ -689,6 +700,10 @@ class PlantReader {
 
 PlantResult read_plant(std::string_view text, const std::string& file_name, std::span<const std::string> allowed) {
   PlantResult result;
+  if (auto other = text::taken_for(text::FileKind::plant, text, file_name)) {
+    result.findings.push_back(*std::move(other));
+    return result;
+  }
   const auto root = text::parse_toml(text, file_name, result.findings);
   if (!root) return result;
   auto plant = PlantReader(file_name, allowed, result.findings).read(*root);

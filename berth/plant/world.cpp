@@ -6,6 +6,8 @@
 #include <array>
 #include <utility>
 
+#include "berth/base/words.hpp"
+
 namespace berth::plant {
 namespace {
 
@@ -26,12 +28,46 @@ sim::ControllerOptions controller_of(const PlantDevice& plan, const sim::Bus& bu
   return o;
 }
 
+/// Null when no node of the bus has this name.
+sim::Controller* controller_named(const sim::Bus& bus, std::string_view name) noexcept {
+  const auto& all = bus.controllers();
+  const auto it = std::ranges::find(all, name, [](const sim::Controller* c) { return std::string_view(c->name()); });
+  return it == all.end() ? nullptr : *it;
+}
+
 void refuse(Findings& findings, std::string key, std::string message, std::string fix) {
   Finding finding;
   finding.key = std::move(key);
   finding.message = std::move(message);
   finding.fix = std::move(fix);
   findings.push_back(std::move(finding));
+}
+
+std::string names_of(std::span<const BusRate> rates) {
+  std::vector<std::string> names;
+  for (const auto& rate : rates) names.push_back(berth::quoted(rate.name));
+  return some_of(names);
+}
+
+void warn(Findings& findings, const PlantBus& bus, std::string message, std::string fix) {
+  refuse(findings, "bus." + bus.name, std::move(message), std::move(fix));
+  findings.back().severity = Finding::Severity::warning;
+}
+
+/// A bus of the plant that the machine has under another name, or with another bit rate: on wires nobody would hear
+/// anybody.
+void compare(const PlantBus& bus, std::span<const BusRate> rates, Findings& findings) {
+  const auto same = std::ranges::find(rates, bus.name, &BusRate::name);
+  if (same == rates.end()) {
+    if (rates.empty() || bus.bitrate == 0) return;
+    warn(findings, bus, fmt::format("the machine file has no bus of this name, but {}", names_of(rates)),
+         "give both the same name, where they are one bus");
+  } else if (bus.bitrate != 0 && same->bit_rate != 0 && bus.bitrate != same->bit_rate) {
+    warn(findings, bus,
+         fmt::format("{} bit/s here and {} bit/s in the machine file: the simulated bus has {} bit/s", bus.bitrate,
+                     same->bit_rate, bus.bitrate),
+         "give both the same: on a real bus no device would answer");
+  }
 }
 
 /// The memory as the next power-on will find it.
@@ -208,6 +244,8 @@ Truth SimDevice::truth() const {
   t.plugged = plugged_;
   t.powered = powered_;
   t.booting = device_.booting();
+  t.deaf = port_.deaf(device::TimedPort::Deaf::fault);
+  t.late = port_.slow();
   t.active = device_.node_id();
   t.pending = device_.lss().pending().node_id;
   t.persistent = device_.lss().persistent().node_id;
@@ -287,9 +325,14 @@ bool World::make_buses(const PlantFile& plant, std::span<const BusRate> rates, F
   };
   for (const auto& bus : plant.buses) {
     const auto rate = bus.bitrate != 0 ? bus.bitrate : rate_of(bus.name);
+    compare(bus, rates, findings);
     if (rate == 0) {
-      refuse(findings, "bus." + bus.name, "no bit rate, neither here nor in the machine file",
-             "give bitrate = 250_000, say");
+      refuse(findings, "bus." + bus.name,
+             rates.empty() ? std::string("no bit rate, neither here nor in a machine file")
+                           : fmt::format("no bit rate here, and the machine file has no bus of this name, but {}",
+                                         names_of(rates)),
+             rates.empty() ? "give it one, such as bitrate = 250_000, or name the machine file: --machine FILE"
+                           : "give it that name, or a bit rate of its own");
       good = false;
     } else if (sim_.find_bus(bus.name) == nullptr) {
       sim_.add_bus(bus.name, rate, bus.fd_bitrate);
@@ -342,6 +385,7 @@ bool World::perform(const PlantEvent& event) {
     case Action::reset: device->reset(); break;
     case Action::deaf: device->deaf(event.duration); break;
     case Action::slow: device->slow(event.latency, event.duration); break;
+    case Action::recover: recover(*device); break;
     case Action::set_serial: device->next_power_on().serial = event.value; break;
     case Action::set_node_id:
       if (!NodeId::make(event.value)) return false;
@@ -353,12 +397,9 @@ bool World::perform(const PlantEvent& event) {
 }
 
 bool World::nodes(const PlantEvent& event, std::vector<sim::Controller*>& found) {
-  const auto* on = bus(event.bus);
   for (const auto& name : event.nodes) {
-    const auto& all = on->controllers();
-    const auto it = std::ranges::find(all, name, [](const sim::Controller* c) { return std::string_view(c->name()); });
-    if (it == all.end()) return false;
-    found.push_back(*it);
+    found.push_back(controller_named(*bus(event.bus), name));
+    if (found.back() == nullptr) return false;
   }
   return true;
 }
@@ -369,6 +410,8 @@ bool World::strike(const PlantEvent& event) {
   if (on == nullptr || !nodes(event, victims)) return false;
   using Kind = sim::Fault::Kind;
   const auto& s = event.strike;
+  const sim::Controller* const sender = controller_named(*on, s.sender);
+  if (sender == nullptr && !s.sender.empty()) return false;
   sim::Fault fault;
   if (event.action == Action::overrun) {
     fault.kind = Kind::overrun;
@@ -376,7 +419,11 @@ bool World::strike(const PlantEvent& event) {
     fault.kind = std::array{Kind::flip, Kind::dominant, Kind::recessive}.at(static_cast<std::size_t>(s.kind));
   }
   fault.trigger.frame = s.frame;
-  if (s.id) fault.trigger.when = [id = *s.id](const sim::FrameStart& start) { return start.frame.key() == id; };
+  if (s.id || sender != nullptr) {
+    fault.trigger.when = [id = s.id, of = sender != nullptr ? sender->number() : -1](const sim::FrameStart& start) {
+      return (!id || start.frame.key() == *id) && (of < 0 || start.sender == of);
+    };
+  }
   fault.trigger.skip = s.skip;
   fault.trigger.times = s.times;
   fault.where = {s.bit, s.from_end};

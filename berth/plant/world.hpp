@@ -43,6 +43,8 @@ struct Truth {
   bool plugged = false;
   bool powered = false;        ///< plugged and switched on
   bool booting = false;        ///< powered, and hears nothing yet
+  bool deaf = false;           ///< by `SimDevice::deaf`
+  Duration late{0};            ///< by `SimDevice::slow`: it answers so much later
   NodeId active;               ///< in use now
   NodeId pending;              ///< taken at the next reset communication
   NodeId persistent;           ///< what the next power-on would load
@@ -85,6 +87,13 @@ class SimDevice final : public GatewaySide, private device::Device::Observer, pr
   void deaf(Duration duration);
   /// Answers `latency` later than it would for `duration`; 0 = from now on.
   void slow(Duration latency, Duration duration);
+  /// Hears, and answers as fast, as before `deaf` and `slow`.
+  friend void recover(SimDevice& device) noexcept {
+    ++device.deafness_;
+    ++device.slowness_;
+    device.port_.deaf(device::TimedPort::Deaf::fault, false);
+    device.port_.slow(Duration::zero());
+  }
   /// What its next power-on finds changed.
   struct NextPowerOn {
     std::optional<std::uint32_t> serial{};

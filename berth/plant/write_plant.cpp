@@ -182,6 +182,7 @@ void write_strike(PlantWriter& w, const PlantEvent& e) {
   w.number("skip", s.skip, usual_strike.skip);
   w.number("times", s.times, usual_strike.times);
   w.flag("spare_senders", s.spare_senders, false);
+  if (!s.sender.empty()) w.string("sender", s.sender);
   if (e.action != Action::disturb) return;
   if (s.kind != usual_strike.kind) w.string("kind", disturbance_words[static_cast<std::size_t>(s.kind)]);
   w.raw(s.from_end ? "bit_from_end" : "bit", fmt::format("{}", s.bit));

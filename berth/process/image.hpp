@@ -1,5 +1,5 @@
-/// The process image: the variables of an application that has its own cycle and its own thread. Declared once, by name
-/// and type:
+/// The process image: the variables of an application that has its own cycle and its own thread, or its own process
+/// (shared_image.hpp). Declared once, by name and type:
 ///
 ///     process::Layout layout;
 ///     const auto level = layout.output<std::int16_t>("Silo level");     // comes from the network
@@ -16,215 +16,156 @@
 /// TPDO carries; an *output* variable is the network's output, which an RPDO brings and the application reads
 /// ("Distributed intelligence in CANopen", Figure 2; CiA 302-4).
 ///
-/// A side owns what it works on; `publish` and `refresh`, `commit` and `take` hand whole images over by three buffers
-/// and one atomic word. Neither side ever waits, locks or uses the heap, and no image is torn: all variables are of one
-/// `publish`. What was published twice before a `refresh` is seen once, the newest.
+/// A side owns what it works on; `publish` and `refresh`, `commit` and `take` hand whole images over (exchange.hpp).
+/// Neither side ever waits, locks or uses the heap, and no image is torn: all variables are of one `publish`. What was
+/// published twice before a `refresh` is seen once, the newest.
 #pragma once
 
-#include <array>
-#include <atomic>
-#include <cstdint>
-#include <cstring>
-#include <span>
-#include <string>
-#include <string_view>
-#include <type_traits>
-#include <vector>
+#include <memory>
+#include <optional>
 
-#include "berth/od/data_type.hpp"
+#include "berth/process/image_format.hpp"
+#include "berth/rt/executor.hpp"
 
 namespace berth::process {
 
-enum class Direction : std::uint8_t { input, output };  ///< as the network sees it
-
-struct Variable {
-  std::string name;
-  od::DataType type = od::DataType::none;
-  Direction direction = Direction::output;
-  std::uint32_t offset = 0;  ///< bytes from the begin of its direction's part
-};
-
-/// The CiA 301 type that a C++ type stands for.
-template <class T>
-[[nodiscard]] constexpr od::DataType type_of() noexcept {
-  static_assert(std::is_arithmetic_v<T>);
-  using enum od::DataType;
-  if constexpr (std::is_same_v<T, bool>) return boolean;
-  if constexpr (std::is_floating_point_v<T>) return sizeof(T) == 4 ? real32 : real64;
-  constexpr std::array whole{unsigned8, unsigned16, unsigned32, unsigned64, integer8, integer16, integer32, integer64};
-  constexpr std::size_t size = sizeof(T) == 1 ? 0 : sizeof(T) == 2 ? 1 : sizeof(T) == 4 ? 2 : 3;
-  return whole[size + (std::is_signed_v<T> ? 4 : 0)];
-}
-
-/// Where a variable stands; made by `Layout`. One that could not be declared is not `valid`: it reads 0 and sets
-/// nothing.
-template <class T, Direction way>
-class Handle {
+/// Used from the executor's thread only.
+class NetworkSide {
  public:
-  Handle() = default;
-  explicit Handle(std::uint32_t offset) noexcept : offset_(offset) {}
-  [[nodiscard]] bool valid() const noexcept { return offset_ != none; }
-  [[nodiscard]] std::uint32_t offset() const noexcept { return offset_; }
+  using Clock = std::int64_t (*)() noexcept;
+  /// `memory`: an image of that layout, begun; both must stay. `clock`: between processes, CLOCK_MONOTONIC in ns.
+  NetworkSide(std::uint8_t* memory, const Layout& layout, const ImageFormat& format, Clock clock = nullptr);
+
+  [[nodiscard]] const Layout& layout() const noexcept { return *layout_; }
+  template <class T>
+  bool set(Output<T> variable, T value) noexcept {
+    return variable.store(outputs(), value);
+  }
+  /// What was set since, for the application's next `refresh`.
+  void publish() noexcept;
+  /// True when the application has committed since the last `take`.
+  bool take() noexcept { return inputs_.take(); }
+  template <class T>
+  [[nodiscard]] T get(Input<T> variable) const noexcept {
+    return variable.load(inputs());
+  }
+  /// What the application said besides, in what was taken.
+  [[nodiscard]] const InputHead& said() const noexcept {
+    return *reinterpret_cast<const InputHead*>(inputs_.taken().data());
+  }
+  /// Of the last `publish`.
+  [[nodiscard]] std::uint64_t number() noexcept { return head().number; }
+  /// By offset, for what maps objects.
+  [[nodiscard]] std::span<std::uint8_t> outputs() noexcept { return outputs_.work().subspan(values_at_); }
+  [[nodiscard]] std::span<const std::uint8_t> inputs() const noexcept {
+    return inputs_.taken().subspan(ImageFormat::input_values_at);
+  }
+
+  /// @name What the next `publish` says of the outputs, each by `Variable::number`
+  /// @{
+  void set_now(rt::Time now) noexcept { head().now_ns = now.time_since_epoch().count(); }
+  void received(std::uint32_t output, rt::Time at) noexcept;
+  /// Its producer is lost.
+  void silent(std::uint32_t output) noexcept;
+  /// None is received any more: the device is not operational.
+  void wait() noexcept;
+  [[nodiscard]] berth_diagnosis& diagnosis() noexcept;
+  /// @}
 
  private:
-  static constexpr std::uint32_t none = 0xFFFF'FFFF;
-  std::uint32_t offset_ = none;
+  [[nodiscard]] OutputHead& head() noexcept { return *reinterpret_cast<OutputHead*>(outputs_.work().data()); }
+  [[nodiscard]] OutputStatus* status(std::uint32_t output) noexcept;
+  const Layout* layout_;
+  std::size_t values_at_;
+  Giver outputs_;
+  Taker inputs_;
+  Clock clock_;
 };
-template <class T>
-using Input = Handle<T, Direction::input>;
-template <class T>
-using Output = Handle<T, Direction::output>;
 
-inline constexpr std::uint32_t largest_part = 1024 * 1024;  ///< bytes of one direction
-
-class Layout {
+/// Used from one thread of the application only.
+class ApplicationSide {
  public:
-  /// Behind the last one, at a multiple of its size.
-  template <class T>
-  [[nodiscard]] Input<T> input(std::string_view name) {
-    return made<T, Direction::input>(declare(name, type_of<T>(), Direction::input));
-  }
-  template <class T>
-  [[nodiscard]] Output<T> output(std::string_view name) {
-    return made<T, Direction::output>(declare(name, type_of<T>(), Direction::output));
-  }
-  /// Behind the last one; false: `problems` says why. Types without a fixed size (strings, DOMAIN) have no place here.
-  bool declare(std::string_view name, od::DataType type, Direction direction);
-  /// At an offset that was given (PPOffset of an EDS's [DynamicChannels], CiA 306-3). Refused: bytes of another one.
-  bool declare_at(std::string_view name, od::DataType type, Direction direction, std::uint32_t offset);
+  /// `memory`: an image of that format, begun, which must stay.
+  ApplicationSide(std::uint8_t* memory, const ImageFormat& format);
 
-  /// In the order of declaring.
-  [[nodiscard]] std::span<const Variable> variables() const noexcept { return variables_; }
-  /// Null when there is none of that name.
-  [[nodiscard]] const Variable* find(std::string_view name) const noexcept;
-  /// Bytes of a direction's part.
-  [[nodiscard]] std::size_t size(Direction direction) const noexcept;
-  /// What could not be declared, and why; for people.
-  [[nodiscard]] std::span<const std::string> problems() const noexcept { return problems_; }
-
- private:
+  /// True when the network has published since; from then on `get` reads that snapshot.
+  bool refresh() noexcept { return outputs_.take(); }
+  template <class T>
+  [[nodiscard]] T get(Output<T> variable) const noexcept {
+    return variable.load(outputs());
+  }
   template <class T, Direction way>
-  [[nodiscard]] Handle<T, way> made(bool good) const {
-    return good ? Handle<T, way>(variables_.back().offset) : Handle<T, way>();
+  [[nodiscard]] berth_validity validity(Handle<T, way> variable) const noexcept {
+    static_assert(way == Direction::output, "an input is the application's own");
+    return validity_of(variable.number());
   }
-  bool refuse(std::string why);
-  std::vector<Variable> variables_;
-  std::vector<std::string> problems_;
-};
+  /// How long before the snapshot it was received last; empty while it is `BERTH_WAITING`.
+  template <class T>
+  [[nodiscard]] std::optional<rt::Duration> age(Output<T> variable) const noexcept {
+    return age_of(variable.number());
+  }
+  /// False, and nothing is set: more than the variable's type can hold.
+  template <class T>
+  bool set(Input<T> variable, T value) noexcept {
+    return variable.store(inputs(), value);
+  }
+  /// An error of the application's own, which the device tells as EMCY until there is another or, with code 0, none.
+  /// With the next `commit`.
+  void set_error(std::uint16_t code, std::uint8_t error_register) noexcept {
+    said().error_code = code;
+    said().error_register = error_register;
+  }
+  /// Hands all inputs over. Once a cycle also when nothing changed: it is the application's sign of life.
+  void commit() noexcept {
+    said().seen = head().number;
+    inputs_.give();
+  }
+  [[nodiscard]] std::span<const std::uint8_t> outputs() const noexcept { return outputs_.taken().subspan(values_at_); }
+  [[nodiscard]] std::span<std::uint8_t> inputs() noexcept {
+    return inputs_.work().subspan(ImageFormat::input_values_at);
+  }
 
-/// Whole blocks of bytes from one thread to one other. Each side's functions belong to its thread.
-class Exchange {
- public:
-  explicit Exchange(std::size_t size) : work_(size) {
-    for (auto& buffer : buffers_) buffer.resize(size);
+  /// The same by `Variable::number` of an output.
+  [[nodiscard]] berth_validity validity_of(std::uint32_t output) const noexcept;
+  [[nodiscard]] std::optional<rt::Duration> age_of(std::uint32_t output) const noexcept;
+  /// When the snapshot was published.
+  [[nodiscard]] const OutputHead& head() const noexcept {
+    return *reinterpret_cast<const OutputHead*>(outputs_.taken().data());
   }
-  Exchange(const Exchange&) = delete;
-  Exchange& operator=(const Exchange&) = delete;
-
-  /// The giver: what the next `give` hands over. It stays as it is afterwards.
-  [[nodiscard]] std::span<std::uint8_t> work() noexcept { return work_; }
-  void give() noexcept {
-    if (!work_.empty()) std::memcpy(buffers_[back_].data(), work_.data(), work_.size());
-    back_ = middle_.exchange(back_ | fresh, std::memory_order_acq_rel) & index;
-  }
-  /// The taker: true when something newer came; `taken` is it until the next `take`.
-  bool take() noexcept {
-    if ((middle_.load(std::memory_order_relaxed) & fresh) == 0) return false;
-    front_ = middle_.exchange(front_, std::memory_order_acq_rel) & index;
-    return true;
-  }
-  [[nodiscard]] std::span<const std::uint8_t> taken() const noexcept { return buffers_[front_]; }
+  [[nodiscard]] const berth_diagnosis& diagnosis() const noexcept;
 
  private:
-  static constexpr std::uint32_t fresh = 4;
-  static constexpr std::uint32_t index = 3;
-  std::array<std::vector<std::uint8_t>, 3> buffers_;
-  std::vector<std::uint8_t> work_;
-  // Apart: each word is written by one thread, or by both.
-  alignas(64) std::uint32_t back_ = 0;
-  alignas(64) std::atomic<std::uint32_t> middle_{1};
-  alignas(64) std::uint32_t front_ = 2;
+  [[nodiscard]] const OutputStatus* status(std::uint32_t output) const noexcept;
+  [[nodiscard]] InputHead& said() noexcept { return *reinterpret_cast<InputHead*>(inputs_.work().data()); }
+  std::size_t values_at_;
+  Taker outputs_;
+  Giver inputs_;
 };
 
-template <class T>
-[[nodiscard]] T load(std::span<const std::uint8_t> bytes, std::uint32_t offset) noexcept {
-  T value{};
-  if (offset < bytes.size()) std::memcpy(&value, bytes.data() + offset, sizeof(T));
-  return value;
-}
-template <class T>
-void store(std::span<std::uint8_t> bytes, std::uint32_t offset, T value) noexcept {
-  if (offset < bytes.size()) std::memcpy(bytes.data() + offset, &value, sizeof(T));
-}
-
-/// Values stand in it as in an SDO: little-endian, BOOLEAN one byte, INTEGER24 three.
+/// Both sides in one process.
 class Image {
  public:
-  /// Used from the executor's thread only.
-  class Network {
-   public:
-    template <class T>
-    void set(Output<T> variable, T value) noexcept {
-      store(outputs_->work(), variable.offset(), value);
-    }
-    /// What was set since, for the application's next `refresh`.
-    void publish() noexcept { outputs_->give(); }
-    /// True when the application has committed since the last `take`.
-    bool take() noexcept { return inputs_->take(); }
-    template <class T>
-    [[nodiscard]] T get(Input<T> variable) const noexcept {
-      return load<T>(inputs_->taken(), variable.offset());
-    }
-    /// By offset, for what maps objects.
-    [[nodiscard]] std::span<std::uint8_t> outputs() noexcept { return outputs_->work(); }
-    [[nodiscard]] std::span<const std::uint8_t> inputs() const noexcept { return inputs_->taken(); }
-
-   private:
-    friend class Image;
-    Exchange* outputs_;
-    Exchange* inputs_;
-    Network(Exchange& outputs, Exchange& inputs) noexcept : outputs_(&outputs), inputs_(&inputs) {}
-  };
-  /// Used from one thread of the application only.
-  class Application {
-   public:
-    /// True when the network has published since; from then on `get` reads that snapshot.
-    bool refresh() noexcept { return outputs_->take(); }
-    template <class T>
-    [[nodiscard]] T get(Output<T> variable) const noexcept {
-      return load<T>(outputs_->taken(), variable.offset());
-    }
-    template <class T>
-    void set(Input<T> variable, T value) noexcept {
-      store(inputs_->work(), variable.offset(), value);
-    }
-    void commit() noexcept { inputs_->give(); }
-    [[nodiscard]] std::span<const std::uint8_t> outputs() const noexcept { return outputs_->taken(); }
-    [[nodiscard]] std::span<std::uint8_t> inputs() noexcept { return inputs_->work(); }
-
-   private:
-    friend class Image;
-    Exchange* outputs_;
-    Exchange* inputs_;
-    Application(Exchange& outputs, Exchange& inputs) noexcept : outputs_(&outputs), inputs_(&inputs) {}
-  };
-
   /// All values 0. Later changes of `layout` are not seen.
-  explicit Image(const Layout& layout)
-      : layout_(layout), outputs_(layout.size(Direction::output)), inputs_(layout.size(Direction::input)) {}
+  explicit Image(const Layout& layout);
   Image(const Image&) = delete;
   Image& operator=(const Image&) = delete;
 
   [[nodiscard]] const Layout& layout() const noexcept { return layout_; }
-  [[nodiscard]] Network& network() noexcept { return network_; }
-  [[nodiscard]] Application& application() noexcept { return application_; }
+  [[nodiscard]] NetworkSide& network() noexcept { return network_; }
+  [[nodiscard]] ApplicationSide& application() noexcept { return application_; }
 
  private:
+  struct Free {
+    void operator()(std::uint8_t* memory) const noexcept;
+  };
+  using Memory = std::unique_ptr<std::uint8_t, Free>;
+  [[nodiscard]] static Memory begun(const ImageFormat& format);
+
   Layout layout_;
-  Exchange outputs_;
-  Exchange inputs_;
-  Network network_{outputs_, inputs_};
-  Application application_{outputs_, inputs_};
+  ImageFormat format_;
+  Memory memory_;
+  NetworkSide network_;
+  ApplicationSide application_;
 };
 
 }  // namespace berth::process

@@ -157,7 +157,7 @@ int Lua::explain(lua_State* state) {
   lua.line_ = 0;
   lua.note_line();
   if (lua_type(state, 1) == LUA_TSTRING || lua_type(state, 1) == LUA_TNUMBER) return 1;
-  lua_pushfstring(state, "an error that is no text but a %s", luaL_typename(state, 1));
+  lua_pushfstring(state, "an error that is not a text but a %s", luaL_typename(state, 1));
   return 1;
 }
 

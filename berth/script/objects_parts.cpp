@@ -98,7 +98,7 @@ od::AbortCode Objects::store_whole(lua_State* state, ObjectRef ref, const od::Su
   int whole = 0;
   const auto number = lua_tointegerx(state, 2, &whole);
   if (whole == 0) {
-    luaL_error(state, "%s is %s, %s is no whole number", shown.c_str(), type.c_str(), luaL_typename(state, 2));
+    luaL_error(state, "%s is %s, %s is not a whole number", shown.c_str(), type.c_str(), luaL_typename(state, 2));
   }
   const bool wide = object.type == od::DataType::unsigned64;
   return wide ? device_.values().set(ref, static_cast<std::uint64_t>(number))

@@ -24,7 +24,7 @@ function tostring(value)
 end
 
 function string.format(form, ...)
-  if raw_type(form) ~= "string" then error("string.format: the form is no string", 2) end
+  if raw_type(form) ~= "string" then error("string.format: the form is not a string", 2) end
   local values = pack(...)
   for i = 1, values.n do
     local kind = raw_type(values[i])

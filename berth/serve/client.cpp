@@ -121,7 +121,8 @@ void Client::work() {
     const auto element = reader_.next();
     if (reader_.faults() > 0) {
       ++house_->counters->misbehaved;
-      end(fmt::format("sent something that is no socketcand element, at byte {}", reader_.fault_at()), unknown_command);
+      end(fmt::format("sent something that is not a socketcand element, at byte {}", reader_.fault_at()),
+          unknown_command);
       return;
     }
     if (!element) break;

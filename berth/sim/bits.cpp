@@ -111,6 +111,27 @@ void Decoder::raw(bool recessive) noexcept {
   end_ = count_ + 8 * bytes + 15;
 }
 
+// Bits without stuffing, start of frame = 0.
+can::ErrorPlace Decoder::place() const noexcept {
+  using can::ErrorPlace;
+  const unsigned bit = count_;
+  if (bit == 0) return ErrorPlace::start;
+  if (bit <= 8) return ErrorPlace::id28_21;
+  if (bit <= 11) return ErrorPlace::id20_18;
+  if (bit == base_rtr) return ErrorPlace::srr;
+  if (bit == 13) return ErrorPlace::ide;
+  const bool extended = raw_[13] != 0;
+  const unsigned dlc_at = extended ? 35 : 15;
+  if (extended && bit <= 18) return ErrorPlace::id17_13;
+  if (extended && bit <= 26) return ErrorPlace::id12_5;
+  if (extended && bit <= 31) return ErrorPlace::id4_0;
+  if (extended && bit == extended_rtr) return ErrorPlace::rtr;
+  if (extended && bit == 33) return ErrorPlace::reserved1;
+  if (bit < dlc_at) return ErrorPlace::reserved0;
+  if (bit < dlc_at + 4) return ErrorPlace::dlc;
+  return bit + 15 < end_ ? ErrorPlace::data : ErrorPlace::crc;
+}
+
 std::uint32_t Decoder::field(unsigned from, unsigned count) const noexcept {
   std::uint32_t value = 0;
   for (unsigned i = 0; i < count; ++i) value = (value << 1U) | raw_[from + i];
@@ -203,13 +224,15 @@ void BitNode::in_frame(bool dominant, Outcome& outcome) noexcept {
     if (sends_dominant != dominant) {
       const bool gives_way = !sends_dominant && (bit & Layout::arbitration) != 0;
       if (!gives_way || (bit & Layout::stuff) != 0) {
-        return fail(outcome, gives_way ? Cause::stuff_in_arbitration : Cause::other);
+        const auto bit_error = sends_dominant ? can::ErrorKind::dominant : can::ErrorKind::recessive;
+        return fail(outcome, gives_way ? can::ErrorKind::stuff : bit_error,
+                    gives_way ? Cause::stuff_in_arbitration : Cause::other);
       }
       transmitter = false;
       outcome.lost = true;
     } else if ((bit & Layout::fd_format) != 0) {
       outcome.fd_destroyed = true;
-      return fail(outcome, Cause::no_acknowledge);
+      return fail(outcome, can::ErrorKind::other, Cause::no_acknowledge);
     }
     if (position_++ == 0) {
       decoder_.begin();
@@ -217,7 +240,7 @@ void BitNode::in_frame(bool dominant, Outcome& outcome) noexcept {
     }
   }
   const auto progress = decoder_.push(!dominant);
-  if (progress == Decoder::Outcome::stuff_error) return fail(outcome);
+  if (progress == Decoder::Outcome::stuff_error) return fail(outcome, can::ErrorKind::stuff);
   if (progress == Decoder::Outcome::complete) {
     crc_bad_ = !decoder_.crc_matches();
     enter(Activity::tail);
@@ -229,17 +252,17 @@ void BitNode::in_tail(bool dominant, Outcome& outcome) noexcept {
   const unsigned bit = count++;
   if (bit == 1) {
     if (transmitter) {
-      if (!dominant) fail(outcome, Cause::no_acknowledge);
+      if (!dominant) fail(outcome, can::ErrorKind::other, Cause::no_acknowledge);
     } else if (!crc_bad_ && !listen_only) {
-      if (!dominant) return fail(outcome);
+      if (!dominant) return fail(outcome, can::ErrorKind::dominant);
       if (rec == 0) return;
       rec = rec > 127 ? std::uint16_t{127} : static_cast<std::uint16_t>(rec - 1);
       outcome.counters = true;
     }
     return;
   }
-  if (dominant && (transmitter || bit < 9)) return fail(outcome);
-  if (bit == 2 && !transmitter && crc_bad_) return fail(outcome);
+  if (dominant && (transmitter || bit < 9)) return fail(outcome, can::ErrorKind::form);
+  if (bit == 2 && !transmitter && crc_bad_) return fail(outcome, can::ErrorKind::other);
   if (bit == 8) outcome.accepted = !transmitter;
   if (bit < 9) return;
   if (dominant) return begin_overload(outcome);
@@ -266,15 +289,30 @@ void BitNode::more_errors(unsigned by, Outcome& outcome) noexcept {
 }
 
 // Rules 1 and 3. The condition that makes the node passive is still signalled actively.
-void BitNode::fail(Outcome& outcome, Cause cause) noexcept {
+void BitNode::fail(Outcome& outcome, can::ErrorKind kind, Cause cause) noexcept {
   const bool was_passive = passive() || listen_only;
   outcome.failed = true;
+  outcome.unacknowledged = cause == Cause::no_acknowledge;
+  outcome.kind = kind;
+  outcome.place = place();
   outcome.as_transmitter = transmitter;
   error_ = true;
   unacknowledged_ = transmitter && was_passive && cause == Cause::no_acknowledge;
   enter(was_passive ? Activity::passive_flag : Activity::active_flag);
   const bool exempt = unacknowledged_ || (transmitter && cause == Cause::stuff_in_arbitration);
   if (!exempt) more_errors(transmitter ? 8 : 1, outcome);
+}
+
+// Of the bit that was just sampled. A wrong CRC is signalled behind the ACK delimiter.
+can::ErrorPlace BitNode::place() const noexcept {
+  using can::ErrorPlace;
+  if (activity == Activity::frame) return transmitter && position_ == 0 ? ErrorPlace::start : decoder_.place();
+  if (activity != Activity::tail) return ErrorPlace::unknown;
+  const unsigned bit = count - 1;
+  if (bit == 0) return ErrorPlace::crc_delimiter;
+  if (bit == 1) return ErrorPlace::acknowledge;
+  if (bit == 2) return crc_bad_ ? ErrorPlace::crc : ErrorPlace::acknowledge_delimiter;
+  return ErrorPlace::end_of_frame;
 }
 
 void BitNode::begin_overload(Outcome& outcome) noexcept {
@@ -325,7 +363,7 @@ void BitNode::after_flag(bool dominant, Outcome& outcome) noexcept {
 }
 
 void BitNode::in_delimiter(bool dominant, Outcome& outcome) noexcept {
-  if (dominant) return count == 7 ? begin_overload(outcome) : fail(outcome);
+  if (dominant) return count == 7 ? begin_overload(outcome) : fail(outcome, can::ErrorKind::form);
   if (++count == 8) enter(Activity::intermission);
 }
 

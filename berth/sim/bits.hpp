@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 
+#include "berth/can/bus_error.hpp"
 #include "berth/can/frame.hpp"
 
 namespace berth::sim {
@@ -31,6 +32,8 @@ class Decoder {
   /// The next bit, up to the end of the CRC sequence and its stuff bit.
   Outcome push(bool recessive) noexcept;
   [[nodiscard]] bool crc_matches() const noexcept { return crc_ == 0; }
+  /// Where the bit is that comes next.
+  [[nodiscard]] can::ErrorPlace place() const noexcept;
   [[nodiscard]] can::Frame frame() const noexcept;
 
  private:
@@ -72,6 +75,10 @@ class BitNode {
     bool took_part = false;  ///< integration is over
     bool counters = false;   ///< TEC, REC or bus-off changed
     bool start = false;      ///< dominant in the third bit of intermission: a frame began
+    // Of what failed:
+    bool unacknowledged = false;
+    can::ErrorKind kind = can::ErrorKind::other;
+    can::ErrorPlace place = can::ErrorPlace::unknown;
     [[nodiscard]] bool any() const noexcept {
       return accepted || sent || lost || failed || overload || took_part || counters || start;
     }
@@ -111,7 +118,8 @@ class BitNode {
   void in_delimiter(bool dominant, Outcome& outcome) noexcept;
   void in_intermission(bool dominant, Outcome& outcome) noexcept;
   enum class Cause : std::uint8_t { other, no_acknowledge, stuff_in_arbitration };
-  void fail(Outcome& outcome, Cause cause = Cause::other) noexcept;
+  void fail(Outcome& outcome, can::ErrorKind kind, Cause cause = Cause::other) noexcept;
+  [[nodiscard]] can::ErrorPlace place() const noexcept;
   void begin_overload(Outcome& outcome) noexcept;
   void enter(Activity next) noexcept {
     activity = next;

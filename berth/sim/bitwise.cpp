@@ -34,6 +34,13 @@ struct BitwisePlay::Domain final : rt::Job {
   [[nodiscard]] bool quiet() const noexcept {
     return std::ranges::all_of(groups, [](const auto& group) { return group->bits.quiet(); });
   }
+  /// One that sends the frame under way; null: none here.
+  [[nodiscard]] const BusNode* sender() const noexcept {
+    for (const auto& group : groups) {
+      if (group->bits.transmitter && group->members.front()->transmit.sending()) return group->members.front();
+    }
+    return nullptr;
+  }
   /// The group that the node is in; groups.end(): in none here.
   auto find(const BusNode& node) noexcept {
     return std::ranges::find_if(
@@ -278,7 +285,7 @@ void BitwisePlay::note(Domain& domain, BitGroup& group, const BitNode::Outcome& 
     }
   }
   if (outcome.fd_destroyed) ++medium_->statistics.fd_destroyed;
-  if (outcome.failed) note_failed(group, outcome.as_transmitter);
+  if (outcome.failed) note_failed(domain, group, outcome);
   if (outcome.overload && domain.start - overload_at_ > 12 * domain.bit) {
     overload_at_ = domain.start;
     ++medium_->statistics.overload_frames;
@@ -298,10 +305,25 @@ void BitwisePlay::note(Domain& domain, BitGroup& group, const BitNode::Outcome& 
   if (outcome.start) join_started(domain, group);
 }
 
-void BitwisePlay::note_failed(BitGroup& group, bool as_transmitter) {
-  if (medium_->faults.fail()) ++medium_->statistics.error_frames;
+void BitwisePlay::note_failed(const Domain& domain, BitGroup& group, const BitNode::Outcome& outcome) {
+  if (medium_->faults.fail()) {
+    can::BusError error;
+    error.report = can::error_report(outcome.kind, outcome.place, outcome.unacknowledged, outcome.as_transmitter,
+                                     group.bits.tec, group.bits.rec);
+    const BusNode* const front = group.members.front();
+    error.first = front->number;
+    error.beside_first = static_cast<unsigned>(group.members.size() - 1);
+    // Behind the frame a node still counts as its transmitter, and may have nothing more to send.
+    const BusNode* sender = outcome.as_transmitter && front->transmit.sending() ? front : nullptr;
+    for (const auto& each : domains_) sender = sender != nullptr ? sender : each->sender();
+    if (sender != nullptr) {
+      error.sender = sender->number;
+      error.frame = sender->head_frame();
+    }
+    medium_->count_error(error, domain.start + domain.bit);
+  }
   for (BusNode* node : group.members) {
-    ++(as_transmitter ? node->statistics.transmit_errors : node->statistics.receive_errors);
+    ++(outcome.as_transmitter ? node->statistics.transmit_errors : node->statistics.receive_errors);
     if (!node->transmit.sending()) continue;
     node->transmit.mark_tried();
     attempt_over(*node);

@@ -58,7 +58,7 @@ class BitwisePlay {
   void join_started(Domain& domain, BitGroup& group);
   void frame_begun(Domain& domain, BusNode& node);
   void note(Domain& domain, BitGroup& group, const BitNode::Outcome& outcome);
-  void note_failed(BitGroup& group, bool as_transmitter);
+  void note_failed(const Domain& domain, BitGroup& group, const BitNode::Outcome& outcome);
   void note_counters(BitGroup& group);
   void note_accepted(Domain& domain, BitGroup& group);
   void note_sent(Domain& domain, BusNode& node);

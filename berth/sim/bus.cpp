@@ -93,6 +93,18 @@ void Bus::join() {
   drop_empty_segments();
 }
 
+std::vector<std::vector<const Controller*>> pieces(const Bus& bus) {
+  std::vector<std::vector<const Controller*>> found;
+  for (const auto& segment : bus.segments_) {
+    std::vector<const Controller*> here;
+    for (const Controller* node : bus.controllers_) {
+      if (node->cable_in() && segment->medium().nodes.find(node) != BusNode::no_slot) here.push_back(node);
+    }
+    if (!here.empty()) found.push_back(std::move(here));
+  }
+  return found;
+}
+
 void Bus::move(Controller& controller, bool cable_in) noexcept {
   controller.node_.segment->hand_over(controller.node_, cable_in ? *segments_.front() : new_segment());
   drop_empty_segments();

@@ -58,7 +58,8 @@ class Bus {
   /// controller is to go on an FD bus: it would destroy every FD frame.
   [[nodiscard]] std::unique_ptr<Controller> attach(const ControllerOptions& options = {});
 
-  /// Every good frame of every segment, at its end. A tap must be removed before it is destroyed.
+  /// Every good frame of every segment, at its end, and every one that an error ended. A tap must be removed before it
+  /// is destroyed.
   void add_tap(can::Tap& tap);
   void remove_tap(can::Tap& tap) noexcept;
 
@@ -97,6 +98,7 @@ class Bus {
   friend class World;
   friend class Controller;
   friend struct Medium;
+  friend std::vector<std::vector<const Controller*>> pieces(const Bus& bus);
   Bus(World& world, int number, std::string name, can::BitRate bit_rate);
   void detach(Controller& controller) noexcept;
   void move(Controller& controller, bool cable_in) noexcept;
@@ -118,5 +120,8 @@ class Bus {
   BusStatistics statistics_;
   rt::Time statistics_since_{};
 };
+
+/// The pieces of a cut cable, or the whole of one: the nodes on each, by number. Without those that are unplugged.
+[[nodiscard]] std::vector<std::vector<const Controller*>> pieces(const Bus& bus);
 
 }  // namespace berth::sim

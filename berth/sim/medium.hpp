@@ -47,6 +47,11 @@ struct Medium {
     statistics.bits += bits;
     bus.good_frame(frame, at, sender);
   }
+  /// An error ended the frame under way: counted, and shown to the bus's taps.
+  void count_error(const can::BusError& error, rt::Time at) noexcept {
+    ++statistics.error_frames;
+    for (std::size_t i = 0; i < bus.taps_.size(); ++i) bus.taps_[i]->error(error, at);
+  }
 
   Bus& bus;
   rt::Executor& executor;

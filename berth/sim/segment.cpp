@@ -288,7 +288,12 @@ void Segment::give_up() noexcept {
   medium_.free_at = medium_.executor.now();
   state_ = State::quiet;
   medium_.statistics.busy += medium_.free_at - medium_.sof;
-  ++medium_.statistics.error_frames;
+  can::BusError error;
+  error.report = can::error_report(can::ErrorKind::other, can::ErrorPlace::acknowledge, true, true, node.errors.tec(),
+                                   node.errors.rec());
+  error.frame = frame_;
+  error.sender = error.first = node.number;
+  medium_.count_error(error, medium_.free_at);
   ++node.statistics.transmit_errors;
   node.access.suspend(medium_.free_at + 8 * medium_.nodes.bit());
   medium_.nodes.suspension(true);

@@ -37,10 +37,13 @@ std::uint64_t append_batch(const FrameRing& ring, std::uint64_t first, std::uint
         std::clamp<std::int64_t>(microseconds(frame) - before, 0, std::numeric_limits<std::uint32_t>::max());
     before += step;
     append(static_cast<std::uint64_t>(step), 4, out);
-    append(frame.frame.id | (frame.frame.extended ? 1U << 31U : 0U) | (frame.frame.remote ? 1U << 30U : 0U), 4, out);
+    append(frame.frame.id | (frame.frame.extended ? 1U << 31U : 0U) | (frame.frame.remote ? 1U << 30U : 0U) |
+               (frame.error ? 1U << 29U : 0U),
+           4, out);
     append(frame.bus, 1, out);
     const auto bytes = frame.frame.bytes();
-    append(frame.frame.size | (frame.own ? 0x80U : 0U), 1, out);  // of a remote frame what it asks for
+    append(frame.frame.size | (frame.own ? 0x80U : 0U) | (frame.cut ? 0x10U : 0U), 1,
+           out);  // of a remote frame what it asks for
     out.append(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   }
   out[head + 2] = static_cast<char>(count & 0xFFU);

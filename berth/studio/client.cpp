@@ -96,10 +96,9 @@ std::shared_ptr<Response> refused(const Request& request, const Hall& hall, std:
                                         : bearer(plain(request[http::field::authorization]));
   role = hall.tokens().role_of(token);
   if (role) return nullptr;
-  auto out =
-      words(&request, http::status::unauthorized,
-            "401: the token is missing or not that of this start; it stands in the address that berth up printed "
-            "and in the file beside its control socket");
+  auto out = words(&request, http::status::unauthorized,
+                   "401: the token is missing or not that of this start; it is in the address that berth up printed "
+                   "and in the file beside its control socket");
   out->set(http::field::www_authenticate, "Bearer");
   return out;
 }
@@ -129,7 +128,7 @@ class Visitor final : public Client {
   std::shared_ptr<Visitor> mine() { return std::static_pointer_cast<Visitor>(shared_from_this()); }
   void shake_hands() {
     wire_.tcp().expires_after(request_time);
-    wire_.async_handshake([self = mine()](Code error) {
+    wire_.handshake([self = mine()](Code error) {
       if (!error) return self->read();
       const bool plain = error.category() == asio::error::get_ssl_category() &&
                          ERR_GET_REASON(static_cast<unsigned long>(error.value())) == SSL_R_HTTP_REQUEST;
@@ -179,7 +178,7 @@ class Visitor final : public Client {
                        "413: a request has at most 65,536 bytes, a trace file 16 MiB (in gzip it may hold more)"));
     if (error.category() == http::make_error_code(http::error::bad_method).category() &&
         error != http::error::end_of_stream && error != http::error::partial_message)
-      return end(words(nullptr, http::status::bad_request, "400: this is no HTTP request"));
+      return end(words(nullptr, http::status::bad_request, "400: this is not an HTTP request"));
     if (error) return leave();
     wire_.tcp().expires_never();
     role_.reset();
@@ -205,6 +204,8 @@ class Visitor final : public Client {
       return send(words(&request, http::status::method_not_allowed, "405: GET, HEAD; POST of /api/v1/request"));
     if (target == "/api/v1/snapshot")
       return send(response(&request, http::status::ok, hall().snapshot(*role_), "application/json"));
+    if (target == "/api/v1/signals")
+      return send(response(&request, http::status::ok, hall().mirror().signals(), "application/json"));
     const Page page = page_at(target);
     if (page.body.data() == nullptr)
       return send(words(&request, http::status::not_found, "404: there is no such page"));
@@ -297,7 +298,7 @@ class Visitor final : public Client {
     if (!error && !ends_) return read();
     if (!error && wire_.secure()) {
       wire_.tcp().expires_after(farewell_time);
-      return wire_.async_shutdown([self = mine()](Code) { self->leave(); });
+      return wire_.shutdown([self = mine()](Code) { self->leave(); });
     }
     Code ignored;
     if (!error) wire_.tcp().socket().shutdown(asio::ip::tcp::socket::shutdown_send, ignored);

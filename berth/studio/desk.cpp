@@ -34,9 +34,14 @@ struct Desk::Work {
 
 namespace {
 
+bool same(const std::optional<operate::EmcyReport>& a, const std::optional<operate::EmcyReport>& b) {
+  return a.has_value() == b.has_value() && (!a || (a->code == b->code && a->at == b->at && a->count == b->count));
+}
+
+// When it was heard last is no change: that would be one for each heartbeat.
 bool same(const operate::SlotReport& a, const operate::SlotReport& b) {
   return a.bus == b.bus && a.id == b.id && a.device == b.device && a.state == b.state && a.since == b.since &&
-         a.reason == b.reason && a.boot == b.boot;
+         a.reason == b.reason && a.boot == b.boot && a.nmt == b.nmt && same(a.emcy, b.emcy);
 }
 
 // The time of a question is when it was asked about.
@@ -54,8 +59,9 @@ Desk::Desk(io::Loop& loop, tree::Session& session, Carry carry, Link& link)
       tick_(*this, session.executor()),
       done_(*this, session.executor()) {
   for (const auto* const bus : session.machine().all_buses()) {
-    if (buses_.size() < 255) buses_.emplace(bus->name, static_cast<std::uint8_t>(buses_.size()));
+    if (buses_.size() < Link::most_buses) buses_.emplace(bus->name, static_cast<std::uint8_t>(buses_.size()));
   }
+  errors_.resize(buses_.size());
   loop_->watch(link_->for_executor.descriptor(), *this, EPOLLIN);
   tick();
 }
@@ -65,6 +71,33 @@ Desk::~Desk() { loop_->forget(link_->for_executor.descriptor()); }
 void Desk::frame(std::string_view bus, const can::Frame& frame, rt::Time at, bool own) noexcept {
   const auto it = buses_.find(bus);
   if (it != buses_.end()) link_->ring.put(it->second, frame, at, own);
+}
+
+void Desk::error(std::string_view bus, const can::Frame& report, rt::Time at, std::string_view about) {
+  const auto it = buses_.find(bus);
+  if (it == buses_.end()) return;
+  link_->health[it->second].errors.fetch_add(1, std::memory_order_relaxed);
+  Errors& errors = errors_[it->second];
+  const std::int64_t second = at.time_since_epoch() / std::chrono::seconds(1);
+  if (errors.second != second) errors = {second, 0};
+  if (++errors.count <= most_errors) link_->ring.put_error(it->second, report, at, about);
+}
+
+void Desk::look_at_ports() {
+  for (const auto& [name, index] : buses_) {
+    auto* const network = session_->network(name);
+    if (network == nullptr) continue;
+    const can::Status status = network->services().port.status();
+    const auto least = [](std::uint16_t count) {
+      return static_cast<std::uint8_t>(std::min<std::uint16_t>(count, 255));
+    };
+    const BusHealth::State state{.up = status.up,
+                                 .bus_off = status.bus_off,
+                                 .counts = status.knows_counters,
+                                 .tec = least(status.tec),
+                                 .rec = least(status.rec)};
+    link_->health[index].state.store(BusHealth::packed(state), std::memory_order_relaxed);
+  }
 }
 
 void Desk::event(const operate::Event& event) {
@@ -197,6 +230,7 @@ void Desk::answer(Answer answer) {
 void Desk::tick() noexcept {
   const rt::Time now = session_->executor().now();
   link_->now_ns.store(now.time_since_epoch().count(), std::memory_order_relaxed);
+  look_at_ports();
   const bool locks = told_lock_ && *told_lock_ != lock();
   if (!events_.empty() || locks || ticks_ % 10 == 0) tell();
   ++ticks_;

@@ -41,6 +41,10 @@ class Desk final : private io::Watcher {
   void look();
   /// A frame of a bus; of a bus that the machine lacks nothing is kept. No heap, no lock.
   void frame(std::string_view bus, const can::Frame& frame, rt::Time at, bool own) noexcept;
+  /// A report of an error there, and what is known of it beside. Of more than `most_errors` a second on one bus the
+  /// rest is counted only: a node that nobody acknowledges repeats its frame for ever.
+  void error(std::string_view bus, const can::Frame& report, rt::Time at, std::string_view about);
+  static constexpr unsigned most_errors = 200;
 
  private:
   struct Work;
@@ -52,6 +56,7 @@ class Desk final : private io::Watcher {
   void tick() noexcept;
   void tell();
   void flush();
+  void look_at_ports();
   [[nodiscard]] bool turned_away(const Order& order);
   void note_written(const command::Request& request, const command::Reply& reply);
   [[nodiscard]] bool may_change() const;
@@ -64,7 +69,12 @@ class Desk final : private io::Watcher {
   tree::Session* session_;
   Carry carry_;
   Link* link_;
+  struct Errors {
+    std::int64_t second = -1;  // of the executor's time
+    unsigned count = 0;        // in it
+  };
   std::map<std::string, std::uint8_t, std::less<>> buses_;
+  std::vector<Errors> errors_;  // by bus
   std::vector<std::unique_ptr<Work>> works_;
   std::deque<News> waiting_;  // answers that found no room; bounded by `most_requests` and the orders refused
   std::vector<operate::SlotReport> told_;

@@ -109,7 +109,7 @@ tl::expected<Tokens, std::string> Tokens::keep(const std::string& path) {
   const bool plain = ::fstat(fd, &what) == 0 && S_ISREG(what.st_mode);
   const auto got = plain ? ::read(fd, buffer.data(), buffer.size()) : -1;
   ::close(fd);
-  if (!plain || got < 0) return tl::unexpected(fmt::format("{}: this is no file that can be read", path));
+  if (!plain || got < 0) return tl::unexpected(fmt::format("{}: this is not a file that can be read", path));
   if ((what.st_mode & 077U) != 0)
     return tl::unexpected(fmt::format("{}: other users can read the tokens in it: chmod 600 {}", path, path));
   Tokens tokens;

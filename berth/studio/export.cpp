@@ -50,7 +50,7 @@ tl::expected<TraceQuery, std::string> parse_trace_query(std::string_view query) 
     query = end == std::string_view::npos ? std::string_view() : query.substr(end + 1);
     const auto equals = pair.find('=');
     const auto value = decoded(equals == std::string_view::npos ? std::string_view() : pair.substr(equals + 1));
-    if (!value) return tl::unexpected(std::string("a % stands before two hexadecimal digits"));
+    if (!value) return tl::unexpected(std::string("a % comes before two hexadecimal digits"));
     auto problem = read_key(pair.substr(0, equals), *value, wanted);
     if (!problem.empty()) return tl::unexpected(std::move(problem));
   }
@@ -78,13 +78,15 @@ Export::Export(const FrameRing& ring, const std::vector<std::string>& buses, con
 bool Export::step(std::size_t frames, std::string& out) {
   RingFrame frame;
   for (; frames > 0 && at_ < end_; --frames, ++at_) {
-    if (!ring_->read(at_, frame) || frame.cut || frame.bus >= buses_->size()) continue;
+    if (!ring_->read(at_, frame) || frame.bus >= buses_->size()) continue;
     const bool fits = matcher_.lets_all() || matcher_.fits(frame);
     if (!fits || at_ < from_) continue;
+    if (frame.fd && !ring_->whole(at_, frame.frame)) continue;
     const trace::Entry entry{.at = frame.at.time_since_epoch(),
                              .bus = frame.bus,
                              .frame = frame.frame,
-                             .direction = frame.own ? trace::Direction::sent : trace::Direction::received};
+                             .direction = frame.own ? trace::Direction::sent : trace::Direction::received,
+                             .error = frame.error};
     writer_->write(entry, (*buses_)[frame.bus], out);
   }
   if (at_ < end_) return false;

@@ -34,7 +34,7 @@ class Export {
   /// Ring and names must stay. What comes after this moment is not looked at.
   Export(const FrameRing& ring, const std::vector<std::string>& buses, const TraceQuery& query);
   /// Looks at so many frames and appends what they are in the file; true: that was its end. What was overwritten
-  /// meanwhile is left out, and so are FD frames of more than 8 bytes, of which the ring has only the first 8.
+  /// meanwhile is left out, and so are FD frames of which the ring has only the first 8 bytes any more.
   bool step(std::size_t frames, std::string& out);
 
  private:

@@ -7,13 +7,18 @@
 ///     if (ring.read(number, frame)) ...            // any thread; false: not there yet, or overwritten
 ///
 /// A record is four words. The first is the frame's number plus one, and 0 while the record is written: a reader takes
-/// it before and behind the others, so that it never gives a torn record. 32 bytes a frame: 32 MiB for `standard`.
+/// it before and behind the others, so that it never gives a torn record. 32 bytes a frame: 32 MiB for `standard`. What
+/// an FD frame has beyond its first 8 bytes stands in records of their own, one for 16 frames of the ring (4 MiB): the
+/// newest have it all. Reports of errors (can/bus_error.hpp) are records like frames, numbered among them.
 #pragma once
 
 #include <array>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "berth/can/frame.hpp"
@@ -27,7 +32,10 @@ struct RingFrame {
   std::uint8_t bus = 0;      ///< index among the machine's buses
   bool own = false;          ///< sent by Berth
   bool cut = false;          ///< an FD frame of more than 8 bytes: `frame` has the first 8 of them
-  can::Frame frame;          ///< classic: whether it was FD, only `cut` tells
+  bool fd = false;           ///< an FD frame: `frame` is classic all the same, `FrameRing::whole` has it as it was
+  bool error = false;        ///< no frame: `frame` is a report of an error
+  std::string_view about{};  ///< error: who signalled what, where that is known; stays as long as the ring
+  can::Frame frame;
 };
 
 class FrameRing {
@@ -40,12 +48,17 @@ class FrameRing {
 
   /// The one thread that fills it.
   void put(std::uint8_t bus, const can::Frame& frame, rt::Time at, bool own) noexcept;
+  /// The same thread. `about`: of the first `most_words` different ones all readers have them, later ones are left out.
+  void put_error(std::uint8_t bus, const can::Frame& report, rt::Time at, std::string_view about);
+  static constexpr std::size_t most_words = 2048;
 
   /// Frames that came, ever: the number of the next one.
   [[nodiscard]] std::uint64_t next() const noexcept { return next_.load(std::memory_order_acquire); }
   /// The oldest that is still there; by the time it is read, it may not be.
   [[nodiscard]] std::uint64_t first() const noexcept;
   [[nodiscard]] bool read(std::uint64_t number, RingFrame& into) const noexcept;
+  /// An FD frame as it was; false: it, or what it has beyond 8 bytes, was overwritten.
+  [[nodiscard]] bool whole(std::uint64_t number, can::Frame& into) const noexcept;
   [[nodiscard]] std::size_t most() const noexcept { return records_.size(); }
 
  private:
@@ -56,7 +69,25 @@ class FrameRing {
     std::atomic<std::uint64_t> data{0};
   };
   static_assert(sizeof(Record) == 32);
+  struct Rest {
+    std::atomic<std::uint64_t> stamp{0};  // as of a record
+    std::array<std::atomic<std::uint64_t>, 7> data{};
+  };
+  static_assert(sizeof(Rest) == 64);
+  /// What a record says.
+  struct Words {
+    std::uint64_t at = 0, head = 0, data = 0;
+  };
+  [[nodiscard]] bool take(std::uint64_t number, Words& into) const noexcept;
+  void put(std::uint64_t head, rt::Time at, const can::Frame& frame) noexcept;
+  void put_rest(std::uint64_t number, const can::Frame& frame) noexcept;
+  [[nodiscard]] std::uint64_t word_of(std::string_view about);
+
   std::vector<Record> records_;
+  std::vector<Rest> rests_;
+  std::vector<std::string> words_;  // behind the first `words_there_` the writer adds; these do not change
+  std::map<std::string, std::uint64_t, std::less<>> known_words_;  // the writer's
+  std::atomic<std::size_t> words_there_{0};
   alignas(64) std::atomic<std::uint64_t> next_{0};
 };
 

@@ -2,6 +2,7 @@
 /// each way. Each queue is bounded; neither thread ever waits for the other. Inside of room `studio`.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <optional>
@@ -65,17 +66,44 @@ struct News {
   }
 };
 
+/// How a bus is, as Berth's port there tells it.
+struct BusHealth {
+  std::atomic<std::uint64_t> errors{0};  ///< error frames, ever
+  std::atomic<std::uint32_t> state{0};   ///< `packed`; 0: the bus has no port, or it tells nothing
+  struct State {
+    bool up = false;
+    bool bus_off = false;
+    bool counts = false;  ///< tec and rec are real
+    std::uint8_t tec = 0;
+    std::uint8_t rec = 0;
+  };
+  [[nodiscard]] static std::uint32_t packed(const State& state) noexcept {
+    return 1U | (state.up ? 2U : 0U) | (state.bus_off ? 4U : 0U) | (state.counts ? 8U : 0U) |
+           std::uint32_t{state.tec} << 8U | std::uint32_t{state.rec} << 16U;
+  }
+  [[nodiscard]] static std::optional<State> unpacked(std::uint32_t word) noexcept {
+    if ((word & 1U) == 0) return std::nullopt;
+    return State{.up = (word & 2U) != 0,
+                 .bus_off = (word & 4U) != 0,
+                 .counts = (word & 8U) != 0,
+                 .tec = static_cast<std::uint8_t>(word >> 8U),
+                 .rec = static_cast<std::uint8_t>(word >> 16U)};
+  }
+};
+
 struct Link {
   static constexpr std::size_t most_orders = 64;
   static constexpr std::size_t most_news = 256;
+  static constexpr std::size_t most_buses = 255;
   explicit Link(std::size_t frames) : ring(frames) {}
 
   FrameRing ring;
   Handover<Order> orders{most_orders};
   Handover<News> news{most_news};
-  Bell for_executor;                    ///< there are orders
-  Bell for_server;                      ///< there is news
-  std::atomic<std::int64_t> now_ns{0};  ///< the executor's time, ten times a second, and while it stands
+  Bell for_executor;                         ///< there are orders
+  Bell for_server;                           ///< there is news
+  std::array<BusHealth, most_buses> health;  ///< in the order of the machine's buses
+  std::atomic<std::int64_t> now_ns{0};       ///< the executor's time, ten times a second, and while it stands
 };
 
 }  // namespace berth::studio

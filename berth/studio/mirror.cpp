@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
+#include <random>
 
 #include "berth/can/port_spec.hpp"
 #include "berth/command/verbs.hpp"
@@ -88,8 +89,8 @@ std::string lock_json(const Lock& lock) {
 
 }  // namespace
 
-Mirror::Mirror(const design::Machine& machine, bool simulated, std::string token_file)
-    : verbs_(verbs_json()), simulated_(simulated), token_file_(std::move(token_file)) {
+Mirror::Mirror(const design::Machine& machine, bool simulated, std::string token_file, std::string signals)
+    : verbs_(verbs_json()), simulated_(simulated), token_file_(std::move(token_file)), signals_(std::move(signals)) {
   Json buses = Json::array();
   for (const auto* const bus : machine.all_buses()) {
     buses.push_back(bus_json(machine, *bus));
@@ -97,7 +98,7 @@ Mirror::Mirror(const design::Machine& machine, bool simulated, std::string token
     bit_rates_.push_back(bus->bitrate);
   }
   head_ =
-      fmt::format(R"("machine":{},"buses":{})",
+      fmt::format(R"("start":"{:08x}{:08x}","machine":{},"buses":{})", std::random_device{}(), std::random_device{}(),
                   dump(Json{{"name", machine.name}, {"simulated", simulated}, {"file", machine.file}}), dump(buses));
 }
 

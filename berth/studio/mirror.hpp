@@ -20,20 +20,22 @@ class Mirror {
   static constexpr std::size_t most_events = 1000;
   static constexpr std::size_t most_event_bytes = std::size_t{1} << 20U;  ///< of them all: a device's words may be long
 
-  /// `token_file`: as of `TokenFiles`; empty: there is none.
-  Mirror(const design::Machine& machine, bool simulated, std::string token_file = {});
+  /// `token_file`: as of `TokenFiles`; empty: there is none. `signals`: as of `Options`.
+  Mirror(const design::Machine& machine, bool simulated, std::string token_file = {}, std::string signals = {});
 
   /// The message for all; empty: it is an answer and changes nothing.
   [[nodiscard]] std::string take(const News& news);
   [[nodiscard]] std::string snapshot(double time_s, command::Role role) const;
   /// {"paused", "speed", "time_s"}; null: the machine is not simulated.
   [[nodiscard]] std::string world_json(double time_s) const;
+  /// JSON: where the signals of the machine's messages stand.
+  [[nodiscard]] const std::string& signals() const noexcept { return signals_; }
   [[nodiscard]] const Pace& pace() const noexcept { return pace_; }
   [[nodiscard]] const std::vector<std::string>& buses() const noexcept { return buses_; }
   [[nodiscard]] const std::vector<std::uint32_t>& bit_rates() const noexcept { return bit_rates_; }
 
  private:
-  std::string head_;   // machine, buses
+  std::string head_;   // this start, machine, buses
   std::string verbs_;  // the table
   std::vector<std::string> buses_;
   std::vector<std::uint32_t> bit_rates_;
@@ -46,6 +48,7 @@ class Mirror {
   Pace pace_;
   bool simulated_;
   std::string token_file_;
+  std::string signals_;
   std::uint64_t seq_ = 0;
 };
 

@@ -22,6 +22,7 @@ RingFrame row_of(const trace::Entry& entry, std::uint64_t number) {
   row.at = rt::Time(entry.at);
   row.own = entry.direction == trace::Direction::sent;
   row.cut = entry.frame.size > 8;
+  row.error = entry.error;
   row.frame = entry.frame;
   row.frame.size = std::min<std::uint8_t>(entry.frame.size, 8);
   return row;
@@ -37,7 +38,7 @@ bool Opened::step() {
     const auto bytes = std::string_view(bytes_).substr(fed_, piece);
     fed_ += bytes.size();
     wrong_ = file_.feed(bytes, *this);
-    if (wrong_.empty() && frames_ + errors_ > most_entries)
+    if (wrong_.empty() && frames_ > most_entries)
       wrong_ = fmt::format(
           "{}: more than {} frames: cut it into parts (berth trace FILE --after TIME --before TIME -o "
           "PART)",
@@ -51,25 +52,25 @@ bool Opened::step() {
 
 tl::expected<std::string, std::string> Opened::answer() const {
   if (!wrong_.empty()) return tl::unexpected(wrong_);
-  auto findings = findings_;
-  if (errors_ > 0) findings.push_back(fmt::format("{}: note: {} error frames have no row", name_, errors_));
   const auto format = file_.format();
   return fmt::format(
       R"({{"name":{},"format":"{}","buses":{},"frames":{},"rows":[{}],"findings":{},"more_findings":{}}})",
-      as_text(name_), format ? trace::name(*format) : "", as_text(file_.buses()), frames_, rows_, as_text(findings),
+      as_text(name_), format ? trace::name(*format) : "", as_text(file_.buses()), frames_, rows_, as_text(findings_),
       more_findings_);
 }
 
 void Opened::entry(const trace::Entry& entry) {
-  if (entry.error) {
-    ++errors_;
-    return;
-  }
   const auto number = frames_++;
   if (number >= most_frames || entry.bus >= most_buses) return;
   if (words_.size() <= entry.bus) words_.resize(entry.bus + std::size_t{1});
   if (!rows_.empty()) rows_ += ',';
-  append_row(row_of(entry, number), file_.buses()[entry.bus], words_[entry.bus].words(entry.frame), rows_);
+  std::string words;
+  if (entry.error) {
+    decode::error_words(entry.frame, words);
+  } else {
+    words_[entry.bus].words(entry.frame, words);
+  }
+  append_row(row_of(entry, number), file_.buses()[entry.bus], words, rows_);
 }
 
 void Opened::finding(Finding finding) {

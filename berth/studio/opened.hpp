@@ -39,8 +39,7 @@ class Opened final : private trace::Sink {
   std::string wrong_;
   std::vector<decode::Interpreter> words_;  // by bus
   std::uint64_t frames_ = 0;
-  std::uint64_t errors_ = 0;  // error frames, which have no row
-  std::string rows_;          // JSON
+  std::string rows_;  // JSON
   std::vector<std::string> findings_;
   std::uint64_t more_findings_ = 0;
 };

@@ -10,10 +10,10 @@ constexpr std::string_view none_built =
     "<!doctype html>\n"
     "<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Berth Studio</title></head><body>\n"
     "<h1>Berth Studio</h1>\n"
-    "<p>This berth was built without the pages of Studio. To build them (Node 18 or later):</p>\n"
-    "<pre>cd web\nnpm ci\nnpm run build</pre>\n"
-    "<p>and then berth again: CMake takes web/dist into the program. The interface that they use is here: "
-    "docs/api.md describes it.</p>\n"
+    "<p>This berth was built without the pages of Studio. In the folder of Berth's sources,</p>\n"
+    "<pre>./run pages</pre>\n"
+    "<p>installs what they need (nodejs, npm), builds them, and the program with them; then start berth again. The "
+    "interface that they use is here: docs/api.md describes it.</p>\n"
     "</body></html>\n";
 
 constexpr std::pair<std::string_view, std::string_view> types[] = {

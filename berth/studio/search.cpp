@@ -84,7 +84,12 @@ std::pair<FoundBefore::Entry&, bool> FoundBefore::at(const can::Frame& frame, un
 }
 
 void FrameWords::of(const RingFrame& frame, std::string& out) {
-  buses_[std::min<std::size_t>(frame.bus, buses_.size() - 1)].words(frame.frame, out);
+  if (!frame.error) {
+    buses_[std::min<std::size_t>(frame.bus, buses_.size() - 1)].words(frame.frame, out);
+    return;
+  }
+  decode::error_words(frame.frame, out);
+  if (!frame.about.empty()) fmt::format_to(std::back_inserter(out), "; {}", frame.about);
 }
 
 void append_row(const RingFrame& frame, std::string_view bus, std::string_view words, std::string& out) {
@@ -95,6 +100,8 @@ void append_row(const RingFrame& frame, std::string_view bus, std::string_view w
   out += "\",\"text\":" + in_quotes(words);
   if (frame.frame.remote) fmt::format_to(std::back_inserter(out), R"(,"dlc":{})", frame.frame.size);
   if (frame.cut) out += ",\"cut\":true";
+  if (frame.own) out += ",\"own\":true";
+  if (frame.error) out += ",\"error\":true";
   out += '}';
 }
 
@@ -124,7 +131,7 @@ bool Matcher::fits(const RingFrame& frame) {
 
 Filter::Words Matcher::said(const RingFrame& frame) {
   text_.clear();
-  const auto bytes = decode::rests_on(frame.frame);
+  const auto bytes = frame.error ? std::nullopt : decode::rests_on(frame.frame);
   if (!bytes) {
     words_.of(frame, text_);
     row_ = text_;

@@ -85,7 +85,8 @@ class Matcher {
   std::string row_;
 };
 
-/// {"n", "t_s", "bus", "id", "ext", "rtr", "data", "text"}; "cut" too for an FD frame of more than 8 bytes.
+/// {"n", "t_s", "bus", "id", "ext", "rtr", "data", "text"}; "cut" too for an FD frame of more than 8 bytes, "own" for
+/// one that was sent by who recorded it, "error" for a report of an error.
 void append_row(const RingFrame& frame, std::string_view bus, std::string_view words, std::string& out);
 
 class Search {

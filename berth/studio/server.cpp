@@ -16,7 +16,7 @@ void Rates::tick(std::chrono::steady_clock::time_point now) {
   RingFrame frame;
   const auto next = ring_->next();
   for (auto n = std::max(counted_, ring_->first()); n < next; ++n) {
-    if (!ring_->read(n, frame) || frame.bus >= buses_.size()) continue;
+    if (!ring_->read(n, frame) || frame.error || frame.bus >= buses_.size()) continue;
     ++buses_[frame.bus].frames;
     buses_[frame.bus].bits += can::exact_bits(frame.frame);
   }
@@ -28,15 +28,44 @@ void Rates::tick(std::chrono::steady_clock::time_point now) {
     Bus& bus = buses_[i];
     bus.per_s = static_cast<double>(bus.frames) / passed;
     bus.load = std::min(1.0, static_cast<double>(bus.bits) / passed / mirror_->bit_rates()[i]);
+    const auto all = errors(i);
+    bus.errors_per_s = static_cast<double>(all - bus.errors) / passed;
+    bus.errors = all;
     bus.frames = bus.bits = 0;
   }
   since_ = now;
 }
 
+std::uint64_t Rates::errors(std::size_t bus) const noexcept {
+  return bus < Link::most_buses ? link_->health[bus].errors.load(std::memory_order_relaxed) : 0;
+}
+
+namespace {
+
+const char* word_of(const BusHealth::State& state) noexcept {
+  if (!state.up) return "down";
+  if (state.bus_off) return "bus-off";
+  const unsigned most = std::max(state.tec, state.rec);
+  return most > 127 ? "passive" : most >= 96 ? "warning" : "active";
+}
+
+}  // namespace
+
 std::string Rates::json(std::uint64_t left_out, double time_s) const {
   auto buses = nlohmann::ordered_json::array();
   for (std::size_t i = 0; i < buses_.size(); ++i) {
-    buses.push_back({{"bus", mirror_->buses()[i]}, {"frames_per_s", buses_[i].per_s}, {"load", buses_[i].load}});
+    buses.push_back({{"bus", mirror_->buses()[i]},
+                     {"frames_per_s", buses_[i].per_s},
+                     {"load", buses_[i].load},
+                     {"errors_per_s", buses_[i].errors_per_s},
+                     {"errors", errors(i)}});
+    if (i >= Link::most_buses) continue;
+    const auto state = BusHealth::unpacked(link_->health[i].state.load(std::memory_order_relaxed));
+    if (!state) continue;
+    buses.back()["state"] = word_of(*state);
+    if (!state->counts) continue;
+    buses.back()["tec"] = state->tec;
+    buses.back()["rec"] = state->rec;
   }
   return fmt::format(R"({{"type":"rates","buses":{},"ring":{{"first":{},"next":{}}},"left_out":{},"world":{}}})",
                      buses.dump(), ring_->first(), ring_->next(), left_out, mirror_->world_json(time_s));
@@ -52,7 +81,7 @@ Hall::Hall(int listener, bool ipv6, std::uint16_t port, std::unique_ptr<Tls> tls
       tokens_(std::move(tokens)),
       mirror_(std::move(mirror)),
       link_(&link),
-      rates_(link.ring, mirror_) {
+      rates_(link, mirror_) {
   bell_.assign(::dup(link.for_server.descriptor()));
 }
 

@@ -76,18 +76,22 @@ class Client : public std::enable_shared_from_this<Client> {
   std::uint64_t number_;
 };
 
-/// Frames a second and load of each bus, of the last second.
+/// Frames and error frames a second, and load of each bus, of the last second.
 class Rates {
  public:
-  explicit Rates(const FrameRing& ring, const Mirror& mirror) : ring_(&ring), mirror_(&mirror), counted_(ring.next()) {}
+  explicit Rates(const Link& link, const Mirror& mirror)
+      : link_(&link), ring_(&link.ring), mirror_(&mirror), counted_(link.ring.next()) {}
   void tick(std::chrono::steady_clock::time_point now);
   [[nodiscard]] std::string json(std::uint64_t left_out, double time_s) const;
 
  private:
   struct Bus {
-    std::uint64_t frames = 0, bits = 0;
-    double per_s = 0, load = 0;
+    std::uint64_t frames = 0, bits = 0, errors = 0;  // errors: ever, when the second began
+    double per_s = 0, load = 0, errors_per_s = 0;
   };
+  [[nodiscard]] std::uint64_t errors(std::size_t bus) const noexcept;
+
+  const Link* link_;
   const FrameRing* ring_;
   const Mirror* mirror_;
   std::uint64_t counted_;

@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <thread>
 #include <utility>
 
 #include "berth/studio/doors.hpp"
+#include "berth/studio/export.hpp"
 #include "berth/studio/server_parts.hpp"
 
 namespace berth::studio {
@@ -37,6 +39,12 @@ tl::expected<std::unique_ptr<Tls>, std::string> secured(const Options& options) 
   return nullptr;
 }
 
+std::vector<std::string> names_of(const design::Machine& machine) {
+  std::vector<std::string> names;
+  for (const auto* const bus : machine.all_buses()) names.push_back(bus->name);
+  return names;
+}
+
 /// What a browser opens: the host as it was named where the certificate is for it, or it is this computer only.
 std::string host_of(const io::Endpoint& named, const io::Endpoint& where, const Tls* tls) {
   if (tls != nullptr && tls->names(named.host)) return named.host;
@@ -52,10 +60,11 @@ class Studio::Impl {
        tree::Session& session, Carry carry, const Options& options)
       : where_(std::move(where)),
         files_(std::move(files)),
+        buses_(names_of(session.machine())),
         link_(options.frames),
         shown_{host_of(options.where, where_, tls.get()), where_.port},
         hall_(listener, where_.host.find(':') != std::string::npos, where_.port, std::move(tls), std::move(tokens),
-              Mirror(session.machine(), options.simulated, options.token_file), link_),
+              Mirror(session.machine(), options.simulated, options.token_file, options.signals), link_),
         desk_(loop, session, std::move(carry), link_),
         thread_([this] { hall_.run(); }) {}
   ~Impl() {
@@ -70,10 +79,21 @@ class Studio::Impl {
   }
   [[nodiscard]] const Tokens& tokens() const noexcept { return hall_.tokens(); }
   [[nodiscard]] Desk& desk() noexcept { return desk_; }
+  [[nodiscard]] RingPart ring(std::uint64_t from, std::size_t count, const std::string& filter) const {
+    const std::uint64_t first = std::max(from, link_.ring.first());
+    const std::uint64_t end = link_.ring.next();
+    RingPart part{.next = std::min(first + count, end), .end = end};
+    if (part.next <= first) return part;
+    Export lines(link_.ring, buses_, {.from = first, .to = part.next - 1, .filter = filter});
+    while (!lines.step(count, part.text)) {
+    }
+    return part;
+  }
 
  private:
   io::Endpoint where_;
   TokenFiles files_;
+  std::vector<std::string> buses_;
   Link link_;
   io::Endpoint shown_;
   Hall hall_;
@@ -117,6 +137,13 @@ void Studio::event(const operate::Event& event) { impl_->desk().event(event); }
 void Studio::look() { impl_->desk().look(); }
 void Studio::frame(std::string_view bus, const can::Frame& frame, rt::Time at, bool own) noexcept {
   impl_->desk().frame(bus, frame, at, own);
+}
+void Studio::error(std::string_view bus, const can::Frame& report, rt::Time at, std::string_view about) {
+  impl_->desk().error(bus, report, at, about);
+}
+
+RingPart Studio::ring(std::uint64_t from, std::size_t count, const std::string& filter) const {
+  return impl_->ring(from, count, filter);
 }
 
 }  // namespace berth::studio

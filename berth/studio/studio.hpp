@@ -10,6 +10,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -37,6 +38,14 @@ struct Options {
   std::string tokens_kept{};  ///< the tokens are those of this file: `Tokens::keep`; empty: new ones
   bool simulated = false;     ///< for the pages
   std::size_t frames = FrameRing::standard;
+  std::string signals = R"({"buses":[]})";  ///< JSON: what `GET /api/v1/signals` answers
+};
+
+/// Frames of the ring, as lines of a candump log.
+struct RingPart {
+  std::string text{};
+  std::uint64_t next = 0;  ///< the first frame that was not looked at
+  std::uint64_t end = 0;   ///< behind the newest
 };
 
 class Studio {
@@ -60,6 +69,11 @@ class Studio {
   /// Between two turns of the loop: tells when the world's time was held or set to another speed.
   void look();
   void frame(std::string_view bus, const can::Frame& frame, rt::Time at, bool own) noexcept;
+  /// A report of an error on a bus (can/bus_error.hpp), and what is known of it beside.
+  void error(std::string_view bus, const can::Frame& report, rt::Time at, std::string_view about);
+  /// Those that `filter` (as of "frames") lets through, of `count` frames from the number `from` on, or from the
+  /// oldest.
+  [[nodiscard]] RingPart ring(std::uint64_t from, std::size_t count, const std::string& filter) const;
 
  private:
   class Impl;

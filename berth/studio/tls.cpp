@@ -41,7 +41,7 @@ std::string problem(const std::string& file, const Code& error) { return fmt::fo
 tl::expected<struct stat, std::string> look_at(const std::string& file) {
   struct stat what {};
   if (::stat(file.c_str(), &what) != 0) return tl::unexpected(fmt::format("{}: {}", file, std::strerror(errno)));
-  if (!S_ISREG(what.st_mode)) return tl::unexpected(fmt::format("{}: this is no file", file));
+  if (!S_ISREG(what.st_mode)) return tl::unexpected(fmt::format("{}: this is not a file", file));
   return what;
 }
 

@@ -95,7 +95,7 @@ std::string other_conditions(const Conditions& wanted) {
 }
 
 constexpr const char* both_marks =
-    "begin: the master's heartbeat 77F#05 before the first request; end: the one behind the procedure";
+    "begin: the master's heartbeat 77F#05 before the first request; end: the one after the procedure";
 
 Row preparation(const times::Conditions& c, Figures& figures) {
   Row row{.paper = 1, .what = "preparation: 30 slaves guarded, formula (2)"};

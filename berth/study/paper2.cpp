@@ -87,7 +87,7 @@ Row fastscan(const Conditions& c, Figures& figures) {
   row.berth = by_method(plant, rate(c), discovery::Method::planner_fastscan, {.window = 10ms}, figures,
                         "paper2-fastscan-berth");
   row.trace = "paper2-fastscan";
-  row.marks = "begin: the master's heartbeat 77F#05 before the first request; end: the one behind the last window";
+  row.marks = "begin: the master's heartbeat 77F#05 before the first request; end: the one after the last window";
   row.note =
       "128 x 10 ms. CiA 305 takes 133 requests (80h, 32 bits and the whole number for each part), and each is 0.9 to "
       "1.1 ms "

@@ -112,7 +112,7 @@ Row all_bits(const Conditions& c, Figures& figures) {
   row.berth = by_method(plant, f.bit_rate, discovery::Method::planner_fastscan, {.window = f.timeout}, figures,
                         "paper4-scan-berth");
   row.trace = "paper4-scan";
-  row.marks = "begin: the master's heartbeat 77F#05 before the first request; end: the one behind the last window";
+  row.marks = "begin: the master's heartbeat 77F#05 before the first request; end: the one after the last window";
   row.note =
       "128 x 10 ms are 1.28 s, and the four confirmations that the paper mentions make 1.32. Simulated: the 132 "
       "requests of "

@@ -47,7 +47,7 @@ std::vector<std::string> differences(Stage& stage, const std::vector<LssAddress>
   }
   for (const auto& address : found) {
     if (std::ranges::find(real, address) == real.end())
-      lines.push_back(fmt::format("{} was found and is no device", to_string(address)));
+      lines.push_back(fmt::format("{} was found and is not a device", to_string(address)));
   }
   return lines;
 }

@@ -70,11 +70,31 @@ std::string Reach::path(Table& table, std::string_view key, const std::string& n
   auto found = path(name);
   if (found) return *std::move(found);
   ++refused_;
-  table.error(key, fmt::format("{} leads out of {}", text::quoted(name), folder()),
-              fmt::format("put the file there; or put an empty {} into a folder above that has both; or say "
-                          "--allow-outside FOLDER",
-                          project_file));
+  table.error(
+      key, fmt::format("{} leads out of {}", text::quoted(name), folder()),
+      fmt::format(
+          "put the file there; or put an empty {} into a folder above that has both; or give --allow-outside FOLDER",
+          project_file));
   return {};
+}
+
+bool Reach::there(Table& table, std::string_view key, const std::string& path) {
+  namespace fs = std::filesystem;
+  std::error_code none;
+  const fs::path file(path);
+  if (fs::exists(file, none)) return true;
+  constexpr std::size_t most = 1000;  // names that are compared
+  std::vector<std::string> names;
+  const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
+  for (fs::directory_iterator at(folder, none), end; !none && at != end && names.size() < most; at.increment(none)) {
+    if (at->path().extension() == file.extension()) names.push_back(at->path().filename().string());
+  }
+  const std::vector<std::string_view> known(names.begin(), names.end());
+  const auto near = closest(file.filename().string(), known);
+  table.error(key, fmt::format("{} not found", path),
+              near.empty() ? "a file name is meant as seen from the folder of this file"
+                           : fmt::format("did you mean {}?", near));
+  return false;
 }
 
 }  // namespace berth::text

@@ -36,6 +36,10 @@ class Reach {
   /// of them it is empty without another error.
   [[nodiscard]] std::string path(Table& table, std::string_view key, const std::string& name) const;
 
+  /// Whether the file at `path` (of this function above) is there; else an error of the table: "vlave.eds not found;
+  /// did you mean valve.eds?", by the names in its folder that end alike.
+  [[nodiscard]] static bool there(Table& table, std::string_view key, const std::string& path);
+
   /// The folder of the project, or that of the file.
   [[nodiscard]] const std::string& folder() const noexcept { return folders_.front(); }
   [[nodiscard]] const std::vector<std::string>& allowed() const noexcept { return allowed_; }

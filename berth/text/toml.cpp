@@ -151,7 +151,15 @@ std::optional<Value> parse_toml(std::string_view text, const std::string& file, 
     return convert(toml::parse(text, file));
   } catch (const toml::parse_error& error) {
     const Place at = place(error.source().begin);
-    const std::string what(error.description());
+    std::string what(error.description());
+    // A string whose closing quote is missing goes on to the end of its line, which none may hold.
+    const std::size_t where = offset_of(text, at);
+    const bool at_line_end = where >= text.size() || text[where] == '\n' || text[where] == '\r';
+    if (at_line_end && what.find("unescaped control character") != std::string::npos) {
+      findings.push_back({Finding::Severity::error, file, at.line, at.column, "", "closing quote missing",
+                          "end the text with a quote on this line"});
+      return std::nullopt;
+    }
     const bool twice = what.find("cannot redefine existing table") != std::string::npos;
     findings.push_back(
         {Finding::Severity::error, file, at.line, at.column, "", what,

@@ -5,6 +5,16 @@
 #include <utility>
 
 namespace berth::trace {
+namespace {
+
+/// Any line begins as candump's do, however it goes on.
+bool has_a_time(std::string_view text) noexcept {
+  const auto first = text.find_first_not_of(" \t\r\n");
+  if (first == std::string_view::npos) return true;
+  return text[first] == '(' || text.find("\n(") != std::string_view::npos;
+}
+
+}  // namespace
 
 AnyFile::AnyFile(std::string name, std::optional<Format> format, const ReadOptions& how)
     : name_(std::move(name)), format_(format), how_(how) {}
@@ -54,7 +64,7 @@ std::string AnyFile::begin(Sink& sink, bool whole_head) {
   if (const auto kind = foreign(head_); other && !kind.empty()) return unreadable(fmt::format("this is {}", kind));
   if (!format_ && whole_head) {
     // Without a word of its own a text is read as candump, whose errors say what is wrong with each line.
-    if (head_.find('\0') != std::string::npos)
+    if (head_.find('\0') != std::string::npos || !has_a_time(head_))
       return unreadable("this is neither candump, pcapng, pcap, Vector ASC nor PEAK TRC; name it by --from");
     format_ = Format::candump;
   }

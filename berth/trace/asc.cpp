@@ -117,7 +117,7 @@ bool AscReader::event() {
   // `latest_` is never before 1970 nor beyond `most_seconds`, so that neither side overflows.
   const rt::Duration before = relative_ ? latest_ : rt::Duration(0);
   if (*time > std::chrono::seconds(most_seconds) - start_ - before || *time < -start_ - before) {
-    wrong(line_, "with the date, or the times before it, this time is no time from 1970 to 2255");
+    wrong(line_, "with the date, or the times before it, this time is not a time from 1970 to 2255");
     return true;
   }
   latest_ = before + *time;
@@ -153,7 +153,7 @@ void AscReader::classic(unsigned channel) {
   const auto kind = word();
   frame.remote = kind == "r" || kind == "R";
   if (!frame.remote && kind != "d" && kind != "D")
-    return wrong(kind, "behind the direction stands d (data) or r (remote)");
+    return wrong(kind, "after the direction comes d (data) or r (remote)");
   const auto size = word();
   const auto dlc = number(size, 16, 15);
   if (frame.remote) {
@@ -161,7 +161,7 @@ void AscReader::classic(unsigned channel) {
     frame.size = static_cast<std::uint8_t>(dlc ? std::min(*dlc, 8U) : 0U);
     return keep_on(channel);
   }
-  if (!dlc) return wrong(size, "behind d stands the DLC, one hex digit");
+  if (!dlc) return wrong(size, "after d comes the DLC, one hex digit");
   frame.size = static_cast<std::uint8_t>(std::min(*dlc, 8U));
   if (data(size)) keep_on(channel);
 }
@@ -172,14 +172,14 @@ void AscReader::flexible() {
   const auto channel = number(channel_word, 10, most_channels);
   if (!channel || *channel == 0) {
     const bool event = !channel_word.empty() && !is_digit(channel_word.front());
-    if (!event) return wrong(channel_word, "behind CANFD stands the channel");
+    if (!event) return wrong(channel_word, "after CANFD comes the channel");
     if (channel_word != "Start") ++others_;
     return;
   }
   const auto way = word();
   if (way == "ErrorFrame") return error_frame(*channel);
   if (!is_direction(way)) {
-    if (way != "TxRq") return wrong(way, "behind the channel stands Rx or Tx");
+    if (way != "TxRq") return wrong(way, "after the channel comes Rx or Tx");
     ++others_;
     return;
   }
@@ -190,12 +190,12 @@ void AscReader::flexible() {
   if (flag != "0" && flag != "1") flag = word();
   const auto state = word();
   if ((flag != "0" && flag != "1") || (state != "0" && state != "1"))
-    return wrong(flag, "behind the identifier stand BRS and ESI, 0 or 1 each");
+    return wrong(flag, "after the identifier come BRS and ESI, 0 or 1 each");
   const auto dlc_word = word();
   const auto dlc = number(dlc_word, 16, 15);
   const auto size_word = word();
   const auto size = number(size_word, 10, 64);
-  if (!dlc || !size) return wrong(dlc ? size_word : dlc_word, "behind ESI stand the DLC and the number of data bytes");
+  if (!dlc || !size) return wrong(dlc ? size_word : dlc_word, "after ESI come the DLC and the number of data bytes");
   can::Frame& frame = entry_.frame;
   entry_.error = false;
   entry_.direction = way == "Rx" ? Direction::received : Direction::sent;
@@ -240,7 +240,7 @@ bool AscReader::identifier(std::string_view word, std::size_t column) {
   const auto id = number(digits, decimal_ ? 10 : 16, can::extended_mask);
   if (!id || (!extended && *id > can::base_mask)) {
     error(column,
-          id ? "a base identifier is at most 7FF; an extended one has x behind it" : "this is no identifier of CAN");
+          id ? "a base identifier is at most 7FF; an extended one has x after it" : "this is not an identifier of CAN");
     return false;
   }
   entry_.frame.id = *id;
@@ -284,7 +284,7 @@ void AscReader::keep_on(unsigned channel) {
 void AscReader::over() {
   if (others_ > 0) {
     tell_of_file(Finding::Severity::note,
-                 fmt::format("{} events that are no frames (statistics, states and the like) are left out", others_));
+                 fmt::format("{} events that are not frames (statistics, states and the like) are left out", others_));
   }
 }
 

@@ -31,9 +31,9 @@ bool has_raw_dlc(std::string_view text) noexcept {
 // Where a frame that cannot be read goes wrong.
 std::pair<std::size_t, std::string> why(std::string_view text) {
   const auto hash = text.find('#');
-  if (hash == std::string_view::npos) return {text.size(), "a frame has # behind its identifier"};
+  if (hash == std::string_view::npos) return {text.size(), "a frame has # after its identifier"};
   for (std::size_t i = 0; i < hash; ++i) {
-    if (!is_hex(text[i])) return {i, "this is no hex digit of an identifier"};
+    if (!is_hex(text[i])) return {i, "this is not a hex digit of an identifier"};
   }
   if (hash == 0 || hash > 8) return {0, "an identifier has one to three hex digits, or up to eight"};
   std::uint32_t id = 0;
@@ -41,15 +41,15 @@ std::pair<std::size_t, std::string> why(std::string_view text) {
   if (id > (hash > 3 ? can::extended_mask : can::base_mask))
     return {0, hash > 3 ? "an extended identifier is at most 1FFFFFFF" : "a base identifier is at most 7FF"};
   std::size_t at = hash + 1;
-  if (at < text.size() && text[at] == 'R') return {at + 1, "behind R stands the DLC, one digit from 0 to 8"};
+  if (at < text.size() && text[at] == 'R') return {at + 1, "after R comes the DLC, one digit from 0 to 8"};
   const bool fd = at < text.size() && text[at] == '#';
   if (fd) {
     ++at;
-    if (at >= text.size() || !is_hex(text[at])) return {at, "behind ## stands one hex digit with the FD flags"};
+    if (at >= text.size() || !is_hex(text[at])) return {at, "after ## comes one hex digit with the FD flags"};
     ++at;
   }
   for (std::size_t i = at; i < text.size(); ++i) {
-    if (!is_hex(text[i])) return {i, "this is no hex digit of the data"};
+    if (!is_hex(text[i])) return {i, "this is not a hex digit of the data"};
   }
   if ((text.size() - at) % 2 != 0) return {text.size(), "the last data byte has one digit"};
   if (fd) return {at, "an FD frame has 0 to 8, 12, 16, 20, 24, 32, 48 or 64 data bytes"};
@@ -273,13 +273,13 @@ std::optional<rt::Duration> CandumpReader::time() {
   const auto [point, bad] = std::from_chars(first, last, seconds);
   if (bad != std::errc{} || seconds > most_seconds) return wrong(1, "so many seconds cannot be");
   std::size_t at = static_cast<std::size_t>(point - line_.data());
-  if (at >= line_.size() || line_[at] != '.') return wrong(at, "there is no point behind the seconds");
-  if (++at >= line_.size() || !is_digit(line_[at])) return wrong(at, "digits are missing behind the point");
+  if (at >= line_.size() || line_[at] != '.') return wrong(at, "there is no point after the seconds");
+  if (++at >= line_.size() || !is_digit(line_[at])) return wrong(at, "digits are missing after the point");
   while (at < line_.size() && is_digit(line_[at])) ++at;
   const auto time = parse_seconds(line_.substr(1, at - 1));
   if (!time) return wrong(1, "so many seconds cannot be");
   if (at >= line_.size() || line_[at] != ')') return wrong(at, "the time does not end with )");
-  if (++at >= line_.size() || line_[at] != ' ') return wrong(at, "there is no blank behind the time");
+  if (++at >= line_.size() || line_[at] != ' ') return wrong(at, "there is no blank after the time");
   column_ = at;
   skip_blanks();
   return *time;
@@ -308,7 +308,7 @@ bool CandumpReader::tail() {
   while (!rest.empty() && is_blank(rest.back())) rest.remove_suffix(1);
   entry_.direction = rest == "R" ? Direction::received : rest == "T" ? Direction::sent : Direction::unknown;
   if (rest.empty() || entry_.direction != Direction::unknown) return true;
-  error(column_, "there is something behind the frame", "one frame a line");
+  error(column_, "there is text after the frame", "one frame a line");
   return false;
 }
 

@@ -55,7 +55,7 @@ std::size_t PcapReader::step(std::string_view bytes) {
   const std::uint32_t captured = u32(bytes, 8);
   if (captured > longest_packet) {
     tell(Finding::Severity::error,
-         fmt::format("a packet of {} bytes is none of CAN: nothing behind it is read", captured));
+         fmt::format("a packet of {} bytes is none of CAN: nothing after it is read", captured));
     over_ = true;
     return 0;
   }

@@ -66,7 +66,7 @@ void TrcReader::head(std::string_view line) {
       start_ = *start;
     } else {
       tell(Finding::Severity::warning, 12,
-           "this start is no number of days since 1899 from 1970 on: times count from the beginning of the log");
+           "this start is not a number of days since 1899 from 1970 on: times count from the beginning of the log");
     }
     return;
   }
@@ -94,7 +94,7 @@ void TrcReader::columns(std::string_view text) {
   for (const char c : text) {
     if (c == ',' || is_blank(c)) continue;
     if (std::string_view("NOTBIdRlLD").find(c) == std::string_view::npos || found.find(c) != std::string::npos)
-      return error(10, fmt::format("there is no column {}, or it stands there twice; the version's own order is taken",
+      return error(10, fmt::format("there is no column {}, or it appears twice; the version's own order is taken",
                                    is_hex(c) || c > ' ' ? std::string(1, c) : std::string("?")));
     found += c;
   }
@@ -158,7 +158,7 @@ std::optional<TrcReader::Row> TrcReader::row() {
       const bool minus = text.starts_with('-');
       const auto offset = parse_milliseconds(minus ? text.substr(1) : text);
       if (!offset) {
-        wrong(text, "this is no time in milliseconds");
+        wrong(text, "this is not a time in milliseconds");
         return std::nullopt;
       }
       row.offset = minus ? -*offset : *offset;
@@ -175,7 +175,7 @@ std::optional<TrcReader::Row> TrcReader::row() {
     } else if (column == 'B') {
       const auto bus = number(text, 10, most_buses_here);
       if (!bus || *bus == 0) {
-        wrong(text, "this is no number of a bus");
+        wrong(text, "this is not a number of a bus");
         return std::nullopt;
       }
       row.bus = *bus;
@@ -189,7 +189,7 @@ std::optional<TrcReader::Row> TrcReader::row() {
     }
   }
   if (row.offset > std::chrono::seconds(most_seconds) - start_ || row.offset < -start_) {
-    error(0, "with the start, this time is no time from 1970 to 2255");
+    error(0, "with the start, this time is not a time from 1970 to 2255");
     return std::nullopt;
   }
   entry_.at = start_ + row.offset;
@@ -210,7 +210,7 @@ void TrcReader::frame(const Row& row) {
   const auto id = number(row.id, 16, can::extended_mask);
   frame.extended = row.id.size() > 4;
   if (!id || (!frame.extended && *id > can::base_mask))
-    return wrong(row.id, "this is no identifier: four hex digits up to 07FF, or eight up to 1FFFFFFF");
+    return wrong(row.id, "this is not an identifier: four hex digits up to 07FF, or eight up to 1FFFFFFF");
   frame.id = *id;
   const std::string_view type = row.type;
   const std::string_view way = version_2_ ? row.way : type;
@@ -230,7 +230,7 @@ bool TrcReader::size_of(const Row& row) {
   can::Frame& frame = entry_.frame;
   const auto value = number(row.size, 10, 64);
   if (!value || (row.size_kind == 'L' && *value > 15)) {
-    wrong(row.size, row.size_kind == 'L' ? "this is no DLC, 0 to 15" : "this is no number of data bytes");
+    wrong(row.size, row.size_kind == 'L' ? "this is not a DLC, 0 to 15" : "this is not a number of data bytes");
     return false;
   }
   unsigned size = *value;
@@ -261,7 +261,7 @@ bool TrcReader::data(const Row& row) {
 // counter.
 void TrcReader::error_frame(const Row& row) {
   const auto kind = number(row.id, 16, 0xFFFF);
-  if (!kind) return wrong(row.id, "this is no kind of an error frame");
+  if (!kind) return wrong(row.id, "this is not a kind of an error frame");
   std::array<std::uint8_t, 4> bytes{1, 0, 0, 0};
   std::size_t at = 0;
   for (auto& byte : bytes) {
@@ -298,7 +298,7 @@ void TrcReader::keep_on(const Row& row) {
 void TrcReader::over() {
   if (others_ > 0) {
     tell_of_file(Finding::Severity::note,
-                 fmt::format("{} lines that are no frames (warnings, states, events) are left out", others_));
+                 fmt::format("{} lines that are not frames (warnings, states, events) are left out", others_));
   }
 }
 

@@ -74,6 +74,8 @@ rt::Task<Result<void>> Beneath::bring_up() {
   up_ = true;
   foreign_ = false;
   provide(false);
+  slots_.say_of_unknown(fmt::format("gateway {} above is given the network list of this bus first",
+                                    way_.gateways.back().gateway.value()));
   watch_.set_hurried(true);
   bool was_there = false;
   auto done = co_await delivery_.deliver(was_there);

@@ -26,8 +26,8 @@ ListTrouble::Told words_of(NodeIdTrouble trouble, std::uint32_t serial, const pl
     case NodeIdTrouble::nobody: break;
     case NodeIdTrouble::kept:
       return {SlotState::absent,
-              fmt::format("{} may have node-ID {} in its memory and does not answer: the node-ID is kept for it; "
-                          "switch it on, or `berth sdo write {} 5F0Bh:{:02X} 0` when it is gone for good",
+              fmt::format("{} may have node-ID {} in its memory and does not answer: the node-ID is reserved for it; "
+                          "switch it on, or `berth sdo write {} 5F0Bh:{:02X} 0` if it will not come back",
                           device, node.value(), path, node.value())};
     case NodeIdTrouble::stranger:
       return {SlotState::wrong_type, fmt::format("{} has node-ID {} and does not belong here", device, node.value())};
@@ -47,10 +47,9 @@ ListTrouble::Told words_of(NodeIdTrouble trouble, std::uint32_t serial, const pl
                   : fmt::format("{} does not answer; switch it on, or bring a new one: that gets its node-ID", device),
               false};
     case NodeIdTrouble::equals:
-      return {
-          SlotState::empty,
-          "several devices of its type without serial numbers wait for a node-ID, and LSS does not tell them apart: "
-          "switch them on one at a time"};
+      return {SlotState::empty,
+              "several devices of its type without serial numbers wait for a node-ID, and LSS cannot distinguish them: "
+              "switch them on one at a time"};
   }
   return {SlotState::empty, "no device of its type was found", false};
 }

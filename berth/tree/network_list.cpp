@@ -116,7 +116,8 @@ class List {
         if (!entry.compare_only && entry.object.index != producer_heartbeat)
           stream.entries.push_back({entry.object, entry.bytes});
       }
-      expected = wanted->date;
+      // Without an expected date the gateway's master downloads it at each boot-up (CiA 302-2 §Boot-up, step 7).
+      if (slot.configuring.when == places::Configure::by_date) expected = wanted->date;
     }
     std::vector<std::uint8_t> period(2);
     store_le(period.data(), milliseconds(bus_.timing.heartbeat_period));

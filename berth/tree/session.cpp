@@ -1,4 +1,5 @@
 #include "berth/tree/session.hpp"
+#include "berth/tree/channel_settings.hpp"
 
 #include <fmt/format.h>
 
@@ -88,6 +89,14 @@ Result<void> Session::connect(std::string_view bus, can::Port& port) {
   return {};
 }
 
+bool Session::configures(const design::Slot& slot) const {
+  const bool said = !slot.spec.config.empty() || settings_.contains(slot.spec.name.name) ||
+                    is_gateway(*machine_, slot) || has_channels(*machine_, slot);
+  return said || std::ranges::any_of(networks_, [&slot](const auto& network) {
+           return network->bus().name == slot.spec.name.bus && operate::is_configured(*network, slot.spec.name.name);
+         });
+}
+
 Result<void> Session::open() {
   if (!networks_.empty()) return fail(Errc::invalid, "the session is open already");
   if (ports_.size() != machine_->buses.size()) return fail(Errc::invalid, "a bus of the machine has no port");
@@ -110,7 +119,8 @@ Result<void> Session::open() {
       if (slot.spec.name.bus == bus.name && !slot.eds_path.empty())
         descriptions.emplace(slot.spec.name.name, slot.eds_path);
     }
-    const auto opened = network->open(with_gateways(*machine_, bus.name, settings_), descriptions);
+    const auto opened = network->open(with_channels(*machine_, bus.name, with_gateways(*machine_, bus.name, settings_)),
+                                      descriptions, operate::WrittenFiles(written_));
     if (!opened) return opened;
     networks_.push_back(std::move(network));
   }

@@ -14,6 +14,7 @@
 #include "berth/operate/network.hpp"
 #include "berth/operate/report.hpp"
 #include "berth/places/slot_store.hpp"
+#include "berth/tree/channel_settings.hpp"
 #include "berth/tree/gateway_settings.hpp"
 #include "berth/tree/own_frames.hpp"
 #include "berth/tree/tree.hpp"
@@ -33,10 +34,8 @@ class Session {
   Result<void> connect(std::string_view bus, can::Port& port);
   /// What devices shall have besides `config =`. Before `open`.
   void configure_with(operate::SlotSettings settings) { settings_ = std::move(settings); }
-  /// The slot has `config =`, gets settings, or is a gateway.
-  [[nodiscard]] bool configures(const design::Slot& slot) const noexcept {
-    return !slot.spec.config.empty() || settings_.contains(slot.spec.name.name) || is_gateway(*machine_, slot);
-  }
+  /// The slot has `config =`, or what was written instead, gets settings, or is a gateway.
+  [[nodiscard]] bool configures(const design::Slot& slot) const;
   /// Reads the store. Call once, after the ports. Errors: `invalid` a bus without a port, or one
   /// beneath gateways whose topmost bus the machine lacks; the store's.
   Result<void> open();
@@ -83,6 +82,9 @@ class Session {
 
   /// Frames that Berth itself sends, as far as who knows the ports tells them.
   friend OwnFrames& own_frames(Session& session) noexcept { return session.own_frames_; }
+  friend void keep_written(Session& session, operate::WrittenFiles::Place place) {
+    session.written_ = std::move(place);
+  }
 
  private:
   class StampedStore;
@@ -93,6 +95,7 @@ class Session {
   std::unique_ptr<StampedStore> store_;
   std::vector<std::pair<const design::Bus*, can::Port*>> ports_;
   operate::SlotSettings settings_;
+  operate::WrittenFiles::Place written_;
   std::vector<std::unique_ptr<operate::Network>> networks_;
   Tree tree_;
   OwnFrames own_frames_;
@@ -107,6 +110,9 @@ class Session {
 };
 
 [[nodiscard]] OwnFrames& own_frames(Session& session) noexcept;
+/// Where configurations are kept that SDO clients write to the manager (1F20h, 1F22h). Before `Session::open`; else
+/// they count until the session ends.
+void keep_written(Session& session, operate::WrittenFiles::Place place);
 /// The questions that are open now, of all buses.
 [[nodiscard]] std::vector<operate::Event> questions_of(const Session& session);
 

@@ -80,13 +80,19 @@ void SlotsBeneath::set_all_absent(const std::string& reason) {
   }
 }
 
+void SlotsBeneath::say_of_unknown(const std::string& reason) {
+  for (auto& place : places_) {
+    if (place.now.state == SlotState::unknown) place.now.reason = reason;
+  }
+}
+
 void SlotsBeneath::set_device(PlaceBeneath& place, const Identity& device) {
   place.identified = true;
   if (place.now.device == device) return;
   place.now.device = device;
   events_.tell(
       operate::EventKind::bound, place.now.name,
-      fmt::format("{} {}", place.fixed() ? "its device is" : "its gateway's master gave it to", to_string(device)));
+      fmt::format("{} {}", place.fixed() ? "its device is" : "gateway's master assigned it to", to_string(device)));
 }
 
 }  // namespace berth::tree

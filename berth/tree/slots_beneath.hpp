@@ -43,6 +43,8 @@ class SlotsBeneath {
   void on_operational(std::function<void()> call) { operational_call_ = std::move(call); }
 
   void set_state(PlaceBeneath& place, places::SlotState state, std::string reason = {});
+  /// Why nothing is known yet of those of which nothing is; no event.
+  void say_of_unknown(const std::string& reason);
   /// Nothing can be asked of any of them any more.
   void set_all_absent(const std::string& reason);
   /// Which device sits there.

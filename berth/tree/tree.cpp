@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bitset>
 #include <optional>
 #include <span>
 
 #include "berth/decode/emcy_words.hpp"
+#include "berth/tree/channel_settings.hpp"
 #include "berth/tree/gateway_settings.hpp"
 
 namespace berth::tree {
@@ -46,13 +48,23 @@ multilevel::GatewayTimes gateway_times(const design::Machine& machine, const std
   return times;
 }
 
+std::bitset<128> gateways_on(const design::Machine& machine, const std::string& bus) noexcept {
+  std::bitset<128> gateways;
+  for (const auto* const lines : {&machine.buses, &machine.beneath}) {
+    for (const auto& each : *lines) {
+      if (each.gateway && each.gateway->bus == bus) gateways.set(each.gateway->slot.value());
+    }
+  }
+  return gateways;
+}
+
 // A bus beneath a gateway on which Berth has a port of its own.
 rt::Task<Result<void>> await_operational(rt::Executor& executor, operate::Network& network) {
   const rt::Duration boot_time = network.bus().startup.boot_time;
   const rt::Time deadline = executor.now() + (boot_time.count() > 0 ? boot_time : Beneath::patience);
   while (!network.operational() && executor.now() < deadline) co_await rt::sleep_for(std::chrono::milliseconds(50));
   if (network.operational()) co_return Result<void>{};
-  co_return fail(Errc::mismatch, "a bus beneath it is not operational: its slots say why");
+  co_return fail(Errc::mismatch, "a bus beneath it is not operational: see its slots");
 }
 
 }  // namespace
@@ -69,9 +81,10 @@ Result<void> Tree::open(const std::function<void(const operate::Event&)>& events
     }
     operate::NetworkObserver observer;
     observer.event = events;
-    buses_.push_back(std::make_unique<Beneath>(*executor_, line, way, machine_->specs(line.name),
-                                               with_gateways(*machine_, line.name, settings), routes(*top),
-                                               std::move(observer)));
+    buses_.push_back(
+        std::make_unique<Beneath>(*executor_, line, way, machine_->specs(line.name),
+                                  with_channels(*machine_, line.name, with_gateways(*machine_, line.name, settings)),
+                                  routes(*top), std::move(observer)));
     Root& root = *roots_[top];
     if (!root.log) {
       root.log = std::make_unique<multilevel::EventLog>(top->services().dispatcher, layout_of(*machine_, way.bus));
@@ -108,6 +121,8 @@ Result<void> Tree::open(const std::function<void(const operate::Event&)>& events
 void Tree::heard(const std::string& name, const multilevel::LoggedEmcy& entry) {
   constexpr auto loss = co::emcy_code::life_guard_or_heartbeat;
   const auto& reading = entry.reading;
+  // The bytes of any other device are its maker's, whatever node-IDs they look like; its own bus tells of it.
+  if (!gateways_on(*machine_, name)[reading.path.front().value()]) return;
   const EmcyOrigins origins = origins_of(*machine_, name, layout_of(*machine_, name), reading);
   const bool lost = reading.code == loss;
   const auto ask = [&](const std::vector<const design::Slot*>& slots) {
@@ -163,7 +178,7 @@ void Tree::tell(const std::string& name, const multilevel::LoggedEmcy& entry, co
     Beneath& line = *bus(spec.name.bus);
     // Two devices under one node-ID tell of it, and of what it does to their frames, again and again.
     const bool known = line.slots().at(spec.id)->doubled && is_communication(entry.reading);
-    if (!known) line.slots().events().tell(operate::EventKind::error, spec.name.name, text);
+    if (!known) line.slots().events().tell(operate::EventKind::emcy, spec.name.name, text);
     // A gateway without its layout tells as its own what is beneath it.
     const bool its_own = origins.beneath.empty();
     if (its_own && entry.reading.code == co::emcy_code::id_collision) line.collided(spec.id);
@@ -172,7 +187,7 @@ void Tree::tell(const std::string& name, const multilevel::LoggedEmcy& entry, co
   std::string whose;
   for (const auto* const slot : possible) whose += (whose.empty() ? "" : " or ") + path_of(*slot);
   if (!whose.empty()) whose = fmt::format(" (of {}: it does not say which)", whose);
-  events_({executor_->now(), name, operate::EventKind::error, {}, text + whose});
+  events_({executor_->now(), name, operate::EventKind::emcy, {}, text + whose});
 }
 
 std::string Tree::path_of(const design::Slot& slot) const {
@@ -190,12 +205,14 @@ void Tree::still_runs(const Beneath& above, NodeId gateway) {
 
 operate::BeneathFirst Tree::first_of(const std::string& bus) {
   operate::BeneathFirst first;
-  for (const auto* const lines : {&machine_->buses, &machine_->beneath}) {
-    for (const auto& each : *lines) {
-      if (each.gateway && each.gateway->bus == bus) first.gateways.set(each.gateway->slot.value());
-    }
-  }
-  if (first.gateways.any()) first.bring_up = [this, bus](NodeId gateway) { return bring_up(bus, gateway); };
+  first.gateways = gateways_on(*machine_, bus);
+  if (first.gateways.none()) return first;
+  first.hands_on = [this, bus](NodeId gateway, const co::Emcy& message) {
+    if (!gateways_on(*machine_, bus)[gateway.value()]) return false;
+    const auto reading = multilevel::read_emcy(layout_of(*machine_, bus), gateway, message);
+    return reading.path.size() > 1 && !reading.garbled;
+  };
+  first.bring_up = [this, bus](NodeId gateway) { return bring_up(bus, gateway); };
   return first;
 }
 

@@ -14,6 +14,7 @@ namespace {
 using operate::EventKind;
 using places::SlotState;
 
+constexpr std::uint16_t nmt_inhibit_time = 0x102A;
 constexpr auto long_quiet = std::chrono::seconds(10);      // without an EMCY of two devices
 constexpr auto at_once = std::chrono::seconds(2);          // two EMCYs of two devices
 constexpr auto by_then_stopped = std::chrono::seconds(1);  // from the EMCY that says so
@@ -91,7 +92,7 @@ rt::Task<Result<void>> WatchBeneath::await_operational(rt::Time deadline) {
       slots_.all(), [](const PlaceBeneath& p) { return !p.spec.optional && p.now.state != SlotState::operational; });
   co_return fail(Error{.code = Errc::mismatch,
                        .node = missing->spec.id.value(),
-                       .text = "a bus beneath it is not operational: its slots say why"});
+                       .text = "a bus beneath it is not operational: see its slots"});
 }
 
 // ---- watching it
@@ -193,9 +194,9 @@ void WatchBeneath::collided(PlaceBeneath& place) {
   const auto before = std::exchange(place.collided, now);
   if (place.doubled || !before || now - *before > at_once) return;
   place.doubled = true;
-  slots_.set_state(place, SlotState::duplicate,
-                   "two devices use this node-ID (each told EMCY 8150h): take one of them off the bus, and restart the "
-                   "other");
+  slots_.set_state(
+      place, SlotState::duplicate,
+      "two devices use this node-ID (each sent EMCY 8150h): take one of them off the bus, and restart the other");
 }
 
 // Asked who it is, two answer with different serial numbers, and their frames destroy each other: who has a
@@ -239,7 +240,7 @@ rt::Task<void> WatchBeneath::look_at_missing(PlaceBeneath& place) {
   }
   if (place.now.state == SlotState::absent) co_return;
   slots_.set_state(place, SlotState::absent,
-                   told ? "its heartbeat stopped: the gateway told it (EMCY 8130h), and its master misses it"
+                   told ? "heartbeat lost: the gateway reported it (EMCY 8130h), and its master misses it"
                         : "the gateway's master misses it");
 }
 
@@ -292,6 +293,24 @@ rt::Task<bool> WatchBeneath::identify(PlaceBeneath& place) {
 
 void WatchBeneath::gateway_is_silent(const Error& error) {
   const multilevel::Hop last = way_.gateways.back();
+  // Any other object may be one that a gateway on the way did not get to.
+  const bool keeps_none = error.code == Errc::aborted && error.index == nmt_inhibit_time &&
+                          error.detail == static_cast<std::uint32_t>(od::AbortCode::no_object);
+  if (keeps_none) {
+    return slots_.set_all_absent(fmt::format(
+        "the own node of gateway {} on this bus has no object {:04X}h: it is no NMT master that keeps a network "
+        "list (docs/multilevel.md; a simulated one needs master = {{ flying = false }})",
+        last.gateway.value(), error.index));
+  }
+  // Through several it may be a gateway that another waited for.
+  const bool answered = way_.gateways.size() == 1 && error.code == Errc::timeout &&
+                        std::string_view(error.text) == multilevel::node_silent;
+  if (answered) {
+    return slots_.set_all_absent(fmt::format(
+        "gateway {} above does not reach node {}, its own node and NMT master of this bus: is master_id right, "
+        "and the gateway plugged into this bus?",
+        last.gateway.value(), slots_.bus().master.value()));
+  }
   slots_.set_all_absent(fmt::format("gateway {} above does not {}: {}", last.gateway.value(),
                                     error.code == Errc::unsupported ? "reach this bus" : "answer", error.text));
 }

@@ -24,7 +24,7 @@ double number(const std::string& svg, const std::string& before) {
 
 Line line() {
   Line line{.bit_rate = 125'000};
-  line.senders = {{"left <& drive>", false}};
+  line.senders = {{"left <& drive>"}};
   line.messages = {{.name = "kept", .sender = 0, .key = 0x181, .period = 100ms, .deadline = 100ms},
                    {.name = "late", .sender = 0, .key = 0x281, .period = 100ms, .deadline = 1ms},
                    {.name = "free", .sender = 0, .key = 0x381, .period = 100ms}};
@@ -50,7 +50,7 @@ TEST(AnalysisPlot, TimesAreOnALogarithmicScale) {
   Result result = analyze(of);
   result.responses.resize(1);
   result.responses.front().frame = 1ms;
-  result.responses.front().worst = 10ms;
+  result.responses.front().arrival = 10ms;
   const std::string svg = plot(std::vector<PlottedBus>{{"field", &of, &result}});
   // Decades 1, 10 and 100 ms stand 280 apart.
   EXPECT_DOUBLE_EQ(number(svg, "<rect x=\""), 330);

@@ -62,22 +62,106 @@ TEST(Response, AloneItTakesItsFrameAndWaitsForOneThatHasBegun) {
 // all that win against the lowest.
 TEST(Response, AFifoMakesTheHighestWaitForTheLowest) {
   Line line = milliseconds_line();
-  line.senders = {{"a", true}, {"b"}};
+  line.senders = {{"a", Queue::in_order}, {"b"}};
   line.messages = {message("A", 0, 1, 20ms), message("B", 1, 2, 20ms), message("C", 0, 3, 20ms)};
   // A behind C, and B goes before C: B, C, A. B: one frame that has begun, and A, wherever it stands.
   EXPECT_EQ(bounds(line), (std::vector<rt::Duration>{3ms, 3ms, 3ms}));
-  line.senders[0].fifo = false;
+  line.senders[0].queue = Queue::priority;
   EXPECT_EQ(bounds(line), (std::vector<rt::Duration>{2ms, 3ms, 3ms}));
+}
+
+// Of an unknown queue each message has the worse of the two.
+TEST(Response, AnUnknownQueueIsTheWorseOfBothForEachMessage) {
+  Line line = milliseconds_line();
+  line.senders = {{"a"}, {"b"}};
+  line.messages = {message("A", 0, 1, 1500us), message("B", 1, 2, 20ms), message("C", 0, 3, 20ms)};
+  const auto priority = bounds(line);
+  line.senders[0].queue = Queue::in_order;
+  const auto in_order = bounds(line);
+  EXPECT_GT(in_order[0], priority[0]) << "A behind C";
+  EXPECT_LT(in_order[2], priority[2]) << "C, which no later A overtakes";
+  line.senders[0].queue = Queue::unknown;
+  const auto unknown = bounds(line);
+  for (std::size_t i = 0; i < unknown.size(); ++i) EXPECT_EQ(unknown[i], std::max(priority[i], in_order[i])) << i;
+}
+
+// It may take the whole bus: those before it wait for one of its frames, those behind it for ever.
+TEST(Response, WithoutALeastIntervalThereIsNoBound) {
+  Line line = milliseconds_line();
+  line.senders = {{"a"}, {"b"}};
+  line.messages = {message("A", 0, 1, 20ms), message("B", 1, 2, 0ms), message("C", 0, 3, 20ms)};
+  EXPECT_EQ(bounds(line), (std::vector<rt::Duration>{2ms, -1ns, -1ns}));
+  const auto result = analyze(line);
+  EXPECT_FALSE(result.good());
+  EXPECT_EQ(result.responses[1].load, 0);
+  line.senders[0].queue = Queue::in_order;
+  EXPECT_EQ(bounds(line), (std::vector<rt::Duration>{-1ns, -1ns, -1ns})) << "A waits behind C";
+  // What waits for ever in a FIFO comes at once, whenever that is.
+  line.senders = {{"a"}, {"b", Queue::in_order}};
+  line.messages = {message("A", 0, 5, 20ms), message("B", 1, 9, 0ms), message("D", 1, 1, 20ms)};
+  EXPECT_EQ(bounds(line)[0], -1ns);
+}
+
+TEST(Response, MoreThanTheWholeBusIsNotGood) {
+  Line line = milliseconds_line();
+  line.senders = {{"a"}};
+  line.messages = {message("A", 0, 1, 2ms), message("B", 0, 2, 2ms)};
+  line.messages[0].deadline = line.messages[1].deadline = 0ms;
+  EXPECT_TRUE(analyze(line).good());
+  line.messages.push_back(message("C", 0, 3, 100ms));
+  EXPECT_GT(analyze(line).load, 1);
+  EXPECT_FALSE(analyze(line).good());
+}
+
+// SYNC behind a frame that has begun: 2 ms. What it sends has that as jitter, and waits for a frame and for SYNC.
+TEST(Response, WhatAMessageSendsIsAsLateAsThat) {
+  Line line = milliseconds_line();
+  line.senders = {{"a"}, {"b"}};
+  line.messages = {message("SYNC", 0, 1, 10ms), message("T", 1, 5, 10ms), message("low", 1, 9, 20ms)};
+  line.messages[1].after = 1;
+  EXPECT_EQ(bounds(line), (std::vector<rt::Duration>{2ms, 2ms + 3ms, 3ms}));
+  // A change waits for two SYNCs, counts at the next behind the frame, and that is late, too.
+  line.messages[1].before = 20ms;
+  line.messages[1].counts_every = 10ms;
+  line.messages[1].deadline = 32ms;
+  const auto result = analyze(line);
+  EXPECT_EQ(result.responses[1].arrival, rt::Duration(20ms + 10ms + 2ms));
+  EXPECT_TRUE(result.responses[1].meets_deadline);
+  line.messages[1].deadline -= 1ns;
+  EXPECT_FALSE(analyze(line).responses[1].meets_deadline);
+  // In the queue of "a" SYNC waits behind what "a" sends, and that for all others.
+  line.senders[0].queue = Queue::in_order;
+  line.messages.push_back(message("lowest", 0, 0x20, 20ms));
+  EXPECT_EQ(bounds(line)[0], 4ms) << "T, low, lowest and SYNC; nothing is left that could have begun";
+  EXPECT_GT(bounds(line)[1], 5ms);
+  line.messages.push_back(message("any time", 1, 0, 0ms));
+  EXPECT_EQ(bounds(line)[0], -1ns);
+  EXPECT_EQ(bounds(line)[1], -1ns) << "nothing says when it is sent";
+}
+
+// 4 ms behind the end of the frame before: a change just behind that one's begin in the queue waits for its frame, too.
+// What comes once in all that time delays only one of the two.
+TEST(Response, AnInhibitTimeMayCountFromTheEndOfTheFrameBefore) {
+  Line line = milliseconds_line();
+  line.senders = {{"a"}, {"b"}};
+  line.messages = {message("E", 1, 1, 100ms), message("M", 0, 5, 4ms), message("low", 1, 9, 100ms)};
+  line.messages[1].before = 4ms;
+  EXPECT_EQ(analyze(line).responses[1].worst, rt::Duration(3ms));
+  EXPECT_EQ(analyze(line).responses[1].arrival, rt::Duration(7ms));
+  line.messages[1].frames_before = 1;
+  EXPECT_EQ(analyze(line).responses[1].arrival, rt::Duration(4ms + 5ms)) << "two frames that have begun, two of M, E";
+  line.messages[0].period = 5ms;
+  EXPECT_EQ(analyze(line).responses[1].arrival, rt::Duration(4ms + 6ms)) << "and E for each of them";
 }
 
 // What waits in a FIFO before arbitration sees it comes in a burst to the others.
 TEST(Response, WaitingInAFifoIsJitterToTheOthers) {
   Line line = milliseconds_line();
-  line.senders = {{"a", true}, {"b"}, {"c"}};
+  line.senders = {{"a", Queue::in_order}, {"b"}, {"c"}};
   line.messages = {message("A", 0, 1, 4ms), message("low", 0, 9, 20ms), message("B", 1, 5, 8ms),
                    message("C", 2, 2, 20ms)};
   const auto fifo = bounds(line);
-  line.senders[0].fifo = false;
+  line.senders[0].queue = Queue::priority;
   const auto priority = bounds(line);
   EXPECT_GT(fifo[0], priority[0]);
   EXPECT_GT(fifo[2], priority[2]) << "two of A behind one another";
@@ -118,9 +202,9 @@ TEST(Response, ArbitrationOfBaseAndExtendedIdentifiers) {
 TEST(Response, WrongInputIsSaid) {
   Line line = milliseconds_line();
   line.senders = {{"a"}};
-  line.messages = {message("A", 0, 1, 0ms)};
-  EXPECT_EQ(wrong(line), "A: it has no period");
-  line.messages[0].period = 1ms;
+  line.messages = {message("A", 0, 1, -1ms)};
+  EXPECT_EQ(wrong(line), "A: a time is negative");
+  line.messages[0].period = line.messages[0].deadline = 1ms;
   line.messages[0].sender = 1;
   EXPECT_EQ(wrong(line), "A: its sender is not there");
   line.messages[0].sender = 0;

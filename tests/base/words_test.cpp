@@ -6,6 +6,8 @@
 #include <string_view>
 #include <vector>
 
+#include "berth/base/counted.hpp"
+#include "berth/base/shell_word.hpp"
 #include "berth/base/words.hpp"
 
 namespace berth {
@@ -69,6 +71,14 @@ TEST(Closest, OneOrTwoSlipsAreMeant) {
   EXPECT_EQ(closest(longest, {{std::string_view(longer)}}), longer);
 }
 
+TEST(Counted, OneIsSingular) {
+  EXPECT_EQ(counted(1, "device"), "1 device");
+  EXPECT_EQ(counted(0, "device"), "0 devices");
+  EXPECT_EQ(counted(21, "device"), "21 devices");
+  EXPECT_EQ(counted(1, "bus", "buses"), "1 bus");
+  EXPECT_EQ(counted(2, "bus", "buses"), "2 buses");
+}
+
 // Words of few letters are often near each other.
 RC_GTEST_PROP(Closest, IsTheNearestByTheDefinition, ()) {
   const auto letters = rc::gen::container<std::string>(rc::gen::element('a', 'b', 'B', 'c'));
@@ -81,6 +91,15 @@ RC_GTEST_PROP(Closest, IsTheNearestByTheDefinition, ()) {
   candidates.emplace_back(swapped);
   RC_PRE(word.size() <= 64U);
   RC_ASSERT(closest(word, candidates) == slow_closest(word, candidates));
+}
+
+// What a message tells a person to type is one word of a shell.
+TEST(Words, ANameBehindACommandIsOneWord) {
+  EXPECT_EQ(shell_word("left"), "left");
+  EXPECT_EQ(shell_word("boom/left-2.a"), "boom/left-2.a");
+  EXPECT_EQ(shell_word("Berth I-O module"), "\"Berth I-O module\"");
+  EXPECT_EQ(shell_word("a;b"), "\"a;b\"");
+  EXPECT_EQ(shell_word(""), "\"\"");
 }
 
 }  // namespace

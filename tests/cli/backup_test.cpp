@@ -93,6 +93,33 @@ TEST_F(Backup, WhatWasSavedComesBack) {
   EXPECT_EQ(told({"backup", "compare", "belt", file}, 0).at("result"), "equal");
 }
 
+// Done is done: "650 instead of 640" would read as if it were so still.
+TEST_F(Backup, WhatWasRestoredIsToldAsDone) {
+  const std::string file = saved();
+  const int heartbeat = value("1017h");
+  write("1017h", "650");
+  const Outcome done = berth({"backup", "restore", "belt", file, "--control", socket_});
+  EXPECT_EQ(done.status, 0) << done.err;
+  EXPECT_NE(done.out.find(": " + std::to_string(heartbeat) + " (0x"), std::string::npos) << done.out;
+  EXPECT_NE(done.out.find(", was 650 (0x28A)"), std::string::npos) << done.out;
+  EXPECT_EQ(done.out.find("instead of"), std::string::npos) << done.out;
+}
+
+TEST_F(Backup, WhatIsThereIsReplacedWhenItIsSaid) {
+  const Words save{"backup", "save", "belt", "-o", folder_.file("backups")};
+  static_cast<void>(told(save, 0));
+  Words again = save;
+  again.insert(again.end(), {"--control", socket_});
+  const Outcome refused = berth(again);
+  // Behind the turn of a minute it is another file.
+  if (refused.status != 0) {
+    EXPECT_NE(refused.err.find("--force replaces it, or name another folder by -o"), std::string::npos) << refused.err;
+  }
+  Words forced = save;
+  forced.emplace_back("--force");
+  static_cast<void>(told(forced, 0));
+}
+
 TEST_F(Backup, EachRefusalIsToldAndTheOthersAreRestored) {
   const std::string file = with(saved(), "1017", "640");
   const std::string bad = with(file, "1014", "0x0");  // 000h is no COB-ID of an emergency
@@ -124,15 +151,20 @@ TEST_F(Backup, OneThatIsAwayIsNamedAndTheOthersAreSaved) {
 TEST_F(Backup, ADeviceThatGoesAwayInTheMiddle) {
   const std::string file = with(saved(), "1017", "640");
   static_cast<void>(told({"sim", "fault", "slow", "belt", "latency=80 ms"}, 0));
+  // However late this machine is with the next two processes, the restore is not over by then.
+  static_cast<void>(told({"world", "speed", "0.05"}, 0));
   Background restore({"backup", "restore", "belt", file, "--control", socket_, "--json"});
   ASSERT_TRUE(eventually([&] {
     return ask({"history", "--audit"}).out.find("backup restore") != std::string::npos;
   })) << "it has begun";
   static_cast<void>(told({"sim", "unplug", "belt"}, 0));
+  static_cast<void>(told({"world", "speed", "1"}, 0));
   const Outcome end = restore.end();
-  EXPECT_EQ(end.status, 3) << end.out << end.err;
+  EXPECT_TRUE(end.status == 3 || end.status == 1) << end.out << end.err;
   const Json reply = Json::parse(end.out);
-  EXPECT_NE(reply.dump().find("did not answer"), std::string::npos) << reply;
+  const bool silent = reply.dump().find("did not answer") != std::string::npos ||
+                      reply.dump().find("no answer to the SDO request") != std::string::npos;
+  EXPECT_TRUE(silent) << reply;
   static_cast<void>(told({"sim", "plug", "belt"}, 0));
   ASSERT_TRUE(comes_up());
   EXPECT_EQ(told({"backup", "restore", "belt", file}, 0).at("result"), "restored");

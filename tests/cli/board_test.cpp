@@ -30,13 +30,13 @@ std::size_t line_with(const std::vector<BoardLine>& lines, const std::string& te
 TEST(Board, WhatNeedsAPersonStandsFirstWithItsReasonWhole) {
   BoardContent content{"plant", {}, {}};
   content.slots = {slot(1, "left", SlotState::operational), slot(2, "right", SlotState::binding),
-                   slot(3, "drive", SlotState::absent, "its heartbeat stopped; switch the device on"),
-                   slot(4, "lift", SlotState::absent, "its heartbeat stopped; switch the device on")};
+                   slot(3, "drive", SlotState::absent, "heartbeat lost; switch the device on"),
+                   slot(4, "lift", SlotState::absent, "heartbeat lost; switch the device on")};
   const auto lines = Board().draw(content, {80, 24});
   EXPECT_EQ(lines.at(1).text, "line: 4 slots, 2 absent, 1 binding, 1 operational");
   EXPECT_LT(line_with(lines, "drive"), line_with(lines, "right"));
   EXPECT_LT(line_with(lines, "right"), line_with(lines, "left"));
-  const auto reason = line_with(lines, "drive, lift: absent: its heartbeat stopped; switch the device on");
+  const auto reason = line_with(lines, "drive, lift: absent: heartbeat lost; switch the device on");
   ASSERT_LT(reason, lines.size()) << "one fact, told once";
   EXPECT_TRUE(lines[reason].urgent);
   EXPECT_EQ(lines.size(), 8U);
@@ -76,7 +76,7 @@ BoardSlot any_slot(int number) {
                 static_cast<SlotState>(*rc::gen::inRange(0, static_cast<int>(SlotState::wrong_type) + 1)));
   s.slot.bus = *rc::gen::element<std::string>("line", "rechts", "\xE5\xB7\xA6");
   s.slot.reason = *rc::gen::element<std::string>(
-      "", "its heartbeat stopped; switch the device on, or `berth replace` it",
+      "", "heartbeat lost; switch the device on, or `berth replace` it",
       "\xF0\x9F\x94\xA7 \xF0\x9F\x94\xA7\xF0\x9F\x94\xA7\xF0\x9F\x94\xA7 no\tspace\x1b[2J", std::string(300, 'w'));
   return s;
 }

@@ -133,7 +133,7 @@ TEST_F(Boot, TwoDevicesUnderOneNodeIdAreTold) {
   EXPECT_EQ(alone.status, 0) << alone.out << alone.err;
   EXPECT_FALSE(contains(alone.out + alone.err, "twice")) << alone.out << alone.err;
   const Outcome doubled = berth({"boot", "--machine", machine, "--sim", two});
-  EXPECT_TRUE(contains(doubled.out, "answered twice: two devices hold this node-ID")) << doubled.out << doubled.err;
+  EXPECT_TRUE(contains(doubled.out, "answered twice: two devices have this node-ID")) << doubled.out << doubled.err;
   const Outcome json = berth({"boot", "--machine", machine, "--sim", two, "--json"});
   EXPECT_EQ(Json::parse(json.out).at("slots").at(0).value("answered_twice", false), true) << json.out;
 }

@@ -57,6 +57,46 @@ class Channels : public Running {
   int count_ = 0;
 };
 
+// S5.20: planned in the machine file, they stand in both devices when these are operational, and in a replacement.
+TEST_F(Channels, S5_20_PlannedOnesArePartOfTheConfigurations) {
+  machine = folder.write("planned.toml", contents(machine) + "[[channel]]\nclient = \"panel\"\nserver = \"drive\"\n");
+  begin(plant);
+  ASSERT_TRUE(all_operational());
+  const auto stands = [&] {
+    EXPECT_EQ(number("panel", "1280h:01"), 0x6DEU);
+    EXPECT_EQ(number("panel", "1280h:02"), 0x6DFU);
+    EXPECT_EQ(number("panel", "1280h:03"), 3U);
+    EXPECT_EQ(number("drive", "1201h:01"), 0x6DEU);
+    EXPECT_EQ(number("drive", "1201h:02"), 0x6DFU);
+    EXPECT_EQ(number("drive", "1201h:03"), 1U);
+    EXPECT_EQ(number("left", "1201h:01"), 0x8000'0000U);
+  };
+  stands();
+  // The manager leaves it, gives others beside it, and takes its own back.
+  EXPECT_EQ(ask({"sdo", "connect", "panel", "left"}).status, 1) << "the panel's only channel is taken";
+  ASSERT_EQ(ask({"sdo", "connect", "drive", "panel", "--lease", "1 s"}).status, 0);
+  EXPECT_EQ(number("drive", "1280h:01"), 0x680U);
+  EXPECT_TRUE(eventually([&] { return number("drive", "1280h:01") == 0x8000'0680U; })) << "its lease is over";
+  const Json listed = Json::parse(ask({"sdo", "channels"}).out);
+  ASSERT_EQ(listed.at("planned").size(), 1U);
+  EXPECT_EQ(listed.at("planned").at(0).at("request"), "0x6DE");
+  EXPECT_TRUE(listed.at("channels").empty()) << listed;
+  const Outcome release = ask({"sdo", "release", "panel", "drive"});
+  EXPECT_EQ(release.status, 1);
+  EXPECT_TRUE(contains(release.out, "1 -> 3 stands in the machine file")) << release.out;
+  stands();
+  // What an earlier machine file planned is no end of a channel now.
+  ASSERT_EQ(ask({"sdo", "write", "left", "1201h:01", "0x6DE"}).status, 0);
+  const Outcome check = ask({"configure", "left", "--check"});
+  EXPECT_EQ(check.status, 1) << check.out;
+  EXPECT_TRUE(contains(check.out, "1201")) << check.out;
+  ASSERT_EQ(ask({"nmt", "reset", "left"}).status, 0);
+  EXPECT_TRUE(eventually([&] { return number("left", "1201h:01") == 0x8000'0000U; }));
+  ASSERT_EQ(ask({"sdo", "write", "drive", "1201h:01", "0x800006DE"}).status, 0);
+  ASSERT_EQ(ask({"nmt", "reset", "drive"}).status, 0);
+  EXPECT_TRUE(eventually([&] { return number("drive", "1201h:01") == 0x6DEU; })) << "it boots with what it has saved";
+}
+
 TEST_F(Channels, ARunningManagerGivesThemListsThemAndTakesThemBack) {
   begin(plant);
   ASSERT_TRUE(all_operational());

@@ -13,6 +13,15 @@
 namespace berth::test {
 namespace {
 
+TEST_F(Command, UpIsQuietWhenItIsTold) {
+  const Outcome loud = berth({"up", machine, "--sim", plant});
+  const Outcome quiet = berth({"up", machine, "--sim", plant, "-q"});
+  EXPECT_EQ(quiet.status, 0) << quiet.err;
+  EXPECT_TRUE(contains(loud.out, "discovery:") && contains(loud.out, "bus ")) << loud.out;
+  EXPECT_FALSE(contains(quiet.out, "discovery:")) << quiet.out;
+  EXPECT_TRUE(contains(quiet.out, "operational")) << "the slot table: " << quiet.out;
+}
+
 // Two devices of one type that came with the node-IDs of its slots, against the order of their serial numbers: the
 // machine was commissioned before, and keeps its order (docs/machine-file.md, `ascending`).
 TEST_F(Command, UpKeepsTheOrderOfACommissionedMachine) {
@@ -26,6 +35,19 @@ TEST_F(Command, UpKeepsTheOrderOfACommissionedMachine) {
   const Json slots = Json::parse(outcome.out).at("slots");
   EXPECT_EQ(slots.at(0).at("r_sn"), "0x0000000000000021");
   EXPECT_EQ(slots.at(1).at("r_sn"), "0x0000000000000020");
+}
+
+// Words that a newcomer tried, and what would have helped.
+TEST_F(Command, WhatOtherVerbsCallOtherwiseIsMeant) {
+  const Outcome up = berth({"up", machine, "--sim", plant, "--for", "3 s"});
+  EXPECT_EQ(up.status, 2);
+  EXPECT_TRUE(contains(up.err, "did you mean --timeout?")) << up.err;
+  const Outcome trace = berth({"trace", "-m", machine});
+  EXPECT_EQ(trace.status, 3);
+  EXPECT_TRUE(contains(trace.err, "start `berth up`")) << trace.err;
+  EXPECT_TRUE(contains(berth({"stat"}).err, "did you mean status?"));
+  EXPECT_FALSE(contains(berth({"st"}).err, "did you mean")) << "status, studio";
+  EXPECT_TRUE(contains(berth({"up"}).err, "berth init")) << "a folder without a machine";
 }
 
 TEST_F(Command, MemoryOfTheDevicesNeedsAPlaceForAFile) {
@@ -327,10 +349,12 @@ TEST_F(Command, BadPlantFilesNameThePlace) {
 }
 
 TEST_F(Command, MissingFilesAreExitTwo) {
+  const Folder elsewhere;  // where no plant file is beside it
+  const std::string alone = elsewhere.write("machine.toml", contents(machine));
   for (const Words& words : std::vector<Words>{{"up", folder.file("none.toml"), "--sim", plant},
                                                {"up", machine, "--sim", folder.file("none.toml")},
                                                {"scan", "--machine", folder.file("none.toml")},
-                                               {"up", machine},
+                                               {"up", alone},
                                                {"up"},
                                                {"scan"}}) {
     const Outcome outcome = berth(words);
@@ -345,6 +369,15 @@ TEST_F(Command, FilesThatCannotBeWrittenAreExitThree) {
   const std::string foreign = folder.write("foreign.db", "this is no slot table");
   EXPECT_EQ(berth({"up", machine, "--sim", plant, "--store", foreign}).status, 3);
   EXPECT_EQ(contents(foreign), "this is no slot table");
+}
+
+TEST_F(Command, ARecordIsNamedAsWhatItIs) {
+  for (const char* const other : {"run.asc", "run.trc", "run.pcapng"}) {
+    const Outcome outcome = berth({"up", machine, "--sim", plant, "--record", folder.file(other)});
+    EXPECT_EQ(outcome.status, 2) << other;
+    EXPECT_TRUE(contains(outcome.err, "berth trace " + folder.file("run.log") + " -o " + folder.file(other)))
+        << outcome.err;
+  }
 }
 
 TEST_F(Command, RealPortsAreRefusedInWords) {

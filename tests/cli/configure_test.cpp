@@ -187,6 +187,53 @@ TEST_F(Configure, S5_22_WhatADeviceHasBecomesAFileThatItsReplacementGets) {
   EXPECT_EQ(Json::parse(check.out).at("slots").at(0).at("result"), "right");
 }
 
+// S5.22, the network access interface: scan, verification, download, control of the network, LSS, one after the other
+// on a machine that runs, each by what it does to the devices.
+TEST_F(Configure, S5_22_ARunningNetworkIsScannedVerifiedAndControlled) {
+  const Folder folder;
+  const std::string socket = folder.file("up.sock");
+  Background up({"up", machine, "--sim", plant, "--pace", "--control", socket});
+  const auto ask = [&](Words words, int status) {
+    words.insert(words.end(), {"--control", socket, "--json"});
+    const Outcome outcome = berth(words);
+    EXPECT_EQ(outcome.status, status) << words.front() << outcome.out << outcome.err;
+    return Json::parse(outcome.out, nullptr, false);
+  };
+  const auto state_is = [&](const std::string& nmt) {
+    return eventually([&] {
+      const Outcome outcome = berth({"status", "--control", socket, "--json"});
+      const Json status = Json::parse(outcome.out, nullptr, false);
+      if (!status.contains("slots")) return false;
+      const auto& slot = status.at("slots").at(0);
+      return slot.at("name") == "pump 1" && slot.value("nmt", "") == nmt;
+    });
+  };
+  ASSERT_TRUE(state_is("operational"));
+  const Json devices = ask({"scan"}, 0).at("nodes");
+  const auto pump = std::ranges::find_if(devices, [](const Json& d) { return d.at("id") == 1; });
+  ASSERT_NE(pump, devices.end()) << devices;
+  EXPECT_EQ(pump->at("type"), "0x0000000100000030");
+  EXPECT_EQ(pump->at("slot"), "pump 1");
+  const auto result = [&](const Json& reply) { return reply.at("slots").at(0).at("result"); };
+  EXPECT_EQ(result(ask({"configure", "pump 1", "--check"}, 0)), "right");
+  ask({"sdo", "write", "pump 1", "2000h:01", "123"}, 0);
+  const Json wrong = ask({"configure", "pump 1", "--check"}, 1);
+  EXPECT_EQ(result(wrong), "differs");
+  const Json difference = wrong.at("slots").at(0).at("differences").at(0);
+  EXPECT_EQ(difference.at("object"), "0x2000:01");
+  EXPECT_EQ(difference.at("has"), "123 (0x7B)");
+  EXPECT_EQ(difference.at("wants"), "500 (0x1F4)");
+  ask({"nmt", "preop", "pump 1"}, 0);
+  EXPECT_TRUE(state_is("pre-operational"));
+  EXPECT_EQ(result(ask({"configure", "pump 1"}, 0)), "configured");
+  EXPECT_EQ(ask({"sdo", "read", "pump 1", "2000h:01"}, 0).at("value"), 500);
+  ask({"nmt", "start", "pump 1"}, 0);
+  EXPECT_TRUE(state_is("operational"));
+  EXPECT_EQ(ask({"sdo", "read", "pump 1", "2000h:01"}, 0).at("value"), 500);
+  EXPECT_TRUE(eventually([&] { return berth({"status", "--control", socket}).status == 0; }));
+  ask({"lss", "identify-unconfigured"}, 1);  // each has its node-ID
+}
+
 TEST_F(Configure, AnUploadThatCannotBeSaysWhy) {
   const Outcome nobody = berth({"upload", "nobody", "--machine", machine, "--sim", plant, "--up"});
   EXPECT_EQ(nobody.status, 2);

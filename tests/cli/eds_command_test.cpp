@@ -318,8 +318,8 @@ TEST_F(EdsCommand, ConvertRefusesInWords) {
   const std::string broken = folder.write("broken.cdcf", "\x05");
   for (const Case& each :
        {Case{{sensor, folder.file("x.pdf")}, 2, "does not say the format"},
-        Case{{sensor, folder.file("x"), "--to", "pdf"}, 2, "is no format"}, Case{{sensor, sensor}, 2, "name another"},
-        Case{{bad, folder.file("x.xdd")}, 2, "[2000] ParameterValue"},
+        Case{{sensor, folder.file("x"), "--to", "pdf"}, 2, "is not a format"},
+        Case{{sensor, sensor}, 2, "name another"}, Case{{bad, folder.file("x.xdd")}, 2, "[2000] ParameterValue"},
         Case{{sensor, folder.file("x.cdcf")}, 1, "sets no value"},
         Case{{sensor, "/no such folder/x.xdd"}, 3, "No such file or directory"},
         Case{{broken, folder.file("x.dcf"), "--eds", sensor, "--node", "5"}, 2, "at byte"},

@@ -49,7 +49,7 @@ class SmallDisk {
 
 TEST_F(Command, AStoreOnAFullDiskNamesFileCauseAndRemedy) {
   const SmallDisk disk;
-  if (!disk.there()) GTEST_SKIP() << "only root mounts a disk";
+  if (!disk.there()) GTEST_SKIP() << "needs root: only root mounts a disk";
   disk.fill();
   const std::string store = disk.file("slots.db");
   const Outcome run = berth({"up", machine, "--sim", plant, "--store", store});
@@ -63,7 +63,7 @@ std::ptrdiff_t lines_in(const std::string& text) { return std::ranges::count(tex
 
 TEST_F(Command, ARecordThatNoLongerFitsHasWholeLinesAndTellsHowManyFramesAreMissing) {
   const SmallDisk disk;
-  if (!disk.there()) GTEST_SKIP() << "only root mounts a disk";
+  if (!disk.there()) GTEST_SKIP() << "needs root: only root mounts a disk";
   const auto listen = [&](const std::string& record) {
     return berth({"doctor", machine, "--sim", plant, "--up", "--for", "2000 s", "--record", record});
   };
@@ -80,7 +80,7 @@ TEST_F(Command, ARecordThatNoLongerFitsHasWholeLinesAndTellsHowManyFramesAreMiss
   ASSERT_FALSE(kept.empty());
   EXPECT_TRUE(kept.ends_with('\n'));
   EXPECT_EQ(kept, all.substr(0, kept.size()));
-  const std::string told = record + ": No space left on device: the record stands still";
+  const std::string told = record + ": No space left on device: the record is paused";
   const auto first = full.err.find(told);
   EXPECT_NE(first, std::string::npos) << full.err;
   EXPECT_EQ(full.err.find(told, first + 1), std::string::npos) << "once: " << full.err;
@@ -91,12 +91,12 @@ TEST_F(Command, ARecordThatNoLongerFitsHasWholeLinesAndTellsHowManyFramesAreMiss
 
 TEST_F(Command, ARecordGoesOnWhenThereIsRoomAgain) {
   const SmallDisk disk;
-  if (!disk.there()) GTEST_SKIP() << "only root mounts a disk";
+  if (!disk.there()) GTEST_SKIP() << "needs root: only root mounts a disk";
   const std::string record = disk.file("frames.log");
   disk.fill();
   Background up({"up", machine, "--sim", plant, "--control", folder.file("s"), "--record", record},
                 OnTerminal{300, 40});
-  ASSERT_TRUE(up.says("the record stands still")) << "at once: " << up.said();
+  ASSERT_TRUE(up.says("the record is paused")) << "at once: " << up.said();
   EXPECT_EQ(contents(record), "");
   disk.empty();
   ASSERT_TRUE(eventually([&] { return contains(contents(record), " 709#05\n"); })) << contents(record);
@@ -125,7 +125,7 @@ TEST_F(Command, AFileThatMayNotGrowIsAFullDisk) {
 // Room for the lock file's entry, and none for the table.
 TEST_F(Command, AStoreThatNoLongerFitsNamesFileCauseAndRemedy) {
   const SmallDisk disk;
-  if (!disk.there()) GTEST_SKIP() << "only root mounts a disk";
+  if (!disk.there()) GTEST_SKIP() << "needs root: only root mounts a disk";
   const std::string store = disk.file("slots.db");
   std::ofstream(store + ".lock") << "1\n";
   disk.fill();
@@ -137,7 +137,7 @@ TEST_F(Command, AStoreThatNoLongerFitsNamesFileCauseAndRemedy) {
 
 TEST_F(Command, AStoreInAReadOnlyFolderNamesFileCauseAndRemedy) {
   const SmallDisk disk;
-  if (!disk.there()) GTEST_SKIP() << "only root mounts a disk";
+  if (!disk.there()) GTEST_SKIP() << "needs root: only root mounts a disk";
   disk.make_read_only();
   const std::string store = disk.file("slots.db");
   const Outcome run = berth({"up", machine, "--sim", plant, "--store", store});
@@ -183,13 +183,13 @@ TEST_F(Command, AWrongPlantFileNamesTheOneThatIsThere) {
 
 TEST_F(Command, ABusOnWhichNothingAcknowledgesSaysWhatToLookAt) {
   const std::string empty = folder.write("empty.toml", "[bus.line]\n");
-  const std::string cable = "is the bit rate right, is the cable plugged in, have devices power";
+  const std::string cable = "is the bit rate right, is the cable plugged in, do the devices have power";
   const Outcome up = berth({"up", machine, "--sim", empty, "--timeout", "20"});
   EXPECT_EQ(up.status, 1);
   EXPECT_TRUE(contains(up.out, "no device acknowledges what Berth sends: " + cable)) << up.out;
   const Outcome heard = berth({"scan", machine, "--sim", empty});
   EXPECT_EQ(heard.status, 0) << heard.err;
-  EXPECT_TRUE(contains(heard.out, "nobody was heard in 2 s, and nobody was asked; `berth scan --all` asks"))
+  EXPECT_TRUE(contains(heard.out, "no device was heard in 2 s, and none was asked; `berth scan --all` asks"))
       << heard.out;
   const Outcome scan = berth({"scan", "--all", machine, "--sim", empty});
   EXPECT_EQ(scan.status, 3);
@@ -215,7 +215,7 @@ TEST_F(Command, AtTheEndTheSlotsAreWhatTheyWereTold) {
   EXPECT_EQ(run.status, 0) << run.out << run.err;
   for (const auto& slot : Json::parse(run.out).at("slots")) {
     EXPECT_EQ(slot.at("state"), "present") << slot;
-    EXPECT_TRUE(contains(slot.value("reason", ""), "it was made stopped")) << slot;
+    EXPECT_TRUE(contains(slot.value("reason", ""), "NMT stopped by command")) << slot;
   }
 }
 

@@ -25,7 +25,7 @@ class FirstSave : public Running {
 TEST_F(FirstSave, UpSaysWhatToDo) {
   const Outcome up = berth({"up", machine, "--sim", unsaved, "--fast"});
   EXPECT_EQ(up.status, 1) << up.out;
-  EXPECT_TRUE(contains(up.out, "shall it save its parameters (1010h:01) and be reset")) << up.out;
+  EXPECT_TRUE(contains(up.out, "save its parameters (1010h:01) and reset it")) << up.out;
   EXPECT_TRUE(contains(up.err, "berth store")) << up.err;
 }
 

@@ -153,11 +153,13 @@ class Taken : public ::testing::Test {
         {"studio", on({"--listen", "0.0.0.0:0"})},
         {"scan", on({})},
         {"status", on({"--up"})},
+        {"watch", on({"2/1001h", "--up", "--count", "1"})},
         {"history", on({"--up"})},
         {"bind", on({})},
         {"locate", on({"2", "--up", "--anyway"})},
         {"replace", on({"left", "--up", "--device", left})},
         {"forget", on({left, "--up"})},
+        {"poll", on({"left", "--up"})},
         {"configure", {"-m", example("configured.toml"), "--sim", example("configured.plant.toml"), "--up"}},
         {"upload",
          {"pump 1", "-m", example("configured.toml"), "--sim", example("configured.plant.toml"), "--up", "--output",
@@ -175,6 +177,9 @@ class Taken : public ::testing::Test {
         {"sdo read", on({"2", "1018h:04", "--up"})},
         {"sdo write", on({"2", "1017h", "100", "--up", "--yes"})},
         {"sdo dump", on({"2", "--up"})},
+        {"note read", {"belt", "1017h", "-m", noted}},
+        {"note write", {"belt", "1017h", "--text", "x", "--unit", "V", "-m", noted}},
+        {"note remove", {"belt", "1017h", "-m", noted}},
         {"sdo connect", on({"2", "3", "--up"})},
         {"sdo release", on({"2", "3", "--up"})},
         {"sdo channels", on({"--up"})},
@@ -237,11 +242,18 @@ class Taken : public ::testing::Test {
                                                            {"--listen", "127.0.0.1:0"},
                                                            {"--node", "5"},
                                                            {"--watch", "1 s"},
+                                                           {"--every", "100 ms"},
+                                                           {"--count", "2"},
+                                                           {"--color", "never"},
+                                                           {"--times", "relative"},
                                                            {"--conformance", "2"},
                                                            {"--from", "candump"},
                                                            {"--service", "sdo"},
                                                            {"--object", "1018h"},
                                                            {"--text", "x"},
+                                                           {"--scale", "0.1"},
+                                                           {"--value", "3=x"},
+                                                           {"--bit", "3=x"},
                                                            {"--after", "0"},
                                                            {"--before", "5"},
                                                            {"--methods", "rand"},
@@ -284,6 +296,11 @@ class Taken : public ::testing::Test {
   Folder folder;
   std::string machine = folder.write("machine.toml", small_machine);
   std::string plant = folder.write("plant.toml", small_plant);
+  /// Its device has a description of its own, beside which notes can stand.
+  std::string belt = folder.write("belt.eds", contents(example("eds/belt.eds")));
+  std::string noted = folder.write("noted.toml",
+                                   "[machine]\nname = \"n\"\n[bus.line]\nport = \"sim\"\nbitrate = 250_000\n"
+                                   "[[slot]]\nbus = \"line\"\nid = 5\nname = \"belt\"\neds = \"belt.eds\"\n");
 };
 
 // No option on a page is refused as wrong use when it stands by itself behind a command that is good without it. Those
@@ -301,6 +318,8 @@ TEST_F(Taken, EveryOptionThatIsShown) {
                                               "trace --to",
                                               "trace --stats",
                                               "trace --quiet",
+                                              "trace --ring",
+                                              "trace --filter",
                                               "eds diff --node",
                                               "reproduce --negotiation-load",
                                               "plant --listen",

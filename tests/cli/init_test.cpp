@@ -62,6 +62,8 @@ TEST_F(Init, DescriptionsBecomeAMachineThatRuns) {
         "ids  = \"2..5\"\nname = \"Berth I-O module {id}\"", "# Berth drive, Example vendor"}) {
     EXPECT_TRUE(has(text, line)) << line << "\n" << text;
   }
+  EXPECT_TRUE(has(contents(plant), "name   = \"Berth I-O module {n}\"")) << contents(plant);
+  EXPECT_TRUE(has(contents(plant), "n_first = 2 ")) << "slot and device have one name\n" << contents(plant);
   runs(5);
 }
 
@@ -201,7 +203,7 @@ TEST_F(Init, NamesOfEveryKind) {
   for (const auto* const name : {"a/b", " a", "a\nb"}) {
     const Outcome wrong = init({"--eds", eds("drive.eds"), "--force", "--name", name});
     EXPECT_EQ(wrong.status, 2);
-    EXPECT_TRUE(has(wrong.err, "this is no name; use 1 to 100 characters")) << wrong.err;
+    EXPECT_TRUE(has(wrong.err, "this is not a name; use 1 to 100 characters")) << wrong.err;
     EXPECT_EQ(init({"--eds", eds("drive.eds"), "--force", "--bus", name}).status, 2);
   }
 }
@@ -342,18 +344,30 @@ TEST_F(Init, AnEmptyBusMakesNoFile) {
 
 // ---- by questions ----
 
+// "~" is the shell's: where Berth asks itself, it is the home folder, too.
+TEST_F(Init, AQuestionKnowsTheHomeFolder) {
+  const std::string home = std::getenv("HOME") != nullptr ? std::getenv("HOME") : "";
+  ASSERT_EQ(::setenv("HOME", folder.file("").c_str(), 1), 0);
+  folder.write("mine.eds", contents(eds("drive.eds")));
+  Background asks({"init"}, OnTerminal{80, 24});
+  static_cast<void>(home.empty() ? ::unsetenv("HOME") : ::setenv("HOME", home.c_str(), 1));
+  ASSERT_TRUE(asks.says("Description, or port:"));
+  asks.type("~/mine.eds\n");
+  EXPECT_TRUE(asks.says("how many of it [1]:")) << asks.said();
+}
+
 TEST_F(Init, QuestionsOnATerminal) {
   Background asks({"init"}, OnTerminal{80, 24});
   ASSERT_TRUE(asks.says("Description, or port:"));
   asks.type("nothing.eds\n");
-  ASSERT_TRUE(asks.says("there is no such file, and this is no port"));
+  ASSERT_TRUE(asks.says("there is no such file, and this is not a port"));
   asks.type(eds("drive.eds") + "\n");
   ASSERT_TRUE(asks.says("how many of it [1]:"));
   asks.type("many\n");
   ASSERT_TRUE(asks.says("a number from 1 to 126"));
   asks.type("2\n");
   ASSERT_TRUE(asks.says("Another description (Enter: no more):"));
-  asks.type(eds("io.eds") + "\n\n");
+  asks.type(eds("io.eds") + ":2\n");  // as --eds takes it: then "how many" is no question
   ASSERT_TRUE(asks.says([](const std::string& said) { return said.rfind("no more):") > said.find("no more):"); }));
   asks.type("\n");
   ASSERT_TRUE(asks.says("Machine file to write [berth.toml]:"));
@@ -362,12 +376,12 @@ TEST_F(Init, QuestionsOnATerminal) {
   asks.type(file + "\n");
   ASSERT_TRUE(asks.says("Name of the machine ["));
   asks.type("a/b\n");
-  ASSERT_TRUE(asks.says("this is no name"));
+  ASSERT_TRUE(asks.says("this is not a name"));
   asks.type("by hand\n");
   const Outcome made = asks.end();
   EXPECT_EQ(made.status, 0) << made.out << made.err;
   EXPECT_TRUE(has(contents(file), "name = \"by hand\"")) << contents(file);
-  runs(3);
+  runs(4);
 }
 
 // The questions find out what is wrong when it is typed, and replace nothing that they did not name.
@@ -378,7 +392,7 @@ TEST_F(Init, QuestionsRefuseWhatCouldNotBeWritten) {
   ASSERT_TRUE(asks.says("Description, or port:"));
   asks.type(folder.file("no.eds") + "\n");
   ASSERT_TRUE(asks.says("this cannot be used"));
-  asks.type(eds("drive.eds") + "\n1\n\n");
+  asks.type(eds("drive.eds") + "\n\n\n");
   ASSERT_TRUE(asks.says("Machine file to write [berth.toml]:"));
   asks.type(folder.file("nowhere/conveyor.toml") + "\n");
   ASSERT_TRUE(asks.says("there is no such folder"));
@@ -456,6 +470,20 @@ TEST_F(Init, QuestionsEndWithoutAFile) {
     EXPECT_TRUE(has(ended.err, "nothing was written")) << ended.err;
   }
   EXPECT_TRUE(has(contents(file), "name = \"first\""));
+}
+
+// A slot waits for the one, the device answers the other.
+TEST_F(Init, ADescriptionWithTwoVendorIdsIsTold) {
+  std::string text = contents(eds("io.eds"));
+  const auto at = text.find("VendorNumber=");
+  ASSERT_NE(at, std::string::npos);
+  text.replace(at, text.find('\n', at) - at, "VendorNumber=0x123");
+  folder.write("eds/io.eds", text);
+  const Outcome made = init({"--eds", eds("io.eds"), "--eds", eds("drive.eds")});
+  ASSERT_EQ(made.status, 0) << made.err;
+  EXPECT_TRUE(has(made.out, "note: " + eds("io.eds") + ": the vendor-ID is ")) << made.out;
+  EXPECT_TRUE(has(made.out, "00000123h in VendorNumber")) << made.out;
+  EXPECT_FALSE(has(made.out, "note: " + eds("drive.eds"))) << made.out;
 }
 
 }  // namespace

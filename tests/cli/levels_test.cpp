@@ -1,4 +1,6 @@
 // Verbs on buses beneath gateways, as a person uses them: a small machine of three buses, one beneath the other.
+#include <fmt/format.h>
+
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
@@ -229,7 +231,7 @@ TEST_F(LevelsCommand, ADoctorExaminesANodeByItsPath) {
 // ---- analyze ----
 
 TEST_F(LevelsCommand, TheAnalysisHasEveryBus) {
-  const Outcome all = berth({"analyze", machine, "--json"});
+  const Outcome all = berth({"analyze", machine, "--event", "50 ms", "--json"});
   EXPECT_EQ(all.status, 0) << all.out << all.err;
   const Json buses = Json::parse(all.out).at("buses");
   ASSERT_EQ(buses.size(), 3U) << all.out;
@@ -241,14 +243,14 @@ TEST_F(LevelsCommand, TheAnalysisHasEveryBus) {
 }
 
 TEST_F(LevelsCommand, TheAnalysisOfANodeByItsPath) {
-  const Outcome run = berth({"analyze", machine, "--node", "3/5/2", "--json"});
+  const Outcome run = berth({"analyze", machine, "--node", "3/5/2", "--event", "50 ms", "--json"});
   EXPECT_EQ(run.status, 0) << run.out << run.err;
   const Json buses = Json::parse(run.out).at("buses");
   ASSERT_EQ(buses.size(), 1U) << run.out;
   EXPECT_EQ(buses[0].at("bus"), "tip");
   ASSERT_FALSE(buses[0].at("messages").empty());
   for (const auto& message : buses[0].at("messages")) EXPECT_EQ(message.at("sender"), "tip io") << message;
-  EXPECT_EQ(berth({"analyze", machine, "--fifo", "3/4"}).status, 0);
+  EXPECT_EQ(berth({"analyze", machine, "--fifo", "3/4", "--event", "50 ms"}).status, 0);
   const Outcome nobody = berth({"analyze", machine, "--node", "3/9"});
   EXPECT_EQ(nobody.status, 2);
   EXPECT_TRUE(contains(nobody.err, "node 3/9 on bus boom is neither a slot nor")) << nobody.err;
@@ -264,7 +266,7 @@ TEST_F(LevelsCommand, ALinkOnABusBeneath) {
   EXPECT_FALSE(contains(run.out, "backbone:")) << run.out;
   const Outcome none = berth({"link", linked, "--node", "3/9"});
   EXPECT_EQ(none.status, 2);
-  EXPECT_TRUE(contains(none.err, "node 3/9 on bus boom is no slot")) << none.err;
+  EXPECT_TRUE(contains(none.err, "node 3/9 on bus boom is not a slot")) << none.err;
 }
 
 // The gateway's master brings it into the devices: 1F22h of its network list.
@@ -272,7 +274,8 @@ TEST_F(LevelsCommand, ALinkOnABusBeneathIsBroughtUp) {
   const Outcome run = berth({"sdo", "read", "3/4", "1400h:01", "--json", "--machine", linked, "--sim", plant, "--up"});
   ASSERT_EQ(run.status, 0) << run.out << run.err;
   const Json plan = Json::parse(berth({"link", linked, "--json"}).out).at("pdos").at(0);
-  EXPECT_EQ(Json::parse(run.out).at("value"), plan.at("can_id")) << run.out << plan;
+  EXPECT_EQ(fmt::format("0x{:03X}", Json::parse(run.out).at("value").get<unsigned>()), plan.at("can_id"))
+      << run.out << plan;
   ASSERT_EQ(plan.at("receivers").at(0).at("rpdo"), 1) << plan;
 }
 
@@ -346,17 +349,63 @@ TEST_F(LevelsCommand, ASilentNodeIsToldByItsGateway) {
   EXPECT_TRUE(contains(error.at("message"), "no answer of the gateway")) << error;
 }
 
+// It is a slot, named as the file names it: what is missing is a port.
+TEST_F(LevelsCommand, WhatNeedsAPortSaysThatThereIsNone) {
+  const std::string where = "slot boom io is beneath gateway 3 of bus backbone, and Berth has no port there; ";
+  const auto said = [&](Words words) {
+    const Outcome outcome = brought_up(std::move(words));
+    EXPECT_EQ(outcome.status, 2) << outcome.out << outcome.err;
+    return outcome.err;
+  };
+  EXPECT_TRUE(contains(said({"locate", "boom io"}), where + "its own master has LSS and NMT there"));
+  EXPECT_TRUE(
+      contains(said({"upload", "boom io"}), where + "`berth sdo dump` and `berth backup save` read its objects"));
+  EXPECT_TRUE(contains(said({"configure", "boom io"}), where + "`berth up` brings its configuration into the gateway"));
+  EXPECT_TRUE(contains(said({"replace", "boom io"}), where + "the NMT master there gives its device the node-ID"));
+  EXPECT_TRUE(contains(said({"replace", "2"}), "\"2\" can be tip/tip io, backbone/panel")) << "which of them?";
+  EXPECT_TRUE(contains(said({"locate", "nobody"}), "or give an LSS address or a node-ID"));
+}
+
+// Both files are known: what cannot come up is told before it is tried.
+TEST_F(LevelsCommand, APlantThatContradictsTheMachineIsToldAtOnce) {
+  const auto told = [&](const std::string& from, const std::string& to, const std::string& on) {
+    std::string text = with_io(folder, tower_plant);
+    text.replace(text.find(from), from.size(), to);
+    const Outcome outcome = berth({"status", "--machine", on, "--sim", folder.write("other.toml", text)});
+    return outcome.err;
+  };
+  const std::string none = told("seed = 3", "seed = 4", machine);
+  EXPECT_TRUE(none.empty()) << none;
+  const std::string id =
+      told("node_id = 1\nsource  = \"hard-coded\"\nmaster  = { flying = false, most = 10 }", "", machine);
+  EXPECT_TRUE(
+      contains(id, "boom port: it is the gateway's own node on bus boom, which has node-ID 1 in the machine file"))
+      << id;
+  EXPECT_TRUE(contains(id, "node_id = 1")) << id;
+  EXPECT_TRUE(contains(id, "boom port: it is the gateway's own node on bus boom, and no NMT master")) << id;
+  const std::string bus = told("[[gateway]]\nabove   = \"tip gateway\"\nbeneath = [\"tip port\"]", "", machine);
+  EXPECT_TRUE(contains(bus, "bus.tip: the machine file has this bus beneath a gateway, and no [[gateway]] here"))
+      << bus;
+  const std::string across = folder.write("across.toml", with_io(folder, tower_machine) +
+                                                             "\n[[link]]\nfrom = \"panel/6000h:01\"\nto = [\"boom "
+                                                             "io/6200h:01\"]\n");
+  const std::string signals = told("seed = 3", "seed = 4", across);
+  EXPECT_TRUE(contains(signals, "boom gateway: links of the machine file cross this gateway")) << signals;
+  EXPECT_TRUE(contains(signals, "signals = 4")) << signals;
+  EXPECT_FALSE(contains(told("speaks_layout = [5]", "signals = 4", across), "cross this gateway"));
+}
+
 TEST_F(LevelsCommand, APathThatIsNone) {
   const std::pair<const char*, const char*> wrong[] = {
       {"2/4", "node 2/4: node 2 on the way is no gateway to that bus: it has no object for it (5F30h to 5F4Fh)"},
       {"3/4/5", "node 3/4/5: node 4 on the way is no gateway to that bus"},
       {"3.2/5", "node 3.2/5: node 3 on the way is no gateway to that bus"},
-      {"3/200", "node \"3/200\" is no path; write node-IDs from 1 to 127"},
-      {"3.9/5", "node \"3.9/5\" is no path"},
-      {"3//5", "node \"3//5\" is no path"}};
+      {"3/200", "node \"3/200\" is not a path; write node-IDs from 1 to 127"},
+      {"3.9/5", "node \"3.9/5\" is not a path"},
+      {"3//5", "node \"3//5\" is not a path"}};
   for (const auto& [node, text] : wrong) {
     const Outcome run = brought_up({"sdo", "read", node, "1000h"});
-    EXPECT_EQ(run.status, contains(text, "no path") ? 2 : 1) << run.out << run.err;
+    EXPECT_EQ(run.status, contains(text, "not a path") ? 2 : 1) << run.out << run.err;
     EXPECT_TRUE(contains(run.err, text)) << node << ": " << run.err;
   }
 }
@@ -420,7 +469,7 @@ TEST_F(PortBeneath, APathGoesByThePortThatIsThere) {
   ASSERT_EQ(deep.status, 0) << deep.out << deep.err;
   EXPECT_EQ(Json::parse(deep.out).at("value"), 31) << deep.out;
   EXPECT_EQ(brought_up({"nmt", "stop", "3/4", "--yes"}).status, 0) << "Berth is the master there";
-  EXPECT_EQ(berth({"analyze", machine, "--node", "3/4"}).status, 0);
+  EXPECT_EQ(berth({"analyze", machine, "--node", "3/4", "--event", "10 ms"}).status, 0);
   EXPECT_EQ(brought_up({"doctor", "--conformance", "3/4"}).status, 0);
 }
 

@@ -138,6 +138,17 @@ TEST_F(Live, OfTwoMastersTheOneThatHearsTheOtherIsShut) {
     if (!is_shut(text)) continue;
     EXPECT_NE(text.find("Berth writes nothing more on this bus"), std::string::npos) << text;
     EXPECT_EQ(text.find("\"state\": \"operational\""), std::string::npos) << text;
+    const bool first_is = &text == &texts[0];
+    const std::string& file = first_is ? machine : deaf;
+    const std::string& at = first_is ? control : second_control;
+    for (const Words& asked :
+         {Words{"sdo", "read", "2", "1018h:04"}, Words{"nmt", "start", "2"}, Words{"replace", "2"}}) {
+      Words words = asked;
+      words.insert(words.end(), {"--machine", file, "--control", at});
+      const Outcome no = berth(words);
+      EXPECT_NE(no.err.find("another master is on this bus"), std::string::npos) << asked.front() << no.out << no.err;
+      EXPECT_NE(no.err.find("Berth sends nothing there"), std::string::npos) << asked.front() << no.err;
+    }
   }
 }
 

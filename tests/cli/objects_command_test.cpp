@@ -1,9 +1,12 @@
 // Machines, nodes, objects and values as a person names them on the command line.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "berth/eds/xdd.hpp"
 #include "command_fixture.hpp"
 
 namespace berth::test {
@@ -20,6 +23,8 @@ TEST_F(Command, SdoKnowsNodesAndObjectsByName) {
   const Json written = reply({"sdo", "write", "Drive", "producer", "0.5 s"}, 0, true);
   EXPECT_EQ(written.at("bytes"), "F4 01");
   EXPECT_EQ(written.at("name"), "Producer heartbeat time");
+  EXPECT_EQ(written.at("value"), 500);
+  EXPECT_EQ(written.at("time"), "500 ms");
   EXPECT_EQ(reply({"nmt", "preop", "drive"}, 0, true).at("node"), 9);
 }
 
@@ -135,6 +140,21 @@ TEST_F(Command, SdoByTheSlotsDescription) {
   EXPECT_EQ(ask({"sdo", "write", "valve", "2100h", "-100"}).first, 0);
 }
 
+// A value and its unit as two words: the message has the line that does it.
+TEST_F(Command, AUnitOutsideOfTheQuotesIsTold) {
+  const auto refused = [&](Words words) {
+    words.insert(words.begin(), {"sdo", "write", "drive"});
+    words.insert(words.end(), {"--machine", machine, "--sim", plant, "--up"});
+    const Outcome outcome = berth(words);
+    EXPECT_EQ(outcome.status, 2) << outcome.out;
+    return outcome.err;
+  };
+  EXPECT_TRUE(contains(refused({"1017h", "3", "s"}), "put value and unit in quotes: \"3 s\""))
+      << refused({"1017h", "3", "s"});
+  EXPECT_TRUE(contains(refused({"1017h", "0", "500", "ms"}), "put value and unit in quotes: \"500 ms\""));
+  EXPECT_FALSE(contains(refused({"1017h", "0", "xyz"}), "in quotes"));
+}
+
 // An XDD says units and names of values: read, written and refused by them.
 TEST_F(Command, UnitsAndNamesOfValuesOfAnXdd) {
   Outcome made = berth({"eds", "convert", example("eds/sensor.eds"), folder.file("heater.xdd")});
@@ -182,6 +202,12 @@ TEST_F(Command, UnitsAndNamesOfValuesOfAnXdd) {
   EXPECT_EQ(ask({"sdo", "write", "heater", "Mode", "1"}).first, 2) << "not among those allowed";
   EXPECT_EQ(ask({"sdo", "write", "heater", "Mode", "1", "--anyway"}).first, 0);
   EXPECT_EQ(ask({"sdo", "write", "heater", "Set point", "23 bar"}).first, 2);
+  const Outcome set = berth({"sdo", "write", "heater", "Set point", "23.5 °C", "-m", one, "--sim", world, "--up"});
+  EXPECT_TRUE(contains(set.out, "written: 235 = 23.5 °C")) << set.out << set.err;
+  // Its EDS has 1A00sub1 = 60040020h.
+  const auto [mapped, entry] = ask({"sdo", "read", "heater", "1A00h:01"});
+  EXPECT_EQ(mapped, 0) << entry;
+  EXPECT_EQ(entry.at("meaning"), "6004h:00, 32 bit") << entry;
   const Outcome read = berth({"sdo", "read", "heater", "Mode", "--machine", one, "--sim", world, "--up"});
   EXPECT_TRUE(contains(read.out, "0 (0x00) = Off")) << read.out;
   const Outcome shown = berth({"eds", "show", folder.file("heater.xdd"), "5F01h"});
@@ -206,6 +232,28 @@ TEST_F(Command, S5_22_SdoDumpReadsAllThatCanBeRead) {
         std::ranges::find_if(objects, [&](const Json& o) { return o.at("index") == index && o.at("sub") == sub; });
     return it == objects.end() ? Json() : *it;
   };
+  // The dictionary browser shows every object that the device's description has and that can be read, and no other.
+  const auto eds = eds::read_any_file(example("eds/drive.eds"));
+  ASSERT_TRUE(eds.usable());
+  std::size_t described = 0;
+  for (const auto& object : eds.file.description->objects()) {
+    for (const auto& sub : eds.file.description->subs(object)) {
+      const Json shown = find(fmt::format("0x{:04X}", object.index), sub.sub);
+      if (!od::readable(sub.access)) {
+        EXPECT_TRUE(shown.is_null()) << shown;
+        continue;
+      }
+      ++described;
+      const bool answered =
+          shown.is_object() && (shown.contains("value") || shown.contains("bytes") || shown.contains("abort_code"));
+      if (shown.contains("value")) {
+        EXPECT_EQ(shown.at("type"), od::name(sub.type)) << shown;
+      }
+      EXPECT_TRUE(answered) << object.index << ":" << int{sub.sub} << " " << shown;
+    }
+  }
+  EXPECT_GT(described, 30U);
+  EXPECT_EQ(objects.size(), described);
   EXPECT_EQ(find("0x1018", 4).at("value"), 0x77);
   EXPECT_EQ(find("0x1018", 4).at("name"), "Identity object/Serial number");
   EXPECT_EQ(find("0x1017", 0).at("time"), "500 ms");
@@ -297,12 +345,24 @@ TEST_F(Command, TheMachineFileOfTheFolder) {
   folder.write("berth.toml", small_machine);
   const Outcome named = berth({"scan", "--sim", plant});
   const Outcome json = run({"scan"});
+  // Those that no port by itself is enough for, too.
+  const Outcome analyzed = berth({"analyze"});
+  const Outcome documented = berth({"document", "-o", "pages"});
+  const Outcome linked = berth({"link"});
+  std::filesystem::remove("berth.toml");
+  const Outcome which = berth({"link"});
   std::filesystem::current_path(before);
+  EXPECT_EQ(analyzed.status, 0) << analyzed.err;
+  EXPECT_EQ(documented.status, 0) << documented.err;
+  EXPECT_FALSE(contains(linked.err, "--port")) << linked.err;
+  EXPECT_EQ(which.status, 2);
+  EXPECT_TRUE(contains(which.err, "name it") && !contains(which.err, "--port")) << which.err;
   EXPECT_EQ(only.status, 0) << only.err;
   EXPECT_TRUE(contains(only.err, "machine.toml")) << "it is said which: " << only.err;
   EXPECT_EQ(two.status, 2) << "which of the two?";
+  EXPECT_TRUE(contains(two.err, "this folder has machine.toml, second.toml")) << two.err;
   EXPECT_EQ(named.status, 0) << named.err;
-  EXPECT_TRUE(contains(named.err, "berth.toml")) << named.err;
+  EXPECT_FALSE(contains(named.err, "machine file: ")) << "the usual name needs no word: " << named.err;
   EXPECT_TRUE(json.err.empty()) << json.err;
 }
 

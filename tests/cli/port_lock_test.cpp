@@ -87,7 +87,7 @@ TEST(PortLock, ALongNameIsTheWholeName) {
 
 // Any user can take a name of the kernel's.
 TEST(PortLock, AnotherUsersProcessIsNamedAndHoldsNoSerialAdapter) {
-  if (::geteuid() != 0) GTEST_SKIP() << "only root becomes another user";
+  if (::geteuid() != 0) GTEST_SKIP() << "needs root: only root becomes another user";
   const std::string can = "socketcan:" + interface_name();
   const std::string serial = "slcan:/dev/no-such-" + interface_name();
   const auto of_root = PortLock::take(port(can));

@@ -75,7 +75,7 @@ Background::Background(const Words& arguments, const std::optional<OnTerminal>& 
   pid_ = ::fork();
   if (pid_ == 0) {
     ::dup2(out.write, STDOUT_FILENO);
-    ::dup2(err.write, STDERR_FILENO);
+    ::dup2(terminal && terminal->errors ? out.write : err.write, STDERR_FILENO);
     if (terminal) {
       // Its own, as in a shell: who reads it must be in the foreground.
       ::setsid();

@@ -31,9 +31,10 @@ struct OnTerminal {
   unsigned short rows = 40;
   std::string type = "xterm";  ///< TERM; empty: unset
   bool colours = true;         ///< false: NO_COLOR is set
+  bool errors = false;         ///< they come on it, too, as in a shell
 };
 
-/// A `berth` that keeps running, on a terminal (but for its errors) when told so. Killed with its object.
+/// A `berth` that keeps running, on a terminal when told so. Killed with its object.
 class Background {
  public:
   explicit Background(const Words& arguments, const std::optional<OnTerminal>& terminal = std::nullopt);

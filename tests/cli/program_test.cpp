@@ -118,7 +118,7 @@ TEST(ControlPath, AFolderThatOthersCanWriteToIsNotBelieved) {
   ASSERT_EQ(::chmod(folder.c_str(), 0700), 0);
   if (!there) ::rmdir(folder.c_str());
   ASSERT_FALSE(reply);
-  EXPECT_TRUE(contains(reply.error(), "not this user's alone")) << reply.error();
+  EXPECT_TRUE(contains(reply.error(), "other users have access to this folder")) << reply.error();
 }
 
 /// Listens as a stranger might, in a process of its own, and does `with` what it accepts.
@@ -157,7 +157,7 @@ class Listener {
 };
 
 TEST(ControlPath, AnotherUsersProcessIsNotAsked) {
-  if (::geteuid() != 0) GTEST_SKIP() << "only root can be a stranger to itself";
+  if (::geteuid() != 0) GTEST_SKIP() << "needs root: only root can be a stranger to itself";
   const Folder folder;
   const std::string path = folder.file("s");
   constexpr uid_t stranger = 65534;

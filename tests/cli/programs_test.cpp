@@ -76,10 +76,29 @@ TEST_F(ProgramCommand, AProgramThatCannotBeReadIsNamed) {
                    "programs = [{ file = \"nowhere.bprg\" }]\n");
   const Outcome up = berth({"up", missing, "--sim", plant, "--fast", "--timeout", "20 s"});
   EXPECT_NE(up.status, 0);
-  EXPECT_NE(up.out.find("nowhere.bprg: its program's file cannot be read"), std::string::npos) << up.out;
+  EXPECT_NE(up.out.find("nowhere.bprg: there is no such file"), std::string::npos) << up.out;
+  EXPECT_NE(
+      up.err.find("missing.toml:12:22: warning: slot[1].programs[1].file: \"nowhere.bprg\": there is no such file"),
+      std::string::npos)
+      << "with its place, before a device is asked: " << up.err;
 }
 
-TEST_F(ProgramCommand, DownloadStopStartAndClear) {
+// A device whose slot names no programs, and that has none: why it does not become operational.
+TEST_F(ProgramCommand, ABlankDeviceSaysThatItHasNoProgram) {
+  const Folder folder;
+  const std::string without =
+      folder.write("without.toml",
+                   "[machine]\nname = \"m\"\n[bus.line]\nport = \"sim\"\nbitrate = 250_000\nmaster_id = 127\n"
+                   "[[slot]]\nbus = \"line\"\nids = \"1..3\"\nname = \"c{id}\"\n"
+                   "type = { vendor = 0x0000_0001, product = 0x0000_0060 }\n");
+  const Outcome up = berth({"up", without, "--sim", plant, "--fast", "--timeout", "20 s"});
+  EXPECT_NE(up.out.find("it has no valid program (1F57h:01): `berth program download` gives it one"), std::string::npos)
+      << up.out;
+  EXPECT_NE(up.out.find("c3: operational"), std::string::npos) << up.out;
+}
+
+// S5.22: program download and control, of the network access interface.
+TEST_F(ProgramCommand, S5_22_DownloadStopStartAndClear) {
   const Json done = reply({"download", "controller 2", "--up"}, 0);
   EXPECT_EQ(done.at("bytes"), 4032);
   EXPECT_EQ(done.at("programs").at(0).at("identification"), right_one);
@@ -115,9 +134,7 @@ TEST_F(ProgramCommand, TheIdentificationIsThatOfTheCommand) {
 // It refused the image: flash memory wears out, and another attempt would end as the first.
 TEST_F(ProgramCommand, ARefusedProgramIsNotWrittenAgain) {
   const Folder folder;
-  const std::string content = folder.write("p.bin", "a program of another product");
-  const std::string image = folder.file("p.bprg");
-  ASSERT_EQ(berth({"program", "image", content, image, "--vendor", "1", "--product", "97"}).status, 0);
+  const std::string image = folder.write("p.bin", "a program without a head, which this device does not take");
   const std::string refused =
       folder.write("refused.toml",
                    "[machine]\nname = \"m\"\n[bus.line]\nport = \"sim\"\nbitrate = 250_000\nmaster_id = 127\n"
@@ -134,7 +151,39 @@ TEST_F(ProgramCommand, ARefusedProgramIsNotWrittenAgain) {
   EXPECT_NE(up.out.find("c2: failed: I: "), std::string::npos) << up.out;
 }
 
-TEST_F(ProgramCommand, AnotherFileIsRefusedByTheDevice) {
+// A device that refuses an image has no program any more: what can be known before is asked before.
+TEST_F(ProgramCommand, AnImageOfAnotherProductLeavesTheProgramAlone) {
+  const Folder folder;
+  const std::string image = folder.file("p.bprg");
+  ASSERT_EQ(berth({"program", "image", folder.write("p.bin", "of another"), image, "--vendor", "1", "--product", "97"})
+                .status,
+            0);
+  const std::string file =
+      folder.write("other.toml",
+                   "[machine]\nname = \"m\"\n[bus.line]\nport = \"sim\"\nbitrate = 250_000\nmaster_id = 127\n"
+                   "[[slot]]\nbus = \"line\"\nids = \"1..3\"\nname = \"c{id}\"\n"
+                   "type = { vendor = 0x0000_0001, product = 0x0000_0060 }\nprograms = [{ file = \"" +
+                       image + "\" }]\n");
+  const Outcome up = berth({"up", file, "--sim", plant, "--fast", "--timeout", "60 s"});
+  EXPECT_NE(up.status, 0);
+  EXPECT_NE(up.out.find("the image is of another product than the device"), std::string::npos) << up.out;
+  EXPECT_EQ(up.out.find("clearing program"), std::string::npos) << up.out;
+  EXPECT_EQ(up.out.find("stopping program"), std::string::npos) << up.out;
+  std::string damaged = contents(image);
+  damaged.back() = static_cast<char>(damaged.back() ^ 1);
+  const Outcome broken = run({"download", "controller 3", "--file", folder.write("d.bprg", damaged), "--up"});
+  EXPECT_EQ(broken.status, 2);
+  EXPECT_NE(broken.err.find("is damaged"), std::string::npos) << broken.err;
+}
+
+TEST_F(ProgramCommand, ADeviceThatDoesNotAnswerIsNotSaidToBeInItsBootLoader) {
+  const Outcome none = run({"download", "controller 3"});
+  EXPECT_EQ(none.status, 1);
+  EXPECT_NE(none.err.find("no answer"), std::string::npos) << none.err;
+  EXPECT_EQ(none.err.find("boot loader"), std::string::npos) << none.err;
+}
+
+TEST_F(ProgramCommand, AnotherFileIsRefusedBeforeTheProgramIsStopped) {
   const Folder folder;
   const std::string content = folder.write("p.bin", "a program of another product");
   const std::string image = folder.file("p.bprg");
@@ -143,10 +192,11 @@ TEST_F(ProgramCommand, AnotherFileIsRefusedByTheDevice) {
   EXPECT_EQ(Json::parse(made.out).at("bytes"), 60);
   const Outcome refused = run({"download", "controller 3", "--file", image, "--up"});
   EXPECT_EQ(refused.status, 1);
-  EXPECT_NE(refused.err.find("product"), std::string::npos) << refused.err;
+  EXPECT_NE(refused.err.find("of another product"), std::string::npos) << refused.err;
+  EXPECT_EQ(refused.err.find("boot loader"), std::string::npos) << refused.err;
   const Outcome wrong = run({"download", "controller 3", "--file", folder.file("none"), "--up"});
   EXPECT_EQ(wrong.status, 2);
-  EXPECT_NE(wrong.err.find("cannot be read"), std::string::npos) << wrong.err;
+  EXPECT_NE(wrong.err.find("there is no such file"), std::string::npos) << wrong.err;
 }
 
 TEST_F(ProgramCommand, ADeviceWithoutProgramsSaysSo) {

@@ -4,12 +4,14 @@
 #include <signal.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "../paths.hpp"
 #include "running_fixture.hpp"
 
 namespace berth::test {
@@ -75,6 +77,25 @@ TEST_F(Running, ATraceJoinsThroughTheControlSocket) {
   EXPECT_EQ(trace.end().status, 0);
 }
 
+// 80 columns: no row breaks, and times count from the first one.
+TEST_F(Running, ALiveTraceOnATerminalHasOneLineARow) {
+  begin(plant);
+  Background trace({"trace", "--machine", machine, "--control", socket}, OnTerminal{80, 24, "xterm", false});
+  ASSERT_TRUE(trace.says("Heartbeat")) << trace.said();
+  ASSERT_EQ(ask({"sdo", "dump", "2"}).status, 0);
+  ASSERT_TRUE(trace.says("1018h")) << trace.said();
+  trace.signal(SIGINT);
+  std::istringstream rows(trace.end().out);
+  std::string row;
+  std::string first;
+  while (std::getline(rows, row)) {
+    if (row.ends_with('\r')) row.pop_back();
+    if (first.empty()) first = row;
+    EXPECT_LE(row.size(), 80U) << row;
+  }
+  EXPECT_TRUE(first.starts_with("    0.0000 ")) << first;
+}
+
 // A client that takes nothing costs a bounded amount, and is told how much it missed; the machine goes on.
 TEST_F(Running, AFollowerThatIsTooSlowMissesFramesAndIsTold) {
   begin(plant);
@@ -124,7 +145,7 @@ TEST_F(Running, ANodeThatWasStoppedByHandStaysStopped) {
   begin(plant);
   ASSERT_TRUE(wait_for("drive", "operational"));
   EXPECT_EQ(ask({"nmt", "stop", "9"}).status, 0);
-  EXPECT_TRUE(contains(ask({"status"}).out, "it was made stopped; `berth nmt start 9` starts it"))
+  EXPECT_TRUE(contains(ask({"status"}).out, "NMT stopped by command; `berth nmt start 9` starts it"))
       << "who asks behind the command is told what it now is";
   EXPECT_TRUE(wait_for("drive", "present"));
   EXPECT_EQ(ask({"nmt", "start", "9"}).status, 0);
@@ -157,6 +178,93 @@ TEST_F(Running, ReplaceClearsAndSeatsTheNewDevice) {
   EXPECT_TRUE(wait_for("drive", "operational"));
   up_->signal(SIGTERM);
   EXPECT_EQ(up_->end().status, 0);
+}
+
+// Without a spare it says at once what it waits for.
+TEST_F(Running, ReplaceSaysWhatItWaitsForAndThePlantKnowsWhoSatThere) {
+  begin(plant);
+  ASSERT_TRUE(all_operational());
+  ASSERT_EQ(ask({"sim", "unplug", "left"}).status, 0);
+  ASSERT_TRUE(wait_for("left", "absent"));
+  const Outcome outcome = berth({"replace", "left", "--control", socket});
+  EXPECT_EQ(outcome.status, 1) << outcome.out;
+  // On a busy computer its device has been asked for in vain by now, and that is the reason.
+  EXPECT_TRUE(contains(outcome.err, "left released (heartbeat lost)") ||
+              contains(outcome.err, "left released (no heartbeat") ||
+              contains(outcome.err, "left released (its identity cannot be read"))
+      << outcome.err;
+  EXPECT_TRUE(contains(outcome.err, "); waiting for a new device, ")) << outcome.err;
+  EXPECT_EQ(ask({"sim", "plug", "left"}).status, 0) << "who sat there last";
+}
+
+// Ctrl-Z: `status` said nothing for two minutes.
+TEST_F(Running, AProcessThatIsStoppedIsToldAtOnce) {
+  begin(plant);
+  ::kill(up_->pid(), SIGSTOP);
+  const Outcome outcome = ask({"status"});
+  ::kill(up_->pid(), SIGCONT);
+  EXPECT_EQ(outcome.status, 3);
+  EXPECT_TRUE(contains(outcome.out + outcome.err, "is stopped (Ctrl-Z)")) << outcome.out << outcome.err;
+  EXPECT_FALSE(contains(outcome.out + outcome.err, "start one")) << "there is one: " << outcome.err;
+}
+
+TEST_F(Running, NmtTakesTheStatesToo) {
+  begin(plant);
+  ASSERT_TRUE(all_operational());
+  for (const auto& [word, meant] : {std::pair{"pre-operational", "preop"}, std::pair{"operational", "start"}}) {
+    const Outcome outcome = ask({"nmt", word, "left"});
+    ASSERT_EQ(outcome.status, 0) << outcome.out;
+    EXPECT_EQ(Json::parse(outcome.out).at("command"), meant);
+  }
+  const Outcome wrong = berth({"nmt", "go", "left", "--control", folder.file("nobody")});
+  EXPECT_EQ(wrong.status, 2) << "the word before the missing process: " << wrong.err;
+  EXPECT_TRUE(contains(wrong.err, "\"go\" is not an NMT command")) << wrong.err;
+}
+
+TEST_F(Running, StatusOfOneSlotTellsAllThatIsKnown) {
+  begin(folder.write("leaves.toml", std::string(small_plant) + R"(
+[[event]]
+after  = "operational"
+delay  = "200 ms"
+action = "unplug"
+device = "c"
+)"));
+  ASSERT_TRUE(wait_for("drive", "absent"));
+  const Outcome outcome = ask({"status", "drive"});
+  EXPECT_EQ(outcome.status, 1) << "it is not operational";
+  const Json drive = Json::parse(outcome.out);
+  EXPECT_EQ(drive.at("name"), "drive");
+  EXPECT_EQ(drive.at("state"), "absent");
+  EXPECT_EQ(drive.at("address"), "00000001-00000007-00000003-00000030");
+  // On a busy computer its device has been asked for in vain by now, and that is the reason.
+  EXPECT_TRUE(contains(drive.at("reason"), "`berth replace` it")) << drive;
+  ASSERT_FALSE(drive.at("events").empty()) << drive;
+  EXPECT_TRUE(contains(drive.at("events").dump(), "heartbeat lost")) << drive;
+  EXPECT_EQ(drive.at("events").back().at("slot"), "drive");
+  EXPECT_TRUE(contains(drive.at("history").dump(), "confirmed")) << drive;
+  EXPECT_EQ(ask({"status", "left"}).status, 0) << "the others are well";
+  EXPECT_EQ(ask({"status", "line/left"}).status, 0);
+  EXPECT_EQ(ask({"status", "nobody"}).status, 2);
+  const Outcome words = berth({"status", "left", "--control", socket});
+  EXPECT_TRUE(words.out.starts_with("line/left, node-ID 2: operational, since ")) << words.out;
+  EXPECT_TRUE(contains(words.out, "\ndevice         00000001-00000001-00000000-00000020\n")) << words.out;
+  EXPECT_TRUE(contains(words.out, "\nNMT state      operational, heard 0.")) << words.out;
+  const Outcome coloured = berth({"status", "--control", socket, "--color", "always"});
+  const auto begin = coloured.out.find("\x1b[33m");
+  ASSERT_NE(begin, std::string::npos) << coloured.out;
+  EXPECT_TRUE(contains(coloured.out.substr(begin, coloured.out.find("\x1b[0m") - begin), "drive  absent"));
+  EXPECT_EQ(coloured.out.find("\x1b[33m", begin + 1), std::string::npos) << "the others are well: " << coloured.out;
+}
+
+// `... --watch "100 ms" | head -2` went on for ever.
+TEST_F(Running, AWatchEndsWithItsReader) {
+  begin(plant);
+  const std::string script = "bash -c 'set -o pipefail; " + std::string("timeout 60 ") + binary() +
+                             " status --watch \"50 ms\" --control " + socket +
+                             " | head -2 >/dev/null; exit ${PIPESTATUS[0]}'";
+  const int status = std::system(script.c_str());
+  ASSERT_TRUE(WIFEXITED(status));
+  EXPECT_NE(WEXITSTATUS(status), 124) << "it was ended from outside";
 }
 
 // A client may send its next request before it has the answer to the one before: nothing else wakes the process for it.

@@ -192,7 +192,7 @@ TEST(Serve, WhatIsWrongIsTold) {
   says({"serve"}, 2, "what is to be served?");
   says({"serve", "/no/such/plant.toml"}, 2, "/no/such/plant.toml");
   says({"serve", plant, "--listen", "127.0.0.1:99999"}, 2, "HOST:PORT");
-  says({"serve", plant, "--for", "soon"}, 2, "is no time");
+  says({"serve", plant, "--for", "soon"}, 2, "is not a time");
   says({"serve", "--port", "can987"}, 3, "socketcan:can987: there is no such interface");
   says({"serve", "--port", "slcan:/dev/no-such-device"}, 3, "no such device");
   says({"serve", "--machine", example("ailing.toml")}, 2, "give the plant file");

@@ -36,6 +36,36 @@ TEST_F(Running, ADeviceLosesItsPowerAndGetsItBack) {
   EXPECT_TRUE(wait_for("drive", "operational"));
 }
 
+// An input that SDO cannot write: its sensor is the person's. What maps it is sent, by its event alone.
+TEST_F(Running, AnInputIsSet) {
+  machine = example("by-eds.toml");
+  const std::string record = folder.file("run.log");
+  up_ = std::make_unique<Background>(Words{"up", machine, "--sim", example("by-eds.plant.toml"), "--pace", "--control",
+                                           socket, "--store", "", "--record", record});
+  ASSERT_TRUE(wait_for("cabinet io", "operational"));
+  const auto value = [&] { return Json::parse(ask({"sdo", "read", "cabinet io", "6000h:02"}).out).at("value"); };
+  ASSERT_EQ(value(), 0);
+  EXPECT_EQ(ask({"sdo", "write", "cabinet io", "6000h:02", "5"}).status, 1) << "it is read-only";
+  const Outcome set = ask({"sim", "set", "cabinet io", "6000h:02", "0x85"});
+  ASSERT_EQ(set.status, 0) << set.out;
+  EXPECT_EQ(Json::parse(set.out).at("device"), "io");
+  EXPECT_EQ(Json::parse(set.out).at("value"), 0x85);
+  EXPECT_EQ(value(), 0x85);
+  EXPECT_EQ(ask({"sim", "set", "20", "inputs 9 to 16", "6"}).status, 0) << "by node-ID and by name";
+  EXPECT_EQ(value(), 6);
+  EXPECT_EQ(ask({"sim", "set", "cabinet io", "6000h:02", "256"}).status, 2) << "it is UNSIGNED8";
+  EXPECT_EQ(ask({"sim", "set", "cabinet io", "1017h", "5"}).status, 2) << "the device's own";
+  EXPECT_EQ(ask({"sim", "set", "cabinet io", "7000h", "5"}).status, 2);
+  EXPECT_EQ(ask({"sim", "set", "nobody", "6000h:02", "5"}).status, 2);
+  EXPECT_EQ(value(), 6);
+  ASSERT_EQ(ask({"sim", "unplug", "cabinet io"}).status, 0);
+  EXPECT_EQ(ask({"sim", "set", "cabinet io", "6000h:02", "5"}).status, 1) << "without power it has no values";
+  up_.reset();
+  const std::string frames = contents(record);
+  EXPECT_TRUE(contains(frames, "194#0085")) << "TPDO 1 of node 20";
+  EXPECT_TRUE(contains(frames, "194#0006"));
+}
+
 // The keys are the plant file's, and what is wrong with them is told as its reader tells it.
 TEST_F(Running, AnyEventOfThePlantFileCanBeMadeToHappen) {
   begin(plant);
@@ -53,6 +83,44 @@ TEST_F(Running, AnyEventOfThePlantFileCanBeMadeToHappen) {
   EXPECT_TRUE(wait_for("left", "absent"));
   EXPECT_EQ(ask({"sim", "fault", "join"}).status, 0);
   EXPECT_TRUE(wait_for("left", "operational"));
+}
+
+// Nodes of a cut are named as devices are, by slot or node-ID too, and what is cut is told.
+TEST_F(Running, ACableIsCutAndMended) {
+  begin(plant);
+  ASSERT_TRUE(wait_for("drive", "operational"));
+  const auto pieces = [&] { return Json::parse(ask({"sim", "devices"}).out).at("cables").at(0).at("pieces"); };
+  EXPECT_EQ(pieces(), Json::parse(R"([["a", "b", "c", "master"]])")) << pieces().dump();
+  const Outcome cut = ask({"sim", "fault", "cut-cable", "nodes=left,c"});
+  EXPECT_EQ(cut.status, 0) << cut.out;
+  EXPECT_TRUE(contains(cut.out, "bus line is cut (b, c)")) << cut.out;
+  EXPECT_EQ(pieces(), Json::parse(R"([["a", "master"], ["b", "c"]])")) << pieces().dump();
+  EXPECT_TRUE(contains(berth({"sim", "devices", "--control", socket}).out, "bus line is cut: a, master | b, c"));
+  EXPECT_TRUE(wait_for("left", "absent"));
+  EXPECT_TRUE(wait_for("drive", "absent"));
+  const Outcome nobody = ask({"sim", "fault", "cut-cable", "nodes=left,nobody"});
+  EXPECT_EQ(nobody.status, 2);
+  EXPECT_TRUE(contains(nobody.out, "called \\\"nobody\\\"")) << nobody.out;
+  EXPECT_EQ(ask({"sim", "fault", "join"}).status, 0);
+  EXPECT_EQ(pieces().size(), 1U);
+  EXPECT_TRUE(wait_for("left", "operational"));
+  EXPECT_TRUE(wait_for("drive", "operational"));
+}
+
+TEST_F(Running, ADeafOrSlowDeviceRecovers) {
+  begin(plant);
+  ASSERT_TRUE(wait_for("drive", "operational"));
+  const auto device = [&] { return Json::parse(ask({"sim", "devices"}).out).at("devices").at(2); };
+  EXPECT_EQ(device().at("slot"), "drive");
+  ASSERT_EQ(ask({"sim", "fault", "slow", "drive", "latency=20 ms"}).status, 0);
+  ASSERT_EQ(ask({"sim", "fault", "deaf", "drive"}).status, 0);
+  EXPECT_EQ(device().at("deaf"), true);
+  EXPECT_DOUBLE_EQ(device().at("late_s").get<double>(), 0.02);
+  EXPECT_EQ(ask({"sdo", "read", "drive", "1018h:04"}).status, 1) << "it hears nothing";
+  ASSERT_EQ(ask({"sim", "fault", "recover", "drive"}).status, 0);
+  EXPECT_EQ(device().at("deaf"), false);
+  EXPECT_DOUBLE_EQ(device().at("late_s").get<double>(), 0);
+  EXPECT_TRUE(eventually([&] { return ask({"sdo", "read", "drive", "1018h:04"}).status == 0; }));
 }
 
 // Its boot-up shows that the firmware began anew; it keeps its place.
@@ -78,7 +146,7 @@ TEST_F(Running, WordsOfAFaultAreTakenOnce) {
   ASSERT_TRUE(wait_for("drive", "operational"));
   const Outcome other = ask({"sim", "fault", "deaf", "c", "duration=1 s", "action=unplug"});
   EXPECT_EQ(other.status, 2) << other.out;
-  EXPECT_TRUE(contains(other.out, "the action stands before it")) << other.out;
+  EXPECT_TRUE(contains(other.out, "the action comes first")) << other.out;
   EXPECT_EQ(ask({"sim", "fault", "deaf", "c", "duration=1 s", "duration=2 s"}).status, 2);
   EXPECT_EQ(ask({"sim", "fault", "deaf", "c", "device=a", "duration=1 s"}).status, 2);
   EXPECT_EQ(ask({"sim", "fault", "deaf", "c", "a"}).status, 2);
@@ -179,6 +247,25 @@ TEST_F(Running, TheWorldStandsAndGoesAFrameFurther) {
   const Outcome damage = world({"damage", "2"});
   EXPECT_EQ(damage.status, 0) << damage.out;
   EXPECT_TRUE(contains(damage.out, "disturbed")) << damage.out;
+  const Outcome of_one = world({"damage", "2", "--from", "left"});
+  EXPECT_EQ(of_one.status, 0) << of_one.out;
+  EXPECT_TRUE(contains(of_one.out, "of those that b sends")) << of_one.out;
+  EXPECT_EQ(world({"damage", "--from", "nobody"}).status, 2);
+}
+
+// A copy of a machine's folder has its name, too: what is asked there is not done here.
+TEST_F(Command, ACopyOfTheMachineDoesNotSpeakToTheOneThatRuns) {
+  const Folder other;
+  const std::string copy = other.write("machine.toml", contents(machine));
+  Background up({"up", machine, "--sim", plant, "--pace"});
+  ASSERT_TRUE(eventually([&] { return berth({"status", machine}).status == 0; }));
+  for (const Words& words : {Words{"status", copy}, Words{"sdo", "read", "left", "1018h:04", copy},
+                             Words{"sim", "unplug", "a", "-m", copy}, Words{"nmt", "stop", "all", "-m", copy}}) {
+    const Outcome there = berth(words);
+    EXPECT_EQ(there.status, 3) << words[0] << there.out;
+    EXPECT_TRUE(contains(there.err, copy) && contains(there.err, machine)) << there.err;
+  }
+  EXPECT_EQ(berth({"status", machine}).status, 0) << "nothing was done to it";
 }
 
 // Who, what and the answer of each request that changed something, and of no other.
@@ -206,6 +293,65 @@ TEST_F(Running, EveryChangeIsInTheAuditLog) {
   EXPECT_GT(audit.at(5).at("stamp_ms").get<int>(), 0);
   EXPECT_FALSE(contains(ask({"history"}).out, "sdo write")) << "the history of the slots is without";
   EXPECT_EQ(ask({"history", "left", "--audit"}).status, 2);
+}
+
+// Else it looks like a bus on which nobody answers.
+TEST_F(Running, AWorldThatStandsIsTold) {
+  begin(plant);
+  ASSERT_FALSE(Json::parse(ask({"status"}).out).contains("paused"));
+  ASSERT_EQ(ask({"world", "pause"}).status, 0);
+  EXPECT_EQ(Json::parse(ask({"status"}).out).at("paused"), true);
+  const std::string words = "the world is paused: `berth world run` lets it go on";
+  EXPECT_TRUE(contains(berth({"status", "--control", socket}).out, words));
+  const Outcome read = berth({"sdo", "read", "left", "1018h:04", "--control", socket, "--timeout", "500 ms"});
+  EXPECT_EQ(read.status, 3) << read.out << read.err;
+  EXPECT_TRUE(contains(read.err, "no answer within 500 ms")) << read.err;
+  EXPECT_TRUE(contains(read.err, words)) << read.err;
+  const Outcome json = ask({"sdo", "read", "left", "1018h:04", "--timeout", "500 ms"});
+  EXPECT_TRUE(contains(json.out, words)) << json.out;
+  const Outcome doctor = berth({"doctor", machine, "--control", socket, "--for", "1 s"});
+  EXPECT_TRUE(contains(doctor.err, words)) << doctor.out << doctor.err;
+  EXPECT_NE(doctor.status, 0);
+  EXPECT_FALSE(contains(doctor.out, "silent-bus")) << doctor.out;
+  ASSERT_EQ(ask({"world", "run"}).status, 0);
+  EXPECT_EQ(ask({"sdo", "read", "left", "1018h:04"}).status, 0);
+}
+
+// "Is the device on the bus?" is no question where its heartbeat comes.
+TEST_F(Running, ASilentSdoServerOfADeviceThatIsHeardIsToldSo) {
+  begin(plant);
+  ASSERT_TRUE(all_operational());
+  ASSERT_EQ(ask({"sim", "fault", "slow", "drive", "latency=4 s"}).status, 0);
+  const Outcome read = berth({"sdo", "read", "drive", "1018h:04", "--control", socket});
+  EXPECT_NE(read.status, 0) << read.out;
+  EXPECT_TRUE(contains(read.err, "its other frames were heard in the last 3 s")) << read.err;
+  EXPECT_FALSE(contains(read.err, "is the device on the bus")) << read.err;
+  ASSERT_EQ(ask({"sim", "unplug", "left"}).status, 0);
+  ASSERT_TRUE(wait_for("left", "absent"));
+  const Outcome away = berth({"sdo", "read", "left", "1018h:04", "--control", socket});
+  EXPECT_TRUE(contains(away.err, "slot left is absent: ")) << away.err;
+  const Outcome nobody = berth({"sdo", "read", "77", "1018h:04", "--control", socket});
+  EXPECT_TRUE(contains(nobody.err, "is the device on the bus and not stopped?")) << nobody.err;
+}
+
+TEST_F(Running, AnInputThatSdoCannotWriteIsSetInThePlant) {
+  begin(plant);
+  ASSERT_TRUE(all_operational());
+  const Outcome refused = berth({"sdo", "write", "drive", "1001h", "1", "--control", socket});
+  EXPECT_EQ(refused.status, 1) << refused.out << refused.err;
+  EXPECT_TRUE(contains(refused.err, "06010002h")) << refused.err;
+  EXPECT_TRUE(contains(refused.err, "of a simulated device `berth sim set 9 1001h:00 VALUE` sets it")) << refused.err;
+}
+
+TEST_F(Running, ARowOfTheDevicesFitsEightyColumns) {
+  std::string with = small_plant;
+  with.replace(with.find("name = \"a\""), 10, "name = \"light barrier of the big hall 1\"");
+  begin(folder.write("long.toml", with));
+  const Outcome devices = berth({"sim", "devices", "--control", socket});
+  EXPECT_TRUE(contains(devices.out, "light barrier o~hall 1  ")) << devices.out;
+  EXPECT_TRUE(contains(devices.out, "00000001-00000001-00000000-00000021")) << devices.out;
+  std::istringstream lines(devices.out);
+  for (std::string line; std::getline(lines, line);) EXPECT_LE(line.size(), 80U) << line;
 }
 
 TEST_F(Running, AWorldThatStandsEndsBySignal) {

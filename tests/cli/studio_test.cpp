@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <string>
 
 #include "../pch.hpp"
@@ -36,17 +37,35 @@ TEST(StudioCommand, PrintsItsAddressAndKeepsTheTokenBesideTheControlSocket) {
   EXPECT_NE(::access(file.c_str(), F_OK), 0);
 }
 
-// Reads what the server answers to a snapshot request, by the address that was printed.
-nlohmann::json snapshot_of(const std::string& said) {
+/// A connection to the address that was printed, and how a request to it ends; -1: none was printed.
+struct Asked {
+  int fd = -1;
+  std::string host;
+  std::string token;
+  [[nodiscard]] std::string text(const std::string& first_line, const std::string& body = {}) const {
+    return fmt::format(
+        "{} HTTP/1.1\r\nHost: {}\r\nOrigin: http://{}\r\nAuthorization: Bearer {}\r\nConnection: close\r\n"
+        "Content-Length: {}\r\n\r\n{}",
+        first_line, host, host, token, body.size(), body);
+  }
+};
+
+Asked connected_to(const std::string& said) {
   const auto at = said.find("http://");
   const auto hash = said.find("/#token=");
   if (at == std::string::npos || hash == std::string::npos) return {};
   const auto where = io::parse_endpoint(said.substr(at + 7, hash - at - 7), 0);
-  const std::string token = said.substr(hash + 8, said.find_first_of("\n ", hash) - hash - 8);
-  const int fd = io::begin_connect(io::look_up(*where).value().front());
-  const auto text =
-      fmt::format("GET /api/v1/snapshot HTTP/1.1\r\nHost: {}\r\nAuthorization: Bearer {}\r\nConnection: close\r\n\r\n",
-                  io::to_string(*where), token);
+  return {.fd = io::begin_connect(io::look_up(*where).value().front()),
+          .host = io::to_string(*where),
+          .token = said.substr(hash + 8, said.find_first_of("\n ", hash) - hash - 8)};
+}
+
+// Reads what the server answers to a snapshot request.
+nlohmann::json snapshot_of(const std::string& said) {
+  const Asked asked = connected_to(said);
+  if (asked.fd < 0) return {};
+  const int fd = asked.fd;
+  const auto text = asked.text("GET /api/v1/snapshot");
   std::string in;
   std::size_t sent = 0;
   static_cast<void>(eventually([&] {
@@ -62,6 +81,122 @@ nlohmann::json snapshot_of(const std::string& said) {
   ::close(fd);
   const auto body = in.find("\r\n\r\n");
   return body == std::string::npos ? nlohmann::json() : nlohmann::json::parse(in.substr(body + 4), nullptr, false);
+}
+
+// What Studio has kept, by the control socket in several parts: each frame once, in order, and as it was recorded.
+TEST(StudioCommand, TheRingIsReadByACommand) {
+  const Folder folder;
+  const std::string machine = folder.write("machine.toml", small_machine);
+  const std::string socket = folder.file("control");
+  const std::string ring = folder.file("ring.log");
+  Background up({"up", machine, "--sim", folder.write("plant.toml", small_plant), "--studio=127.0.0.1:0", "--control",
+                 socket, "--record", folder.file("all.log")});
+  ASSERT_TRUE(up.says("/#token="));
+  const auto trace = [&](Words more) {
+    Words words{"trace", "-m", machine, "--control", socket, "--ring", "-o", ring, "--force", "--json"};
+    words.insert(words.end(), more.begin(), more.end());
+    const auto out = berth(words);
+    EXPECT_EQ(out.status, 0) << out.out << out.err;
+    return nlohmann::json::parse(out.out, nullptr, false).value("frames", std::uint64_t{0});
+  };
+  ASSERT_EQ(berth({"world", "speed", "300", "--control", socket}).status, 0);
+  ASSERT_TRUE(eventually([&] { return trace({}) > 10'000; }));
+  ASSERT_EQ(berth({"world", "pause", "--control", socket}).status, 0);
+  const auto frames = trace({"--filter", "LINE 702#"});
+  const std::string of_one = contents(ring);
+  const auto all = trace({});
+  std::istringstream lines(contents(ring));
+  std::string filtered;
+  std::uint64_t count = 0;
+  for (std::string line; std::getline(lines, line); ++count)
+    if (line.find(" line 702#") != std::string::npos) filtered += line + "\n";
+  EXPECT_EQ(count, all);
+  EXPECT_GT(frames, 100U);
+  EXPECT_TRUE(of_one == filtered) << frames << " frames by the filter";
+  EXPECT_EQ(trace({"--no-directions"}), all) << "a record has no directions";
+  const auto audit = berth({"history", "--audit", "--control", socket});
+  EXPECT_EQ(audit.out.find("ring"), std::string::npos) << "it changes nothing: " << audit.out;
+  up.signal(SIGTERM);
+  static_cast<void>(up.end());
+  ASSERT_EQ(berth({"trace", folder.file("all.log"), "-o", folder.file("recorded.log")}).status, 0);
+  // A record has no error frames, whose identifier has bit 29.
+  std::istringstream kept(contents(ring));
+  std::string good;
+  for (std::string line; std::getline(kept, line);) {
+    const auto id = line.find(' ', line.find(' ') + 1) + 1;
+    const bool error = line.find('#') - id == 8 && (line[id] == '2' || line[id] == '3');
+    if (!error) good += line + "\n";
+  }
+  EXPECT_TRUE(contents(folder.file("recorded.log")).starts_with(good));
+}
+
+TEST(StudioCommand, WhereThereIsNoRingThatIsSaid) {
+  const Folder folder;
+  const std::string machine = folder.write("machine.toml", small_machine);
+  const std::string socket = folder.file("control");
+  const auto nobody = berth({"trace", "-m", machine, "--control", socket, "--ring"});
+  EXPECT_EQ(nobody.status, 3) << nobody.err;
+  Background up({"up", machine, "--sim", folder.write("plant.toml", small_plant), "--pace", "--control", socket});
+  ASSERT_TRUE(eventually([&] { return berth({"status", "--control", socket}).status <= 1; }));
+  const auto none = berth({"trace", "-m", machine, "--control", socket, "--ring"});
+  EXPECT_EQ(none.status, 1);
+  EXPECT_NE(none.err.find("start it with --studio"), std::string::npos) << none.err;
+  EXPECT_EQ(berth({"trace", folder.file("x.log"), "--ring"}).status, 2);
+  const auto filter = berth({"trace", "-m", machine, "--control", socket, "--filter", "abort"});
+  EXPECT_EQ(filter.status, 2);
+  EXPECT_NE(filter.err.find("--filter is for --ring"), std::string::npos) << filter.err;
+}
+
+// A page's request is under way, for the world stands, when the process is killed: the store says that it was begun,
+// has the bindings, and serves the next start.
+TEST(StudioCommand, ACrashLeavesWhatWasBegunInTheAuditLog) {
+  const Folder folder;
+  const std::string machine = folder.write("machine.toml", small_machine);
+  const std::string plant = folder.write("plant.toml", small_plant);
+  const std::string socket = folder.file("control");
+  const std::string store = folder.file("slots.db");
+  const auto audit = [&](const Words& of) {
+    Words words{"history", "--audit", "--json"};
+    words.insert(words.end(), of.begin(), of.end());
+    const auto out = berth(words);
+    EXPECT_EQ(out.status, 0) << out.out << out.err;
+    return nlohmann::json::parse(out.out, nullptr, false).value("audit", nlohmann::json::array());
+  };
+  const auto up_words =
+      Words{"up", machine, "--sim", plant, "--studio=127.0.0.1:0", "--control", socket, "--store", store};
+  {
+    Background up(up_words);
+    ASSERT_TRUE(up.says("/#token="));
+    ASSERT_TRUE(eventually([&] { return berth({"status", "--control", socket}).status == 0; }));
+    ASSERT_EQ(berth({"world", "pause", "--control", socket}).status, 0);
+    const Asked asked = connected_to(up.said());
+    const auto text = asked.text("POST /api/v1/request",
+                                 R"({"verb":"sdo write","arguments":{"node":"drive","object":"1017h","value":"250"}})");
+    std::size_t sent = 0;
+    ASSERT_TRUE(eventually([&] {
+      const auto n = ::send(asked.fd, text.data() + sent, text.size() - sent, MSG_NOSIGNAL | MSG_DONTWAIT);
+      if (n > 0) sent += static_cast<std::size_t>(n);
+      return sent == text.size();
+    }));
+    ASSERT_TRUE(eventually([&] { return audit({"--control", socket}).dump().find("sdo write") != std::string::npos; }));
+    up.signal(SIGKILL);
+    EXPECT_EQ(up.end().status, 128 + SIGKILL);
+    ::close(asked.fd);
+  }
+  const auto last = [&] { return audit({machine, "--store", store}).back(); };
+  EXPECT_EQ(last().at("what"), "sdo write node=drive object=1017h value=250");
+  EXPECT_EQ(last().at("answer"), "begun");
+  EXPECT_TRUE(last().at("who").get<std::string>().starts_with("studio, client ")) << last();
+  const auto history = berth({"history", "drive", machine, "--store", store});
+  EXPECT_EQ(history.status, 0) << history.err;
+  EXPECT_NE(history.out.find("confirmed"), std::string::npos) << history.out;
+  Background again(up_words);
+  ASSERT_TRUE(eventually([&] { return berth({"status", "--control", socket}).status == 0; }));
+  ASSERT_EQ(berth({"world", "speed", "1", "--control", socket}).status, 0);
+  again.signal(SIGTERM);
+  static_cast<void>(again.end());
+  EXPECT_EQ(last().at("what"), "world speed factor=1") << "it is written on";
+  EXPECT_EQ(last().at("answer"), "done");
 }
 
 // `berth studio MACHINE --sim PLANT` is `berth up --studio`: paced, and up until a signal comes.
@@ -231,6 +366,22 @@ TEST(StudioCommand, WrongUse) {
   EXPECT_EQ(refused.status, 3);
   EXPECT_NE(refused.err.find(where), std::string::npos) << refused.err;
   ::close(taken);
+}
+
+// Nobody named a port: the next free one is taken, and that is said.
+TEST(StudioCommand, ATakenPortIsSaidAndTheNextIsOffered) {
+  const Folder folder;
+  const auto usual = io::listen_tcp({"127.0.0.1", 8302});  // else another program has it, which is as good
+  Background up({"up", folder.write("machine.toml", small_machine), "--sim", folder.write("plant.toml", small_plant),
+                 "--studio", "--control", folder.file("control")});
+  ASSERT_TRUE(up.says("/#token="));
+  EXPECT_NE(up.said().find("Port 8302 is taken, perhaps by another Studio: this one is at 83"), std::string::npos)
+      << up.said();
+  EXPECT_EQ(up.said().find("http://127.0.0.1:8302/"), std::string::npos) << up.said();
+  EXPECT_TRUE(snapshot_of(up.said()).is_object());
+  up.signal(SIGTERM);
+  static_cast<void>(up.end());
+  if (usual) ::close(*usual);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <signal.h>
 #include <algorithm>
 #include <array>
+#include <sstream>
 #include <string>
 
 #include <nlohmann/json.hpp>
@@ -62,19 +63,116 @@ TEST_F(OnScreen, S5_22_TheTableStandsBelowWhatHappened) {
   const Terminal now = screen();
   EXPECT_TRUE(now.row(17).starts_with("cli test  ")) << now.text();
   EXPECT_EQ(now.row(18), "line: 3 slots, 3 operational");
-  EXPECT_EQ(now.row(19), " id  slot   state             since  type               R_SN");
+  EXPECT_EQ(now.row(19), " id  slot   state        NMT       since  type               serial");
   EXPECT_TRUE(now.row(20).starts_with("  2  left   operational  ")) << now.text();
-  EXPECT_TRUE(now.row(20).ends_with("s  00000001-00000001  0000000000000020")) << now.text();
+  EXPECT_TRUE(now.row(20).ends_with("s  00000001-00000001  00000020")) << now.text();
   EXPECT_TRUE(now.row(21).starts_with("  3  right  operational  ")) << now.text();
   EXPECT_EQ(now.row(23), "") << "the cursor's";
+}
+
+// Whatever goes to standard error meanwhile: the table was drawn over it, and was drawn twice behind it.
+TEST_F(OnScreen, WhatAScriptPrintsStandsAboveTheTable) {
+  static_cast<void>(folder.write("talk.lua",
+                                 "local n = 0\n"
+                                 "local function talk()\n"
+                                 "  n = n + 1\n"
+                                 "  print('press', n)\n"
+                                 "  device.after(300, talk)\n"
+                                 "end\n"
+                                 "device.on_state(function() if n == 0 then talk() end end)\n"));
+  std::string with = small_plant;
+  with.insert(with.find("serial = 0x21"), "script = \"talk.lua\"\n");
+  plant = folder.write("plant.toml", with);
+  start({.columns = 80, .rows = 24, .errors = true});
+  ASSERT_TRUE(shows("3 operational")) << screen().text();
+  ASSERT_TRUE(shows("press 7")) << screen().text();
+  const Terminal now = screen();
+  std::string all;
+  for (const auto& row : now.scrolled_out()) all += row + "\n";
+  all += now.text();
+  for (const char* const said : {"press 1\n", "press 3\n", "press 6\n"})
+    EXPECT_NE(all.find(said), std::string::npos) << said << all;
+  EXPECT_EQ(now.text().find(" id  slot"), now.text().rfind(" id  slot")) << "one table: " << now.text();
+}
+
+// Nothing is drawn then, and what was said must not be lost with the table.
+TEST_F(OnScreen, ARunThatCannotBeginSaysWhy) {
+  size = {.columns = 80, .rows = 24, .errors = true};
+  for (const Words& words : {Words{"--control", "/nonexistent/x.sock"}, Words{"--studio=127.0.0.1:99999"}}) {
+    Words all{"up", machine, "--sim", plant};
+    all.insert(all.end(), words.begin(), words.end());
+    Background failing(all, size);
+    const Outcome ended = failing.end();
+    EXPECT_NE(ended.status, 0) << words.front();
+    EXPECT_NE(ended.out.find("berth: "), std::string::npos) << words.front() << ended.out;
+  }
+}
+
+// "…as nod|e-ID 4": a terminal breaks anywhere, Berth at a space.
+TEST_F(OnScreen, ALineThatIsTooWideIsBrokenAtASpace) {
+  start({50, 30});
+  ASSERT_TRUE(shows("3 operational")) << screen().text();
+  const Terminal now = screen();
+  std::vector<std::string> rows = now.scrolled_out();
+  for (std::size_t i = 0; i < 30; ++i) rows.push_back(now.row(i));
+  const auto bound = std::ranges::find_if(rows, [](const auto& row) { return row.find("left: bound to") != row.npos; });
+  ASSERT_NE(bound, rows.end()) << now.text();
+  EXPECT_EQ(bound[1].substr(0, 5), "    0") << "the address is not parted: " << bound[0] << "|" << bound[1];
+  EXPECT_NE(bound[1].find("as node-ID"), std::string::npos) << bound[1];
+}
+
+TEST_F(OnScreen, AWorldThatStandsIsToldInTheHeading) {
+  start({80, 24});
+  ASSERT_TRUE(shows("3 operational"));
+  ASSERT_EQ(berth({"world", "pause", "--control", folder.file("s")}).status, 0);
+  EXPECT_TRUE(shows("paused: `berth world run`")) << screen().text();
+  ASSERT_EQ(berth({"world", "run", "--control", folder.file("s")}).status, 0);
+  EXPECT_TRUE(becomes([](const Terminal& now) { return now.text().find("paused") == std::string::npos; }))
+      << screen().text();
+}
+
+TEST_F(OnScreen, AQuestionMarkHelpsAndQEnds) {
+  start({80, 24});
+  ASSERT_TRUE(shows("3 operational"));
+  up->type("?");
+  EXPECT_TRUE(shows("q or Ctrl-C ends the run")) << screen().text();
+  up->type("q");
+  EXPECT_EQ(up->end().status, 0);
+}
+
+// The events have pushed it out of the terminal long before.
+TEST_F(OnScreen, AQuestionMarkTellsTheAddressOfStudioAgain) {
+  size = {80, 24};
+  up = std::make_unique<Background>(
+      Words{"up", machine, "--sim", plant, "--control", folder.file("s"), "--studio=127.0.0.1:0"}, size);
+  ASSERT_TRUE(shows("3 operational"));
+  const auto addresses = [](const std::string& said) {
+    std::size_t count = 0;
+    for (auto at = said.find("Berth Studio at http"); at != std::string::npos;
+         at = said.find("Berth Studio at http", at + 1))
+      ++count;
+    return count;
+  };
+  const std::size_t before = addresses(up->said());
+  up->type("?");
+  EXPECT_TRUE(up->says([&](const std::string& said) { return addresses(said) > before; })) << screen().text();
+}
+
+// A narrow terminal has its lines broken at spaces.
+std::string in_one_line(const std::string& said) {
+  std::istringstream words(said);
+  std::string line;
+  for (std::string word; words >> word;) line += (line.empty() ? "" : " ") + word;
+  return line;
 }
 
 TEST_F(OnScreen, EverySizeHasATableThatFits) {
   for (const auto& [columns, rows] : {std::pair<unsigned short, unsigned short>{1, 1}, {50, 8}, {200, 50}, {20, 2}}) {
     start({columns, rows});
     const auto all = [](const std::string& said) {
+      const std::string line = in_one_line(said);
       return std::ranges::all_of(std::array{"left: operational", "right: operational", "drive: operational"},
-                                 [&](const char* line) { return said.find(line) != std::string::npos; });
+                                 [&](const char* event) { return line.find(event) != std::string::npos; });
     };
     ASSERT_TRUE(up->says(all)) << columns << "x" << rows;
     up->signal(SIGINT);
@@ -99,7 +197,7 @@ TEST_F(OnScreen, ARedrawWritesWhatChanged) {
   const std::size_t before = up->said().size();
   ASSERT_TRUE(up->says([&](const std::string& said) { return headlines(said.substr(before)) >= 3; }));
   const std::string later = up->said().substr(before);
-  EXPECT_EQ(later.find("R_SN"), std::string::npos) << later;
+  EXPECT_EQ(later.find("serial"), std::string::npos) << later;
   EXPECT_LT(later.size() / headlines(later), 120U) << later;
 }
 
@@ -117,6 +215,16 @@ TEST_F(OnScreen, WhatIsTypedIsNeverErased) {
   up->type("t 2\n");
   EXPECT_TRUE(shows("3 slots, 3 operational")) << screen().text();
   EXPECT_EQ(screen().text().find("> lef"), std::string::npos) << screen().text();
+}
+
+TEST_F(OnScreen, AnAnswerNamesItsSlotByNodeIdToo) {
+  write_machine(that_asks());
+  start({100, 40});
+  ASSERT_TRUE(shows("type a slot (left, right)")) << screen().text();
+  up->type("9 2\n");  // a slot, and not one of those
+  EXPECT_TRUE(shows("\"9\" is not one of the slots (left, right)")) << screen().text();
+  up->type("2 2\n");
+  EXPECT_TRUE(shows("3 slots, 3 operational")) << screen().text();
 }
 
 TEST_F(OnScreen, KeysMoveATableThatDoesNotFit) {

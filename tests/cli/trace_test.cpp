@@ -13,6 +13,7 @@
 #include <sstream>
 #include <thread>
 
+#include "machines.hpp"
 #include "process.hpp"
 
 namespace berth::test::trace_tests {
@@ -36,6 +37,39 @@ std::vector<Json> lines_of(const std::string& text) {
   std::string line;
   while (std::getline(in, line)) all.push_back(Json::parse(line));
   return all;
+}
+
+// Nothing printed and no word looks like a file without frames.
+TEST(TraceCommand, AFilterThatLetsNothingThroughIsTold) {
+  const Folder folder;
+  const auto log = folder.write("t.log", sdo_log);
+  for (const Words& words : {Words{"trace", log, "--node", "99"}, Words{"trace", log, "--bus", "can7"},
+                             Words{"trace", log, "--service", "pdo"}}) {
+    const auto nothing = berth(words);
+    EXPECT_TRUE(nothing.out.empty()) << nothing.out;
+    EXPECT_NE(nothing.err.find("no row: none of 7 frames is what was asked for"), std::string::npos)
+        << words.back() << nothing.err;
+  }
+  EXPECT_TRUE(berth({"trace", log, "--node", "5"}).err.empty());
+  EXPECT_TRUE(berth({"trace", log, "--node", "99", "--json"}).err.empty());
+}
+
+// A terminal breaks a row anywhere; what goes into a pipe has it whole.
+TEST(TraceCommand, ARowOfAFileIsOneLineOfATerminal) {
+  const Folder folder;
+  const auto log = folder.write("t.log", sdo_log);
+  Background shown({"trace", log}, OnTerminal{.columns = 60, .rows = 24, .colours = false});
+  const Outcome ended = shown.end();
+  std::istringstream lines(ended.out);
+  std::vector<std::string> rows;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.ends_with('\r')) line.pop_back();
+    EXPECT_LE(line.size(), 60U) << line;
+    rows.push_back(line);
+  }
+  ASSERT_EQ(rows.size(), 5U) << ended.out;
+  EXPECT_TRUE(rows[0].starts_with("    1.0000 ")) << "as the log counts: " << rows[0];
+  EXPECT_NE(ended.out.find("= 31"), std::string::npos) << "the value stays: " << ended.out;
 }
 
 TEST(TraceCommand, ATransferIsOneRow) {
@@ -157,7 +191,7 @@ TEST(TraceCommand, ALongFileWhoseLinesAreOutOfOrder) {
   EXPECT_TRUE(std::ranges::is_sorted(times));
   const auto twice = berth({"trace", folder.write("twice.log", text + text)});
   EXPECT_EQ(std::ranges::count(twice.out, '\n'), 40000);
-  EXPECT_NE(twice.err.find("rows stand behind rows of a later time"), std::string::npos) << twice.err;
+  EXPECT_NE(twice.err.find("rows come after others of a later time"), std::string::npos) << twice.err;
 }
 
 TEST(TraceCommand, ConvertsThroughEveryFormatAndBack) {
@@ -221,7 +255,7 @@ TEST(TraceCommand, AFileThatNoReaderReadsIsNamed) {
                                                         {"\xFF\xFE(\0"s, "UTF-16"},
                                                         {"\x1F\x8B\x08\0"s, "the gzip file is cut short"},
                                                         {"PK\x03\x04"s, "a ZIP archive"},
-                                                        {"hello\n", "the line does not begin with its time"},
+                                                        {"hello\n", "this is neither candump"},
                                                         {"\x01\x02\0\x03"s, "this is neither candump"}}) {
     for (const Words& more :
          {Words{}, Words{"--stats"}, Words{"--to", "asc", "-o", folder.file("out.asc"), "--force"}}) {
@@ -252,6 +286,34 @@ TEST(TraceCommand, NamesOfTheMachineFileAndOfDescriptions) {
   EXPECT_EQ(berth({"trace", log, "--machine", folder.file("none.toml")}).status, 2);
 }
 
+// `berth up` maps and moves the PDOs of a machine's links: the trace knows what it laid.
+TEST(TraceCommand, ALinkedMachinesPdosAreThoseOfItsPlan) {
+  const Folder folder;
+  const std::string eds = folder.bring("eds/io.eds");
+  const std::string slot = "\n[[slot]]\nbus = \"field\"\neds = \"eds/io.eds\"\n";
+  const std::string machine = folder.write(
+      "m.toml", "[machine]\nname = \"m\"\n[bus.field]\nport = \"sim\"\nbitrate = 125_000\n" + slot +
+                    "id = 2\nname = \"left\"\n" + slot + "id = 3\nname = \"right\"\n" +
+                    "[[link]]\nfrom = \"left/Inputs 1 to 8\"\nto = [\"right/Outputs 1 to 8\"]\ndeadline = \"20 ms\"\n");
+  const std::string plant = folder.write("m.plant.toml",
+                                         "[bus.field]\n[[device]]\nbus = \"field\"\nname = \"io {n}\"\n"
+                                         "eds = \"eds/io.eds\"\ncount = 2\n");
+  const std::string log = folder.file("run.log");
+  const Outcome up = berth({"up", machine, "--sim", plant, "--until", "operational", "--record", log});
+  ASSERT_EQ(up.status, 0) << up.err;
+  const Outcome trace = berth({"trace", log, "--machine", machine, "--service", "pdo"});
+  ASSERT_EQ(trace.status, 0) << trace.err;
+  EXPECT_NE(trace.out.find("[left]: Read input 8 bit.Inputs 1 to 8 = 0"), std::string::npos) << trace.out;
+  EXPECT_EQ(trace.out.find("too short"), std::string::npos) << trace.out;
+  EXPECT_EQ(trace.out.find("Inputs 9 to 16"), std::string::npos) << trace.out;
+  // A PDO carries objects, too: by name or number.
+  for (const char* const object : {"Read input 8 bit/Inputs 1", "6000h:01"}) {
+    const Outcome of_object = berth({"trace", log, "--machine", machine, "--service", "pdo", "--object", object});
+    EXPECT_EQ(of_object.out, trace.out) << object << of_object.err;
+  }
+  EXPECT_EQ(berth({"trace", log, "--machine", machine, "--service", "pdo", "--object", "6000h:02"}).out, "");
+}
+
 TEST(TraceCommand, StatisticsHavePeriodsAndJitter) {
   const Folder folder;
   const auto log =
@@ -259,6 +321,7 @@ TEST(TraceCommand, StatisticsHavePeriodsAndJitter) {
   const auto run = berth({"trace", log, "--stats", "--json", "--bitrate", "125000"});
   ASSERT_EQ(run.status, 0) << run.err;
   const auto id = Json::parse(run.out).at("ids").at(0);
+  EXPECT_EQ(id.at("id"), "0x181");
   EXPECT_DOUBLE_EQ(id.at("period_min_s").get<double>(), 0.01);
   EXPECT_DOUBLE_EQ(id.at("period_max_s").get<double>(), 0.02);
   EXPECT_NEAR(id.at("period_avg_s").get<double>(), 0.04 / 3, 1e-9);
@@ -305,6 +368,41 @@ TEST(TraceCommand, ListensToAPlantAndSendsNothing) {
   EXPECT_EQ(berth({"trace", "--port", "plant:" + folder.file("none.sock"), "--timeout", "1 s"}).status, 3);
   EXPECT_EQ(berth({"trace", "--port", "telepathy:can0"}).status, 2);
   EXPECT_EQ(berth({"trace"}).status, 2);
+}
+
+// Its bus is outside of it, and neither a record nor Studio takes its frames.
+TEST(TraceCommand, JoinsAnUpWhoseBusIsOfAnotherProcess) {
+  const Folder folder;
+  const std::string socket = folder.file("p.sock"), control = folder.file("c.sock");
+  const std::string machine = folder.write("m.toml", patient(small_machine));
+  Background served({"plant", folder.write("p.toml", small_plant), "-m", machine, "--listen", socket});
+  ASSERT_TRUE(served.says("Ctrl-C ends it"));
+  Background up({"up", machine, "--port", "plant:" + socket, "--control", control, "--yes"});
+  ASSERT_TRUE(up.says("drive: operational")) << up.said();
+  const auto trace = berth({"trace", machine, "--control", control, "--timeout", "3 s"});
+  EXPECT_EQ(trace.status, 0) << trace.err;
+  EXPECT_NE(trace.out.find("Heartbeat of node 9"), std::string::npos) << trace.out << trace.err;
+}
+
+TEST(TraceTimes, CountFromTheFirstFrameWhenToldSo) {
+  const Folder folder;
+  const std::string log = folder.write("run.log", "(1436509052.250000) can0 705#05\n(1436509053.750000) can0 705#05\n");
+  EXPECT_NE(berth({"trace", log}).out.find("(1436509053.750000) can0 705#05"), std::string::npos) << "a file as it is";
+  const Outcome relative = berth({"trace", log, "--times", "relative"});
+  EXPECT_TRUE(relative.out.starts_with("(0000000000.000000) can0 705#05")) << relative.out;
+  EXPECT_NE(relative.out.find("(0000000001.500000) can0 705#05"), std::string::npos) << relative.out;
+  EXPECT_EQ(berth({"trace", log, "--times", "odd"}).status, 2);
+}
+
+TEST(TraceColour, AnEmcyIsRedOnlyWhereColoursAreWanted) {
+  const Folder folder;
+  const std::string log = folder.write("run.log", "(1.000000) can0 705#05\n(1.100000) can0 085#1023010000000000\n");
+  EXPECT_EQ(berth({"trace", log}).out.find('\x1b'), std::string::npos) << "no terminal";
+  const std::string red = berth({"trace", log, "--color", "always"}).out;
+  EXPECT_TRUE(red.starts_with("(0000000001.000000)")) << red;
+  EXPECT_NE(red.find("\n\x1b[31m(0000000001.100000)"), std::string::npos) << red;
+  EXPECT_TRUE(red.ends_with("\x1b[0m\n")) << red;
+  EXPECT_EQ(berth({"trace", log, "--color", "sometimes"}).status, 2);
 }
 
 }  // namespace

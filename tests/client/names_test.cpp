@@ -29,13 +29,16 @@ TEST(ClientNames, EachWayToNameAnObject) {
 
 TEST(ClientNames, WhatNamesNothingIsToldWithAHint) {
   const Names names(dictionary());
-  for (const char* text : {"", ":", ":01", "101g", "0x", ".Speed", "Axis/Torque", "-1"}) {
+  for (const char* text : {"", ":", ":01", "101g", "0x", ".Speed", "-1"}) {
     const auto found = names.find(text);
     ASSERT_FALSE(found.has_value()) << text;
     EXPECT_EQ(found.error().kind, od::NoObject::Kind::other) << text;
     EXPECT_EQ(found.error().why, "no object is called \"" + std::string(text) + "\"");
   }
   EXPECT_EQ(names.find("Limitde").error().why, "no object is called \"Limitde\"; did you mean \"Limited\"?");
+  EXPECT_EQ(names.find("Axis/Torque").error().why,
+            "\"Axis\" has no part \"Torque\"; it has 2104h:01 Position, 2104h:02 Speed");
+  EXPECT_EQ(names.find("HER ax").error().why, "no object is called \"HER ax\"; names with this word: 2105h Other axis");
   EXPECT_EQ(names.find("1018").error().why,
             "\"1018\" is 1018h or, read as a decimal number, 03FAh: write the one that is meant");
 }

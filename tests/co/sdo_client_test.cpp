@@ -315,6 +315,55 @@ TEST_F(Client, S15_LateAnswerOfTheSameObjectBeforeTheFence) {
   EXPECT_EQ(client.surplus(node), 0U) << "late is not surplus";
 }
 
+// What the first late answer took, and a quarter more, is waited for from then on, by whatever patience it is asked.
+TEST_F(Client, ALateAnswerTeachesPatience) {
+  co::SdoPatience patience{.most = 100ms};
+  co::SdoOptions impatient = gives_up_soon();
+  impatient.least = &patience.times;
+  client.set_late_window(5s, &patience);
+  auto first = client.read<std::uint32_t>(node, 0x1000, 0, impatient);
+  EXPECT_EQ(await(*this, first).error().code, Errc::timeout);
+  run(20ms);
+  server.send("585#4300100011111111");
+  run(1ms);
+  EXPECT_EQ(client.late(node), 1U);
+  EXPECT_GE(patience.times[5], 50ms) << "it took 40 ms";
+  EXPECT_LE(patience.times[5], 55ms);
+  auto second = client.read<std::uint32_t>(node, 0x1000, 0, impatient);
+  Flag flag;
+  ASSERT_FALSE(second.begin(executor, flag));
+  run(45ms);
+  EXPECT_FALSE(flag.set) << "it is waited for";
+  server.send("585#4300100022222222");
+  run(1ms);
+  EXPECT_EQ(*second.await_resume(), 0x22222222U);
+  for (unsigned other = 0; other < 128; ++other)
+    EXPECT_TRUE(other == 5 || patience.times[other] == rt::Duration{}) << other;
+}
+
+// Not above the most, never downwards, and not by the answer to a download: the device may be saving.
+TEST_F(Client, PatienceIsLearntUpwardsAndWithinBounds) {
+  co::SdoPatience patience{.most = 100ms};
+  client.set_late_window(5s, &patience);
+  const auto ask_late = [&](rt::Duration behind) {
+    auto read = client.read<std::uint32_t>(node, 0x1000, 0, gives_up_soon());
+    EXPECT_EQ(await(*this, read).error().code, Errc::timeout);
+    run(behind);
+    server.send("585#4300100011111111");
+    run(1ms);
+    return patience.times[5];
+  };
+  auto save = client.write<std::uint32_t>(node, 0x1010, 1, 0x65766173, gives_up_soon());
+  EXPECT_EQ(await(*this, save).error().code, Errc::timeout);
+  run(30ms);
+  server.send("585#6010100100000000");
+  run(1ms);
+  EXPECT_EQ(client.late(node), 1U);
+  EXPECT_EQ(patience.times[5], rt::Duration{}) << "a download";
+  EXPECT_EQ(ask_late(400ms), 100ms);
+  EXPECT_EQ(ask_late(20ms), 100ms);
+}
+
 // A slow device refuses a download that was sent twice; the second refusal comes when the object is read.
 TEST_F(Client, S15_ALateRefusalOfADownloadIsNoAnswerToTheUploadBehindIt) {
   const co::SdoOptions twice = gives_up_soon(2);

@@ -5,6 +5,7 @@
 
 #include "berth/command/values.hpp"
 #include "berth/command/verbs.hpp"
+#include "tests/paths.hpp"
 #include "tests/pch.hpp"
 
 namespace berth::command {
@@ -154,7 +155,7 @@ TEST(Value, ARefusalNamesTheTypeAndItsRange) {
 TEST(Value, WithUnits) {
   EXPECT_EQ(bytes("1017h", "500 ms"), (Bytes{0xF4, 0x01}));
   EXPECT_EQ(bytes("1017h", "0.5 s"), (Bytes{0xF4, 0x01}));
-  EXPECT_TRUE(says(why(bytes("1017h", "100 us")), "no multiple of 1 ms")) << why(bytes("1017h", "100 us"));
+  EXPECT_TRUE(says(why(bytes("1017h", "100 us")), "not a multiple of 1 ms")) << why(bytes("1017h", "100 us"));
   EXPECT_TRUE(says(why(bytes("1017h", "70 s")), "does not fit UNSIGNED16"));
   EXPECT_TRUE(says(why(bytes("1017h", "5 fortnights")), "ns, us, ms, s, min and h"));
   EXPECT_TRUE(says(why(bytes("2003h", "5 V")), "unit of 2003h:00 is not known"));
@@ -207,13 +208,13 @@ TEST(Value, WithTheUnitOfTheDescription) {
   EXPECT_EQ(heated("3003h", "0 m3"), (Bytes{0, 0}));
   EXPECT_EQ(heated("3004h", "1.5 bar"), heated("3004h", "1500"));
   EXPECT_EQ(heated("3004h", "1e3"), (Bytes{0, 0, 0x7A, 0x44}));
-  EXPECT_TRUE(says(why(heated("3000h", "23.55 °C")), "no multiple of 0.1 °C")) << why(heated("3000h", "23.55 °C"));
-  EXPECT_TRUE(says(why(heated("3000h", "23 K")), "counts in 0.1 °C")) << why(heated("3000h", "23 K"));
-  EXPECT_TRUE(says(why(heated("3000h", "23 ms")), "counts in 0.1 °C"));
+  EXPECT_TRUE(says(why(heated("3000h", "23.55 °C")), "not a multiple of 0.1 °C")) << why(heated("3000h", "23.55 °C"));
+  EXPECT_TRUE(says(why(heated("3000h", "23 K")), "the unit of 3000h:00 is 0.1 °C")) << why(heated("3000h", "23 K"));
+  EXPECT_TRUE(says(why(heated("3000h", "23 ms")), "the unit of 3000h:00 is 0.1 °C"));
   EXPECT_TRUE(says(why(heated("3000h", "51 °C")), "above 500")) << "limits hold for quantities, too";
   EXPECT_TRUE(says(why(heated("3000h", "4000 °C")), "does not fit INTEGER16"));
   EXPECT_TRUE(says(why(heated("3003h", "-250 m3")), "does not fit UNSIGNED16")) << why(heated("3003h", "-250 m3"));
-  EXPECT_TRUE(says(why(heated("3003h", "100 m3")), "no multiple of 250 m3"));
+  EXPECT_TRUE(says(why(heated("3003h", "100 m3")), "not a multiple of 250 m3"));
   for (const char* wrong : {"1.2.3 °C", "1. °C", "- °C", "°C", "99999999999999999999 °C"})
     EXPECT_FALSE(heated("3000h", wrong)) << wrong;
 }
@@ -302,7 +303,7 @@ TEST(Request, WhatIsWrongIsToldBeforeAFrameIsSent) {
       {{{"node", "5"}, {"object", "1017h"}}, "needs value"},
       {{{"node", "5"}, {"value", "1"}}, "needs object"},
       {{{"object", "1017h"}, {"value", "1"}}, "needs node"},
-      {{{"node", "5"}, {"object", "1017h"}, {"type", "u31"}, {"value", "1"}}, "no data type"},
+      {{{"node", "5"}, {"object", "1017h"}, {"type", "u31"}, {"value", "1"}}, "not a data type"},
       {{{"node", "5"}, {"object", "1017h"}, {"value", "1"}, {"index", "4119"}}, "no argument"},
   };
   for (const auto& [given, why] : cases) {
@@ -311,6 +312,27 @@ TEST(Request, WhatIsWrongIsToldBeforeAFrameIsSent) {
     static_cast<void>(write_arguments(arguments, m));
     EXPECT_TRUE(says(arguments.problem(), why)) << why << ": " << arguments.problem();
   }
+}
+
+// The names that the links of examples/linked.toml give; UNSIGNED16 inputs of the controller stand in A100h.
+TEST(Objects, NetworkVariablesHaveTheNamesOfTheLinks) {
+  const auto read = design::load_machine(test::source_dir() + "/examples/linked.toml");
+  ASSERT_TRUE(read.machine);
+  const auto variable = [&](const char* slot, const char* word) {
+    return find_object(*read.machine, *find_node(*read.machine, "", slot), word);
+  };
+  const auto speed = variable("press", "speed");
+  ASSERT_TRUE(speed) << speed.error();
+  EXPECT_EQ(speed->ref, (ObjectRef{0xA100, 1}));
+  EXPECT_EQ(speed->type, DataType::unsigned16);
+  EXPECT_EQ(speed->name, "speed");
+  ASSERT_TRUE(variable("press", "SPEED")) << "in either case";
+  const auto received = variable("belt", "press_speed");
+  ASSERT_TRUE(received) << received.error();
+  EXPECT_GE(received->ref.index, 0xA480) << "an output variable: 480h behind the inputs";
+  EXPECT_FALSE(variable("belt", "speed")) << "the press's";
+  EXPECT_FALSE(variable("press", "spe")) << "by its whole name only";
+  EXPECT_TRUE(says(why(variable("press", "spead")), "spead"));
 }
 
 TEST(Request, FramesThatAreForeseen) {

@@ -1,6 +1,7 @@
 // A Berth device made from any description against a conformance tester's checks (berth/doctor/conformance.hpp), and
 // the checks against devices that are wrong.
 #include <gtest/gtest.h>
+#include <unistd.h>
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
@@ -172,7 +173,7 @@ const fs::path drive = fs::path(test::source_dir()) / "examples" / "eds" / "driv
 
 /// One object of the application, and of CiA 301's the lines that are given.
 fs::path small_description(const std::string& name, const std::string& mandatory, const std::string& sections) {
-  fs::path path = fs::path(::testing::TempDir()) / ("conformance-" + name + ".eds");
+  fs::path path = fs::path(::testing::TempDir()) / ("conformance-" + std::to_string(::getuid()) + "-" + name + ".eds");
   std::ofstream(path) << "[FileInfo]\nFileName=" << name
                       << ".eds\nFileVersion=1\nFileRevision=0\nEDSVersion=4.0\n"
                          "[DeviceInfo]\nVendorName=Own\nVendorNumber=1\nProductName=Small\nProductNumber=2\n"

@@ -87,6 +87,21 @@ double coal_on_the_way(Conveyor& plant) {
   return grabbed - on_belts - plant.value("bunker", "total").value_or(0);
 }
 
+/// Frames of a bus by their CAN-ID.
+class FramesById final : private can::Tap {
+ public:
+  explicit FramesById(sim::Bus& bus) : bus_(bus) { bus.add_tap(*this); }
+  ~FramesById() { bus_.remove_tap(*this); }
+  FramesById(const FramesById&) = delete;
+  FramesById& operator=(const FramesById&) = delete;
+  [[nodiscard]] const std::map<std::uint32_t, unsigned>& counts() const noexcept { return counts_; }
+
+ private:
+  void frame(const can::Frame& frame, rt::Time, int) noexcept override { ++counts_[frame.key()]; }
+  sim::Bus& bus_;
+  std::map<std::uint32_t, unsigned> counts_;
+};
+
 /// NMT starts of the bus, and devices that left operational, from now on.
 class Starts final : private can::Tap {
  public:
@@ -174,6 +189,54 @@ TEST(Conveyor, S5_3_IsAsLargeAsThePapersPlant) {
   EXPECT_GT(points, 1000U);
   EXPECT_EQ(variables.size(), 280U);
   EXPECT_GT(pdos, 500U);
+}
+
+// S5.1: what the running plant puts on the bus, measured: below the plan's bound, and less than with an object a PDO;
+// the controllers tell each other what they need, and neither one of them nor Berth carries the plant.
+TEST(Conveyor, S5_1_TheLoadOfTheBusAndWhoMakesIt) {
+  Conveyor plant;
+  ASSERT_TRUE(plant.begin()) << plant.problem();
+  ASSERT_TRUE(plant.run_until([&] { return plant.value("unloader", "running").value_or(0) != 0; }, 180s))
+      << plant.log();
+  const auto made = command::link_network(plant.machine());
+  Findings findings;
+  const auto planned = linker::make_plan(made.network, *command::earlier_plan(plant.machine(), findings));
+  ASSERT_TRUE(planned.good());
+  std::map<std::uint32_t, std::size_t> producer;
+  std::set<std::size_t> controllers;
+  for (const auto& pdo : planned.plan.pdos) producer[pdo.can_id] = pdo.producer;
+  for (std::size_t i = 0; i < made.network.nodes.size(); ++i) {
+    if (!made.network.nodes[i].file->dynamic_segments.empty()) controllers.insert(i);
+  }
+  const FramesById frames(plant.bus());
+  plant.bus().reset_statistics();
+  plant.run_for(20s);
+  const double load = plant.bus().load();
+  std::map<std::size_t, unsigned> by_producer;
+  unsigned all = 0, pdos = 0;
+  for (const auto& [id, count] : frames.counts()) {
+    all += count;
+    const auto known = producer.find(id);
+    if (known == producer.end()) continue;
+    pdos += count;
+    by_producer[known->second] += count;
+  }
+  unsigned most = 0;
+  for (const auto& [node, count] : by_producer) most = std::max(most, count);
+  const auto& bound = planned.plan.buses.front();
+  std::printf(
+      "%.1f %% of the bus, at most %.1f %% by the plan, of which PDOs %.1f %%, an object a PDO %.1f %%; %u of %u "
+      "frames "
+      "are PDOs, of %zu senders, the busiest sends %.1f %% of them\n",
+      100 * load, 100 * bound.load, 100 * bound.pdos, 100 * bound.one_object_each, pdos, all, by_producer.size(),
+      100.0 * most / pdos);
+  EXPECT_LT(load, bound.load) << "no more than the plan promises";
+  EXPECT_LT(bound.pdos, bound.one_object_each) << "several objects share a PDO";
+  for (const std::size_t node : controllers) {
+    EXPECT_GT(by_producer[node], 0U) << made.network.nodes[node].name << " tells the others nothing";
+  }
+  EXPECT_LT(most, pdos / 5) << "one sender makes the load";
+  EXPECT_GT(pdos, all - all / 4) << "the rest is heartbeats and what Berth asks";
 }
 
 // S5.1, S5.23: from blank to operational by one call; all network variables move and arrive in time; the plant

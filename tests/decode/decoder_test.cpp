@@ -124,6 +124,17 @@ TEST(Decoder, ErrorFramesOfSocketCan) {
   EXPECT_EQ(rows.rows[0].words,
             "error: controller (transmit warning), protocol (stuff, while sending); counters tx 96, rx 12");
   EXPECT_EQ(rows.rows[0].service, Service::error);
+  // CAN_ERR_PROT_LOC_ACK of linux/can/error.h; a place that it does not have is not told.
+  const auto told = [](std::uint8_t place) {
+    can::Frame report = can::Frame::base(0, {0, 0, 0, place, 0, 0, 0, 0});
+    report.id = 0xA8;
+    std::string out;
+    error_words(report, out);
+    return out;
+  };
+  EXPECT_EQ(told(0x19), "error: no acknowledge, bus error, protocol, in the ACK slot");
+  EXPECT_EQ(told(0x02), "error: no acknowledge, bus error, protocol, in the identifier");
+  EXPECT_EQ(told(0xEE), "error: no acknowledge, bus error, protocol");
 }
 
 TEST(Decoder, ATransferIsOneRowWithNamesAndValues) {
@@ -132,6 +143,8 @@ TEST(Decoder, ATransferIsOneRowWithNamesAndValues) {
             "SDO read node 5 1018h:01 Identity object.Vendor-ID = 31 (0x0000001F)\n");
   EXPECT_EQ(words("605#2B171000F4010000 585#6017100000000000"),
             "SDO write node 5 1017h:00 Producer heartbeat time = 500 (0x01F4)\n");
+  const std::string mapping = words("605#23001A0110001060 585#60001A0100000000");
+  EXPECT_TRUE(mapping.ends_with(" = 1611661328 (0x60100010) = 6010h:00, 16 bit\n")) << mapping;
   EXPECT_EQ(words("605#4000200000000000 585#8000200000000206"),
             "SDO read node 5 2000h:00: abort by the server, 06020000h, object does not exist\n");
   // With one: its names and types, and the slot's name.
@@ -233,6 +246,74 @@ TEST(Decoder, AnEmergencyIsToldInTheWordsOfTheProfile) {
   EXPECT_NE(rows.rows[0].words.find("3210h DC link over-voltage"), std::string::npos) << rows.rows[0].words;
   EXPECT_NE(rows.rows[1].words.find("3210h internal voltage too high"), std::string::npos) << rows.rows[1].words;
   EXPECT_NE(rows.rows[3].words.find("3210h internal voltage too high"), std::string::npos) << rows.rows[3].words;
+}
+
+/// Names a value by its bytes; of one object nothing is known.
+class Named final : public ValueWords {
+ public:
+  [[nodiscard]] bool knows(ObjectRef object) const override { return object.index != 0x2001; }
+  [[nodiscard]] std::string words(ObjectRef object, od::DataType type,
+                                  std::span<const std::uint8_t> bytes) const override {
+    if (!knows(object) || type == od::DataType::none) return {};
+    std::string all;
+    for (const auto byte : bytes) all += " " + std::to_string(byte);
+    return std::to_string(object.index) + all;
+  }
+};
+
+// 2000h is mapped with 16 bits, 2002h with one, 2001h is not known; 1008h is longer than what is kept of it.
+TEST(Decoder, WhatValuesMeanIsToldBehindThem) {
+  Rows rows;
+  Decoder decoder(rows, {.fields = true});
+  decoder.know(0, NodeId(5),
+               {.name = "s", .description = sensor(), .settings = {}, .words = std::make_shared<Named>()});
+  const auto reading = trace::read_candump(
+      "(1.0) can0 185#FEFF0100000000\n(1.1) can0 605#2B002000FEFF0000\n(1.2) can0 585#6000200000000000\n"
+      "(1.3) can0 605#4000300000000000\n(1.4) can0 585#4300300007000000\n"
+      "(1.5) can0 605#4000200000000000\n(1.6) can0 585#8000200000000206\n",
+      "t");
+  for (const auto& entry : reading.trace.entries) decoder.entry(entry);
+  ASSERT_EQ(rows.rows.size(), 4U);
+  EXPECT_NE(rows.rows[0].words.find("Position = -2 (8192 254 255), Limit switch = 1"), std::string::npos)
+      << rows.rows[0].words;
+  EXPECT_EQ(rows.rows[0].words.find("Speed = 0 ("), std::string::npos) << rows.rows[0].words;
+  for (const auto& field : rows.rows[0].fields) {
+    EXPECT_TRUE(field.key != "Position" || field.value == "-2") << "a program reads the number alone";
+  }
+  EXPECT_NE(rows.rows[1].words.find("2000h:00 Position = -2 = 8192 254 255"), std::string::npos) << rows.rows[1].words;
+  const auto& fields = rows.rows[1].fields;
+  const auto meaning = std::ranges::find(fields, "meaning", &Field::key);
+  ASSERT_NE(meaning, fields.end());
+  EXPECT_EQ(meaning->value, "8192 254 255");
+  EXPECT_EQ(rows.rows[2].words.find("12288"), std::string::npos) << "the type of 3000h is not known";
+  EXPECT_EQ(rows.rows[3].words.find("8192"), std::string::npos) << "an abort has no value";
+
+  Rows half;
+  Decoder other(half);
+  other.know(0, NodeId(5),
+             {.name = "s",
+              .description = sensor(),
+              .settings = {{{0x1A00, 1}, {0x08, 0, 0, 0x20}}},  // 8 bits of the 16 of 2000h
+              .words = std::make_shared<Named>()});
+  other.entry(reading.trace.entries.front());
+  ASSERT_EQ(half.rows.size(), 1U);
+  EXPECT_NE(half.rows[0].words.find("Position = FEh"), std::string::npos) << half.rows[0].words;
+  EXPECT_EQ(half.rows[0].words.find("(8192"), std::string::npos) << "half a value means nothing";
+}
+
+// A link's network variable: its name is the link's, whatever the description calls its place.
+TEST(Decoder, AnObjectThatALinkNamesHasThatName) {
+  Rows rows;
+  Decoder decoder(rows, {.fields = true});
+  decoder.know(0, NodeId(5),
+               {.name = "s", .description = sensor(), .named = {{{0x2000, 0}, "travel", od::DataType::unsigned16}}});
+  const auto reading = trace::read_candump(
+      "(1.0) can0 185#FEFF0100000000\n(1.1) can0 605#2B002000FEFF0000\n(1.2) can0 585#6000200000000000\n", "t");
+  for (const auto& entry : reading.trace.entries) decoder.entry(entry);
+  ASSERT_EQ(rows.rows.size(), 2U);
+  EXPECT_NE(rows.rows[0].words.find(": travel = 65534, "), std::string::npos) << rows.rows[0].words;
+  EXPECT_NE(rows.rows[1].words.find("2000h:00 travel = 65534"), std::string::npos) << rows.rows[1].words;
+  EXPECT_EQ(rows.rows[0].words.find("Position"), std::string::npos) << rows.rows[0].words;
 }
 
 // Whatever is on the bus: every frame is in exactly one row.

@@ -159,10 +159,10 @@ TEST(SlotTypes, WhatCannotBeMeantIsAnError) {
     const auto said = errors(head + slot(more), drive_library);
     return said.find(part) != std::string::npos;
   };
-  EXPECT_TRUE(has("spares = [7, 7]", "stands there twice"));
+  EXPECT_TRUE(has("spares = [7, 7]", "appears twice"));
   EXPECT_TRUE(has("spares = [-1]", "spares"));
-  EXPECT_TRUE(has("also = [{ vendor = 1, product = 2 }]", "stands there twice"));
-  EXPECT_TRUE(has("also = [{ vendor = 1, product = 5 }, { vendor = 1, product = 5 }]", "stands there twice"));
+  EXPECT_TRUE(has("also = [{ vendor = 1, product = 2 }]", "appears twice"));
+  EXPECT_TRUE(has("also = [{ vendor = 1, product = 5 }, { vendor = 1, product = 5 }]", "appears twice"));
   EXPECT_TRUE(has("also = [{ vendor = 1 }]", "product"));
   EXPECT_TRUE(has("also = [{ device = \"nothing\" }]", "has no"));
   const std::string other = "[[slot]]\nbus = \"b\"\nid = 3\nname = \"right\"\ntype = { vendor = 1, product = 2 }\n";

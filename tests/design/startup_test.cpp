@@ -164,7 +164,7 @@ TEST(FlyingMasterKeys, EachKeyAndTheEndsOfItsRange) {
 }
 
 TEST(FlyingMasterKeys, SlotsThatOverlapAndOtherRolesAreRefused) {
-  EXPECT_NE(wrong_keys(file("[bus.b.flying_master]\n", "", "observer")).find("only a master is one of several"),
+  EXPECT_NE(wrong_keys(file("[bus.b.flying_master]\n", "", "observer")).find("only a master can be a flying master"),
             std::string::npos);
   EXPECT_NE(wrong_keys(file("[bus.b.flying_master]\npriority_slot = \"1270 ms\"\n"))
                 .find("the slots of two priorities overlap"),
@@ -180,6 +180,23 @@ TEST(TimingKeys, AtOnceIsFrom1To127) {
   EXPECT_EQ(good(with("at_once = 127\n")).buses.at(0).timing.at_once, 127U);
   EXPECT_NE(wrong_keys(with("at_once = 0\n")).find("at_once"), std::string::npos);
   EXPECT_NE(wrong_keys(with("at_once = 128\n")).find("at_once"), std::string::npos);
+}
+
+TEST(MachineKeys, WatchNamesObjectsOfSlots) {
+  const auto with = [](const std::string& words) {
+    std::string text = file("");
+    return text.insert(text.find("[bus.b]"), "watch = [" + words + "]\n");
+  };
+  EXPECT_TRUE(good(file("")).watch.empty());
+  const auto watch = good(with(R"("left/1001h", "left/Identity object/Serial number")")).watch;
+  EXPECT_EQ(watch, (std::vector<LinkEnd>{{"left", "1001h"}, {"left", "Identity object/Serial number"}}));
+  EXPECT_NE(wrong_keys(with(R"("lefd/1001h")")).find("did you mean \"left\"?"), std::string::npos);
+  EXPECT_NE(wrong_keys(with(R"("1001h")")).find("machine.watch"), std::string::npos);
+  EXPECT_NE(wrong_keys(with("7")).find("every item must be a string"), std::string::npos);
+  std::string many = "\"left/1001h\"";
+  for (int i = 0; i < 31; ++i) many += ", \"left/1001h\"";
+  EXPECT_EQ(good(with(many)).watch.size(), 32U);
+  EXPECT_NE(wrong_keys(with(many + ", \"left/1001h\"")).find("33 values"), std::string::npos);
 }
 
 TEST(MachineKeys, LinkPlanStandsBesideTheMachineFile) {

@@ -17,7 +17,8 @@ design::MachineResult read(const std::string& keys, const std::string& port = "s
           ? "[bus.above]\nport = \"sim\"\nbitrate = 125000\n[[slot]]\nbus = \"above\"\nid = 1\nname = \"g\"\n"
             "type = { vendor = 1, product = 2 }\n"
           : "";
-  const std::string beneath = port == "gateway" ? "gateway = { bus = \"above\", slot = 1, port = 1 }\n" : "";
+  const std::string beneath =
+      port == "gateway" ? "master_id = 1\ngateway = { bus = \"above\", slot = 1, port = 1 }\n" : "";
   return design::read_machine("[machine]\nname = \"m\"\n" + gateway + "[bus.field]\nport = \"" + port +
                                   "\"\nbitrate = 125000\n" + beneath +
                                   "[[slot]]\nbus = \"field\"\nid = 5\nname = \"d\"\n"

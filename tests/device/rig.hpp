@@ -55,10 +55,11 @@ class Record final : public can::Tap {
 struct Node {
   Node(sim::World& world, sim::Bus& bus, Options options, const Timing& how = {},
        rt::Duration store_time = milliseconds(0),
-       std::shared_ptr<const od::Description> description = minimal_description())
+       std::shared_ptr<const od::Description> description = minimal_description(),
+       sim::TxOrder queue = sim::TxOrder::in_order)
       : timing(how),
         flash(world.executor(), memory_size(*description), store_time),
-        controller(bus.attach({.queue_depth = 16, .rx_depth = 16})),
+        controller(bus.attach({.queue = queue, .queue_depth = 16, .rx_depth = 16})),
         port(world.executor(), *controller, timing, Random(options.address.serial + 1)),
         dispatcher(world.executor(), port),
         device(dispatcher, std::move(description), &flash, std::move(options), &port, timing) {}

@@ -36,11 +36,11 @@ TEST(StorageWords, OD_1010_OD_1011_NothingToSayWhereTheyAgree) { EXPECT_TRUE(wor
 
 TEST(StorageWords, OD_1010_WhatItDoesAndWhatTheDescriptionPromised) {
   using Words = std::vector<std::string>;
-  EXPECT_EQ(words_of(3, 1), Words{"1010h:01 tells 1h, its description 3h: it stores on command and not by itself"});
-  EXPECT_EQ(words_of(0, 1), Words{"1010h:01 tells 1h, its description 0h: it stores on command"});
+  EXPECT_EQ(words_of(3, 1), Words{"1010h:01 reports 1h, its description 3h: it stores on command and not by itself"});
+  EXPECT_EQ(words_of(0, 1), Words{"1010h:01 reports 1h, its description 0h: it stores on command"});
   EXPECT_EQ(words_of(1, 1, false),
-            (Words{"1010h:01 tells 0h, its description 1h: it has no memory for them, and stores nothing",
-                   "1011h:01 tells 0h, its description 1h: it has no memory to restore"}));
+            (Words{"1010h:01 reports 0h, its description 1h: it has no memory for them, and stores nothing",
+                   "1011h:01 reports 0h, its description 1h: it has no memory to restore"}));
 }
 
 }  // namespace

@@ -93,6 +93,24 @@ TEST_P(Planner, FindsTheCornersOfTheTree) {
   }
 }
 
+// Other frames of the same port, which give way to the answers, fill its queue again and again.
+TEST_P(Planner, WaitsForAQueueThatIsFull) {
+  World w(3);
+  add_consecutive(w, 3, {});
+  unsigned filled = 0;
+  const auto fill = [&] {
+    while (w.dispatcher.send(can::Frame::base(0x7F0, {})) == can::Queued::yes) ++filled;
+  };
+  Record record(w.bus);
+  unsigned seen = 0;
+  record.on_frame = [&](const can::Frame&) {
+    if (++seen % 20 == 0) w.world.after(rt::Duration(0), fill);
+  };
+  fill();
+  expect_all_bound(w, GetParam());
+  EXPECT_GT(filled, 20U);
+}
+
 // Several types and revisions that share their upper parts; some of the known kinds are absent, one is unknown.
 TEST_P(Planner, FindsMixedTypes) {
   for (const auto feedback : {lss::Feedback::none, lss::Feedback::extended}) {

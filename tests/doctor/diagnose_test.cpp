@@ -1,4 +1,5 @@
 // What the doctor concludes from what it heard: frames written by hand, at times written by hand.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <algorithm>
 #include <chrono>
@@ -192,6 +193,33 @@ TEST_F(Doctor, S4_21_BlankNodesAnswerOthersQuestions) {
   at(502ms, lss::answer(lss::Command::non_configured));
   const auto found = listen(2s);
   EXPECT_EQ(words(found), "blank-node certain 2; missing-heartbeat certain 2; ");
+}
+
+// A device of another type than the slot that was not heard is not that slot's, and nothing binds it there.
+TEST_F(Doctor, ABlankDeviceOfAnotherTypeIsNotTheMissingSlots) {
+  slot(1);
+  slot(2);
+  beats(1, 10ms, 100ms, 2s);
+  const auto told = [&](LssAddress device) {
+    answers_ = {};
+    answers_.asked = answers_.blank = true;
+    answers_.present.push_back({device, NodeId(), true});
+    const auto found = listen(2s);
+    const auto blank = std::ranges::find(found, Kind::blank_node, &Diagnosis::kind);
+    EXPECT_NE(blank, found.end()) << words(found);
+    return blank == found.end() ? Diagnosis{} : *blank;
+  };
+  const auto own = expected_.slot(NodeId(2))->type;
+  const Diagnosis same = told({own.vendor, own.product, 0, 7});
+  EXPECT_EQ(same.node, NodeId(2));
+  EXPECT_NE(same.advice.find("`berth bind`"), std::string::npos) << same.advice;
+  const Diagnosis other = told({own.vendor, own.product + 1, 0, 7});
+  EXPECT_FALSE(other.node.configured());
+  EXPECT_EQ(other.advice.find("`berth bind`"), std::string::npos) << other.advice;
+  EXPECT_NE(
+      other.advice.find(fmt::format("also = [{{ vendor = 0x{:X}, product = 0x{:X} }}]", own.vendor, own.product + 1)),
+      std::string::npos)
+      << other.advice;
 }
 
 // Berth takes it; others may not.

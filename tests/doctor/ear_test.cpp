@@ -205,6 +205,23 @@ TEST_F(Certainties, ErrorsAndNoFrameArePerhapsThePortsOwnBitRate) {
   EXPECT_NE(found(3s).find("missing-heartbeat certain"), std::string::npos);
 }
 
+// Links move PDOs: what has the identifier of TPDO 1 of node 2 may be another node's.
+TEST_F(Certainties, AMovedPdoIsNoSignOfTheNodeWhoseIdentifierItHas) {
+  beat(100ms, 9, 0x05);
+  hear(200ms, Frame::base(0x182, {1, 2}));
+  executor_.advance(rt::Time(2s));
+  const auto what = [&] {
+    std::string text;
+    for (const auto& d : diagnose(ear_.heard(), expected_, answers_)) {
+      if (d.kind == Kind::missing_heartbeat) text += d.what;
+    }
+    return text;
+  };
+  EXPECT_EQ(what(), "node 2 (s2) is there and sends no heartbeat");
+  expected_.predefined_pdos = false;
+  EXPECT_EQ(what(), "node 2 (s2) is silent");
+}
+
 TEST_F(Certainties, ASilentNodeIsCertainOnlyToAPortThatHearsEverything) {
   beat(100ms, 9, 0x05);
   const std::string sure = found(2s);

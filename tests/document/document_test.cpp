@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "berth/can/frame.hpp"
@@ -9,6 +10,7 @@
 #include "berth/document/dbc.hpp"
 #include "berth/document/html.hpp"
 #include "berth/document/machine_document.hpp"
+#include "berth/document/signals_json.hpp"
 #include "tests/paths.hpp"
 
 namespace berth::document::document_tests {
@@ -55,6 +57,42 @@ eds = "eds/io.eds"
   const auto files = document_of(machine, nullptr, "test");
   EXPECT_TRUE(has(text_of(files, "index.html"), "a &lt;b&gt; &amp; &quot;c&quot;"));
   EXPECT_TRUE(has(text_of(files, "slot-1-5.html"), "&lt;script&gt;alert(1)&lt;"));
+}
+
+// The PDO and its mapping are those of examples/eds/io.eds: inputs in TPDO 1, by the predefined connection set 185h.
+TEST(Document, SignalsAreToldToPagesWithTheirPlaces) {
+  const auto machine = machine_of(std::string(one_bus) + R"(
+[[slot]]
+bus = "field"
+id = 5
+name = "io"
+eds = "eds/io.eds"
+)");
+  const auto json = nlohmann::json::parse(signals_json(machine, nullptr));
+  ASSERT_EQ(json["buses"].size(), 1U);
+  EXPECT_EQ(json["buses"][0]["bus"], "field");
+  const auto& messages = json["buses"][0]["messages"];
+  const auto of = [&](unsigned id) {
+    const auto it = std::ranges::find_if(messages, [&](const auto& m) { return m["id"] == id && m["ext"] == false; });
+    EXPECT_NE(it, messages.end()) << id;
+    return it == messages.end() ? nlohmann::json() : *it;
+  };
+  const auto tpdo = of(0x185);
+  EXPECT_EQ(tpdo["name"], "TPDO 1");
+  EXPECT_EQ(tpdo["sender"], "io");
+  const auto signals = tpdo["signals"];  // 1A00h: 60000108h, 60000208h
+  ASSERT_EQ(signals.size(), 2U);
+  for (unsigned i = 0; i < 2; ++i) {
+    EXPECT_EQ(signals[i]["at"], 8 * i);
+    EXPECT_EQ(signals[i]["bits"], 8);
+    EXPECT_EQ(signals[i]["object"], i == 0 ? "6000h:01" : "6000h:02");
+    EXPECT_EQ(signals[i]["type"], "unsigned");
+  }
+  const auto state = of(0x705)["signals"][0];
+  EXPECT_EQ(state["bits"], 7);
+  EXPECT_FALSE(state.contains("object"));
+  EXPECT_EQ(state["values"][0]["name"], "boot-up");
+  for (const auto& each : messages) EXPECT_FALSE(each["signals"].empty());
 }
 
 // Every link of every page leads to a file that is there.

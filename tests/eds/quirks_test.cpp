@@ -629,9 +629,9 @@ TEST(EdsQuirks, OrderOfSectionsIsFree) {
 }
 
 TEST(EdsQuirks, BrokenLinesAreReportedAndPassedOver) {
-  const auto r = read_variable(u32, "this is no line\n=5\n[2001\nDefaultValue=7");
+  const auto r = read_variable(u32, "this is not a line\n=5\n[2001\nDefaultValue=7");
   EXPECT_TRUE(r.usable());
-  EXPECT_TRUE(warned(r, "this is no line"));
+  EXPECT_TRUE(warned(r, "this is not a line"));
   EXPECT_TRUE(warned(r, "[2001"));
   EXPECT_TRUE(refused(read_text(""), ""));
   EXPECT_TRUE(refused(read_text("hello world"), ""));

@@ -97,6 +97,33 @@ TEST(XddRead, E5_1_FactsComeFromTheParameterReferredTo) {
   EXPECT_EQ(sub(r, 0x2005, 0)->type, DataType::unsigned8);
 }
 
+// What a parameter says of its object: its description in one line, the English one; else a label that is not the name.
+TEST(XddRead, WhatAnObjectIsInWords) {
+  const std::string long_text = std::string(998, 'x') + "°°";
+  const auto r = read_parts({.objects = R"(<CANopenObject index="2001" name="A" objectType="7" uniqueIDRef="P1"/>
+<CANopenObject index="2002" name="B" objectType="7" uniqueIDRef="P2"/>
+<CANopenObject index="2003" name="C" objectType="7" uniqueIDRef="P3"/>
+<CANopenObject index="2004" name="D" objectType="7" uniqueIDRef="P4"/>)",
+                             .process =
+                                 R"(<parameterList>
+<parameter uniqueID="P1"><label lang="en">Bearing</label><description lang="de">Lager</description><description lang="en"> Of the
+    bearing </description><INT/></parameter>
+<parameter uniqueID="P2"><label lang="en">Bearing, left</label><STRING/></parameter>
+<parameter uniqueID="P3"><label lang="en">C</label><INT/></parameter>
+<parameter uniqueID="P4"><description lang="en">)" +
+                                 long_text + R"(</description><INT/></parameter>
+</parameterList>)"});
+  EXPECT_TRUE(r.usable()) << all_findings(r.findings);
+  const auto& d = *r.file.description;
+  ASSERT_NE(d.meaning({0x2001, 0}), nullptr);
+  EXPECT_EQ(d.meaning({0x2001, 0})->text, "Of the bearing");
+  ASSERT_NE(d.meaning({0x2002, 0}), nullptr) << "a string has no unit, and a text all the same";
+  EXPECT_EQ(d.meaning({0x2002, 0})->text, "Bearing, left");
+  EXPECT_EQ(d.meaning({0x2003, 0}), nullptr) << "its name says that";
+  ASSERT_NE(d.meaning({0x2004, 0}), nullptr);
+  EXPECT_EQ(d.meaning({0x2004, 0})->text, std::string(998, 'x')) << "cut between characters";
+}
+
 // Units, allowed values and enumerated types of parameters; of several labels the English one.
 TEST(XddRead, UnitsAndNamesOfValues) {
   const auto r = read_parts(

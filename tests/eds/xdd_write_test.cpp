@@ -350,7 +350,7 @@ TEST(XddWrite, WhatCiA311HasNoPlaceForIsNamed) {
 TEST(XddWrite, UnitsAndNamesOfValuesGoThereAndBack) {
   od::DescriptionBuilder builder;
   builder.variable(0x2000, {.name = "T", .type = DataType::integer16, .access = Access::rw});
-  builder.meaning({0x2000, 0}, {.unit = "°C", .exponent = -1});
+  builder.meaning({0x2000, 0}, {.text = "Of the bearing, <inside>", .unit = "°C", .exponent = -1});
   builder.object(0x2001, od::ObjectCode::record, "R");
   builder.sub(0x2001, {.sub = 1, .name = "Mode", .type = DataType::unsigned8, .access = Access::ro});
   builder.meaning({0x2001, 1}, {.values = {{2, "Auto & \"fast\""}, {0, "Off"}, {7, ""}}, .only_these = true});

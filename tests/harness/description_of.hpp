@@ -16,7 +16,9 @@ namespace berth::harness {
 // A description whose 1018h has the first `parts` of its four.
 inline std::string description_of(TypeCode type, unsigned parts) {
   std::array<char, 64> name{};
-  std::snprintf(name.data(), name.size(), "berth-as-sold-%08x-%08x-%u.eds", type.vendor, type.product, parts);
+  // Another user's file of this name could not be replaced.
+  std::snprintf(name.data(), name.size(), "berth-as-sold-%u-%08x-%08x-%u.eds", ::getuid(), type.vendor, type.product,
+                parts);
   const auto folder = std::filesystem::temp_directory_path();
   const auto file = folder / name.data();
   // Other processes may write it just now: whoever renames last has written the same.

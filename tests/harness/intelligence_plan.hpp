@@ -124,12 +124,14 @@ class IntelligencePlanner {
     constexpr TypeCode types[] = {type_controller, type_pump, type_io, type_io};
     add_slot(plan_.machine, id, types[random_.below(4)]);
     auto& slot = plan_.machine.slots.back();
+    slot.queue = design::SendOrder::priority;  // what Berth does is judged here, and not when a PDO arrives
     slot.spec.replacement = places::Replacement::automatic;
     if (slot.spec.type == type_controller) {
       slot.spec.software.programs = {{1, controller_image(wanted_version), {}}};
     } else if (slot.spec.type == type_pump) {
       slot.spec.config = example_eds("pump.dcf");
-      if (random_.below(4) == 0) slot.spec.activate = places::Activate::reset;
+      slot.inhibit = 10ms;  // its PDOs have no inhibit time, and then no link has a bound
+      if (random_.below(4) == 0) slot.spec.configuring.activate = places::Activate::reset;
     } else {
       slot.eds = slot.eds_path = example_eds("io.eds");
     }

@@ -111,6 +111,9 @@ class IntelligenceWorld final : private can::Tap {
   static operate::SlotSettings links_of(const design::Machine& machine) {
     if (machine.links.empty()) return {};
     const auto links = command::plan_links(machine);
+    for (const auto& finding : links.findings) {
+      if (finding.severity == Finding::Severity::error) std::fprintf(stderr, "%s\n", to_string(finding).c_str());
+    }
     if (has_errors(links.findings)) std::abort();
     return command::settings_of(links);
   }

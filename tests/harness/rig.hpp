@@ -116,6 +116,9 @@ class Rig {
   // What the machine's links want of the slots' devices, from the next `begin` on.
   void settle(operate::SlotSettings settings) { settings_ = std::move(settings); }
 
+  // Where what SDO clients write to 1F20h and 1F22h is kept, from the next `begin` on.
+  void keep_written(operate::WrittenFiles::Place place) { written_ = std::move(place); }
+
   // Berth begins, as a new process would: nothing but the store and the bus.
   void begin() {
     if (!try_begin()) std::abort();
@@ -140,7 +143,7 @@ class Rig {
         const bool described = slot.spec.name.bus == bus.name && !slot.eds_path.empty();
         if (described) descriptions.emplace(slot.spec.name.name, slot.eds_path);
       }
-      if (!master.network->open(settings_, descriptions)) return false;
+      if (!master.network->open(settings_, descriptions, operate::WrittenFiles(written_))) return false;
       master.network->start();
     }
     return true;
@@ -214,6 +217,7 @@ class Rig {
   OnStep on_step_;
   std::function<void(const operate::Event&)> on_event_;
   operate::SlotSettings settings_;
+  operate::WrittenFiles::Place written_;
   std::vector<operate::Event> events_;
 };
 

@@ -315,7 +315,7 @@ class WorldRun final : private can::Tap {
     const bool cycles =
         std::ranges::any_of(plan_.plant.devices, [](const auto& d) { return d.storing.power_cycle_after; }) ||
         std::ranges::any_of(plan_.machine.slots,
-                            [](const auto& s) { return s.spec.activate == places::Activate::power_cycle; });
+                            [](const auto& s) { return s.spec.configuring.activate == places::Activate::power_cycle; });
     for (int round = 0; round < 6; ++round) {
       if (comes_to_rest(15s) || !sound()) break;
       look_at_words();

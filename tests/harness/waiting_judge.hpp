@@ -71,7 +71,7 @@ class WaitingJudge {
 
  private:
   [[nodiscard]] static bool by_power(const design::Slot& slot) noexcept {
-    return slot.spec.activate == places::Activate::power_cycle;
+    return slot.spec.configuring.activate == places::Activate::power_cycle;
   }
   [[nodiscard]] bool waits(const std::string& device) const {
     const auto* const plan = plan_->plant.device(device);

@@ -235,8 +235,8 @@ class Planner {
     if (spec.type != type_pump || random_.below(4) == 0) return;
     spec.config = example_eds("pump.dcf");
     const auto how = random_.below(8);
-    if (how == 0) spec.activate = places::Activate::reset;
-    if (how == 1) spec.activate = places::Activate::power_cycle;
+    if (how == 0) spec.configuring.activate = places::Activate::reset;
+    if (how == 1) spec.configuring.activate = places::Activate::power_cycle;
   }
 
   [[nodiscard]] std::string method_of(const std::string& bus) const { return plan_.machine.bus(bus)->discovery; }

@@ -100,6 +100,18 @@ TEST_F(Install, AnOutsideProjectFindsBuildsAndRuns) {
   EXPECT_EQ(ran.out, "node 5 has vendor-ID 0000002A\n");
 }
 
+// A run-time system in C links with the process image (berth/process/process.h).
+TEST_F(Install, AProgramInCHasTheProcessImage) {
+  const auto configured =
+      configure("in_c", "co;device;sim;process", {"SQLiteCpp", "SQLite3", "tomlplusplus", "nlohmann_json"});
+  ASSERT_EQ(configured.status, 0) << configured.out;
+  const auto built = run(std::string(BERTH_CMAKE) + " --build " + (folder / "in_c").string());
+  ASSERT_EQ(built.status, 0) << built.out;
+  const auto ran = run((folder / "in_c" / "outside_c").string());
+  EXPECT_EQ(ran.status, 0);
+  EXPECT_EQ(ran.out, "process image \"test-outside\": it is not there; start the program of the device first\n");
+}
+
 // A room brings what it uses and no more: SQLite is the store's, and the main job knows only `places::SlotStore`.
 TEST_F(Install, OnlyTheStoreBringsSqlite) {
   const auto without_store = configure("operate", "operate;command;serve", {"SQLiteCpp", "SQLite3"});
@@ -140,7 +152,7 @@ TEST_F(Install, NothingOfThisBuildLeaks) {
   }
   for (const auto& entry : fs::recursive_directory_iterator(folder / "prefix" / "include")) {
     if (entry.is_regular_file()) {
-      EXPECT_EQ(entry.path().extension(), ".hpp") << entry.path();
+      EXPECT_TRUE(entry.path().extension() == ".hpp" || entry.path().filename() == "process.h") << entry.path();
     }
   }
 }

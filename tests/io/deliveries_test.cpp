@@ -36,6 +36,27 @@ TEST(Deliveries, WhatWasHeardForOneListenerIsNotDeliveredToTheNext) {
   EXPECT_EQ(second.ids, std::vector<std::uint32_t>{0x702});
 }
 
+TEST(Deliveries, ErrorsComeAmongTheFramesWhateverTheRanges) {
+  struct Log final : can::Listener {
+    void received(const can::Frame& frame, rt::Time) noexcept override { told.push_back(frame.id); }
+    void sent(std::uint32_t, rt::Time) noexcept override {}
+    void changed(const can::Status&, rt::Time) noexcept override {}
+    void error(const can::Frame& report, rt::Time) noexcept override { told.push_back(0x20000000 | report.id); }
+    std::vector<std::uint32_t> told;
+  };
+  rt::Executor executor;
+  Deliveries deliveries(executor);
+  Log ear;
+  deliveries.listen(&ear, std::array{can::IdRange{0x700, 0x77F}});
+  deliveries.received(can::Frame::base(0x701, {0x05}), rt::Time{});
+  can::Frame report;
+  report.id = 0x88;
+  deliveries.error(report, rt::Time{});
+  deliveries.received(can::Frame::base(0x702, {0x05}), rt::Time{});
+  executor.advance(executor.now());
+  EXPECT_EQ(ear.told, (std::vector<std::uint32_t>{0x701, 0x20000088, 0x702}));
+}
+
 // The same listener with other ranges: what is noted stays, as far as they hold it.
 TEST(Deliveries, OtherRangesCountForWhatIsNoted) {
   rt::Executor executor;

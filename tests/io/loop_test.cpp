@@ -8,6 +8,7 @@
 #include <csignal>
 #include <cstdint>
 #include <memory>
+#include <thread>
 
 #include "berth/io/loop_driver.hpp"
 #include "berth/sim/world.hpp"
@@ -388,6 +389,37 @@ TEST(LoopPace, WhileItStandsOnlyWhatIsReadyIsDone) {
   loop.pause(false);
   while (timed.runs == 0) loop.turn(5ms);
   EXPECT_LT(executor.now() - stood, 10s) << "the time that it stood is no time of the world";
+}
+
+// Two timers are due by the clock; the job of the first holds the world.
+TEST(LoopPace, AJobThatHoldsTheWorldHoldsItAtItsInstant) {
+  class Holds final : public rt::Job {
+   public:
+    explicit Holds(Loop& loop) : loop_(&loop) {}
+    void run() noexcept override {
+      loop_->pause(true);
+      at = loop_->executor().now();
+    }
+    rt::Time at{};
+
+   private:
+    Loop* loop_;
+  };
+  rt::Executor executor;
+  Loop loop(executor);
+  Holds holds(loop);
+  Counter after;
+  executor.after(1ms, holds);
+  executor.after(1500us, after);
+  std::this_thread::sleep_for(5ms);
+  for (int i = 0; i < 3; ++i) loop.turn(1ms);
+  EXPECT_EQ(after.runs, 0);
+  EXPECT_NE(holds.at, rt::Time{});
+  EXPECT_EQ(executor.now(), holds.at);
+  EXPECT_EQ(loop.clock(), holds.at);
+  loop.pause(false);
+  while (after.runs == 0) loop.turn(5ms);
+  EXPECT_GE(executor.now() - holds.at, 500us);
 }
 
 TEST(LoopPace, ASpeedIsWorldTimeBesideTheClocks) {

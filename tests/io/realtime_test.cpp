@@ -59,7 +59,7 @@ TEST(RealTime, WithTheRightItIsSo) {
     ::sched_getparam(0, &now);
     return (::sched_getscheduler(0) & ~SCHED_RESET_ON_FORK) == SCHED_FIFO && now.sched_priority == 10 ? 0 : 1;
   });
-  if (seen == 77) GTEST_SKIP() << "this system gives no real-time priority";
+  if (seen == 77) GTEST_SKIP() << "needs root: this system gives no real-time priority";
   EXPECT_EQ(seen, 0);
 }
 

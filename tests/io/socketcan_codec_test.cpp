@@ -136,6 +136,16 @@ TEST(SocketCanError, WhatHappened) {
   EXPECT_TRUE(r && !r->error);
 }
 
+TEST(SocketCanError, IsAReportAsTraceFilesHaveIt) {
+  const auto bytes = error(0x088, {0, 0, 0x04, 0x0A, 0, 0, 9, 1});
+  ASSERT_TRUE(decode_error(bytes)->error);
+  const auto report = error_frame(bytes);
+  EXPECT_EQ(report.id, 0x88U) << "without the flag that makes it no frame";
+  EXPECT_EQ(report.size, 8);
+  EXPECT_EQ(report.data[3], 0x0A);
+  EXPECT_EQ(report.data[6], 9);
+}
+
 // ---- filters, judged by the kernel's own comparison ----
 
 bool kernel_passes(const std::vector<KernelFilter>& filters, std::uint32_t can_id) {

@@ -19,9 +19,10 @@ struct Segment {
   unsigned first;
 };
 // CiA 405, as protocol-facts B.9 has it: the outputs are 480h behind the inputs.
-constexpr Segment segments[] = {{0x02, 0xA000}, {0x05, 0xA040}, {0x01, 0xA080}, {0x03, 0xA0C0},
-                                {0x06, 0xA100}, {0x10, 0xA140}, {0x16, 0xA180}, {0x04, 0xA1C0},
-                                {0x07, 0xA200}, {0x08, 0xA240}, {0x15, 0xA400}, {0x1B, 0xA440}};
+constexpr Segment segments[] = {{0x02, 0xA000}, {0x05, 0xA040}, {0x01, 0xA080}, {0x03, 0xA0C0}, {0x06, 0xA100},
+                                {0x10, 0xA140}, {0x16, 0xA180}, {0x04, 0xA1C0}, {0x07, 0xA200}, {0x08, 0xA240},
+                                {0x15, 0xA400}, {0x1B, 0xA440}, {0x18, 0xA280}, {0x12, 0xA2C0}, {0x19, 0xA300},
+                                {0x13, 0xA340}, {0x1A, 0xA380}, {0x14, 0xA3C0}};
 
 std::string one(const std::string& section, const std::string& name, unsigned type, const std::string& access,
                 bool mappable, const std::string& value = {}) {
@@ -194,7 +195,7 @@ linker::Network network_of(std::vector<std::pair<std::string, std::shared_ptr<co
   bus.others.background_bytes = 8;
   std::uint8_t id = 1;
   for (auto& [name, file] : nodes) {
-    bus.others.senders.push_back({name, false});
+    bus.others.senders.push_back({name});
     bus.others.messages.push_back({.name = "heartbeat",
                                    .sender = bus.others.senders.size() - 1,
                                    .key = 0x700U + id,

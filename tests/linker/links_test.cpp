@@ -101,14 +101,24 @@ TEST(Links, S5_2_S5_7_S5_21_AVariableReachesItsConsumers) {
   EXPECT_EQ(made.plan.pdos[0].event_ms, 200);
 }
 
+TEST(Links, NoPdoGetsACanIdOfAPlannedChannel) {
+  auto network = two_controllers();
+  add_link(network, "press/speed", {"belt/speed"}, 20ms, 255, od::DataType::unsigned16);
+  ASSERT_EQ(make_plan(network).plan.pdos.at(0).can_id, 0x181);
+  network.buses.front().channels = {0x181};
+  EXPECT_NE(make_plan(network).plan.pdos.at(0).can_id, 0x181);
+}
+
 // S5.5, S5.6, S5.9: each type has a segment for each direction; the image's place follows from PPOffset.
 TEST(Links, S5_5_S5_6_S5_9_VariablesStandInTheSegmentOfTheirType) {
   auto network = two_controllers();
   using enum od::DataType;
   const std::vector<std::pair<od::DataType, unsigned>> types{
-      {integer8, 0xA000},  {unsigned8, 0xA040},  {integer16, 0xA0C0}, {unsigned16, 0xA100},
-      {integer24, 0xA140}, {unsigned24, 0xA180}, {integer32, 0xA1C0}, {unsigned32, 0xA200},
-      {real32, 0xA240},    {integer64, 0xA400},  {unsigned64, 0xA440}};
+      {integer8, 0xA000},   {unsigned8, 0xA040},  {boolean, 0xA080},    {integer16, 0xA0C0},  {unsigned16, 0xA100},
+      {integer24, 0xA140},  {unsigned24, 0xA180}, {integer32, 0xA1C0},  {unsigned32, 0xA200}, {real32, 0xA240},
+      {unsigned40, 0xA280}, {integer40, 0xA2C0},  {unsigned48, 0xA300}, {integer48, 0xA340},  {unsigned56, 0xA380},
+      {integer56, 0xA3C0},  {integer64, 0xA400},  {unsigned64, 0xA440}};
+  ASSERT_EQ(types.size(), 18U);
   for (std::size_t i = 0; i < types.size(); ++i) {
     for (const char letter : {'a', 'b'}) {
       const auto name = std::string(1, letter) + std::to_string(i);
@@ -218,9 +228,13 @@ TEST(Links, SynchronousLinksWaitForSync) {
   ASSERT_EQ(made.plan.pdos.size(), 2U);
   EXPECT_EQ(made.plan.pdos[1].transmission, 3);
   EXPECT_EQ(made.plan.pdos[1].receivers[0].transmission, 3);
-  EXPECT_EQ(made.plan.pdos[1].worst, 40ms);  // up to three periods to its SYNC, one more to the consumer's
+  // Up to three periods to its SYNC, one more to the consumer's, which waits for a frame that has begun: 190 bits.
+  EXPECT_GT(made.plan.pdos[1].worst, 40ms);
+  EXPECT_LE(made.plan.pdos[1].worst, 40ms + 190 * 2us);
   expect_linked(network, made.plan);
   network.links[0].deadline = 40ms;
+  EXPECT_NE(findings(make_plan(network)).find("it can take 40."), std::string::npos) << "SYNC may be late";
+  network.links[0].deadline = 40ms + 190 * 2us;
   EXPECT_EQ(findings(make_plan(network)), "") << "just kept";
   EXPECT_TRUE(make_plan(network).good());
   network.links[0].deadline = 39ms;

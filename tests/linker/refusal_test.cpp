@@ -71,7 +71,7 @@ TEST_F(LinkRefusal, ABitOfADeviceThatMapsBytes) {
 
 TEST_F(LinkRefusal, NothingSaysTheType) {
   add_link(network, "press/x", {"belt/x"});
-  EXPECT_NE(only().find("press/x: nothing says the data type of this network variable; write type ="),
+  EXPECT_NE(only().find("press/x: the data type of this network variable is not known; write type ="),
             std::string::npos);
   // Another link of the same variable says it.
   add_link(network, "press/x", {"io/6411h:01"});
@@ -85,7 +85,7 @@ TEST_F(LinkRefusal, NoSegmentForTheType) {
 
 TEST_F(LinkRefusal, NoNameOfAVariable) {
   add_link(network, "press/two words", {"belt/x"}, {}, 255, od::DataType::unsigned8);
-  EXPECT_NE(only().find("\" \" is no letter or digit; letters, digits and single underscores"), std::string::npos);
+  EXPECT_NE(only().find("\" \" is not a letter or digit; letters, digits and single underscores"), std::string::npos);
   network.links[0].from.object = "End_If";
   EXPECT_NE(only().find("IEC 61131-3 keeps this word for itself"), std::string::npos);
 }
@@ -108,9 +108,8 @@ TEST_F(LinkRefusal, LinksThatRunInACircle) {
   const auto made = make_plan(network);
   ASSERT_EQ(made.findings.size(), 2U);
   for (const auto& each : made.findings) {
-    EXPECT_NE(
-        to_string(each).find("these links run in a circle: link[1] from press/2300h:01, link[2] from belt/2300h:02"),
-        std::string::npos);
+    EXPECT_NE(to_string(each).find("these links form a loop: link[1] from press/2300h:01, link[2] from belt/2300h:02"),
+              std::string::npos);
   }
   network.links.erase(network.links.begin() + 1);
   EXPECT_TRUE(make_plan(network).good());
@@ -152,7 +151,8 @@ TEST_F(LinkRefusal, ABusThatIsTooSlow) {
   add_link(network, "press/a", {"belt/a"}, 40ms, 255, od::DataType::unsigned64);
   add_link(network, "press/b", {"belt/b"}, 10s, 255, od::DataType::unsigned64);
   // A frame of 13.5 ms behind another one takes longer than the 20 ms that the inhibit time leaves.
-  EXPECT_NE(only().find("link[1]: bus field is too slow for this link: it can take"), std::string::npos);
+  const std::string told = only();
+  EXPECT_NE(told.find("link[1]: bus field is too slow for this link: it can take"), std::string::npos) << told;
   network.links[0].deadline = 500ms;
   EXPECT_TRUE(make_plan(network).good());
 }

@@ -36,7 +36,7 @@ TEST(ForeignWatch, TellsMasterFramesFromDeviceFrames) {
       {Frame::base(0x7E5, {0x04, 0, 0, 0, 0, 0, 0, 0}), Sign::lss},
       {Frame::base(0x7E4, {0x4F, 0, 0, 0, 0, 0, 0, 0}), std::nullopt},
       {Frame::base(0x601, {0x40, 0, 0x10, 0, 0, 0, 0, 0}), Sign::sdo},
-      {Frame::base(0x67F, {0x40, 0, 0x10, 0, 0, 0, 0, 0}), Sign::sdo},
+      {Frame::base(0x67F, {0x40, 0, 0x10, 0, 0, 0, 0, 0}), std::nullopt},  // a client of ours
       {Frame::base(0x600, {}), std::nullopt},
       {Frame::base(0x680, {}), std::nullopt},
       {Frame::base(0x581, {0x43, 0, 0x10, 0, 0, 0, 0, 0}), std::nullopt},
@@ -245,6 +245,28 @@ TEST_F(GateOnABus, ListensBeforeTheFirstFrame) {
   EXPECT_EQ(log.sent, std::vector<std::string>{"000#0100"});
 }
 
+TEST_F(GateOnABus, ErrorsThatThePortReportsAreTold) {
+  struct Reporting final : can::Port {
+    can::Queued send(const Frame&, std::uint32_t) noexcept override { return can::Queued::closed; }
+    void withdraw(std::uint32_t) noexcept override {}
+    void listen(can::Listener* to, std::span<const can::IdRange>) noexcept override { listener = to; }
+    [[nodiscard]] can::Status status() const noexcept override { return {.up = true}; }
+    bool restart(std::uint32_t) noexcept override { return false; }
+    can::Listener* listener = nullptr;
+  };
+  auto outside = std::make_unique<Reporting>();
+  Reporting& port = *outside;
+  ReopeningPort again(
+      world.executor(), std::move(outside), [] { return nullptr; }, 1s);
+  Gate guarded(world.executor(), again, as(Role::master));
+  std::vector<std::uint32_t> told;
+  guarded.on_frame({}, [&](const Frame& report, rt::Time) { told.push_back(report.id); });
+  Frame report;
+  report.id = 0x88;
+  port.listener->error(report, world.now());
+  EXPECT_EQ(told, std::vector<std::uint32_t>{0x88});
+}
+
 TEST_F(GateOnABus, RefusesBesideAnotherMasterAndNamesIt) {
   Gate& g = make(as(Role::master));
   unsigned changes = 0;
@@ -282,6 +304,52 @@ TEST_F(GateOnABus, AMasterThatAppearsLaterStopsItWithinAFrame) {
   EXPECT_EQ(g.send(beat, 11), can::Queued::listen_only);
   ASSERT_FALSE(ear.statuses.empty());
   EXPECT_TRUE(ear.statuses.back().listen_only);
+}
+
+// A panel that reads by SDO: Berth goes on, and leaves it the channel of that node for a time.
+TEST_F(GateOnABus, AnotherSdoClientIsNoMaster) {
+  const Frame read = Frame::base(0x605, {0x40, 0, 0x10, 0, 0, 0, 0, 0});
+  const Frame of_another = Frame::base(0x606, {0x40, 0, 0x10, 0, 0, 0, 0, 0});
+  Gate& g = make(as(Role::master));
+  std::vector<unsigned> told;
+  g.clients().on_first([&](NodeId node, const Frame& request) {
+    EXPECT_EQ(request, read);
+    told.push_back(node.value());
+  });
+  world.run_for(3s);
+  for (int i = 0; i < 3; ++i) {
+    other->send(read, 0);
+    world.run_for(100ms);
+  }
+  EXPECT_EQ(g.state(), GateState::open);
+  EXPECT_TRUE(g.report().empty());
+  EXPECT_EQ(told, std::vector<unsigned>{5}) << "once";
+  EXPECT_EQ(g.send(read, 1), can::Queued::full) << "its answer would be taken for the client's";
+  EXPECT_EQ(g.send(of_another, 2), can::Queued::yes);
+  EXPECT_EQ(g.send(nmt_start, 3), can::Queued::yes);
+  world.run_for(OtherClients::pause - 105ms);
+  EXPECT_EQ(g.send(read, 4), can::Queued::full) << "not yet";
+  world.run_for(10ms);
+  EXPECT_EQ(g.send(read, 5), can::Queued::yes) << "it is silent, and Berth goes on by itself";
+  world.run_for(10ms);
+  other->send(nmt_start, 0);
+  world.run_for(1ms);
+  EXPECT_EQ(g.state(), GateState::foreign) << "that is a master";
+  EXPECT_EQ(g.report().size(), 3U) << "the requests are evidence with it";
+}
+
+// 67Fh: whoever reads the manager's own objects, while it listens and behind that.
+TEST_F(GateOnABus, AClientOfBerthsOwnNodeIdIsNothing) {
+  const Frame read = Frame::base(0x67F, {0x40, 0x22, 0x1F, 1, 0, 0, 0, 0});
+  Gate& g = make(as(Role::master));
+  g.clients().on_first([](NodeId, const Frame&) { ADD_FAILURE(); });
+  other->send(read, 0);
+  world.run_for(3s);
+  EXPECT_EQ(g.state(), GateState::open);
+  other->send(read, 0);
+  world.run_for(1s);
+  EXPECT_EQ(g.state(), GateState::open);
+  EXPECT_EQ(ear.heard.size(), 2U) << "it gets there";
 }
 
 TEST_F(GateOnABus, ACommissionerWorksBesideAMaster) {

@@ -408,5 +408,29 @@ RC_GTEST_PROP(LssMasterProperty, EveryDeviceGetsItsIdWhateverTheLatencies, ()) {
   }
 }
 
+// Other frames of the same port stand in front: 55 devices are read at once.
+TEST(LssMaster, AQueueThatIsFullIsWaitedFor) {
+  World w;
+  w.add(a2);
+  while (w.dispatcher.send(can::Frame::base(0x600, {0, 0, 0, 0, 0, 0, 0, 0})) == can::Queued::yes) {
+  }
+  const Record record(w.bus);
+  const auto selected = w.run(w.master->switch_selective(a2));
+  ASSERT_TRUE(selected) << selected.error().text;
+  EXPECT_EQ(selected->attempts, 1U);
+  EXPECT_EQ(record.text.front().substr(0, 3), "600");
+}
+
+TEST(LssMaster, AQueueThatStaysFullEndsWithTheTimeToSend) {
+  World w;  // nobody else: nothing is acknowledged
+  while (w.dispatcher.send(can::Frame::base(0x600, {})) == can::Queued::yes) {
+  }
+  const auto before = w.world.now();
+  const auto selected = w.run(w.master->switch_selective(a2));
+  ASSERT_FALSE(selected);
+  EXPECT_EQ(selected.error().code, Errc::bus);
+  EXPECT_EQ(w.world.now() - before, w.master->options().send_timeout);
+}
+
 }  // namespace
 }  // namespace berth::lss::test

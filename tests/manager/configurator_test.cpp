@@ -46,7 +46,7 @@ ConfiguratorOptions quick() {
 }  // namespace
 
 // docs/protocols/cia302.md §Configuration: only what differs is written; the date comes last and is saved with it.
-TEST(Configurator, WritesOnlyDifferencesThenDatesThenSaves) {
+TEST(Configurator, S5_18_WritesOnlyDifferencesThenDatesThenSaves) {
   auto d = pump();
   const auto r = configure(d, pump_wanted());
   ASSERT_TRUE(r.good()) << describe(*r.failure, "pump.dcf");
@@ -77,6 +77,20 @@ TEST(Configurator, B4_7_TheExpectedDateNeedsNothing) {
   EXPECT_EQ(d.reads, 2U);
   EXPECT_TRUE(d.writes.empty());
   EXPECT_EQ(d.savings, 0U);
+}
+
+// CiA 302-2 §Boot-up, step 7: whatever abort 1020h is refused with, the configuration is downloaded.
+TEST(Configurator, AnAbortAtTheDateMeansDownload) {
+  for (const auto code : {AbortCode::no_object, AbortCode::no_sub_index, AbortCode::general, AbortCode::write_only}) {
+    for (const std::uint8_t sub : {std::uint8_t{1}, std::uint8_t{2}}) {
+      auto d = pump();
+      d.refuses_read[{0x1020, sub}] = code;
+      const auto r = configure(d, pump_wanted());
+      ASSERT_TRUE(r.good()) << describe(*r.failure, "pump.dcf");
+      EXPECT_EQ(d.value(limit), u16(500));
+      EXPECT_FALSE(r.dated) << "a date that cannot be read vouches for nothing";
+    }
+  }
 }
 
 // 0800 0024h: there is no value yet; it differs from any that is wanted, and is as one without a byte.
@@ -200,6 +214,28 @@ TEST(Configurator, ARefusalNamesObjectAbortCodeAndLine) {
                 std::string(od::text(AbortCode::value_too_high)) + " (0609 0031h)");
   EXPECT_EQ(d.savings, 0U);
   EXPECT_EQ(d.value({0x1020, 1}), u32(0)) << "what is half done carries no date";
+}
+
+// Of a linked machine: the mapping is right, and the program of the device is not there yet.
+TEST(Configurator, AMappingOfANetworkVariableSaysWhatTheDeviceLacks) {
+  auto d = pump();
+  d.refuses_write[limit] = AbortCode::no_object;
+  auto w = pump_wanted();
+  const auto told = [&] { return describe(*configure(d, w).failure, "pump.dcf"); };
+  EXPECT_TRUE(told().ends_with("(0602 0000h)")) << "any object: " << told();
+  const ObjectRef mapping{0x1600, 2};
+  d.objects[mapping] = d.objects[limit];
+  d.objects[mapping].value = u32(0);
+  d.objects[{0x1600, 0}].value = {0};
+  d.refuses_write = {{mapping, AbortCode::no_object}};
+  w.entries[0].object = mapping;
+  w.entries[0].bytes = u32(0xA4C0'0108);
+  const std::string words = told();
+  EXPECT_NE(words.find("; A4C0h:01 is a network variable, and the device's program has not declared it"), words.npos)
+      << words;
+  EXPECT_NE(words.find("variables = [{ name = …, type = …, object = \"A4C0h:01\" }]"), words.npos) << words;
+  w.entries[0].bytes = u32(0x6000'0108);
+  EXPECT_TRUE(told().ends_with("(0602 0000h)")) << "no network variable: " << told();
 }
 
 // For a backup that is restored: each refusal is told, and the rest is brought in; what is not whole carries no date.

@@ -434,7 +434,7 @@ TEST_F(Signals, ATableThatIsWrong) {
                 " have to be part of the safety function",
                 "10 drive: its substitute has 0 bytes, 2202h:00 has 2",
                 "6 twice: 2200h:01 on side 1 is the target of drive in the same mode",
-                "7 speed: it leads round in a loop",
+                "7 speed: it forms a loop",
             }));
   build(table);
   open();

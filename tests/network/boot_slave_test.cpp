@@ -68,6 +68,8 @@ struct FakeSource final : BootSource {
   Result<void> configuring{};
   Result<void> updating{};
   std::optional<std::uint32_t> brings;
+  [[nodiscard]] bool polls() const noexcept override { return questions_left > 0 && questions_left-- > 0; }
+  mutable unsigned questions_left = 1'000'000;
   unsigned configured = 0;
   unsigned updated = 0;
 };
@@ -150,6 +152,32 @@ TEST(BootSlave, AnOptionalSlaveThatIsConnectedLaterIsFound) {
   b.runner.executor().at(rt::Time{1h}, plug);
   EXPECT_EQ(b.run().status, BootStatus::booted);
   EXPECT_GE(b.runner.now(), rt::Time{1h});
+}
+
+// S5.16: until it is found, or the application stops polling. Not a mandatory one: it has the boot time (1F89h).
+TEST(BootSlave, S5_16_TheApplicationStopsPollingAnOptionalSlave) {
+  for (const bool mandatory : {false, true}) {
+    Booting b;
+    b.target.device.silent.insert({0x1000, 0});
+    b.rules.mandatory = mandatory;
+    b.source.questions_left = 8;
+    b.options.give_up = rt::Time{1h};
+    EXPECT_EQ(b.run().status, BootStatus::b);
+    EXPECT_EQ(b.target.device.reads < 10, !mandatory) << b.target.device.reads;
+    EXPECT_GE(b.target.device.reads, 4U);
+  }
+}
+
+// B is "no answer to the upload of 1000h", also of a slave whose identity was read: unless it has answered that, too.
+TEST(BootSlave, BASlaveThatIsIdentifiedAndDoesNotAnswer1000h) {
+  for (const bool typed : {false, true}) {
+    Booting b;
+    b.target.device.silent.insert({0x1000, 0});
+    b.options.identified = true;
+    b.options.typed = typed;
+    b.options.give_up = rt::Time{};
+    EXPECT_EQ(b.run().status, typed ? BootStatus::booted : BootStatus::b);
+  }
 }
 
 // S5.14: each part that is expected is compared; 0 is not.

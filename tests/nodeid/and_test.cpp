@@ -316,5 +316,15 @@ TEST(And, S1_45_RandIsFasterThanAndOnTheSameBus) {
               ms(paper1::t_network_id(paper1::published, {})), ms(paper1::t_and_network({})));
 }
 
+TEST(AndMaster, AQueueThatIsFullIsWaitedFor) {
+  AndWorld w;
+  w.put(a);
+  while (w.dispatcher.send(can::Frame::base(0x600, {})) == can::Queued::yes) {
+  }
+  const auto report = w.go();
+  ASSERT_TRUE(report) << report.error().text;
+  EXPECT_EQ(found(*report), std::vector{a});
+}
+
 }  // namespace
 }  // namespace berth::nodeid::test

@@ -525,5 +525,15 @@ RC_GTEST_PROP(RandMasterProperty, S1_20_S1_22_BadLuckEndsInAClearState, ()) {
   RC_ASSERT(found == set);
 }
 
+TEST(RandMaster, AQueueThatIsFullIsWaitedFor) {
+  World w;
+  w.add({0x0102'0304, 0x0506'0708, 0x090A'0B0C, 0x0D0E'0F10});
+  while (w.dispatcher.send(can::Frame::base(0x600, {})) == can::Queued::yes) {
+  }
+  const auto report = w.discover();
+  ASSERT_TRUE(report) << report.error().text;
+  EXPECT_EQ(report->found.size(), 1U);
+}
+
 }  // namespace
 }  // namespace berth::nodeid::test

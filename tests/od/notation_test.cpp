@@ -1,7 +1,9 @@
 // Objects as people write them.
 #include "berth/od/notation.hpp"
+#include "berth/od/mapping_text.hpp"
 
 #include <fmt/format.h>
+#include <array>
 
 #include "tests/pch.hpp"
 
@@ -90,6 +92,25 @@ TEST(ObjectWord, SubIndexByItself) {
   EXPECT_NE(two.error().find("0Ah"), std::string::npos) << two.error();
   EXPECT_NE(two.error().find("10h"), std::string::npos) << two.error();
   for (const char* wrong : {"", "256", "0x100", "-1", "x", "1F", "four"}) EXPECT_FALSE(read_sub_index(wrong)) << wrong;
+}
+
+// CiA 301 §7.5.2.36: bits 16 to 31 index, 8 to 15 sub-index, 0 to 7 length in bits.
+TEST(MappingText, AMappingEntryIsAnObjectAndItsBits) {
+  const std::array<std::uint8_t, 4> entry{0x10, 0x00, 0x10, 0x60};
+  EXPECT_EQ(mapping_text({0x1A00, 1}, entry), "6010h:00, 16 bit");
+  EXPECT_EQ(mapping_text({0x1600, 64}, entry), "6010h:00, 16 bit");
+  EXPECT_EQ(mapping_text({0x17FF, 8}, entry), "6010h:00, 16 bit");
+  EXPECT_EQ(mapping_text({0x1BFF, 8}, std::array<std::uint8_t, 4>{1, 0x0A, 0, 0x20}), "2000h:0A, 1 bit");
+}
+
+TEST(MappingText, NothingElseIs) {
+  const std::array<std::uint8_t, 4> entry{0x10, 0x00, 0x10, 0x60};
+  for (const ObjectRef object : {ObjectRef{0x1A00, 0}, ObjectRef{0x1A00, 65}, ObjectRef{0x15FF, 1},
+                                 ObjectRef{0x1800, 1}, ObjectRef{0x1C00, 1}, ObjectRef{0x6010, 1}}) {
+    EXPECT_EQ(mapping_text(object, entry), "") << write_object(object);
+  }
+  EXPECT_EQ(mapping_text({0x1A00, 1}, std::span(entry).first(3)), "");
+  EXPECT_EQ(mapping_text({0x1A00, 1}, std::array<std::uint8_t, 4>{}), "") << "nothing is mapped";
 }
 
 RC_GTEST_PROP(ObjectWord, WhatIsWrittenIsReadBack, (std::uint16_t index, std::uint8_t sub)) {

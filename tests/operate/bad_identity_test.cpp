@@ -226,7 +226,7 @@ TEST(BadIdentity, ASerialNumberThatSdoAndLssTellDifferently) {
       with_lss, [](plant::PlantDevice& d) { d.does.odd.sdo_serial = 1234; },
       [](const Went& now, Rig& rig) {
         expect_operational(now, rig);
-        EXPECT_EQ(now.times("another serial number than LSS"), 1U) << rig.log();
+        EXPECT_EQ(now.times("and LSS report different serial numbers"), 1U) << rig.log();
         ASSERT_TRUE(now.odd.device);
         EXPECT_EQ(now.odd.device->address.serial, 77U) << "it is known by what LSS tells";
         EXPECT_EQ(rig.device("odd").truth().persistent, NodeId(odd_id));
@@ -253,7 +253,7 @@ TEST(BadIdentity, AnotherDeviceIsNotTakenForOneThatTellsTwoSerialNumbers) {
     if (!own_stays) rig.run_for(5s);
     rig.device("other").plug();
     rig.run_for(60s);
-    EXPECT_EQ(rig.log().find("than LSS does"), std::string::npos) << rig.log();
+    EXPECT_EQ(rig.log().find("report different serial numbers"), std::string::npos) << rig.log();
     EXPECT_NE(rig.device("other").truth().state, NmtState::operational) << rig.log();
   }
 }
@@ -300,7 +300,7 @@ TEST(BadIdentity, OneThatResetsWhen1017hIsWrittenIsNotWrittenAgainAndAgain) {
             expect_operational(now, rig);
             // Twice, each time with the repetitions of a question that has no answer.
             EXPECT_LE(now.writes, resets == Resets::silent ? 8U : 2U) << rig.log();
-            const auto told = now.times("resets itself") + now.times("booted behind the writing of 1017h");
+            const auto told = now.times("resets itself") + now.times("booted after 1017h was written");
             EXPECT_TRUE(now.writes == 0 || told > 0) << rig.log();
             EXPECT_LE(told, 1U) << rig.log();
           });

@@ -158,6 +158,31 @@ TEST(Beside, AnObserverShowsWhatRunsAndSendsNothing) {
   EXPECT_EQ(ear.frames, 0U);
 }
 
+// Without a slot table of its own: the devices are there, and which they are nobody told.
+TEST(Beside, AnObserverWithoutASlotTableShowsWhoIsHeard) {
+  const bool flying = false;
+  const Setting setting{.devices = 3, .configured = true};
+  Berths berths(machine_of(setting), plant_of(setting), {0, 0}, flying);
+  Ear ear(berths);
+  berths.machine(1).buses[0].role = design::Role::observer;
+  berths.begin(0);
+  ASSERT_TRUE(berths.run_until([&] { return berths.operational(0); })) << berths.log();
+  berths.world().find("d3")->power(false);
+  berths.run_for(5s);
+  ear.forget();
+  berths.begin(1);
+  berths.run_for(5s);
+  const auto slots = berths.network(1).report();
+  ASSERT_EQ(slots.size(), 3U);
+  for (const std::size_t there : {0U, 1U}) {
+    EXPECT_EQ(slots[there].state, SlotState::unknown) << berths.log();
+    EXPECT_EQ(slots[there].nmt, NmtState::operational);
+    EXPECT_NE(slots[there].reason.find("an observer asks nobody"), std::string::npos) << slots[there].reason;
+  }
+  EXPECT_EQ(slots[2].state, SlotState::empty) << "nothing is heard of it";
+  EXPECT_EQ(ear.frames, 0U);
+}
+
 // What its master resets and starts again, the commissioner shows, and starts nothing.
 TEST(Beside, ADeviceThatItsMasterStartsAgainSettles) {
   for (const bool configured : {false, true}) {

@@ -196,6 +196,27 @@ TEST(Configuration, B4_7_TheDateAgreesAtTheNextStart) {
   }
 }
 
+// Paper 5, figure 4: "configure at each boot". Somebody changed a value, and left the date as it was.
+TEST(Configuration, S5_16_EachBootComparesWhateverTheDateIs) {
+  for (const auto when : {places::Configure::by_date, places::Configure::each_boot}) {
+    auto machine = pumps({5});
+    machine.slots.front().spec.configuring.when = when;
+    Rig rig(machine, plant_of(1));
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+    rig.kill();
+    const ObjectRef limit{0x2000, 1};
+    auto& device = rig.device("p1").device();
+    device.apply(co::NmtCommand::enter_pre_operational);
+    ASSERT_EQ(device.values().set(limit, std::uint32_t{499}), od::AbortCode::none);
+    rig.run_for(1s);
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+    const bool each = when == places::Configure::each_boot;
+    EXPECT_EQ(values(rig, "p1").get_or<std::uint32_t>(limit, 0), each ? 500U : 499U) << rig.log();
+  }
+}
+
 // The slot's device left while it was being configured; a spare that came with the slot's node-ID is asked who it is
 // before it is configured, however near to the next attempt it comes.
 TEST(Configuration, ASpareWithTheSlotsNodeIdIsNotConfiguredInItsPlace) {
@@ -423,7 +444,7 @@ TEST(Configuration, AReadOnlyDifferenceStopsTheNode) {
 TEST(Configuration, APowerCycleIsWaitedForOverARestart) {
   for (const bool while_away : {false, true}) {
     auto machine = pumps({5});
-    machine.slots.front().spec.activate = places::Activate::power_cycle;
+    machine.slots.front().spec.configuring.activate = places::Activate::power_cycle;
     Rig rig(machine, plant_of(1));
     const Watch watch(rig, 5);
     rig.begin();
@@ -455,7 +476,7 @@ TEST(Configuration, APowerCycleIsWaitedForOverARestart) {
 TEST(Configuration, HU_18_AMissedBootUpMessageAfterTheResetDoesNotHang) {
   for (const bool missed : {false, true}) {
     auto machine = pumps({5});
-    machine.slots.front().spec.activate = places::Activate::reset;
+    machine.slots.front().spec.configuring.activate = places::Activate::reset;
     machine.buses.front().timing.boot_timeout = 3s;
     Rig rig(machine, plant_of(1));
     rig.begin();
@@ -687,7 +708,7 @@ TEST(Configuration, ADeviceThatCannotSaveCannotWaitForAPowerCycle) {
   add_pump(plant, "p1", 1, eds);
   for (const auto activate : {places::Activate::reset, places::Activate::power_cycle}) {
     auto machine = pumps({5});
-    machine.slots.front().spec.activate = activate;
+    machine.slots.front().spec.configuring.activate = activate;
     Rig rig(machine, plant);
     rig.begin();
     ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::failed; }, 30s)) << rig.log();

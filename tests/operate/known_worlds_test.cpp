@@ -2,6 +2,7 @@
 // code, so what was found is, where it can be, a test of its own too; `./run mutants` says whether these still catch
 // it.
 #include <gtest/gtest.h>
+#include <algorithm>
 #include <cstdint>
 #include <ostream>
 #include <string>
@@ -155,17 +156,24 @@ INSTANTIATE_TEST_SUITE_P(
               {.waits = true, .as_sold = true}}),
     name_of);
 
-// One of them was started, and the other was not. The world itself does not come to rest (docs/faults.md).
+// One of them was started, and the other was not, because its NMT start was lost. Whether that happens depends on each
+// frame before it, so the world is run with several draws of its devices' response times.
 TEST(KnownWorldOfTwoVoices, AreNotOneThatLeavesOperationalForEver) {
-  const auto outcome = run_world(plan_world(6040653, {.waits = true, .as_sold = true}));
-  std::size_t left = 0;
-  for (auto at = outcome.log.find("it left operational"); at != std::string::npos;
-       at = outcome.log.find("it left operational", at + 1)) {
-    ++left;
+  std::size_t most = 0;
+  for (std::uint64_t draw = 0; draw < 24; ++draw) {
+    auto plan = plan_world(6040653, {.waits = true, .as_sold = true});
+    plan.plant.seed += draw;
+    const auto outcome = run_world(plan);
+    std::size_t left = 0;
+    for (auto at = outcome.log.find("it left operational"); at != std::string::npos;
+         at = outcome.log.find("it left operational", at + 1)) {
+      ++left;
+    }
+    EXPECT_LT(left, 12U) << "draw " << draw << '\n' << outcome.log;
+    EXPECT_NE(outcome.log.find("s3: duplicate: two devices answer"), std::string::npos) << "draw " << draw;
+    most = std::max(most, left);
   }
-  EXPECT_GE(left, 3U);
-  EXPECT_LT(left, 12U);
-  EXPECT_NE(outcome.log.find("s3: duplicate: two devices answer"), std::string::npos);
+  EXPECT_GE(most, 3U) << "nobody left operational again and again: this world shows nothing any more";
 }
 
 }  // namespace

@@ -10,10 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "berth/can/dispatcher.hpp"
-#include "berth/co/sdo_client.hpp"
-#include "berth/rt/scope.hpp"
 #include "tests/harness/rig.hpp"
+#include "tests/operate/stranger.hpp"
 
 using namespace berth;
 using namespace berth::harness;
@@ -21,7 +19,6 @@ using places::SlotState;
 
 namespace {
 
-constexpr NodeId berth_id{127};
 constexpr std::uint16_t manager_status = 0x5F00;
 constexpr std::uint16_t bus_status = 0x5F01;
 
@@ -43,58 +40,10 @@ plant::PlantFile two_devices() {
   return p;
 }
 
-/// A stranger's node on the same bus: nothing but an SDO client.
-class Stranger {
- public:
-  explicit Stranger(Rig& rig)
-      : rig_(rig),
-        port_(rig.world().attach_master("backbone")),
-        dispatcher_(rig.world().executor(), *port_),
-        client_(dispatcher_),
-        scope_(rig.world().executor()) {}
-
-  template <class T>
-  std::optional<T> read(std::uint16_t index, std::uint8_t sub) {
-    std::optional<Result<T>> got;
-    scope_.spawn([](Stranger& self, std::uint16_t i, std::uint8_t s, std::optional<Result<T>>& into) -> rt::Task<void> {
-      into = co_await self.client_.read<T>(berth_id, i, s);
-    }(*this, index, sub, got));
-    rig_.run_until([&] { return got.has_value(); }, 5s);
-    return got && *got ? std::optional<T>(**got) : std::nullopt;
-  }
-  std::string text(std::uint16_t index, std::uint8_t sub) {
-    std::optional<Result<co::SdoValue>> got;
-    scope_.spawn([](Stranger& self, std::uint16_t i, std::uint8_t s, auto& into) -> rt::Task<void> {
-      into = co_await self.client_.upload(berth_id, i, s);
-    }(*this, index, sub, got));
-    rig_.run_until([&] { return got.has_value(); }, 20s);
-    if (!got || !*got) return "nothing";
-    const auto bytes = (*got)->bytes();
-    return {bytes.begin(), bytes.end()};
-  }
-  /// The abort code; 0: it was taken.
-  std::uint32_t write(std::uint16_t index, std::uint8_t sub, std::vector<std::uint8_t> bytes) {
-    std::optional<Result<void>> done;
-    scope_.spawn([](Stranger& self, std::uint16_t i, std::uint8_t s, std::vector<std::uint8_t> b,
-                    std::optional<Result<void>>& into) -> rt::Task<void> {
-      into = co_await self.client_.download(berth_id, i, s, b);
-    }(*this, index, sub, std::move(bytes), done));
-    rig_.run_until([&] { return done.has_value(); }, 5s);
-    if (!done) return 1;
-    return *done ? 0 : done->error().detail;
-  }
-
- private:
-  Rig& rig_;
-  std::unique_ptr<can::Port> port_;
-  can::Dispatcher dispatcher_;
-  co::SdoClient client_;
-  rt::Scope scope_;
-};
-
 }  // namespace
 
-// S5.23: a manager of CiA 302 as any tool reads it.
+// S5.23: the diagnosis interface (statuses of the package, the communication system and the nodes) of a master that is
+// a slave to any tool's SDO client at the same time.
 TEST(ManagerObjects, S5_23_ViewsOfTheSlotTable) {
   Rig rig(three_slots(), two_devices());
   rig.begin();
@@ -120,9 +69,19 @@ TEST(ManagerObjects, S5_23_ViewsOfTheSlotTable) {
   EXPECT_EQ(stranger.read<std::uint32_t>(bus_status, 1), 250'000U);
   EXPECT_EQ(stranger.read<std::uint8_t>(bus_status, 2), 0) << "error-active";
   EXPECT_EQ(stranger.write(0x1F81, 1, {0, 0, 0, 0}), 0x0601'0002U) << "the machine file says it";
+  const auto timeout = static_cast<std::uint32_t>(three_slots().buses[0].timing.heartbeat_timeout / 1ms);
+  EXPECT_EQ(stranger.read<std::uint32_t>(0x1016, 1), 1U << 16U | timeout);
+  EXPECT_EQ(stranger.read<std::uint32_t>(0x1016, 2), 2U << 16U | timeout);
+  EXPECT_EQ(stranger.read<std::uint32_t>(0x1016, 3), 0U) << "nothing is there to watch";
+  EXPECT_EQ(stranger.read<std::uint32_t>(0x1016, 4), 0U) << "no slot";
+  EXPECT_EQ(stranger.text(0x1F22, 1), "nothing");
+  EXPECT_EQ(stranger.read<std::uint32_t>(0x1F26, 1), 0U);
+  EXPECT_EQ(stranger.read<std::uint32_t>(0x1F55, 1), 0U);
+  EXPECT_EQ(stranger.text(0x1F58, 1), "nothing");
 }
 
-TEST(ManagerObjects, WhatHappensIsCounted) {
+// S5.23: the error interface (emergency messages, error statistics).
+TEST(ManagerObjects, S5_23_WhatHappensIsCounted) {
   Rig rig(three_slots(), two_devices());
   rig.begin();
   ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
@@ -313,6 +272,49 @@ TEST(ManagerObjects, AReplacementGetsWhatWasUploaded) {
   EXPECT_EQ(rig.device("spare").device().values().get_or<std::uint16_t>(upper_limit, 0), by_hand) << rig.log();
 }
 
+namespace {
+
+/// 1F22h of slot 2 says what its device has, in the form of CiA 302-3; 1F26h and 1F27h are its 1020h.
+void expect_concise(Stranger& stranger, plant::SimDevice& sits) {
+  const std::string stream = stranger.text(0x1F22, 2);
+  const auto byte = [&](std::size_t at) { return static_cast<std::uint8_t>(stream.at(at)); };
+  const auto number = [&](std::size_t at) {
+    return byte(at) | byte(at + 1) << 8U | byte(at + 2) << 16U | static_cast<std::uint32_t>(byte(at + 3)) << 24U;
+  };
+  auto& values = sits.device().values();
+  std::size_t at = 4;
+  unsigned same = 0;
+  for (std::uint32_t left = number(0); left > 0; --left) {
+    const auto index = static_cast<std::uint16_t>(byte(at) | byte(at + 1) << 8U);
+    const std::string value = stream.substr(at + 7, number(at + 3));
+    const auto has = values.bytes({index, byte(at + 2)});
+    if (index >= 0x2000)
+      same += std::equal(has.begin(), has.end(), value.begin(), value.end(),
+                         [](auto a, char b) { return a == static_cast<std::uint8_t>(b); });
+    at += 7 + value.size();
+  }
+  EXPECT_EQ(at, stream.size());
+  EXPECT_GE(same, 1U) << "at least one value of the application";
+  EXPECT_EQ(stranger.read<std::uint32_t>(0x1F26, 2), values.get_or<std::uint32_t>({0x1020, 1}, 0));
+  EXPECT_EQ(stranger.read<std::uint32_t>(0x1F27, 2), values.get_or<std::uint32_t>({0x1020, 2}, 0));
+  EXPECT_NE(stranger.read<std::uint32_t>(0x1F27, 2), 0U);
+}
+
+}  // namespace
+
+// Whatever its date is, it is compared: CiA 302-2 has no expected date for that.
+TEST(ManagerObjects, EachBootHasNoExpectedDate) {
+  auto machine = two_pumps();
+  machine.slots[1].spec.configuring.when = places::Configure::each_boot;
+  Rig rig(machine, pumps());
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  Stranger stranger(rig);
+  EXPECT_EQ(stranger.read<std::uint32_t>(0x1F26, 2), 0U);
+  EXPECT_EQ(stranger.read<std::uint32_t>(0x1F27, 2), 0U);
+  EXPECT_NE(stranger.text(0x1F22, 2), "nothing");
+}
+
 TEST(ManagerObjects, TheDcfOfASlotAndUploadsThatAreRefused) {
   Rig rig(two_pumps(), pumps());
   rig.begin();
@@ -322,7 +324,8 @@ TEST(ManagerObjects, TheDcfOfASlotAndUploadsThatAreRefused) {
   const std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
   ASSERT_FALSE(text.empty());
   EXPECT_EQ(stranger.text(0x1F20, 2), text) << "that of config =";
-  EXPECT_EQ(stranger.write(0x1F20, 2, {1, 2, 3, 4}), 0x0601'0002U) << "the machine file says it";
+  expect_concise(stranger, rig.device(rig.seats()[1].second == 1 ? "one" : "two"));
+  EXPECT_EQ(stranger.write(0x1F20, 2, {1, 2, 3, 4}), 0x0800'0021U) << "the machine file does not list \"configure\"";
   EXPECT_EQ(stranger.write(upload_configuration, 1, {'c', 'o', 'n', 'f'}), 0x0800'0020U);
   EXPECT_EQ(stranger.write(upload_configuration, 3, upld), 0x0609'0030U) << "no slot";
   // Nothing is read of a device that is not there, and what the slot wants stays.

@@ -265,7 +265,7 @@ TEST(Startup, AMandatoryDeviceThatIsLostResetsAll) {
   rig.device("d1").unplug();
   rig.run_for(20s);
   EXPECT_EQ(heard.count(nmt_reset_node, 0), 1U) << rig.log();
-  EXPECT_TRUE(told(rig, "slot \"s1\", which is mandatory: its heartbeat stopped: all devices are reset")) << rig.log();
+  EXPECT_TRUE(told(rig, "slot \"s1\", which is mandatory: heartbeat lost: all devices are reset")) << rig.log();
   EXPECT_EQ(rig.state(3), SlotState::operational) << "each is started by itself again\n" << rig.log();
   EXPECT_NE(heard.master_state, operational) << "a mandatory device is missing";
   rig.device("d1").plug();

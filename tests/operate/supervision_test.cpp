@@ -140,7 +140,7 @@ TEST(Supervision, AStateShowsWhileASearchHasTheTurn) {
   scope.spawn(stop_node(rig.network(), NodeId(1)));
   const auto period = rig.network().bus().timing.heartbeat_period;
   ASSERT_TRUE(rig.run_until([&] { return rig.state(1) == SlotState::present; }, 2 * period)) << rig.log();
-  EXPECT_NE(rig.log().find("it was made stopped"), std::string::npos);
+  EXPECT_NE(rig.log().find("NMT stopped by command"), std::string::npos);
 }
 
 TEST(Supervision, ACommandWaitsForAnExchangeAndNotForASearch) {

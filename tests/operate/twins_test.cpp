@@ -152,7 +152,7 @@ TEST(Twins, TheTwinOfAUsedDeviceIsNew) {
   ASSERT_TRUE(store.clear(other, std::string(places::by_a_person)));
   rig.begin();
   ASSERT_TRUE(rig.run_until([&] { return state(rig, 0) == SlotState::operational; }, 30s)) << rig.log();
-  EXPECT_FALSE(told(rig, "shall it be used")) << rig.log();
+  EXPECT_FALSE(told(rig, ": use it")) << rig.log();
   EXPECT_EQ(sits(rig, first_bus), 0U);
 }
 
@@ -286,7 +286,7 @@ TEST_P(Swapped, BothAreOperationalInTheirNewPlaces) {
   EXPECT_EQ(sits(rig, first_bus), 2U);
   EXPECT_EQ(sits(rig, second_bus), 1U);
   EXPECT_EQ(watch.failure(), "");
-  EXPECT_FALSE(told(rig, "shall it be used")) << rig.log();
+  EXPECT_FALSE(told(rig, ": use it")) << rig.log();
   const std::vector<std::string> both{"declared", "asked", "confirmed", "cleared", "asked", "confirmed"};
   EXPECT_EQ(events_of(rig, first_bus), both);
   EXPECT_EQ(events_of(rig, second_bus), both);
@@ -350,7 +350,7 @@ TEST(Moved, ToAnotherBusWhoseSlotIsEmpty) {
   EXPECT_EQ(sits(rig, first_bus), 1U) << "no person gave the slot away";
   EXPECT_EQ(sits(rig, second_bus), 1U);
   EXPECT_EQ(rig.device("x moved").truth().persistent, NodeId(2));
-  EXPECT_FALSE(told(rig, "shall it be used")) << rig.log();
+  EXPECT_FALSE(told(rig, ": use it")) << rig.log();
   // And back again: the first bus's slot has it still, and the second one's is absent.
   rig.device("x moved").unplug();
   rig.device("x back").plug();
@@ -399,7 +399,7 @@ TEST(SeatedTwice, ARefusedIntentionSaysWhichSlotHasTheDevice) {
   ASSERT_TRUE(rig.run_until([&] { return state(rig, 0) == SlotState::failed; }, 30s)) << rig.log();
   const std::string reason = slot(rig, 0).reason;
   EXPECT_NE(reason.find("slot old name of bus backbone"), std::string::npos) << reason;
-  EXPECT_NE(reason.find("`berth replace backbone/old name`"), std::string::npos) << reason;
+  EXPECT_NE(reason.find("`berth replace \"backbone/old name\"`"), std::string::npos) << reason;
   EXPECT_FALSE(told(rig, "be written:")) << rig.log();
   EXPECT_FALSE(rig.device("one").truth().persistent.configured()) << "nothing was told to it";
 }

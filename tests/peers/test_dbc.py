@@ -1,7 +1,9 @@
 """DBC files of `berth document`, read by canmatrix: what it makes of a frame is what `berth trace` makes of it."""
 
 import json
+import os
 import random
+import shutil
 import sys
 import unittest
 import warnings
@@ -26,7 +28,8 @@ class Dbc(support.Case):
         """The machine's buses as canmatrix reads them, by the files' names."""
         formats = canmatrix_formats()
         folder = self.path("document")
-        files = json.loads(berth("document", example(machine), "-o", folder, "--json"))["files"]
+        path = machine if os.path.isabs(machine) else example(machine)
+        files = json.loads(berth("document", path, "-o", folder, "--json"))["files"]
         read = {}
         for path in files:
             if path.endswith(".dbc"):
@@ -70,6 +73,31 @@ class Dbc(support.Case):
             theirs = [str(value.raw_value) for value in frame.decode(data).values()]
             self.assertEqual(sorted(theirs), sorted(numbers_of(row)), (frame.name, data.hex(), row))
 
+    def test_notes_are_units_factors_and_names(self):
+        """What `berth note write` says of an object, and what a trace says of its value."""
+        folder = self.path("noted")
+        os.makedirs(folder + "/eds")
+        for name in ("belt.toml", "eds/belt.eds", "eds/barrier.eds"):
+            shutil.copy(example(name), f"{folder}/{name}")
+        machine = folder + "/belt.toml"
+        berth("note", "write", "belt", "6000h:01", "-m", machine, "--unit", "boxes", "--scale", "0.5",
+              "--value", "4=two", "--value", "255=all")
+        bus = self.read(machine)["field.dbc"]
+        frame = next(frame for frame in bus.frames if frame.transmitters == ["belt"] and "_TPDO_" in frame.name)
+        signal = next(signal for signal in frame.signals if signal.start_bit == 0)
+        self.assertEqual((signal.unit, float(signal.factor)), ("boxes", 0.5))
+        self.assertEqual({int(key): name for key, name in signal.values.items()}, {4: "two", 255: "all"})
+        log = self.path("noted.log")
+        with open(log, "w") as file:
+            for byte in (4, 5):
+                file.write(f"(1.0) can0 {frame.arbitration_id.id:03X}#{byte:02X}{'00' * (frame.size - 1)}\n")
+        rows = berth("trace", log, "-m", machine).splitlines()
+        for byte, row in zip((4, 5), [row for row in rows if "TPDO" in row]):
+            theirs = frame.decode(bytes([byte] + [0] * (frame.size - 1)))[signal.name]
+            self.assertIn(f"{float(theirs.phys_value):g} boxes", row)
+            named = signal.values.get(byte)
+            self.assertEqual(named is not None and f", {named})" in row, named is not None, row)
+
 
 def numbers_of(row):
     return [str(int(value.split(" ")[0], 0)) for value in row["signals"].values()]
@@ -82,7 +110,7 @@ def dbc_name(slot):
 def pdo_id(can_id):
     sys.path.append("/usr/lib/python3/dist-packages")
     import canmatrix
-    return canmatrix.ArbitrationId(can_id)
+    return canmatrix.ArbitrationId(int(can_id, 0))
 
 
 if __name__ == "__main__":

@@ -20,7 +20,6 @@ name = "manager {port}"
 port      = "socketcand://127.0.0.1:{port}/field"
 bitrate   = 500_000
 master_id = {manager}
-tolerate  = ["sdo"]
 commands  = {{ verbs = ["report", "sdo read", "sdo write", "nmt", "configure", "upload"] }}
 
 [[slot]]
@@ -30,6 +29,88 @@ name   = "partner"
 type   = {{ vendor = 0x123, product = 7 }}
 assign = "fixed"
 """
+
+# A DCF for the partner, whose object 2012h shall be 55.
+DCF = """[FileInfo]
+FileName=partner.dcf
+FileVersion=1
+FileRevision=0
+EDSVersion=4.0
+Description=What a configuration tool writes
+CreationTime=09:00AM
+CreationDate=01-15-2026
+CreatedBy=tests/peers
+
+[DeviceInfo]
+VendorName=Berth
+VendorNumber=0x123
+ProductName=Partner
+ProductNumber=0x7
+RevisionNumber=0x10000
+BaudRate_500=1
+Granularity=8
+
+[MandatoryObjects]
+SupportedObjects=3
+1=0x1000
+2=0x1001
+3=0x1018
+
+[ManufacturerObjects]
+SupportedObjects=1
+1=0x2012
+
+[1000]
+ParameterName=Device type
+ObjectType=0x7
+DataType=0x0007
+AccessType=ro
+PDOMapping=0
+
+[1001]
+ParameterName=Error register
+ObjectType=0x7
+DataType=0x0005
+AccessType=ro
+PDOMapping=0
+
+[1018]
+ParameterName=Identity object
+ObjectType=0x9
+SubNumber=2
+
+[1018sub0]
+ParameterName=Highest sub-index supported
+ObjectType=0x7
+DataType=0x0005
+AccessType=const
+DefaultValue=1
+PDOMapping=0
+
+[1018sub1]
+ParameterName=Vendor-ID
+ObjectType=0x7
+DataType=0x0007
+AccessType=ro
+PDOMapping=0
+
+[2012]
+ParameterName=At most 100
+ObjectType=0x7
+DataType=0x0005
+AccessType=rw
+DefaultValue=1
+ParameterValue=55
+PDOMapping=0
+"""
+
+
+def concise(*entries):
+    """The stream of CiA 302-3, in hex: (index, sub-index, bytes)."""
+    stream = len(entries).to_bytes(4, "little")
+    for index, sub, data in entries:
+        stream += index.to_bytes(2, "little") + bytes([sub]) + len(data).to_bytes(4, "little") + data
+    return stream.hex()
 
 
 class OfTheManager(OnOneBus):
@@ -50,8 +131,8 @@ class OfTheManager(OnOneBus):
             my.d.start();
             my.read = (index, subIndex) =>
                 my.d.sdo.upload({{ deviceId: {MANAGER}, index, subIndex, timeout: 10000 }});
-            my.write = (index, subIndex, hex) => my.d.sdo.download(
-                {{ deviceId: {MANAGER}, index, subIndex, data: Buffer.from(hex, 'hex'), timeout: 10000 }});
+            my.write = (index, subIndex, hex, more = {{}}) => my.d.sdo.download(
+                {{ deviceId: {MANAGER}, index, subIndex, data: Buffer.from(hex, 'hex'), timeout: 10000, ...more }});
         """)
         cls.node.wait_for(0x700 + DEVICE, "05", what="the device is operational")
         cls.node.wait_for(0x700 + MANAGER, "05", what="the manager is operational")
@@ -59,8 +140,9 @@ class OfTheManager(OnOneBus):
     def number(self, index, sub=0):
         return int.from_bytes(bytes.fromhex(self.js(f"return my.read({index}, {sub})")), "little")
 
-    def write(self, index, sub, data):
-        self.js(f"return my.write({index}, {sub}, '{data}')")
+    def write(self, index, sub, data, block=False):
+        more = "{ blockTransfer: true, blockInterval: 0 }" if block else "{}"
+        self.js(f"return my.write({index}, {sub}, '{data}', {more})")
 
     def command(self, line):
         """One command by 1023h; gives its status and its confirmation."""
@@ -98,3 +180,35 @@ class OfTheManager(OnOneBus):
         status, reply = self.command('{"verb": "no such"}')
         self.assertEqual(status, 3)
         self.assertIn("no such", reply["error"]["message"])
+
+    def limit(self):
+        """2012h of the device."""
+        status, reply = self.command(json.dumps(
+            {"verb": "sdo read", "arguments": {"node": str(DEVICE), "object": "2012h", "type": "u8"}}))
+        self.assertEqual(status, 1, reply)
+        return reply["value"]
+
+    def boot(self):
+        since = len(self.node.frames)
+        self.write(0x1F82, DEVICE, "06")
+        self.node.wait_for(0x700 + DEVICE, "05", since=since, what="the device after its reset")
+
+    @tries("npm master", "SDO block download", "SDO segmented download", "SDO segmented upload")
+    def test_configurations(self):
+        """As a configuration tool: a DCF to 1F20h, then a concise DCF to 1F22h; each is in the device behind its boot-up."""
+        self.write(0x1F20, DEVICE, DCF.encode().hex(), block=True)
+        self.assertEqual(bytes.fromhex(self.js(f"return my.read(0x1F20, {DEVICE})")).decode(), DCF)
+        self.assertEqual(self.number(0x5F04, DEVICE), 1, "not yet")
+        self.boot()
+        self.assertEqual(self.limit(), 55)
+        self.assertEqual(self.number(0x5F04, DEVICE), 3)
+        self.write(0x1F22, DEVICE, concise((0x2012, 0, b"\x42")))
+        self.boot()
+        self.assertEqual(self.limit(), 0x42)
+        with self.assertRaises(PeerError) as caught:
+            self.write(0x1F20, DEVICE, DCF.replace("0x123", "0x124").encode().hex(), block=True)
+        self.assertEqual(caught.exception.code, 0x06040043)
+        with self.assertRaises(PeerError) as caught:
+            self.write(0x1F22, DEVICE, "0500000012")
+        self.assertEqual(caught.exception.code, 0x06090030)
+        self.assertEqual(self.number(0x5F04, DEVICE), 3, "nothing has changed")

@@ -1,4 +1,5 @@
 // Paper 1's rules and what they leave open (checklist S1.27 to S1.38).
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 #include <cstdint>
@@ -152,7 +153,12 @@ TEST(Planner, S1_34_SurplusAndForeignDevicesAreNamed) {
   EXPECT_TRUE(p.actions.empty());
   ASSERT_EQ(p.oddities.size(), 2U);
   EXPECT_EQ(p.oddities[0].kind, OddityKind::surplus);
+  EXPECT_NE(p.oddities[0].text.find("is of the type of " + slots[0].spec.name.name + ", and that has its device"),
+            std::string::npos)
+      << p.oddities[0].text;
   EXPECT_EQ(p.oddities[1].kind, OddityKind::foreign);
+  const std::string also = fmt::format("also = [{{ vendor = 0x{:X}, product = 0x{:X} }}]", C.vendor, C.product);
+  EXPECT_NE(p.oddities[1].text.find(also), std::string::npos) << p.oddities[1].text;
 }
 
 TEST(Planner, OneAtATimeTakesTheLowestFreeSlot) {

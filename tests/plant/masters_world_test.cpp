@@ -111,7 +111,7 @@ TEST(PlantMasters, WhatMakesNoSense) {
   EXPECT_NE(first_problem(head + "node_id = 1\nmaster = { priority = 3, slaves = \"2\" }\n").find("priority"),
             std::string::npos);
   EXPECT_NE(first_problem(head + "node_id = 1\nmaster = { priority = 1 }\n").find("slaves"), std::string::npos);
-  EXPECT_NE(first_problem(head + "node_id = 1\nmaster = { slaves = \"5..2\" }\n").find("are no node-IDs"),
+  EXPECT_NE(first_problem(head + "node_id = 1\nmaster = { slaves = \"5..2\" }\n").find("are not node-IDs"),
             std::string::npos);
   EXPECT_NE(first_problem(head + "master = { slaves = \"2\" }\n").find("a master has a node-ID"), std::string::npos);
   EXPECT_NE(

@@ -249,6 +249,75 @@ TEST(PlantWorld, BusEventsStrikeWhatTheyName) {
   EXPECT_EQ(s.record->count("584#4300100000000000"), 3);
 }
 
+TEST(PlantWorld, AStrikeMayWaitForFramesOfOneSender) {
+  auto disturb = event(Action::disturb, "", milliseconds(0));
+  disturb.strike.bit = 30;
+  disturb.strike.sender = "b";
+  Scene s(plant({device("a", 6, 3), device("b", 7, 4)}));
+  s.run(milliseconds(50));
+  auto nobody = disturb;
+  nobody.strike.sender = "nobody";
+  EXPECT_FALSE(s.world->perform(nobody));
+  ASSERT_TRUE(s.world->perform(disturb));
+  const auto errors = [&] { return s.world->bus("b")->statistics().error_frames; };
+  const auto before = errors();
+  s.ask("603#4000100000000000", milliseconds(10));
+  EXPECT_EQ(s.record->count("583#4300100000000000"), 1);
+  EXPECT_EQ(errors(), before) << "request and answer are of others";
+  s.ask("604#4000100000000000", milliseconds(10));
+  EXPECT_EQ(s.record->count("584#4300100000000000"), 1) << "repeated by the controller";
+  EXPECT_EQ(errors(), before + 1);
+}
+
+TEST(PlantWorld, ADeviceRecoversFromDeafnessAndSlowness) {
+  Scene s(plant({device("a", 6, 3)}));
+  s.run(milliseconds(50));
+  s["a"].deaf(Duration::zero());
+  s["a"].slow(milliseconds(30), milliseconds(40));
+  EXPECT_TRUE(s["a"].truth().deaf);
+  EXPECT_EQ(s["a"].truth().late, milliseconds(30));
+  s.ask("603#4000100000000000", milliseconds(35));
+  EXPECT_EQ(s.record->count("583#4300100000000000"), 0);
+  ASSERT_TRUE(s.world->perform(event(Action::recover, "a", milliseconds(0))));
+  EXPECT_FALSE(s["a"].truth().deaf);
+  EXPECT_EQ(s["a"].truth().late, Duration::zero());
+  s.ask("603#4000100000000000", milliseconds(10));
+  EXPECT_EQ(s.record->count("583#4300100000000000"), 1);
+  s["a"].slow(milliseconds(30), Duration::zero());
+  s.run(milliseconds(20));
+  EXPECT_EQ(s["a"].truth().late, milliseconds(30)) << "the end of what it recovered from ends nothing later";
+}
+
+// Each side hears itself alone; a node that is alone has nobody who acknowledges.
+TEST(PlantWorld, TheTruthTellsThePiecesOfACutCable) {
+  Scene s(plant({device("a", 6, 3), device("b", 7, 4)}));
+  s.run(milliseconds(50));
+  const auto pieces = [&] {
+    std::vector<std::vector<std::string>> names;
+    for (const auto& piece : sim::pieces(*s.world->bus("b"))) {
+      names.emplace_back();
+      for (const auto* node : piece) names.back().push_back(node->name());
+    }
+    return names;
+  };
+  const auto before = pieces();
+  ASSERT_EQ(before.size(), 1U);
+  auto cut = event(Action::cut_cable, "", milliseconds(0));
+  cut.nodes = {"b"};
+  ASSERT_TRUE(s.world->perform(cut));
+  ASSERT_EQ(pieces().size(), 2U);
+  EXPECT_EQ(pieces().at(1), std::vector<std::string>{"b"});
+  const auto unacknowledged = s["b"].controller().statistics().transmit_errors;
+  s["b"].reset();
+  s.run(milliseconds(100));
+  EXPECT_GT(s["b"].controller().statistics().transmit_errors, unacknowledged) << "its boot-up message";
+  s["b"].controller().cable(false);
+  EXPECT_EQ(pieces().size(), 1U) << "a plug that is out is no piece";
+  s["b"].controller().cable(true);
+  ASSERT_TRUE(s.world->perform(event(Action::join, "", milliseconds(0))));
+  EXPECT_EQ(pieces(), before);
+}
+
 TEST(PlantWorld, SerialAndStoredNodeIdChangeAtPowerOn) {
   Scene s(plant({device("a", 6, 3)}));
   s.run(milliseconds(50));
@@ -322,6 +391,29 @@ TEST(PlantWorld, FindingsForWhatCannotBe) {
   findings.clear();
   EXPECT_EQ(World::make(p, rates, findings), nullptr);
   EXPECT_TRUE(has_errors(findings));
+}
+
+// On wires nobody would hear anybody: the simulated bus works, and it is said.
+TEST(PlantWorld, ABusThatTheMachineHasOtherwiseIsTold) {
+  const auto said = [](std::uint32_t bit_rate, const std::vector<BusRate>& rates) {
+    auto p = plant({device("a", 6)});
+    p.buses[0].bitrate = bit_rate;
+    Findings findings;
+    const bool made = World::make(p, rates, findings) != nullptr;
+    EXPECT_EQ(made, !has_errors(findings));
+    EXPECT_LE(findings.size(), 1U);
+    return findings.empty() ? std::string() : findings.front().key + ": " + findings.front().message;
+  };
+  EXPECT_EQ(said(250'000, {{"b", 250'000}}), "");
+  EXPECT_EQ(said(0, {{"b", 250'000}}), "");
+  EXPECT_EQ(said(250'000, {}), "");
+  EXPECT_EQ(said(250'000, {{"b", 125'000}}),
+            "bus.b: 250000 bit/s here and 125000 bit/s in the machine file: the simulated bus has 250000 bit/s");
+  EXPECT_EQ(said(250'000, {{"field", 250'000}, {"left", 50'000}}),
+            "bus.b: the machine file has no bus of this name, but \"field\", \"left\"");
+  EXPECT_EQ(said(0, {}), "bus.b: no bit rate, neither here nor in a machine file");
+  EXPECT_EQ(said(0, {{"field", 250'000}}),
+            "bus.b: no bit rate here, and the machine file has no bus of this name, but \"field\"");
 }
 
 TEST(PlantWorld, DeviceOfADescriptionFile) {

@@ -10,6 +10,7 @@
 #include "berth/process/device_image.hpp"
 #include "berth/process/image.hpp"
 #include "berth/sim/world.hpp"
+#include "scene.hpp"
 
 namespace berth::process {
 namespace {
@@ -128,41 +129,6 @@ TEST(Image, SnapshotsAcrossThreadsAreNeverTorn) {
   EXPECT_EQ(mine.get(in[many - 1]), last);
 }
 
-/// A device with an RPDO of two variables and a TPDO of one.
-struct Scene {
-  Scene() : bus(world.add_bus("b", 250'000)), master(bus.attach({.name = "master"})), port(bus.attach({.name = "d"})) {
-    od::DescriptionBuilder b;
-    device::add_device(b);
-    b.object(0xA4C0, od::ObjectCode::array, "Output variables");
-    for (std::uint8_t sub = 1; sub <= 2; ++sub) {
-      b.sub(0xA4C0,
-            {.sub = sub, .name = "v", .type = DataType::unsigned8, .access = od::Access::rww, .mappable = true});
-    }
-    b.object(0xA040, od::ObjectCode::array, "Input variables");
-    b.sub(0xA040, {.sub = 1, .name = "v", .type = DataType::unsigned8, .access = od::Access::ro, .mappable = true});
-    device::add_rpdo(b, 1, {.map = {{{0xA4C0, 1}, 8}, {{0xA4C0, 2}, 8}}});
-    device::add_tpdo(b, 1, {.map = {{{0xA040, 1}, 8}}});
-    dispatcher.emplace(world.executor(), *port);
-    device.emplace(*dispatcher, b.build(), nullptr,
-                   device::Options{.source = device::NodeIdSource::fixed, .node_id = NodeId(5)});
-  }
-  void run(rt::Duration time = milliseconds(3)) { world.run_for(time); }
-  void send(std::string_view frame) {
-    master->send(*can::parse_frame(frame), 0);
-    run();
-  }
-  struct Tap final : can::Tap {
-    void frame(const can::Frame& frame, rt::Time, int) noexcept override { text.push_back(can::to_string(frame)); }
-    std::vector<std::string> text;
-  };
-  sim::World world;
-  sim::Bus& bus;
-  std::unique_ptr<sim::Controller> master;
-  std::unique_ptr<sim::Controller> port;
-  std::optional<can::Dispatcher> dispatcher;
-  std::optional<device::Device> device;
-};
-
 // Direction as the network sees it: an input variable goes out by a TPDO, an output variable comes by an RPDO (S5.7).
 TEST(DeviceImage, S5_7_InputVariablesAreSentAndOutputVariablesReceived) {
   Scene s;
@@ -172,7 +138,7 @@ TEST(DeviceImage, S5_7_InputVariablesAreSentAndOutputVariablesReceived) {
   const auto motor = layout.input<std::uint8_t>("motor");
   Image image(layout);
   const std::vector<Bound> bound{{"first", {0xA4C0, 1}}, {"second", {0xA4C0, 2}}, {"motor", {0xA040, 1}}};
-  DeviceImage link(*s.device, s.world.executor(), image, bound, milliseconds(2));
+  DeviceImage link(*s.device, s.world.executor(), image.network(), bound, {.cycle = milliseconds(2)});
   EXPECT_TRUE(link.problems().empty());
   Scene::Tap tap;
   s.bus.add_tap(tap);
@@ -201,10 +167,10 @@ TEST(DeviceImage, WhatDoesNotFitIsTold) {
   (void)layout.output<std::uint16_t>("wide");
   Image image(layout);
   const std::vector<Bound> bound{{"wide", {0xA4C0, 1}}, {"none", {0xA4C0, 1}}, {"wide", {0xA4C0, 9}}};
-  DeviceImage link(*s.device, s.world.executor(), image, bound, milliseconds(0));
+  DeviceImage link(*s.device, s.world.executor(), image.network(), bound, {});
   const std::vector<std::string> told(link.problems().begin(), link.problems().end());
   const std::vector<std::string> expected{"\"wide\" is UNSIGNED16, A4C0h:01 is UNSIGNED8; declare it so",
-                                          "\"none\" is no variable of the image; declare it",
+                                          "\"none\" is not a variable of the image; declare it",
                                           "\"wide\": the device has no object A4C0h:09"};
   EXPECT_EQ(told, expected);
 }

@@ -172,10 +172,10 @@ TEST(Behaviour, AScriptThatWantsMemoryEndsInAnEmcy) {
 
 TEST(Behaviour, AScriptThatThrowsEndsInAnEmcy) {
   expect_end("error('jammed')", "jammed");
-  expect_end("error({})", "an error that is no text but a table");
+  expect_end("error({})", "an error that is not a text but a table");
   expect_end("x.y = 1", "attempt to index a nil value (local 'x')");
   expect_end("device.write('Speed', 300)", "2000h:00 is UNSIGNED8, 300 does not fit; use 0 to 255");
-  expect_end("device.write('2000h', 1.5)", "2000h:00 is UNSIGNED8, number is no whole number");
+  expect_end("device.write('2000h', 1.5)", "2000h:00 is UNSIGNED8, number is not a whole number");
   expect_end("device.write('1017h', 5)",
              "1017h:00: 1000h to 1FFFh are the device's own; a script writes from 2000h on");
   expect_end("device.every(0, print)", "a timer takes 0.1 ms to 24 h");

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -36,9 +37,11 @@ class Folder {
  public:
   Folder() {
     // In memory where the system has such a folder: these tests open many stores, and each write is synced.
-    const fs::path root = fs::is_directory("/dev/shm") ? fs::path("/dev/shm") : fs::temp_directory_path();
+    const bool memory = ::access("/dev/shm", W_OK | X_OK) == 0;
+    const fs::path root = memory ? fs::path("/dev/shm") : fs::temp_directory_path();
     std::string pattern = (root / "berth-store-XXXXXX").string();
-    path_ = ::mkdtemp(pattern.data());
+    if (::mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no folder for stores: " + pattern);
+    path_ = pattern;
   }
   ~Folder() { fs::remove_all(path_); }
   [[nodiscard]] std::string file(const char* name = "berth.db") const { return (path_ / name).string(); }

@@ -4,6 +4,7 @@
     check_contract.py SOURCE_DIR HEARD
 
 HEARD is a file of JSON lines: {"sent": MESSAGE} that the server sent, {"answer": BODY} of POST /api/v1/request,
+{"signals": BODY} of GET /api/v1/signals,
 {"opened": BODY} of POST /api/v1/read, {"verbs": [...]} of the code's table, {"taken": [...]} the types of message that the
 server takes. Prints what differs; exit status 1 then, 3 without the validator.
 """
@@ -64,6 +65,8 @@ for message in sent:
 for entry in heard:
     if "answer" in entry:
         check("answer", entry["answer"])
+    if "signals" in entry:
+        check("signals", entry["signals"])
     if "opened" in entry:
         check("opened file", entry["opened"])
     if "verbs" in entry:

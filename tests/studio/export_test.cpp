@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "../pch.hpp"
+#include "berth/can/bus_error.hpp"
 #include "server_fixture.hpp"
 
 namespace berth::studio {
@@ -85,11 +86,6 @@ TEST_F(StudioExport, OnlyWholeFramesThatAreThere) {
   EXPECT_EQ(read_back(trace::Format::candump, text({})).entries.size(), 1024U);
   EXPECT_EQ(text({.from = 5000}), "");
   EXPECT_EQ(text({.from = 2000, .to = 1000}), "");
-  can::Frame fd = can::Frame::base(0x123, {1, 2, 3, 4, 5, 6, 7, 8});
-  fd.fd = true;
-  fd.size = 12;
-  ring_.put(0, fd, rt::Time(), false);
-  EXPECT_EQ(text({.from = 3000}), "");
   Export slow(ring_, buses_, {});
   std::string out;
   static_cast<void>(slow.step(1, out));
@@ -97,6 +93,30 @@ TEST_F(StudioExport, OnlyWholeFramesThatAreThere) {
   while (!slow.step(100, out)) {
   }
   EXPECT_EQ(read_back(trace::Format::candump, out).entries.size(), 1U) << "the others were overwritten meanwhile";
+}
+
+TEST_F(StudioExport, FdFramesAreWholeAndErrorsAreErrors) {
+  can::Frame fd = can::Frame::base(0x123, {1, 2, 3, 4, 5, 6, 7, 8});
+  fd.fd = fd.brs = true;
+  fd.size = 64;
+  for (unsigned i = 8; i < 64; ++i) fd.data[i] = static_cast<std::uint8_t>(0xFF - i);
+  const auto report = can::error_report(can::ErrorKind::form, can::ErrorPlace::end_of_frame, false, false, 3, 9);
+  ring_.put(0, fd, rt::Time(1ms), false);
+  ring_.put_error(1, report, rt::Time(2ms), "x");
+  for (const auto format : {trace::Format::candump, trace::Format::pcapng}) {
+    SCOPED_TRACE(trace::name(format));
+    const auto read = read_back(format, text({.format = format}));
+    ASSERT_EQ(read.entries.size(), 2U);
+    EXPECT_EQ(read.entries[0].frame, fd);
+    EXPECT_FALSE(read.entries[0].error);
+    EXPECT_TRUE(read.entries[1].error);
+    EXPECT_EQ(read.entries[1].frame.id, report.id);
+    EXPECT_EQ(read.entries[1].frame.data[7], 9);
+  }
+  EXPECT_EQ(read_back(trace::Format::candump, text({.filter = "error form"})).entries.size(), 1U);
+  // 64 places for 1024 frames: only the newest of these have their bytes.
+  for (unsigned i = 0; i < 100; ++i) ring_.put(0, fd, rt::Time(3ms), false);
+  EXPECT_EQ(read_back(trace::Format::candump, text({})).entries.size(), 1U + 64U);
 }
 
 TEST(StudioTraceQuery, IsReadOrToldWhatIsWrong) {

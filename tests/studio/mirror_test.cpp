@@ -35,6 +35,19 @@ TEST(StudioMirror, OpenQuestionsAreInTheSnapshotAndInTheChangeThatChangesThem) {
   EXPECT_TRUE(Json::parse(mirror.snapshot(0, command::Role::view))["questions"].empty());
 }
 
+// Frames are numbered anew by each start: a page that finds another one lets go of those it had.
+TEST(StudioMirror, EachStartIsAnother) {
+  design::Machine machine;
+  machine.buses.emplace_back().name = "field";
+  const Mirror one(machine, true);
+  const Mirror other(machine, true);
+  const auto start = [](const Mirror& mirror) {
+    return Json::parse(mirror.snapshot(0, command::Role::view)).at("start").get<std::string>();
+  };
+  EXPECT_EQ(start(one), start(one));
+  EXPECT_NE(start(one), start(other));
+}
+
 TEST(StudioMirror, AVerbTellsHowTheCommandLineSpellsAnArgument) {
   design::Machine machine;
   machine.buses.emplace_back().name = "field";

@@ -49,9 +49,24 @@ TEST(StudioOpened, FramesWithTheirWords) {
   EXPECT_EQ(rows[3]["ext"], true);
 }
 
+TEST(StudioOpened, ErrorFramesAreRows) {
+  const auto read = open("run.log",
+                         "(0000000001.000000) can0 705#7F\n(0000000001.500000) can0 20000088#0000840A00001000\n"
+                         "(0000000002.000000) can0 705#05\n");
+  ASSERT_TRUE(read) << read.error();
+  EXPECT_EQ((*read)["frames"], 3);
+  const auto& rows = (*read)["rows"];
+  ASSERT_EQ(rows.size(), 3U);
+  EXPECT_FALSE(rows[0].contains("error"));
+  EXPECT_EQ(rows[1]["error"], true);
+  EXPECT_EQ(rows[1]["id"], 0x88);
+  EXPECT_EQ(rows[1]["text"], "error: bus error, protocol (stuff, while sending), in the data; counters tx 16, rx 0");
+  EXPECT_TRUE((*read)["findings"].empty());
+}
+
 TEST(StudioOpened, WrongLinesAreToldByTheirPlaceAndTheOthersAreRead) {
   const auto read =
-      open("run.log", "(0000000001.000000) can0 705#7F\nthis is no frame\n(0000000002.000000) can0 705#05\n");
+      open("run.log", "(0000000001.000000) can0 705#7F\nthis is not a frame\n(0000000002.000000) can0 705#05\n");
   ASSERT_TRUE(read) << read.error();
   EXPECT_EQ((*read)["rows"].size(), 2U);
   ASSERT_EQ((*read)["findings"].size(), 1U);

@@ -14,6 +14,7 @@
 
 #include "../pch.hpp"
 #include "berth/base/random.hpp"
+#include "berth/can/bus_error.hpp"
 
 namespace berth::studio {
 namespace {
@@ -113,6 +114,30 @@ TEST(StudioSearch, ARowSaysTheSameHoweverItWasFound) {
   const auto all = rows("");
   ASSERT_EQ(all.size(), 256U);
   EXPECT_EQ(rows("field"), all);
+}
+
+// One of the classes looks like the identifier of an SDO: it is no frame.
+TEST(StudioSearch, AnErrorIsFoundByItsWords) {
+  const std::vector<std::string> buses{"field"};
+  FrameRing ring(16);
+  auto report = can::error_report(can::ErrorKind::other, can::ErrorPlace::acknowledge, true, true, 128, 0);
+  ring.put(0, can::Frame::base(0x705, {5}), rt::Time(), true);
+  ring.put_error(0, report, rt::Time(), "Berth sent 000#0100");
+  const auto rows = [&](const std::string& filter) {
+    Search search(ring, buses, {.kind = MessageKind::frames, .id = "1", .count = 16, .filter = filter});
+    while (!search.step(1000)) {
+    }
+    return Json::parse(search.answer()).at("rows");
+  };
+  ASSERT_EQ(rows("").size(), 2U);
+  EXPECT_EQ(rows("")[0].at("own"), true);
+  const auto found = rows("error ack berth");
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].at("error"), true);
+  EXPECT_EQ(found[0].at("text"), rows("")[1].at("text"));
+  EXPECT_NE(found[0].at("text").get<std::string>().find("no acknowledge"), std::string::npos);
+  EXPECT_NE(found[0].at("text").get<std::string>().find("; Berth sent 000#0100"), std::string::npos);
+  EXPECT_TRUE(rows("error heartbeat").empty());
 }
 
 // Bytes that the words do not rest on change nothing.

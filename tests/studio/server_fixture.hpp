@@ -169,9 +169,14 @@ class StudioServer : public ::testing::Test {
   ~StudioServer() override { session_->on_event({}); }
   void start(std::size_t frames = 1U << 16U) {
     studio_.reset();
-    auto made = Studio::start(
-        loop_, *session_, [this](const auto& request, auto& reply) { return carry(request, reply); },
-        {.where = {"127.0.0.1", 0}, .named = true, .token_file = file_, .simulated = true, .frames = frames});
+    auto made =
+        Studio::start(loop_, *session_, [this](const auto& request, auto& reply) { return carry(request, reply); },
+                      {.where = {"127.0.0.1", 0},
+                       .named = true,
+                       .token_file = file_,
+                       .simulated = true,
+                       .frames = frames,
+                       .signals = signals_});
     ASSERT_TRUE(made) << made.error();
     studio_ = std::move(*made);
   }
@@ -229,6 +234,10 @@ class StudioServer : public ::testing::Test {
                      rt::Time(std::chrono::microseconds(1000 + frames_++)), i % 2 == 0);
   }
 
+  std::string signals_ =
+      R"({"buses":[{"bus":"field","messages":[{"id":389,"ext":false,"name":"TPDO 1","sender":"drive","signals":[)"
+      R"({"name":"speed","at":0,"bits":16,"type":"signed","object":"6000h:01","unit":"rpm","factor":0.1,)"
+      R"("values":[{"raw":0,"name":"stands"}]}]}]}]})";
   std::string file_ = fmt::format("{}/studio_{}.token", ::testing::TempDir(), ::getpid());
   sim::World world_;
   io::Loop loop_{world_.executor()};

@@ -1,5 +1,6 @@
 // The server before clients that are plain sockets: what is let in, what is said, and those who misbehave. The executor
 // is turned by this thread, the server has its own.
+#include "berth/can/bus_error.hpp"
 #include "server_fixture.hpp"
 
 #include <algorithm>
@@ -245,6 +246,44 @@ TEST_F(StudioServer, ARemoteFrameTellsTheLengthItAsksForAndHasNoBytes) {
   EXPECT_EQ(row["dlc"], 2);
 }
 
+TEST_F(StudioServer, ErrorsAreRowsAreCountedAndOfMoreThanEnoughOnlyCounted) {
+  auto client = page();
+  client->send(R"({"type":"live","frames":true})");
+  client->send(R"({"type":"request","id":"a","verb":"report"})");
+  EXPECT_EQ(client->next("reply")["status"], 0);
+  const auto report = can::error_report(can::ErrorKind::stuff, can::ErrorPlace::data, false, true, 8, 0);
+  studio_->error("no such bus", report, rt::Time(1ms), "");
+  for (unsigned i = 0; i < Desk::most_errors + 50; ++i)
+    studio_->error("field", report, rt::Time(1ms), "drive sent 185#");
+  studio_->error("field", report, rt::Time(1001ms), "");
+  int opcode = 0;
+  std::string batch;
+  while (opcode != 2) batch = client->message(&opcode);
+  EXPECT_EQ(batch.substr(24 + 4, 4), std::string("\x88\x02\0\x20", 4)) << "bit 29: no frame";
+  client->send(R"({"type":"frames","id":"1","count":2000,"filter":"stuff drive"})");
+  const auto answer = client->next("frames");
+  EXPECT_EQ(answer["matched"], Desk::most_errors);
+  EXPECT_EQ(answer["rows"][0]["error"], true);
+  auto bus = client->next("rates")["buses"][0];
+  while (bus["errors"] != Desk::most_errors + 51) {
+    const auto rates = client->next("rates");
+    ASSERT_TRUE(rates.is_object());
+    bus = rates["buses"][0];
+  }
+  EXPECT_EQ(bus["bus"], "field");
+  EXPECT_EQ(bus["state"], "active");
+  EXPECT_EQ(bus["tec"], 0);
+  port_->preset_counters(130, 7);
+  while (bus["state"] != "passive") {
+    const auto rates = client->next("rates");
+    ASSERT_TRUE(rates.is_object());
+    bus = rates["buses"][0];
+  }
+  EXPECT_EQ(bus["tec"], 130);
+  EXPECT_EQ(bus["rec"], 7);
+  EXPECT_EQ(bus["frames_per_s"], 0) << "errors are no frames";
+}
+
 TEST_F(StudioServer, ASlowClientIsToldThatItGetsLessAndHoldsNobodyUp) {
   auto slow = page();
   slow->send(R"({"type":"live","frames":true})");
@@ -383,6 +422,8 @@ TEST_F(StudioServer, TheContractIsWhatIsSpoken) {
   auto client = page();
   sent(snapshot_);
   frames(300);
+  studio_->error("field", can::error_report(can::ErrorKind::form, can::ErrorPlace::data, true, true, 1, 2),
+                 rt::Time(1s), "drive sent 185#");
   session_->tell("field", operate::EventKind::step, "an event");
   client->send(R"({"type":"live","frames":true})");
   client->send(R"({"type":"request","id":"a","verb":"nmt","arguments":{"node":"5","command":"start"}})");
@@ -412,6 +453,9 @@ TEST_F(StudioServer, TheContractIsWhatIsSpoken) {
               log);
   const auto opened = poster->answer();
   heard += Json{{"opened", Json::parse(opened.substr(opened.find("\r\n\r\n") + 4))}}.dump() + "\n";
+  poster->say(head("GET /api/v1/signals", bearer()));
+  const auto signals = poster->answer();
+  heard += Json{{"signals", Json::parse(signals.substr(signals.find("\r\n\r\n") + 4))}}.dump() + "\n";
   Json verbs = Json::array();
   for (const auto& verb : command::verbs()) verbs.push_back(verb.name);
   heard += Json{{"verbs", verbs}}.dump() + "\n" + Json{{"taken", taken_types()}}.dump() + "\n";

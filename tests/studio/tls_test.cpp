@@ -98,7 +98,7 @@ TEST_F(StudioTls, WhatIsWrongIsToldWithItsFile) {
   EXPECT_EQ(refusal(certificate, key), "taken");
   EXPECT_TRUE(says(refusal("/nowhere.crt", key), "/nowhere.crt", "No such file"));
   EXPECT_TRUE(says(refusal(certificate, "/nowhere.key"), "/nowhere.key", "No such file"));
-  EXPECT_TRUE(says(refusal(::testing::TempDir(), key), ::testing::TempDir(), "no file"));
+  EXPECT_TRUE(says(refusal(::testing::TempDir(), key), ::testing::TempDir(), "not a file"));
   const auto text = text_file("text", "no PEM at all\n");
   EXPECT_TRUE(says(refusal(text, key), text, "BEGIN CERTIFICATE")) << refusal(text, key);
   EXPECT_TRUE(says(refusal(certificate, text), text, "BEGIN PRIVATE KEY")) << refusal(certificate, text);

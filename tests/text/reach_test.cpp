@@ -75,7 +75,7 @@ TEST_F(ReachOf, AProjectIsReachedAsAWhole) {
 
 // In a folder that several users write to, another one could make all of it a project.
 TEST_F(ReachOf, AProjectOfAnotherUserIsNone) {
-  if (::geteuid() != 0) GTEST_SKIP() << "only root gives a file away";
+  if (::geteuid() != 0) GTEST_SKIP() << "needs root: only root gives a file away";
   touch("plants/berth-project.toml");
   ASSERT_EQ(::chown(at("plants/berth-project.toml").c_str(), 12345, 12345), 0);
   // Root's own files may be marked by root alone.

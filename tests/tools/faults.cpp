@@ -114,8 +114,8 @@ std::string machine_text(const design::Machine& m) {
     out << " }\n";
     if (s.spec.rule == places::RevisionRule::exact) out << "revision = \"exact\"\n";
     if (!s.spec.config.empty()) out << "config = \"" << s.spec.config << "\"\n";
-    if (s.spec.activate == places::Activate::reset) out << "activate = \"reset\"\n";
-    if (s.spec.activate == places::Activate::power_cycle) out << "activate = \"power-cycle\"\n";
+    if (s.spec.configuring.activate == places::Activate::reset) out << "activate = \"reset\"\n";
+    if (s.spec.configuring.activate == places::Activate::power_cycle) out << "activate = \"power-cycle\"\n";
     if (s.spec.replacement == places::Replacement::automatic) out << "replacement = \"auto\"\n";
     if (s.spec.optional) out << "optional = true\n";
   }

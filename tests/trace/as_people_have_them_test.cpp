@@ -7,6 +7,7 @@
 #include <chrono>
 #include <string>
 
+#include "berth/trace/any_file.hpp"
 #include "berth/trace/gunzip.hpp"
 #include "formats.hpp"
 
@@ -271,6 +272,28 @@ TEST(TraceFormats, WhatIsNoneIsNamed) {
   EXPECT_EQ(parse_format("pcap"), Format::pcap);
   EXPECT_FALSE(is_written(Format::pcap));
   EXPECT_EQ(format_of_path("a.PCAP"), Format::pcap);
+}
+
+// One sentence, not one for each of its lines.
+TEST(TraceFormats, ATextThatIsNoTraceIsToldOnce) {
+  struct None final : Sink {
+    void entry(const Entry&) override { ++got; }
+    void finding(Finding) override { ++got; }
+    int got = 0;
+  };
+  const auto read = [](std::string_view text) {
+    None sink;
+    AnyFile file("README.md");
+    std::string wrong = file.feed(text, sink);
+    if (wrong.empty()) wrong = file.end(sink);
+    if (wrong.empty()) file.finish(sink);
+    return std::pair(wrong, sink.got);
+  };
+  const auto [wrong, got] = read("# Berth\n\nGives every CANopen device its place (really).\n");
+  EXPECT_EQ(wrong, "README.md: this is neither candump, pcapng, pcap, Vector ASC nor PEAK TRC; name it by --from");
+  EXPECT_EQ(got, 0);
+  EXPECT_EQ(read("# by hand\n(1.000000) can0 701#0\n").first, "") << "candump with a mistake: told by its line";
+  EXPECT_GT(read("\n(1.000000 can0 701#05\n").second, 0);
 }
 
 }  // namespace berth::trace::test

@@ -133,6 +133,36 @@ TEST_F(Sisters, AnErrorIsToldOfBoth) {
   EXPECT_NE(lines.front().find("3/5 left valve or 3.2/5 right valve"), std::string::npos) << lines.front();
 }
 
+// The manufacturer's bytes of a device that is no gateway are no path, and one beneath the gateway is told once.
+TEST(WhoIsTold, ADeviceBesideTheGatewayTellsOfItself) {
+  Rig rig(std::string(sisters) + R"(
+[[slot]]
+bus = "top"
+id = 4
+name = "lamp"
+type = { vendor = 1, product = 9 }
+)",
+          std::string(sisters_plant) + R"(
+[[device]]
+bus = "top"
+name = "lamp"
+type = { vendor = 1, product = 9 }
+serial = 4
+)");
+  ASSERT_TRUE(rig.up()) << rig.log();
+  rig.run_for(5s);
+  rig.forget_events();
+  rig.device("lamp").device().errors().raise(0x2310, co::error_register::current, {5, 6, 0, 0, 0});
+  rig.run_for(2s);
+  ASSERT_EQ(rig.told("lamp").size(), 1U) << rig.log();
+  EXPECT_TRUE(rig.told("lamp").front().starts_with("EMCY 2310h ")) << rig.log();
+  EXPECT_EQ(rig.told(""), Lines{}) << rig.log();
+  rig.forget_events();
+  rig.device("left valve").device().errors().raise(0x2310, co::error_register::current);
+  rig.run_for(2s);
+  EXPECT_EQ(rig.events().size(), 1U) << rig.log();
+}
+
 // S3.20: the words are those of the producer's device profile (paper 3 Figure 10), which its 1000h tells.
 TEST(WhoIsTold, TheWordsOfTheProducersProfile) {
   const auto made = chain(1, 250'000, 3);

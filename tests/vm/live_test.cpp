@@ -104,7 +104,7 @@ TEST_F(LiveOnVcan, ABerthThatWasHeldUpTellsNoDeviceAbsentThatSentItsHeartbeats) 
     EXPECT_EQ(up.out().find("absent"), std::string::npos) << up.out();
   }
   device.signal(SIGSTOP);
-  EXPECT_TRUE(up.says("absent: its heartbeat stopped")) << up.out();
+  EXPECT_TRUE(up.says("absent: heartbeat lost")) << up.out();
   device.signal(SIGCONT);
 }
 

@@ -423,7 +423,7 @@ TEST_F(SocketCan, WhatIsWrongWhenOpeningIsSaidWithTheCommandThatHelps) {
             "vcan77 up");
   port = open_port(loop_, {can::PortKind::socketcan, "lo"}, {});
   ASSERT_FALSE(port);
-  EXPECT_EQ(port.error(), "socketcan:lo: is no CAN interface");
+  EXPECT_EQ(port.error(), "socketcan:lo: is not a CAN interface");
   port = open_port(loop_, {can::PortKind::socketcan, "a-name-that-is-too-long"}, {});
   ASSERT_FALSE(port);
 }

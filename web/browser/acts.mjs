@@ -5,26 +5,16 @@
  * With WORD only the acts whose name has it. --summary: "passed failed skipped".
  */
 import assert from "node:assert/strict";
-import { readFileSync, writeFileSync } from "node:fs";
+import { cpSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
 import { AxeBuilder } from "@axe-core/playwright";
 import { startMock } from "../mock/server.mjs";
-import { operational, startBerth } from "./berth.mjs";
+import { bigMachine, odd, oddMachine } from "./bad_input.mjs";
+import { operational, root, startBerth } from "./berth.mjs";
+import { newcomerActs } from "./newcomer.mjs";
 import { launch, openPage } from "./open.mjs";
-
-const own = (name) => [`web/browser/machines/${name}.toml`, `web/browser/machines/${name}.plant.toml`];
-const folder = (name) => [`examples/${name}/machine.toml`, `examples/${name}/plant.toml`];
-const file = (name) => [`examples/${name}.toml`, `examples/${name}.plant.toml`];
-const machines = {
-  belt: file("belt"),
-  five: file("five-slaves"),
-  many: file("hundred-twenty"),
-  configured: file("configured"),
-  programmed: file("programmed"),
-  twins: own("twins"),
-  unsaved: own("unsaved"),
-  conveyor: folder("conveyor"),
-  harvester: folder("harvester"),
-};
+import { actsOn, machines, taskLine, tasks } from "./tasks.mjs";
 
 const words = process.argv.slice(2);
 const summary = words[0] === "--summary" ? words.splice(0, 2)[1] : "";
@@ -33,6 +23,7 @@ const browser = await launch();
 const running = new Map();
 let passed = 0;
 let failed = 0;
+const told = [];
 
 /** Machines that take long to come up serve several acts, one after the other. */
 async function berthOf(machine, fresh) {
@@ -67,22 +58,6 @@ async function check(name, { machine = "conveyor", mock, fresh, early, ready, vi
   await opened?.context.close();
 }
 
-/** Counts what a person does: each press and each text typed is one act. */
-function actsOn(page) {
-  let count = 0;
-  return {
-    press: (what) => (count++, what.click()),
-    tap: (what) => (count++, what.tap()),
-    type: (what, text) => (count++, what.fill(text)),
-    enter: (what, text) => (count++, what.fill(text).then(() => what.press("Enter"))),
-    button: (name) => page.getByRole("button", { name, exact: true }),
-    tab: (name) => page.getByRole("tab", { name }),
-    row: (text) => page.locator(".rows tr", { hasText: text }),
-    slot: (name) => page.locator(".tree button", { has: page.locator(".name", { hasText: new RegExp(`^${name}$`) }) }),
-    atMost: (most) => assert.ok(count <= most, `${count} acts, at most ${most}`),
-  };
-}
-
 /** How many frames of the whole ring the filter of the trace finds. The watch list stays. */
 async function framesOf(page, filter) {
   const show = (pane, words) =>
@@ -103,69 +78,68 @@ async function framesOf(page, filter) {
   return Number(count.replace(/,/g, ""));
 }
 
-const tablet = { width: 768, height: 1024, touch: true };
 const state = (page, word) => page.locator(".inspector .state-word", { hasText: word }).first().waitFor();
 
-// ---- the five tasks' first half ----
+// ---- the brief's tasks ----
 
-await check("task: the failed device is found", { machine: "belt", fresh: true }, async (page, berth, by) => {
-  await berth.request("sim", { action: "unplug", device: "light barrier" });
-  await by.press(page.getByRole("button", { name: "1 needs somebody" }));
-  await page.locator(".inspector h2", { hasText: "barrier" }).waitFor();
-  await page.locator(".need-box", { hasText: "does not answer" }).waitFor();
-  by.atMost(1);
-});
+for (const task of tasks) {
+  await check(`task: ${task.name}`, task.where, async (page, berth, by) => {
+    const { seconds } = await task.act(page, berth, by);
+    by.atMost(task.acts);
+    told.push(taskLine(task, by.count(), seconds));
+  });
+}
+
+// ---- beneath a gateway ----
 
 await check(
-  "task: the fitter replaces it by three taps at most",
-  { machine: "twins", fresh: true, ready: ["left", "right"], hash: "&pane=slots", view: tablet },
+  "a slot beneath a gateway offers what SDO does; what needs a port there is grey, and says why",
+  { machine: "signals", hash: "&pane=slots&slot=left/2" },
   async (page, berth, by) => {
-    await berth.request("sim", { action: "unplug", device: "old gate" });
-    await by.row("gate").locator("text=absent").waitFor();
-    await by.tap(by.row("gate"));
-    await by.tap(by.button("Replace").first());
-    await page.locator(".steps li.now", { hasText: "plug in the spare" }).waitFor();
-    await berth.request("sim", { action: "plug", device: "spare gate" });
-    await page.locator(".steps li.done", { hasText: "It runs" }).waitFor();
-    assert.equal(await page.locator(".inspector .answer.bad").count(), 0);
-    const { slots } = await berth.snapshot();
-    assert.equal(slots.find((slot) => slot.name === "gate").r_sn, "0x0000000000000022");
-    by.atMost(3);
+    const inspector = page.locator(".inspector");
+    await inspector.locator("h2", { hasText: "front motor" }).waitFor();
+    const acts = ["Locate: let it flicker", "Replace", "Who sat here before", "Save as DCF"];
+    const offered = async () => {
+      const enabled = acts.map((name) => inspector.getByRole("button", { name, exact: true }).isEnabled());
+      return Promise.all(enabled);
+    };
+    assert.deepEqual(await offered(), [false, false, false, false]);
+    const why = inspector.getByText("Beneath gateway 3 of bus backbone: Berth has no port there.");
+    assert.equal(await why.count(), acts.length);
+    // The page says no where Berth does, and only there.
+    const { status } = await berth.request("replace", { bus: "left", slot: "front motor" });
+    assert.equal(status, 2);
+    await by.tab("Network access").click();
+    await by.button("lss identify-unconfigured").click();
+    assert.ok(await by.button("Do: lss identify-unconfigured").isDisabled());
+    await by.button("emcy").click();
+    await by.button("Do: emcy").click();
+    await page.locator(".answer.good", { hasText: "no error" }).waitFor();
+    await by.slot("engine").click();
+    await by.button("lss identify-unconfigured").click();
+    assert.ok(await by.button("Do: lss identify-unconfigured").isEnabled());
+    assert.deepEqual(await offered(), [true, true, true, true]);
   },
 );
 
 await check(
-  "task: a heartbeat is changed on ten devices",
-  { machine: "many", fresh: true },
+  "of a bus beneath a gateway nothing is heard, and that is said instead of 0",
+  { machine: "signals", hash: "&pane=machine" },
   async (page, berth, by) => {
-    await by.press(by.slot("sensor 3"));
-    await by.press(by.tab("Dictionary"));
-    await by.enter(page.getByLabel("Search objects"), "1017h");
-    await by.type(page.getByLabel("New value"), "750");
-    await by.type(page.getByLabel("Devices"), "1-10");
-    await by.press(by.button("Write to 10 devices"));
-    await page.locator(".answer.good", { hasText: "10 of 10" }).waitFor();
-    by.atMost(6);
-    for (let id = 1; id <= 10; id++) {
-      const { reply } = await berth.request("sdo read", { node: String(id), object: "1017h:00" });
-      assert.equal(reply.value, 750);
-    }
-    const { reply } = await berth.request("sdo read", { node: "11", object: "1017h:00" });
-    assert.notEqual(reply.value, 750);
+    const loads = page.locator(".tree .load");
+    await page.locator(".tree .load", { hasText: "%" }).waitFor();
+    assert.match((await loads.allInnerTexts()).join(), /^\d+ %,not heard,not heard$/);
+    const names = await page.locator(".bus-name").allTextContents();
+    assert.match(names[0], /frames\/s, load/);
+    for (const name of names.slice(1)) assert.match(name, /operational· not heardBerth has no port here/);
+    await by.tab("Plots").click();
+    await page.getByText("left, reel: not heard, Berth has no port there.").waitFor();
+    assert.equal(await page.locator(".plots").getByText("left", { exact: true }).count(), 0);
+    assert.equal(await page.getByText(/(left|reel): no error frames/).count(), 0);
+    await by.slot("front motor").click();
+    await page.getByText("The heartbeats of front motor are not heard").waitFor();
   },
 );
-
-await check("task: an SDO abort of before leads to its object", {}, async (page, berth, by) => {
-  const before = await berth.request("sdo read", { node: "unloader drive", object: "1A7Fh:02" });
-  assert.notEqual(before.status, 0);
-  await by.press(by.tab("Trace"));
-  await by.type(page.getByLabel("Filter frames"), "abort 1A7Fh");
-  await by.press(page.locator(".scroll .frame", { hasText: "abort" }).first());
-  await by.press(page.getByRole("button", { name: "Object 1A7Fh:02 in the dictionary" }));
-  await page.locator(".inspector h2", { hasText: "1A7Fh:02" }).waitFor();
-  await page.locator(".inspector h2", { hasText: "unloader drive" }).waitFor();
-  by.atMost(4);
-});
 
 // ---- machine ----
 
@@ -185,6 +159,42 @@ await check("buses beneath gateways come up, too", { machine: "harvester", early
 });
 
 // ---- slots ----
+
+await check(
+  "an empty slot asks for a device, and what an act answered about slots fits the inspector",
+  { machine: "stray", fresh: true, ready: ["gate"], hash: "&pane=slots&slot=field/1" },
+  async (page, berth, by) => {
+    await berth.request("sim", { action: "unplug", device: "drive" });
+    await state(page, "absent");
+    await by.button("Replace").click();
+    await state(page, "empty");
+    const inspector = page.locator(".inspector");
+    await inspector.getByText("Plug in a device of the slot's type, 1h / 1h.").waitFor();
+    assert.equal(await inspector.locator("dt", { hasText: "Boot-up" }).count(), 0, "it has no device to boot up");
+    await by.tab("Network access").click();
+    await page.locator(".boot-log", { hasText: "No device: plug one in of the slot's type, 1h / 1h." }).waitFor();
+    assert.equal(await page.locator(".boot-log", { hasText: "It does not answer" }).count(), 0);
+    await berth.request("sim", { action: "plug", device: "second drive" });
+    await state(page, "operational");
+    await by.button("Who sat here before").click();
+    const answer = inspector.locator(".answer.good");
+    await answer.locator("li", { hasText: "cleared" }).first().waitFor();
+    const fits = (what) => what.evaluate((element) => element.scrollWidth <= element.clientWidth);
+    assert.ok(await fits(inspector));
+    await berth.request("sim", { action: "unplug", device: "drive" });
+    await state(page, "absent");
+    await by.button("Replace").click();
+    await state(page, "empty");
+    // It sat here before: Berth asks, and the answer to Replace is no longer "it waits".
+    await berth.request("sim", { action: "plug", device: "first drive" });
+    await state(page, "question");
+    await inspector.locator(".answer.bad .state-word").waitFor();
+    await inspector.locator(".answer.bad pre", { hasText: "drive released" }).waitFor();
+    assert.ok(await fits(inspector.locator(".answer pre")));
+    assert.ok(await fits(inspector));
+    assert.equal(await inspector.getByText(/bus +id +slot/).count(), 0);
+  },
+);
 
 await check(
   "a question is answered",
@@ -247,6 +257,73 @@ await check(
     await page.locator(".answer.bad", { hasText: "no number" }).waitFor();
   },
 );
+
+// A copy: its notes are written beside its descriptions.
+const noted = mkdtempSync(join(tmpdir(), "berth-noted-"));
+for (const name of ["belt.toml", "belt.plant.toml", "eds", "scripts"]) {
+  cpSync(join(root, "examples", name), join(noted, name), { recursive: true });
+}
+machines.noted = [join(noted, "belt.toml"), join(noted, "belt.plant.toml")];
+const notes = () => readFileSync(join(noted, "eds/belt.notes"), "utf8");
+
+await check(
+  "a note is written, and shows in the row, by name, in plots and trace",
+  { machine: "noted", fresh: true, hash: "&pane=dictionary&slot=field/10" },
+  async (page, berth, by) => {
+    await by.button("Read all objects").click();
+    await page.getByLabel("Search objects").fill("1017h");
+    const row = page.locator(".object", { hasText: "1017h:00" });
+    await row.click();
+    await by.button("Edit note").click();
+    await page.getByLabel("Text", { exact: true }).fill("How often it shows that it lives");
+    await page.getByLabel("Unit", { exact: true }).fill("s");
+    await page.getByLabel("One count is").fill("0.001");
+    await page.getByLabel("Values", { exact: true }).fill("700 = slow\n100 = quick");
+    const command = page.locator(".note .command code", { hasText: "berth note write" });
+    assert.match(await command.innerText(), /--unit s --scale 0.001 --value 700=slow --value 100=quick --anew/);
+    await by.button("Write note").click();
+    await page.locator(".note .answer.good", { hasText: "note write: done" }).waitFor();
+    assert.equal(
+      notes(),
+      '["1017h:00"]\ntext = "How often it shows that it lives"\nunit = "s"\nscale = 0.001\n' +
+        'values = { 100 = "quick", 700 = "slow" }\n',
+    );
+    await page.locator(".inspector .reason", { hasText: "it lives" }).waitFor();
+    await page.getByLabel("By name").selectOption({ label: "slow (700)" });
+    assert.equal(await page.getByLabel("New value").inputValue(), "700");
+    await by.button("Write").click();
+    await row.locator("text=0.7 s, slow").waitFor();
+    await page.locator(".names .on", { hasText: "slow" }).waitFor();
+    await by.button("Watch").click();
+    await by.tab("Plots").click();
+    await page.locator(".watch tr", { hasText: "0.7 s, slow" }).waitFor();
+    await page.getByRole("img", { name: "1017h:00, last" }).waitFor();
+    await by.tab("Trace").click();
+    await by.button("SDO folded").click();
+    await by.type(page.getByLabel("Filter frames"), "1017h"); // else heartbeats push it out of sight
+    await page.locator(".transfer .words", { hasText: "= 0.7 s, slow" }).first().waitFor();
+    const { reply } = await berth.request("note read", { node: "belt", object: "1017h" });
+    assert.equal(reply.own.unit, "s");
+  },
+);
+
+await check(
+  "a note goes with its last word, and what is wrong is told",
+  { machine: "noted", hash: "&pane=dictionary&slot=field/10&object=1017h:00" },
+  async (page, berth, by) => {
+    await berth.request("note write", { node: "belt", object: "1017h", anew: "1", bits: "3=x" });
+    await by.button("Edit note").click();
+    const bits = page.getByLabel("Bits", { exact: true });
+    await bits.fill("64 = none");
+    await page.locator(".note .bad-text", { hasText: "bits have the numbers 0 to 63" }).waitFor();
+    assert.equal(await by.button("Write note").count(), 0);
+    await bits.fill("");
+    await by.button("Remove note").click();
+    await page.locator(".note .answer.good", { hasText: "note remove: done" }).waitFor();
+    assert.equal(notes(), "");
+  },
+);
+rmSync(noted, { recursive: true, force: true });
 
 await check(
   "what another browser writes is seen beside one's own draft",
@@ -472,6 +549,32 @@ await check(
 );
 
 await check(
+  "what is chosen stays in sight where the inspector takes room from its list",
+  {
+    machine: "belt",
+    hash: "&pane=trace&mode=folded&filter=node+10+read+1018h",
+    view: { width: 768, height: 1024 },
+  },
+  async (page, berth) => {
+    for (let i = 0; i < 40; i++) await berth.request("sdo read", { node: "10", object: "1018h:01" });
+    const reads = page.locator(".frame.transfer", { hasText: "2 frames" });
+    await reads.nth(20).waitFor();
+    await page.getByRole("button", { name: "▮▮ Pause", exact: true }).click();
+    await page.locator(".pane .scroll").hover();
+    await page.mouse.wheel(0, 5000);
+    await reads.last().click();
+    await page.locator(".frame.child.selected").waitFor();
+    await page.evaluate(() => (window.location.hash = "#pane=dictionary&slot=field/10&object=6206h:02"));
+    await page.getByRole("button", { name: "Read all objects" }).click();
+    await page.locator(".object.selected", { hasText: "6206h:02" }).waitFor();
+    const [list, row] = await Promise.all(
+      [".pane .scroll", ".object.selected"].map((each) => page.locator(each).boundingBox()),
+    );
+    assert.ok(row.y + row.height <= list.y + list.height + 1, `${row.y} is below ${list.y} + ${list.height}`);
+  },
+);
+
+await check(
   "what the whole ring has of a transfer is found, not only what the filter lets through",
   { machine: "belt", hash: "&pane=slots" },
   async (page, berth) => {
@@ -520,7 +623,7 @@ await check(
     assert.equal((await saved("pcapng")).readUInt32BE(0), 0x0a0d0d0a);
     assert.match((await saved("Vector ASC")).toString(), /^date /);
     assert.match((await saved("PEAK TRC 2.1")).toString(), /^;\$FILEVERSION=2\.1/);
-    await page.locator(".menu code", { hasText: "curl" }).waitFor();
+    await page.locator(".menu code", { hasText: "berth trace --ring --filter '70A#05' -o run.log -m" }).waitFor();
   },
 );
 
@@ -545,6 +648,41 @@ await check(
     await page.locator(".scroll .frame").nth(3).waitFor();
     await pick("empty.log", "");
     await page.getByRole("alert").getByText("empty.log: the file is empty").waitFor();
+  },
+);
+
+await check(
+  "an opened log has bits, markers, folded transfers and an export, and the address stays the machine's",
+  { machine: "belt", hash: "&pane=trace" },
+  async (page, berth, by) => {
+    const sdo = "(0000000002.000000) field 60A#4018100400000000\n(0000000002.000500) field 58A#4318100406000000\n";
+    const log = `(0000000001.000000) field 70A#7F\n${sdo}(0000000003.000000) field 70A#05\n`;
+    const buffer = Buffer.from(log);
+    await page.getByLabel("Open a log", { exact: true }).setInputFiles({ name: "run.log", mimeType: "", buffer });
+    const row = (text) => page.locator(".scroll .frame", { hasText: text });
+    await row("58Ah").click();
+    await page.getByRole("heading", { name: "Frame 2" }).waitFor();
+    await page.locator(".bits .field", { hasText: "CRC" }).first().waitFor();
+    await page.keyboard.press("m");
+    await page.locator(".scroll .frame.marked.selected", { hasText: "+0.000000" }).waitFor();
+    await row("+0.999500").waitFor();
+    assert.doesNotMatch(page.url(), /frame=|marks=/);
+    await page.keyboard.press("Escape");
+    await by.button("SDO folded").click();
+    const transfer = page.locator(".frame.transfer", { hasText: "06 00 00 00" });
+    assert.match(await transfer.innerText(), /2 frames, 0\.50 ms/);
+    await transfer.click();
+    await page.locator(".frame.child").nth(1).waitFor();
+    await by.type(page.getByLabel("Filter frames"), "70A#");
+    await page.locator(".menu summary", { hasText: "Export" }).click();
+    await page.locator(".menu code", { hasText: "berth trace run.log -o run.pcapng" }).waitFor();
+    const coming = page.waitForEvent("download");
+    await by.button("What is listed, as candump log").click();
+    const saved = readFileSync(await (await coming).path(), "utf8");
+    assert.equal(saved, "(0000000001.000000) field 70A#7F\n(0000000003.000000) field 70A#05\n");
+    await page.locator(".menu summary", { hasText: "Export" }).click();
+    await by.button("Close the file").click();
+    await row("70Ah").first().waitFor();
   },
 );
 
@@ -586,7 +724,220 @@ await check(
   },
 );
 
+await check(
+  "an error frame is a red row that says where and who, and is counted in Plots and Machine",
+  { machine: "belt", hash: "&pane=trace" },
+  async (page, berth, by) => {
+    await page.locator(".scroll .frame").first().waitFor();
+    await berth.request("world damage", { bus: "field", frames: "2" });
+    await by.type(page.getByLabel("Filter frames"), "error");
+    const row = page.locator(".scroll .frame.service-error").first();
+    await row.waitFor();
+    // An EMCY has the word, too: what the ring has of them goes in front, and while the list runs a row becomes another's.
+    await page.locator(".bar .number", { hasText: "in the whole ring" }).waitFor();
+    await by.button("▮▮ Pause").click();
+    const colour = (what) => what.evaluate((element) => window.getComputedStyle(element).color);
+    const bad = await page.evaluate(() =>
+      window.getComputedStyle(document.documentElement).getPropertyValue("--bad").trim(),
+    );
+    const rgb = bad.match(/[0-9a-f]{2}/gi).map((digits) => parseInt(digits, 16));
+    assert.equal(await colour(row), `rgb(${rgb.join(", ")})`);
+    await row.click();
+    const inspector = page.locator(".inspector");
+    await inspector.getByRole("heading", { name: /^Error \d/ }).waitFor();
+    // The server's words: who signalled it, and who sent what.
+    await inspector.locator("p", { hasText: /signalled first by .*; .* sent [0-9A-F]{3}h/ }).waitFor();
+    await inspector.locator("dt", { hasText: "Where" }).waitFor();
+    assert.equal(await page.locator(".bits").count(), 0);
+    await by.tab("Plots").click();
+    await page.getByRole("heading", { name: "Error frames a second" }).waitFor();
+    await page.getByText(/field: \d+ error frames, error-active, TEC \d+, REC \d+/).waitFor();
+    await by.tab("Machine").click();
+    await page.locator(".bus-name", { hasText: /\d+ error frames/ }).waitFor();
+  },
+);
+
+/** Two error frames, and what else comes until the page has them. */
+async function damaged(berth, page, filter) {
+  await page.locator(".scroll .frame").first().waitFor();
+  await berth.request("world damage", { bus: "field", frames: "2" });
+  await page.getByLabel("Filter frames").fill(filter);
+  await page.locator(".scroll .frame.service-error").nth(1).waitFor();
+}
+
+/** From the next loading of the page on its frames of the server's ring are held back, until somebody lets them come. */
+async function heldRing(page) {
+  const held = [];
+  await page.routeWebSocket(/\/api\/v1\/socket/, (route) => {
+    const server = route.connectToServer();
+    server.onMessage((message) => {
+      const ofRing = typeof message === "string" && /"type": ?"frames"/.test(message) && !/"words/.test(message);
+      if (ofRing) held.push(() => route.send(message));
+      else route.send(message);
+    });
+  });
+  await page.evaluate(() => (window.location.hash = "#pane=trace"));
+  await page.reload();
+  return async () => {
+    // What was there before the page, and what the filter found.
+    while (held.length < 2) await page.waitForTimeout(50);
+    for (const send of held.splice(0)) send();
+    await page.locator(".bar .number", { hasText: "in the whole ring" }).waitFor();
+  };
+}
+
+const firstCell = async (row) => (await row.locator("span").first().innerText()).trim();
+
+for (const mode of ["Chronological", "SDO folded"]) {
+  await check(
+    `older frames that come late leave the rows of a paused list where they are: ${mode}`,
+    { machine: "belt", hash: "&pane=trace" },
+    async (page, berth, by) => {
+      // Of these the new page knows nothing, until the server's ring has answered.
+      await damaged(berth, page, "error");
+      const release = await heldRing(page);
+      await by.button(mode).click();
+      await damaged(berth, page, "error");
+      await by.button("▮▮ Pause").click();
+      const first = page.locator(".scroll .frame.service-error").first();
+      const name = await firstCell(first);
+      const { y } = await first.boundingBox();
+      await release();
+      const row = page.locator(".scroll .frame.service-error", { hasText: name });
+      assert.equal((await row.boundingBox()).y, y, "the row moved");
+      // The older ones are above it, a turn of the wheel away.
+      const box = page.locator(".middle .scroll");
+      const offset = await box.evaluate((element) => element.scrollTop);
+      assert.ok(offset > 0 && offset % 24 === 0, `scrolled by ${offset}`);
+      await row.click();
+      await page.locator(".inspector dd", { hasText: name }).waitFor();
+      assert.equal((await row.boundingBox()).y, y, "the press moved the row");
+      await box.evaluate((element) => (element.scrollTop = 0));
+      await page.waitForFunction(
+        (shown) => document.querySelector(".scroll .frame span")?.textContent?.trim() !== shown,
+        name,
+      );
+      assert.ok(Number(await firstCell(page.locator(".scroll .frame").first())) < Number(name));
+    },
+  );
+}
+
+await check(
+  "older frames that come late leave a chosen row where it is, also when there are many",
+  { machine: "belt", hash: "&pane=trace" },
+  async (page) => {
+    const release = await heldRing(page);
+    await page.getByLabel("Filter frames").fill("heartbeat");
+    await page.locator(".scroll .frame").nth(2).click();
+    const chosen = page.locator(".scroll .frame.selected");
+    await chosen.waitFor();
+    const name = await firstCell(chosen);
+    const { y } = await chosen.boundingBox();
+    await release();
+    const box = page.locator(".middle .scroll");
+    const { top, height } = await box.evaluate((e) => ({ top: e.scrollTop, height: e.clientHeight }));
+    assert.ok(top > height, `only ${top / 24} came`);
+    await page.evaluate(() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn))));
+    assert.equal(await firstCell(chosen), name);
+    assert.equal((await chosen.boundingBox()).y, y);
+  },
+);
+
+/** How many of these words stand in rows of the trace, and how many of them are cut off. */
+const cutOff = (page, words) =>
+  page.locator(".scroll .frame > .words").evaluateAll((cells, wanted) => {
+    const seen = { shown: 0, cut: 0 };
+    for (const cell of cells) {
+      const texts = document.createTreeWalker(cell, window.NodeFilter.SHOW_TEXT);
+      while (texts.nextNode()) {
+        const at = texts.currentNode.data.search(new RegExp(wanted));
+        if (at < 0) continue;
+        const range = document.createRange();
+        range.setStart(texts.currentNode, at);
+        range.setEnd(texts.currentNode, texts.currentNode.data.length);
+        const { right } = range.getBoundingClientRect();
+        let box = texts.currentNode.parentElement;
+        while (box !== cell && window.getComputedStyle(box).overflow === "visible") box = box.parentElement;
+        seen.shown++;
+        if (right > box.getBoundingClientRect().right + 0.5) seen.cut++;
+      }
+    }
+    return seen;
+  }, words);
+
+for (const [width, height] of [
+  [1280, 800],
+  [768, 1024],
+]) {
+  await check(
+    `values and the reason of an abort are never cut at ${width}×${height}: names give way`,
+    { machine: "signals", view: { width, height }, hash: "&pane=trace" },
+    async (page, berth, by) => {
+      const all = async (words) => {
+        const { shown, cut } = await cutOff(page, words);
+        assert.ok(shown > 0, `no ${words} is shown`);
+        assert.equal(cut, 0, `${cut} of ${shown} ${words} are cut off`);
+      };
+      const filter = page.getByLabel("Filter frames");
+      await filter.fill("183#");
+      const row = page.locator(".scroll .frame", { hasText: "183h" }).last();
+      await row.waitFor();
+      // The engine's gateway sends the torque: of a long name one value.
+      await all("\\d+$");
+      await by.button("▮▮ Pause").click();
+      await row.locator("button.signal").first().waitFor();
+      await all("\\d+$");
+      await berth.request("sdo write", { bus: "backbone", node: "engine", object: "1018h:01", value: "5" });
+      await by.button("▶ Go on").click();
+      await filter.fill("abort 1018h");
+      const abort = page.locator(".scroll .frame.service-abort").last();
+      await abort.waitFor();
+      await all("attempt to write a read-only object");
+      assert.equal(
+        await page.locator(".inspector:visible").count(),
+        0,
+        "nothing is chosen, and the inspector is there",
+      );
+      const { y } = await abort.boundingBox();
+      await abort.click();
+      await page.locator(".inspector h2", { hasText: "Frame" }).waitFor();
+      if (width > 900) assert.equal((await abort.boundingBox()).y, y, "the inspector moved the row");
+      await all("attempt to write a read-only object");
+    },
+  );
+}
+
 // ---- plots ----
+
+await check(
+  "a signal of a PDO is plotted from its frames, and plot and trace lead to each other",
+  { machine: "belt", fresh: true, hash: "&pane=trace" },
+  async (page, berth, by) => {
+    await by.type(page.getByLabel("Filter frames"), "18B#");
+    await page.locator(".scroll .frame", { hasText: "18Bh" }).first().waitFor();
+    await by.button("▮▮ Pause").click();
+    const row = page.locator(".scroll .frame", { hasText: "18Bh" }).last();
+    const chip = row.locator("button.signal").first();
+    const shown = (await chip.locator("b").innerText()).trim();
+    await chip.click();
+    await page.waitForURL(/signal=field%2F18B\+0/);
+    await row.locator("span").first().click();
+    await page.getByRole("heading", { name: /^Frame/ }).waitFor();
+    const value = await page.locator(".signals td.number").first().innerText();
+    assert.equal(value, shown);
+    const frame = await page.getByRole("heading", { name: /^Frame/ }).innerText();
+    await by.button("Its place in the plot").click();
+    const table = page.locator(".plots .watch", { hasText: "TPDO 1" });
+    await table.locator("tr", { hasText: "barrier" }).waitFor();
+    await page.locator(".chart-mark").waitFor();
+    // Back: a press beside the mark goes to the frame that stands there.
+    const mark = await page.locator(".chart-mark").boundingBox();
+    await page.mouse.click(mark.x, mark.y + mark.height / 2);
+    await page.getByRole("heading", { name: frame, exact: true }).waitFor();
+    await page.locator(".scroll .frame.selected", { hasText: "18Bh" }).waitFor();
+    assert.match(page.url(), /pane=trace/);
+  },
+);
 
 await check(
   "load, heartbeats and a watched object are drawn, paused and saved",
@@ -628,6 +979,25 @@ await check(
 // ---- world ----
 
 await check(
+  "a paused world is told in every pane, and runs again from there",
+  { machine: "belt", hash: "&pane=slots" },
+  async (page, berth, by) => {
+    const banner = page.locator(".top-bar", { hasText: "the world is paused" });
+    await by.row("barrier").first().waitFor();
+    assert.equal(await banner.count(), 0);
+    await berth.request("world pause");
+    await banner.waitFor();
+    await by.tab("Trace").click();
+    await banner.waitFor();
+    assert.match(await by.button("Run the world").getAttribute("title"), /^berth world run -m /);
+    await by.button("Run the world").click();
+    await banner.waitFor({ state: "detached" });
+    const { world } = await berth.snapshot();
+    assert.equal(world.paused, false);
+  },
+);
+
+await check(
   "a plug is pulled in the world, and put back",
   { machine: "belt", fresh: true, hash: "&pane=world&slot=field/11" },
   async (page, berth, by) => {
@@ -644,6 +1014,99 @@ await check(
   },
 );
 
+const piecesOf = async (berth) => (await berth.request("sim", { action: "devices" })).reply.cables[0].pieces;
+
+await check(
+  "a cable is cut and mended, and a device's own wire",
+  { machine: "belt", hash: "&pane=world&slot=field/11" },
+  async (page, berth, by) => {
+    await by.button("Cut the cable before barrier").click();
+    await page.locator(".pane .answer.good", { hasText: "bus field is cut (light barrier)" }).waitFor();
+    await state(page, "absent");
+    assert.deepEqual(await piecesOf(berth), [["belt", "master"], ["light barrier"]]);
+    await page.getByRole("button", { name: /^Copy command: berth sim fault join --bus field/ }).waitFor();
+    await by.button("Mend the cable of field").click();
+    await state(page, "operational");
+    await operational(berth);
+    await by.button("Cut the cable before belt").click();
+    await page.locator(".plug.off").nth(1).waitFor();
+    assert.deepEqual(await piecesOf(berth), [["master"], ["belt", "light barrier"]]);
+    await by.button("Mend the cable of field").click();
+    await operational(berth);
+    await page.locator(".tools button", { hasText: "belt" }).first().click();
+    await by.button("Cut its wire").click();
+    await page.locator(".plug.hangs", { hasText: "belt" }).waitFor();
+    assert.deepEqual(await piecesOf(berth), [["light barrier", "master"], ["belt"]]);
+    await by.button("Mend the cable of field").click();
+    await operational(berth);
+  },
+);
+
+await check(
+  "a device is deaf until it recovers, is reset, and its frames are damaged",
+  { machine: "belt", hash: "&pane=world&slot=field/11" },
+  async (page, berth, by) => {
+    await by.button("Deaf").click();
+    await page.getByText("light barrier: has power, deaf").waitFor();
+    await by.button("Slow by 50 ms").click();
+    await page.getByText("light barrier: has power, deaf, slow by 50 ms").waitFor();
+    await by.button("Neither deaf nor slow").click();
+    await page.getByText(/light barrier: has power$/).waitFor();
+    await page.getByLabel("Frames that a press damages").fill("3");
+    await by.button("Damage the next 3 frames it sends").click();
+    await page.locator(".pane .answer.good", { hasText: "of those that light barrier sends" }).waitFor();
+    await page.getByLabel("Frames that a press damages").fill("0");
+    assert.equal(await page.getByRole("button", { name: /^Damage/ }).count(), 0);
+    await by.button("Reset").click();
+    await page.locator(".pane .answer.good", { hasText: "light barrier is reset" }).waitFor();
+    await operational(berth);
+  },
+);
+
+await check(
+  "a device without a slot is plugged in",
+  { machine: "twins", fresh: true, ready: ["left", "right"], hash: "&pane=world" },
+  async (page, berth, by) => {
+    await page.locator(".tools button", { hasText: "spare gate" }).click();
+    await page.getByText("spare gate: not plugged in").waitFor();
+    await by.button("Plug in").click();
+    await page.getByText("spare gate: has power").waitFor();
+    const { reply } = await berth.request("sim", { action: "devices" });
+    assert.equal(reply.devices.find(({ device }) => device === "spare gate").plugged, true);
+  },
+);
+
+await check(
+  "in the drawing the line is cut and mended by a press, and a stub is a plug",
+  { machine: "belt", fresh: true, hash: "&pane=machine" },
+  async (page, berth) => {
+    await page.locator(".wires .line-hit rect").first().click();
+    await page.locator(".wires .cut-mark").first().waitFor();
+    await page.getByRole("button", { name: /^Copy command: berth sim fault cut-cable/ }).waitFor();
+    await page.locator('.slot-box[aria-label*="absent"]').nth(1).waitFor();
+    assert.deepEqual(await piecesOf(berth), [["master"], ["belt", "light barrier"]]);
+    await page.locator(".wires .cut-mark rect").last().click();
+    await operational(berth);
+    await page.locator(".wires .plug-hit", { hasText: "light barrier" }).locator("rect").click();
+    await page.locator('.slot-box[aria-label*="barrier"][aria-label*="absent"]').waitFor();
+    await page.locator(".wires .plug-hit.out rect").click();
+    await operational(berth);
+  },
+);
+
+await check("a page of role view has no wires to press", { machine: "belt", hash: "" }, async (page, berth) => {
+  const { token_file } = await berth.snapshot();
+  const token = readFileSync(`${token_file}.view`, "utf8").trim();
+  const other = await openPage(browser, `${berth.address}#token=${token}&pane=machine`);
+  await other.page.locator(".wires .plug-hit rect").first().waitFor({ state: "attached" });
+  await other.page.locator(".wires .plug-hit rect").first().click();
+  assert.equal(await other.page.locator(".wires.may").count(), 0);
+  const { reply } = await berth.request("sim", { action: "devices" });
+  assert.ok(reply.devices.every(({ plugged }) => plugged));
+  assert.deepEqual(other.errors, []);
+  await other.context.close();
+});
+
 // ---- doctor ----
 
 await check(
@@ -659,7 +1122,7 @@ await check(
     await berth.request("sim", { action: "unplug", device: "light barrier" });
     await by.button("Run it again").click();
     const silent = page.locator(".finding.certain", { hasText: "barrier) is silent" });
-    await silent.locator("text=has it power").waitFor();
+    await silent.locator("text=does it have power").waitFor();
     const kinds = await page.locator(".finding h3 .quiet").allInnerTexts();
     assert.deepEqual(kinds, ["certain", "possible"]);
     await silent.getByRole("button", { name: "Select barrier" }).click();
@@ -698,12 +1161,221 @@ await check(
   },
 );
 
+/** What comes to this page by its WebSocket, in bytes and messages, from now on. */
+async function incoming(page) {
+  const session = await page.context().newCDPSession(page);
+  const came = { bytes: 0, messages: 0, snapshots: 0 };
+  await session.send("Network.enable");
+  session.on("Network.webSocketFrameReceived", ({ response: { opcode, payloadData } }) => {
+    came.messages++;
+    came.bytes += opcode === 2 ? (payloadData.length * 3) / 4 : payloadData.length;
+    if (payloadData.startsWith('{"type":"snapshot"')) came.snapshots++;
+  });
+  return { session, came };
+}
+
+/**
+ * The processes that run pages get no processor time, as those of a tab asleep: nothing is read, nothing runs. (Chromium's
+ * own Page.setWebLifecycleState leaves a page that is visible as it is.) Returns what wakes them.
+ */
+async function asleepPages() {
+  const session = await browser.newBrowserCDPSession();
+  const { processInfo } = await session.send("SystemInfo.getProcessInfo");
+  const pids = processInfo.filter(({ type }) => type === "renderer").map(({ id }) => id);
+  assert.ok(pids.length > 0);
+  for (const pid of pids) process.kill(pid, "SIGSTOP");
+  return () => {
+    for (const pid of pids) process.kill(pid, "SIGCONT");
+  };
+}
+
+const heapOf = async (session) => {
+  await session.send("HeapProfiler.collectGarbage");
+  return (await session.send("Runtime.getHeapUsage")).usedSize;
+};
+
+await check(
+  "a tab that slept for an hour of the machine's time is right again, without a flood",
+  { machine: "belt", fresh: true, hash: "&pane=trace" },
+  async (page, berth) => {
+    await page.locator(".scroll .frame").nth(3).waitFor();
+    const { session, came } = await incoming(page);
+    await session.send("Runtime.enable");
+    const heap = await heapOf(session);
+    await page.evaluate(() => {
+      window.ticks = 0;
+      setInterval(() => window.ticks++, 50);
+    });
+    const asleep = performance.now();
+    const { time_s: slept } = await berth.snapshot();
+    const wake = await asleepPages();
+    try {
+      await berth.request("sim", { action: "unplug", device: "light barrier" });
+      await berth.request("world speed", { factor: "1000" });
+      for (let look = 0; look < 600; look++) {
+        if ((await berth.snapshot()).time_s > slept + 3600) break;
+        await new Promise((resolve) => setTimeout(resolve, 200));
+      }
+      await berth.request("world speed", { factor: "1" });
+    } finally {
+      wake();
+    }
+    const slices = (performance.now() - asleep) / 50;
+    const [bytes, messages] = [came.bytes, came.messages];
+    assert.ok((await berth.snapshot()).time_s > slept + 3600);
+    assert.ok((await page.evaluate(() => window.ticks)) < slices / 2, "the page was asleep");
+    // What is on the screen is now: the newest frames, the slot that went away meanwhile, the time.
+    await page.locator('.tree button[aria-label*="absent"], .tree button', { hasText: "barrier" }).first().waitFor();
+    await page.waitForFunction(
+      (since) =>
+        Number(/[\d.]+/.exec(document.querySelector(".scroll .frame:last-child")?.textContent ?? "")?.[0]) > since,
+      slept + 3600,
+    );
+    await page.getByRole("button", { name: "1 needs somebody" }).waitFor();
+    console.log(
+      `      asleep: ${(bytes / 1e6).toFixed(1)} MB in ${messages} messages meanwhile, ` +
+        `${((came.bytes - bytes) / 1e6).toFixed(1)} MB after waking, ${came.snapshots} snapshots`,
+    );
+    const grown = (await heapOf(session)) - heap;
+    assert.ok(grown < 100e6, `the page took ${grown} bytes more`);
+    assert.ok(came.bytes < 64e6, `${came.bytes} bytes came`);
+    await berth.request("sim", { action: "plug", device: "light barrier" });
+    await page.waitForFunction(() => !document.body.textContent.includes("needs somebody"));
+  },
+);
+
+await check(
+  "a server that is started anew under an open page is found again, with its frames",
+  { machine: "belt", fresh: true, refused: 401 },
+  async (_, first) => {
+    const folder = mkdtempSync(join(tmpdir(), "berth-tokens-"));
+    const more = ["--studio-tokens", join(folder, "tokens")];
+    const where = new URL(first.address).host.replace(/\d+$/, (port) => String(Number(port) + 1));
+    let berth = await startBerth(...machines.belt, more, where);
+    await operational(berth);
+    const { page, context, errors } = await openPage(browser, `${berth.url}&pane=trace`);
+    page.setDefaultTimeout(30_000);
+    await page.locator(".scroll .frame").nth(3).waitFor();
+    await berth.request("world speed", { factor: "20" });
+    const lastOf = () =>
+      page.evaluate(() => {
+        const all = [...document.querySelectorAll(".scroll .frame")].map((row) => parseFloat(row.textContent));
+        return Math.max(0, ...all.filter((time) => !Number.isNaN(time)));
+      });
+    await page.waitForFunction(() => parseFloat(document.querySelector(".scroll .frame:last-child").textContent) > 60);
+    await berth.close();
+    await page.getByText(/No connection/).waitFor();
+    berth = await startBerth(...machines.belt, more, where);
+    await operational(berth);
+    await page.waitForFunction(() => !/No connection/.test(document.body.textContent));
+    await page.locator(".scroll .frame").nth(3).waitFor();
+    await page.waitForFunction(() => parseFloat(document.querySelector(".scroll .frame:last-child").textContent) < 60);
+    assert.ok((await lastOf()) < 60, "the frames are those of the new start");
+    await berth.close();
+    await page.getByText(/No connection/).waitFor();
+    // Another token: the page says so, and takes the new address.
+    berth = await startBerth(...machines.belt, [], where);
+    await page.getByText("The server refuses this page's token").waitFor();
+    await page.getByLabel("Address or token").fill(berth.url);
+    await page.getByRole("button", { name: "Open", exact: true }).click();
+    await page.waitForSelector(".tabs");
+    await operational(berth);
+    await page.locator(".scroll .frame").nth(3).waitFor();
+    const unexpected = errors.filter(
+      (error) => !/ERR_CONNECTION_REFUSED|WebSocket connection|status of 401/.test(error),
+    );
+    assert.deepEqual(unexpected, []);
+    await context.close();
+    await berth.close();
+    rmSync(folder, { recursive: true, force: true });
+  },
+);
+
+await check("a description of 10 MB: every object is there, and found as one types", { machine: "belt" }, async () => {
+  const OBJECTS = 16_000;
+  const big = bigMachine(OBJECTS, 10_500_000);
+  const berth = await startBerth(...big.files);
+  try {
+    assert.ok(big.bytes > 10_000_000);
+    await operational(berth);
+    const { page, context, errors } = await openPage(browser, `${berth.url}&pane=dictionary&slot=field/1`);
+    await page.getByRole("button", { name: "Read all objects" }).click();
+    const begun = performance.now();
+    await page.waitForFunction(
+      (most) =>
+        Number(/of ([\d,]+)/.exec(document.querySelector(".bar .number")?.textContent ?? "")?.[1]?.replace(/,/g, "")) >
+        most,
+      OBJECTS,
+      { timeout: 300_000 },
+    );
+    console.log(
+      `      ${big.bytes} bytes, ${OBJECTS} objects read in ${((performance.now() - begun) / 1000).toFixed(1)} s`,
+    );
+    await page.getByLabel("Search objects").fill("limit 15999");
+    const row = page.locator(".object", { hasText: "Limit 15999" });
+    await row.click();
+    await page.getByLabel("New value").fill("4711");
+    await page.getByRole("button", { name: "Write", exact: true }).click();
+    await row.locator("text=4711").waitFor();
+    assert.equal(await page.locator(".scroll .object").count(), 1);
+    await page.getByLabel("Search objects").fill("");
+    await page.locator(".scroll .object").nth(5).waitFor();
+    assert.ok((await page.locator(".scroll .object").count()) < 200, "only what is seen is drawn");
+    assert.deepEqual(errors, []);
+    await context.close();
+  } finally {
+    await berth.close();
+    big.end();
+  }
+});
+
+await check(
+  "names that are HTML or control characters are shown, and nothing of them runs",
+  { machine: "belt" },
+  async () => {
+    const strange = oddMachine();
+    const berth = await startBerth(...strange.files);
+    try {
+      await operational(berth);
+      const { page, context, errors } = await openPage(browser, `${berth.url}&pane=machine&slot=field/1`);
+      const dialogs = [];
+      page.on("dialog", (dialog) => (dialogs.push(dialog.message()), dialog.dismiss()));
+      await page.getByText(odd.machine).first().waitFor();
+      const shown = odd.slot.replace("\u202E", "\\u202e");
+      await page.locator(".inspector h2", { hasText: shown }).waitFor();
+      for (const pane of ["slots", "world", "network", "trace", "plots", "doctor", "dictionary"]) {
+        await page.evaluate((hash) => (window.location.hash = hash), `#pane=${pane}&slot=field/1`);
+        await page.locator(`.pane-${pane}`).waitFor();
+      }
+      await page.getByRole("button", { name: "Read all objects" }).click();
+      await page.locator(".object", { hasText: "1008h" }).locator("text=<svg onload=alert(5)>").first().waitFor();
+      await page.evaluate(() => (window.location.hash = "#pane=world&slot=field/1"));
+      await page.getByRole("button", { name: "Unplug", exact: true }).click();
+      await page.locator(".pane .answer.good", { hasText: odd.device }).waitFor();
+      await page.locator(".inspector .need-box").waitFor();
+      const foreign = await page.locator("b[onclick], svg[onload], img, body script, i").count();
+      assert.equal(foreign, 0);
+      const words = await page.evaluate(() => document.body.innerText);
+      const hidden = ["\x07", "\x1b", "\u202e"].some((character) => words.includes(character));
+      assert.equal(hidden, false, "a control character is shown as what it is");
+      assert.deepEqual(dialogs, []);
+      assert.deepEqual(errors, []);
+      await context.close();
+    } finally {
+      await berth.close();
+      strange.end();
+    }
+  },
+);
+
 await check("the palette finds a slot by the keyboard", {}, async (page) => {
   await page.keyboard.press("Control+k");
   await page.keyboard.type("quay belt");
   await page.keyboard.press("Enter");
   await page.locator(".inspector h2", { hasText: "quay belt" }).waitFor();
 });
+
+await newcomerActs(check, browser);
 
 // ---- what a simulated machine does not have: the mock server ----
 
@@ -767,7 +1439,7 @@ const panes = [
   "network",
   "trace",
   "trace&mode=folded&marks=20",
-  "plots&watch=field/32+1017h:00",
+  "plots&watch=field/32+1017h:00&signal=field/1A0+0",
   "doctor",
   "world",
 ];
@@ -785,6 +1457,7 @@ for (const dark of [false, true]) {
 
 for (const berth of running.values()) await berth.close();
 await browser.close();
+for (const line of told) console.log(line);
 console.log(`${passed} passed, ${failed} failed`);
 if (summary) writeFileSync(summary, `${passed} ${failed} 0\n`);
 process.exitCode = failed ? 1 : 0;

@@ -8,15 +8,18 @@ import { fileURLToPath } from "node:url";
 export const root = fileURLToPath(new URL("../../", import.meta.url));
 const binary = process.env.BERTH_BINARY ?? join(root, "build/test/berth");
 
-/** Paths of machine and plant begin at the repository's root. */
-export async function startBerth(machine, plant, more = []) {
+/** Paths of machine and plant begin at the repository's root. `where`: the address; else any free port. */
+export async function startBerth(machine, plant, more = [], where = "127.0.0.1:0") {
   const folder = mkdtempSync(join(tmpdir(), "berth-studio-"));
-  const words = ["up", absolute(root, machine), "--sim", absolute(root, plant), "--studio=127.0.0.1:0"];
+  const words = ["up", absolute(root, machine), "--sim", absolute(root, plant), `--studio=${where}`];
   const child = spawn(binary, [...words, "--control", join(folder, "control"), ...more], {
     cwd: folder,
     env: { ...process.env, XDG_RUNTIME_DIR: folder },
     stdio: ["ignore", "pipe", "pipe"],
   });
+  // Whatever ends this process: none is left behind.
+  const kill = () => child.kill("SIGKILL");
+  process.on("exit", kill);
   let said = "";
   const ended = new Promise((resolve) => child.on("exit", (code) => resolve(code)));
   const url = await new Promise((resolve, reject) => {
@@ -51,6 +54,7 @@ export async function startBerth(machine, plant, more = []) {
     async close() {
       child.kill("SIGTERM");
       const code = await ended;
+      process.off("exit", kill);
       rmSync(folder, { recursive: true, force: true });
       return code;
     },

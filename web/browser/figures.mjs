@@ -10,6 +10,7 @@ import { join } from "node:path";
 import { operational, root, startBerth } from "./berth.mjs";
 import { drawnIn } from "./drawn.mjs";
 import { launch, openPage } from "./open.mjs";
+import { actsOn, machines, tasks } from "./tasks.mjs";
 
 const bench = process.env.BENCH_STUDIO ?? join(root, "build/bench/bench/bench_studio");
 const ROUNDS = 5;
@@ -153,6 +154,29 @@ async function searched() {
   rmSync(folder, { recursive: true, force: true });
 }
 
+/** The brief's tasks: acts.mjs asserts their acts, here are their seconds. */
+async function tasksTimed() {
+  for (const task of tasks) {
+    const { machine = "conveyor", ready, hash = "", view = {} } = task.where;
+    const berth = await startBerth(...machines[machine]);
+    await operational(berth, ready);
+    const { page, context } = await openPage(browser, berth.url + hash, view);
+    await page.waitForSelector(".tabs");
+    const by = actsOn(page);
+    const { seconds } = await task.act(page, berth, by);
+    const met = by.count() <= task.acts && (!task.limit || seconds <= task.limit);
+    tell(
+      `task: ${task.name}`,
+      `${by.count()} acts, ${seconds.toFixed(1)} s`,
+      `at most ${task.acts} acts${task.limit ? `, ${task.limit} s` : ""}`,
+      met,
+    );
+    await context.close();
+    await berth.close();
+  }
+}
+
+await tasksTimed();
 await firstPaint();
 await searched();
 await drawnAtLoad();

@@ -1,6 +1,6 @@
 /**
  * A picture of each pane of a real Berth on the simulator, light and dark, 1280x800 and a tablet:
- *   node browser/screenshots.mjs [--docs] [NAME] -> screenshots/   (build/test/berth or $BERTH_BINARY)
+ *   node browser/screenshots.mjs [--docs] [NAME...] -> screenshots/   (build/test/berth or $BERTH_BINARY)
  * --docs: also those that docs/ shows, into docs/studio/.
  */
 import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
@@ -8,6 +8,7 @@ import { join } from "node:path";
 import { operational, root, startBerth } from "./berth.mjs";
 import { launch, openPage } from "./open.mjs";
 import { smaller } from "./png.mjs";
+import { machines } from "./tasks.mjs";
 
 const sizes = [
   { width: 1280, height: 800 },
@@ -15,7 +16,7 @@ const sizes = [
 ];
 const words = process.argv.slice(2);
 const forDocs = words[0] === "--docs";
-const wanted = words[forDocs ? 1 : 0];
+const wanted = words.slice(forDocs ? 1 : 0);
 /** What docs/studio.md and README.md show: at 1280x800. */
 const shown = {
   machine: "light",
@@ -23,6 +24,7 @@ const shown = {
   trace: "light",
   dictionary: "dark",
   world: "light",
+  first_save: "light",
   folded: "dark",
   plots: "light",
   doctor: "light",
@@ -49,10 +51,18 @@ const shots = {
   },
   folded: {
     hash: "pane=trace&mode=folded&filter=node+12+read&marks=40,90&zero=40",
+    // Those of the start are no longer among what a page begins with.
+    before: async (of) => {
+      for (const object of ["1018h:01", "1018h:02", "1008h:00", "1018h:04"]) {
+        await of.request("sdo read", { node: "unloader drive", object });
+      }
+    },
     act: async (page) => {
       const read = page.locator(".frame.transfer", { hasText: "2 frames" });
       await read.nth(2).waitFor();
-      await read.nth(1).click();
+      await button(page, "▮▮ Pause").click();
+      // Not one that the edge cuts: scrolled into view it would move from under the press.
+      await read.nth((await read.count()) - 2).click();
       await page.locator(".frame.child").first().waitFor();
       await page.locator(".marks .quiet", { hasText: "+" }).first().waitFor();
     },
@@ -111,7 +121,43 @@ const shots = {
       await page.locator(".finding.certain").first().waitFor();
     },
   },
-  world: { hash: "pane=world&slot=field/12", act: (page) => button(page, "Unplug").waitFor() },
+  world: { hash: "pane=world&slot=field/12", act: (page) => button(page, "Cut its wire").waitFor() },
+  cut: {
+    hash: "pane=machine",
+    machine: "belt",
+    act: async (page) => {
+      await page.locator(".wires .line-hit rect, .wires .cut-mark rect").first().waitFor({ state: "attached" });
+      if (!(await page.locator(".wires .cut-mark").count())) await page.locator(".line-hit rect").first().click();
+      await page.locator(".wires .cut-mark").first().waitFor();
+      await page.locator('.slot-box[aria-label*="absent"]').nth(1).waitFor();
+    },
+  },
+  stray: {
+    hash: "pane=machine&device=field/00000001-00000003-00000000-00000031",
+    machine: "stray",
+    act: async (page) => {
+      await page.locator(".drawing .stray").waitFor();
+      await page.locator('.slot-box[aria-label*="operational"]').waitFor();
+      await page.locator('.slot-box[aria-label*="empty"]').waitFor();
+    },
+  },
+  first_save: {
+    hash: "pane=slots&slot=field/1",
+    machine: "unsaved",
+    act: (page) => button(page, "Save its parameters").waitFor(),
+  },
+  role: {
+    hash: "pane=slots&slot=field/12",
+    role: "view",
+    act: (page) => page.getByText("This needs the role operate. Yours is view.").first().waitFor(),
+  },
+  help: {
+    hash: "pane=machine",
+    act: async (page) => {
+      await button(page, "Help").click();
+      await page.getByRole("dialog", { name: "Help" }).waitFor();
+    },
+  },
   palette: {
     hash: "pane=machine",
     act: async (page) => {
@@ -120,6 +166,24 @@ const shots = {
     },
   },
 };
+
+/** Beside the conveyor, which most pictures are of. */
+const others = new Map();
+async function berthOf(machine) {
+  if (!machine) return berth;
+  if (!others.has(machine)) others.set(machine, await startBerth(...machines[machine]));
+  const other = others.get(machine);
+  if (machine === "belt" && !other.wasUp) await operational(other);
+  other.wasUp = true;
+  return other;
+}
+
+/** The page of a role has another token. */
+async function addressOf(of, role) {
+  if (!role) return of.url;
+  const { token_file } = await of.snapshot();
+  return `${of.address}#token=${readFileSync(`${token_file}.${role}`, "utf8").trim()}`;
+}
 
 async function picture(page, name, size, dark) {
   const file = `screenshots/${name}-${size.width}-${dark ? "dark" : "light"}.png`;
@@ -134,11 +198,15 @@ async function picture(page, name, size, dark) {
 mkdirSync("screenshots", { recursive: true });
 const browser = await launch();
 const berth = await startBerth("examples/conveyor/machine.toml", "examples/conveyor/plant.toml");
-if (!wanted || wanted === "discovery") {
+if (!wanted.length || wanted.includes("discovery")) {
+  // The world stands for it, however long the page takes to open.
+  while (!(await berth.snapshot()).slots.some((slot) => slot.state === "configuring"));
+  await berth.request("world pause");
   const { page, context } = await openPage(browser, `${berth.url}&pane=machine`);
   await page.locator('.slot-box[aria-label*="configuring"]').first().waitFor();
   await picture(page, "discovery", sizes[0], false);
   await context.close();
+  await berth.request("world run");
 }
 await operational(berth);
 // One that needs somebody, and an SDO that was aborted.
@@ -146,10 +214,15 @@ await berth.request("sdo read", { node: "unloader drive", object: "1A7Fh:02" });
 await berth.request("sim", { action: "unplug", device: "main drive" });
 await operational(berth, ["main drive"], true);
 for (const [name, shot] of Object.entries(shots)) {
-  if (wanted && wanted !== name) continue;
+  if (wanted.length && !wanted.includes(name)) continue;
   for (const size of sizes) {
     for (const dark of [false, true]) {
-      const { page, errors, context } = await openPage(browser, `${berth.url}&${shot.hash}`, { ...size, dark });
+      const of = await berthOf(shot.machine);
+      await shot.before?.(of);
+      const { page, errors, context } = await openPage(browser, `${await addressOf(of, shot.role)}&${shot.hash}`, {
+        ...size,
+        dark,
+      });
       page.setDefaultTimeout(30_000);
       await page.waitForSelector(".tabs");
       await shot.act(page);
@@ -160,4 +233,4 @@ for (const [name, shot] of Object.entries(shots)) {
   }
 }
 await browser.close();
-await berth.close();
+for (const each of [berth, ...others.values()]) await each.close();

@@ -142,6 +142,7 @@ export class MockMachine {
   snapshot(seq) {
     return {
       type: "snapshot",
+      start: "mock",
       seq,
       machine: { name: this.about.name, simulated: !this.lock.real, file: this.about.file },
       buses: this.buses,
@@ -180,6 +181,11 @@ export class MockMachine {
         bus: bus.name,
         frames_per_s: each,
         load: Math.min(1, (each * 118) / bus.bit_rate),
+        errors_per_s: 0,
+        errors: 0,
+        state: "active",
+        tec: 0,
+        rec: 0,
       })),
       ring: { first: this.ringFirst, next: this.next },
       left_out: 0,
@@ -303,6 +309,7 @@ const answers = {
     return done(found);
   },
   sim(machine, { action, device }) {
+    if (action === "devices") return done({ devices: [], cables: [] });
     const slot = machine.slot(device);
     if (!slot) return noSlot(device);
     if (action === "unplug") machine.set(device, "absent", "no heartbeat for 1.5 s", "B");

@@ -50,6 +50,23 @@ describe("the mock server", () => {
     socket.close();
   });
 
+  it("writes its ring as a log, reads that log, and tells signals", async () => {
+    mock = await startMock({ example: "belt", rate: 300, done: true });
+    const ask = (path, more = {}) =>
+      fetch(`${mock.address}api/v1/${path}`, { ...more, headers: { Authorization: "Bearer test" } });
+    const log = await (await ask("trace?format=candump&from=5&to=9&filter=field")).text();
+    const lines = log.trim().split("\n");
+    expect(lines).toHaveLength(5);
+    expect(lines[0]).toMatch(/^\(\d{10}\.\d{6}\) field [0-9A-F]{3,8}#/);
+    const answer = await ask("read?name=run.log", { method: "POST", body: `${log}no frame\n` });
+    expect(await answer.json()).toMatchObject({ name: "run.log", frames: 5, buses: ["field"], more_findings: 0 });
+    expect((await ask("trace?format=pcapng")).status).toBe(400);
+    expect((await ask("read?name=x", { method: "POST", body: "" })).status).toBe(422);
+    const { buses } = await (await ask("signals")).json();
+    expect(buses[0].bus).toBe("field");
+    for (const message of buses[0].messages) expect(message.signals.length).toBeGreaterThan(0);
+  });
+
   it("writes batches that the page reads", () => {
     const frame = { n: 9, t: 1.25, id: 0x601, ext: false, rtr: false, data: "4018100400000000", bus: 1 };
     const bytes = encodeBatch([frame, { ...frame, n: 10, t: 1.2505, id: 0x1f940000, ext: true, data: "" }]);

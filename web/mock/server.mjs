@@ -9,6 +9,7 @@ import { fileURLToPath } from "node:url";
 import { gzipSync } from "node:zlib";
 import { WebSocketServer } from "ws";
 import { encodeBatch } from "./batch.mjs";
+import { candump, readCandump, signals } from "./files.mjs";
 import { MockMachine } from "./machine.mjs";
 
 const dist = fileURLToPath(new URL("../dist/", import.meta.url));
@@ -29,7 +30,7 @@ export async function startMock({ port = 0, token = "test", ...options } = {}) {
   const clients = new Set();
 
   const server = createServer(async (request, response) => {
-    const path = new URL(request.url, "http://mock").pathname;
+    const { pathname: path, searchParams } = new URL(request.url, "http://mock");
     if (!path.startsWith("/api/")) return serveFile(path, response);
     if (request.headers.authorization !== `Bearer ${token}`)
       return end(response, 401, { error: { message: "wrong token" } });
@@ -38,8 +39,26 @@ export async function startMock({ port = 0, token = "test", ...options } = {}) {
       const { verb, arguments: values } = JSON.parse(await textOf(request));
       return end(response, 200, machine.request(verb, values ?? {}));
     }
+    if (path === "/api/v1/signals") return end(response, 200, signals(machine));
+    if (path === "/api/v1/trace") return sendTrace(searchParams, response);
+    if (path === "/api/v1/read" && request.method === "POST") {
+      const name = searchParams.get("name") ?? "";
+      const read = readCandump(name, await textOf(request));
+      return read
+        ? end(response, 200, read)
+        : text(response, 422, `422: ${name}: the mock server reads candump logs only`);
+    }
     return end(response, 404, { error: { message: "there is no such page" } });
   });
+
+  function sendTrace(query, response) {
+    if ((query.get("format") ?? "candump") !== "candump")
+      return text(response, 400, "400: the mock server writes candump logs only");
+    const from = Number(query.get("from") ?? 0);
+    const to = Number(query.get("to") ?? Infinity);
+    const { rows } = machine.rows({ from, count: Infinity, filter: query.get("filter") ?? "" });
+    text(response, 200, candump(rows.filter((row) => row.n <= to)));
+  }
 
   const sockets = new WebSocketServer({ noServer: true, handleProtocols: () => "berth.v1" });
   server.on("upgrade", (request, socket, head) => {
@@ -133,14 +152,19 @@ export async function startMock({ port = 0, token = "test", ...options } = {}) {
 }
 
 async function textOf(request) {
-  let text = "";
-  for await (const part of request) text += part;
-  return text;
+  let whole = "";
+  for await (const part of request) whole += part;
+  return whole;
 }
 
 function end(response, status, value) {
   response.writeHead(status, { "Content-Type": "application/json", "Cache-Control": "no-store" });
   response.end(JSON.stringify(value));
+}
+
+function text(response, status, body) {
+  response.writeHead(status, { "Content-Type": "text/plain; charset=utf-8", "Cache-Control": "no-store" });
+  response.end(body);
 }
 
 async function serveFile(path, response) {

@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { bytesOf } from "../protocol/batch";
 import { crcOf, fieldRuns, fieldValue, wireBits, type WireFrame } from "./bits";
-import { meaningOf } from "./words";
+import { abortParts, meaningOf } from "./words";
 
 function frame(text: string): WireFrame {
   const [id = "", data = ""] = text.split("#");
@@ -103,5 +103,21 @@ describe("the meaning of a frame", () => {
     ["1F940000#80030100", "RAND", "RAND request, phase 3, mask 0100h"],
   ])("%s", (text, service, meaning) => {
     expect(words(text)).toMatchObject({ service, text: meaning });
+  });
+
+  it("has an abort's object and reason first, what the server calls the node last", () => {
+    const [object, code] = ["abort 1018h:01", "06010002h"];
+    const parts = (text: string) => abortParts(text);
+    expect(parts(`SDO of node 2: ${object}, ${code}, attempt to write, a read-only object`)).toEqual({
+      object,
+      reason: "attempt to write, a read-only object",
+      rest: `${code}, SDO of node 2`,
+    });
+    expect(parts(`SDO to node 2 [a: b, c]: ${object}, ${code}, no data`)?.rest).toBe(
+      `${code}, SDO to node 2 [a: b, c]`,
+    );
+    expect(parts(`SDO of node 2: ${object}, ${code}`)).toEqual({ object, reason: code, rest: "SDO of node 2" });
+    expect(parts("SDO of node 2: value of 1018h:01")).toBeNull();
+    expect(parts(meaningOf(0x582, false, false, bytesOf("8018100102000106")).text)?.reason).toMatch(/read-only/);
   });
 });

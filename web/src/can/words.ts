@@ -16,6 +16,7 @@ export type Service =
   | "heartbeat"
   | "LSS"
   | "RAND"
+  | "error"
   | "other";
 
 export interface Meaning {
@@ -91,6 +92,14 @@ export const abortTexts: Record<number, string> = {
   0x08000022: "data cannot be transferred or stored in the present device state",
   0x08000024: "no data available",
 };
+
+/** The words of an abort in the order of their weight: the object, why, and what else they say. Null: these are no such words. */
+export function abortParts(text: string): { object: string; reason: string; rest: string } | null {
+  const match = /^(SDO \w+ node \d+.*?): (abort [0-9A-F]{4}h:[0-9A-F]{2}), ([0-9A-F]{8}h)(?:, )?(.*)$/.exec(text);
+  if (!match) return null;
+  const [, who = "", object = "", code = "", reason = ""] = match;
+  return reason ? { object, reason, rest: `${code}, ${who}` } : { object, reason: code, rest: who };
+}
 
 function u32(data: Uint8Array, at: number): number {
   const byte = (i: number) => data[at + i] ?? 0;
@@ -189,6 +198,79 @@ export function meaningOf(
   return { service: "other", node: 0, text: "" };
 }
 
+const errorKinds: [number, string][] = [
+  [0x01, "single bit"],
+  [0x02, "form"],
+  [0x04, "stuff"],
+  [0x08, "dominant bit seen recessive"],
+  [0x10, "recessive bit seen dominant"],
+];
+
+/** Where in the frame (linux/can/error.h). */
+const errorPlaces: Record<number, string> = {
+  0x03: "start of frame",
+  0x02: "identifier",
+  0x06: "identifier",
+  0x07: "identifier",
+  0x0f: "identifier",
+  0x0e: "identifier",
+  0x04: "RTR",
+  0x0c: "RTR",
+  0x05: "IDE",
+  0x09: "reserved bit",
+  0x0d: "reserved bit",
+  0x0b: "DLC",
+  0x0a: "data",
+  0x08: "CRC",
+  0x18: "CRC delimiter",
+  0x19: "ACK slot",
+  0x1b: "ACK delimiter",
+  0x1a: "end of frame",
+  0x12: "intermission",
+};
+
+export interface BusError {
+  /** "stuff"; empty: nobody told */
+  kind: string;
+  place: string;
+  /** Who reports it was sending. */
+  sending: boolean;
+  /** TEC and REC of who reports it; null: not told. */
+  counters: [number, number] | null;
+}
+
+export function busErrorOf(id: number, data: Uint8Array): BusError {
+  const protocol = (id & 0x08) !== 0;
+  const bits = protocol ? (data[2] ?? 0) : 0;
+  const kinds = errorKinds.filter(([bit]) => bits & bit).map(([, words]) => words);
+  if (id & 0x20) kinds.unshift("no acknowledge");
+  const place = protocol ? (errorPlaces[data[3] ?? 0] ?? "") : "";
+  if (!kinds.length && place === "CRC") kinds.push("CRC");
+  const told = (id & 0x200) !== 0 || data[6] || data[7];
+  const counters: [number, number] | null = told ? [data[6] ?? 0, data[7] ?? 0] : null;
+  return { kind: kinds.join(", "), place, sending: (bits & 0x80) !== 0, counters };
+}
+
+function errorMeaning(id: number, data: Uint8Array): Meaning {
+  const { kind, place } = busErrorOf(id, data);
+  const where = place && kind !== place ? ` in ${place}` : "";
+  return { service: "error", node: 0, text: `error frame${kind && `: ${kind}`}${where}` };
+}
+
+interface SomeFrame {
+  id: number;
+  extended: boolean;
+  remote: boolean;
+  error: boolean;
+  data: Uint8Array;
+}
+
+/** The same of a frame or of a report of an error. */
+export function meaningOfFrame(frame: SomeFrame, isNode?: (node: number) => boolean): Meaning {
+  const { id, extended, remote, error, data } = frame;
+  return error ? errorMeaning(id, data) : meaningOf(id, extended, remote, data, isNode);
+}
+
 function emergency(node: number, data: Uint8Array): Meaning {
   const code = (data[0] ?? 0) | ((data[1] ?? 0) << 8);
   const text = code === 0 ? `EMCY of node ${node}: no error any more` : `EMCY of node ${node}: ${hex(code, 4)}`;
@@ -228,5 +310,6 @@ export const clauses: Record<Service, string> = {
   heartbeat: "CiA 301 §7.2.8.3.2",
   LSS: "CiA 305 §6",
   RAND: "paper 1, docs/rand.md",
+  error: "ISO 11898-1, error signalling",
   other: "",
 };

@@ -1,21 +1,36 @@
 /** The state of a slot as a shape and a colour: the shape alone says it, too. */
 
 type Shape =
-  "full" | "half" | "quarter" | "most" | "hollow" | "dashed" | "triangle" | "diamond" | "cross" | "twins" | "unequal";
+  | "full"
+  | "dot"
+  | "half"
+  | "quarter"
+  | "most"
+  | "hollow"
+  | "dashed"
+  | "triangle"
+  | "diamond"
+  | "cross"
+  | "twins"
+  | "unequal";
 
-const shapes: Record<string, { shape: Shape; tone: string }> = {
-  operational: { shape: "full", tone: "good" },
-  binding: { shape: "quarter", tone: "busy" },
-  present: { shape: "half", tone: "busy" },
-  configuring: { shape: "most", tone: "busy" },
-  absent: { shape: "hollow", tone: "absent" },
-  empty: { shape: "dashed", tone: "absent" },
-  question: { shape: "triangle", tone: "question" },
-  "power cycle needed": { shape: "diamond", tone: "question" },
-  failed: { shape: "cross", tone: "bad" },
-  duplicate: { shape: "twins", tone: "bad" },
-  "wrong type": { shape: "unequal", tone: "bad" },
+const shapes: Record<string, { shape: Shape; tone: string; about: string }> = {
+  operational: { shape: "full", tone: "good", about: "Its device runs." },
+  binding: { shape: "quarter", tone: "busy", about: "Its device gets its node-ID." },
+  present: { shape: "half", tone: "busy", about: "Its device answers, and does not run yet." },
+  configuring: { shape: "most", tone: "busy", about: "Its settings are written." },
+  unknown: { shape: "dot", tone: "absent", about: "Berth does not hear how its device is; the reason says why." },
+  absent: { shape: "hollow", tone: "absent", about: "Its device does not answer." },
+  empty: { shape: "dashed", tone: "absent", about: "It has no device." },
+  question: { shape: "triangle", tone: "question", about: "Berth cannot decide which device belongs here: answer." },
+  "power cycle needed": { shape: "diamond", tone: "question", about: "Switch its device off and on again." },
+  failed: { shape: "cross", tone: "bad", about: "Its device could not be started; the reason says why." },
+  duplicate: { shape: "twins", tone: "bad", about: "Two devices have its node-ID." },
+  "wrong type": { shape: "unequal", tone: "bad", about: "A device of another type sits here." },
 };
+
+/** All, and what each means. */
+export const states = Object.entries(shapes).map(([state, { about }]) => ({ state, about }));
 
 export function toneOf(state: string): string {
   return shapes[state]?.tone ?? "absent";
@@ -25,6 +40,8 @@ function paths(shape: Shape) {
   switch (shape) {
     case "full":
       return <circle className="fill" cx="7" cy="7" r="5" />;
+    case "dot":
+      return <circle className="fill" cx="7" cy="7" r="1.8" />;
     case "quarter":
       return <path className="fill" d="M7 7V2a5 5 0 0 1 5 5z" />;
     case "half":
@@ -73,7 +90,7 @@ function paths(shape: Shape) {
   }
 }
 
-const ringed = new Set<Shape>(["quarter", "half", "most", "hollow"]);
+const ringed = new Set<Shape>(["dot", "quarter", "half", "most", "hollow"]);
 
 /** Inside of another SVG. */
 export function StateShape({ state }: { state: string }) {

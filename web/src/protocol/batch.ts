@@ -7,7 +7,7 @@ export interface Batch {
   count: number;
   seconds: Float64Array;
   ids: Uint32Array;
-  /** bit 0 extended, bit 1 remote, bit 2 sent by Berth */
+  /** EXTENDED, REMOTE, SENT, ERROR, CUT */
   flags: Uint8Array;
   buses: Uint8Array;
   lengths: Uint8Array;
@@ -18,6 +18,10 @@ export interface Batch {
 export const EXTENDED = 1;
 export const REMOTE = 2;
 export const SENT = 4;
+/** No frame: a report of an error on the bus, as SocketCAN has it. Classes in the identifier, details in the data. */
+export const ERROR = 8;
+/** An FD frame of more than eight bytes, of which these are the first. */
+export const CUT = 16;
 
 export interface Frame {
   n: number;
@@ -26,6 +30,8 @@ export interface Frame {
   extended: boolean;
   remote: boolean;
   sent: boolean;
+  error: boolean;
+  cut: boolean;
   bus: number;
   data: Uint8Array;
 }
@@ -65,7 +71,9 @@ export function decodeBatch(buffer: ArrayBuffer): Batch | null {
     const length = Math.min(lengthByte & 0x0f, 8);
     batch.seconds[i] = nanoseconds / 1e9;
     batch.ids[i] = id & 0x1fffffff;
-    batch.flags[i] = ((id >>> 31) & 1) | (((id >>> 30) & 1) << 1) | (((lengthByte >>> 7) & 1) << 2);
+    const error = id & 0x20000000 ? ERROR : 0;
+    const cut = lengthByte & 0x10 ? CUT : 0;
+    batch.flags[i] = ((id >>> 31) & 1) | (((id >>> 30) & 1) << 1) | (((lengthByte >>> 7) & 1) << 2) | error | cut;
     batch.buses[i] = view.getUint8(at + 8);
     batch.lengths[i] = length;
     const bytes = id & 0x40000000 ? 0 : length;
@@ -87,6 +95,8 @@ export function frameOf(batch: Batch, i: number): Frame {
     extended: (flags & EXTENDED) !== 0,
     remote: (flags & REMOTE) !== 0,
     sent: (flags & SENT) !== 0,
+    error: (flags & ERROR) !== 0,
+    cut: (flags & CUT) !== 0,
     bus: batch.buses[i] ?? 0,
     data: batch.data.subarray(i * 8, i * 8 + length),
   };
@@ -112,7 +122,8 @@ function batchOfRun(run: readonly FrameRow[], first: number, busNames: readonly 
     const bytes = bytesOf(row.data);
     batch.seconds[i] = row.t_s;
     batch.ids[i] = row.id;
-    batch.flags[i] = (row.ext ? EXTENDED : 0) | (row.rtr ? REMOTE : 0);
+    const kind = (row.ext ? EXTENDED : 0) | (row.rtr ? REMOTE : 0) | (row.own ? SENT : 0);
+    batch.flags[i] = kind | (row.error ? ERROR : 0) | (row.cut ? CUT : 0);
     batch.buses[i] = Math.max(0, busNames.indexOf(row.bus));
     batch.lengths[i] = row.rtr ? (row.dlc ?? 0) : bytes.length;
     batch.data.set(bytes, i * 8);

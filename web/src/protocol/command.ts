@@ -16,6 +16,9 @@ const simCommands: Record<string, string> = {
 /** Options of which the command line wants a time. */
 const inSeconds = new Set(["lease", "listen", "for"]);
 
+/** Options that may be written often; a request has them one a line. */
+const listed = new Set(["values", "bits"]);
+
 /** Carrying it out changes something. */
 export function changes(verb: Verb, values: Record<string, string>): boolean {
   return verb.changes || verb.parameters.some((parameter) => parameter.changes && parameter.name in values);
@@ -50,9 +53,11 @@ export function commandLine(
   return ["berth", renamed[verb] ?? verb, ...words, ...options, ...machine].join(" ");
 }
 
-function simWords({ action = "", device = "", ...rest }: Record<string, string>): string[] {
-  const keys = Object.entries(rest).map(([key, value]) => quoted(`${key}=${value}`));
-  return [simCommands[action] ?? `fault ${quoted(action)}`, ...(device ? [quoted(device)] : []), ...keys];
+function simWords({ action = "", device = "", bus = "", ...rest }: Record<string, string>): string[] {
+  const listed = (key: string, value: string) => (key === "nodes" ? value.replace(/\n/g, ",") : value);
+  const keys = Object.entries(rest).map(([key, value]) => quoted(`${key}=${listed(key, value)}`));
+  const words = [simCommands[action] ?? `fault ${quoted(action)}`, ...(device ? [quoted(device)] : []), ...keys];
+  return bus ? [...words, "--bus", quoted(bus)] : words;
 }
 
 function unknownParameters(parameters: readonly Parameter[], values: Record<string, string>): Parameter[] {
@@ -82,5 +87,7 @@ function optionOf(parameter: Parameter, values: Record<string, string>): string[
   if (value === undefined || value === "") return [];
   const option = parameter.spelled ?? `--${parameter.name}`;
   if (parameter.form === "flag") return value === "1" ? [option] : [];
+  // Several are written one by one.
+  if (listed.has(parameter.name)) return value.split("\n").flatMap((line) => [option, quoted(line)]);
   return [option, quoted(inSeconds.has(parameter.name) ? `${value} s` : value)];
 }

@@ -15,6 +15,18 @@ export interface Bus {
   beneath: { bus: string; slot: string } | null;
 }
 
+/** The error that a device told last, and that is not gone. */
+export interface Emcy {
+  at_s: number;
+  /** "0x2310". */
+  code: string;
+  text: string;
+  /** Error register, "0x03". */
+  register: string;
+  /** Equal ones, one after the other. */
+  count: number;
+}
+
 export interface Slot {
   bus: string;
   id: number;
@@ -28,6 +40,11 @@ export interface Slot {
   reason?: string;
   /** The letter of CiA 302-2 with which the boot-up ended. */
   boot?: string;
+  /** NMT state, as its device told last. */
+  nmt?: string;
+  /** When it told that; not told again with each heartbeat. */
+  heard_s?: number;
+  emcy?: Emcy;
 }
 
 export interface Event {
@@ -97,6 +114,8 @@ export interface Snapshot {
   verbs: Verb[];
   lock: Lock;
   role: Role;
+  /** Another for each start of the server: frames are numbered anew. */
+  start?: string;
   /** On the server's computer: where the token of this role stands; empty: nowhere. */
   token_file?: string;
   /** Null: the machine is not simulated. */
@@ -137,6 +156,12 @@ export interface FrameRow {
   text: string;
   /** Of a remote frame: the length that it asks for. */
   dlc?: number;
+  /** Sent by who recorded it. */
+  own?: true;
+  /** No frame: a report of an error. */
+  error?: true;
+  /** The first eight bytes of a longer FD frame. */
+  cut?: true;
 }
 
 /** The answer to a trace file that was sent. */
@@ -161,9 +186,22 @@ export interface Frames {
   matched: number;
 }
 
+export interface BusRates {
+  bus: string;
+  frames_per_s: number;
+  load: number;
+  errors_per_s?: number;
+  /** Error frames since the start. */
+  errors?: number;
+  /** Of Berth's own port there, where it tells it. */
+  state?: "active" | "warning" | "passive" | "bus-off" | "down";
+  tec?: number;
+  rec?: number;
+}
+
 export interface Rates {
   type: "rates";
-  buses: { bus: string; frames_per_s: number; load: number }[];
+  buses: BusRates[];
   ring: { first: number; next: number };
   left_out: number;
   world?: WorldTime | null;

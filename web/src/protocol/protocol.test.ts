@@ -114,6 +114,9 @@ describe("a request as a command", () => {
     expect(sim({ action: "deaf", device: "s2", duration: "5 s" })).toBe(
       "berth sim fault deaf s2 'duration=5 s' -m m.toml",
     );
+    expect(sim({ action: "cut-cable", nodes: "s1\ns 2", bus: "field" })).toBe(
+      "berth sim fault cut-cable 'nodes=s1,s 2' --bus field -m m.toml",
+    );
     expect(sim({ action: "devices" })).toBe("berth sim devices -m m.toml");
     const store = { ...parameter("store", "flag"), spelled: "--save" };
     const verb = { name: "lss set-node-id", help: "", changes: true, role: "configure" as const, parameters: [store] };

@@ -50,4 +50,12 @@ export function addressOf(type: string | null, rSn: string | null): string | nul
   return a && b ? [a[1], a[2], b[1], b[2]].join("-").toUpperCase() : null;
 }
 
+/** "00000001-00000042-00010001-00000007" -> type "1h / 42h", revision "10001h", serial "7h" */
+export function addressWords(address: string): { type: string; revision: string; serial: string } {
+  const [vendor = "", product = "", revision = "", serial = ""] = address
+    .split("-")
+    .map((word) => hex(parseInt(word, 16)));
+  return { type: `${vendor} / ${product}`, revision, serial };
+}
+
 export const LSS_ADDRESS = /\b[0-9A-F]{8}-[0-9A-F]{8}-[0-9A-F]{8}-[0-9A-F]{8}\b/i;

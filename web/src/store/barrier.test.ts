@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 import type { Role, Snapshot } from "../protocol/messages";
 import { barrier } from "./barrier";
 import { firstState, reducer } from "./reducer";
-import { snapshot } from "./samples";
+import { slot, snapshot } from "./samples";
 
 const verbs: Snapshot["verbs"] = [
   { name: "report", help: "", changes: false, role: "view", parameters: [] },
@@ -44,6 +44,27 @@ describe("what a page may ask for", () => {
     expect(barrier(state, "doctor")).toBeNull();
     expect(barrier(state, "doctor", { active: "1" })).toBe("This needs the role operate. Yours is view.");
     expect(barrier(as("operate", { verbs: [doctor] }), "doctor", { active: "1" })).toBeNull();
+  });
+
+  it("goes by the bus: beneath a gateway Berth may have no port", () => {
+    const bus = { name: "field", bit_rate: 250000, port: "sim", role: "master", master_id: 127, beneath: null };
+    const left = { ...bus, name: "left", port: "gateway", master_id: 1, beneath: { bus: "field", slot: "gate" } };
+    const wing = { ...left, name: "wing", port: "socketcan:can1" };
+    const names = ["replace", "upload", "history", "locate", "lss find", "sdo connect", "doctor", "nmt", "sdo read"];
+    const state = as("configure", {
+      verbs: names.map((name) => ({ name, help: "", changes: false, role: "view" as const, parameters: [] })),
+      buses: [bus, left, wing],
+      slots: [slot({ id: 3, name: "gate" }), slot({ bus: "left", id: 5, name: "motor" }), slot({ bus: "wing", id: 5 })],
+    });
+    const may = (values: Record<string, string>) => names.filter((name) => barrier(state, name, values) === null);
+    expect(may({ bus: "field" })).toEqual(names);
+    expect(may({ bus: "wing" }), "a port of its own").toEqual(names);
+    expect(may({})).toEqual(names);
+    expect(may({ bus: "left" })).toEqual(["nmt", "sdo read"]);
+    expect(may({ conformance: "motor" }), "by the slot's name alone").toEqual(["nmt", "sdo read"]);
+    expect(barrier(state, "replace", { slot: "motor" })).toBe(
+      "Beneath gateway 3 of bus field: Berth has no port there. Put the new device in: the gateway's own NMT master gives it the node-ID.",
+    );
   });
 
   it("is nothing without a connection", () => {

@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import type { ServerMessage } from "../protocol/messages";
 import { firstState, reducer } from "./reducer";
-import { slot, snapshot } from "./samples";
+import { batch, slot, snapshot } from "./samples";
 import type { State } from "./state";
 import { changedView, firstView, fragmentOf, parseView } from "./view";
 
@@ -27,6 +27,20 @@ describe("the copy of the server's truth", () => {
     expect(state.data.questions).toEqual([question]);
     state = receive(state, { type: "change", seq: 11, time_s: 4, questions: [] });
     expect(state.data.questions).toEqual([]);
+  });
+
+  it("lets go of frames and what was measured on them after another start of the server", () => {
+    let state = receive(firstState, snapshot({ start: "one" }));
+    state = reducer(state, { type: "batch", batch: batch(1000, "701#05 702#05") });
+    state = reducer(state, { type: "view", change: { marks: [1000], zero: 1000, frame: 1001, filter: "7" } });
+    state = receive(state, snapshot({ start: "one", seq: 30 }));
+    expect(state.trace.kept).toBe(2);
+    expect(state.view.marks).toEqual([1000]);
+    state = receive(state, snapshot({ start: "other", seq: 1 }));
+    expect(state.trace.kept).toBe(0);
+    expect(state.view).toMatchObject({ marks: [], zero: null, frame: null, filter: "7" });
+    state = reducer(state, { type: "batch", batch: batch(0, "701#05") });
+    expect(state.trace.kept).toBe(1);
   });
 
   it("has the time of the world also while nothing changes", () => {
@@ -62,6 +76,15 @@ describe("the copy of the server's truth", () => {
     state = receive(state, { type: "reply", id: "r1", status: 1, reply: {}, lines: ["two"], error: "no" });
     expect(state.requests[0]).toMatchObject({ done: true, status: 1, lines: ["two"], error: "no" });
   });
+
+  it("knows at what bus time a request was answered", () => {
+    let state = receive(firstState, snapshot({ time_s: 12.5 }));
+    state = reducer(state, { type: "sent", id: "r1", verb: "scan", values: {}, owner: "network" });
+    state = receive(state, { type: "change", seq: 8, time_s: 13 });
+    state = receive(state, { type: "reply", id: "r1", status: 1, reply: {}, lines: [], error: "" });
+    state = receive(state, { type: "change", seq: 9, time_s: 14 });
+    expect(state.requests[0]?.answeredS).toBe(13);
+  });
 });
 
 describe("the view", () => {
@@ -70,6 +93,15 @@ describe("the view", () => {
     const marked = { ...view, mode: "folded" as const, marks: [812, 4711], zero: 812 };
     expect(parseView(fragmentOf(marked))).toEqual(marked);
     expect(parseView(fragmentOf(view))).toEqual(view);
+  });
+  it("has a slot selected, or a device without one", () => {
+    const device = "field/00000001-00000003-00000000-00000031";
+    const chosen = changedView({ ...firstView, slot: "field/2", object: "1018h:04" }, { device });
+    expect(chosen).toMatchObject({ slot: "", object: "", device });
+    expect(parseView(fragmentOf(chosen))).toEqual(chosen);
+    expect(changedView(chosen, { slot: "field/2" }).device).toBe("");
+    expect(changedView(chosen, { pane: "slots" }).device).toBe(device);
+    expect(parseView("#device=field/<b>").device).toBe("");
   });
   it("takes no nonsense from an address", () => {
     expect(parseView("#pane=__proto__&frame=-1&mode=x&marks=&zero=")).toEqual(firstView);

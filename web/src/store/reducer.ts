@@ -3,8 +3,10 @@ import { doctorReducer, firstDoctor } from "../panes/doctor/reducer";
 import { firstMachine, machineReducer } from "../panes/machine/reducer";
 import { firstNetwork, networkReducer } from "../panes/network/reducer";
 import { firstPlots, plotsReducer } from "../panes/plots/reducer";
+import { firstSignals, signalsReducer } from "../panes/plots/signals";
 import { firstSlots, slotsReducer } from "../panes/slots/reducer";
 import { firstTrace, traceReducer } from "../panes/trace/reducer";
+import { firstWorld, worldReducer } from "../panes/world/reducer";
 import type { Change, Event, Rates, ServerMessage, Slot, Snapshot } from "../protocol/messages";
 import { slotKey } from "./keys";
 import type { Action, Data, Sent, State } from "./state";
@@ -18,6 +20,7 @@ export const firstState: State = {
   connection: { phase: "no-token" },
   data: {
     seq: -1,
+    start: "",
     machine: { name: "", simulated: false, file: "" },
     buses: [],
     slots: [],
@@ -36,6 +39,7 @@ export const firstState: State = {
   view: firstView,
   window: {
     palette: false,
+    help: false,
     eventsOpen: true,
     treeOpen: true,
     inspectorOpen: true,
@@ -49,20 +53,24 @@ export const firstState: State = {
   dictionary: firstDictionary,
   network: firstNetwork,
   plots: firstPlots,
+  signals: firstSignals,
   doctor: firstDoctor,
+  world: firstWorld,
 };
 
 export function reducer(state: State, action: Action): State {
   const next = windowReducer(state, action);
   return {
     ...next,
-    slots: slotsReducer(next.slots, action),
+    slots: slotsReducer(next.slots, action, next),
     trace: traceReducer(next.trace, action, next),
     machine: machineReducer(next.machine, action, next),
     dictionary: dictionaryReducer(next.dictionary, action, next),
     network: networkReducer(next.network, action),
     plots: plotsReducer(next.plots, action, next),
+    signals: signalsReducer(next.signals, action, next),
     doctor: doctorReducer(next.doctor, action),
+    world: worldReducer(next.world, action, next),
   };
 }
 
@@ -75,7 +83,7 @@ function windowReducer(state: State, action: Action): State {
     case "sent":
       return { ...state, requests: [...keptRequests(state.requests, action.owner), pending(action)] };
     case "lost":
-      return { ...state, requests: answered(state.requests, action.id, { status: 3, error: action.error }) };
+      return withAnswer(state, action.id, { status: 3, error: action.error });
     case "view":
       return { ...state, view: changedView(state.view, action.change) };
     case "window":
@@ -88,12 +96,12 @@ function windowReducer(state: State, action: Action): State {
 function messageReducer(state: State, message: ServerMessage, now: number): State {
   switch (message.type) {
     case "snapshot":
-      return { ...state, connection: { phase: "open" }, data: dataOf(message), trace: state.trace };
+      return withSnapshot(state, dataOf(message));
     case "change":
       return changed(state, message);
     case "reply": {
       const { status, reply, lines, error } = message;
-      return { ...state, requests: answered(state.requests, message.id, { status, reply, lines, error }) };
+      return withAnswer(state, message.id, { status, reply, lines, error });
     }
     case "rates":
       return { ...withTime(state, message), rates: message, loads: withLoads(state.loads, message, now) };
@@ -102,11 +110,27 @@ function messageReducer(state: State, message: ServerMessage, now: number): Stat
   }
 }
 
+/** After another start of the server, frames are numbered anew: those of before and what was measured on them go. */
+function withSnapshot(state: State, data: Data): State {
+  const next = { ...state, connection: { phase: "open" as const }, data };
+  if (state.data.seq < 0 || data.start === state.data.start) return next;
+  const { trace, plots, view } = state;
+  return {
+    ...next,
+    rates: null,
+    loads: [],
+    trace: { ...firstTrace, filter: trace.filter, file: trace.file },
+    plots: { ...firstPlots, every: plots.every },
+    view: { ...view, frame: null, marks: [], zero: null },
+  };
+}
+
 function dataOf(snapshot: Snapshot): Data {
   const { seq, machine, buses, slots, events, questions, time_s, verbs, lock, role, world = null } = snapshot;
   const tokenFile = snapshot.token_file ?? "";
   return {
     seq,
+    start: snapshot.start ?? "",
     machine,
     buses,
     slots,
@@ -162,19 +186,20 @@ function mergedEvents(events: Event[], news: Event[] | undefined): Event[] {
   return news?.length ? [...events, ...news].slice(-MOST_EVENTS) : events;
 }
 
-/** Of a watched object the last reading only: the others would push out what a person asked for. */
+/** Of what is read again and again the last reading only: the others would push out what a person asked for. */
 function keptRequests(requests: Sent[], owner: string): Sent[] {
-  const kept = owner.startsWith("watch:") ? requests.filter((sent) => sent.owner !== owner || !sent.done) : requests;
+  const kept = /^(watch|look):/.test(owner) ? requests.filter((sent) => sent.owner !== owner || !sent.done) : requests;
   return kept.slice(1 - MOST_REQUESTS);
 }
 
 function pending(action: { id: string; verb: string; values: Record<string, string>; owner: string }): Sent {
   const { id, verb, values, owner } = action;
-  return { id, verb, values, owner, done: false, status: 0, reply: null, lines: [], error: "" };
+  return { id, verb, values, owner, done: false, status: 0, answeredS: 0, reply: null, lines: [], error: "" };
 }
 
-function answered(requests: Sent[], id: string, answer: Partial<Sent>): Sent[] {
-  return requests.map((sent) => (sent.id === id ? { ...sent, ...answer, done: true } : sent));
+function withAnswer(state: State, id: string, answer: Partial<Sent>): State {
+  const answered = { ...answer, done: true, answeredS: state.data.time };
+  return { ...state, requests: state.requests.map((sent) => (sent.id === id ? { ...sent, ...answered } : sent)) };
 }
 
 function withLoads(loads: State["loads"], rates: Rates, now: number): State["loads"] {

@@ -13,11 +13,13 @@ import type {
 } from "../protocol/messages";
 import type { DictionaryAction, DictionaryState } from "../panes/dictionary/reducer";
 import type { DoctorAction, DoctorState } from "../panes/doctor/reducer";
-import type { MachineState } from "../panes/machine/reducer";
+import type { MachineAction, MachineState } from "../panes/machine/reducer";
 import type { NetworkAction, NetworkState } from "../panes/network/reducer";
 import type { PlotsAction, PlotsState } from "../panes/plots/reducer";
+import type { SignalsAction, SignalsState } from "../panes/plots/signals";
 import type { SlotsAction, SlotsState } from "../panes/slots/reducer";
 import type { TraceAction, TraceState } from "../panes/trace/reducer";
+import type { WorldAction, WorldState } from "../panes/world/reducer";
 import type { View } from "./view";
 
 export type Connection =
@@ -47,6 +49,8 @@ export interface Sent {
   owner: string;
   done: boolean;
   status: number;
+  /** The bus time when its answer came. */
+  answeredS: number;
   reply: unknown;
   lines: string[];
   error: string;
@@ -55,6 +59,8 @@ export interface Sent {
 export interface Data {
   /** -1: no snapshot yet */
   seq: number;
+  /** Which start of the server this is. */
+  start: string;
   machine: Machine;
   buses: Bus[];
   slots: Slot[];
@@ -73,6 +79,7 @@ export interface Data {
 
 export interface Window {
   palette: boolean;
+  help: boolean;
   eventsOpen: boolean;
   treeOpen: boolean;
   inspectorOpen: boolean;
@@ -98,7 +105,9 @@ export interface State {
   dictionary: DictionaryState;
   network: NetworkState;
   plots: PlotsState;
+  signals: SignalsState;
   doctor: DoctorState;
+  world: WorldState;
 }
 
 export type Action =
@@ -111,7 +120,10 @@ export type Action =
   | { type: "window"; change: Partial<Window> }
   | SlotsAction
   | TraceAction
+  | MachineAction
   | DictionaryAction
   | NetworkAction
   | PlotsAction
-  | DoctorAction;
+  | SignalsAction
+  | DoctorAction
+  | WorldAction;

@@ -1,9 +1,11 @@
 import { useEffect } from "react";
+import { usePlant } from "../panes/world/looking";
 import { PaneBody, PaneTabs, usePanes } from "./Panes";
 import { ConfirmDialog } from "./Confirm";
 import { useData, useStudio } from "./context";
 import { Events } from "./Events";
-import { Inspector } from "./Inspector";
+import { Help } from "./Help";
+import { Inspector, useInspected } from "./Inspector";
 import { useKeys } from "./keys";
 import { Palette } from "./Palette";
 import { TokenPage } from "./TokenPage";
@@ -16,7 +18,9 @@ export function App() {
   );
   const { store } = useStudio();
   const panes = usePanes();
+  const inspected = useInspected();
   useKeys();
+  usePlant(view.pane);
   // A pane that this server cannot fill is not shown: the first one is, instead.
   const first = panes[0]?.name;
   const shown = seq < 0 || panes.some((pane) => pane.name === view.pane);
@@ -28,7 +32,7 @@ export function App() {
   }, [window_.theme]);
 
   if (phase === "no-token" || phase === "refused") return <TokenPage refused={phase === "refused"} />;
-  const classes = ["window", window_.treeOpen ? "" : "no-tree", window_.inspectorOpen ? "" : "no-inspector"];
+  const classes = ["window", window_.treeOpen ? "" : "no-tree", inspected ? "" : "no-inspector"];
   return (
     <div className={classes.filter(Boolean).join(" ")}>
       <TopBar />
@@ -37,9 +41,10 @@ export function App() {
         <PaneTabs />
         <PaneBody />
       </main>
-      {window_.inspectorOpen && <Inspector />}
+      {inspected && <Inspector />}
       <Events />
       {window_.palette && <Palette />}
+      {window_.help && <Help />}
       <ConfirmDialog />
       <p className="unseen" role="status">
         {window_.notice}

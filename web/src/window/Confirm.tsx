@@ -2,7 +2,7 @@ import { useEffect, useRef } from "react";
 import { CommandLine } from "../parts/Act";
 import { sendAll, useData, useStudio } from "./context";
 
-/** The only dialog: before something that can move a real machine. */
+/** Before something that can move a real machine. */
 export function ConfirmDialog() {
   const studio = useStudio();
   const { store } = studio;
@@ -28,7 +28,7 @@ export function ConfirmDialog() {
       {first && (
         <>
           <h2>This can move the machine</h2>
-          <p>Look that nobody stands in its way. Then send it.</p>
+          <p>Make sure that nobody is in its way. Then send it.</p>
           <CommandLine verb={first.verb} values={first.shown} />
           {asks.length > 1 && <p>The same for {asks.length - 1} more devices.</p>}
           <div className="row">

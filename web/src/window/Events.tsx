@@ -1,23 +1,28 @@
 import { useVirtualizer } from "@tanstack/react-virtual";
 import { useEffect, useRef } from "react";
-import { inNeed } from "../panes/slots/reducer";
-import { visible } from "../protocol/text";
+import { deviceKey, inNeedOf, straysOf } from "../panes/machine/strays";
+import type { Event } from "../protocol/messages";
+import { LSS_ADDRESS, visible } from "../protocol/text";
 import { slotKey } from "../store/keys";
 import { useData, useStudio, useView } from "./context";
 
 export function Events() {
   const { store } = useStudio();
   const [view, setView] = useView();
-  const [slots, open, last] = useData(
-    (state) => [state.data.slots, state.window.eventsOpen, state.data.events[state.data.events.length - 1]] as const,
-  );
-  const needy = inNeed(slots);
+  const [needing, open, last] = useData((state) => {
+    const { events } = state.data;
+    return [inNeedOf(state).length, state.window.eventsOpen, events[events.length - 1]] as const;
+  });
   // Each press goes on to the next one.
   const next = () => {
-    const at = needy.findIndex((slot) => slotKey(slot) === view.slot);
-    const slot = needy[(at + 1) % needy.length];
-    if (!slot) return;
-    setView({ slot: slotKey(slot), pane: "slots" });
+    const needy = inNeedOf(store.get());
+    const at = needy.findIndex(({ slot, device }) =>
+      slot ? slotKey(slot) === view.slot : deviceKey(device) === view.device,
+    );
+    const one = needy[(at + 1) % needy.length];
+    if (!one) return;
+    if (one.slot) setView({ slot: slotKey(one.slot), pane: "slots" });
+    else setView({ device: deviceKey(one.device), pane: "machine" });
     store.dispatch({ type: "window", change: { inspectorOpen: true } });
   };
   return (
@@ -30,9 +35,9 @@ export function Events() {
         >
           Events {open ? "▾" : "▴"}
         </button>
-        {needy.length > 0 ? (
+        {needing > 0 ? (
           <button type="button" className="need" onClick={next}>
-            ▲ {needy.length} {needy.length === 1 ? "needs" : "need"} somebody
+            ▲ {needing} {needing === 1 ? "needs" : "need"} somebody
           </button>
         ) : (
           <span className="quiet">nothing needs you</span>
@@ -49,7 +54,14 @@ export function Events() {
 }
 
 function EventList() {
+  const { store } = useStudio();
   const [view, setView] = useView();
+  /** The device without a slot that an event names. */
+  const chooseDevice = (event: Event) => {
+    const address = LSS_ADDRESS.exec(event.text)?.[0].toUpperCase();
+    const device = straysOf(store.get()).find((each) => each.bus === event.bus && each.address === address);
+    if (device) setView({ device: deviceKey(device) });
+  };
   const [events, slots] = useData((state) => [state.data.events, state.data.slots] as const);
   const scroller = useRef<HTMLDivElement>(null);
   const rows = useVirtualizer({
@@ -80,7 +92,7 @@ function EventList() {
               key={row.index}
               className={`event kind-${event.kind.replace(/\W+/g, "-")} ${dim ? "dim" : ""}`}
               style={{ transform: `translateY(${row.start}px)` }}
-              onClick={() => key && setView({ slot: key })}
+              onClick={() => (key ? setView({ slot: key }) : chooseDevice(event))}
             >
               <span className="number">{event.at_s.toFixed(3)} s</span>
               <span>{visible(event.bus)}</span>

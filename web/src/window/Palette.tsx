@@ -1,69 +1,61 @@
-import { useEffect, useRef, useState, type KeyboardEvent } from "react";
+import { useEffect, useMemo, useRef, useState, type KeyboardEvent } from "react";
 import { visible } from "../protocol/text";
-import { slotKey } from "../store/keys";
-import { useData, useStudio } from "./context";
+import { act, useData, useStudio, type Studio } from "./context";
+import { entriesOf, found as foundBy, type Entry } from "./entries";
 import { usePanes } from "./Panes";
 
-interface Entry {
-  title: string;
-  hint: string;
-  run: () => void;
-}
-
-const MOST_ENTRIES = 40;
-
+/** What there is while the list is open; not the frames, which come all the time. */
 function useEntries(): Entry[] {
   const { store } = useStudio();
   const panes = usePanes();
-  const [slots, verbs] = useData((state) => [state.data.slots, state.data.verbs] as const);
-  const view = (change: Parameters<typeof store.dispatch>[0] & { type: "view" }) => () => store.dispatch(change);
-  return [
-    ...panes.map((pane, i) => ({
-      title: pane.title,
-      hint: `pane, Alt ${i + 1}`,
-      run: view({ type: "view", change: { pane: pane.name } }),
-    })),
-    ...slots.map((slot) => ({
-      title: slot.name,
-      hint: `slot ${slotKey(slot)}, ${slot.state}`,
-      run: view({ type: "view", change: { slot: slotKey(slot) } }),
-    })),
-    ...verbs.map((verb) => ({
-      title: verb.name,
-      hint: verb.help,
-      run: () => {
-        store.dispatch({ type: "network/verb", verb: verb.name });
-        store.dispatch({ type: "view", change: { pane: "network" } });
-      },
-    })),
-    {
-      title: "Pause or go on with the trace",
-      hint: "P",
-      run: () => store.dispatch({ type: "trace/pause", paused: !store.get().trace.paused }),
-    },
-  ];
+  const parts = useData(
+    ({ data, machine, dictionary, world, view }) =>
+      [
+        data.slots,
+        data.verbs,
+        data.questions,
+        data.role,
+        data.lock,
+        machine,
+        dictionary.objects,
+        world,
+        view.slot,
+      ] as const,
+  );
+  return useMemo(() => (parts ? entriesOf(store.get(), panes) : []), [store, panes, parts]);
+}
+
+function copyLink({ store }: Studio) {
+  void navigator.clipboard.writeText(window.location.href).then(() => {
+    store.dispatch({ type: "window", change: { notice: "The link is copied." } });
+  });
 }
 
 export function Palette() {
-  const { store } = useStudio();
+  const studio = useStudio();
+  const { store } = studio;
   const entries = useEntries();
   const [text, setText] = useState("");
   const [at, setAt] = useState(0);
   const dialog = useRef<HTMLDialogElement>(null);
   useEffect(() => dialog.current?.showModal(), []);
   const close = () => store.dispatch({ type: "window", change: { palette: false } });
-  const words = text.toLowerCase().split(/\s+/).filter(Boolean);
-  const found = entries
-    .filter((entry) => words.every((word) => `${entry.title} ${entry.hint}`.toLowerCase().includes(word)))
-    .slice(0, MOST_ENTRIES);
+  const state = store.get();
+  const found = foundBy(entries, text, state);
   const run = (entry: Entry | undefined) => {
     close();
-    entry?.run();
+    if (!entry) return;
+    if (entry.view) store.dispatch({ type: "view", change: entry.view });
+    for (const action of entry.actions ?? []) store.dispatch(action);
+    if (entry.asks) act(studio, entry.asks);
+    if (entry.copiesLink) copyLink(studio);
   };
   const onKey = (event: KeyboardEvent) => {
     if (event.key === "ArrowDown") setAt(Math.min(found.length - 1, at + 1));
     else if (event.key === "ArrowUp") setAt(Math.max(0, at - 1));
     else if (event.key === "Enter") run(found[at]);
+    // The browser tells of a closed dialog later than of the next key: Ctrl K would find it open and close it again.
+    else if (event.key === "Escape") close();
     else return;
     event.preventDefault();
   };
@@ -72,7 +64,7 @@ export function Palette() {
       <input
         autoFocus
         value={text}
-        placeholder="Pane, slot or command"
+        placeholder="Pane, slot, device, object or act"
         role="combobox"
         aria-expanded="true"
         aria-controls="found"
@@ -101,6 +93,13 @@ export function Palette() {
           </li>
         ))}
       </ul>
+      {!found.length && (
+        <p className="hint" role="status">
+          Nothing is found for “{visible(text.trim())}”. Type a pane (Trace), a slot or device (its name, node-ID or
+          serial number), an object (1018h:04, or a word of one that was read), a service (nmt, backup, firmware), or an
+          act of a simulated world (unplug, pause). Frames are found by the trace&apos;s filter.
+        </p>
+      )}
     </dialog>
   );
 }

@@ -1,4 +1,4 @@
-import type { ComponentType, KeyboardEvent } from "react";
+import { useMemo, type ComponentType, type KeyboardEvent } from "react";
 import { Dictionary } from "../panes/dictionary/Dictionary";
 import { Doctor } from "../panes/doctor/Doctor";
 import { Machine } from "../panes/machine/Machine";
@@ -11,9 +11,13 @@ import type { Data } from "../store/state";
 import type { Pane } from "../store/view";
 import { useData, useView } from "./context";
 
-interface PaneEntry {
+export interface PaneEntry {
   name: Pane;
   title: string;
+  /** What it is for, in a line. */
+  about: string;
+  /** Other words by which "Find or do" finds it. */
+  words: string;
   component: ComponentType;
   /** Whether this server can fill it. */
   there: (data: Data) => boolean;
@@ -23,24 +27,75 @@ const has = (verb: string) => (data: Data) => data.verbs.some((entry) => entry.n
 
 /** The table of panes: a new one is a folder and a line here. */
 const table: PaneEntry[] = [
-  { name: "machine", title: "Machine", component: Machine, there: () => true },
-  { name: "slots", title: "Slots", component: Slots, there: () => true },
+  {
+    name: "machine",
+    title: "Machine",
+    about: "Buses, slots and devices as a drawing; load; what the search for devices has found.",
+    words: "bus cable topology discovery address load gateway",
+    component: Machine,
+    there: () => true,
+  },
+  {
+    name: "slots",
+    title: "Slots",
+    about: "The state of each slot, its device, what is wrong; replace a device.",
+    words: "table replace spare reason serial number emcy history",
+    component: Slots,
+    there: () => true,
+  },
   {
     name: "dictionary",
     title: "Dictionary",
+    about: "The objects of the selected device: read, search, write, compare, watch; notes.",
+    words: "object sdo read write note index differences defaults",
     component: Dictionary,
     there: has("sdo dump"),
   },
-  { name: "network", title: "Network access", component: Network, there: has("scan") },
-  { name: "trace", title: "Trace", component: Trace, there: () => true },
-  { name: "plots", title: "Plots", component: Plots, there: () => true },
-  { name: "doctor", title: "Doctor", component: Doctor, there: has("doctor") },
-  { name: "world", title: "World", component: World, there: (data) => data.machine.simulated },
+  {
+    name: "network",
+    title: "Network access",
+    about: "Boot log, backup and restore, and a form for each service: scan, NMT, LSS, programs.",
+    words: "backup restore dcf firmware program update nmt lss scan boot service",
+    component: Network,
+    there: has("scan"),
+  },
+  {
+    name: "trace",
+    title: "Trace",
+    about: "Frames and errors as they come, with their meaning; filter, markers, export; open a log.",
+    words: "frames filter log candump pcapng export record error marker bits",
+    component: Trace,
+    there: () => true,
+  },
+  {
+    name: "plots",
+    title: "Plots",
+    about: "Signals of PDOs, load, heartbeat intervals and watched objects over time; export.",
+    words: "signals chart export csv watch heartbeat load pdo link",
+    component: Plots,
+    there: () => true,
+  },
+  {
+    name: "doctor",
+    title: "Doctor",
+    about: "What is wrong on the buses, how surely, what to do; examines a device by CiA 301.",
+    words: "diagnose errors findings conformance test",
+    component: Doctor,
+    there: has("doctor"),
+  },
+  {
+    name: "world",
+    title: "World",
+    about: "Of a simulated machine: pause and speed; unplug, damage, slow or deaf devices; cut cables.",
+    words: "simulation plug unplug power fault cable cut time pause step speed",
+    component: World,
+    there: (data) => data.machine.simulated,
+  },
 ];
 
 export function usePanes(): PaneEntry[] {
   const names = useData((state) => table.filter((entry) => entry.there(state.data)).map((entry) => entry.name));
-  return table.filter((entry) => names.includes(entry.name));
+  return useMemo(() => table.filter((entry) => names.includes(entry.name)), [names]);
 }
 
 export function PaneTabs() {

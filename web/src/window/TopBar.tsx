@@ -1,6 +1,8 @@
+import { commandLine } from "../protocol/command";
 import { visible } from "../protocol/text";
 import type { Connection, Window } from "../store/state";
-import { useData, useStudio } from "./context";
+import { barrier } from "../store/barrier";
+import { act, useData, useStudio } from "./context";
 
 const themes: Record<Window["theme"], Window["theme"]> = { system: "light", light: "dark", dark: "system" };
 
@@ -45,10 +47,21 @@ export function TopBar() {
       )}
       {leftOut > 0 && <span className="hint">slow connection: {leftOut} frames not sent here</span>}
       <span className="space" />
+      <WorldPaused />
       <RoleMark />
       <Lock />
       <button type="button" className="find" onClick={() => set({ palette: true })}>
-        <span>Find or do</span> <kbd>Ctrl K</kbd>
+        <span>Find or do</span> <kbd className="by-key">Ctrl K</kbd>
+      </button>
+      <button
+        type="button"
+        className="icon"
+        aria-label="Help"
+        title="Help: ?"
+        aria-haspopup="dialog"
+        onClick={() => set({ help: true })}
+      >
+        ?
       </button>
       <button
         type="button"
@@ -82,6 +95,33 @@ function RoleMark() {
       title="The address that you opened has this role. Who started Studio has those of the others."
     >
       role: {role}
+    </span>
+  );
+}
+
+/** While time stands nothing answers, whatever pane one looks at. */
+function WorldPaused() {
+  const studio = useStudio();
+  const [paused, why, command] = useData((state) => {
+    const { world, verbs, machine } = state.data;
+    return [
+      world?.paused ?? false,
+      barrier(state, "world run"),
+      commandLine("world run", {}, verbs, machine.file),
+    ] as const;
+  });
+  if (!paused) return null;
+  return (
+    <span className="lock" role="status">
+      <span className="lock-open">▮▮ the world is paused</span>
+      <button
+        type="button"
+        disabled={why !== null}
+        title={why ?? command}
+        onClick={() => act(studio, [{ verb: "world run", values: {}, owner: "world" }])}
+      >
+        Run the world
+      </button>
     </span>
   );
 }

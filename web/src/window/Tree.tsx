@@ -1,7 +1,9 @@
 import type { KeyboardEvent } from "react";
 import { StateMark } from "../parts/StateMark";
-import { count, visible } from "../protocol/text";
+import { deviceKey, deviceName, straysOf, whyWords } from "../panes/machine/strays";
+import { addressWords, count, visible } from "../protocol/text";
 import type { Slot } from "../protocol/messages";
+import { isHeard } from "../store/beneath";
 import { slotKey } from "../store/keys";
 import { useData, useView } from "./context";
 
@@ -12,14 +14,18 @@ export function Tree() {
       {buses.map((bus) => {
         const rate = rates?.buses.find((entry) => entry.bus === bus.name);
         const below = bus.beneath ? `beneath ${bus.beneath.bus}/${bus.beneath.slot}` : "";
+        const rated = `${count(bus.bit_rate / 1000)} kbit/s`;
         return (
           <section key={bus.name} className={bus.beneath ? "beneath" : ""}>
-            <h2 title={`${bus.port}, ${bus.role}${below && `, ${below}`}`}>
+            <h2 title={`${rated}, ${bus.port}, ${bus.role}${below && `, ${below}`}`}>
               {visible(bus.name)}
-              <span className="quiet">{count(bus.bit_rate / 1000)} kbit/s</span>
-              {rate && <span className="quiet load">{(rate.load * 100).toFixed(0)} %</span>}
+              {isHeard(bus) && <span className="quiet">{rated}</span>}
+              {rate && (
+                <span className="quiet load">{isHeard(bus) ? `${(rate.load * 100).toFixed(0)} %` : "not heard"}</span>
+              )}
             </h2>
             <SlotList slots={slots.filter((slot) => slot.bus === bus.name)} />
+            <StrayList bus={bus.name} />
           </section>
         );
       })}
@@ -34,6 +40,41 @@ function moveFocus(event: KeyboardEvent<HTMLElement>) {
   const buttons = [...document.querySelectorAll<HTMLButtonElement>(".tree li button")];
   const at = buttons.indexOf(document.activeElement as HTMLButtonElement);
   buttons[Math.max(0, Math.min(buttons.length - 1, at + step))]?.focus();
+}
+
+/** Devices on the bus that no slot has. */
+function StrayList({ bus }: { bus: string }) {
+  const [view, setView] = useView();
+  const strays = useData(straysOf).filter((device) => device.bus === bus);
+  if (!strays.length) return null;
+  return (
+    <>
+      <h3 className="quiet">Without a slot</h3>
+      <ul onKeyDown={moveFocus}>
+        {strays.map((device) => {
+          const key = deviceKey(device);
+          const { type, serial } = addressWords(device.address);
+          return (
+            <li key={key}>
+              <button
+                type="button"
+                aria-pressed={key === view.device}
+                aria-label={`${deviceName(device)}, without a slot: ${whyWords(device)}`}
+                title={whyWords(device)}
+                onClick={() => setView({ device: key === view.device ? "" : key })}
+              >
+                <span className="node-id">–</span>
+                <span className="stray-name">
+                  {type}, <span className="quiet">serial</span> {serial}
+                </span>
+                <StateMark state="question" />
+              </button>
+            </li>
+          );
+        })}
+      </ul>
+    </>
+  );
 }
 
 function SlotList({ slots }: { slots: Slot[] }) {

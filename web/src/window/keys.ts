@@ -1,5 +1,6 @@
 import { useEffect } from "react";
-import { markChange } from "../panes/trace/reducer";
+import { choose } from "../panes/trace/listed";
+import { listedOf, markChange } from "../panes/trace/reducer";
 import { useStudio } from "./context";
 import { usePanes } from "./Panes";
 
@@ -21,24 +22,28 @@ export function useKeys(): void {
         return;
       }
       const writing = event.target instanceof HTMLElement && /^(INPUT|TEXTAREA|SELECT)$/.test(event.target.tagName);
-      if (writing || event.ctrlKey || event.metaKey || event.altKey) return;
+      // A dialog has its own keys.
+      const dialog = document.querySelector("dialog[open]") !== null;
+      if (writing || dialog || event.ctrlKey || event.metaKey || event.altKey) return;
+      if (event.key === "?") store.dispatch({ type: "window", change: { help: true } });
       if (event.key === "/") {
         const search = document.querySelector<HTMLInputElement>("#pane input[type=search]");
         if (search) event.preventDefault();
         search?.focus();
       }
-      if (event.key === "p" && store.get().view.pane === "trace") {
+      if (event.key === "p" && store.get().view.pane === "trace" && !store.get().trace.file) {
         store.dispatch({ type: "trace/pause", paused: !store.get().trace.paused });
       }
       const { view } = store.get();
       if (event.key === "p" && view.pane === "plots") {
         store.dispatch({ type: "plots/pause", paused: !store.get().plots.paused });
       }
-      if (event.key === "m" && view.pane === "trace" && view.frame !== null) {
-        store.dispatch({ type: "view", change: markChange(view, view.frame) });
+      const { picked } = listedOf(store.get());
+      if (event.key === "m" && view.pane === "trace" && picked.frame !== null) {
+        choose(store, markChange(picked, picked.frame));
       }
-      if (event.key === "Escape" && !store.get().window.palette) {
-        store.dispatch({ type: "view", change: { slot: "", frame: null, object: "" } });
+      if (event.key === "Escape") {
+        choose(store, { slot: "", device: "", frame: null, object: "" });
       }
     };
     window.addEventListener("keydown", onKey);

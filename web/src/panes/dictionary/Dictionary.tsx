@@ -5,6 +5,7 @@ import { Check } from "../../parts/Bar";
 import { visible } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
 import { useData, useStudio, useView } from "../../window/context";
+import { useHeight, useInSight } from "../../window/inSight";
 import { watchKey } from "../plots/reducer";
 import { useWatching } from "../plots/watching";
 import { objectNamed, searched, type ObjectRow } from "./reducer";
@@ -81,14 +82,14 @@ function Objects({ rows }: { rows: readonly ObjectRow[] }) {
     estimateSize: () => 24,
     overscan: 8,
   });
+  const chosen = found.findIndex((row) => row.key === view.object);
+  useInSight(list, useHeight(scroller), chosen);
   const onKey = (event: KeyboardEvent) => {
     const step = event.key === "ArrowDown" ? 1 : event.key === "ArrowUp" ? -1 : 0;
     if (!step) return;
     event.preventDefault();
-    const at = found.findIndex((row) => row.key === view.object);
-    const row = found[at + step];
+    const row = found[chosen + step];
     if (row) setView({ object: row.key });
-    if (row) list.scrollToIndex(at + step);
   };
   const again = () => slot && socket.request("sdo dump", { bus: slot.bus, node: slot.name }, `dictionary:${view.slot}`);
   return (
@@ -145,6 +146,7 @@ function Objects({ rows }: { rows: readonly ObjectRow[] }) {
                 <span className="quiet">{row.type}</span>
                 <span className={row.abort ? "bad-text" : "number"}>
                   {visible(row.abort || row.value || row.bytes)}
+                  {row.meaning && <span className="quiet"> {visible(row.meaning)}</span>}
                 </span>
                 <span className={row.differs ? "number unlike" : "number quiet"}>
                   {row.differs && "≠ "}

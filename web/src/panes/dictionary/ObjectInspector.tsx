@@ -6,6 +6,7 @@ import { slotKey } from "../../store/keys";
 import { barrier } from "../../store/barrier";
 import { act, useData, useStudio } from "../../window/context";
 import { WatchButton } from "../plots/Watch";
+import { NamedValues, NoteEditor, NoteTables } from "./NoteEditor";
 import { idsNamed, limitsOf, wrongFor, type ObjectRow } from "./reducer";
 
 export function ObjectInspector({ slot, object }: { slot: Slot; object: string }) {
@@ -16,6 +17,8 @@ export function ObjectInspector({ slot, object }: { slot: Slot; object: string }
     return [objects[key]?.find((entry) => entry.key === object), draft, devices] as const;
   });
   const last = useLastOf(owner);
+  // That of another object, or of all, is not told here.
+  const mine = last?.values.object === object ? last : undefined;
   const writes = draft !== "" && wrongFor(row?.type ?? "", draft) === "";
   const target = { bus: slot.bus, node: slot.name, object };
   return (
@@ -23,8 +26,9 @@ export function ObjectInspector({ slot, object }: { slot: Slot; object: string }
       <h2>
         {object} {visible(row?.name ?? "")}
       </h2>
-      {row?.note && <p className="reason">{visible(row.note)}</p>}
+      {row?.note?.text && <p className="reason">{visible(row.note.text)}</p>}
       {row && <RowFacts row={row} />}
+      {row && <NoteTables row={row} />}
       <div className="row">
         <WatchButton slot={key} object={object} />
       </div>
@@ -36,7 +40,8 @@ export function ObjectInspector({ slot, object }: { slot: Slot; object: string }
       )}
       {writes && devices !== "" && <WriteSeveral slot={slot} object={object} value={draft} devices={devices} />}
       <SeriesAnswer />
-      {last?.verb !== "sdo dump" && <Answer sent={last} />}
+      <Answer sent={mine} />
+      <NoteEditor slot={slot} object={object} />
     </section>
   );
 }
@@ -70,6 +75,7 @@ function Editor({ row }: { row: ObjectRow | undefined }) {
           onChange={(event) => set(event.target.value)}
         />
       </label>
+      {row?.note && <NamedValues note={row.note} draft={draft} onPick={set} />}
       {limits && (
         <p id="value-limits" className={wrong ? "bad-text" : "hint"}>
           {wrong || `${String(limits[0])} to ${String(limits[1])}, or hexadecimal: 0x1F4`}

@@ -50,8 +50,8 @@ describe("the dictionary", () => {
   it("says what an object is and what its value means", () => {
     const told = { ...object("0x6041", 0, 0x27), note: { text: "State of the drive" }, meaning: "operation enabled" };
     const [row] = rowsOf({ objects: [told] });
-    expect(row).toMatchObject({ note: "State of the drive", meaning: "operation enabled" });
-    expect(rowsOf({ objects: [object("0x6041", 0, 1)] })[0]).toMatchObject({ note: "", meaning: "" });
+    expect(row).toMatchObject({ note: { text: "State of the drive", scale: 1 }, meaning: "operation enabled" });
+    expect(rowsOf({ objects: [object("0x6041", 0, 1)] })[0]).toMatchObject({ note: null, meaning: "" });
     expect(searched(rowsOf({ objects: [told] }), "enabled")).toHaveLength(1);
   });
   it("takes what a writing to several devices answers to each of them", () => {

@@ -1,4 +1,6 @@
-import type { Action, State } from "../../store/state";
+import type { Action, Sent, State } from "../../store/state";
+import type { View } from "../../store/view";
+import { draftOf, nameOf, noteOf, quantityOf, type Note, type NoteDraft } from "./note";
 
 export interface ObjectRow {
   /** "1018h:04" */
@@ -9,9 +11,12 @@ export interface ObjectRow {
   bytes: string;
   /** Why it could not be read. */
   abort: string;
-  /** What the object is, and what the value means: by its description or its notes; empty: not known. */
-  note: string;
+  /** What is known of the object; null: nothing. */
+  note: Note | null;
+  /** What the value means, by the description or the notes; empty: not known. */
   meaning: string;
+  /** What of it does not come from the note. */
+  own: string;
   /** What the description and the slot's file say; empty: nothing. */
   usual: string;
   configured: string;
@@ -36,6 +41,8 @@ export interface DictionaryState {
   devices: string;
   /** The last writing to several devices. */
   series: Series | null;
+  /** The note that is edited. */
+  note: NoteDraft | null;
 }
 
 export interface Series {
@@ -51,6 +58,7 @@ export type DictionaryAction =
   | { type: "dictionary/other"; only: boolean }
   | { type: "dictionary/draft"; draft: string }
   | { type: "dictionary/devices"; devices: string }
+  | { type: "dictionary/note"; change: Partial<NoteDraft> }
   | { type: "dictionary/series"; series: Series };
 
 export const firstDictionary: DictionaryState = {
@@ -63,6 +71,7 @@ export const firstDictionary: DictionaryState = {
   draft: "",
   devices: "",
   series: null,
+  note: null,
 };
 
 export function dictionaryReducer(dictionary: DictionaryState, action: Action, state: State): DictionaryState {
@@ -81,8 +90,13 @@ export function dictionaryReducer(dictionary: DictionaryState, action: Action, s
       return { ...dictionary, devices: action.devices };
     case "dictionary/series":
       return { ...dictionary, series: action.series };
-    case "view":
-      return action.change.object === undefined ? dictionary : { ...dictionary, draft: "", devices: "", series: null };
+    case "dictionary/note":
+      return dictionary.note ? { ...dictionary, note: { ...dictionary.note, ...action.change } } : dictionary;
+    case "view": {
+      const moves = action.change.object !== undefined || action.change.slot !== undefined;
+      const left = moves ? { ...dictionary, note: null } : dictionary;
+      return action.change.object === undefined ? left : { ...left, draft: "", devices: "", series: null };
+    }
     case "message":
       if (action.message.type === "change") return withWritten(dictionary, action.message.written ?? []);
       return action.message.type === "reply" ? withReply(dictionary, action.message.id, state) : dictionary;
@@ -94,11 +108,36 @@ export function dictionaryReducer(dictionary: DictionaryState, action: Action, s
 /** `sdo dump` replaces all objects of a slot; `sdo read` and `sdo write` change those that they name. */
 function withReply(dictionary: DictionaryState, id: string, state: State): DictionaryState {
   const sent = state.requests.find((entry) => entry.id === id);
+  if (sent?.verb.startsWith("note ") && sent.status === 0) return withNote(dictionary, sent, state.view);
   if (!sent?.verb.startsWith("sdo ") || sent.status !== 0) return dictionary;
   const slot = sent.owner.replace(/^(dictionary:|series \d+ )/, "").replace(/^watch:(.*) \S+$/s, "$1");
   if (slot === sent.owner) return dictionary;
   return withRows(dictionary, slot, rowsOf(sent.reply), sent.verb === "sdo dump");
 }
+
+/** The owner of a request about the note of an object, and what its draft is of. */
+export const noteOwner = (slot: string, object: string): string => `note:${slot} ${object}`;
+
+/** What is known of an object now, in its row and in the editor. */
+function withNote(dictionary: DictionaryState, sent: Sent, view: View): DictionaryState {
+  if (!sent.owner.startsWith("note:") || !isJson(sent.reply)) return dictionary;
+  const [slot = "", object = ""] = [sent.owner.slice(5, sent.owner.lastIndexOf(" ")), sent.owner.split(" ").at(-1)];
+  const known = noteOf(sent.reply.note);
+  const rows = dictionary.objects[slot]?.map((row) => (row.key === object ? noted(row, known) : row));
+  const objects = rows ? { ...dictionary.objects, [slot]: rows } : dictionary.objects;
+  const shown = view.slot === slot && view.object === object;
+  return { ...dictionary, objects, note: shown ? draftOf(sent.owner, sent.reply) : dictionary.note };
+}
+
+const noted = (row: ObjectRow, note: Note | null): ObjectRow => ({
+  ...row,
+  note,
+  meaning: meaningWith(row.value, row.own, note),
+});
+
+/** As the server puts it together: the quantity is the note's, and the object's own words come before its names. */
+const meaningWith = (value: string, own: string, note: Note | null): string =>
+  [note ? quantityOf(value, note) : "", own || (note ? nameOf(value, note) : "")].filter(Boolean).join(", ");
 
 /** What any client wrote, in the devices of which something is shown. */
 function withWritten(dictionary: DictionaryState, written: readonly unknown[]): DictionaryState {
@@ -143,10 +182,15 @@ function merged(old: readonly ObjectRow[], rows: readonly ObjectRow[]): ObjectRo
 /** `sdo read` and `sdo write` say less than `sdo dump`: what it said of default and file stays. */
 function again(row: ObjectRow, fresh: ObjectRow): ObjectRow {
   const { usual, configured, setting } = row;
+  const note = fresh.note ?? row.note;
+  const own = fresh.own || (fresh.value === row.value ? row.own : "");
   return {
     ...fresh,
     name: fresh.name || row.name,
     type: fresh.type || row.type,
+    note,
+    own,
+    meaning: meaningWith(fresh.value, own, note),
     usual,
     configured,
     setting,
@@ -188,14 +232,19 @@ function rowOf(object: Json): ObjectRow {
     .toString(16)
     .toUpperCase()
     .padStart(2, "0");
+  const value = textOf(object.value ?? object.time);
+  const note = noteOf(object.note);
+  const meaning = textOf(object.meaning);
+  const own = note && meaning === nameOf(value, note) ? "" : meaning;
   return {
     key: `${index}h:${sub}`,
     name: textOf(object.name),
     type: textOf(object.type),
-    value: textOf(object.value ?? object.time),
+    value,
     bytes: textOf(object.bytes),
-    note: isJson(object.note) ? textOf(object.note.text) : "",
-    meaning: [object.quantity, object.meaning].map(textOf).filter(Boolean).join(", "),
+    note,
+    meaning: [textOf(object.quantity), meaning].filter(Boolean).join(", "),
+    own,
     usual: textOf(object.default),
     configured: textOf(object.configured),
     setting: typeof object.differs === "boolean",

@@ -2,6 +2,7 @@ import { useEffect, useRef } from "react";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { visible } from "../../protocol/text";
+import { isHeard } from "../../store/beneath";
 import { useData } from "../../window/context";
 
 /** Load of each bus over the last minute. */
@@ -9,7 +10,9 @@ export function LoadPlot({ width }: { width: number }) {
   const box = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | null>(null);
   const [loads, buses] = useData((state) => [state.loads, state.data.buses] as const);
-  const names = buses.map((bus) => bus.name).join("\n");
+  const heard = buses.filter(isHeard);
+  const names = heard.map((bus) => bus.name).join("\n");
+  const at = buses.flatMap((bus, i) => (isHeard(bus) ? [i] : [])).join(" ");
   const there = loads.length > 1;
   useEffect(() => {
     if (!box.current || !there) return;
@@ -23,10 +26,10 @@ export function LoadPlot({ width }: { width: number }) {
         height: 118,
         legend: { show: false },
         cursor: { show: false },
-        scales: { x: { time: false }, y: { range: [0, 100] } },
+        scales: { x: { time: false, range: [-60, 0] }, y: { range: [0, 100] } },
         axes: [
           { ...axis, size: 30, values: (_, ticks) => ticks.map((t) => `${t} s`) },
-          { ...axis, size: 46, values: (_, ticks) => ticks.map((t) => `${t} %`) },
+          { ...axis, size: 56, values: (_, ticks) => ticks.map((t) => `${t} %`) },
         ],
         series: [
           {},
@@ -40,15 +43,14 @@ export function LoadPlot({ width }: { width: number }) {
   }, [width, names, there]);
   useEffect(() => {
     const last = loads[loads.length - 1]?.at ?? 0;
-    const count = names.split("\n").length;
-    const lines = Array.from({ length: count }, (_, i) => loads.map((point) => (point.loads[i] ?? 0) * 100));
+    const lines = at.split(" ").map((i) => loads.map((point) => (point.loads[Number(i)] ?? 0) * 100));
     plot.current?.setData([loads.map((point) => point.at - last), ...lines]);
-  }, [loads, names]);
+  }, [loads, names, at]);
   if (!there) return null;
   return (
     <section className="load-plot">
       <h2>
-        Load <span className="quiet">{buses.map((bus) => visible(bus.name)).join(", ")}, last minute</span>
+        Load <span className="quiet">{heard.map((bus) => visible(bus.name)).join(", ")}, last minute</span>
       </h2>
       <div ref={box} />
     </section>

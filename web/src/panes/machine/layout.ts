@@ -16,8 +16,9 @@ export interface BusLayout {
   /** y of each row of the line */
   lines: number[];
   places: Place[];
-  /** Of found devices that have no slot yet. */
+  /** Of devices without a slot: those of which Berth says why are boxes, the others squares beneath. */
   pool: Place;
+  squares: Place;
   top: number;
   height: number;
   perRow: number;
@@ -25,7 +26,12 @@ export interface BusLayout {
 }
 
 /** Boxes stand above and below the line by turns. */
-export function busLayout(slots: number, unnamed: number, width: number, top: number): BusLayout {
+export function busLayout(
+  slots: number,
+  { boxes, squares }: { boxes: number; squares: number },
+  width: number,
+  top: number,
+): BusLayout {
   const columns = Math.max(1, Math.floor((width - 2 * LEFT + BOX.gap) / (BOX.width + BOX.gap)));
   const perRow = columns * 2;
   const boxWidth = Math.min(MOST_WIDTH, Math.floor((width - 2 * LEFT + BOX.gap) / columns) - BOX.gap);
@@ -39,9 +45,26 @@ export function busLayout(slots: number, unnamed: number, width: number, top: nu
     return { x: LEFT + column * (boxWidth + BOX.gap), y };
   });
   const under = (lines[rows - 1] ?? first) + 12 + BOX.height + 14;
-  const poolRows = unnamed ? Math.ceil(unnamed / Math.floor((width - 2 * LEFT) / POOL_STEP)) : 0;
-  const height = under - top + (poolRows ? 18 + poolRows * POOL_STEP : 0) + 10;
-  return { lines, places, pool: { x: LEFT, y: under + 18 }, top, height, perRow, boxWidth };
+  const squareRows = squares ? Math.ceil(squares / Math.floor((width - 2 * LEFT) / POOL_STEP)) : 0;
+  const boxRows = Math.ceil(boxes / columns) * (BOX.height + BOX.gap);
+  const pool = { x: LEFT, y: under + 18 };
+  const height = under - top + (boxRows || squareRows ? 18 + boxRows + squareRows * POOL_STEP : 0) + 10;
+  return { lines, places, pool, squares: { x: LEFT, y: pool.y + boxRows }, top, height, perRow, boxWidth };
+}
+
+export function poolBoxPlace({ pool, perRow, boxWidth }: BusLayout, i: number): Place {
+  const columns = perRow / 2;
+  return {
+    x: pool.x + (i % columns) * (boxWidth + BOX.gap),
+    y: pool.y + Math.floor(i / columns) * (BOX.height + BOX.gap),
+  };
+}
+
+/** Where the stubs of a column meet the line: column 0 has the first two slots. */
+export function columnPlace(layout: BusLayout, column: number): Place {
+  const columns = layout.perRow / 2;
+  const x = LEFT + (column % columns) * (layout.boxWidth + BOX.gap) + Math.round(layout.boxWidth / 2);
+  return { x, y: layout.lines[Math.floor(column / columns)] ?? layout.top };
 }
 
 const POOL_STEP = 20;

@@ -4,7 +4,7 @@ import type { Parameter, Verb } from "../../protocol/messages";
 import { visible } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
 import { useData, useStudio, useView } from "../../window/context";
-import { bootLetters } from "../slots/reducer";
+import { bootWords } from "../slots/reducer";
 import { BackupRestore } from "./BackupRestore";
 import { BACKUP, BOOT_LOG, bootStories, groupsOf, missingOf } from "./reducer";
 
@@ -129,9 +129,7 @@ function BootLog() {
             <button type="button" onClick={() => setView({ slot: slotKey(slot) })}>
               <StateMark state={slot.state} /> {slot.id} {visible(slot.name)}
             </button>
-            <span className="quiet">
-              {slot.boot ? `${slot.boot}: ${bootLetters[slot.boot] ?? ""}` : `${slot.state}, no error`}
-            </span>
+            <span className="quiet">{bootWords(slot) || `${slot.state}, no error`}</span>
           </h3>
           <ol className="story">
             {lines.map((event, i) => (

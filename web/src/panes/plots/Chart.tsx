@@ -1,4 +1,4 @@
-import { useEffect, useRef, useState } from "react";
+import { useEffect, useLayoutEffect, useRef, useState, type MouseEvent } from "react";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { visible } from "../../protocol/text";
@@ -7,6 +7,8 @@ import type { Point } from "./reducer";
 
 export interface Line {
   label: string;
+  /** Which colour and shape (`styleOf`); else by its place. */
+  style?: number;
   points: readonly Point[];
 }
 
@@ -47,6 +49,9 @@ function lastOf({ points }: Line): string {
 
 const HEIGHT = 150;
 
+/** A press as near as this to the mark means the mark: frames of the same pixel are not told apart otherwise. */
+const MARK_PIXELS = 3;
+
 function aligned(lines: readonly Line[], now: number): uPlot.AlignedData {
   const tables = lines.map(({ points }): uPlot.AlignedData => [
     points.map(([at]) => at - now),
@@ -63,10 +68,18 @@ interface ChartProps {
   span: number;
   /** Values that the axis has at least. */
   least?: readonly [number, number];
+  /** Seconds at the right edge; else the newest point's. */
+  end?: number;
+  /** Seconds of a line from top to bottom. */
+  mark?: number | null;
+  /** A value stands until the next. */
+  steps?: boolean;
+  /** A press into the plot: seconds, those of the mark where it was pressed. */
+  onPick?: (seconds: number) => void;
 }
 
 /** Lines over the last seconds. The legend is a list beside it, for those who see no colours, and for those who hear it. */
-export function Chart({ title, unit, lines, span, least }: ChartProps) {
+export function Chart({ title, unit, lines, span, least, end, mark, steps = false, onPick }: ChartProps) {
   const theme = useData((state) => state.window.theme);
   const box = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | null>(null);
@@ -78,33 +91,60 @@ export function Chart({ title, unit, lines, span, least }: ChartProps) {
     return () => observer.disconnect();
   }, []);
   const [low, high] = least ?? [Infinity, -Infinity];
-  const shape = `${lines.length} ${unit} ${span} ${low} ${high}`;
+  const styles = lines.map(({ style }, i) => style ?? i).join(",");
+  const shape = `${styles} ${unit} ${span} ${low} ${high}`;
+  // uPlot has its scales a microtask after it was made: before, nothing has a place in it.
+  const [drawn, setDrawn] = useState(false);
   useEffect(() => {
     if (!box.current || width < 80) return;
-    plot.current = new uPlot(optionsOf({ count: lines.length, unit, span, low, high, width }), [[]], box.current);
-    plot.current.setData(dataOf(lines));
+    plot.current = new uPlot(optionsOf({ styles, steps, unit, span, low, high, width }), [[]], box.current);
+    plot.current.setData(dataOf(lines, end));
+    let here = true;
+    queueMicrotask(() => here && setDrawn(true));
     return () => {
+      here = false;
+      setDrawn(false);
       plot.current?.destroy();
       plot.current = null;
     };
     // The lines themselves are given below: a new plot is made for another shape only.
     // eslint-disable-next-line react-hooks/exhaustive-deps
   }, [shape, width, theme]);
-  useEffect(() => plot.current?.setData(dataOf(lines)), [lines]);
+  useEffect(() => plot.current?.setData(dataOf(lines, end)), [lines, end]);
+  const now = endOf(lines, end);
+  const since = mark === null || mark === undefined ? null : mark - now;
+  const pick = (event: MouseEvent<HTMLDivElement>) => {
+    const over = plot.current?.over.getBoundingClientRect();
+    if (!plot.current || !over || !onPick) return;
+    const pressed = event.clientX - over.left;
+    const marked = since !== null && Math.abs(plot.current.valToPos(since, "x") - pressed) <= MARK_PIXELS;
+    onPick((marked ? since : plot.current.posToVal(pressed, "x")) + now);
+  };
+  const there = drawn && since !== null && since <= 0 && since >= -span;
+  const line = useRef<HTMLDivElement>(null);
+  useLayoutEffect(() => {
+    if (!line.current || !plot.current || since === null) return;
+    line.current.style.left = `${plot.current.over.offsetLeft + plot.current.valToPos(since, "x")}px`;
+  });
   return (
-    <div className="chart">
+    <div className={onPick ? "chart picks" : "chart"} onClick={onPick && pick}>
       <div ref={box} style={{ minHeight: HEIGHT }} role="img" aria-label={`${title}, last ${span} s`} />
+      {there && <div className="chart-mark" ref={line} />}
     </div>
   );
 }
 
-function dataOf(lines: readonly Line[]): uPlot.AlignedData {
-  const now = lines.reduce((last, { points }) => Math.max(last, points[points.length - 1]?.[0] ?? 0), 0);
-  return aligned(lines, now);
+const endOf = (lines: readonly Line[], end?: number): number =>
+  end ?? lines.reduce((last, { points }) => Math.max(last, points[points.length - 1]?.[0] ?? 0), 0);
+
+function dataOf(lines: readonly Line[], end?: number): uPlot.AlignedData {
+  return aligned(lines, endOf(lines, end));
 }
 
 interface Shape {
-  count: number;
+  steps: boolean;
+  /** "0,1,2": of each line. */
+  styles: string;
   unit: string;
   span: number;
   low: number;
@@ -112,10 +152,12 @@ interface Shape {
   width: number;
 }
 
-function optionsOf({ count, unit, span, low, high, width }: Shape): uPlot.Options {
+function optionsOf({ styles, steps, unit, span, low, high, width }: Shape): uPlot.Options {
   const style = getComputedStyle(document.documentElement);
   const colour = (name: string) => style.getPropertyValue(name).trim();
   const axis = { stroke: colour("--quiet"), grid: { stroke: colour("--line"), width: 1 }, font: "11px sans-serif" };
+  const stepped = steps ? uPlot.paths.stepped?.({ align: 1 }) : undefined;
+  const paths = stepped ? { paths: stepped } : {};
   const range = (_: uPlot, min: number | null, max: number | null): [number, number] => {
     const from = Math.min(low, min ?? 0);
     const to = Math.max(high, max ?? 1);
@@ -135,9 +177,9 @@ function optionsOf({ count, unit, span, low, high, width }: Shape): uPlot.Option
     ],
     series: [
       {},
-      ...Array.from({ length: count }, (_, i) => {
-        const { colour: name, dash } = styleOf(i);
-        return { stroke: colour(name), dash, width: 1.5, spanGaps: true, points: { show: false } };
+      ...styles.split(",").map((i) => {
+        const { colour: name, dash } = styleOf(Number(i));
+        return { stroke: colour(name), dash, width: 1.5, spanGaps: true, points: { show: false }, ...paths };
       }),
     ],
   };

@@ -1,11 +1,17 @@
 import { useMemo, useState } from "react";
 import { Pause } from "../../parts/Bar";
+import { errorTitle, healthWords } from "../../parts/health";
 import { csv, download, fileName } from "../../parts/download";
 import { count, visible } from "../../protocol/text";
+import { isHeard } from "../../store/beneath";
 import { slotKey } from "../../store/keys";
 import { useData, useStudio } from "../../window/context";
 import { Chart, Legend, type Line } from "./Chart";
-import { figuresOf, plotRows, watchParts, type Point } from "./reducer";
+import { figuresOf, groupsOf, inUnits, noteOfWatched, plotRows, watchParts, type Point } from "./reducer";
+import { useErrorFrames } from "../trace/listed";
+import { useLayouts } from "./going";
+import { signalRows } from "./signals";
+import { SignalPlots } from "./Signals";
 import { WatchBar, WatchTable } from "./Watch";
 import { useWatching } from "./watching";
 
@@ -13,16 +19,24 @@ const spans = [30, 60, 300, 900];
 
 export function Plots() {
   useWatching();
+  useLayouts();
   const { store } = useStudio();
   const [span, setSpan] = useState(60);
   const paused = useData((state) => state.plots.paused !== null);
+  // What somebody picked comes first.
+  const picked = useData((state) => state.view.signals.length > 0);
   const save = () => {
-    const { plots, data } = store.get();
+    const { plots, data, dictionary, signals } = store.get();
     const rows = plotRows(
       plots.paused ?? plots,
       data.buses.map((bus) => bus.name),
+      (key) => noteOfWatched(dictionary.objects, key),
     );
-    download(fileName(`${data.machine.name} plots`, "csv", new Date()), csv(rows), "text/csv");
+    download(
+      fileName(`${data.machine.name} plots`, "csv", new Date()),
+      csv([...rows, ...signalRows(signals)]),
+      "text/csv",
+    );
   };
   return (
     <>
@@ -44,8 +58,10 @@ export function Plots() {
         </button>
       </div>
       <div className="scroll plots" tabIndex={0} role="region" aria-label="Plots">
+        {picked && <SignalPlots span={span} />}
         <BusPlots span={span} />
         <BeatPlot span={span} />
+        {!picked && <SignalPlots span={span} />}
         <WatchPlot span={span} />
       </div>
     </>
@@ -56,17 +72,23 @@ const linesOf = (of: Readonly<Record<string, readonly Point[]>>): Line[] =>
   Object.entries(of).map(([label, points]) => ({ label, points }));
 
 function BusPlots({ span }: { span: number }) {
-  const [load, frames] = useData((state) => {
-    const { load, frames } = state.plots.paused ?? state.plots;
-    return [load, frames] as const;
+  const [load, frames, errors] = useData((state) => {
+    const { load, frames, errors } = state.plots.paused ?? state.plots;
+    return [load, frames, errors] as const;
   });
+  const [rated, buses] = useData((state) => [state.rates?.buses, state.data.buses] as const);
+  const unheard = buses.filter((bus) => !isHeard(bus)).map((bus) => visible(bus.name));
+  const states = rated?.filter((each) => isHeard(buses.find(({ name }) => name === each.bus)));
+  const showErrors = useErrorFrames();
   const loads = useMemo(() => linesOf(load), [load]);
   const rates = useMemo(() => linesOf(frames), [frames]);
+  const wrong = useMemo(() => linesOf(errors), [errors]);
   return (
     <>
       <section>
         <h2>Load</h2>
         <Legend lines={loads} />
+        {unheard.length > 0 && <p className="quiet">{unheard.join(", ")}: not heard, Berth has no port there.</p>}
         <Chart title="Load of each bus" unit="%" lines={loads} span={span} least={percent} />
       </section>
       <section>
@@ -74,12 +96,38 @@ function BusPlots({ span }: { span: number }) {
         <Legend lines={rates} />
         <Chart title="Frames a second of each bus" unit="/s" lines={rates} span={span} least={fromZero} />
       </section>
+      <section className="wide">
+        <h2>Error frames a second</h2>
+        <Legend lines={wrong} />
+        <p className="number quiet">
+          {states?.map((bus, i) => (
+            <span key={bus.bus}>
+              {i > 0 && " · "}
+              {visible(bus.bus)}:{" "}
+              {bus.errors ? (
+                <button
+                  type="button"
+                  className="words"
+                  aria-label={errorTitle(bus)}
+                  onClick={() => showErrors(bus.bus)}
+                >
+                  {healthWords(bus)}
+                </button>
+              ) : (
+                healthWords(bus)
+              )}
+            </span>
+          ))}
+        </p>
+        <Chart title="Error frames a second of each bus" unit="/s" lines={wrong} span={span} least={oneAtLeast} />
+      </section>
     </>
   );
 }
 
 const percent = [0, 100] as const;
 const fromZero = [0, 0] as const;
+const oneAtLeast = [0, 1] as const;
 const none: readonly Point[] = [];
 
 /** How regular the heartbeats of the selected device are. */
@@ -90,12 +138,17 @@ function BeatPlot({ span }: { span: number }) {
     const { beats } = state.plots.paused ?? state.plots;
     return [chosen, beats.get(`${bus}/${chosen?.id ?? 0}`) ?? none] as const;
   });
+  const heard = useData((state) => isHeard(state.data.buses.find(({ name }) => name === slot?.bus)));
   const lines = useMemo(() => [{ label: "interval", points }], [points]);
-  if (!slot) {
+  if (!slot || !heard) {
     return (
       <section className="wide">
         <h2>Heartbeat interval</h2>
-        <p className="hint">Select a slot in the tree: its heartbeats are measured.</p>
+        <p className="hint">
+          {slot
+            ? `The heartbeats of ${visible(slot.name)} are not heard: Berth has no port on bus ${visible(slot.bus)}.`
+            : "Select a slot in the tree: its heartbeats are measured."}
+        </p>
       </section>
     );
   }
@@ -121,11 +174,20 @@ function BeatPlot({ span }: { span: number }) {
 }
 
 function WatchPlot({ span }: { span: number }) {
-  const [watch, values] = useData((state) => {
+  const [watch, values, objects] = useData((state) => {
     const { values } = state.plots.paused ?? state.plots;
-    return [state.view.watch, values] as const;
+    return [state.view.watch, values, state.dictionary.objects] as const;
   });
-  const lines = useMemo(() => watch.map((key) => ({ label: key, points: values[key] ?? none })), [watch, values]);
+  const plots = useMemo(() => {
+    const noteOf = (key: string) => noteOfWatched(objects, key);
+    return groupsOf(watch, noteOf).map(({ unit, keys }) => ({
+      unit,
+      title: keys.map((key) => watchParts(key).object).join(", "),
+      lines: keys.map((key): Line => {
+        return { label: key, points: inUnits(values[key] ?? none, noteOf(key)), style: watch.indexOf(key) };
+      }),
+    }));
+  }, [watch, values, objects]);
   return (
     <section className="wide">
       <h2>Watch list</h2>
@@ -134,7 +196,9 @@ function WatchPlot({ span }: { span: number }) {
       ) : (
         <>
           <WatchTable />
-          <Chart title={watch.map((key) => watchParts(key).object).join(", ")} unit="" lines={lines} span={span} />
+          {plots.map(({ unit, title, lines }) => (
+            <Chart key={unit} title={title} unit={visible(unit)} lines={lines} span={span} />
+          ))}
         </>
       )}
     </section>

@@ -91,7 +91,9 @@ export function WatchTable() {
               <td>
                 {object} <span className="quiet">{visible(name)}</span>
               </td>
-              <td className={last?.error ? "bad-text" : "number right"}>{visible(last?.error || last?.text || "")}</td>
+              <td className={last?.error ? "bad-text" : "number right"} title={visible(last?.text ?? "")}>
+                {visible(last?.error || last?.text || "")}
+              </td>
               <td>{slot && <CommandLine verb="sdo read" values={{ bus: slot.bus, node: slot.name, object }} />}</td>
               <td>
                 <WatchAway watchKey={key} />

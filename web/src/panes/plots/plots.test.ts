@@ -4,7 +4,18 @@ import { firstState, reducer } from "../../store/reducer";
 import { batch, snapshot } from "../../store/samples";
 import type { State } from "../../store/state";
 import { fragmentOf, MOST_WATCHED, parseView } from "../../store/view";
-import { createTurns, figuresOf, MOST_FAILURES, plotRows, watchKey, watchOwner, watchParts } from "./reducer";
+import {
+  createTurns,
+  figuresOf,
+  groupsOf,
+  inUnits,
+  MOST_FAILURES,
+  noteOfWatched,
+  plotRows,
+  watchKey,
+  watchOwner,
+  watchParts,
+} from "./reducer";
 
 const begun = reducer(firstState, { type: "message", message: snapshot(), now: 0 });
 const rates = (load: number, frames: number): Rates => ({
@@ -18,10 +29,10 @@ const add = (state: State, first: number, frames: string) =>
 
 const key = watchKey("field/10", "6041h:00");
 let ids = 0;
-function read(state: State, value: unknown, now: number, status = 0): State {
+function read(state: State, value: unknown, now: number, status = 0, more: object = {}): State {
   const id = `w${++ids}`;
   const sent = reducer(state, { type: "sent", id, verb: "sdo read", values: {}, owner: watchOwner(key) });
-  const reply = { index: "0x6041", sub: 0, value, name: "", bytes: "", type: "UNSIGNED16" };
+  const reply = { index: "0x6041", sub: 0, value, name: "", bytes: "", type: "UNSIGNED16", ...more };
   const message = { type: "reply" as const, id, status, reply, lines: [], error: status ? "no answer" : "" };
   return reducer(sent, { type: "message", now, message });
 }
@@ -65,6 +76,22 @@ describe("the plots", () => {
     const points = [9, 10, 11, 10].map((value, i) => [i, value] as const);
     expect(figuresOf(points)).toMatchObject({ count: 4, mean: 10, least: 9, most: 11 });
     expect(figuresOf(points)?.spread).toBeCloseTo(Math.sqrt(0.5), 9);
+  });
+
+  it("have watched objects in the unit of their note, one plot for each unit", () => {
+    const note = { unit: "°C", scale: 0.1 };
+    const state = read(begun, 235, 2, 0, { note, quantity: "23.5 °C" });
+    expect(state.plots.watched[key]?.text).toBe("23.5 °C");
+    const noteOf = (each: string) => noteOfWatched(state.dictionary.objects, each);
+    expect(noteOf(key)).toMatchObject({ unit: "°C", scale: 0.1 });
+    expect(inUnits(state.plots.values[key] ?? [], noteOf(key))).toEqual([[2, 23.5]]);
+    expect(plotRows(state.plots, [], noteOf)[1]).toEqual([key, "°C", "page", "2.000000", 23.5]);
+    expect(groupsOf(["field/11 2000h:00", key, "field/12 2000h:00"], noteOf)).toEqual([
+      { unit: "", keys: ["field/11 2000h:00", "field/12 2000h:00"] },
+      { unit: "°C", keys: [key] },
+    ]);
+    // Counts of an object without a note stay counts.
+    expect(inUnits([[1, 3]], null)).toEqual([[1, 3]]);
   });
 
   it("are saved, a row a point", () => {

@@ -1,8 +1,10 @@
 import type { Batch } from "../../protocol/batch";
-import { EXTENDED, REMOTE } from "../../protocol/batch";
+import { ERROR, EXTENDED, REMOTE } from "../../protocol/batch";
 import type { Rates } from "../../protocol/messages";
+import { isHeard } from "../../store/beneath";
 import type { Action, Sent, State } from "../../store/state";
-import { rowsOf } from "../dictionary/reducer";
+import { scaled, type Note } from "../dictionary/note";
+import { rowsOf, type ObjectRow } from "../dictionary/reducer";
 
 /** Seconds and a value. */
 export type Point = readonly [number, number];
@@ -11,6 +13,8 @@ export interface Plots {
   /** By the name of the bus; seconds of this page's clock. */
   load: Readonly<Record<string, readonly Point[]>>;
   frames: Readonly<Record<string, readonly Point[]>>;
+  /** Error frames a second. */
+  errors: Readonly<Record<string, readonly Point[]>>;
   /** By "bus index/node-ID": when a heartbeat came, in bus time, and ms since the one before. */
   beats: ReadonlyMap<string, readonly Point[]>;
   /** By the watched object ("field/12 6041h:00"); seconds of this page's clock. */
@@ -49,6 +53,7 @@ const MOST_POINTS = 2400;
 export const firstPlots: PlotsState = {
   load: {},
   frames: {},
+  errors: {},
   beats: new Map(),
   values: {},
   paused: null,
@@ -64,7 +69,7 @@ export function plotsReducer(plots: PlotsState, action: Action, state: State): P
     case "batch":
       return withBeats(plots, action.batch);
     case "message":
-      if (action.message.type === "rates") return withRates(plots, action.message, action.now);
+      if (action.message.type === "rates") return withRates(plots, action.message, action.now, state);
       return action.message.type === "reply" ? withReply(plots, action.message.id, action.now, state) : plots;
     case "plots/pause":
       return { ...plots, paused: action.paused ? shownOf(plots) : null };
@@ -77,21 +82,25 @@ export function plotsReducer(plots: PlotsState, action: Action, state: State): P
   }
 }
 
-const shownOf = ({ load, frames, beats, values }: Plots): Plots => ({ load, frames, beats, values });
+const shownOf = ({ load, frames, errors, beats, values }: Plots): Plots => ({ load, frames, errors, beats, values });
 
 function added(points: readonly Point[] | undefined, point: Point): readonly Point[] {
   const kept = points && points.length >= MOST_POINTS ? points.slice(1 - MOST_POINTS) : (points ?? []);
   return [...kept, point];
 }
 
-function withRates(plots: PlotsState, rates: Rates, now: number): PlotsState {
+/** Of a bus that Berth does not hear there is nothing to draw. */
+function withRates(plots: PlotsState, rates: Rates, now: number, { data }: State): PlotsState {
   const load = { ...plots.load };
   const frames = { ...plots.frames };
+  const errors = { ...plots.errors };
   for (const each of rates.buses) {
+    if (!isHeard(data.buses.find(({ name }) => name === each.bus))) continue;
     load[each.bus] = added(load[each.bus], [now, each.load * 100]);
     frames[each.bus] = added(frames[each.bus], [now, each.frames_per_s]);
+    errors[each.bus] = added(errors[each.bus], [now, each.errors_per_s ?? 0]);
   }
-  return { ...plots, load, frames };
+  return { ...plots, load, frames, errors };
 }
 
 /** Heartbeats (CiA 301 §7.2.8.3.2). Over frames that the page missed no interval is taken. */
@@ -103,7 +112,7 @@ function withBeats(plots: PlotsState, batch: Batch): PlotsState {
   const fresh = new Map<string, Point[]>();
   for (let i = from; i < batch.count; i++) {
     const id = batch.ids[i] ?? 0;
-    const beats = id > 0x700 && id < 0x780 && ((batch.flags[i] ?? 0) & (EXTENDED | REMOTE)) === 0;
+    const beats = id > 0x700 && id < 0x780 && ((batch.flags[i] ?? 0) & (EXTENDED | REMOTE | ERROR)) === 0;
     if (!beats || batch.lengths[i] !== 1) continue;
     const key = `${batch.buses[i] ?? 0}/${id & 0x7f}`;
     const seconds = batch.seconds[i] ?? 0;
@@ -143,7 +152,8 @@ function withReply(plots: PlotsState, id: string, now: number, state: State): Pl
   const key = sent.owner.slice("watch:".length);
   const [row] = sent.status === 0 ? rowsOf(sent.reply) : [];
   const error = errorOf(sent, row?.abort);
-  const watched = { ...plots.watched, [key]: { text: row?.value || row?.bytes || "", error } };
+  const text = row?.meaning || row?.value || row?.bytes || "";
+  const watched = { ...plots.watched, [key]: { text, error } };
   if (error) return { ...plots, watched, failures: plots.failures + 1 };
   const value = numberOf(row?.value ?? "");
   const values = value === null ? plots.values : { ...plots.values, [key]: added(plots.values[key], [now, value]) };
@@ -185,18 +195,52 @@ export function figuresOf(points: readonly Point[]): Figures | null {
   return { count: values.length, mean, least, most, spread: Math.sqrt(square) };
 }
 
+/** What is known of a watched object. */
+export function noteOfWatched(objects: Readonly<Record<string, readonly ObjectRow[]>>, key: string): Note | null {
+  const { slot, object } = watchParts(key);
+  return objects[slot]?.find((row) => row.key === object)?.note ?? null;
+}
+
+/** Counts as the units of their note. */
+export const inUnits = (points: readonly Point[], note: Note | null): readonly Point[] =>
+  note?.unit ? points.map(([at, count]) => [at, scaled(count, note)]) : points;
+
+/** Watched objects of one unit: they have a plot of their own. */
+export interface Group {
+  unit: string;
+  keys: readonly string[];
+}
+
+/** In the order of the watch list. */
+export function groupsOf(watch: readonly string[], noteOf: (key: string) => Note | null): Group[] {
+  const groups = new Map<string, string[]>();
+  for (const key of watch) {
+    const unit = noteOf(key)?.unit ?? "";
+    groups.set(unit, [...(groups.get(unit) ?? []), key]);
+  }
+  return [...groups].map(([unit, keys]) => ({ unit, keys }));
+}
+
 /** All that is drawn, a row a point. */
-export function plotRows(plots: Plots, buses: readonly string[]): (string | number)[][] {
+export function plotRows(
+  plots: Plots,
+  buses: readonly string[],
+  noteOf: (key: string) => Note | null = () => null,
+): (string | number)[][] {
   const rows: (string | number)[][] = [["series", "unit", "clock", "time_s", "value"]];
   const add = (name: string, unit: string, clock: string, points: readonly Point[]) => {
     for (const [at, value] of points) rows.push([name, unit, clock, at.toFixed(6), value]);
   };
   for (const [bus, points] of Object.entries(plots.load)) add(`load ${bus}`, "%", "page", points);
   for (const [bus, points] of Object.entries(plots.frames)) add(`frames/s ${bus}`, "1/s", "page", points);
+  for (const [bus, points] of Object.entries(plots.errors)) add(`error frames/s ${bus}`, "1/s", "page", points);
   for (const [key, points] of plots.beats) {
     const [bus = "", node = ""] = key.split("/");
     add(`heartbeat interval ${buses[Number(bus)] ?? ""}/${node}`, "ms", "bus", points);
   }
-  for (const [key, points] of Object.entries(plots.values)) add(key, "", "page", points);
+  for (const [key, points] of Object.entries(plots.values)) {
+    const note = noteOf(key);
+    add(key, note?.unit ?? "", "page", inUnits(points, note));
+  }
   return rows;
 }

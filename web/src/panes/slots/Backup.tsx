@@ -15,7 +15,12 @@ export function Backup({ slot }: { slot: Slot }) {
   const owner = `backup:${slotKey(slot)}`;
   const last = useLastOf(owner);
   const [verbs, file, why] = useData(
-    (state) => [state.data.verbs, state.data.machine.file, barrier(state, "upload")] as const,
+    (state) =>
+      [
+        state.data.verbs,
+        state.data.machine.file,
+        barrier(state, "upload", { bus: slot.bus, slot: slot.name }),
+      ] as const,
   );
   // Of an answer that was there before, nothing is saved again.
   const saved = useRef(last?.done ? last.id : "");
@@ -41,7 +46,8 @@ export function Backup({ slot }: { slot: Slot }) {
       </button>
       <Command command={command} />
       <p className="hint">
-        Reads the configuration of {visible(slot.name)}. From then on a replacement gets it, until Berth begins anew.
+        {why ??
+          `Reads the configuration of ${visible(slot.name)}. From then on a replacement gets it, until Berth begins anew.`}
       </p>
       <Answer sent={last} />
     </div>

@@ -3,9 +3,20 @@ import { StateWord, toneOf } from "../../parts/StateMark";
 import type { Event, Slot } from "../../protocol/messages";
 import { addressOf, LSS_ADDRESS, serialWords, typeWords, visible } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
-import { useData, useStudio } from "../../window/context";
+import { useData, useStudio, useView } from "../../window/context";
+import { deviceKey, deviceName, straysOf } from "../machine/strays";
 import { Backup } from "./Backup";
-import { bootLetters, eventsOf, forgettable, needOf, questionOf, replacementSteps, savesFirst } from "./reducer";
+import {
+  bootWords,
+  emcyWords,
+  eventsOf,
+  forgettable,
+  isReplaced,
+  needOf,
+  questionOf,
+  replacementSteps,
+  savesFirst,
+} from "./reducer";
 
 const stepMarks = { done: "✓", now: "▸", later: "·" };
 
@@ -18,14 +29,17 @@ export function SlotInspector({ slot }: { slot: Slot }) {
   const owner = `slots:${key}`;
   const last = useLastOf(owner);
   const need = needOf(slot);
+  // A device that must save first is not to be replaced.
+  const saves = savesFirst(slot, events);
+  const offersReplace = need?.act === "replace" && !saves;
   const question = questionOf(slot, questions);
-  const follows = replacing?.slot === key;
+  const follows = replacing?.slot === key && !isReplaced(slot, events, replacing.atS);
   // `replace` before the spare is there: no failure, it waits.
   const waitsForSpare = follows && last?.verb === "replace" && last.status === 1 && slot.state === "empty";
   const target = { bus: slot.bus, slot: slot.name };
   const follow = () => store.dispatch({ type: "slots/replacing", replacing: { slot: key, atS: time } });
   const replace = (
-    <Act verb="replace" values={target} owner={owner} label="Replace" primary={need?.act === "replace"} then={follow} />
+    <Act verb="replace" values={target} owner={owner} label="Replace" primary={offersReplace} then={follow} />
   );
   return (
     <section>
@@ -36,11 +50,12 @@ export function SlotInspector({ slot }: { slot: Slot }) {
           <p>
             <b>{need.what}</b> {need.todo}
           </p>
-          {!follows && need.act === "replace" && replace}
+          {!follows && offersReplace && replace}
           {question && <Question question={question} slot={slot} owner={owner} />}
+          {slot.state === "empty" && <Others bus={slot.bus} />}
         </div>
       )}
-      {savesFirst(slot, events) && <FirstSave slot={slot} owner={owner} />}
+      {saves && <FirstSave slot={slot} owner={owner} />}
       {slot.reason && <p className="reason">{visible(slot.reason)}</p>}
       {follows && <Steps slot={slot} events={events} sinceS={replacing.atS} />}
       {!waitsForSpare && <Answer sent={last} />}
@@ -53,7 +68,7 @@ export function SlotInspector({ slot }: { slot: Slot }) {
           owner={owner}
           label="Locate: let it flicker"
         />
-        {need?.act !== "replace" && replace}
+        {!offersReplace && replace}
         <Act verb="history" values={target} owner={owner} label="Who sat here before" />
         <Backup slot={slot} />
         {forgettable(slot, events).map((address) => (
@@ -83,6 +98,23 @@ function FirstSave({ slot, owner }: { slot: Slot; owner: string }) {
       <Act verb="store" values={target} owner={owner} label="Save its parameters" primary />
       <Act verb="nmt" values={{ ...target, command: "reset-node", "no-wait": "1" }} owner={owner} label="Reset it" />
     </div>
+  );
+}
+
+/** Devices that are on the bus and did not get this slot. */
+function Others({ bus }: { bus: string }) {
+  const [, setView] = useView();
+  const strays = useData(straysOf).filter((device) => device.bus === bus);
+  if (!strays.length) return null;
+  return (
+    <>
+      <p>On the bus is, without a slot:</p>
+      {strays.map((device) => (
+        <button key={deviceKey(device)} type="button" onClick={() => setView({ device: deviceKey(device) })}>
+          {deviceName(device)}
+        </button>
+      ))}
+    </>
   );
 }
 
@@ -132,7 +164,9 @@ function Facts({ slot }: { slot: Slot }) {
     ["Serial number", serial],
     ["LSS address", addressOf(slot.type, slot.r_sn) ?? ""],
     ["Since", `${slot.since_s.toFixed(3)} s`],
-    ["Boot-up", slot.boot ? `${slot.boot}: ${bootLetters[slot.boot] ?? ""}` : ""],
+    ["NMT state", slot.nmt ?? ""],
+    ["EMCY", slot.emcy ? `${emcyWords(slot.emcy)} ${visible(slot.emcy.text)}` : ""],
+    ["Boot-up", slot.state === "empty" ? "" : bootWords(slot)],
   ];
   return (
     <dl>

@@ -12,7 +12,7 @@ import type { Slot } from "../../protocol/messages";
 import { serialWords, typeWords, visible } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
 import { useData, useStudio, useView } from "../../window/context";
-import { needOf } from "./reducer";
+import { emcyWords, needOf } from "./reducer";
 
 const column = createColumnHelper<Slot>();
 const columns = [
@@ -24,9 +24,20 @@ const columns = [
   column.accessor("bus", { header: "Bus", cell: (cell) => visible(cell.getValue()) }),
   column.accessor("id", { header: "Node-ID" }),
   column.accessor("name", { header: "Slot", cell: (cell) => <b>{visible(cell.getValue())}</b> }),
-  column.accessor((slot) => typeWords(slot.type), { id: "type", header: "Vendor / product" }),
-  column.accessor((slot) => serialWords(slot.r_sn).serial, { id: "serial", header: "Serial number" }),
+  column.accessor((slot) => typeWords(slot.type), {
+    id: "type",
+    header: () => <span title="Vendor-ID / product code">Type</span>,
+  }),
+  column.accessor((slot) => serialWords(slot.r_sn).serial, {
+    id: "serial",
+    header: () => <span title="Serial number">Serial</span>,
+  }),
   column.accessor("since_s", { header: "Since", cell: (cell) => `${cell.getValue().toFixed(3)} s` }),
+  column.accessor((slot) => emcyWords(slot.emcy), {
+    id: "emcy",
+    header: "EMCY",
+    cell: ({ row }) => <span title={visible(row.original.emcy?.text ?? "")}>{emcyWords(row.original.emcy)}</span>,
+  }),
   column.accessor((slot) => slot.reason ?? "", {
     id: "reason",
     header: "Reason",
@@ -39,11 +50,15 @@ const arrows = { asc: " ▴", desc: " ▾" };
 export function Slots() {
   const { store } = useStudio();
   const [view, setView] = useView();
-  const [slots, sorting] = useData((state) => [state.data.slots, state.slots.sort] as const);
+  const [slots, buses, sorting] = useData(
+    (state) => [state.data.slots, state.data.buses.length, state.slots.sort] as const,
+  );
+  // A column that says the same of every slot takes room from the reasons.
+  const columnVisibility = { bus: buses > 1, emcy: slots.some((slot) => slot.emcy) };
   const table = useReactTable({
     data: slots,
     columns,
-    state: { sorting },
+    state: { sorting, columnVisibility },
     onSortingChange: (change) => {
       const sort: SortingState = typeof change === "function" ? change(sorting) : change;
       store.dispatch({ type: "slots/sort", sort });

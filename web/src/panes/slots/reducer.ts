@@ -1,7 +1,7 @@
-import type { Event, Slot } from "../../protocol/messages";
-import { LSS_ADDRESS } from "../../protocol/text";
+import type { Emcy, Event, Reply, Slot } from "../../protocol/messages";
+import { LSS_ADDRESS, typeWords } from "../../protocol/text";
 import { slotKey } from "../../store/keys";
-import type { Action } from "../../store/state";
+import type { Action, State } from "../../store/state";
 
 export interface SlotsState {
   sort: { id: string; desc: boolean }[];
@@ -14,10 +14,18 @@ export type SlotsAction =
 
 export const firstSlots: SlotsState = { sort: [{ id: "state", desc: false }], replacing: null };
 
-export function slotsReducer(state: SlotsState, action: Action): SlotsState {
+export function slotsReducer(state: SlotsState, action: Action, { requests }: Pick<State, "requests">): SlotsState {
   if (action.type === "slots/sort") return { ...state, sort: action.sort };
   if (action.type === "slots/replacing") return { ...state, replacing: action.replacing };
+  if (action.type === "message" && action.message.type === "reply") return withReply(state, action.message, requests);
   return state;
+}
+
+/** A replacement that Berth refused (2: it is not possible) is not followed. */
+function withReply(state: SlotsState, { id, status }: Reply, requests: State["requests"]): SlotsState {
+  const sent = requests.find((entry) => entry.id === id);
+  const refused = sent?.verb === "replace" && status === 2 && sent.owner === `slots:${state.replacing?.slot ?? ""}`;
+  return refused ? { ...state, replacing: null } : state;
 }
 
 /** What is wrong with a slot, what to do, and the act that does it. */
@@ -25,6 +33,12 @@ export interface Need {
   what: string;
   todo: string;
   act: "replace" | "answer" | "boot" | null;
+}
+
+/** "2310h ×3". */
+export function emcyWords(emcy: Emcy | undefined): string {
+  if (!emcy) return "";
+  return emcy.code.replace(/^0x/, "") + "h" + (emcy.count > 1 ? ` ×${emcy.count}` : "");
 }
 
 /** docs/boot-up.md, in words for the floor. */
@@ -43,6 +57,18 @@ export const bootLetters: Record<string, string> = {
   O: "A device with another serial number sits here. Confirm the replacement.",
 };
 
+/** How the boot-up of a slot's device ended; empty: nothing is known of it, or nothing is wrong. */
+export function bootWords(slot: Slot): string {
+  // Its letter is that of a device that is gone.
+  if (slot.state === "empty") return `No device: plug one in of ${typeNamed(slot)}.`;
+  return slot.boot ? `${slot.boot}: ${bootLetters[slot.boot] ?? ""}` : "";
+}
+
+function typeNamed(slot: Slot): string {
+  const type = typeWords(slot.type);
+  return `the slot's type${type && `, ${type}`}`;
+}
+
 export function needOf(slot: Slot): Need | null {
   const letter = slot.boot ? bootLetters[slot.boot] : undefined;
   switch (slot.state) {
@@ -53,7 +79,7 @@ export function needOf(slot: Slot): Need | null {
         act: "replace",
       };
     case "empty":
-      return { what: "This slot has no device.", todo: "Plug in a device of the slot's type.", act: null };
+      return { what: "This slot has no device.", todo: `Plug in a device of ${typeNamed(slot)}.`, act: null };
     case "question":
       return {
         what: "Berth cannot decide which device belongs here.",
@@ -146,6 +172,14 @@ export function replacementSteps(
   ];
   const current = texts.findIndex((step) => !step.done);
   return texts.map((step, i) => ({ text: step.text, at: step.done ? "done" : i === current ? "now" : "later" }));
+}
+
+/** The spare ran, and does no longer: what is wrong now is another matter. */
+export function isReplaced(slot: Slot, events: readonly Event[], sinceS: number): boolean {
+  const since = eventsOf(slot, events).filter((event) => event.at_s >= sinceS);
+  const bound = since.findIndex((event) => event.kind === "bound");
+  const ran = bound >= 0 && since.slice(bound).some((event) => event.text === "operational");
+  return ran && slot.state !== "operational";
 }
 
 export function isSelected(slot: Slot, selected: string): boolean {

@@ -1,30 +1,34 @@
 import { useVirtualizer } from "@tanstack/react-virtual";
 import { useEffect, useMemo, useRef, useState, type KeyboardEvent } from "react";
-import type { Frame } from "../../protocol/batch";
 import { hex, visible } from "../../protocol/text";
-import { slotKey } from "../../store/keys";
-import { useData, useStudio, useView } from "../../window/context";
-import { frameNumbered, knownOf, meaningIn, type Piece } from "./reducer";
-import { FrameHead, FrameRow, timeWords, useDim, useZero, type Zero } from "./rows";
+import { useData, useStudio } from "../../window/context";
+import { useHeight, useInSight } from "../../window/inSight";
+import { useAnchor } from "./anchor";
+import { useListed, useSelect } from "./listed";
+import { frameNumbered, listedOf, type Piece } from "./reducer";
+import { arrowsOf, FrameHead, FrameRow, ROW, timeWords, useDim, useZero, type Zero } from "./rows";
 import {
   firstFrameOf,
+  firstOf,
   folded,
   frameOfRow,
+  meantBy,
+  nameOfRow,
   outcomeOf,
   rowHolding,
+  rowNamed,
   steppedRow,
   wordsOf,
   type FoldedRow,
   type Transfer,
 } from "./transfers";
 
-const ROW = 24;
 const EVERY_MS = 500;
 
 /** The list as it is, twice a second while it is followed: all transfers are put together anew each time. */
 function usePieces(): readonly Piece[] {
   const { store } = useStudio();
-  const paused = useData((state) => state.trace.paused?.pieces ?? null);
+  const paused = useData((state) => listedOf(state).list.paused?.pieces ?? null);
   const filter = useData((state) => state.trace.filter);
   const [live, setLive] = useState(() => store.get().trace.pieces);
   useEffect(() => {
@@ -37,13 +41,15 @@ function usePieces(): readonly Piece[] {
 
 export function FoldedList() {
   const { store, socket } = useStudio();
-  const [view, setView] = useView();
+  const { list: trace, known, picked, file } = useListed();
+  const ofFile = file !== null;
+  const filter = useData((state) => state.view.filter);
+  const select = useSelect();
   const pieces = usePieces();
-  const [opened, paused, buses, known, texts] = useData((state) => {
-    const { trace, data } = state;
-    return [trace.opened, trace.paused !== null, data.buses, knownOf(state), trace.texts] as const;
-  });
-  const rows = useMemo(() => folded(pieces, view.filter, known, opened), [pieces, view.filter, known, opened]);
+  const { opened, texts } = trace;
+  const paused = trace.paused !== null;
+  const objects = useData((state) => state.dictionary.objects);
+  const rows = useMemo(() => folded(pieces, filter, known, opened), [pieces, filter, known, opened]);
   const scroller = useRef<HTMLDivElement>(null);
   const list = useVirtualizer({
     count: rows.length,
@@ -54,6 +60,20 @@ export function FoldedList() {
   useEffect(() => {
     if (!paused && rows.length) list.scrollToIndex(rows.length - 1);
   }, [paused, rows, list]);
+  const standing = useMemo(
+    () =>
+      paused
+        ? {
+            rows,
+            filter,
+            nameAt: (row: number) => nameOfRow(rows[row]),
+            rowOf: (name: number) => rowNamed(rows, name),
+          }
+        : null,
+    [paused, rows, filter],
+  );
+  useAnchor(list, standing);
+  useInSight(list, useHeight(scroller), paused ? rowHolding(rows, picked.frame, opened) : -1);
   const pause = () => {
     if (!store.get().trace.paused) store.dispatch({ type: "trace/pause", paused: true });
   };
@@ -62,21 +82,14 @@ export function FoldedList() {
   const to = firstOf(rows[items[items.length - 1]?.index ?? 0]);
   // The server's words for what is in sight.
   useEffect(() => {
-    if (!paused || from < 0 || to < from) return;
+    if (!paused || ofFile || from < 0 || to < from) return;
     const timer = setTimeout(() => {
       const count = Math.min(2000, to - from + 100);
       socket.send({ type: "frames", id: `words ${from}`, from, count });
     }, 150);
     return () => clearTimeout(timer);
-  }, [paused, from, to, socket]);
-  useAnswers(items.map((item) => rows[item.index]));
-  const select = (frame: Frame) => {
-    const { node, object } = meaningIn(frame, known);
-    const bus = buses[frame.bus]?.name;
-    const slot = store.get().data.slots.find((entry) => entry.bus === bus && entry.id === node);
-    setView({ frame: frame.n, object: slot && object ? object : "", ...(slot ? { slot: slotKey(slot) } : {}) });
-    pause();
-  };
+  }, [paused, ofFile, from, to, socket]);
+  useAnswers(ofFile ? [] : items.map((item) => rows[item.index]));
   const open = (transfer: Transfer) => {
     const first = transfer.frames[0] ?? -1;
     store.dispatch({ type: "trace/open", first, open: !opened.has(first) });
@@ -85,7 +98,7 @@ export function FoldedList() {
   };
   const onKey = (event: KeyboardEvent) => {
     const step = event.key === "ArrowDown" ? 1 : event.key === "ArrowUp" ? -1 : 0;
-    const held = rows[rowHolding(rows, view.frame, opened)];
+    const held = rows[rowHolding(rows, picked.frame, opened)];
     const opens = event.key === "ArrowRight" ? true : event.key === "ArrowLeft" ? false : null;
     if (!step && (opens === null || held === undefined)) return;
     event.preventDefault();
@@ -94,7 +107,7 @@ export function FoldedList() {
       if (first !== null) store.dispatch({ type: "trace/open", first, open: opens === true });
       return;
     }
-    const row = steppedRow(rows, view.frame, step, opened);
+    const row = steppedRow(rows, picked.frame, step, opened);
     const frame = frameNumbered(pieces, frameOfRow(rows[row]) ?? -1);
     if (!frame) return;
     select(frame);
@@ -102,19 +115,24 @@ export function FoldedList() {
   };
   const dim = useDim();
   const zero = useZero();
-  const drawn = (row: FoldedRow | undefined, top: number, key: number | string | bigint) => {
+  const drawn = (row: FoldedRow | undefined, top: number) => {
     if (row === undefined) return null;
+    const key = nameOfRow(row);
     if (typeof row === "object" && "frames" in row) {
       const first = frameNumbered(pieces, row.frames[0] ?? -1);
+      // The objects are the machine's; a file may be of another.
+      const ofDevice = ofFile ? undefined : objects[`${known.buses[row.bus] ?? ""}/${row.node}`];
+      const object = ofDevice?.find((each) => each.key === row.object);
       return (
         <TransferRow
           key={key}
           transfer={row}
           top={top}
-          bus={buses[row.bus]?.name ?? ""}
+          bus={known.buses[row.bus] ?? ""}
           words={wordsOf(row, texts)}
+          meant={meantBy(row, object)}
           open={opened.has(row.frames[0] ?? -1)}
-          selected={!opened.has(row.frames[0] ?? -1) && view.frame !== null && row.frames.includes(view.frame)}
+          selected={!opened.has(row.frames[0] ?? -1) && picked.frame !== null && row.frames.includes(picked.frame)}
           dim={first !== null && dim(first, row.node)}
           zero={zero}
           onOpen={open}
@@ -124,13 +142,13 @@ export function FoldedList() {
     const child = typeof row === "object";
     const frame = frameNumbered(pieces, child ? row.child : row);
     if (!frame) return null;
-    const selected = frame.n === view.frame;
-    const common = { frame, top, dim, known, zero, selected, child, onSelect: select };
-    return <FrameRow key={key} {...common} bus={buses[frame.bus]?.name ?? ""} words={texts.get(frame.n)} />;
+    const selected = frame.n === picked.frame;
+    const common = { frame, top, dim, known, zero, selected, child, still: paused && !ofFile, onSelect: select };
+    return <FrameRow key={key} {...common} bus={known.buses[frame.bus] ?? ""} words={texts.get(frame.n)} />;
   };
   return (
     <>
-      <FrameHead arrows="→ sent by Berth, ← received, ▸ a transfer" />
+      <FrameHead arrows={`${arrowsOf(ofFile)}, ▸ a transfer`} />
       <div
         className="scroll"
         ref={scroller}
@@ -141,7 +159,7 @@ export function FoldedList() {
         onKeyDown={onKey}
       >
         <div style={{ height: list.getTotalSize(), position: "relative" }}>
-          {items.map((item) => drawn(rows[item.index], item.start, item.key))}
+          {items.map((item) => drawn(rows[item.index], item.start))}
         </div>
       </div>
     </>
@@ -181,17 +199,13 @@ function useAnswers(rows: readonly (FoldedRow | undefined)[]): void {
   });
 }
 
-function firstOf(row: FoldedRow | undefined): number {
-  if (row === undefined) return -1;
-  if (typeof row === "number") return row;
-  return "child" in row ? row.child : (row.frames[0] ?? -1);
-}
-
 interface TransferProps {
   transfer: Transfer;
   top: number;
   bus: string;
   words: string;
+  /** What the value means; empty: not known. */
+  meant: string;
   open: boolean;
   selected: boolean;
   dim: boolean;
@@ -199,7 +213,7 @@ interface TransferProps {
   onOpen: (transfer: Transfer) => void;
 }
 
-function TransferRow({ transfer, top, bus, words, open, selected, dim, zero, onOpen }: TransferProps) {
+function TransferRow({ transfer, top, bus, words, meant, open, selected, dim, zero, onOpen }: TransferProps) {
   const service = transfer.state === "aborted" ? "abort" : "SDO";
   const { frames, from, to } = transfer;
   const outcome = outcomeOf(transfer);
@@ -219,9 +233,10 @@ function TransferRow({ transfer, top, bus, words, open, selected, dim, zero, onO
       <span className="number data" title={outcome}>
         {outcome}
       </span>
-      <span className="words" title={`${visible(words)}, ${told}`}>
-        {visible(words)}
-        <span className="quiet">, {told}</span>
+      <span className="words parts" title={`${visible(words)}${meant && ` = ${visible(meant)}`}, ${told}`}>
+        <span>{visible(words)}</span>
+        {meant && <span className="kept">{` = ${visible(meant)}`}</span>}
+        <span className="quiet gives">, {told}</span>
       </span>
     </div>
   );

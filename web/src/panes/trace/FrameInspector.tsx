@@ -1,44 +1,66 @@
 import { useState } from "react";
 import { crcOf, fieldMeaning, fieldRuns, fieldValue, wireBits, type FieldRun } from "../../can/bits";
-import { clauses } from "../../can/words";
+import { busErrorOf, clauses } from "../../can/words";
+import type { Frame } from "../../protocol/batch";
 import { count, hex, visible } from "../../protocol/text";
-import { useData, useView } from "../../window/context";
-import { frameNumbered, knownOf, markChange, meaningIn } from "./reducer";
+import { slotKey } from "../../store/keys";
+import { useData, useStudio, useView } from "../../window/context";
+import { FrameSignals } from "./SignalChips";
+import { choose, useListed } from "./listed";
+import { frameNumbered, markChange, meaningIn } from "./reducer";
 
 export function FrameInspector({ n }: { n: number }) {
+  const { store } = useStudio();
   const [view, setView] = useView();
-  const [trace, buses, known] = useData((state) => [state.trace, state.data.buses, knownOf(state)] as const);
+  const { list: trace, known, picked } = useListed();
+  const [buses, slots] = useData((state) => [state.data.buses, state.data.slots] as const);
   const frame = frameNumbered(trace.paused?.pieces ?? trace.pieces, n) ?? frameNumbered(trace.pieces, n);
   if (!frame) return <p className="hint">Frame {count(n)} is not on this page any more.</p>;
   const meaning = meaningIn(frame, known);
-  const bus = buses[frame.bus];
-  const wire = wireBits(frame);
+  const busName = known.buses[frame.bus] ?? "";
+  const bus = buses.find((entry) => entry.name === busName);
+  // Of an opened file the machine may not have the node.
+  const object = slots.some((slot) => slotKey(slot) === view.slot && slot.bus === busName) ? meaning.object : undefined;
+  const drawn = !frame.error && !frame.cut;
+  const wire = drawn ? wireBits(frame) : [];
   const stuffBits = wire.filter((bit) => bit.stuff).length;
   const micros = bus ? (wire.length / bus.bit_rate) * 1e6 : 0;
   const facts: [string, string][] = [
-    ["Identifier", `${hex(frame.id, frame.extended ? 8 : 3)}, ${frame.extended ? 29 : 11} bits`],
+    ["Identifier", frame.error ? "" : `${hex(frame.id, frame.extended ? 8 : 3)}, ${frame.extended ? 29 : 11} bits`],
     ["Message", `${meaning.service}${meaning.node ? `, node ${meaning.node}` : ""}`],
     ["Described in", clauses[meaning.service]],
-    ["Time", `${frame.seconds.toFixed(6)} s on ${visible(bus?.name ?? "")}`],
-    ["On the wire", `${wire.length} bits, ${stuffBits} of them stuff bits, ${micros.toFixed(0)} µs`],
-    ["CRC", hex(crcOf(frame), 4)],
+    ["Time", `${frame.seconds.toFixed(6)} s on ${visible(busName)}`],
+    ...(frame.error ? errorFacts(frame) : []),
+    [
+      "On the wire",
+      drawn ? `${wire.length} bits, ${stuffBits} of them stuff bits${bus ? `, ${micros.toFixed(0)} µs` : ""}` : "",
+    ],
+    ["CRC", drawn ? hex(crcOf(frame), 4) : ""],
   ];
   return (
     <section>
-      <h2>Frame {count(frame.n)}</h2>
+      <h2>
+        {frame.error ? "Error" : "Frame"} {count(frame.n)}
+      </h2>
       <p>{visible(trace.texts.get(frame.n) ?? meaning.text)}</p>
-      {meaning.object && (
-        <button type="button" onClick={() => setView({ pane: "dictionary", object: meaning.object ?? "" })}>
-          Object {meaning.object} in the dictionary
+      {frame.error && alone(frame) && (
+        <p className="hint">
+          Nobody acknowledged the frame: no other node was on the bus at this time. It is sent again. One of these, when
+          a machine is switched on, is harmless: Berth was there before the devices.
+        </p>
+      )}
+      {object && (
+        <button type="button" onClick={() => setView({ pane: "dictionary", object })}>
+          Object {object} in the dictionary
         </button>
       )}
       <button
         type="button"
         title="M"
-        aria-pressed={view.marks.includes(n)}
-        onClick={() => setView(markChange(view, n))}
+        aria-pressed={picked.marks.includes(n)}
+        onClick={() => choose(store, markChange(picked, n))}
       >
-        {view.marks.includes(n) ? "Take the marker away" : "Set a marker"}
+        {picked.marks.includes(n) ? "Take the marker away" : "Set a marker"}
       </button>
       <dl>
         {facts
@@ -50,11 +72,29 @@ export function FrameInspector({ n }: { n: number }) {
             </div>
           ))}
       </dl>
-      {frame.data.length > 0 && <DataBytes data={frame.data} />}
-      <h3>Bits on the wire</h3>
-      <Bits runs={fieldRuns(wire)} />
+      <FrameSignals frame={frame} known={known} />
+      {frame.data.length > 0 && !frame.error && <DataBytes data={frame.data} />}
+      {frame.cut && <p className="hint">An FD frame: these are its first eight bytes.</p>}
+      {drawn && <h3>Bits on the wire</h3>}
+      {drawn && <Bits runs={fieldRuns(wire)} />}
     </section>
   );
+}
+
+function errorFacts(frame: Frame): [string, string][] {
+  const { kind, place, sending, counters } = busErrorOf(frame.id, frame.data);
+  return [
+    ["What", kind],
+    ["Where", place],
+    ["Seen by", sending ? "who sent the frame" : "a receiver"],
+    ["Its counters", counters ? `TEC ${counters[0]}, REC ${counters[1]}` : ""],
+  ];
+}
+
+/** A sender that got no acknowledgement. */
+function alone(frame: Frame): boolean {
+  const { place, sending } = busErrorOf(frame.id, frame.data);
+  return sending && place === "ACK slot";
 }
 
 function DataBytes({ data }: { data: Uint8Array }) {

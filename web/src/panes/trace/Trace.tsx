@@ -1,18 +1,18 @@
 import { useVirtualizer } from "@tanstack/react-virtual";
-import { useEffect, useRef, useState, type KeyboardEvent } from "react";
+import { useEffect, useMemo, useRef, useState, type KeyboardEvent } from "react";
 import { Pause } from "../../parts/Bar";
-import type { Frame } from "../../protocol/batch";
-import type { Bus } from "../../protocol/messages";
-import { bytes, count, hex, visible } from "../../protocol/text";
+import { count, visible } from "../../protocol/text";
 import { useData, useStudio, useView } from "../../window/context";
+import { useHeight, useInSight } from "../../window/inSight";
+import { useLayouts } from "../plots/going";
+import { useAnchor } from "./anchor";
 import { Exports } from "./Exports";
-import { FileList, OpenFile } from "./FileList";
+import { FileBar, OpenFile } from "./FileBar";
 import { FoldedList } from "./Folded";
+import { choose, useListed, useSelect } from "./listed";
 import { Marks } from "./Marks";
-import { frameAt, knownOf, lineOf, matcher, meaningIn, rowOf, type TraceState } from "./reducer";
-import { FrameHead, FrameRow, useDim, useZero } from "./rows";
-
-const ROW = 24;
+import { frameAt, lineOf, listedOf, matcher, meaningIn, rowFrom, rowOf } from "./reducer";
+import { arrowsOf, dataWords, FrameHead, FrameRow, idWords, MeaningOf, ROW, useDim, useZero } from "./rows";
 
 export function Trace() {
   const { socket, store } = useStudio();
@@ -22,6 +22,7 @@ export function Trace() {
   );
   const known = next > 0;
   const file = useData((state) => state.trace.file);
+  useLayouts();
   // What the ring holds from before the pane was opened.
   useEffect(() => {
     if (!open || !known) return;
@@ -41,21 +42,15 @@ export function Trace() {
     }, 200);
     return () => clearTimeout(timer);
   }, [filter, open, socket, store]);
-  if (file) {
-    return (
-      <>
-        <Bar />
-        <FileList file={file} />
-      </>
-    );
-  }
+  const of = file?.name ?? "";
   return (
     <>
       <Bar />
+      {file && <FileBar file={file} />}
       <Marks />
-      {view.mode === "chronological" && <List />}
-      {view.mode === "folded" && <FoldedList />}
-      {view.mode === "latest" && <LatestList />}
+      {view.mode === "chronological" && <List key={of} />}
+      {view.mode === "folded" && <FoldedList key={of} />}
+      {view.mode === "latest" && <LatestList key={of} />}
     </>
   );
 }
@@ -63,12 +58,7 @@ export function Trace() {
 function Bar() {
   const { store } = useStudio();
   const [view, setView] = useView();
-  const [paused, shown, kept, pausedShown, matched, rates] = useData((state) => {
-    const { trace } = state;
-    const pausedRows = trace.paused?.shown ?? null;
-    return [trace.paused !== null, trace.shown, trace.kept, pausedRows, trace.matched, state.rates] as const;
-  });
-  const perSecond = rates?.buses.reduce((sum, bus) => sum + bus.frames_per_s, 0) ?? 0;
+  const [paused, file] = useData((state) => [state.trace.paused !== null, state.trace.file !== null] as const);
   return (
     <div className="bar">
       <input
@@ -78,7 +68,7 @@ function Bar() {
         aria-label="Filter frames"
         onChange={(event) => setView({ filter: event.target.value })}
       />
-      <Pause paused={paused} onChange={(now) => store.dispatch({ type: "trace/pause", paused: now })} />
+      {!file && <Pause paused={paused} onChange={(now) => store.dispatch({ type: "trace/pause", paused: now })} />}
       <div className="switch" role="group" aria-label="Order">
         <button
           type="button"
@@ -100,22 +90,37 @@ function Bar() {
         </button>
       </div>
       <Exports />
-      <OpenFile />
-      <span className="number quiet" aria-live="off">
-        {view.filter ? `${count(pausedShown ?? shown)} of ${count(kept)} here` : `${count(kept)} frames here`}
-        {matched !== null && `, ${count(matched)} in the whole ring`}
-        {paused && shown > (pausedShown ?? 0) && `, ${count(shown - (pausedShown ?? 0))} new`}
-        {` · ${count(perSecond)} frames/s`}
-      </span>
+      <div className="line">
+        <OpenFile />
+        {!file && <Counts />}
+      </div>
     </div>
+  );
+}
+
+function Counts() {
+  const [paused, shown, kept, pausedShown, matched, rates, filter] = useData((state) => {
+    const { trace } = state;
+    const rows = trace.paused?.shown ?? null;
+    const { filter } = state.view;
+    return [trace.paused !== null, trace.shown, trace.kept, rows, trace.matched, state.rates, filter] as const;
+  });
+  const perSecond = rates?.buses.reduce((sum, bus) => sum + bus.frames_per_s, 0) ?? 0;
+  return (
+    <span className="number quiet" aria-live="off">
+      {filter ? `${count(pausedShown ?? shown)} of ${count(kept)} here` : `${count(kept)} frames here`}
+      {matched !== null && `, ${count(matched)} in the whole ring`}
+      {paused && shown > (pausedShown ?? 0) && `, ${count(shown - (pausedShown ?? 0))} new`}
+      {` · ${count(perSecond)} frames/s`}
+    </span>
   );
 }
 
 function List() {
   const { socket, store } = useStudio();
-  const [view, setView] = useView();
-  const trace = useData((state) => state.trace);
-  const [buses, known] = useData((state) => [state.data.buses, knownOf(state)] as const);
+  const { list: trace, known, picked, file } = useListed();
+  const select = useSelect();
+  const ofFile = file !== null;
   const pieces = trace.paused?.pieces ?? trace.pieces;
   const shown = trace.paused?.shown ?? trace.shown;
   const scroller = useRef<HTMLDivElement>(null);
@@ -129,25 +134,29 @@ function List() {
   // A pause begins where the list was followed: at its end.
   useEffect(() => {
     const box = scroller.current;
-    if (box) box.scrollTop = following ? 0 : box.scrollHeight;
-  }, [following]);
+    if (box) box.scrollTop = following || ofFile ? 0 : box.scrollHeight;
+  }, [following, ofFile]);
+  const standing = useMemo(
+    () =>
+      following
+        ? null
+        : {
+            rows: pieces,
+            filter: trace.filter,
+            nameAt: (row: number) => frameAt(pieces, row)?.n ?? -1,
+            rowOf: (n: number) => rowFrom(pieces, n),
+          },
+    [following, pieces, trace.filter],
+  );
+  useAnchor(list, standing);
   // Scrolling back pauses: the list must not run away under the eye.
   const onWheel = (event: { deltaY: number }) => {
     if (following && event.deltaY < 0) store.dispatch({ type: "trace/pause", paused: true });
   };
   // While it follows, the newest rows that fit are drawn in place: nothing scrolls, so nothing is laid out anew.
-  const [height, setHeight] = useState(480);
-  useEffect(() => {
-    if (!scroller.current) return;
-    const observer = new ResizeObserver(([entry]) => entry && setHeight(entry.contentRect.height));
-    observer.observe(scroller.current);
-    return () => observer.disconnect();
-  }, []);
-  // The chosen frame stays in sight, also when the inspector takes room.
-  const chosen = following || view.frame === null ? -1 : rowOf(pieces, view.frame);
-  useEffect(() => {
-    if (chosen >= 0) list.scrollToIndex(chosen);
-  }, [chosen, height, list]);
+  const height = useHeight(scroller);
+  const chosen = following || picked.frame === null ? -1 : rowOf(pieces, picked.frame);
+  useInSight(list, height, chosen);
   const newest = Math.min(shown, Math.floor(height / ROW));
   const items = following
     ? Array.from({ length: newest }, (_, i) => ({ key: i, index: shown - newest + i, start: i * ROW }))
@@ -156,7 +165,7 @@ function List() {
   const lastRow = items[items.length - 1]?.index ?? 0;
   const paused = !following;
   useEffect(() => {
-    if (!paused) return;
+    if (!paused || ofFile) return;
     const timer = setTimeout(() => {
       const from = frameAt(pieces, firstRow);
       const to = frameAt(pieces, lastRow);
@@ -164,20 +173,12 @@ function List() {
       socket.send({ type: "frames", id: `words ${from.n}`, from: from.n, count: to.n - from.n + 1 });
     }, 150);
     return () => clearTimeout(timer);
-  }, [paused, firstRow, lastRow, pieces, socket]);
-  const select = (frame: Frame) => {
-    const meaning = meaningIn(frame, known);
-    const bus = buses[frame.bus]?.name;
-    const slot = store.get().data.slots.find((entry) => entry.bus === bus && entry.id === meaning.node);
-    const object = slot && meaning.object ? meaning.object : "";
-    setView({ frame: frame.n, object, ...(slot ? { slot: `${slot.bus}/${slot.id}` } : {}) });
-    if (following) store.dispatch({ type: "trace/pause", paused: true });
-  };
+  }, [paused, ofFile, firstRow, lastRow, pieces, socket]);
   const onKey = (event: KeyboardEvent) => {
     const step = event.key === "ArrowDown" ? 1 : event.key === "ArrowUp" ? -1 : 0;
     if (!step) return;
     event.preventDefault();
-    const row = view.frame === null ? shown - 1 : rowOf(pieces, view.frame) + step;
+    const row = picked.frame === null ? shown - 1 : rowOf(pieces, picked.frame) + step;
     const frame = frameAt(pieces, row);
     if (frame) select(frame);
     if (frame) list.scrollToIndex(row);
@@ -186,7 +187,7 @@ function List() {
   const zero = useZero();
   return (
     <>
-      <FrameHead arrows="→ sent by Berth, ← received" />
+      <FrameHead arrows={arrowsOf(ofFile)} />
       <div
         className="scroll"
         ref={scroller}
@@ -202,15 +203,16 @@ function List() {
             if (!frame) return null;
             return (
               <FrameRow
-                key={row.key}
+                key={following ? row.key : frame.n}
                 frame={frame}
                 top={row.start}
-                bus={buses[frame.bus]?.name ?? ""}
+                bus={known.buses[frame.bus] ?? ""}
                 words={trace.texts.get(frame.n)}
-                selected={frame.n === view.frame}
+                selected={frame.n === picked.frame}
                 dim={dim}
                 known={known}
                 zero={zero}
+                still={!following && !ofFile}
                 onSelect={select}
               />
             );
@@ -224,27 +226,24 @@ function List() {
 const LATEST_EVERY_MS = 250;
 
 /** The table of identifiers, four times a second: faster than that nobody reads numbers. */
-function useLatest(): { latest: TraceState["latest"]; buses: Bus[] } {
+function useLatest() {
   const { store } = useStudio();
-  const read = () => ({ latest: store.get().trace.latest, buses: store.get().data.buses });
-  const [value, setValue] = useState(read);
+  const [latest, setLatest] = useState(() => listedOf(store.get()).list.latest);
   useEffect(() => {
-    const timer = setInterval(() => {
-      const { latest } = store.get().trace;
-      setValue((old) => (old.latest === latest ? old : { latest, buses: store.get().data.buses }));
-    }, LATEST_EVERY_MS);
+    const timer = setInterval(() => setLatest(listedOf(store.get()).list.latest), LATEST_EVERY_MS);
     return () => clearInterval(timer);
   }, [store]);
-  return value;
+  return latest;
 }
 
 function LatestList() {
-  const [view, setView] = useView();
-  const { latest, buses } = useLatest();
-  const known = useData(knownOf);
+  const { store } = useStudio();
+  const filter = useData((state) => state.view.filter);
+  const latest = useLatest();
+  const [known, ofFile] = useData((state) => [listedOf(state).known, listedOf(state).file !== null] as const);
   const dim = useDim();
   const scroller = useRef<HTMLDivElement>(null);
-  const matches = matcher(view.filter);
+  const matches = matcher(filter);
   const rows = [...latest.values()]
     .filter(({ frame }) => !matches || matches(lineOf(frame, known)))
     .sort((a, b) => a.frame.bus - b.frame.bus || a.frame.id - b.frame.id);
@@ -276,14 +275,14 @@ function LatestList() {
                 key={item.key}
                 className={`frame latest service-${meaning.service} ${dim(frame, meaning.node) ? "dim" : ""}`}
                 style={{ transform: `translateY(${item.start}px)` }}
-                onClick={() => setView({ frame: frame.n })}
+                onClick={() => choose(store, { frame: frame.n })}
               >
                 <span className="number">{count(entry.count)}</span>
-                <span>{visible(buses[frame.bus]?.name ?? "")}</span>
-                <span className="number">{hex(frame.id, frame.extended ? 8 : 3)}</span>
+                <span>{visible(known.buses[frame.bus] ?? "")}</span>
+                <span className="number">{idWords(frame)}</span>
                 <span className="number right">{entry.period > 0 ? `${(entry.period * 1000).toFixed(2)} ms` : ""}</span>
-                <span className="number data">{bytes(frame.data)}</span>
-                <span className="words">{meaning.text}</span>
+                <span className="number data">{dataWords(frame)}</span>
+                <MeaningOf frame={frame} known={known} still={!ofFile} />
               </div>
             );
           })}

@@ -17,11 +17,16 @@ export const ringFormats = [
 export const ringPath = (format: string, filter: string): string =>
   `/api/v1/trace?format=${format}${filter && `&filter=${encodeURIComponent(filter)}`}`;
 
-/** For a shell on the server's computer. */
-export function ringCommand(origin: string, filter: string, tokenFile: string): string {
-  const token = tokenFile ? `$(cat ${quoted(tokenFile)})` : "TOKEN";
-  const address = `${origin}${ringPath("candump", filter)}`.replace(/'/g, "%27");
-  return `curl -H "Authorization: Bearer ${token}" -o run.log '${address}'`;
+/** A file that was opened is on the computer of who sits here: its command line writes it in another format. */
+export const fileCommand = (name: string): string =>
+  `berth trace ${quoted(name)} -o ${quoted(`${name.replace(/(\.[^.]*)?(\.gz)?$/, "")}.pcapng`)}`;
+
+/** For a shell on the server's computer. Tokens stand beside the control socket, by which a machine without a file is found. */
+export function ringCommand(filter: string, machineFile: string, tokenFile: string): string {
+  const socket = tokenFile.replace(/\.token(\.\w+)?$/, "") || "SOCKET";
+  const machine = machineFile ? `-m ${quoted(machineFile)}` : `--control ${quoted(socket)}`;
+  const found = filter ? ` --filter ${quoted(filter)}` : "";
+  return `berth trace --ring${found} -o run.log ${machine}`;
 }
 
 /** The frames that the filter lets through; with `slot` ("field/12") only those of this node. */
@@ -37,12 +42,12 @@ export function exported(pieces: readonly Piece[], known: Known, slot = ""): Fra
 }
 
 const idOf = (frame: Frame): string =>
-  frame.id
+  ((frame.error ? 0x20000000 : 0) + frame.id)
     .toString(16)
     .toUpperCase()
-    .padStart(frame.extended ? 8 : 3, "0");
+    .padStart(frame.extended || frame.error ? 8 : 3, "0");
 
-/** As `candump -L` writes it. A name of a bus is one word there. */
+/** As `candump -L` writes it, error frames too. A name of a bus is one word there. What is cut is no frame: `whole`. */
 export function candumpLog(frames: readonly Frame[], known: Known): string {
   return frames
     .map((frame) => {
@@ -52,6 +57,9 @@ export function candumpLog(frames: readonly Frame[], known: Known): string {
     })
     .join("");
 }
+
+/** Without FD frames of more than eight bytes, of which this page has the first ones. */
+export const whole = (frames: readonly Frame[]): Frame[] => frames.filter((frame) => !frame.cut);
 
 export function framesCsv(frames: readonly Frame[], known: Known, texts: ReadonlyMap<number, string>): string {
   const head = ["frame", "time_s", "bus", "identifier", "extended", "remote", "sent", "length", "data", "meaning"];

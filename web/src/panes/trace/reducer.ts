@@ -1,5 +1,5 @@
-import { meaningOf, type Meaning, type Service } from "../../can/words";
-import { batchesOfRows, emptyBatch, frameOf, joined, type Batch, type Frame } from "../../protocol/batch";
+import { meaningOfFrame, type Meaning, type Service } from "../../can/words";
+import { batchesOfRows, ERROR, EXTENDED, frameOf, joined, REMOTE, type Batch, type Frame } from "../../protocol/batch";
 import type { FrameRow, OpenedFile } from "../../protocol/messages";
 import { bytes, hex } from "../../protocol/text";
 import type { Action, State } from "../../store/state";
@@ -50,23 +50,29 @@ export interface TraceState {
   file: TraceFile | null;
 }
 
+/** What is chosen in a list of frames. That of the machine's frames is in the address. */
+export type Picked = Pick<View, "frame" | "marks" | "zero">;
+
 export interface TraceFile {
   name: string;
   format: string;
-  /** In the file; `batch` has the first of them. */
+  /** In the file; `list` has the first of them. */
   frames: number;
-  batch: Batch;
-  texts: readonly string[];
-  known: Known;
   findings: readonly string[];
   moreFindings: number;
+  /** Its frames: a list that is paused, since nothing comes. */
+  list: TraceState;
+  known: Known;
+  picked: Picked;
 }
 
 export type TraceAction =
   | { type: "trace/pause"; paused: boolean }
+  | { type: "trace/toggle" }
   | { type: "trace/clear" }
   | { type: "trace/asked"; id: string }
   | { type: "trace/file"; file: TraceFile | null }
+  | { type: "trace/pick"; change: Partial<Picked> }
   | { type: "trace/open"; first: number; open: boolean };
 
 export const firstTrace: TraceState = {
@@ -89,27 +95,55 @@ export function traceReducer(trace: TraceState, action: Action, state: State): T
     case "batch":
       return withBatch(trace, action.batch, knownOf(state));
     case "view":
-      return withMarks(viewReducer(trace, state), state.view.marks);
+      return withMarks(refilteredAll(trace, state), state.view.marks);
     case "message":
       return withMarks(messageReducer(trace, action.message, state), state.view.marks);
     case "trace/pause":
-      return { ...trace, paused: action.paused ? { pieces: trace.pieces, shown: trace.shown } : null };
+      return paused(trace, action.paused);
+    case "trace/toggle":
+      return paused(trace, trace.paused === null);
     case "trace/clear":
       return { ...firstTrace, filter: trace.filter, marked: trace.marked, file: trace.file };
     case "trace/file":
-      return { ...trace, file: action.file };
+    case "trace/pick":
+      return { ...trace, file: fileReducer(trace, action) };
     case "trace/asked":
       return { ...trace, asked: action.id };
     case "trace/open":
-      return { ...trace, opened: withOpened(trace.opened, action.first, action.open) };
+      return inShown(trace, (list) => ({ ...list, opened: withOpened(list.opened, action.first, action.open) }));
     default:
       return trace;
   }
 }
 
-function viewReducer(trace: TraceState, state: State): TraceState {
+const paused = (trace: TraceState, now: boolean): TraceState => ({
+  ...trace,
+  paused: now ? { pieces: trace.pieces, shown: trace.shown } : null,
+});
+
+function refilteredAll(trace: TraceState, state: State): TraceState {
   const { filter } = state.view;
-  return filter === trace.filter ? trace : refiltered(trace, filter, knownOf(state));
+  if (filter === trace.filter) return trace;
+  const { file } = trace;
+  const again = file && { ...file, list: refiltered(file.list, filter, file.known) };
+  return { ...refiltered(trace, filter, knownOf(state)), file: again };
+}
+
+/** Changes the list that the pane shows: the file's while one is open. */
+function inShown(trace: TraceState, change: (list: TraceState) => TraceState): TraceState {
+  const { file } = trace;
+  return file ? { ...trace, file: { ...file, list: change(file.list) } } : change(trace);
+}
+
+function fileReducer(
+  { file, filter }: TraceState,
+  action: Extract<TraceAction, { type: "trace/file" | "trace/pick" }>,
+): TraceFile | null {
+  if (action.type === "trace/file")
+    return action.file && { ...action.file, list: refiltered(action.file.list, filter, action.file.known) };
+  if (!file) return null;
+  const picked = { ...file.picked, ...action.change };
+  return { ...file, picked, list: withMarks(file.list, picked.marks) };
 }
 
 function withOpened(opened: ReadonlySet<number>, first: number, open: boolean): ReadonlySet<number> {
@@ -130,7 +164,7 @@ function withMarks(trace: TraceState, marks: readonly number[]): TraceState {
 }
 
 /** A marker on a frame, or none any more. The first one is where times count from. */
-export function markChange(view: Pick<View, "marks" | "zero">, n: number): Partial<View> {
+export function markChange(view: Pick<View, "marks" | "zero">, n: number): Partial<Picked> {
   if (view.marks.includes(n)) {
     const marks = view.marks.filter((mark) => mark !== n);
     return { marks, zero: view.zero === n ? null : view.zero };
@@ -159,8 +193,7 @@ export function knownOf({ data }: State): Known {
 }
 
 export function meaningIn(frame: Frame, known: Known): Meaning {
-  const { id, extended, remote, data, bus } = frame;
-  return meaningOf(id, extended, remote, data, (node) => known.isNode(bus, node));
+  return meaningOfFrame(frame, (node) => known.isNode(frame.bus, node));
 }
 
 function messageReducer(trace: TraceState, message: Extract<Action, { type: "message" }>["message"], state: State) {
@@ -272,7 +305,7 @@ function cut(batch: Batch, from: number, to: number): Batch {
 function withLatest(latest: ReadonlyMap<string, Latest>, batch: Batch): ReadonlyMap<string, Latest> {
   const counts = new Map<string, { last: number; before: number; count: number }>();
   for (let i = 0; i < batch.count; i++) {
-    const key = `${batch.buses[i] ?? 0} ${(batch.flags[i] ?? 0) & 3} ${batch.ids[i] ?? 0}`;
+    const key = `${batch.buses[i] ?? 0} ${(batch.flags[i] ?? 0) & (EXTENDED | REMOTE | ERROR)} ${batch.ids[i] ?? 0}`;
     const entry = counts.get(key);
     if (!entry) {
       counts.set(key, { last: i, before: -1, count: 1 });
@@ -288,7 +321,7 @@ function withLatest(latest: ReadonlyMap<string, Latest>, batch: Batch): Readonly
     const frame = frameOf(batch, last);
     const previous = before >= 0 ? batch.seconds[before] : old?.frame.seconds;
     const period = previous === undefined ? 0 : frame.seconds - previous;
-    const service = meaningOf(frame.id, frame.extended, frame.remote, frame.data).service;
+    const service = meaningOfFrame(frame).service;
     next.set(key, { key, frame, count: (old?.count ?? 0) + count, period, service });
   }
   return next;
@@ -311,17 +344,30 @@ function refiltered(trace: TraceState, filter: string, known: Known): TraceState
 /** What the server read of a file. Which of its nodes are there nobody said: each may be. */
 export function fileOf(answer: OpenedFile): TraceFile {
   const { name, format, buses, frames, rows, findings, more_findings } = answer;
-  const batch = batchesOfRows(rows, buses)[0] ?? emptyBatch(0, 0);
-  const texts = rows.map((row) => row.text);
   const known = { buses, isNode: () => true };
-  return { name, format, frames, batch, texts, known, findings, moreFindings: more_findings };
+  const texts = new Map(rows.flatMap((row): [number, string][] => (row.text ? [[row.n, row.text]] : [])));
+  const batches = batchesOfRows(rows, buses);
+  const pieces = batches.map((batch) => pieceOf(batch, "", known, texts));
+  let { latest } = firstTrace;
+  for (const batch of batches) latest = withLatest(latest, batch);
+  const list = { ...firstTrace, ...limited(pieces), texts, latest, paused: { pieces, shown: rows.length } };
+  const picked = { frame: null, marks: [], zero: null };
+  return { name, format, frames, findings, moreFindings: more_findings, list, known, picked };
 }
 
-/** Positions of the frames that the filter lets through. */
-export function rowsOfFile({ batch, texts, known }: TraceFile, filter: string): number[] {
-  const matches = matcher(filter);
-  const all = Array.from({ length: batch.count }, (_, i) => i);
-  return matches ? all.filter((i) => matches(`${lineOf(frameOf(batch, i), known)} ${texts[i] ?? ""}`)) : all;
+/** The list that the window shows, what its words rest on, and what is chosen in it. */
+export interface Listed {
+  list: TraceState;
+  known: Known;
+  picked: Picked;
+  /** Null: these are the machine's frames. */
+  file: TraceFile | null;
+}
+
+export function listedOf(state: State): Listed {
+  const { file } = state.trace;
+  if (file && state.view.pane === "trace") return { list: file.list, known: file.known, picked: file.picked, file };
+  return { list: state.trace, known: knownOf(state), picked: state.view, file: null };
 }
 
 /** The frame in row `row` of the list, or null. */
@@ -350,4 +396,17 @@ export function rowOf(pieces: readonly Piece[], n: number): number {
     before += count;
   }
   return -1;
+}
+
+/** The first row of the list whose frame is `n` or a later one. */
+export function rowFrom(pieces: readonly Piece[], n: number): number {
+  let before = 0;
+  for (const { batch, rows, count } of pieces) {
+    if (n < batch.first + batch.count) {
+      const inside = rows ? rows.findIndex((row) => batch.first + row >= n) : Math.max(0, n - batch.first);
+      return before + (inside < 0 ? count : inside);
+    }
+    before += count;
+  }
+  return before;
 }

@@ -1,7 +1,12 @@
 import type { Frame } from "../../protocol/batch";
+import { abortParts } from "../../can/words";
 import { bytes, hex, visible } from "../../protocol/text";
 import { useData } from "../../window/context";
-import { meaningIn, type Known } from "./reducer";
+import { listedOf, meaningIn, type Known } from "./reducer";
+import { carriedWords, isPdo, PdoWords, useMessageOf } from "./SignalChips";
+
+/** The height of a row in pixels. */
+export const ROW = 24;
 
 /** What times count from, and which frames have a marker. */
 export interface Zero {
@@ -11,8 +16,8 @@ export interface Zero {
 
 export function useZero(): Zero {
   const [seconds, marks] = useData((state) => {
-    const { zero, marks } = state.view;
-    return [zero === null ? null : (state.trace.marked.get(zero) ?? null), marks] as const;
+    const { list, picked } = listedOf(state);
+    return [picked.zero === null ? null : (list.marked.get(picked.zero) ?? null), picked.marks] as const;
   });
   return { seconds, marks };
 }
@@ -24,12 +29,16 @@ export function timeWords(seconds: number, zero: Zero): string {
 }
 
 export function useDim(): (frame: Frame, node: number) => boolean {
-  const [slot, buses] = useData((state) => [state.view.slot, state.data.buses] as const);
+  const [slot, buses] = useData((state) => [state.view.slot, listedOf(state).known.buses] as const);
   const selected = slot.lastIndexOf("/");
   const bus = slot.slice(0, selected);
   const id = Number(slot.slice(selected + 1));
-  return (frame, node) => slot !== "" && !(node === id && buses[frame.bus]?.name === bus);
+  // Errors are of the whole bus.
+  return (frame, node) => slot !== "" && !frame.error && !(node === id && buses[frame.bus] === bus);
 }
+
+export const arrowsOf = (ofFile: boolean): string =>
+  ofFile ? "→ sent by who recorded it, ← received" : "→ sent by Berth, ← received";
 
 /** `arrows`: what the signs of the fourth column are. */
 export function FrameHead({ arrows }: { arrows: string }) {
@@ -45,6 +54,14 @@ export function FrameHead({ arrows }: { arrows: string }) {
   );
 }
 
+/** A report of an error has none. */
+export const idWords = (frame: Frame): string => (frame.error ? "error" : hex(frame.id, frame.extended ? 8 : 3));
+
+export function dataWords(frame: Frame): string {
+  if (frame.error) return "";
+  return frame.remote ? `remote, ${frame.data.length}` : `${bytes(frame.data)}${frame.cut ? " …" : ""}`;
+}
+
 interface RowProps {
   frame: Frame;
   top: number;
@@ -57,10 +74,12 @@ interface RowProps {
   zero: Zero;
   /** A frame of a transfer that is open. */
   child?: boolean;
+  /** The list stands: what is in its rows can be pressed. */
+  still: boolean;
   onSelect: (frame: Frame) => void;
 }
 
-export function FrameRow({ frame, top, bus, words, selected, dim, known, zero, child, onSelect }: RowProps) {
+export function FrameRow({ frame, top, bus, words, selected, dim, known, zero, child, still, onSelect }: RowProps) {
   const meaning = meaningIn(frame, known);
   const marked = zero.marks.includes(frame.n);
   const classes = [`frame service-${meaning.service}`, selected && "selected", child && "child", marked && "marked"];
@@ -76,12 +95,45 @@ export function FrameRow({ frame, top, bus, words, selected, dim, known, zero, c
         {timeWords(frame.seconds, zero)}
       </span>
       <span>{visible(bus)}</span>
-      <span className="number">{hex(frame.id, frame.extended ? 8 : 3)}</span>
+      <span className="number">{idWords(frame)}</span>
       <span>{frame.sent ? "→" : "←"}</span>
-      <span className="number data">{frame.remote ? `remote, ${frame.data.length}` : bytes(frame.data)}</span>
-      <span className="words" title={visible(words ?? meaning.text)}>
-        {visible(words ?? meaning.text)}
-      </span>
+      <span className="number data">{dataWords(frame)}</span>
+      <MeaningOf frame={frame} known={known} words={words} still={still} />
     </div>
+  );
+}
+
+interface MeaningProps {
+  frame: Frame;
+  known: Known;
+  /** The server's. */
+  words?: string | undefined;
+  still: boolean;
+}
+
+/** Where room is short, names give way. Values, their units and the reason of an abort stay. */
+export function MeaningOf({ frame, known, words, still }: MeaningProps) {
+  const message = useMessageOf()(frame, known);
+  const text = words ?? meaningIn(frame, known).text;
+  // Of other messages the words say all.
+  if (message && isPdo(message))
+    return (
+      <span className="words parts" title={visible(carriedWords(frame, message))}>
+        <PdoWords frame={frame} of={message} still={still} />
+      </span>
+    );
+  const abort = abortParts(text);
+  if (!abort)
+    return (
+      <span className="words" title={visible(text)}>
+        {visible(text)}
+      </span>
+    );
+  return (
+    <span className="words parts" title={visible(text)}>
+      <span>{visible(abort.object)}, </span>
+      <span className="kept">{visible(abort.reason)}</span>
+      <span className="gives">, {visible(abort.rest)}</span>
+    </span>
   );
 }

@@ -1,9 +1,11 @@
 import { describe, expect, it } from "vitest";
+import { healthWords, isUnwell, restWords } from "../../parts/health";
+import { decodeBatch, frameOf } from "../../protocol/batch";
 import { firstState, reducer } from "../../store/reducer";
 import { batch, snapshot } from "../../store/samples";
 import type { State } from "../../store/state";
-import { ringCommand, ringPath } from "./export";
-import { fileOf, frameAt, MOST_FRAMES, rowOf, rowsOfFile } from "./reducer";
+import { candumpLog, exported, fileCommand, ringCommand, ringPath, whole } from "./export";
+import { fileOf, frameAt, listedOf, markChange, meaningIn, MOST_FRAMES, rowFrom, rowOf } from "./reducer";
 
 const begun = reducer(firstState, { type: "message", message: snapshot(), now: 0 });
 const add = (state: State, first: number, frames: string) =>
@@ -20,6 +22,9 @@ describe("the trace", () => {
     expect(frameAt(state.trace.pieces, 3)?.n).toBe(200);
     expect(rowOf(state.trace.pieces, 200)).toBe(3);
     expect(rowOf(state.trace.pieces, 150)).toBe(-1);
+    expect([0, 102, 103, 200, 201].map((n) => rowFrom(state.trace.pieces, n))).toEqual([0, 2, 3, 3, 4]);
+    state = reducer(state, { type: "view", change: { filter: "703#" } });
+    expect([100, 102, 103].map((n) => rowFrom(state.trace.pieces, n))).toEqual([0, 0, 1]);
   });
 
   it("takes nothing twice", () => {
@@ -85,6 +90,65 @@ describe("the trace", () => {
   });
 });
 
+describe("errors on a bus", () => {
+  const row = (n: number, id: number, data: string, more: object) => ({
+    ...{ n, t_s: n / 10, bus: "field", id, ext: false, rtr: false, data, text: "the server's words" },
+    ...more,
+  });
+  const rows = [
+    row(0, 0x288, "0000840A00001000", { error: true as const }),
+    row(1, 0x2a8, "0000801900008000", { error: true as const }),
+    row(2, 0x185, "0102030405060708", { cut: true as const }),
+  ];
+  const message = { type: "frames" as const, id: "old", first: 0, last: 2, rows, matched: 3 };
+  const state = reducer(begun, { type: "message", message, now: 0 });
+  const known = listedOf(state).known;
+  const frames = exported(state.trace.pieces, known);
+
+  it("are rows that no service takes for its frames", () => {
+    expect(frames.map((frame) => meaningIn(frame, known).service)).toEqual(["error", "error", "PDO1"]);
+    const words = frames.map((frame) => meaningIn(frame, known).text);
+    expect(words.slice(0, 2)).toEqual(["error frame: stuff in data", "error frame: no acknowledge in ACK slot"]);
+    expect([...state.trace.latest.values()].map(({ service }) => service)).toContain("error");
+  });
+
+  it("are saved as candump writes them, and frames that are cut are not", () => {
+    expect(candumpLog(whole(frames), known)).toBe(
+      "(0000000000.000000) field 20000288#0000840A00001000\n(0000000000.100000) field 200002A8#0000801900008000\n",
+    );
+  });
+
+  it("are told by a binary batch", () => {
+    const buffer = new ArrayBuffer(24 + 10 + 8);
+    const view = new DataView(buffer);
+    view.setUint16(0, 0x0101);
+    view.setUint16(2, 1, true);
+    view.setUint32(28, 0x20000288, true);
+    view.setUint8(33, 0x18);
+    const decoded = decodeBatch(buffer);
+    expect(decoded && frameOf(decoded, 0)).toMatchObject({ id: 0x288, error: true, cut: true, extended: false });
+  });
+
+  it("are told apart from a bus that rests", () => {
+    const shut = { state: "unknown", reason: "another master is on this bus" };
+    expect(restWords([shut, shut])).toBe("another master is on this bus");
+    expect(restWords([shut, { ...shut, reason: "gateway 3 does not answer" }])).toBe("");
+    expect(restWords([shut, { ...shut, state: "operational" }])).toBe("");
+    expect(restWords([{ state: "unknown" }])).toBe("");
+    expect(restWords([])).toBe("");
+  });
+
+  it("are counted and plotted by bus", () => {
+    const bus = { bus: "field", frames_per_s: 1, load: 0, errors_per_s: 4, errors: 9, state: "passive" as const };
+    const rates = { type: "rates" as const, buses: [bus], ring: { first: 0, next: 0 }, left_out: 0 };
+    const plots = reducer(begun, { type: "message", message: rates, now: 2 }).plots;
+    expect(plots.errors.field).toEqual([[2, 4]]);
+    expect(healthWords({ ...bus, tec: 130, rec: 0 })).toBe("9 error frames, error-passive, TEC 130, REC 0");
+    expect(healthWords({ bus: "x", frames_per_s: 0, load: 0 })).toBe("no error frames");
+    expect([bus, { ...bus, errors_per_s: 0, state: "active" as const }].map(isUnwell)).toEqual([true, false]);
+  });
+});
+
 describe("a file that is opened", () => {
   const row = (n: number, bus: string, id: number, data: string, text: string) => ({
     ...{ n, t_s: n / 10, bus, id, ext: false, rtr: false, data, text },
@@ -95,13 +159,49 @@ describe("a file that is opened", () => {
     findings: ["run.log:3:1: error: no frame"],
   });
 
+  const opened = reducer(reducer(add(begun, 0, "701#05"), { type: "view", change: { pane: "trace" } }), {
+    type: "trace/file",
+    file,
+  });
+  const listed = (filter: string) => {
+    const { list } = listedOf(reducer(opened, { type: "view", change: { filter } }));
+    const pieces = list.paused?.pieces ?? [];
+    return Array.from({ length: list.paused?.shown ?? 0 }, (_, i) => frameAt(pieces, i)?.n);
+  };
+
   it("has its own buses, and is filtered by the server's words and by the bytes", () => {
-    expect(file.batch.count).toBe(2);
     expect(file.frames).toBe(9);
-    expect(rowsOfFile(file, "")).toEqual([0, 1]);
-    expect(rowsOfFile(file, "can1")).toEqual([1]);
-    expect(rowsOfFile(file, "heartbeat 705#7f")).toEqual([0]);
-    expect(rowsOfFile(file, "601#40181004")).toEqual([1]);
+    expect(listed("")).toEqual([0, 1]);
+    expect(listed("can1")).toEqual([1]);
+    expect(listed("heartbeat 705#7f")).toEqual([0]);
+    expect(listed("601#40181004")).toEqual([1]);
+    // A filter that was there before the file.
+    const before = reducer(begun, { type: "view", change: { filter: "705#" } });
+    expect(reducer(before, { type: "trace/file", file }).trace.file?.list.paused?.shown).toBe(1);
+  });
+
+  it("has its own choice and markers, and the address keeps those of the machine's frames", () => {
+    let state = reducer(opened, { type: "view", change: { frame: 0, marks: [0], zero: 0 } });
+    state = reducer(state, { type: "trace/pick", change: { frame: 1, ...markChange({ marks: [], zero: null }, 1) } });
+    expect(listedOf(state).picked).toEqual({ frame: 1, marks: [1], zero: 1 });
+    expect([...listedOf(state).list.marked]).toEqual([[1, 0.1]]);
+    expect(state.view).toMatchObject({ frame: 0, marks: [0], zero: 0 });
+    // In another pane it is the machine's frame that is chosen.
+    state = reducer(state, { type: "view", change: { pane: "plots" } });
+    expect(listedOf(state).picked.frame).toBe(0);
+    expect(reducer(opened, { type: "trace/file", file: null }).trace.file).toBeNull();
+  });
+
+  it("folds its transfers by itself", () => {
+    const state = reducer(opened, { type: "trace/open", first: 1, open: true });
+    expect([...listedOf(state).list.opened]).toEqual([1]);
+    expect(state.trace.opened.size).toBe(0);
+  });
+
+  it("is saved by what is listed, and written in other formats by the command line", () => {
+    const { list, known } = listedOf(reducer(opened, { type: "view", change: { filter: "601#" } }));
+    expect(candumpLog(exported(list.pieces, known), known)).toBe("(0000000000.100000) can1 601#4018100400000000\n");
+    expect(fileCommand("a b.log.gz")).toBe("berth trace 'a b.log.gz' -o 'a b.pcapng'");
   });
 
   it("stands instead of the machine's frames until it is closed, and these go on", () => {
@@ -119,10 +219,12 @@ describe("the whole ring", () => {
   it("is asked for by an address and by a command that a shell takes", () => {
     expect(ringPath("pcapng", "")).toBe("/api/v1/trace?format=pcapng");
     expect(ringPath("asc", "sdo 605#")).toBe("/api/v1/trace?format=asc&filter=sdo%20605%23");
-    expect(ringCommand("http://127.0.0.1:8302", "it's", "/run/a b.token")).toBe(
-      `curl -H "Authorization: Bearer $(cat '/run/a b.token')" -o run.log ` +
-        `'http://127.0.0.1:8302/api/v1/trace?format=candump&filter=it%27s'`,
+    expect(ringCommand("it's", "/m/a b.toml", "/run/b.token")).toBe(
+      "berth trace --ring --filter 'it'\\''s' -o run.log -m '/m/a b.toml'",
     );
-    expect(ringCommand("http://127.0.0.1:8302", "", "")).toContain("Bearer TOKEN");
+    expect(ringCommand("", "", "/run/a b.sock.token.view")).toBe(
+      "berth trace --ring -o run.log --control '/run/a b.sock'",
+    );
+    expect(ringCommand("", "", "")).toContain("--control SOCKET");
   });
 });

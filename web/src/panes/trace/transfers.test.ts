@@ -2,14 +2,18 @@ import { describe, expect, it } from "vitest";
 import { firstState, reducer } from "../../store/reducer";
 import { batch, slot, snapshot } from "../../store/samples";
 import type { State } from "../../store/state";
+import { rowsOf as objectRows } from "../dictionary/reducer";
 import { candumpLog, exported, framesCsv } from "./export";
 import { frameAt, knownOf, lineOf } from "./reducer";
 import {
   firstFrameOf,
   folded,
   frameOfRow,
+  meantBy,
+  nameOfRow,
   outcomeOf,
   rowHolding,
+  rowNamed,
   steppedRow,
   transferWords,
   wordsOf,
@@ -32,6 +36,32 @@ describe("SDO transfers in one row", () => {
     expect(rows).toMatchObject([10, { frames: [11, 13], state: "done", object: "1017h:00", data: [0xf4, 1] }, 12, 14]);
     expect(rowsOf(state, [11]).slice(1, 4)).toMatchObject([{ frames: [11, 13] }, { child: 11 }, { child: 13 }]);
     expect(rowsOf(state, [99])).toHaveLength(4);
+  });
+
+  it("says what a value means where the dictionary knows the object", () => {
+    const note = { text: "", unit: "°C", scale: 0.1, values: { "-2": "cold" }, bits: {} };
+    const [row] = objectRows({ index: "0x2001", sub: 2, type: "INTEGER16", value: 0, note });
+    const [read] = transfers("60A#4001200200000000 58A#4B012002FEFF0000");
+    expect(read && meantBy(read, row)).toBe("-0.2 °C, cold");
+    expect(read && row && meantBy(read, { ...row, type: "UNSIGNED16" })).toBe("6553.4 °C");
+    expect(read && row && meantBy(read, { ...row, type: "UNSIGNED8" }), "two bytes are none").toBe("");
+    expect(read && meantBy(read, undefined)).toBe("");
+    const [none] = transfers("60A#4001200200000000 58A#8001200211000906");
+    expect(none && meantBy(none, row), "an abort has no value").toBe("");
+  });
+
+  it("have names by which they are found when other rows come before them", () => {
+    const state = add(begun, 10, "70A#05 60A#4017100000000000 70B#05 58A#4B171000F4010000 70A#05");
+    const names = rowsOf(state, [11]).map(nameOfRow);
+    expect(names).toEqual([10, 11, 11.5, 13.5, 12, 14]);
+    const all = rowsOf(
+      add(add(begun, 0, "705#05 705#05"), 10, "70A#05 60A#4017100000000000 70B#05 58A#4B171000F4010000 70A#05"),
+      [11],
+    );
+    expect(names.map((name) => rowNamed(all, name))).toEqual([2, 3, 4, 5, 6, 7]);
+    // An answer alone becomes a part of its transfer once the request is there.
+    expect(rowNamed(rowsOf(state), 13)).toBe(1);
+    expect([13.5, 9, 99].map((name) => rowNamed(rowsOf(state), name))).toEqual([1, 0, 4]);
   });
 
   it("is walked by up and down, an open transfer frame by frame", () => {

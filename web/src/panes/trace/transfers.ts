@@ -1,7 +1,9 @@
 import { abortTexts } from "../../can/words";
 import type { Batch, Frame } from "../../protocol/batch";
-import { frameOf } from "../../protocol/batch";
+import { ERROR, EXTENDED, frameOf, REMOTE } from "../../protocol/batch";
 import { bytes, hex } from "../../protocol/text";
+import { meaningOf } from "../dictionary/note";
+import { limitsOf, type ObjectRow } from "../dictionary/reducer";
 import { matcher, type Known, type Piece } from "./reducer";
 
 /** A transfer of the default SDO channel of a node (CiA 301 §7.2.4): a request and all that belongs to it. */
@@ -160,7 +162,7 @@ class Channels {
 
 const isSdo = (batch: Batch, i: number): boolean => {
   const id = batch.ids[i] ?? 0;
-  return id > 0x580 && id < 0x680 && id !== 0x600 && ((batch.flags[i] ?? 0) & 3) === 0;
+  return id > 0x580 && id < 0x680 && id !== 0x600 && ((batch.flags[i] ?? 0) & (EXTENDED | REMOTE | ERROR)) === 0;
 };
 
 /** The list with each SDO transfer as one row, where its request stands. Those in `opened` show their frames, too. */
@@ -192,6 +194,29 @@ export function folded(
     if (typeof row === "number" || !opened.has(row.frames[0] ?? -1)) return [row];
     return [row, ...row.frames.map((child) => ({ child }))];
   });
+}
+
+/** The number of the first frame of a row; -1: there is no row. */
+export function firstOf(row: FoldedRow | undefined): number {
+  if (row === undefined) return -1;
+  if (typeof row === "number") return row;
+  return "child" in row ? row.child : (row.frames[0] ?? -1);
+}
+
+/** What tells a row from all others of its list: an open transfer and its first frame have the same number. */
+export function nameOfRow(row: FoldedRow | undefined): number {
+  return firstOf(row) + (typeof row === "object" && "child" in row ? 0.5 : 0);
+}
+
+/** The row of that name; else the transfer that its frame belongs to by now, or the next row. */
+export function rowNamed(rows: readonly FoldedRow[], name: number): number {
+  const same = rows.findIndex((row) => nameOfRow(row) === name);
+  if (same >= 0) return same;
+  const frame = Math.floor(name);
+  const whole = rows.findIndex((row) => typeof row === "object" && "frames" in row && row.frames.includes(frame));
+  if (whole >= 0) return whole;
+  const next = rows.findIndex((row) => firstOf(row) >= frame);
+  return next < 0 ? rows.length : next;
 }
 
 /** The frame that a row selects: of a transfer its last one. */
@@ -254,6 +279,17 @@ export function outcomeOf({ state, abort, data, kind }: Transfer): string {
   if (state === "aborted") return `abort ${hex(abort, 8)}`;
   if (state === "open") return "no answer here";
   return valueOf(data) || (kind === "write" ? "written" : "read");
+}
+
+/** What the value means by the object's note, where the dictionary knows its type; empty: nothing is known. */
+export function meantBy({ data, state }: Transfer, row: ObjectRow | undefined): string {
+  const limits = limitsOf(row?.type ?? "");
+  if (!row?.note || !limits || state !== "done") return "";
+  const bits = BigInt(row.type.replace(/\D/g, ""));
+  if (BigInt(data.length) * 8n !== bits) return "";
+  const raw = data.reduceRight((sum, byte) => (sum << 8n) | BigInt(byte), 0n);
+  const value = limits[0] < 0n ? BigInt.asIntN(Number(bits), raw) : raw;
+  return meaningOf(String(value), row.note);
 }
 
 const askedWords = ({ kind, object, node }: Transfer): string =>

@@ -1,0 +1,15 @@
+/// What a machine file wants of the gateways of a plant file and the plant does not have: both are known before
+/// anything runs, and on the bus it would only show as a gateway that does not come up.
+#pragma once
+
+#include "berth/base/finding.hpp"
+#include "berth/design/machine.hpp"
+#include "berth/plant/plant_file.hpp"
+
+namespace berth::cli {
+
+/// Warnings, at the plant's device or gateway. Pure.
+[[nodiscard]] Findings contradictions(const design::Machine& machine, const plant::PlantFile& plant,
+                                      const std::string& plant_file);
+
+}  // namespace berth::cli

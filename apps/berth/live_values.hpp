@@ -1,0 +1,39 @@
+/// Values of the machine file's `watch =`, read while a live table shows them.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "berth/rt/scope.hpp"
+#include "berth/tree/session.hpp"
+#include "watched.hpp"
+
+namespace berth::cli {
+
+class LiveValues {
+ public:
+  /// One reading of all every `every`, by `sdo read`, of slots that are operational: a device that boots is left in
+  /// peace. `session` must stay.
+  LiveValues(tree::Session& session, Watched watched, rt::Duration every = std::chrono::seconds(1));
+  ~LiveValues() { scope_.cancel(); }
+  LiveValues(const LiveValues&) = delete;
+  LiveValues& operator=(const LiveValues&) = delete;
+
+  [[nodiscard]] const std::vector<WatchRow>& rows() const noexcept { return watched_.rows(); }
+
+ private:
+  [[nodiscard]] rt::Task<void> run();
+  [[nodiscard]] std::string why_not(std::size_t request) const;
+
+  tree::Session* session_;
+  Watched watched_;
+  rt::Duration every_;
+  command::Request request_;  // that is under way
+  command::Reply reply_;
+  rt::Scope scope_;
+};
+
+/// "left/1001h" of each value that the machine file names.
+[[nodiscard]] std::vector<std::string> watch_words(const design::Machine& machine);
+
+}  // namespace berth::cli

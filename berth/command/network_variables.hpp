@@ -1,0 +1,17 @@
+/// Network variables of linked machines by their names, as the links name them.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "berth/command/objects.hpp"
+#include "berth/design/machine.hpp"
+
+namespace berth::command {
+
+/// The variable that the machine's links make on this node's device, where `link_plan =` keeps it, else where the
+/// linker puts it now. `word`: its name, in either case. Empty: there is none, or the links cannot be.
+[[nodiscard]] std::optional<KnownObject> network_variable(const design::Machine& machine, const NodeArgument& node,
+                                                          const std::string& word);
+
+}  // namespace berth::command

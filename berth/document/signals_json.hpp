@@ -1,0 +1,16 @@
+/// The signals of a machine's messages as JSON, for the pages of Studio: where each stands in its frame, and what its
+/// value means (docs/api.md, "signals").
+#pragma once
+
+#include <string>
+
+#include "berth/command/link_network.hpp"
+#include "berth/design/machine.hpp"
+
+namespace berth::document {
+
+/// {"buses":[{"bus","messages":[{"id","ext","name","sender","signals":[{"name","object","at","bits","type",...}]}]}]}:
+/// all buses, messages with a signal at least. `links`: of a plan without errors, or null.
+[[nodiscard]] std::string signals_json(const design::Machine& machine, const command::LinkPlan* links);
+
+}  // namespace berth::document

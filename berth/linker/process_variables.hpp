@@ -1,0 +1,15 @@
+/// The network variables of one device as a plan has them, for its process image (process/load.hpp).
+#pragma once
+
+#include <string_view>
+#include <vector>
+
+#include "berth/linker/plan.hpp"
+#include "berth/process/network_variables.hpp"
+
+namespace berth::linker {
+
+/// In the plan's order; none: the plan knows no variable of that slot.
+[[nodiscard]] std::vector<process::NetworkVariable> variables_of(const Earlier& plan, std::string_view slot);
+
+}  // namespace berth::linker

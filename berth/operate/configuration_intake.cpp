@@ -1,0 +1,211 @@
+#include "berth/operate/configuration_intake.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <vector>
+
+#include "berth/base/counted.hpp"
+#include "berth/base/words.hpp"
+#include "berth/design/machine.hpp"
+#include "berth/eds/concise_dcf.hpp"
+#include "berth/eds/xdd.hpp"
+#include "berth/od/notation.hpp"
+
+namespace berth::operate {
+
+using od::AbortCode;
+using Form = WrittenFiles::Form;
+
+namespace {
+
+constexpr std::uint16_t identity = 0x1018;
+constexpr std::uint16_t heartbeat = 0x1017;
+
+const char* object_of(Form form) noexcept { return form == Form::dcf ? "1F20h" : "1F22h"; }
+
+bool is_empty(Form form, std::span<const std::uint8_t> bytes) noexcept {
+  if (bytes.empty()) return true;
+  return form == Form::concise && bytes.size() == 4 && std::ranges::all_of(bytes, [](auto b) { return b == 0; });
+}
+
+// The slot's description: `eds =`, else the DCF or XDC of `config =`. Null: neither is there.
+std::shared_ptr<const od::Description> description_of(const Seat& seat) {
+  for (const std::string& path : {seat.configuration.eds, seat.slot.spec.config}) {
+    if (path.empty()) continue;
+    const auto reading = eds::read_any_file(path);
+    if (reading.usable()) return reading.file.description;
+  }
+  return nullptr;
+}
+
+}  // namespace
+
+std::string not_for(const places::SlotSpec& slot, const manager::Configuration& configuration) {
+  if (!design::is_for(slot, configuration.type)) {
+    return fmt::format("it is for devices of type {}, and the slot is for {}; write a configuration of the slot's type",
+                       to_string(configuration.type), to_string(slot.type));
+  }
+  const bool other =
+      slot.device_type != 0 && configuration.device_type != 0 && slot.device_type != configuration.device_type;
+  if (other) {
+    return fmt::format(
+        "its device type 1000h is {:08X}h, and device_type of the slot is {:08X}h; write a "
+        "configuration of the slot's device type",
+        configuration.device_type, slot.device_type);
+  }
+  Identity device(slot.type.vendor, slot.type.product, configuration.revision, 0);
+  constexpr std::uint8_t serial = 1U << 3U;
+  device.unknown = serial;
+  if (configuration.revision != 0 && !places::fits(slot, device)) {
+    return fmt::format(
+        "it is for revision {:08X}h, which the slot's revision excludes; write a configuration of the "
+        "slot's revision",
+        configuration.revision);
+  }
+  return {};
+}
+
+std::string where_it_is(const WrittenFiles& files, const Seat& seat) {
+  const std::string& path = seat.configuration.path;
+  const std::string& named = seat.slot.spec.config;
+  if (path.empty()) return "; it counts until Berth ends: there is no slot table in a file, beside which it would stay";
+  const std::string instead =
+      named.empty() ? std::string() : fmt::format(" instead of {}", berth::quoted(files.as_named(named)));
+  return fmt::format("; it is kept in {}; in the machine file the [[slot]] {} says so with config = {}{}", path,
+                     berth::quoted(seat.name()), berth::quoted(files.as_named(path)), instead);
+}
+
+void tell_written(SlotTable& slots, const WrittenFiles& files) {
+  for (const auto& seat : slots.seats()) {
+    const SeatConfiguration& mine = seat->configuration;
+    std::error_code none;
+    const bool named = !mine.path.empty() && std::filesystem::equivalent(mine.path, seat->slot.spec.config, none);
+    if (!mine.written || named) continue;
+    slots.events().tell(
+        EventKind::step, seat->name(),
+        fmt::format("what an SDO client wrote to {} counts{}; without its file, {} does",
+                    mine.written == WrittenFiles::Form::dcf ? "1F20h" : "1F22h", where_it_is(files, *seat),
+                    seat->slot.spec.config.empty() ? "nothing" : "config ="));
+  }
+}
+
+ConfigurationIntake::Refusal ConfigurationIntake::judge(const Seat& seat, const manager::LoadedConfiguration& loaded) {
+  if (!loaded.usable()) {
+    const auto error = std::ranges::find(loaded.findings, Finding::Severity::error, &Finding::severity);
+    return {AbortCode::invalid_value, to_string(*error)};
+  }
+  std::string other = not_for(seat.slot.spec, loaded.configuration);
+  if (!other.empty()) return {AbortCode::parameter_incompatible, std::move(other)};
+  const auto wanted = manager::wanted(loaded.configuration, seat.id());
+  if (!wanted) return {AbortCode::invalid_value, describe(wanted.error())};
+  return {AbortCode::none, {}};
+}
+
+// A concise DCF says neither types nor access: the slot's description does.
+ConfigurationIntake::Refusal ConfigurationIntake::judge_objects(const Seat& seat,
+                                                                std::span<const std::uint8_t> stream) {
+  const auto description = description_of(seat);
+  auto dcf = eds::decode_concise_dcf(stream);
+  if (description == nullptr || !dcf) return {AbortCode::none, {}};
+  // Which device it is for.
+  std::erase_if(dcf->entries, [](const auto& entry) { return entry.object.index == identity; });
+  const auto values = eds::parameters(*dcf, *description, seat.id());
+  if (!values) {
+    return {AbortCode::parameter_incompatible,
+            describe(values.error()) + "; write entries that fit the description of the slot's device"};
+  }
+  for (const auto& entry : dcf->entries) {
+    if (od::writable(description->find(entry.object)->access)) continue;
+    return {AbortCode::read_only,
+            fmt::format("{} cannot be written, by the description of the slot's device; leave its entry out",
+                        od::write_object(entry.object))};
+  }
+  return {AbortCode::none, {}};
+}
+
+AbortCode ConfigurationIntake::refuse(const Seat& seat, Form form, const Refusal& refusal) {
+  slots_.events().tell(EventKind::error, seat.name(),
+                       fmt::format("what an SDO client wrote to {}:{:02X} is refused, and nothing has changed: {}",
+                                   object_of(form), seat.id().value(), refusal.why));
+  return refusal.code;
+}
+
+// What both say, and say differently: the machine file counts (`Configuring::add_links`, 1017h).
+std::string ConfigurationIntake::counted_by_berth(const Seat& seat, const manager::Configuration& written) const {
+  std::vector<std::string> names;
+  const auto has = manager::wanted(written, seat.id());
+  const auto* const links = configuring_.linked(seat);
+  const auto over = links != nullptr ? manager::wanted(*links, seat.id()) : Result<manager::Wanted>(manager::Wanted{});
+  for (const auto& entry : has ? has->entries : std::vector<manager::Entry>{}) {
+    if (entry.object.index == heartbeat) names.emplace_back("1017h (heartbeat_period)");
+    if (!over) continue;
+    const auto at = std::ranges::find(over->entries, entry.object, &manager::Entry::object);
+    if (at != over->entries.end() && at->bytes != entry.bytes) names.push_back(od::write_object(entry.object));
+  }
+  if (names.empty()) return {};
+  return "; Berth keeps what the machine file says of " + some_of(names);
+}
+
+// Its date is not that of what is wanted now, whatever the device says: each value is compared.
+void ConfigurationIntake::not_configured_yet(Seat& seat) {
+  const auto& confirmed = seat.slot.record.confirmed;
+  if (!confirmed) return;
+  const places::Configured fact{places::Configured::Stage::writing, confirmed->device, 0, 0};
+  if (seat.slot.record.configured == fact) return;
+  const auto noted = slots_.store().configure(seat.slot.record.slot, fact, seat.configuration.file);
+  if (!noted) {
+    slots_.events().tell(EventKind::error, seat.name(), "the slot table cannot be written: " + describe(noted.error()));
+  }
+  seat.slot.record.configured = fact;
+}
+
+AbortCode ConfigurationIntake::take_away(Seat& seat, Form form) {
+  SeatConfiguration& mine = seat.configuration;
+  if (mine.written != form) return AbortCode::none;
+  const WrittenFiles& files = configuring_.written();
+  const std::string kept = files.of(seat.slot.spec.name);
+  std::error_code none;
+  if (!kept.empty() && std::filesystem::equivalent(kept, seat.slot.spec.config, none)) {
+    return refuse(seat, form,
+                  {AbortCode::local_control,
+                   fmt::format("config = of the machine file names {}; leave it out there first", kept)});
+  }
+  const auto dropped = files.drop(seat.slot.spec.name);
+  if (!dropped) return refuse(seat, form, {AbortCode::not_stored, describe(dropped.error())});
+  configuring_.load(seat);
+  not_configured_yet(seat);
+  slots_.events().tell(
+      EventKind::step, seat.name(),
+      fmt::format("what was written to {} was taken away by an SDO client; {} counts from the next configuration on",
+                  object_of(form), mine.any() ? mine.file : std::string("no configuration")));
+  return AbortCode::none;
+}
+
+AbortCode ConfigurationIntake::take(Seat& seat, Form form, std::span<const std::uint8_t> bytes) {
+  if (is_empty(form, bytes)) return take_away(seat, form);
+  auto loaded = form == Form::dcf
+                    ? manager::read_configuration(std::string(bytes.begin(), bytes.end()), object_of(form))
+                    : manager::read_concise_configuration(bytes, object_of(form));
+  Refusal refusal = judge(seat, loaded);
+  if (refusal.code == AbortCode::none && form == Form::concise) refusal = judge_objects(seat, bytes);
+  if (refusal.code != AbortCode::none) return refuse(seat, form, refusal);
+  const auto kept = configuring_.written().keep(seat.slot.spec.name, form, bytes);
+  if (!kept) return refuse(seat, form, {AbortCode::not_stored, describe(kept.error())});
+  auto& configuration = loaded.configuration;
+  if (!kept->empty()) configuration.file = *kept;
+  const std::string text = fmt::format(
+      "an SDO client wrote {} to {}: {} count from the next configuration on (at its next boot-up, or by 1F25h){}",
+      form == Form::dcf ? "a DCF" : "a concise DCF", object_of(form), counted(configuration.settings.size(), "value"),
+      counted_by_berth(seat, configuration));
+  configuring_.begin_with(seat, std::move(configuration), *kept);
+  SeatConfiguration& mine = seat.configuration;
+  mine.written = form;
+  if (kept->empty() && form == Form::dcf) mine.uploaded.assign(bytes.begin(), bytes.end());
+  not_configured_yet(seat);
+  slots_.events().tell(EventKind::step, seat.name(), text + where_it_is(configuring_.written(), seat));
+  return AbortCode::none;
+}
+
+}  // namespace berth::operate

@@ -1,0 +1,52 @@
+/// A DCF or a concise DCF that an SDO client wrote to 1F20h or 1F22h of the manager becomes the configuration of its
+/// slot (paper 5 §2; docs/manager-objects.md), instead of `config =`, as if the machine file named it.
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "berth/manager/configuration.hpp"
+#include "berth/od/abort_code.hpp"
+#include "berth/operate/configuring.hpp"
+#include "berth/operate/written_files.hpp"
+
+namespace berth::operate {
+
+/// Why this is no configuration for the slot's device: of another type, device type or revision, as far as it says
+/// them. Empty: it is one.
+[[nodiscard]] std::string not_for(const places::SlotSpec& slot, const manager::Configuration& configuration);
+
+/// Of what an SDO client wrote, for people: its file, and the line of the machine file that would name it.
+[[nodiscard]] std::string where_it_is(const WrittenFiles& files, const Seat& seat);
+/// Says of which slots it counts instead of `config =`.
+void tell_written(SlotTable& slots, const WrittenFiles& files);
+
+class ConfigurationIntake {
+ public:
+  /// Both must stay.
+  ConfigurationIntake(SlotTable& slots, Configuring& configuring) noexcept : slots_(slots), configuring_(configuring) {}
+
+  /// Empty bytes (a concise DCF of no entry, too) take away what was written in this form. What it answers is the
+  /// answer to the SDO client; what is refused and what is taken is an event of the slot, with what to do. Refused:
+  /// 0609 0030 it is no DCF, or sets nothing; 0604 0043 not of the slot's device, or not for its objects;
+  /// 0601 0002 an entry for an object that cannot be written; 0800 0020 it cannot be kept; 0800 0021 the machine file
+  /// names what shall be taken away.
+  od::AbortCode take(Seat& seat, WrittenFiles::Form form, std::span<const std::uint8_t> bytes);
+
+ private:
+  struct Refusal {
+    od::AbortCode code;
+    std::string why;
+  };
+  [[nodiscard]] static Refusal judge(const Seat& seat, const manager::LoadedConfiguration& loaded);
+  [[nodiscard]] static Refusal judge_objects(const Seat& seat, std::span<const std::uint8_t> stream);
+  [[nodiscard]] std::string counted_by_berth(const Seat& seat, const manager::Configuration& written) const;
+  od::AbortCode take_away(Seat& seat, WrittenFiles::Form form);
+  od::AbortCode refuse(const Seat& seat, WrittenFiles::Form form, const Refusal& refusal);
+  void not_configured_yet(Seat& seat);
+
+  SlotTable& slots_;
+  Configuring& configuring_;
+};
+
+}  // namespace berth::operate

@@ -1,0 +1,52 @@
+/// The slot table in columns, for people: `berth status`, what `berth up` prints at its end, and its live table.
+///
+/// bus, id, slot, state, NMT, heard, EMCY, since, type, serial. A column is left out where no slot has anything to say
+/// in it. When the rows are wider than the terminal, columns are given up in this order: since, type, heard, NMT,
+/// serial, bus; then long names are cut. `--json` and `berth status SLOT` have all of it.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "berth/operate/report.hpp"
+
+namespace berth::operate {
+
+struct SlotRowOptions {
+  std::size_t width = 80;            ///< columns of the terminal
+  std::optional<rt::Time> now = {};  ///< for how long ago a device was heard
+  bool bus = true;                   ///< false: not where all slots are on one bus
+  std::size_t widest_name = 64;      ///< of a slot or a bus
+};
+
+class SlotRows {
+ public:
+  SlotRows(const std::vector<SlotReport>& slots, const SlotRowOptions& options);
+  [[nodiscard]] std::string heading() const;
+  [[nodiscard]] std::string row(const SlotReport& slot) const;
+
+ private:
+  enum class Kind { bus, id, name, state, nmt, heard, emcy, since, type, serial };
+  struct Column {
+    Kind kind;
+    std::size_t width;
+  };
+  [[nodiscard]] static const char* head(Kind kind) noexcept;
+  [[nodiscard]] std::string cell(Kind kind, const SlotReport& slot) const;
+  [[nodiscard]] std::string line(const std::vector<std::string>& cells) const;
+  [[nodiscard]] std::size_t width() const noexcept;
+  void fit();
+
+  SlotRowOptions options_;
+  std::vector<Column> columns_;
+};
+
+/// How long ago, in six columns: "0.4 s", "12 min", "3 h".
+[[nodiscard]] std::string age_cell(rt::Duration age);
+
+/// "2310h", "2310h x12".
+[[nodiscard]] std::string emcy_cell(const EmcyReport& emcy);
+
+}  // namespace berth::operate
