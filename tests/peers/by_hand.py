@@ -1,6 +1,8 @@
 """CANopen's services as frames written by hand, for peers that know frames only: what they send to a Berth device
 (tests/tools/partner.cpp: node 5, serial number ABh), and what must come back."""
 
+import itertools
+
 SAY, HEAR = "say", "hear"
 
 
@@ -44,7 +46,14 @@ SERVICES = {
 
 
 def play(sends, hears, only=SERVICES):
-    """`sends(frame)`; `hears(frame)` waits for it, behind what was heard before, and fails when it does not come."""
+    """`sends(*frames)`: those that follow each other without an answer between, at once: segments of a sub-block, between
+    which a server waits a quarter of its time-out. `hears(frame)` waits for it, behind what was heard before, and fails
+    when it does not come."""
     for function in only:
-        for what, frame in SERVICES[function]:
-            (sends if what == SAY else hears)(frame)
+        for what, run in itertools.groupby(SERVICES[function], key=lambda step: step[0]):
+            frames = [frame for _, frame in run]
+            if what == SAY:
+                sends(*frames)
+            else:
+                for frame in frames:
+                    hears(frame)

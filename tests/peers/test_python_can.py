@@ -129,9 +129,10 @@ class Services(support.Case):
         self.addCleanup(line.shutdown)
         plant_bus.Partner(self, port, 5, 0xAB)
 
-        def sends(text):
-            identifier, _, data = text.partition("#")
-            line.send(can.Message(arbitration_id=int(identifier, 16), data=bytes.fromhex(data), is_extended_id=False))
+        def sends(*texts):
+            for text in texts:
+                identifier, _, data = text.partition("#")
+                line.send(can.Message(arbitration_id=int(identifier, 16), data=bytes.fromhex(data), is_extended_id=False))
 
         def hears(text):
             end, passed = time.monotonic() + support.PATIENCE, []
