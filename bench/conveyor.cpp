@@ -12,9 +12,9 @@
 
 #include "bench/tools/figures.hpp"
 #include "berth/can/length.hpp"
-#include "berth/command/bus_messages.hpp"
-#include "berth/command/link_network.hpp"
 #include "berth/places/slot_store.hpp"
+#include "berth/traffic/bus_messages.hpp"
+#include "berth/traffic/link_network.hpp"
 #include "tests/conveyor/conveyor.hpp"
 
 using namespace berth;
@@ -133,8 +133,8 @@ std::optional<double> boot_full(unsigned at_once) {
   return first ? full.start() : std::nullopt;
 }
 
-analysis::Line five_hundred(const design::Machine& machine, const command::LinkPlan& links) {
-  auto line = command::messages_of(machine, machine.buses.front(), {.links = &links}).line;
+analysis::Line five_hundred(const design::Machine& machine, const traffic::LinkPlan& links) {
+  auto line = traffic::messages_of(machine, machine.buses.front(), {.links = &links}).line;
   std::uint32_t key = 0x500;
   while (line.messages.size() < 500) {
     line.messages.push_back(
@@ -174,7 +174,7 @@ bool start_up(std::vector<bench::Figure>& figures) {
 bool link_and_analyze(std::vector<bench::Figure>& figures) {
   const test::Conveyor plant;
   if (!plant.problem().empty()) return false;
-  const auto [network, wrong] = command::link_network(plant.machine());
+  const auto [network, wrong] = traffic::link_network(plant.machine());
   bench::Rounds plans;
   for (int i = 0; i < rounds; ++i) {
     const bench::Watch watch;
@@ -182,7 +182,7 @@ bool link_and_analyze(std::vector<bench::Figure>& figures) {
     if (!planned.good()) return false;
     plans.add(watch.seconds() * 1e3);
   }
-  const auto links = command::plan_links(plant.machine());
+  const auto links = traffic::plan_links(plant.machine());
   if (has_errors(links.findings)) return false;
   std::size_t records = links.plan.pdos.size();
   for (const auto& pdo : links.plan.pdos) records += pdo.receivers.size();

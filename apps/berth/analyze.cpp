@@ -8,11 +8,11 @@
 
 #include "berth/analysis/plot.hpp"
 #include "berth/base/counted.hpp"
-#include "berth/command/bus_messages.hpp"
 #include "berth/command/can_id_text.hpp"
-#include "berth/command/link_network.hpp"
 #include "berth/linker/bounds.hpp"
 #include "berth/text/columns.hpp"
+#include "berth/traffic/bus_messages.hpp"
+#include "berth/traffic/link_network.hpp"
 #include "crossing_words.hpp"
 #include "machine_file.hpp"
 #include "node_words.hpp"
@@ -25,7 +25,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 struct AnalyzeOptions {
-  command::Assumptions assumed;
+  traffic::Assumptions assumed;
   analysis::Errors errors;
   bool usual = false;
   std::vector<std::string> nodes;  ///< empty: all
@@ -171,7 +171,7 @@ class Ends {
       if (r.arrival) responses_[{bus.name, line.senders[m.sender].name, m.name}] = *r.arrival;
     }
   }
-  [[nodiscard]] std::vector<CrossingShown> crossings(const command::LinkPlan& links) const {
+  [[nodiscard]] std::vector<CrossingShown> crossings(const traffic::LinkPlan& links) const {
     std::vector<std::optional<rt::Duration>> worst;
     for (const auto& pdo : links.plan.pdos) worst.push_back(worst_of(links.network, pdo));
     std::vector<CrossingShown> all;
@@ -211,9 +211,9 @@ int analyze(const Options& options, const AnalyzeOptions& how) {
   if (!fifo) return tell(fifo.error(), options.json);
   const auto shown = Shown::of(*machine, options, how);
   if (!shown) return tell(shown.error(), options.json);
-  command::LinkPlan links;
-  if (!machine->links.empty()) links = command::plan_links(*machine);
-  command::Assumptions assumed = how.assumed;
+  traffic::LinkPlan links;
+  if (!machine->links.empty()) links = traffic::plan_links(*machine);
+  traffic::Assumptions assumed = how.assumed;
   assumed.fifo = *fifo;
   // Also of links that cannot be: which messages are late, and by how much.
   if (links.plan.linked.size() == links.network.nodes.size() && !machine->links.empty()) assumed.links = &links;
@@ -224,7 +224,7 @@ int analyze(const Options& options, const AnalyzeOptions& how) {
   for (const auto* const each : machine->all_buses()) {
     const design::Bus& bus = *each;
     if (!shown->has(bus)) continue;
-    auto found = command::messages_of(*machine, bus, assumed);
+    auto found = traffic::messages_of(*machine, bus, assumed);
     found.line.errors = how.errors;
     if (how.usual) found.line.lengths = analysis::FrameLengths::usual;
     if (const auto wrong = analysis::wrong(found.line); !wrong.empty())

@@ -32,8 +32,8 @@ std::optional<Failure> write_all(const std::vector<document::DocumentFile>& file
 int document(const Options& options, const std::string& folder) {
   const auto machine = machine_by_file(options);
   if (!machine) return tell(machine.error(), options.json);
-  std::optional<command::LinkPlan> links;
-  if (!machine->links.empty()) links = command::plan_links(*machine);
+  std::optional<traffic::LinkPlan> links;
+  if (!machine->links.empty()) links = traffic::plan_links(*machine);
   if (links && has_errors(links->findings)) return tell(failure(links->findings), options.json);
   const auto files =
       document::document_of(*machine, links ? &*links : nullptr, fmt::format("Made by berth {}.", BERTH_VERSION));

@@ -5,14 +5,14 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "berth/command/bus_messages.hpp"
 #include "berth/command/can_id_text.hpp"
-#include "berth/command/link_network.hpp"
 #include "berth/linker/files.hpp"
 #include "berth/linker/plan_file.hpp"
 #include "berth/od/notation.hpp"
 #include "berth/text/columns.hpp"
 #include "berth/text/file.hpp"
+#include "berth/traffic/bus_messages.hpp"
+#include "berth/traffic/link_network.hpp"
 #include "crossing_words.hpp"
 #include "machine_file.hpp"
 #include "node_words.hpp"
@@ -219,7 +219,7 @@ tl::expected<linker::Earlier, Failure> earlier_plan(const design::Machine& machi
   Findings findings;
   std::optional<linker::Earlier> plan;
   if (path.empty()) {
-    plan = command::earlier_plan(machine, findings);
+    plan = traffic::earlier_plan(machine, findings);
   } else if (const auto text = text::read_file(path, findings)) {
     plan = linker::read_plan(*text, path, findings);
   }
@@ -269,12 +269,12 @@ std::optional<Failure> write_files(const std::vector<linker::MadeFile>& files, c
 void judge_buses(const design::Machine& machine, const Network& network, linker::Planned& planned) {
   if (!planned.good()) return;
   constexpr std::size_t most = 3;
-  const command::LinkPlan links{network, planned.plan, {}};
+  const traffic::LinkPlan links{network, planned.plan, {}};
   for (const auto* const bus : machine.all_buses()) {
     const bool linked = std::ranges::any_of(planned.plan.pdos,
                                             [&](const Pdo& pdo) { return network.buses[pdo.bus].name == bus->name; });
     if (!linked) continue;
-    auto found = command::messages_of(machine, *bus, {.links = &links});
+    auto found = traffic::messages_of(machine, *bus, {.links = &links});
     for (auto& note : found.notes) planned.findings.push_back(std::move(note));
     const auto result = analysis::analyze(found.line);
     const auto tell = [&](std::string message, std::string fix) {
@@ -364,7 +364,7 @@ int link(const Options& options, const LinkOptions& how) {
                                                  machine->file, empty->text, empty->bus->name)),
                 options.json);
   }
-  const auto made = command::link_network(*machine);
+  const auto made = traffic::link_network(*machine);
   if (has_errors(made.findings)) return tell(failure(made.findings), options.json);
   const auto earlier = earlier_plan(*machine, how);
   if (!earlier) return tell(earlier.error(), options.json);

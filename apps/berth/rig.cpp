@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "berth/command/link_network.hpp"
+#include "berth/traffic/link_network.hpp"
 #include "contradictions.hpp"
 #include "machine_file.hpp"
 #include "node_words.hpp"
@@ -195,9 +195,9 @@ tl::expected<void, Failure> Rig::open_session(const Options& options, bool links
     if (auto good = record_.write_to(options.files.record, options.files.force); !good) return good;
   }
   if (links && !machine_.links.empty()) {
-    const auto planned = command::plan_links(machine_);
+    const auto planned = traffic::plan_links(machine_);
     if (has_errors(planned.findings)) return tl::unexpected(failure(planned.findings));
-    session_->configure_with(command::settings_of(planned));
+    session_->configure_with(traffic::settings_of(planned));
   }
   const auto opened = session_->open();
   if (opened) return {};

@@ -6,10 +6,10 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "berth/command/link_network.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/document/signals_json.hpp"
 #include "berth/io/stream.hpp"
+#include "berth/traffic/link_network.hpp"
 #include "options.hpp"
 
 #if BERTH_STUDIO
@@ -46,8 +46,8 @@ namespace {
 
 // A machine whose links are wrong has told so already.
 std::string signals_of(const design::Machine& machine) {
-  std::optional<command::LinkPlan> links;
-  if (!machine.links.empty()) links = command::plan_links(machine);
+  std::optional<traffic::LinkPlan> links;
+  if (!machine.links.empty()) links = traffic::plan_links(machine);
   const bool good = links && !has_errors(links->findings);
   return document::signals_json(machine, good ? &*links : nullptr);
 }

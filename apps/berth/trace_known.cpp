@@ -7,10 +7,10 @@
 #include <filesystem>
 #include <map>
 
-#include "berth/command/link_network.hpp"
 #include "berth/command/notes.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/manager/configuration.hpp"
+#include "berth/traffic/link_network.hpp"
 #include "berth/tree/beneath.hpp"
 #include "node_words.hpp"
 
@@ -99,12 +99,12 @@ std::optional<Failure> KnownNodes::add_machine(const Options& options) {
 // The PDOs that `berth up` lays for the machine's links.
 void KnownNodes::add_links() {
   if (machine_->links.empty()) return;
-  const auto planned = command::plan_links(*machine_);
+  const auto planned = traffic::plan_links(*machine_);
   if (has_errors(planned.findings)) {
     print_errors(failure(planned.findings).message);
     return print_errors("the links have no plan: PDOs are told as the devices' files have them");
   }
-  for (const auto& [slot, configuration] : command::settings_of(planned)) {
+  for (const auto& [slot, configuration] : traffic::settings_of(planned)) {
     const auto known = std::ranges::find(nodes_, slot, [](const Known& each) { return each.profile.name; });
     if (known == nodes_.end()) continue;
     add_settings(known->profile, *configuration, known->node);

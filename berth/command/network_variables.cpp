@@ -4,7 +4,7 @@
 #include <cctype>
 #include <vector>
 
-#include "berth/command/link_network.hpp"
+#include "berth/traffic/link_network.hpp"
 
 namespace berth::command {
 namespace {
@@ -23,9 +23,9 @@ bool named_by_a_link(const design::Machine& machine, const std::string& slot, co
 // The plan's file is read where there is one: to plan anew takes longer.
 std::vector<linker::EarlierVariable> variables_of(const design::Machine& machine) {
   Findings ignored;
-  auto earlier = earlier_plan(machine, ignored);
+  auto earlier = traffic::earlier_plan(machine, ignored);
   if (earlier && !earlier->variables.empty()) return std::move(earlier->variables);
-  const LinkPlan links = plan_links(machine);
+  const traffic::LinkPlan links = traffic::plan_links(machine);
   return has_errors(links.findings) ? std::vector<linker::EarlierVariable>()
                                     : linker::earlier_of(links.network, links.plan).variables;
 }

@@ -7,7 +7,7 @@
 
 #include "berth/co/cob_id.hpp"
 #include "berth/co/pdo_mapping.hpp"
-#include "berth/command/configured_values.hpp"
+#include "berth/traffic/configured_values.hpp"
 
 namespace berth::document {
 namespace {
@@ -190,14 +190,14 @@ class Collector {
 
 }  // namespace
 
-std::vector<Configured> configured_slots(const design::Machine& machine, const command::LinkPlan* links) {
+std::vector<Configured> configured_slots(const design::Machine& machine, const traffic::LinkPlan* links) {
   std::vector<Configured> all;
   std::map<std::pair<std::shared_ptr<const od::Description>, std::string>, std::shared_ptr<const command::NoteBook>>
       books;
   for (std::size_t i = 0; i < machine.slots.size(); ++i) {
     Configured& each = all.emplace_back();
     each.slot = &machine.slots[i];
-    each.values = command::configured_values(machine.slots[i], links, i);
+    each.values = traffic::configured_values(machine.slots[i], links, i);
     const auto& description = each.slot->description;
     auto& book = books[{description, each.slot->eds_path}];
     if (!book) book = std::make_shared<command::NoteBook>(description, each.slot->eds_path);

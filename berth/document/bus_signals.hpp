@@ -8,12 +8,12 @@
 #include <string>
 #include <vector>
 
-#include "berth/command/link_network.hpp"
 #include "berth/command/notes.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/linker/plan.hpp"
 #include "berth/od/values.hpp"
 #include "berth/rt/executor.hpp"
+#include "berth/traffic/link_network.hpp"
 
 namespace berth::document {
 
@@ -53,7 +53,7 @@ struct Configured {
 };
 
 /// In the machine's order. The notes' files are read here. `links`: of a plan without errors, or null.
-[[nodiscard]] std::vector<Configured> configured_slots(const design::Machine& machine, const command::LinkPlan* links);
+[[nodiscard]] std::vector<Configured> configured_slots(const design::Machine& machine, const traffic::LinkPlan* links);
 
 /// PDOs, heartbeats, EMCYs, SDO's default channels, NMT and SYNC. `slots`: of all buses.
 [[nodiscard]] BusSignals signals_of(const design::Bus& bus, const std::vector<Configured>& slots);

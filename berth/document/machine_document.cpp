@@ -7,12 +7,12 @@
 
 #include "berth/analysis/response.hpp"
 #include "berth/base/words.hpp"
-#include "berth/command/bus_messages.hpp"
 #include "berth/command/meanings.hpp"
 #include "berth/document/dbc.hpp"
 #include "berth/document/device_page.hpp"
 #include "berth/document/html.hpp"
 #include "berth/od/notation.hpp"
+#include "berth/traffic/bus_messages.hpp"
 
 namespace berth::document {
 namespace {
@@ -55,7 +55,7 @@ std::vector<std::string> startup_words(const design::Bus& bus) {
 
 class Maker {
  public:
-  Maker(const design::Machine& machine, const command::LinkPlan* links)
+  Maker(const design::Machine& machine, const traffic::LinkPlan* links)
       : machine_(machine), links_(links), slots_(configured_slots(machine, links)), devices_(slots_) {}
 
   std::vector<DocumentFile> run(const std::string& made_by) {
@@ -105,9 +105,9 @@ class Maker {
     const BusSignals& signals = signals_.emplace_back(signals_of(bus, slots_));
     const std::string dbc = dbc_name(bus.name);
     files_.push_back({dbc, dbc_of(signals)});
-    command::Assumptions assumed;
+    traffic::Assumptions assumed;
     assumed.links = links_;
-    const auto found = command::messages_of(machine_, bus, assumed);
+    const auto found = traffic::messages_of(machine_, bus, assumed);
     const auto result = analysis::analyze(found.line);
     const std::string file = fmt::format("bus-{}.html", number_of(bus.name));
     const auto slots = std::ranges::count(machine_.slots, bus.name, [](const auto& s) { return s.spec.name.bus; });
@@ -264,7 +264,7 @@ class Maker {
   }
 
   const design::Machine& machine_;
-  const command::LinkPlan* links_;
+  const traffic::LinkPlan* links_;
   std::vector<Configured> slots_;
   DevicePages devices_;
   std::vector<BusSignals> signals_;
@@ -275,7 +275,7 @@ class Maker {
 
 }  // namespace
 
-std::vector<DocumentFile> document_of(const design::Machine& machine, const command::LinkPlan* links,
+std::vector<DocumentFile> document_of(const design::Machine& machine, const traffic::LinkPlan* links,
                                       const std::string& made_by) {
   return Maker(machine, links).run(made_by);
 }

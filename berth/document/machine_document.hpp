@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "berth/command/link_network.hpp"
 #include "berth/design/machine.hpp"
+#include "berth/traffic/link_network.hpp"
 
 namespace berth::document {
 
@@ -24,7 +24,7 @@ struct DocumentFile {
 
 /// `links`: of a plan without errors, or null: then PDOs are those of descriptions and configurations. `made_by`: shown
 /// at the end of the first page.
-[[nodiscard]] std::vector<DocumentFile> document_of(const design::Machine& machine, const command::LinkPlan* links,
+[[nodiscard]] std::vector<DocumentFile> document_of(const design::Machine& machine, const traffic::LinkPlan* links,
                                                     const std::string& made_by);
 
 }  // namespace berth::document

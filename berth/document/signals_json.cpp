@@ -43,7 +43,7 @@ Json json_of(const Message& message) {
 
 }  // namespace
 
-std::string signals_json(const design::Machine& machine, const command::LinkPlan* links) {
+std::string signals_json(const design::Machine& machine, const traffic::LinkPlan* links) {
   const auto slots = configured_slots(machine, links);
   Json buses = Json::array();
   for (const auto* const bus : machine.all_buses()) {

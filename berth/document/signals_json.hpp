@@ -4,13 +4,13 @@
 
 #include <string>
 
-#include "berth/command/link_network.hpp"
 #include "berth/design/machine.hpp"
+#include "berth/traffic/link_network.hpp"
 
 namespace berth::document {
 
 /// {"buses":[{"bus","messages":[{"id","ext","name","sender","signals":[{"name","object","at","bits","type",...}]}]}]}:
 /// all buses, messages with a signal at least. `links`: of a plan without errors, or null.
-[[nodiscard]] std::string signals_json(const design::Machine& machine, const command::LinkPlan* links);
+[[nodiscard]] std::string signals_json(const design::Machine& machine, const traffic::LinkPlan* links);
 
 }  // namespace berth::document

@@ -4,6 +4,8 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -51,6 +53,10 @@ struct Configuration {
   std::uint32_t device_type = 0;  ///< 1000h; 0 = the file does not say
   std::uint32_t revision = 0;     ///< [DeviceInfo] RevisionNumber; 0 = the file does not say
 };
+
+/// Values that the devices of slots shall have besides those of `config =`, and instead of them where both say
+/// something: what the machine's links need. By the slots' names.
+using SlotSettings = std::map<std::string, std::shared_ptr<const Configuration>, std::less<>>;
 
 struct LoadedConfiguration {
   Configuration configuration;

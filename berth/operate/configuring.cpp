@@ -111,7 +111,7 @@ unsigned restarts_by_configuration(SeatConfiguration& configuration, rt::Time bo
   return configuration.restarts;
 }
 
-void Configuring::load(const SlotSettings& more, const SlotDescriptions& descriptions, WrittenFiles written) {
+void Configuring::load(const manager::SlotSettings& more, const SlotDescriptions& descriptions, WrittenFiles written) {
   linked_ = more;
   written_ = std::move(written);
   Reads known;

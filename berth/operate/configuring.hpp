@@ -32,10 +32,6 @@ struct SlotConfiguration {
   std::string reason;
 };
 
-/// Values that the devices of slots shall have besides those of `config =`, and instead of them where both say
-/// something: what the machine's links need. By the slots' names.
-using SlotSettings = std::map<std::string, std::shared_ptr<const manager::Configuration>, std::less<>>;
-
 /// What `berth upload` read in one slot.
 struct SlotUpload {
   std::string bus;
@@ -67,7 +63,8 @@ class Configuring {
 
   /// Reads the files of `config =`, or what SDO clients wrote instead. One file may stand for many slots. `more` goes
   /// over them.
-  void load(const SlotSettings& more = {}, const SlotDescriptions& descriptions = {}, WrittenFiles written = {});
+  void load(const manager::SlotSettings& more = {}, const SlotDescriptions& descriptions = {},
+            WrittenFiles written = {});
   /// The same again, of one slot.
   void load(Seat& seat);
   /// What the slot wants from now on, links over it. `path`: of its file; empty: it is in none.
@@ -111,7 +108,7 @@ class Configuring {
   BusServices& s_;
   SlotTable& slots_;
   SeatAsker* asker_ = nullptr;
-  SlotSettings linked_;
+  manager::SlotSettings linked_;
   WrittenFiles written_;
 };
 

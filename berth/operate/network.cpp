@@ -104,7 +104,8 @@ Network::Network(rt::Executor& executor, can::Port& port, std::string machine, c
 
 Network::~Network() { stop(); }
 
-Result<void> Network::open(const SlotSettings& settings, const SlotDescriptions& descriptions, WrittenFiles written) {
+Result<void> Network::open(const manager::SlotSettings& settings, const SlotDescriptions& descriptions,
+                           WrittenFiles written) {
   const auto opened = parts_.slots.open();
   if (opened) parts_.configuring.load(settings, descriptions, std::move(written));
   return opened;

@@ -43,7 +43,7 @@ class Network final : private PortHealth::Owner {
 
   /// Declares the slots in the store and takes over what it knows. Call once, before anything else. `written`: where
   /// configurations are kept that SDO clients write to the manager.
-  Result<void> open(const SlotSettings& settings = {}, const SlotDescriptions& descriptions = {},
+  Result<void> open(const manager::SlotSettings& settings = {}, const SlotDescriptions& descriptions = {},
                     WrittenFiles written = {});
   /// Begins the main job. Without it the network only serves single commands. The main job rests while the port is
   /// down, or takes no frame (another master, a gate that listens still), and begins anew by itself.

@@ -27,7 +27,7 @@ class While {
 }  // namespace
 
 Beneath::Beneath(rt::Executor& executor, const design::Bus& bus, Way way, std::vector<places::SlotSpec> slots,
-                 const operate::SlotSettings& settings, multilevel::Routes& routes, operate::NetworkObserver observer)
+                 const manager::SlotSettings& settings, multilevel::Routes& routes, operate::NetworkObserver observer)
     : executor_(executor),
       way_(std::move(way)),
       routes_(routes),

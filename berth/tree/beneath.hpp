@@ -22,7 +22,7 @@ class Beneath {
   /// `bus` and `routes` must stay; `routes`: of the bus at which `way` begins. `settings`: what the slots' devices
   /// shall have besides `config =`.
   Beneath(rt::Executor& executor, const design::Bus& bus, Way way, std::vector<places::SlotSpec> slots,
-          const operate::SlotSettings& settings, multilevel::Routes& routes, operate::NetworkObserver observer);
+          const manager::SlotSettings& settings, multilevel::Routes& routes, operate::NetworkObserver observer);
 
   void add(Deeper deeper) { delivery_.add(std::move(deeper)); }
   /// `runs` tells whether its gateway does: one that ran before Berth began is not brought up, but watched.

@@ -63,8 +63,8 @@ bool has_channels(const design::Machine& machine, const design::Slot& slot) {
   return line != nullptr && !line->channels.empty() && !channels_of(*line, slot, machine.file).settings.empty();
 }
 
-operate::SlotSettings with_channels(const design::Machine& machine, const std::string& bus,
-                                    operate::SlotSettings settings) {
+manager::SlotSettings with_channels(const design::Machine& machine, const std::string& bus,
+                                    manager::SlotSettings settings) {
   const design::Bus* const line = machine.bus(bus);
   if (line == nullptr || line->channels.empty()) return settings;
   for (const auto& slot : machine.slots) {

@@ -59,9 +59,9 @@ bool is_gateway(const design::Machine& machine, const design::Slot& slot) noexce
   return std::ranges::any_of(machine.beneath, [&](const design::Bus& line) { return is_beneath(line, slot); });
 }
 
-operate::SlotSettings with_gateways(const design::Machine& machine, const std::string& bus,
-                                    const operate::SlotSettings& settings) {
-  operate::SlotSettings made = settings;
+manager::SlotSettings with_gateways(const design::Machine& machine, const std::string& bus,
+                                    const manager::SlotSettings& settings) {
+  manager::SlotSettings made = settings;
   for (const auto& slot : machine.slots) {
     if (slot.spec.name.bus != bus || !is_gateway(machine, slot)) continue;
     const auto own = of_gateway(machine, slot);

@@ -20,7 +20,7 @@ namespace berth::tree {
 [[nodiscard]] bool is_gateway(const design::Machine& machine, const design::Slot& slot) noexcept;
 
 /// `settings` of the slots of one bus, and over them what is wanted of its gateways.
-[[nodiscard]] operate::SlotSettings with_gateways(const design::Machine& machine, const std::string& bus,
-                                                  const operate::SlotSettings& settings);
+[[nodiscard]] manager::SlotSettings with_gateways(const design::Machine& machine, const std::string& bus,
+                                                  const manager::SlotSettings& settings);
 
 }  // namespace berth::tree

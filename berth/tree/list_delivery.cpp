@@ -21,7 +21,7 @@ rt::Task<void> bring_up_one(const Deeper& deeper, std::optional<Error>& failed) 
 
 }  // namespace
 
-ListDelivery::ListDelivery(rt::Executor& executor, SlotsBeneath& slots, const Way& way, operate::SlotSettings settings,
+ListDelivery::ListDelivery(rt::Executor& executor, SlotsBeneath& slots, const Way& way, manager::SlotSettings settings,
                            multilevel::Routes& routes)
     : executor_(executor),
       slots_(slots),

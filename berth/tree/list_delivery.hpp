@@ -29,7 +29,7 @@ class ListDelivery {
  public:
   /// All must stay; `routes`: of the bus at which `way` begins. `settings`: what the slots' devices shall have besides
   /// `config =`.
-  ListDelivery(rt::Executor& executor, SlotsBeneath& slots, const Way& way, operate::SlotSettings settings,
+  ListDelivery(rt::Executor& executor, SlotsBeneath& slots, const Way& way, manager::SlotSettings settings,
                multilevel::Routes& routes);
   void add(Deeper deeper) { deeper_.push_back(std::move(deeper)); }
   [[nodiscard]] const std::vector<Deeper>& deeper() const noexcept { return deeper_; }
@@ -65,7 +65,7 @@ class ListDelivery {
   rt::Executor& executor_;
   SlotsBeneath& slots_;
   const Way& way_;
-  operate::SlotSettings settings_;
+  manager::SlotSettings settings_;
   multilevel::Routes& routes_;
   GatewayMaster master_;
   std::vector<Deeper> deeper_;

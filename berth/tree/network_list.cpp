@@ -30,7 +30,7 @@ class List {
     put32({cia302::boot_time, 0}, static_cast<std::uint64_t>(bus_.startup.boot_time.count() / 1'000'000));
   }
 
-  void slot(const places::SlotSpec& slot, bool held_back, const operate::SlotSettings& settings, Findings& findings) {
+  void slot(const places::SlotSpec& slot, bool held_back, const manager::SlotSettings& settings, Findings& findings) {
     const std::uint8_t sub = slot.id.value();
     manager::SlaveRules rules;
     rules.assigned = true;
@@ -153,7 +153,7 @@ class List {
 }  // namespace
 
 manager::Wanted network_list(const design::Bus& bus, std::span<const places::SlotSpec> slots,
-                             std::span<const NodeId> held_back, const operate::SlotSettings& settings,
+                             std::span<const NodeId> held_back, const manager::SlotSettings& settings,
                              Findings& findings) {
   List list(bus);
   list.bus();

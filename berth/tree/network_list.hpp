@@ -19,7 +19,7 @@ namespace berth::tree {
 /// list, so that it gets its node-ID, and is not booted. `settings` of `design::gateway_node_name` are what the
 /// master's own device shall have besides: its PDOs of links.
 [[nodiscard]] manager::Wanted network_list(const design::Bus& bus, std::span<const places::SlotSpec> slots,
-                                           std::span<const NodeId> held_back, const operate::SlotSettings& settings,
+                                           std::span<const NodeId> held_back, const manager::SlotSettings& settings,
                                            Findings& findings);
 
 }  // namespace berth::tree

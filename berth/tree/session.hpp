@@ -33,7 +33,7 @@ class Session {
   /// `duplicate` it has one already.
   Result<void> connect(std::string_view bus, can::Port& port);
   /// What devices shall have besides `config =`. Before `open`.
-  void configure_with(operate::SlotSettings settings) { settings_ = std::move(settings); }
+  void configure_with(manager::SlotSettings settings) { settings_ = std::move(settings); }
   /// The slot has `config =`, or what was written instead, gets settings, or is a gateway.
   [[nodiscard]] bool configures(const design::Slot& slot) const;
   /// Reads the store. Call once, after the ports. Errors: `invalid` a bus without a port, or one
@@ -94,7 +94,7 @@ class Session {
   const design::Machine* machine_;
   std::unique_ptr<StampedStore> store_;
   std::vector<std::pair<const design::Bus*, can::Port*>> ports_;
-  operate::SlotSettings settings_;
+  manager::SlotSettings settings_;
   operate::WrittenFiles::Place written_;
   std::vector<std::unique_ptr<operate::Network>> networks_;
   Tree tree_;

@@ -70,7 +70,7 @@ rt::Task<Result<void>> await_operational(rt::Executor& executor, operate::Networ
 }  // namespace
 
 Result<void> Tree::open(const std::function<void(const operate::Event&)>& events,
-                        const operate::SlotSettings& settings) {
+                        const manager::SlotSettings& settings) {
   events_ = events;
   for (const auto& line : machine_->beneath) {
     Way way = way_to(*machine_, line.name);

@@ -29,7 +29,7 @@ class Tree {
   /// Once, when all networks are there. `settings`: of slots on any bus. Errors: `invalid`, a bus beneath gateways
   /// whose topmost bus is not there.
   Result<void> open(const std::function<void(const operate::Event&)>& events,
-                    const operate::SlotSettings& settings = {});
+                    const manager::SlotSettings& settings = {});
   void start();
   void stop() noexcept;
   /// Before the networks are gone.

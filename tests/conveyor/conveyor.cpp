@@ -75,12 +75,12 @@ std::unique_ptr<Conveyor::Berth> Conveyor::make_berth(design::Machine machine) {
   made->machine = std::move(machine);
   made->port = world_->attach_master("field");
   made->session = std::make_unique<tree::Session>(world_->executor(), made->machine, made->store);
-  const auto links = command::plan_links(made->machine);
+  const auto links = traffic::plan_links(made->machine);
   if (has_errors(links.findings)) {
     problem_ = all_of(links.findings);
     return nullptr;
   }
-  made->session->configure_with(command::settings_of(links));
+  made->session->configure_with(traffic::settings_of(links));
   if (!made->session->connect("field", *made->port) || !made->session->open()) {
     problem_ = "the session cannot be opened";
     return nullptr;

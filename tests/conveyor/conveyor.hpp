@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "berth/command/link_network.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/plant/world.hpp"
+#include "berth/traffic/link_network.hpp"
 #include "berth/tree/session.hpp"
 
 namespace berth::test {

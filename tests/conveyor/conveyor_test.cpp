@@ -151,10 +151,10 @@ TEST(Conveyor, TheFilesAreThoseOfTheirScript) {
 TEST(Conveyor, S5_3_IsAsLargeAsThePapersPlant) {
   const Conveyor plant;
   ASSERT_EQ(plant.problem(), "");
-  const auto made = command::link_network(plant.machine());
+  const auto made = traffic::link_network(plant.machine());
   ASSERT_FALSE(has_errors(made.findings));
   Findings findings;
-  const auto earlier = command::earlier_plan(plant.machine(), findings);
+  const auto earlier = traffic::earlier_plan(plant.machine(), findings);
   ASSERT_TRUE(earlier);
   const auto planned = linker::make_plan(made.network, *earlier);
   for (const auto& each : planned.findings) ADD_FAILURE() << to_string(each);
@@ -198,9 +198,9 @@ TEST(Conveyor, S5_1_TheLoadOfTheBusAndWhoMakesIt) {
   ASSERT_TRUE(plant.begin()) << plant.problem();
   ASSERT_TRUE(plant.run_until([&] { return plant.value("unloader", "running").value_or(0) != 0; }, 180s))
       << plant.log();
-  const auto made = command::link_network(plant.machine());
+  const auto made = traffic::link_network(plant.machine());
   Findings findings;
-  const auto planned = linker::make_plan(made.network, *command::earlier_plan(plant.machine(), findings));
+  const auto planned = linker::make_plan(made.network, *traffic::earlier_plan(plant.machine(), findings));
   ASSERT_TRUE(planned.good());
   std::map<std::uint32_t, std::size_t> producer;
   std::set<std::size_t> controllers;

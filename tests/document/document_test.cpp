@@ -102,9 +102,9 @@ TEST(Document, NoLinkLeadsNowhere) {
     SCOPED_TRACE(name);
     auto loaded = design::load_machine(test::source_dir() + "/examples/" + name);
     ASSERT_TRUE(loaded.machine);
-    command::LinkPlan links;
+    traffic::LinkPlan links;
     const bool linked = !loaded.machine->links.empty();
-    if (linked) links = command::plan_links(*loaded.machine);
+    if (linked) links = traffic::plan_links(*loaded.machine);
     ASSERT_FALSE(has_errors(links.findings));
     const auto files = document_of(*loaded.machine, linked ? &links : nullptr, "test");
     unsigned followed = 0;
@@ -123,7 +123,7 @@ TEST(Document, NoLinkLeadsNowhere) {
 TEST(Document, ALinkHasItsDeadlineItsBoundAndItsPdo) {
   auto loaded = design::load_machine(test::source_dir() + "/examples/linked.toml");
   ASSERT_TRUE(loaded.machine);
-  const auto links = command::plan_links(*loaded.machine);
+  const auto links = traffic::plan_links(*loaded.machine);
   ASSERT_FALSE(has_errors(links.findings));
   const auto files = document_of(*loaded.machine, &links, "test");
   const std::string index = text_of(files, "index.html");

@@ -46,7 +46,7 @@ class Berths : private can::Tap, private plant::World::Observer {
   void put_between(Between between) { between_ = std::move(between); }
 
   // What the machine's links want of the slots' devices, from the next `begin` on.
-  void settle(operate::SlotSettings settings) { settings_ = std::move(settings); }
+  void settle(manager::SlotSettings settings) { settings_ = std::move(settings); }
 
   void begin(std::size_t i) {
     One& one = *berths_[i];
@@ -172,7 +172,7 @@ class Berths : private can::Tap, private plant::World::Observer {
 
   std::unique_ptr<plant::World> world_;
   Between between_;
-  operate::SlotSettings settings_;
+  manager::SlotSettings settings_;
   std::vector<std::unique_ptr<One>> berths_;
   std::map<int, std::map<std::uint32_t, unsigned>> sent_;
   std::string started_again_;  // for people

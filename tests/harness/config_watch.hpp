@@ -29,7 +29,7 @@ inline std::string wrong_configuration(const manager::Configuration& configurati
 // What each slot's device is to have: its file (`config =`), else what the machine's links want.
 class SlotConfigurations {
  public:
-  explicit SlotConfigurations(const design::Machine& machine, const operate::SlotSettings& linked = {})
+  explicit SlotConfigurations(const design::Machine& machine, const manager::SlotSettings& linked = {})
       : linked_(linked) {
     for (const auto& slot : machine.slots) {
       if (slot.spec.config.empty() || files_.contains(slot.spec.config)) continue;
@@ -38,7 +38,7 @@ class SlotConfigurations {
       files_.emplace(slot.spec.config, std::move(loaded.configuration));
     }
   }
-  void set_linked(const operate::SlotSettings& linked) { linked_ = linked; }
+  void set_linked(const manager::SlotSettings& linked) { linked_ = linked; }
   [[nodiscard]] bool empty() const noexcept { return files_.empty() && linked_.empty(); }
   // What the device lacks of it, in words; empty: nothing.
   [[nodiscard]] std::string check(plant::SimDevice& device, const design::Slot& slot) const {
@@ -50,7 +50,7 @@ class SlotConfigurations {
 
  private:
   std::map<std::string, manager::Configuration> files_;
-  operate::SlotSettings linked_;
+  manager::SlotSettings linked_;
 };
 
 // Berth must never start a slot's device with anything but its configuration.
@@ -63,7 +63,7 @@ class ConfigWatch final : public plant::World::Observer {
   ~ConfigWatch() { world_->remove_observer(*this); }
 
   // Besides `config =`: what the machine's links want.
-  void add(const operate::SlotSettings& settings) {
+  void add(const manager::SlotSettings& settings) {
     if (wanted_.empty() && !settings.empty()) world_->add_observer(*this);
     wanted_.set_linked(settings);
   }

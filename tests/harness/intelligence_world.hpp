@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "berth/command/link_network.hpp"
 #include "berth/operate/programming.hpp"
+#include "berth/traffic/link_network.hpp"
 #include "tests/harness/berths.hpp"
 #include "tests/harness/config_watch.hpp"
 #include "tests/harness/intelligence_plan.hpp"
@@ -20,7 +20,7 @@ namespace berth::harness {
 // Is a device that runs alone under a slot's node-ID as the slot wants it? Looked at whenever a device changes.
 class SlotWatch final : private plant::World::Observer {
  public:
-  SlotWatch(plant::World& world, const design::Machine& machine, const operate::SlotSettings& linked)
+  SlotWatch(plant::World& world, const design::Machine& machine, const manager::SlotSettings& linked)
       : world_(&world), machine_(&machine), wanted_(machine, linked) {
     program_ = operate::load_program(controller_image(wanted_version))->identification;
     world.add_observer(*this);
@@ -108,14 +108,14 @@ class IntelligenceWorld final : private can::Tap {
   }
 
  private:
-  static operate::SlotSettings links_of(const design::Machine& machine) {
+  static manager::SlotSettings links_of(const design::Machine& machine) {
     if (machine.links.empty()) return {};
-    const auto links = command::plan_links(machine);
+    const auto links = traffic::plan_links(machine);
     for (const auto& finding : links.findings) {
       if (finding.severity == Finding::Severity::error) std::fprintf(stderr, "%s\n", to_string(finding).c_str());
     }
     if (has_errors(links.findings)) std::abort();
-    return command::settings_of(links);
+    return traffic::settings_of(links);
   }
   [[nodiscard]] bool sound() const noexcept { return watch_.failure().empty() && berths_.second_starts == 0; }
 
@@ -342,7 +342,7 @@ class IntelligenceWorld final : private can::Tap {
   bool frames_;
   std::string told_;
   Berths berths_;
-  operate::SlotSettings settings_;
+  manager::SlotSettings settings_;
   SlotWatch watch_;
   Random random_;
   std::vector<StageFault> waiting_;

@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "berth/command/link_network.hpp"
+#include "berth/traffic/link_network.hpp"
 #include "tests/harness/mortal.hpp"
 #include "tests/harness/program_watch.hpp"
 #include "tests/harness/run_world.hpp"
@@ -105,7 +105,7 @@ class KillWorld final {
       if (auto* const programs = program_memory(*d)) programs->watch(memories_.back().get());
     }
     if (scenario == Scenario::linked) {
-      const auto settings = command::settings_of(command::plan_links(machine_));
+      const auto settings = traffic::settings_of(traffic::plan_links(machine_));
       rig_.settle(settings);
       configured_.add(settings);
     }

@@ -114,7 +114,7 @@ class Rig {
   void on_event(std::function<void(const operate::Event&)> on_event) { on_event_ = std::move(on_event); }
 
   // What the machine's links want of the slots' devices, from the next `begin` on.
-  void settle(operate::SlotSettings settings) { settings_ = std::move(settings); }
+  void settle(manager::SlotSettings settings) { settings_ = std::move(settings); }
 
   // Where what SDO clients write to 1F20h and 1F22h is kept, from the next `begin` on.
   void keep_written(operate::WrittenFiles::Place place) { written_ = std::move(place); }
@@ -216,7 +216,7 @@ class Rig {
   Between between_;
   OnStep on_step_;
   std::function<void(const operate::Event&)> on_event_;
-  operate::SlotSettings settings_;
+  manager::SlotSettings settings_;
   operate::WrittenFiles::Place written_;
   std::vector<operate::Event> events_;
 };

@@ -10,11 +10,11 @@
 #include <memory>
 #include <string>
 
-#include "berth/command/link_network.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/plant/world.hpp"
 #include "berth/text/file.hpp"
+#include "berth/traffic/link_network.hpp"
 #include "berth/tree/session.hpp"
 #include "tests/paths.hpp"
 
@@ -46,7 +46,7 @@ class SignalMachine {
     EXPECT_TRUE(read.machine && plant.plant) << lines_of(read.findings) << lines_of(plant.findings);
     if (!read.machine || !plant.plant) return;
     machine = std::move(*read.machine);
-    links = command::plan_links(machine);
+    links = traffic::plan_links(machine);
     EXPECT_FALSE(has_errors(links.findings)) << lines_of(links.findings);
     std::vector<plant::BusRate> rates;
     for (const auto* const bus : machine.all_buses()) rates.push_back({bus->name, bus->bitrate});
@@ -57,7 +57,7 @@ class SignalMachine {
     world->start();
     session = std::make_unique<tree::Session>(world->executor(), machine, store);
     for (const auto& [bus, port] : ports) EXPECT_TRUE(session->connect(bus, *port));
-    session->configure_with(command::settings_of(links));
+    session->configure_with(traffic::settings_of(links));
     EXPECT_TRUE(session->open());
     session->start();
   }
@@ -92,7 +92,7 @@ class SignalMachine {
     return text;
   }
   design::Machine machine;
-  command::LinkPlan links;
+  traffic::LinkPlan links;
   places::MemoryStore store;
   std::unique_ptr<plant::World> world;
   std::map<std::string, std::unique_ptr<can::Port>> ports;

@@ -106,7 +106,7 @@ class WrittenConfigurations : public testing::Test {
   fs::path folder_;
   design::Machine machine_ = one_bus(250'000);
   plant::PlantFile plant_ = one_bus_plant(3);
-  operate::SlotSettings links_;
+  manager::SlotSettings links_;
   std::unique_ptr<Rig> rig_;
   std::unique_ptr<Stranger> stranger_;
 };

@@ -1,4 +1,4 @@
-#include "berth/command/link_network.hpp"
+#include "berth/traffic/link_network.hpp"
 
 #include <algorithm>
 #include <array>
@@ -7,15 +7,15 @@
 #include <memory>
 
 #include "berth/base/words.hpp"
-#include "berth/command/bus_messages.hpp"
 #include "berth/eds/concise_dcf.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/linker/files.hpp"
 #include "berth/linker/plan_file.hpp"
 #include "berth/od/names.hpp"
 #include "berth/text/file.hpp"
+#include "berth/traffic/bus_messages.hpp"
 
-namespace berth::command {
+namespace berth::traffic {
 namespace {
 
 using FilePtr = std::shared_ptr<const eds::File>;
@@ -184,8 +184,8 @@ LinkPlan plan_links(const design::Machine& machine) {
   return made;
 }
 
-operate::SlotSettings settings_of(const LinkPlan& links) {
-  operate::SlotSettings made;
+manager::SlotSettings settings_of(const LinkPlan& links) {
+  manager::SlotSettings made;
   for (std::size_t i = 0; i < links.network.nodes.size(); ++i) {
     if (!links.plan.linked[i]) continue;
     const auto& node = links.network.nodes[i];
@@ -202,4 +202,4 @@ operate::SlotSettings settings_of(const LinkPlan& links) {
   return made;
 }
 
-}  // namespace berth::command
+}  // namespace berth::traffic

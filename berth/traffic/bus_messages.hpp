@@ -1,7 +1,7 @@
 /// The messages of one bus, as the machine file, the slots' descriptions (`eds =`) and their configurations (`config
 /// =`) say: what `analysis` bounds. Nothing is asked on the bus.
 ///
-///     const auto found = command::messages_of(machine, *machine.bus("field"), {});
+///     const auto found = traffic::messages_of(machine, *machine.bus("field"), {});
 ///     const auto result = analysis::analyze(found.line);
 #pragma once
 
@@ -12,10 +12,11 @@
 #include "berth/base/finding.hpp"
 #include "berth/design/machine.hpp"
 
-namespace berth::command {
+namespace berth::traffic {
+
+struct LinkPlan;  // link_network.hpp
 
 /// What the files do not say. All times greater than 0.
-struct LinkPlan;  // link_network.hpp
 struct Assumptions {
   rt::Duration emcy = std::chrono::seconds(1);  ///< between two EMCYs of a device without an inhibit time (1015h)
   /// Between two frames of a TPDO that is sent at a change, has no inhibit time and whose slot says none; 0: not known,
@@ -42,4 +43,4 @@ struct BusMessages {
 [[nodiscard]] BusMessages messages_of(const design::Machine& machine, const design::Bus& bus,
                                       const Assumptions& assumptions);
 
-}  // namespace berth::command
+}  // namespace berth::traffic

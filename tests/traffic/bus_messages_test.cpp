@@ -1,12 +1,12 @@
 // What the files of a machine say of a bus's messages.
-#include "berth/command/bus_messages.hpp"
+#include "berth/traffic/bus_messages.hpp"
 
 #include <algorithm>
 
 #include "berth/od/description.hpp"
 #include "tests/pch.hpp"
 
-namespace berth::command {
+namespace berth::traffic {
 namespace {
 
 using namespace std::chrono_literals;
@@ -211,4 +211,4 @@ TEST(BusMessages, WhatATpdoWaitsForIsInItsLinksBound) {
 }
 
 }  // namespace
-}  // namespace berth::command
+}  // namespace berth::traffic

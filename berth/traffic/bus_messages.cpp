@@ -1,4 +1,4 @@
-#include "berth/command/bus_messages.hpp"
+#include "berth/traffic/bus_messages.hpp"
 
 #include <fmt/format.h>
 
@@ -9,14 +9,14 @@
 #include "berth/base/counted.hpp"
 #include "berth/co/cob_id.hpp"
 #include "berth/co/pdo_mapping.hpp"
-#include "berth/command/configured_values.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/linker/bounds.hpp"
 #include "berth/od/names.hpp"
 #include "berth/od/values.hpp"
 #include "berth/text/quantity.hpp"
+#include "berth/traffic/configured_values.hpp"
 
-namespace berth::command {
+namespace berth::traffic {
 namespace {
 
 using namespace std::chrono_literals;
@@ -361,4 +361,4 @@ BusMessages messages_of(const design::Machine& machine, const design::Bus& bus, 
   return Collector(machine, bus, assumptions).run();
 }
 
-}  // namespace berth::command
+}  // namespace berth::traffic

@@ -5,9 +5,9 @@
 #include "berth/design/machine.hpp"
 #include "berth/linker/network.hpp"
 #include "berth/linker/plan.hpp"
-#include "berth/operate/configuring.hpp"
+#include "berth/manager/configuration.hpp"
 
-namespace berth::command {
+namespace berth::traffic {
 
 struct LinkNetwork {
   linker::Network network;
@@ -32,6 +32,6 @@ struct LinkPlan {
 [[nodiscard]] LinkPlan plan_links(const design::Machine& machine);
 
 /// What the links want of the devices, so that `berth up` brings it into them. Of a plan without errors.
-[[nodiscard]] operate::SlotSettings settings_of(const LinkPlan& links);
+[[nodiscard]] manager::SlotSettings settings_of(const LinkPlan& links);
 
-}  // namespace berth::command
+}  // namespace berth::traffic

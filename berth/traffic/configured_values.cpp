@@ -1,10 +1,10 @@
-#include "berth/command/configured_values.hpp"
+#include "berth/traffic/configured_values.hpp"
 
 #include "berth/eds/concise_dcf.hpp"
 #include "berth/linker/files.hpp"
 #include "berth/manager/configuration.hpp"
 
-namespace berth::command {
+namespace berth::traffic {
 
 std::unique_ptr<od::Values> configured_values(const design::Slot& slot, const LinkPlan* links, std::size_t node) {
   if (!slot.description) return nullptr;
@@ -23,4 +23,4 @@ std::unique_ptr<od::Values> configured_values(const design::Slot& slot, const Li
   return values;
 }
 
-}  // namespace berth::command
+}  // namespace berth::traffic
