@@ -9,6 +9,7 @@
 
 #include "berth/client/access.hpp"
 #include "berth/client/pdo.hpp"
+#include "berth/od/pdo_objects.hpp"
 #include "berth/rt/task.hpp"
 
 namespace berth::client {
@@ -38,22 +39,19 @@ class NodePdos {
   void end_pdos() noexcept;
 
  private:
-  struct Record {
-    co::CobId cob_id;
-    std::vector<co::PdoEntry> entries;
-  };
   /// Not looked at: what the description says of it.
   template <class T>
   [[nodiscard]] Read<T> raw(ObjectRef ref) {
     return Read<T>(node_, ref, Read<T>::Checked::no);
   }
-  [[nodiscard]] Outcome<ObjectRef> record_of(co::PdoKind kind, unsigned number) const;
-  [[nodiscard]] rt::Task<Outcome<Record>> read_record(co::PdoKind kind, unsigned number);
-  [[nodiscard]] Outcome<Record> described_record(co::PdoKind kind, unsigned number) const;
+  [[nodiscard]] Outcome<void> readable(unsigned number) const;
+  [[nodiscard]] rt::Task<Outcome<od::PdoParameters>> ask(od::PdoKind kind, unsigned number);
+  [[nodiscard]] Outcome<od::PdoParameters> described(od::PdoKind kind, unsigned number) const;
   [[nodiscard]] Outcome<std::uint32_t> described_value(ObjectRef ref) const;
-  [[nodiscard]] Outcome<std::shared_ptr<const PdoLayout>> layout(ObjectRef at, const Record& record) const;
-  [[nodiscard]] Outcome<std::shared_ptr<Tpdo>> make_tpdo(unsigned number, const Outcome<Record>& record);
-  [[nodiscard]] Outcome<std::shared_ptr<Rpdo>> make_rpdo(unsigned number, const Outcome<Record>& record);
+  [[nodiscard]] Outcome<std::shared_ptr<const PdoLayout>> layout(od::PdoKind kind, unsigned number,
+                                                                 const od::PdoParameters& pdo) const;
+  [[nodiscard]] Outcome<std::shared_ptr<Tpdo>> make_tpdo(unsigned number, const Outcome<od::PdoParameters>& pdo);
+  [[nodiscard]] Outcome<std::shared_ptr<Rpdo>> make_rpdo(unsigned number, const Outcome<od::PdoParameters>& pdo);
 
   RemoteNode& node_;
   std::map<unsigned, std::shared_ptr<Tpdo>> tpdos_;

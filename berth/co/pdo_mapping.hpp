@@ -11,26 +11,13 @@
 #include <cstdint>
 #include <span>
 
+#include "berth/od/pdo_objects.hpp"
 #include "berth/od/values.hpp"
 
 namespace berth::co {
 
-/// Seen from the device: it receives an RPDO and transmits a TPDO.
-enum class PdoKind : std::uint8_t { rpdo, tpdo };
-
-/// The UNSIGNED32 of a mapping entry.
-struct PdoEntry {
-  ObjectRef object;
-  std::uint8_t bits = 0;
-  [[nodiscard]] static constexpr PdoEntry of(std::uint32_t raw) noexcept {
-    return {{static_cast<std::uint16_t>(raw >> 16), static_cast<std::uint8_t>(raw >> 8)},
-            static_cast<std::uint8_t>(raw)};
-  }
-  [[nodiscard]] constexpr std::uint32_t raw() const noexcept {
-    return static_cast<std::uint32_t>(object.index) << 16 | static_cast<std::uint32_t>(object.sub) << 8 | bits;
-  }
-  friend constexpr bool operator==(const PdoEntry&, const PdoEntry&) noexcept = default;
-};
+using od::PdoEntry;
+using od::PdoKind;
 
 /// Whether one object may stand in a PDO:
 /// no_object 0602 0000: there is no such object, or no such sub-index;
@@ -60,8 +47,8 @@ class PdoField {
 /// A resolved mapping. It keeps its fields in memory given to it.
 class PdoMapping {
  public:
-  static constexpr std::size_t most_entries = 64;
-  static constexpr unsigned most_bits = 64;
+  static constexpr std::size_t most_entries = od::most_pdo_entries;
+  static constexpr unsigned most_bits = od::most_pdo_bits;
 
   PdoMapping() = default;  ///< maps nothing
   /// `room`: at least as many fields as entries will be resolved; outlives the mapping.

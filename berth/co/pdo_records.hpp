@@ -8,49 +8,23 @@
 
 namespace berth::co {
 
-/// What sub-index 0 of a mapping record says: a number of entries, FEh or FFh.
-enum class PdoMode : std::uint8_t { mapped, sam, dam };
-[[nodiscard]] constexpr PdoMode mode_of(std::uint8_t count) noexcept {
-  return count == 0xFE ? PdoMode::sam : count == 0xFF ? PdoMode::dam : PdoMode::mapped;
-}
+using od::communication_index;
+using od::event_driven;
+using od::mapping_index;
+using od::mode_of;
+using od::most_pdos;
+using od::PdoMode;
+using od::PdoRecord;
+using od::rtr_only;
+using od::rtr_sampled_at_sync;
+using od::synchronous;
+namespace pdo_sub = od::pdo_sub;
 
-/// Types 00h..F0h, acyclic and cyclic.
-[[nodiscard]] constexpr bool synchronous(std::uint8_t type) noexcept { return type <= 0xF0; }
-[[nodiscard]] constexpr bool event_driven(std::uint8_t type) noexcept { return type >= 0xFE; }
-inline constexpr std::uint8_t rtr_sampled_at_sync = 0xFC;
-inline constexpr std::uint8_t rtr_only = 0xFD;
 /// Types that a PDO of this kind may have whose mapping record has `count` in sub-index 0.
 [[nodiscard]] constexpr bool usable_type(PdoKind kind, std::uint8_t type, std::uint8_t count) noexcept {
   if (event_driven(type)) return true;
   if (mode_of(count) != PdoMode::mapped) return false;
   return synchronous(type) || (kind == PdoKind::tpdo && (type == rtr_sampled_at_sync || type == rtr_only));
-}
-
-inline constexpr unsigned most_pdos = 512;
-inline constexpr std::uint16_t first_pdo_record = 0x1400;
-inline constexpr std::uint16_t last_pdo_record = 0x1BFF;
-[[nodiscard]] constexpr std::uint16_t communication_index(PdoKind kind, unsigned number) noexcept {
-  return static_cast<std::uint16_t>((kind == PdoKind::rpdo ? 0x13FFU : 0x17FFU) + number);
-}
-[[nodiscard]] constexpr std::uint16_t mapping_index(PdoKind kind, unsigned number) noexcept {
-  return static_cast<std::uint16_t>(communication_index(kind, number) + 0x200U);
-}
-
-/// Which record an object of 1400h..1BFFh is.
-struct PdoRecord {
-  PdoKind kind;
-  bool mapping;
-  std::uint16_t number;  ///< 1..512
-  [[nodiscard]] static constexpr PdoRecord of(std::uint16_t index) noexcept {
-    const unsigned at = index - 0x1400U;
-    return {at < 0x400 ? PdoKind::rpdo : PdoKind::tpdo, at % 0x400 >= 0x200,
-            static_cast<std::uint16_t>(at % 0x200 + 1)};
-  }
-};
-
-/// Sub-indices of a communication record.
-namespace pdo_sub {
-inline constexpr std::uint8_t cob_id = 1, type = 2, inhibit = 3, reserved = 4, timer = 5, sync_start = 6;
 }
 
 /// Calls `visit(number, entries)` for the PDOs of this kind that have both records, ascending; `entries`: how many the

@@ -3,11 +3,12 @@
 #include <algorithm>
 
 #include "berth/base/bytes.hpp"
+#include "berth/od/cia301.hpp"
 
 namespace berth::co {
 namespace {
 
-constexpr std::uint16_t default_server = 0x1200, last_server = 0x127F, first_client = 0x1280, last_client = 0x12FF;
+using namespace od::cia301;
 constexpr std::uint8_t request_sub = 1, response_sub = 2, node_sub = 3;
 constexpr std::uint8_t highest_node = 127;
 
@@ -44,9 +45,9 @@ SdoServers::SdoServers(can::Dispatcher& dispatcher, od::Values& values, std::siz
     : dispatcher_(&dispatcher), values_(&values), buffer_(buffer), first_(dispatcher, values, buffer) {
   bool any = false;
   for (const od::Object& object : values.description().objects()) {
-    if (object.index < default_server || object.index > last_client) continue;
+    if (!od::within(object.index, default_server, last_client)) continue;
     any = true;
-    if (object.index > default_server && object.index <= last_server) {
+    if (od::within(object.index, first_server, last_server)) {
       additional_.push_back({.index = object.index, .service = nullptr});
     }
   }

@@ -7,6 +7,7 @@
 
 #include "berth/command/meanings.hpp"
 #include "berth/od/notation.hpp"
+#include "berth/od/pdo_objects.hpp"
 #include "berth/text/quantity.hpp"
 
 namespace berth::command {
@@ -29,9 +30,9 @@ namespace {
 /// The time that 1 is in the communication objects that count time (CiA 301 §7.5.2); 0: the object counts none.
 text::Duration tick(ObjectRef ref) {
   using namespace std::chrono_literals;
-  const bool pdo = (ref.index >= 0x1400 && ref.index < 0x1600) || (ref.index >= 0x1800 && ref.index < 0x1A00);
-  if (pdo && ref.sub == 3) return 100us;
-  if (pdo && ref.sub == 5) return 1ms;
+  const bool pdo = od::is_pdo_communication(ref.index);
+  if (pdo && ref.sub == od::pdo_sub::inhibit) return 100us;
+  if (pdo && ref.sub == od::pdo_sub::timer) return 1ms;
   if (ref.sub != 0) return 0ns;
   switch (ref.index) {
     case 0x1006:

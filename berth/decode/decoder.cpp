@@ -10,20 +10,16 @@
 #include "berth/co/cob_id.hpp"
 #include "berth/co/emcy.hpp"
 #include "berth/co/nmt.hpp"
-#include "berth/co/pdo_mapping.hpp"
 #include "berth/decode/emcy_words.hpp"
 #include "berth/decode/say_parts.hpp"
 #include "berth/decode/standard_objects.hpp"
 #include "berth/od/abort_code.hpp"
+#include "berth/od/cia301.hpp"
 #include "berth/od/mapping_text.hpp"
 #include "berth/od/notation.hpp"
 
 namespace berth::decode {
 namespace {
-
-constexpr unsigned most_pdos = 512;
-constexpr std::uint8_t mpdo_destination = 255;
-constexpr std::uint8_t mpdo_source = 254;
 
 bool printable(std::span<const std::uint8_t> bytes) noexcept {
   return std::all_of(bytes.begin(), bytes.end(), [](std::uint8_t b) { return b >= ' ' && b < 0x7F; });
@@ -86,7 +82,7 @@ struct Decoder::Pdo {
   std::uint8_t node = 0;
   bool transmit = false;
   unsigned number = 1;
-  std::uint8_t special = 0;  // 254, 255: an MPDO
+  bool is_mpdo = false;
   unsigned bits = 0;
   std::vector<Signal> signals;
 };
@@ -107,6 +103,7 @@ struct Decoder::Node {
     const auto it = std::ranges::find(named, object, &NamedObject::object);
     return it == named.end() ? nullptr : &*it;
   }
+  [[nodiscard]] Signal signal(const od::PdoEntry& entry, unsigned at) const;
   std::vector<std::uint16_t> givers;  // objects that give identifiers to further SDO channels and PDOs
   std::vector<std::uint32_t> keys;    // whose routes are this node's own
 };
@@ -187,9 +184,8 @@ void Decoder::know(std::uint16_t number, NodeId node, Profile profile) {
   known->values = std::make_unique<od::Values>(std::move(profile.description), node);
   for (const auto& [object, bytes] : profile.settings) (void)known->values->set_bytes(object, bytes);
   for (const auto& object : known->values->description().objects()) {
-    const bool gives = (object.index > 0x1200 && object.index < 0x1280) ||
-                       (object.index >= 0x1400 && object.index < 0x1400 + most_pdos) ||
-                       (object.index >= 0x1800 && object.index < 0x1800 + most_pdos);
+    const bool gives = od::within(object.index, od::cia301::first_server, od::cia301::last_server) ||
+                       od::is_pdo_communication(object.index);
     if (gives) known->givers.push_back(object.index);
   }
   connect(bus, node.value());
@@ -224,23 +220,42 @@ void Decoder::connect(Bus& bus, std::uint8_t id) {
     if (sync.key() != co::sync_id) own(sync, {Route::Kind::sync, 0, 0});
   }
   for (const auto index : node.givers) {
-    if (index >= 0x1800) {
-      add_pdo(bus, node, id, true, index - 0x1800U + 1);
-    } else if (index >= 0x1400) {
-      add_pdo(bus, node, id, false, index - 0x1400U + 1);
+    if (od::is_pdo_record(index)) {
+      const auto record = od::PdoRecord::of(index);
+      add_pdo(bus, node, id, record.kind, record.number);
     } else {
-      const auto channel = bus.channel(id, index - 0x1200U + 1);
+      const auto channel = bus.channel(id, index - unsigned{od::cia301::default_server} + 1);
       own(cob_id(values, {index, 1}), {Route::Kind::request, id, channel});
       own(cob_id(values, {index, 2}), {Route::Kind::response, id, channel});
     }
   }
 }
 
-void Decoder::add_pdo(Bus& bus, Node& node, std::uint8_t id, bool transmit, unsigned number) {
+Decoder::Signal Decoder::Node::signal(const od::PdoEntry& entry, unsigned at) const {
+  const auto& description = values->description();
+  Signal signal;
+  signal.at = static_cast<std::uint8_t>(at);
+  signal.bits = entry.bits;
+  signal.dummy = entry.dummy();
+  const NamedObject* const variable = named_of(entry.object);
+  signal.label = variable != nullptr ? variable->name : object_name(description, entry.object);
+  if (signal.label.empty()) signal.label = od::write_object(entry.object);
+  signal.name_size = signal.label.size();
+  signal.label += " = ";
+  const auto* const described = description.find(entry.object);
+  if (described != nullptr) signal.type = described->type;
+  if (variable != nullptr) signal.type = variable->type;
+  signal.object = entry.object;
+  if (words && words->knows(entry.object)) signal.words = words.get();
+  return signal;
+}
+
+void Decoder::add_pdo(Bus& bus, Node& node, std::uint8_t id, od::PdoKind kind, unsigned number) {
   const od::Values& values = *node.values;
-  const auto offset = static_cast<std::uint16_t>(number - 1);
-  const auto cob = cob_id(values, {static_cast<std::uint16_t>((transmit ? 0x1800 : 0x1400) + offset), 1});
-  if (!cob.valid()) return;
+  const bool transmit = kind == od::PdoKind::tpdo;
+  const auto parameters = od::read_pdo(values, kind, number);
+  const co::CobId cob = parameters.cob_id;
+  if (!cob.valid() || !cob.well_formed()) return;
   const Route before = cob.key() <= can::base_mask        ? bus.base[cob.key()]
                        : bus.extended.contains(cob.key()) ? bus.extended[cob.key()]
                                                           : Route{};
@@ -254,31 +269,11 @@ void Decoder::add_pdo(Bus& bus, Node& node, std::uint8_t id, bool transmit, unsi
           .number = number,
           .signals = {}};
   if (!node.name.empty()) say(pdo.head, " [{}]", node.name);
-  const auto mapping = static_cast<std::uint16_t>((transmit ? 0x1A00 : 0x1600) + offset);
-  const auto count = values.get_or<std::uint8_t>({mapping, 0}, 0);
-  if (count == mpdo_source || count == mpdo_destination) {
-    pdo.special = count;
-  } else {
-    for (std::uint8_t sub = 1; sub <= std::min<unsigned>(count, co::PdoMapping::most_entries); ++sub) {
-      const auto entry = co::PdoEntry::of(values.get_or<std::uint32_t>({mapping, sub}, 0));
-      if (entry.bits == 0 || pdo.bits + entry.bits > co::PdoMapping::most_bits) break;
-      Signal signal;
-      signal.at = static_cast<std::uint8_t>(pdo.bits);
-      signal.bits = entry.bits;
-      signal.dummy = entry.object.index < 0x20;
-      const NamedObject* const variable = node.named_of(entry.object);
-      signal.label = variable != nullptr ? variable->name : object_name(values.description(), entry.object);
-      if (signal.label.empty()) signal.label = od::write_object(entry.object);
-      signal.name_size = signal.label.size();
-      signal.label += " = ";
-      const auto* const described = values.description().find(entry.object);
-      if (described != nullptr) signal.type = described->type;
-      if (variable != nullptr) signal.type = variable->type;
-      signal.object = entry.object;
-      if (node.words && node.words->knows(entry.object)) signal.words = node.words.get();
-      pdo.bits += entry.bits;
-      pdo.signals.push_back(std::move(signal));
-    }
+  pdo.is_mpdo = parameters.is_mpdo();
+  for (const auto& entry : parameters.entries) {
+    if (entry.bits == 0 || pdo.bits + entry.bits > od::most_pdo_bits) break;
+    pdo.signals.push_back(node.signal(entry, pdo.bits));
+    pdo.bits += entry.bits;
   }
   auto free = std::find_if(bus.pdos.begin(), bus.pdos.end(), [](const Pdo& p) { return p.node == 0; });
   const auto index = static_cast<std::uint16_t>(free - bus.pdos.begin());
@@ -299,8 +294,7 @@ bool Decoder::taken(const Bus& bus, std::uint32_t key) {
 // A transfer said what stands in an object that decides what frames mean.
 void Decoder::learn(Bus& bus, std::uint8_t id, ObjectRef object, std::span<const std::uint8_t> bytes) {
   const bool decides = object.index == 0x1000 || object.index == 0x1005 || object.index == 0x1014 ||
-                       (object.index >= 0x1200 && object.index < 0x1280) ||
-                       (object.index >= 0x1400 && object.index < 0x1C00);
+                       od::cia301::is_server(object.index) || od::is_pdo_record(object.index);
   if (!decides || !bus.nodes[id] || !bus.nodes[id]->values) return;
   od::Values& values = *bus.nodes[id]->values;
   const auto before = values.bytes(object);
@@ -408,7 +402,7 @@ void Decoder::pdo(const Bus& bus, unsigned index, const can::Frame& frame) {
   }
   if (frame.remote) {
     words_ += ": remote request";
-  } else if (pdo.special != 0) {
+  } else if (pdo.is_mpdo) {
     if (frame.size != 8) {
       words_ += ": MPDO, not eight bytes";
     } else {

@@ -24,6 +24,7 @@
 #include "berth/decode/sdo_transfer.hpp"
 #include "berth/decode/value_words.hpp"
 #include "berth/decode/words.hpp"
+#include "berth/od/pdo_objects.hpp"
 #include "berth/od/values.hpp"
 #include "berth/trace/trace.hpp"
 
@@ -108,7 +109,7 @@ class Decoder final : private SdoTransfer::Listener {
   static void connect(Bus& bus, std::uint8_t node);
   static void disconnect(Bus& bus, std::uint8_t node);
   static void set_route(Bus& bus, std::uint32_t key, Route route);
-  static void add_pdo(Bus& bus, Node& node, std::uint8_t id, bool transmit, unsigned number);
+  static void add_pdo(Bus& bus, Node& node, std::uint8_t id, od::PdoKind kind, unsigned number);
   static bool taken(const Bus& bus, std::uint32_t key);
   void pdo(const Bus& bus, unsigned index, const can::Frame& frame);
   void signals(const Pdo& pdo, const can::Frame& frame);

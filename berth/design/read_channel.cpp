@@ -5,6 +5,7 @@
 
 #include "berth/base/words.hpp"
 #include "berth/design/read_parts.hpp"
+#include "berth/od/cia301.hpp"
 #include "berth/od/notation.hpp"
 
 namespace berth::design {
@@ -12,8 +13,7 @@ namespace {
 
 using text::Table;
 
-constexpr std::uint16_t first_client = 0x1280;
-constexpr std::uint16_t first_server = 0x1201;
+using od::cia301::first_client, od::cia301::first_server;
 
 const Slot* read_party(const Machine& machine, Table& table, const char* key) {
   if (!table.require(key, "name a [[slot]] of this file")) return nullptr;

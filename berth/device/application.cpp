@@ -4,6 +4,7 @@
 
 #include "berth/base/bytes.hpp"
 #include "berth/co/pdo_mapping.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 namespace berth::device {
 
@@ -54,7 +55,7 @@ void Application::on_write(ObjectRef ref, std::function<void()> call) {
 }
 
 void Application::received(unsigned rpdo, rt::Time) noexcept {
-  if (writes_) writes_->mapped(*values_, static_cast<std::uint16_t>(0x1600 + rpdo - 1));
+  if (writes_) writes_->mapped(*values_, od::mapping_index(od::PdoKind::rpdo, rpdo));
   tell(&Callbacks::rpdo, rpdo);
 }
 

@@ -4,6 +4,7 @@
 #include <array>
 
 #include "berth/co/cob_id.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 namespace berth::device {
 namespace {
@@ -44,8 +45,6 @@ void add_mapping(DescriptionBuilder& b, std::uint16_t index, const std::vector<c
                   .initial = Literal::number(i < map.size() ? map[i].raw() : 0)});
   }
 }
-
-std::uint16_t record(unsigned base, unsigned number) { return static_cast<std::uint16_t>(base + number - 1); }
 
 }  // namespace
 
@@ -116,7 +115,7 @@ void add_sync(DescriptionBuilder& b) {
 }
 
 void add_tpdo(DescriptionBuilder& b, unsigned number, const PdoObjects& pdo) {
-  const auto index = record(0x1800, number);
+  const auto index = od::communication_index(od::PdoKind::tpdo, number);
   b.object(index, od::ObjectCode::record, "TPDO communication parameter", DataType::pdo_communication);
   add_cob_id(b, index, number, co::CobId::second_bit | 0x180U);
   b.sub(index,
@@ -128,11 +127,11 @@ void add_tpdo(DescriptionBuilder& b, unsigned number, const PdoObjects& pdo) {
       index,
       {.sub = 5, .name = "Event timer", .type = DataType::unsigned16, .initial = Literal::number(pdo.event_timer_ms)});
   b.sub(index, {.sub = 6, .name = "SYNC start value", .type = DataType::unsigned8, .initial = Literal::number(0)});
-  add_mapping(b, record(0x1A00, number), pdo.map);
+  add_mapping(b, od::mapping_index(od::PdoKind::tpdo, number), pdo.map);
 }
 
 void add_rpdo(DescriptionBuilder& b, unsigned number, const PdoObjects& pdo) {
-  const auto index = record(0x1400, number);
+  const auto index = od::communication_index(od::PdoKind::rpdo, number);
   b.object(index, od::ObjectCode::record, "RPDO communication parameter", DataType::pdo_communication);
   add_cob_id(b, index, number, 0x200);
   b.sub(index,
@@ -140,7 +139,7 @@ void add_rpdo(DescriptionBuilder& b, unsigned number, const PdoObjects& pdo) {
   b.sub(
       index,
       {.sub = 5, .name = "Event timer", .type = DataType::unsigned16, .initial = Literal::number(pdo.event_timer_ms)});
-  add_mapping(b, record(0x1600, number), pdo.map);
+  add_mapping(b, od::mapping_index(od::PdoKind::rpdo, number), pdo.map);
 }
 
 const std::shared_ptr<const od::Description>& minimal_description() {

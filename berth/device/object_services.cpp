@@ -1,4 +1,5 @@
 #include "berth/device/object_services.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 #include <algorithm>
 
@@ -28,7 +29,7 @@ ObjectServices::ObjectServices(can::Dispatcher& dispatcher, od::Values& values, 
                                co::ServiceOwner& owner, const co::Pdos::Options& pdos)
     : sdo_(dispatcher, values, sdo_buffer(values.description())) {
   const auto& d = values.description();
-  if (has_any(d, 0x1400, 0x1BFF)) {
+  if (has_any(d, od::first_pdo_record, od::last_pdo_record)) {
     pdos_ = std::make_unique<co::Pdos>(dispatcher, values, owner, pdos);
     pdos_->observe(&application);
   }

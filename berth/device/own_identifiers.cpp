@@ -3,13 +3,14 @@
 #include <array>
 
 #include "berth/co/cob_id.hpp"
+#include "berth/od/cia301.hpp"
 
 namespace berth::device {
 namespace {
 
 constexpr std::array<std::uint16_t, 2> produced_objects{0x1005, 0x1012};  // SYNC, TIME: bit 30 = this node sends it
 constexpr std::uint16_t emcy_object = 0x1014;
-constexpr std::uint16_t first_server = 0x1201, last_server = 0x127F;
+using od::cia301::first_server, od::cia301::last_server;
 
 }  // namespace
 

@@ -3,6 +3,7 @@
 
 #include "berth/co/pdo_mapping.hpp"
 #include "berth/doctor/conformance_parts.hpp"
+#include "berth/od/cia301.hpp"
 
 namespace berth::doctor {
 namespace {
@@ -188,7 +189,7 @@ rt::Task<void> CommunicationChecks::default_channel() {
       report_.refused("7.5.2.33", {0x1200, sub}, "a download to the default channel", other, codes::read_only);
     }
   }
-  for (std::uint16_t index = 0x1201; index <= 0x12FF; ++index) {
+  for (std::uint16_t index = od::cia301::first_server; index <= od::cia301::last_client; ++index) {
     if (!described_.has(index)) continue;
     for (std::uint8_t sub = 1; sub <= 2; ++sub) {
       if (!described_.settable(index, sub, 4)) continue;

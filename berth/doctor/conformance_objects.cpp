@@ -2,6 +2,8 @@
 #include <fmt/format.h>
 
 #include "berth/doctor/conformance_parts.hpp"
+#include "berth/od/cia301.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 namespace berth::doctor {
 namespace {
@@ -9,23 +11,20 @@ namespace {
 constexpr std::string_view access = "7.2.4.3.17", sub_indices = "7.4";
 constexpr std::uint8_t structure_sub = 0xFF;
 
-bool within(std::uint16_t index, std::uint16_t first, std::uint16_t last) noexcept {
-  return index >= first && index <= last;
-}
+using od::within;
 
 /// What a write would set going, or what has rules of its own (conformance_communication.cpp).
 bool acts(std::uint16_t index) noexcept {
   return within(index, 0x1003, 0x1003) || within(index, 0x1010, 0x1011) || within(index, 0x1023, 0x1026) ||
-         within(index, 0x1200, 0x12FF) || within(index, 0x1400, 0x1BFF) || within(index, 0x1F50, 0x1F9F);
+         within(index, od::cia301::default_server, od::cia301::last_client) || od::is_pdo_record(index) ||
+         within(index, 0x1F50, 0x1F9F);
 }
 bool communication(std::uint16_t index) noexcept { return within(index, 0x1000, 0x1FFF); }
 /// Sub-index 0 counts what is used, not what there is.
-bool counts_use(std::uint16_t index) noexcept {
-  return index == 0x1003 || within(index, 0x1600, 0x17FF) || within(index, 0x1A00, 0x1BFF);
-}
+bool counts_use(std::uint16_t index) noexcept { return index == 0x1003 || od::is_pdo_mapping(index); }
 /// Reserved in a PDO's communication record (§7.5.2.35).
 bool reserved(std::uint16_t index, std::uint8_t sub) noexcept {
-  return sub == 4 && (within(index, 0x1400, 0x15FF) || within(index, 0x1800, 0x19FF));
+  return sub == od::pdo_sub::reserved && od::is_pdo_communication(index);
 }
 
 }  // namespace

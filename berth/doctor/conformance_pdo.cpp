@@ -7,19 +7,14 @@ namespace {
 
 using co::CobId;
 
-bool tpdo(std::uint16_t index) noexcept { return index >= 0x1800; }
-std::uint16_t mapping_of(std::uint16_t communication) noexcept {
-  return static_cast<std::uint16_t>(communication + 0x200);
-}
+bool tpdo(std::uint16_t index) noexcept { return od::PdoRecord::of(index).kind == od::PdoKind::tpdo; }
 
 }  // namespace
 
 rt::Task<void> PdoChecks::run() {
   if (!options_.description) co_return;
   for (const auto& object : options_.description->objects()) {
-    const bool receives = object.index >= 0x1400 && object.index <= 0x15FF;
-    const bool sends = object.index >= 0x1800 && object.index <= 0x19FF;
-    if (receives || sends) co_await pdo(object.index);
+    if (od::is_pdo_communication(object.index)) co_await pdo(object.index);
   }
 }
 
@@ -66,7 +61,7 @@ rt::Task<void> PdoChecks::pdo(std::uint16_t index) {
 
 // §7.5.2.36: the order of re-mapping, and what each step refuses.
 rt::Task<void> PdoChecks::mapping(std::uint16_t index) {
-  const auto record = mapping_of(index);
+  const auto record = od::mapping_of(index);
   const auto told = co_await device_.read(index, 1);
   const auto before = co_await device_.read(record, 0);
   if (!told.good() || !before.good() || !described_.settable(record, 0, 1)) co_return;

@@ -6,20 +6,17 @@
 #include <map>
 
 #include "berth/co/cob_id.hpp"
-#include "berth/co/pdo_mapping.hpp"
+#include "berth/od/pdo_objects.hpp"
 #include "berth/traffic/configured_values.hpp"
 
 namespace berth::document {
 namespace {
 
-constexpr unsigned most_pdos = 512;
-constexpr std::uint16_t first_dummy_not = 0x20;  // objects below are data types: bits that a receiver skips
-
 struct Pdo {
   std::uint32_t key = 0;
   unsigned number = 1;
-  rt::Duration timer{};
   bool is_mpdo = false;
+  rt::Duration timer{};
   std::vector<Signal> signals{};
 };
 
@@ -33,14 +30,12 @@ std::string name_of(const od::Description& description, ObjectRef ref) {
   return part.empty() ? whole : whole + " " + part;
 }
 
-std::vector<Signal> mapped(const Configured& device, std::uint16_t index, std::uint8_t count) {
+std::vector<Signal> mapped(const Configured& device, const std::vector<od::PdoEntry>& entries) {
   std::vector<Signal> signals;
-  const od::Values& values = *device.values;
-  const auto& description = values.description();
+  const auto& description = device.values->description();
   unsigned at = 0;
-  for (std::uint8_t sub = 1; sub <= count; ++sub) {
-    const auto entry = co::PdoEntry::of(values.get_or<std::uint32_t>({index, sub}, 0));
-    if (entry.bits == 0 || at + entry.bits > co::PdoMapping::most_bits) break;
+  for (const auto& entry : entries) {
+    if (entry.bits == 0 || at + entry.bits > od::most_pdo_bits) break;
     Signal signal{.name = name_of(description, entry.object), .object = entry.object, .at = at, .bits = entry.bits};
     const auto* const described = description.find(entry.object);
     if (described != nullptr) signal.type = described->type;
@@ -51,28 +46,22 @@ std::vector<Signal> mapped(const Configured& device, std::uint16_t index, std::u
     }
     if (device.notes) signal.meaning = command::meaning_of(device.notes->of(entry.object), signal.type);
     at += entry.bits;
-    if (entry.object.index >= first_dummy_not) signals.push_back(std::move(signal));
+    if (!entry.dummy()) signals.push_back(std::move(signal));
   }
   return signals;
 }
 
 // Those that are valid, of one kind.
-std::vector<Pdo> pdos_of(const Configured& device, co::PdoKind kind) {
-  const od::Values& values = *device.values;
-  const bool transmits = kind == co::PdoKind::tpdo;
+std::vector<Pdo> pdos_of(const Configured& device, od::PdoKind kind) {
   std::vector<Pdo> pdos;
-  for (unsigned n = 0; n < most_pdos; ++n) {
-    const auto communication = static_cast<std::uint16_t>((transmits ? 0x1800U : 0x1400U) + n);
-    const auto mapping = static_cast<std::uint16_t>((transmits ? 0x1A00U : 0x1600U) + n);
-    const co::CobId cob_id(values.get_or<std::uint32_t>({communication, 1}, co::CobId::invalid_bit));
-    if (!cob_id.valid()) continue;
-    const auto count = values.get_or<std::uint8_t>({mapping, 0}, 0);
-    Pdo pdo{.key = cob_id.key(), .number = n + 1};
-    pdo.timer = std::chrono::milliseconds(values.get_or<std::uint16_t>({communication, 5}, 0));
-    pdo.is_mpdo = count >= 254;
-    if (!pdo.is_mpdo) pdo.signals = mapped(device, mapping, count);
+  od::for_each_communication(device.values->description(), kind, [&](unsigned number) {
+    const auto parameters = od::read_pdo(*device.values, kind, number);
+    if (!parameters.cob_id.valid()) return;
+    Pdo pdo{.key = parameters.cob_id.key(), .number = number, .is_mpdo = parameters.is_mpdo()};
+    pdo.timer = std::chrono::milliseconds(parameters.timer);
+    pdo.signals = mapped(device, parameters.entries);
     pdos.push_back(std::move(pdo));
-  }
+  });
   return pdos;
 }
 
@@ -133,7 +122,7 @@ class Collector {
 
   void add_tpdos(const Configured& device) {
     if (!device.values) return;
-    for (Pdo& pdo : pdos_of(device, co::PdoKind::tpdo)) {
+    for (Pdo& pdo : pdos_of(device, od::PdoKind::tpdo)) {
       const std::string name = fmt::format("TPDO {}", pdo.number);
       Message& message = add(pdo.key, name, device.slot->spec.name.name, bytes_of(pdo));
       const bool ours = message.name == name && message.sender == device.slot->spec.name.name;
@@ -146,7 +135,7 @@ class Collector {
   // By its own mapping, bit for bit: what it skips it does not receive.
   void add_rpdos(const Configured& device) {
     if (!device.values) return;
-    for (Pdo& pdo : pdos_of(device, co::PdoKind::rpdo)) {
+    for (Pdo& pdo : pdos_of(device, od::PdoKind::rpdo)) {
       const auto known = messages_.find(pdo.key);
       const auto& name = device.slot->spec.name.name;
       if (known == messages_.end()) {

@@ -5,18 +5,17 @@
 
 #include "berth/eds/info.hpp"
 #include "berth/eds/objects.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 namespace berth::eds {
 namespace {
 
 using Severity = Finding::Severity;
 
-constexpr std::uint16_t most_pdos = 512;
-
 std::size_t count(const od::Description& description, std::uint16_t first) {
   std::size_t found = 0;
   for (const od::Object& each : description.objects()) {
-    if (each.index >= first && each.index < first + most_pdos) ++found;
+    if (each.index >= first && each.index < first + od::most_pdos) ++found;
   }
   return found;
 }

@@ -7,8 +7,6 @@
 namespace berth::eds {
 namespace {
 
-constexpr unsigned most_mapped = 64;  ///< entries of a mapping parameter (CiA 301 §7.5.2.36)
-constexpr std::uint32_t pdo_invalid = 0x8000'0000;
 constexpr unsigned predefined_pdos = 4;
 
 }  // namespace
@@ -19,15 +17,14 @@ void CompactPdos::add_sub(std::uint16_t index, const od::SubSpec& spec) {
 
 void CompactPdos::add_all() {
   if (device_.compact_pdo == 0) return;
-  for (unsigned number = 0; number < device_.rpdos; ++number) {
-    add(static_cast<std::uint16_t>(0x1400 + number), static_cast<std::uint16_t>(0x1600 + number), number, true);
-  }
-  for (unsigned number = 0; number < device_.tpdos; ++number) {
-    add(static_cast<std::uint16_t>(0x1800 + number), static_cast<std::uint16_t>(0x1A00 + number), number, false);
-  }
+  for (unsigned number = 1; number <= device_.rpdos; ++number) add(od::PdoKind::rpdo, number);
+  for (unsigned number = 1; number <= device_.tpdos; ++number) add(od::PdoKind::tpdo, number);
 }
 
-void CompactPdos::add(std::uint16_t communication, std::uint16_t mapping, unsigned number, bool receive) {
+void CompactPdos::add(od::PdoKind kind, unsigned number) {
+  const bool receive = kind == od::PdoKind::rpdo;
+  const auto communication = od::communication_index(kind, number);
+  const auto mapping = od::mapping_index(kind, number);
   using od::DataType;
   using od::Literal;
   struct Item {
@@ -48,14 +45,14 @@ void CompactPdos::add(std::uint16_t communication, std::uint16_t mapping, unsign
       if (((device_.compact_pdo >> i) & 1U) == 0) continue;
       Literal initial;
       if (i == 0) {
-        const std::uint32_t base = (receive ? 0x200U : 0x180U) + 0x100U * number;
-        initial = number < predefined_pdos ? Literal::node_id_plus(base) : Literal::number(pdo_invalid);
+        const std::uint32_t base = (receive ? 0x200U : 0x180U) + 0x100U * (number - 1);
+        initial = number <= predefined_pdos ? Literal::node_id_plus(base) : Literal::number(od::CobId::invalid_bit);
         // A DCF switches off the PDOs that it does not describe (CiA 306 §5.3).
         if (dcf_) {
           const ObjectRef cob_id{communication, 1};
           if (initial.kind == Literal::Kind::node_id_plus) {
             values_.defaults.push_back({cob_id, DataType::unsigned32, initial});
-            initial.raw |= pdo_invalid;
+            initial.raw |= od::CobId::invalid_bit;
           }
           values_.parameters.push_back({cob_id, DataType::unsigned32, initial});
         }
@@ -75,7 +72,7 @@ void CompactPdos::add(std::uint16_t communication, std::uint16_t mapping, unsign
                     .type = DataType::unsigned8,
                     .access = writable,
                     .initial = Literal::number(0)});
-  for (unsigned sub = 1; sub <= most_mapped; ++sub) {
+  for (unsigned sub = 1; sub <= od::most_pdo_entries; ++sub) {
     const auto name = fmt::format("Application object {}", sub);
     add_sub(mapping,
             {.sub = static_cast<std::uint8_t>(sub), .name = name, .type = DataType::unsigned32, .access = writable});

@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "berth/eds/keys.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 namespace berth::eds {
 
@@ -17,7 +18,7 @@ class CompactPdos {
   void add_all();
 
  private:
-  void add(std::uint16_t communication, std::uint16_t mapping, unsigned number, bool receive);
+  void add(od::PdoKind kind, unsigned number);
   void add_sub(std::uint16_t index, const od::SubSpec& spec);
 
   const DeviceInfo& device_;

@@ -6,6 +6,8 @@
 #include <set>
 
 #include "berth/base/bytes.hpp"
+#include "berth/od/cia301.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 namespace berth::eds {
 namespace {
@@ -107,17 +109,6 @@ namespace {
 constexpr std::uint32_t off = 0x8000'0000;        ///< bit 31 of a COB-ID: the object does not exist
 constexpr std::uint32_t producing = 0x4000'0000;  ///< bit 30 of 1005h
 
-bool within(std::uint16_t index, std::uint16_t first, std::uint16_t last) noexcept {
-  return index >= first && index <= last;
-}
-bool is_pdo_communication(std::uint16_t index) noexcept {
-  return within(index, 0x1400, 0x15FF) || within(index, 0x1800, 0x19FF);
-}
-bool is_pdo_mapping(std::uint16_t index) noexcept {
-  return within(index, 0x1600, 0x17FF) || within(index, 0x1A00, 0x1BFF);
-}
-constexpr std::uint16_t to_mapping = 0x200;  ///< from a communication parameter to its mapping parameter
-
 /// Takes entries out of a set of values and puts them into a stream.
 class Sorter {
  public:
@@ -130,11 +121,11 @@ class Sorter {
       const std::uint16_t index = values_.begin()->first.index;
       if (index == 0x1010 || index == 0x1020) {
         hold_object(index);
-      } else if (is_pdo_communication(index)) {
+      } else if (od::is_pdo_communication(index)) {
         pdo(index);
-      } else if (is_pdo_mapping(index)) {
-        pdo(static_cast<std::uint16_t>(index - to_mapping));
-      } else if (within(index, 0x1200, 0x12FF)) {
+      } else if (od::is_pdo_mapping(index)) {
+        pdo(static_cast<std::uint16_t>(index - od::to_mapping));
+      } else if (od::within(index, od::cia301::default_server, od::cia301::last_client)) {
         sdo(index);
       } else if (index == 0x1005 || index == 0x1006 || index == 0x1019) {
         sync();
@@ -188,7 +179,7 @@ class Sorter {
   }
 
   void pdo(std::uint16_t communication) {
-    const auto mapping = static_cast<std::uint16_t>(communication + to_mapping);
+    const auto mapping = static_cast<std::uint16_t>(communication + od::to_mapping);
     const ObjectRef cob_id{communication, 1};
     switch_off(cob_id);
     give({communication, 0});
@@ -249,8 +240,8 @@ void add_cob_ids(const od::Description& description, std::vector<Parameter>& par
   for (const Parameter& each : parameters) there.insert(each.object);
   std::vector<Parameter> added;
   for (const Parameter& each : parameters) {
-    if (!is_pdo_mapping(each.object.index)) continue;
-    const ObjectRef cob_id{static_cast<std::uint16_t>(each.object.index - to_mapping), 1};
+    if (!od::is_pdo_mapping(each.object.index)) continue;
+    const ObjectRef cob_id{static_cast<std::uint16_t>(each.object.index - od::to_mapping), 1};
     const od::SubObject* const sub = description.find(cob_id);
     if (sub == nullptr || !sub->has_default || !od::writable(sub->access)) continue;
     if (!there.insert(cob_id).second) continue;

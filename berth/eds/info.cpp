@@ -7,6 +7,7 @@
 
 #include "berth/eds/modules_read.hpp"
 #include "berth/eds/objects.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 namespace berth::eds {
 namespace {
@@ -152,8 +153,8 @@ DeviceInfo read_device_info(Context& context) {
   info.granularity = static_cast<std::uint8_t>(keys.number("Granularity", 64).value_or(0));
   info.dynamic_channels = keys.number("DynamicChannelsSupported", 0xFFFF'FFFF).value_or(0) != 0;
   info.group_messaging = keys.flag("GroupMessaging");
-  info.rpdos = static_cast<std::uint16_t>(keys.number("NrOfRXPDO", 512).value_or(0));
-  info.tpdos = static_cast<std::uint16_t>(keys.number("NrOfTXPDO", 512).value_or(0));
+  info.rpdos = static_cast<std::uint16_t>(keys.number("NrOfRXPDO", od::most_pdos).value_or(0));
+  info.tpdos = static_cast<std::uint16_t>(keys.number("NrOfTXPDO", od::most_pdos).value_or(0));
   info.lss = keys.flag("LSS_Supported");
   info.compact_pdo = static_cast<std::uint8_t>(keys.number("CompactPDO", 0xFF).value_or(0));
   keys.warn_unknown(device_keys);

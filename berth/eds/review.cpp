@@ -10,17 +10,18 @@
 #include "berth/eds/objects.hpp"
 #include "berth/eds/places.hpp"
 #include "berth/eds/write.hpp"
+#include "berth/od/cia301.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 namespace berth::eds {
 namespace {
 
 using od::Access;
+using od::CobId;
 using od::DataType;
+using od::PdoKind;
 using Severity = Finding::Severity;
 
-constexpr std::uint32_t not_valid = 0x8000'0000;  ///< bit 31 of a COB-ID
-constexpr std::uint32_t extended = 0x2000'0000;   ///< bit 29
-constexpr std::uint16_t pdos = 512;
 constexpr std::size_t most_findings = 1000;
 
 /// Types that CiA 301 §7.5.2 gives its objects. `sub` 0xFF: every sub-index but 0.
@@ -52,26 +53,9 @@ constexpr std::array<Expected, 40> expected_types{
      {0x1800, 0x19FF, 5, DataType::unsigned16},    {0x1800, 0x19FF, 6, DataType::unsigned8},
      {0x1A00, 0x1BFF, 0xFF, DataType::unsigned32}, {0x1FA0, 0x1FCF, 0xFF, DataType::unsigned32}}};
 
-/// CAN-IDs that no configurable COB-ID may have (CiA 301 §7.3.5, table of restricted CAN-IDs).
-struct Restricted {
-  std::uint32_t first;
-  std::uint32_t last;
-  const char* why;
-};
-constexpr std::array<Restricted, 8> restricted{{{0x000, 0x000, "NMT"},
-                                                {0x001, 0x07F, "reserved"},
-                                                {0x101, 0x180, "reserved"},
-                                                {0x581, 0x5FF, "the default SDO, server to client"},
-                                                {0x601, 0x67F, "the default SDO, client to server"},
-                                                {0x6E0, 0x6FF, "reserved"},
-                                                {0x701, 0x77F, "heartbeat and boot-up"},
-                                                {0x780, 0x7FF, "reserved"}}};
-
-bool range(std::uint16_t index, std::uint16_t first, std::uint16_t count) noexcept {
-  return index >= first && index < first + count;
-}
-bool mapping_parameter(std::uint16_t index) noexcept {
-  return range(index, 0x1600, pdos) || range(index, 0x1A00, pdos);
+// One of the 512 records of a kind.
+bool range(std::uint16_t index, std::uint16_t first) noexcept {
+  return index >= first && index < first + od::most_pdos;
 }
 
 class Review {
@@ -90,9 +74,9 @@ class Review {
     error_control();
     highest_sub_indices();
     cob_ids();
-    for (std::uint16_t number = 0; number < pdos; ++number) {
-      pdo(number, true);
-      pdo(number, false);
+    for (unsigned number = 1; number <= od::most_pdos; ++number) {
+      pdo(PdoKind::rpdo, number);
+      pdo(PdoKind::tpdo, number);
     }
     counts();
     device();
@@ -222,7 +206,7 @@ class Review {
              fmt::format("sub-index 0 is UNSIGNED8, not {} (CiA 301 §7.4.5)", od::name(zero->type)), "write 0005h");
         continue;
       }
-      if (object.index == 0x1003 || mapping_parameter(object.index) || od::writable(zero->access)) continue;
+      if (object.index == 0x1003 || od::is_pdo_mapping(object.index) || od::writable(zero->access)) continue;
       std::uint8_t highest = 0;
       for (const od::SubObject& each : description_.subs(object)) {
         if (each.sub != 0xFF) highest = std::max(highest, each.sub);
@@ -249,21 +233,22 @@ class Review {
     for (const od::Object& object : description_.objects()) {
       const std::uint16_t index = object.index;
       if (index == 0x1005) {
-        const bool producer = (value({index, 0}).value_or(0) & 0x4000'0000U) != 0;
+        const bool producer = (value({index, 0}).value_or(0) & CobId::second_bit) != 0;
         cob_id({{index, 0}, "SYNC", producer, true}, false);
       }
       if (index == 0x1012)
-        cob_id({{index, 0}, "TIME", (value({index, 0}).value_or(0) & 0x4000'0000U) != 0, true}, false);
+        cob_id({{index, 0}, "TIME", (value({index, 0}).value_or(0) & CobId::second_bit) != 0, true}, false);
       if (index == 0x1014) cob_id({{index, 0}, "EMCY", true, true}, true);
-      if (range(index, 0x1200, 0x80)) {
+      if (od::cia301::is_server(index)) {
         // The default SDO is where it is; the others keep off the restricted CAN-IDs.
-        cob_id({{index, 1}, "SDO request", false, index != 0x1200}, true);
-        cob_id({{index, 2}, "SDO response", true, index != 0x1200}, true);
+        cob_id({{index, 1}, "SDO request", false, index != od::cia301::default_server}, true);
+        cob_id({{index, 2}, "SDO response", true, index != od::cia301::default_server}, true);
       }
-      if (range(index, 0x1400, pdos))
-        cob_id({{index, 1}, fmt::format("RPDO {}", index - 0x1400 + 1), false, true}, true);
-      if (range(index, 0x1800, pdos))
-        cob_id({{index, 1}, fmt::format("TPDO {}", index - 0x1800 + 1), true, true}, true);
+      if (od::is_pdo_communication(index)) {
+        const auto record = od::PdoRecord::of(index);
+        const bool sends = record.kind == PdoKind::tpdo;
+        cob_id({{index, 1}, fmt::format("{}PDO {}", sends ? "T" : "R", record.number), sends, true}, true);
+      }
     }
   }
 
@@ -271,23 +256,21 @@ class Review {
   void cob_id(Use use, bool valid_bit) {
     const auto raw = value(use.ref);
     if (!raw || description_.find(use.ref)->type != DataType::unsigned32) return;
-    const auto cob = static_cast<std::uint32_t>(*raw);
-    if (valid_bit && (cob & not_valid) != 0) return;
-    if ((cob & extended) == 0 && (cob & 0x1FFF'F800U) != 0) {
+    const CobId cob(static_cast<std::uint32_t>(*raw));
+    if (valid_bit && !cob.valid()) return;
+    if (!cob.well_formed()) {
       return tell(Severity::warning, use.ref, false, values,
-                  fmt::format("{:08X}h: a CAN-ID of 11 bits, and bits 11 to 28 are not 0", cob),
+                  fmt::format("{:08X}h: a CAN-ID of 11 bits, and bits 11 to 28 are not 0", cob.raw()),
                   "set bit 29 for a CAN-ID of 29 bits");
     }
-    if ((cob & extended) == 0) standard_id(use, cob & 0x7FFU);
-    const std::uint32_t id = cob & 0x3FFF'FFFFU;
-    const auto [at, fresh] = ids_.try_emplace(id, use);
+    if (!cob.extended()) standard_id(use, cob.id());
+    const auto [at, fresh] = ids_.try_emplace(cob.key(), use);
     if (fresh) return;
     const Use& other = at->second;
     // Several RPDOs may take one frame, and an SDO client may be the server's own.
     if (!use.sends && !other.sends) return;
     tell(Severity::warning, use.ref, false, values,
-         fmt::format("{} has the CAN-ID {:X}h of {} ({:04X}h){}", use.what, id & 0x1FFF'FFFFU, other.what,
-                     other.ref.index,
+         fmt::format("{} has the CAN-ID {:X}h of {} ({:04X}h){}", use.what, cob.id(), other.what, other.ref.index,
                      use.sends && other.sends ? ": receivers cannot distinguish them"
                                               : ": a device does not receive its own frames"),
          "give each its own, or set bit 31 of the one that is not used");
@@ -300,12 +283,11 @@ class Review {
       const std::uint32_t at = relative && !configured_
                                    ? static_cast<std::uint32_t>(literal.resolve(DataType::unsigned32, node)) & 0x7FFU
                                    : id;
-      const auto* const found = std::ranges::find_if(
-          restricted, [at](const Restricted& each) { return at >= each.first && at <= each.last; });
-      if (!use.free || found == restricted.end()) continue;
+      const char* const kept_for = od::restricted_use(at);
+      if (!use.free || kept_for == nullptr) continue;
       tell(Severity::warning, use.ref, false, values,
            fmt::format("{} with CAN-ID {:03X}h{}: this one is restricted ({})", use.what, at,
-                       relative && !configured_ ? fmt::format(" (node-ID {})", node) : "", found->why),
+                       relative && !configured_ ? fmt::format(" (node-ID {})", node) : "", kept_for),
            "take another CAN-ID (CiA 301 §7.3.5), or set bit 31 when it is not used");
       break;
     }
@@ -319,12 +301,13 @@ class Review {
 
   // ---- PDOs ----
 
-  void pdo(std::uint16_t number, bool receive) {
-    const auto communication = static_cast<std::uint16_t>((receive ? 0x1400 : 0x1800) + number);
-    const auto mapping = static_cast<std::uint16_t>((receive ? 0x1600 : 0x1A00) + number);
+  void pdo(PdoKind kind, unsigned number) {
+    const bool receive = kind == PdoKind::rpdo;
+    const auto communication = od::communication_index(kind, number);
+    const auto mapping = od::mapping_index(kind, number);
     const bool has_communication = description_.find(communication) != nullptr;
     const od::Object* const object = description_.find(mapping);
-    const std::string what = fmt::format("{} {}", receive ? "RPDO" : "TPDO", number + 1);
+    const std::string what = fmt::format("{} {}", receive ? "RPDO" : "TPDO", number);
     if (has_communication && object == nullptr) {
       tell(Severity::warning, {communication, 0}, true, "",
            fmt::format("{} has no mapping parameter {:04X}h", what, mapping), fmt::format("describe {:04X}h", mapping));
@@ -336,14 +319,14 @@ class Review {
     }
     if (object == nullptr) return;
     const auto count = value({mapping, 0});
-    if (!count || *count == 0 || *count >= 0xFE) return;  // FEh, FFh: an MPDO
-    if (*count > 64) {
+    if (!count || *count == 0 || od::mode_of(static_cast<std::uint8_t>(*count)) != od::PdoMode::mapped) return;
+    if (*count > od::most_pdo_entries) {
       return tell(Severity::warning, {mapping, 0}, false, values,
                   fmt::format("{} maps {} objects; a PDO has 64 bits", what, *count), "write at most 64");
     }
     unsigned bits = 0;
     for (std::uint8_t sub = 1; sub <= *count; ++sub) bits += mapped({mapping, sub}, what, receive);
-    if (bits > 64) {
+    if (bits > od::most_pdo_bits) {
       tell(Severity::warning, {mapping, 0}, true, "", fmt::format("{} maps {} bits; a PDO has 64", what, bits),
            "map fewer or smaller objects");
     }
@@ -360,9 +343,9 @@ class Review {
            "name an object, or lower sub-index 0");
       return 0;
     }
-    const auto index = static_cast<std::uint16_t>(*raw >> 16U);
-    const auto sub = static_cast<std::uint8_t>(*raw >> 8U);
-    const auto length = static_cast<unsigned>(*raw & 0xFFU);
+    const auto mapped = od::PdoEntry::of(static_cast<std::uint32_t>(*raw));
+    const auto [index, sub] = mapped.object;
+    const unsigned length = mapped.bits;
     const auto bad = [&](std::string message, std::string fix) {
       tell(Severity::warning, entry, false, values,
            fmt::format("{} maps {:04X}h:{:02X}, {} bits: {}", what, index, sub, length, message), std::move(fix));
@@ -400,16 +383,16 @@ class Review {
 
   // ---- the device as a whole ----
 
-  std::size_t count(std::uint16_t first, std::uint16_t number) const {
+  std::size_t count(std::uint16_t first) const {
     return static_cast<std::size_t>(std::ranges::count_if(
-        description_.objects(), [=](const od::Object& each) { return range(each.index, first, number); }));
+        description_.objects(), [=](const od::Object& each) { return range(each.index, first); }));
   }
 
   void counts() {
     // Of an EDS the reader has said so.
     if (file_.document.sections().empty()) {
-      const std::size_t receive = count(0x1400, pdos);
-      const std::size_t transmit = count(0x1800, pdos);
+      const std::size_t receive = count(0x1400);
+      const std::size_t transmit = count(0x1800);
       if (receive != file_.device.rpdos)
         tell_device(
             Severity::note, "nrOfRxPDO",
@@ -421,12 +404,12 @@ class Review {
     }
     const auto writable = [&](std::uint16_t first) {
       return std::ranges::any_of(description_.objects(), [&](const od::Object& each) {
-        const od::SubObject* const zero = range(each.index, first, pdos) ? description_.find(each, 0) : nullptr;
+        const od::SubObject* const zero = range(each.index, first) ? description_.find(each, 0) : nullptr;
         return zero != nullptr && od::writable(zero->access);
       });
     };
     const bool dynamic = writable(0x1600) || writable(0x1A00);
-    const bool any = count(0x1600, pdos) + count(0x1A00, pdos) != 0;
+    const bool any = count(0x1600) + count(0x1A00) != 0;
     if (any && dynamic && file_.device.granularity == 0) {
       tell_device(Severity::note, "Granularity",
                   "is 0, a mapping that cannot be changed, and mapping parameters can be written",

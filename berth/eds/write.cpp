@@ -6,6 +6,8 @@
 
 #include "berth/eds/sub_indices_parts.hpp"
 #include "berth/eds/text.hpp"
+#include "berth/od/cia301.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 namespace berth::eds {
 
@@ -29,10 +31,10 @@ std::string text_of(const od::Literal& value, od::DataType type, bool hex) {
 
 bool usually_hex(ObjectRef object, od::DataType type) noexcept {
   if (type != od::DataType::unsigned32) return false;
-  const auto in = [index = object.index](unsigned first, unsigned last) { return index >= first && index <= last; };
-  if (in(0x1200, 0x12FF)) return object.sub == 1 || object.sub == 2;
-  if (in(0x1400, 0x15FF) || in(0x1800, 0x19FF)) return object.sub == 1;
-  if (in(0x1600, 0x17FF) || in(0x1A00, 0x1BFF) || in(0x1FA0, 0x1FCF)) return true;
+  using namespace od::cia301;
+  if (od::within(object.index, default_server, last_client)) return object.sub == 1 || object.sub == 2;
+  if (od::is_pdo_communication(object.index)) return object.sub == od::pdo_sub::cob_id;
+  if (od::is_pdo_mapping(object.index) || is_scanner_list(object.index)) return true;
   constexpr std::array<std::uint16_t, 10> others{0x1000, 0x1002, 0x1003, 0x1005, 0x1012,
                                                  0x1014, 0x1016, 0x1018, 0x1020, 0x1028};
   return std::ranges::find(others, object.index) != others.end();

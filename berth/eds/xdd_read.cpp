@@ -7,6 +7,7 @@
 #include "berth/eds/context.hpp"
 #include "berth/eds/xdd_reader.hpp"
 #include "berth/eds/xdd_words.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 namespace berth::eds {
 namespace {
@@ -276,8 +277,8 @@ class Reader {
       return source_.number(general, name, most, false, key, Severity::warning).value_or(0);
     };
     device.granularity = static_cast<std::uint8_t>(number("granularity", 64));
-    device.rpdos = static_cast<std::uint16_t>(number("nrOfRxPDO", 512));
-    device.tpdos = static_cast<std::uint16_t>(number("nrOfTxPDO", 512));
+    device.rpdos = static_cast<std::uint16_t>(number("nrOfRxPDO", od::most_pdos));
+    device.tpdos = static_cast<std::uint16_t>(number("nrOfTxPDO", od::most_pdos));
     device.dynamic_channels = number("dynamicChannels", 0xFFFF'FFFF) != 0;
     device.group_messaging = source_.flag(general, "groupMessaging", key);
     device.boot_up_slave = source_.flag(general, "bootUpSlave", key);

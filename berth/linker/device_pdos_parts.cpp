@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "berth/base/words.hpp"
+#include "berth/od/cia301.hpp"
 #include "berth/od/values.hpp"
 
 namespace berth::linker {
@@ -19,7 +20,7 @@ class Reader {
       : node_(node), description_(*node.file->description), values_(node.file->description, node.id) {
     if (node.linked_before) return;
     for (const auto& each : node.file->parameters) {
-      if (each.object.index >= 0x1400 && each.object.index < 0x1C00) set_.push_back(each.object.index);
+      if (od::is_pdo_record(each.object.index)) set_.push_back(each.object.index);
     }
   }
 
@@ -29,15 +30,11 @@ class Reader {
     if (node_.file->device.granularity == 0) all.granularity = 8;
     for (const PdoKind kind : {PdoKind::tpdo, PdoKind::rpdo}) {
       auto& list = kind == PdoKind::tpdo ? all.tpdos : all.rpdos;
-      for (unsigned number = 1; number <= most_pdos; ++number) {
-        if (const auto* const object = description_.find(communication_of(kind, number))) {
-          list.push_back(read(kind, number, *object));
-        }
-      }
+      od::for_each_communication(description_, kind, [&](unsigned number) { list.push_back(read(kind, number)); });
     }
-    for (unsigned i = 0; i < mpdo_lists; ++i) {
-      all.scanner += entries(static_cast<std::uint16_t>(scanner_list + i));
-      all.dispatching += entries(static_cast<std::uint16_t>(dispatching_list + i));
+    for (unsigned i = 0; i < od::cia301::most_mpdo_lists; ++i) {
+      all.scanner += entries(static_cast<std::uint16_t>(od::cia301::first_scanner_list + i));
+      all.dispatching += entries(static_cast<std::uint16_t>(od::cia301::first_dispatching_list + i));
     }
     read_dummies(all);
     read_other_ids(all);
@@ -58,29 +55,25 @@ class Reader {
     return count;
   }
 
-  DevicePdo read(PdoKind kind, unsigned number, const od::Object& object) const {
-    const std::uint16_t index = object.index;
-    const std::uint16_t mapping = mapping_of(kind, number);
+  DevicePdo read(PdoKind kind, unsigned number) const {
+    const std::uint16_t index = od::communication_index(kind, number);
+    const std::uint16_t mapping = od::mapping_index(kind, number);
+    auto now = od::read_pdo(values_, kind, number);
     DevicePdo pdo;
     pdo.number = static_cast<std::uint16_t>(number);
     pdo.kept = std::ranges::find(set_, index) != set_.end() || std::ranges::find(set_, mapping) != set_.end();
-    const auto cob_id = values_.get_or<std::uint32_t>({index, 1}, cob_id_invalid);
-    pdo.valid = (cob_id & cob_id_invalid) == 0;
-    pdo.can_id = cob_id & 0x3FFF'FFFF;
-    pdo.type = values_.get_or<std::uint8_t>({index, 2}, at_change);
-    pdo.inhibit = values_.get_or<std::uint16_t>({index, 3}, 0);
-    pdo.event_ms = values_.get_or<std::uint16_t>({index, 5}, 0);
-    pdo.fixed_id = !writable(index, 1);
-    pdo.fixed_type = !writable(index, 2);
+    pdo.valid = now.cob_id.valid();
+    pdo.can_id = now.cob_id.raw() & 0x3FFF'FFFF;
+    pdo.type = now.type;
+    pdo.inhibit = now.inhibit;
+    pdo.event_ms = now.timer;
+    pdo.fixed_id = !writable(index, od::pdo_sub::cob_id);
+    pdo.fixed_type = !writable(index, od::pdo_sub::type);
     pdo.fixed_mapping = !writable(mapping, 0) || !writable(mapping, 1);
-    pdo.most_entries = std::min(entries(mapping), 64U);
-    pdo.has_inhibit = writable(index, 3);
-    pdo.has_event = writable(index, 5);
-    const auto count = values_.get_or<std::uint8_t>({mapping, 0}, 0);
-    for (unsigned at = 1; at <= count && count <= 64; ++at) {
-      pdo.mapping.push_back(
-          co::PdoEntry::of(values_.get_or<std::uint32_t>({mapping, static_cast<std::uint8_t>(at)}, 0)));
-    }
+    pdo.most_entries = std::min(entries(mapping), od::most_pdo_entries);
+    pdo.has_inhibit = writable(index, od::pdo_sub::inhibit);
+    pdo.has_event = writable(index, od::pdo_sub::timer);
+    pdo.mapping = std::move(now.entries);
     return pdo;
   }
 
@@ -104,7 +97,7 @@ class Reader {
       if (sub(index, 0) != nullptr) add_id(all, {index, 0});
     }
     for (const auto& object : description_.objects()) {
-      if (object.index < 0x1200 || object.index > 0x12FF) continue;
+      if (!od::within(object.index, od::cia301::default_server, od::cia301::last_client)) continue;
       add_id(all, {object.index, 1});
       add_id(all, {object.index, 2});
     }

@@ -4,25 +4,16 @@
 #include <cstdint>
 #include <vector>
 
+#include "berth/co/cob_id.hpp"
 #include "berth/co/pdo_mapping.hpp"
 #include "berth/linker/network.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 namespace berth::linker {
 
-inline constexpr unsigned most_pdos = 512;
-inline constexpr std::uint32_t cob_id_invalid = 0x8000'0000;
-inline constexpr std::uint16_t scanner_list = 0x1FA0;      // to 1FCFh (CiA 301 §7.5.2.41)
-inline constexpr std::uint16_t dispatching_list = 0x1FD0;  // to 1FFFh (CiA 301 §7.5.2.42)
-inline constexpr unsigned mpdo_lists = 0x30;
+inline constexpr std::uint32_t cob_id_invalid = co::CobId::invalid_bit;
 inline constexpr unsigned mpdo_bits = 32;
 inline constexpr std::uint8_t sam_mpdo = 254;
-
-[[nodiscard]] constexpr std::uint16_t communication_of(co::PdoKind kind, unsigned number) noexcept {
-  return static_cast<std::uint16_t>((kind == co::PdoKind::tpdo ? 0x1800U : 0x1400U) + number - 1);
-}
-[[nodiscard]] constexpr std::uint16_t mapping_of(co::PdoKind kind, unsigned number) noexcept {
-  return static_cast<std::uint16_t>((kind == co::PdoKind::tpdo ? 0x1A00U : 0x1600U) + number - 1);
-}
 
 /// One PDO of a description.
 struct DevicePdo {

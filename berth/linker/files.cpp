@@ -16,6 +16,7 @@
 #include "berth/linker/symbols.hpp"
 #include "berth/linker/variable_sections_parts.hpp"
 #include "berth/multilevel/routing_objects.hpp"
+#include "berth/od/cia301.hpp"
 
 namespace berth::linker {
 namespace {
@@ -59,7 +60,7 @@ class Settings {
 
   void set_communication(PdoKind kind, const DevicePdo& pdo, std::uint32_t cob_id, TransmissionType type,
                          std::uint16_t inhibit, std::uint16_t event_ms) {
-    const auto index = communication_of(kind, pdo.number);
+    const auto index = od::communication_index(kind, pdo.number);
     if (!pdo.fixed_id) set(index, 1, cob_id);
     if (!pdo.fixed_type) set(index, 2, type);
     if (pdo.has_inhibit && kind == PdoKind::tpdo) set(index, 3, inhibit);
@@ -68,7 +69,7 @@ class Settings {
   }
   void set_mapping(PdoKind kind, const DevicePdo& pdo, const std::vector<co::PdoEntry>& entries) {
     if (pdo.fixed_mapping) return;
-    const auto index = mapping_of(kind, pdo.number);
+    const auto index = od::mapping_index(kind, pdo.number);
     set(index, 0, entries.size());
     for (std::size_t i = 0; i < entries.size(); ++i) set(index, static_cast<unsigned>(i + 1), entries[i].raw());
   }
@@ -76,12 +77,12 @@ class Settings {
   void send(const Pdo& pdo) {
     const DevicePdo* const device = device_.find(PdoKind::tpdo, pdo.tpdo);
     if (device == nullptr) return;
-    const auto now = node_.file->description->find({communication_of(PdoKind::tpdo, pdo.tpdo), 1});
+    const auto now = node_.file->description->find({od::communication_index(PdoKind::tpdo, pdo.tpdo), 1});
     const auto rtr = node_.file->description->default_of(*now).raw & no_rtr;
     set_communication(PdoKind::tpdo, *device, static_cast<std::uint32_t>(pdo.can_id | rtr), pdo.transmission,
                       pdo.inhibit, pdo.event_ms);
     if (pdo.mpdo) {
-      set(mapping_of(PdoKind::tpdo, pdo.tpdo), 0, sam_mpdo);
+      set(od::mapping_index(PdoKind::tpdo, pdo.tpdo), 0, sam_mpdo);
       for (const Carried& each : pdo.carried) {
         scanner_.push_back(1U << 24U | static_cast<std::uint32_t>(each.object.index) << 8U | each.object.sub);
       }
@@ -97,7 +98,7 @@ class Settings {
     if (device == nullptr) return;
     set_communication(PdoKind::rpdo, *device, pdo.can_id, receiver.transmission, 0, receiver.event_ms);
     if (!pdo.mpdo) return set_mapping(PdoKind::rpdo, *device, receiver.mapping);
-    set(mapping_of(PdoKind::rpdo, receiver.rpdo), 0, sam_mpdo);
+    set(od::mapping_index(PdoKind::rpdo, receiver.rpdo), 0, sam_mpdo);
     for (const Received& each : receiver.received) {
       const ObjectRef from = pdo.carried[each.carried].object;
       dispatching_.push_back(std::uint64_t{1} << 56U | std::uint64_t{each.object.index} << 40U |
@@ -110,7 +111,7 @@ class Settings {
   void switch_off(PdoKind kind) {
     for (const DevicePdo& pdo : device_.of(kind)) {
       if (pdo.kept || pdo.fixed_id || done_.contains({kind, pdo.number})) continue;
-      const ObjectRef object{communication_of(kind, pdo.number), 1};
+      const ObjectRef object{od::communication_index(kind, pdo.number), 1};
       od::Literal value = node_.file->description->default_of(*node_.file->description->find(object));
       if (!value.present()) value = od::Literal::number(0);
       value.raw |= cob_id_invalid;
@@ -155,14 +156,14 @@ class Settings {
   }
 
   void fill_lists() {
-    fill_list(scanner_list, scanner_);
-    fill_list(dispatching_list, dispatching_);
+    fill_list(od::cia301::first_scanner_list, scanner_);
+    fill_list(od::cia301::first_dispatching_list, dispatching_);
   }
   /// The entries in order over the sub-indices that are there; 0 behind them.
   template <class Entries>
   void fill_list(std::uint16_t first, const Entries& entries) {
     std::size_t next = 0;
-    for (unsigned i = 0; i < mpdo_lists; ++i) {
+    for (unsigned i = 0; i < od::cia301::most_mpdo_lists; ++i) {
       const auto index = static_cast<std::uint16_t>(first + i);
       for (unsigned sub = 1; sub < 255; ++sub) {
         const ObjectRef object{index, static_cast<std::uint8_t>(sub)};

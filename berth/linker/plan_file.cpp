@@ -6,6 +6,7 @@
 
 #include "berth/base/words.hpp"
 #include "berth/od/notation.hpp"
+#include "berth/od/pdo_objects.hpp"
 #include "berth/text/toml.hpp"
 
 namespace berth::linker {
@@ -16,7 +17,7 @@ using text::Table;
 
 constexpr std::int64_t format_now = 1;
 constexpr std::array<std::string_view, 2> directions{"input", "output"};
-constexpr Limits pdo_numbers{1, 512};
+constexpr Limits pdo_numbers{1, od::most_pdos};
 constexpr Limits base_ids{1, 0x7FF};
 constexpr Limits sides{0, 8};
 

@@ -18,6 +18,7 @@
 #include "berth/eds/dcf.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/manager/object_ranges_parts.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 namespace berth::manager {
 namespace {
@@ -166,8 +167,8 @@ class Loader {
     for (const auto& s : result_.configuration.settings) {
       if (s.compare_only) continue;
       const std::uint16_t index = s.object.index;
-      if (within(index, 0x1400, 0x1BFF)) ids.try_emplace({static_cast<std::uint16_t>(index & ~0x200U), 1}, s.line);
-      if (!within(index, 0x1201, 0x12FF)) continue;
+      if (od::is_pdo_record(index)) ids.try_emplace({od::communication_of(index), 1}, s.line);
+      if (!od::cia301::is_additional_channel(index)) continue;
       ids.try_emplace({index, 1}, s.line);
       ids.try_emplace({index, 2}, s.line);
     }
@@ -255,9 +256,7 @@ ConfigurationDate date_of(std::span<const Entry> entries, std::uint32_t modified
   return {days, 1 + static_cast<std::uint32_t>(hash.value() % (ms_of_a_day - 1))};
 }
 
-bool is_mapping_entry(ObjectRef object) noexcept {
-  return (within(object.index, 0x1600, 0x17FF) || within(object.index, 0x1A00, 0x1BFF)) && object.sub != 0;
-}
+bool is_mapping_entry(ObjectRef object) noexcept { return od::is_pdo_mapping(object.index) && object.sub != 0; }
 
 /// FEh and FFh are no numbers of entries but kinds of MPDO.
 void drop_unused_mapping(std::vector<Entry>& entries) {

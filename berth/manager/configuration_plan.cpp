@@ -6,6 +6,7 @@
 
 #include "berth/base/bytes.hpp"
 #include "berth/manager/object_ranges_parts.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 namespace berth::manager {
 namespace {
@@ -21,15 +22,12 @@ constexpr std::uint16_t time_id = 0x1012;
 constexpr std::uint16_t emcy_id = 0x1014;
 constexpr std::uint16_t consumers = 0x1016;
 
-bool is_mapping(std::uint16_t index) noexcept { return within(index, 0x1600, 0x17FF) || within(index, 0x1A00, 0x1BFF); }
-bool is_pdo(std::uint16_t index) noexcept { return within(index, 0x1400, 0x1BFF); }
-/// The communication record of a PDO, of either of its records; its mapping is 200h behind.
-std::uint16_t communication_of(std::uint16_t index) noexcept { return static_cast<std::uint16_t>(index & ~0x200U); }
-bool is_channel(std::uint16_t index) noexcept { return within(index, 0x1201, 0x12FF); }
+using od::communication_of, od::mapping_of;
+using od::is_pdo_mapping, od::is_pdo_record, od::cia301::is_additional_channel;
 bool is_sync(std::uint16_t index) noexcept { return index == sync_id || index == sync_period || index == sync_counter; }
 bool is_plain(std::uint16_t index) noexcept {
-  return !is_pdo(index) && !is_channel(index) && !is_sync(index) && index != time_id && index != emcy_id &&
-         index != consumers;
+  return !is_pdo_record(index) && !is_additional_channel(index) && !is_sync(index) && index != time_id &&
+         index != emcy_id && index != consumers;
 }
 
 std::vector<std::uint8_t> bytes_of(std::uint32_t value) {
@@ -51,8 +49,8 @@ class ConfigurationPlanMaker {
     for (std::size_t i = 0; i < entries.size(); ++i) {
       if (!changes[i]) continue;
       const std::uint16_t index = entries[i].object.index;
-      if (is_pdo(index)) pdos_.insert(communication_of(index));
-      if (is_channel(index)) channels_.insert(index);
+      if (is_pdo_record(index)) pdos_.insert(communication_of(index));
+      if (is_additional_channel(index)) channels_.insert(index);
     }
   }
 
@@ -203,7 +201,7 @@ class ConfigurationPlanMaker {
   // ---- PDOs ----
   /// Transmission type and event timer may be changed while the PDO is valid; all else not.
   [[nodiscard]] bool needs_off(std::uint16_t pdo) const {
-    if (cause(static_cast<std::uint16_t>(pdo + 0x200))) return true;
+    if (cause(mapping_of(pdo))) return true;
     for (std::size_t i = 0; i < entries_.size(); ++i) {
       const ObjectRef object = entries_[i].object;
       if (changes_[i] && object.index == pdo && object.sub != 2 && object.sub != 5) return true;
@@ -211,7 +209,7 @@ class ConfigurationPlanMaker {
     return false;
   }
   [[nodiscard]] std::size_t cause_of_pdo(std::uint16_t pdo) const {
-    const auto mapping = cause(static_cast<std::uint16_t>(pdo + 0x200));
+    const auto mapping = cause(mapping_of(pdo));
     return mapping ? *mapping : *cause(pdo);
   }
   void pdo_off(std::uint16_t pdo) {
@@ -223,7 +221,7 @@ class ConfigurationPlanMaker {
     off_.insert(id);
   }
   void fill(std::uint16_t pdo) {
-    const auto mapping = static_cast<std::uint16_t>(pdo + 0x200);
+    const auto mapping = mapping_of(pdo);
     const auto why = cause(mapping);
     if (why) {
       const auto count = held({mapping, 0});
@@ -277,12 +275,12 @@ std::vector<ObjectRef> also_needed(std::span<const Entry> entries, const std::ve
   for (std::size_t i = 0; i < entries.size(); ++i) {
     if (!changes[i]) continue;
     const std::uint16_t index = entries[i].object.index;
-    if (is_pdo(index)) {
+    if (is_pdo_record(index)) {
       const std::uint16_t pdo = communication_of(index);
       needed.insert({pdo, 1});
-      if (is_mapping(index)) needed.insert({static_cast<std::uint16_t>(pdo + 0x200), 0});
+      if (is_pdo_mapping(index)) needed.insert({mapping_of(pdo), 0});
     }
-    if (is_channel(index)) needed.insert({{index, 1}, {index, 2}});
+    if (is_additional_channel(index)) needed.insert({{index, 1}, {index, 2}});
     if (is_sync(index)) needed.insert({{sync_id, 0}, {sync_period, 0}});
   }
   for (const auto& entry : entries) needed.erase(entry.object);

@@ -7,14 +7,13 @@
 #include "berth/eds/write.hpp"
 #include "berth/manager/object_ranges_parts.hpp"
 #include "berth/manager/stored_dcf.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 namespace berth::manager {
 namespace {
 
 constexpr std::size_t longest_number = 8;
 constexpr std::size_t longest_text = 65'536;
-constexpr std::uint16_t first_rpdo_mapping = 0x1600;
-constexpr std::uint16_t last_rpdo_mapping = 0x17FF;
 
 // `$NODEID` and a number where that is what the description has; else the number, or the bytes.
 od::Literal literal_of(const od::Description& description, const od::SubObject& sub, NodeId node,
@@ -28,16 +27,13 @@ od::Literal literal_of(const od::Description& description, const od::SubObject& 
 
 // Outputs: their values are the process's, whatever they are now.
 void leave_out_outputs(std::vector<eds::Parameter>& parameters) {
-  std::set<std::pair<std::uint16_t, std::uint8_t>> outputs;
+  std::set<ObjectRef> outputs;
   for (const auto& each : parameters) {
-    const bool maps = within(each.object.index, first_rpdo_mapping, last_rpdo_mapping) && each.object.sub != 0;
-    if (!maps) continue;
-    constexpr unsigned sub_at = 8;
-    constexpr unsigned index_at = 16;
-    outputs.emplace(static_cast<std::uint16_t>(each.value.raw >> index_at),
-                    static_cast<std::uint8_t>(each.value.raw >> sub_at));
+    if (!od::is_pdo_mapping(each.object.index) || each.object.sub == 0) continue;
+    if (od::PdoRecord::of(each.object.index).kind != od::PdoKind::rpdo) continue;
+    outputs.insert(od::PdoEntry::of(static_cast<std::uint32_t>(each.value.raw)).object);
   }
-  std::erase_if(parameters, [&](const eds::Parameter& p) { return outputs.contains({p.object.index, p.object.sub}); });
+  std::erase_if(parameters, [&](const eds::Parameter& p) { return outputs.contains(p.object); });
 }
 
 }  // namespace

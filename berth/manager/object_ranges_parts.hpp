@@ -3,11 +3,11 @@
 
 #include <cstdint>
 
+#include "berth/od/cia301.hpp"
+
 namespace berth::manager {
 
-[[nodiscard]] constexpr bool within(std::uint16_t index, std::uint16_t first, std::uint16_t last) noexcept {
-  return index >= first && index <= last;
-}
+using od::within;
 
 /// Registers, commands and clocks: no configuration.
 [[nodiscard]] constexpr bool is_left_alone(std::uint16_t index) noexcept {

@@ -3,11 +3,12 @@
 #include <algorithm>
 
 #include "berth/co/cob_id.hpp"
+#include "berth/od/cia301.hpp"
 
 namespace berth::manager {
 namespace {
 
-constexpr std::uint16_t first_server = 0x1201, last_server = 0x127F, first_client = 0x1280, last_client = 0x12FF;
+using namespace od::cia301;
 constexpr std::uint8_t request_sub = 1, response_sub = 2, other_sub = 3;
 constexpr std::uint32_t dynamic_request = 0x6E0;
 constexpr std::size_t most_requests = 32;  // that wait

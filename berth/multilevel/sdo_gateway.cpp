@@ -2,12 +2,9 @@
 
 #include "berth/base/bytes.hpp"
 #include "berth/multilevel/sdo_session.hpp"
+#include "berth/od/cia301.hpp"
 
 namespace berth::multilevel {
-
-namespace {
-constexpr std::uint16_t first_server = 0x1200;
-}
 
 SdoGateway::SdoGateway(od::Values& upper, co::SdoClient& beneath, rt::Executor& executor,
                        const SdoGatewayOptions& options)
@@ -19,7 +16,8 @@ SdoGateway::SdoGateway(od::Values& upper, co::SdoClient& beneath, rt::Executor& 
   if (!upper.attach(*this, objects_.data)) return;
   upper.attach(*this, objects_.node.index, objects_.command.index);
   for (std::size_t channel = 0; channel < sessions_.size(); ++channel) {
-    const bool serves = channel == 0 || upper.description().find(static_cast<std::uint16_t>(first_server + channel));
+    const bool serves =
+        channel == 0 || upper.description().find(static_cast<std::uint16_t>(od::cia301::default_server + channel));
     if (serves) sessions_[channel] = std::make_unique<SdoSession>(*this, static_cast<std::uint8_t>(channel));
   }
 }

@@ -3,39 +3,32 @@
 #include <algorithm>
 #include <cstring>
 
-#include "berth/co/cob_id.hpp"
-#include "berth/co/pdo_mapping.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 namespace berth::multilevel {
 namespace {
 
-constexpr std::uint16_t first_tpdo = 0x1800, last_tpdo = 0x19FF, to_mapping = 0x200;
-
-bool maps(const od::Values& values, std::uint16_t mapping, ObjectRef object) noexcept {
-  const auto count = values.get_or<std::uint8_t>({mapping, 0}, std::uint8_t{0});
-  for (std::uint8_t sub = 1; sub <= count; ++sub) {
-    if (co::PdoEntry::of(values.get_or<std::uint32_t>({mapping, sub}, 0U)).object == object) return true;
-  }
-  return false;
+// The number and the parameters of the first TPDO that maps the object; number 0: none does.
+std::pair<unsigned, od::PdoParameters> tpdo_that_maps(const od::Values& values, ObjectRef object, bool valid_only) {
+  std::pair<unsigned, od::PdoParameters> found{};
+  od::for_each_communication(values.description(), od::PdoKind::tpdo, [&](unsigned number) {
+    if (found.first != 0) return;
+    auto pdo = od::read_pdo(values, od::PdoKind::tpdo, number);
+    if (pdo.maps(object) && (pdo.cob_id.valid() || !valid_only)) found = {number, std::move(pdo)};
+  });
+  return found;
 }
 
 }  // namespace
 
-std::optional<std::uint16_t> tpdo_record_of(const od::Values& values, ObjectRef object) noexcept {
-  for (const auto& each : values.description().objects()) {
-    if (each.index < first_tpdo || each.index > last_tpdo) continue;
-    if (maps(values, static_cast<std::uint16_t>(each.index + to_mapping), object)) return each.index;
-  }
-  return std::nullopt;
+std::optional<std::uint16_t> tpdo_record_of(const od::Values& values, ObjectRef object) {
+  const auto [number, pdo] = tpdo_that_maps(values, object, false);
+  return number == 0 ? std::nullopt : std::optional(od::communication_index(od::PdoKind::tpdo, number));
 }
 
-std::optional<std::uint32_t> tpdo_of(const od::Values& values, ObjectRef object) noexcept {
-  for (const auto& each : values.description().objects()) {
-    if (each.index < first_tpdo || each.index > last_tpdo) continue;
-    const co::CobId id(values.get_or<std::uint32_t>({each.index, 1}, co::CobId::invalid_bit));
-    if (id.valid() && maps(values, static_cast<std::uint16_t>(each.index + to_mapping), object)) return id.key();
-  }
-  return std::nullopt;
+std::optional<std::uint32_t> tpdo_of(const od::Values& values, ObjectRef object) {
+  const auto [number, pdo] = tpdo_that_maps(values, object, true);
+  return number == 0 ? std::nullopt : std::optional(pdo.cob_id.key());
 }
 
 SignalGateway::SignalGateway(rt::Executor& executor, std::vector<SignalSide> sides, std::vector<Signal> table)

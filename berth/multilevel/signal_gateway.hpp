@@ -113,8 +113,8 @@ class SignalGateway {
 };
 
 /// The communication record (1800h..19FFh) of the TPDO that carries an object, valid or not; empty: none does.
-[[nodiscard]] std::optional<std::uint16_t> tpdo_record_of(const od::Values& values, ObjectRef object) noexcept;
+[[nodiscard]] std::optional<std::uint16_t> tpdo_record_of(const od::Values& values, ObjectRef object);
 /// The identifier of the valid TPDO that carries an object of this device; empty: none does.
-[[nodiscard]] std::optional<std::uint32_t> tpdo_of(const od::Values& values, ObjectRef object) noexcept;
+[[nodiscard]] std::optional<std::uint32_t> tpdo_of(const od::Values& values, ObjectRef object);
 
 }  // namespace berth::multilevel

@@ -10,17 +10,18 @@
 
 #include "berth/base/bytes.hpp"
 #include "berth/od/notation.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 namespace berth::od {
 
 /// The object that the value of a mapping entry (1600h to 17FFh and 1A00h to 1BFFh from sub-index 1 on) names. Empty
 /// for any other object, for a value that has not four bytes, and for 0, which maps nothing.
 [[nodiscard]] inline std::optional<ObjectRef> mapped_object(ObjectRef object, std::span<const std::uint8_t> value) {
-  const bool of_pdo = (object.index & 0xFE00U) == 0x1600 || (object.index & 0xFE00U) == 0x1A00;
-  if (!of_pdo || object.sub == 0 || object.sub > 64 || value.size() != 4) return std::nullopt;
+  const bool entry = is_pdo_mapping(object.index) && object.sub > 0 && object.sub <= most_pdo_entries;
+  if (!entry || value.size() != 4) return std::nullopt;
   const auto raw = load_le<std::uint32_t>(value.data());
   if (raw == 0) return std::nullopt;
-  return ObjectRef{static_cast<std::uint16_t>(raw >> 16U), static_cast<std::uint8_t>(raw >> 8U)};
+  return PdoEntry::of(raw).object;
 }
 
 /// What such a value says: "6010h:00, 16 bit"; empty where it names no object.

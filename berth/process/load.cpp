@@ -5,8 +5,8 @@
 #include <map>
 #include <optional>
 
-#include "berth/co/pdo_records.hpp"
 #include "berth/od/notation.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 namespace berth::process {
 
@@ -30,14 +30,13 @@ std::optional<Direction> direction_of(od::Access access) {
 std::map<ObjectRef, Direction> mapped_by(const od::Description& description) {
   std::map<ObjectRef, Direction> mapped;
   for (const auto& object : description.objects()) {
-    if (object.index < co::first_pdo_record || object.index > co::last_pdo_record) continue;
-    const auto record = co::PdoRecord::of(object.index);
-    if (!record.mapping) continue;
-    const auto direction = record.kind == co::PdoKind::rpdo ? Direction::output : Direction::input;
+    if (!od::is_pdo_mapping(object.index)) continue;
+    const auto record = od::PdoRecord::of(object.index);
+    const auto direction = record.kind == od::PdoKind::rpdo ? Direction::output : Direction::input;
     for (const auto& sub : description.subs(object)) {
-      if (sub.sub == 0 || sub.sub > co::PdoMapping::most_entries) continue;
+      if (sub.sub == 0 || sub.sub > od::most_pdo_entries) continue;
       const auto entry = static_cast<std::uint32_t>(description.default_of(sub).raw);
-      mapped.emplace(co::PdoEntry::of(entry).object, direction);
+      mapped.emplace(od::PdoEntry::of(entry).object, direction);
     }
   }
   return mapped;

@@ -1,4 +1,5 @@
 #include "berth/serve/cia309.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 #include <fmt/format.h>
 
@@ -134,7 +135,7 @@ void Reader::read_or_write(bool write) {
   Request& r = request();
   if (take("p") || take("pdo")) {
     r.verb = write ? Verb::write_pdo : Verb::read_pdo;
-    argument(1, 512);
+    argument(1, od::most_pdos);
     if (!write) return;
     const auto count = number(0, 64);
     for (std::uint64_t i = 0; i < count && !line_->error; ++i) {
@@ -163,7 +164,7 @@ void Reader::read_or_write(bool write) {
 void Reader::set_pdo(bool transmit, bool extended) {
   request().verb = transmit ? Verb::set_tpdo : Verb::set_rpdo;
   PdoSetting& pdo = request().pdo;
-  pdo.number = static_cast<std::uint16_t>(number(1, 512));
+  pdo.number = static_cast<std::uint16_t>(number(1, od::most_pdos));
   pdo.cob_id = static_cast<std::uint32_t>(number(0, 0xFFFF'FFFF));
   if (take("event")) {
     pdo.transmission = 0xFF;

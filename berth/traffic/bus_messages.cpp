@@ -8,10 +8,10 @@
 
 #include "berth/base/counted.hpp"
 #include "berth/co/cob_id.hpp"
-#include "berth/co/pdo_mapping.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/linker/bounds.hpp"
 #include "berth/od/names.hpp"
+#include "berth/od/pdo_objects.hpp"
 #include "berth/od/values.hpp"
 #include "berth/text/quantity.hpp"
 #include "berth/traffic/configured_values.hpp"
@@ -21,9 +21,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::uint16_t first_tpdo = 0x1800;
-constexpr std::uint16_t first_mapping = 0x1A00;
-constexpr unsigned most_tpdos = 512;
 constexpr std::uint32_t produces_sync = co::CobId::second_bit;
 
 class Collector {
@@ -44,7 +41,7 @@ class Collector {
     if (bus_.sync) add_sync("master", master_, 0x80, bus_.sync->counter != 0, bus_.sync->period);
     for (const Device& device : devices_) add_sync_of(device);
     for (const Device& device : devices_) add_device(device);
-    for (unsigned n = 0; n < most_tpdos && own_; ++n) add_tpdo(*own_, n);
+    if (own_) add_tpdos(*own_);
     add_master();
     tell_unknown();
     tell_queues();
@@ -124,7 +121,7 @@ class Collector {
   void keep_planned(const design::Slot& slot, unsigned number, Linked& linked) {
     if (assumed_.links == nullptr) return;
     for (const auto& pdo : assumed_.links->plan.pdos) {
-      if (pdo.producer != node_of(slot) || pdo.tpdo != number + 1) continue;
+      if (pdo.producer != node_of(slot) || pdo.tpdo != number) continue;
       for (const std::size_t link : pdo.links) {
         carried_.push_back(&machine_.links[link]);
         linked.said = std::max<rt::Duration>(linked.said, machine_.links[link].inhibit.value_or(design::Duration(0)));
@@ -169,71 +166,51 @@ class Collector {
     if (device.values) {
       inhibit = 100us * device.values->get_or<std::uint16_t>({0x1015, 0}, 0);
       emcy = device.values->get_or<std::uint32_t>({0x1014, 0}, emcy);
-      for (unsigned n = 0; n < most_tpdos && assumed_.pdos; ++n) add_tpdo(device, n);
+      if (assumed_.pdos) add_tpdos(device);
     }
     if (co::CobId(emcy).valid())
       add("EMCY", device.sender, co::CobId(emcy).key(), 8, inhibit > 0ns ? inhibit : assumed_.emcy, 0ns);
   }
 
+  void add_tpdos(const Device& device) {
+    od::for_each_communication(device.values->description(), od::PdoKind::tpdo,
+                               [&](unsigned number) { add_tpdo(device, number); });
+  }
+
   void add_tpdo(const Device& device, unsigned number) {
-    const auto at = [&](std::uint8_t sub) { return ObjectRef{static_cast<std::uint16_t>(first_tpdo + number), sub}; };
-    const co::CobId cob_id(device.values->get_or<std::uint32_t>(at(1), co::CobId::invalid_bit));
-    if (!cob_id.valid()) return;
-    const std::string name = fmt::format("TPDO {}", number + 1);
-    if (!is_sent(device, number, name)) return;
-    Linked linked{.sending = {.transmission = device.values->get_or<std::uint8_t>(at(2), 255),
-                              .inhibit = 100us * device.values->get_or<std::uint16_t>(at(3), 0),
-                              .sync = sync_,
-                              .sync_key = sync_key_}};
-    const unsigned bits = mapped_bits(device, number, linked);
+    const auto pdo = od::read_pdo(*device.values, od::PdoKind::tpdo, number);
+    if (!pdo.cob_id.valid()) return;
+    const std::string name = fmt::format("TPDO {}", number);
+    const std::string where = fmt::format("{}/{}", device.slot->spec.name.name, name);
+    if (!is_sent(pdo, where)) return;
+    Linked linked{
+        .sending = {.transmission = pdo.type, .inhibit = 100us * pdo.inhibit, .sync = sync_, .sync_key = sync_key_}};
+    for (const auto& entry : pdo.entries) keep_link(*device.slot, entry.object, linked);
     keep_planned(*device.slot, number, linked);
-    const auto period = period_of(device, number, name, linked.said);
-    add(name, device.sender, cob_id.key(), (bits + 7) / 8, period, 0ns);
+    if (linked.said == 0ns) linked.said = device.slot->inhibit.value_or(design::Duration(0));
+    const auto period = period_of(pdo, where, linked.said);
+    const bool whole_frame = pdo.count > od::most_pdo_entries;  // an MPDO
+    const unsigned bits = whole_frame ? od::most_pdo_bits : std::min(pdo.bits(), od::most_pdo_bits);
+    add(name, device.sender, pdo.cob_id.key(), (bits + 7) / 8, period, 0ns);
     linker::set_sending(line().messages.back(), linked.sending, linked.any, linked.deadline);
   }
 
-  static ObjectRef parameter(unsigned number, std::uint8_t sub) noexcept {
-    return {static_cast<std::uint16_t>(first_tpdo + number), sub};
-  }
-
   // By itself.
-  bool is_sent(const Device& device, unsigned number, const std::string& name) {
-    const auto type = device.values->get_or<std::uint8_t>(parameter(number, 2), 255);
-    const std::string where = fmt::format("{}/{}", device.slot->spec.name.name, name);
-    const bool on_request = type == 252 || type == 253;
+  bool is_sent(const od::PdoParameters& pdo, const std::string& where) {
+    const bool on_request = pdo.type == od::rtr_sampled_at_sync || pdo.type == od::rtr_only;
     if (on_request) note(where, "it is sent when a remote frame asks for it: not analysed");
-    const bool waits = type <= 240 && sync_ == 0ns;
+    const bool waits = od::synchronous(pdo.type) && sync_ == 0ns;
     if (waits) note(where, "it waits for SYNC, and nothing on this bus produces that");
     return !on_request && !waits;
   }
 
-  /// `said`: by the links that it carries.
-  rt::Duration period_of(const Device& device, unsigned number, const std::string& name, rt::Duration said) {
-    const auto type = device.values->get_or<std::uint8_t>(parameter(number, 2), 255);
-    const rt::Duration inhibit = 100us * device.values->get_or<std::uint16_t>(parameter(number, 3), 0);
-    if (said == 0ns) said = device.slot->inhibit.value_or(design::Duration(0));
-    auto period = linker::least_interval(type, inhibit, sync_, said);
-    if (linker::synchronous(type) || inhibit > 0ns) return period;
-    if (period > 0ns) {
-      promised_.push_back(fmt::format("{}/{}", device.slot->spec.name.name, name));
-      return period;
-    }
-    endless_.push_back(fmt::format("{}/{}", device.slot->spec.name.name, name));
-    return assumed_.event;
-  }
-
-  unsigned mapped_bits(const Device& device, unsigned number, Linked& linked) {
-    const auto index = static_cast<std::uint16_t>(first_mapping + number);
-    const auto count = device.values->get_or<std::uint8_t>({index, 0}, 0);
-    if (count >= 254) return 64;  // MPDO
-    unsigned bits = 0;
-    for (unsigned sub = 1; sub <= count; ++sub) {
-      const auto raw = device.values->get_or<std::uint32_t>({index, static_cast<std::uint8_t>(sub)}, 0);
-      const auto entry = co::PdoEntry::of(raw);
-      bits += entry.bits;
-      keep_link(*device.slot, entry.object, linked);
-    }
-    return std::min(bits, 64U);
+  /// `said`: the least interval by the links that it carries, or by its slot; 0: none.
+  rt::Duration period_of(const od::PdoParameters& pdo, const std::string& where, rt::Duration said) {
+    const rt::Duration inhibit = 100us * pdo.inhibit;
+    const auto period = linker::least_interval(pdo.type, inhibit, sync_, said);
+    if (linker::synchronous(pdo.type) || inhibit > 0ns) return period;
+    (period > 0ns ? promised_ : endless_).push_back(where);
+    return period > 0ns ? period : assumed_.event;
   }
 
   void keep_link(const design::Slot& slot, ObjectRef object, Linked& linked) {

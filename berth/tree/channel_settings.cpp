@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "berth/co/cob_id.hpp"
+#include "berth/od/cia301.hpp"
 
 namespace berth::tree {
 namespace {
@@ -17,14 +18,11 @@ manager::Setting part(std::uint16_t object, std::uint8_t sub, std::uint32_t valu
           .name = is_node ? "Node-ID of the other end" : "COB-ID of an SDO channel"};
 }
 
-// Of servers and of clients (CiA 301), but the default one.
-bool is_channel(std::uint16_t index) noexcept { return index >= 0x1201 && index <= 0x12FF; }
-
 // What an earlier machine file planned may be saved in the device, and its CAN-IDs are another channel's now.
 void close_others(const od::Description& description, manager::Configuration& made) {
   for (const auto& object : description.objects()) {
     const auto planned = [&](const manager::Setting& s) { return s.object.index == object.index; };
-    if (!is_channel(object.index) || std::ranges::any_of(made.settings, planned)) continue;
+    if (!od::cia301::is_additional_channel(object.index) || std::ranges::any_of(made.settings, planned)) continue;
     for (const std::uint8_t sub : {request_id, response_id}) {
       const auto* const id = description.find(ObjectRef{object.index, sub});
       if (id != nullptr && od::writable(id->access))
