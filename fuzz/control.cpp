@@ -1,6 +1,6 @@
 // Any bytes as a line of the control socket, in either direction: a request or a reason, a reply with a status, and
 // what was read is written and read back equal.
-#include "berth/command/request.hpp"
+#include "berth/command/reply.hpp"
 #include "fuzz/require.hpp"
 
 namespace control_target {

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "berth/command/request.hpp"
+#include "berth/command/reply.hpp"
 #include "berth/plant/world.hpp"
 #include "berth/tree/session.hpp"
 

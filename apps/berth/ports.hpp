@@ -4,7 +4,7 @@
 #include <optional>
 #include <tl/expected.hpp>
 
-#include "berth/command/request.hpp"
+#include "berth/command/reply.hpp"
 #include "berth/design/machine.hpp"
 #include "options.hpp"
 #include "output.hpp"

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "berth/can/port.hpp"
-#include "berth/command/request.hpp"
+#include "berth/command/reply.hpp"
 #include "berth/sim/bus.hpp"
 #include "output.hpp"
 

@@ -7,6 +7,7 @@
 
 #include "berth/text/columns.hpp"
 #include "berth/text/printable.hpp"
+#include "berth/operate/slot_rows.hpp"
 #include "output.hpp"
 
 namespace berth::cli {

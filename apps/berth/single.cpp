@@ -15,6 +15,7 @@
 #include "berth/command/verbs.hpp"
 #include "berth/text/columns.hpp"
 #include "berth/text/printable.hpp"
+#include "berth/operate/slot_rows.hpp"
 #include "drive.hpp"
 #include "execute.hpp"
 #include "machine_file.hpp"

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "berth/command/request.hpp"
+#include "berth/command/reply.hpp"
 #include "berth/rt/task.hpp"
 #include "rig.hpp"
 

@@ -11,6 +11,7 @@
 #include "berth/command/control.hpp"
 #include "berth/operate/report.hpp"
 #include "berth/text/printable.hpp"
+#include "berth/operate/slot_rows.hpp"
 #include "drive.hpp"
 #include "gateway.hpp"
 #include "machine_file.hpp"

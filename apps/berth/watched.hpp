@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "berth/command/objects.hpp"
-#include "berth/command/request.hpp"
+#include "berth/command/reply.hpp"
 #include "berth/design/machine.hpp"
 #include "watch_rows.hpp"
 

@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "berth/command/request.hpp"
+#include "berth/command/reply.hpp"
 #include "berth/rt/mailbox.hpp"
 #include "berth/rt/task.hpp"
 #include "rig.hpp"

@@ -4,15 +4,12 @@
 #include <cstdint>
 #include <optional>
 #include <string>
-#include <tl/expected.hpp>
 
+#include "berth/command/checked.hpp"
 #include "berth/command/request.hpp"
 #include "berth/lss/frames.hpp"
 
 namespace berth::command {
-
-template <class T>
-using Checked = tl::expected<T, std::string>;  ///< the error is for people
 
 /// The arguments of one request, checked. The first thing wrong is kept in `problem`; what is read after that is a
 /// default.

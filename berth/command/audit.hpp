@@ -10,7 +10,7 @@
 #include <string>
 #include <string_view>
 
-#include "berth/command/request.hpp"
+#include "berth/command/reply.hpp"
 #include "berth/tree/session.hpp"
 
 namespace berth::command {

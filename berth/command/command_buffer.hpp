@@ -15,7 +15,7 @@
 #include <optional>
 #include <string>
 
-#include "berth/command/request.hpp"
+#include "berth/command/reply.hpp"
 #include "berth/rt/scope.hpp"
 #include "berth/tree/session.hpp"
 

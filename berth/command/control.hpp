@@ -11,7 +11,7 @@
 #include <tl/expected.hpp>
 #include <vector>
 
-#include "berth/command/request.hpp"
+#include "berth/command/reply.hpp"
 #include "berth/io/acceptor.hpp"
 #include "berth/io/loop.hpp"
 #include "berth/io/seats.hpp"

@@ -15,6 +15,7 @@
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
 #include "berth/command/slot_status.hpp"
+#include "berth/operate/slot_rows.hpp"
 #include "berth/text/columns.hpp"
 
 namespace berth::command {

@@ -4,7 +4,8 @@
 #include <optional>
 #include <string>
 
-#include "berth/command/objects.hpp"
+#include "berth/command/known_object.hpp"
+#include "berth/command/nodes.hpp"
 #include "berth/design/machine.hpp"
 
 namespace berth::command {

@@ -12,34 +12,12 @@
 #include "berth/co/nmt.hpp"
 #include "berth/co/sdo_access.hpp"
 #include "berth/command/arguments.hpp"
-#include "berth/design/machine.hpp"
-#include "berth/multilevel/path.hpp"
-#include "berth/od/description.hpp"
+#include "berth/command/known_object.hpp"
+#include "berth/command/nodes.hpp"
 #include "berth/tree/session.hpp"
 
 namespace berth::command {
 
-/// A node as a request names it.
-struct NodeArgument {
-  std::string bus;  ///< as the request says, else that of the slot; empty: the machine's only one
-  NodeId node;
-  std::shared_ptr<const od::Description> description;  ///< null: not known
-  std::vector<multilevel::Hop> gateways = {};          ///< between that bus and the node, topmost first
-
-  /// "5", "3/5".
-  [[nodiscard]] std::string text() const { return multilevel::to_string(multilevel::Path{gateways, node}); }
-  /// The same of a node beneath gateways; else empty.
-  [[nodiscard]] std::string path() const { return gateways.empty() ? std::string() : text(); }
-};
-/// `word`: "5", "left", "line/left", "3/5" (node 5 beneath gateway 3), "3.2/5" (on its second bus beneath); slots'
-/// names in either case. The slot of a bus without a port is beneath the gateways that lead there. What is wrong, or
-/// ambiguous, is for people, with what there is to choose from.
-[[nodiscard]] Checked<NodeArgument> find_node(const design::Machine& machine, const std::string& bus,
-                                              const std::string& word);
-/// The bus of the machine that the node is on, with a port of Berth's or without; null: none.
-[[nodiscard]] const design::Bus* bus_of(const design::Machine& machine, const NodeArgument& node);
-/// The same, or for people why there is none.
-[[nodiscard]] Checked<const design::Bus*> known_bus_of(const design::Machine& machine, const NodeArgument& node);
 /// The request's "bus" and "node". What is wrong is kept by `arguments`.
 [[nodiscard]] NodeArgument node_argument(Arguments& arguments, const design::Machine& machine);
 
@@ -55,26 +33,9 @@ enum class Place : std::uint8_t {
 [[nodiscard]] co::SdoAccess& objects_of(tree::Session& session, operate::Network& network, const NodeArgument& node,
                                         const co::SdoOptions& options, std::optional<co::NodeAccess>& direct);
 
-/// One object of a node, with what is known of it.
-struct KnownObject {
-  ObjectRef ref;
-  std::string name;                          ///< "Identity object/Serial number"; empty: not known
-  od::DataType type = od::DataType::none;    ///< none: not known
-  const od::SubObject* described = nullptr;  ///< of the node's description; null: it has none, or not this object
-  const od::Limits* limits = nullptr;        ///< null: the description gives none
-  const od::Meaning* meaning = nullptr;      ///< unit and names of values; null: the description has none (an EDS)
-  bool type_given = false;                   ///< by the person, not by a description
-  /// Limits and meanings are those of the described type.
-  [[nodiscard]] bool type_is_described() const noexcept { return described != nullptr && type == described->type; }
-};
-/// `word`: "1018h:04", "Identity object/Serial number", "serial".
-[[nodiscard]] Checked<KnownObject> find_object(const od::Description* description, const std::string& word);
-/// The same of a node of a machine, or a network variable by its name (network_variables.hpp).
+/// The object of a node of a machine, or a network variable by its name (network_variables.hpp).
 [[nodiscard]] Checked<KnownObject> find_object(const design::Machine& machine, const NodeArgument& node,
                                                const std::string& word);
-/// What is known of an object.
-[[nodiscard]] KnownObject known_object(const od::Description* description, ObjectRef ref);
-
 /// What an SDO command is about.
 struct ObjectArguments {
   NodeArgument node;

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "berth/base/words.hpp"
-#include "berth/command/objects.hpp"
+#include "berth/command/nodes.hpp"
 #include "berth/text/printable.hpp"
 #include "berth/text/quantity.hpp"
 #include "berth/tree/way.hpp"

@@ -7,7 +7,7 @@
 #include <tl/expected.hpp>
 #include <vector>
 
-#include "berth/command/request.hpp"
+#include "berth/command/reply.hpp"
 #include "berth/tree/session.hpp"
 
 namespace berth::command {

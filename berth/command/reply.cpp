@@ -2,16 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "berth/od/abort_code.hpp"
 #include "berth/text/printable.hpp"
 
 namespace berth::command {
-
-std::string dump(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
-
-std::string hex(std::uint32_t value, unsigned digits) { return fmt::format("0x{:0{}X}", value, digits); }
 
 void give(Reply& reply, const Json& json, std::vector<std::string> lines) {
   reply.json = dump(json);
@@ -76,13 +73,46 @@ void fail_with(Reply& reply, const Error& error, const std::string& where, const
   reply.cause = error;
 }
 
-void put_address(Json& json, const Identity& device) {
-  json["address"] = to_string(device);
-  json["type"] = nullptr;
-  json["r_sn"] = nullptr;
-  if (device.knows(0) && device.knows(1))
-    json["type"] = fmt::format("0x{:08X}{:08X}", device.address.vendor, device.address.product);
-  if (device.knows(2) && device.knows(3)) json["r_sn"] = fmt::format("0x{:016X}", device.r_sn().value());
+std::string to_json(const Reply& reply) {
+  Json json;
+  json["status"] = reply.status;
+  json["reply"] = Json::parse(reply.json, nullptr, false);
+  json["lines"] = reply.lines;
+  json["error"] = reply.error;
+  return dump(json);
+}
+
+std::string progress_json(const std::string& line) {
+  Json json;
+  json["progress"] = line;
+  return dump(json);
+}
+
+std::optional<std::string> parse_progress(const std::string& line) {
+  const auto json = Json::parse(line, nullptr, false);
+  const bool is = json.is_object() && json.size() == 1 && json.contains("progress") && json["progress"].is_string();
+  return is ? std::optional(json["progress"].get<std::string>()) : std::nullopt;
+}
+
+Reply parse_reply(const std::string& line) {
+  const auto json = Json::parse(line, nullptr, false);
+  const bool good = json.is_object() && json.contains("status") && json["status"].is_number_integer() &&
+                    json.contains("reply") && json["reply"].is_object() && json.contains("lines") &&
+                    json["lines"].is_array() && json.contains("error") && json["error"].is_string() &&
+                    std::ranges::all_of(json["lines"], [](const auto& l) { return l.is_string(); });
+  if (!good) return refusal(3, "the running `berth up` answered something that is not a reply");
+  Reply reply;
+  reply.status = json["status"].get<int>();
+  reply.json = dump(json["reply"]);
+  reply.lines = json["lines"].get<std::vector<std::string>>();
+  reply.error = json["error"].get<std::string>();
+  return reply;
+}
+
+Reply refusal(int status, std::string message) {
+  Reply reply;
+  refuse(reply, status, message);
+  return reply;
 }
 
 }  // namespace berth::command

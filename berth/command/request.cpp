@@ -1,9 +1,8 @@
 #include "berth/command/request.hpp"
 
-#include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "berth/command/reply.hpp"
+#include "berth/command/json.hpp"
 
 namespace berth::command {
 
@@ -41,48 +40,6 @@ Request parse_request(const std::string& line, std::string& error) {
   if (request.verb.empty()) return no("the request has no verb");
   error.clear();
   return request;
-}
-
-std::string to_json(const Reply& reply) {
-  Json json;
-  json["status"] = reply.status;
-  json["reply"] = Json::parse(reply.json, nullptr, false);
-  json["lines"] = reply.lines;
-  json["error"] = reply.error;
-  return dump(json);
-}
-
-std::string progress_json(const std::string& line) {
-  Json json;
-  json["progress"] = line;
-  return dump(json);
-}
-
-std::optional<std::string> parse_progress(const std::string& line) {
-  const auto json = Json::parse(line, nullptr, false);
-  const bool is = json.is_object() && json.size() == 1 && json.contains("progress") && json["progress"].is_string();
-  return is ? std::optional(json["progress"].get<std::string>()) : std::nullopt;
-}
-
-Reply parse_reply(const std::string& line) {
-  const auto json = Json::parse(line, nullptr, false);
-  const bool good = json.is_object() && json.contains("status") && json["status"].is_number_integer() &&
-                    json.contains("reply") && json["reply"].is_object() && json.contains("lines") &&
-                    json["lines"].is_array() && json.contains("error") && json["error"].is_string() &&
-                    std::ranges::all_of(json["lines"], [](const auto& l) { return l.is_string(); });
-  if (!good) return refusal(3, "the running `berth up` answered something that is not a reply");
-  Reply reply;
-  reply.status = json["status"].get<int>();
-  reply.json = dump(json["reply"]);
-  reply.lines = json["lines"].get<std::vector<std::string>>();
-  reply.error = json["error"].get<std::string>();
-  return reply;
-}
-
-Reply refusal(int status, std::string message) {
-  Reply reply;
-  refuse(reply, status, message);
-  return reply;
 }
 
 }  // namespace berth::command

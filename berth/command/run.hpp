@@ -1,7 +1,7 @@
 /// What carries the verbs out, one function each. The request's verb is this one's; `request` and `reply` must stay.
 #pragma once
 
-#include "berth/command/request.hpp"
+#include "berth/command/reply.hpp"
 #include "berth/rt/task.hpp"
 #include "berth/tree/session.hpp"
 

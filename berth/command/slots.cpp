@@ -11,6 +11,7 @@
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
+#include "berth/operate/slot_rows.hpp"
 #include "berth/text/quantity.hpp"
 
 namespace berth::command {

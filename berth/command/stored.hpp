@@ -2,7 +2,7 @@
 /// port is opened, and no device is asked.
 #pragma once
 
-#include "berth/command/request.hpp"
+#include "berth/command/reply.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/places/slot_store.hpp"
 

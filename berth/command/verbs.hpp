@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "berth/can/frame.hpp"
-#include "berth/command/request.hpp"
+#include "berth/command/reply.hpp"
 #include "berth/command/role.hpp"
 #include "berth/rt/task.hpp"
 #include "berth/tree/session.hpp"

@@ -12,10 +12,6 @@
 
 namespace berth::operate {
 
-/// Why this is no configuration for the slot's device: of another type, device type or revision, as far as it says
-/// them. Empty: it is one.
-[[nodiscard]] std::string not_for(const places::SlotSpec& slot, const manager::Configuration& configuration);
-
 /// Of what an SDO client wrote, for people: its file, and the line of the machine file that would name it.
 [[nodiscard]] std::string where_it_is(const WrittenFiles& files, const Seat& seat);
 /// Says of which slots it counts instead of `config =`.

@@ -8,7 +8,7 @@
 
 #include "berth/eds/xdd.hpp"
 #include "berth/od/abort_code.hpp"
-#include "berth/operate/configuration_intake.hpp"
+#include "berth/operate/configuration_fit.hpp"
 #include "berth/operate/error_control.hpp"
 #include "berth/operate/timing_options.hpp"
 #include "berth/places/identity.hpp"

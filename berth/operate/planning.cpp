@@ -51,7 +51,8 @@ void Planning::make(const std::vector<places::Reading>& readings) {
   ask_about_used();
   name_returned();
   respect_fixed();
-  respect_masters(plan_, found_, [this](const places::Found& f) { return may_be_plants_master(s_, slots_, *this, f); });
+  respect_masters(plan_, found_,
+                  [this](const places::Found& f) { return may_be_plants_master(s_, slots_, f, waits_for(f.device)); });
 }
 
 // A device whose slot Berth itself freed, because it was silent, and that is still free: it goes back there.

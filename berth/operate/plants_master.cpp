@@ -6,12 +6,12 @@
 
 namespace berth::operate {
 
-bool may_be_plants_master(const BusServices& services, const SlotTable& slots, const Planning& planning,
-                          const places::Found& found) {
+bool may_be_plants_master(const BusServices& services, const SlotTable& slots, const places::Found& found,
+                          bool awaited) {
   if (!found.active.configured() || found.clone || services.boots.beats(found.active) == 0) return false;
   const bool in_the_way = found.active == services.bus.master || slots.at(found.active) != nullptr;
   if (in_the_way && services.may_command()) return false;
-  const bool ours = slots.of(found.device) != nullptr || planning.waits_for(found.device);
+  const bool ours = slots.of(found.device) != nullptr || awaited;
   return !ours && std::ranges::none_of(slots.seats(), [&](const auto& seat) {
     const auto& spec = seat->slot.spec;
     return spec.type == found.device.type() || places::fits(spec, found.device);

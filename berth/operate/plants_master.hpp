@@ -2,15 +2,15 @@
 #pragma once
 
 #include "berth/operate/bus_services.hpp"
-#include "berth/operate/planning.hpp"
+#include "berth/operate/slot_table.hpp"
 #include "berth/places/plan.hpp"
 
 namespace berth::operate {
 
 /// It has a node-ID, sends a heartbeat, and no slot takes its type. Nothing is said to it by LSS, unless it is in the
-/// way of a Berth that is the master.
-[[nodiscard]] bool may_be_plants_master(const BusServices& services, const SlotTable& slots, const Planning& planning,
-                                        const places::Found& found);
+/// way of a Berth that is the master. `awaited`: what was begun with it on this bus is not finished.
+[[nodiscard]] bool may_be_plants_master(const BusServices& services, const SlotTable& slots, const places::Found& found,
+                                        bool awaited);
 
 /// What is told of such a node instead of "take it off the bus".
 [[nodiscard]] std::string text_of_plants_master(const places::Found& found);

@@ -10,7 +10,6 @@
 #include <utility>
 
 #include "berth/base/words.hpp"
-#include "berth/operate/slot_rows.hpp"
 
 namespace berth::operate {
 
@@ -223,31 +222,6 @@ std::string to_json(const SlotReport& slot) { return dump(json_of(slot), -1); }
 
 std::string to_line(const Event& e) {
   return fmt::format("{:9.3f} s  {}  {}{}", seconds(e.at), e.bus, e.slot.empty() ? "" : e.slot + ": ", e.text);
-}
-
-std::vector<std::string> reasons_of(const std::vector<SlotReport>& slots) {
-  const bool one_bus = std::ranges::all_of(slots, [&](const auto& s) { return s.bus == slots.front().bus; });
-  std::vector<std::pair<const SlotReport*, std::vector<std::string>>> told;  // the first of each, and the names
-  std::map<std::pair<places::SlotState, std::string_view>, std::size_t> where;
-  for (const auto& s : slots) {
-    if (s.reason.empty()) continue;
-    const auto [it, added] = where.try_emplace({s.state, s.reason}, told.size());
-    if (added) told.push_back({&s, {}});
-    told[it->second].second.push_back(one_bus ? s.name : s.bus + "/" + s.name);
-  }
-  std::vector<std::string> lines;
-  for (const auto& [slot, names] : told) {
-    lines.push_back(fmt::format("{}: {}: {}", some_of(names, 4), places::name(slot->state), slot->reason));
-  }
-  return lines;
-}
-
-std::vector<std::string> to_table(const std::vector<SlotReport>& slots, std::optional<rt::Time> now) {
-  const SlotRows rows(slots, {.now = now});
-  std::vector<std::string> lines{rows.heading()};
-  for (const auto& slot : slots) lines.push_back(rows.row(slot));
-  std::ranges::move(reasons_of(slots), std::back_inserter(lines));
-  return lines;
 }
 
 }  // namespace berth::operate

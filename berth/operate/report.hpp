@@ -143,11 +143,5 @@ void write_json(const Report& report, int indent, const JsonSink& out);
 
 /// "  0.215 s  backbone  slot 2 'left': bound to ...".
 [[nodiscard]] std::string to_line(const Event& event);
-/// The slot table in columns (slot_rows.hpp), a line a slot, headed; then the reasons, each once with the slots that it
-/// is about. `now`: for how long ago each device was heard.
-[[nodiscard]] std::vector<std::string> to_table(const std::vector<SlotReport>& slots,
-                                                std::optional<rt::Time> now = std::nullopt);
-/// The reasons of these slots, each once: "left, right: question: ...". "field/left" when there are several buses.
-[[nodiscard]] std::vector<std::string> reasons_of(const std::vector<SlotReport>& slots);
 
 }  // namespace berth::operate

@@ -506,7 +506,7 @@ rt::Task<void> Seating::inquire_found(bool all) {
   const std::vector<places::Found> found = found_.all();
   for (const auto& f : found) {
     // The plant's master may have an LSS slave of its own: what SDO told of it is enough.
-    if (may_be_plants_master(s_, slots_, planning_, f)) continue;
+    if (may_be_plants_master(s_, slots_, f, planning_.waits_for(f.device))) continue;
     const Seat* seat = slots_.of(f.device);
     const bool binds =
         std::ranges::any_of(planning_.plan().actions, [&](const Action& a) { return a.device == f.device; });

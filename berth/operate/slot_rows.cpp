@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
 #include <utility>
 
+#include "berth/base/words.hpp"
 #include "berth/text/columns.hpp"
 #include "berth/text/printable.hpp"
 
@@ -146,6 +148,31 @@ std::string SlotRows::row(const SlotReport& slot) const {
   std::vector<std::string> cells;
   for (const auto& column : columns_) cells.push_back(cell(column.kind, slot));
   return line(cells);
+}
+
+std::vector<std::string> reasons_of(const std::vector<SlotReport>& slots) {
+  const bool one_bus = std::ranges::all_of(slots, [&](const auto& s) { return s.bus == slots.front().bus; });
+  std::vector<std::pair<const SlotReport*, std::vector<std::string>>> told;  // the first of each, and the names
+  std::map<std::pair<places::SlotState, std::string_view>, std::size_t> where;
+  for (const auto& s : slots) {
+    if (s.reason.empty()) continue;
+    const auto [it, added] = where.try_emplace({s.state, s.reason}, told.size());
+    if (added) told.push_back({&s, {}});
+    told[it->second].second.push_back(one_bus ? s.name : s.bus + "/" + s.name);
+  }
+  std::vector<std::string> lines;
+  for (const auto& [slot, names] : told) {
+    lines.push_back(fmt::format("{}: {}: {}", some_of(names, 4), places::name(slot->state), slot->reason));
+  }
+  return lines;
+}
+
+std::vector<std::string> to_table(const std::vector<SlotReport>& slots, std::optional<rt::Time> now) {
+  const SlotRows rows(slots, {.now = now});
+  std::vector<std::string> lines{rows.heading()};
+  for (const auto& slot : slots) lines.push_back(rows.row(slot));
+  std::ranges::move(reasons_of(slots), std::back_inserter(lines));
+  return lines;
 }
 
 }  // namespace berth::operate

@@ -49,4 +49,11 @@ class SlotRows {
 /// "2310h", "2310h x12".
 [[nodiscard]] std::string emcy_cell(const EmcyReport& emcy);
 
+/// The slot table in columns, a line a slot, headed; then the reasons, each once with the slots that it
+/// is about. `now`: for how long ago each device was heard.
+[[nodiscard]] std::vector<std::string> to_table(const std::vector<SlotReport>& slots,
+                                                std::optional<rt::Time> now = std::nullopt);
+/// The reasons of these slots, each once: "left, right: question: ...". "field/left" when there are several buses.
+[[nodiscard]] std::vector<std::string> reasons_of(const std::vector<SlotReport>& slots);
+
 }  // namespace berth::operate

@@ -2,7 +2,7 @@
 /// the codes of CiA 309-1. Rights, confirmations and what is sent are the request's. Inside of room `serve`.
 #pragma once
 
-#include "berth/command/request.hpp"
+#include "berth/command/reply.hpp"
 #include "berth/rt/task.hpp"
 #include "berth/serve/cia309_permits.hpp"
 

@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "berth/command/request.hpp"
+#include "berth/command/reply.hpp"
 #include "berth/io/loop.hpp"
 #include "berth/rt/later.hpp"
 #include "berth/rt/task.hpp"

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "berth/command/request.hpp"
+#include "berth/command/reply.hpp"
 #include "berth/command/role.hpp"
 #include "berth/operate/report.hpp"
 #include "berth/studio/bell.hpp"

@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "berth/command/control.hpp"
-#include "berth/command/request.hpp"
+#include "berth/command/reply.hpp"
 #include "command_fixture.hpp"
 
 namespace berth::test {

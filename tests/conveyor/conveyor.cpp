@@ -4,6 +4,7 @@
 
 #include "berth/design/machine.hpp"
 #include "berth/od/names.hpp"
+#include "berth/operate/slot_rows.hpp"
 #include "tests/paths.hpp"
 
 namespace berth::test {

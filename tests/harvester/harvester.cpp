@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "berth/design/machine.hpp"
+#include "berth/operate/slot_rows.hpp"
 #include "tests/paths.hpp"
 
 namespace berth::test {
