@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "berth/base/part_file.hpp"
 #include "options.hpp"
 
 namespace berth::cli {
@@ -21,15 +22,12 @@ Failure wrong(const std::string& path, int error) {
                  path + ": " + (error == EEXIST ? "is there already" : std::strerror(error)));
 }
 
-/// One file on its way to its place. What is not kept is taken away, and what was there before is there again.
+/// One of several files. What is not kept is taken away, and what was there before is there again.
 class Placing {
  public:
   explicit Placing(const std::string& path)
-      : path_(path),
-        part_(fmt::format("{}.{}.part", path, ::getpid())),
-        before_(fmt::format("{}.{}.before", path, ::getpid())) {}
+      : path_(path), before_(fmt::format("{}.{}.before", path, ::getpid())), part_(path) {}
   ~Placing() {
-    if (written_) ::unlink(part_.c_str());
     if (placed_ && !kept_ && !saved_) ::unlink(path_.c_str());
     if (saved_ && !kept_) ::rename(before_.c_str(), path_.c_str());
     if (saved_ && kept_) ::unlink(before_.c_str());
@@ -38,38 +36,19 @@ class Placing {
   Placing& operator=(const Placing&) = delete;
 
   /// 0, or what went wrong.
-  [[nodiscard]] int write(std::string_view bytes) {
-    const int fd = ::open(part_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0644);
-    if (fd < 0) return errno;
-    written_ = true;
-    int error = 0;
-    while (!bytes.empty() && error == 0) {
-      const auto n = ::write(fd, bytes.data(), bytes.size());
-      if (n > 0) bytes.remove_prefix(static_cast<std::size_t>(n));
-      if (n < 0 && errno != EINTR) error = errno;
-    }
-    if (error == 0 && ::fsync(fd) != 0) error = errno;
-    ::close(fd);
-    return error;
-  }
+  [[nodiscard]] int write(std::string_view bytes) { return part_.write(bytes); }
   [[nodiscard]] int place(bool replace) {
     if (replace && ::link(path_.c_str(), before_.c_str()) == 0) saved_ = true;
-    placed_ = replace ? ::rename(part_.c_str(), path_.c_str()) == 0 : place_new();
-    return placed_ ? 0 : errno;
+    const int error = replace ? part_.replace() : part_.place_new();
+    placed_ = error == 0;
+    return error;
   }
   void keep() noexcept { kept_ = true; }
 
  private:
-  // Never over a file that came meanwhile; a file system that cannot say so may have links.
-  [[nodiscard]] bool place_new() const {
-    if (::renameat2(AT_FDCWD, part_.c_str(), AT_FDCWD, path_.c_str(), RENAME_NOREPLACE) == 0) return true;
-    if (errno != EINVAL && errno != ENOSYS) return false;
-    return ::link(part_.c_str(), path_.c_str()) == 0;
-  }
   std::string path_;
-  std::string part_;
   std::string before_;
-  bool written_ = false;
+  PartFile part_;
   bool saved_ = false;
   bool placed_ = false;
   bool kept_ = false;

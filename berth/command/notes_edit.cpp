@@ -1,9 +1,6 @@
 #include "berth/command/notes_edit.hpp"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -13,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "berth/base/part_file.hpp"
 #include "berth/base/read_files.hpp"
 #include "berth/od/notation.hpp"
 #include "berth/text/toml.hpp"
@@ -238,49 +236,6 @@ Checked<std::string> with_note(std::string_view text, const std::string& file, O
                                 od::write_object(object))));
 }
 
-namespace {
-
-/// A new file on its way to the place of the old one; what does not get there is taken away.
-class Part {
- public:
-  explicit Part(const std::string& file) : file_(file), path_(fmt::format("{}.{}.part", file, ::getpid())) {}
-  ~Part() {
-    if (made_) ::unlink(path_.c_str());
-  }
-  Part(const Part&) = delete;
-  Part& operator=(const Part&) = delete;
-
-  /// 0, or what went wrong.
-  [[nodiscard]] int write(std::string_view bytes) {
-    const int fd = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0644);
-    if (fd < 0) return errno;
-    made_ = true;
-    struct stat old {};
-    if (::stat(file_.c_str(), &old) == 0) (void)::fchmod(fd, old.st_mode & 0777U);
-    int error = 0;
-    while (!bytes.empty() && error == 0) {
-      const auto n = ::write(fd, bytes.data(), bytes.size());
-      if (n > 0) bytes.remove_prefix(static_cast<std::size_t>(n));
-      if (n < 0 && errno != EINTR) error = errno;
-    }
-    if (error == 0 && ::fsync(fd) != 0) error = errno;
-    ::close(fd);
-    return error;
-  }
-  [[nodiscard]] int place() {
-    if (std::rename(path_.c_str(), file_.c_str()) != 0) return errno;
-    made_ = false;
-    return 0;
-  }
-
- private:
-  const std::string& file_;
-  std::string path_;
-  bool made_ = false;
-};
-
-}  // namespace
-
 Checked<void> write_note(const std::string& file, ObjectRef object, const Note& note) {
   if (was_read(file)) return tl::unexpected(file + " is a file that Berth reads as something else: no notes go there");
   std::string problem;
@@ -288,9 +243,10 @@ Checked<void> write_note(const std::string& file, ObjectRef object, const Note& 
   if (!problem.empty()) return tl::unexpected(problem + "; nothing was written");
   auto made = with_note(before, file, object, note);
   if (!made) return tl::unexpected(made.error());
-  Part part(file);
+  PartFile part(file);
+  part.keep_permissions();
   int error = part.write(*made);
-  if (error == 0) error = part.place();
+  if (error == 0) error = part.replace();
   if (error == 0) return {};
   return tl::unexpected(fmt::format("{}: {}; the notes are unchanged", file, std::strerror(error)));
 }

@@ -10,6 +10,7 @@
 
 #include "berth/base/crc.hpp"
 #include "berth/base/kept.hpp"
+#include "berth/base/part_file.hpp"
 #include "berth/base/private_file.hpp"
 #include "berth/base/real_path.hpp"
 
@@ -43,22 +44,7 @@ tl::unexpected<Error> failed(const fs::path& path, int error) {
   return fail(made);
 }
 
-int write_all(const fs::path& path, std::span<const std::uint8_t> bytes) {
-  const int fd =
-      ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, private_mode(path.string()));
-  if (fd < 0) return errno;
-  int error = 0;
-  while (!bytes.empty() && error == 0) {
-    const auto n = ::write(fd, bytes.data(), bytes.size());
-    if (n > 0) bytes = bytes.subspan(static_cast<std::size_t>(n));
-    if (n < 0 && errno != EINTR) error = errno;
-  }
-  if (error == 0 && ::fsync(fd) != 0) error = errno;
-  ::close(fd);
-  return error;
-}
-
-// A new name, or the end of one, is on the disk.
+// The end of a name is on the disk.
 void sync_folder(const fs::path& folder) {
   const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (fd < 0) return;
@@ -96,15 +82,10 @@ Result<std::string> WrittenFiles::keep(const places::SlotName& slot, Form form,
   if (place_.folder.empty() || !place_.writes) return std::string();
   if (::mkdir(place_.folder.c_str(), 0700) != 0 && errno != EEXIST) return failed(place_.folder, errno);
   const fs::path path = path_of(slot, form);
-  fs::path part = path;
-  part += ".part";
-  int error = write_all(part, bytes);
-  if (error == 0 && ::rename(part.c_str(), path.c_str()) != 0) error = errno;
-  if (error != 0) {
-    ::unlink(part.c_str());
-    return failed(path, error);
-  }
-  sync_folder(place_.folder);
+  PartFile part(path.string());
+  int error = part.write({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, private_mode(path.string()));
+  if (error == 0) error = part.replace();
+  if (error != 0) return failed(path, error);
   ::unlink(path_of(slot, form == Form::dcf ? Form::concise : Form::dcf).c_str());
   return path.string();
 }

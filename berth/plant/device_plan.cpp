@@ -12,6 +12,7 @@
 #include <iterator>
 #include <utility>
 
+#include "berth/base/part_file.hpp"
 #include "berth/device/dictionary.hpp"
 #include "berth/device/mandatory.hpp"
 #include "berth/eds/xdd.hpp"
@@ -507,13 +508,8 @@ Result<std::vector<Kept>> parse_state(std::string_view text) {
 }
 
 bool write_state_file(const std::string& path, std::string_view text) {
-  const auto fresh = path + ".new";
-  {
-    std::ofstream out(fresh, std::ios::binary | std::ios::trunc);
-    out << text;
-    if (!out.flush()) return false;
-  }
-  return std::rename(fresh.c_str(), path.c_str()) == 0;
+  PartFile part(path);
+  return part.write(text) == 0 && part.replace() == 0;
 }
 
 Result<std::optional<std::string>> read_state_file(const std::string& path) {
