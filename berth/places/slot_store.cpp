@@ -128,7 +128,7 @@ void MemoryStore::log(HistoryEntry line) {
   }
   if (line.device) lines_of_device_[*line.device].push_back(history_.size());
   line.sequence = static_cast<std::int64_t>(history_.size()) + 1;
-  line.stamp_ms = stamp_ms_;
+  line.stamp_ms = now_ms();
   history_.push_back(std::move(line));
 }
 

@@ -19,6 +19,15 @@
 
 namespace berth::places {
 
+/// Milliseconds since the world's start.
+class StoreClock {
+ public:
+  [[nodiscard]] virtual std::int64_t now_ms() const noexcept = 0;
+
+ protected:
+  ~StoreClock() = default;
+};
+
 class SlotStore {
  public:
   virtual ~SlotStore() = default;
@@ -79,8 +88,17 @@ class SlotStore {
   /// The lines about a device on its bus, oldest first, and those of its address that name no bus.
   virtual Result<std::vector<HistoryEntry>> history_of(const BusDevice& who) = 0;
 
-  /// The time that history lines get from now on (`HistoryEntry::stamp_ms`).
-  virtual void stamp(std::int64_t now_ms) noexcept = 0;
+  /// What tells the time that history lines get (`HistoryEntry::stamp_ms`). Null: `stamp`'s. It stays until it is
+  /// replaced.
+  virtual void set_clock(const StoreClock* clock) noexcept { clock_ = clock; }
+  [[nodiscard]] const StoreClock* clock() const noexcept { return clock_; }
+  /// The same time for each line from now on, unless a clock is set.
+  void stamp(std::int64_t now_ms) noexcept { stamp_ms_ = now_ms; }
+  [[nodiscard]] std::int64_t now_ms() const noexcept { return clock_ != nullptr ? clock_->now_ms() : stamp_ms_; }
+
+ private:
+  const StoreClock* clock_ = nullptr;
+  std::int64_t stamp_ms_ = 0;
 };
 
 /// `Errc::duplicate` of `SlotStore::ask`: the device's address sits in the slot `there` of the same bus, and what to
@@ -122,7 +140,6 @@ class MemoryStore : public SlotStore {
   Result<void> note(const HistoryEntry& entry) override;
   Result<std::vector<HistoryEntry>> history(std::optional<SlotId> slot) override;
   Result<std::vector<HistoryEntry>> history_of(const BusDevice& who) override;
-  void stamp(std::int64_t now_ms) noexcept override { stamp_ms_ = now_ms; }
 
  private:
   SlotRecord* find(SlotId slot) noexcept;
@@ -141,7 +158,6 @@ class MemoryStore : public SlotStore {
   std::vector<HistoryEntry> history_;
   std::map<SlotId, std::vector<std::size_t>> lines_of_slot_;  // indices into `history_`
   std::map<Identity, std::vector<std::size_t>> lines_of_device_;
-  std::int64_t stamp_ms_ = 0;
   bool keeps_history_;
 };
 

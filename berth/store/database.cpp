@@ -292,7 +292,7 @@ void Database::Impl::log(const HistoryEntry& line) {
   } else {
     query.skip(4) << std::int64_t{NodeId::unconfigured_value};
   }
-  query << stamp_ms;
+  query << owner->now_ms();
   if (line.slot) {
     query << line.slot->value;
   } else {
@@ -340,10 +340,8 @@ auto Database::Impl::read(const char* what, Body body) -> decltype(body()) {
   }
 }
 
-Database::Database(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
+Database::Database(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) { impl_->owner = this; }
 Database::~Database() = default;
-
-void Database::stamp(std::int64_t now_ms) noexcept { impl_->stamp_ms = now_ms; }
 
 Result<SlotId> Database::declare(const SlotName& name) {
   const auto slots = declare_all({name});

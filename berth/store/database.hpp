@@ -90,7 +90,6 @@ class Database final : public places::SlotStore {
   Result<void> note(const places::HistoryEntry& entry) override;
   Result<std::vector<places::HistoryEntry>> history(std::optional<places::SlotId> slot) override;
   Result<std::vector<places::HistoryEntry>> history_of(const places::BusDevice& who) override;
-  void stamp(std::int64_t now_ms) noexcept override;
 
   /// All devices ever named, in the order of their identities.
   Result<std::vector<DeviceSeen>> devices();

@@ -7,75 +7,21 @@
 
 namespace berth::tree {
 
-/// Tells the store the time of each line of its history.
-class Session::StampedStore final : public places::SlotStore {
- public:
-  StampedStore(rt::Executor& executor, places::SlotStore& store) noexcept : executor_(&executor), store_(&store) {}
-
-  Result<places::SlotId> declare(const places::SlotName& name) override { return stamped().declare(name); }
-  Result<std::vector<places::SlotRecord>> load(std::string_view machine) override { return store_->load(machine); }
-  Result<places::SlotRecord> load(places::SlotId slot) override { return store_->load(slot); }
-  Result<void> ask(places::SlotId slot, const places::Assignment& seat, std::string_view reason) override {
-    return stamped().ask(slot, seat, reason);
-  }
-  Result<void> confirm(places::SlotId slot, const places::Assignment& seat, std::string_view reason) override {
-    return stamped().confirm(slot, seat, reason);
-  }
-  Result<void> clear(places::SlotId slot, std::string_view reason) override { return stamped().clear(slot, reason); }
-  Result<void> configure(places::SlotId slot, const places::Configured& configured, std::string_view reason) override {
-    return stamped().configure(slot, configured, reason);
-  }
-  Result<void> ask_blank(const places::UnfinishedBlank& blank, std::string_view reason) override {
-    return stamped().ask_blank(blank, reason);
-  }
-  Result<void> confirm_blank(const places::BusDevice& who, std::string_view reason) override {
-    return stamped().confirm_blank(who, reason);
-  }
-  Result<void> drop_blank(const places::BusDevice& who, std::string_view reason) override {
-    return stamped().drop_blank(who, reason);
-  }
-  Result<std::vector<places::UnfinishedBlank>> unfinished_blanks() override { return store_->unfinished_blanks(); }
-  Result<void> mark(places::Mark mark, const places::BusDevice& who, NodeId id, std::string_view reason) override {
-    return stamped().mark(mark, who, id, reason);
-  }
-  Result<void> unmark(places::Mark mark, const places::BusDevice& who, std::string_view reason) override {
-    return stamped().unmark(mark, who, reason);
-  }
-  Result<std::vector<places::Marked>> marked(places::Mark mark) override { return store_->marked(mark); }
-  Result<bool> is_marked(places::Mark mark, const places::BusDevice& who) override {
-    return store_->is_marked(mark, who);
-  }
-  Result<void> lend(const places::LentId& lent) override { return store_->lend(lent); }
-  Result<void> give_back(const places::BusDevice& who) override { return store_->give_back(who); }
-  Result<std::vector<places::LentId>> lent() override { return store_->lent(); }
-  Result<void> note(const places::HistoryEntry& entry) override { return stamped().note(entry); }
-  Result<std::vector<places::HistoryEntry>> history_of(const places::BusDevice& who) override {
-    return store_->history_of(who);
-  }
-  Result<std::vector<places::HistoryEntry>> history(std::optional<places::SlotId> slot) override {
-    return store_->history(slot);
-  }
-  void stamp(std::int64_t now_ms) noexcept override { store_->stamp(now_ms); }
-
- private:
-  places::SlotStore& stamped() noexcept {
-    const auto now = executor_->now().time_since_epoch();
-    store_->stamp(std::chrono::duration_cast<std::chrono::milliseconds>(now).count());
-    return *store_;
-  }
-  rt::Executor* executor_;
-  places::SlotStore* store_;
-};
-
 Session::Session(rt::Executor& executor, const design::Machine& machine, places::SlotStore& store)
     : executor_(&executor),
       machine_(&machine),
-      store_(std::make_unique<StampedStore>(executor, store)),
-      tree_(executor, machine, networks_) {}
+      store_(&store),
+      clock_(executor),
+      tree_(executor, machine, networks_) {
+  store.set_clock(&clock_);
+}
 
 Session::~Session() {
   stop();
   tree_.clear();
+  if (store_->clock() != &clock_) return;
+  store_->stamp(clock_.now_ms());
+  store_->set_clock(nullptr);
 }
 
 places::SlotStore& Session::store() noexcept { return *store_; }

@@ -23,7 +23,8 @@ namespace berth::tree {
 
 class Session {
  public:
-  /// `machine` and `store` must stay. The lines that the store's history gets are stamped with the executor's time.
+  /// `machine` and `store` must stay. While the session is there, the lines that the store's history gets have the
+  /// executor's time: one session at a time has a store.
   Session(rt::Executor& executor, const design::Machine& machine, places::SlotStore& store);
   ~Session();
   Session(const Session&) = delete;
@@ -87,12 +88,22 @@ class Session {
   }
 
  private:
-  class StampedStore;
+  class Clock final : public places::StoreClock {
+   public:
+    explicit Clock(rt::Executor& executor) noexcept : executor_(&executor) {}
+    [[nodiscard]] std::int64_t now_ms() const noexcept override {
+      return std::chrono::duration_cast<std::chrono::milliseconds>(executor_->now().time_since_epoch()).count();
+    }
+
+   private:
+    rt::Executor* executor_;
+  };
   void record(const operate::Event& event);
 
   rt::Executor* executor_;
   const design::Machine* machine_;
-  std::unique_ptr<StampedStore> store_;
+  places::SlotStore* store_;
+  Clock clock_;
   std::vector<std::pair<const design::Bus*, can::Port*>> ports_;
   manager::SlotSettings settings_;
   operate::WrittenFiles::Place written_;

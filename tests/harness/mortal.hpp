@@ -106,6 +106,7 @@ class MortalStore final : public places::SlotStore {
     if (disk_->crashed()) axe_->fall();
     if (!opened) return opened.error().message;
     database_ = std::move(*opened);
+    database_->set_clock(clock());
     return {};
   }
   // The process is gone: nothing more is written, not even what closing would.
@@ -178,8 +179,9 @@ class MortalStore final : public places::SlotStore {
   Result<std::vector<places::HistoryEntry>> history(std::optional<places::SlotId> slot) override {
     return read([&] { return database_->history(slot); });
   }
-  void stamp(std::int64_t now_ms) noexcept override {
-    if (database_) database_->stamp(now_ms);
+  void set_clock(const places::StoreClock* clock) noexcept override {
+    SlotStore::set_clock(clock);
+    if (database_) database_->set_clock(clock);
   }
 
  private:
