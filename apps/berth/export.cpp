@@ -12,6 +12,7 @@
 #include <set>
 
 #include "adopt.hpp"
+#include "berth/base/base64.hpp"
 #include "berth/command/notes.hpp"
 #include "berth/store/database.hpp"
 #include "berth/text/file.hpp"
@@ -28,40 +29,9 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr int export_version = 1;
-constexpr std::string_view digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 
-std::string to_base64(std::string_view bytes) {
-  std::string text;
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    std::uint32_t word = 0;
-    const std::size_t count = std::min<std::size_t>(3, bytes.size() - i);
-    for (std::size_t k = 0; k < 3; ++k) word = word << 8U | (k < count ? static_cast<unsigned char>(bytes[i + k]) : 0U);
-    for (std::size_t k = 0; k < 4; ++k) text.push_back(k <= count ? digits[word >> (18U - 6U * k) & 0x3FU] : '=');
-  }
-  return text;
-}
-
-std::optional<std::string> from_base64(std::string_view text) {
-  if (text.size() % 4 != 0) return std::nullopt;
-  std::string bytes;
-  for (std::size_t i = 0; i < text.size(); i += 4) {
-    std::uint32_t word = 0;
-    std::size_t count = 3;
-    for (std::size_t k = 0; k < 4; ++k) {
-      const char c = text[i + k];
-      const bool last = i + 4 == text.size();
-      if (c == '=' && last && k >= 2) {
-        count = std::min(count, k - 1);
-        word <<= 6U;
-        continue;
-      }
-      const auto value = digits.find(c);
-      if (value == std::string_view::npos || count < 3) return std::nullopt;
-      word = word << 6U | static_cast<std::uint32_t>(value);
-    }
-    for (std::size_t k = 0; k < count; ++k) bytes.push_back(static_cast<char>(word >> (16U - 8U * k) & 0xFFU));
-  }
-  return bytes;
+std::string coded(std::string_view bytes) {
+  return to_base64({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()});
 }
 
 tl::expected<std::string, Failure> bytes_of_file(const std::string& path) {
@@ -146,7 +116,7 @@ tl::expected<Content, Failure> content_of(const Json& entry, const std::string& 
   }
   auto bytes = from_base64(entry.at("base64").get<std::string>());
   if (!bytes) return tl::unexpected(failure(Exit::usage, fmt::format("{}: {} is damaged", from, name)));
-  return Content{name, std::move(*bytes)};
+  return Content{name, std::string(bytes->begin(), bytes->end())};
 }
 
 // Where the text is nested deeper, or has more values, than any export: what a reader of JSON makes of it costs a
@@ -276,7 +246,7 @@ int run_export(const Options& given, const std::string& to) {
   for (const auto& name : *names) {
     const auto bytes = bytes_of_file((folder / name).string());
     if (!bytes) return tell(bytes.error(), options.json);
-    all["files"].push_back({{"name", name}, {"base64", to_base64(*bytes)}});
+    all["files"].push_back({{"name", name}, {"base64", coded(*bytes)}});
   }
   const std::string store = options.store.file.empty() ? default_store(options.machine) : options.store.file;
   all["store"] = nullptr;
@@ -288,7 +258,7 @@ int run_export(const Options& given, const std::string& to) {
     const auto bytes = store_bytes(store);
     if (!bytes) return tell(bytes.error(), options.json);
     const std::string name = fs::path(default_store(names->front())).filename().string();
-    all["store"] = {{"name", name}, {"base64", to_base64(*bytes)}};
+    all["store"] = {{"name", name}, {"base64", coded(*bytes)}};
   }
   const std::string written = all.dump(1) + "\n";
   if (const auto wrong = write_whole({{to, written}}, false)) return tell(*wrong, options.json);

@@ -1,5 +1,7 @@
 #include "berth/base/crc.hpp"
 
+#include <zlib.h>
+
 #include <array>
 #include <cstddef>
 
@@ -25,16 +27,6 @@ constexpr auto crc16_tables = [] {
   return tables;
 }();
 
-constexpr auto crc32_table = [] {
-  std::array<std::uint32_t, 256> table{};
-  for (std::uint32_t i = 0; i < 256; ++i) {
-    std::uint32_t crc = i;
-    for (int bit = 0; bit < 8; ++bit) crc = (crc & 1U) != 0 ? (crc >> 1) ^ 0xEDB88320U : crc >> 1;
-    table[i] = crc;
-  }
-  return table;
-}();
-
 }  // namespace
 
 std::uint16_t crc16(std::span<const std::uint8_t> bytes, std::uint16_t crc) noexcept {
@@ -54,9 +46,7 @@ std::uint16_t crc16(std::span<const std::uint8_t> bytes, std::uint16_t crc) noex
 }
 
 std::uint32_t crc32(std::span<const std::uint8_t> bytes, std::uint32_t crc) noexcept {
-  crc = ~crc;
-  for (const auto byte : bytes) crc = (crc >> 8) ^ crc32_table[(crc ^ byte) & 0xFFU];
-  return ~crc;
+  return static_cast<std::uint32_t>(::crc32_z(crc, bytes.data(), bytes.size()));
 }
 
 }  // namespace berth

@@ -174,9 +174,4 @@ struct Line {
 /// The lines of `help`, each ended, each a comment.
 [[nodiscard]] std::string help_text();
 
-/// RFC 2045 base64, without line breaks.
-[[nodiscard]] std::string to_base64(std::span<const std::uint8_t> bytes);
-/// Empty: a character that is none, padding at the wrong place, bits left over that are not 0.
-[[nodiscard]] std::optional<std::vector<std::uint8_t>> from_base64(std::string_view text);
-
 }  // namespace berth::serve::cia309

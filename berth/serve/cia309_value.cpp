@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "berth/base/base64.hpp"
 #include "berth/serve/cia309.hpp"
 
 namespace berth::serve::cia309 {
@@ -13,7 +14,6 @@ namespace {
 using Bytes = std::vector<std::uint8_t>;
 using od::DataType;
 
-constexpr std::string_view alphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 constexpr std::uint64_t longest_milliseconds = 0x0FFF'FFFF;  // 28 bits
 
 std::optional<unsigned> hex_digit(char c) noexcept {
@@ -181,42 +181,6 @@ std::optional<std::vector<std::uint8_t>> value_bytes(Type type, std::span<const 
   if (od::is_real(type.type)) return real_bytes(type.type, word.text);
   if (type.type == DataType::boolean && word.text != "0" && word.text != "1") return std::nullopt;
   return integer(type.type, word.text);
-}
-
-std::string to_base64(std::span<const std::uint8_t> bytes) {
-  std::string text;
-  text.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const std::size_t left = bytes.size() - i;
-    const std::uint32_t group = static_cast<std::uint32_t>(bytes[i]) << 16U |
-                                (left > 1 ? static_cast<std::uint32_t>(bytes[i + 1]) << 8U : 0U) |
-                                (left > 2 ? static_cast<std::uint32_t>(bytes[i + 2]) : 0U);
-    text += alphabet[group >> 18U];
-    text += alphabet[group >> 12U & 63U];
-    text += left > 1 ? alphabet[group >> 6U & 63U] : '=';
-    text += left > 2 ? alphabet[group & 63U] : '=';
-  }
-  return text;
-}
-
-std::optional<std::vector<std::uint8_t>> from_base64(std::string_view text) {
-  if (text.size() % 4 != 0) return std::nullopt;
-  const std::size_t padding = text.ends_with("==") ? 2 : text.ends_with("=") ? 1 : 0;
-  Bytes bytes;
-  bytes.reserve(text.size() / 4 * 3);
-  std::uint32_t group = 0;
-  unsigned bits = 0;
-  for (const char c : text.substr(0, text.size() - padding)) {
-    const auto value = alphabet.find(c);
-    if (value == std::string_view::npos) return std::nullopt;
-    group = (group << 6U | static_cast<std::uint32_t>(value)) & 0xFFFFFFU;
-    bits += 6;
-    if (bits < 8) continue;
-    bits -= 8;
-    bytes.push_back(static_cast<std::uint8_t>(group >> bits & 0xFFU));
-  }
-  if ((group & ((1U << bits) - 1U)) != 0) return std::nullopt;
-  return bytes;
 }
 
 }  // namespace berth::serve::cia309

@@ -27,7 +27,7 @@ struct Database::Impl {
   std::function<bool()> ended{};  ///< see `OpenOptions`; before `db`, which asks it
   std::optional<SQLite::Database> db;
   std::map<const char*, SQLite::Statement> statements;  ///< by the address of their text; after `db`, so gone before it
-  const SlotStore* owner = nullptr;  // whose clock history lines have
+  const SlotStore* owner = nullptr;                     // whose clock history lines have
 
   /// The prepared statement of a text that stands once in the program.
   SQLite::Statement& statement(const char* sql);

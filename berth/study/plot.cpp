@@ -1,19 +1,19 @@
-// The plot of `berth compare`: SVG is text, and this is all that it needs.
+// The plot of `berth compare`.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 #include <iterator>
 
+#include "berth/base/svg.hpp"
 #include "berth/study/contest.hpp"
 
 namespace berth::study {
 namespace {
 
 constexpr double panel_width = 300, panel_height = 220, gap = 60, left = 70, top = 110;
-// Okabe and Ito's colours, which most people can tell apart, and two greys.
-constexpr const char* colours[]{"#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2",
-                                "#D55E00", "#CC79A7", "#000000", "#777777", "#AA3377"};
+constexpr const char* colours[]{colour::orange,    colour::sky,    colour::green, colour::yellow, colour::blue,
+                                colour::vermilion, colour::purple, colour::black, "#777777",      "#AA3377"};
 
 /// A logarithmic axis from `low` to `high`, drawn from `begin` to `end`.
 struct Axis {
@@ -35,54 +35,48 @@ std::vector<T> distinct(const std::vector<Cell>& cells, const Get& get) {
   return all;
 }
 
-std::string text(double x, double y, const char* anchor, const std::string& words, int size = 11) {
-  return fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"{}\" font-size=\"{}\">{}</text>\n", x, y, anchor,
-                     size, words);
-}
-
-std::string line(double x1, double y1, double x2, double y2, const char* colour) {
-  return fmt::format("<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"{}\"/>\n", x1, y1, x2, y2,
-                     colour);
-}
-
 /// A hollow mark: not every device was bound.
-std::string mark(double x, double y, const char* colour, bool whole) {
-  return fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"3\" fill=\"{}\" stroke=\"{}\"/>\n", x, y,
-                     whole ? colour : "white", colour);
+void mark(Svg& svg, double x, double y, const char* colour, bool whole) {
+  svg.circle(x, y, 3, whole ? colour : "white", colour);
 }
 
 class Panel {
  public:
   Panel(const std::vector<Cell>& cells, const Axis& x, const Axis& y) : cells_(cells), x_(x), y_(y) {}
 
-  std::string frame(const std::string& title) const {
-    std::string svg = text((x_.begin + x_.end) / 2, y_.end - 8, "middle", title, 12);
+  void frame(Svg& svg, const std::string& title) const {
+    svg.words((x_.begin + x_.end) / 2, y_.end - 8, "middle", title, 12);
     for (const auto n : distinct<unsigned>(cells_, [](const Cell& c) { return c.devices; })) {
-      svg += line(x_.at(n), y_.begin, x_.at(n), y_.end, "#DDDDDD");
-      svg += text(x_.at(n), y_.begin + 14, "middle", std::to_string(n));
+      svg.line(x_.at(n), y_.begin, x_.at(n), y_.end, colour::grid);
+      svg.words(x_.at(n), y_.begin + 14, "middle", std::to_string(n));
     }
     for (double t = y_.low; t <= y_.high * 1.001; t *= 10) {
-      svg += line(x_.begin, y_.at(t), x_.end, y_.at(t), "#DDDDDD");
-      svg +=
-          text(x_.begin - 6, y_.at(t) + 4, "end", t < 1 ? fmt::format("{:g} ms", t * 1000) : fmt::format("{:g} s", t));
+      svg.line(x_.begin, y_.at(t), x_.end, y_.at(t), colour::grid);
+      svg.words(x_.begin - 6, y_.at(t) + 4, "end", t < 1 ? fmt::format("{:g} ms", t * 1000) : fmt::format("{:g} s", t));
     }
-    return svg + text((x_.begin + x_.end) / 2, y_.begin + 28, "middle", "devices");
+    svg.words((x_.begin + x_.end) / 2, y_.begin + 28, "middle", "devices");
   }
 
-  std::string curve(const Contestant& method, std::uint32_t rate, Serials serials, const char* colour) const {
-    std::string points, marks;
-    for (const auto& c : cells_) {
-      if (c.method != method || c.bit_rate != rate || c.serials != serials) continue;
-      const double x = x_.at(c.devices), y = y_.at(seconds(c));
-      points += fmt::format("{:.1f},{:.1f} ", x, y);
-      marks += mark(x, y, colour, c.bound == c.devices);
+  void curve(Svg& svg, const Contestant& method, std::uint32_t rate, Serials serials, const char* colour) const {
+    std::string points;
+    for (const auto& c : of(method, rate, serials)) {
+      points += fmt::format("{:.1f},{:.1f} ", x_.at(c->devices), y_.at(seconds(*c)));
     }
-    return fmt::format("<polyline fill=\"none\" stroke=\"{}\" stroke-width=\"{}\"{} points=\"{}\"/>\n", colour,
-                       is_planner(method) ? 2.5 : 1.5, is_planner(method) ? "" : " stroke-dasharray=\"5 3\"", points) +
-           marks;
+    svg.curve(points, colour, is_planner(method) ? 2.5 : 1.5, is_planner(method) ? "" : "5 3");
+    for (const auto& c : of(method, rate, serials)) {
+      mark(svg, x_.at(c->devices), y_.at(seconds(*c)), colour, c->bound == c->devices);
+    }
   }
 
  private:
+  [[nodiscard]] std::vector<const Cell*> of(const Contestant& method, std::uint32_t rate, Serials serials) const {
+    std::vector<const Cell*> these;
+    for (const auto& c : cells_) {
+      if (c.method == method && c.bit_rate == rate && c.serials == serials) these.push_back(&c);
+    }
+    return these;
+  }
+
   const std::vector<Cell>& cells_;
   Axis x_, y_;
 };
@@ -105,17 +99,14 @@ std::string plot(const std::vector<Cell>& cells) {
   const auto methods = distinct<Contestant>(cells, [](const Cell& c) { return c.method; });
   const double width = left + static_cast<double>(kinds.size()) * (panel_width + gap);
   const double height = top + static_cast<double>(rates.size()) * (panel_height + gap + 20);
-  std::string svg = fmt::format(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0:.0f}\" height=\"{1:.0f}\" viewBox=\"0 0 {0:.0f} {1:.0f}\" "
-      "font-family=\"sans-serif\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
-      width, height);
-  svg += text(left, 24, "start", "Bus time to find blank devices and give each a node-ID", 16);
-  svg += text(left, 42, "start", "solid: Berth's planners; dashed: published; hollow: not every device was bound");
-  if (cells.empty()) return svg + "</svg>\n";
+  Svg svg(width, height);
+  svg.words(left, 24, "start", "Bus time to find blank devices and give each a node-ID", 16);
+  svg.words(left, 42, "start", "solid: Berth's planners; dashed: published; hollow: not every device was bound");
+  if (cells.empty()) return svg.text();
   for (std::size_t i = 0; i < methods.size(); ++i) {
     const double x = left + static_cast<double>(i % 5) * 175, y = 60 + static_cast<double>(i / 5) * 16;
-    svg +=
-        mark(x, y - 4, colours[i % std::size(colours)], true) + text(x + 8, y, "start", std::string(name(methods[i])));
+    mark(svg, x, y - 4, colours[i % std::size(colours)], true);
+    svg.words(x + 8, y, "start", name(methods[i]));
   }
   const auto [fastest, slowest] = decades(cells);
   const auto devices = distinct<unsigned>(cells, [](const Cell& c) { return c.devices; });
@@ -126,12 +117,12 @@ std::string plot(const std::vector<Cell>& cells) {
       const double y = top + static_cast<double>(row) * (panel_height + gap + 20);
       const Panel panel(cells, {double(fewest), double(most), x, x + panel_width},
                         {fastest, slowest, y + panel_height, y});
-      svg += panel.frame(fmt::format("{} kbit/s, {} serial numbers", rates[row] / 1000, name(kinds[column])));
+      panel.frame(svg, fmt::format("{} kbit/s, {} serial numbers", rates[row] / 1000, name(kinds[column])));
       for (std::size_t i = 0; i < methods.size(); ++i)
-        svg += panel.curve(methods[i], rates[row], kinds[column], colours[i % std::size(colours)]);
+        panel.curve(svg, methods[i], rates[row], kinds[column], colours[i % std::size(colours)]);
     }
   }
-  return svg + "</svg>\n";
+  return svg.text();
 }
 
 }  // namespace berth::study

@@ -8,11 +8,7 @@
 namespace berth::tree {
 
 Session::Session(rt::Executor& executor, const design::Machine& machine, places::SlotStore& store)
-    : executor_(&executor),
-      machine_(&machine),
-      store_(&store),
-      clock_(executor),
-      tree_(executor, machine, networks_) {
+    : executor_(&executor), machine_(&machine), store_(&store), clock_(executor), tree_(executor, machine, networks_) {
   store.set_clock(&clock_);
 }
 

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <limits>
 
+#include "berth/base/base64.hpp"
 #include "berth/serve/cia309.hpp"
 
 namespace berth::serve {
@@ -282,8 +283,8 @@ TEST(Gateway309Value, Base64OfTheRfc) {
                                                          {"foobar", "Zm9vYmFy"}};
   for (const auto& [plain, coded] : vectors) {
     const Bytes bytes(plain.begin(), plain.end());
-    EXPECT_EQ(cia309::to_base64(bytes), coded);
-    EXPECT_EQ(cia309::from_base64(coded), bytes);
+    EXPECT_EQ(to_base64(bytes), coded);
+    EXPECT_EQ(from_base64(coded), bytes);
   }
 }
 

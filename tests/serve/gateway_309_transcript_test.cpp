@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "berth/base/base64.hpp"
 #include "gateway_309_rig.hpp"
 
 namespace berth::serve {
@@ -147,7 +148,7 @@ TEST(Gateway309, ALongValueGoesInSegmentsOrInBlocksAsSet) {
   Rig309 rig;
   std::vector<std::uint8_t> bytes(4000);
   for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<std::uint8_t>(i * 7);
-  const auto text = cia309::to_base64(bytes);
+  const auto text = to_base64(bytes);
   const std::string both =
       "> [1] 1 5 w 0x2100 0 d " + text + "\n< [1] OK\n> [2] 1 5 r 0x2100 0 d\n< [2] " + text + "\n";
   rig.play(both);
