@@ -2,8 +2,10 @@
 /// control).
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <chrono>
+#include <cstdint>
 #include <optional>
 #include <utility>
 
@@ -12,6 +14,13 @@
 #include "berth/od/abort_code.hpp"
 
 namespace berth::co {
+
+/// A time as 1016h, 1017h and 100Ch hold it: whole milliseconds, 65535 at most.
+[[nodiscard]] constexpr std::uint16_t whole_ms(rt::Duration time) noexcept {
+  constexpr std::int64_t most = 0xFFFF;
+  const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(time).count();
+  return static_cast<std::uint16_t>(std::clamp<std::int64_t>(ms, 0, most));
+}
 
 /// Sends the NMT state every 1017h milliseconds. The first heartbeat follows one period after the start, because the
 /// boot-up message counts as the first. At most one heartbeat waits in the port: a later one replaces it.

@@ -44,8 +44,7 @@ class SlotSource final : public network::BootSource {
   // A device without a heartbeat is guarded, as `berth up` does.
   rt::Task<Result<void>> set_heartbeat(network::BootTarget& target, manager::SlaveRules& rules) {
     const design::Timing& timing = network_.bus().timing;
-    const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(timing.heartbeat_period).count();
-    const auto period = static_cast<std::uint16_t>(std::clamp<std::int64_t>(ms, 0, 0xFFFF));
+    const auto period = co::whole_ms(timing.heartbeat_period);
     const std::array<std::uint8_t, 2> bytes{static_cast<std::uint8_t>(period), static_cast<std::uint8_t>(period >> 8U)};
     auto written = co_await target.objects().write(0x1017, 0, bytes);
     if (written || written.error().code != Errc::aborted) co_return written;

@@ -189,7 +189,7 @@ rt::Task<Result<Wanted>> Configuring::wanted_of(Seat& seat) {
     heartbeat.object = {0x1017, 0};
     heartbeat.type = od::DataType::unsigned16;
     heartbeat.name = "Producer heartbeat time (heartbeat_period of the machine file)";
-    const std::uint16_t ms = in_ms(heartbeat_time(s_.bus.timing, seat));
+    const std::uint16_t ms = co::whole_ms(heartbeat_time(s_.bus.timing, seat));
     heartbeat.bytes = {static_cast<std::uint8_t>(ms), static_cast<std::uint8_t>(ms >> 8U)};
     own.push_back(std::move(heartbeat));
   }

@@ -33,11 +33,6 @@ std::string text_of(rt::Duration time) {
 
 }  // namespace
 
-std::uint16_t in_ms(rt::Duration period) noexcept {
-  const auto ms = std::chrono::duration_cast<milliseconds>(period).count();
-  return static_cast<std::uint16_t>(std::clamp<std::int64_t>(ms, 0, 0xFFFF));
-}
-
 rt::Duration heartbeat_time(const design::Timing& timing, const Seat& seat) noexcept {
   return seat.rate.period.count() > 0 ? seat.rate.period : wanted_period(timing, seat);
 }
@@ -102,7 +97,7 @@ rt::Task<Result<bool>> ErrorControl::look(Seat& seat) {
     if (!there) co_return fail(Errc::timeout, "it did not answer what error_control wants");
     co_return false;
   }
-  const std::uint16_t wanted = in_ms(wanted_period(s_.bus.timing, seat));
+  const std::uint16_t wanted = co::whole_ms(wanted_period(s_.bus.timing, seat));
   const bool stays = co_await leave_as_it_is(seat, wanted);
   if (stays) co_return false;
   const auto has = co_await s_.sdo.read<std::uint16_t>(seat.id(), 0x1017, 0);
@@ -124,7 +119,7 @@ rt::Task<bool> ErrorControl::learn(Seat& seat, std::vector<std::uint8_t> held) {
     if (there && seat.rate.refused.empty()) seat.rate.refused = "it was refused beside the configuration";
     co_return there;
   }
-  seat.rate.refused = fmt::format("{} ms: it has another", in_ms(wanted_period(s_.bus.timing, seat)));
+  seat.rate.refused = fmt::format("{} ms: it has another", co::whole_ms(wanted_period(s_.bus.timing, seat)));
   seat.rate.period = milliseconds(ms);
   tell(seat, fmt::format("it comes every {} ms, as the device has it", ms));
   co_return true;
@@ -220,7 +215,7 @@ void ErrorControl::take_period(Seat& seat, rt::Duration steady) {
 // It has another value than it was given: it booted, and its boot-up was lost, so it keeps the value that is written
 // now. Or it keeps none.
 rt::Task<ErrorControl::Keeps> ErrorControl::look_at_what_it_keeps(Seat& seat) {
-  const std::uint16_t given = in_ms(heartbeat_time(s_.bus.timing, seat));
+  const std::uint16_t given = co::whole_ms(heartbeat_time(s_.bus.timing, seat));
   const auto has = co_await s_.sdo.read<std::uint16_t>(seat.id(), 0x1017, 0);
   if (!has || *has == given) co_return Keeps::all;
   note_write(seat);
@@ -239,8 +234,8 @@ rt::Task<bool> ErrorControl::watch_unheard(Seat& seat) {
   const Keeps keeps = co_await look_at_what_it_keeps(seat);
   if (keeps == Keeps::again) co_return false;
   if (keeps == Keeps::none) {
-    seat.rate.refused =
-        fmt::format("{} ms: the device accepts the write and keeps 0", in_ms(heartbeat_time(s_.bus.timing, seat)));
+    seat.rate.refused = fmt::format("{} ms: the device accepts the write and keeps 0",
+                                    co::whole_ms(heartbeat_time(s_.bus.timing, seat)));
     seat.guarded = true;
     s_.heartbeats.supervise(seat.id(), {});
     co_await ask_started(seat);
@@ -262,7 +257,7 @@ std::string ErrorControl::text_of_unheard(const Seat& seat) const {
 
 rt::Task<bool> ErrorControl::set_heartbeat(Seat& seat) {
   const NodeId id = seat.id();
-  const std::uint16_t wanted = in_ms(wanted_period(s_.bus.timing, seat));
+  const std::uint16_t wanted = co::whole_ms(wanted_period(s_.bus.timing, seat));
   const bool stays = co_await leave_as_it_is(seat, wanted);
   if (stays) co_return true;
   note_write(seat);
@@ -302,7 +297,8 @@ rt::Task<bool> ErrorControl::set_guarding(Seat& seat) {
     seat.guarded = false;
     co_return co_await set_heartbeat(seat);
   }
-  if (watch.guard_time.count() > 0) done = co_await s_.sdo.write<std::uint16_t>(id, 0x100C, 0, in_ms(watch.guard_time));
+  if (watch.guard_time.count() > 0)
+    done = co_await s_.sdo.write<std::uint16_t>(id, 0x100C, 0, co::whole_ms(watch.guard_time));
   if (!done && done.error().code == Errc::aborted) seat.rate.refused = "100Ch: " + describe(done.error());
   if (watch.life_time_factor > 0) {
     const auto factor = co_await s_.sdo.write<std::uint8_t>(id, 0x100D, 0, watch.life_time_factor);
@@ -339,7 +335,8 @@ rt::Task<void> ErrorControl::watch_running(Seat& seat) {
   if (asked) co_return;
   if (seat.last.seen && seat.rate.period.count() == 0) {
     const auto own = co_await s_.sdo.read<std::uint16_t>(id, 0x1017, 0);
-    if (own && *own != 0 && *own != in_ms(wanted_period(s_.bus.timing, seat))) seat.rate.period = milliseconds(*own);
+    if (own && *own != 0 && *own != co::whole_ms(wanted_period(s_.bus.timing, seat)))
+      seat.rate.period = milliseconds(*own);
   }
   const auto steady = s_.boots.steady(id);
   if (steady && *steady > heartbeat_timeout(s_.bus.timing, seat)) co_return take_period(seat, *steady);

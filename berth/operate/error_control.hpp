@@ -14,9 +14,6 @@ namespace berth::operate {
 [[nodiscard]] rt::Duration heartbeat_period(const design::Timing& timing, const Seat& seat) noexcept;
 [[nodiscard]] rt::Duration heartbeat_timeout(const design::Timing& timing, const Seat& seat) noexcept;
 
-/// As 1017h and 100Ch have it: whole ms, as far as 16 bits go.
-[[nodiscard]] std::uint16_t in_ms(rt::Duration period) noexcept;
-
 class ErrorControl {
  public:
   ErrorControl(BusServices& services, SlotTable& slots) noexcept : s_(services), slots_(slots) {}

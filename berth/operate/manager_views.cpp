@@ -60,10 +60,8 @@ std::vector<std::uint8_t> program_of(const Seat& seat) {
 }
 
 std::uint32_t consumer_of(const design::Timing& timing, const Seat& seat) {
-  constexpr std::int64_t most_ms = 0xFFFF;
   if (seat.guarded || seat.rate.by_sdo || !seat.there()) return 0;
-  const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(heartbeat_timeout(timing, seat)).count();
-  return std::uint32_t{seat.id().value()} << 16U | static_cast<std::uint32_t>(std::clamp<std::int64_t>(ms, 0, most_ms));
+  return std::uint32_t{seat.id().value()} << 16U | co::whole_ms(heartbeat_timeout(timing, seat));
 }
 
 }  // namespace berth::operate

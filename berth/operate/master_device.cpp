@@ -50,7 +50,7 @@ MasterDevice::MasterDevice(can::Dispatcher& dispatcher, const design::Bus& bus) 
   options.lss.on = false;
   options.rand = device::RandMode::off;
   options.name = "Berth";
-  options.presets.push_back({{0x1017, 0}, in_ms(bus.timing.heartbeat_period)});
+  options.presets.push_back({{0x1017, 0}, co::whole_ms(bus.timing.heartbeat_period)});
   if (bus.sync) produce_sync(options, *bus.sync);
   device_ = std::make_unique<device::Device>(dispatcher, shared, nullptr, std::move(options));
 }

@@ -306,8 +306,7 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
   }
   o.bus_off_recovery = bus_off_recovery;
   if (plan.eds.empty()) o.name = plan.name;
-  const auto heartbeat = std::chrono::duration_cast<std::chrono::milliseconds>(plan.heartbeat).count();
-  if (heartbeat > 0) o.presets.push_back({{0x1017, 0}, static_cast<std::uint64_t>(heartbeat)});
+  if (const auto heartbeat = co::whole_ms(plan.heartbeat); heartbeat > 0) o.presets.push_back({{0x1017, 0}, heartbeat});
   o.parameter_group = parameter_group_of(plan);
   // A master that left operational for a slave that is lost (1029h:01) would leave all others alone.
   if (plan.does.master && !plan.does.master->flying) o.presets.push_back({{0x1029, 1}, 1});
