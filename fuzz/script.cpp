@@ -14,7 +14,7 @@ namespace {
 using namespace berth;
 
 struct Nobody final : script::Behaviour::Listener {
-  void script_told(const script::Told& told) noexcept override { (void)script::to_string(told); }
+  void script_told(const script::Message& told) noexcept override { (void)script::to_string(told); }
 };
 
 }  // namespace

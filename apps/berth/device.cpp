@@ -190,14 +190,14 @@ class Voice final : public plant::PortDevices::Observer {
     print_error("the file of --sim-state cannot be written; what the devices store is forgotten at the end");
   }
 
-  void script_told(const plant::PortDevice& device, const script::Told& told) noexcept override {
+  void script_told(const plant::PortDevice& device, const script::Message& told) noexcept override {
     end_run_of(told);
     if (!json_) return print_error(script_line(now(), device.name(), told));
     auto json = line("script");
     json["device"] = device.name();
     json["file"] = told.file;
     json["line"] = told.line;
-    json["failed"] = told.kind != script::Told::Kind::printed;
+    json["failed"] = told.kind != script::Message::Kind::printed;
     json["text"] = told.text;
     print_line(json.dump());
   }

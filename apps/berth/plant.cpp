@@ -73,7 +73,7 @@ class NodeIds final : public plant::World::Observer {
     }
     events.push_back({seconds(world_->sim().now()), truth.name, before, why});
   }
-  void script_told(const plant::SimDevice& device, const script::Told& told) noexcept override {
+  void script_told(const plant::SimDevice& device, const script::Message& told) noexcept override {
     scripts.push_back({seconds(world_->sim().now()), device.name(), told});
     end_run_of(told);
   }
@@ -81,7 +81,7 @@ class NodeIds final : public plant::World::Observer {
   struct Script {
     double at_s;
     std::string device;
-    script::Told told;
+    script::Message told;
   };
   std::vector<Event> events;
   std::vector<Script> scripts;  ///< what scripts printed, and how they failed
@@ -156,7 +156,7 @@ int run_alone(plant::World& world, const Options& options) {
   }
   report["scripts"] = Json::array();
   for (const auto& s : ids.scripts) {
-    const bool failed = s.told.kind != script::Told::Kind::printed;
+    const bool failed = s.told.kind != script::Message::Kind::printed;
     if (failed) good = false;
     report["scripts"].push_back({{"at_s", s.at_s},
                                  {"device", s.device},

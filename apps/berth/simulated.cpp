@@ -98,18 +98,18 @@ tl::expected<void, Failure> remember(plant::World& world, const Options& options
 
 }  // namespace
 
-std::string script_line(double at_s, const std::string& device, const script::Told& told) {
-  const bool overran = told.kind == script::Told::Kind::overran;
-  const bool failed = overran || told.kind == script::Told::Kind::failed;
+std::string script_line(double at_s, const std::string& device, const script::Message& told) {
+  const bool overran = told.kind == script::Message::Kind::overran;
+  const bool failed = overran || told.kind == script::Message::Kind::failed;
   const char* const end = overran ? "; the run ends here" : "";
   return fmt::format("{:>10.4f} s  {:<20} {}{}{}", at_s, device, failed ? "script failed: " : "", to_string(told), end);
 }
 
-void end_run_of(const script::Told& told) noexcept {
-  if (told.kind == script::Told::Kind::overran) end_run();
+void end_run_of(const script::Message& told) noexcept {
+  if (told.kind == script::Message::Kind::overran) end_run();
 }
 
-void ScriptTeller::script_told(const plant::SimDevice& device, const script::Told& told) noexcept {
+void ScriptTeller::script_told(const plant::SimDevice& device, const script::Message& told) noexcept {
   const auto now = world_->sim().now().time_since_epoch();
   print_error(script_line(std::chrono::duration<double>(now).count(), device.name(), told));
   end_run_of(told);

@@ -24,10 +24,10 @@ namespace berth::cli {
 [[nodiscard]] tl::expected<std::vector<plant::BusRate>, Failure> bus_rates(const Options& options);
 
 /// What a device's script printed or how it ended, as a line for people.
-[[nodiscard]] std::string script_line(double at_s, const std::string& device, const script::Told& told);
+[[nodiscard]] std::string script_line(double at_s, const std::string& device, const script::Message& told);
 
 /// Ends the command when the script took too much of the host's processor: no seed gives that run again.
-void end_run_of(const script::Told& told) noexcept;
+void end_run_of(const script::Message& told) noexcept;
 
 /// Tells on standard error what the scripts of a world print and how they fail. One that takes too much of the host's
 /// processor ends the command (`end_run`); a signal that ends a command ends a script, too.
@@ -38,7 +38,7 @@ class ScriptTeller final : public plant::World::Observer {
   ScriptTeller(const ScriptTeller&) = delete;
   ScriptTeller& operator=(const ScriptTeller&) = delete;
   void plant_changed(const plant::SimDevice&) noexcept override {}
-  void script_told(const plant::SimDevice& device, const script::Told& told) noexcept override;
+  void script_told(const plant::SimDevice& device, const script::Message& told) noexcept override;
   bool scripts_must_end() noexcept override;
 
  private:

@@ -439,7 +439,7 @@ bool SdoLine::may_be_owed(const can::Frame& frame) const noexcept {
 }
 
 // One answer to each request; to a block upload as many as a sub-block has segments.
-void SdoAnothers::asked(const can::Frame& request, rt::Time at, rt::Duration patience) noexcept {
+void OtherClientRequests::asked(const can::Frame& request, rt::Time at, rt::Duration patience) noexcept {
   constexpr std::uint32_t most = 128;
   const auto ccs = static_cast<sdo::Ccs>(sdo::specifier(request.data[0]));
   if (!sdo::well_formed(request) || ccs == sdo::Ccs::abort) return;
@@ -451,7 +451,7 @@ void SdoAnothers::asked(const can::Frame& request, rt::Time at, rt::Duration pat
   until_ = at + patience;
 }
 
-bool SdoAnothers::take(const can::Frame& answer, rt::Time at) noexcept {
+bool OtherClientRequests::take(const can::Frame& answer, rt::Time at) noexcept {
   if (answers_ == 0 || at > until_) return false;
   const auto scs = static_cast<Scs>(sdo::specifier(answer.data[0]));
   const bool names_object = !block_ && (scs == Scs::upload || scs == Scs::download);
@@ -463,8 +463,8 @@ bool SdoAnothers::take(const can::Frame& answer, rt::Time at) noexcept {
 // Before anybody has asked, as far as was heard, what a node answers is meant for a client that was here before this
 // one: a master that died a moment ago, say.
 bool SdoLine::is_for_another(NodeId node, const can::Frame& answer, rt::Time at) noexcept {
-  if (settings_->anothers == nullptr) return false;
-  SdoAnothers& another = settings_->anothers[node.value() & 0x7FU];
+  if (settings_->other_clients == nullptr) return false;
+  OtherClientRequests& another = settings_->other_clients[node.value() & 0x7FU];
   const bool nobody_asked = open_until_ == rt::Time{} && !another.any();
   return nobody_asked || another.take(answer, at);
 }
@@ -511,8 +511,8 @@ SdoClient::SdoClient(can::Dispatcher& dispatcher, const SdoOptions& options)
 }
 
 void SdoClient::heed_other_clients() {
-  if (settings_.anothers != nullptr) return;
-  settings_.anothers = anothers_.data();
+  if (settings_.other_clients != nullptr) return;
+  settings_.other_clients = anothers_.data();
   settings_.dispatcher->add(all_sdo_requests, requests_);
 }
 

@@ -264,7 +264,7 @@ class SdoObserver {
 };
 
 /// What another client of a node's default channel asked.
-class SdoAnothers {
+class OtherClientRequests {
  public:
   /// A request of its was heard. What a block download sends looks like any: the answers are waited for so long.
   void asked(const can::Frame& request, rt::Time at, rt::Duration patience) noexcept;
@@ -286,8 +286,8 @@ struct SdoClientSettings {
   SdoOptions options{};
   SdoObserver* observer = nullptr;
   rt::Duration late_window = std::chrono::seconds(5);
-  SdoAnothers* anothers = nullptr;  ///< by node-ID; null: other clients are not heeded
-  SdoPatience* learnt = nullptr;    ///< null: nothing is
+  OtherClientRequests* other_clients = nullptr;  ///< by node-ID; null: other clients are not heeded
+  SdoPatience* learnt = nullptr;                 ///< null: nothing is
 };
 
 /// One channel as its client sees it: the transfers in it, one behind the other. A part of the clients below.
@@ -450,7 +450,7 @@ class SdoClient final : private can::Handler {
 
   SdoClientSettings settings_;
   std::array<SdoLine, 128> lines_;
-  std::array<SdoAnothers, 128> anothers_;
+  std::array<OtherClientRequests, 128> anothers_;
   Requests requests_{*this};
 };
 

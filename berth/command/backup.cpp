@@ -26,15 +26,15 @@ using manager::LoadedConfiguration;
 constexpr const char* conforms = "`berth scan` shows which devices answer";
 
 /// 1018h, as far as the device tells.
-struct Told {
+struct DeviceIdentity {
   TypeCode type;
   std::uint32_t revision = 0;
   std::uint32_t serial = 0;
 };
 
-rt::Task<Result<Told>> identity_of(co::SdoAccess& device) {
+rt::Task<Result<DeviceIdentity>> identity_of(co::SdoAccess& device) {
   constexpr std::uint16_t identity = 0x1018;
-  Told told;
+  DeviceIdentity told;
   const auto vendor = co_await device.read_u32(identity, 1);
   if (!vendor) co_return fail(vendor.error());
   told.type.vendor = *vendor;
@@ -69,7 +69,7 @@ struct Saved {
   NodeArgument node;
   std::string bus;   ///< that it is on
   std::string slot;  ///< empty: it has none
-  Told told;
+  DeviceIdentity told;
   manager::UploadedConfiguration uploaded;
   std::string problem;  ///< why there is no DCF
 };

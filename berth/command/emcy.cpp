@@ -24,13 +24,13 @@ std::uint32_t number(const co::SdoValue& value) {
   return number;
 }
 
-struct Told {
+struct HistoryReply {
   Json history = Json::array();
   std::vector<std::string> lines{};
 };
 
 // Sub-index 0 says how many there are, 1 is the newest (CiA 301 §7.5.2.4).
-rt::Task<Result<void>> read_history(co::SdoAccess& node, std::uint16_t profile, Told& told) {
+rt::Task<Result<void>> read_history(co::SdoAccess& node, std::uint16_t profile, HistoryReply& told) {
   const auto count = co_await node.read(0x1003, 0);
   if (!count) co_return tl::unexpected(count.error());
   const std::uint32_t entries = number(*count) & 0xFFU;
@@ -136,7 +136,7 @@ rt::Task<void> emcy(Session& session, const Request& request, Reply& reply) {
   if (!state) co_return fail_with(reply, state.error(), where, "`berth scan` shows which devices answer", node.path());
   const auto bits = static_cast<std::uint8_t>(number(*state));
   const std::uint16_t profile = co_await profile_of(device);
-  Told told;
+  HistoryReply told;
   const auto read = co_await read_history(device, profile, told);
   // 1003h is optional (CiA 301 §7.5.2.4); a device without it has no history.
   const bool none = !read && read.error().code == Errc::aborted;

@@ -108,7 +108,7 @@ std::string not_reached(const std::vector<Unreached>& all) {
 namespace {
 
 // What is told of all buses.
-struct Told {
+struct ScanReply {
   Json json;
   std::vector<std::string> lines;
   std::vector<Unreached> unreached;
@@ -123,7 +123,7 @@ struct Told {
 };
 
 // Where Berth has no port, the gateway's master tells whom it knows.
-rt::Task<void> ask_beneath(Session& session, std::string only, Told& told) {
+rt::Task<void> ask_beneath(Session& session, std::string only, ScanReply& told) {
   auto& unreached = told.unreached;
   for (const auto& each : session.tree().buses()) {
     const std::string& bus = each->bus().name;
@@ -156,7 +156,7 @@ rt::Task<void> scan(Session& session, const Request& request, Reply& reply) {
   if (beneath) networks = std::vector<Network*>{};
   const bool everybody = arguments.has("all");
   const auto range = everybody ? operate::ScanRange::all : operate::ScanRange::heard;
-  Told told;
+  ScanReply told;
   told.json["nodes"] = Json::array();
   for (Network* const network : *networks) {
     const auto seen = co_await network->scan(range);

@@ -7,8 +7,9 @@
 ///     d.power_on();
 ///     temperature.set(215);
 ///
-/// It is made of parts that own their state (`Parts`), in an order of power, resets and NMT states (`Lifecycle`); what
-/// concerns one of them is asked of it: `d.errors().raise(0x4210, ...)`, `d.services().event(1)`, `d.lss().pending()`.
+/// It is made of parts that own their state (`DeviceParts`), in an order of power, resets and NMT states (`Lifecycle`);
+/// what concerns one of them is asked of it: `d.errors().raise(0x4210, ...)`, `d.services().event(1)`,
+/// `d.lss().pending()`.
 ///
 /// States: powered off -> booting (hears nothing, `Timing::boot`) -> without a node-ID: initialising, LSS and RAND
 /// only, no boot-up message -> LSS gives one and switches to waiting: reset communication -> boot-up ->
@@ -122,8 +123,8 @@ class Device final {
   [[nodiscard]] std::size_t memory() const noexcept;
 
  private:
-  struct Told final : Lifecycle::Owner {
-    explicit Told(const Device& of) noexcept : device(&of) {}
+  struct StateRelay final : Lifecycle::Owner {
+    explicit StateRelay(const Device& of) noexcept : device(&of) {}
     void device_changed() noexcept override {
       if (observer != nullptr) observer->device_changed(*device);
     }
@@ -133,7 +134,7 @@ class Device final {
 
   Options options_;
   od::Values values_;
-  Told told_{*this};
+  StateRelay told_{*this};
   Lifecycle life_;
 };
 

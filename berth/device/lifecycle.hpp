@@ -42,8 +42,8 @@ class Lifecycle final : private co::NmtSlave::Owner,
   [[nodiscard]] can::Status status() const noexcept { return dispatcher_->port().status(); }
   [[nodiscard]] co::NmtSlave& nmt() noexcept { return nmt_; }
   [[nodiscard]] const co::NmtSlave& nmt() const noexcept { return nmt_; }
-  [[nodiscard]] Parts& parts() noexcept { return parts_; }
-  [[nodiscard]] const Parts& parts() const noexcept { return parts_; }
+  [[nodiscard]] DeviceParts& parts() noexcept { return parts_; }
+  [[nodiscard]] const DeviceParts& parts() const noexcept { return parts_; }
 
  private:
   void reset(co::NmtReset what, rt::Time at) noexcept override;
@@ -69,7 +69,7 @@ class Lifecycle final : private co::NmtSlave::Owner,
   od::Values* values_;
   Owner* owner_;
   co::NmtSlave nmt_;
-  Parts parts_;
+  DeviceParts parts_;
   std::optional<Reset> begins_;
   bool unsaved_ = false;  // `Timing::needs_first_save`: as it was found when the firmware started
 };

@@ -2,8 +2,8 @@
 
 namespace berth::device {
 
-Parts::Parts(const Surroundings& on, const Options& options, od::Values& values, co::NmtSlave& nmt,
-             LssSlave::Owner& lss_owner, NodeIdSchemes::Owner& schemes_owner)
+DeviceParts::DeviceParts(const Surroundings& on, const Options& options, od::Values& values, co::NmtSlave& nmt,
+                         LssSlave::Owner& lss_owner, NodeIdSchemes::Owner& schemes_owner)
     : host(on.port, on.timing),
       application(values),
       errors(*on.dispatcher, values, nmt, host, services),
@@ -21,7 +21,7 @@ Parts::Parts(const Surroundings& on, const Options& options, od::Values& values,
       programming(Programming::make(on.dispatcher->executor(), values, on.programs,
                                     {options.address.vendor, options.address.product}, nmt, services.sdo())) {}
 
-std::size_t Parts::memory() const noexcept {
+std::size_t DeviceParts::memory() const noexcept {
   return application.memory() + errors.memory() + error_control.memory() + services.memory() + lss.memory() +
          schemes.memory() + stored.memory() + (node_id_object ? sizeof(NodeIdObject) : 0) +
          (programming ? sizeof(Programming) : 0);

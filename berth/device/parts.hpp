@@ -28,9 +28,9 @@ struct Surroundings {
   ProgramOptions programs;
 };
 
-struct Parts {
-  Parts(const Surroundings& on, const Options& options, od::Values& values, co::NmtSlave& nmt,
-        LssSlave::Owner& lss_owner, NodeIdSchemes::Owner& schemes_owner);
+struct DeviceParts {
+  DeviceParts(const Surroundings& on, const Options& options, od::Values& values, co::NmtSlave& nmt,
+              LssSlave::Owner& lss_owner, NodeIdSchemes::Owner& schemes_owner);
 
   Host host;
   Application application;

@@ -117,19 +117,19 @@ rt::Task<Outcome> Devices::selected(LssAddress device) {
 
 // Lely core's slaves answer Fastscan whatever node-ID they have; who does not tell one (5Eh) has none. It is the last
 // question before the 11h: a device in configuration that heard none of the proof may hear this one.
-rt::Task<Devices::Told> Devices::active_id(LssAddress device, rt::Duration window) {
+rt::Task<Devices::ActiveId> Devices::active_id(LssAddress device, rt::Duration window) {
   const lss::ServiceOptions service{
       .timeout = q_.asker().longest(), .retries = 0, .full_window = false, .listen = window};
   const auto told = co_await lss::ask_node_id(services_.lss, device, service);
   const auto now = services_.dispatcher.executor().now();
   q_.asker().sent_elsewhere(now);
-  if (told && !*told) co_return Told{};
+  if (told && !*told) co_return ActiveId{};
   const bool others = told && lss::suspicious(**told);
   if (others) services_.lss.suspect_strangers();
-  if (told) co_return Told{NodeId::make((*told)->byte()).value_or(NodeId()), others};
+  if (told) co_return ActiveId{NodeId::make((*told)->byte()).value_or(NodeId()), others};
   if (told.error().code == Errc::bus || told.error().code == Errc::cancelled) q_.broken(told.error());
   services_.lss.suspect_strangers();  // its answer may come to the next question
-  co_return Told{};
+  co_return ActiveId{};
 }
 
 // It was proven alone, and no node-ID of ours takes it out of the search. That it is met again makes it no clone.

@@ -46,11 +46,11 @@ class Devices {
  private:
   rt::Task<Outcome> selected(LssAddress device);
   rt::Task<NodeId> give(LssAddress device, bool says_none);
-  struct Told {
+  struct ActiveId {
     std::optional<NodeId> id = std::nullopt;  // empty: it does not tell
     bool by_others = false;                   // another device answered, too
   };
-  rt::Task<Told> active_id(LssAddress device, rt::Duration window);
+  rt::Task<ActiveId> active_id(LssAddress device, rt::Duration window);
   rt::Task<Outcome> stays(const Found& device, bool told);
   [[nodiscard]] lss::AloneOptions alone_options() const noexcept;
   void keep(const Found& device);

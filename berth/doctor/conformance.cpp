@@ -99,11 +99,11 @@ void Verdicts::holds(std::string_view paragraph, ObjectRef object, std::string w
   add(paragraph, object, std::move(what), so ? Verdict::passed : Verdict::failed, so ? std::string() : std::move(told));
 }
 
-void Verdicts::granted(std::string_view paragraph, ObjectRef object, std::string what, const Told& told) {
+void Verdicts::granted(std::string_view paragraph, ObjectRef object, std::string what, const AccessResult& told) {
   holds(paragraph, object, std::move(what), told.good(), told.words());
 }
 
-void Verdicts::refused(std::string_view paragraph, ObjectRef object, std::string what, const Told& told,
+void Verdicts::refused(std::string_view paragraph, ObjectRef object, std::string what, const AccessResult& told,
                        const Codes& codes) {
   const bool so = !told.silent && told.problem.empty() && codes.has(told.code);
   holds(paragraph, object, fmt::format("{} is refused with {}", what, written(codes.any.front())), so, told.words());
@@ -111,7 +111,7 @@ void Verdicts::refused(std::string_view paragraph, ObjectRef object, std::string
 
 void Verdicts::refused(std::string_view paragraph, std::string what, const std::optional<can::Frame>& answer,
                        const Codes& codes) {
-  Told told;
+  AccessResult told;
   told.silent = !answer;
   if (answer && answer->data[0] == 0x80) told.code = co::sdo::abort_code(*answer);
   refused(paragraph, ObjectRef{}, std::move(what), told, codes);
@@ -141,7 +141,7 @@ bool Described::settable(std::uint16_t index, std::uint8_t sub, std::size_t size
          od::byte_size(found->type) == size;
 }
 
-bool Described::leaves_out(std::uint16_t index, std::uint8_t sub, const Told& told) const noexcept {
+bool Described::leaves_out(std::uint16_t index, std::uint8_t sub, const AccessResult& told) const noexcept {
   const bool missing = told.code == od::AbortCode::no_object || told.code == od::AbortCode::no_sub_index;
   return missing && description_ != nullptr && find(index, sub) == nullptr;
 }

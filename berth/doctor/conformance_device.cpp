@@ -30,13 +30,13 @@ std::string written(od::AbortCode code) {
   return fmt::format("{:04X} {:04X} ({})", raw >> 16U, raw & 0xFFFFU, od::text(code));
 }
 
-std::uint64_t Told::number() const noexcept {
+std::uint64_t AccessResult::number() const noexcept {
   std::uint64_t value = 0;
   for (std::size_t i = std::min<std::size_t>(bytes.size(), 8); i-- > 0;) value = value << 8U | bytes[i];
   return value;
 }
 
-std::string Told::words() const {
+std::string AccessResult::words() const {
   if (silent) return "no answer";
   if (!problem.empty()) return problem;
   return code == od::AbortCode::none ? "it was granted" : written(code);
@@ -64,9 +64,9 @@ rt::Task<void> DeviceUnderTest::await_quiet() {
   while (now() < others_at_ + quiet && now() < began + longest) co_await rt::sleep_until(others_at_ + quiet);
 }
 
-Told DeviceUnderTest::told_by(const Error& error) {
+AccessResult DeviceUnderTest::told_by(const Error& error) {
   if (error.code == Errc::bus) bus_error_ = error;
-  Told told;
+  AccessResult told;
   if (error.code == Errc::aborted) {
     told.code = static_cast<od::AbortCode>(error.detail);
   } else if (error.code == Errc::timeout) {
@@ -77,8 +77,8 @@ Told DeviceUnderTest::told_by(const Error& error) {
   return told;
 }
 
-rt::Task<Told> DeviceUnderTest::read(std::uint16_t index, std::uint8_t sub) {
-  Told told;
+rt::Task<AccessResult> DeviceUnderTest::read(std::uint16_t index, std::uint8_t sub) {
+  AccessResult told;
   told.silent = true;
   if (bus_error_) co_return told;
   const auto value = co_await client_.upload(node_, index, sub);
@@ -88,8 +88,8 @@ rt::Task<Told> DeviceUnderTest::read(std::uint16_t index, std::uint8_t sub) {
   co_return told;
 }
 
-rt::Task<Told> DeviceUnderTest::read_by_block(std::uint16_t index, std::uint8_t sub, bool crc) {
-  Told told;
+rt::Task<AccessResult> DeviceUnderTest::read_by_block(std::uint16_t index, std::uint8_t sub, bool crc) {
+  AccessResult told;
   told.silent = true;
   if (bus_error_) co_return told;
   auto options = client_.options();
@@ -102,8 +102,8 @@ rt::Task<Told> DeviceUnderTest::read_by_block(std::uint16_t index, std::uint8_t 
   co_return told;
 }
 
-rt::Task<Told> DeviceUnderTest::write(std::uint16_t index, std::uint8_t sub, const Bytes& bytes) {
-  Told told;
+rt::Task<AccessResult> DeviceUnderTest::write(std::uint16_t index, std::uint8_t sub, const Bytes& bytes) {
+  AccessResult told;
   told.silent = true;
   if (bus_error_) co_return told;
   const std::span<const std::uint8_t> data(bytes);
@@ -113,8 +113,8 @@ rt::Task<Told> DeviceUnderTest::write(std::uint16_t index, std::uint8_t sub, con
   co_return told;
 }
 
-rt::Task<Told> DeviceUnderTest::write_number(std::uint16_t index, std::uint8_t sub, std::size_t size,
-                                             std::uint64_t value) {
+rt::Task<AccessResult> DeviceUnderTest::write_number(std::uint16_t index, std::uint8_t sub, std::size_t size,
+                                                     std::uint64_t value) {
   const auto bytes = little_endian(size, value);
   co_return co_await write(index, sub, bytes);
 }

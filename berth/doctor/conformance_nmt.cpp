@@ -62,7 +62,7 @@ rt::Task<void> NmtChecks::resets() {
   ObjectRef where{};
   const auto* const application = application_object(where);
   const auto base = co_await device_.read(0x1017, 0);
-  Told own;
+  AccessResult own;
   if (application != nullptr) own = co_await device_.read(where.index, where.sub);
   for (const std::uint8_t which : std::array<std::uint8_t, 2>{reset_communication, reset_node}) {
     const bool all = which == reset_node;

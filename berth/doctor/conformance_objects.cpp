@@ -115,7 +115,7 @@ rt::Task<void> ObjectChecks::sub_object(const od::Object& object, const od::SubO
   co_await writing(sub, index, now);
 }
 
-rt::Task<void> ObjectChecks::writing(const od::SubObject& sub, std::uint16_t index, const Told& now) {
+rt::Task<void> ObjectChecks::writing(const od::SubObject& sub, std::uint16_t index, const AccessResult& now) {
   const std::size_t size = od::byte_size(sub.type);
   const ObjectRef ref{index, sub.sub};
   Bytes bytes = now.bytes;
@@ -155,7 +155,7 @@ rt::Task<void> ObjectChecks::writing(const od::SubObject& sub, std::uint16_t ind
   }
 }
 
-bool ObjectChecks::inside_limits(const od::SubObject& sub, const Told& now) const noexcept {
+bool ObjectChecks::inside_limits(const od::SubObject& sub, const AccessResult& now) const noexcept {
   const auto* const limits = options_.description->limits(sub);
   if (limits == nullptr || now.bytes.size() != od::byte_size(sub.type)) return true;
   const auto value = od::load(sub.type, now.bytes.data());

@@ -15,7 +15,7 @@ namespace berth::doctor {
 using Bytes = std::vector<std::uint8_t>;
 
 /// What came of one access.
-struct Told {
+struct AccessResult {
   bool silent = false;
   od::AbortCode code = od::AbortCode::none;
   std::string problem{};  ///< the answer broke the protocol
@@ -78,10 +78,10 @@ class DeviceUnderTest final : private can::Handler {
   rt::Task<void> await_quiet();
   /// SDO requests of other clients.
   [[nodiscard]] unsigned others() const noexcept { return others_; }
-  rt::Task<Told> read(std::uint16_t index, std::uint8_t sub);
-  rt::Task<Told> read_by_block(std::uint16_t index, std::uint8_t sub, bool crc);
-  rt::Task<Told> write(std::uint16_t index, std::uint8_t sub, const Bytes& bytes);
-  rt::Task<Told> write_number(std::uint16_t index, std::uint8_t sub, std::size_t size, std::uint64_t value);
+  rt::Task<AccessResult> read(std::uint16_t index, std::uint8_t sub);
+  rt::Task<AccessResult> read_by_block(std::uint16_t index, std::uint8_t sub, bool crc);
+  rt::Task<AccessResult> write(std::uint16_t index, std::uint8_t sub, const Bytes& bytes);
+  rt::Task<AccessResult> write_number(std::uint16_t index, std::uint8_t sub, std::size_t size, std::uint64_t value);
   /// One frame on the default channel and the next frame back; empty: silence.
   rt::Task<std::optional<can::Frame>> raw(can::Frame request);
   /// The same for a request that may be repeated: it is, when another client has asked meanwhile.
@@ -107,7 +107,7 @@ class DeviceUnderTest final : private can::Handler {
   };
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   /// What came of an SDO transfer.
-  Told told_by(const Error& error);
+  AccessResult told_by(const Error& error);
 
   can::Dispatcher* dispatcher_;
   NodeId node_;
@@ -125,8 +125,9 @@ class Verdicts {
  public:
   Verdicts(const DeviceUnderTest& device, Conformance& report) : device_(&device), report_(&report) {}
   void holds(std::string_view paragraph, ObjectRef object, std::string what, bool so, std::string told);
-  void granted(std::string_view paragraph, ObjectRef object, std::string what, const Told& told);
-  void refused(std::string_view paragraph, ObjectRef object, std::string what, const Told& told, const Codes& codes);
+  void granted(std::string_view paragraph, ObjectRef object, std::string what, const AccessResult& told);
+  void refused(std::string_view paragraph, ObjectRef object, std::string what, const AccessResult& told,
+               const Codes& codes);
   void refused(std::string_view paragraph, std::string what, const std::optional<can::Frame>& answer,
                const Codes& codes);
   void silent(std::string_view paragraph, std::string what, const std::optional<can::Frame>& answer);
@@ -150,7 +151,7 @@ class Described {
   /// An index that no device has.
   [[nodiscard]] std::uint16_t absent() const noexcept;
   /// The device has not what its description has not either.
-  [[nodiscard]] bool leaves_out(std::uint16_t index, std::uint8_t sub, const Told& told) const noexcept;
+  [[nodiscard]] bool leaves_out(std::uint16_t index, std::uint8_t sub, const AccessResult& told) const noexcept;
   /// The object of an entry of a PDO mapping (1600h, 1A00h).
   [[nodiscard]] bool mappable(std::uint32_t entry) const noexcept;
 
@@ -200,9 +201,9 @@ class ObjectChecks final : private Checks {
  private:
   rt::Task<void> object(const od::Object& object);
   rt::Task<void> sub_object(const od::Object& object, const od::SubObject& sub);
-  rt::Task<void> writing(const od::SubObject& sub, std::uint16_t index, const Told& now);
+  rt::Task<void> writing(const od::SubObject& sub, std::uint16_t index, const AccessResult& now);
   rt::Task<void> limits(const od::SubObject& sub, std::uint16_t index);
-  [[nodiscard]] bool inside_limits(const od::SubObject& sub, const Told& now) const noexcept;
+  [[nodiscard]] bool inside_limits(const od::SubObject& sub, const AccessResult& now) const noexcept;
   rt::Task<void> highest_sub(const od::Object& object);
 };
 

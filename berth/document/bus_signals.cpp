@@ -30,7 +30,7 @@ std::string name_of(const od::Description& description, ObjectRef ref) {
   return part.empty() ? whole : whole + " " + part;
 }
 
-std::vector<Signal> mapped(const Configured& device, const std::vector<od::PdoEntry>& entries) {
+std::vector<Signal> mapped(const DescribedSlot& device, const std::vector<od::PdoEntry>& entries) {
   std::vector<Signal> signals;
   const auto& description = device.values->description();
   unsigned at = 0;
@@ -52,7 +52,7 @@ std::vector<Signal> mapped(const Configured& device, const std::vector<od::PdoEn
 }
 
 // Those that are valid, of one kind.
-std::vector<Pdo> pdos_of(const Configured& device, od::PdoKind kind) {
+std::vector<Pdo> pdos_of(const DescribedSlot& device, od::PdoKind kind) {
   std::vector<Pdo> pdos;
   od::for_each_communication(device.values->description(), kind, [&](unsigned number) {
     const auto parameters = od::read_pdo(*device.values, kind, number);
@@ -77,13 +77,13 @@ class Collector {
     made_.bit_rate = bus.bitrate;
   }
 
-  BusSignals run(const std::vector<Configured>& slots) {
+  BusSignals run(const std::vector<DescribedSlot>& slots) {
     for (const auto& each : slots) {
       if (each.slot->spec.name.bus == bus_.name) here_.push_back(&each);
     }
-    for (const Configured* const each : here_) add_services(*each);
-    for (const Configured* const each : here_) add_tpdos(*each);
-    for (const Configured* const each : here_) add_rpdos(*each);
+    for (const DescribedSlot* const each : here_) add_services(*each);
+    for (const DescribedSlot* const each : here_) add_tpdos(*each);
+    for (const DescribedSlot* const each : here_) add_rpdos(*each);
     add_master();
     for (auto& [key, message] : messages_) made_.messages.push_back(std::move(message));
     return std::move(made_);
@@ -97,7 +97,7 @@ class Collector {
     return it->second;
   }
 
-  void add_services(const Configured& device) {
+  void add_services(const DescribedSlot& device) {
     const auto& spec = device.slot->spec;
     const unsigned id = spec.id.value();
     made_.senders.push_back(spec.name.name);
@@ -120,7 +120,7 @@ class Collector {
     heartbeat.period = bus_.timing.heartbeat_period;
   }
 
-  void add_tpdos(const Configured& device) {
+  void add_tpdos(const DescribedSlot& device) {
     if (!device.values) return;
     for (Pdo& pdo : pdos_of(device, od::PdoKind::tpdo)) {
       const std::string name = fmt::format("TPDO {}", pdo.number);
@@ -133,7 +133,7 @@ class Collector {
   }
 
   // By its own mapping, bit for bit: what it skips it does not receive.
-  void add_rpdos(const Configured& device) {
+  void add_rpdos(const DescribedSlot& device) {
     if (!device.values) return;
     for (Pdo& pdo : pdos_of(device, od::PdoKind::rpdo)) {
       const auto known = messages_.find(pdo.key);
@@ -172,19 +172,19 @@ class Collector {
   }
 
   const design::Bus& bus_;
-  std::vector<const Configured*> here_;
+  std::vector<const DescribedSlot*> here_;
   std::map<std::uint32_t, Message> messages_;
   BusSignals made_;
 };
 
 }  // namespace
 
-std::vector<Configured> configured_slots(const design::Machine& machine, const traffic::LinkPlan* links) {
-  std::vector<Configured> all;
+std::vector<DescribedSlot> configured_slots(const design::Machine& machine, const traffic::LinkPlan* links) {
+  std::vector<DescribedSlot> all;
   std::map<std::pair<std::shared_ptr<const od::Description>, std::string>, std::shared_ptr<const command::NoteBook>>
       books;
   for (std::size_t i = 0; i < machine.slots.size(); ++i) {
-    Configured& each = all.emplace_back();
+    DescribedSlot& each = all.emplace_back();
     each.slot = &machine.slots[i];
     each.values = traffic::configured_values(machine.slots[i], links, i);
     const auto& description = each.slot->description;
@@ -199,7 +199,7 @@ std::vector<Configured> configured_slots(const design::Machine& machine, const t
   return all;
 }
 
-BusSignals signals_of(const design::Bus& bus, const std::vector<Configured>& slots) {
+BusSignals signals_of(const design::Bus& bus, const std::vector<DescribedSlot>& slots) {
   return Collector(bus).run(slots);
 }
 

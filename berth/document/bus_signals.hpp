@@ -45,7 +45,7 @@ struct BusSignals {
 };
 
 /// A slot and its dictionary as it is when it is configured.
-struct Configured {
+struct DescribedSlot {
   const design::Slot* slot = nullptr;
   std::unique_ptr<od::Values> values{};              ///< null: nothing is known of its device
   std::vector<linker::Variable> variables{};         ///< network variables that its links make on it
@@ -53,9 +53,10 @@ struct Configured {
 };
 
 /// In the machine's order. The notes' files are read here. `links`: of a plan without errors, or null.
-[[nodiscard]] std::vector<Configured> configured_slots(const design::Machine& machine, const traffic::LinkPlan* links);
+[[nodiscard]] std::vector<DescribedSlot> configured_slots(const design::Machine& machine,
+                                                          const traffic::LinkPlan* links);
 
 /// PDOs, heartbeats, EMCYs, SDO's default channels, NMT and SYNC. `slots`: of all buses.
-[[nodiscard]] BusSignals signals_of(const design::Bus& bus, const std::vector<Configured>& slots);
+[[nodiscard]] BusSignals signals_of(const design::Bus& bus, const std::vector<DescribedSlot>& slots);
 
 }  // namespace berth::document

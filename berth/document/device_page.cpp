@@ -50,7 +50,7 @@ std::string words_of(command::Note note) {
   return command::line_of(note);
 }
 
-std::string objects_table(const Configured& device) {
+std::string objects_table(const DescribedSlot& device) {
   const design::Slot& slot = *device.slot;
   const auto& description = *slot.description;
   const od::Values defaults(slot.description, slot.spec.id);
@@ -79,7 +79,7 @@ std::string objects_table(const Configured& device) {
 
 }  // namespace
 
-DevicePages::DevicePages(const std::vector<Configured>& slots) {
+DevicePages::DevicePages(const std::vector<DescribedSlot>& slots) {
   for (const auto& each : slots) {
     if (!each.slot->description) continue;
     const bool told =
@@ -106,7 +106,7 @@ std::vector<DocumentFile> DevicePages::pages() const {
   return all;
 }
 
-std::string differences(const Configured& slot) {
+std::string differences(const DescribedSlot& slot) {
   if (!slot.values) return "<p>Its description is not known (<code>eds =</code>).</p>\n";
   const auto& description = slot.values->description();
   const od::Values defaults(slot.slot->description, slot.slot->spec.id);

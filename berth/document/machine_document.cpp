@@ -221,7 +221,7 @@ class Maker {
     return made.empty() ? made : "<h2>Links</h2>\n" + made;
   }
 
-  void add_slot(const Configured& configured) {
+  void add_slot(const DescribedSlot& configured) {
     const auto& slot = *configured.slot;
     const auto& spec = slot.spec;
     Table facts({"", ""});
@@ -265,7 +265,7 @@ class Maker {
 
   const design::Machine& machine_;
   const traffic::LinkPlan* links_;
-  std::vector<Configured> slots_;
+  std::vector<DescribedSlot> slots_;
   DevicePages devices_;
   std::vector<BusSignals> signals_;
   Table buses_{{"bus", "bit/s", "Berth is", "beneath", "slots", "load at most", "DBC"}};

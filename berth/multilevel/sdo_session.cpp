@@ -75,7 +75,7 @@ SdoSession::SdoSession(SdoGateway& gateway, std::uint8_t channel) noexcept
     : gateway_(&gateway),
       channel_(channel),
       wake_(*this, *gateway.executor_),
-      forsaken_(*this, *gateway.executor_),
+      client_left_(*this, *gateway.executor_),
       scope_(*gateway.executor_) {}
 
 // ---- what the client above writes
@@ -124,7 +124,7 @@ AbortCode SdoSession::begin_sending() noexcept {
     state_ = State::sending;
     finished_ = false;
     saves_ = true;
-    forsaken_.arm(gateway_->options_.save_timeout);
+    client_left_.arm(gateway_->options_.save_timeout);
     return code;
   }
   size_ = queue_.size();
@@ -148,7 +148,7 @@ void SdoSession::start(State state) noexcept {
 
 void SdoSession::completed(ObjectRef object, AbortCode code) noexcept {
   if (!std::exchange(saves_, saves_ && object != command_.object)) return;
-  forsaken_.cancel();
+  client_left_.cancel();
   finished_ = true;
   failure_ = code;
   wake_.post();
@@ -158,7 +158,7 @@ void SdoSession::cancel() noexcept {
   saves_ = false;
   scope_.cancel();
   wake_.cancel();
-  forsaken_.cancel();
+  client_left_.cancel();
   queue_.clear();
   size_.reset();
   all_in_ = false;
@@ -231,7 +231,7 @@ AbortCode SdoSession::Sink::write(std::span<const std::uint8_t> bytes) noexcept 
   session_->queue_.put(bytes);
   session_->wake_.post();
   if (session_->queue_.size() <= crowd) return AbortCode::none;
-  session_->forsaken_.arm(session_->gateway_->options_.client_timeout);
+  session_->client_left_.arm(session_->gateway_->options_.client_timeout);
   return AbortCode::pending;
 }
 
@@ -270,7 +270,7 @@ void SdoSession::wake() noexcept {
   }
 }
 
-void SdoSession::forsaken() noexcept {
+void SdoSession::client_left() noexcept {
   scope_.cancel();
   finished_ = true;
   failure_ = AbortCode::timeout;
@@ -297,10 +297,10 @@ od::Answer<std::size_t> SdoSession::read(std::span<std::uint8_t> into) noexcept 
   const auto count = queue_.take(into);
   if (count < into.size() && failure_ != AbortCode::none) return od::refuse(failure_);
   if (queue_.size() > crowd) {
-    forsaken_.arm(gateway_->options_.client_timeout);
+    client_left_.arm(gateway_->options_.client_timeout);
     return count;
   }
-  forsaken_.cancel();
+  client_left_.cancel();
   sink_.go_on();
   return count;
 }

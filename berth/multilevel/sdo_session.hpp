@@ -98,7 +98,7 @@ class SdoSession final : public od::Stream {
   rt::Task<void> send();
   void ended(const Result<void>& done) noexcept;
   void wake() noexcept;
-  void forsaken() noexcept;
+  void client_left() noexcept;
 
   SdoGateway* gateway_;
   GatewayCommand command_;
@@ -118,7 +118,8 @@ class SdoSession final : public od::Stream {
   bool saves_ = false;     // sending: the gateway's own device answers later
   bool crowded_ = false;   // passing: the client above waits for room
   rt::Later<SdoSession, &SdoSession::wake> wake_;
-  rt::Later<SdoSession, &SdoSession::forsaken> forsaken_;  // set while the node beneath waits for the client above
+  rt::Later<SdoSession, &SdoSession::client_left>
+      client_left_;  // set while the node beneath waits for the client above
   rt::Scope scope_;
 };
 

@@ -130,8 +130,8 @@ rt::Task<void> Duplicates::ask_addresses(NodeId id, std::vector<Identity> addres
 
 // `known`: the devices that share it are, and the plan gives each its own (a slot's device that is alone there is
 // known). `two`: they are there, and LSS finds them not.
-rt::Task<Duplicates::Told> Duplicates::tell_one_apart(NodeId id) {
-  if (s_.only_observes()) co_return Told::nothing;
+rt::Task<Duplicates::Distinction> Duplicates::tell_one_apart(NodeId id) {
+  if (s_.only_observes()) co_return Distinction::nothing;
   shared_ = Shared{.id = id};
   co_await hear_parts(id);
   const bool two = shared_->answered_twice;
@@ -152,8 +152,8 @@ rt::Task<Duplicates::Told> Duplicates::tell_one_apart(NodeId id) {
     if (std::ssize(addresses) - std::ssize(left) >= enough) break;
     co_await ask_addresses(id, left, slowly);
   }
-  if (std::ranges::any_of(addresses, found)) co_return Told::known;
-  co_return two ? Told::two : Told::nothing;
+  if (std::ranges::any_of(addresses, found)) co_return Distinction::known;
+  co_return two ? Distinction::two : Distinction::nothing;
 }
 
 rt::Task<bool> Duplicates::tell_apart(std::vector<NodeId> ids) {
@@ -163,8 +163,8 @@ rt::Task<bool> Duplicates::tell_apart(std::vector<NodeId> ids) {
     const NodeId id = each;
     auto& not_before = not_before_[id.value()];
     if (s_.executor.now() < not_before) continue;
-    const Told told = co_await tell_one_apart(id);
-    const bool known = told == Told::known;
+    const Distinction told = co_await tell_one_apart(id);
+    const bool known = told == Distinction::known;
     if (!known) not_before = s_.executor.now() + seldom * s_.bus.timing.probe_period;
     any = any || known;
   }
@@ -179,10 +179,10 @@ rt::Task<void> Duplicates::tell_seats_apart() {
     if (!shares) continue;
     --seat->doubt.shared;
     const NodeId id = seat->id();
-    const Told told = co_await tell_one_apart(id);
-    if (told == Told::nothing) continue;
+    const Distinction told = co_await tell_one_apart(id);
+    if (told == Distinction::nothing) continue;
     seat->doubt.shared = 0;
-    if (told == Told::two && seat->there())
+    if (told == Distinction::two && seat->there())
       slots_.happened(*seat, SlotEvent::two_answer, reason, manager::BootStatus::booted);
   }
 }

@@ -45,8 +45,8 @@ class Duplicates final : public co::SdoClient::Observer {
   rt::Task<void> hear_parts(NodeId id);
   [[nodiscard]] static std::vector<Identity> addresses_of(const Shared& shared);
   rt::Task<void> ask_addresses(NodeId id, std::vector<Identity> addresses, bool slowly);
-  enum class Told : std::uint8_t { nothing, two, known };
-  rt::Task<Told> tell_one_apart(NodeId id);
+  enum class Distinction : std::uint8_t { nothing, two, known };
+  rt::Task<Distinction> tell_one_apart(NodeId id);
 
   BusServices& s_;
   SlotTable& slots_;

@@ -108,10 +108,10 @@ rt::Task<void> MainJob::opening() {
 namespace {
 
 // A device booted and may be the one that a slot waits for.
-bool waits_for_an_answer(const Parts& p) { return p.agenda.comes.any() && !p.bus.only_observes(); }
+bool waits_for_an_answer(const NetworkParts& p) { return p.agenda.comes.any() && !p.bus.only_observes(); }
 
 // The search was broken off for it. What was found so far is seated next, which takes long: it is seated with them.
-rt::Task<void> ask_who_came(Parts& p) {
+rt::Task<void> ask_who_came(NetworkParts& p) {
   if (!p.agenda.search_open || !waits_for_an_answer(p)) co_return;
   const bool all = false;
   co_await p.finding.configured.find(all);
@@ -148,16 +148,16 @@ bool is_kept(const Seat& seat) {
 bool is_vacant(const Seat& seat) { return seat.slot.spec.assign == Assign::lss && !seat.slot.record.device(); }
 
 // A device that gave up another node-ID, and uses it still, is not nobody. Null: the slot waits for none.
-const Identity* who_fades(const Parts& p, const Seat& seat) {
-  if (is_vacant(seat)) return p.fading.waits_for(seat.slot.spec);
+const Identity* who_fades(const NetworkParts& p, const Seat& seat) {
+  if (is_vacant(seat)) return p.erased.waits_for(seat.slot.spec);
   const auto& intended = seat.slot.record.intended;
-  const bool own = is_kept(seat) && p.fading.contains(intended->device);
+  const bool own = is_kept(seat) && p.erased.contains(intended->device);
   return own ? &intended->device : nullptr;
 }
 
 // The plan of this round is carried out: whom it still has for this slot did not give up another node-ID, or failed in
 // another slot.
-const Identity* who_is_left(const Parts& p, const Seat& seat) {
+const Identity* who_is_left(const NetworkParts& p, const Seat& seat) {
   const auto& actions = p.planning.plan().actions;
   const auto left = std::ranges::find_if(actions, [&](const places::Action& a) {
     return a.kind == places::Action::Kind::bind && p.slots.seats()[a.slot].get() == &seat;
@@ -167,7 +167,7 @@ const Identity* who_is_left(const Parts& p, const Seat& seat) {
 
 // A device that was found is not nobody: one that is silent now, until a search for all is over, and one that could not
 // be seated yet. Empty: there is none.
-std::string who_is_known(const Parts& p, const Seat& seat) {
+std::string who_is_known(const NetworkParts& p, const Seat& seat) {
   if (!is_vacant(seat)) return {};
   const Identity* const left = who_is_left(p, seat);
   if (left != nullptr) return fmt::format("{} was found and could not be bound: Berth tries again", to_string(*left));
@@ -184,7 +184,7 @@ std::string who_is_known(const Parts& p, const Seat& seat) {
 }
 
 // Of those that booted, and were heard lately: one that has left again is no reason to wait.
-bool one_is_asked_next(const Parts& p) {
+bool one_is_asked_next(const NetworkParts& p) {
   if (!waits_for_an_answer(p)) return false;
   for (std::uint8_t i = 1; i <= 127; ++i) {
     if (p.agenda.comes.test(i) && p.bus.heard_within(NodeId(i), p.bus.bus.timing.boot_timeout)) return true;
@@ -193,7 +193,7 @@ bool one_is_asked_next(const Parts& p) {
 }
 
 // `news`: it was not told yet.
-void tell_nobody(Parts& p, Seat& seat, bool news) {
+void tell_nobody(NetworkParts& p, Seat& seat, bool news) {
   std::string why = who_is_known(p, seat);
   const bool stale = seat.misses_one && why.empty() && seat.life == Life::empty && !p.agenda.search_open;
   if (!news && !stale) return;
@@ -224,7 +224,7 @@ void MainJob::tell_whether_empty(Seat& seat) {
                     to_string(*waits)));
     return;
   }
-  const bool shared = p_.fading.user_of(seat.id()) != nullptr;
+  const bool shared = p_.erased.user_of(seat.id()) != nullptr;
   // What it waited for ended, perhaps behind the plan of this round: the next one that looks for all says what it is.
   const bool over = (is_vacant(seat) || is_kept(seat)) && waits == nullptr && !shared && seat.life == Life::waits;
   const bool fits_one = over && std::ranges::any_of(p_.found.all(), [&](const auto& f) {
@@ -343,7 +343,7 @@ bool is_troubled(const Seat& seat) {
 }
 
 // Two devices under the node-ID of a slot without one stay until a person takes one off.
-bool waits_for_a_hand(const Parts& p) {
+bool waits_for_a_hand(const NetworkParts& p) {
   const auto is_other = [](const auto& s) {
     return is_troubled(*s) && (s->life != Life::doubled || s->slot.record.device());
   };
@@ -357,7 +357,7 @@ void look_anew(SlotTable& slots, Seat& seat) {
   if (slots.happened_silently(seat, SlotEvent::rests)) seat.last.failed = before;
 }
 
-SearchPace::View view_of(const Parts& p) {
+SearchPace::View view_of(const NetworkParts& p) {
   SearchPace::View view{.found = p.found.size()};
   for (const auto& seat : p.slots.seats()) view.lives = view.lives * 31 + static_cast<unsigned>(seat->life);
   for (std::uint8_t i = 1; i <= 127; ++i) {

@@ -38,7 +38,7 @@ class SearchPace {
 
 class MainJob {
  public:
-  MainJob(Parts& parts, PortHealth& port) noexcept : p_(parts), port_(port) {}
+  MainJob(NetworkParts& parts, PortHealth& port) noexcept : p_(parts), port_(port) {}
 
   /// Never ends by itself.
   rt::Task<void> run();
@@ -75,7 +75,7 @@ class MainJob {
   [[nodiscard]] bool waits_for_unfinished() const;
   [[nodiscard]] Result<void> all_there() const;
 
-  Parts& p_;
+  NetworkParts& p_;
   PortHealth& port_;
   bool idle_ = false;
   SearchPace pace_;

@@ -48,7 +48,7 @@ constexpr std::uint8_t done_with_reply = 1;
 constexpr std::uint8_t failed_with_reply = 3;
 constexpr std::uint8_t executing = 0xFF;
 
-enum class Configured : std::uint8_t { none, not_yet, under_way, as_it_shall_be, needs_power, failed };
+enum class ConfigurationProgress : std::uint8_t { none, not_yet, under_way, as_it_shall_be, needs_power, failed };
 
 struct Array {
   std::uint16_t index;
@@ -86,7 +86,7 @@ constexpr std::array arrays{
     Array{emergencies, "Emergencies", "Node-ID", DataType::unsigned16, 127, Access::ro},
     Array{losses, "Heartbeats lost", "Node-ID", DataType::unsigned16, 127, Access::ro},
     Array{boots, "Boot-ups", "Node-ID", DataType::unsigned16, 127, Access::ro},
-    Array{emergency_history, "Emergency history", "Emergency", DataType::unsigned64, Diagnosis::most_emergencies,
+    Array{emergency_history, "Emergency history", "Emergency", DataType::unsigned64, BusStatistics::most_emergencies,
           Access::ro}};
 
 struct Part {
@@ -104,8 +104,8 @@ constexpr std::array bus_parts{
     Part{"Emergencies", DataType::unsigned16},     Part{"Heartbeats lost", DataType::unsigned16},
     Part{"Boot-ups", DataType::unsigned16}};
 
-template <class Parts>
-void add_record(od::DescriptionBuilder& b, std::uint16_t index, const char* name, const Parts& parts) {
+template <class NetworkParts>
+void add_record(od::DescriptionBuilder& b, std::uint16_t index, const char* name, const NetworkParts& parts) {
   b.object(index, od::ObjectCode::record, name);
   std::uint8_t sub = 0;
   for (const Part& part : parts) {
@@ -123,18 +123,19 @@ bool is_due(const Seat& seat) noexcept {
   return noted && sits && noted->device == sits->device && noted->stage == places::Configured::Stage::writing;
 }
 
-Configured configured(const Seat& seat) noexcept {
-  if (!seat.configuration.any()) return Configured::none;
+ConfigurationProgress configured(const Seat& seat) noexcept {
+  if (!seat.configuration.any()) return ConfigurationProgress::none;
   switch (seat.state()) {
-    case SlotState::configuring: return Configured::under_way;
-    case SlotState::power_cycle: return Configured::needs_power;
-    case SlotState::failed: return Configured::failed;
-    case SlotState::operational: return is_due(seat) ? Configured::not_yet : Configured::as_it_shall_be;
+    case SlotState::configuring: return ConfigurationProgress::under_way;
+    case SlotState::power_cycle: return ConfigurationProgress::needs_power;
+    case SlotState::failed: return ConfigurationProgress::failed;
+    case SlotState::operational:
+      return is_due(seat) ? ConfigurationProgress::not_yet : ConfigurationProgress::as_it_shall_be;
     default: break;
   }
   const auto& noted = seat.slot.record.configured;
   const bool done = noted && noted->stage == places::Configured::Stage::done && seat.slave.status.ready();
-  return done ? Configured::as_it_shall_be : Configured::not_yet;
+  return done ? ConfigurationProgress::as_it_shall_be : ConfigurationProgress::not_yet;
 }
 
 std::uint32_t assignment(const Seat& seat) noexcept {

@@ -87,8 +87,8 @@ class Network::Asked final : public ManagerObjects::Requests {
 Network::Network(rt::Executor& executor, can::Port& port, std::string machine, const design::Bus& bus,
                  std::vector<places::SlotSpec> slots, places::SlotStore& store, const NetworkObserver& observer)
     : role_(bus.flying ? std::make_unique<RolePort>(executor, port) : nullptr),
-      parts_(executor, role_ ? *role_ : port, std::move(machine), bus, std::move(slots), store, observer, ears_, ears_,
-             ears_),
+      parts_(executor, role_ ? *role_ : port, std::move(machine), bus, std::move(slots), store, observer, relay_,
+             relay_, relay_),
       port_(parts_.bus, parts_.slots, parts_.agenda, parts_.found, *this),
       job_(parts_, port_),
       scan_(parts_),
@@ -96,7 +96,7 @@ Network::Network(rt::Executor& executor, can::Port& port, std::string machine, c
       scope_(executor) {
   give_channels(parts_.bus, parts_.slots, port_.values());
   asked_ = std::make_unique<Asked>(*this, observer.command);
-  ears_.lead_to(parts_.supervision);
+  relay_.lead_to(parts_.supervision);
   parts_.startup.set_master(port_);
   for (const auto& seat : parts_.slots.seats())
     parts_.bus.patience.times[seat->id().value()] = seat->slot.spec.watch.sdo_timeout;
@@ -245,7 +245,7 @@ bool is_configured(const Network& network, const std::string& slot) {
 }
 
 rt::Task<Result<SlotUpload>> upload_slot(Network& network, std::string slot) {
-  Parts& parts = network.parts_;
+  NetworkParts& parts = network.parts_;
   co_await parts.bus.turn.take();
   const rt::Held held(parts.bus.turn);
   Seat* const seat = parts.slots.named(slot);
@@ -256,7 +256,7 @@ rt::Task<Result<SlotUpload>> upload_slot(Network& network, std::string slot) {
 }
 
 Result<void> poll_slot(Network& network, const std::string& slot, bool on) {
-  Parts& parts = network.parts_;
+  NetworkParts& parts = network.parts_;
   Seat* const seat = parts.slots.named(slot);
   if (seat == nullptr) return fail(Errc::not_found, "no slot of this name on this bus");
   if (!on && !seat->slot.spec.optional) {

@@ -66,7 +66,7 @@ class Network final : private PortHealth::Owner {
   [[nodiscard]] bool idle() const noexcept { return job_.idle(); }
   [[nodiscard]] Phase phase() const noexcept { return parts_.agenda.phase; }
   /// How far the NMT startup has come.
-  [[nodiscard]] Startup::Phase startup() const noexcept { return parts_.startup.phase(); }
+  [[nodiscard]] SlotStartup::Phase startup() const noexcept { return parts_.startup.phase(); }
   /// Which device belongs where, as last planned: its oddities (devices and facts that are not as they should be) and
   /// questions, these as events too.
   [[nodiscard]] const Planning& planning() const noexcept { return parts_.planning; }
@@ -139,9 +139,9 @@ class Network final : private PortHealth::Owner {
   void port_rests() noexcept override;
   void port_goes_on() override;
 
-  Ears ears_;
+  SupervisionRelay relay_;
   std::unique_ptr<RolePort> role_;  // only with several masters
-  Parts parts_;
+  NetworkParts parts_;
   PortHealth port_;
   MainJob job_;
   Scan scan_;

@@ -3,8 +3,8 @@
 
 #include "berth/operate/finder.hpp"
 #include "berth/operate/recipe_seating.hpp"
+#include "berth/operate/slot_startup.hpp"
 #include "berth/operate/starter.hpp"
-#include "berth/operate/startup.hpp"
 #include "berth/operate/supervision.hpp"
 
 namespace berth::operate {
@@ -16,19 +16,19 @@ struct Finding {
   Finder finder;
 };
 
-struct Parts {
-  Parts(rt::Executor& executor, can::Port& port, std::string machine, const design::Bus& bus,
-        std::vector<places::SlotSpec> specs, places::SlotStore& store, NetworkObserver observer,
-        co::HeartbeatConsumer::Observer& heartbeats, co::GuardingMaster::Observer& guarding,
-        co::EmcyConsumer::Observer& emcys);
+struct NetworkParts {
+  NetworkParts(rt::Executor& executor, can::Port& port, std::string machine, const design::Bus& bus,
+               std::vector<places::SlotSpec> specs, places::SlotStore& store, NetworkObserver observer,
+               co::HeartbeatConsumer::Observer& heartbeats, co::GuardingMaster::Observer& guarding,
+               co::EmcyConsumer::Observer& emcys);
 
   BusServices bus;
   SlotTable slots;
   Agenda agenda;
-  Startup startup;
+  SlotStartup startup;
   Loans loans;
   FoundDevices found;
-  Fading fading;
+  ErasedNodeIds erased;
   Asking asking;
   Lending lending;
   Duplicates duplicates;

@@ -42,7 +42,7 @@ void respect_masters(places::Plan& plan, const FoundDevices& found, const auto& 
 }  // namespace
 
 void Planning::make(const std::vector<places::Reading>& readings) {
-  send_home();
+  return_to_former_slots();
   found_.mark_loans();
   const std::vector<places::Found> found = without_used();
   plan_ = places::plan(slots_.plain(), found, blanks_to_finish(), s_.bus.master, readings);
@@ -56,7 +56,7 @@ void Planning::make(const std::vector<places::Reading>& readings) {
 }
 
 // A device whose slot Berth itself freed, because it was silent, and that is still free: it goes back there.
-void Planning::send_home() {
+void Planning::return_to_former_slots() {
   for (const auto& f : found_.all()) {
     if (f.clone || slots_.of(f.device) != nullptr) continue;
     const auto sat = slots_.former_seat_of(f.device);
@@ -140,7 +140,7 @@ void Planning::ask_about_used() {
       const bool free = !slot.record.device() && slot.spec.assign == places::Assign::lss && !planned;
       if (free && places::fits(slot.spec, f.device)) question.slots.push_back(i);
     }
-    keep_off(f);
+    release_node_id(f);
     if (question.slots.empty()) {
       plan_.oddities.push_back({places::OddityKind::returned, f.device, f.active, text_of_return(f.device, sat)});
       continue;
@@ -157,7 +157,7 @@ void Planning::ask_about_used() {
 
 // A device that waits may not wait under a node-ID that a slot or the master needs. What it was lent is taken back when
 // the search is over, without a word to its memory.
-void Planning::keep_off(const places::Found& f) {
+void Planning::release_node_id(const places::Found& f) {
   const bool taken = !f.lent && f.active.configured() && (f.active == s_.bus.master || slots_.at(f.active) != nullptr);
   const bool planned = std::ranges::any_of(plan_.actions, [&](const Action& a) { return a.device == f.device; });
   if (!taken || planned) return;

@@ -46,14 +46,14 @@ class Planning {
   };
   [[nodiscard]] std::string place_of(const places::FormerSeat& sat) const;
   [[nodiscard]] std::vector<Identity> blanks_to_finish() const;
-  void send_home();
+  void return_to_former_slots();
   [[nodiscard]] std::vector<places::Found> without_used();
   void respect_fixed();
   void tell_mismatch(const Identity& device, NodeId active);
   void name_unfinished();
   void name_loans();
   void ask_about_used();
-  void keep_off(const places::Found& f);
+  void release_node_id(const places::Found& f);
   void name_returned();
   void report_questions();
   void report_mismatch(const places::Oddity& oddity);

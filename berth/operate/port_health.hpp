@@ -5,8 +5,8 @@
 #include "berth/operate/agenda.hpp"
 #include "berth/operate/found_devices.hpp"
 #include "berth/operate/master_device.hpp"
+#include "berth/operate/slot_startup.hpp"
 #include "berth/operate/slot_table.hpp"
-#include "berth/operate/startup.hpp"
 
 namespace berth::operate {
 

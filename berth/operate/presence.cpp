@@ -245,14 +245,14 @@ const Identity* Presence::other_at(const Seat& seat) const noexcept {
         each.get() != &seat && each->power_cycle.binding && each->power_cycle.binding->old_id() == seat.id();
     if (waits) return &each->power_cycle.binding->assignment().device;
   }
-  return fading_.user_of(seat.id());
+  return erased_.user_of(seat.id());
 }
 
 // It is asked for again, as each slot's device that is not there.
 bool Presence::waits_beside_another(Seat& seat) {
   const Identity* const other = other_at(seat);
   if (other == nullptr) return false;
-  slots_.happened(seat, SlotEvent::waits_for_power, Fading::reason(*other));
+  slots_.happened(seat, SlotEvent::waits_for_power, ErasedNodeIds::reason(*other));
   return true;
 }
 

@@ -3,20 +3,20 @@
 #pragma once
 
 #include "berth/operate/configuring.hpp"
-#include "berth/operate/fading.hpp"
+#include "berth/operate/erased_node_ids.hpp"
 #include "berth/operate/place_probes.hpp"
 
 namespace berth::operate {
 
 class Presence final : public SeatAsker {
  public:
-  Presence(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, const Fading& fading,
+  Presence(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, const ErasedNodeIds& erased,
            Asking& asking, PlaceProbes& places, Configuring& configuring) noexcept
       : s_(services),
         slots_(slots),
         agenda_(agenda),
         found_(found),
-        fading_(fading),
+        erased_(erased),
         asking_(asking),
         places_(places),
         configuring_(configuring) {}
@@ -63,7 +63,7 @@ class Presence final : public SeatAsker {
   SlotTable& slots_;
   Agenda& agenda_;
   FoundDevices& found_;
-  const Fading& fading_;
+  const ErasedNodeIds& erased_;
   Asking& asking_;
   PlaceProbes& places_;
   Configuring& configuring_;

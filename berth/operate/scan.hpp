@@ -20,7 +20,7 @@ class Scan {
   /// Longer than the heartbeat period of most devices.
   static constexpr rt::Duration listens = std::chrono::seconds(2);
 
-  explicit Scan(Parts& parts) noexcept : p_(parts) {}
+  explicit Scan(NetworkParts& parts) noexcept : p_(parts) {}
   /// `heard`: listens first, and leaves a node alone that another SDO client asks. `all`: changes nothing but the
   /// devices' RAND state; waits for its turn.
   [[nodiscard]] rt::Task<Result<std::vector<Seen>>> run(ScanRange range);
@@ -33,7 +33,7 @@ class Scan {
   rt::Task<void> add(discovery::Found d, std::vector<Seen>& nodes);
   void tell_state(Seen& seen, ScanRange range) const;
   void name_slots(std::vector<Seen>& nodes) const;
-  Parts& p_;
+  NetworkParts& p_;
 };
 
 }  // namespace berth::operate

@@ -190,9 +190,9 @@ rt::Task<bool> Seating::act(const Action& action) {
   const std::string reason = action.reason;
   if (action.kind == Action::Kind::blank) co_return co_await blank(device, reason);
   Seat& seat = *slots_.seats()[action.slot];
-  const Identity* const other = fading_.user_of(seat.id());
+  const Identity* const other = erased_.user_of(seat.id());
   if (other != nullptr && *other != device) {
-    slots_.happened(seat, SlotEvent::waits_for_power, Fading::reason(*other));
+    slots_.happened(seat, SlotEvent::waits_for_power, ErasedNodeIds::reason(*other));
     co_return false;
   }
   // One that is silent may have it pending, as Lely core's slaves do, and no question finds that out.
@@ -312,7 +312,7 @@ void Seating::left_node_id(NodeId id) {
 
 void Seating::bound(Seat& seat, const Binding& binding) {
   if (binding.old_id() != seat.id()) left_node_id(binding.old_id());
-  left_node_id(fading_.forget(binding.assignment().device));
+  left_node_id(erased_.forget(binding.assignment().device));
   if (seat.power_cycle.binding && seat.power_cycle.binding->old_id() != seat.id())
     left_node_id(seat.power_cycle.binding->old_id());
   for (const Identity& device : names_of(binding)) {
@@ -415,9 +415,9 @@ rt::Task<bool> Seating::blank(Identity device, std::string reason) {
   co_await binder.run(binding, none, reason);
   const bool good = binding.step() == places::Step::done;
   const bool fades = binding.step() == places::Step::power_cycle;
-  const NodeId used = fading_.forget(device);
+  const NodeId used = erased_.forget(device);
   if (fades) {
-    fading_.note(device, binding.old_id());
+    erased_.note(device, binding.old_id());
     slots_.events().tell_once(
         EventKind::power_cycle_needed,
         fmt::format("{} has no node-ID in its memory any more, and uses {} until it is switched off and on",
@@ -569,19 +569,19 @@ rt::Task<void> Seating::look_for_unfinished() {
   for (const auto& blank : slots_.unfinished_here()) {
     const Identity device = blank.device;
     if (equals_.came_without(device)) {
-      left_node_id(fading_.forget(device));
+      left_node_id(erased_.forget(device));
       continue;
     }
     const bool answers = co_await answers_by_lss(device);
     if (!answers) {
-      left_node_id(fading_.forget(device));
+      left_node_id(erased_.forget(device));
       continue;
     }
     const auto found = found_.of(device);
     // One that was lent what it used before had none when it was found: it was switched off and on.
     const auto* const loan = loans_.of(device);
     const bool lent = found != nullptr && loan != nullptr && loan->id == found->active;
-    const bool rests = found != nullptr && !lent && fading_.rests(device, found->active, told_one);
+    const bool rests = found != nullptr && !lent && erased_.rests(device, found->active, told_one);
     if (rests) avoid_.push_back(device);
   }
 }
@@ -598,7 +598,7 @@ rt::Task<bool> Seating::answers_by_lss(Identity device) {
 // It has stored its node-ID, and uses another still: telling it again would wear its memory out. A power cycle that was
 // not heard, and brought nothing, is thought of now and then.
 rt::Task<bool> Seating::waits_for_its_power_cycle(Seat& seat, bool& told_one) {
-  if (!seat.power_cycle.binding || Fading::tells_again(seat.power_cycle.looked_at, told_one)) co_return false;
+  if (!seat.power_cycle.binding || ErasedNodeIds::tells_again(seat.power_cycle.looked_at, told_one)) co_return false;
   const NodeId old = seat.power_cycle.binding->old_id();
   const auto booted = old.configured() ? s_.boots.boot_up(old) : std::nullopt;
   if (booted && *booted > seat.since) co_return false;

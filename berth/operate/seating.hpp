@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "berth/operate/equals.hpp"
-#include "berth/operate/fading.hpp"
+#include "berth/operate/erased_node_ids.hpp"
 #include "berth/operate/planning.hpp"
 #include "berth/operate/presence.hpp"
 #include "berth/rt/scope.hpp"
@@ -25,7 +25,7 @@ class EarlyStarter {
 class Seating {
  public:
   Seating(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Loans& loans, Asking& asking,
-          Lending& lending, PlaceProbes& places, Presence& presence, Planning& planning, Fading& fading) noexcept
+          Lending& lending, PlaceProbes& places, Presence& presence, Planning& planning, ErasedNodeIds& erased) noexcept
       : s_(services),
         slots_(slots),
         agenda_(agenda),
@@ -36,7 +36,7 @@ class Seating {
         places_(places),
         presence_(presence),
         planning_(planning),
-        fading_(fading),
+        erased_(erased),
         equals_(services, slots, found, planning) {}
 
   /// Before the first `carry_out`; must stay.
@@ -87,7 +87,7 @@ class Seating {
   PlaceProbes& places_;
   Presence& presence_;
   Planning& planning_;
-  Fading& fading_;
+  ErasedNodeIds& erased_;
   Equals equals_;
   EarlyStarter* starter_ = nullptr;
   std::vector<Identity> avoid_;  // devices whose action failed in this round

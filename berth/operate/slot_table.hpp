@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "berth/operate/bus_services.hpp"
-#include "berth/operate/diagnosis.hpp"
+#include "berth/operate/bus_statistics.hpp"
 #include "berth/operate/events.hpp"
 #include "berth/operate/seat.hpp"
 #include "berth/places/slot.hpp"
@@ -67,7 +67,7 @@ class SlotTable {
   [[nodiscard]] std::vector<places::UnfinishedBlank> unfinished_here() const;
 
   [[nodiscard]] Events& events() noexcept { return events_; }
-  [[nodiscard]] Diagnosis& diagnosis() noexcept { return diagnosis_; }
+  [[nodiscard]] BusStatistics& diagnosis() noexcept { return diagnosis_; }
 
  private:
   Result<void> forget_who_had_switches(Seat& seat);
@@ -76,7 +76,7 @@ class SlotTable {
   places::BusName bus_;
   places::SlotStore* store_;
   Events events_;
-  Diagnosis diagnosis_;
+  BusStatistics diagnosis_;
   Seats seats_;
 };
 

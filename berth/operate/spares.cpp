@@ -65,7 +65,7 @@ rt::Task<bool> Spares::look_for_formers() {
 rt::Task<Spares::Formers> Spares::isolate(Seat& seat, std::vector<Identity> formers) {
   Formers result;
   for (const auto& device : formers) {
-    if (fading_.uses(device, seat.id())) continue;  // it has given it up already
+    if (erased_.uses(device, seat.id())) continue;  // it has given it up already
     Result<NodeId> id = co_await asking_.active_id_once(device);
     const bool slowly = !id && seat.doubt.suspected > 0;
     if (slowly) id = co_await asking_.active_id(device);

@@ -11,7 +11,7 @@ namespace berth::operate {
 class Spares {
  public:
   Spares(BusServices& services, SlotTable& slots, Agenda& agenda, Asking& asking, Configuring& configuring,
-         Presence& presence, Planning& planning, Seating& seating, const Fading& fading) noexcept
+         Presence& presence, Planning& planning, Seating& seating, const ErasedNodeIds& erased) noexcept
       : s_(services),
         slots_(slots),
         agenda_(agenda),
@@ -20,7 +20,7 @@ class Spares {
         presence_(presence),
         planning_(planning),
         seating_(seating),
-        fading_(fading) {}
+        erased_(erased) {}
 
   /// Two devices under one node-ID cannot be told apart by SDO. By LSS they can: a device that sat here before is asked
   /// for by its address, and gives the node-ID up. That takes an NMT reset, which the slot's own device does too: it is
@@ -58,7 +58,7 @@ class Spares {
   Presence& presence_;
   Planning& planning_;
   Seating& seating_;
-  const Fading& fading_;
+  const ErasedNodeIds& erased_;
   std::vector<Identity> welcome_;
 };
 

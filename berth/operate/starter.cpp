@@ -91,7 +91,7 @@ class Starter::Source final : public network::BootSource {
   Seat& seat_;
 };
 
-Starter::Starter(BusServices& services, SlotTable& slots, Agenda& agenda, Startup& startup, Asking& asking,
+Starter::Starter(BusServices& services, SlotTable& slots, Agenda& agenda, SlotStartup& startup, Asking& asking,
                  Configuring& configuring, Spares& spares, Presence& presence)
     : s_(services),
       slots_(slots),
@@ -135,9 +135,9 @@ rt::Task<bool> Starter::check_and_start() {
     if (seat->is_to_boot()) starts.spawn(boot(*seat));
   }
   co_await starts.join();
-  const Startup::Go go = startup_.goes_on();
-  if (go == Startup::Go::all) co_await start_all();
-  if (go == Startup::Go::each) co_await start_waiting();
+  const SlotStartup::Go go = startup_.goes_on();
+  if (go == SlotStartup::Go::all) co_await start_all();
+  if (go == SlotStartup::Go::each) co_await start_waiting();
   co_await await_operational();
   const bool all = slots_.operational() && s_.may_command();
   if (all) slots_.events().reach(Milestone::operational);

@@ -8,14 +8,14 @@
 #include "berth/network/boot_slave.hpp"
 #include "berth/operate/error_control.hpp"
 #include "berth/operate/programming.hpp"
+#include "berth/operate/slot_startup.hpp"
 #include "berth/operate/spares.hpp"
-#include "berth/operate/startup.hpp"
 
 namespace berth::operate {
 
 class Starter final : public EarlyStarter, private network::SlaveBoots::Owner {
  public:
-  Starter(BusServices& services, SlotTable& slots, Agenda& agenda, Startup& startup, Asking& asking,
+  Starter(BusServices& services, SlotTable& slots, Agenda& agenda, SlotStartup& startup, Asking& asking,
           Configuring& configuring, Spares& spares, Presence& presence);
   ~Starter();
 
@@ -51,7 +51,7 @@ class Starter final : public EarlyStarter, private network::SlaveBoots::Owner {
   BusServices& s_;
   SlotTable& slots_;
   Agenda& agenda_;
-  Startup& startup_;
+  SlotStartup& startup_;
   Asking& asking_;
   Configuring& configuring_;
   Spares& spares_;

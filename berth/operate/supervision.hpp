@@ -5,14 +5,14 @@
 #include <optional>
 
 #include "berth/operate/emergencies.hpp"
+#include "berth/operate/slot_startup.hpp"
 #include "berth/operate/spares.hpp"
-#include "berth/operate/startup.hpp"
 
 namespace berth::operate {
 
 class Supervision {
  public:
-  Supervision(BusServices& services, SlotTable& slots, Agenda& agenda, Loans& loans, Startup& startup,
+  Supervision(BusServices& services, SlotTable& slots, Agenda& agenda, Loans& loans, SlotStartup& startup,
               Presence& presence, Seating& seating, Spares& spares) noexcept
       : s_(services),
         slots_(slots),
@@ -67,7 +67,7 @@ class Supervision {
   SlotTable& slots_;
   Agenda& agenda_;
   Loans& loans_;
-  Startup& startup_;
+  SlotStartup& startup_;
   Presence& presence_;
   Seating& seating_;
   Spares& spares_;
@@ -76,9 +76,9 @@ class Supervision {
 };
 
 /// What the consumers of heartbeats and EMCYs and the guarding call: they are made before there is a `Supervision`.
-class Ears final : public co::HeartbeatConsumer::Observer,
-                   public co::GuardingMaster::Observer,
-                   public co::EmcyConsumer::Observer {
+class SupervisionRelay final : public co::HeartbeatConsumer::Observer,
+                               public co::GuardingMaster::Observer,
+                               public co::EmcyConsumer::Observer {
  public:
   void lead_to(Supervision& supervision) noexcept { supervision_ = &supervision; }
 

@@ -52,7 +52,7 @@ void PortDevice::device_changed(const device::Device&) noexcept { all_->tell(*th
 
 void PortDevice::write_ended() noexcept { all_->save(); }
 
-void PortDevice::script_told(const script::Told& told) noexcept {
+void PortDevice::script_told(const script::Message& told) noexcept {
   if (all_->observer_ != nullptr) all_->observer_->script_told(*this, told);
 }
 

@@ -71,7 +71,7 @@ class PortDevice final : public GatewaySide,
   void write_began() noexcept override {}
   void write_ended() noexcept override;
   void cut() noexcept override {}
-  void script_told(const script::Told& told) noexcept override;
+  void script_told(const script::Message& told) noexcept override;
   bool script_must_end() noexcept override;
 
   PortDevices* all_;
@@ -100,7 +100,7 @@ class PortDevices {
     /// `keep_state`'s file could not be written; it holds what it held.
     virtual void state_not_kept() noexcept = 0;
     /// Its script printed a line or ended.
-    virtual void script_told(const PortDevice&, const script::Told&) noexcept {}
+    virtual void script_told(const PortDevice&, const script::Message&) noexcept {}
     /// As `script::Behaviour::Listener::script_must_end`, of every script.
     virtual bool scripts_must_end() noexcept { return false; }
 

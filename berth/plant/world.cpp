@@ -90,7 +90,7 @@ class SimDevice::Scripted final : private script::Behaviour::Listener {
   void stop() noexcept { behaviour_.stop(); }
 
  private:
-  void script_told(const script::Told& told) noexcept override {
+  void script_told(const script::Message& told) noexcept override {
     for (auto* observer : device_.world_->observers_) observer->script_told(device_, told);
   }
   bool script_must_end() noexcept override {

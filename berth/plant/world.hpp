@@ -169,7 +169,7 @@ class World {
    public:
     virtual void plant_changed(const SimDevice& device) noexcept = 0;
     /// The script of a device printed a line or ended.
-    virtual void script_told(const SimDevice&, const script::Told&) noexcept {}
+    virtual void script_told(const SimDevice&, const script::Message&) noexcept {}
     /// As `script::Behaviour::Listener::script_must_end`, of every script.
     virtual bool scripts_must_end() noexcept { return false; }
 

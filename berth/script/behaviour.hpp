@@ -69,7 +69,7 @@ struct Limits {
 };
 
 /// What a script told, by `print` or by its end.
-struct Told {
+struct Message {
   enum class Kind : std::uint8_t {
     printed,
     failed,
@@ -82,7 +82,7 @@ struct Told {
   std::string text;
 };
 /// "belt.lua:12: 2000h:00 is UNSIGNED8, 300 does not fit"; of what was printed the text alone.
-[[nodiscard]] std::string to_string(const Told& told);
+[[nodiscard]] std::string to_string(const Message& told);
 
 /// EMCY of a script that failed: user software (CiA 301 §7.2.7.2.1), register bit 0; bytes 0 and 1 of the
 /// manufacturer's field are the line.
@@ -95,7 +95,7 @@ class Behaviour {
   /// Told from jobs. Must not destroy the behaviour or its device.
   class Listener {
    public:
-    virtual void script_told(const Told& told) noexcept = 0;
+    virtual void script_told(const Message& told) noexcept = 0;
     /// Asked while a call takes long, about each ten milliseconds: true (by a signal, say) ends it and the script. Must
     /// only look.
     virtual bool script_must_end() noexcept { return false; }

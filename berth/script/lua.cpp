@@ -225,8 +225,8 @@ Failure Lua::failure(int status) {
     failure.text = without_place(std::move(failure.text), failure.line);
     if (failure.text.size() > longest_complaint) failure.text.resize(longest_complaint);
   }
-  if (end == Meter::End::processor) failure.kind = Told::Kind::overran;
-  if (end == Meter::End::host) failure.kind = Told::Kind::ended;
+  if (end == Meter::End::processor) failure.kind = Message::Kind::overran;
+  if (end == Meter::End::host) failure.kind = Message::Kind::ended;
   return failure;
 }
 
@@ -285,8 +285,8 @@ std::optional<Finding> check(const Script& script) {
   return finding;
 }
 
-std::string to_string(const Told& told) {
-  if (told.kind == Told::Kind::printed) return told.text;
+std::string to_string(const Message& told) {
+  if (told.kind == Message::Kind::printed) return told.text;
   if (told.line == 0) return fmt::format("{}: {}", told.file, told.text);
   return fmt::format("{}:{}: {}", told.file, told.line, told.text);
 }

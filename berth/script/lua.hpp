@@ -19,7 +19,7 @@ namespace berth::script {
 struct Failure {
   int line = 0;
   std::string text;
-  Told::Kind kind = Told::Kind::failed;
+  Message::Kind kind = Message::Kind::failed;
 };
 
 class Lua {

@@ -68,7 +68,8 @@ void Machine::run() noexcept {
   const auto failure = *std::exchange(failure_, std::nullopt);
   forget();
   const auto line = static_cast<std::uint16_t>(std::min(failure.line, 0xFFFF));
-  const bool its_own = failure.kind == Told::Kind::failed;  // else it is the run that ends, and nothing of the device
+  const bool its_own =
+      failure.kind == Message::Kind::failed;  // else it is the run that ends, and nothing of the device
   if (its_own)
     device_.errors().raise(emcy_failed, co::error_register::generic,
                            {static_cast<std::uint8_t>(line), static_cast<std::uint8_t>(line >> 8U)});
@@ -76,7 +77,7 @@ void Machine::run() noexcept {
 }
 
 void Machine::print(int line, std::string text) {
-  listener_.script_told({Told::Kind::printed, script_.file, line, std::move(text)});
+  listener_.script_told({Message::Kind::printed, script_.file, line, std::move(text)});
 }
 
 template <class Push>

@@ -16,8 +16,8 @@ std::string device_of(std::uint32_t serial) {
                      : fmt::format("the device with serial number {:08X}h", serial);
 }
 
-ListTrouble::Told words_of(NodeIdTrouble trouble, std::uint32_t serial, const places::SlotSpec& slot,
-                           const std::string& path) {
+ListTrouble::Trouble words_of(NodeIdTrouble trouble, std::uint32_t serial, const places::SlotSpec& slot,
+                              const std::string& path) {
   const NodeId node = slot.id;
   const bool fixed = slot.assign == places::Assign::fixed;
   const std::string device = device_of(serial);
@@ -83,8 +83,8 @@ rt::Task<bool> ListTrouble::is_troubled(co::SdoAccess& master, NodeId node) {
   co_return (*mask >> place % 64 & 1U) != 0;
 }
 
-rt::Task<std::optional<ListTrouble::Told>> ListTrouble::of(co::SdoAccess& master, const places::SlotSpec& slot,
-                                                           std::string path) {
+rt::Task<std::optional<ListTrouble::Trouble>> ListTrouble::of(co::SdoAccess& master, const places::SlotSpec& slot,
+                                                              std::string path) {
   const NodeId node = slot.id;
   const bool troubled = co_await is_troubled(master, node);
   if (!troubled) co_return std::nullopt;

@@ -14,7 +14,7 @@ namespace berth::tree {
 
 class ListTrouble {
  public:
-  struct Told {
+  struct Trouble {
     places::SlotState state = places::SlotState::empty;
     std::string reason;
     bool is_news = true;  ///< also where the slot has this state already, and another reason
@@ -26,7 +26,8 @@ class ListTrouble {
   }
   /// Why the slave `node` is not there. None: the master does not tell, or knows nothing. `path`: of the master, as
   /// commands name it.
-  [[nodiscard]] rt::Task<std::optional<Told>> of(co::SdoAccess& master, const places::SlotSpec& slot, std::string path);
+  [[nodiscard]] rt::Task<std::optional<Trouble>> of(co::SdoAccess& master, const places::SlotSpec& slot,
+                                                    std::string path);
   /// The devices that have no place on the bus, in words; empty: there is none, it was told already, or it was asked
   /// for within the last ten seconds.
   [[nodiscard]] rt::Task<std::string> surplus(co::SdoAccess& master, bool any_fixed);

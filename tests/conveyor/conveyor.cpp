@@ -140,7 +140,7 @@ void Conveyor::replace(const std::string& slot) {
   if (auto* const fresh = world_->find(spare_of(slot))) fresh->plug();
 }
 
-void Conveyor::script_told(const plant::SimDevice& device, const script::Told& told) noexcept {
+void Conveyor::script_told(const plant::SimDevice& device, const script::Message& told) noexcept {
   told_.push_back(device.name() + ": " + to_string(told));
 }
 

@@ -64,7 +64,7 @@ class Conveyor final : private plant::World::Observer {
   };
   std::unique_ptr<Berth> make_berth(design::Machine machine);
   void plant_changed(const plant::SimDevice&) noexcept override {}
-  void script_told(const plant::SimDevice& device, const script::Told& told) noexcept override;
+  void script_told(const plant::SimDevice& device, const script::Message& told) noexcept override;
 
   design::Machine machine_;
   plant::PlantFile plant_;

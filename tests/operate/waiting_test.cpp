@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "berth/operate/fading.hpp"
+#include "berth/operate/erased_node_ids.hpp"
 #include "tests/harness/plant_events.hpp"
 #include "tests/harness/rig.hpp"
 
@@ -58,8 +58,8 @@ TEST(Waiting, OneDeviceInARoundIsToldAgain) {
   std::vector<int> told;
   for (int round = 1; round <= 33; ++round) {
     bool told_one = false;
-    if (operate::Fading::tells_again(first, told_one)) told.push_back(round);
-    if (operate::Fading::tells_again(second, told_one)) told.push_back(-round);
+    if (operate::ErasedNodeIds::tells_again(first, told_one)) told.push_back(round);
+    if (operate::ErasedNodeIds::tells_again(second, told_one)) told.push_back(-round);
   }
   EXPECT_EQ(told, (std::vector<int>{8, -9, 16, -17, 32, -33}));
 }

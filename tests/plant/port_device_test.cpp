@@ -123,7 +123,7 @@ TEST(PortDevices, ADamagedStateIsRefused) {
 struct Notes final : PortDevices::Observer {
   void device_changed(const PortDevice& d) noexcept override { last = d.device().node_id(); }
   void state_not_kept() noexcept override { ++not_kept; }
-  void script_told(const PortDevice& d, const script::Told& told) noexcept override {
+  void script_told(const PortDevice& d, const script::Message& told) noexcept override {
     said.push_back(d.name() + ": " + to_string(told));
   }
   NodeId last;

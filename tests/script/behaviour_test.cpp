@@ -47,7 +47,7 @@ struct Scene : Behaviour::Listener {
     run();
   }
   ~Scene() { bus.remove_tap(tap); }
-  void script_told(const Told& one) noexcept override {
+  void script_told(const Message& one) noexcept override {
     told.push_back(to_string(one));
     kinds.push_back(one.kind);
   }
@@ -75,7 +75,7 @@ struct Scene : Behaviour::Listener {
   device::Device device;
   Tap tap;
   std::vector<std::string> told;
-  std::vector<Told::Kind> kinds;
+  std::vector<Message::Kind> kinds;
   bool ends = false;
   Behaviour behaviour;
 };
@@ -307,7 +307,7 @@ TEST(ScriptCosts, RandomScriptsEndAlike) {
     SCOPED_TRACE(text);
     Scene one(text);
     ASSERT_EQ(one.told.size(), 1U);
-    EXPECT_EQ(one.kinds[0], Told::Kind::failed);
+    EXPECT_EQ(one.kinds[0], Message::Kind::failed);
     Scene again(text);
     EXPECT_EQ(again.told, one.told);
     EXPECT_EQ(again.value<std::uint64_t>(0x2004), one.value<std::uint64_t>(0x2004));
@@ -366,7 +366,7 @@ TEST(Behaviour, AnEndOfTheRunEndsACallAndIsNoFaultOfTheDevice) {
   s.ends = true;
   s.send("000#0105");
   s.send("205#01");
-  ASSERT_EQ(s.kinds, std::vector{Told::Kind::ended});
+  ASSERT_EQ(s.kinds, std::vector{Message::Kind::ended});
   EXPECT_EQ(s.told[0], "belt.lua:1: it was ended with the run");
   EXPECT_EQ(s.frames("085#0062010100000000"), 0);
   EXPECT_FALSE(s.behaviour.running());
@@ -377,7 +377,7 @@ TEST(Behaviour, TheHostsClockIsTheLastResort) {
   limits.instructions = 1'000'000'000;
   limits.processor = milliseconds(1);
   Scene s("local x\nwhile true do pcall(function() while true do end end) end", 1, limits);
-  ASSERT_EQ(s.kinds, std::vector{Told::Kind::overran});
+  ASSERT_EQ(s.kinds, std::vector{Message::Kind::overran});
   EXPECT_TRUE(s.told[0].starts_with("belt.lua:2: one call took more than 0.001 s of this computer's processor"));
   EXPECT_EQ(s.frames("085#0062010200000000"), 0);
 }

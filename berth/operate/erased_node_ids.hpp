@@ -10,7 +10,7 @@
 
 namespace berth::operate {
 
-class Fading {
+class ErasedNodeIds {
  public:
   /// The device confirmed that its memory has no node-ID; it uses this one.
   void note(const Identity& device, NodeId uses) { devices_[device] = {uses}; }

@@ -1,10 +1,10 @@
-#include "berth/operate/fading.hpp"
+#include "berth/operate/erased_node_ids.hpp"
 
 #include <fmt/format.h>
 
 namespace berth::operate {
 
-NodeId Fading::forget(const Identity& device) {
+NodeId ErasedNodeIds::forget(const Identity& device) {
   const auto it = devices_.find(device);
   if (it == devices_.end()) return {};
   const NodeId used = it->second.uses;
@@ -12,13 +12,13 @@ NodeId Fading::forget(const Identity& device) {
   return used;
 }
 
-bool Fading::rests(const Identity& device, NodeId active, bool& told_one) noexcept {
+bool ErasedNodeIds::rests(const Identity& device, NodeId active, bool& told_one) noexcept {
   const auto it = devices_.find(device);
   const bool still = it != devices_.end() && it->second.uses == active;
   return still && !tells_again(it->second.looked_at, told_one);
 }
 
-bool Fading::tells_again(unsigned& looks, bool& told_one) noexcept {
+bool ErasedNodeIds::tells_again(unsigned& looks, bool& told_one) noexcept {
   const bool due = is_time(looks + 1);
   const bool tells = due && !told_one;
   if (!due || tells) ++looks;  // else the next round tells it
@@ -26,26 +26,26 @@ bool Fading::tells_again(unsigned& looks, bool& told_one) noexcept {
   return tells;
 }
 
-bool Fading::uses(const Identity& device, NodeId id) const noexcept {
+bool ErasedNodeIds::uses(const Identity& device, NodeId id) const noexcept {
   const auto it = devices_.find(device);
   return it != devices_.end() && it->second.uses == id;
 }
 
-const Identity* Fading::user_of(NodeId id) const noexcept {
+const Identity* ErasedNodeIds::user_of(NodeId id) const noexcept {
   for (const auto& [device, each] : devices_) {
     if (each.uses == id) return &device;
   }
   return nullptr;
 }
 
-const Identity* Fading::waits_for(const places::SlotSpec& slot) const noexcept {
+const Identity* ErasedNodeIds::waits_for(const places::SlotSpec& slot) const noexcept {
   for (const auto& [device, each] : devices_) {
     if (places::fits(slot, device)) return &device;
   }
   return nullptr;
 }
 
-std::string Fading::reason(const Identity& device) {
+std::string ErasedNodeIds::reason(const Identity& device) {
   return fmt::format("{} uses its node-ID, too, until it is switched off and on: switch that one off and on",
                      to_string(device));
 }

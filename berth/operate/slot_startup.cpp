@@ -1,4 +1,4 @@
-#include "berth/operate/startup.hpp"
+#include "berth/operate/slot_startup.hpp"
 
 #include <fmt/format.h>
 
@@ -11,10 +11,10 @@ using network::SlavePhase;
 using network::StartupPhase;
 using places::SlotState;
 
-Startup::Startup(BusServices& services, SlotTable& slots) noexcept
+SlotStartup::SlotStartup(BusServices& services, SlotTable& slots) noexcept
     : s_(services), slots_(slots), network_(services.executor, *this) {}
 
-void Startup::begin() {
+void SlotStartup::begin() {
   s_.nmt.set_inhibit(s_.bus.startup.nmt_inhibit);
   released_ = false;
   released_by_master_ = Go::nothing;
@@ -30,20 +30,20 @@ void Startup::begin() {
   network_.begin(std::move(plan));
 }
 
-void Startup::tell(const std::string& text) { slots_.events().tell(EventKind::startup, "", text); }
+void SlotStartup::tell(const std::string& text) { slots_.events().tell(EventKind::startup, "", text); }
 
 // ---- when devices are started ---------------------------------------------------------------------------------------
 
-bool Startup::is_ready(const network::Slave& slave) const noexcept {
+bool SlotStartup::is_ready(const network::Slave& slave) const noexcept {
   return slave.status.ready() && slots_.at(slave.what.node)->there();
 }
 
-bool Startup::has_failed(const network::Slave& slave) const noexcept {
+bool SlotStartup::has_failed(const network::Slave& slave) const noexcept {
   const SlotState state = slots_.at(slave.what.node)->state();
   return state == SlotState::failed || state == SlotState::wrong_type || state == SlotState::duplicate;
 }
 
-std::string Startup::why_waiting() const {
+std::string SlotStartup::why_waiting() const {
   if (!s_.may_command()) return "ready; the master of its bus starts it, not this Berth (role)";
   if (network_.is(Phase::stopped)) return "ready; the network is stopped: `berth nmt start all` starts it";
   if (network_.is(Phase::halted)) {
@@ -57,9 +57,9 @@ std::string Startup::why_waiting() const {
   return fmt::format("ready; it is started when the master is: `berth nmt start {}`", s_.bus.master.value());
 }
 
-void Startup::tell_why_waiting(Seat& seat) { slots_.happened(seat, SlotEvent::pauses, why_waiting()); }
+void SlotStartup::tell_why_waiting(Seat& seat) { slots_.happened(seat, SlotEvent::pauses, why_waiting()); }
 
-Startup::Go Startup::goes_on() {
+SlotStartup::Go SlotStartup::goes_on() {
   released_ = false;
   const Go by_master = std::exchange(released_by_master_, Go::nothing);
   Go go = network_.look();
@@ -69,17 +69,17 @@ Startup::Go Startup::goes_on() {
 }
 
 // Why a device waits changes while it does.
-void Startup::tell_the_waiting() {
+void SlotStartup::tell_the_waiting() {
   for (const auto& seat : slots_.seats()) {
     if (seat->slave.waits_for_start() && seat->there()) tell_why_waiting(*seat);
   }
 }
 
-void Startup::network_operational() noexcept {
+void SlotStartup::network_operational() noexcept {
   if (s_.may_command()) network_.all_operational();
 }
 
-void Startup::heard(network::NetworkStartup::News news, const network::Slave* slave) noexcept {
+void SlotStartup::heard(network::NetworkStartup::News news, const network::Slave* slave) noexcept {
   using News = network::NetworkStartup::News;
   if (news == News::resumed) return tell(fmt::format("the startup goes on: slot \"{}\" is ready", halted_by_));
   if (news == News::all_ready && network_.has_mandatory()) return tell("all mandatory devices are ready");
@@ -92,19 +92,19 @@ void Startup::heard(network::NetworkStartup::News news, const network::Slave* sl
                    news == News::late ? late : seat.reason));
 }
 
-void Startup::apply(NmtCommand command) noexcept {
+void SlotStartup::apply(NmtCommand command) noexcept {
   if (master_ != nullptr) master_->apply(command);
 }
 
 // ---- errors ---------------------------------------------------------------------------------------------------------
 
-void Startup::error_event(const Seat& seat, std::string_view what) {
+void SlotStartup::error_event(const Seat& seat, std::string_view what) {
   const auto asks_for = network_.on_error(seat.slave);
   if (!s_.may_command() || !asks_for || *asks_for == StartupPhase::OnError::one) return;
   error_ = ErrorEvent{*asks_for, fmt::format("slot \"{}\", which is mandatory: {}", seat.name(), what)};
 }
 
-rt::Task<void> Startup::act_on_error() {
+rt::Task<void> SlotStartup::act_on_error() {
   if (!error_) co_return;
   const ErrorEvent error = *std::exchange(error_, std::nullopt);
   const bool stops = error.asks_for == StartupPhase::OnError::stop;
@@ -120,7 +120,7 @@ rt::Task<void> Startup::act_on_error() {
   apply(command);
 }
 
-void Startup::stop_all(const std::string& why) {
+void SlotStartup::stop_all(const std::string& why) {
   network_.stop();
   for (const auto& seat : slots_.seats()) {
     if (!seat->there()) continue;
@@ -130,7 +130,7 @@ void Startup::stop_all(const std::string& why) {
 }
 
 // What was known of them belongs to the life before.
-void Startup::await_all(const std::string& why) {
+void SlotStartup::await_all(const std::string& why) {
   begin();
   for (const auto& seat : slots_.seats()) {
     if (!seat->there()) continue;
@@ -138,7 +138,7 @@ void Startup::await_all(const std::string& why) {
   }
 }
 
-void Startup::commanded(NmtCommand command, co::NmtTarget target) {
+void SlotStartup::commanded(NmtCommand command, co::NmtTarget target) {
   const bool starts = command == NmtCommand::start;
   if (target.node != 0 && NodeId(target.node) == s_.bus.master) {
     apply(command);

@@ -21,12 +21,12 @@ class MasterState {
   ~MasterState() = default;
 };
 
-class Startup final : private network::NetworkStartup::Owner {
+class SlotStartup final : private network::NetworkStartup::Owner {
  public:
   using Phase = network::StartupPhase::Phase;
   using Go = network::NetworkStartup::Go;
 
-  Startup(BusServices& services, SlotTable& slots) noexcept;
+  SlotStartup(BusServices& services, SlotTable& slots) noexcept;
   /// Before the first `begin`; must stay.
   void set_master(MasterState& master) noexcept { master_ = &master; }
 

@@ -14,7 +14,7 @@
 
 namespace berth::operate {
 
-struct Diagnosis {
+struct BusStatistics {
   struct Emergency {
     NodeId node;
     co::Emcy message;
