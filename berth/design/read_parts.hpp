@@ -1,4 +1,4 @@
-/// What the parts of the machine file's reader share (read_machine.cpp, read_bus.cpp, read_channel.cpp,
+/// What the parts of the machine file's reader share (read_machine.cpp, read_slot.cpp, read_bus.cpp, read_channel.cpp,
 /// read_link.cpp). Inside of room
 /// `design`.
 #pragma once
@@ -19,6 +19,22 @@ template <class Enum, std::size_t N>
 void read_word(text::Table& table, std::string_view key, const std::array<std::string_view, N>& words, Enum& into) {
   if (const auto index = table.word(key, words)) into = static_cast<Enum>(*index);
 }
+
+/// `places::SlotAsks::unasked` of `type = "any"`.
+inline constexpr std::uint8_t any_type = 3;
+/// `probe`; `says_how`: the slot has `when_ambiguous`.
+void read_probe(text::Table& table, places::SlotSpec& spec, bool says_how);
+/// `id` or `ids`; empty after an error.
+[[nodiscard]] std::vector<unsigned> read_ids(text::Table& table, Slot& slot);
+/// `name`, for a range with {id} in it; empty after an error.
+[[nodiscard]] std::string read_name(text::Table& table, bool of_range);
+/// `type = { vendor, product, revision }`, and `type = "any"`.
+void read_type_table(text::Table& table, places::SlotSpec& spec);
+void read_any(text::Table& table, places::SlotSpec& spec);
+/// 1000h of the description of a slot for any type; 0: it says none.
+[[nodiscard]] std::uint32_t described_type(const Slot& slot);
+/// `assign`. A slot for any type has a fixed node-ID: that is all that is known of its device.
+void read_assign(text::Table& table, places::SlotSpec& spec);
 
 /// The keys of `[timing]` beneath `parent`, over what `timing` has.
 void read_timing(text::Table& parent, Timing& timing);
