@@ -1,6 +1,5 @@
 // The plant file's grammar, key by key: docs/plant-file.md.
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <charconv>
@@ -8,9 +7,7 @@
 #include <set>
 #include <tuple>
 
-#include "berth/base/counted.hpp"
 #include "berth/multilevel/path.hpp"
-#include "berth/od/notation.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/plant/plant_words.hpp"
 #include "berth/plant/read_plant_parts.hpp"

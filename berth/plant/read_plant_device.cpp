@@ -4,18 +4,11 @@
 
 #include <algorithm>
 #include <charconv>
-#include <map>
-#include <set>
-#include <tuple>
 
-#include "berth/base/counted.hpp"
-#include "berth/multilevel/path.hpp"
 #include "berth/od/notation.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/plant/plant_words.hpp"
-#include "berth/text/file.hpp"
 #include "berth/text/reach.hpp"
-#include "berth/text/taken_for.hpp"
 #include "berth/text/toml.hpp"
 
 #include "berth/plant/read_plant_parts.hpp"
