@@ -2,6 +2,7 @@
 // back to the same bytes.
 #include <cmath>
 
+#include "berth/base/base64.hpp"
 #include "berth/serve/cia309.hpp"
 #include "fuzz/require.hpp"
 
@@ -51,8 +52,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (end == std::string_view::npos) break;
     rest.remove_prefix(end + 1);
   }
-  const auto bytes = serve::cia309::from_base64({reinterpret_cast<const char*>(data), size});
-  if (bytes) require(serve::cia309::from_base64(serve::cia309::to_base64(*bytes)) == *bytes);
+  const auto bytes = serve::from_base64({reinterpret_cast<const char*>(data), size});
+  if (bytes) require(serve::from_base64(serve::to_base64(*bytes)) == *bytes);
   return 0;
 }
 

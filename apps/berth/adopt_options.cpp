@@ -1,4 +1,4 @@
-// What may be written behind `berth adopt`, `berth export` and `berth import`.
+// What may be written after `berth adopt`, `berth export` and `berth import`.
 #include <memory>
 
 #include "adopt.hpp"

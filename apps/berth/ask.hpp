@@ -20,7 +20,7 @@ namespace berth::cli {
 /// A person can type here: standard input is a terminal.
 [[nodiscard]] bool someone_types() noexcept;
 
-/// A line that a person types behind `question`, without spaces at its ends. Nothing: the input has ended, or a signal
+/// A line that a person types after `question`, without spaces at its ends. Nothing: the input has ended, or a signal
 /// came.
 [[nodiscard]] std::optional<std::string> ask_line(const std::string& question, Interrupt& interrupt);
 

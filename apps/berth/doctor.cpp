@@ -64,7 +64,7 @@ tl::expected<std::unique_ptr<can::Port>, Failure> node_on(Rig& rig, const design
   return tl::unexpected(failure(Exit::failed, fmt::format("the simulated world has no bus \"{}\"", bus.name)));
 }
 
-// A simulated machine: devices boot, and with --up it is brought up first. What the plant file plans behind
+// A simulated machine: devices boot, and with --up it is brought up first. What the plant file plans after
 // "operational" does not happen: the machine is looked at as it stands.
 void prepare(Rig& rig, const Options& options) {
   if (options.single.bring_up && rig.loop() == nullptr) {

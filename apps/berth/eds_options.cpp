@@ -1,4 +1,4 @@
-// What may be written behind `berth eds`.
+// What may be written after `berth eds`.
 #include <memory>
 
 #include "eds.hpp"

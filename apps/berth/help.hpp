@@ -68,7 +68,7 @@ class HelpFormat final : public CLI::Formatter {
     const std::string rest = wrapped(std::string(margin, ' ') + right, margin);
     return line + rest.substr(std::min(margin, rest.size())) + "\n";
   }
-  // Lines that are longer are broken at a space, and go on behind `indent` spaces.
+  // Lines that are longer are broken at a space, and go on after `indent` spaces.
   static std::string wrapped(const std::string& text, std::size_t indent) {
     std::string out;
     std::string line = text;

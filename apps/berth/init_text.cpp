@@ -111,7 +111,7 @@ std::string name_from(const std::string& said) {
       name,
       [](char c) { return c == '/' || c == '\\' || c == '{' || c == '}' || static_cast<unsigned char>(c) < 0x20; },
       '-');
-  constexpr std::size_t longest = 60;  // a number comes behind it
+  constexpr std::size_t longest = 60;  // a number comes after it
   std::size_t end = std::min(name.size(), longest);
   while (end < name.size() && end > 0 && (static_cast<unsigned char>(name[end]) & 0xC0U) == 0x80U) --end;
   name.resize(end);

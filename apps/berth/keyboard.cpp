@@ -13,7 +13,7 @@ constexpr char escape = '\x1b';
 constexpr std::size_t longest_line = 512;
 
 struct Sequence {
-  std::string_view bytes;  // behind ESC
+  std::string_view bytes;  // after ESC
   Key key;
 };
 // xterm's, in both of its modes, and the Linux console's.

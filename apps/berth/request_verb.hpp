@@ -1,4 +1,4 @@
-/// Verbs that are one request. Their help, and what may stand behind them, are the table's (berth/command/verbs.hpp):
+/// Verbs that are one request. Their help, and what may stand after them, are the table's (berth/command/verbs.hpp):
 /// words, options and flags become the request's arguments.
 #pragma once
 
@@ -38,7 +38,7 @@ class RequestVerb {
   Verb verb_;
 };
 
-/// What stands behind every verb that is a request: the machine, or the bus alone, and what carries it out; and, of the
+/// What stands after every verb that is a request: the machine, or the bus alone, and what carries it out; and, of the
 /// verb that `request` names, the words, options and flags of the table, which become its arguments.
 void request_words(const Verb& verb, Options& options, const std::shared_ptr<command::Request>& request,
                    RequestWords which = {});

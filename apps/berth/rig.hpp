@@ -38,7 +38,7 @@ struct Sources {
   bool links = false;  ///< those of the machine are part of its devices' configuration
 };
 
-/// What a plant plans behind a milestone.
+/// What a plant plans after a milestone.
 [[nodiscard]] plant::After after(operate::Milestone milestone) noexcept;
 
 class Rig {
@@ -71,7 +71,7 @@ class Rig {
   void power_on();
   /// That, and in simulated time the time that they need to boot, and `more`.
   void power_on_and_boot(rt::Duration more);
-  /// A milestone of the session: what the plant plans behind it comes.
+  /// A milestone of the session: what the plant plans after it comes.
   void milestone(operate::Milestone milestone);
   /// Confirmation of a person is wanted, or was given by --yes: the first start of a machine whose devices are real.
   [[nodiscard]] bool first_start();

@@ -24,7 +24,7 @@ struct ScreenOptions {
   bool quiet = false;       ///< prints nothing
   bool events = false;      ///< though quiet: every event as a line of JSON
   bool wall_clock = false;  ///< events have the time of day too: the buses are real
-  /// What is said behind an event when it is seen for the first time; empty: nothing.
+  /// What is said after an event when it is seen for the first time; empty: nothing.
   std::function<std::string(const operate::Event&)> comment{};
 };
 

@@ -36,7 +36,7 @@ std::string hex_of(const std::string& bytes) {
 
 using Words = std::vector<std::string>;
 
-// "4", "0x1F", "1Fh": what stands behind an object is its sub-index, as an object is never so short.
+// "4", "0x1F", "1Fh": what stands after an object is its sub-index, as an object is never so short.
 bool like_sub_index(const std::string& word) {
   const bool marked = word.starts_with("0x") || word.starts_with("0X");
   const bool h = !marked && (word.ends_with('h') || word.ends_with('H'));

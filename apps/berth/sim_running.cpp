@@ -87,7 +87,7 @@ int ask_plant(const Options& options, command::Request request) {
   return reply->status;
 }
 
-/// What stands behind each of these verbs: the machine, and the process that runs it.
+/// What stands after each of these verbs: the machine, and the process that runs it.
 void running_words(const Verb& verb, Options& options) {
   json_flag(verb, options);
   verb.word("--machine,-m", options.machine, "machine file (default: berth.toml, or the only one of the folder)");

@@ -5,6 +5,7 @@
 #include <functional>
 #include <tl/expected.hpp>
 
+#include "berth/command/reply.hpp"
 #include "berth/io/loop.hpp"
 #include "options.hpp"
 #include "output.hpp"

@@ -1,4 +1,4 @@
-// The verbs that are one request, and examples of each. What may stand behind them is the table's
+// The verbs that are one request, and examples of each. What may stand after them is the table's
 // (berth/command/verbs.cpp).
 #include <filesystem>
 #include <memory>

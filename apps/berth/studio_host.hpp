@@ -17,7 +17,7 @@ namespace berth::cli {
 [[nodiscard]] std::optional<Failure> studio_refused(const Options& options);
 
 /// The request of `berth trace --ring`, at the control socket alone: `{"text", "next", "end"}`, lines of a candump log,
-/// the frame to go on from, and that behind the newest.
+/// the frame to go on from, and that after the newest.
 inline constexpr const char* ring_verb = "ring";
 
 /// The server of a rig that runs in real time.

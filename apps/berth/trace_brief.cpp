@@ -24,7 +24,7 @@ struct Parts {
   [[nodiscard]] std::size_t columns() const { return text::columns(text()); }
 };
 
-// Where the name begins that ends at `end`: behind the object ("1018h:01 "), or what parts the signals of a PDO.
+// Where the name begins that ends at `end`: after the object ("1018h:01 "), or what parts the signals of a PDO.
 std::size_t name_begin(std::string_view words, std::size_t from, std::size_t end) {
   constexpr std::string_view digits = "0123456789ABCDEF";
   std::size_t begin = from;

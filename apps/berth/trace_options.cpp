@@ -1,4 +1,4 @@
-// What may be written behind `berth trace`.
+// What may be written after `berth trace`.
 #include <fmt/format.h>
 
 #include <charconv>

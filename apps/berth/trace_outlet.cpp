@@ -153,7 +153,7 @@ void RowText::json(std::string& out, const decode::Row& row, const std::string& 
   line_.clear();
   writer_.write(*row.entry, bus, line_);
   line_.pop_back();
-  // "(time) bus frame R": what stands behind the second blank, without the direction.
+  // "(time) bus frame R": what stands after the second blank, without the direction.
   auto frame = std::string_view(line_).substr(line_.find(' ', line_.find(' ') + 1) + 1);
   frame = frame.substr(0, frame.find(' '));
   out += ",\"frame\":";

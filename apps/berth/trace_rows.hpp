@@ -14,7 +14,7 @@ class RowPrinter {
  public:
   enum class Form : std::uint8_t { words, json, table };
 
-  /// `live`: rows are seen at once, but for those behind a request without an answer. `times`: of --times.
+  /// `live`: rows are seen at once, but for those after a request without an answer. `times`: of --times.
   RowPrinter(Form form, bool live, const std::string& times);
   /// The trace has this as its first frame, and so many buses. Before the first row.
   void begin(rt::Duration first, std::size_t buses);
@@ -30,7 +30,7 @@ class RowPrinter {
   /// Of a live source, after each turn: `more`, whether anything came in it.
   void settle(const std::optional<rt::Duration>& pending, bool more);
   [[nodiscard]] std::uint64_t late() const noexcept { return queue_.late(); }
-  /// For what is printed behind all rows.
+  /// For what is printed after all rows.
   Outlet& screen() noexcept { return screen_; }
   [[nodiscard]] bool broken() const noexcept { return screen_.broken(); }
 

@@ -9,7 +9,7 @@ namespace berth::cli {
 /// What is said to a person beside the events.
 struct Story {
   std::vector<std::string> begin;
-  std::function<std::string(const operate::Event&)> comment;  ///< behind this event; empty: nothing
+  std::function<std::string(const operate::Event&)> comment;  ///< after this event; empty: nothing
   std::vector<std::string> end;
 };
 
@@ -23,7 +23,7 @@ int run_up(const Options& options);
 Word drive_words(const Verb& verb, Options& options);
 /// --studio and what belongs to it; `fast`: what `drive_words` gave.
 void studio_words(const Verb& verb, Options& options, const Word& fast);
-/// Who is let in; `prefix`: "--studio-" behind `berth up`, "--" behind `berth studio`.
+/// Who is let in; `prefix`: "--studio-" after `berth up`, "--" after `berth studio`.
 void studio_door_words(const Verb& verb, Options& options, const std::string& prefix);
 
 }  // namespace berth::cli

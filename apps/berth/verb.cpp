@@ -216,7 +216,7 @@ std::string did_you_mean(const CLI::App& app, const std::string& word) {
   return meant.empty() ? std::string() : fmt::format("; did you mean {}?", meant);
 }
 
-/// The same for the first word behind the command that it does not know.
+/// The same for the first word after the command that it does not know.
 std::string suggestion(const CLI::App& command, int argc, char** argv) {
   const auto names = command.get_subcommands([](const CLI::App*) { return true; });
   for (int i = 1; i < argc; ++i) {
@@ -299,7 +299,7 @@ class CommandLine {
       rest_is_plain_ = true;
       return;
     }
-    // Its time may be left out, and what stands behind it is no time then.
+    // Its time may be left out, and what stands after it is no time then.
     const bool last = next_ + 1 == words_.size();
     const bool timed = !last && std::isdigit(static_cast<unsigned char>(words_[next_ + 1].front())) != 0;
     if (word == "--watch" && !timed) word = "--watch=1 s";

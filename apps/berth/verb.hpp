@@ -1,5 +1,5 @@
 /// What can be written on the command line. Each verb's file has one `add_…` function, which the table in main.cpp
-/// names; there it says what may stand behind the verb and what the verb does:
+/// names; there it says what may stand after the verb and what the verb does:
 ///
 ///     void add_forget(Verb& berth, Options& options) {
 ///       const auto device = std::make_shared<std::string>();
@@ -29,7 +29,7 @@ namespace berth::cli {
 
 struct Options;
 
-/// One word, option or flag behind a verb: what is required of it.
+/// One word, option or flag after a verb: what is required of it.
 class Word {
  public:
   /// Null: of a verb that is not on the command line; nothing is required of it.

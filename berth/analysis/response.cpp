@@ -65,7 +65,7 @@ class Analyzer {
   }
 
   // What waits in FIFOs makes others later, and so waits longer: from below to the least that fits together. What waits
-  // in no FIFO makes nobody later than its frame does: it is bounded once, behind that. FIFOs that make each other
+  // in no FIFO makes nobody later than its frame does: it is bounded once, after that. FIFOs that make each other
   // later without end are given up sooner: what waits for ten of the longest periods has no bound.
   void run() {
     fifos_ = all_fifos();
@@ -270,7 +270,7 @@ class Analyzer {
     return false;
   }
 
-  // The instants at which one more frame can be in the queue, ascending, behind those that are known.
+  // The instants at which one more frame can be in the queue, ascending, after those that are known.
   void find_instants(Order& order) const {
     std::vector<Ns> all{0};
     for (const std::size_t i : order.own) {
@@ -312,7 +312,7 @@ class Analyzer {
     return *std::ranges::find_if(fifos_, [i](const Order& each) { return std::ranges::count(each.own, i) > 0; });
   }
 
-  // It, and those of its frames behind whose ends it waits; the longest of the orders in which it may be.
+  // It, and those of its frames after whose ends it waits; the longest of the orders in which it may be.
   void find_chain(std::size_t i, const Order& order) {
     Task& task = tasks_[i];
     const unsigned before = line_.messages[i].frames_before;
@@ -342,7 +342,7 @@ class Analyzer {
   static void take(Task& task, const std::vector<Order::Instant>& instants) noexcept {
     task.queued = task.worst = 0;
     for (const auto& [x, work, start] : instants) {
-      // The event of the frame that is queued at x: its jitter before x at most, and a period behind the one before.
+      // The event of the frame that is queued at x: its jitter before x at most, and a period after the one before.
       // With a jitter of a period and more they may have overtaken each other.
       const Ns in_order = std::max((x + task.j) / task.t * task.t, x) - task.j;
       const Ns event = task.j >= task.t ? x - task.j : in_order;

@@ -32,7 +32,7 @@ struct Message {
   rt::Duration jitter{};     ///< latest minus earliest time from the event to the frame in the queue
   rt::Duration deadline{0};  ///< from the cause to where it counts; 0: none
   rt::Duration before{0};    ///< passes at most from the cause to the event: a change waits for an inhibit time
-  /// So many of its frames go before it, and of `before` an equal part passes behind the end of each: an inhibit time
+  /// So many of its frames go before it, and of `before` an equal part passes after the end of each: an inhibit time
   /// that counts from there. 0: `before` passes whatever its frames do.
   unsigned frames_before = 0;
   /// `key` of a message whose reception is what sends this one: SYNC. Its event is the other's then, and what the other

@@ -110,7 +110,7 @@ struct Identity {
   friend constexpr auto operator<=>(const Identity&, const Identity&) noexcept = default;
 };
 
-/// As an LSS address; "xxxxxxxx" is a part that is unknown, and "@5" stands behind that of a device which is known by
+/// As an LSS address; "xxxxxxxx" is a part that is unknown, and "@5" stands after that of a device which is known by
 /// its node-ID: "00000001-00000002-xxxxxxxx-xxxxxxxx@5".
 [[nodiscard]] std::string to_string(const Identity& identity);
 /// Reads what `to_string` writes, as tolerantly as `parse_lss_address`.

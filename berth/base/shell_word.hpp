@@ -1,4 +1,4 @@
-/// A name as a person types it behind a command: in quotes where a shell would part or change it.
+/// A name as a person types it after a command: in quotes where a shell would part or change it.
 #pragma once
 
 #include <string>

@@ -6,7 +6,7 @@ namespace berth::can {
 namespace {
 
 // The stuffed part of a frame is worked through byte by byte. Its head (start of frame to DLC) is put right in whole
-// bytes, so that the data bytes stand whole behind it; leading bits that are missing are filled up by alternating ones.
+// bytes, so that the data bytes stand whole after it; leading bits that are missing are filled up by alternating ones.
 constexpr unsigned base_head = 19;      // SOF, 11, RTR, IDE, r0, DLC: in 3 bytes
 constexpr unsigned extended_head = 39;  // SOF, 11, SRR, IDE, 18, RTR, r1, r0, DLC: in 5 bytes
 constexpr unsigned longest = 5 + 8;     // bytes of head and data
@@ -130,7 +130,7 @@ unsigned exact_bits(const Frame& frame) noexcept {
   } else {
     for (unsigned i = 0; i < data; ++i) counter.take(frame.data[i], tables.crc + (data - 1 - i));
   }
-  // One filler behind the CRC: the opposite of its last bit never completes a run of five.
+  // One filler after the CRC: the opposite of its last bit never completes a run of five.
   const unsigned crc = counter.crc;
   counter.stuff(crc >> 7);
   counter.stuff((crc << 1 | (~crc & 1U)) & 0xFFU);

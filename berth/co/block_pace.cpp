@@ -7,7 +7,7 @@ namespace berth::co {
 namespace {
 
 constexpr can::IdRange outranked{0x680, 0x7FF};  // by the requests of SDO, 600h to 67Fh
-constexpr unsigned quiet_part = 4;               // of the free time: about two frames behind 127 segments
+constexpr unsigned quiet_part = 4;               // of the free time: about two frames after 127 segments
 
 }  // namespace
 

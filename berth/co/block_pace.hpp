@@ -1,4 +1,4 @@
-/// Block downloads that share a bus: their sub-blocks go out one after another, and behind each the bus is left free
+/// Block downloads that share a bus: their sub-blocks go out one after another, and after each the bus is left free
 /// for a while: a part of the time that the sub-block took, and on while frames come that a segment outranks
 /// (heartbeats), but no longer than the sub-block took. Else the segments of many transfers would take the whole bus,
 /// and every device would be lost. While one device writes its flash memory, the others' sub-blocks use the bus.

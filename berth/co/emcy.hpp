@@ -37,7 +37,7 @@ struct Emcy {
   friend bool operator==(const Emcy&, const Emcy&) noexcept = default;
 };
 
-/// Messages about others that go out under a device's identifier, behind its own: what a gateway hands on.
+/// Messages about others that go out under a device's identifier, after its own: what a gateway hands on.
 class EmcyBacklog {
  public:
   /// The next one; null: none.

@@ -61,7 +61,7 @@ Pdos::Pdos(can::Dispatcher& dispatcher, od::Values& values, ServiceOwner& owner,
   for_each_pdo(d, PdoKind::tpdo, set_up(tpdos_.get()));
   if (SamProducer::wanted(d)) sam_ = std::make_unique<SamProducer>();
   context_.sam = sam_.get();
-  values.attach(*this, first_pdo_record, last_pdo_record);
+  values.attach(*this, od::first_pdo_record, od::last_pdo_record);
 }
 
 Pdos::~Pdos() { stop(); }

@@ -29,7 +29,7 @@ using od::PdoKind;
 /// One resolved run of bits: where it stands in the values and how long it is (1..64).
 class PdoField {
  public:
-  /// Places above are not mappable: scalars that stand behind 64 MiB of strings and DOMAINs.
+  /// Places above are not mappable: scalars that stand after 64 MiB of strings and DOMAINs.
   static constexpr std::uint32_t most_offset = (1U << 26) - 2;
   static constexpr std::uint32_t nowhere = (1U << 26) - 1;  ///< dummy: bits that are not wanted
 
@@ -71,7 +71,7 @@ class PdoMapping {
 
   /// Where the values begin: what `pack` and `unpack` want.
   [[nodiscard]] static std::uint8_t* base_of(od::Values& values) noexcept { return values.scalar(od::SubObject{}); }
-  /// Writes `size()` bytes at `into`, where 8 must be allowed; bits behind the last object are 0.
+  /// Writes `size()` bytes at `into`, where 8 must be allowed; bits after the last object are 0.
   void pack(const std::uint8_t* base, std::uint8_t* into) const noexcept;
   /// Stores the objects from `size()` bytes at `from`. Nothing else in the values changes.
   void unpack(std::uint8_t* base, const std::uint8_t* from) const noexcept;

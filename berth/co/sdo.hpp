@@ -126,7 +126,7 @@ class SdoValue {
  private:
   std::size_t size_ = 0;
   std::array<std::uint8_t, small_size> small_{};
-  std::vector<std::uint8_t> large_;  // all bytes, once there are more than `small_size`; perhaps some behind them
+  std::vector<std::uint8_t> large_;  // all bytes, once there are more than `small_size`; perhaps some after them
 };
 
 namespace sdo {

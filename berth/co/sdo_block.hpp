@@ -26,7 +26,7 @@ class BlockSender {
   enum class Heard : std::uint8_t {
     stale,     ///< no acknowledgement of this sub-block: nothing happened
     invalid,   ///< more than was sent, or no valid block size: abort with `code()`
-    go_on,     ///< `acknowledged()` bytes are done; the next sub-block begins behind them
+    go_on,     ///< `acknowledged()` bytes are done; the next sub-block begins after them
     finished,  ///< all bytes are done
   };
 

@@ -168,7 +168,7 @@ void SdoTransfer::sent(rt::Time at) noexcept {
     extra_->block.request_sent(at);
     patience /= sdo::block_gap_part;
   }
-  // Else each attempt would be lost behind a frame of the same period: the master's own heartbeat, say, in a server
+  // Else each attempt would be lost after a frame of the same period: the master's own heartbeat, say, in a server
   // that has a receive buffer of one frame.
   if (attempts_ > 1) [[unlikely]]
     patience += patience * (attempts_ - 1) / 16;
@@ -384,7 +384,7 @@ void SdoLine::enqueue(SdoTransfer& transfer) noexcept {
   *end = &transfer;
 }
 
-// What the newest request was not answered is late from now on. Each silence has its own time: requests behind it that
+// What the newest request was not answered is late from now on. Each silence has its own time: requests after it that
 // are answered do not prolong it.
 void SdoLine::give_up_open(rt::Time at) noexcept {
   if (at > owed_until_) {
@@ -482,7 +482,7 @@ void SdoLine::received_other(NodeId node, const can::Frame& frame, rt::Time at) 
   const bool on_wire = first_ != nullptr && first_->request_.on_wire;
   if (!on_wire) give_up_open(at);
   const bool owed = owed_ > 0 && at <= owed_until_ && may_be_owed(frame);
-  // A slow device refuses a download that was sent twice once more while the object is read behind it.
+  // A slow device refuses a download that was sent twice once more while the object is read after it.
   const bool belated = owed && first_ != nullptr && !first_->data_.is_download() && refuses_download(frame);
   if (!belated && first_ != nullptr && first_->answer(frame)) {
     if (open_ > 0) --open_;

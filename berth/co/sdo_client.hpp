@@ -290,7 +290,7 @@ struct SdoClientSettings {
   SdoPatience* learnt = nullptr;                 ///< null: nothing is
 };
 
-/// One channel as its client sees it: the transfers in it, one behind the other. A part of the clients below.
+/// One channel as its client sees it: the transfers in it, one after the other. A part of the clients below.
 /// The timer is the channel's and not the transfer's, as it is left alone when a transfer ends: most end long before
 /// it.
 class SdoLine : private rt::Job {
@@ -416,7 +416,7 @@ class SdoClient final : private can::Handler {
     settings_.learnt = learnt;
   }
 
-  /// A boot-up message of this node was heard: answers that it owed from before are not to come, and what comes behind
+  /// A boot-up message of this node was heard: answers that it owed from before are not to come, and what comes after
   /// the one answer to a request is surplus.
   void booted(NodeId node) noexcept {
     if (node.configured()) line(node).booted();

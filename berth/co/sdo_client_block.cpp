@@ -179,7 +179,7 @@ bool SdoTransfer::Block::segment(const can::Frame& frame) noexcept {
   return true;
 }
 
-// A sub-block is over: `count` bytes of it are the object's, and so many behind them are not (yet).
+// A sub-block is over: `count` bytes of it are the object's, and so many after them are not (yet).
 AbortCode SdoTransfer::Block::keep(std::size_t count, std::size_t unused) noexcept {
   const auto bytes = transfer_->data_.filled(count, unused);
   if (crc_used_) crc_ = crc16(bytes, crc_);

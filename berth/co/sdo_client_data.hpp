@@ -81,7 +81,7 @@ class SdoClientData {
   [[nodiscard]] bool too_few() const noexcept { return sized_ && offset_ < indicated_; }
   /// Room for the next `count` bytes, to be filled in; `keep` must follow.
   [[nodiscard]] std::uint8_t* extend(std::size_t count);
-  /// Of the room that `extend` gave, the first `count` bytes; the `unused` behind them are not the object's.
+  /// Of the room that `extend` gave, the first `count` bytes; the `unused` after them are not the object's.
   [[nodiscard]] std::span<const std::uint8_t> filled(std::size_t count, std::size_t unused) noexcept;
   /// They are the object's, as it seems.
   [[nodiscard]] AbortCode keep(std::span<const std::uint8_t> filled) noexcept;

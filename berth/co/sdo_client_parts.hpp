@@ -56,7 +56,7 @@ class SdoTransfer::Block final : public sdo::BlockPump::Owner, public BlockPace:
   [[nodiscard]] bool collecting() const noexcept {
     return phase_ == Phase::sub_blocks && !transfer_->data_.is_download();
   }
-  /// The confirmation of an upload's end is to leave; nothing comes behind it.
+  /// The confirmation of an upload's end is to leave; nothing comes after it.
   [[nodiscard]] bool closing() const noexcept { return phase_ == Phase::closing; }
   /// Bytes of a sub-block that is not acknowledged yet.
   [[nodiscard]] std::size_t collected() const noexcept {

@@ -37,7 +37,7 @@ bool changes(const Request& request) {
 
 std::string words_of(const Request& request) {
   std::string words = request.verb;
-  constexpr std::size_t longest_value = 100;  // what stands behind a long one is to be read, too
+  constexpr std::size_t longest_value = 100;  // what stands after a long one is to be read, too
   for (const auto& [name, value] : request.arguments) {
     words += fmt::format(" {}={}{}", name, std::string_view(value).substr(0, longest_value),
                          value.size() > longest_value ? "…" : "");

@@ -202,7 +202,7 @@ tl::expected<int, std::string> control_follow(const std::string& path) {
 
 namespace {
 
-/// Whether a process is stopped, as by Ctrl-Z. The state stands behind the name, which may hold anything.
+/// Whether a process is stopped, as by Ctrl-Z. The state stands after the name, which may hold anything.
 bool is_stopped(pid_t process) {
   std::ifstream file(fmt::format("/proc/{}/stat", process));
   const std::string text((std::istreambuf_iterator<char>(file)), {});

@@ -60,7 +60,7 @@ double scale_of(const od::Meaning& meaning) {
   return static_cast<double>(meaning.number) * std::pow(10.0, meaning.exponent);
 }
 
-/// A number and what stands behind it.
+/// A number and what stands after it.
 struct Quantity {
   std::string_view number;
   std::string_view unit;

@@ -11,7 +11,7 @@
 namespace berth::command {
 
 /// The text with `note` as that of `object`, in place of the one that it has, else at its end; an empty note: without
-/// any. Keys of a note that stay as they are, and what stands behind them, are not touched. `file`: for messages. What
+/// any. Keys of a note that stay as they are, and what stands after them, are not touched. `file`: for messages. What
 /// is wrong is for people.
 [[nodiscard]] Checked<std::string> with_note(std::string_view text, const std::string& file, ObjectRef object,
                                              const Note& note);

@@ -150,7 +150,7 @@ std::string indent_of(std::string_view text, std::size_t key) {
   return before.find_first_not_of(" \t") == std::string_view::npos ? std::string(before) : std::string();
 }
 
-/// Inserts whole lines (each with its line break) at the line behind `at`.
+/// Inserts whole lines (each with its line break) at the line after `at`.
 std::string with_lines(std::string_view text, std::size_t at, const std::string& lines) {
   const auto place = next_line(text, at);
   std::string out(text.substr(0, place));

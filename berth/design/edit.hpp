@@ -39,7 +39,7 @@ struct NewSlot {
   std::vector<std::pair<std::string, NewValue>> more;  ///< further keys, in this order
 };
 
-/// Adds a slot behind the last one, or at the end of a file without slots.
+/// Adds a slot after the last one, or at the end of a file without slots.
 [[nodiscard]] Result<std::string> add_slot(std::string_view text, const NewSlot& slot);
 
 }  // namespace berth::design

@@ -19,7 +19,7 @@ using text::Table;
 constexpr Duration least_inhibit = 100us;
 constexpr Duration most_inhibit = 6'553'500us;
 
-// A node-ID, and behind a dot a gateway's port.
+// A node-ID, and after a dot a gateway's port.
 struct PathStep {
   unsigned node = 0;
   unsigned port = 1;

@@ -35,7 +35,7 @@ class Errors final : public co::ServiceOwner, private od::Hook {
   /// Error classes of 1029h that the device itself knows.
   static constexpr std::uint8_t communication = 1;
 
-  /// All must outlive it; `nmt` and `owner` are used behind `start` only.
+  /// All must outlive it; `nmt` and `owner` are used after `start` only.
   Errors(can::Dispatcher& dispatcher, od::Values& values, co::NmtSlave& nmt, const Host& host, Owner& owner);
 
   /// An error began, or is gone. False: it is active already, or was not. See `co::EmcyProducer`.

@@ -2,7 +2,7 @@
 /// non-volatile memory (with a signature in another object where the maker wants one), and in use after a reset. The
 /// write that stores it is answered when it is in memory.
 ///
-/// Refused: no node-ID of 1 to 127, or bytes behind it that are not 0: 0609 0030; another signature, or one without a
+/// Refused: no node-ID of 1 to 127, or bytes after it that are not 0: 0609 0030; another signature, or one without a
 /// node-ID before it: 0800 0020; while memory is being written: 0800 0022; a memory that fails: 0606 0000.
 #pragma once
 

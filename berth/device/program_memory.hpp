@@ -85,7 +85,7 @@ class ProgramMemory final : private NvMemory::Done {
   };
   /// The next bytes, copied: 1 to `longest_piece`; the caller looks that all fit `longest`, and waits.
   [[nodiscard]] Put put(std::span<const std::uint8_t> bytes) noexcept;
-  /// All is put, and right: the head is written behind it, and the owner told. `head`: date and time.
+  /// All is put, and right: the head is written after it, and the owner told. `head`: date and time.
   void end(const ProgramHead& head) noexcept;
   /// What was put is no program; its slot is not blank any more.
   void abandon() noexcept;

@@ -223,7 +223,7 @@ AbortCode Programs::take_content(std::span<const std::uint8_t> bytes) noexcept {
   return refuse(FlashError::write, AbortCode::hardware);
 }
 
-// The flash memory goes on behind the answer: 1F57h says until when.
+// The flash memory goes on after the answer: 1F57h says until when.
 AbortCode Programs::close(ObjectRef, bool complete) noexcept {
   open_ = false;
   awaited_ = {};

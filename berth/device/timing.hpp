@@ -18,7 +18,7 @@ struct Timing {
   rt::Duration boot{0};                  ///< power-on to boot-up message (or to LSS, when unconfigured)
   rt::Duration reset{0};                 ///< NMT reset node or reset communication to boot-up message
   bool deaf_while_storing = false;       ///< hears nothing while non-volatile memory is written
-  /// As CANopenNode's example programs are: until 1010h was saved once and the device was reset behind it, it reports
+  /// As CANopenNode's example programs are: until 1010h was saved once and the device was reset after it, it reports
   /// that its memory is an error (EMCY 5000h, 1001h bit 0), and does not become operational.
   bool needs_first_save = false;
   bool power_cycle_after_store = false;  ///< a node-ID that was configured counts only after power was off

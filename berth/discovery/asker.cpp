@@ -9,7 +9,7 @@ namespace berth::discovery {
 namespace {
 constexpr rt::Duration default_window = std::chrono::milliseconds(10);  // paper 4's
 constexpr rt::Duration send_timeout = std::chrono::seconds(1);
-constexpr std::int64_t answer_bits = 126;  // 4Fh and seven zeros, with the space behind it
+constexpr std::int64_t answer_bits = 126;  // 4Fh and seven zeros, with the space after it
 constexpr std::size_t most_feedback = 256;
 }  // namespace
 
@@ -198,7 +198,7 @@ void Asker::sign(rt::Duration own, rt::Time at, bool whole) noexcept {
   if (current_ != nullptr) current_->answered(at, whole);
 }
 
-// The first answer may come from the quickest of many; the last one stood behind at most one frame when it was ready.
+// The first answer may come from the quickest of many; the last one stood after at most one frame when it was ready.
 void Asker::learn() noexcept {
   if (signs_ == 0) return;
   rt::Duration sample = first_;

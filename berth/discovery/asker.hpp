@@ -21,7 +21,7 @@
 ///   a device that was not met yet may need so long.
 ///
 /// A window is not cut at the first answer before `response` is over: a second device that answers later would be heard
-/// behind the next request, and its yes would be a yes to the wrong question. The one exception is `alone`, for the
+/// after the next request, and its yes would be a yes to the wrong question. The one exception is `alone`, for the
 /// asker that goes down into ever smaller parts of the tree and has got exactly one answer, counted up to the fence, to
 /// several questions in a row. Two devices there would have had to answer at the very same bit every time. If they
 /// always do, because their latency is fixed, none of them is late. If they did by chance, a late answer costs time.

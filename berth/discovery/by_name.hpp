@@ -17,7 +17,7 @@ struct ByName {
 [[nodiscard]] rt::Task<Result<ByName>> assign_by_name(lss::Master& lss, LssAddress device, lss::PartMask parts,
                                                       const Options& options);
 /// `assign_by_name` for each device of the report that has none, when there is an assigner; one that was not alone is
-/// tried again behind the others. Tells the observer again.
+/// tried again after the others. Tells the observer again.
 [[nodiscard]] rt::Task<Result<void>> assign_all(lss::Master& lss, const Known& known, Report& report,
                                                 const Options& options);
 /// What tells `device` from all devices that are known, found, or of a known kind.

@@ -128,7 +128,7 @@ struct Options {
   /// stays unanswered, which saves a question for each gap between known devices.
   bool configured = true;
   unsigned retries = 4;  ///< restarts in a row without finding a device
-  /// Planners on Fastscan, beside devices that answer with a node-ID: the search ends with `Report::End::more` behind
+  /// Planners on Fastscan, beside devices that answer with a node-ID: the search ends with `Report::End::more` after
   /// about so many questions, and called again with a slice it goes on where it was; 0 = never. For a bus at rest,
   /// where each of those devices costs some twenty questions. A device that comes meanwhile to a place that was asked
   /// is not found by this search.

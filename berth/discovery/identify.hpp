@@ -5,7 +5,7 @@
 /// fits answers 4Fh, whatever its node-ID. So devices that are known, because they are registered or were found, answer
 /// too, and the search asks for what lies between them.
 ///
-/// The sweep, for each kind from serial number 0 upwards. A range behind the last device is asked, as wide as the last
+/// The sweep, for each kind from serial number 0 upwards. A range after the last device is asked, as wide as the last
 /// devices lay apart, eight times wider after silence; one that is answered is halved until one serial number is left:
 /// the lowest, so that nothing lies below it. That takes about log2(distance) + 2 questions a device, some 27 for 120
 /// random numbers. Numbers in a row and numbers at equal steps are guessed and asked for by name (40h to 43h) at once:

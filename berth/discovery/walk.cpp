@@ -91,7 +91,7 @@ rt::Task<Result<Report>> Walker::Search::run() {
   for (;;) {
     Heard anybody = co_await q_.start();
     if (!anybody.yes() && !q_.is_broken()) {
-      // `04 00` went before: a device whose receive buffer holds one frame has lost the question behind it.
+      // `04 00` went before: a device whose receive buffer holds one frame has lost the question after it.
       co_await rt::sleep_for(breath);
       anybody = co_await q_.start();
     }

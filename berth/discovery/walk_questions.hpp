@@ -51,7 +51,7 @@ class Questions {
   [[nodiscard]] bool stopped() const noexcept { return stopped_; }
   [[nodiscard]] const Error& error() const noexcept { return error_; }
 
-  /// The walk goes on another time behind `Options::slice` questions.
+  /// The walk goes on another time after `Options::slice` questions.
   [[nodiscard]] bool is_in_slices() const noexcept { return slice_ > 0; }
   [[nodiscard]] bool is_last_of_slice() const noexcept { return slice_ > 0 && asker_.requests() + 1 >= slice_; }
   /// Where a walk can go on. Ends it, as the observer does, when so many were asked.

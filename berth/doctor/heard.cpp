@@ -126,7 +126,7 @@ void Ear::own(const can::Frame& frame, rt::Time at) noexcept {
 
 void Ear::received(const can::Frame& frame, rt::Time at) noexcept {
   look(at);
-  // Two frames of one identifier that differ, back to back behind a long run: what a collision leaves
+  // Two frames of one identifier that differ, back to back after a long run: what a collision leaves
   // (docs/protocols/can-frames.md §Arbitration).
   if (run_) {
     const bool is_long = run_->count >= Heard::long_run;

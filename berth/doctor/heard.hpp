@@ -91,7 +91,7 @@ struct Heard {
   std::uint64_t worst_bits = 0;               ///< most in one second
   std::uint32_t errors = 0;                   ///< noticed by this port
   std::vector<ErrorRun> runs{};               ///< the first `most_runs`
-  std::map<std::uint32_t, Count> collided{};  ///< by key: two different frames of it right behind a long run
+  std::map<std::uint32_t, Count> collided{};  ///< by key: two different frames of it right after a long run
   std::vector<rt::Time> syncs{};              ///< the first `most_beats`
   BlankAnswers blank{};
   Count lss_requests{};  ///< of another LSS master
@@ -151,7 +151,7 @@ class Ear final : private can::Handler, private rt::Job {
   rt::Time looked_at_{};
   bool began_ = false;  // the port was up
   std::optional<ErrorRun> run_{};
-  std::optional<can::Frame> behind_run_{};  // the first good frame behind a long run
+  std::optional<can::Frame> behind_run_{};  // the first good frame after a long run
   can::Frame last_request_{};               // on 7E5h
   rt::Time second_{};                       // when the second being measured began
   std::uint64_t second_bits_ = 0;

@@ -220,7 +220,7 @@ class LineReader {
         {u32(key_begin), u32(key_end - key_begin), u32(value_begin), u32(value_end - value_begin), line_});
   }
 
-  /// A ; behind a blank (or in place of the value) begins a comment; inside a word it is text.
+  /// A ; after a blank (or in place of the value) begins a comment; inside a word it is text.
   std::size_t without_comment(std::size_t begin, std::size_t end) {
     const std::string_view line = text_.substr(0, end);
     for (std::size_t at = line.find(';', begin); at != std::string_view::npos; at = line.find(';', at + 1)) {

@@ -59,7 +59,7 @@ class Document {
   /// Never fails: what is no line of an EDS is reported and passed over. Accepted without a word: UTF-8 BOM, CRLF,
   /// blanks around `=` and at line ends, `;` comments, no newline at the end. Accepted with a note: lone CR as line
   /// end,
-  /// `#` comments, `;` comments behind a value, Windows-1252 text, NUL bytes, over-long lines.
+  /// `#` comments, `;` comments after a value, Windows-1252 text, NUL bytes, over-long lines.
   [[nodiscard]] static Document parse(std::string text, Report& report);
 
   [[nodiscard]] const std::string& text() const noexcept { return text_; }

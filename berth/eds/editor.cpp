@@ -289,7 +289,7 @@ std::string Editor::text() const {
           continue;
         }
         const std::size_t value_end = entry.value_at + entry.value_length;
-        // An empty value may touch the comment behind it.
+        // An empty value may touch the comment after it.
         const bool comment = value_end < text.size() && text[value_end] == ';';
         weaver.replace(entry.value_at, value_end, comment && !value->empty() ? *value + " " : *value);
       }

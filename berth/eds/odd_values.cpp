@@ -33,7 +33,7 @@ std::optional<std::uint64_t> term(std::string_view text) {
   return value;
 }
 
-// "0x180+1", behind $NODEID or alone.
+// "0x180+1", after $NODEID or alone.
 std::optional<std::uint64_t> sum_of(std::string_view text) {
   std::uint64_t sum = 0;
   while (!text.empty()) {

@@ -30,7 +30,7 @@ class Editor {
   [[nodiscard]] Result<void> set(std::string_view section, std::string_view key, std::string_view value);
   /// The same with bytes as they are to stand in the file.
   [[nodiscard]] Result<void> set_raw(std::string_view section, std::string_view key, std::string_view value);
-  /// A new, empty section behind `after` (its last one), or at the end. Nothing when it is there.
+  /// A new, empty section after `after` (its last one), or at the end. Nothing when it is there.
   [[nodiscard]] Result<void> add_section(std::string_view name, std::string_view after = {});
   /// Takes the key's line out, everywhere where it stands; nothing when there is none.
   void remove(std::string_view section, std::string_view key);
@@ -55,7 +55,7 @@ class Editor {
   };
   struct Fresh {
     std::string name;         ///< as UTF-8
-    std::uint32_t after = 0;  ///< position of the section it stands behind
+    std::uint32_t after = 0;  ///< position of the section it stands after
     std::vector<Line> lines;
   };
   [[nodiscard]] std::optional<std::uint32_t> last(std::string_view section) const;

@@ -55,7 +55,7 @@ bool is_one(std::string_view multiplier) {
   return scale && scale->number == 1 && scale->exponent == 0;
 }
 
-// The enumerated type of a parameter, also behind references; an empty node when it has none.
+// The enumerated type of a parameter, also after references; an empty node when it has none.
 Node enumeration(Node holder, const NodesById& by_id) {
   Node at = holder;
   for (unsigned deep = 0; at && deep < deepest_reference; ++deep) {

@@ -106,7 +106,7 @@ class ObjectList {
   void read_simple(const Facts& facts, od::ObjectCode code);
   [[nodiscard]] od::SubSpec spec(const Facts& facts, od::DataType fallback);
   [[nodiscard]] od::DataType data_type(const Facts& facts, od::DataType fallback);
-  /// The IEC type of a parameter, also behind references; of an ARRAY that of its elements.
+  /// The IEC type of a parameter, also after references; of an ARRAY that of its elements.
   [[nodiscard]] od::DataType iec_type(Node holder, bool elements);
   [[nodiscard]] od::Access access(const Facts& facts, od::DataType type);
   void mapping(const Facts& facts, od::SubSpec& spec);

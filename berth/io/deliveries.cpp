@@ -35,7 +35,7 @@ Deliveries::Event& Deliveries::add(What what, rt::Time at) noexcept {
   return event;
 }
 
-// Delivered strictly behind its time: a comparison shows that it was heard later than it was on the wire.
+// Delivered strictly after its time: a comparison shows that it was heard later than it was on the wire.
 void Deliveries::wait_for_next() noexcept {
   const rt::Time at = events_.front().at;
   if (at > executor_->now()) {

@@ -55,7 +55,7 @@ class Loop {
   /// Before `fd` is closed. Nothing happens when it is not watched.
   void forget(int fd) noexcept;
 
-  /// In a watcher: what happened behind `at` may not all be read. This turn ends there, so that no timer that was due
+  /// In a watcher: what happened after `at` may not all be read. This turn ends there, so that no timer that was due
   /// later runs before it: heartbeats that wait in a socket of a process that was held up are in time.
   void hold(rt::Time at) noexcept { held_ = std::min(held_, at); }
 

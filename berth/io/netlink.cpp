@@ -82,7 +82,7 @@ void read_controller(Bytes data, Link& link) {
   }
 }
 
-// The kind may stand behind the data, which only it explains.
+// The kind may stand after the data, which only it explains.
 void read_info(Bytes info, Link& link) {
   Bytes data;
   Attributes attributes(info);

@@ -21,7 +21,7 @@ bool read_hex(std::string_view digits, T& value) {
   return !digits.empty() && error == std::errc{} && end == digits.data() + digits.size();
 }
 
-// What stands behind the letter; `time` what stands behind the data.
+// What stands after the letter; `time` what stands after the data.
 bool read_frame(std::string_view line, can::Frame& frame, std::optional<std::uint32_t>& time) {
   const char letter = line[0];
   const char small = static_cast<char>(letter | 0x20);
@@ -123,7 +123,7 @@ std::string slcan_rate(std::uint32_t bit_rate) {
     // 33 333 bit/s are met with a third more; what a crystal may be off by is no other bit rate.
     const double error = std::abs(static_cast<double>(quanta * prescaler) * bit_rate / clock - 1);
     if (error > 0.001) continue;
-    const auto after = std::max<std::uint32_t>(1, (quanta + 4) / 8);  // quanta behind the sample point
+    const auto after = std::max<std::uint32_t>(1, (quanta + 4) / 8);  // quanta after the sample point
     const std::uint32_t before = quanta - 1 - after;
     if (after > 8 || before > 16) continue;
     const double off = std::abs(static_cast<double>(quanta - after) / quanta - 0.875);
@@ -158,7 +158,7 @@ std::optional<SlcanReader::Line> SlcanReader::next() {
     head_ = end + 1;
     return line;
   }
-  // A BEL behind other bytes: those are broken off, the BEL is the next line.
+  // A BEL after other bytes: those are broken off, the BEL is the next line.
   head_ = buffer_[end] == '\a' ? end : end + 1;
   line.broken = line.broken || line.text.size() > longest || buffer_[end] == '\a' ||
                 std::ranges::any_of(line.text, [](char c) { return c < ' ' || c > '~'; });

@@ -9,7 +9,7 @@
 ///     zt..  ZT..                   a frame of ours was acknowledged on the bus (CANable 2 with transmit events)
 ///     Fxx  Vhhss  Nxxxx            status flags, version, serial number
 ///
-/// Frames may carry a time behind their data: four digits, milliseconds up to 60,000, or eight, microseconds.
+/// Frames may carry a time after their data: four digits, milliseconds up to 60,000, or eight, microseconds.
 #pragma once
 
 #include <cstdint>

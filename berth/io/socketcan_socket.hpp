@@ -50,7 +50,7 @@ class CanSocket {
   [[nodiscard]] std::span<const Received> read(std::size_t most, int& error) noexcept;
   /// Frames that found no room in the receive buffer since `open`, as told beside the frames that did.
   [[nodiscard]] std::uint32_t dropped() const noexcept { return dropped_; }
-  /// The same, asked for: knows of those behind which no other came.
+  /// The same, asked for: knows of those after which no other came.
   std::uint32_t ask_dropped() noexcept;
 
  private:

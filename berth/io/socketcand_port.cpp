@@ -197,7 +197,7 @@ class SocketcandPort::Impl final : private Watcher {
     }
   }
 
-  // Says it, and asks for an echo behind it.
+  // Says it, and asks for an echo after it.
   void ask(std::string_view text, std::uint32_t tag) {
     given_.push_back({tag, executor().now()});
     asked_ = executor().now();

@@ -14,7 +14,7 @@
 ///
 /// An identifier of eight digits is an extended one. The protocol has neither remote nor FD frames. Identifiers and
 /// data are hexadecimal, lengths decimal; data of `send` are numbers with blanks between, data of `frame` are pairs of
-/// digits, in BCM mode with blanks between and behind.
+/// digits, in BCM mode with blanks between and after.
 #pragma once
 
 #include <chrono>

@@ -30,13 +30,13 @@ struct Sending {
 };
 [[nodiscard]] Sending sending_of(const Network& network, const Pdo& pdo);
 
-/// What passes at worst although the bus is free: the inhibit time; of a synchronous PDO its SYNCs and the one behind
+/// What passes at worst although the bus is free: the inhibit time; of a synchronous PDO its SYNCs and the one after
 /// its reception.
 [[nodiscard]] rt::Duration waiting(const Sending& sending);
 
 /// What the message of a TPDO is: `berth link` and `berth analyze` both have it from here. A synchronous one comes
 /// after SYNC. `linked`: it carries a link, and so counts from the change to its arrival: a change waits for the
-/// inhibit time or for its SYNCs, and what comes behind a SYNC counts at the next.
+/// inhibit time or for its SYNCs, and what comes after a SYNC counts at the next.
 void set_sending(analysis::Message& message, const Sending& sending, bool linked,
                  const std::optional<rt::Duration>& deadline);
 

@@ -159,7 +159,7 @@ class Settings {
     fill_list(od::cia301::first_scanner_list, scanner_);
     fill_list(od::cia301::first_dispatching_list, dispatching_);
   }
-  /// The entries in order over the sub-indices that are there; 0 behind them.
+  /// The entries in order over the sub-indices that are there; 0 after them.
   template <class Entries>
   void fill_list(std::uint16_t first, const Entries& entries) {
     std::size_t next = 0;

@@ -12,7 +12,7 @@ using co::PdoKind;
 
 constexpr unsigned first_pool = 0x181;
 constexpr unsigned last_pool = 0x57F;
-constexpr unsigned first_low = 0x680;  // behind the SDO channels; free but for a few (CiA 301 §7.3.5)
+constexpr unsigned first_low = 0x680;  // after the SDO channels; free but for a few (CiA 301 §7.3.5)
 constexpr unsigned last_low = 0x6DF;
 constexpr unsigned predefined_pdos = 4;
 

@@ -150,7 +150,7 @@ class Timing {
     }
   }
 
-  /// The PDOs of a bus that is tried, and their messages behind the others.
+  /// The PDOs of a bus that is tried, and their messages after the others.
   struct Tried {
     analysis::Line line;
     std::size_t first = 0;
@@ -247,7 +247,7 @@ class Timing {
     }
   }
 
-  /// What may come at any time leaves no bound to anything behind it.
+  /// What may come at any time leaves no bound to anything after it.
   bool tell_endless(std::size_t bus, Findings& findings) {
     Tried tried = begin(bus, shares.front());
     take_times(tried);

@@ -13,7 +13,7 @@
 /// Roles are kept frame by frame: a commissioner never sends NMT start, NMT reset or SYNC, and is not shut by another
 /// master; an observer never sends a frame.
 ///
-/// Another SDO client is no master: when one asks a node behind the opening, this master goes on, and gives no SDO
+/// Another SDO client is no master: when one asks a node after the opening, this master goes on, and gives no SDO
 /// request to that node until the client has been silent for `OtherClients::pause`: both use one channel, and each
 /// would take the other's answers for its own. Requests to Berth's own node-ID are its clients'.
 ///

@@ -69,7 +69,7 @@ std::optional<Lackable> lackable(Command request) noexcept {
   }
 }
 
-// What 11h, 13h and 17h say in byte 2 is a manufacturer's code, behind 255 alone.
+// What 11h, 13h and 17h say in byte 2 is a manufacturer's code, after 255 alone.
 bool is_answer(const can::Frame& frame) noexcept {
   if (is_lss(frame, slave_cob_id)) return true;
   const bool classic = frame.id == slave_cob_id && !frame.extended && !frame.remote && !frame.fd;

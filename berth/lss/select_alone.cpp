@@ -68,7 +68,7 @@ bool calm(const Master& master, const AloneOptions& options) noexcept {
   return master.now() - master.answer_times().calm_since >= 4 * longest_of(master, options);
 }
 
-// One behind the other, the serial number last: a late answer to any of them comes within its window, or that of the
+// One after the other, the serial number last: a late answer to any of them comes within its window, or that of the
 // question which the caller asks at once.
 rt::Task<Result<Seen>> look_in_a_row(Master& master, LssAddress device, unsigned parts, AloneOptions options) {
   const rt::Time calm_since = master.answer_times().calm_since;

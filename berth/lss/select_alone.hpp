@@ -9,7 +9,7 @@
 ///     if (*alone != lss::Selection::alone) co_return ...;   // all devices are waiting again, unchanged
 ///     auto given = co_await lss::configure_alone(master, device, id, store, options);  // 11h, 17h, 04 00
 ///
-/// or 11h, 13h, 17h of your own, and `04 00` behind them whatever came of it.
+/// or 11h, 13h, 17h of your own, and `04 00` after them whatever came of it.
 ///
 /// Equal devices without a serial number have one address. Those that have a node-ID stay in LSS waiting when the one
 /// without is selected by Fastscan (`AloneOptions::without_node_id`); several without one are `clones`, when they do
@@ -93,7 +93,7 @@ inline constexpr PartMask all_parts = 0xF;
 struct AloneOptions {
   PartMask parts = all_parts;  ///< the serial number is always asked
   rt::Duration longest{0};     ///< longest window of a question; 0: `MasterOptions::service`'s time-out
-  unsigned attempts = 2;       ///< of 40h to 43h, each behind a `04 00`
+  unsigned attempts = 2;       ///< of 40h to 43h, each after a `04 00`
   /// The device may well not be there: one attempt, and 44h is waited for as long as answers usually take.
   bool guess = false;
   /// Of several devices with this address only one that has no node-ID is meant, and it speaks Fastscan: it is selected

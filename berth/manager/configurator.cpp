@@ -368,7 +368,7 @@ rt::Task<bool> Configurator::put_date(ConfigurationReport& report) {
 }
 
 // After the date: a device that restarted between the writing and now shows its old values here, or its old date. When
-// it shows its old date behind the new values, it restarted between them or keeps no date: its values tell.
+// it shows its old date after the new values, it restarted between them or keeps no date: its values tell.
 rt::Task<bool> Configurator::read_back(ConfigurationReport& report) {
   const bool kept = co_await read_values_back(report);
   if (!kept) {
@@ -393,7 +393,7 @@ rt::Task<bool> Configurator::read_back(ConfigurationReport& report) {
   co_return still_there(report, Stage::reading_back);
 }
 
-// The date was written behind the values: when it is gone with one of them, the device restarted, and its boot-up
+// The date was written after the values: when it is gone with one of them, the device restarted, and its boot-up
 // message was lost.
 rt::Task<void> Configurator::tell_a_restart(ConfigurationReport& report) {
   const bool doubtful = report.dated && report.failure->why == Failure::Why::not_kept;

@@ -85,7 +85,7 @@ rt::Task<Result<void>> NodeIdAssigner::open() {
   }
   const auto quiet = co_await bus_.lss().switch_global(lss::State::waiting);
   if (!quiet) co_return fail(quiet.error());
-  // A single-slot receive buffer would lose what comes behind `04 00`.
+  // A single-slot receive buffer would lose what comes after `04 00`.
   co_await rt::sleep_for(ListBus::pause);
   if (!unfinished) co_return Result<void>{};
   // One that keeps what it was told pending, as Lely core's slaves do, would be silent until the next reset of all.

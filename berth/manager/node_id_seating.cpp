@@ -172,7 +172,7 @@ rt::Task<void> NodeIdSeating::ask_vacancy(const ListBus::Planned& planned) {
     if (!bus_.vacant(id)) ids.push_back(id);
   }
   if (ids.empty()) co_return;
-  // A single-slot receive buffer would lose its question behind the `04 00` of the last LSS service.
+  // A single-slot receive buffer would lose its question after the `04 00` of the last LSS service.
   co_await rt::sleep_for(ListBus::pause);
   rt::Scope asked(bus_.executor());
   for (const NodeId id : ids) asked.spawn(ask_one(id));

@@ -59,7 +59,7 @@ struct ProgramOptions {
   /// For each answer of a download: a device writes its flash memory before it acknowledges a sub-block.
   rt::Duration answer_time = std::chrono::seconds(5);
   rt::Duration poll = std::chrono::milliseconds(100);    ///< between two looks at 1F57h and 1F51h
-  rt::Duration flash_time = std::chrono::seconds(60);    ///< for clearing, and for writing behind the download
+  rt::Duration flash_time = std::chrono::seconds(60);    ///< for clearing, and for writing after the download
   rt::Duration restart_time = std::chrono::seconds(10);  ///< into its boot loader, and out of it
   unsigned tries = 3;
   bool block = true;                      ///< false: segmented from the start

@@ -25,7 +25,7 @@ inline constexpr std::size_t longest_stored_text = std::size_t{4} << 20U;
 [[nodiscard]] std::vector<std::uint8_t> pack_stored(std::string_view text);
 
 /// Errc::unsupported: the format is not known. Errc::invalid: no zlib stream, a damaged one, one that ends early, one
-/// with bytes behind it, or a text longer than `longest_stored_text`.
+/// with bytes after it, or a text longer than `longest_stored_text`.
 [[nodiscard]] Result<std::string> unpack_stored(std::uint8_t format, std::span<const std::uint8_t> bytes);
 
 }  // namespace berth::manager

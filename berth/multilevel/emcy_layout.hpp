@@ -52,7 +52,7 @@ struct EmcyReading {
   std::uint16_t exiting = 0;        ///< code of the error that is gone; 0: none, or the layout has none
   std::uint8_t port = 0;            ///< of the producer, 0: not told
   std::uint8_t signal = 0;
-  bool garbled = false;  ///< a sub-net byte is no node-ID, or there is one behind a 0: manufacturer data, it seems
+  bool garbled = false;  ///< a sub-net byte is no node-ID, or there is one after a 0: manufacturer data, it seems
   friend bool operator==(const EmcyReading&, const EmcyReading&) = default;
 };
 [[nodiscard]] EmcyReading read_emcy(EmcyLayout layout, NodeId heard_from, const co::Emcy& message);

@@ -67,7 +67,7 @@ class RemoteAccess final : public co::SdoAccess {
 
  private:
   [[nodiscard]] Error about(const Error& error) const noexcept;
-  // The network indication, with the turn held; how the transfer behind it is to be done.
+  // The network indication, with the turn held; how the transfer after it is to be done.
   rt::Task<Result<co::SdoOptions>> reach();
 
   can::Dispatcher* dispatcher_;

@@ -120,7 +120,7 @@ AbortCode SdoSession::begin_sending() noexcept {
     const bool armed = state_ == State::armed;
     cancel();
     if (code != AbortCode::pending) return code;
-    if (armed) return AbortCode::none;  // its data was written behind its command: there is no second answer to hold
+    if (armed) return AbortCode::none;  // its data was written after its command: there is no second answer to hold
     state_ = State::sending;
     finished_ = false;
     saves_ = true;

@@ -22,7 +22,7 @@ class ConfigurationRequests {
   /// Told when the configuration of a slave has ended. May be empty.
   void observe(std::function<void(NodeId, const Result<void>&)> callback) { callback_ = std::move(callback); }
 
-  /// What the SDO client is answered; the configuration begins behind that. 0800 0020: not the signature.
+  /// What the SDO client is answered; the configuration begins after that. 0800 0020: not the signature.
   /// 0800 0022: this device is no master now, or the slave boots or is being configured. 0609 0030: not assigned.
   /// For all: those that can be are; 0800 0022 when there is none.
   od::AbortCode request(std::uint8_t sub, std::uint32_t value);

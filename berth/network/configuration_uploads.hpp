@@ -33,7 +33,7 @@ class ConfigurationUploads {
   /// Errc::invalid an EDS that cannot be read; Errc::mismatch 1F20h has no room for the DCF. May be empty.
   void observe(std::function<void(NodeId, const Result<void>&)> callback) { callback_ = std::move(callback); }
 
-  /// What the SDO client is answered; the upload begins behind that. 0800 0020: not the signature. 0800 0022: this
+  /// What the SDO client is answered; the upload begins after that. 0800 0020: not the signature. 0800 0022: this
   /// device is no master now, or the slave boots or is being read. 0609 0030: not assigned. For all: those that can be
   /// are; 0800 0022 when there is none.
   od::AbortCode request(std::uint8_t sub, std::uint32_t value);

@@ -60,7 +60,7 @@ class Exchanges {
   [[nodiscard]] bool open() const noexcept { return current_ != nullptr && current_->open_; }
   /// An answer came at `at`: the window now waits `after_last`.
   void heard(rt::Time at) noexcept;
-  /// An answer to an earlier request came at `at`: those to this one waited for the bus behind it.
+  /// An answer to an earlier request came at `at`: those to this one waited for the bus after it.
   void delayed(rt::Time at) noexcept;
   /// All that was asked for is here: the window closes now.
   void close() noexcept;

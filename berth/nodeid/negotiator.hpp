@@ -13,7 +13,7 @@
 /// - Frames of one device are 5 ms and two frame times apart, twice that while the bus load that the device hears is
 ///   above a limit (S2.26, S2.28).
 /// - ReqUsedNodeId of another device is joined by each that waits; asked twice, the window begins anew (S2.22, S2.23).
-/// - ReqUsedNodeId is answered one after another: each device leaves a gap behind the answer before its own, so that
+/// - ReqUsedNodeId is answered one after another: each device leaves a gap after the answer before its own, so that
 ///   127 answers, which outrank every PDO, never block the bus in one piece. The device that asked waits until they
 ///   end.
 /// - Frames that begin in one instant merge; when all nodes of a bus send, none acknowledges. So a device that asks

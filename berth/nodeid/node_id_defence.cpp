@@ -41,7 +41,7 @@ void NodeIdDefence::heard_request() noexcept {
 
 void NodeIdDefence::heard_used(NodeId id) noexcept {
   if (id == node_id_) return conflict();
-  // Answers go round in the order of the node-IDs, with a gap behind each.
+  // Answers go round in the order of the node-IDs, with a gap after each.
   if (!owes_ || sender_.queued() || options_->literal) return;
   const unsigned turn = (node_id_.value() + 127U - id.value()) % 127U - 1U;
   speak_at(2 * sender_.frame_time() + turn * options_->answer_slot + sender_.random(options_->answer_slot));

@@ -321,7 +321,7 @@ rt::Task<Result<void>> RandWalk::leaf(Run& run, const Prefix& prefix) {
     entry.doubtful |= run.options.prove_all || run.may_be_stray(prefix, h.chunk);
     if (!asked || (entry.doubtful && !run.find(*asked)->doubtful)) asked = entry.device.address;
   }
-  // A DIS behind this way proves what was heard of it since the slave joined it: one that was deaf may have joined
+  // A DIS after this way proves what was heard of it since the slave joined it: one that was deaf may have joined
   // late, when an answer of its own came late too. What is to be proven goes its whole way once more (`settle`).
   if (run.options.prove_all) co_return Result<void>{};
   // One of them can be asked directly at once; all others are thrown back to unknown by it, where they have to go

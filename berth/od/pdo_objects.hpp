@@ -136,7 +136,7 @@ class PdoReader {
   [[nodiscard]] const PdoParameters& parameters() const noexcept { return parameters_; }
 
  private:
-  static constexpr std::uint8_t mapping_step = 4;  // behind the four sub-indices of the communication record
+  static constexpr std::uint8_t mapping_step = 4;  // after the four sub-indices of the communication record
   PdoKind kind_;
   unsigned number_;
   Scope scope_;

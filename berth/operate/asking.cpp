@@ -32,7 +32,7 @@ std::size_t Asking::most_first_at_once() const noexcept {
   return std::max<std::size_t>(2, static_cast<std::size_t>(timeout * s_.bus.bitrate / question_bits));
 }
 
-// So many that the questions of those that stay silent leave room on the bus for the answers of the others: behind more
+// So many that the questions of those that stay silent leave room on the bus for the answers of the others: after more
 // of them a remote frame, which has the lower priority, would wait until its own time is over.
 std::size_t Asking::most_at_once() const noexcept {
   if (s_.bus.timing.at_once != 0) return s_.bus.timing.at_once;

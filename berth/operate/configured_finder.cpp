@@ -96,7 +96,7 @@ rt::Task<bool> ConfiguredFinder::find(bool all) {
   co_return news;
 }
 
-// One that gave back what it was lent and did not hear the reset behind it uses it on, unheard. Without a node-ID it
+// One that gave back what it was lent and did not hear the reset after it uses it on, unheard. Without a node-ID it
 // may be hidden from a search that finds one device at a time (Fastscan): behind another that waits for its power
 // cycle.
 rt::Task<bool> ConfiguredFinder::ask_borrowers() {
@@ -213,7 +213,7 @@ rt::Task<void> ConfiguredFinder::knock(NodeId id) {
 }
 
 // When another comes under the node-ID between the questions, the parts may be those of two devices; when it stays, its
-// answers come a little behind.
+// answers come a little after.
 rt::Task<Result<Identity>> ConfiguredFinder::identity_of_one(NodeId id, std::uint64_t boot_ups) {
   constexpr int most_readings = 3;
   Result<Identity> who;

@@ -15,7 +15,7 @@ namespace berth::operate {
 
 /// Its configuration failed because it restarted, so often: `cause`, and what to do.
 [[nodiscard]] std::string restarted_each_time(const std::string& cause, unsigned times);
-/// A boot-up message behind a configuration that had no answer: the device restarted by it. Counts that; 0: it did not.
+/// A boot-up message after a configuration that had no answer: the device restarted by it. Counts that; 0: it did not.
 [[nodiscard]] unsigned restarts_by_configuration(SeatConfiguration& configuration, rt::Time booted,
                                                  rt::Duration within);
 constexpr unsigned most_restarts = 3;  ///< then it is not configured again before it boots by itself

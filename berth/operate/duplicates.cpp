@@ -80,7 +80,7 @@ void Duplicates::note_shared(const can::Frame& frame, rt::Time at) {
   put(shared_->seconds[sub - 1], value);
 }
 
-// Twice, with pauses: a single-slot receive buffer loses a question behind another frame.
+// Twice, with pauses: a single-slot receive buffer loses a question after another frame.
 rt::Task<void> Duplicates::hear_parts(NodeId id) {
   co_await rt::sleep_for(places::second_answer);
   for (std::uint8_t i = 0; i < 8; ++i) {

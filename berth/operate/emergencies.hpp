@@ -2,7 +2,7 @@
 /// again and again is counted, and a slot keeps the last error of its device until that is gone or the device boots.
 ///
 /// Of one code of one node the first message is told at once. Those that follow are counted and told as one, "3 times
-/// more in 10 s", no sooner than `shortest_pause` behind the last; while they go on the pause doubles up to
+/// more in 10 s", no sooner than `shortest_pause` after the last; while they go on the pause doubles up to
 /// `longest_pause`. So a device that sends a thousand EMCYs a second writes some lines a minute into the store. Whoever
 /// invents node-IDs and codes is bounded by `most_lines` a minute for the whole bus; how many were left out is told.
 #pragma once

@@ -14,7 +14,7 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr std::uint8_t usual_factor = 3;                // unanswered questions of guarding
-constexpr unsigned some_resets = 2, enough_resets = 4;  // behind writes of 1017h (`HeartbeatRate::resets`)
+constexpr unsigned some_resets = 2, enough_resets = 4;  // after writes of 1017h (`HeartbeatRate::resets`)
 
 rt::Duration wanted_period(const design::Timing& timing, const Seat& seat) noexcept {
   const auto& watch = seat.slot.spec.watch;
@@ -138,7 +138,7 @@ rt::Task<bool> ErrorControl::set(Seat& seat) {
   co_return co_await set_heartbeat(seat);
 }
 
-// One that boots unasked between two writes boots by itself behind them, too.
+// One that boots unasked between two writes boots by itself after them, too.
 void ErrorControl::note_write(Seat& seat) const {
   const std::uint64_t boot_ups = s_.boots.boot_ups(seat.id());
   if (boot_ups != seat.rate.boot_ups) seat.rate.resets = 0;
@@ -147,7 +147,7 @@ void ErrorControl::note_write(Seat& seat) const {
 }
 
 // Each write is looked at once. One that ran before it booted may have been reset by a person, or lost its power; and
-// one that resets itself does it as soon behind each write.
+// one that resets itself does it as soon after each write.
 void ErrorControl::note_reset(Seat& seat) const {
   constexpr rt::Duration at_once = milliseconds(100), soon = std::chrono::seconds(3);
   const rt::Time written = std::exchange(seat.rate.written, rt::Time{});

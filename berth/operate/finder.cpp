@@ -186,7 +186,7 @@ rt::Task<void> Finder::the_rest(bool also_configured) {
   }
   if (!also_configured || agenda_.search_open) co_return;
   agenda_.rest_at = s_.executor.now() + 8 * s_.bus.timing.probe_period;
-  // One long search at a time: what happens on the bus meanwhile is dealt with behind it.
+  // One long search at a time: what happens on the bus meanwhile is dealt with after it.
   const bool took_long = s_.executor.now() - began > std::chrono::seconds(5);
   owes_configured_ = took_long && is_one_missing();
   if (!is_one_missing() || took_long) co_return;

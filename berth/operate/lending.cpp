@@ -262,7 +262,7 @@ rt::Task<bool> Lending::take_back(Identity device, NodeId id) {
   const NodeId none;
   const auto told = co_await tell_pending(device, none);
   if (!told) co_return co_await recall(device);
-  // A device with a single-slot receive buffer would lose the reset behind what was just sent.
+  // A device with a single-slot receive buffer would lose the reset after what was just sent.
   co_await rt::sleep_for(s_.bus.timing.rand_response);
   const auto reset = co_await s_.nmt.send(co::NmtCommand::reset_communication, id);
   co_return reset.has_value();

@@ -51,7 +51,7 @@ class Loans {
   [[nodiscard]] static bool given_up(const Loan& loan) noexcept { return loan.tries >= most_tries; }
 
   /// Had a loan in this run, or in one before it that did not end it, and was not bound since: what it uses may be what
-  /// it was lent, whatever it confirmed (the reset behind it can have been lost).
+  /// it was lent, whatever it confirmed (the reset after it can have been lost).
   [[nodiscard]] bool borrowed(const Identity& device) const noexcept;
   [[nodiscard]] const std::vector<Identity>& borrowers() const noexcept { return borrowers_; }
   /// It was bound: what it uses is stored.

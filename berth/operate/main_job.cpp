@@ -95,7 +95,7 @@ rt::Task<void> MainJob::opening() {
   const auto quiet = co_await s.lss.switch_global(lss::State::waiting);
   // One that keeps what it was lent pending would be silent until the next reset of all.
   const bool wakes = (lends || other_masters) && quiet && s.may_command();
-  // A single-slot receive buffer would lose what comes behind `04 00`.
+  // A single-slot receive buffer would lose what comes after `04 00`.
   if (quiet) co_await rt::sleep_for(s.bus.timing.rand_response);
   if (wakes) {
     places::wake_unconfigured(s.dispatcher);
@@ -225,7 +225,7 @@ void MainJob::tell_whether_empty(Seat& seat) {
     return;
   }
   const bool shared = p_.erased.user_of(seat.id()) != nullptr;
-  // What it waited for ended, perhaps behind the plan of this round: the next one that looks for all says what it is.
+  // What it waited for ended, perhaps after the plan of this round: the next one that looks for all says what it is.
   const bool over = (is_vacant(seat) || is_kept(seat)) && waits == nullptr && !shared && seat.life == Life::waits;
   const bool fits_one = over && std::ranges::any_of(p_.found.all(), [&](const auto& f) {
                           return p_.slots.of(f.device) == nullptr && !f.clone && places::fits(seat.slot.spec, f.device);

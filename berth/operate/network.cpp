@@ -31,7 +31,7 @@ void give_channels(BusServices& bus, const SlotTable& slots, od::Values& values)
 
 }  // namespace
 
-// What SDO clients ask of the manager by its objects. A task that is spawned begins behind the write that asked for it.
+// What SDO clients ask of the manager by its objects. A task that is spawned begins after the write that asked for it.
 class Network::Asked final : public ManagerObjects::Requests {
  public:
   Asked(Network& network, decltype(NetworkObserver::command) carry_out)

@@ -337,7 +337,7 @@ rt::Task<void> Presence::adopt_all_fixed() {
   for (const auto& seat : slots_.seats()) {
     const bool fixed = seat->slot.spec.assign == places::Assign::fixed && !seat->slot.record.confirmed;
     if (!fixed || !seat->polled) continue;
-    // A receive buffer of one frame loses the question to its device behind that to another.
+    // A receive buffer of one frame loses the question to its device after that to another.
     if (adopted.running() > 0) co_await rt::sleep_for(s_.bus.timing.rand_response);
     adopted.spawn(adopt_fixed(*seat));
   }

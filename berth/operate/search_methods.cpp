@@ -84,7 +84,7 @@ discovery::Options SearchMethods::options(discovery::Observer* observer) const {
   // On a slow bus a window that is shorter saves nothing, and an answer that it misses costs several frames.
   options.shortest = std::max(options.shortest, options.blocking / 3);
   options.inhibit = s_.lss.options().inhibit;
-  // What is missed now is looked for again later, and the machine waits meanwhile: a lost heartbeat is seen behind it.
+  // What is missed now is looked for again later, and the machine waits meanwhile: a lost heartbeat is seen after it.
   options.retries = 2;
   // Longer than the way down to one device takes where frames need pauses: it begins again after a stop.
   options.most_time = std::chrono::seconds(20);
@@ -103,7 +103,7 @@ rt::Duration SearchMethods::longest_frame() const {
   return std::chrono::nanoseconds(160'000'000'000LL / s_.bus.bitrate);
 }
 
-// `rand_response` is the device's own time, and its answer is heard at its end: a frame without data behind at most one
+// `rand_response` is the device's own time, and its answer is heard at its end: a frame without data after at most one
 // heartbeat, together shorter than the longest frame.
 rt::Duration SearchMethods::rand_window() const { return s_.bus.timing.rand_response + longest_frame(); }
 

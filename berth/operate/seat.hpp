@@ -60,9 +60,9 @@ struct HeartbeatRate {
   rt::Duration seen{};          ///< its heartbeats come so often, whatever 1017h says; 0: as that says
   rt::Time written{};           ///< 1017h was, and whether the device resets itself for that is not known yet; 0: it is
   rt::Time ran{};               ///< its heartbeat told that it became operational, last
-  std::uint64_t boot_ups = 0;   ///< of its node-ID, when 1017h was written, or looked at behind that
-  rt::Duration boots_behind{};  ///< the last boot-up behind a write
-  unsigned resets = 0;          ///< that it does: 2 for each boot-up right behind a write, 1 for one a little later
+  std::uint64_t boot_ups = 0;   ///< of its node-ID, when 1017h was written, or looked at after that
+  rt::Duration boots_behind{};  ///< the last boot-up after a write
+  unsigned resets = 0;          ///< that it does: 2 for each boot-up right after a write, 1 for one a little later
   bool by_sdo = false;          ///< it has no error control, and is asked by SDO; `at`: last
   std::uint64_t beats = 0;      ///< heard when it was looked at last
   rt::Time at{};
@@ -92,7 +92,7 @@ struct LastHeard {
   rt::Time hurried{};                         ///< a boot-up hastened the look at the bus
   rt::Time taken_back{};                      ///< a search found it where it sits
   rt::Time left{};                            ///< it left operational by itself, last
-  unsigned leaves = 0;                        ///< in a row, each soon behind the one before
+  unsigned leaves = 0;                        ///< in a row, each soon after the one before
   std::optional<places::SlotState> failed{};  ///< the binding that is tried again ended so before
   std::optional<rt::Time> reset{};            ///< of equal ones, to see which node-IDs they have in their memories
 };

@@ -155,7 +155,7 @@ rt::Task<void> Seating::verify_vacancy() {
     if (!is_known(id)) unknown.push_back(id);
   }
   if (unknown.empty()) co_return;
-  // A single-slot receive buffer would lose its question behind the `04 00` of the last LSS service.
+  // A single-slot receive buffer would lose its question after the `04 00` of the last LSS service.
   co_await rt::sleep_for(s_.bus.timing.rand_response);
   rt::Scope asked(s_.executor, asking_.most_at_once());
   for (const NodeId id : unknown) asked.spawn(asking_.vacancy(id));

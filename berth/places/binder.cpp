@@ -324,7 +324,7 @@ rt::Task<Outcome> Binder::await_boot_up(const Binding& binding) {
 // Not while another device has a node-ID pending that is not stored yet; and LSS rests until it has booted.
 rt::Task<void> Binder::wake() {
   co_await take_lss();
-  co_await rt::sleep_for(options_.slow_inhibit);  // a single-slot receive buffer would lose it behind another's `04 00`
+  co_await rt::sleep_for(options_.slow_inhibit);  // a single-slot receive buffer would lose it after another's `04 00`
   wake_unconfigured(s_.dispatcher);
 }
 
@@ -343,7 +343,7 @@ void wake_unconfigured(can::Dispatcher& dispatcher) noexcept {
   dispatcher.send(reset);
 }
 
-// The last question before the 11h: another device in configuration that heard it, or any before it, answers behind the
+// The last question before the 11h: another device in configuration that heard it, or any before it, answers after the
 // first answer, and is waited for.
 rt::Task<Outcome> Binder::inquire(Binding& binding) {
   const LssAddress device = binding.assignment().device.address;
@@ -387,7 +387,7 @@ rt::Task<Outcome> Binder::find_node_id(Binding& binding) {
   co_return Outcome::ok;
 }
 
-// One that was deaf while the proof was asked, and heard the 11h, answers it, too: behind the first answer, while
+// One that was deaf while the proof was asked, and heard the 11h, answers it, too: after the first answer, while
 // nothing is asked. One that was lost in configuration may have heard the 17h in the place of this one, and answered.
 rt::Task<Outcome> Binder::store_alone(const Binding& binding) {
   co_await rt::sleep_until(std::max(s_.lss.earliest(), options_.stores_end));
@@ -448,7 +448,7 @@ rt::Task<Outcome> Binder::reset(const Binding& binding) {
 rt::Task<Outcome> Binder::identify(const Binding& binding) {
   const NodeId id = binding.assignment().id;
   // It did not boot, and a second device with its node-ID did not either: one with a single-slot receive buffer would
-  // lose the question behind `04 00`, and the next ones behind the answers of the first.
+  // lose the question after `04 00`, and the next ones after the answers of the first.
   const bool stayed = binding.old_id() == id;
   if (stayed) co_await rt::sleep_for(options_.slow_inhibit);
   const auto surplus = s_.sdo.surplus(id);
@@ -476,7 +476,7 @@ rt::Task<Outcome> Binder::identify(const Binding& binding) {
     if (booted) who = co_await read_identity(s_.sdo, id);
   }
   if (!who) co_return who.error().code == Errc::timeout ? Outcome::silent : outcome_of(who.error());
-  // The answers of a slower one that has had the node-ID all along come behind the last question.
+  // The answers of a slower one that has had the node-ID all along come after the last question.
   if (stayed) co_await rt::sleep_for(second_answer);
   if (s_.sdo.surplus(id) != surplus) {
     co_await rt::sleep_for(second_answer);

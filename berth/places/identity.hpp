@@ -40,7 +40,7 @@ struct Identified {
 /// The same. A second answer is no proof of a second device: CAN repeats a frame whose last bit is seen wrong by its
 /// sender, question or answer, and receivers have it twice. So all is asked again after a second answer, and two
 /// devices are believed when a second answer comes again. `listens`: so long a second answer is waited for, before the
-/// last question too: a device with a receive buffer of one frame loses each question that comes right behind the
+/// last question too: a device with a receive buffer of one frame loses each question that comes right after the
 /// answer of another under its node-ID.
 [[nodiscard]] rt::Task<Identified> identify(co::SdoClient& sdo, NodeId node, rt::Duration listens = {});
 

@@ -46,7 +46,7 @@ class SimListMemory final : public manager::ListMemory {
   void read(std::size_t at, std::span<std::uint8_t> into) const noexcept override;
   bool write(std::size_t at, std::span<const std::uint8_t> bytes) noexcept override;
 
-  /// Called behind each write; may be empty.
+  /// Called after each write; may be empty.
   void on_write(std::function<void()> callback) { on_write_ = std::move(callback); }
   /// From now on `bytes` more bytes are written, and `cut` is called in the middle of that write: it may only post a
   /// job that cuts the power. The byte at which it stops holds `torn` (0..255), or what it held (-1).

@@ -189,7 +189,7 @@ struct PlantMaster {
   friend bool operator==(const PlantMaster&, const PlantMaster&) = default;
 };
 
-/// What it does when its heartbeat time (1017h) is written. The words of `resets_at_heartbeat`, behind `never`.
+/// What it does when its heartbeat time (1017h) is written. The words of `resets_at_heartbeat`, after `never`.
 enum class ResetsAtHeartbeat : std::uint8_t {
   never,
   keeps,    ///< answers, resets, and has the new value

@@ -102,7 +102,7 @@ class DeviceImage final : private rt::Job {
   std::vector<std::string> problems_;
   // By number of publication: when its first frame came; never: it brought none.
   std::array<rt::Time, 64> began_;
-  rt::Time first_ = rt::never;  // frame behind the last publication
+  rt::Time first_ = rt::never;  // frame after the last publication
   std::uint64_t seen_ = 0;
   Reactions reactions_;
   std::uint16_t error_ = 0;         // of the application

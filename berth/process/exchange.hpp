@@ -6,7 +6,7 @@
 ///     giver.work()[5] = 1;                       if (taker.take()) use(taker.taken());
 ///     giver.give();
 ///
-/// Neither side waits, locks or uses the heap behind its constructor. Each side belongs to one thread.
+/// Neither side waits, locks or uses the heap after its constructor. Each side belongs to one thread.
 #pragma once
 
 #include <array>

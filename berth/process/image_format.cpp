@@ -40,7 +40,7 @@ std::vector<std::uint8_t> table_of(const Layout& layout) {
   return table;
 }
 
-/// What stands in a part, behind `at`: runs of variables, with the gaps that are shorter than a line.
+/// What stands in a part, after `at`: runs of variables, with the gaps that are shorter than a line.
 void add_runs(const Layout& layout, Direction direction, std::size_t at, std::vector<Run>& runs) {
   std::map<std::uint32_t, std::uint32_t> places;
   for (const auto& variable : layout.variables()) {

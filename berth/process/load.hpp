@@ -14,7 +14,7 @@
 /// - network variables: objects in segments of [DynamicChannels] (CiA 306-3 §5.2.2), by their `Denotation`, else their
 ///   parameter name; at PPOffset + place in the segment. Segments of access ro and rwr are inputs of the network, of
 ///   rww and wo outputs (paper 5 §2.1);
-/// - every other object from 2000h on that can be mapped into a PDO, by its notation ("2100h:01"), behind them. Access
+/// - every other object from 2000h on that can be mapped into a PDO, by its notation ("2100h:01"), after them. Access
 /// ro
 ///   and rwr: input; rww and wo: output; rw: as the file's PDOs map it, else not.
 #pragma once

@@ -9,7 +9,7 @@
 /// and on real buses clients only read unless `commands`.
 ///
 /// A web page can make a browser connect to loopback, too, and its text follows header lines. So a connection ends at a
-/// syntax error before its first valid command (an HTTP request line is one), and nothing behind it is carried out.
+/// syntax error before its first valid command (an HTTP request line is one), and nothing after it is carried out.
 /// Silent connections lock no client out: who keeps its seat is `io::Seats`' rule, and a whole request is a valid
 /// command.
 #pragma once

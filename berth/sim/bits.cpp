@@ -303,7 +303,7 @@ void BitNode::fail(Outcome& outcome, can::ErrorKind kind, Cause cause) noexcept 
   if (!exempt) more_errors(transmitter ? 8 : 1, outcome);
 }
 
-// Of the bit that was just sampled. A wrong CRC is signalled behind the ACK delimiter.
+// Of the bit that was just sampled. A wrong CRC is signalled after the ACK delimiter.
 can::ErrorPlace BitNode::place() const noexcept {
   using can::ErrorPlace;
   if (activity == Activity::frame) return transmitter && position_ == 0 ? ErrorPlace::start : decoder_.place();

@@ -94,7 +94,7 @@ class BitNode {
   bool transmitter = false;
 
   void integrate(unsigned runs_to_see) noexcept;
-  /// Sends from the start-of-frame bit, or from the bit behind it when another's was just seen.
+  /// Sends from the start-of-frame bit, or from the bit after it when another's was just seen.
   void begin_sending(const can::Frame& frame, bool behind_start) noexcept;
   /// True: dominant.
   [[nodiscard]] bool drives() const noexcept;

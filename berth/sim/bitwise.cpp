@@ -243,7 +243,7 @@ void BitwisePlay::begin_frames(Domain& domain) {
   }
 }
 
-// Dominant in the third bit of intermission: a node that waits sends on from the bit behind it.
+// Dominant in the third bit of intermission: a node that waits sends on from the bit after it.
 void BitwisePlay::join_started(Domain& domain, BitGroup& group) {
   const auto members = group.members;
   for (BusNode* node : members) {

@@ -20,7 +20,7 @@ class Deliveries final : private rt::Job {
   };
   Deliveries(rt::Executor& executor, Owner& owner) noexcept : executor_(&executor), owner_(&owner) {}
 
-  // Times never go back from one to the next; `schedule` behind the last one.
+  // Times never go back from one to the next; `schedule` after the last one.
   void received(BusNode& node, const can::Frame& frame, rt::Time at) { pending_.push_back({&node, frame, at, false}); }
   void sent(BusNode& node, rt::Time at) { pending_.push_back({&node, {}, at, true}); }
   void schedule() noexcept {

@@ -33,7 +33,7 @@ struct Trigger {
 };
 
 /// A place in a frame, in bits on the wire, stuff bits counted. From the start, 0 is the start-of-frame bit; places
-/// behind the frame (intermission, error flags) are allowed. From the end, 0 is the last bit of end-of-frame, 1 the
+/// after the frame (intermission, error flags) are allowed. From the end, 0 is the last bit of end-of-frame, 1 the
 /// last but one, 7 the ACK delimiter, 8 the ACK slot; -1 to -3 are the intermission bits 1 to 3.
 struct BitPosition {
   int bit = 0;

@@ -37,7 +37,7 @@ class FaultPlan {
   }
   /// Frames begun on the bus so far: the next one's `FrameStart::number`.
   [[nodiscard]] std::uint64_t started() const noexcept { return started_; }
-  /// To be called once for each frame begun, behind `strike` and the draws for it.
+  /// To be called once for each frame begun, after `strike` and the draws for it.
   void count_start() noexcept { ++started_; }
 
   /// Calls `struck(const Fault&)` for each planned fault that strikes this frame, in the order of `add`. A fault that

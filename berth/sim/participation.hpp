@@ -1,5 +1,5 @@
 /// When a node may take part in a bus's traffic, and when it may begin a frame: the recessive bits that it must see
-/// first (behind power-on, a restart, bus-off), and suspend transmission. Internal to `sim`.
+/// first (after power-on, a restart, bus-off), and suspend transmission. Internal to `sim`.
 #pragma once
 
 #include <algorithm>

@@ -85,7 +85,7 @@ std::vector<Step> two_with_one_id(unsigned coincidences) {
     narrator.say(i == 0 ? "a and b start 181h together, a with 55 00, b with 55 01"
                         : fmt::format("a and b start together again, coincidence {}", i + 1));
     narrator.run(bus, 30 + 10 * i, 10'000);
-    world.run_for(20 * bit_time);  // behind suspend transmission, so that both may start at the next instant
+    world.run_for(20 * bit_time);  // after suspend transmission, so that both may start at the next instant
   }
   narrator.say("nothing left to send");
   return narrator.take();

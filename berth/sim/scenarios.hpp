@@ -29,12 +29,12 @@ struct Step {
 /// Two nodes send different data under one identifier at the same instant; a third listens. 16 collisions raise both
 /// transmitters to TEC 128; in the 17th the one that detects first signals passively and the other succeeds.
 /// One such coincidence ends error-passive. With more `coincidences` the same node loses each: TEC + 8 for its passive
-/// flag, - 1 for its success behind it, until it is bus-off: from 135, + 7 each, in the nineteenth (254 + 8).
+/// flag, - 1 for its success after it, until it is bus-off: from 135, + 7 each, in the nineteenth (254 + 8).
 [[nodiscard]] std::vector<Step> two_with_one_id(unsigned coincidences = 1);
 
 /// A node at `stranger_rate` (bit/s, less than 1 Mbit/s) only listens, hears nonsense where the others, at 1 Mbit/s,
 /// send a frame, and destroys it, again and again. Its flag of six bits is 6 x 1 Mbit/s / `stranger_rate` bits long for
-/// the others: beside the 8 of its error, the transmitter gets 8 more for the 8th dominant bit behind its own flag and
+/// the others: beside the 8 of its error, the transmitter gets 8 more for the 8th dominant bit after its own flag and
 /// for each further 8 (rule 6). It is bus-off after 32 attempts at most, and the stranger, which did it, is still
 /// error-active: its REC rises by 1 an attempt. At a quarter or half of the rate, its flag meets each new start of
 /// frame in arbitration, which is lost and costs nothing: there all become error-passive, and the frame gets through.

@@ -62,7 +62,7 @@ std::optional<std::string_view> the_one(const Request& request, http::field name
   return plain(range.first->value());
 }
 
-/// Empty: another path. Else what stands behind the '?', with it.
+/// Empty: another path. Else what stands after the '?', with it.
 std::optional<std::string_view> query_of(const Request& request, std::string_view path) {
   const auto target = plain(request.target());
   if (!target.starts_with(path)) return std::nullopt;

@@ -44,7 +44,7 @@ class Export {
   std::unique_ptr<trace::Writer> writer_;
   std::uint64_t at_;    // the next that is looked at
   std::uint64_t from_;  // the first that is written
-  std::uint64_t end_;   // behind the last
+  std::uint64_t end_;   // after the last
 };
 
 /// "pcapng" and the like: how such a file's name ends.

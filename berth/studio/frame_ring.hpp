@@ -7,7 +7,7 @@
 ///     if (ring.read(number, frame)) ...            // any thread; false: not there yet, or overwritten
 ///
 /// A record is four words. The first is the frame's number plus one, and 0 while the record is written: a reader takes
-/// it before and behind the others, so that it never gives a torn record. 32 bytes a frame: 32 MiB for `standard`. What
+/// it before and after the others, so that it never gives a torn record. 32 bytes a frame: 32 MiB for `standard`. What
 /// an FD frame has beyond its first 8 bytes stands in records of their own, one for 16 frames of the ring (4 MiB): the
 /// newest have it all. Reports of errors (can/bus_error.hpp) are records like frames, numbered among them.
 #pragma once
@@ -85,7 +85,7 @@ class FrameRing {
 
   std::vector<Record> records_;
   std::vector<Rest> rests_;
-  std::vector<std::string> words_;  // behind the first `words_there_` the writer adds; these do not change
+  std::vector<std::string> words_;  // after the first `words_there_` the writer adds; these do not change
   std::map<std::string, std::uint64_t, std::less<>> known_words_;  // the writer's
   std::atomic<std::size_t> words_there_{0};
   alignas(64) std::atomic<std::uint64_t> next_{0};

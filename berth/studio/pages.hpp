@@ -23,7 +23,7 @@ struct Page {
   bool lasts = false;       ///< its name changes when it does (/assets/): a browser may keep it
 };
 
-/// The page at a path such as "/" or "/assets/x.js"; `body` is null when there is none. What stands behind a '?' is the
+/// The page at a path such as "/" or "/assets/x.js"; `body` is null when there is none. What stands after a '?' is the
 /// page's own.
 [[nodiscard]] Page page_at(std::string_view target) noexcept;
 /// The same among pages given.

@@ -1,4 +1,4 @@
-/// What stands behind the '?' of an address. Inside of room `studio`.
+/// What stands after the '?' of an address. Inside of room `studio`.
 #pragma once
 
 #include <optional>

@@ -113,7 +113,7 @@ class Search {
   Message wanted_;
   Matcher matcher_;
   std::uint64_t at_;   // the next that is looked at
-  std::uint64_t end_;  // behind the last
+  std::uint64_t end_;  // after the last
   std::uint64_t rows_from_;
   std::uint64_t matched_ = 0;
   std::deque<Row> rows_;

@@ -45,7 +45,7 @@ struct Options {
 struct RingPart {
   std::string text{};
   std::uint64_t next = 0;  ///< the first frame that was not looked at
-  std::uint64_t end = 0;   ///< behind the newest
+  std::uint64_t end = 0;   ///< after the newest
 };
 
 class Studio {

@@ -26,7 +26,7 @@ rt::Task<void> search(Stage& stage, lss::Master& lss, const Search& what, std::v
   for (const auto& device : report->found) found.push_back(device.address);
 }
 
-// As `operate::Network` does it: all to waiting behind the search, then the binder.
+// As `operate::Network` does it: all to waiting after the search, then the binder.
 rt::Task<void> search_and_bind(Stage& stage, Commissioning& berth, const Search& what,
                                std::vector<places::Assignment>& seats, unsigned first) {
   std::vector<LssAddress> found;

@@ -70,7 +70,7 @@ class Stage final : private can::Tap {
   void run_until_quiet(rt::Duration quiet, rt::Duration limit);
 
   [[nodiscard]] const trace::Trace& trace() const noexcept { return trace_; }
-  /// Drops what was kept behind the last boot-up message.
+  /// Drops what was kept after the last boot-up message.
   void crop_after_boot_up();
   /// From the end of the first kept frame to the end of the last: what `berth trace --stats` prints as span.
   [[nodiscard]] rt::Duration span() const noexcept;

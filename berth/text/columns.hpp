@@ -12,7 +12,7 @@ namespace berth::text {
 [[nodiscard]] std::size_t columns(std::string_view line);
 /// The longest beginning that is not wider than `most`.
 [[nodiscard]] std::string cut(std::string_view line, std::size_t most);
-/// The line with spaces behind it up to `least` columns.
+/// The line with spaces after it up to `least` columns.
 [[nodiscard]] std::string padded(std::string_view line, std::size_t least);
 /// Broken at spaces into lines no wider than `most` (1 or more); a longer word is broken anywhere. At least one line.
 [[nodiscard]] std::vector<std::string> wrapped(std::string_view line, std::size_t most);

@@ -50,7 +50,7 @@ Reach::Reach(const std::string& file, std::span<const std::string> allowed)
 }
 
 std::optional<std::string> Reach::path(const std::string& name) const {
-  // The system reads up to a NUL: what stands behind it would lead back.
+  // The system reads up to a NUL: what stands after it would lead back.
   if (name.size() > longest || name.find('\0') != std::string::npos) return std::nullopt;
   std::string made = beside(file_, name);
   const fs::path leads_to = real_path(made);

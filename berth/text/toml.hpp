@@ -33,7 +33,7 @@ struct Value {
   Kind kind = Kind::table;
   bool in_line = false;  ///< a table or array written as `{ … }` or `[ … ]`, not with headers
   Place begin;           ///< first character; of a table with a header, the header's
-  Place end;             ///< behind the last character; a table's ends with its last value
+  Place end;             ///< after the last character; a table's ends with its last value
   std::string string;
   std::int64_t integer = 0;
   double real = 0;
@@ -60,7 +60,7 @@ struct Member {
 /// Reads a whole file's text. A syntax error is one finding with its place, and the result is empty.
 [[nodiscard]] std::optional<Value> parse_toml(std::string_view text, const std::string& file, Findings& findings);
 
-/// The byte at which a place stands in `text`; `text.size()` for places behind its end. A byte order mark at the
+/// The byte at which a place stands in `text`; `text.size()` for places after its end. A byte order mark at the
 /// beginning counts as no column.
 [[nodiscard]] std::size_t offset_of(std::string_view text, Place place) noexcept;
 

@@ -101,7 +101,7 @@ std::optional<unsigned> AscReader::number(std::string_view word, unsigned base, 
   return value;
 }
 
-// "   0.001900": seconds and any number of digits behind the point.
+// "   0.001900": seconds and any number of digits after the point.
 std::optional<rt::Duration> AscReader::time() {
   auto text = word();
   const bool minus = text.starts_with('-');
@@ -316,7 +316,7 @@ char* put_asc_id(char* to, const can::Frame& frame) {
   return to;
 }
 
-// What stands behind the identifier: kind, length, data, and of an FD frame its flags.
+// What stands after the identifier: kind, length, data, and of an FD frame its flags.
 char* put_rest(char* to, const Entry& entry) {
   const can::Frame& frame = entry.frame;
   if (frame.fd) {

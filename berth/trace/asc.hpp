@@ -62,7 +62,7 @@ class AscReader final : public LineReader {
   rt::Duration latest_{};  // of the event before, since `start_`
   std::uint64_t others_ = 0;
   std::string_view line_;
-  std::size_t at_ = 0;  // behind the word that was taken last
+  std::size_t at_ = 0;  // after the word that was taken last
   Entry entry_;
   std::vector<std::pair<unsigned, std::uint16_t>> channels_;  // channel and its bus
   std::vector<std::pair<unsigned, std::string>> names_;       // by comments

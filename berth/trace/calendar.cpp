@@ -62,7 +62,7 @@ std::optional<rt::Duration> clock_of(std::string_view word) {
 std::optional<rt::Duration> parse_date(std::string_view text) {
   auto word = next_word(text);
   unsigned month = month_of(word);
-  // A weekday may look like a month ("Mar"), so a month is one only with the day behind it.
+  // A weekday may look like a month ("Mar"), so a month is one only with the day after it.
   auto rest = text;
   auto day = digits(next_word(rest), 31);
   if (month == 0 || !day) {

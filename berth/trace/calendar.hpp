@@ -15,7 +15,7 @@ namespace berth::trace {
 /// "Fri Jul 10 06:17:32.249 2015"; milliseconds are cut.
 [[nodiscard]] std::string write_date(rt::Duration since_1970);
 
-/// "0.001900", "12": seconds; digits behind the ninth decimal are dropped. Empty: no such number, or too large.
+/// "0.001900", "12": seconds; digits after the ninth decimal are dropped. Empty: no such number, or too large.
 [[nodiscard]] std::optional<rt::Duration> parse_seconds(std::string_view text) noexcept;
 /// The same in milliseconds, to the nanosecond.
 [[nodiscard]] std::optional<rt::Duration> parse_milliseconds(std::string_view text) noexcept;

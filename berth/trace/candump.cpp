@@ -20,7 +20,7 @@ bool is_error_frame(std::string_view text) noexcept {
   return bad == std::errc{} && end == text.data() + 8 && (id & 0xE000'0000U) == 0x2000'0000U;
 }
 
-// "_F" behind eight bytes, or behind "R8".
+// "_F" after eight bytes, or after "R8".
 bool has_raw_dlc(std::string_view text) noexcept {
   if (text.size() < 4 || text[text.size() - 2] != '_' || !is_hex(text.back()) || hex_value(text.back()) <= 8)
     return false;
@@ -134,7 +134,7 @@ void CandumpReader::line(std::string_view line) {
   careful();
 }
 
-// How far the bus's name and the blank behind it reach; 0: `careful` looks at it.
+// How far the bus's name and the blank after it reach; 0: `careful` looks at it.
 std::size_t CandumpReader::quick_name(std::string_view text) {
   if (!last_name_.empty() && text.size() > last_name_.size() && text[last_name_.size()] == ' ' &&
       std::memcmp(text.data(), last_name_.data(), last_name_.size()) == 0)
@@ -289,7 +289,7 @@ void CandumpReader::skip_blanks() {
   while (column_ < line_.size() && is_blank(line_[column_])) ++column_;
 }
 
-// Up to a blank or the end of the line; the blanks behind it are passed.
+// Up to a blank or the end of the line; the blanks after it are passed.
 std::optional<std::string_view> CandumpReader::word(const char* what) {
   std::size_t end = column_;
   while (end < line_.size() && !is_blank(line_[end])) ++end;

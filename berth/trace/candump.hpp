@@ -5,9 +5,9 @@
 ///     (1436509052.250400) can0 701#R                       remote
 ///     (1436509052.250900) can0 123##1AABB                  FD, flags 1 = BRS, 2 = ESI
 ///
-/// Time is seconds and digits behind the point, six or, with -N, nine; blanks pad the bus's name, which has none; the
-/// frame is as `can::to_string` writes it, perhaps with a DLC above 8 behind it (`_F`: `candump -8`). A direction may
-/// stand behind it (` R`, ` T`: `candump -x`). SocketCAN's error frames are lines like any
+/// Time is seconds and digits after the point, six or, with -N, nine; blanks pad the bus's name, which has none; the
+/// frame is as `can::to_string` writes it, perhaps with a DLC above 8 after it (`_F`: `candump -8`). A direction may
+/// stand after it (` R`, ` T`: `candump -x`). SocketCAN's error frames are lines like any
 /// other, with 2000 0000h in the identifier: (1436509052.251100) can0 20000004#0008000000000000. What `candump` prints
 /// without -L is read too (candump_plain.hpp), and the words that -e prints below an error frame.
 ///

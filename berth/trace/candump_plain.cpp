@@ -95,7 +95,7 @@ bool is_raw_dlc(std::string_view text) noexcept {
   return text.size() == 3 && text.front() == '{' && text.back() == '}' && is_hex(text[1]) && hex_value(text[1]) > 8;
 }
 
-// "[8]" or, FD, "[12]" and "[08]", with the data behind it.
+// "[8]" or, FD, "[12]" and "[08]", with the data after it.
 bool take_data(Words& words, PlainLine& line) {
   auto brackets = words.next();
   if (is_raw_dlc(brackets)) brackets = "[8]";

@@ -8,8 +8,8 @@
 ///       can0  20000004   [8]  00 08 00 00 00 00 00 00   ERRORFRAME
 ///       can0  123   {F}  00 11 22 33 44 55 66 77             -8: a DLC above 8
 ///
-/// Times have any number of digits behind the point (-N: nine).
-/// candump -a's text behind the data is passed over. The FD flags BRS and ESI are not in it (-x has them).
+/// Times have any number of digits after the point (-N: nine).
+/// candump -a's text after the data is passed over. The FD flags BRS and ESI are not in it (-x has them).
 #pragma once
 
 #include <optional>

@@ -1,5 +1,5 @@
 /// Frames of CAN as packet captures hold them, in pcapng and in classic pcap: Linux's struct can_frame, by itself or
-/// behind the header of a capture of all interfaces ("any", LINUX_SLL). Inside of room `trace`.
+/// after the header of a capture of all interfaces ("any", LINUX_SLL). Inside of room `trace`.
 #pragma once
 
 #include <cstdint>
@@ -31,7 +31,7 @@ struct Captured {
   bool frame = false;  ///< `entry` has it: frame, error, and with LINUX_SLL the direction
   std::string wrong;   ///< why it is none; empty: a packet of another protocol
 };
-/// `big_endian`: the byte order of the file, which is that of an identifier behind LINUX_SLL's header; alone it is
+/// `big_endian`: the byte order of the file, which is that of an identifier after LINUX_SLL's header; alone it is
 /// big-endian always.
 [[nodiscard]] Captured take_packet(LinkType type, bool big_endian, std::string_view packet, Entry& entry);
 

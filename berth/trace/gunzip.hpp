@@ -14,7 +14,7 @@ namespace berth::trace {
 
 class Gunzip {
  public:
-  /// What grows more than so many times behind the first `unsuspicious` bytes is no log: it is refused.
+  /// What grows more than so many times after the first `unsuspicious` bytes is no log: it is refused.
   static constexpr std::uint64_t most_growth = 300;
   static constexpr std::uint64_t unsuspicious = std::uint64_t{64} << 20U;
 

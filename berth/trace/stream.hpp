@@ -47,7 +47,7 @@ inline constexpr Format all_formats[] = {Format::candump, Format::pcapng, Format
 [[nodiscard]] std::optional<Format> recognise(std::string_view head) noexcept;
 inline constexpr std::size_t head_size = 4096;
 /// What a file is that no reader reads, by its first bytes, for people: "a BLF file (Vector's binary log)", with what
-/// to do about it behind a semicolon. Empty: not known.
+/// to do about it after a semicolon. Empty: not known.
 [[nodiscard]] std::string_view foreign(std::string_view head) noexcept;
 
 /// Gets what a reader reads, in the order of the file. Called from inside `feed` and `finish`.
@@ -118,7 +118,7 @@ class Writer {
 
 struct WriteOptions {
   bool trc_1_1 = false;    ///< TRC: version 1.1 instead of 2.1
-  bool directions = true;  ///< candump: ` R` or ` T` behind a frame whose direction is known, as `candump -x` does.
+  bool directions = true;  ///< candump: ` R` or ` T` after a frame whose direction is known, as `candump -x` does.
                            ///< canplayer passes over it; tshark 4.0 takes it for an error.
 };
 /// `format`: one that is written.

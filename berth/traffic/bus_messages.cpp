@@ -243,7 +243,7 @@ class Collector {
     const Device& first =
         *std::ranges::min_element(devices_, {}, [](const auto& d) { return d.slot->spec.id.value(); });
     const unsigned id = first.slot->spec.id.value();
-    // Each comes before the next request, but how long behind its own is the device's.
+    // Each comes before the next request, but how long after its own is the device's.
     add("SDO response", first.sender, 0x580U + id, 8, assumed_.sdo, 0ns);
     line().messages.back().jitter = assumed_.sdo;
     add("SDO request", sender, 0x600U + id, 8, assumed_.sdo, 0ns);

@@ -25,7 +25,7 @@ struct LinkNetwork {
 /// What `berth up` makes of the links.
 struct LinkPlan {
   linker::Network network;  ///< nodes and links as the machine's slots and links, in their order;
-                            ///< behind them gateways' own nodes on buses beneath (`design::gateway_node_name`)
+                            ///< after them gateways' own nodes on buses beneath (`design::gateway_node_name`)
   linker::Plan plan;        ///< of use without errors only
   Findings findings;        ///< errors: files that cannot be used, links that cannot be
 };

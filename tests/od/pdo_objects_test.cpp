@@ -38,9 +38,13 @@ TEST(PdoObjects, RecordsStandWhereCia301HasThem) {
     ASSERT_EQ(is_pdo_communication(i), communication) << index;
     ASSERT_EQ(is_pdo_mapping(i), mapping) << index;
     ASSERT_EQ(is_pdo_record(i), communication || mapping) << index;
-    if (mapping) ASSERT_EQ(communication_of(i), index - 0x200) << index;
-    if (communication) ASSERT_EQ(communication_of(i), index) << index;
-    if (communication) ASSERT_EQ(mapping_of(i), index + 0x200) << index;
+    if (mapping) {
+      ASSERT_EQ(communication_of(i), index - 0x200) << index;
+    }
+    if (communication) {
+      ASSERT_EQ(communication_of(i), index) << index;
+      ASSERT_EQ(mapping_of(i), index + 0x200) << index;
+    }
     ASSERT_EQ(cia301::is_additional_channel(i), index >= 0x1201 && index <= 0x12FF) << index;
     ASSERT_EQ(cia301::is_server(i), index >= 0x1200 && index <= 0x127F) << index;
   }

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "berth/eds/concise_dcf.hpp"
+#include "berth/operate/configuration_fit.hpp"
 #include "berth/operate/configuration_intake.hpp"
 #include "berth/operate/dcf_stream.hpp"
 #include "berth/operate/written_files.hpp"
