@@ -52,8 +52,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (end == std::string_view::npos) break;
     rest.remove_prefix(end + 1);
   }
-  const auto bytes = serve::from_base64({reinterpret_cast<const char*>(data), size});
-  if (bytes) require(serve::from_base64(serve::to_base64(*bytes)) == *bytes);
+  const auto bytes = from_base64({reinterpret_cast<const char*>(data), size});
+  if (bytes) require(from_base64(to_base64(*bytes)) == *bytes);
   return 0;
 }
 

@@ -512,7 +512,7 @@ SdoClient::SdoClient(can::Dispatcher& dispatcher, const SdoOptions& options)
 
 void SdoClient::heed_other_clients() {
   if (settings_.other_clients != nullptr) return;
-  settings_.other_clients = anothers_.data();
+  settings_.other_clients = other_clients_.data();
   settings_.dispatcher->add(all_sdo_requests, requests_);
 }
 
@@ -526,7 +526,7 @@ void SdoClient::received(const can::Frame& frame, rt::Time at) noexcept {
 }
 
 void SdoClient::Requests::received(const can::Frame& frame, rt::Time at) noexcept {
-  client_->anothers_[frame.id & 0x7FU].asked(frame, at, client_->settings_.late_window);
+  client_->other_clients_[frame.id & 0x7FU].asked(frame, at, client_->settings_.late_window);
 }
 
 SdoChannelClient::SdoChannelClient(can::Dispatcher& dispatcher, SdoChannel channel, NodeId server,

@@ -450,7 +450,7 @@ class SdoClient final : private can::Handler {
 
   SdoClientSettings settings_;
   std::array<SdoLine, 128> lines_;
-  std::array<OtherClientRequests, 128> anothers_;
+  std::array<OtherClientRequests, 128> other_clients_;
   Requests requests_{*this};
 };
 
