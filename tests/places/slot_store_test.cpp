@@ -39,6 +39,32 @@ struct Table {
 
 }  // namespace
 
+struct Ticking final : StoreClock {
+  std::int64_t ms = 0;
+  [[nodiscard]] std::int64_t now_ms() const noexcept override { return ms; }
+};
+
+TEST(SlotStore, ALineHasTheTimeOfTheClockElseOfTheStamp) {
+  MemoryStore store;
+  Ticking clock;
+  const auto slot = store.declare({"m", "b", "left"}).value();
+  const auto last = [&] { return store.history(std::nullopt).value().back().stamp_ms; };
+  const auto write = [&] { ASSERT_TRUE(store.clear(slot, "x")); };
+  store.stamp(5);
+  write();
+  EXPECT_EQ(last(), 5);
+  store.set_clock(&clock);
+  clock.ms = 70;
+  write();
+  EXPECT_EQ(last(), 70);
+  clock.ms = 71;
+  write();
+  EXPECT_EQ(last(), 71);
+  store.set_clock(nullptr);
+  write();
+  EXPECT_EQ(last(), 5) << "as it was stamped before";
+}
+
 TEST(FormerSeat, IsTheLastOneThatEnded) {
   Table t;
   EXPECT_FALSE(t.former(5));
