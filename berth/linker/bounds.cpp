@@ -3,13 +3,11 @@
 #include <algorithm>
 
 namespace berth::linker {
-namespace {
 
-constexpr TransmissionType last_cyclic = 240;
-
-}  // namespace
-
-bool synchronous(TransmissionType type) noexcept { return type <= last_cyclic; }
+Unsent unsent(TransmissionType type, rt::Duration sync) noexcept {
+  if (type == od::rtr_sampled_at_sync || type == od::rtr_only) return Unsent::on_remote_frames;
+  return synchronous(type) && sync == rt::Duration(0) ? Unsent::waits_for_sync : Unsent::no;
+}
 
 Sending sending_of(const Network& network, const Pdo& pdo) {
   const auto objects = static_cast<std::int64_t>(pdo.mpdo ? pdo.carried.size() : 1);

@@ -6,19 +6,24 @@
 #include <span>
 
 #include "berth/linker/plan.hpp"
+#include "berth/od/pdo_objects.hpp"
 
 namespace berth::linker {
 
 /// Of 1800h:03 (CiA 301).
 inline constexpr rt::Duration inhibit_unit = std::chrono::microseconds(100);
 
-/// Sent at a SYNC: transmission types 0 to 240 (CiA 301, object 1800h, sub-index 02h).
-[[nodiscard]] bool synchronous(TransmissionType type) noexcept;
+using od::synchronous;
 
 /// Least time between two frames of a TPDO: of one at a change its inhibit time, or what its sender is said to keep; of
 /// a synchronous one so many SYNCs. 0: there is none, or it is never sent.
 [[nodiscard]] rt::Duration least_interval(TransmissionType type, rt::Duration inhibit, rt::Duration sync,
                                           rt::Duration said);
+
+/// Why a TPDO of this type sends no frame by itself, so that nothing bounds it. `sync`: the period of SYNC on its bus,
+/// 0 where nothing produces it.
+enum class Unsent : std::uint8_t { no, on_remote_frames, waits_for_sync };
+[[nodiscard]] Unsent unsent(TransmissionType type, rt::Duration sync) noexcept;
 
 /// When a TPDO is sent.
 struct Sending {

@@ -6,8 +6,8 @@
 #include <set>
 #include <tuple>
 
+#include "berth/linker/can_ids_parts.hpp"
 #include "berth/linker/crossing_parts.hpp"
-#include "berth/linker/numbers_parts.hpp"
 #include "berth/linker/timing_parts.hpp"
 
 namespace berth::linker {

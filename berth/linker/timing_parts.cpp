@@ -133,9 +133,8 @@ class Timing {
       for (const DevicePdo& pdo : devices_[node].tpdos) {
         const bool stays = !linked_[node] || pdo.kept;
         const bool sent = pdo.valid && !pdo.mapping.empty();  // without objects it is switched off
-        if (!sent || !stays || pdo.can_id > 0x7FF || pdo.type == 252 || pdo.type == 253) continue;
         const Duration sync = network_.buses[bus].sync;
-        if (synchronous(pdo.type) && sync == Duration(0)) continue;
+        if (!sent || !stays || pdo.can_id > 0x7FF || unsent(pdo.type, sync) != Unsent::no) continue;
         const auto period = least_interval(pdo.type, inhibit_unit * pdo.inhibit, sync, network_.nodes[node].interval);
         unsigned bits = 0;
         for (const auto& entry : pdo.mapping) bits += entry.bits;

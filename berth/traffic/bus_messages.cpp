@@ -197,11 +197,11 @@ class Collector {
 
   // By itself.
   bool is_sent(const od::PdoParameters& pdo, const std::string& where) {
-    const bool on_request = pdo.type == od::rtr_sampled_at_sync || pdo.type == od::rtr_only;
-    if (on_request) note(where, "it is sent when a remote frame asks for it: not analysed");
-    const bool waits = od::synchronous(pdo.type) && sync_ == 0ns;
-    if (waits) note(where, "it waits for SYNC, and nothing on this bus produces that");
-    return !on_request && !waits;
+    const auto why = linker::unsent(pdo.type, sync_);
+    if (why == linker::Unsent::on_remote_frames)
+      note(where, "it is sent when a remote frame asks for it: not analysed");
+    if (why == linker::Unsent::waits_for_sync) note(where, "it waits for SYNC, and nothing on this bus produces that");
+    return why == linker::Unsent::no;
   }
 
   /// `said`: the least interval by the links that it carries, or by its slot; 0: none.

@@ -1,4 +1,4 @@
-/// Numbers and CAN-IDs of PDOs. Between the sources of room `linker`.
+/// CAN-IDs and numbers of the PDOs that are made for links. Between the sources of room `linker`.
 #pragma once
 
 #include <vector>

@@ -1,4 +1,4 @@
-#include "berth/linker/numbers_parts.hpp"
+#include "berth/linker/can_ids_parts.hpp"
 
 #include <algorithm>
 #include <array>
