@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "berth/base/words.hpp"
+#include "berth/command/execute.hpp"
 #include "berth/command/verbs.hpp"
 #include "berth/text/printable.hpp"
 #include "berth/text/quantity.hpp"

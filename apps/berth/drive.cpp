@@ -8,6 +8,7 @@
 #include "ask.hpp"
 #include "berth/command/audit.hpp"
 #include "berth/command/control.hpp"
+#include "berth/command/execute.hpp"
 #include "berth/command/verbs.hpp"
 #include "gateway.hpp"
 #include "live_values.hpp"

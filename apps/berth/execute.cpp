@@ -1,5 +1,6 @@
 #include "execute.hpp"
 
+#include "berth/command/execute.hpp"
 #include "berth/command/verbs.hpp"
 #include "berth/rt/scope.hpp"
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "berth/command/execute.hpp"
 #include "berth/command/verbs.hpp"
 
 namespace berth::cli {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "berth/command/execute.hpp"
 #include "berth/command/verbs.hpp"
 
 namespace berth::cli {

@@ -1,10 +1,12 @@
 #include "berth/command/command_buffer.hpp"
+#include "berth/command/confirm.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <utility>
 
+#include "berth/command/execute.hpp"
 #include "berth/command/rights.hpp"
 #include "berth/command/verbs.hpp"
 #include "berth/text/quantity.hpp"

@@ -1,4 +1,5 @@
-// What a person confirms first on a real bus: reset, LSS and store towards a device that is operational.
+#include "berth/command/confirm.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>

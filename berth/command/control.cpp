@@ -18,6 +18,7 @@
 #include <iterator>
 #include <optional>
 
+#include "berth/command/execute.hpp"
 #include "berth/command/verbs.hpp"
 
 namespace berth::command {

@@ -1,4 +1,5 @@
-/// Whether a command may be carried out: how a bus may be used (`design::Role`), and what a person confirms first.
+/// Whether a command may use a bus (`design::Role`). What a person confirms first: confirm.hpp; what a user may do:
+/// rights.hpp.
 #pragma once
 
 #include <cstdint>
@@ -7,7 +8,6 @@
 #include <tl/expected.hpp>
 #include <vector>
 
-#include "berth/command/reply.hpp"
 #include "berth/tree/session.hpp"
 
 namespace berth::command {
@@ -32,9 +32,5 @@ struct OwnSlot {
 /// says what to do.
 [[nodiscard]] tl::expected<OwnSlot, std::string> own_slot(tree::Session& session, const std::string& bus,
                                                           const std::string& slot, std::string_view beneath);
-
-/// On a real bus (`Session::careful`) a command that disturbs operational devices needs "yes", and on every bus so does
-/// "bind" from scratch; false: `reply` says so.
-[[nodiscard]] bool confirmed(tree::Session& session, const Request& request, Reply& reply);
 
 }  // namespace berth::command

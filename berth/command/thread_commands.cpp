@@ -1,4 +1,5 @@
 #include "berth/command/thread_commands.hpp"
+#include "berth/command/confirm.hpp"
 
 #include <sys/eventfd.h>
 #include <unistd.h>

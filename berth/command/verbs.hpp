@@ -1,5 +1,5 @@
-/// The verbs: what a request can ask for, and what carries it out. `verbs` is the table of them all, for the command
-/// line (its own table of verbs: apps/berth/main.cpp), the control socket and `serve`.
+/// The verbs: what a request can ask for, and what carries it out (execute.hpp). `verbs` is the table of them all, for
+/// the command line (its own table of verbs: apps/berth/main.cpp), the control socket and `serve`.
 ///
 /// What each takes is in the table (verbs.cpp), and `berth help VERB` prints it. All arguments are text as the person
 /// wrote it, numbers in C notation, yes is "1". `bus` may be left out when the machine has one bus, and where a slot's
@@ -77,16 +77,5 @@ struct Verb {
 /// why, or what is wrong with the request. `machine`: for names; one without slots knows none.
 [[nodiscard]] std::vector<can::Frame> foreseeable_frames(const Request& request, const design::Machine& machine,
                                                          std::string& problem);
-
-/// Who has a network's turn, without which nothing of LSS is sent there (`operate::BusServices::turn`).
-enum class Turn : std::uint8_t {
-  taken_for_it,  ///< by the command, and given back at its end
-  held           ///< by who asks, for several LSS services in a row
-};
-
-/// Runs one command. `request` and `reply` must stay until the task is done. It waits until the main job has nothing to
-/// do on the bus, and may wait for devices: give it a limit from outside, by destroying the task.
-[[nodiscard]] rt::Task<void> execute(tree::Session& session, const Request& request, Reply& reply,
-                                     Turn turn = Turn::taken_for_it);
 
 }  // namespace berth::command

@@ -6,6 +6,7 @@
 #include <array>
 #include <nlohmann/json.hpp>
 
+#include "berth/command/execute.hpp"
 #include "berth/command/verbs.hpp"
 #include "berth/lss/frames.hpp"
 #include "berth/od/abort_code.hpp"

@@ -12,6 +12,7 @@
 
 #include "../pch.hpp"
 #include "berth/co/emcy.hpp"
+#include "berth/command/execute.hpp"
 #include "berth/command/verbs.hpp"
 #include "berth/rt/scope.hpp"
 #include "berth/tree/beneath.hpp"
