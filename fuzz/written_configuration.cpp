@@ -4,7 +4,7 @@
 #include <string>
 
 #include "berth/manager/configuration.hpp"
-#include "berth/operate/configuration_intake.hpp"
+#include "berth/operate/configuration_fit.hpp"
 #include "fuzz/require.hpp"
 
 namespace written_configuration_target {
