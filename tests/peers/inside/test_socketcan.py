@@ -55,7 +55,7 @@ class OnVcan(support.Case):
 
     def sends(self, *frames):
         """By one program: here each start of one takes so long that a server would miss a segment."""
-        log = self.write("frames.log", "".join(f"({i}.0) can0 {frame}\n" for i, frame in enumerate(frames)))
+        log = self.write("frames.log", "".join(f"({i + 1}.000000) can0 {frame}\n" for i, frame in enumerate(frames)))
         subprocess.run(["canplayer", "-t", "-I", log, "vcan0=can0"], check=True, timeout=support.PATIENCE)
 
     def hears(self, lines, frame):
