@@ -56,12 +56,15 @@ int PartFile::place_new() {
   return ::link(part_.c_str(), path_.c_str()) == 0 ? 0 : errno;
 }
 
-// The new name is on the disk.
 void PartFile::placed() noexcept {
   made_ = false;
-  const auto slash = path_.rfind('/');
-  const int fd =
-      ::open(slash == std::string::npos ? "." : path_.substr(0, slash + 1).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  sync_folder_of(path_);
+}
+
+void sync_folder_of(const std::string& path) noexcept {
+  const auto slash = path.rfind('/');
+  const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
+  const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (fd < 0) return;
   static_cast<void>(::fsync(fd));
   ::close(fd);

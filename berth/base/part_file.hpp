@@ -15,6 +15,9 @@
 
 namespace berth {
 
+/// A new name in the folder of `path`, or the end of one, is on the disk.
+void sync_folder_of(const std::string& path) noexcept;
+
 class PartFile {
  public:
   explicit PartFile(std::string path);

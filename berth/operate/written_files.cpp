@@ -1,6 +1,5 @@
 #include "berth/operate/written_files.hpp"
 
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -42,14 +41,6 @@ tl::unexpected<Error> failed(const fs::path& path, int error) {
   Error made{.code = Errc::io, .detail = static_cast<std::uint32_t>(error)};
   made.text = kept(path.string() + ": " + std::strerror(error));
   return fail(made);
-}
-
-// The end of a name is on the disk.
-void sync_folder(const fs::path& folder) {
-  const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (fd < 0) return;
-  static_cast<void>(::fsync(fd));
-  ::close(fd);
 }
 
 }  // namespace
@@ -96,7 +87,7 @@ Result<void> WrittenFiles::drop(const places::SlotName& slot) const {
     const fs::path path = path_of(slot, form);
     if (::unlink(path.c_str()) != 0 && errno != ENOENT) return failed(path, errno);
   }
-  sync_folder(place_.folder);
+  sync_folder_of(path_of(slot, Form::dcf).string());
   return {};
 }
 
