@@ -843,6 +843,23 @@ await check(
   },
 );
 
+await check(
+  "older frames that come late do not lengthen a paused list: what is newer than the pause stays out",
+  { machine: "belt", hash: "&pane=trace" },
+  async (page, _, by) => {
+    const release = await heldRing(page);
+    await page.getByLabel("Filter frames").fill("18B#");
+    await page.locator(".scroll .frame", { hasText: "18Bh" }).nth(3).waitFor();
+    await by.button("▮▮ Pause").click();
+    const last = page.locator(".scroll .frame").last();
+    const name = await firstCell(last);
+    await page.locator(".bar .number", { hasText: /, \d+ new/ }).waitFor();
+    await release();
+    await page.evaluate(() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn))));
+    assert.equal(await firstCell(last), name);
+  },
+);
+
 /** How many of these words stand in rows of the trace, and how many of them are cut off. */
 const cutOff = (page, words) =>
   page.locator(".scroll .frame > .words").evaluateAll((cells, wanted) => {

@@ -27,13 +27,21 @@ export interface Latest {
   service: Service;
 }
 
+/** The list as it was when it was paused. Older frames that come late join it; newer ones never do. */
+export interface PausedList {
+  pieces: readonly Piece[];
+  shown: number;
+  /** The number of the first frame that is newer than the pause; without end where the list was empty. */
+  end: number;
+}
+
 export interface TraceState {
   pieces: readonly Piece[];
   /** Frames in `pieces`, and those that the filter lets through. */
   kept: number;
   shown: number;
-  /** What is drawn while paused: the list as it was then. Nothing is lost, `pieces` grows on. */
-  paused: { pieces: readonly Piece[]; shown: number } | null;
+  /** What is drawn while paused. Nothing is lost, `pieces` grows on. */
+  paused: PausedList | null;
   filter: string;
   latest: ReadonlyMap<string, Latest>;
   /** The server's words by the number of the frame. */
@@ -118,8 +126,13 @@ export function traceReducer(trace: TraceState, action: Action, state: State): T
 
 const paused = (trace: TraceState, now: boolean): TraceState => ({
   ...trace,
-  paused: now ? { pieces: trace.pieces, shown: trace.shown } : null,
+  paused: now ? { pieces: trace.pieces, shown: trace.shown, end: endOf(trace.pieces) } : null,
 });
+
+function endOf(pieces: readonly Piece[]): number {
+  const last = pieces[pieces.length - 1]?.batch;
+  return last ? last.first + last.count : Infinity;
+}
 
 function refilteredAll(trace: TraceState, state: State): TraceState {
   const { filter } = state.view;
@@ -258,19 +271,35 @@ function limited(pieces: Piece[]): Pick<TraceState, "pieces" | "kept" | "shown">
   let first = 0;
   while (kept > MOST_FRAMES && first < pieces.length - 1) kept -= pieces[first++]?.batch.count ?? 0;
   const rest = first ? pieces.slice(first) : pieces;
-  return { pieces: rest, kept, shown: rest.reduce((sum, piece) => sum + piece.count, 0) };
+  return { pieces: rest, kept, shown: shownIn(rest) };
 }
+
+const shownIn = (pieces: readonly Piece[]) => pieces.reduce((sum, piece) => sum + piece.count, 0);
 
 /** Rows of the ring go where their numbers belong, unless the page has them. */
 function withOlder(trace: TraceState, batches: readonly Batch[], known: Known): TraceState {
-  const fresh = batches.flatMap((batch) => missing(trace.pieces, batch));
-  if (!fresh.length) return trace;
-  const pieces = [...trace.pieces, ...fresh.map((batch) => pieceOf(batch, trace.filter, known, trace.texts))];
-  pieces.sort((a, b) => a.batch.first - b.batch.first);
+  const insert = (pieces: readonly Piece[], older: readonly Batch[]) => {
+    const fresh = older.flatMap((batch) => missing(pieces, batch));
+    const all = [...pieces, ...fresh.map((batch) => pieceOf(batch, trace.filter, known, trace.texts))];
+    return { fresh, list: limited(all.sort((a, b) => a.batch.first - b.batch.first)) };
+  };
+  const live = insert(trace.pieces, batches);
   let { latest } = trace;
-  if (latest.size === 0) for (const batch of fresh) latest = withLatest(latest, batch);
-  const next = { ...trace, ...limited(pieces), latest };
-  return trace.paused ? { ...next, paused: { pieces: next.pieces, shown: next.shown } } : next;
+  if (latest.size === 0) for (const batch of live.fresh) latest = withLatest(latest, batch);
+  const next = { ...trace, ...(live.fresh.length ? live.list : {}), latest };
+  const { paused } = trace;
+  if (!paused) return next;
+  const { fresh, list } = insert(
+    paused.pieces,
+    batches.flatMap((batch) => before(batch, paused.end)),
+  );
+  return fresh.length ? { ...next, paused: { ...paused, pieces: list.pieces, shown: list.shown } } : next;
+}
+
+/** The part of a batch whose frames have smaller numbers than `end`. */
+function before(batch: Batch, end: number): Batch[] {
+  const count = Math.min(batch.count, end - batch.first);
+  return count > 0 ? [cut(batch, 0, count)] : [];
 }
 
 /** The parts of a batch that no piece holds. */
@@ -337,7 +366,7 @@ function refiltered(trace: TraceState, filter: string, known: Known): TraceState
     filter,
     matched: null,
     asked: "",
-    paused: paused && { pieces: paused, shown: paused.reduce((sum, piece) => sum + piece.count, 0) },
+    paused: trace.paused && paused && { ...trace.paused, pieces: paused, shown: shownIn(paused) },
   };
 }
 
@@ -350,7 +379,13 @@ export function fileOf(answer: OpenedFile): TraceFile {
   const pieces = batches.map((batch) => pieceOf(batch, "", known, texts));
   let { latest } = firstTrace;
   for (const batch of batches) latest = withLatest(latest, batch);
-  const list = { ...firstTrace, ...limited(pieces), texts, latest, paused: { pieces, shown: rows.length } };
+  const list = {
+    ...firstTrace,
+    ...limited(pieces),
+    texts,
+    latest,
+    paused: { pieces, shown: rows.length, end: Infinity },
+  };
   const picked = { frame: null, marks: [], zero: null };
   return { name, format, frames, findings, moreFindings: more_findings, list, known, picked };
 }

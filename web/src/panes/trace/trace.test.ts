@@ -5,7 +5,7 @@ import { firstState, reducer } from "../../store/reducer";
 import { batch, snapshot } from "../../store/samples";
 import type { State } from "../../store/state";
 import { candumpLog, exported, fileCommand, ringCommand, ringPath, whole } from "./export";
-import { fileOf, frameAt, listedOf, markChange, meaningIn, MOST_FRAMES, rowFrom, rowOf } from "./reducer";
+import { fileOf, frameAt, listedOf, markChange, meaningIn, MOST_FRAMES, rowFrom, rowOf, type Piece } from "./reducer";
 
 const begun = reducer(firstState, { type: "message", message: snapshot(), now: 0 });
 const add = (state: State, first: number, frames: string) =>
@@ -53,6 +53,33 @@ describe("the trace", () => {
     expect(state.trace.paused?.shown).toBe(1);
     state = reducer(state, { type: "trace/pause", paused: false });
     expect(state.trace.shown).toBe(3);
+  });
+
+  it("keeps a paused list's end where it was when older frames come late", () => {
+    let state = add(begun, 10, "701#05 702#05");
+    state = reducer(state, { type: "trace/pause", paused: true });
+    state = add(state, 12, "703#05");
+    const row = (n: number) => ({ n, t_s: 0, bus: "field", id: 0x704, ext: false, rtr: false, data: "05", text: "" });
+    const rows = [8, 12, 13].map(row);
+    const message = { type: "frames" as const, id: "f1", first: 0, last: 14, rows, matched: 3 };
+    state = reducer(state, { type: "message", message, now: 0 });
+    const numbers = (pieces: readonly Piece[]) =>
+      pieces.flatMap(({ batch }) => Array.from({ length: batch.count }, (_, i) => batch.first + i));
+    expect(numbers(state.trace.paused?.pieces ?? [])).toEqual([8, 10, 11]);
+    expect(state.trace.paused?.shown).toBe(3);
+    expect(numbers(state.trace.pieces)).toEqual([8, 10, 11, 12, 13]);
+    state = reducer(state, { type: "view", change: { filter: "703#" } });
+    state = reducer(state, { type: "message", message: { ...message, rows: [9, 12].map(row) }, now: 0 });
+    expect(state.trace.paused?.shown).toBe(0);
+    expect(numbers(state.trace.paused?.pieces ?? [])).toEqual([8, 9, 10, 11]);
+  });
+
+  it("shows what is asked for in a list that was paused while it was empty", () => {
+    let state = reducer(begun, { type: "trace/pause", paused: true });
+    const rows = [{ n: 3, t_s: 0, bus: "field", id: 0x704, ext: false, rtr: false, data: "05", text: "" }];
+    const message = { type: "frames" as const, id: "f1", first: 0, last: 4, rows, matched: 1 };
+    state = reducer(state, { type: "message", message, now: 0 });
+    expect(state.trace.paused?.shown).toBe(1);
   });
 
   it("puts rows of the server's ring where they belong", () => {
