@@ -2,7 +2,7 @@
 // its own NAME only.
 #include <cstdint>
 
-#include "berth/nodeid/claim_slave.hpp"
+#include "berth/research/claim_slave.hpp"
 #include "fuzz/require.hpp"
 
 namespace claim_slave_target {
@@ -10,14 +10,14 @@ namespace claim_slave_target {
 namespace {
 using namespace berth;
 using fuzz::require;
-using nodeid::Claiming;
+using research::Claiming;
 
 constexpr LssAddress address{1, 2, 3, 4};
 
-struct Owner final : nodeid::ClaimOwner {
+struct Owner final : research::ClaimOwner {
   void send(const can::Frame& frame) noexcept override {
-    const auto said = nodeid::decode_claim(frame);
-    require(said && said->name == nodeid::claim_name(address));
+    const auto said = research::decode_claim(frame);
+    require(said && said->name == research::claim_name(address));
   }
   void claimed(NodeId id) noexcept override { require(id.configured()); }
   void claim_lost(NodeId id) noexcept override { require(id.configured() && !firm); }
@@ -29,7 +29,7 @@ struct Owner final : nodeid::ClaimOwner {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   rt::Executor executor;
   Owner owner;
-  nodeid::ClaimSlave slave(executor, owner, {.address = address});
+  research::ClaimSlave slave(executor, owner, {.address = address});
   for (; size >= 11; data += 11, size -= 11) {
     const auto what = data[0];
     switch (what & 0x07U) {
@@ -44,13 +44,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         break;
       case 3: executor.advance(executor.now() + std::chrono::milliseconds(data[1])); break;
       default: {
-        const auto id = (what & 0x80U) != 0 ? nodeid::claim_request_id | data[1] << 8 : nodeid::claim_id | data[1];
+        const auto id = (what & 0x80U) != 0 ? research::claim_request_id | data[1] << 8 : research::claim_id | data[1];
         auto frame = can::Frame::ext(id, {data + 3, 8});
         frame.size = (what & 0x40U) != 0 ? data[2] % 9 : (what & 0x80U) != 0 ? 3 : 8;
         const auto before = slave.id();
         const auto state = slave.state();
         slave.received(frame);
-        const auto heard = nodeid::decode_claim(frame);
+        const auto heard = research::decode_claim(frame);
         const bool lower = heard && heard->name < slave.name() && heard->id == before.value();
         if (state == Claiming::settled && slave.state() != Claiming::settled) require(lower && !owner.firm);
       }

@@ -1,8 +1,8 @@
 // Any frames at a negotiator, at any time: it sends only what its state allows, and keeps to its promises.
 #include <cstdint>
 
-#include "berth/nodeid/negotiation_frames.hpp"
-#include "berth/nodeid/negotiator.hpp"
+#include "berth/research/negotiation_frames.hpp"
+#include "berth/research/negotiator.hpp"
 #include "fuzz/require.hpp"
 
 namespace negotiator_target {
@@ -10,17 +10,17 @@ namespace negotiator_target {
 namespace {
 using namespace berth;
 using fuzz::require;
-using nodeid::Negotiating;
+using research::Negotiating;
 using namespace std::chrono_literals;
 
 constexpr LssAddress address{0x319, 0xAA55'EEFF, 0xDEAD'BEEF, 0x1234'5678};
 
-struct Device final : nodeid::NegotiatorOwner {
+struct Device final : research::NegotiatorOwner {
   bool send(const can::Frame& frame) noexcept override {
-    const auto message = nodeid::decode_negotiation(frame);
+    const auto message = research::decode_negotiation(frame);
     require(message.has_value());
-    if (message->kind == nodeid::NegotiationMessage::Kind::identity) {
-      require(!id.configured() && frame == nodeid::identity(address, message->byte));
+    if (message->kind == research::NegotiationMessage::Kind::identity) {
+      require(!id.configured() && frame == research::identity(address, message->byte));
     }
     if (refuses) return false;
     queued = true;
@@ -33,7 +33,7 @@ struct Device final : nodeid::NegotiatorOwner {
     require(!id.configured() && taken.value() >= 1 && taken.value() <= 127);
     id = taken;
   }
-  void node_id_lost(NodeId lost, nodeid::IdLoss) noexcept override {
+  void node_id_lost(NodeId lost, research::IdLoss) noexcept override {
     require(lost == id && !firm);
     id = NodeId();
   }
@@ -51,7 +51,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (size == 0) return 0;
   rt::Executor executor;
   Device device;
-  nodeid::Negotiator negotiator(executor, device,
+  research::Negotiator negotiator(executor, device,
                                 {.address = address, .literal = (data[0] & 1U) != 0, .seed = data[0]});
   if ((data[0] & 2U) != 0) {
     device.firm = true;

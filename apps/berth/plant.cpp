@@ -38,8 +38,8 @@ std::string reason(const plant::SimDevice& device) {
   if (truth.booting) return "boots";
   const auto* negotiator = device.device().schemes().negotiator();
   if (negotiator == nullptr) return "waits for a master to give it one";
-  if (negotiator->state() == nodeid::Negotiating::exhausted) return nodeid::name(negotiator->state());
-  return fmt::format("negotiates: {}", nodeid::name(negotiator->state()));
+  if (negotiator->state() == research::Negotiating::exhausted) return research::name(negotiator->state());
+  return fmt::format("negotiates: {}", research::name(negotiator->state()));
 }
 
 /// Which device took which node-ID when, and which lost it why.
@@ -68,8 +68,8 @@ class NodeIds final : public plant::World::Observer {
     if (pulled) {
       why = truth.plugged ? "no power" : "unplugged";
     } else if (!before.configured()) {
-      const auto lost = negotiator != nullptr ? negotiator->lost() : nodeid::IdLoss::none;
-      why = lost == nodeid::IdLoss::none ? "reset" : nodeid::name(lost);
+      const auto lost = negotiator != nullptr ? negotiator->lost() : research::IdLoss::none;
+      why = lost == research::IdLoss::none ? "reset" : research::name(lost);
     }
     events.push_back({seconds(world_->sim().now()), truth.name, before, why});
   }

@@ -13,9 +13,9 @@
 #include "berth/co/time_stamp.hpp"
 #include "berth/decode/say_parts.hpp"
 #include "berth/lss/interpret.hpp"
-#include "berth/nodeid/and_frames.hpp"
-#include "berth/nodeid/claim_frames.hpp"
-#include "berth/nodeid/negotiation_frames.hpp"
+#include "berth/research/and_frames.hpp"
+#include "berth/research/claim_frames.hpp"
+#include "berth/research/negotiation_frames.hpp"
 #include "berth/nodeid/rand_frames.hpp"
 #include "berth/od/abort_code.hpp"
 
@@ -53,8 +53,8 @@ std::string of_rand(const can::Frame& frame) {
                      parts[request->part & 3U], request->value);
 }
 
-std::string of_and(const nodeid::AndRequest& request) {
-  using Kind = nodeid::AndRequest::Kind;
+std::string of_and(const research::AndRequest& request) {
+  using Kind = research::AndRequest::Kind;
   const auto address = request.address.value();
   switch (request.kind) {
     case Kind::identify:
@@ -72,8 +72,8 @@ std::string of_and(const nodeid::AndRequest& request) {
   return request.phase == 0 ? "AND: inquire Vendor ID and Product Code" : "AND: inquire Revision Nr. and Serial Nr.";
 }
 
-std::string of_and(const nodeid::AndAnswer& answer) {
-  using Kind = nodeid::AndAnswer::Kind;
+std::string of_and(const research::AndAnswer& answer) {
+  using Kind = research::AndAnswer::Kind;
   if (answer.kind == Kind::address && answer.nibble == 0)
     return fmt::format("AND: Vendor ID 0x{:08X}, Product Code 0x{:08X}", answer.first, answer.second);
   if (answer.kind == Kind::address)
@@ -188,21 +188,21 @@ Meaning Interpreter::extended(const can::Frame& frame, std::string& out) const {
     out += text;
     return Meaning{service, node};
   };
-  if (const auto message = nodeid::decode_negotiation(frame))
-    return said(Service::negotiation, nodeid::interpretation(*message));
+  if (const auto message = research::decode_negotiation(frame))
+    return said(Service::negotiation, research::interpretation(*message));
   if (nodeid::rand_requests.contains(frame.key())) return said(Service::rand, of_rand(frame));
   if (asked_ != Asked::rand) {
     if (const auto text = lss::interpret(frame); !text.empty()) return said(Service::lss, text);
   }
   if (const auto answer = nodeid::decode_rand_answer(frame))
     return said(Service::rand, fmt::format("RAND {}: chunk 0x{:04X}", answer->direct ? "DIS" : "IUS", answer->chunk));
-  if (const auto claim = nodeid::decode_claim(frame)) {
-    if (claim->id == nodeid::claim_nobody)
+  if (const auto claim = research::decode_claim(frame)) {
+    if (claim->id == research::claim_nobody)
       return said(Service::claim, fmt::format("Claim: NAME 0x{:016X} cannot claim a node-ID", claim->name));
     return said(Service::claim, fmt::format("Claim: node-ID {} for NAME 0x{:016X}", claim->id, claim->name), claim->id);
   }
-  if (const auto asked = nodeid::decode_claim_request(frame)) {
-    return said(Service::claim, *asked == nodeid::claim_everybody ? std::string("Claim request: everybody")
+  if (const auto asked = research::decode_claim_request(frame)) {
+    return said(Service::claim, *asked == research::claim_everybody ? std::string("Claim request: everybody")
                                                                   : fmt::format("Claim request: node-ID {}", *asked));
   }
   return said(Service::other, "extended frame");
@@ -278,7 +278,7 @@ constexpr can::IdRange feedback{lss::default_feedback_base, lss::default_feedbac
 }  // namespace
 
 std::optional<unsigned> rests_on(const can::Frame& frame) noexcept {
-  if (frame.fd || frame.extended || frame.id >= nodeid::and_ius_id || feedback.contains(frame.id)) return std::nullopt;
+  if (frame.fd || frame.extended || frame.id >= research::and_ius_id || feedback.contains(frame.id)) return std::nullopt;
   const bool node = (frame.id & 0x7FU) != 0;
   if (node && frame.id > 0x180 && frame.id < 0x580) return 0;
   if (node && frame.id > 0x700) return 1;
@@ -297,18 +297,18 @@ Meaning Interpreter::words(const can::Frame& frame, std::string& out) {
     return extended(frame, out);
   }
   // Most frames have identifiers that neither LSS nor a paper uses.
-  if (frame.id >= nodeid::and_ius_id || (asked_ == Asked::fastscan && feedback.contains(frame.id))) {
+  if (frame.id >= research::and_ius_id || (asked_ == Asked::fastscan && feedback.contains(frame.id))) {
     if (lss::is_lss(frame, lss::master_cob_id) && lss::decode_fastscan(frame)) asked_ = Asked::fastscan;
     const std::uint16_t feedback_base = asked_ == Asked::fastscan ? lss::default_feedback_base : 0;
     if (const auto text = lss::interpret(frame, feedback_base); !text.empty()) {
       out += text;
       return {Service::lss, 0};
     }
-    if (const auto request = nodeid::decode_and_request(frame)) {
+    if (const auto request = research::decode_and_request(frame)) {
       out += of_and(*request);
       return {Service::and_, 0};
     }
-    if (const auto answer = nodeid::decode_and_answer(frame)) {
+    if (const auto answer = research::decode_and_answer(frame)) {
       out += of_and(*answer);
       return {Service::and_, 0};
     }

@@ -14,8 +14,8 @@ void Claiming::resetting() noexcept {
 
 void Claiming::ready(NodeId id) {
   dispatcher_->remove(*this);
-  dispatcher_->add(nodeid::claims, *this);
-  dispatcher_->add(nodeid::claim_requests, *this);
+  dispatcher_->add(research::claims, *this);
+  dispatcher_->add(research::claim_requests, *this);
   if (id.configured()) {
     slave_.settle(id, id != claimed_);
   } else {

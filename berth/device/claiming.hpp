@@ -1,13 +1,13 @@
-/// A device's part in claiming a node-ID as SAE J1939-81 does (docs/claim.md): lets `nodeid::ClaimSlave` hear and send
+/// A device's part in claiming a node-ID as SAE J1939-81 does (docs/claim.md): lets `research::ClaimSlave` hear and send
 /// through the device's dispatcher. No heap after construction beyond what the dispatcher's lists grow to.
 #pragma once
 
 #include "berth/can/dispatcher.hpp"
-#include "berth/nodeid/claim_slave.hpp"
+#include "berth/research/claim_slave.hpp"
 
 namespace berth::device {
 
-class Claiming final : private can::Handler, private nodeid::ClaimOwner {
+class Claiming final : private can::Handler, private research::ClaimOwner {
  public:
   /// What the device does; called from jobs.
   class Owner {
@@ -20,10 +20,10 @@ class Claiming final : private can::Handler, private nodeid::ClaimOwner {
    protected:
     ~Owner() = default;
   };
-  Claiming(can::Dispatcher& dispatcher, Owner& owner, const nodeid::ClaimOptions& options)
+  Claiming(can::Dispatcher& dispatcher, Owner& owner, const research::ClaimOptions& options)
       : dispatcher_(&dispatcher),
         owner_(&owner),
-        slave_(dispatcher.executor(), static_cast<nodeid::ClaimOwner&>(*this), options) {}
+        slave_(dispatcher.executor(), static_cast<research::ClaimOwner&>(*this), options) {}
 
   /// Power comes on, with this address; it begins with `ready`.
   void power_on(const LssAddress& address) noexcept { slave_.set_address(address); }
@@ -33,7 +33,7 @@ class Claiming final : private can::Handler, private nodeid::ClaimOwner {
   /// The reset is over. `id`: in use; unconfigured: claim one.
   void ready(NodeId id);
 
-  [[nodiscard]] const nodeid::ClaimSlave& slave() const noexcept { return slave_; }
+  [[nodiscard]] const research::ClaimSlave& slave() const noexcept { return slave_; }
 
  private:
   void received(const can::Frame& frame, rt::Time) noexcept override { slave_.received(frame); }
@@ -43,7 +43,7 @@ class Claiming final : private can::Handler, private nodeid::ClaimOwner {
 
   can::Dispatcher* dispatcher_;
   Owner* owner_;
-  nodeid::ClaimSlave slave_;
+  research::ClaimSlave slave_;
   NodeId claimed_;  // what a claim gave since power-on: not firm
 };
 

@@ -3,7 +3,7 @@
 #include <array>
 #include <utility>
 
-#include "berth/nodeid/negotiation_frames.hpp"
+#include "berth/research/negotiation_frames.hpp"
 
 namespace berth::device {
 namespace {
@@ -13,11 +13,11 @@ constexpr rt::Duration memory_busy = std::chrono::milliseconds(50);
 }  // namespace
 
 Negotiation::Negotiation(can::Dispatcher& dispatcher, Owner& owner, NvMemory* memory,
-                         const nodeid::NegotiatorOptions& options)
+                         const research::NegotiatorOptions& options)
     : dispatcher_(&dispatcher),
       owner_(&owner),
       options_(options),
-      negotiator_(dispatcher.executor(), static_cast<nodeid::NegotiatorOwner&>(*this), options) {
+      negotiator_(dispatcher.executor(), static_cast<research::NegotiatorOwner&>(*this), options) {
   if (memory != nullptr) record_.emplace(*memory, memory_at, 1);
 }
 
@@ -62,7 +62,7 @@ void Negotiation::ready(NodeId id) noexcept {
 
 void Negotiation::listen(bool all) {
   dispatcher_->remove(*this);
-  if (!all) return dispatcher_->add(nodeid::negotiation_control, *this);
+  if (!all) return dispatcher_->add(research::negotiation_control, *this);
   dispatcher_->add(can::all_base, *this);  // the bus load
   dispatcher_->add(can::all_extended, *this);
 }
@@ -84,7 +84,7 @@ void Negotiation::node_id_taken(NodeId id) noexcept {
   owner_->negotiated(id);
 }
 
-void Negotiation::node_id_lost(NodeId id, nodeid::IdLoss why) noexcept {
+void Negotiation::node_id_lost(NodeId id, research::IdLoss why) noexcept {
   negotiated_ = NodeId();
   lost_ = true;
   owner_->negotiation_lost(id, why);

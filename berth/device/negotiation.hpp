@@ -1,11 +1,11 @@
-/// A device's part in the negotiation of node-IDs (paper 2): lets `nodeid::Negotiator` hear and send through the
+/// A device's part in the negotiation of node-IDs (paper 2): lets `research::Negotiator` hear and send through the
 /// device's dispatcher, keeps the last node-ID in non-volatile memory, and tells the device what to do. No heap after
 /// construction beyond what the dispatcher's lists grow to.
 #pragma once
 
 #include "berth/can/dispatcher.hpp"
 #include "berth/device/nv_memory.hpp"
-#include "berth/nodeid/negotiator.hpp"
+#include "berth/research/negotiator.hpp"
 
 namespace berth::device {
 
@@ -18,7 +18,7 @@ enum class NegotiationMode : std::uint8_t {
 
 class Negotiation final : private can::Handler,
                           private can::Confirmation,
-                          private nodeid::NegotiatorOwner,
+                          private research::NegotiatorOwner,
                           private NvMemory::Done,
                           private rt::Job {
  public:
@@ -28,7 +28,7 @@ class Negotiation final : private can::Handler,
     /// Use it: leave initialising, boot-up.
     virtual void negotiated(NodeId id) noexcept = 0;
     /// Tell why, then reset communication without a node-ID.
-    virtual void negotiation_lost(NodeId id, nodeid::IdLoss why) noexcept = 0;
+    virtual void negotiation_lost(NodeId id, research::IdLoss why) noexcept = 0;
     virtual void negotiation_failed() noexcept = 0;  ///< all 127 are in use
     virtual void negotiation_kept(NodeId id) noexcept = 0;
     [[nodiscard]] virtual rt::Duration in_world(rt::Duration own) const noexcept = 0;
@@ -42,7 +42,7 @@ class Negotiation final : private can::Handler,
   static constexpr rt::Duration pause_for_others = std::chrono::seconds(2);
 
   /// `memory`: null = the last node-ID is forgotten with the power.
-  Negotiation(can::Dispatcher& dispatcher, Owner& owner, NvMemory* memory, const nodeid::NegotiatorOptions& options);
+  Negotiation(can::Dispatcher& dispatcher, Owner& owner, NvMemory* memory, const research::NegotiatorOptions& options);
   ~Negotiation();
 
   /// Power comes on, with this address; it begins with `ready`.
@@ -57,7 +57,7 @@ class Negotiation final : private can::Handler,
   /// Another node sent under this device's identifiers.
   void doubled() noexcept { negotiator_.doubled(); }
 
-  [[nodiscard]] const nodeid::Negotiator& negotiator() const noexcept { return negotiator_; }
+  [[nodiscard]] const research::Negotiator& negotiator() const noexcept { return negotiator_; }
   /// The last node-ID, as memory has it.
   [[nodiscard]] NodeId last() const noexcept { return last_; }
 
@@ -69,7 +69,7 @@ class Negotiation final : private can::Handler,
   [[nodiscard]] bool nothing_queued() const noexcept override { return dispatcher_->port().status().queued == 0; }
   [[nodiscard]] std::uint32_t bit_rate() const noexcept override { return dispatcher_->port().status().bit_rate; }
   void node_id_taken(NodeId id) noexcept override;
-  void node_id_lost(NodeId id, nodeid::IdLoss why) noexcept override;
+  void node_id_lost(NodeId id, research::IdLoss why) noexcept override;
   void all_taken() noexcept override { owner_->negotiation_failed(); }
   void node_id_kept(NodeId id) noexcept override { owner_->negotiation_kept(id); }
   [[nodiscard]] rt::Duration in_world(rt::Duration own) const noexcept override { return owner_->in_world(own); }
@@ -82,8 +82,8 @@ class Negotiation final : private can::Handler,
   can::Dispatcher* dispatcher_;
   Owner* owner_;
   std::optional<NvRecord> record_;
-  nodeid::NegotiatorOptions options_;
-  nodeid::Negotiator negotiator_;
+  research::NegotiatorOptions options_;
+  research::Negotiator negotiator_;
   NodeId last_;        // to be preferred; is kept in memory
   NodeId negotiated_;  // what the negotiation gave since power-on: not firm
   bool hears_ = false;

@@ -8,7 +8,7 @@
 #include <optional>
 
 #include "berth/can/dispatcher.hpp"
-#include "berth/nodeid/and_slave.hpp"
+#include "berth/research/and_slave.hpp"
 #include "berth/nodeid/rand_slave.hpp"
 
 namespace berth::device {
@@ -45,7 +45,7 @@ class NodeIdMethods {
  private:
   Options options_;
   nodeid::RandSlave rand_;
-  nodeid::AndSlave and_;
+  research::AndSlave and_;
 };
 
 }  // namespace berth::device

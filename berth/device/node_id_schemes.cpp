@@ -15,7 +15,7 @@ NodeIdSchemes::NodeIdSchemes(can::Dispatcher& dispatcher, const Options& options
                 .rand_resume = options.rand_resume,
                 .and_protocol = options.and_protocol}) {
   if (options.claim) {
-    const nodeid::ClaimOptions how{.address = options.address, .seed = options.address.serial};
+    const research::ClaimOptions how{.address = options.address, .seed = options.address.serial};
     claiming_ = std::make_unique<Claiming>(dispatcher, static_cast<Claiming::Owner&>(*this), how);
   }
   if (options.negotiation == NegotiationMode::off) return;
@@ -74,7 +74,7 @@ void NodeIdSchemes::negotiated(NodeId id) noexcept {
   owner_->node_id_given(id);
 }
 
-void NodeIdSchemes::negotiation_lost(NodeId id, nodeid::IdLoss why) noexcept {
+void NodeIdSchemes::negotiation_lost(NodeId id, research::IdLoss why) noexcept {
   errors_->raise(co::emcy_code::id_collision, co::error_register::communication,
                  {id.value(), static_cast<std::uint8_t>(why)});
   lss_->assign(NodeId());

@@ -59,9 +59,9 @@ class NodeIdSchemes final : public OwnIdentifiers::Owner,
   [[nodiscard]] nodeid::Identification identification() const noexcept { return methods_.identification(); }
   [[nodiscard]] nodeid::Identification and_identification() const noexcept { return methods_.and_identification(); }
   /// Null when the device does not claim.
-  [[nodiscard]] const nodeid::ClaimSlave* claimer() const noexcept { return claiming_ ? &claiming_->slave() : nullptr; }
+  [[nodiscard]] const research::ClaimSlave* claimer() const noexcept { return claiming_ ? &claiming_->slave() : nullptr; }
   /// Null when the device does not negotiate.
-  [[nodiscard]] const nodeid::Negotiator* negotiator() const noexcept {
+  [[nodiscard]] const research::Negotiator* negotiator() const noexcept {
     return negotiation_ ? &negotiation_->negotiator() : nullptr;
   }
 
@@ -73,12 +73,12 @@ class NodeIdSchemes final : public OwnIdentifiers::Owner,
  private:
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void negotiated(NodeId id) noexcept override;
-  void negotiation_lost(NodeId id, nodeid::IdLoss why) noexcept override;
+  void negotiation_lost(NodeId id, research::IdLoss why) noexcept override;
   void negotiation_failed() noexcept override { owner_->changed(); }
   void negotiation_kept(NodeId id) noexcept override;
   [[nodiscard]] rt::Duration in_world(rt::Duration own) const noexcept override { return host_->in_world(own); }
   void claimed(NodeId id) noexcept override { negotiated(id); }
-  void claim_lost(NodeId id) noexcept override { negotiation_lost(id, nodeid::IdLoss::none); }
+  void claim_lost(NodeId id) noexcept override { negotiation_lost(id, research::IdLoss::none); }
 
   can::Dispatcher* dispatcher_;
   const Options* options_;

@@ -57,7 +57,7 @@ struct Options {
   bool and_protocol = false;  ///< answers AND
   bool claim = false;         ///< claims a node-ID as SAE J1939-81 does when it has none
   NegotiationMode negotiation = NegotiationMode::off;
-  nodeid::NegotiatorOptions negotiator{};  ///< with `negotiation`; its address and `literal` are the device's
+  research::NegotiatorOptions negotiator{};  ///< with `negotiation`; its address and `literal` are the device's
   bool detect_collision = true;            ///< reports another node that sends with its identifiers (EMCY 8150h; SX.7)
   rt::Duration never_seen{0};        ///< a node in 1016h with no heartbeat for so long is told (`Callbacks`); 0 = no
   rt::Duration bus_off_recovery{0};  ///< restarts its controller so long after bus-off; 0 = never

@@ -1,13 +1,13 @@
 #include "berth/discovery/by_name.hpp"
 #include "berth/discovery/published.hpp"
 #include "berth/discovery/published_parts.hpp"
-#include "berth/nodeid/and_master.hpp"
+#include "berth/research/and_master.hpp"
 
 namespace berth::discovery {
 namespace {
 
-nodeid::AndOptions and_options(const Options& options) {
-  nodeid::AndOptions how;
+research::AndOptions and_options(const Options& options) {
+  research::AndOptions how;
   how.discovery.window = nodeid::DiscoveryOptions::Window::fixed;
   if (options.window.count() > 0) how.discovery.collect = options.window;
   how.discovery.retries = options.retries;
@@ -15,7 +15,7 @@ nodeid::AndOptions and_options(const Options& options) {
   return how;
 }
 
-class And final : public Discovery, private nodeid::AndObserver {
+class And final : public Discovery, private research::AndObserver {
  public:
   explicit And(const Services& services) : services_(services), and_(services.dispatcher) {}
   [[nodiscard]] Method method() const noexcept override { return Method::and_protocol; }
@@ -25,13 +25,13 @@ class And final : public Discovery, private nodeid::AndObserver {
     const auto everybody = co_await and_.switch_global(nodeid::Identification::unknown);
     if (!everybody) co_return fail(everybody.error());
     for (std::size_t i = 0; i < known.registered.size(); ++i) {
-      const nodeid::AndAddress device(known.registered[i]);
+      const research::AndAddress device(known.registered[i]);
       const auto told = co_await and_.switch_selective(device, nodeid::Identification::identified);
       if (!told) co_return fail(told.error());
     }
-    const nodeid::AndOptions how = and_options(options);
+    const research::AndOptions how = and_options(options);
     observer_ = options.observer;
-    nodeid::AndObserver* const watching = this;
+    research::AndObserver* const watching = this;
     const auto done = co_await and_.discover(how, watching);
     observer_ = nullptr;
     if (!done) co_return fail(done.error());
@@ -45,20 +45,20 @@ class And final : public Discovery, private nodeid::AndObserver {
   }
 
   [[nodiscard]] rt::Task<Result<bool>> anybody(const Options& options) override {
-    const nodeid::AndOptions how = and_options(options);
+    const research::AndOptions how = and_options(options);
     co_return co_await and_.any_unknown(how);
   }
 
  private:
-  void found(const nodeid::AndFound& device) noexcept override {
+  void found(const research::AndFound& device) noexcept override {
     if (observer_ != nullptr && device.address) observer_->found(one(device));
   }
   bool goes_on() noexcept override { return observer_ == nullptr || observer_->goes_on(); }
-  static Found one(const nodeid::AndFound& d) noexcept {
+  static Found one(const research::AndFound& d) noexcept {
     return found_by(Method::and_protocol, *d.address, d.at, d.ambiguous);
   }
   Services services_;
-  nodeid::AndMaster and_;
+  research::AndMaster and_;
   Observer* observer_ = nullptr;
 };
 

@@ -5,7 +5,6 @@
 
 #include "berth/can/empty_bus.hpp"
 #include "berth/can/full_queue.hpp"
-#include "berth/nodeid/masters_parts.hpp"
 
 namespace berth::nodeid {
 

@@ -41,6 +41,9 @@ struct DiscoveryOptions {
   rt::Duration send_timeout = std::chrono::seconds(1);  ///< a request not acknowledged by then: `Errc::bus`
 };
 
+/// A device that is found so often in one discovery cannot be silenced: the discovery ends.
+inline constexpr unsigned most_times_found = 4;
+
 /// A chunk that was heard in one window.
 struct Heard {
   std::uint16_t chunk = 0;

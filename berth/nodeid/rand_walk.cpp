@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "berth/nodeid/masters_parts.hpp"
 #include "berth/nodeid/rand_walk_parts.hpp"
 
 namespace berth::nodeid {

@@ -7,7 +7,7 @@
 #include <thread>
 
 #include "berth/discovery/auto.hpp"
-#include "berth/nodeid/negotiation_frames.hpp"
+#include "berth/research/negotiation_frames.hpp"
 #include "berth/study/verdict.hpp"
 
 namespace berth::study {
@@ -127,8 +127,8 @@ class Announced final : public can::Tap {
   Announced& operator=(const Announced&) = delete;
   void frame(const can::Frame& frame, rt::Time at, int) noexcept override {
     if (first == rt::Time{}) first = at;
-    const auto message = nodeid::decode_negotiation(frame);
-    if (message && message->kind == nodeid::NegotiationMessage::Kind::used) ids.insert(message->node);
+    const auto message = research::decode_negotiation(frame);
+    if (message && message->kind == research::NegotiationMessage::Kind::used) ids.insert(message->node);
   }
   rt::Time first{};
   std::set<NodeId> ids;

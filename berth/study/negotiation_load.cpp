@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "berth/can/length.hpp"
-#include "berth/nodeid/negotiation_frames.hpp"
+#include "berth/research/negotiation_frames.hpp"
 #include "berth/plant/world.hpp"
 
 namespace berth::study {
@@ -29,7 +29,7 @@ class Meter final : public can::Tap {
  public:
   Meter(LoadRow& row, std::uint32_t bit_rate) : row_(&row), bit_rate_(bit_rate) {}
   void frame(const can::Frame& frame, rt::Time at, int) noexcept override {
-    const auto message = nodeid::decode_negotiation(frame);
+    const auto message = research::decode_negotiation(frame);
     if (!message) {
       run_began_ = rt::never;
       return;
@@ -43,7 +43,7 @@ class Meter final : public can::Tap {
     ++row_->frames;
     row_->bits += can::exact_bits(frame);
     if (first_ == rt::never) first_ = begin;
-    if (message->kind == nodeid::NegotiationMessage::Kind::used) row_->settled = at - first_;
+    if (message->kind == research::NegotiationMessage::Kind::used) row_->settled = at - first_;
     recent_.emplace_back(at, can::exact_bits(frame));
     sum_ += recent_.back().second;
     while (recent_.front().first + window <= at) {

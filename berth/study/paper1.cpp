@@ -3,7 +3,7 @@
 
 #include "berth/co/guarding.hpp"
 #include "berth/discovery/auto.hpp"
-#include "berth/nodeid/and_master.hpp"
+#include "berth/research/and_master.hpp"
 #include "berth/nodeid/paper1_times.hpp"
 #include "berth/nodeid/rand_master.hpp"
 #include "berth/study/commissioning.hpp"
@@ -66,9 +66,9 @@ rt::Task<void> find_rand(Stage& stage, const times::Conditions& c, std::vector<L
   for (const auto& device : report->found) found.push_back(device.address);
 }
 
-rt::Task<void> find_and(Stage& stage, const times::Conditions& c, std::vector<nodeid::AndAddress>& found) {
-  nodeid::AndMaster master(stage.master());
-  nodeid::AndOptions options;
+rt::Task<void> find_and(Stage& stage, const times::Conditions& c, std::vector<research::AndAddress>& found) {
+  research::AndMaster master(stage.master());
+  research::AndOptions options;
   options.inquire = false;  // the paper's AND finds its 48-bit addresses
   options.discovery = paper_window(c, times::and_published.dis);
   const auto report = co_await master.discover(options);
@@ -157,12 +157,12 @@ Row rand(const times::Conditions& c, Figures& figures) {
 }
 
 // AND's own addresses are 48 bits of the LSS address: which devices were found is told by them.
-std::vector<std::string> differences_by_and(Stage& stage, const std::vector<nodeid::AndAddress>& found) {
+std::vector<std::string> differences_by_and(Stage& stage, const std::vector<research::AndAddress>& found) {
   std::vector<LssAddress> addresses;
   for (const auto& each : found) {
     LssAddress address;
     for (const auto& device : stage.world().devices()) {
-      if (nodeid::AndAddress(device->plan().address) == each) address = device->plan().address;
+      if (research::AndAddress(device->plan().address) == each) address = device->plan().address;
     }
     addresses.push_back(address);
   }
@@ -175,7 +175,7 @@ Row and_protocol(const times::Conditions& wanted, Figures& figures) {
   Row row{.paper = 1, .what = "discovery: 30 slaves by AND"};
   row.published = seconds(times::Printed::and_network);
   row.formula = seconds(times::t_network_id(times::and_published, c));
-  std::vector<nodeid::AndAddress> found;
+  std::vector<research::AndAddress> found;
   Stage stage(plant_of(slaves(c, Speaks::and_protocol)), c.bit_rate);
   row.simulated = measured(stage, find_and(stage, c, found), longest_run, figures, "paper1-and");
   if (!right(figures, "paper1-and", differences_by_and(stage, found))) row.simulated.reset();

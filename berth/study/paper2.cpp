@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "berth/lss/fastscan.hpp"
-#include "berth/nodeid/negotiation_frames.hpp"
+#include "berth/research/negotiation_frames.hpp"
 #include "berth/study/formulas.hpp"
 #include "berth/study/listings.hpp"
 #include "berth/study/simulated.hpp"
@@ -136,7 +136,7 @@ Row complete_cycle(const Conditions& c, Figures& figures) {
   Row row{.paper = 2, .what = "negotiation: complete cycle of one device, Figure 2"};
   row.published = 0.282;
   row.formula = seconds(cycle({}));
-  row.simulated = up_to(figure_2(c, figures), nodeid::used(NodeId(0x20)), rate(c), figures, "paper2-figure2");
+  row.simulated = up_to(figure_2(c, figures), research::used(NodeId(0x20)), rate(c), figures, "paper2-figure2");
   row.trace = "paper2-figure2";
   row.marks = "begin: 00000100# (ReqUsedNodeId); end: 00000220# (ActUsedNodeId 20h)";
   row.note =

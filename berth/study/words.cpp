@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "berth/nodeid/negotiation_frames.hpp"
+#include "berth/research/negotiation_frames.hpp"
 
 namespace berth::study {
 
@@ -46,7 +46,7 @@ std::vector<std::string> view_table(const trace::Trace& trace) {
   Interpreter interpreter;
   for (const auto& entry : trace.entries) {
     const auto& f = entry.frame;
-    const bool negotiates = nodeid::decode_negotiation(f).has_value();
+    const bool negotiates = research::decode_negotiation(f).has_value();
     lines.push_back(fmt::format("{:.6f}\t{}/0x{:x}\t{}\t{}\t{}", std::chrono::duration<double>(entry.at).count(), f.id,
                                 f.id, negotiates ? "ID Negotiation" : "CANopen", raw(f), interpreter.words(f)));
   }

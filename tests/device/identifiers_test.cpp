@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "berth/lss/frames.hpp"
-#include "berth/nodeid/and_frames.hpp"
-#include "berth/nodeid/and_master.hpp"
-#include "berth/nodeid/claim_frames.hpp"
-#include "berth/nodeid/negotiation_frames.hpp"
+#include "berth/research/and_frames.hpp"
+#include "berth/research/and_master.hpp"
+#include "berth/research/claim_frames.hpp"
+#include "berth/research/negotiation_frames.hpp"
 #include "berth/nodeid/rand_frames.hpp"
 #include "berth/nodeid/rand_master.hpp"
 #include "rig.hpp"
@@ -35,11 +35,11 @@ const std::vector<Scheme>& schemes() {
       {"RAND DIS", {0x9F90'0000, 0x9F93'FFFF}, nodeid::dis_answers},
       {"Fastscan feedback, 29 bits", {0x9F90'0000, 0x9F91'FFFF}, lss::extended_feedback},
       {"Fastscan feedback, 11 bits", {0x6D0, 0x6DF}, lss::base_feedback(lss::default_feedback_base)},
-      {"AND requests", can::only(0x7C2), nodeid::and_requests},
-      {"AND answers", {0x7A0, 0x7C1}, nodeid::and_answers},
-      {"negotiation", {0x8000'0100, 0x8000'1FFF}, nodeid::negotiation_frames},
-      {"claims", {0x98EE'FF00, 0x98EE'FFFF}, nodeid::claims},
-      {"claim requests", {0x98EA'0000, 0x98EA'FFFF}, nodeid::claim_requests},
+      {"AND requests", can::only(0x7C2), research::and_requests},
+      {"AND answers", {0x7A0, 0x7C1}, research::and_answers},
+      {"negotiation", {0x8000'0100, 0x8000'1FFF}, research::negotiation_frames},
+      {"claims", {0x98EE'FF00, 0x98EE'FFFF}, research::claims},
+      {"claim requests", {0x98EA'0000, 0x98EA'FFFF}, research::claim_requests},
   };
   return all;
 }
@@ -85,16 +85,16 @@ TEST(Identifiers, SX_1_S1_24_EveryDecoderTakesItsOwnOnly) {
       {"rand answer", nodeid::dis(0x0134)},
       {"feedback", lss::feedback_frame({.kind = lss::Feedback::extended, .toggle = true, .value = 0x5341})},
       {"feedback", lss::feedback_frame({.kind = lss::Feedback::base, .toggle = false, .value = 9})},
-      {"and request", nodeid::and_iurs(4, nodeid::AndAddress(a))},
-      {"and request", nodeid::and_switch_global(I::unknown)},
-      {"and answer", nodeid::and_ius(3)},
-      {"and answer", nodeid::and_dis(3)},
-      {"and answer", nodeid::and_address(a, 1)},
-      {"negotiation", nodeid::request_used()},
-      {"negotiation", nodeid::used(NodeId(32))},
-      {"negotiation", nodeid::identity(a, 12)},
-      {"claim", nodeid::claim({.id = 9, .name = nodeid::claim_name(a)})},
-      {"claim request", nodeid::claim_request()},
+      {"and request", research::and_iurs(4, research::AndAddress(a))},
+      {"and request", research::and_switch_global(I::unknown)},
+      {"and answer", research::and_ius(3)},
+      {"and answer", research::and_dis(3)},
+      {"and answer", research::and_address(a, 1)},
+      {"negotiation", research::request_used()},
+      {"negotiation", research::used(NodeId(32))},
+      {"negotiation", research::identity(a, 12)},
+      {"claim", research::claim({.id = 9, .name = research::claim_name(a)})},
+      {"claim request", research::claim_request()},
   };
   for (const auto& [scheme, f] : frames) {
     std::vector<std::string> taken;
@@ -102,11 +102,11 @@ TEST(Identifiers, SX_1_S1_24_EveryDecoderTakesItsOwnOnly) {
     if (nodeid::decode_rand_request(f)) taken.emplace_back("rand request");
     if (nodeid::decode_rand_answer(f)) taken.emplace_back("rand answer");
     if (lss::decode_feedback(f, lss::default_feedback_base)) taken.emplace_back("feedback");
-    if (nodeid::decode_and_request(f)) taken.emplace_back("and request");
-    if (nodeid::decode_and_answer(f)) taken.emplace_back("and answer");
-    if (nodeid::decode_negotiation(f)) taken.emplace_back("negotiation");
-    if (nodeid::decode_claim(f)) taken.emplace_back("claim");
-    if (nodeid::decode_claim_request(f)) taken.emplace_back("claim request");
+    if (research::decode_and_request(f)) taken.emplace_back("and request");
+    if (research::decode_and_answer(f)) taken.emplace_back("and answer");
+    if (research::decode_negotiation(f)) taken.emplace_back("negotiation");
+    if (research::decode_claim(f)) taken.emplace_back("claim");
+    if (research::decode_claim_request(f)) taken.emplace_back("claim request");
     if (f == nodeid::dis(0x0134)) {  // 1F9004D0h: DIS of 0134h, or the value 04D0h
       EXPECT_EQ(taken, (std::vector<std::string>{"rand answer", "feedback"}));
     } else {
@@ -204,8 +204,8 @@ TEST(Identifiers, SX_2_FastscanFindsTheLowestNumberToo) {
 TEST(Identifiers, SX_2_AndFindsByProductAndSerial) {
   Three t({.and_protocol = true});
   can::Dispatcher dispatcher(t.rig.world.executor(), *t.rig.me);
-  nodeid::AndMaster master(dispatcher);
-  const nodeid::AndOptions options;
+  research::AndMaster master(dispatcher);
+  const research::AndOptions options;
   const auto report = t.finish(master.discover(options));
   ASSERT_TRUE(report);
   ASSERT_EQ(report->found.size(), 3U);

@@ -253,7 +253,7 @@ TEST(NegotiationDevice, AllTaken) {
   ASSERT_TRUE(rig.until("00000100#"));
   for (unsigned id = 1; id <= 127; ++id) rig.ask("000002" + Rig::hex8(id) + "#", milliseconds(1));
   rig.run(seconds(1));
-  EXPECT_EQ(node.device.schemes().negotiator()->state(), nodeid::Negotiating::exhausted);
+  EXPECT_EQ(node.device.schemes().negotiator()->state(), research::Negotiating::exhausted);
   EXPECT_EQ(node.device.state(), NmtState::initialising);
   EXPECT_EQ(rig.identity(), 0U);
 }
@@ -341,7 +341,7 @@ TEST(NegotiationDevice, NewcomerYields) {
   EXPECT_EQ(node.device.state(), NmtState::initialising);
   rig.run(seconds(1));
   EXPECT_EQ(node.device.node_id(), NodeId(0x21));
-  EXPECT_EQ(node.device.schemes().negotiator()->lost(), nodeid::IdLoss::defended);
+  EXPECT_EQ(node.device.schemes().negotiator()->lost(), research::IdLoss::defended);
 }
 
 // S2.24: somebody who does not negotiate sends heartbeats under its node-ID and never yields: in the end it does.
@@ -354,7 +354,7 @@ TEST(NegotiationDevice, YieldsToWhoeverDoesNotHear) {
   rig.run(seconds(1));
   EXPECT_TRUE(node.device.node_id().configured());
   EXPECT_NE(node.device.node_id(), NodeId(0x20));
-  EXPECT_EQ(node.device.schemes().negotiator()->lost(), nodeid::IdLoss::contested);
+  EXPECT_EQ(node.device.schemes().negotiator()->lost(), research::IdLoss::contested);
 }
 
 // Set by hand: it defends, and keeps what it has.

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "berth/lss/fastscan.hpp"
-#include "berth/nodeid/and_master.hpp"
-#include "berth/nodeid/negotiator.hpp"
+#include "berth/research/and_master.hpp"
+#include "berth/research/negotiator.hpp"
 #include "berth/nodeid/rand_master.hpp"
 #include "discovery_world.hpp"
 
@@ -54,8 +54,8 @@ TEST(Times, SX_4_RandCollects) {
 TEST(Times, SX_4_AndCollects) {
   for (const auto value : values) {
     World w;
-    nodeid::AndMaster way(w.dispatcher);
-    nodeid::AndOptions options;
+    research::AndMaster way(w.dispatcher);
+    research::AndOptions options;
     options.discovery.window = nodeid::DiscoveryOptions::Window::fixed;
     options.discovery.collect = value;
     expect_equal(waited(w, way.discover(options)), value);
@@ -119,7 +119,7 @@ TEST(Times, HU_1_ManyDevicesDoNotTakeMinutes) {
 }
 
 // Paper 2's 100 ms three times, and its 5 ms.
-struct Owner final : nodeid::NegotiatorOwner {
+struct Owner final : research::NegotiatorOwner {
   bool send(const can::Frame& frame) noexcept override {
     frames.push_back(can::to_string(frame));
     at.push_back(executor.now());
@@ -129,7 +129,7 @@ struct Owner final : nodeid::NegotiatorOwner {
   [[nodiscard]] bool nothing_queued() const noexcept override { return true; }
   [[nodiscard]] std::uint32_t bit_rate() const noexcept override { return 1'000'000; }
   void node_id_taken(NodeId) noexcept override {}
-  void node_id_lost(NodeId, nodeid::IdLoss) noexcept override {}
+  void node_id_lost(NodeId, research::IdLoss) noexcept override {}
   void all_taken() noexcept override {}
   void node_id_kept(NodeId) noexcept override {}
   rt::Executor executor;
@@ -144,14 +144,14 @@ TEST(Times, SX_4_NegotiationWaits) {
   for (const Row& row : {Row{100ms, 100ms, 100ms, 5ms}, Row{30ms, 100ms, 100ms, 5ms}, Row{100ms, 250ms, 100ms, 5ms},
                          Row{100ms, 100ms, 700ms, 5ms}, Row{100ms, 100ms, 100ms, 17ms}}) {
     Owner owner;
-    nodeid::NegotiatorOptions options;
+    research::NegotiatorOptions options;
     options.address = somebody;
     options.literal = true;  // without the random times of Berth's own rules
     options.quiet = row.quiet;
     options.answers = row.answers;
     options.pause = row.pause;
     options.spacing = row.spacing;
-    nodeid::Negotiator negotiator(owner.executor, owner, options);
+    research::Negotiator negotiator(owner.executor, owner, options);
     const auto begin = owner.executor.now();
     negotiator.start();
     for (int i = 0; i < 18; ++i) {

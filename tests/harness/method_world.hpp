@@ -13,7 +13,7 @@
 #include <map>
 #include <memory>
 
-#include "berth/nodeid/and_frames.hpp"
+#include "berth/research/and_frames.hpp"
 #include "tests/harness/method_plan.hpp"
 #include "tests/harness/negotiation_world.hpp"
 
@@ -118,7 +118,7 @@ class MethodRun final : private discovery::Observer, private plant::World::Obser
   }
   void nobody_identified() {
     master_->dispatcher->send(nodeid::switch_identification_global(nodeid::Identification::unknown));
-    master_->dispatcher->send(nodeid::and_switch_global(nodeid::Identification::unknown));
+    master_->dispatcher->send(research::and_switch_global(nodeid::Identification::unknown));
   }
   void end_master() { master_.reset(); }
 

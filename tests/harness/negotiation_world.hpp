@@ -162,11 +162,11 @@ inline std::string negotiation_fault(const plant::World& world) {
     const auto truth = device->truth();
     if (!truth.powered) continue;
     const auto* negotiator = device->device().schemes().negotiator();
-    const bool full = negotiator != nullptr && negotiator->state() == nodeid::Negotiating::exhausted;
+    const bool full = negotiator != nullptr && negotiator->state() == research::Negotiating::exhausted;
     if (!truth.active.configured()) {
       if (!full) {
         wrong += fmt::format("{} has no node-ID: {}; ", truth.name,
-                             negotiator != nullptr ? nodeid::name(negotiator->state()) : "does not negotiate");
+                             negotiator != nullptr ? research::name(negotiator->state()) : "does not negotiate");
       }
       continue;
     }

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "rand_world.hpp"
+#include "tests/harness/rand_world.hpp"
 
 namespace berth::nodeid::test {
 namespace {

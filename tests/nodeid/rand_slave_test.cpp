@@ -8,7 +8,7 @@
 
 #include "berth/can/length.hpp"
 #include "berth/nodeid/paper1_times.hpp"
-#include "rand_world.hpp"
+#include "tests/harness/rand_world.hpp"
 
 namespace berth::nodeid {
 namespace {

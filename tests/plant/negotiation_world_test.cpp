@@ -63,7 +63,7 @@ TEST(NegotiationWorld, AllNodeIdsAndOneDeviceMore) {
   EXPECT_TRUE(w.world->duplicates().empty());
   w.device(127).plug();
   w.run(5s);
-  EXPECT_EQ(w.device(127).device().schemes().negotiator()->state(), nodeid::Negotiating::exhausted);
+  EXPECT_EQ(w.device(127).device().schemes().negotiator()->state(), research::Negotiating::exhausted);
   EXPECT_EQ(w.device(127).device().state(), NmtState::initialising);
   EXPECT_TRUE(w.fault().empty()) << w.fault();
   w.device(3).unplug();  // a place is free: it is taken

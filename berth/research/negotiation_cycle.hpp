@@ -3,11 +3,11 @@
 
 #include <cstdint>
 
-#include "berth/nodeid/negotiation_sender.hpp"
-#include "berth/nodeid/node_id_choice.hpp"
+#include "berth/research/negotiation_sender.hpp"
+#include "berth/research/node_id_choice.hpp"
 #include "berth/rt/later.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 
 class NegotiationCycle {
  public:
@@ -69,4 +69,4 @@ class NegotiationCycle {
   bool leads_ = false;  // sent the last frame of this cycle itself
 };
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

@@ -1,6 +1,6 @@
 // The negotiation's state machine by itself, against holders that the test plays.
-#include "berth/nodeid/negotiator.hpp"
-#include "berth/nodeid/negotiation_frames.hpp"
+#include "berth/research/negotiator.hpp"
+#include "berth/research/negotiation_frames.hpp"
 
 #include <gtest/gtest.h>
 #include <chrono>
@@ -11,7 +11,7 @@
 
 #include "berth/sim/world.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 namespace {
 
 using namespace std::chrono_literals;
@@ -81,4 +81,4 @@ TEST_F(Alone, RightBehindALossAnotherIsTaken) {
 }
 
 }  // namespace
-}  // namespace berth::nodeid
+}  // namespace berth::research

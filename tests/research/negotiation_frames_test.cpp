@@ -7,11 +7,13 @@
 #include <bit>
 #include <cmath>
 
-#include "berth/nodeid/negotiation_frames.hpp"
 #include "berth/nodeid/rand_frames.hpp"
+#include "berth/research/negotiation_frames.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 namespace {
+
+using namespace nodeid;
 
 using Kind = NegotiationMessage::Kind;
 constexpr LssAddress figure2{0x00000319, 0xAA55EEFF, 0xDEADBEEF, 0x12345678};
@@ -143,4 +145,4 @@ TEST(NegotiationFrames, ToldApartFromTheOtherSchemes) {
 }
 
 }  // namespace
-}  // namespace berth::nodeid
+}  // namespace berth::research

@@ -1,8 +1,8 @@
-#include "berth/nodeid/and_frames.hpp"
+#include "berth/research/and_frames.hpp"
 
 #include <array>
 
-namespace berth::nodeid {
+namespace berth::research {
 namespace {
 
 constexpr std::uint8_t cs_and_identify = 0x80;
@@ -37,10 +37,10 @@ can::Frame and_iurs(unsigned phase, AndAddress prefix) noexcept {
   return request(cs_and_identify, static_cast<std::uint8_t>(phase), prefix.prefix(phase));
 }
 can::Frame and_dirs(AndAddress address) noexcept { return request(cs_and_identify, and_direct_phase, address); }
-can::Frame and_switch_global(Identification state) noexcept {
+can::Frame and_switch_global(nodeid::Identification state) noexcept {
   return request(cs_and_global, static_cast<std::uint8_t>(state));
 }
-can::Frame and_switch_selective(AndAddress address, Identification target) noexcept {
+can::Frame and_switch_selective(AndAddress address, nodeid::Identification target) noexcept {
   return request(cs_and_selective, static_cast<std::uint8_t>(target), address);
 }
 can::Frame and_inquire(unsigned part) noexcept { return request(cs_and_inquire, static_cast<std::uint8_t>(part)); }
@@ -70,7 +70,7 @@ std::optional<AndRequest> decode_and_request(const can::Frame& frame) noexcept {
     case cs_and_selective:
       r.kind = frame.data[0] == cs_and_global ? Kind::switch_global : Kind::switch_selective;
       if (second > 1 || (r.kind == Kind::switch_global && value != 0)) return std::nullopt;
-      r.target = static_cast<Identification>(second);
+      r.target = static_cast<nodeid::Identification>(second);
       return r;
     case cs_and_inquire:
       r.kind = Kind::inquire;
@@ -92,4 +92,4 @@ std::optional<AndAnswer> decode_and_answer(const can::Frame& frame) noexcept {
   return std::nullopt;
 }
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

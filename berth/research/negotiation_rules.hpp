@@ -8,7 +8,7 @@
 #include "berth/can/frame.hpp"
 #include "berth/rt/executor.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 
 enum class Negotiating : std::uint8_t {
   off,
@@ -83,4 +83,4 @@ class NegotiatorOwner {
   ~NegotiatorOwner() = default;
 };
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

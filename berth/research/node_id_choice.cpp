@@ -1,8 +1,8 @@
-#include "berth/nodeid/node_id_choice.hpp"
+#include "berth/research/node_id_choice.hpp"
 
-#include "berth/nodeid/negotiation_frames.hpp"
+#include "berth/research/negotiation_frames.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 
 NodeId NodeIdChoice::preferred() const noexcept {
   if (last_.configured()) return last_;
@@ -22,4 +22,4 @@ NodeId NodeIdChoice::choose(rt::Time now) const noexcept {
   return {};
 }
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

@@ -14,7 +14,7 @@
 #include "berth/base/ids.hpp"
 #include "berth/can/frame.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 
 inline constexpr std::uint32_t claim_id = 0x18EE'FF00;          ///< priority 6, PGN EE00h, to all devices
 inline constexpr std::uint32_t claim_request_id = 0x18EA'0000;  ///< priority 6, PGN EA00h
@@ -48,4 +48,4 @@ struct Claim {
 /// Which node-ID the request asks; empty: no request for claims.
 [[nodiscard]] std::optional<std::uint8_t> decode_claim_request(const can::Frame& frame) noexcept;
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

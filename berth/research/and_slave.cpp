@@ -1,11 +1,11 @@
-#include "berth/nodeid/and_slave.hpp"
+#include "berth/research/and_slave.hpp"
 
 #include <utility>
 
-namespace berth::nodeid {
+namespace berth::research {
 
 void AndSlave::power_on() noexcept {
-  state_ = Identification::unknown;
+  state_ = nodeid::Identification::unknown;
   last_ = false;
 }
 
@@ -14,7 +14,7 @@ std::optional<can::Frame> AndSlave::handle(const can::Frame& frame) noexcept {
   if (!request) return std::nullopt;
   using Kind = AndRequest::Kind;
   if (request->kind == Kind::inquire) {
-    if (!last_ || state_ != Identification::identified) return std::nullopt;
+    if (!last_ || state_ != nodeid::Identification::identified) return std::nullopt;
     return and_address(lss_address_, request->phase);
   }
   last_ = false;  // an inquiry follows the DIS
@@ -24,11 +24,11 @@ std::optional<can::Frame> AndSlave::handle(const can::Frame& frame) noexcept {
       if (request->address == address_) state_ = request->target;
       return std::nullopt;
     case Kind::identify:
-      if (state_ == Identification::identified || address_.prefix(request->phase) != request->address) break;
+      if (state_ == nodeid::Identification::identified || address_.prefix(request->phase) != request->address) break;
       return and_ius(address_.nibble(request->phase));
     case Kind::direct:
-      if (state_ == Identification::identified || request->address != address_) break;
-      state_ = Identification::identified;
+      if (state_ == nodeid::Identification::identified || request->address != address_) break;
+      state_ = nodeid::Identification::identified;
       last_ = true;
       return and_dis(address_.nibble(11));
     case Kind::inquire: break;
@@ -36,4 +36,4 @@ std::optional<can::Frame> AndSlave::handle(const can::Frame& frame) noexcept {
   return std::nullopt;
 }
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

@@ -1,11 +1,11 @@
-#include "berth/nodeid/node_id_defence.hpp"
+#include "berth/research/node_id_defence.hpp"
 
 #include <utility>
 
-#include "berth/nodeid/negotiation_frames.hpp"
-#include "berth/nodeid/negotiation_parts.hpp"
+#include "berth/research/negotiation_frames.hpp"
+#include "berth/research/negotiation_parts.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 namespace {
 
 constexpr rt::Duration lost_frame = std::chrono::milliseconds(500);  // looks whether the controller has forgotten it
@@ -98,4 +98,4 @@ void NodeIdDefence::calm() noexcept {
   if (node_id_.configured()) owner_->id_kept(node_id_);
 }
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

@@ -1,11 +1,11 @@
-#include "berth/nodeid/negotiation_sender.hpp"
+#include "berth/research/negotiation_sender.hpp"
 
 #include <algorithm>
 #include <utility>
 
 #include "berth/can/length.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 namespace {
 
 constexpr std::uint32_t usual_bit_rate = 125'000;  // where the port does not know
@@ -75,4 +75,4 @@ rt::Duration NegotiationSender::random(rt::Duration most) noexcept {
   return options_->literal ? rt::Duration::zero() : rt::Duration(random_.between(0, most.count()));
 }
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

@@ -15,10 +15,10 @@
 #include <chrono>
 
 #include "berth/base/random.hpp"
-#include "berth/nodeid/claim_frames.hpp"
+#include "berth/research/claim_frames.hpp"
 #include "berth/rt/executor.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 
 enum class Claiming : std::uint8_t { off, claiming, settled, cannot };
 [[nodiscard]] const char* name(Claiming state) noexcept;
@@ -84,4 +84,4 @@ class ClaimSlave final : private rt::Job {
   unsigned sent_ = 0;
 };
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

@@ -18,7 +18,7 @@
 #include "berth/base/ids.hpp"
 #include "berth/can/frame.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 
 inline constexpr std::uint32_t request_used_id = 0x100;  ///< ReqUsedNodeId
 inline constexpr std::uint32_t used_id = 0x200;          ///< ActUsedNodeId | node-ID
@@ -53,4 +53,4 @@ struct NegotiationMessage {
 /// words the figure cut off, is "Used node-ID: 0x20".
 [[nodiscard]] std::string interpretation(const NegotiationMessage& message);
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

@@ -2,10 +2,10 @@
 /// `Negotiator` has the rules.
 #pragma once
 
-#include "berth/nodeid/negotiation_sender.hpp"
+#include "berth/research/negotiation_sender.hpp"
 #include "berth/rt/later.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 
 class NodeIdDefence {
  public:
@@ -55,4 +55,4 @@ class NodeIdDefence {
   bool defended_ = false;  // a defence went out since the other was last heard
 };
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

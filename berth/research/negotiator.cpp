@@ -1,8 +1,8 @@
-#include "berth/nodeid/negotiator.hpp"
+#include "berth/research/negotiator.hpp"
 
-#include "berth/nodeid/negotiation_frames.hpp"
+#include "berth/research/negotiation_frames.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 
 Negotiator::Negotiator(rt::Executor& executor, NegotiatorOwner& owner, const NegotiatorOptions& options) noexcept
     : owner_(&owner),
@@ -88,4 +88,4 @@ void Negotiator::id_lost(NodeId id, IdLoss why) noexcept {
 
 void Negotiator::id_kept(NodeId id) noexcept { owner_->node_id_kept(id); }
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

@@ -32,12 +32,12 @@
 
 #include <cstdint>
 
-#include "berth/nodeid/negotiation_cycle.hpp"
-#include "berth/nodeid/negotiation_rules.hpp"
-#include "berth/nodeid/node_id_defence.hpp"
+#include "berth/research/negotiation_cycle.hpp"
+#include "berth/research/negotiation_rules.hpp"
+#include "berth/research/node_id_defence.hpp"
 #include "berth/rt/executor.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 
 class Negotiator final : private NegotiationCycle::Owner, private NodeIdDefence::Owner {
  public:
@@ -99,4 +99,4 @@ class Negotiator final : private NegotiationCycle::Owner, private NodeIdDefence:
   IdLoss lost_ = IdLoss::none;
 };
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

@@ -1,8 +1,8 @@
-#include "berth/nodeid/negotiation_frames.hpp"
+#include "berth/research/negotiation_frames.hpp"
 
 #include <array>
 
-namespace berth::nodeid {
+namespace berth::research {
 namespace {
 
 constexpr std::uint32_t reserved_bits = can::extended_mask & ~0x1FFFU;
@@ -56,4 +56,4 @@ std::string interpretation(const NegotiationMessage& message) {
          ", value: " + hex(message.value);
 }
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

@@ -4,9 +4,9 @@
 
 #include <bitset>
 
-#include "berth/nodeid/negotiation_rules.hpp"
+#include "berth/research/negotiation_rules.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 
 class NodeIdChoice {
  public:
@@ -33,4 +33,4 @@ class NodeIdChoice {
   rt::Time avoided_until_{};
 };
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

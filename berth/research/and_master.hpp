@@ -12,17 +12,17 @@
 
 #include <vector>
 
-#include "berth/nodeid/and_frames.hpp"
 #include "berth/nodeid/exchange.hpp"
 #include "berth/nodeid/rand_master.hpp"
+#include "berth/research/and_frames.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 
 struct AndOptions {
   bool recursive = false;
   bool inquire = true;  ///< ask for the LSS addresses; false: `AndFound::address` stays empty
   /// Windows, retries and bounds as for RAND. `inhibit`, `confirm_clones` are not used.
-  DiscoveryOptions discovery{};
+  nodeid::DiscoveryOptions discovery{};
 };
 
 /// One device that was found.
@@ -37,7 +37,7 @@ struct AndFound {
 };
 
 struct AndReport {
-  DiscoveryReport::End end = DiscoveryReport::End::complete;
+  nodeid::DiscoveryReport::End end = nodeid::DiscoveryReport::End::complete;
   std::vector<AndFound> found{};  ///< in the order of finding
   unsigned requests = 0;
   unsigned restarts = 0;
@@ -64,9 +64,9 @@ class AndMaster final : private can::Handler {
   explicit AndMaster(can::Dispatcher& dispatcher);
 
   /// All slaves to `unknown` or `identified`. Done when sent.
-  [[nodiscard]] rt::Task<Result<void>> switch_global(Identification state);
+  [[nodiscard]] rt::Task<Result<void>> switch_global(nodeid::Identification state);
   /// The devices with this AND address. One frame, no answer.
-  [[nodiscard]] rt::Task<Result<void>> switch_selective(AndAddress address, Identification target);
+  [[nodiscard]] rt::Task<Result<void>> switch_selective(AndAddress address, nodeid::Identification target);
   /// Finds all unknown devices. Errors: `bus` a request cannot be sent; `invalid` something else is under way.
   [[nodiscard]] rt::Task<Result<AndReport>> discover(const AndOptions& options, AndObserver* observer = nullptr);
   /// One IURS of phase 0: is an unknown slave there?
@@ -83,7 +83,7 @@ class AndMaster final : private can::Handler {
   [[nodiscard]] rt::Task<Result<void>> inquire(Run& run, AndFound& device);
   [[nodiscard]] rt::Task<Result<void>> tell(const can::Frame& frame);
 
-  Exchanges exchanges_;
+  nodeid::Exchanges exchanges_;
   bool busy_ = false;
   AndAnswer::Kind wanted_ = AndAnswer::Kind::ius;
   // Of the open or last window:
@@ -95,4 +95,4 @@ class AndMaster final : private can::Handler {
   bool differ_ = false;    // two address answers were not equal
 };
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

@@ -6,9 +6,9 @@
 #include <cstdint>
 
 #include "berth/base/random.hpp"
-#include "berth/nodeid/negotiation_rules.hpp"
+#include "berth/research/negotiation_rules.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 
 /// Bits that were heard in the last 100 ms.
 class HeardLoad {
@@ -69,4 +69,4 @@ class NegotiationSender {
   bool queued_ = false;  // a frame is with the owner
 };
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

@@ -1,12 +1,10 @@
-#include "berth/nodeid/and_master.hpp"
+#include "berth/research/and_master.hpp"
 
 #include <algorithm>
 #include <bit>
 #include <utility>
 
-#include "berth/nodeid/masters_parts.hpp"
-
-namespace berth::nodeid {
+namespace berth::research {
 namespace {
 
 constexpr const char* and_busy = "another AND procedure is under way";
@@ -23,11 +21,11 @@ struct AndMaster::Run {
   unsigned next = 0;                     // phase to go on with
   unsigned streak = 0;                   // restarts since the last device was found
 
-  [[nodiscard]] WindowTimes times(AndAnswer::Kind kind) const noexcept {
+  [[nodiscard]] nodeid::WindowTimes times(AndAnswer::Kind kind) const noexcept {
     const auto& d = options.discovery;
     const unsigned factor = d.widen ? 1U << std::min(streak, 4U) : 1U;
-    WindowTimes t{.send_timeout = d.send_timeout};
-    if (d.window == DiscoveryOptions::Window::fixed) {
+    nodeid::WindowTimes t{.send_timeout = d.send_timeout};
+    if (d.window == nodeid::DiscoveryOptions::Window::fixed) {
       t.first = factor * (kind != AndAnswer::Kind::ius && d.direct.count() > 0 ? d.direct : d.collect);
     } else {
       t.first = factor * (d.first.count() > 0 ? d.first : d.t_resp);
@@ -76,24 +74,24 @@ void AndMaster::received(const can::Frame& frame, rt::Time at) noexcept {
 }
 
 rt::Task<Result<void>> AndMaster::tell(const can::Frame& frame) {
-  const WindowTimes times{};
+  const nodeid::WindowTimes times{};
   const auto sent = co_await exchanges_.request(frame, times);
   if (!sent) co_return fail(sent.error());
   co_return Result<void>{};
 }
 
-rt::Task<Result<void>> AndMaster::switch_global(Identification state) {
+rt::Task<Result<void>> AndMaster::switch_global(nodeid::Identification state) {
   if (busy_) co_return fail(Errc::invalid, and_busy);
-  if (state == Identification::selected) co_return fail(Errc::invalid, "no slave can be told to be selected");
+  if (state == nodeid::Identification::selected) co_return fail(Errc::invalid, "no slave can be told to be selected");
   const Lease lease(*this);
   const auto frame = and_switch_global(state);
   const auto told = co_await tell(frame);
   co_return told;
 }
 
-rt::Task<Result<void>> AndMaster::switch_selective(AndAddress address, Identification target) {
+rt::Task<Result<void>> AndMaster::switch_selective(AndAddress address, nodeid::Identification target) {
   if (busy_) co_return fail(Errc::invalid, and_busy);
-  if (target == Identification::selected) co_return fail(Errc::invalid, "no slave can be told to be selected");
+  if (target == nodeid::Identification::selected) co_return fail(Errc::invalid, "no slave can be told to be selected");
   const Lease lease(*this);
   const auto frame = and_switch_selective(address, target);
   const auto told = co_await tell(frame);
@@ -134,7 +132,7 @@ rt::Task<Result<AndMaster::Outcome>> AndMaster::procedure(Run& run) {
   if (!answered) co_return fail(answered.error());
   if ((heard_ >> run.path.nibble(11) & 1U) == 0) {
     // Its DIS may have been late or lost: then no master would ever find it.
-    const auto back = and_switch_selective(run.path, Identification::unknown);
+    const auto back = and_switch_selective(run.path, nodeid::Identification::unknown);
     const auto told = co_await tell(back);
     if (!told) co_return fail(told.error());
     co_return Outcome::silent;
@@ -185,13 +183,13 @@ rt::Task<Result<void>> AndMaster::record(Run& run) {
   }
   if (run.observer != nullptr) run.observer->found(*device);
   if (!again) co_return Result<void>{};
-  const auto frame = and_switch_selective(run.last.short_address, Identification::identified);
+  const auto frame = and_switch_selective(run.last.short_address, nodeid::Identification::identified);
   const auto told = co_await tell(frame);
   co_return told;
 }
 
 rt::Task<Result<AndReport>> AndMaster::discover(const AndOptions& options, AndObserver* observer) {
-  using End = DiscoveryReport::End;
+  using End = nodeid::DiscoveryReport::End;
   if (busy_) co_return fail(Errc::invalid, and_busy);
   const Lease lease(*this);
   Run run{.options = options, .observer = observer};
@@ -212,7 +210,7 @@ rt::Task<Result<AndReport>> AndMaster::discover(const AndOptions& options, AndOb
     const auto recorded = co_await record(run);
     if (!recorded) co_return fail(recorded.error());
     run.go_on();
-    const auto often = [](const AndFound& d) { return d.times_found >= most_times_found; };
+    const auto often = [](const AndFound& d) { return d.times_found >= nodeid::most_times_found; };
     if (std::ranges::any_of(report.found, often)) report.end = End::stuck;
     if (report.found.size() >= options.discovery.most_devices) report.end = End::limit;
     const bool stops = report.end == End::complete && observer != nullptr && !observer->goes_on();
@@ -231,4 +229,4 @@ rt::Task<Result<bool>> AndMaster::any_unknown(const AndOptions& options) {
   co_return co_await ask(run, frame, AndAnswer::Kind::ius);
 }
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

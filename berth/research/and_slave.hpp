@@ -15,9 +15,9 @@
 
 #include <optional>
 
-#include "berth/nodeid/and_frames.hpp"
+#include "berth/research/and_frames.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 
 class AndSlave {
  public:
@@ -28,14 +28,14 @@ class AndSlave {
   /// Unknown.
   void power_on() noexcept;
 
-  [[nodiscard]] Identification state() const noexcept { return state_; }
+  [[nodiscard]] nodeid::Identification state() const noexcept { return state_; }
   [[nodiscard]] AndAddress address() const noexcept { return address_; }
 
  private:
   LssAddress lss_address_;
   AndAddress address_;
-  Identification state_ = Identification::unknown;
+  nodeid::Identification state_ = nodeid::Identification::unknown;
   bool last_ = false;  // the last DIS was its own
 };
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

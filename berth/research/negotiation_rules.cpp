@@ -1,6 +1,6 @@
-#include "berth/nodeid/negotiation_rules.hpp"
+#include "berth/research/negotiation_rules.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 
 const char* name(Negotiating state) noexcept {
   switch (state) {
@@ -28,4 +28,4 @@ const char* name(IdLoss why) noexcept {
   return "?";
 }
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

@@ -21,7 +21,7 @@
 #include "berth/can/frame.hpp"
 #include "berth/nodeid/rand_frames.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 
 inline constexpr std::uint32_t and_ius_id = 0x7A0;
 inline constexpr std::uint32_t and_dis_id = 0x7B0;
@@ -64,8 +64,8 @@ class AndAddress {
 [[nodiscard]] can::Frame and_iurs(unsigned phase, AndAddress prefix) noexcept;
 [[nodiscard]] can::Frame and_dirs(AndAddress address) noexcept;
 /// `state`: unknown or identified.
-[[nodiscard]] can::Frame and_switch_global(Identification state) noexcept;
-[[nodiscard]] can::Frame and_switch_selective(AndAddress address, Identification target) noexcept;
+[[nodiscard]] can::Frame and_switch_global(nodeid::Identification state) noexcept;
+[[nodiscard]] can::Frame and_switch_selective(AndAddress address, nodeid::Identification target) noexcept;
 /// Part 0: vendor and product; 1: revision and serial number.
 [[nodiscard]] can::Frame and_inquire(unsigned part) noexcept;
 [[nodiscard]] can::Frame and_ius(std::uint8_t nibble) noexcept;
@@ -78,7 +78,7 @@ struct AndRequest {
   Kind kind = Kind::identify;
   std::uint8_t phase = 0;  ///< identify: 0..11; inquire: the part
   AndAddress address{};    ///< identify, direct, switch_selective
-  Identification target = Identification::unknown;
+  nodeid::Identification target = nodeid::Identification::unknown;
 };
 /// Empty: no request.
 [[nodiscard]] std::optional<AndRequest> decode_and_request(const can::Frame& frame) noexcept;
@@ -92,4 +92,4 @@ struct AndAnswer {
 };
 [[nodiscard]] std::optional<AndAnswer> decode_and_answer(const can::Frame& frame) noexcept;
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

@@ -1,9 +1,9 @@
-// Which node-ID a device would have, without a bus (berth/nodeid/node_id_choice.hpp).
-#include "berth/nodeid/node_id_choice.hpp"
+// Which node-ID a device would have, without a bus (berth/research/node_id_choice.hpp).
+#include "berth/research/node_id_choice.hpp"
 
 #include <gtest/gtest.h>
 
-namespace berth::nodeid {
+namespace berth::research {
 namespace {
 
 using namespace std::chrono_literals;
@@ -42,4 +42,4 @@ TEST(NodeIdChoice, AllInUseIsNone) {
 }
 
 }  // namespace
-}  // namespace berth::nodeid
+}  // namespace berth::research

@@ -1,8 +1,8 @@
-#include "berth/nodeid/claim_frames.hpp"
+#include "berth/research/claim_frames.hpp"
 
 #include <array>
 
-namespace berth::nodeid {
+namespace berth::research {
 
 can::Frame claim(const Claim& claim) noexcept {
   std::array<std::uint8_t, 8> data{};
@@ -28,4 +28,4 @@ std::optional<std::uint8_t> decode_claim_request(const can::Frame& frame) noexce
   return static_cast<std::uint8_t>(frame.id >> 8);
 }
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

@@ -1,6 +1,6 @@
-#include "berth/nodeid/claim_slave.hpp"
+#include "berth/research/claim_slave.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 
 const char* name(Claiming state) noexcept {
   switch (state) {
@@ -111,4 +111,4 @@ void ClaimSlave::run() noexcept {
   owner_->claimed(id_);
 }
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

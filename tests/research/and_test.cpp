@@ -6,13 +6,16 @@
 #include <string>
 #include <vector>
 
-#include "berth/nodeid/and_master.hpp"
-#include "berth/nodeid/and_slave.hpp"
 #include "berth/nodeid/paper1_times.hpp"
-#include "rand_world.hpp"
+#include "berth/research/and_master.hpp"
+#include "berth/research/and_slave.hpp"
+#include "tests/harness/rand_world.hpp"
 
-namespace berth::nodeid::test {
+namespace berth::research::test {
 namespace {
+
+using namespace nodeid;
+using namespace nodeid::test;
 
 using End = DiscoveryReport::End;
 using I = Identification;
@@ -327,4 +330,4 @@ TEST(AndMaster, AQueueThatIsFullIsWaitedFor) {
 }
 
 }  // namespace
-}  // namespace berth::nodeid::test
+}  // namespace berth::research::test

@@ -1,11 +1,11 @@
-#include "berth/nodeid/negotiation_cycle.hpp"
+#include "berth/research/negotiation_cycle.hpp"
 
 #include <utility>
 
-#include "berth/nodeid/negotiation_frames.hpp"
-#include "berth/nodeid/negotiation_parts.hpp"
+#include "berth/research/negotiation_frames.hpp"
+#include "berth/research/negotiation_parts.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 namespace {
 
 constexpr unsigned patience = 3;  // frame times that a frame may wait to be acknowledged, up to twice as long
@@ -195,4 +195,4 @@ rt::Duration NegotiationCycle::behind() const noexcept {
   return options_->literal || leads_ ? rt::Duration::zero() : 2 * sender_.frame_time();
 }
 
-}  // namespace berth::nodeid
+}  // namespace berth::research

@@ -3,9 +3,9 @@
 
 #include "berth/rt/executor.hpp"
 
-namespace berth::nodeid {
+namespace berth::research {
 
 /// Before a frame is offered again that could not be queued.
 inline constexpr rt::Duration requeue_pause = std::chrono::milliseconds(10);
 
-}  // namespace berth::nodeid
+}  // namespace berth::research
