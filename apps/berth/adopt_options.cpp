@@ -8,8 +8,9 @@ namespace berth::cli {
 
 void add_adopt(Verb& berth, Options& options) {
   const auto wanted = std::make_shared<AdoptOptions>();
-  const Verb adopt = berth.add("adopt", "a machine that runs gets its machine file and bindings, undisturbed",
-                               [&options, wanted] { return run_adopt(options, *wanted); });
+  const Verb adopt =
+      berth.add("adopt", "write the machine file and bindings of a running machine without disturbing it",
+                [&options, wanted] { return run_adopt(options, *wanted); });
   adopt.word("file", wanted->file, "machine file to write").required().shown("MACHINE");
   adopt.word("--port", options.ports, "port of the bus").required().shown("PORT").values(1, 1);
   adopt.word("--bitrate", wanted->bitrate, "bit/s (default 125000)")

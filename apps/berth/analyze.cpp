@@ -262,9 +262,9 @@ int analyze(const Options& options, const AnalyzeOptions& how) {
 
 void add_analyze(Verb& berth, Options& options) {
   const auto how = std::make_shared<AnalyzeOptions>();
-  Verb verb = berth.add("analyze",
-                        "how late each message can be at worst, from the machine's files; exit 1 when one is too late",
-                        [&options, how] { return analyze(options, *how); });
+  Verb verb = berth.add(
+      "analyze", "worst-case response time of each message, from the machine's files; exit 1 when one is too late",
+      [&options, how] { return analyze(options, *how); });
   json_flag(verb, options);
   force_word(verb, options);
   machine_word(verb, options);
@@ -273,18 +273,19 @@ void add_analyze(Verb& berth, Options& options) {
       .shown("NODE,...")
       .separated_by(',')
       .one_each();
-  verb.time("--errors", how->errors.interval, "least time between two disturbed frames (default: none is)");
-  verb.word("--burst", how->errors.burst, "so many disturbed frames at once").from_to(1, 1000).shown("NUMBER");
+  verb.time("--errors", how->errors.interval,
+            "least time between two disturbed frames (default: no frame is disturbed)");
+  verb.word("--burst", how->errors.burst, "number of disturbed frames at once").from_to(1, 1000).shown("NUMBER");
   verb.time("--event", how->assumed.event,
             "between two events of a PDO without an inhibit time (default: not known: no bound)");
   verb.time("--emcy", how->assumed.emcy, "between two EMCYs of a device without inhibit time (default: 1 s)");
   verb.time("--sdo", how->assumed.sdo, "between two SDO requests (default: 10 ms)");
   verb.time("--nmt", how->assumed.nmt, "between two NMT commands (default: 100 ms)");
-  verb.word("--fifo", how->assumed.fifo, "nodes whose frames leave in the order in which they came; all")
+  verb.word("--fifo", how->assumed.fifo, "nodes that send frames in the order they were queued; or all")
       .shown("NODE,...")
       .separated_by(',')
       .one_each();
-  verb.flag("--usual", how->usual, "frames as long as the usual formula says, not as they can really be");
+  verb.flag("--usual", how->usual, "use the usual bound of a frame's length instead of its true maximum");
   verb.word("--plot", how->plot, "draw the bounds and the deadlines into this file").shown("FILE.svg");
   verb.footer(
       "Examples:\n  berth analyze machine.toml --plot bounds.svg\n  berth analyze machine.toml --errors \"100 ms\" "

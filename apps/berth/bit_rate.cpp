@@ -104,13 +104,13 @@ int report(const can::PortSpec& spec, const std::vector<live::RateHeard>& heard,
     all["heard"].push_back(entry);
     failed = failed && !h.problem.empty();
   }
-  const std::string why = failed                  ? heard.front().problem
-                          : rate                  ? fmt::format("{} runs at {} bit/s", can::to_string(spec), *rate)
-                          : live::anything(heard) ? "something is on the wire, but at none of CiA 301's rates a frame: "
-                                                    "undecidable"
-                                                  : "the bus is silent: undecidable. Berth does not probe it, since a "
-                                                    "frame at a wrong rate disturbs every node; switch a device on, or "
-                                                    "look at a device's switches";
+  const std::string why =
+      failed ? heard.front().problem
+      : rate ? fmt::format("{} runs at {} bit/s", can::to_string(spec), *rate)
+      : live::anything(heard)
+          ? "the bus is active, but no frame was received at any of CiA 301's bit rates: its bit rate cannot be found"
+          : "the bus is silent: its bit rate cannot be found. Berth sends nothing, since a frame at a wrong rate "
+            "disturbs every node; switch a device on, or look at a device's switches";
   all["what"] = why;
   if (json) {
     print_text(all.dump(2));

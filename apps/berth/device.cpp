@@ -120,7 +120,7 @@ class Choice {
     for (const auto& port : gateway->beneath) {
       if (auto good = has_port(port); !good) {
         good.error().message += fmt::format(
-            "; it is a port of the gateway \"{}\", which runs whole or, with --except \"{}\", not", name, name);
+            "; it is a port of the gateway \"{}\": all its ports run, or, with --except \"{}\", none", name, name);
         return good;
       }
       chosen_.insert(port);
@@ -187,7 +187,7 @@ class Voice final : public plant::PortDevices::Observer {
 
   void state_not_kept() noexcept override {
     if (std::exchange(told_not_kept_, true)) return;
-    print_error("the file of --sim-state cannot be written; what the devices store is forgotten at the end");
+    print_error("the file of --sim-state cannot be written; what the devices store is lost at the end");
   }
 
   void script_told(const plant::PortDevice& device, const script::Message& told) noexcept override {
@@ -405,7 +405,7 @@ void add_device(Verb& berth, Options& options) {
   json_flag(device, options, "one JSON object a line");
   real_time_word(device, options);
   device.footer(
-      "Events of the plant file and what it says of the wire have no effect on a real\nport.\n"
+      "The plant file's events and its wire settings have no effect on a real port.\n"
       "Examples:\n  berth device plant.toml --port socketcan:vcan0\n"
       "  berth device plant.toml --port can0 --device left --sim-state left.state\n"
       "  berth device plant.toml --port up=can0 --port down=can1 --device gateway");

@@ -19,7 +19,7 @@ void add_emcy(Verb& berth, Options& options) {
                            return {};
                          },
                          {.machine = {.confirms = false}});
-  emcy.verb().time("--listen", *time, "instead: the messages that come, for so long");
+  emcy.verb().time("--listen", *time, "instead: show the messages that come during this time");
   emcy.footer("Examples:\n  berth emcy drive\n  berth emcy 5 --port can0\n  berth emcy --listen \"30 s\" --port can0");
 }
 
@@ -63,7 +63,7 @@ void add_history(Verb& berth, Options& options) {
 
 void add_status(Verb& berth, Options& options) {
   const RequestVerb status(berth, options, "status", "report", {}, tells);
-  status.verb().time("--watch", options.single.watch, "again and again, so far apart (default: 1 s)");
+  status.verb().time("--watch", options.single.watch, "repeat at this interval (default: 1 s)");
   colour_word(status.verb());
   status.footer(
       "Examples:\n  berth status\n  berth status left\n  berth status machine.toml --bus drives --watch \"2 s\"");

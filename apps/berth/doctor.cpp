@@ -113,7 +113,7 @@ Patient patient_of(const design::Machine& machine, const design::Bus& bus, const
 // It hears what a port hears; a simulated bus takes a port of its own anywhere.
 Failure cannot_hear(const design::Machine& machine, const design::Bus& bus) {
   return no_port(
-      bus, "a doctor hears what a port hears, and asks through it",
+      bus, "the doctor needs a port to listen and to ask",
       fmt::format("with a port plugged in there: berth doctor --port can1 --bitrate {}; in a simulated world of "
                   "its own: --sim PLANT --up; what the gateway's master knows: berth scan --bus {} {}",
                   bus.bitrate, bus.name, machine.file));
@@ -313,9 +313,9 @@ int run_joined(const design::Machine& machine, const std::string& path, const Op
                const DoctorOptions& wanted) {
   if (wanted.active) {
     return tell(
-        failure(Exit::no, fmt::format("{}: another process runs this simulated machine, and its devices hear only "
-                                      "that one: without --active and --conformance the doctor listens there; to "
-                                      "ask, end it and give --sim PLANT --up",
+        failure(Exit::no, fmt::format("{}: another process runs this simulated machine, and only that process reaches "
+                                      "its devices. Without --active and --conformance the doctor listens there; to "
+                                      "ask devices, end that process and give --sim PLANT --up",
                                       path)),
         options.json);
   }
@@ -405,7 +405,7 @@ void add_doctor(Verb& berth, Options& options) {
       "--intrusive", [wanted] { wanted->active = wanted->intrusive = true; }, help("intrusive"));
   doctor.word("--conformance", wanted->conformance, help("conformance")).shown("NODE");
   doctor.word("--eds", wanted->eds, "with --conformance: its description (default: its slot's)").shown("FILE");
-  doctor.word("--bitrate", options.bit_rate, "bit/s, where --port is all that is known of the bus")
+  doctor.word("--bitrate", options.bit_rate, "bit/s, for --port without a machine file")
       .from_to(10'000, 1'000'000)
       .shown("BIT/S");
   doctor.flag("--up", options.single.bring_up, "with --sim: first bring the machine up");

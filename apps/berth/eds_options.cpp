@@ -32,7 +32,7 @@ void add_check(const Verb& eds, Options& options, const EdsWords& wanted) {
 
 void add_convert(const Verb& eds, Options& options, const EdsWords& wanted) {
   const Verb convert =
-      eds_verb(eds, "convert", "write a description in another form, and say what that form cannot hold",
+      eds_verb(eds, "convert", "convert a description to another format, and report what that format cannot hold",
                "  berth eds convert sensor.eds sensor.xdd\n  berth eds convert left.dcf left.cdcf --node 5\n"
                "  berth eds convert left.cdcf left.dcf --eds sensor.eds --node 5",
                options, wanted, run_eds_convert);
@@ -48,10 +48,11 @@ void add_convert(const Verb& eds, Options& options, const EdsWords& wanted) {
 }
 
 void add_diff(const Verb& eds, Options& options, const EdsWords& wanted) {
-  const Verb diff = eds_verb(eds, "diff", "what two descriptions say differently, or a description and the device",
-                             "  berth eds diff old.eds new.eds\n"
-                             "  berth eds diff sensor.eds --node 5 -m machine.toml --sim plant.toml --up",
-                             options, wanted, run_eds_diff);
+  const Verb diff =
+      eds_verb(eds, "diff", "differences between two descriptions, or between a description and the device",
+               "  berth eds diff old.eds new.eds\n"
+               "  berth eds diff sensor.eds --node 5 -m machine.toml --sim plant.toml --up",
+               options, wanted, run_eds_diff);
   diff.word("file", wanted->files, "one or two files").required().values(1, 2).shown("FILE [FILE]");
   node_word(diff, wanted, "compare with this device instead of a second file");
   diff.flag("--values", wanted->values, "with --node: compare values too");

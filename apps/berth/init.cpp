@@ -161,8 +161,8 @@ tl::expected<void, Failure> ask_or_refuse(Options& options, InitOptions& init) {
   if (!init.eds.empty() || !options.ports.empty()) return {};
   if (options.json || !someone_types() || !on_terminal()) {
     return tl::unexpected(failure(Exit::usage,
-                                  "made from what? Give the devices' descriptions, --eds drive.eds --eds io.eds:4, or "
-                                  "the port of a bus that is there, --port can0"));
+                                  "a machine file needs a source: give the devices' descriptions, --eds drive.eds "
+                                  "--eds io.eds:4, or the port of an existing bus, --port can0"));
   }
   Interrupt interrupt;
   return ask_for_machine(options, init, interrupt);

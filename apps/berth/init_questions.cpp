@@ -79,7 +79,7 @@ std::string unusable(const std::string& file) {
   const auto reading = eds::read_any_file(file);
   if (reading.usable()) return {};
   const auto first = std::ranges::find(reading.findings, Finding::Severity::error, &Finding::severity);
-  return fmt::format("this cannot be used: {}; `berth eds check` says more",
+  return fmt::format("this cannot be used: {}; `berth eds check` shows more",
                      first == reading.findings.end() ? "it is not a description" : first->message);
 }
 
@@ -159,7 +159,8 @@ tl::expected<void, Failure> ask_for_machine(Options& options, InitOptions& init,
   std::error_code none;
   const std::string usual = init.file.empty() ? "berth.toml" : init.file;
   const bool there = fs::exists(fs::symlink_status(usual, none));
-  if (there && !init.force) print_line(usual + " is there already: name another file, or it is asked before it goes.");
+  if (there && !init.force)
+    print_line(usual + " is there already: name another file, or Berth asks before it replaces this one.");
   tell_descriptions_here();
   if (auto asked = ask_sources(options, init, interrupt); !asked) return asked;
   if (init.file.empty()) {

@@ -70,7 +70,7 @@ namespace {
 void note_identity(const DeviceKind& kind, std::vector<std::string>& notes) {
   for (const auto& finding : eds::review(kind.file, kind.path)) {
     if (finding.key.find("1018") == std::string::npos) continue;
-    notes.push_back(fmt::format("{}: {}; `berth eds check {}` tells more", kind.path, finding.message, kind.path));
+    notes.push_back(fmt::format("{}: {}; `berth eds check {}` shows more", kind.path, finding.message, kind.path));
   }
 }
 
@@ -152,7 +152,7 @@ void choose_rate(InitBus& bus, const Descriptions& all, std::optional<unsigned> 
     }
   }
   if (by_all(bus.bitrate / 1000)) {
-    bus.remark = "bit/s; no description is against it";
+    bus.remark = "bit/s; no description excludes it";
     return;
   }
   bus.remark = "bit/s; not every description supports it";
@@ -205,8 +205,8 @@ tl::expected<InitPlan, Failure> plan_of_descriptions(const Options& options, con
     if (is_any(d)) {
       device.device.unknown = any_type;
       plan.notes.push_back(
-          fmt::format("{} gives neither vendor-ID nor product code (1018h, [DeviceInfo]): its slots "
-                      "take what answers at their node-IDs (type = \"any\")",
+          fmt::format("{} gives neither vendor-ID nor product code (1018h, [DeviceInfo]): its slots accept any device "
+                      "that answers at their node-IDs (type = \"any\")",
                       d.path));
     }
     serial += d.count;

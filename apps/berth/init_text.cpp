@@ -74,7 +74,7 @@ void add_slot(std::string& text, const InitBus& bus, const InitDevice& device, c
   }
   text += fmt::format("name = {}\n{}\n", text::quoted(device.name), what_it_is(device, file, "  "));
   const bool any = !device.eds.empty() && !device.device.knows(0);
-  if (any) text += "type = \"any\"                    # what answers at its node-ID is taken for it\n";
+  if (any) text += "type = \"any\"                    # any device that answers at its node-ID is accepted\n";
   if (!device.fixed) return;
   text += fmt::format("assign = \"fixed\"                # {}: set its node-ID on the device itself\n",
                       device.device.has_serial() && device.device.knows(0) ? "no LSS" : "known by its node-ID");

@@ -17,7 +17,7 @@ tl::expected<std::unique_ptr<can::Port>, Failure> OutsidePorts::open_one(const d
   const auto rate = (*port)->status().bit_rate;
   if (rate == bus.bitrate || rate == 0 || rate_as_it_stands_) return std::move(*port);
   return tl::unexpected(
-      failure(Exit::failed, fmt::format("{}:{}: bus {} is told to run at {} bit/s, and {} runs at {}", file_,
+      failure(Exit::failed, fmt::format("{}:{}: bus {} is configured for {} bit/s, but {} runs at {}", file_,
                                         bus.place.line, bus.name, bus.bitrate, can::to_string(bus.port), rate)));
 }
 

@@ -178,9 +178,9 @@ rt::Task<void> answer(plant::World& world, const plant::PlantFile& plant, const 
                       command::Reply& reply) {
   reply = request.verb == plant_verb
               ? do_in_plant({&world, &plant, nullptr}, request)
-              : command::refusal(Exit::usage,
-                                 "this is a plant by itself: it takes `berth sim` and nothing else; ask "
-                                 "the `berth up` that uses it");
+              : command::refusal(
+                    Exit::usage,
+                    "this process runs only a plant: it accepts only `berth sim`; ask the `berth up` that uses it");
   co_return;
 }
 

@@ -224,7 +224,7 @@ const char* done_word(Action action) noexcept {
     case Action::join: return "one again";
     case Action::disturb: return "disturbed, from the next frame that fits";
     case Action::overrun: return "losing frames, from the next that fits";
-    case Action::recover: return "as before: it hears, and answers as fast";
+    case Action::recover: return "as before: neither deaf nor slow";
   }
   return "";
 }
@@ -232,7 +232,7 @@ const char* done_word(Action action) noexcept {
 std::string sentence(const plant::PlantEvent& event) {
   std::string words = acts_on_device(event.action) ? event.device : "bus " + event.bus;
   words += fmt::format(" is {}", done_word(event.action));
-  if (!event.strike.sender.empty()) words += fmt::format(", of those that {} sends", event.strike.sender);
+  if (!event.strike.sender.empty()) words += fmt::format(", only frames that {} sends", event.strike.sender);
   if (!acts_on_device(event.action) && !event.nodes.empty()) words += fmt::format(" ({})", some_of(event.nodes));
   if (event.duration > plant::Duration::zero()) words += " for " + text::write_duration(event.duration);
   return words;
@@ -246,7 +246,7 @@ Reply not_here(const RunningPlant& running) {
     }
   }
   return command::refusal(Exit::no, fmt::format("no bus of this machine is simulated in this process ({}): on a real "
-                                                "bus, plugs and power are a person's; nothing was done",
+                                                "bus a person plugs devices and switches power; nothing was done",
                                                 buses));
 }
 
@@ -412,8 +412,8 @@ Reply set_object(const RunningPlant& running, plant::SimDevice& device, const Re
   }
   if (object->ref.index < 0x2000) {
     return command::refusal(Exit::usage,
-                            fmt::format("{}: 1000h to 1FFFh are the device's own; `berth sdo write` writes what may be "
-                                        "written of them, `berth sim set` sets the others",
+                            fmt::format("{}: the device itself sets 1000h to 1FFFh; `berth sdo write` writes those "
+                                        "that are writable, `berth sim set` sets objects from 2000h on",
                                         shown));
   }
   const auto value = command::value_bytes(*object, argument("value"), firmware.node_id(), true);
@@ -452,7 +452,7 @@ Reply unknown_action(const std::string& word) {
   std::vector<std::string_view> words(plant::action_words.begin(), plant::action_words.end());
   words.insert(words.end(), {"set", "devices"});
   const auto near = text::closest(word, words);
-  return command::refusal(Exit::usage, fmt::format("{} is nothing that can be done in a plant; {}", text::quoted(word),
+  return command::refusal(Exit::usage, fmt::format("{} is not an action of a plant; {}", text::quoted(word),
                                                    near.empty() ? fmt::format("use one of {}", fmt::join(words, ", "))
                                                                 : fmt::format("did you mean {}?", near)));
 }

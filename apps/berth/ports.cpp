@@ -139,11 +139,10 @@ std::optional<command::Reply> other_machine(command::Request& request, const std
   const auto meant = request.arguments.extract(file_meant);
   const std::string real = real_path(running).string();
   if (meant.empty() || meant.mapped() == real) return std::nullopt;
-  return command::refusal(
-      Exit::failed,
-      fmt::format("the `berth up` that runs is of {}, and not of {}, though both machines have one name; give "
-                  "one of them another [machine] name, or name the other file",
-                  real, meant.mapped()));
+  return command::refusal(Exit::failed,
+                          fmt::format("the running `berth up` is of {}, not of {}, and both machines have the same "
+                                      "name; give one of them another [machine] name, or name the other file",
+                                      real, meant.mapped()));
 }
 
 std::string running_control(const Options& options, const design::Machine& machine) {

@@ -108,9 +108,9 @@ int Record::finish(int status) {
   if (missing == 0) return status;
   told_ = true;
   lines_.clear();
-  print_error(fmt::format("{}: {} frame{} missing in this record, because the file took nothing for some time{}", path_,
-                          missing, missing == 1 ? " is" : "s are",
-                          error_ == 0 ? std::string() : fmt::format(" ({})", std::strerror(error_))));
+  print_error(fmt::format(
+      "{}: {} frame{} missing in this record, because the file could not be written for some time{}", path_, missing,
+      missing == 1 ? " is" : "s are", error_ == 0 ? std::string() : fmt::format(" ({})", std::strerror(error_))));
   return Exit::failed;
 }
 

@@ -58,12 +58,12 @@ void bus_words(const Verb& verb, Options& options, RequestWords which) {
   machine_words(verb, options, which.machine);
   control_word(verb, options);
   if (which.alone && which.bit_rate) {
-    verb.word("--bitrate", options.bit_rate, "bit/s, where --port is all that is known of the bus")
+    verb.word("--bitrate", options.bit_rate, "bit/s, for --port without a machine file")
         .from_to(10'000, 1'000'000)
         .shown("BIT/S");
   }
   if (which.alone) {
-    verb.word("--eds", options.eds, "what devices are like that are in no slot: FILE, or of one NODE=FILE")
+    verb.word("--eds", options.eds, "descriptions of devices without a slot: FILE for all, NODE=FILE for one")
         .one_each()
         .shown("[NODE=]FILE");
   }

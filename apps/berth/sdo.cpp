@@ -168,7 +168,7 @@ void add_read(const Verb& sdo, Options& options) {
   request_words(read, options, wanted->request, {.machine = {.confirms = false}});
   sdo_words(read, wanted, "1018h:04, 0x1018:4, 1018sub4, or its name: \"Producer heartbeat time\"", "OBJECT...",
             "write the bytes of the object there");
-  read.time("--watch", options.single.watch, "again and again, so far apart (default: 1 s)");
+  read.time("--watch", options.single.watch, "repeat at this interval (default: 1 s)");
   read.footer(
       "Examples:\n  berth sdo read 5 1018h:04\n  berth sdo read drive \"Identity object/Serial number\" 1017h\n"
       "  berth sdo read 5 6041h --port can0 --eds drive.eds --watch \"200 ms\"\n"
@@ -198,7 +198,8 @@ void add_channels(const Verb& sdo, Options& options) {
     }
     return std::string();
   });
-  connect.verb().time("--lease", *lease, "it is released then (default: 10 min); asking again renews it");
+  connect.verb().time("--lease", *lease,
+                      "lease time, after which the channel is released (default: 10 min); asking again renews it");
   connect.footer(
       "Examples:\n  berth sdo connect panel drive\n  berth sdo connect 3 5 --lease \"60 s\" --request 1 --port can0");
   const RequestVerb release(sdo, options, "release", "sdo release");

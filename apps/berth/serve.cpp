@@ -188,7 +188,8 @@ void tell_counters(const serve::ServerCounters& c, bool json) {
   if (c.too_slow > 0) print_line(fmt::format("{} disconnected because they read too slowly", c.too_slow));
   if (c.misbehaved > 0) print_line(fmt::format("{} disconnected because of what they sent", c.misbehaved));
   if (c.not_sent > 0) print_line(fmt::format("{} frames that the bus did not take", c.not_sent));
-  if (c.unspeakable > 0) print_line(fmt::format("{} remote and FD frames, which socketcand cannot say", c.unspeakable));
+  if (c.unspeakable > 0)
+    print_line(fmt::format("{} remote and FD frames, which socketcand cannot carry", c.unspeakable));
   if (c.malformed > 0) print_line(fmt::format("{} commands with wrong arguments", c.malformed));
 }
 

@@ -57,7 +57,7 @@ int run_version(const Options& options) {
 
 constexpr std::pair<const char*, const char*> scenes[] = {
     {"two-with-one-id", "scene: two nodes send different data under one identifier: error-passive"},
-    {"again-with-one-id", "scene: the same, again and again: bus-off"},
+    {"again-with-one-id", "scene: the same, repeated until bus-off"},
     {"wrong-bit-rate", "scene: a node at another bit rate drives a healthy one to bus-off"},
     {"lone-node", "scene: one node sends and no other acknowledges"}};
 

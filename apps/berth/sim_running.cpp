@@ -36,10 +36,9 @@ Paths where_it_may_run(const Options& options, const design::Machine& machine) {
 Failure runs_nowhere(const Options& options, const design::Machine& machine) {
   const auto real = std::ranges::find_if(machine.buses, [](const auto& bus) { return is_real(bus.port); });
   if (real != machine.buses.end()) {
-    return failure(Exit::no,
-                   fmt::format("bus {} is on {}: on a real bus, plugs and power are a person's; `berth sim` is "
-                               "for a machine that runs with --sim PLANT",
-                               real->name, can::to_string(real->port)));
+    return failure(Exit::no, fmt::format("bus {} is on {}: on a real bus a person plugs devices and switches power; "
+                                         "`berth sim` is for a machine that runs with --sim PLANT",
+                                         real->name, can::to_string(real->port)));
   }
   return failure(Exit::failed, fmt::format("{0} does not run: start it in another terminal, "
                                            "`berth up {0} --sim PLANT --pace`",
@@ -226,9 +225,10 @@ void add_running_plant(const Verb& sim, Options& options) {
                   "berth sim reset s2 machine.toml");
   add_set(sim, options);
   add_fault(sim, options);
-  const Verb devices = sim.add("devices", "the plant's devices as they are, whatever Berth believes", [&options] {
-    return ask_plant(options, {plant_verb, {{"action", "devices"}}});
-  });
+  const Verb devices =
+      sim.add("devices", "the true state of the plant's devices, independent of what Berth knows", [&options] {
+        return ask_plant(options, {plant_verb, {{"action", "devices"}}});
+      });
   running_words(devices, options);
   devices.footer("Example:\n  berth sim devices machine.toml");
 }

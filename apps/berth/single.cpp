@@ -439,7 +439,7 @@ tl::expected<void, Failure> complete(Options& options, command::Request& request
     request.arguments.erase("bus");  // it is the only one, whatever it is called
     return {};
   }
-  const std::string wanted = bus_alone ? "this is about slots: name the machine file, --machine FILE"
+  const std::string wanted = bus_alone ? "this command needs slots: name the machine file, --machine FILE"
                                        : "name the machine file, --machine FILE, or a port, --port can0";
   return tl::unexpected(failure(Exit::usage, wanted + machines_here()));
 }

@@ -27,7 +27,7 @@ void add_scan(Verb& berth, Options& options) {
                                               : "\"" + text + "\" is not a bit rate; write bit/s, or auto";
   };
   scan.verb().read("--bitrate", "BIT/S", read,
-                   "bit/s, where --port is all that is known; auto: at which does the bus run? Listens, sends nothing");
+                   "bit/s, for --port without a machine file; auto: find the bit rate by listening, send nothing");
   scan.footer(
       "Examples:\n  berth scan machine.toml\n  berth scan --port can0\n  berth scan --port can0 --all\n"
       "  berth scan --bitrate auto --port slcan:/dev/ttyACM0");

@@ -113,7 +113,8 @@ tl::expected<void, Failure> Strangers::ask(bool first) {
   if (auto goes_on = not_ended(); !goes_on) return goes_on;
   if (problem.empty()) return guards_->no_foreign_frames();
   problem.emplace_back(
-      "Berth does not take its bus. End that master; or use the bus as role = \"commissioner\" or \"observer\"; or, "
+      "Berth does not become a second master on its bus. End that master; or use the bus as role = \"commissioner\" or "
+      "\"observer\"; or, "
       "when "
       "it is a device of this machine, give it a slot");
   return tl::unexpected(failure_in_lines(Exit::no, problem));

@@ -46,10 +46,10 @@ void add_studio(Verb& berth, Options& options) {
   studio_door_words(studio, options, "--");
   studio.word("--control", options.control, "socket for other commands (default: by the machine's name)")
       .shown("SOCKET");
-  studio.word("--bitrate", options.bit_rate, "bit/s, where --port is all that is known of the bus")
+  studio.word("--bitrate", options.bit_rate, "bit/s, for --port without a machine file")
       .from_to(10'000, 1'000'000)
       .shown("BIT/S");
-  studio.word("--eds", options.eds, "what devices are like that are in no slot: FILE, or of one NODE=FILE")
+  studio.word("--eds", options.eds, "descriptions of devices without a slot: FILE for all, NODE=FILE for one")
       .one_each()
       .shown("[NODE=]FILE");
   beside_master_flag(studio, options);

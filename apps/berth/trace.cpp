@@ -111,15 +111,15 @@ class Pipeline final : public trace::Sink, private decode::Rows {
     if (decodes_) decoder_.finish();
     rows_.release_all();
     if (rows_.late() > 0) {
-      finding({Finding::Severity::warning,
-               file,
-               0,
-               0,
-               {},
-               fmt::format("{} after others of a later time: the times of the file go back too far, or a transfer "
-                           "was silent for too long",
-                           rows_.late() == 1 ? "1 row comes" : std::to_string(rows_.late()) + " rows come"),
-               {}});
+      finding(
+          {Finding::Severity::warning,
+           file,
+           0,
+           0,
+           {},
+           fmt::format("{} out of order: the times of the file go back too far, or a transfer was silent for too long",
+                       rows_.late() == 1 ? "1 row comes" : std::to_string(rows_.late()) + " rows come"),
+           {}});
     }
     if (findings_.not_shown > 0) finding_of_rest(fmt::format("{} more findings", findings_.not_shown), file);
     rows_.release_all();

@@ -102,7 +102,7 @@ void KnownNodes::add_links() {
   const auto planned = traffic::plan_links(*machine_);
   if (has_errors(planned.findings)) {
     print_errors(failure(planned.findings).message);
-    return print_errors("the links have no plan: PDOs are told as the devices' files have them");
+    return print_errors("the links have no plan: PDOs are shown as the devices' files define them");
   }
   for (const auto& [slot, configuration] : traffic::settings_of(planned)) {
     const auto known = std::ranges::find(nodes_, slot, [](const Known& each) { return each.profile.name; });

@@ -146,8 +146,10 @@ void add_trace(Verb& berth, Options& options) {
   trace.word("--port", wanted->port, "listen on a live bus and send nothing: socketcan:can0, plant:PATH, ...")
       .shown("PORT");
   trace.flag("--ring", wanted->from.ring,
-             "what the process that runs the machine with --studio has kept: its last 1,048,576 frames");
-  trace.word("--filter", wanted->from.filter, "of the ring only what Studio's trace finds by these words")
+             "the last 1,048,576 frames, kept by the process that runs the machine with --studio");
+  trace
+      .word("--filter", wanted->from.filter,
+            "with --ring: only frames that the filter of Studio's trace finds by these words")
       .shown("WORDS");
   control_word(trace, options);
   trace.flag("--quiet,-q", wanted->quiet, "with -o and a live source: no words");

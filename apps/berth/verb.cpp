@@ -432,7 +432,7 @@ void machine_words(const Verb& verb, Options& options, MachineWords which) {
       .shown("[BUS=]PORT");
   verb.word("--sim", options.sim.plant, "plant file: run on a simulated world").shown("PLANT");
   world_words(verb, options, which.stores);
-  if (which.confirms) verb.flag("--yes,-y", options.yes, "confirms what would else be asked");
+  if (which.confirms) verb.flag("--yes,-y", options.yes, "confirm what Berth would otherwise ask");
   if (which.sends) {
     verb.flag("--dry-run", options.dry_run, "print every frame that Berth would send, and change nothing");
   }
@@ -440,7 +440,7 @@ void machine_words(const Verb& verb, Options& options, MachineWords which) {
 
 void beside_master_flag(const Verb& verb, Options& options) {
   verb.flag("--beside-master", options.master.beside_another,
-            "a first start also where a node may be the plant's master, which --yes alone does not confirm");
+            "start for the first time even if a node may be the plant's master; --yes alone does not confirm this");
 }
 
 void machine_word(const Verb& verb, Options& options) {

@@ -253,8 +253,8 @@ void add_watch(Verb& berth, Options& options) {
             "network variable by its name (default: watch = of the machine file)")
       .shown("SLOT/OBJECT...");
   colour_word(watch);
-  watch.time("--every", how->every, "so long from the beginning of a reading of all to the next (default: 1 s)");
-  watch.word("--count", how->count, "end after so many readings of all (default: until q or Ctrl-C)")
+  watch.time("--every", how->every, "time between the starts of two readings of all objects (default: 1 s)");
+  watch.word("--count", how->count, "end after this number of readings of all objects (default: until q or Ctrl-C)")
       .from_to(1, 1'000'000'000);
   watch.footer(
       "Examples:\n  berth watch drive/6041h drive/Statusword -m machine.toml\n"

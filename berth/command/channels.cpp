@@ -203,8 +203,8 @@ rt::Task<void> sdo_release(Session& session, const Request& request, Reply& repl
       std::ranges::any_of(planned, [&](const auto& c) { return c.client == wish->client && c.server == wish->server; });
   if (stands) {
     co_return refuse(reply, 1,
-                     fmt::format("{} -> {} stands in the machine file", wish->client.value(), wish->server.value()),
-                     "take its [[channel]] out of it; the devices keep what they saved until they are configured anew");
+                     fmt::format("{} -> {} is in the machine file", wish->client.value(), wish->server.value()),
+                     "remove its [[channel]] there; the devices keep what they saved until they are configured anew");
   }
   const auto done = co_await manager->disconnect(wish->client, wish->server);
   if (!done) {

@@ -183,7 +183,7 @@ tl::expected<int, std::string> connected_to(const std::string& path) {
     return tl::unexpected(fmt::format("{}: no process listens there ({})", path, reason(errno)));
   }
   if (const auto peer = peer_of(fd.get()); !trusted(peer)) {
-    return tl::unexpected(fmt::format("{}: another user ({}) listens there: nothing was asked of it; give --control",
+    return tl::unexpected(fmt::format("{}: another user ({}) listens there: Berth sent no request; give --control",
                                       path, peer ? std::to_string(peer->uid) : "unknown"));
   }
   return fd.release();

@@ -87,7 +87,7 @@ void tell_audit(const std::vector<places::HistoryEntry>& entries, const design::
     json["audit"].push_back({{"stamp_ms", entry.stamp_ms}, {"who", who}, {"what", what}, {"answer", answer}});
     lines.push_back(fmt::format("{}  {}  {}  {}", when(entry.stamp_ms), text::padded(who, 18), what, answer));
   }
-  if (lines.empty()) lines.emplace_back("nothing was changed by a request yet, as far as the store knows");
+  if (lines.empty()) lines.emplace_back("the store has no request that changed anything");
   give(reply, json, std::move(lines));
 }
 
@@ -131,7 +131,7 @@ void tell_history(places::SlotStore& store, const design::Machine& machine, cons
     lines.push_back(fmt::format("{}  {}  {:<9}{}{}{}", when(entry.stamp_ms), text::padded(where, width), entry.event,
                                 device, id, entry.reason.empty() ? "" : "  " + entry.reason));
   }
-  if (lines.empty()) lines.emplace_back("nothing has happened yet, as far as the slot table knows");
+  if (lines.empty()) lines.emplace_back("the slot table has no events yet");
   give(reply, json, std::move(lines));
 }
 
@@ -163,7 +163,7 @@ void tell_report(places::SlotStore& store, const design::Machine& machine, const
     reply.json = to_json(report, -1);
     reply.lines = operate::to_table(report.slots);
   }
-  reply.lines.emplace_back("this is what the slot table knows: no process runs the machine");
+  reply.lines.emplace_back("this is from the slot table: no process runs the machine");
   reply.status = 1;
 }
 

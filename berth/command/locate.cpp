@@ -34,7 +34,7 @@ Target target_of(Session& session, const std::string& bus, const std::string& wo
     if (!network) return {nullptr, {}, {}, network.error()};
     return {*network, *address, {}, {}};
   }
-  const auto slot = own_slot(session, bus, word, "its own master has LSS and NMT there");
+  const auto slot = own_slot(session, bus, word, "the NMT master there controls LSS and NMT");
   if (slot) {
     const std::string& name = slot->name;
     target.network = slot->network;
@@ -94,8 +94,7 @@ rt::Task<void> locate(Session& session, const Request& request, Reply& reply) {
     json["id"] = nullptr;
   }
   json["seconds"] = seconds;
-  give(reply, json,
-       {fmt::format("{} showed itself for {} s: both of its indicators flickered", to_string(device), seconds)});
+  give(reply, json, {fmt::format("{} flickered both of its indicators for {} s", to_string(device), seconds)});
 }
 
 }  // namespace berth::command

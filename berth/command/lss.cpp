@@ -23,7 +23,7 @@ std::string refusal_text(std::uint32_t detail, const char* code1) {
   const unsigned code = detail & 0xFFU;
   if (code == 1) return code1;
   if (code == lss::error::storage) return "its memory cannot be written";
-  if (code == lss::error::specific) return fmt::format("for a reason of its maker, number {}", detail >> 8U & 0xFFU);
+  if (code == lss::error::specific) return fmt::format("with the manufacturer-specific error {}", detail >> 8U & 0xFFU);
   return fmt::format("with error code {}", code);
 }
 

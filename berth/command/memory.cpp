@@ -69,7 +69,7 @@ rt::Task<void> device_memory(Session& session, const Request& request, Reply& re
   if (!written) {
     const char* const longer = node.gateways.empty()
                                    ? "a longer save_timeout in the machine file may help"
-                                   : "is it there? Its gateway waits for it no longer than its own SDO time-out";
+                                   : "is it on its bus? Its gateway waits only for its own SDO time-out";
     co_return fail_with(reply, written.error(), fmt::format("bus {}, {}", bus.bus().name, request.verb),
                         written.error().code == Errc::timeout ? longer : "", node.path());
   }

@@ -24,8 +24,9 @@ std::string personal_argument(Face face, const Request& request) {
   for (const auto& [name, value] : request.arguments) {
     if (!is_personal(name) || (face == Face::studio && name == "yes")) continue;
     return face == Face::studio
-               ? fmt::format("{} works only on the command line: it names a file of this computer, or starts anew",
-                             text::quoted(name))
+               ? fmt::format(
+                     "{} works only on the command line: it names a file of this computer, or forgets all bindings",
+                     text::quoted(name))
                : fmt::format("only a user can command {}, not a node", text::quoted(name));
   }
   return {};
@@ -42,8 +43,8 @@ Role role_needed(const Request& request) {
 std::string why_role_refused(std::string_view what, Role needed, Role has) {
   if (has >= needed) return {};
   return fmt::format(
-      "{} needs the role {}, and this token is for {}: open the address of that role (who started "
-      "Studio has it)",
+      "{} needs the role {}, and this token is for {}: open the address of that role (the person who started Studio "
+      "has it)",
       text::quoted(what), name(needed), name(has));
 }
 

@@ -206,8 +206,8 @@ rt::Task<void> forget(Session& session, const Request& request, Reply& reply) {
   const std::vector<std::string> waiting = waiting_buses(*networks, device);
   if (waiting.size() > 1) {
     co_return refuse(reply, 2,
-                     fmt::format("device {} is waited for on the buses {}: which one is gone?", to_string(device),
-                                 fmt::join(waiting, ", ")),
+                     fmt::format("Berth waits for device {} on the buses {}: on which one is it gone?",
+                                 to_string(device), fmt::join(waiting, ", ")),
                      "give --bus NAME");
   }
   bool known = false;
@@ -220,12 +220,12 @@ rt::Task<void> forget(Session& session, const Request& request, Reply& reply) {
     known = known || forgotten.has_value();
   }
   if (!known) {
-    co_return refuse(reply, 1, fmt::format("nothing unfinished is known of device {}", to_string(device)),
+    co_return refuse(reply, 1, fmt::format("Berth does not wait for device {}", to_string(device)),
                      "`berth replace SLOT` releases a device that is in a slot");
   }
   Json json;
   put_address(json, device);
-  give(reply, json, {fmt::format("{} is no longer waited for", to_string(device))});
+  give(reply, json, {fmt::format("Berth no longer waits for {}", to_string(device))});
 }
 
 rt::Task<void> poll(Session& session, const Request& request, Reply& reply) {
@@ -242,7 +242,7 @@ rt::Task<void> poll(Session& session, const Request& request, Reply& reply) {
   if (!done) co_return fail_with(reply, done.error(), fmt::format("bus {}, slot {}", network->bus().name, name));
   give(reply, Json{{"slot", name}, {"polled", on}},
        {on ? fmt::format("{} is asked for", name)
-           : fmt::format("{} is not asked for any more, until it is heard, or `berth poll {}`", name,
+           : fmt::format("Berth no longer asks for {}, until it is heard or `berth poll {}` is given", name,
                          shell_word(name))});
 }
 

@@ -47,10 +47,9 @@ constexpr std::array bus{of_bus};
 constexpr std::array of_report{
     of_bus,
     word_of("slot", "all that is known of one: its name, BUS/NAME or node-ID (default: a row for each)", false)};
-constexpr std::array of_scan{
-    of_bus, flag_of("all",
-                    "ask every node-ID, and search for devices without one by RAND and LSS (default: listen for "
-                    "2 s, ask who was heard by SDO)")};
+constexpr std::array of_scan{of_bus, flag_of("all",
+                                             "ask every node-ID, and search for devices without one by RAND and LSS "
+                                             "(default: listen for 2 s, then ask the nodes that were heard, by SDO)")};
 constexpr std::array of_bind{
     of_bus,
     option_of("method", "METHOD", "how new devices are found: auto, rand, fastscan, … (default: as the machine file)"),
@@ -60,9 +59,9 @@ constexpr std::array of_replace{
     of_bus, word_of("slot", a_slot), option_of("device", "ADDRESS", "LSS address of the device for this slot"),
     flag_of("used", "take the used device that waits for the slot or is in it; it gets its factory settings first")};
 constexpr std::array of_forget{of_bus, word_of("device", "its LSS address")};
-constexpr std::array of_poll{of_bus, word_of("slot", a_slot), flag_of("stop", "it is not asked for any more")};
+constexpr std::array of_poll{of_bus, word_of("slot", a_slot), flag_of("stop", "stop asking for it")};
 constexpr std::array of_locate{of_bus, word_of("target", "slot, LSS address or node-ID"),
-                               option_of("seconds", "N", "for so long (1 to 600, default 10)"),
+                               option_of("seconds", "N", "seconds to flicker (1 to 600, default 10)"),
                                flag_of("anyway", "also when it is operational")};
 constexpr std::array of_configure{
     of_bus, word_of("slot", "its name, BUS/NAME or node-ID (default: every slot with a configuration)", false),
@@ -94,7 +93,7 @@ constexpr auto a_server = word_of("server", "that of the node that will answer")
 constexpr auto a_manager =
     option_of("request", "NODE-ID", "the SDO manager with this node-ID is asked to do it (1F00h, 1F01h)");
 constexpr std::array of_sdo_connect{of_bus, a_client, a_server,
-                                    own_of("lease", "it is released after so many seconds (default 600)"), a_manager};
+                                    own_of("lease", "seconds until the channel is released (default 600)"), a_manager};
 constexpr std::array of_sdo_release{of_bus, a_client, a_server, a_manager};
 constexpr auto a_program = option_of("number", "N", "1 to 254", "--program");
 constexpr std::array of_backup{of_bus, own_of("node", "node-IDs or slots' names, one a line"),
@@ -109,7 +108,7 @@ constexpr std::array of_program_download{
     option_of("identification", "NUMBER", "what 1F56h reports then (default: the CRC-32 of the content)")};
 constexpr std::array of_emcy{
     of_bus, word_of("node", "node-ID or slot's name: its error register (1001h) and history (1003h)", false),
-    own_of("listen", "instead: the messages that come, for so many seconds")};
+    own_of("listen", "instead: show the messages that come during this many seconds")};
 constexpr std::array of_memory{
     of_bus, word_of("node", a_node),
     word_of("group", "all (default), communication, application, or a sub-index that the maker describes", false)};
@@ -118,7 +117,7 @@ constexpr std::array of_doctor{
     of_bus, own_of("for", "how long to listen, in seconds (1 to 600; default: 5 heartbeat times, at least 5 s)"),
     changing(flag_of("active", "ask by LSS, too")), changing(flag_of("intrusive", "ask by LSS and SDO, too")),
     changing(option_of("conformance", "NODE",
-                       "instead: what CiA 301 wants of this node, paragraph by paragraph, by SDO; changes nothing. A "
+                       "instead: test this node against CiA 301 by SDO, paragraph by paragraph; changes nothing. A "
                        "node-ID, a slot, with --sim a path such as 3/5"))};
 constexpr std::array of_history{
     of_bus, word_of("slot", "its name, BUS/NAME or node-ID (default: all)", false),
@@ -183,12 +182,12 @@ constexpr std::array table{
     Verb{"scan", "which devices are on this bus: configured, unconfigured, duplicates", asks, of_scan, scan},
     Verb{"bind", "discovery and binding once, without starting anything", operates, of_bind, bind},
     Verb{"replace", "give a slot to a new device", operates, of_replace, replace},
-    Verb{"forget", "a device that had to release its node-ID will not come back", operates, of_forget, forget},
-    Verb{"poll", "an optional slot's device that is not there is asked for, or not any more", operates, of_poll, poll},
+    Verb{"forget", "stop waiting for a device that had to release its node-ID", operates, of_forget, forget},
+    Verb{"poll", "start or stop asking for the absent device of an optional slot", operates, of_poll, poll},
     Verb{"locate", "a device flickers both of its indicators", operates, of_locate, locate},
     Verb{"boot", "reset, check, configure and start the devices of the slots once (CiA 302-2)", operates, bus, boot},
-    Verb{"configure", "write into devices what their configuration files want", changes, of_configure, configure},
-    Verb{"upload", "a device's configuration, as it is now, becomes its slot's file", changes, of_upload, upload},
+    Verb{"configure", "write the values of their configuration files into devices", changes, of_configure, configure},
+    Verb{"upload", "save a device's present configuration as its slot's file", changes, of_upload, upload},
     Verb{"backup save", "what devices hold now, as dated DCFs", asks, of_backup, backup_save},
     Verb{"backup compare", "a DCF compared with what a device holds", asks, of_comparison, backup_compare},
     Verb{"backup restore", "a DCF into a device of its type, stored there", changes, of_comparison, backup_restore},
@@ -229,7 +228,7 @@ constexpr std::array table{
          lss_command},
     Verb{"lss identify", "is a device within these ranges?", asks, of_lss_identify, lss_command},
     Verb{"lss identify-unconfigured", "is a device without a node-ID there? (4Ch)", asks, bus, lss_command},
-    Verb{"lss find", "every device that no slot has; is any device without a node-ID?", asks, bus, lss_command},
+    Verb{"lss find", "every device without a slot; is any device without a node-ID?", asks, bus, lss_command},
     Verb{"lss move-bit-rate", "every device of a bus to another bit rate, together", changes, of_move_bit_rate,
          bit_rate_command},
     Verb{"world pause", "stops the time of a simulated world", operates, none, world_command},

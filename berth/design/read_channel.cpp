@@ -41,8 +41,8 @@ void check_object(Table& table, const char* key, const Slot& slot, std::uint16_t
   const auto* const id = slot.description->find(ObjectRef{object, 1});
   if (id != nullptr && !od::writable(id->access)) {
     return table.error(key,
-                       fmt::format("{:04X}h:01 of slot {} cannot be written: its CAN-IDs are not Berth's to give",
-                                   object, text::quoted(slot.spec.name.name)),
+                       fmt::format("{:04X}h:01 of slot {} cannot be written: Berth cannot assign its CAN-IDs", object,
+                                   text::quoted(slot.spec.name.name)),
                        "leave the channel out, or name another device");
   }
   if (id != nullptr) return;
@@ -76,10 +76,10 @@ void read_channel(Machine& machine, Table& table) {
   Channel channel{.client = client->spec.id, .server = server->spec.id};
   const auto is_same = [&](const Channel& c) { return c.client == channel.client && c.server == channel.server; };
   if (std::ranges::any_of(channels, is_same))
-    return table.error("server", "this channel is there twice", "leave one out");
+    return table.error("server", "this channel appears twice", "leave one out");
   if (channels.size() == Channel::most) {
     return table.error("client", fmt::format("bus {} has {} channels already", on, Channel::most),
-                       "680h to 6DFh have CAN-IDs for no more");
+                       "the CAN-IDs 680h to 6DFh suffice for no more");
   }
   channel.client_object = next_object(channels, &Channel::client, channel.client, first_client);
   channel.server_object = next_object(channels, &Channel::server, channel.server, first_server);

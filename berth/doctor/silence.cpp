@@ -44,8 +44,7 @@ std::optional<Diagnosis> Silence::of_bus() const {
   const auto patience = std::max<rt::Duration>(expected_.heartbeat_timeout, 1s);
   if (heard_.listened() < patience) {
     d.certainty = Certainty::possible;
-    d.evidence.push_back(
-        fmt::format("a bus on which all is well may be silent for {:g} ms: listen longer", in_ms(patience)));
+    d.evidence.push_back(fmt::format("a healthy bus may be silent for {:g} ms: listen longer", in_ms(patience)));
   }
   if (!heard_.knows_errors) {
     d.certainty = std::min(d.certainty, Certainty::likely);

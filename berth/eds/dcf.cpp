@@ -270,7 +270,8 @@ class DcfMaker {
       editor_.remove(*section, key);
       return {};
     }
-    if (!plain_file_name(wanted.name)) return about(ref, Errc::invalid, "the file's name leads elsewhere");
+    if (!plain_file_name(wanted.name))
+      return about(ref, Errc::invalid, "the file's name leads out of the DCF's folder");
     return with_object(editor_.set(*section, key, wanted.name), ref);
   }
 
@@ -300,13 +301,14 @@ Result<std::vector<std::uint8_t>> read_beside(const std::filesystem::path& dcf, 
                                               std::size_t max_bytes) {
   namespace fs = std::filesystem;
   const ObjectRef ref = file.object;
-  if (!plain_file_name(file.name)) return about(ref, Errc::invalid, "the file's name leads elsewhere");
+  if (!plain_file_name(file.name)) return about(ref, Errc::invalid, "the file's name leads out of the DCF's folder");
   std::error_code ec;
   const fs::path folder = fs::canonical(dcf.has_parent_path() ? dcf.parent_path() : fs::path("."), ec);
   if (ec) return about(ref, Errc::not_found, "the folder of the DCF is not there");
   const fs::path path = fs::canonical(folder / file.name, ec);
   if (ec) return about(ref, Errc::not_found, "the file that the DCF names is not there");
-  if (path.parent_path() != folder) return about(ref, Errc::invalid, "the file is a link that leads elsewhere");
+  if (path.parent_path() != folder)
+    return about(ref, Errc::invalid, "the file is a link that leads out of the DCF's folder");
   if (!fs::is_regular_file(path, ec)) return about(ref, Errc::invalid, "what the DCF names is not a plain file");
   note_read(path.string());
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> in(std::fopen(path.c_str(), "rb"), &std::fclose);

@@ -254,12 +254,11 @@ class Timing {
     for (const auto& message : tried.line.messages) {
       if (message.period > Duration(0)) continue;
       const auto& name = tried.line.senders[message.sender].name;
-      findings.push_back(
-          {Finding::Severity::error, network_.file, 0, 0, fmt::format("{}/{}", name, message.name),
-           fmt::format("{:03X}h is sent at each change, and nothing says how often that is: neither it nor what gives "
-                       "way to it has a bound",
-                       message.key),
-           "write inhibit = \"10 ms\" into its link or its slot: what it keeps"});
+      findings.push_back({Finding::Severity::error, network_.file, 0, 0, fmt::format("{}/{}", name, message.name),
+                          fmt::format("{:03X}h is sent at each change, and its shortest interval is not known: neither "
+                                      "it nor frames of lower priority have a bound",
+                                      message.key),
+                          "write the interval that it keeps into its link or its slot, such as inhibit = \"10 ms\""});
       told = true;
     }
     return told;
@@ -288,8 +287,8 @@ class Timing {
       const std::string who =
           unknown.size() == 1 ? unknown.front() : fmt::format("{} and {} more", unknown.front(), unknown.size() - 1);
       return error(bus, findings,
-                   fmt::format("it is not known in which order {} {} frames that wait, so the worse is taken: would "
-                               "they leave {}, all would be in time",
+                   fmt::format("it is not known in which order {} {} frames that wait, so the worse order is assumed: "
+                               "if they leave {}, all are in time",
                                who, unknown.size() == 1 ? "sends" : "send", how),
                    fmt::format("write queue = \"{}\" into the slots whose devices do that", word));
     }

@@ -19,7 +19,7 @@ Error error_of(const manager::Failure& failure, NodeId node) noexcept {
   switch (failure.why) {
     case manager::Failure::Why::error: break;
     case manager::Failure::Why::differs:
-      error = {.code = Errc::mismatch, .text = "it has another value, which none may write"};
+      error = {.code = Errc::mismatch, .text = "it has another value and cannot be written"};
       break;
     case manager::Failure::Why::not_kept:
       error = {.code = Errc::mismatch, .text = "it did not keep what was written"};

@@ -148,7 +148,7 @@ Collect RandMaster::request(const can::Frame& frame, const Collect::Waits& waits
 
 rt::Task<Result<void>> RandMaster::switch_global(Identification state) {
   if (busy_) co_return fail(Errc::invalid, rand_busy);
-  if (state == Identification::selected) co_return fail(Errc::invalid, "no slave can be told to be selected");
+  if (state == Identification::selected) co_return fail(Errc::invalid, "no slave can be switched to selected");
   const Lease lease(*this);
   const auto frame = switch_identification_global(state);
   const Collect::Waits waits{.send_timeout = DiscoveryOptions{}.send_timeout};

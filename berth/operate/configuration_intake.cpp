@@ -46,10 +46,10 @@ std::shared_ptr<const od::Description> description_of(const Seat& seat) {
 std::string where_it_is(const WrittenFiles& files, const Seat& seat) {
   const std::string& path = seat.configuration.path;
   const std::string& named = seat.slot.spec.config;
-  if (path.empty()) return "; it counts until Berth ends: there is no slot table in a file, beside which it would stay";
+  if (path.empty()) return "; it applies until Berth ends: there is no slot table file beside which it could be kept";
   const std::string instead =
       named.empty() ? std::string() : fmt::format(" instead of {}", berth::quoted(files.as_named(named)));
-  return fmt::format("; it is kept in {}; in the machine file the [[slot]] {} says so with config = {}{}", path,
+  return fmt::format("; it is kept in {}; to name it in the machine file, give the [[slot]] {} config = {}{}", path,
                      berth::quoted(seat.name()), berth::quoted(files.as_named(path)), instead);
 }
 
@@ -61,7 +61,7 @@ void tell_written(SlotTable& slots, const WrittenFiles& files) {
     if (!mine.written || named) continue;
     slots.events().tell(
         EventKind::step, seat->name(),
-        fmt::format("what an SDO client wrote to {} counts{}; without its file, {} does",
+        fmt::format("the configuration that an SDO client wrote to {} applies{}; without its file, {} applies",
                     mine.written == WrittenFiles::Form::dcf ? "1F20h" : "1F22h", where_it_is(files, *seat),
                     seat->slot.spec.config.empty() ? "nothing" : "config ="));
   }
@@ -154,7 +154,7 @@ AbortCode ConfigurationIntake::take_away(Seat& seat, Form form) {
   not_configured_yet(seat);
   slots_.events().tell(
       EventKind::step, seat.name(),
-      fmt::format("what was written to {} was taken away by an SDO client; {} counts from the next configuration on",
+      fmt::format("an SDO client removed what was written to {}; {} applies from the next configuration on",
                   object_of(form), mine.any() ? mine.file : std::string("no configuration")));
   return AbortCode::none;
 }
@@ -172,7 +172,7 @@ AbortCode ConfigurationIntake::take(Seat& seat, Form form, std::span<const std::
   auto& configuration = loaded.configuration;
   if (!kept->empty()) configuration.file = *kept;
   const std::string text = fmt::format(
-      "an SDO client wrote {} to {}: {} count from the next configuration on (at its next boot-up, or by 1F25h){}",
+      "an SDO client wrote {} to {}: {} apply from the next configuration on (at its next boot-up, or by 1F25h){}",
       form == Form::dcf ? "a DCF" : "a concise DCF", object_of(form), counted(configuration.settings.size(), "value"),
       counted_by_berth(seat, configuration));
   configuring_.begin_with(seat, std::move(configuration), *kept);

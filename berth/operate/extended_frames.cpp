@@ -17,11 +17,10 @@ rt::Task<Result<void>> tell_all_unknown(BusServices& s, Agenda& agenda, Events& 
   const auto standard = co_await s.lss.switch_global(lss::State::waiting);
   if (!standard) co_return sent;
   agenda.extended.pass = false;
-  events.tell(
-      EventKind::error, "",
-      "an extended frame drove this port to bus-off, and a standard frame passes: a device with a controller of "
-      "CAN 2.0A is on the bus. Berth goes on without extended frames and RAND; extended_frames = false in the "
-      "machine file spares the bus that frame");
+  events.tell(EventKind::error, "",
+              "an extended frame drove this port to bus-off, and a standard frame passes: a device with a controller "
+              "of CAN 2.0A is on the bus. Berth goes on without extended frames and RAND; extended_frames = false in "
+              "the machine file avoids that frame");
   co_return sent;
 }
 

@@ -202,17 +202,18 @@ Result<void> Network::forget(const Identity& device) {
   if (parts_.loans.of(device) != nullptr) {
     const auto ended = parts_.loans.end(device);
     if (!ended) return ended;
-    parts_.slots.events().tell(EventKind::forgotten, "", fmt::format("{} is no longer waited for", to_string(device)));
+    parts_.slots.events().tell(EventKind::forgotten, "",
+                               fmt::format("Berth no longer waits for {}", to_string(device)));
     return {};
   }
   if (!parts_.planning.waits_for(device)) {
-    return fail(Errc::not_found, "nothing unfinished is known of this device on this bus");
+    return fail(Errc::not_found, "Berth does not wait for this device on this bus");
   }
   const auto dropped =
       parts_.slots.store().drop_blank(parts_.slots.known(device), "the user said that it will not come back");
   if (!dropped) return dropped;
   parts_.planning.drop_unfinished(device);
-  parts_.slots.events().tell(EventKind::forgotten, "", fmt::format("{} is no longer waited for", to_string(device)));
+  parts_.slots.events().tell(EventKind::forgotten, "", fmt::format("Berth no longer waits for {}", to_string(device)));
   return {};
 }
 

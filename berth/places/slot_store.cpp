@@ -75,9 +75,9 @@ std::optional<FormerSeat> former_seat(const std::vector<HistoryEntry>& lines) {
 
 Error sits_in(const SlotName& there) {
   const char* const text =
-      kept(fmt::format("by the slot table a device of this LSS address sits in slot {} of bus {}, and on one bus an "
-                       "address is one device's: `berth replace {}` gives that slot away (one that has gone from the "
-                       "machine file is written there again first); two devices need two serial numbers",
+      kept(fmt::format("the slot table has a device of this LSS address in slot {} of bus {}, and an LSS address is "
+                       "unique on a bus: `berth replace {}` releases that slot (if the machine file no longer has it, "
+                       "write it there again first); two devices need two serial numbers",
                        there.name, there.bus, shell_word(there.bus + "/" + there.name)));
   return Error{.code = Errc::duplicate, .text = text};
 }
@@ -93,7 +93,7 @@ bool is_of(const Identity& known, const Assignment& seat) noexcept {
 
 Error owned_by_another() noexcept {
   return Error{.code = Errc::duplicate,
-               .text = "the slot table has another device in this slot: give the slot away first, by `berth replace`"};
+               .text = "the slot table has another device in this slot: release the slot first, by `berth replace`"};
 }
 
 namespace {
@@ -171,7 +171,7 @@ Result<void> MemoryStore::ask(SlotId slot, const Assignment& seat, std::string_v
 Result<void> MemoryStore::confirm(SlotId slot, const Assignment& seat, std::string_view reason) {
   SlotRecord* record = find(slot);
   if (record == nullptr) return fail(Errc::not_found, "no such slot");
-  if (record->intended != seat) return fail(Errc::mismatch, "confirmed something that was not asked for");
+  if (record->intended != seat) return fail(Errc::mismatch, "the confirmation differs from the stored intention");
   record->intended.reset();
   record->confirmed = seat;
   const BusDevice who{seat.device, record->name.on()};

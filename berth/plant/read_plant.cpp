@@ -202,7 +202,7 @@ class PlantReader {
       device.address.serial = serial;
       if (many_) device.name = text::fill(pattern.name, "n", fmt::format("{}", n++));
       if (device.name == master_name) {
-        table.error("name", "this is what events call Berth's own node", "use another name");
+        table.error("name", "events use this name for Berth's own node", "use another name");
       }
       if (!device.name.empty() && !names_.emplace(device.name, plant_.devices.size()).second) {
         table.error("name", fmt::format("the name {} is taken", text::quoted(device.name)),

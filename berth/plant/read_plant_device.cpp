@@ -117,7 +117,7 @@ void read_habits(Table& table, PlantDevice& device) {
     const auto known = std::ranges::find(habit_words, word);
     if (known == habit_words.end()) {
       const auto near = text::closest(word, habit_words);
-      table.error("habits", fmt::format("{} is not a stack whose habits are known", text::quoted(word)),
+      table.error("habits", fmt::format("{} is not a stack with known habits", text::quoted(word)),
                   near.empty() ? fmt::format("use one of {}", fmt::join(habit_words, ", "))
                                : fmt::format("did you mean {}?", text::quoted(near)));
     } else if (device.lss.habit) {

@@ -132,7 +132,7 @@ tl::expected<SharedMemory, std::string> SharedMemory::open(std::string_view name
   if (found.file_ < 0) return errno == ENOENT ? refused(name, gone) : refused_by_system(name);
   if (!found.other()) return refused(name, gone);
   if (!take_lock(found.file_, Side::application)) {
-    return refused(name, "another application has it; one at a time can");
+    return refused(name, "another application uses it; only one at a time can");
   }
   struct stat its {};
   if (::fstat(found.file_, &its) != 0) return refused_by_system(name);

@@ -82,7 +82,7 @@ rt::Task<Result<void>> AndMaster::tell(const can::Frame& frame) {
 
 rt::Task<Result<void>> AndMaster::switch_global(nodeid::Identification state) {
   if (busy_) co_return fail(Errc::invalid, and_busy);
-  if (state == nodeid::Identification::selected) co_return fail(Errc::invalid, "no slave can be told to be selected");
+  if (state == nodeid::Identification::selected) co_return fail(Errc::invalid, "no slave can be switched to selected");
   const Lease lease(*this);
   const auto frame = and_switch_global(state);
   const auto told = co_await tell(frame);
@@ -91,7 +91,7 @@ rt::Task<Result<void>> AndMaster::switch_global(nodeid::Identification state) {
 
 rt::Task<Result<void>> AndMaster::switch_selective(AndAddress address, nodeid::Identification target) {
   if (busy_) co_return fail(Errc::invalid, and_busy);
-  if (target == nodeid::Identification::selected) co_return fail(Errc::invalid, "no slave can be told to be selected");
+  if (target == nodeid::Identification::selected) co_return fail(Errc::invalid, "no slave can be switched to selected");
   const Lease lease(*this);
   const auto frame = and_switch_selective(address, target);
   const auto told = co_await tell(frame);

@@ -106,7 +106,7 @@ class Server::Impl::Client final : private io::Watcher, private io::Seat::Sitter
   void say(std::string_view text) {
     if (over_) return;
     if (!stream_.put(text)) {
-      return end(stream_.too_slow() ? "too slow: it does not take the replies to what it asked" : "gone");
+      return end(stream_.too_slow() ? "too slow: it does not read the replies to its commands" : "gone");
     }
     if (!flush_.ready()) server_->loop->executor().post(flush_);
   }

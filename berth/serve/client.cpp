@@ -48,7 +48,7 @@ void Client::seat_lost(io::Seat::End how) noexcept {
 void Client::say(std::string_view bytes) {
   if (over_ || (leaving_ && stream_.gone())) return;
   if (!stream_.put(bytes)) {
-    end(stream_.too_slow() ? "too slow: it does not take what it asked for" : "gone");
+    end(stream_.too_slow() ? "too slow: it does not read what it asked for" : "gone");
     return;
   }
   if (!flush_.ready()) house_->executor().post(flush_);

@@ -418,7 +418,8 @@ Result<void> Database::confirm(SlotId slot, const Assignment& seat, std::string_
   return impl_->write("writing a binding", [&]() -> Result<void> {
     const auto on = impl_->bus_of(slot);
     if (!on) return fail(Errc::not_found, "no such slot");
-    if (impl_->seat(slot, "asked") != seat) return fail(Errc::mismatch, "confirmed something that was not asked for");
+    if (impl_->seat(slot, "asked") != seat)
+      return fail(Errc::mismatch, "the confirmation differs from the stored intention");
     {
       Query query(impl_->statement(drop_asked_sql));
       query << slot.value;

@@ -32,7 +32,7 @@ std::string read_key(std::string_view key, const std::string& value, TraceQuery&
     if (value.size() <= longest_filter) return {};
     return fmt::format("\"filter\" has at most {} bytes", longest_filter);
   }
-  if (key != "from" && key != "to") return "a trace is asked for by format, from, to and filter";
+  if (key != "from" && key != "to") return "a trace request takes format, from, to and filter";
   const auto read = number(value);
   if (!read) return fmt::format("\"{}\" is the number of a frame", key);
   if (key == "from") into.from = *read;
@@ -50,7 +50,7 @@ tl::expected<TraceQuery, std::string> parse_trace_query(std::string_view query) 
     query = end == std::string_view::npos ? std::string_view() : query.substr(end + 1);
     const auto equals = pair.find('=');
     const auto value = decoded(equals == std::string_view::npos ? std::string_view() : pair.substr(equals + 1));
-    if (!value) return tl::unexpected(std::string("a % comes before two hexadecimal digits"));
+    if (!value) return tl::unexpected(std::string("two hexadecimal digits must follow a %"));
     auto problem = read_key(pair.substr(0, equals), *value, wanted);
     if (!problem.empty()) return tl::unexpected(std::move(problem));
   }

@@ -117,7 +117,7 @@ Read parse_message(std::string_view text) {
   const auto type = keys.text("type");
   if (!type) return no("a message has \"type\", a string");
   auto read = read_kind(*type, keys);
-  if (read && !keys.all_asked()) return no(fmt::format("\"{}\" has a key that it does not know", *type));
+  if (read && !keys.all_asked()) return no(fmt::format("\"{}\" has an unknown key", *type));
   return read;
 }
 

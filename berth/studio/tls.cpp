@@ -76,25 +76,21 @@ tl::expected<std::unique_ptr<Tls>, std::string> Tls::load(const std::string& cer
       error);
   context.use_certificate_chain_file(certificate, error);
   if (error)
-    return tl::unexpected(problem(certificate, error) +
-                          ": it is to be a certificate in PEM (-----BEGIN CERTIFICATE-----)");
+    return tl::unexpected(problem(certificate, error) + ": give a certificate in PEM (-----BEGIN CERTIFICATE-----)");
   context.use_private_key_file(key, boost::asio::ssl::context::pem, error);
   if (error && asked)
     return tl::unexpected(
-        fmt::format("{}: this key has a passphrase; take it away: openssl pkey -in {} -out FILE", key, key));
+        fmt::format("{}: this key has a passphrase; remove it: openssl pkey -in {} -out FILE", key, key));
   if (error && ERR_GET_REASON(static_cast<unsigned long>(error.value())) == X509_R_KEY_VALUES_MISMATCH)
     return tl::unexpected(fmt::format("{}: this is the key of another certificate than {}", key, certificate));
-  if (error)
-    return tl::unexpected(problem(key, error) + ": it is to be a private key in PEM (-----BEGIN PRIVATE KEY-----)");
+  if (error) return tl::unexpected(problem(key, error) + ": give a private key in PEM (-----BEGIN PRIVATE KEY-----)");
   if (SSL_CTX_check_private_key(context.native_handle()) != 1)
     return tl::unexpected(fmt::format("{}: this is the key of another certificate than {}", key, certificate));
   context.set_password_callback([](std::size_t, boost::asio::ssl::context::password_purpose) { return std::string(); },
                                 error);
   if (made->first_name().empty())
-    return tl::unexpected(
-        fmt::format("{}: this certificate is for no name and no address (subjectAltName): no browser "
-                    "takes it",
-                    certificate));
+    return tl::unexpected(fmt::format(
+        "{}: this certificate is for no name and no address (subjectAltName): browsers reject it", certificate));
   return made;
 }
 
@@ -125,7 +121,7 @@ std::string needs_certificate(const io::Endpoint& where) {
       where.host.find_first_not_of("0123456789.") == std::string::npos || where.host.find(':') != std::string::npos;
   const auto name = any ? std::string("DNS:$(hostname)") : fmt::format("{}:{}", address ? "IP" : "DNS", where.host);
   return fmt::format(
-      "{}: other computers may reach this address, and without encryption (TLS) whoever carries it reads the token. "
+      "{}: other computers may reach this address, and without encryption (TLS) anybody on the way can read the token. "
       "Give Studio a certificate: --studio-certificate FILE --studio-key FILE (berth studio: --certificate, --key). "
       "To make one: openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 365 -subj "
       "/CN=berth -addext subjectAltName={} -keyout studio.key -out studio.crt. Or stay on this computer and use an ssh "

@@ -91,9 +91,9 @@ bool Reach::there(Table& table, std::string_view key, const std::string& path) {
   }
   const std::vector<std::string_view> known(names.begin(), names.end());
   const auto near = closest(file.filename().string(), known);
-  table.error(key, fmt::format("{} not found", path),
-              near.empty() ? "a file name is meant as seen from the folder of this file"
-                           : fmt::format("did you mean {}?", near));
+  table.error(
+      key, fmt::format("{} not found", path),
+      near.empty() ? "file names are relative to the folder of this file" : fmt::format("did you mean {}?", near));
   return false;
 }
 

@@ -117,7 +117,7 @@ bool AscReader::event() {
   // `latest_` is never before 1970 nor beyond `most_seconds`, so that neither side overflows.
   const rt::Duration before = relative_ ? latest_ : rt::Duration(0);
   if (*time > std::chrono::seconds(most_seconds) - start_ - before || *time < -start_ - before) {
-    wrong(line_, "with the date, or the times before it, this time is not a time from 1970 to 2255");
+    wrong(line_, "added to the date, or to the times before it, this time lies outside of 1970 to 2255");
     return true;
   }
   latest_ = before + *time;

@@ -113,7 +113,8 @@ void CandumpReader::keep_timed() {
   if (turn != DeltaTimes::Turn::decided) return;
   if (deltas_.deltas()) {
     tell(Finding::Severity::warning, 0,
-         "times near 0 that fall are those between two lines (candump -td): they are summed from the first line on");
+         "times near 0 that decrease are differences between two lines (candump -td): they are added up from the first "
+         "line on");
   }
   give_held();
 }

@@ -66,7 +66,8 @@ void TrcReader::head(std::string_view line) {
       start_ = *start;
     } else {
       tell(Finding::Severity::warning, 12,
-           "this start is not a number of days since 1899 from 1970 on: times count from the beginning of the log");
+           "this start is not a number of days since 1899, or lies before 1970: times count from the beginning of the "
+           "log");
     }
     return;
   }
@@ -189,7 +190,7 @@ std::optional<TrcReader::Row> TrcReader::row() {
     }
   }
   if (row.offset > std::chrono::seconds(most_seconds) - start_ || row.offset < -start_) {
-    error(0, "with the start, this time is not a time from 1970 to 2255");
+    error(0, "added to the start, this time lies outside of 1970 to 2255");
     return std::nullopt;
   }
   entry_.at = start_ + row.offset;

@@ -258,7 +258,7 @@ class Collector {
            "add eds = \"FILE\" to the slot");
     if (!promised_.empty()) {
       note("",
-           fmt::format("{} without an inhibit time {} as far apart as the file says: {}",
+           fmt::format("{} without an inhibit time {} as far apart as the machine file says: {}",
                        counted(promised_.size(), "TPDO"), promised_.size() == 1 ? "is" : "are", first_of(promised_)));
     }
     if (endless_.empty()) return;
@@ -268,8 +268,8 @@ class Collector {
                            text::write_duration(assumed_.event), first_of(endless_)));
     } else {
       note("",
-           fmt::format("{} at a change without an inhibit time: nothing says how often a frame comes, so neither {} "
-                       "nor what gives way to {} has a bound: {}",
+           fmt::format("{} at a change without an inhibit time: the shortest interval is not known, so neither {} nor "
+                       "frames of lower priority than {} have a bound: {}",
                        what, endless_.size() == 1 ? "it" : "they", endless_.size() == 1 ? "it" : "them",
                        first_of(endless_)),
            "set an inhibit time (sub-index 3), write inhibit = \"10 ms\" into the slot, or say --event TIME");
@@ -285,12 +285,12 @@ class Collector {
         bus_.role != design::Role::observer) {
       note("",
            "Berth's own frames wait in order, but a controller with several transmit buffers may send those that it "
-           "holds by identifier: the worse is taken for each");
+           "holds by identifier: the worse order is assumed for each");
     }
     if (unknown.empty()) return;
     note("",
-         fmt::format("it is not known in which order {} {} (by identifier, or as they came): the worse is taken for "
-                     "each: {}",
+         fmt::format("it is not known in which order {} {} (by identifier, or as they came): the worse order is "
+                     "assumed for each: {}",
                      unknown.size() == 1 ? "a device" : fmt::format("{} devices", unknown.size()),
                      unknown.size() == 1 ? "sends its frames" : "send their frames", first_of(unknown)),
          "write queue = \"priority\" or \"in-order\" into the slot");

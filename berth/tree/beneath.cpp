@@ -132,7 +132,7 @@ rt::Task<void> Beneath::adopt() {
     slots_.events().tell(EventKind::step, "",
                          fmt::format("finishing what an earlier run began: {}",
                                      found == Found::unused ? "its gateway has no node of its network list"
-                                                            : "its gateway's network list is not whole"));
+                                                            : "its gateway's network list is incomplete"));
     again_at_ = executor_.now();
     co_return;
   }

@@ -60,7 +60,7 @@ queue = "priority"
   const Outcome kept = berth({"analyze", file});
   EXPECT_EQ(kept.status, 0) << kept.out << kept.err;
   EXPECT_EQ(kept.err.find("it is not known in which order"), std::string::npos) << kept.err;
-  EXPECT_NE(kept.err.find("TPDOs without an inhibit time are as far apart as the file says: sensor/TPDO 1"),
+  EXPECT_NE(kept.err.find("TPDOs without an inhibit time are as far apart as the machine file says: sensor/TPDO 1"),
             std::string::npos)
       << kept.err;
 }

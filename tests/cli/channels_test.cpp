@@ -83,7 +83,7 @@ TEST_F(Channels, S5_20_PlannedOnesArePartOfTheConfigurations) {
   EXPECT_TRUE(listed.at("channels").empty()) << listed;
   const Outcome release = ask({"sdo", "release", "panel", "drive"});
   EXPECT_EQ(release.status, 1);
-  EXPECT_TRUE(contains(release.out, "1 -> 3 stands in the machine file")) << release.out;
+  EXPECT_TRUE(contains(release.out, "1 -> 3 is in the machine file")) << release.out;
   stands();
   // What an earlier machine file planned is no end of a channel now.
   ASSERT_EQ(ask({"sdo", "write", "left", "1201h:01", "0x6DE"}).status, 0);

@@ -233,7 +233,7 @@ TEST(DoctorCommand, JoinsASimulatedMachineThatRuns) {
   const Json found = Json::parse(ill.out).at("findings");
   EXPECT_TRUE(std::ranges::any_of(found, [](const Json& f) { return f.at("slot") == "drive"; })) << found;
   const Outcome active = berth({"doctor", machine, "--control", control, "--active"});
-  EXPECT_EQ(active.status, 1) << "its devices hear the other process alone";
+  EXPECT_EQ(active.status, 1) << "only the other process reaches its devices";
   EXPECT_NE(active.err.find("another process runs this simulated machine"), std::string::npos) << active.err;
   up.signal(SIGTERM);
   static_cast<void>(up.end());

@@ -357,7 +357,7 @@ TEST_F(LevelsCommand, WhatNeedsAPortSaysThatThereIsNone) {
     EXPECT_EQ(outcome.status, 2) << outcome.out << outcome.err;
     return outcome.err;
   };
-  EXPECT_TRUE(contains(said({"locate", "boom io"}), where + "its own master has LSS and NMT there"));
+  EXPECT_TRUE(contains(said({"locate", "boom io"}), where + "the NMT master there controls LSS and NMT"));
   EXPECT_TRUE(
       contains(said({"upload", "boom io"}), where + "`berth sdo dump` and `berth backup save` read its objects"));
   EXPECT_TRUE(contains(said({"configure", "boom io"}), where + "`berth up` brings its configuration into the gateway"));

@@ -193,7 +193,8 @@ TEST_F(Running, NothingIsPulledWhereNothingRunsOrTheBusIsReal) {
   text.replace(text.find("\"sim\""), 5, "\"socketcan:can7\"");
   const Outcome real = berth({"sim", "unplug", "left", folder.write("real.toml", text)});
   EXPECT_EQ(real.status, 1);
-  EXPECT_TRUE(contains(real.err, "bus line is on socketcan:can7: on a real bus, plugs and power are a person's"))
+  EXPECT_TRUE(
+      contains(real.err, "bus line is on socketcan:can7: on a real bus a person plugs devices and switches power"))
       << real.err;
 }
 
@@ -249,7 +250,7 @@ TEST_F(Running, TheWorldStandsAndGoesAFrameFurther) {
   EXPECT_TRUE(contains(damage.out, "disturbed")) << damage.out;
   const Outcome of_one = world({"damage", "2", "--from", "left"});
   EXPECT_EQ(of_one.status, 0) << of_one.out;
-  EXPECT_TRUE(contains(of_one.out, "of those that b sends")) << of_one.out;
+  EXPECT_TRUE(contains(of_one.out, "only frames that b sends")) << of_one.out;
   EXPECT_EQ(world({"damage", "--from", "nobody"}).status, 2);
 }
 

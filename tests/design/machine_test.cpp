@@ -303,7 +303,7 @@ TEST(MachineFile, S5_20_ChannelsHaveTheirObjectsAndCanIds) {
   EXPECT_NE(said(channel("s1", "s1")).find("channel[1].server: client and server are one slot"), std::string::npos);
   EXPECT_NE(said(channel("s1", "s4")).find("there is no slot \"s4\""), std::string::npos);
   EXPECT_NE(said("[[channel]]\nclient = \"s1\"\n").find("channel[1].server: this key is missing"), std::string::npos);
-  EXPECT_NE(said(channel("s1", "s2") + channel("s1", "s2")).find("this channel is there twice"), std::string::npos);
+  EXPECT_NE(said(channel("s1", "s2") + channel("s1", "s2")).find("this channel appears twice"), std::string::npos);
   EXPECT_NE(said(channel("s1", "s2") + "id = 3\n").find("unknown key"), std::string::npos);
 }
 

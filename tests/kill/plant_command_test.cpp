@@ -105,7 +105,7 @@ TEST_F(PlantCommand, ThePlantRunsInRealTimeForAProcessAfterAnother) {
   ASSERT_EQ(std::system(("sed -i 's/125_000/250_000/' " + folder_ + "m.toml").c_str()), 0);
   o = berth(up);
   EXPECT_EQ(o.status, 3) << o.text;
-  EXPECT_NE(o.text.find("is told to run at 250000 bit/s, and plant:" + folder_ + "s runs at 125000"), std::string::npos)
+  EXPECT_NE(o.text.find("is configured for 250000 bit/s, but plant:" + folder_ + "s runs at 125000"), std::string::npos)
       << o.text;
   ASSERT_EQ(std::system(("kill $(cat " + folder_ + "pid)").c_str()), 0);
 }

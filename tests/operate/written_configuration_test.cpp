@@ -162,7 +162,7 @@ TEST_F(WrittenConfigurations, ItIsKeptOverARestart) {
   const std::string name = "rig.backbone.s1.dcf";
   ASSERT_EQ(kept(), std::vector<std::string>{name});
   EXPECT_EQ(read_file(folder_ / "kept" / name), dcf);
-  EXPECT_TRUE(told("[[slot]] \"s1\" says so with config = \"kept/" + name + "\"")) << rig_->log();
+  EXPECT_TRUE(told("give the [[slot]] \"s1\" config = \"kept/" + name + "\"")) << rig_->log();
   stranger_.reset();
   rig_->kill();
   begin();
@@ -300,7 +300,7 @@ TEST_F(WrittenConfigurations, WithoutAFolderItCountsUntilBerthEnds) {
   ASSERT_TRUE(rig_->until_operational(60s)) << rig_->log();
   stranger_ = std::make_unique<Stranger>(*rig_);
   ASSERT_EQ(stranger_->write(store_dcf, 1, bytes_of(pump_dcf(640))), 0U);
-  EXPECT_TRUE(told("it counts until Berth ends")) << rig_->log();
+  EXPECT_TRUE(told("it applies until Berth ends")) << rig_->log();
   EXPECT_EQ(stranger_->text(store_dcf, 1), pump_dcf(640));
   boot(1);
   EXPECT_EQ(limit_of(1), 640U);

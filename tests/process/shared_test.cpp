@@ -134,7 +134,7 @@ TEST(SharedImage, EachSideKnowsWhetherTheOtherIsThere) {
   auto* const opened = berth_process_open(name.c_str(), nullptr, 0);
   ASSERT_NE(opened, nullptr);
   EXPECT_TRUE((*image)->application());
-  EXPECT_EQ(why_not(name), "process image \"" + name + "\": another application has it; one at a time can");
+  EXPECT_EQ(why_not(name), "process image \"" + name + "\": another application uses it; only one at a time can");
   const auto second = SharedImage::create(name, layout);
   ASSERT_FALSE(second);
   EXPECT_EQ(second.error(), "process image \"" + name + "\": another process has it; end that, or take another name");

@@ -1071,7 +1071,7 @@ await check(
     await page.getByText(/light barrier: has power$/).waitFor();
     await page.getByLabel("Frames that a press damages").fill("3");
     await by.button("Damage the next 3 frames it sends").click();
-    await page.locator(".pane .answer.good", { hasText: "of those that light barrier sends" }).waitFor();
+    await page.locator(".pane .answer.good", { hasText: "only frames that light barrier sends" }).waitFor();
     await page.getByLabel("Frames that a press damages").fill("0");
     assert.equal(await page.getByRole("button", { name: /^Damage/ }).count(), 0);
     await by.button("Reset").click();

@@ -19,7 +19,7 @@ const shapes: Record<string, { shape: Shape; tone: string; about: string }> = {
   binding: { shape: "quarter", tone: "busy", about: "Its device gets its node-ID." },
   present: { shape: "half", tone: "busy", about: "Its device answers, and does not run yet." },
   configuring: { shape: "most", tone: "busy", about: "Its settings are written." },
-  unknown: { shape: "dot", tone: "absent", about: "Berth does not hear how its device is; the reason says why." },
+  unknown: { shape: "dot", tone: "absent", about: "Berth does not know its device's state; the reason says why." },
   absent: { shape: "hollow", tone: "absent", about: "Its device does not answer." },
   empty: { shape: "dashed", tone: "absent", about: "It has no device." },
   question: { shape: "triangle", tone: "question", about: "Berth cannot decide which device belongs here: answer." },

@@ -99,7 +99,7 @@ export function createSocket(store: Store<State, Action>, outside: Outside): Soc
   }
 
   function lose(id: string): void {
-    const error = "The connection was lost before the answer came. Look whether it was done before you ask again.";
+    const error = "The connection was lost before the answer came. Check whether it was done before you ask again.";
     store.dispatch({ type: "lost", id, error });
   }
 
@@ -121,7 +121,7 @@ export function createSocket(store: Store<State, Action>, outside: Outside): Soc
       const id = `r${++ids}`;
       store.dispatch({ type: "sent", id, verb, values, owner });
       if (!send({ type: "request", id, verb, arguments: values })) {
-        store.dispatch({ type: "lost", id, error: "Not connected: nothing was sent. Try again when the page is." });
+        store.dispatch({ type: "lost", id, error: "Not connected: nothing was sent. Try again when connected." });
       }
       return id;
     },

@@ -17,7 +17,7 @@ export function TokenPage({ refused }: { refused: boolean }) {
       <h1>Berth Studio</h1>
       <p>
         {refused
-          ? "The server refuses this page's token. It was started anew, or the address was cut off."
+          ? "The server refuses this page's token. The server was restarted, or the address is incomplete."
           : "This page needs the token of the running Berth."}{" "}
         Paste the address that <code>berth</code> printed.
       </p>

@@ -92,7 +92,7 @@ function RoleMark() {
   return (
     <span
       className="lock"
-      title="The address that you opened has this role. Who started Studio has those of the others."
+      title="The address that you opened has this role. The person who started Studio has the addresses of the other roles."
     >
       role: {role}
     </span>

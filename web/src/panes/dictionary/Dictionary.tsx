@@ -16,7 +16,7 @@ export function Dictionary() {
   const slot = useData((state) => state.data.slots.find((entry) => slotKey(entry) === view.slot));
   const rows = useData((state) => state.dictionary.objects[view.slot]);
   const last = useLastOf(`dictionary:${view.slot}`);
-  if (!slot) return <p className="hint start">Select a slot in the tree. Its objects are read then.</p>;
+  if (!slot) return <p className="hint start">Select a slot in the tree to read its objects.</p>;
   if (rows) return <Objects rows={rows} />;
   const values = { bus: slot.bus, node: slot.name };
   return (

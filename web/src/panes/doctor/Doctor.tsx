@@ -12,7 +12,7 @@ const words: Record<(typeof questions)[number], { label: string; hint: string }>
   sdo: { label: "Ask by LSS and SDO, too", hint: "Another SDO client of these devices is disturbed." },
   conformance: {
     label: "Examine one device (CiA 301)",
-    hint: "Some 300 SDO accesses: only what must be refused, or what was read, is written.",
+    hint: "Some 300 SDO accesses. They write only values that were read, or that must be refused.",
   },
 };
 
@@ -88,7 +88,7 @@ function Wish({ asked }: { asked: boolean }) {
 function Report({ sent }: { sent: Sent | undefined }) {
   const { store } = useStudio();
   const all = useData((state) => state.doctor.all);
-  if (!sent) return <p className="hint">It says what is wrong on the buses, how it knows, and what to do.</p>;
+  if (!sent) return <p className="hint">It reports what is wrong on the buses, how it knows, and what to do.</p>;
   if (!sent.done) return <Answer sent={sent} />;
   const findings = findingsOf(sent.reply);
   const checks = checksOf(sent.reply);

@@ -78,9 +78,7 @@ function Stray({ device }: { device: FoundDevice }) {
           <button type="button" onClick={() => store.dispatch({ type: "machine/hide", key })}>
             It is off the bus: hide it
           </button>
-          <p className="hint">
-            Berth does not watch a device without a slot. It is shown again when Berth tells of it.
-          </p>
+          <p className="hint">Berth does not watch a device without a slot. It is shown again when Berth reports it.</p>
         </>
       )}
     </>
@@ -95,7 +93,7 @@ function WhatToDo({ device }: { device: FoundDevice }) {
     case "returned":
       return (
         <>
-          <p>To take it instead of a device that is broken: unplug that one, then press.</p>
+          <p>To replace a broken device with it: unplug the broken one, then press.</p>
           {placesOf(device, slots).map((slot) => (
             <Take key={slot.id} device={device} slot={slot} label={`Take it for ${visible(slot.name)}`} />
           ))}

@@ -153,7 +153,7 @@ const words: Record<string, string> = {
   equal: "✓ the device is as the DCF has it",
   differs: "the device differs from the DCF",
   restored: "✓ restored and stored",
-  "partly restored": "✕ restored but for what the device refused",
+  "partly restored": "✕ restored, except what the device refused",
 };
 
 function Outcome({ sent, slot }: { sent: Sent | undefined; slot: Slot }) {

@@ -47,7 +47,7 @@ export function Backup({ slot }: { slot: Slot }) {
       <Command command={command} />
       <p className="hint">
         {why ??
-          `Reads the configuration of ${visible(slot.name)}. From then on a replacement gets it, until Berth begins anew.`}
+          `Reads the configuration of ${visible(slot.name)}. From then on a replacement gets it, until Berth restarts.`}
       </p>
       <Answer sent={last} />
     </div>

@@ -108,7 +108,7 @@ function Others({ bus }: { bus: string }) {
   if (!strays.length) return null;
   return (
     <>
-      <p>On the bus is, without a slot:</p>
+      <p>On the bus, without a slot:</p>
       {strays.map((device) => (
         <button key={deviceKey(device)} type="button" onClick={() => setView({ device: deviceKey(device) })}>
           {deviceName(device)}

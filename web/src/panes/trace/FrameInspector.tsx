@@ -45,8 +45,8 @@ export function FrameInspector({ n }: { n: number }) {
       <p>{visible(trace.texts.get(frame.n) ?? meaning.text)}</p>
       {frame.error && alone(frame) && (
         <p className="hint">
-          Nobody acknowledged the frame: no other node was on the bus at this time. It is sent again. One of these, when
-          a machine is switched on, is harmless: Berth was there before the devices.
+          No node acknowledged the frame: no other node was on the bus at this time. It is sent again. One such error
+          when a machine is switched on is harmless: Berth was there before the devices.
         </p>
       )}
       {object && (

@@ -38,7 +38,7 @@ export function useDim(): (frame: Frame, node: number) => boolean {
 }
 
 export const arrowsOf = (ofFile: boolean): string =>
-  ofFile ? "→ sent by who recorded it, ← received" : "→ sent by Berth, ← received";
+  ofFile ? "→ sent by the recorder, ← received" : "→ sent by Berth, ← received";
 
 /** `arrows`: what the signs of the fourth column are. */
 export function FrameHead({ arrows }: { arrows: string }) {
