@@ -531,7 +531,9 @@ void SdoClient::Requests::received(const can::Frame& frame, rt::Time at) noexcep
 
 SdoChannelClient::SdoChannelClient(can::Dispatcher& dispatcher, SdoChannel channel, NodeId server,
                                    const SdoOptions& options)
-    : settings_{.dispatcher = &dispatcher, .options = options}, channel_(channel), server_(server) {
+    : SdoTransfers(line_, server, settings_.options),
+      settings_{.dispatcher = &dispatcher, .options = options},
+      channel_(channel) {
   line_.settings_ = &settings_;
   if (!channel.valid()) return;
   line_.request_ = channel.request;
@@ -540,6 +542,6 @@ SdoChannelClient::SdoChannelClient(can::Dispatcher& dispatcher, SdoChannel chann
 
 SdoChannelClient::~SdoChannelClient() { line_.cancel(); }
 
-void SdoChannelClient::received(const can::Frame& frame, rt::Time at) noexcept { line_.received(server_, frame, at); }
+void SdoChannelClient::received(const can::Frame& frame, rt::Time at) noexcept { line_.received(server(), frame, at); }
 
 }  // namespace berth::co

@@ -345,6 +345,68 @@ inline void SdoTransfer::wait_until(rt::Time when) noexcept {
   line_->wake_at(when);
 }
 
+/// The transfers that a client can begin with one server. Without options: the client's, as they are then. Objects are
+/// named by index and sub-index; data, sources and sinks must stay until the transfer is done.
+class SdoTransfers {
+ public:
+  [[nodiscard]] SdoUpload upload(std::uint16_t index, std::uint8_t sub) const noexcept {
+    return upload(index, sub, *options_);
+  }
+  [[nodiscard]] SdoUpload upload(std::uint16_t index, std::uint8_t sub, const SdoOptions& options) const noexcept {
+    return SdoUpload(*line_, server_, {index, sub}, options);
+  }
+  [[nodiscard]] SdoStreamUpload upload(std::uint16_t index, std::uint8_t sub, SdoSink& sink) const {
+    return upload(index, sub, sink, *options_);
+  }
+  [[nodiscard]] SdoStreamUpload upload(std::uint16_t index, std::uint8_t sub, SdoSink& sink,
+                                       const SdoOptions& options) const {
+    return SdoStreamUpload(*line_, server_, {index, sub}, options, sink);
+  }
+  [[nodiscard]] SdoDownload download(std::uint16_t index, std::uint8_t sub,
+                                     std::span<const std::uint8_t> data) const noexcept {
+    return download(index, sub, data, *options_);
+  }
+  [[nodiscard]] SdoDownload download(std::uint16_t index, std::uint8_t sub, std::span<const std::uint8_t> data,
+                                     const SdoOptions& options) const noexcept {
+    return SdoDownload(*line_, server_, {index, sub}, options, data);
+  }
+  [[nodiscard]] SdoStreamDownload download(std::uint16_t index, std::uint8_t sub, SdoSource& source) const {
+    return download(index, sub, source, *options_);
+  }
+  [[nodiscard]] SdoStreamDownload download(std::uint16_t index, std::uint8_t sub, SdoSource& source,
+                                           const SdoOptions& options) const {
+    return SdoStreamDownload(*line_, server_, {index, sub}, options, source);
+  }
+  template <class T>
+  [[nodiscard]] SdoRead<T> read(std::uint16_t index, std::uint8_t sub) const noexcept {
+    return read<T>(index, sub, *options_);
+  }
+  template <class T>
+  [[nodiscard]] SdoRead<T> read(std::uint16_t index, std::uint8_t sub, const SdoOptions& options) const noexcept {
+    return SdoRead<T>(*line_, server_, {index, sub}, options);
+  }
+  template <class T>
+  [[nodiscard]] SdoWrite<T> write(std::uint16_t index, std::uint8_t sub, T value) const noexcept {
+    return write(index, sub, value, *options_);
+  }
+  template <class T>
+  [[nodiscard]] SdoWrite<T> write(std::uint16_t index, std::uint8_t sub, T value,
+                                  const SdoOptions& options) const noexcept {
+    return SdoWrite<T>(*line_, server_, {index, sub}, options, value);
+  }
+  [[nodiscard]] NodeId server() const noexcept { return server_; }
+
+ private:
+  friend class SdoClient;
+  friend class SdoChannelClient;
+  SdoTransfers(SdoLine& line, NodeId server, const SdoOptions& options) noexcept
+      : line_(&line), options_(&options), server_(server) {}
+  SdoLine* line_;
+  const SdoOptions* options_;
+  NodeId server_;
+};
+
+/// The client of all nodes' default channels.
 class SdoClient final : private can::Handler {
  public:
   using Observer = SdoObserver;
@@ -353,52 +415,25 @@ class SdoClient final : private can::Handler {
   /// Ends all transfers with Errc::cancelled.
   ~SdoClient();
 
-  [[nodiscard]] SdoUpload upload(NodeId node, std::uint16_t index, std::uint8_t sub) noexcept {
-    return SdoUpload(line(node), node, {index, sub}, options());
+  /// Transfers with one node. A transfer with an unconfigured node-ID fails.
+  [[nodiscard]] SdoTransfers with(NodeId node) noexcept { return {line(node), node, settings_.options}; }
+  /// As `with(node)` has them.
+  template <class... More>
+  [[nodiscard]] auto upload(NodeId node, std::uint16_t index, std::uint8_t sub, More&&... more) {
+    return with(node).upload(index, sub, std::forward<More>(more)...);
   }
-  [[nodiscard]] SdoUpload upload(NodeId node, std::uint16_t index, std::uint8_t sub,
-                                 const SdoOptions& options) noexcept {
-    return SdoUpload(line(node), node, {index, sub}, options);
+  template <class... More>
+  [[nodiscard]] auto download(NodeId node, std::uint16_t index, std::uint8_t sub, More&&... more) {
+    return with(node).download(index, sub, std::forward<More>(more)...);
   }
-  [[nodiscard]] SdoStreamUpload upload(NodeId node, std::uint16_t index, std::uint8_t sub, SdoSink& sink,
-                                       const SdoOptions& options) {
-    return SdoStreamUpload(line(node), node, {index, sub}, options, sink);
+  template <class T, class... More>
+  [[nodiscard]] SdoRead<T> read(NodeId node, std::uint16_t index, std::uint8_t sub, const More&... more) noexcept {
+    return with(node).read<T>(index, sub, more...);
   }
-  [[nodiscard]] SdoStreamUpload upload(NodeId node, std::uint16_t index, std::uint8_t sub, SdoSink& sink) {
-    return upload(node, index, sub, sink, options());
-  }
-  [[nodiscard]] SdoDownload download(NodeId node, std::uint16_t index, std::uint8_t sub,
-                                     std::span<const std::uint8_t> data) noexcept {
-    return SdoDownload(line(node), node, {index, sub}, options(), data);
-  }
-  [[nodiscard]] SdoDownload download(NodeId node, std::uint16_t index, std::uint8_t sub,
-                                     std::span<const std::uint8_t> data, const SdoOptions& options) noexcept {
-    return SdoDownload(line(node), node, {index, sub}, options, data);
-  }
-  [[nodiscard]] SdoStreamDownload download(NodeId node, std::uint16_t index, std::uint8_t sub, SdoSource& source,
-                                           const SdoOptions& options) {
-    return SdoStreamDownload(line(node), node, {index, sub}, options, source);
-  }
-  [[nodiscard]] SdoStreamDownload download(NodeId node, std::uint16_t index, std::uint8_t sub, SdoSource& source) {
-    return download(node, index, sub, source, options());
-  }
-  template <class T>
-  [[nodiscard]] SdoRead<T> read(NodeId node, std::uint16_t index, std::uint8_t sub) noexcept {
-    return SdoRead<T>(line(node), node, {index, sub}, options());
-  }
-  template <class T>
-  [[nodiscard]] SdoRead<T> read(NodeId node, std::uint16_t index, std::uint8_t sub,
-                                const SdoOptions& options) noexcept {
-    return SdoRead<T>(line(node), node, {index, sub}, options);
-  }
-  template <class T>
-  [[nodiscard]] SdoWrite<T> write(NodeId node, std::uint16_t index, std::uint8_t sub, T value) noexcept {
-    return SdoWrite<T>(line(node), node, {index, sub}, options(), value);
-  }
-  template <class T>
+  template <class T, class... More>
   [[nodiscard]] SdoWrite<T> write(NodeId node, std::uint16_t index, std::uint8_t sub, T value,
-                                  const SdoOptions& options) noexcept {
-    return SdoWrite<T>(line(node), node, {index, sub}, options, value);
+                                  const More&... more) noexcept {
+    return with(node).write<T>(index, sub, value, more...);
   }
 
   /// Ends the transfers of a node with Errc::cancelled, without a frame: the node was reset or is gone.
@@ -456,49 +491,17 @@ class SdoClient final : private can::Handler {
 
 /// The client of one channel: an additional SDO client (1280h..12FFh), or any pair of COB-IDs. `server`: the node that
 /// answers, for errors and `SdoObserver`.
-class SdoChannelClient final : private can::Handler {
+class SdoChannelClient final : public SdoTransfers, private can::Handler {
  public:
   SdoChannelClient(can::Dispatcher& dispatcher, SdoChannel channel, NodeId server, const SdoOptions& options = {});
   /// Ends all transfers with Errc::cancelled.
   ~SdoChannelClient();
-
-  [[nodiscard]] SdoUpload upload(std::uint16_t index, std::uint8_t sub) noexcept {
-    return SdoUpload(line_, server_, {index, sub}, settings_.options);
-  }
-  [[nodiscard]] SdoUpload upload(std::uint16_t index, std::uint8_t sub, const SdoOptions& options) noexcept {
-    return SdoUpload(line_, server_, {index, sub}, options);
-  }
-  [[nodiscard]] SdoStreamUpload upload(std::uint16_t index, std::uint8_t sub, SdoSink& sink,
-                                       const SdoOptions& options) {
-    return SdoStreamUpload(line_, server_, {index, sub}, options, sink);
-  }
-  [[nodiscard]] SdoDownload download(std::uint16_t index, std::uint8_t sub,
-                                     std::span<const std::uint8_t> data) noexcept {
-    return SdoDownload(line_, server_, {index, sub}, settings_.options, data);
-  }
-  [[nodiscard]] SdoDownload download(std::uint16_t index, std::uint8_t sub, std::span<const std::uint8_t> data,
-                                     const SdoOptions& options) noexcept {
-    return SdoDownload(line_, server_, {index, sub}, options, data);
-  }
-  [[nodiscard]] SdoStreamDownload download(std::uint16_t index, std::uint8_t sub, SdoSource& source,
-                                           const SdoOptions& options) {
-    return SdoStreamDownload(line_, server_, {index, sub}, options, source);
-  }
-  template <class T>
-  [[nodiscard]] SdoRead<T> read(std::uint16_t index, std::uint8_t sub) noexcept {
-    return SdoRead<T>(line_, server_, {index, sub}, settings_.options);
-  }
-  template <class T>
-  [[nodiscard]] SdoWrite<T> write(std::uint16_t index, std::uint8_t sub, T value) noexcept {
-    return SdoWrite<T>(line_, server_, {index, sub}, settings_.options, value);
-  }
 
   /// Ends the transfers with Errc::cancelled, without a frame.
   void cancel() noexcept { line_.cancel(); }
   void set_options(const SdoOptions& options) noexcept { settings_.options = options; }
   [[nodiscard]] const SdoOptions& options() const noexcept { return settings_.options; }
   void set_observer(SdoObserver* observer) noexcept { settings_.observer = observer; }
-  [[nodiscard]] NodeId server() const noexcept { return server_; }
   [[nodiscard]] SdoChannel channel() const noexcept { return channel_; }
   [[nodiscard]] bool busy() const noexcept { return line_.first_ != nullptr; }
 
@@ -507,7 +510,6 @@ class SdoChannelClient final : private can::Handler {
   SdoClientSettings settings_;
   SdoLine line_;
   SdoChannel channel_;
-  NodeId server_;
 };
 
 }  // namespace berth::co
