@@ -13,8 +13,8 @@
 #include "berth/store/database.hpp"
 #include "berth/text/quantity.hpp"
 #include "interrupt.hpp"
+#include "machine_run.hpp"
 #include "outputs.hpp"
-#include "rig.hpp"
 
 namespace berth::cli {
 namespace {
@@ -159,17 +159,17 @@ void name_quiet_master(Learnt& learnt) {
   }
 }
 
-tl::expected<Learnt, Failure> learn(Rig& rig, const Options& options, const AdoptOptions& adopt) {
-  const design::Bus& bus = rig.machine().buses.front();
-  auto& dispatcher = rig.session().network(bus.name)->services().dispatcher;
+tl::expected<Learnt, Failure> learn(MachineRun& run, const Options& options, const AdoptOptions& adopt) {
+  const design::Bus& bus = run.machine().buses.front();
+  auto& dispatcher = run.session().network(bus.name)->services().dispatcher;
   live::Census census(dispatcher);
-  Interrupt& interrupt = rig.interrupt();
-  wait_for(rig.driver(), interrupt, adopt.listen);
+  Interrupt& interrupt = run.interrupt();
+  wait_for(run.driver(), interrupt, adopt.listen);
   // The gate listens for a time of its own before it lets a question out.
-  if (const auto heard = rig.strangers().listen_first(); !heard && !adopt.passive) {
+  if (const auto heard = run.strangers().listen_first(); !heard && !adopt.passive) {
     return tl::unexpected(heard.error());
   }
-  const live::Gate& gate = *rig.guards().gate(bus.name);
+  const live::Gate& gate = *run.guards().gate(bus.name);
   if (gate.state() == live::GateState::down) {
     return tl::unexpected(failure(Exit::failed, fmt::format("bus {}: {} is down", bus.name, can::to_string(bus.port))));
   }
@@ -189,10 +189,10 @@ tl::expected<Learnt, Failure> learn(Rig& rig, const Options& options, const Adop
     ask.own = learnt.master_id;
     ask.client_gone = std::min<rt::Duration>(ask.client_gone, adopt.listen);
     bool over = false;
-    rt::Scope scope(rig.driver().executor());
+    rt::Scope scope(run.driver().executor());
     scope.spawn(ask_all(census, ask, problem, over));
     wait_until(
-        rig.driver(), interrupt, [&] { return over; }, options.timeout.value_or(10min));
+        run.driver(), interrupt, [&] { return over; }, options.timeout.value_or(10min));
     if (interrupt.came()) return tl::unexpected(failure(Exit::no, "ended before all were asked; nothing was written"));
     if (!problem.empty()) return tl::unexpected(failure(Exit::failed, fmt::format("bus {}: {}", bus.name, problem)));
   }
@@ -267,13 +267,13 @@ int run_adopt(const Options& wanted, const AdoptOptions& adopt) {
   options.outside.observe = adopt.passive;
   options.outside.read_only = true;
   const std::string seed = seed_machine(options, adopt);
-  auto made = Rig::make(options, {adopt.file, {}, seed, {}});
+  auto made = MachineRun::make(options, {adopt.file, {}, seed, {}});
   if (!made) return tell(made.error(), options.json);
-  Rig& rig = **made;
-  const auto learnt = learn(rig, options, adopt);
+  MachineRun& run = **made;
+  const auto learnt = learn(run, options, adopt);
   if (!learnt) return tell(learnt.error(), options.json);
   std::vector<Seated> seats;
-  const std::string text = machine_text(*learnt, rig.machine().buses.front(), adopt, seats);
+  const std::string text = machine_text(*learnt, run.machine().buses.front(), adopt, seats);
   if (seats.empty()) {
     report(*learnt, seats, adopt.file, store, options.json);
     if (options.json) return Exit::no;

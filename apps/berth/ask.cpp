@@ -207,23 +207,23 @@ bool Asker::take(char key) {
 
 // ---- in a world that stands still ----
 
-void ask_here(Rig& rig, rt::Duration limit) {
+void ask_here(MachineRun& run, rt::Duration limit) {
   for (;;) {
-    const auto questions = open_questions(rig.session());
+    const auto questions = open_questions(run.session());
     const auto question = std::ranges::find_if(questions, [](const Event& q) { return !q.devices.empty(); });
     if (question == questions.end()) return;
     print_line(fmt::format("bus {}: {}", question->bus, question->text));
     print_lines(lines_of(*question));
-    const auto line = typed_line(rig.interrupt());
+    const auto line = typed_line(run.interrupt());
     if (!line || line->empty()) return;
     std::string problem;
-    const auto request = answer_of(*question, *line, rig.session().machine(), problem);
+    const auto request = answer_of(*question, *line, run.session().machine(), problem);
     if (request.verb.empty()) {
       print_error(problem);
       continue;
     }
     command::Reply reply;
-    if (!execute_in(rig, request, reply, limit)) return;
+    if (!execute_in(run, request, reply, limit)) return;
     if (!reply.error.empty()) print_errors(reply.error);
   }
 }

@@ -13,7 +13,7 @@
 #include "berth/tree/session.hpp"
 #include "first_saves.hpp"
 #include "interrupt.hpp"
-#include "rig.hpp"
+#include "machine_run.hpp"
 
 namespace berth::cli {
 
@@ -76,6 +76,6 @@ class Asker final : private io::Watcher {
 };
 
 /// Asks until nothing is open or no answer comes; the simulated world stands still meanwhile. For `berth bind`.
-void ask_here(Rig& rig, rt::Duration limit);
+void ask_here(MachineRun& run, rt::Duration limit);
 
 }  // namespace berth::cli

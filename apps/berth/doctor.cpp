@@ -20,8 +20,8 @@
 #include "followed.hpp"
 #include "interrupt.hpp"
 #include "machine_file.hpp"
+#include "machine_run.hpp"
 #include "node_words.hpp"
-#include "rig.hpp"
 #include "verbs.hpp"
 
 namespace berth::cli {
@@ -58,24 +58,24 @@ struct Patient {
 };
 
 // On a simulated bus, a node of its own.
-tl::expected<std::unique_ptr<can::Port>, Failure> node_on(Rig& rig, const design::Bus& bus) {
-  auto port = rig.world()->attach_master(bus.name);
+tl::expected<std::unique_ptr<can::Port>, Failure> node_on(MachineRun& run, const design::Bus& bus) {
+  auto port = run.world()->attach_master(bus.name);
   if (port) return std::unique_ptr<can::Port>(std::move(port));
   return tl::unexpected(failure(Exit::failed, fmt::format("the simulated world has no bus \"{}\"", bus.name)));
 }
 
 // A simulated machine: devices boot, and with --up it is brought up first. What the plant file plans after
 // "operational" does not happen: the machine is looked at as it stands.
-void prepare(Rig& rig, const Options& options) {
-  if (options.single.bring_up && rig.loop() == nullptr) {
-    rig.power_on();
-    rig.session().start();
+void prepare(MachineRun& run, const Options& options) {
+  if (options.single.bring_up && run.loop() == nullptr) {
+    run.power_on();
+    run.session().start();
     const auto limit = options.timeout.value_or(5min);
     const bool done = wait_until(
-        rig.driver(), rig.interrupt(), [&] { return rig.session().operational(); }, limit);
+        run.driver(), run.interrupt(), [&] { return run.session().operational(); }, limit);
     if (!done) print_error("--up: the machine is not operational; it is looked at as it is");
   }
-  rig.power_on_and_boot(settled);
+  run.power_on_and_boot(settled);
 }
 
 rt::Task<void> question(Patient& patient, unsigned& open) {
@@ -86,15 +86,15 @@ rt::Task<void> question(Patient& patient, unsigned& open) {
   --open;
 }
 
-void ask_all(Rig& rig, std::vector<Patient>& patients, const Options& options) {
+void ask_all(MachineRun& run, std::vector<Patient>& patients, const Options& options) {
   unsigned open = 0;
-  rt::Scope scope(rig.driver().executor());
+  rt::Scope scope(run.driver().executor());
   for (auto& patient : patients) {
     ++open;
     scope.spawn(question(patient, open));
   }
   const bool done = wait_until(
-      rig.driver(), rig.interrupt(), [&] { return open == 0; }, options.timeout.value_or(5min));
+      run.driver(), run.interrupt(), [&] { return open == 0; }, options.timeout.value_or(5min));
   for (auto& patient : patients) patient.answers.frames = patient.ear->heard().frames - patient.heard.frames;
   if (done) return;
   for (auto& patient : patients) {
@@ -119,34 +119,35 @@ Failure cannot_hear(const design::Machine& machine, const design::Bus& bus) {
                   bus.bitrate, bus.name, machine.file));
 }
 
-tl::expected<std::vector<Patient>, Failure> patients_of(Rig& rig, const Options& options, const DoctorOptions& wanted) {
+tl::expected<std::vector<Patient>, Failure> patients_of(MachineRun& run, const Options& options,
+                                                        const DoctorOptions& wanted) {
   std::vector<Patient> patients;
-  for (const auto* const each : rig.machine().all_buses()) {
+  for (const auto* const each : run.machine().all_buses()) {
     const design::Bus& bus = *each;
     if (!options.bus.empty() && bus.name != options.bus) continue;
-    if (!bus.own_port && rig.world() == nullptr) continue;
+    if (!bus.own_port && run.world() == nullptr) continue;
     if (wanted.active && bus.role == design::Role::observer) {
       return tl::unexpected(failure(
           Exit::usage, fmt::format("bus {} is only observed (role = \"observer\"): without --active the doctor only "
                                    "listens",
                                    bus.name)));
     }
-    Patient p = patient_of(rig.machine(), bus, wanted);
-    if (rig.guards().gate(bus.name) != nullptr) {
+    Patient p = patient_of(run.machine(), bus, wanted);
+    if (run.guards().gate(bus.name) != nullptr) {
       // Not a dispatcher of its own: a port has one listener, and of two dispatchers the one that registered last is
       // it.
-      p.dispatcher = &rig.session().network(bus.name)->services().dispatcher;
+      p.dispatcher = &run.session().network(bus.name)->services().dispatcher;
     } else {
-      auto port = node_on(rig, bus);
+      auto port = node_on(run, bus);
       if (!port) return tl::unexpected(port.error());
       p.port = std::move(*port);
-      p.own = std::make_unique<can::Dispatcher>(rig.driver().executor(), *p.port);
+      p.own = std::make_unique<can::Dispatcher>(run.driver().executor(), *p.port);
       p.dispatcher = p.own.get();
     }
     p.ear = std::make_unique<doctor::Ear>(*p.dispatcher);
     patients.push_back(std::move(p));
   }
-  if (patients.empty()) return tl::unexpected(no_such_bus(rig.machine(), options.bus));
+  if (patients.empty()) return tl::unexpected(no_such_bus(run.machine(), options.bus));
   return patients;
 }
 
@@ -181,16 +182,16 @@ rt::Duration listening_time(const std::vector<Patient>& patients, const DoctorOp
 }
 
 // How long. A port that was down all the time tells nothing of its bus.
-rt::Duration listen(Rig& rig, std::vector<Patient>& patients, const DoctorOptions& wanted) {
-  const auto began = rig.now();
-  wait_for(rig.driver(), rig.interrupt(), listening_time(patients, wanted));
+rt::Duration listen(MachineRun& run, std::vector<Patient>& patients, const DoctorOptions& wanted) {
+  const auto began = run.now();
+  wait_for(run.driver(), run.interrupt(), listening_time(patients, wanted));
   for (auto& p : patients) {
     p.heard = p.ear->heard();
     p.deaf = !p.dispatcher->port().status().up && p.heard.listened().count() <= 0;
     if (!p.deaf) continue;
     p.problem = fmt::format("bus {}: {} is down: nothing was heard", p.bus->name, can::to_string(p.bus->port));
   }
-  return rig.now() - began;
+  return run.now() - began;
 }
 
 int report(std::vector<Patient>& patients, rt::Duration listened, const Options& options, const DoctorOptions& wanted,
@@ -238,10 +239,11 @@ int report(std::vector<Patient>& patients, rt::Duration listened, const Options&
 // --- Conformance -----------------------------------------------------------------------------------------------------
 
 // What the node is described by: --eds, else its slot's; null when neither is there.
-tl::expected<std::shared_ptr<const od::Description>, Failure> description_of(const Rig& rig, const Patient& patient,
+tl::expected<std::shared_ptr<const od::Description>, Failure> description_of(const MachineRun& run,
+                                                                             const Patient& patient,
                                                                              const DoctorOptions& wanted) {
   std::string path = wanted.eds;
-  for (const auto& slot : rig.machine().slots) {
+  for (const auto& slot : run.machine().slots) {
     const bool is = slot.spec.name.bus == patient.bus->name && slot.spec.id == wanted.node;
     if (is && path.empty()) path = slot.eds_path;
   }
@@ -272,20 +274,21 @@ int report_conformance(const doctor::Conformance& report, const Patient& patient
   return report.count(doctor::Verdict::failed) == 0 ? Exit::done : Exit::no;
 }
 
-int run_conformance(Rig& rig, std::vector<Patient>& patients, const Options& options, const DoctorOptions& wanted) {
+int run_conformance(MachineRun& run, std::vector<Patient>& patients, const Options& options,
+                    const DoctorOptions& wanted) {
   if (patients.size() != 1) return tell(failure(Exit::usage, "of which bus? Give --bus NAME"), options.json);
   Patient& patient = patients.front();
-  auto description = description_of(rig, patient, wanted);
+  auto description = description_of(run, patient, wanted);
   if (!description) return tell(description.error(), options.json);
   const doctor::ConformanceOptions how{
       .node = wanted.node, .description = *description, .timeout = patient.bus->timing.sdo_timeout};
   doctor::Conformance report;
   bool over = false;
   {
-    rt::Scope scope(rig.driver().executor());
+    rt::Scope scope(run.driver().executor());
     scope.spawn(examine_node(patient, how, report, over));
     wait_until(
-        rig.driver(), rig.interrupt(), [&] { return over; }, options.timeout.value_or(10min));
+        run.driver(), run.interrupt(), [&] { return over; }, options.timeout.value_or(10min));
   }
   if (!over) patient.problem = "not all checks could be made: give a longer --timeout";
   return report_conformance(report, patient, wanted.node, options);
@@ -368,24 +371,24 @@ int run_doctor(const Options& given, DoctorOptions wanted) {
   own.store.used = false;
   own.outside.observe = !wanted.active;
   own.store.file.clear();  // it needs no slot table, and `berth up` may hold it
-  auto made = Rig::make(own, {options.machine, options.sim.plant, {}, {}});
+  auto made = MachineRun::make(own, {options.machine, options.sim.plant, {}, {}});
   if (!made) return tell(made.error(), options.json);
-  Rig& rig = **made;
+  MachineRun& run = **made;
   if (options.machine.empty()) {
-    if (const auto wrong = settle_bus(rig.machine(), false, options, wanted)) return tell(*wrong, options.json);
+    if (const auto wrong = settle_bus(run.machine(), false, options, wanted)) return tell(*wrong, options.json);
   }
-  prepare(rig, options);
-  auto patients = patients_of(rig, options, wanted);
+  prepare(run, options);
+  auto patients = patients_of(run, options, wanted);
   if (!patients) return tell(patients.error(), options.json);
   if (wanted.active) {
-    const auto clear = rig.strangers().listen_first();
+    const auto clear = run.strangers().listen_first();
     if (!clear) return tell(clear.error(), options.json);
   }
-  if (!wanted.conformance.empty()) return rig.record().finish(run_conformance(rig, *patients, options, wanted));
-  const auto listened = listen(rig, *patients, wanted);
-  if (wanted.active) ask_all(rig, *patients, options);
-  return rig.record().finish(
-      report(*patients, listened, options, wanted, not_heard(rig.machine(), rig.world() != nullptr, options)));
+  if (!wanted.conformance.empty()) return run.record().finish(run_conformance(run, *patients, options, wanted));
+  const auto listened = listen(run, *patients, wanted);
+  if (wanted.active) ask_all(run, *patients, options);
+  return run.record().finish(
+      report(*patients, listened, options, wanted, not_heard(run.machine(), run.world() != nullptr, options)));
 }
 
 }  // namespace

@@ -22,23 +22,23 @@ using namespace std::chrono_literals;
 
 // ---- Ending ----
 
-Ending::Ending(Rig& rig, std::string until) : rig_(&rig), until_(std::move(until)) {
-  for (const auto& bus : rig.machine().buses) {
+Ending::Ending(MachineRun& run, std::string until) : run_(&run), until_(std::move(until)) {
+  for (const auto& bus : run.machine().buses) {
     quiet_ = std::max(quiet_, bus.timing.heartbeat_timeout + 2 * bus.timing.probe_period);
   }
   rt::Duration boot{0};
-  for (const auto& device : rig.plant().devices) boot = std::max(boot, device.boot);
+  for (const auto& device : run.plant().devices) boot = std::max(boot, device.boot);
   quiet_ += boot;
   // What failed is tried again when the whole bus is asked anew: every 8 looks, and the asking takes its time.
   patience_ = quiet_;
-  for (const auto& bus : rig.machine().buses) patience_ = std::max(patience_, quiet_ + 10 * bus.timing.probe_period);
+  for (const auto& bus : run.machine().buses) patience_ = std::max(patience_, quiet_ + 10 * bus.timing.probe_period);
   // A bus beneath that does not come up in time is left to its gateway's master, and tried again after that time.
-  for (const auto& bus : rig.machine().beneath) {
+  for (const auto& bus : run.machine().beneath) {
     const rt::Duration time = std::max<rt::Duration>(bus.startup.boot_time, tree::Beneath::patience);
     patience_ = std::max(patience_, quiet_ + 2 * time);
   }
   limit_ = 10min;
-  for (const auto& event : rig.plant().events) limit_ += event.delay + event.duration;
+  for (const auto& event : run.plant().events) limit_ += event.delay + event.duration;
   plan_behind(plant::After::start);
 }
 
@@ -46,21 +46,21 @@ Ending::Ending(Rig& rig, std::string until) : rig_(&rig), until_(std::move(until
 // Only the event's own bus is looked at: a machine of a hundred buses has a hundred times the events.
 void Ending::event(const operate::Event& event) {
   look_ = true;
-  const auto* const network = rig_->session().network(event.bus);
+  const auto* const network = run_->session().network(event.bus);
   const bool of_a_slot = event.kind == operate::EventKind::state || event.kind == operate::EventKind::bound;
-  if (network == nullptr && of_a_slot) changed_ = rig_->now();  // beneath a gateway
+  if (network == nullptr && of_a_slot) changed_ = run_->now();  // beneath a gateway
   if (network == nullptr) return;
   auto slots = network->occupancy();
   auto& known = now_[event.bus];
   if (slots == known) return;
   known = std::move(slots);
-  changed_ = rig_->now();
+  changed_ = run_->now();
 }
 
 void Ending::plan_behind(plant::After after) {
-  const rt::Time now = rig_->now();
+  const rt::Time now = run_->now();
   changed_ = now;
-  for (const auto& event : rig_->plant().events) {
+  for (const auto& event : run_->plant().events) {
     if (event.after == after) due_ = std::max(due_, now + event.delay + event.duration);
   }
 }
@@ -69,14 +69,14 @@ void Ending::milestone(operate::Milestone milestone) {
   plan_behind(after(milestone));
   if (milestone != operate::Milestone::operational) return;
   first_.clear();
-  for (const auto& network : rig_->session().networks()) first_[network->bus().name] = network->occupancy();
+  for (const auto& network : run_->session().networks()) first_[network->bus().name] = network->occupancy();
 }
 
-bool Ending::plan_over() const { return rig_->now() >= due_; }
+bool Ending::plan_over() const { return run_->now() >= due_; }
 
 bool Ending::replaced() const {
-  if (first_.empty() || !rig_->session().operational()) return false;
-  return std::ranges::any_of(rig_->session().networks(), [this](const auto& network) {
+  if (first_.empty() || !run_->session().operational()) return false;
+  return std::ranges::any_of(run_->session().networks(), [this](const auto& network) {
     const auto stays = [](const auto& now, const auto& first) { return !now.device || now.device == first.device; };
     return !std::ranges::equal(network->occupancy(), first_.at(network->bus().name), stays);
   });
@@ -87,23 +87,23 @@ bool Ending::reached() {
   const bool replacing = until_ == "replaced";
   if (replacing && !plan_over()) return false;
   look_ = false;
-  return replacing ? replaced() : rig_->session().operational();
+  return replacing ? replaced() : run_->session().operational();
 }
 
-bool Ending::hopeless() { return !until_.empty() && rig_->guards().shut_out(); }
+bool Ending::hopeless() { return !until_.empty() && run_->guards().shut_out(); }
 
 bool Ending::settled() {
-  const rt::Time now = rig_->now();
+  const rt::Time now = run_->now();
   const rt::Time still_since = std::max(changed_, due_);
-  const bool idle = rig_->session().idle();
+  const bool idle = run_->session().idle();
   const bool anew = since_ != still_since || now < still_since;
   if (anew) idle_ = {};
   if (!anew && idle) idle_ += now - looked_;
   since_ = still_since;
   looked_ = now;
   if (!idle || idle_ < quiet_) return false;
-  if (idle_ < patience_ && !rig_->session().operational()) return false;
-  const auto slots = rig_->session().slots();
+  if (idle_ < patience_ && !run_->session().operational()) return false;
+  const auto slots = run_->session().slots();
   return std::ranges::none_of(slots, [](const auto& s) {
     return s.state == places::SlotState::binding || s.state == places::SlotState::configuring ||
            s.state == places::SlotState::unknown;
@@ -127,14 +127,14 @@ struct Beside {
 };
 
 // What `watch =` of the machine file names stands in the live table.
-void show_values(Rig& rig, Screen& screen, Beside& beside) {
-  const auto words = watch_words(rig.machine());
+void show_values(MachineRun& run, Screen& screen, Beside& beside) {
+  const auto words = watch_words(run.machine());
   if (!screen.live() || words.empty()) return;
-  auto watched = Watched::of(rig.machine(), {}, words);
+  auto watched = Watched::of(run.machine(), {}, words);
   if (!watched) return screen.line("watch of the machine file: " + watched.error());
-  beside.values = std::make_unique<LiveValues>(rig.session(), std::move(*watched));
-  screen.show_values([&rig, values = beside.values.get(), utf8 = terminal_has_utf8()](std::size_t columns) {
-    return watch_lines(values->rows(), columns, rig.now(), utf8);
+  beside.values = std::make_unique<LiveValues>(run.session(), std::move(*watched));
+  screen.show_values([&run, values = beside.values.get(), utf8 = terminal_has_utf8()](std::size_t columns) {
+    return watch_lines(values->rows(), columns, run.now(), utf8);
   });
 }
 
@@ -152,16 +152,16 @@ void tell_standing(const WorldTime& time, const command::Request& request, comma
   reply.json = json.dump();
 }
 
-rt::Task<void> answer(Rig& rig, WorldTime* time, const command::Request& request, command::Reply& reply) {
+rt::Task<void> answer(MachineRun& run, WorldTime* time, const command::Request& request, command::Reply& reply) {
   if (time != nullptr && WorldTime::is_its(request)) co_return co_await time->carry_out(request, reply);
   if (request.verb != plant_verb) {
     if (time != nullptr && request.verb != "report") tell_standing(*time, request, reply);
     const WorldTime::Waiting waiting(time, reply);
-    co_await command::execute(rig.session(), request, reply);
+    co_await command::execute(run.session(), request, reply);
     if (time != nullptr && request.verb == "report") tell_standing(*time, request, reply);
     co_return;
   }
-  reply = do_in_plant({rig.world(), &rig.plant(), &rig.session()}, request);
+  reply = do_in_plant({run.world(), &run.plant(), &run.session()}, request);
 }
 
 command::Reply ring_of(const StudioHost* studio, const command::Request& request) {
@@ -172,10 +172,10 @@ command::Reply ring_of(const StudioHost* studio, const command::Request& request
 }
 
 // By the control socket: this account, or root.
-rt::Task<void> audited(Rig& rig, WorldTime* time, const StudioHost* const* studio, const command::Request& asked,
+rt::Task<void> audited(MachineRun& run, WorldTime* time, const StudioHost* const* studio, const command::Request& asked,
                        command::Reply& reply) {
   command::Request request = asked;
-  if (auto other = other_machine(request, rig.session().machine().file)) {
+  if (auto other = other_machine(request, run.session().machine().file)) {
     reply = std::move(*other);
     co_return;
   }
@@ -183,48 +183,48 @@ rt::Task<void> audited(Rig& rig, WorldTime* time, const StudioHost* const* studi
     reply = ring_of(*studio, request);
     co_return;
   }
-  command::Audit audit(rig.session(), "control socket", request);
-  co_await answer(rig, time, request, reply);
+  command::Audit audit(run.session(), "control socket", request);
+  co_await answer(run, time, request, reply);
   audit.answered(reply);
 }
 
-tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Options& options,
+tl::expected<Beside, Failure> serve_beside(MachineRun& run, Screen& screen, const Options& options,
                                            const std::string& control) {
   Beside beside;
   const auto say = [&screen](const std::string& line) { screen.line(line); };
-  const bool types = rig.loop() != nullptr && !options.json && someone_types();
+  const bool types = run.loop() != nullptr && !options.json && someone_types();
   if (!options.dry_run && (options.yes || types)) {
-    beside.saves = std::make_unique<FirstSaves>(rig.session(), say, options.yes);
+    beside.saves = std::make_unique<FirstSaves>(run.session(), say, options.yes);
   }
-  if (rig.loop() == nullptr) return beside;
-  beside.time = std::make_unique<WorldTime>(rig);
+  if (run.loop() == nullptr) return beside;
+  beside.time = std::make_unique<WorldTime>(run);
   screen.show_time([time = beside.time.get()] { return time->standing(); });
-  const auto carry = [&rig, time = beside.time.get()](const command::Request& request, command::Reply& reply) {
-    return answer(rig, time, request, reply);
+  const auto carry = [&run, time = beside.time.get()](const command::Request& request, command::Reply& reply) {
+    return answer(run, time, request, reply);
   };
   if (!control.empty()) {
-    auto listening = command::ControlServer::listen(control, *rig.loop(),
-                                                    [&rig, time = beside.time.get(), ring = beside.ring.get()](
+    auto listening = command::ControlServer::listen(control, *run.loop(),
+                                                    [&run, time = beside.time.get(), ring = beside.ring.get()](
                                                         const command::Request& request, command::Reply& reply) {
-                                                      return audited(rig, time, ring, request, reply);
+                                                      return audited(run, time, ring, request, reply);
                                                     });
     if (!listening) return tl::unexpected(failure(Exit::failed, listening.error()));
     beside.server = std::move(*listening);
     auto* const server = beside.server.get();
-    rig.record().follow([server] { return server->followed(); },
+    run.record().follow([server] { return server->followed(); },
                         [server](const std::string& line) { server->frame(line); });
   }
   if (!options.offers.gateway.where.empty()) {
     const auto rights = gateway_rights(options);
     const auto where = gateway_endpoint("--gateway", options.offers.gateway.where, rights);
     if (!where) return tl::unexpected(where.error());
-    auto host = GatewayHost::listen(rig, *where, rights, say);
+    auto host = GatewayHost::listen(run, *where, rights, say);
     if (!host) return tl::unexpected(host.error());
     beside.gateway = std::move(*host);
     screen.line("CiA 309-3 gateway at " + beside.gateway->where());
   }
   if (options.offers.studio.offered() && !options.dry_run) {
-    auto host = StudioHost::start(rig, options, control, carry);
+    auto host = StudioHost::start(run, options, control, carry);
     if (!host) return tl::unexpected(host.error());
     beside.studio = std::move(*host);
     *beside.ring = beside.studio.get();
@@ -234,11 +234,11 @@ tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Optio
     }
   }
   if (types && beside.saves) {
-    beside.asker = std::make_unique<Asker>(rig.session(), *rig.loop(), *beside.saves, say, screen.live());
+    beside.asker = std::make_unique<Asker>(run.session(), *run.loop(), *beside.saves, say, screen.live());
     if (beside.studio) beside.asker->also_helps(beside.studio->lines());
     auto* const asker = beside.asker.get();
     screen.listen(
-        *rig.loop(), [asker](const std::string& line) { asker->take(line); },
+        *run.loop(), [asker](const std::string& line) { asker->take(line); },
         [asker](char key) { return asker->take(key); });
   }
   return beside;
@@ -254,60 +254,60 @@ rt::Duration allowed(const Ending& ending, const Options& options, bool real_tim
 
 }  // namespace
 
-tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, const Options& options,
+tl::expected<Ended, Failure> drive(MachineRun& run, Ending& ending, Screen& screen, const Options& options,
                                    const std::string& control) {
-  const bool real_time = rig.loop() != nullptr;
-  Interrupt& interrupt = rig.interrupt();
-  auto beside = serve_beside(rig, screen, options, control);
+  const bool real_time = run.loop() != nullptr;
+  Interrupt& interrupt = run.interrupt();
+  auto beside = serve_beside(run, screen, options, control);
   if (!beside) return tl::unexpected(beside.error());
-  rig.session().on_event([&](const operate::Event& event) {
+  run.session().on_event([&](const operate::Event& event) {
     ending.event(event);
     screen.event(event);
     if (beside->studio) beside->studio->event(event);
     if (beside->saves) beside->saves->event(event);
     if (beside->asker) beside->asker->event(event);
   });
-  rig.session().on_milestone([&](operate::Milestone milestone) {
+  run.session().on_milestone([&](operate::Milestone milestone) {
     ending.milestone(milestone);
-    rig.milestone(milestone);
+    run.milestone(milestone);
   });
-  if (screen.live()) rig.record().on_trouble([&screen](const std::string& line) { screen.line(line); });
-  rig.power_on();
-  rig.session().start();
-  show_values(rig, screen, *beside);
+  if (screen.live()) run.record().on_trouble([&screen](const std::string& line) { screen.line(line); });
+  run.power_on();
+  run.session().start();
+  show_values(run, screen, *beside);
   Ended how = Ended::timeout;
   const auto over = [&] {
     screen.refresh();
-    rig.record().settle();
+    run.record().settle();
     if (beside->time) beside->time->between();
     if (beside->studio) beside->studio->look();
     if (interrupt.noticed()) {
       how = Ended::interrupted;
-    } else if (ending.reached() || rig.guards().dry_run_over()) {
+    } else if (ending.reached() || run.guards().dry_run_over()) {
       how = Ended::reached;
     } else if (!real_time && ending.settled()) {
       how = Ended::settled;
     }
     return how != Ended::timeout || ending.hopeless();
   };
-  rig.driver().run_until(over, rig.driver().later(allowed(ending, options, real_time)));
+  run.driver().run_until(over, run.driver().later(allowed(ending, options, real_time)));
   if (beside->time) beside->time->let_go();
   screen.refresh(true);
   screen.show_values({});
   screen.show_time({});
-  rig.record().follow({}, {});
-  rig.record().on_trouble({});
-  rig.session().on_event({});
-  rig.session().on_milestone({});
+  run.record().follow({}, {});
+  run.record().on_trouble({});
+  run.session().on_event({});
+  run.session().on_milestone({});
   return how;
 }
 
-tl::expected<void, Failure> serve_bench(Rig& rig, const Options& options) {
+tl::expected<void, Failure> serve_bench(MachineRun& run, const Options& options) {
   auto host = StudioHost::start(
-      rig, options, options.control,
-      [&rig](const command::Request& request, command::Reply& reply) { return answer(rig, nullptr, request, reply); });
+      run, options, options.control,
+      [&run](const command::Request& request, command::Reply& reply) { return answer(run, nullptr, request, reply); });
   if (!host) return tl::unexpected(host.error());
-  rig.session().on_event([&](const operate::Event& event) {
+  run.session().on_event([&](const operate::Event& event) {
     (*host)->event(event);
     print_line(options.json ? operate::to_json(event) : operate::to_line(event));
   });
@@ -315,12 +315,12 @@ tl::expected<void, Failure> serve_bench(Rig& rig, const Options& options) {
     if (options.json) print_error(line);
     if (!options.json) print_line(line);
   }
-  const auto records = [&rig] {
-    rig.record().settle();
+  const auto records = [&run] {
+    run.record().settle();
     return false;
   };
-  wait_until(rig.driver(), rig.interrupt(), records, rt::Duration::max());
-  rig.session().on_event({});
+  wait_until(run.driver(), run.interrupt(), records, rt::Duration::max());
+  run.session().on_event({});
   return {};
 }
 

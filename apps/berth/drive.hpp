@@ -1,11 +1,11 @@
-/// Runs the main job of a rig until it is to end.
+/// Runs the main job of a machine run until it is to end.
 #pragma once
 
 #include <map>
 #include <string>
 
 #include "interrupt.hpp"
-#include "rig.hpp"
+#include "machine_run.hpp"
 #include "screen.hpp"
 
 namespace berth::cli {
@@ -13,7 +13,7 @@ namespace berth::cli {
 /// When a run is over. Watches the session's events and the plant's plan.
 class Ending {
  public:
-  Ending(Rig& rig, std::string until);
+  Ending(MachineRun& run, std::string until);
   void event(const operate::Event& event);
   void milestone(operate::Milestone milestone);
   /// What `--until` names was reached.
@@ -30,7 +30,7 @@ class Ending {
   void plan_behind(plant::After after);
   [[nodiscard]] bool plan_over() const;
   [[nodiscard]] bool replaced() const;
-  Rig* rig_;
+  MachineRun* run_;
   std::string until_;
   rt::Time changed_{};                // when a slot's state or device changed last
   std::map<std::string, Slots> now_;  // by bus
@@ -47,11 +47,11 @@ class Ending {
 };
 
 enum class Ended : std::uint8_t { reached, settled, timeout, interrupted };
-/// Runs the rig's session. In real time beside a control socket at `control` (empty: none), and it ends by `--until` or
+/// Runs the session of a machine run. In real time beside a control socket at `control` (empty: none), and it ends by `--until` or
 /// a signal; in simulated time it also ends when it is settled.
-[[nodiscard]] tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, const Options& options,
-                                                 const std::string& control);
-/// Studio's server for a rig whose main job does not run, until a signal comes; it prints its address and the events.
-[[nodiscard]] tl::expected<void, Failure> serve_bench(Rig& rig, const Options& options);
+[[nodiscard]] tl::expected<Ended, Failure> drive(MachineRun& run, Ending& ending, Screen& screen,
+                                                 const Options& options, const std::string& control);
+/// Studio's server for a run whose main job does not run, until a signal comes; it prints its address and the events.
+[[nodiscard]] tl::expected<void, Failure> serve_bench(MachineRun& run, const Options& options);
 
 }  // namespace berth::cli

@@ -14,13 +14,13 @@ rt::Task<void> run(tree::Session& session, const command::Request& request, comm
 
 }  // namespace
 
-bool execute_in(Rig& rig, const command::Request& request, command::Reply& reply, rt::Duration limit,
+bool execute_in(MachineRun& run, const command::Request& request, command::Reply& reply, rt::Duration limit,
                 const std::function<bool()>& goes_on) {
   bool over = false;
-  rt::Scope scope(rig.driver().executor());
-  scope.spawn(run(rig.session(), request, reply, over));
+  rt::Scope scope(run.driver().executor());
+  scope.spawn(run(run.session(), request, reply, over));
   wait_until(
-      rig.driver(), rig.interrupt(), [&] { return over || rig.guards().dry_run_over() || !goes_on(); }, limit);
+      run.driver(), run.interrupt(), [&] { return over || run.guards().dry_run_over() || !goes_on(); }, limit);
   return over;
 }
 

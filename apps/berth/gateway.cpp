@@ -35,7 +35,7 @@ tl::expected<io::Endpoint, Failure> gateway_endpoint(const std::string& option, 
                      .may = may});
 }
 
-tl::expected<std::unique_ptr<GatewayHost>, Failure> GatewayHost::listen(Rig& rig, const io::Endpoint& where,
+tl::expected<std::unique_ptr<GatewayHost>, Failure> GatewayHost::listen(MachineRun& run, const io::Endpoint& where,
                                                                         GatewayRights rights,
                                                                         std::function<void(const std::string&)> say) {
   std::unique_ptr<GatewayHost> host(new GatewayHost);
@@ -43,7 +43,7 @@ tl::expected<std::unique_ptr<GatewayHost>, Failure> GatewayHost::listen(Rig& rig
   options.commands = rights.commands;
   options.confirmed = rights.confirmed;
   options.tell = std::move(say);
-  auto server = serve::cia309::Server::listen(*rig.loop(), where, rig.session(), std::move(options));
+  auto server = serve::cia309::Server::listen(*run.loop(), where, run.session(), std::move(options));
   if (!server) return tl::unexpected(failure(Exit::failed, server.error()));
   host->server_ = std::move(*server);
   return host;
@@ -101,28 +101,28 @@ int run_gateway(const Options& wanted, const GatewayOptions& gateway) {
   const GatewayRights rights{gateway.commands || options.yes, options.yes, gateway.anywhere};
   const auto where = gateway_endpoint("--listen", gateway.listen, rights);
   if (!where) return tell(where.error(), options.json);
-  auto made = Rig::make(options, {options.machine, options.sim.plant, {}, {}});
+  auto made = MachineRun::make(options, {options.machine, options.sim.plant, {}, {}});
   if (!made) return tell(made.error(), options.json);
-  Rig& rig = **made;
-  Interrupt& interrupt = rig.interrupt();
+  MachineRun& run = **made;
+  Interrupt& interrupt = run.interrupt();
   const auto say = [&](const std::string& text) {
     print_line(options.json ? Json{{"event", text}}.dump(-1, ' ', false, Json::error_handler_t::replace) : text);
   };
-  rig.session().on_event([&](const operate::Event& event) { say(operate::to_line(event)); });
-  if (const auto clear = rig.strangers().listen_first(); !clear) return tell(clear.error(), options.json);
-  auto host = GatewayHost::listen(rig, *where, rights, say);
+  run.session().on_event([&](const operate::Event& event) { say(operate::to_line(event)); });
+  if (const auto clear = run.strangers().listen_first(); !clear) return tell(clear.error(), options.json);
+  auto host = GatewayHost::listen(run, *where, rights, say);
   if (!host) return tell(host.error(), options.json);
-  announce(**host, rig.machine(), options.json);
-  rig.power_on();
-  const auto records = [&rig] {
-    rig.record().settle();
+  announce(**host, run.machine(), options.json);
+  run.power_on();
+  const auto records = [&run] {
+    run.record().settle();
     return false;
   };
-  wait_until(rig.driver(), interrupt, records, gateway.duration.value_or(rt::Duration::max()));
+  wait_until(run.driver(), interrupt, records, gateway.duration.value_or(rt::Duration::max()));
   tell_counters((*host)->counters(), options.json);
-  rig.session().on_event({});
+  run.session().on_event({});
   host->reset();
-  return rig.record().finish(Exit::done);
+  return run.record().finish(Exit::done);
 }
 
 }  // namespace

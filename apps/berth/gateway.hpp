@@ -6,7 +6,7 @@
 #include <string>
 
 #include "berth/serve/cia309_server.hpp"
-#include "rig.hpp"
+#include "machine_run.hpp"
 
 namespace berth::cli {
 
@@ -23,12 +23,12 @@ struct GatewayRights {
 [[nodiscard]] tl::expected<io::Endpoint, Failure> gateway_endpoint(const std::string& option, const std::string& where,
                                                                    GatewayRights rights);
 
-/// A gateway to the session of a rig that runs in real time.
+/// A gateway to the session of a machine run that runs in real time.
 class GatewayHost {
  public:
-  /// `say` gets what a person may want to know. The rig must stay, and have a loop.
+  /// `say` gets what a person may want to know. The run must stay, and have a loop.
   [[nodiscard]] static tl::expected<std::unique_ptr<GatewayHost>, Failure> listen(
-      Rig& rig, const io::Endpoint& where, GatewayRights rights, std::function<void(const std::string&)> say);
+      MachineRun& run, const io::Endpoint& where, GatewayRights rights, std::function<void(const std::string&)> say);
   /// "127.0.0.1:7000".
   [[nodiscard]] std::string where() const { return io::to_string(server_->where()); }
   [[nodiscard]] const serve::cia309::Counters& counters() const noexcept { return server_->counters(); }

@@ -16,8 +16,8 @@
 #include "berth/eds/xdd.hpp"
 #include "execute.hpp"
 #include "init.hpp"
+#include "machine_run.hpp"
 #include "ports.hpp"
-#include "rig.hpp"
 #include "single.hpp"
 
 namespace berth::cli {
@@ -429,21 +429,21 @@ tl::expected<InitPlan, Failure> plan_of_port(const Options& options, const InitO
   own.dry_run = false;  // of the files alone
   own.machine.clear();
   if (own.bus.empty()) own.bus = "field";
-  auto made = Rig::make(own, {});
+  auto made = MachineRun::make(own, {});
   if (!made) return tl::unexpected(made.error());
-  Rig& rig = **made;
-  if (const auto clear = rig.strangers().listen_first(); !clear) return tl::unexpected(clear.error());
-  if (const auto alone = rig.strangers().ask(false); !alone) return tl::unexpected(alone.error());
+  MachineRun& run = **made;
+  if (const auto clear = run.strangers().listen_first(); !clear) return tl::unexpected(clear.error());
+  if (const auto alone = run.strangers().ask(false); !alone) return tl::unexpected(alone.error());
   const Ask ask = [&](const command::Request& request) -> tl::expected<Json, Failure> {
     command::Reply reply;
-    if (execute_in(rig, request, reply, options.timeout.value_or(5min))) return json_of(reply);
-    return tl::unexpected(failure(Exit::failed, rig.interrupt().came() ? "ended before all were asked; nothing was "
+    if (execute_in(run, request, reply, options.timeout.value_or(5min))) return json_of(reply);
+    return tl::unexpected(failure(Exit::failed, run.interrupt().came() ? "ended before all were asked; nothing was "
                                                                          "written"
                                                                        : "the bus was not asked within --timeout"));
   };
   auto plan = plan_of(ask, own, init, own.bus);
   if (!plan) return plan;
-  const design::Bus& bus = rig.machine().buses.front();
+  const design::Bus& bus = run.machine().buses.front();
   plan->buses.front().port = bus.port;
   plan->buses.front().bitrate = bus.bitrate;
   return plan;

@@ -1,7 +1,7 @@
 /// SIGINT, SIGTERM, SIGHUP and an output that is gone, so that a command ends in words and with its own exit status;
 /// and waiting that ends by them: the one way in which a command waits.
 ///
-///     const bool done = wait_until(rig.driver(), rig.interrupt(), [&] { return over; }, 5min);
+///     const bool done = wait_until(run.driver(), run.interrupt(), [&] { return over; }, 5min);
 #pragma once
 
 #include <signal.h>

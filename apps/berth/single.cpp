@@ -13,9 +13,9 @@
 #include "berth/command/control.hpp"
 #include "berth/command/stored.hpp"
 #include "berth/command/verbs.hpp"
+#include "berth/operate/slot_rows.hpp"
 #include "berth/text/columns.hpp"
 #include "berth/text/printable.hpp"
-#include "berth/operate/slot_rows.hpp"
 #include "drive.hpp"
 #include "execute.hpp"
 #include "machine_file.hpp"
@@ -79,17 +79,17 @@ int show(const command::Reply& reply, const Options& options) {
 }
 
 // The simulated devices need their time to boot; with --up the main job gets the time it needs.
-tl::expected<void, Failure> prepare_rig(Rig& rig, const Options& options) {
+tl::expected<void, Failure> prepare_rig(MachineRun& run, const Options& options) {
   if (!options.single.bring_up) {
-    rig.power_on_and_boot(100ms);
+    run.power_on_and_boot(100ms);
     return {};
   }
   Options up = options;
   up.timeout.reset();
-  if (rig.loop() != nullptr) up.timeout = options.timeout.value_or(5min);
-  Screen screen(rig.session(), {.quiet = true});
-  Ending ending(rig, "operational");
-  const auto ended = drive(rig, ending, screen, up, {});
+  if (run.loop() != nullptr) up.timeout = options.timeout.value_or(5min);
+  Screen screen(run.session(), {.quiet = true});
+  Ending ending(run, "operational");
+  const auto ended = drive(run, ending, screen, up, {});
   if (!ended) return tl::unexpected(ended.error());
   return {};
 }
@@ -118,9 +118,9 @@ bool takes_bus(const command::Request& request) {
 }
 
 // Who else is master of the bus that was looked at.
-void add_masters(Rig& rig, command::Reply& reply) {
-  for (const auto& bus : rig.machine().buses) {
-    const auto* const gate = rig.guards().gate(bus.name);
+void add_masters(MachineRun& run, command::Reply& reply) {
+  for (const auto& bus : run.machine().buses) {
+    const auto* const gate = run.guards().gate(bus.name);
     const auto report = gate == nullptr ? std::vector<std::string>() : gate->report();
     if (!report.empty()) reply.lines.push_back(fmt::format("bus {}: {}", bus.name, report.front()));
   }
@@ -137,14 +137,14 @@ command::Reply unconfirmed_binding() {
 }
 
 // Binding in a simulated world, which can stand still: the person who types here is asked which device sits where.
-void ask_where_devices_sit(Rig& rig, command::Reply& reply, rt::Duration limit) {
+void ask_where_devices_sit(MachineRun& run, command::Reply& reply, rt::Duration limit) {
   print_lines(reply.lines);
-  ask_here(rig, limit);
-  const auto now = rig.session().report();
+  ask_here(run, limit);
+  const auto now = run.session().report();
   reply.lines = operate::to_table(now.slots);
   if (!now.questions.empty() || reply.status != Exit::no) return;
   const bool all = std::ranges::none_of(now.slots, [&](const auto& s) {
-    const design::Slot* const slot = rig.machine().slot(s.bus, s.id);
+    const design::Slot* const slot = run.machine().slot(s.bus, s.id);
     const bool needed = slot == nullptr || !slot->spec.optional;
     return needed && s.state != places::SlotState::present && s.state != places::SlotState::operational;
   });
@@ -154,15 +154,15 @@ void ask_where_devices_sit(Rig& rig, command::Reply& reply, rt::Duration limit) 
 }
 
 // Until a signal comes, the time of --timeout is over, or no device answers any more.
-command::Reply repeated(Rig& rig, const command::Request& request, command::Reply reply, const Options& options,
+command::Reply repeated(MachineRun& run, const command::Request& request, command::Reply reply, const Options& options,
                         const Repeat& repeat) {
-  const rt::Time end = rig.now() + options.timeout.value_or(24h * 365);
-  while (reply.status <= Exit::no && rig.now() + *options.single.watch < end) {
+  const rt::Time end = run.now() + options.timeout.value_or(24h * 365);
+  while (reply.status <= Exit::no && run.now() + *options.single.watch < end) {
     repeat(reply);
     if (run_must_end()) break;  // nobody reads it any more
-    wait_for(rig.driver(), rig.interrupt(), *options.single.watch);
+    wait_for(run.driver(), run.interrupt(), *options.single.watch);
     command::Reply next;
-    if (rig.interrupt().came() || !execute_in(rig, request, next, end - rig.now())) {
+    if (run.interrupt().came() || !execute_in(run, request, next, end - run.now())) {
       reply.lines.clear();  // it is shown already
       break;
     }
@@ -174,57 +174,57 @@ command::Reply repeated(Rig& rig, const command::Request& request, command::Repl
 // What takes long is told on the way, where no program reads the answer.
 bool tells_progress(const Options& options) { return !options.json && !options.dry_run; }
 
-void tell_progress(Rig& rig, const command::Request& request, const Options& options) {
+void tell_progress(MachineRun& run, const command::Request& request, const Options& options) {
   const bool takes_long = request.verb == "configure" || request.verb == "boot";
   if (!takes_long || !tells_progress(options) || !on_terminal()) return;
-  rig.session().on_event([](const operate::Event& event) {
+  run.session().on_event([](const operate::Event& event) {
     print_line(event.slot.empty() ? event.text : event.slot + ": " + event.text);
   });
 }
 
 // `seats`: devices get node-IDs.
-tl::expected<void, Failure> takes_alone(Rig& rig, const Options& options, bool seats = true) {
-  const bool first = seats && rig.first_start();
-  if (auto alone = rig.strangers().ask(first); !alone) return alone;
-  if (auto no = no_second_word(rig, options)) return tl::unexpected(std::move(*no));
+tl::expected<void, Failure> takes_alone(MachineRun& run, const Options& options, bool seats = true) {
+  const bool first = seats && run.first_start();
+  if (auto alone = run.strangers().ask(first); !alone) return alone;
+  if (auto no = no_second_word(run, options)) return tl::unexpected(std::move(*no));
   return {};
 }
 
 // Buses that are outside this process are listened to before anything is sent, and asked for other masters before a
 // master's right is used.
-Replied done_in(Rig& rig, const Options& options, const command::Request& request, std::vector<Recorded>& sent,
+Replied done_in(MachineRun& run, const Options& options, const command::Request& request, std::vector<Recorded>& sent,
                 const Repeat& repeat) {
-  Strangers& strangers = rig.strangers();
+  Strangers& strangers = run.strangers();
   if (const auto clear = strangers.listen_first(); !clear) return tl::unexpected(clear.error());
   if (options.single.bring_up) {
-    if (const auto alone = takes_alone(rig, options); !alone) return tl::unexpected(alone.error());
+    if (const auto alone = takes_alone(run, options); !alone) return tl::unexpected(alone.error());
   }
-  const auto ready = prepare_rig(rig, options);
+  const auto ready = prepare_rig(run, options);
   if (!ready) return tl::unexpected(ready.error());
   const bool binds = request.verb == "bind";
-  if (binds && !options.dry_run && !options.yes && rig.first_start()) return unconfirmed_binding();
-  if (options.dry_run) rig.record().collect_sent(sent);
+  if (binds && !options.dry_run && !options.yes && run.first_start()) return unconfirmed_binding();
+  if (options.dry_run) run.record().collect_sent(sent);
   if (takes_bus(request)) {
-    if (const auto alone = takes_alone(rig, options, request.verb != "scan"); !alone)
+    if (const auto alone = takes_alone(run, options, request.verb != "scan"); !alone)
       return tl::unexpected(alone.error());
   }
-  tell_progress(rig, request, options);
+  tell_progress(run, request, options);
   command::Reply reply;
   if (tells_progress(options)) reply.progress = print_progress;
   const auto limit = options.timeout.value_or(5min);
-  if (execute_in(rig, request, reply, limit)) {
-    if (only_looks(request)) add_masters(rig, reply);
-    if (repeat) return repeated(rig, request, std::move(reply), options, repeat);
-    const bool asks = binds && rig.loop() == nullptr && !options.json && !options.dry_run;
-    if (asks && on_terminal() && someone_types()) ask_where_devices_sit(rig, reply, limit);
+  if (execute_in(run, request, reply, limit)) {
+    if (only_looks(request)) add_masters(run, reply);
+    if (repeat) return repeated(run, request, std::move(reply), options, repeat);
+    const bool asks = binds && run.loop() == nullptr && !options.json && !options.dry_run;
+    if (asks && on_terminal() && someone_types()) ask_where_devices_sit(run, reply, limit);
     return reply;
   }
-  if (options.dry_run && !rig.guards().empty()) {
+  if (options.dry_run && !run.guards().empty()) {
     reply = {};
     reply.json = R"({"result": "what comes next depends on the answer"})";
     return reply;
   }
-  if (rig.interrupt().came()) return command::refusal(Exit::failed, request.verb + ": ended before it was done");
+  if (run.interrupt().came()) return command::refusal(Exit::failed, request.verb + ": ended before it was done");
   const double s = std::chrono::duration<double>(limit).count();
   return command::refusal(
       Exit::failed, fmt::format("{}: not done within {} s of bus time; give a longer --timeout", request.verb, s));
@@ -233,7 +233,7 @@ Replied done_in(Rig& rig, const Options& options, const command::Request& reques
 Replied reply_of_own_world(const Options& options, const command::Request& request, std::vector<Recorded>& sent,
                            const Repeat& repeat) {
   const bool links = options.single.bring_up || request.verb == "boot" || request.verb == "configure";
-  auto made = Rig::make(own_options(options, request), {options.machine, options.sim.plant, {}, {}, links});
+  auto made = MachineRun::make(own_options(options, request), {options.machine, options.sim.plant, {}, {}, links});
   if (!made) return tl::unexpected(made.error());
   auto reply = done_in(**made, options, request, sent, repeat);
   if (reply) reply->status = (*made)->record().finish(reply->status);
@@ -317,26 +317,26 @@ using Talk = std::function<int(const Conversation&)>;
 
 tl::expected<int, Failure> converse_in_own_world(const Options& options, const command::Request& kind,
                                                  const Talk& talk) {
-  auto made =
-      Rig::make(own_options(options, kind), {options.machine, options.sim.plant, {}, {}, options.single.bring_up});
+  auto made = MachineRun::make(own_options(options, kind),
+                               {options.machine, options.sim.plant, {}, {}, options.single.bring_up});
   if (!made) return tl::unexpected(made.error());
-  Rig& rig = **made;
-  if (const auto clear = rig.strangers().listen_first(); !clear) return tl::unexpected(clear.error());
+  MachineRun& run = **made;
+  if (const auto clear = run.strangers().listen_first(); !clear) return tl::unexpected(clear.error());
   if (options.single.bring_up) {
-    if (const auto alone = takes_alone(rig, options); !alone) return tl::unexpected(alone.error());
+    if (const auto alone = takes_alone(run, options); !alone) return tl::unexpected(alone.error());
   }
-  if (const auto ready = prepare_rig(rig, options); !ready) return tl::unexpected(ready.error());
-  const Conversation by_rig{[&rig](const command::Request& request, const std::function<bool()>& goes_on) -> Replied {
+  if (const auto ready = prepare_rig(run, options); !ready) return tl::unexpected(ready.error());
+  const Conversation by_rig{[&run](const command::Request& request, const std::function<bool()>& goes_on) -> Replied {
                               command::Reply reply;
-                              if (execute_in(rig, request, reply, 5min, goes_on)) return reply;
+                              if (execute_in(run, request, reply, 5min, goes_on)) return reply;
                               return tl::unexpected(failure(Exit::failed, request.verb + ": ended before it was done"));
                             },
-                            [&rig](std::chrono::nanoseconds time) {
-                              wait_for(rig.driver(), rig.interrupt(), time);
-                              return !rig.interrupt().came();
+                            [&run](std::chrono::nanoseconds time) {
+                              wait_for(run.driver(), run.interrupt(), time);
+                              return !run.interrupt().came();
                             },
-                            [&rig] { return rig.now(); }, rig.loop()};
-  return rig.record().finish(talk(by_rig));
+                            [&run] { return run.now(); }, run.loop()};
+  return run.record().finish(talk(by_rig));
 }
 
 tl::expected<int, Failure> converse_by_control(const Options& options, const std::string& path, const Talk& talk) {

@@ -14,13 +14,13 @@ namespace {
 // One bus by itself: nothing is sent to it but what the page asks, and it is read-only until a person unlocks it there.
 int run_bench(const Options& options) {
   if (const auto no = studio_refused(options)) return tell(*no, options.json);
-  auto made = Rig::make(options, {});
+  auto made = MachineRun::make(options, {});
   if (!made) return tell(made.error(), options.json);
-  Rig& rig = **made;
-  if (const auto clear = rig.strangers().listen_first(); !clear) return tell(clear.error(), options.json);
-  const auto served = serve_bench(rig, options);
+  MachineRun& run = **made;
+  if (const auto clear = run.strangers().listen_first(); !clear) return tell(clear.error(), options.json);
+  const auto served = serve_bench(run, options);
   if (!served) return tell(served.error(), options.json);
-  return rig.record().finish(Exit::done);
+  return run.record().finish(Exit::done);
 }
 
 int run_studio(const Options& wanted) {

@@ -56,17 +56,17 @@ std::string signals_of(const design::Machine& machine) {
 
 class StudioHost::Impl {
  public:
-  Impl(Rig& rig, std::unique_ptr<studio::Studio> server, const StudioOptions& offer)
-      : rig_(&rig), server_(std::move(server)), roles_(offer.roles), named_(offer.named()) {
-    rig_->record().on_frame([this](const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master) {
+  Impl(MachineRun& run, std::unique_ptr<studio::Studio> server, const StudioOptions& offer)
+      : run_(&run), server_(std::move(server)), roles_(offer.roles), named_(offer.named()) {
+    run_->record().on_frame([this](const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master) {
       server_->frame(bus, frame, at, by_master);
     });
-    rig_->record().on_error([this](const std::string& bus, const can::Frame& report, rt::Time at,
+    run_->record().on_error([this](const std::string& bus, const can::Frame& report, rt::Time at,
                                    const std::string& about) { server_->error(bus, report, at, about); });
   }
   ~Impl() {
-    rig_->record().on_frame({});
-    rig_->record().on_error({});
+    run_->record().on_frame({});
+    run_->record().on_error({});
   }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -75,13 +75,13 @@ class StudioHost::Impl {
   [[nodiscard]] bool named() const noexcept { return named_; }
 
  private:
-  Rig* rig_;
+  MachineRun* run_;
   std::unique_ptr<studio::Studio> server_;
   std::vector<std::string> roles_;
   bool named_;  // a person named the address
 };
 
-tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(Rig& rig, const Options& options,
+tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(MachineRun& run, const Options& options,
                                                                      const std::string& control, Carry carry) {
   studio::Options wanted;
   if (options.offers.studio.named())
@@ -91,12 +91,12 @@ tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(Rig& rig, c
   wanted.tokens_kept = options.offers.studio.tokens;
   wanted.certificate = options.offers.studio.certificate;
   wanted.key = options.offers.studio.key;
-  wanted.simulated = rig.world() != nullptr;
-  wanted.signals = signals_of(rig.machine());
-  auto server = studio::Studio::start(*rig.loop(), rig.session(), std::move(carry), wanted);
+  wanted.simulated = run.world() != nullptr;
+  wanted.signals = signals_of(run.machine());
+  auto server = studio::Studio::start(*run.loop(), run.session(), std::move(carry), wanted);
   if (!server) return tl::unexpected(failure(Exit::failed, "--studio: " + server.error()));
   return std::unique_ptr<StudioHost>(
-      new StudioHost(std::make_unique<Impl>(rig, std::move(*server), options.offers.studio)));
+      new StudioHost(std::make_unique<Impl>(run, std::move(*server), options.offers.studio)));
 }
 
 bool StudioHost::has_pages() noexcept { return !studio::built_pages().empty(); }
@@ -150,8 +150,8 @@ std::optional<Failure> studio_refused(const Options& options) {
 
 class StudioHost::Impl {};
 
-tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(Rig&, const Options& options, const std::string&,
-                                                                     Carry) {
+tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(MachineRun&, const Options& options,
+                                                                     const std::string&, Carry) {
   return tl::unexpected(*studio_refused(options));
 }
 

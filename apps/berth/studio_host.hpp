@@ -9,7 +9,7 @@
 
 #include "berth/command/reply.hpp"
 #include "berth/rt/task.hpp"
-#include "rig.hpp"
+#include "machine_run.hpp"
 
 namespace berth::cli {
 
@@ -20,12 +20,12 @@ namespace berth::cli {
 /// the frame to go on from, and that after the newest.
 inline constexpr const char* ring_verb = "ring";
 
-/// The server of a rig that runs in real time.
+/// The server of a machine run that runs in real time.
 class StudioHost {
  public:
   using Carry = std::function<rt::Task<void>(const command::Request& request, command::Reply& reply)>;
-  /// The rig must stay, and have a loop. `control`: the control socket, beside which the token is kept.
-  [[nodiscard]] static tl::expected<std::unique_ptr<StudioHost>, Failure> start(Rig& rig, const Options& options,
+  /// The run must stay, and have a loop. `control`: the control socket, beside which the token is kept.
+  [[nodiscard]] static tl::expected<std::unique_ptr<StudioHost>, Failure> start(MachineRun& run, const Options& options,
                                                                                 const std::string& control,
                                                                                 Carry carry);
   ~StudioHost();

@@ -10,8 +10,8 @@
 #include "ask.hpp"
 #include "berth/command/control.hpp"
 #include "berth/operate/report.hpp"
-#include "berth/text/printable.hpp"
 #include "berth/operate/slot_rows.hpp"
+#include "berth/text/printable.hpp"
 #include "drive.hpp"
 #include "gateway.hpp"
 #include "machine_file.hpp"
@@ -44,60 +44,60 @@ Failure not_operational(tree::Session& session, Ended ended) {
 
 // Where other commands reach this one. A process for one of several buses leaves the machine's name to the one that
 // runs them all.
-std::string control_of(Rig& rig, const Options& options) {
-  if (rig.loop() == nullptr || options.dry_run) return {};
+std::string control_of(MachineRun& run, const Options& options) {
+  if (run.loop() == nullptr || options.dry_run) return {};
   if (!options.control.empty()) return options.control;
-  const auto& name = rig.machine().name;
-  return command::control_path(!rig.guards().empty() && !options.bus.empty() ? bus_process(name, options.bus) : name);
+  const auto& name = run.machine().name;
+  return command::control_path(!run.guards().empty() && !options.bus.empty() ? bus_process(name, options.bus) : name);
 }
 
-std::vector<std::string> first_start_lines(Rig& rig) {
+std::vector<std::string> first_start_lines(MachineRun& run) {
   std::vector<std::string> lines{
-      fmt::format("this is the first start of {}: no slot has a device yet.", rig.machine().name)};
-  for (const auto& bus : rig.machine().buses) {
+      fmt::format("this is the first start of {}: no slot has a device yet.", run.machine().name)};
+  for (const auto& bus : run.machine().buses) {
     if (!is_real(bus.port) || bus.role == design::Role::observer) continue;
     lines.push_back(fmt::format(
         "bus {} on {}: Berth will search for devices (LSS, RAND), give the {} slots' node-IDs to those that fit and "
         "let them store these{}",
-        bus.name, can::to_string(bus.port), rig.machine().specs(bus.name).size(),
+        bus.name, can::to_string(bus.port), run.machine().specs(bus.name).size(),
         bus.role == design::Role::master ? ", reset and configure them, and start them: outputs may switch" : ""));
   }
   return lines;
 }
 
-bool confirmed(Rig& rig, const Options& options) {
-  if (options.yes || !rig.first_start()) return true;
+bool confirmed(MachineRun& run, const Options& options) {
+  if (options.yes || !run.first_start()) return true;
   if (options.json || !someone_types()) return false;
-  print_lines(first_start_lines(rig));
-  return ask_yes("Start it?", rig.interrupt());
+  print_lines(first_start_lines(run));
+  return ask_yes("Start it?", run.interrupt());
 }
 
-Failure unconfirmed(Rig& rig) {
-  auto lines = first_start_lines(rig);
+Failure unconfirmed(MachineRun& run) {
+  auto lines = first_start_lines(run);
   lines.emplace_back("Nothing was sent. Confirm it with --yes; --dry-run shows what would be sent first");
   return failure_in_lines(Exit::no, lines);
 }
 
 // Another master on a bus, or no consent of a person's: nothing is started.
-std::optional<Failure> refusal(Rig& rig, const Options& options) {
-  if (const auto clear = rig.strangers().listen_first(); !clear) return clear.error();
-  if (!options.dry_run && !confirmed(rig, options)) return unconfirmed(rig);
-  if (const auto alone = rig.strangers().ask(rig.first_start()); !alone) return alone.error();
-  return no_second_word(rig, options);
+std::optional<Failure> refusal(MachineRun& run, const Options& options) {
+  if (const auto clear = run.strangers().listen_first(); !clear) return clear.error();
+  if (!options.dry_run && !confirmed(run, options)) return unconfirmed(run);
+  if (const auto alone = run.strangers().ask(run.first_start()); !alone) return alone.error();
+  return no_second_word(run, options);
 }
 
 // `table`: the slots were not on the screen all the time.
-void print_outcome(Rig& rig, const Options& options, const std::vector<Recorded>& sent, bool table) {
+void print_outcome(MachineRun& run, const Options& options, const std::vector<Recorded>& sent, bool table) {
   if (options.dry_run) {
     print_dry_run(sent, nullptr, options.json);
   } else if (options.json) {
-    operate::write_json(rig.session().take_report(), options.events.lines ? -1 : 2,
+    operate::write_json(run.session().take_report(), options.events.lines ? -1 : 2,
                         [](std::string_view piece) { write_text(text::printable(piece)); });
     print_line("");
   } else if (table) {
     print_line("");
-    print_lines(operate::to_table(rig.session().slots()));
-    for (const auto& question : tree::questions_of(rig.session())) print_line(question.text);
+    print_lines(operate::to_table(run.session().slots()));
+    for (const auto& question : tree::questions_of(run.session())) print_line(question.text);
   }
 }
 
@@ -112,37 +112,37 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
   const bool studio = options.offers.studio.offered();
   const bool watched = on_terminal() && !options.json && !options.dry_run;
   options.sim.pace = (options.sim.pace || watched || studio) && !options.sim.fast && !options.dry_run;
-  auto made = Rig::make(options, sources);
+  auto made = MachineRun::make(options, sources);
   if (!made) return tell(made.error(), options.json);
-  Rig& rig = **made;
-  const bool live = watched && !options.events.none && can_draw() && rig.loop() != nullptr;
+  MachineRun& run = **made;
+  const bool live = watched && !options.events.none && can_draw() && run.loop() != nullptr;
   std::vector<Recorded> sent;
-  if (options.dry_run) rig.record().collect_sent(sent);
-  if (const auto no = refusal(rig, options)) return tell(*no, options.json);
-  Screen screen(rig.session(), {.live = live,
+  if (options.dry_run) run.record().collect_sent(sent);
+  if (const auto no = refusal(run, options)) return tell(*no, options.json);
+  Screen screen(run.session(), {.live = live,
                                 .quiet = options.json || options.dry_run || options.events.none,
                                 .events = options.events.lines && !options.dry_run,
-                                .wall_clock = !rig.guards().empty(),
+                                .wall_clock = !run.guards().empty(),
                                 .comment = story.comment});
   for (const auto& line : story.begin) screen.line(line);
-  Ending ending(rig, options.until);
-  const auto ended = drive(rig, ending, screen, options, control_of(rig, options));
+  Ending ending(run, options.until);
+  const auto ended = drive(run, ending, screen, options, control_of(run, options));
   if (!ended) return tell(ended.error(), options.json);
   const bool good =
-      rig.session().operational() && (*ended != Ended::settled || options.until != "replaced" || ending.reached());
-  if (!options.dry_run) rig.leave(options);
-  if (*ended == Ended::interrupted && !options.json && !options.dry_run && leaves_running(rig, options))
+      run.session().operational() && (*ended != Ended::settled || options.until != "replaced" || ending.reached());
+  if (!options.dry_run) run.leave(options);
+  if (*ended == Ended::interrupted && !options.json && !options.dry_run && leaves_running(run, options))
     screen.line("the devices run on, without this master; `berth up` takes them over again");
   screen.keep();
-  print_outcome(rig, options, sent, !live);
-  if (options.dry_run && !rig.guards().empty()) return Exit::done;
-  if (rig.record().finish(Exit::done) != Exit::done) return Exit::failed;
+  print_outcome(run, options, sent, !live);
+  if (options.dry_run && !run.guards().empty()) return Exit::done;
+  if (run.record().finish(Exit::done) != Exit::done) return Exit::failed;
   const bool tells = !options.json && !options.dry_run;
   if (tells) print_lines(story.end);
   if (good) return Exit::done;
   if (!options.json && !output_broken()) {
-    tell(rig.session().operational() ? failure(Exit::no, "no device was replaced")
-                                     : not_operational(rig.session(), *ended),
+    tell(run.session().operational() ? failure(Exit::no, "no device was replaced")
+                                     : not_operational(run.session(), *ended),
          false);
   }
   return Exit::no;

@@ -1,7 +1,7 @@
 /// What `berth up` and `berth demo` share.
 #pragma once
 
-#include "rig.hpp"
+#include "machine_run.hpp"
 #include "verb.hpp"
 
 namespace berth::cli {

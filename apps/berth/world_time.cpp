@@ -38,16 +38,16 @@ bool WorldTime::is_its(const Request& request) noexcept { return request.verb.st
 std::optional<Reply> WorldTime::refusal_of(const Request& request) {
   const command::Arguments arguments(request);
   if (!arguments.good()) return command::refusal(Exit::usage, arguments.problem());
-  if (rig_->world() == nullptr)
+  if (run_->world() == nullptr)
     return command::refusal(Exit::no, "no bus of this machine is simulated in this process: time is the clock's");
-  if (request.verb != "world damage" && !rig_->guards().empty())
+  if (request.verb != "world damage" && !run_->guards().empty())
     return command::refusal(Exit::no, "a bus of this machine is outside this process: its time cannot be held");
   return std::nullopt;
 }
 
 Reply WorldTime::told(const std::string& words) {
-  const io::Loop& loop = *rig_->loop();
-  const double now = operate::seconds(rig_->now());
+  const io::Loop& loop = *run_->loop();
+  const double now = operate::seconds(run_->now());
   Reply reply;
   reply.json = Json{{"time_s", now}, {"paused", loop.paused()}, {"speed", loop.speed()}}.dump();
   reply.lines = {fmt::format("{}; world time is {:.6f} s", words, now)};
@@ -63,14 +63,14 @@ WorldTime::Waiting::~Waiting() {
 }
 
 void WorldTime::stand() {
-  const bool stood = rig_->loop()->paused();
-  rig_->loop()->pause(true);
+  const bool stood = run_->loop()->paused();
+  run_->loop()->pause(true);
   if (stood) return;
   for (const Reply* const reply : waiting_) reply->tell("the world is " + standing());
 }
 
 Reply WorldTime::set(const Request& request) {
-  io::Loop& loop = *rig_->loop();
+  io::Loop& loop = *run_->loop();
   if (request.verb == "world pause") {
     stand();
     return told("the world is paused");
@@ -97,7 +97,7 @@ Reply WorldTime::damage(const Request& request) {
   command::Arguments arguments(request);
   event.arguments["times"] = std::to_string(arguments.number("frames", 1, most_frames, 1));
   if (!arguments.good()) return command::refusal(Exit::usage, arguments.problem());
-  return do_in_plant({rig_->world(), &rig_->plant(), &rig_->session()}, event);
+  return do_in_plant({run_->world(), &run_->plant(), &run_->session()}, event);
 }
 
 rt::Task<void> WorldTime::carry_out(const Request& request, Reply& reply) {
@@ -138,22 +138,22 @@ rt::Task<void> WorldTime::carry_out(const Request& request, Reply& reply) {
 void WorldTime::between() {
   if (!frames_) return;
   const unsigned wanted = *std::exchange(frames_, std::nullopt);
-  const auto before = rig_->record().seen();
-  const auto came = [&] { return static_cast<unsigned>(rig_->record().seen() - before); };
-  const rt::Time limit = rig_->now() + longest_step;
-  rig_->loop()->step_until([&] { return came() >= wanted; }, limit);
+  const auto before = run_->record().seen();
+  const auto came = [&] { return static_cast<unsigned>(run_->record().seen() - before); };
+  const rt::Time limit = run_->now() + longest_step;
+  run_->loop()->step_until([&] { return came() >= wanted; }, limit);
   stepped_.push(came());
 }
 
 std::string WorldTime::standing() const {
-  const bool stands = rig_->loop() != nullptr && rig_->loop()->paused() && !frames_;
+  const bool stands = run_->loop() != nullptr && run_->loop()->paused() && !frames_;
   return stands ? "paused: `berth world run` lets it go on" : "";
 }
 
 void WorldTime::let_go() {
-  if (rig_->loop() == nullptr) return;
-  rig_->loop()->pause(false);
-  rig_->loop()->set_speed(1);
+  if (run_->loop() == nullptr) return;
+  run_->loop()->pause(false);
+  run_->loop()->set_speed(1);
 }
 
 }  // namespace berth::cli

@@ -8,14 +8,14 @@
 #include "berth/command/reply.hpp"
 #include "berth/rt/mailbox.hpp"
 #include "berth/rt/task.hpp"
-#include "rig.hpp"
+#include "machine_run.hpp"
 
 namespace berth::cli {
 
 class WorldTime {
  public:
-  /// The rig must stay.
-  explicit WorldTime(Rig& rig) : rig_(&rig), stepped_(rig.driver().executor()) {}
+  /// The run must stay.
+  explicit WorldTime(MachineRun& run) : run_(&run), stepped_(run.driver().executor()) {}
 
   /// Of the table's verbs, those of the world.
   [[nodiscard]] static bool is_its(const command::Request& request) noexcept;
@@ -48,7 +48,7 @@ class WorldTime {
   [[nodiscard]] command::Reply damage(const command::Request& request);
   [[nodiscard]] std::optional<command::Reply> refusal_of(const command::Request& request);
 
-  Rig* rig_;
+  MachineRun* run_;
   std::optional<unsigned> frames_;    // of a step that was asked
   rt::Mailbox<unsigned, 1> stepped_;  // frames that came
   std::vector<const command::Reply*> waiting_;

@@ -1,4 +1,4 @@
-#include "rig.hpp"
+#include "machine_run.hpp"
 
 #include <fmt/format.h>
 
@@ -13,19 +13,19 @@
 
 namespace berth::cli {
 
-Rig::Made Rig::make(const Options& options, const Sources& sources) {
-  std::unique_ptr<Rig> rig(new Rig);
-  if (auto good = rig->read(options, sources); !good) return tl::unexpected(good.error());
-  if (auto good = rig->build_world(options); !good) return tl::unexpected(good.error());
-  rig->interrupt_.emplace(rig->loop_);
-  const auto ports = rig->attach_all(options);
+MachineRun::Made MachineRun::make(const Options& options, const Sources& sources) {
+  std::unique_ptr<MachineRun> run(new MachineRun);
+  if (auto good = run->read(options, sources); !good) return tl::unexpected(good.error());
+  if (auto good = run->build_world(options); !good) return tl::unexpected(good.error());
+  run->interrupt_.emplace(run->loop_);
+  const auto ports = run->attach_all(options);
   if (!ports) return tl::unexpected(ports.error());
   // Behind the ports: where one cannot be opened no slot table is made.
-  auto table = SlotTable::open(rig->machine_, options);
+  auto table = SlotTable::open(run->machine_, options);
   if (!table) return tl::unexpected(table.error());
-  rig->slot_table_ = std::move(*table);
-  if (auto good = rig->open_session(options, sources.links, *ports); !good) return tl::unexpected(good.error());
-  return rig;
+  run->slot_table_ = std::move(*table);
+  if (auto good = run->open_session(options, sources.links, *ports); !good) return tl::unexpected(good.error());
+  return run;
 }
 
 namespace {
@@ -34,8 +34,8 @@ bool simulated(const design::Bus& bus) noexcept { return bus.port.kind == can::P
 
 }  // namespace
 
-design::MachineResult Rig::read_machine(const Options& options, const Sources& sources,
-                                        std::optional<Failure>& problem) const {
+design::MachineResult MachineRun::read_machine(const Options& options, const Sources& sources,
+                                               std::optional<Failure>& problem) const {
   if (!sources.machine_text.empty()) {
     return design::read_machine(sources.machine_text, sources.machine_name, design::eds_loader());
   }
@@ -70,7 +70,7 @@ tl::expected<void, Failure> settle_masters(design::Machine& machine, const Optio
 
 }  // namespace
 
-tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sources) {
+tl::expected<void, Failure> MachineRun::read(const Options& options, const Sources& sources) {
   std::optional<Failure> problem;
   auto machine = read_machine(options, sources, problem);
   if (problem) return tl::unexpected(std::move(*problem));
@@ -93,7 +93,7 @@ tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sou
 }
 
 // --sim is stronger than what the file says, --port stronger than --sim.
-tl::expected<void, Failure> Rig::settle_ports(const Options& options, bool simulate) {
+tl::expected<void, Failure> MachineRun::settle_ports(const Options& options, bool simulate) {
   if (!options.bus.empty() && machine_.bus(options.bus) == nullptr) {
     return tl::unexpected(no_such_bus(machine_, options.bus));
   }
@@ -112,13 +112,13 @@ tl::expected<void, Failure> Rig::settle_ports(const Options& options, bool simul
   return {};
 }
 
-void Rig::run_by_loop(rt::Executor& executor) {
+void MachineRun::run_by_loop(rt::Executor& executor) {
   auto driver = std::make_unique<io::LoopDriver>(executor);
   loop_ = &driver->loop();
   driver_ = std::move(driver);
 }
 
-tl::expected<void, Failure> Rig::build_world(const Options& options) {
+tl::expected<void, Failure> MachineRun::build_world(const Options& options) {
   if (all_elsewhere(machine_)) {
     run_by_loop(executor_);
     return {};
@@ -142,7 +142,7 @@ tl::expected<void, Failure> Rig::build_world(const Options& options) {
 }
 
 // Berth's own node on one bus.
-tl::expected<can::Port*, Failure> Rig::attach(const design::Bus& bus, const Options& options) {
+tl::expected<can::Port*, Failure> MachineRun::attach(const design::Bus& bus, const Options& options) {
   if (!simulated(bus)) {
     const auto outside = outside_->open(bus, options);
     if (!outside) return tl::unexpected(outside.error());
@@ -158,7 +158,7 @@ tl::expected<can::Port*, Failure> Rig::attach(const design::Bus& bus, const Opti
   return ours_.back().get();
 }
 
-tl::expected<std::vector<can::Port*>, Failure> Rig::attach_all(const Options& options) {
+tl::expected<std::vector<can::Port*>, Failure> MachineRun::attach_all(const Options& options) {
   std::vector<can::Port*> ports;
   if (loop_ != nullptr) outside_.emplace(machine_.file, *loop_, driver_->executor(), rate_as_it_stands_);
   for (auto& bus : machine_.buses) {
@@ -171,8 +171,8 @@ tl::expected<std::vector<can::Port*>, Failure> Rig::attach_all(const Options& op
   return ports;
 }
 
-tl::expected<void, Failure> Rig::open_session(const Options& options, bool links,
-                                              const std::vector<can::Port*>& ports) {
+tl::expected<void, Failure> MachineRun::open_session(const Options& options, bool links,
+                                                     const std::vector<can::Port*>& ports) {
   session_ = std::make_unique<tree::Session>(driver_->executor(), machine_, slot_table_->store());
   tree::keep_written(*session_, slot_table_->written(machine_.file));
   session_->set_careful(std::ranges::any_of(machine_.buses, [](const auto& b) { return is_real(b.port); }));
@@ -206,11 +206,11 @@ tl::expected<void, Failure> Rig::open_session(const Options& options, bool links
   return tl::unexpected(failure(Exit::failed, what + describe(opened.error())));
 }
 
-void Rig::power_on() {
+void MachineRun::power_on() {
   if (world_ != nullptr) world_->start();
 }
 
-void Rig::power_on_and_boot(rt::Duration more) {
+void MachineRun::power_on_and_boot(rt::Duration more) {
   power_on();
   if (loop_ != nullptr) return;
   rt::Duration boot{0};
@@ -218,7 +218,7 @@ void Rig::power_on_and_boot(rt::Duration more) {
   driver_->run_for(boot + more);
 }
 
-void Rig::milestone(operate::Milestone milestone) {
+void MachineRun::milestone(operate::Milestone milestone) {
   if (world_ != nullptr) world_->milestone(after(milestone));
 }
 
@@ -231,7 +231,7 @@ plant::After after(operate::Milestone milestone) noexcept {
   return plant::After::operational;
 }
 
-bool Rig::first_start() {
+bool MachineRun::first_start() {
   const bool real = std::ranges::any_of(
       machine_.buses, [](const auto& b) { return is_real(b.port) && b.role != design::Role::observer; });
   if (!real) return false;
@@ -250,7 +250,7 @@ design::OnExit wish_of(const design::Bus& bus, const Options& options) {
 
 }  // namespace
 
-void Rig::leave(const Options& options) {
+void MachineRun::leave(const Options& options) {
   bool any = false;
   for (const auto& bus : machine_.buses) {
     const auto wish = wish_of(bus, options);
@@ -267,8 +267,8 @@ void Rig::leave(const Options& options) {
   if (any) driver_->run_for(time_to_send);
 }
 
-bool leaves_running(Rig& rig, const Options& options) {
-  return !rig.guards().empty() && std::ranges::all_of(rig.machine().buses, [&](const auto& bus) {
+bool leaves_running(MachineRun& run, const Options& options) {
+  return !run.guards().empty() && std::ranges::all_of(run.machine().buses, [&](const auto& bus) {
     return bus.role != design::Role::master || wish_of(bus, options) == design::OnExit::leave;
   });
 }

@@ -41,14 +41,15 @@ struct Sources {
 /// What a plant plans after a milestone.
 [[nodiscard]] plant::After after(operate::Milestone milestone) noexcept;
 
-class Rig {
+/// All that a command needs to work on a machine.
+class MachineRun {
  public:
-  using Made = tl::expected<std::unique_ptr<Rig>, Failure>;
+  using Made = tl::expected<std::unique_ptr<MachineRun>, Failure>;
   /// Opens the session. With `options.dry_run` nothing outside this process changes: the store is a copy. A simulated
   /// machine runs in real time with `options.sim.pace`, else as fast as it can be computed.
   [[nodiscard]] static Made make(const Options& options, const Sources& sources);
-  Rig(const Rig&) = delete;
-  Rig& operator=(const Rig&) = delete;
+  MachineRun(const MachineRun&) = delete;
+  MachineRun& operator=(const MachineRun&) = delete;
 
   [[nodiscard]] const design::Machine& machine() const noexcept { return machine_; }
   [[nodiscard]] const plant::PlantFile& plant() const noexcept { return plant_; }
@@ -79,7 +80,7 @@ class Rig {
   void leave(const Options& options);
 
  private:
-  Rig() = default;
+  MachineRun() = default;
   [[nodiscard]] tl::expected<void, Failure> read(const Options& options, const Sources& sources);
   [[nodiscard]] design::MachineResult read_machine(const Options& options, const Sources& sources,
                                                    std::optional<Failure>& problem) const;
@@ -113,6 +114,6 @@ class Rig {
 };
 
 /// Devices outside of this process stay as they are when it ends.
-[[nodiscard]] bool leaves_running(Rig& rig, const Options& options);
+[[nodiscard]] bool leaves_running(MachineRun& run, const Options& options);
 
 }  // namespace berth::cli
