@@ -33,14 +33,14 @@ constexpr const char* device =
     "[DynamicChannels]\nNrOfSeg=2\nType1=5\nDir1=ro\nRange1=0xA040-0xA07F\nPPOffset1=0\nType2=5\nDir2=rww\n"
     "Range2=0xA4C0-0xA4FF\nPPOffset2=0\n";
 
-linker::Network machine() {
+linker::LinkNetwork machine() {
   static const auto file = std::make_shared<const eds::File>(eds::read(device, "device").file);
-  linker::Network network{.name = "m",
-                          .file = "",
-                          .buses = {{.name = "b", .master = NodeId(127)}},
-                          .nodes = {},
-                          .gateways = {},
-                          .links = {}};
+  linker::LinkNetwork network{.name = "m",
+                              .file = "",
+                              .buses = {{.name = "b", .master = NodeId(127)}},
+                              .nodes = {},
+                              .gateways = {},
+                              .links = {}};
   for (const char* const name : {"a", "b"}) {
     network.nodes.push_back({.name = name, .bus = 0, .id = NodeId(name[0] == 'a' ? 1 : 2), .file = file});
   }

@@ -181,7 +181,7 @@ class Ends {
   }
 
  private:
-  [[nodiscard]] std::optional<rt::Duration> worst_of(const linker::Network& network, const linker::Pdo& pdo) const {
+  [[nodiscard]] std::optional<rt::Duration> worst_of(const linker::LinkNetwork& network, const linker::Pdo& pdo) const {
     const auto known = responses_.find(
         {network.buses[pdo.bus].name, network.nodes[pdo.producer].name, fmt::format("TPDO {}", pdo.tpdo)});
     return known == responses_.end() ? std::nullopt : std::optional(known->second);

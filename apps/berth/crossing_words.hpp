@@ -10,7 +10,7 @@
 namespace berth::cli {
 
 struct CrossingShown {
-  const linker::Network& network;
+  const linker::LinkNetwork& network;
   const linker::CrossingLink& crossing;
   std::optional<rt::Duration> worst;  ///< none: no bound
 

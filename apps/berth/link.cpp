@@ -25,7 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
-using linker::Network;
+using linker::LinkNetwork;
 using linker::Pdo;
 using linker::Plan;
 
@@ -46,13 +46,13 @@ std::string short_ms(double value) {
   return value >= 100 ? fmt::format("{:.1f}", value) : fmt::format("{:.2f}", value);
 }
 
-std::string receivers_text(const Network& network, const Pdo& pdo) {
+std::string receivers_text(const LinkNetwork& network, const Pdo& pdo) {
   std::string made;
   for (const auto& each : pdo.receivers) made += (made.empty() ? "" : ", ") + network.nodes[each.node].name;
   return made;
 }
 
-void print_pdo(const Network& network, const Pdo& pdo) {
+void print_pdo(const LinkNetwork& network, const Pdo& pdo) {
   unsigned bits = 0;
   for (const auto& each : pdo.carried) bits += each.bits;
   const auto name = text::padded(text::cut(network.nodes[pdo.producer].name, name_width), name_width);
@@ -64,7 +64,7 @@ void print_pdo(const Network& network, const Pdo& pdo) {
   for (const auto& line : text::wrapped("to " + receivers_text(network, pdo), 72)) print_line("       " + line);
 }
 
-void print_bus(const Network& network, const Plan& plan, std::size_t bus) {
+void print_bus(const LinkNetwork& network, const Plan& plan, std::size_t bus) {
   const auto& load = plan.buses[bus];
   const auto here = [bus](const Pdo& pdo) { return pdo.bus == bus; };
   const auto count = std::ranges::count_if(plan.pdos, here);
@@ -89,7 +89,7 @@ void print_wrapped(const std::string& line) {
 }
 
 /// Which link goes where.
-void print_links(const Network& network, const Plan& plan) {
+void print_links(const LinkNetwork& network, const Plan& plan) {
   for (const auto& each : plan.variables) {
     print_wrapped(fmt::format("{}/{}: {} {}, {}, byte {} of the image", network.nodes[each.node].name, each.name,
                               od::name(each.type), each.input ? "input" : "output", od::write_object(each.object),
@@ -110,7 +110,7 @@ void print_links(const Network& network, const Plan& plan) {
 }
 
 /// What goes through gateways, and how.
-void print_crossings(const Network& network, const Plan& plan, bool routes) {
+void print_crossings(const LinkNetwork& network, const Plan& plan, bool routes) {
   for (const auto& each : plan.crossings) print_wrapped(CrossingShown{network, each, each.worst}.text());
   for (const auto& each : plan.routes) {
     if (!routes) break;
@@ -122,7 +122,7 @@ void print_crossings(const Network& network, const Plan& plan, bool routes) {
   }
 }
 
-Json routes_json(const Network& network, const Plan& plan) {
+Json routes_json(const LinkNetwork& network, const Plan& plan) {
   Json routes = Json::array();
   for (const auto& each : plan.routes) {
     routes.push_back({{"gateway", network.nodes[each.node].name},
@@ -139,7 +139,7 @@ Json routes_json(const Network& network, const Plan& plan) {
   return routes;
 }
 
-Json json_of(const Network& network, const Pdo& pdo) {
+Json json_of(const LinkNetwork& network, const Pdo& pdo) {
   Json objects = Json::array();
   for (const auto& each : pdo.carried) {
     objects.push_back({{"object", od::write_object(each.object)}, {"bits", each.bits}, {"at", each.at}});
@@ -175,7 +175,7 @@ Json json_of(const Network& network, const Pdo& pdo) {
           {"receivers", receivers}};
 }
 
-Json json_of(const Network& network, const linker::Planned& planned) {
+Json json_of(const LinkNetwork& network, const linker::Planned& planned) {
   Json variables = Json::array();
   for (const auto& each : planned.plan.variables) {
     variables.push_back({{"slot", network.nodes[each.node].name},
@@ -266,7 +266,7 @@ std::optional<Failure> write_files(const std::vector<linker::MadeFile>& files, c
 
 /// What the bounds of a good plan rest on, and what of the buses with links has none, or is too late: by the same
 /// messages as `berth analyze` has them.
-void judge_buses(const design::Machine& machine, const Network& network, linker::Planned& planned) {
+void judge_buses(const design::Machine& machine, const LinkNetwork& network, linker::Planned& planned) {
   if (!planned.good()) return;
   constexpr std::size_t most = 3;
   const traffic::LinkPlan links{network, planned.plan, {}};
@@ -320,7 +320,7 @@ linker::Plan of_nodes(const design::Machine& machine, linker::Plan plan, const s
   return plan;
 }
 
-int show(const Options& options, const LinkOptions& how, const Network& network, const linker::Planned& planned,
+int show(const Options& options, const LinkOptions& how, const LinkNetwork& network, const linker::Planned& planned,
          const std::vector<MeantNode>& nodes, const std::vector<std::string>& changed) {
   if (options.json) {
     Json all = json_of(network, planned);

@@ -9,7 +9,7 @@ Unsent unsent(TransmissionType type, rt::Duration sync) noexcept {
   return synchronous(type) && sync == rt::Duration(0) ? Unsent::waits_for_sync : Unsent::no;
 }
 
-Sending sending_of(const Network& network, const Pdo& pdo) {
+Sending sending_of(const LinkNetwork& network, const Pdo& pdo) {
   const auto objects = static_cast<std::int64_t>(pdo.mpdo ? pdo.carried.size() : 1);
   const Bus& bus = network.buses[pdo.bus];
   return {pdo.transmission, inhibit_unit * pdo.inhibit * objects, static_cast<unsigned>(objects), bus.sync,
@@ -40,7 +40,7 @@ void set_sending(analysis::Message& message, const Sending& sending, bool linked
   message.counts_every = sending.sync;
 }
 
-std::optional<rt::Duration> worst_of(const Network& network, const CrossingLink& crossing,
+std::optional<rt::Duration> worst_of(const LinkNetwork& network, const CrossingLink& crossing,
                                      std::span<const std::optional<rt::Duration>> pdos) {
   rt::Duration sum{};
   for (const std::size_t gateway : crossing.gateways) sum += network.gateways[gateway].delay;

@@ -33,7 +33,7 @@ struct Sending {
   rt::Duration sync{0};     ///< period of SYNC on its bus
   std::uint32_t sync_key = default_sync_key;
 };
-[[nodiscard]] Sending sending_of(const Network& network, const Pdo& pdo);
+[[nodiscard]] Sending sending_of(const LinkNetwork& network, const Pdo& pdo);
 
 /// What passes at worst although the bus is free: the inhibit time; of a synchronous PDO its SYNCs and the one after
 /// its reception.
@@ -47,7 +47,7 @@ void set_sending(analysis::Message& message, const Sending& sending, bool linked
 
 /// Of a link across gateways: the sum over its PDOs, and the gateways' delays. `pdos`: as `Plan::pdos`, the worst of
 /// each; none: no bound, and then the link has none.
-[[nodiscard]] std::optional<rt::Duration> worst_of(const Network& network, const CrossingLink& crossing,
+[[nodiscard]] std::optional<rt::Duration> worst_of(const LinkNetwork& network, const CrossingLink& crossing,
                                                    std::span<const std::optional<rt::Duration>> pdos);
 
 }  // namespace berth::linker

@@ -26,7 +26,7 @@ constexpr bool for_pdos(unsigned id) noexcept {
 
 class Numbering {
  public:
-  Numbering(const Network& network, const std::vector<DevicePdos>& devices, const std::vector<Signal>& signals,
+  Numbering(const LinkNetwork& network, const std::vector<DevicePdos>& devices, const std::vector<Signal>& signals,
             const std::vector<bool>& linked, const Packed& packed)
       : network_(network), devices_(devices), signals_(signals), linked_(linked), bins_(packed.bins) {
     taken_.resize(network.buses.size());
@@ -231,7 +231,8 @@ class Numbering {
     return made;
   }
 
-  static std::uint16_t earlier_rpdo(const Earlier& earlier, const Network& network, const Pdo& pdo, std::size_t node) {
+  static std::uint16_t earlier_rpdo(const Earlier& earlier, const LinkNetwork& network, const Pdo& pdo,
+                                    std::size_t node) {
     for (const EarlierPdo& old : earlier.pdos) {
       if (old.producer != network.nodes[pdo.producer].name || old.tpdo != pdo.tpdo) continue;
       for (const auto& [name, rpdo] : old.receivers) {
@@ -267,7 +268,7 @@ class Numbering {
     }
   }
 
-  const Network& network_;
+  const LinkNetwork& network_;
   const std::vector<DevicePdos>& devices_;
   const std::vector<Signal>& signals_;
   const std::vector<bool>& linked_;
@@ -281,7 +282,7 @@ class Numbering {
 
 }  // namespace
 
-Numbered number(const Network& network, const std::vector<DevicePdos>& devices, const std::vector<Signal>& signals,
+Numbered number(const LinkNetwork& network, const std::vector<DevicePdos>& devices, const std::vector<Signal>& signals,
                 const std::vector<bool>& linked, const Packed& packed, const Earlier& earlier, bool by_deadline) {
   return Numbering(network, devices, signals, linked, packed).run(earlier, by_deadline);
 }

@@ -14,7 +14,7 @@ struct Numbered {
 
 /// `by_deadline`: the CAN-IDs of new PDOs are in the order of their deadlines, whatever the predefined connection set
 /// says.
-[[nodiscard]] Numbered number(const Network& network, const std::vector<DevicePdos>& devices,
+[[nodiscard]] Numbered number(const LinkNetwork& network, const std::vector<DevicePdos>& devices,
                               const std::vector<Signal>& signals, const std::vector<bool>& linked, const Packed& packed,
                               const Earlier& earlier, bool by_deadline);
 

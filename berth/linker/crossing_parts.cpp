@@ -18,14 +18,14 @@ using multilevel::RoutingObjects;
 
 double in_ms(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
 
-std::optional<std::size_t> gateway_above(const Network& network, std::size_t bus) {
+std::optional<std::size_t> gateway_above(const LinkNetwork& network, std::size_t bus) {
   const auto found = std::ranges::find(network.gateways, bus, &Gateway::bus);
   if (found == network.gateways.end()) return std::nullopt;
   return static_cast<std::size_t>(found - network.gateways.begin());
 }
 
 /// The gateways above a bus, nearest first.
-std::vector<std::size_t> up_from(const Network& network, std::size_t bus) {
+std::vector<std::size_t> up_from(const LinkNetwork& network, std::size_t bus) {
   std::vector<std::size_t> ups;
   for (auto at = gateway_above(network, bus); at && ups.size() < network.buses.size();
        at = gateway_above(network, network.nodes[network.gateways[ups.back()].above].bus)) {
@@ -34,18 +34,18 @@ std::vector<std::size_t> up_from(const Network& network, std::size_t bus) {
   return ups;
 }
 
-std::uint8_t side(const Network& network, Hop hop, bool entry) {
+std::uint8_t side(const LinkNetwork& network, Hop hop, bool entry) {
   return hop.down == entry ? std::uint8_t{0} : network.gateways[hop.gateway].port;
 }
 
-rt::Duration delay_of(const Network& network, const std::vector<Hop>& hops) {
+rt::Duration delay_of(const LinkNetwork& network, const std::vector<Hop>& hops) {
   rt::Duration sum{};
   for (const Hop hop : hops) sum += network.gateways[hop.gateway].delay;
   return sum;
 }
 
 /// The buses of a way, the first one too.
-std::vector<std::size_t> buses_of(const Network& network, std::size_t first, const std::vector<Hop>& hops) {
+std::vector<std::size_t> buses_of(const LinkNetwork& network, std::size_t first, const std::vector<Hop>& hops) {
   std::vector<std::size_t> buses{first};
   for (const Hop hop : hops) buses.push_back(network.nodes[exit_of(network, hop)].bus);
   return buses;
@@ -62,7 +62,7 @@ bool safety_relevant(const Node& node, ObjectRef object) {
   });
 }
 
-std::optional<CannotCross> cannot_carry(const Network& network, Hop hop, unsigned bytes) {
+std::optional<CannotCross> cannot_carry(const LinkNetwork& network, Hop hop, unsigned bytes) {
   const Gateway& gateway = network.gateways[hop.gateway];
   const Node& above = network.nodes[gateway.above];
   const std::string& bus = network.buses[gateway.bus].name;
@@ -96,7 +96,7 @@ std::optional<CannotCross> cannot_carry(const Network& network, Hop hop, unsigne
 
 class Crossing {
  public:
-  Crossing(const Network& network, const Earlier& earlier, Findings& findings)
+  Crossing(const LinkNetwork& network, const Earlier& earlier, Findings& findings)
       : network_(network), earlier_(earlier), findings_(findings) {}
 
   std::vector<Route> run(Resolved& resolved) {
@@ -322,7 +322,7 @@ class Crossing {
     }
   }
 
-  const Network& network_;
+  const LinkNetwork& network_;
   const Earlier& earlier_;
   Findings& findings_;
   std::map<std::size_t, std::set<ObjectRef>> places_;   ///< taken, by node
@@ -332,11 +332,11 @@ class Crossing {
   std::vector<Route> routes_;
 };
 
-std::size_t entry_node(const Network& network, const Route& route) {
+std::size_t entry_node(const LinkNetwork& network, const Route& route) {
   const Gateway& gateway = network.gateways[route.gateway];
   return route.from == 0 ? gateway.above : *gateway.beneath;
 }
-std::size_t exit_node(const Network& network, const Route& route) {
+std::size_t exit_node(const LinkNetwork& network, const Route& route) {
   const Gateway& gateway = network.gateways[route.gateway];
   return route.to == 0 ? gateway.above : *gateway.beneath;
 }
@@ -359,7 +359,7 @@ Brought brings(const Plan& plan, std::size_t node, ObjectRef object) {
 }
 
 /// From a consumer back to where its value comes from; none: it does not cross a gateway, or ends in one.
-std::optional<CrossingLink> whole_way(const Network& network, const Plan& plan, const Pdo& last,
+std::optional<CrossingLink> whole_way(const LinkNetwork& network, const Plan& plan, const Pdo& last,
                                       const Receiver& receiver, const Received& got) {
   const bool ends_in_gateway = std::ranges::any_of(plan.routes, [&](const Route& each) {
     return entry_node(network, each) == receiver.node && each.source == got.object;
@@ -392,7 +392,7 @@ std::optional<CrossingLink> whole_way(const Network& network, const Plan& plan, 
 
 }  // namespace
 
-std::optional<std::vector<Hop>> way(const Network& network, std::size_t from, std::size_t to) {
+std::optional<std::vector<Hop>> way(const LinkNetwork& network, std::size_t from, std::size_t to) {
   auto up = up_from(network, from);
   auto down = up_from(network, to);
   while (!up.empty() && !down.empty() && up.back() == down.back()) {
@@ -410,16 +410,16 @@ std::optional<std::vector<Hop>> way(const Network& network, std::size_t from, st
   return hops;
 }
 
-std::size_t entry_of(const Network& network, Hop hop) {
+std::size_t entry_of(const LinkNetwork& network, Hop hop) {
   const Gateway& gateway = network.gateways[hop.gateway];
   return hop.down ? gateway.above : *gateway.beneath;
 }
-std::size_t exit_of(const Network& network, Hop hop) {
+std::size_t exit_of(const LinkNetwork& network, Hop hop) {
   const Gateway& gateway = network.gateways[hop.gateway];
   return hop.down ? *gateway.beneath : gateway.above;
 }
 
-std::optional<CannotCross> cannot_cross(const Network& network, const Link& link, Consumer from, Consumer to,
+std::optional<CannotCross> cannot_cross(const LinkNetwork& network, const Link& link, Consumer from, Consumer to,
                                         od::DataType type) {
   const Node& producer = network.nodes[from.node];
   const Node& consumer = network.nodes[to.node];
@@ -460,11 +460,11 @@ std::optional<CannotCross> cannot_cross(const Network& network, const Link& link
       "a longer deadline, or gateway = { delay = … } where a gateway is faster than that"};
 }
 
-std::vector<Route> cross(const Network& network, Resolved& resolved, const Earlier& earlier, Findings& findings) {
+std::vector<Route> cross(const LinkNetwork& network, Resolved& resolved, const Earlier& earlier, Findings& findings) {
   return Crossing(network, earlier, findings).run(resolved);
 }
 
-void finish_crossings(const Network& network, Plan& plan) {
+void finish_crossings(const LinkNetwork& network, Plan& plan) {
   // A link of which a PDO was refused has no whole way.
   std::erase_if(plan.routes, [&](const Route& route) {
     return brings(plan, entry_node(network, route), route.source).pdo == nullptr;

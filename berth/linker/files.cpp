@@ -29,7 +29,7 @@ constexpr std::uint32_t no_rtr = 0x4000'0000;
 /// What one node shall have, object by object.
 class Settings {
  public:
-  Settings(const Network& network, const Plan& plan, std::size_t node)
+  Settings(const LinkNetwork& network, const Plan& plan, std::size_t node)
       : network_(network), plan_(plan), at_(node), node_(network.nodes[node]), device_(pdos_of(node_)) {}
 
   std::vector<Parameter> run() {
@@ -175,7 +175,7 @@ class Settings {
     }
   }
 
-  const Network& network_;
+  const LinkNetwork& network_;
   const Plan& plan_;
   std::size_t at_;
   const Node& node_;
@@ -198,7 +198,7 @@ std::string slug(std::string_view name) {
 
 class FileMaker {
  public:
-  FileMaker(const Network& network, const Plan& plan) : network_(network), plan_(plan) {}
+  FileMaker(const LinkNetwork& network, const Plan& plan) : network_(network), plan_(plan) {}
 
   tl::expected<std::vector<MadeFile>, std::string> run() {
     for (std::size_t node = 0; node < network_.nodes.size(); ++node) {
@@ -281,14 +281,14 @@ class FileMaker {
     return made;
   }
 
-  const Network& network_;
+  const LinkNetwork& network_;
   const Plan& plan_;
   std::vector<MadeFile> files_;
 };
 
 }  // namespace
 
-std::string file_stem(const Network& network, std::size_t node) {
+std::string file_stem(const LinkNetwork& network, std::size_t node) {
   const std::string stem = slug(network.nodes[node].name);
   const auto twice = std::ranges::count_if(network.nodes, [&](const Node& n) { return same_word(slug(n.name), stem); });
   if (twice <= 1) return stem;
@@ -296,11 +296,11 @@ std::string file_stem(const Network& network, std::size_t node) {
   return fmt::format("{}-{}-{}", stem, it.bus + 1, it.id.value());
 }
 
-std::vector<Parameter> settings_of(const Network& network, const Plan& plan, std::size_t node) {
+std::vector<Parameter> settings_of(const LinkNetwork& network, const Plan& plan, std::size_t node) {
   return Settings(network, plan, node).run();
 }
 
-tl::expected<std::vector<MadeFile>, std::string> make_files(const Network& network, const Plan& plan) {
+tl::expected<std::vector<MadeFile>, std::string> make_files(const LinkNetwork& network, const Plan& plan) {
   return FileMaker(network, plan).run();
 }
 

@@ -18,13 +18,13 @@ struct MadeFile {
 
 /// The name of a node's files without what follows the dot: its slot's name with `_` for what a file name should not
 /// have, and its node-ID where two would be equal.
-[[nodiscard]] std::string file_stem(const Network& network, std::size_t node);
+[[nodiscard]] std::string file_stem(const LinkNetwork& network, std::size_t node);
 
 /// What the plan sets in a node, ascending by object: COB-IDs, transmission types, times and mappings of the PDOs that
 /// it uses, and bit 31 in the COB-ID of every other that no configuration of its own sets.
-[[nodiscard]] std::vector<eds::Parameter> settings_of(const Network& network, const Plan& plan, std::size_t node);
+[[nodiscard]] std::vector<eds::Parameter> settings_of(const LinkNetwork& network, const Plan& plan, std::size_t node);
 
 /// All files, `network.cpj` and `plan.toml` last. The error, for people: a description that no DCF can be made of.
-[[nodiscard]] tl::expected<std::vector<MadeFile>, std::string> make_files(const Network& network, const Plan& plan);
+[[nodiscard]] tl::expected<std::vector<MadeFile>, std::string> make_files(const LinkNetwork& network, const Plan& plan);
 
 }  // namespace berth::linker

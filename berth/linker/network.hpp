@@ -23,7 +23,7 @@ namespace berth::linker {
 /// A device in its slot.
 struct Node {
   std::string name;     ///< the slot's
-  std::size_t bus = 0;  ///< index in `Network::buses`
+  std::size_t bus = 0;  ///< index in `LinkNetwork::buses`
   NodeId id;            ///< configured
   /// Its description, or the configuration (DCF, XDC) that it has already: whose values stay, and whose PDOs that are
   /// set there are left alone, unless `linked_before`. Null: nothing is known of it; no link can lead to it, and its
@@ -51,8 +51,8 @@ struct Bus {
 /// A gateway between two buses: one device with a node on each (paper 3; docs/multilevel.md). A link that crosses it
 /// becomes a route in it.
 struct Gateway {
-  std::size_t above = 0;                 ///< its node on the bus above: index in `Network::nodes`
-  std::size_t bus = 0;                   ///< the bus beneath: index in `Network::buses`
+  std::size_t above = 0;                 ///< its node on the bus above: index in `LinkNetwork::nodes`
+  std::size_t bus = 0;                   ///< the bus beneath: index in `LinkNetwork::buses`
   std::optional<std::size_t> beneath{};  ///< its own node there; empty: not known
   std::uint8_t port = 1;                 ///< which of its buses beneath, 1 to 8
   /// Longest time from the end of the frame that brings a value until the one that carries it on is due.
@@ -61,7 +61,7 @@ struct Gateway {
 
 /// One object of one node, as written.
 struct End {
-  std::size_t node = 0;  ///< index in `Network::nodes`
+  std::size_t node = 0;  ///< index in `LinkNetwork::nodes`
   std::string object;
   friend bool operator==(const End&, const End&) = default;
 };
@@ -88,7 +88,7 @@ struct Link {
   Place place{};
 };
 
-struct Network {
+struct LinkNetwork {
   std::string name;  ///< the machine's
   std::string file;  ///< as findings name it; may be empty
   std::vector<Bus> buses;

@@ -39,7 +39,7 @@ double rate(const std::optional<rt::Duration>& deadline) noexcept {
 
 class Packer {
  public:
-  Packer(const Network& network, const std::vector<DevicePdos>& devices, const std::vector<Signal>& signals)
+  Packer(const LinkNetwork& network, const std::vector<DevicePdos>& devices, const std::vector<Signal>& signals)
       : network_(network), devices_(devices), signals_(signals), placed_(signals.size()) {
     room_.resize(network.nodes.size());
     for (std::size_t node = 0; node < devices.size(); ++node) room_[node] = room_of(devices[node]);
@@ -370,7 +370,7 @@ class Packer {
     return deadline_of(a, signals_).value_or(most) > deadline_of(b, signals_).value_or(most);
   }
 
-  const Network& network_;
+  const LinkNetwork& network_;
   const std::vector<DevicePdos>& devices_;
   const std::vector<Signal>& signals_;
   std::vector<Room> room_;
@@ -431,7 +431,7 @@ std::optional<std::vector<co::PdoEntry>> rpdo_mapping(const Bin& bin, const std:
   return mapping;
 }
 
-Packed pack(const Network& network, const std::vector<DevicePdos>& devices, const std::vector<Signal>& signals,
+Packed pack(const LinkNetwork& network, const std::vector<DevicePdos>& devices, const std::vector<Signal>& signals,
             const Earlier& earlier) {
   return Packer(network, devices, signals).run(earlier);
 }

@@ -31,7 +31,7 @@ struct Packed {
   std::vector<std::size_t> left;  ///< signals for which there is no PDO, ascending
 };
 
-[[nodiscard]] Packed pack(const Network& network, const std::vector<DevicePdos>& devices,
+[[nodiscard]] Packed pack(const LinkNetwork& network, const std::vector<DevicePdos>& devices,
                           const std::vector<Signal>& signals, const Earlier& earlier);
 
 /// Nodes that receive it, ascending.

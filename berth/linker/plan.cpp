@@ -21,7 +21,7 @@ unsigned free_pdos(const std::vector<DevicePdo>& pdos) {
 
 class LinkPlanMaker {
  public:
-  LinkPlanMaker(const Network& network, const Earlier& earlier) : network_(network), earlier_(earlier) {
+  LinkPlanMaker(const LinkNetwork& network, const Earlier& earlier) : network_(network), earlier_(earlier) {
     for (const Node& node : network.nodes) devices_.push_back(node.file ? pdos_of(node) : DevicePdos{});
   }
 
@@ -168,7 +168,7 @@ class LinkPlanMaker {
     }
   }
 
-  const Network& network_;
+  const LinkNetwork& network_;
   const Earlier& earlier_;
   std::vector<DevicePdos> devices_;
   std::vector<Signal> signals_;
@@ -184,9 +184,9 @@ unsigned Pdo::bytes() const noexcept {
   return (bits + 7) / 8;
 }
 
-Planned make_plan(const Network& network, const Earlier& earlier) { return LinkPlanMaker(network, earlier).run(); }
+Planned make_plan(const LinkNetwork& network, const Earlier& earlier) { return LinkPlanMaker(network, earlier).run(); }
 
-Earlier earlier_of(const Network& network, const Plan& plan) {
+Earlier earlier_of(const LinkNetwork& network, const Plan& plan) {
   Earlier made;
   for (const Variable& each : plan.variables) {
     made.variables.push_back({network.nodes[each.node].name, each.name, each.type, each.input, each.object});

@@ -95,7 +95,7 @@ struct BusLoad {
 
 /// A signal that a gateway hands on: one row of its routing objects (multilevel/routing_objects.hpp).
 struct Route {
-  std::size_t gateway = 0;  ///< index in `Network::gateways`
+  std::size_t gateway = 0;  ///< index in `LinkNetwork::gateways`
   std::size_t node = 0;     ///< its node above, which has the objects
   std::uint8_t row = 0;     ///< sub-index
   std::uint8_t from = 0;    ///< side: 0 the bus above, else the port
@@ -170,7 +170,7 @@ struct Earlier {
   std::vector<EarlierRoute> routes = {};
   friend bool operator==(const Earlier&, const Earlier&) = default;
 };
-[[nodiscard]] Earlier earlier_of(const Network& network, const Plan& plan);
+[[nodiscard]] Earlier earlier_of(const LinkNetwork& network, const Plan& plan);
 
 struct Planned {
   Plan plan;          ///< of the links that can be; files are made only of a plan without errors
@@ -179,9 +179,9 @@ struct Planned {
 };
 
 /// Links whose objects, transmission and consumers are as they were keep PDO, RPDOs and CAN-ID of `earlier`.
-[[nodiscard]] Planned make_plan(const Network& network, const Earlier& earlier = {});
+[[nodiscard]] Planned make_plan(const LinkNetwork& network, const Earlier& earlier = {});
 
 /// "link[3]: conveyor/speed".
-[[nodiscard]] std::string name_of(const Network& network, std::size_t link);
+[[nodiscard]] std::string name_of(const LinkNetwork& network, std::size_t link);
 
 }  // namespace berth::linker

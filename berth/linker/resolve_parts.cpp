@@ -46,7 +46,7 @@ struct Meant {
 
 class Resolver {
  public:
-  Resolver(const Network& network, const std::vector<DevicePdos>& devices, Findings& findings)
+  Resolver(const LinkNetwork& network, const std::vector<DevicePdos>& devices, Findings& findings)
       : network_(network), devices_(devices), findings_(findings), variables_(network), bad_(network.links.size()) {
     from_.resize(network.links.size());
     to_.resize(network.links.size());
@@ -351,7 +351,7 @@ class Resolver {
   }
 
   using Source = std::pair<std::size_t, ObjectRef>;
-  const Network& network_;
+  const LinkNetwork& network_;
   const std::vector<DevicePdos>& devices_;
   Findings& findings_;
   Variables variables_;
@@ -364,18 +364,18 @@ class Resolver {
 
 }  // namespace
 
-std::string name_of(const Network& network, std::size_t link) {
+std::string name_of(const LinkNetwork& network, std::size_t link) {
   const End& from = network.links[link].from;
   return fmt::format("link[{}] from {}/{}", link + 1, network.nodes[from.node].name, from.object);
 }
 
-Finding refusal(const Network& network, std::size_t link, std::string message, std::string fix) {
+Finding refusal(const LinkNetwork& network, std::size_t link, std::string message, std::string fix) {
   const Place place = network.links[link].place;
   return {Finding::Severity::error,          network.file,       place.line,    place.column,
           fmt::format("link[{}]", link + 1), std::move(message), std::move(fix)};
 }
 
-std::vector<std::size_t> canonical_order(const Network& network) {
+std::vector<std::size_t> canonical_order(const LinkNetwork& network) {
   std::vector<std::size_t> order(network.links.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
   std::ranges::sort(order, [&](std::size_t a, std::size_t b) {
@@ -389,7 +389,7 @@ std::vector<std::size_t> canonical_order(const Network& network) {
   return order;
 }
 
-Resolved resolve(const Network& network, const std::vector<DevicePdos>& devices, const Earlier& earlier,
+Resolved resolve(const LinkNetwork& network, const std::vector<DevicePdos>& devices, const Earlier& earlier,
                  Findings& findings) {
   return Resolver(network, devices, findings).run(earlier);
 }

@@ -42,12 +42,12 @@ struct Resolved {
 };
 
 /// Errors go to `findings`; what is resolved has no part in them.
-[[nodiscard]] Resolved resolve(const Network& network, const std::vector<DevicePdos>& devices, const Earlier& earlier,
-                               Findings& findings);
+[[nodiscard]] Resolved resolve(const LinkNetwork& network, const std::vector<DevicePdos>& devices,
+                               const Earlier& earlier, Findings& findings);
 
-[[nodiscard]] Finding refusal(const Network& network, std::size_t link, std::string message, std::string fix);
+[[nodiscard]] Finding refusal(const LinkNetwork& network, std::size_t link, std::string message, std::string fix);
 
 /// Indices of the links in an order that does not depend on the file's.
-[[nodiscard]] std::vector<std::size_t> canonical_order(const Network& network);
+[[nodiscard]] std::vector<std::size_t> canonical_order(const LinkNetwork& network);
 
 }  // namespace berth::linker

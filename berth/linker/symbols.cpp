@@ -148,7 +148,7 @@ std::string iec_address(const Variable& variable) {
   }
 }
 
-std::string plcopen_xml(const Network& network, const Plan& plan, std::size_t node) {
+std::string plcopen_xml(const LinkNetwork& network, const Plan& plan, std::size_t node) {
   std::string variables;
   for (const Variable& each : plan.variables) {
     if (each.node != node) continue;
@@ -189,7 +189,7 @@ std::string plcopen_xml(const Network& network, const Plan& plan, std::size_t no
          "</project>\n";
 }
 
-std::string global_variables(const Network& network, const Plan& plan, std::size_t node) {
+std::string global_variables(const LinkNetwork& network, const Plan& plan, std::size_t node) {
   std::string text =
       fmt::format("(* Network variables of {}, made by berth link from the links of {}. *)\nVAR_GLOBAL\n",
                   in_comment(network.nodes[node].name), in_comment(network.name));

@@ -24,7 +24,7 @@ namespace berth::linker {
 [[nodiscard]] std::string iec_address(const Variable& variable);
 
 /// `node` has variables in `plan`.
-[[nodiscard]] std::string plcopen_xml(const Network& network, const Plan& plan, std::size_t node);
-[[nodiscard]] std::string global_variables(const Network& network, const Plan& plan, std::size_t node);
+[[nodiscard]] std::string plcopen_xml(const LinkNetwork& network, const Plan& plan, std::size_t node);
+[[nodiscard]] std::string global_variables(const LinkNetwork& network, const Plan& plan, std::size_t node);
 
 }  // namespace berth::linker

@@ -36,7 +36,7 @@ double ms(Duration time) { return std::chrono::duration<double, std::milli>(time
 
 class Timing {
  public:
-  Timing(const Network& network, const std::vector<DevicePdos>& devices, const std::vector<Signal>& signals,
+  Timing(const LinkNetwork& network, const std::vector<DevicePdos>& devices, const std::vector<Signal>& signals,
          const std::vector<bool>& linked, Plan& plan)
       : network_(network), devices_(devices), signals_(signals), linked_(linked), plan_(plan) {}
 
@@ -376,7 +376,7 @@ class Timing {
     return true;
   }
 
-  const Network& network_;
+  const LinkNetwork& network_;
   const std::vector<DevicePdos>& devices_;
   const std::vector<Signal>& signals_;
   const std::vector<bool>& linked_;
@@ -388,7 +388,7 @@ class Timing {
 
 }  // namespace
 
-bool set_times(const Network& network, const std::vector<DevicePdos>& devices, const std::vector<Signal>& signals,
+bool set_times(const LinkNetwork& network, const std::vector<DevicePdos>& devices, const std::vector<Signal>& signals,
                const std::vector<bool>& linked, Plan& plan, Findings& findings) {
   return Timing(network, devices, signals, linked, plan).run(findings);
 }

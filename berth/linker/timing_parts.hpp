@@ -6,7 +6,7 @@
 namespace berth::linker {
 
 /// Sets the times of `pdos` and what became of each bus. True when every deadline is kept.
-[[nodiscard]] bool set_times(const Network& network, const std::vector<DevicePdos>& devices,
+[[nodiscard]] bool set_times(const LinkNetwork& network, const std::vector<DevicePdos>& devices,
                              const std::vector<Signal>& signals, const std::vector<bool>& linked, Plan& plan,
                              Findings& findings);
 

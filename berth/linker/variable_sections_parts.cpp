@@ -143,7 +143,7 @@ std::string with_single_gaps(const std::string& text) {
 
 }  // namespace
 
-tl::expected<eds::File, std::string> with_variables(const Network& network, const Plan& plan, std::size_t node) {
+tl::expected<eds::File, std::string> with_variables(const LinkNetwork& network, const Plan& plan, std::size_t node) {
   const Node& it = network.nodes[node];
   std::map<std::uint16_t, std::vector<const Variable*>> by_index;
   for (const Variable& each : plan.variables) {

@@ -10,7 +10,7 @@
 namespace berth::linker {
 
 /// The node's description as an EDS or DCF with a text, its network variables in it. The error is for people.
-[[nodiscard]] tl::expected<eds::File, std::string> with_variables(const Network& network, const Plan& plan,
+[[nodiscard]] tl::expected<eds::File, std::string> with_variables(const LinkNetwork& network, const Plan& plan,
                                                                   std::size_t node);
 
 }  // namespace berth::linker

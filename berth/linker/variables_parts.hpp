@@ -17,7 +17,7 @@ inline constexpr std::size_t no_variable = std::numeric_limits<std::size_t>::max
 
 class Variables {
  public:
-  explicit Variables(const Network& network) : network_(network) {}
+  explicit Variables(const LinkNetwork& network) : network_(network) {}
 
   /// The variable of this name (in either case, as IEC 61131-3 has it) and direction; made when it is new. `pinned`: it
   /// has to stand there.
@@ -51,7 +51,7 @@ class Variables {
   bool place(Each& each, ObjectRef object);
   void find_place(Each& each);
 
-  const Network& network_;
+  const LinkNetwork& network_;
   std::vector<Each> list_;
   std::map<Key, std::size_t> inputs_;
   std::map<Key, std::size_t> outputs_;

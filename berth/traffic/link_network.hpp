@@ -10,7 +10,7 @@
 namespace berth::traffic {
 
 struct LinkNetwork {
-  linker::Network network;
+  linker::LinkNetwork network;
   Findings findings;  ///< errors: description and configuration files that cannot be used
 };
 
@@ -24,10 +24,10 @@ struct LinkNetwork {
 
 /// What `berth up` makes of the links.
 struct LinkPlan {
-  linker::Network network;  ///< nodes and links as the machine's slots and links, in their order;
-                            ///< after them gateways' own nodes on buses beneath (`design::gateway_node_name`)
-  linker::Plan plan;        ///< of use without errors only
-  Findings findings;        ///< errors: files that cannot be used, links that cannot be
+  linker::LinkNetwork network;  ///< nodes and links as the machine's slots and links, in their order;
+                                ///< after them gateways' own nodes on buses beneath (`design::gateway_node_name`)
+  linker::Plan plan;            ///< of use without errors only
+  Findings findings;            ///< errors: files that cannot be used, links that cannot be
 };
 [[nodiscard]] LinkPlan plan_links(const design::Machine& machine);
 

@@ -35,7 +35,7 @@ std::shared_ptr<const eds::File> gateway_node(std::uint8_t rows, std::uint8_t pl
 }
 
 /// A backbone with `left` beneath it and `reel` beneath that.
-linker::Network tree() {
+linker::LinkNetwork tree() {
   const auto io = file_of(io_module());
   auto network = network_of({{"engine", io},
                              {"left gateway", gateway_node(8)},
@@ -69,7 +69,7 @@ std::string problems_of(const linker::Planned& planned) {
 /// objects alone (CiA 301 §7.5.2.33 to 38, docs/multilevel.md), not by the plan.
 class Followed {
  public:
-  explicit Followed(const linker::Network& network, const linker::Plan& plan) : network_(network) {
+  explicit Followed(const linker::LinkNetwork& network, const linker::Plan& plan) : network_(network) {
     for (std::size_t node = 0; node < network.nodes.size(); ++node) {
       if (!plan.linked[node]) continue;
       for (const auto& each : linker::settings_of(network, plan, node)) {
@@ -141,7 +141,7 @@ class Followed {
       }
     }
   }
-  const linker::Network& network_;
+  const linker::LinkNetwork& network_;
   std::map<std::size_t, std::map<ObjectRef, std::uint64_t>> values_;
 };
 
@@ -160,7 +160,7 @@ class LinkCrossing : public ::testing::Test {
     EXPECT_EQ(made.findings.size(), 1U) << problems_of(made);
     return made.findings.empty() ? "" : to_string(made.findings.front());
   }
-  linker::Network network = tree();
+  linker::LinkNetwork network = tree();
 };
 
 }  // namespace

@@ -187,8 +187,8 @@ DeviceSpec io_module() {
                       {0x6411, 2, 3, "rww", "Write analogue output 16 bit"}}};
 }
 
-linker::Network network_of(std::vector<std::pair<std::string, std::shared_ptr<const eds::File>>> nodes) {
-  linker::Network network{
+linker::LinkNetwork network_of(std::vector<std::pair<std::string, std::shared_ptr<const eds::File>>> nodes) {
+  linker::LinkNetwork network{
       .name = "machine", .file = "machine.toml", .buses = {}, .nodes = {}, .gateways = {}, .links = {}};
   linker::Bus bus{.name = "field", .master = NodeId(127)};
   bus.others.bit_rate = 500'000;
@@ -208,7 +208,7 @@ linker::Network network_of(std::vector<std::pair<std::string, std::shared_ptr<co
 }
 
 namespace {
-linker::End end_of(const linker::Network& network, const std::string& text) {
+linker::End end_of(const linker::LinkNetwork& network, const std::string& text) {
   const auto slash = text.find('/');
   const auto node = std::ranges::find(network.nodes, text.substr(0, slash), &linker::Node::name);
   if (node == network.nodes.end()) throw std::runtime_error("no node " + text);
@@ -216,7 +216,7 @@ linker::End end_of(const linker::Network& network, const std::string& text) {
 }
 }  // namespace
 
-void add_link(linker::Network& network, const std::string& from, const std::vector<std::string>& to,
+void add_link(linker::LinkNetwork& network, const std::string& from, const std::vector<std::string>& to,
               std::optional<rt::Duration> deadline, linker::TransmissionType transmission,
               std::optional<od::DataType> type) {
   linker::Link link{
@@ -226,7 +226,7 @@ void add_link(linker::Network& network, const std::string& from, const std::vect
   network.links.push_back(std::move(link));
 }
 
-linker::Network conveyor() {
+linker::LinkNetwork conveyor() {
   constexpr unsigned controllers = 11;
   constexpr unsigned modules = 4;  // of each controller
   const auto plc = file_of(controller());
@@ -265,7 +265,7 @@ linker::Network conveyor() {
   return network;
 }
 
-void add_random_links(linker::Network& network, Random& random, unsigned links) {
+void add_random_links(linker::LinkNetwork& network, Random& random, unsigned links) {
   const unsigned base = static_cast<unsigned>(network.links.size());
   const auto pick = [&](unsigned most) { return static_cast<unsigned>(random.below(most)); };
   std::set<std::string> taken;
@@ -304,7 +304,7 @@ void add_random_links(linker::Network& network, Random& random, unsigned links) 
   }
 }
 
-linker::Network random_network(Random& random, unsigned links) {
+linker::LinkNetwork random_network(Random& random, unsigned links) {
   auto small = controller();
   small.tpdos = 3;
   small.rpdos = 5;

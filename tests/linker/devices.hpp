@@ -44,17 +44,18 @@ struct DeviceSpec {
 [[nodiscard]] DeviceSpec io_module();
 
 /// One bus of 500 kbit/s.
-[[nodiscard]] linker::Network network_of(std::vector<std::pair<std::string, std::shared_ptr<const eds::File>>> nodes);
+[[nodiscard]] linker::LinkNetwork network_of(
+    std::vector<std::pair<std::string, std::shared_ptr<const eds::File>>> nodes);
 /// `to`: "node/object". Nodes by name.
-void add_link(linker::Network& network, const std::string& from, const std::vector<std::string>& to,
+void add_link(linker::LinkNetwork& network, const std::string& from, const std::vector<std::string>& to,
               std::optional<rt::Duration> deadline = {}, linker::TransmissionType transmission = linker::at_change,
               std::optional<od::DataType> type = {});
 
 /// 11 controllers, 44 modules, 280 network variables, 533 links (paper 5, fig. 1: the size of the coal conveyor).
-[[nodiscard]] linker::Network conveyor();
+[[nodiscard]] linker::LinkNetwork conveyor();
 
 /// Controllers and modules of several kinds and random links, some of which share a source.
-[[nodiscard]] linker::Network random_network(Random& random, unsigned links);
-void add_random_links(linker::Network& network, Random& random, unsigned links);
+[[nodiscard]] linker::LinkNetwork random_network(Random& random, unsigned links);
+void add_random_links(linker::LinkNetwork& network, Random& random, unsigned links);
 
 }  // namespace berth::test

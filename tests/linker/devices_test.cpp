@@ -19,7 +19,7 @@ namespace {
 /// The devices of a plan, running.
 class Plant {
  public:
-  Plant(const linker::Network& network, const linker::Plan& plan) : network_(network) {
+  Plant(const linker::LinkNetwork& network, const linker::Plan& plan) : network_(network) {
     const auto files = linker::make_files(network, plan);
     for (std::size_t i = 0; files && i < network.nodes.size(); ++i) {
       const auto file = std::ranges::find(*files, linker::file_stem(network, i) + ".dcf", &linker::MadeFile::name);
@@ -55,7 +55,7 @@ class Plant {
   void run(device::test::milliseconds time) { rig_.run(time); }
 
  private:
-  const linker::Network& network_;
+  const linker::LinkNetwork& network_;
   device::test::Rig rig_;
   std::map<std::size_t, std::unique_ptr<device::test::Node>> nodes_;
 };
@@ -65,7 +65,7 @@ const linker::Variable& named(const linker::Plan& plan, std::size_t node, const 
 }
 
 /// Every program writes all its variables, again and again; after the deadlines every consumer has them.
-void exchange(const linker::Network& network, const linker::Plan& plan, Random& random) {
+void exchange(const linker::LinkNetwork& network, const linker::Plan& plan, Random& random) {
   Plant plant(network, plan);
   for (unsigned round = 0; round < 20; ++round) {
     std::map<const linker::Link*, std::uint64_t> values;

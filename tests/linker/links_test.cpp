@@ -25,7 +25,7 @@ std::string findings(const linker::Planned& planned) {
   return text;
 }
 
-std::vector<Dcf> dcfs(const linker::Network& network, const linker::Plan& plan) {
+std::vector<Dcf> dcfs(const linker::LinkNetwork& network, const linker::Plan& plan) {
   const auto files = linker::make_files(network, plan);
   std::vector<Dcf> made;
   if (!files) {
@@ -38,7 +38,7 @@ std::vector<Dcf> dcfs(const linker::Network& network, const linker::Plan& plan) 
   return made;
 }
 
-const Dcf& of(const std::vector<Dcf>& all, const linker::Network& network, std::size_t node) {
+const Dcf& of(const std::vector<Dcf>& all, const linker::LinkNetwork& network, std::size_t node) {
   return *std::ranges::find_if(all, [&](const Dcf& d) { return d.node_id() == network.nodes[node].id.value(); });
 }
 
@@ -49,7 +49,7 @@ unsigned object_of(const Dcf& device, const std::string& word) {
 }
 
 /// What the links say, by the names in the DCFs.
-Flow wanted(const linker::Network& network, const std::vector<Dcf>& all) {
+Flow wanted(const linker::LinkNetwork& network, const std::vector<Dcf>& all) {
   Flow flow;
   for (const auto& link : network.links) {
     const Dcf& from = of(all, network, link.from.node);
@@ -68,14 +68,14 @@ Flow wanted(const linker::Network& network, const std::vector<Dcf>& all) {
 }
 
 /// The judge agrees with the links, all of them and nothing else.
-void expect_linked(const linker::Network& network, const linker::Plan& plan) {
+void expect_linked(const linker::LinkNetwork& network, const linker::Plan& plan) {
   const auto all = dcfs(network, plan);
   const auto judged = judge(all);
   EXPECT_EQ(judged.wrong, std::vector<std::string>{});
   EXPECT_EQ(judged.flow, wanted(network, all));
 }
 
-linker::Network two_controllers() {
+linker::LinkNetwork two_controllers() {
   const auto plc = file_of(controller());
   return network_of({{"press", plc}, {"belt", plc}, {"lift", plc}});
 }

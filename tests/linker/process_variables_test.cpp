@@ -20,13 +20,13 @@ using namespace berth::test;
 
 namespace {
 
-std::vector<linker::MadeFile> files_of(const linker::Network& network, const linker::Plan& plan) {
+std::vector<linker::MadeFile> files_of(const linker::LinkNetwork& network, const linker::Plan& plan) {
   auto files = linker::make_files(network, plan);
   EXPECT_TRUE(files) << files.error();
   return std::move(*files);
 }
 
-eds::File dcf_of(const std::vector<linker::MadeFile>& files, const linker::Network& network, std::size_t node) {
+eds::File dcf_of(const std::vector<linker::MadeFile>& files, const linker::LinkNetwork& network, std::size_t node) {
   const auto name = linker::file_stem(network, node) + ".dcf";
   const auto it = std::ranges::find(files, name, &linker::MadeFile::name);
   EXPECT_NE(it, files.end()) << name;

@@ -29,7 +29,7 @@ class LinkRefusal : public ::testing::Test {
     return made.findings.empty() ? "" : to_string(made.findings.front());
   }
 
-  linker::Network network;
+  linker::LinkNetwork network;
 };
 
 }  // namespace

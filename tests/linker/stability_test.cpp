@@ -20,7 +20,7 @@ namespace {
 using Way = std::tuple<std::size_t, unsigned, unsigned, unsigned>;
 
 /// By link and consumer.
-std::map<std::string, Way> ways(const linker::Network& network, const linker::Plan& plan) {
+std::map<std::string, Way> ways(const linker::LinkNetwork& network, const linker::Plan& plan) {
   std::map<std::string, Way> made;
   for (const auto& pdo : plan.pdos) {
     for (const std::size_t index : pdo.links) {
@@ -39,7 +39,7 @@ std::map<std::string, Way> ways(const linker::Network& network, const linker::Pl
   return made;
 }
 
-void shuffle(linker::Network& network, Random& random) {
+void shuffle(linker::LinkNetwork& network, Random& random) {
   for (std::size_t i = network.links.size(); i > 1; --i)
     std::swap(network.links[i - 1], network.links[random.below(i)]);
 }

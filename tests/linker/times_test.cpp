@@ -19,7 +19,7 @@ std::string told(const linker::Planned& planned) {
   return text;
 }
 
-linker::Network many(unsigned nodes, const std::shared_ptr<const eds::File>& file) {
+linker::LinkNetwork many(unsigned nodes, const std::shared_ptr<const eds::File>& file) {
   std::vector<std::pair<std::string, std::shared_ptr<const eds::File>>> all;
   for (unsigned i = 0; i < nodes; ++i) all.emplace_back("d" + std::to_string(i + 1), file);
   auto network = network_of(std::move(all));
@@ -28,7 +28,7 @@ linker::Network many(unsigned nodes, const std::shared_ptr<const eds::File>& fil
 }
 
 /// Each node's EMCY, one a second: they all go before any PDO.
-void add_emcys(linker::Network& network) {
+void add_emcys(linker::LinkNetwork& network) {
   auto& others = network.buses[0].others;
   for (std::size_t i = 0; i < network.nodes.size(); ++i) {
     others.messages.push_back(
@@ -118,7 +118,7 @@ TEST(LinkTimes, MoreThanTheWholeBusIsRefused) {
 namespace {
 
 /// Whether all deadlines of these PDOs are kept with inhibit times from `random`, each within its deadline.
-bool fits(const linker::Network& network, const linker::Plan& plan, Random& random) {
+bool fits(const linker::LinkNetwork& network, const linker::Plan& plan, Random& random) {
   analysis::Line line = network.buses[0].others;
   for (const auto& pdo : plan.pdos) {
     if (!pdo.deadline) return false;

@@ -31,7 +31,7 @@ constexpr const char* master = "master";
 double in_ms(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
 
 struct Machine {
-  linker::Network network;
+  linker::LinkNetwork network;
   std::vector<sim::TxOrder> queues;  // as they are, also where that is not said
 };
 
@@ -42,7 +42,7 @@ void add_other(linker::Bus& bus, const std::string& name, std::size_t sender, st
 }
 
 /// What is on the bus beside the PDOs: all that the run below sends.
-void add_others(linker::Network& network) {
+void add_others(linker::LinkNetwork& network) {
   auto& bus = network.buses[0];
   bus.others.messages.clear();
   bus.others.background_bytes.reset();
@@ -252,7 +252,7 @@ class World final : private can::Tap {
   }
 
   const Machine& machine_;
-  const linker::Network& network_;
+  const linker::LinkNetwork& network_;
   const linker::Plan& plan_;
   Random& random_;
   device::test::Rig rig_;
@@ -268,7 +268,7 @@ class World final : private can::Tap {
 };
 
 /// All messages of the bus, as the plan has them: the PDOs behind the others.
-analysis::Line line_of(const linker::Network& network, const linker::Plan& plan) {
+analysis::Line line_of(const linker::LinkNetwork& network, const linker::Plan& plan) {
   analysis::Line line = network.buses[0].others;
   for (const auto& pdo : plan.pdos) {
     const auto sending = linker::sending_of(network, pdo);
