@@ -7,7 +7,7 @@
 namespace berth::cli {
 namespace {
 
-rt::Task<void> run(tree::Session& session, const command::Request& request, command::Reply& reply, bool& over) {
+rt::Task<void> carry_out(tree::Session& session, const command::Request& request, command::Reply& reply, bool& over) {
   co_await command::execute(session, request, reply);
   over = true;
 }
@@ -18,7 +18,7 @@ bool execute_in(MachineRun& run, const command::Request& request, command::Reply
                 const std::function<bool()>& goes_on) {
   bool over = false;
   rt::Scope scope(run.driver().executor());
-  scope.spawn(run(run.session(), request, reply, over));
+  scope.spawn(carry_out(run.session(), request, reply, over));
   wait_until(
       run.driver(), run.interrupt(), [&] { return over || run.guards().dry_run_over() || !goes_on(); }, limit);
   return over;

@@ -201,7 +201,7 @@ TEST_F(Client, SegmentedDownload) {
 TEST_F(Client, S17_ZeroBytes) {
   reply("605#2103200000000000", {"585#6003200000000000"});
   reply("605#0F00000000000000", {"585#2000000000000000"});
-  auto down = client.download(node, 0x2003, 0, {});
+  auto down = client.with(node).download(0x2003, 0, {});
   EXPECT_TRUE(await(*this, down));
   reply("605#4003200000000000", {"585#4103200000000000"});
   reply("605#6000000000000000", {"585#0F00000000000000"});
