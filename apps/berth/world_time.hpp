@@ -25,8 +25,7 @@ class WorldTime {
   void between();
   /// For a paused world: "paused: `berth world run` lets it go on"; empty: it runs.
   [[nodiscard]] std::string standing() const;
-  /// A request that waits for its answer, while this exists: if the world is paused meanwhile, the waiting client is
-  /// told.
+  /// A request that waits for its answer, while this exists: if the world is paused meanwhile, its client is told.
   class Waiting {
    public:
     /// `time`: null, or must outlive it, as `reply` must.
