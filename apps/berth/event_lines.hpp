@@ -9,7 +9,7 @@
 
 namespace berth::cli {
 
-/// Joins one message about several slots at one instant into one line: "left, right and 38 more: empty: …". A line is
+/// Joins one message about several slots at one instant into a line: "left, right and 38 more: empty: …". A line is
 /// complete when the next instant begins or the message differs; until then it is held back.
 class EventLines {
  public:
