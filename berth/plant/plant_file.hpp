@@ -189,7 +189,7 @@ struct PlantMaster {
   friend bool operator==(const PlantMaster&, const PlantMaster&) = default;
 };
 
-/// What it does when its heartbeat time (1017h) is written. The words of `resets_at_heartbeat`, after `never`.
+/// What it does after its heartbeat time (1017h) was written. The words of `resets_at_heartbeat`, after `never`.
 enum class ResetsAtHeartbeat : std::uint8_t {
   never,
   keeps,    ///< answers, resets, and has the new value
@@ -197,14 +197,14 @@ enum class ResetsAtHeartbeat : std::uint8_t {
   silent,   ///< resets without an answer, and has its old value
 };
 
-/// What it tells of itself that no device should. Keys `identity_changes`, `sdo_serial`,
+/// Wrong information that it gives about itself. Keys `identity_changes`, `sdo_serial`,
 /// `identity_only_pre_operational`, `resets_at_heartbeat`, `heartbeat_sent`.
 struct PlantOddities {
   std::uint8_t changing = 0;                   ///< parts of 1018h, bit 0 the vendor-ID: each reading gives one more
-  std::optional<std::uint32_t> sdo_serial;     ///< 1018h:04, where it is not what LSS tells
+  std::optional<std::uint32_t> sdo_serial;     ///< 1018h:04, if it differs from LSS
   bool identity_only_pre_operational = false;  ///< 1018h is refused in any other NMT state
   ResetsAtHeartbeat resets = ResetsAtHeartbeat::never;
-  Duration heartbeat_sent{0};  ///< its heartbeat comes so often, whatever 1017h says; 0: as that says
+  Duration heartbeat_sent{0};  ///< period of its heartbeat, whatever 1017h says; 0: as 1017h says
   friend bool operator==(const PlantOddities&, const PlantOddities&) = default;
 };
 
