@@ -97,7 +97,7 @@ class Record {
   bool told_ = false;
 };
 
-/// Records every frame of one simulated bus. Both must stay.
+/// Records every frame of one simulated bus. Both must outlive it.
 class BusTap final : public can::Tap {
  public:
   /// `master`: the number of Berth's controller there.

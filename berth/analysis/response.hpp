@@ -86,7 +86,7 @@ struct Response {
   /// Empty: no bound. The bus is too slow for it and those before it, or one of them has no least interval.
   std::optional<rt::Duration> worst{};
   std::optional<rt::Duration> arrival{};  ///< the same from the cause to its effect, as for the deadline
-  double load = 0;  ///< its share of the bus, with the longest frames; 0 without a least interval
+  double load = 0;                        ///< its share of the bus, with the longest frames; 0 without a least interval
   /// The deadline is kept, or there is none.
   bool meets_deadline = false;
 };

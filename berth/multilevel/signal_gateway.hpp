@@ -29,10 +29,9 @@ namespace berth::multilevel {
 
 struct SignalSide {
   od::Values* values = nullptr;
-  std::function<void(ObjectRef)> changed{};  ///< the object's value changed, or it has an event: for its TPDOs
-  MeteredPort* port = nullptr;               ///< for them; null: delays of signals to this side are unknown
-  std::function<void(ObjectRef, bool)>
-      silence{};  ///< stops (true) or resumes its TPDO; for `Stopped::silent`
+  std::function<void(ObjectRef)> changed{};        ///< the object's value changed, or it has an event: for its TPDOs
+  MeteredPort* port = nullptr;                     ///< for them; null: delays of signals to this side are unknown
+  std::function<void(ObjectRef, bool)> silence{};  ///< stops (true) or resumes its TPDO; for `Stopped::silent`
 };
 
 struct SignalFigures {

@@ -155,9 +155,9 @@ struct SlotSpec {
   std::string config;             ///< file with the device's configuration, empty for none
   SlotConfiguring configuring = {};
   SlotSoftware software = {};
-  std::vector<AlsoType> also = {};         ///< accepted by `fits`; `type` is the slot's main type
-  std::vector<std::uint32_t> spares = {};  ///< serial numbers of devices kept for this slot: such a device is chosen
-                                           ///< first and without a question
+  std::vector<AlsoType> also = {};            ///< accepted by `fits`; `type` is the slot's main type
+  std::vector<std::uint32_t> spares = {};     ///< serial numbers of devices kept for this slot: such a device is chosen
+                                              ///< first and without a question
   std::shared_ptr<const Recipe> recipe = {};  ///< with `Assign::recipe`
   std::optional<Probe> probe = {};            ///< identifies the slot's device at every boot, whatever its serial
                                               ///< number
