@@ -29,9 +29,10 @@ namespace berth::multilevel {
 
 struct SignalSide {
   od::Values* values = nullptr;
-  std::function<void(ObjectRef)> changed{};        ///< the object's value changed, or it has an event: for its TPDOs
-  MeteredPort* port = nullptr;                     ///< for them; null: delays of signals to this side are unknown
-  std::function<void(ObjectRef, bool)> silence{};  ///< stops (true) or resumes its TPDO; for `Stopped::silent`
+  std::function<void(ObjectRef)> changed{};  ///< the object's value changed, or it has an event: for its TPDOs
+  MeteredPort* port = nullptr;               ///< for them; null: delays of signals to this side are unknown
+  std::function<void(ObjectRef, bool)>
+      silence{};  ///< its TPDO is not sent (true), or sent again; for `Stopped::silent`
 };
 
 struct SignalFigures {
