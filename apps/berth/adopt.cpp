@@ -23,11 +23,11 @@ using namespace std::chrono_literals;
 using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
-/// What was learnt of one bus.
+/// What was learnt about one bus.
 struct Learnt {
   std::string bus;
   std::vector<live::NodeSeen> nodes;
-  std::vector<std::string> master;  // what commands it: verdict and evidence
+  std::vector<std::string> master;  // its masters: verdict and evidence
   NodeId master_id;
   rt::Duration sync{0};
   std::uint64_t frames = 0;
@@ -60,7 +60,7 @@ std::string remarks(const live::NodeSeen& node) {
   return text;
 }
 
-// The slots' heartbeat, when they agree within a tenth; else the default stays.
+// The slots' heartbeat, if they agree within a tenth; else the default.
 std::optional<std::chrono::milliseconds> common_period(const std::vector<live::NodeSeen>& nodes, NodeId master) {
   std::vector<rt::Duration> periods;
   for (const auto& node : nodes) {
@@ -73,7 +73,7 @@ std::optional<std::chrono::milliseconds> common_period(const std::vector<live::N
   return period;
 }
 
-// And how it gets its node-ID: nothing but that tells one without a serial number from its equals.
+// Also how it gets its node-ID: only that distinguishes a device without a serial number from its equals.
 std::string type_of(const Identity& device) {
   if (!device.knows(0)) return "type = \"any\"\n";
   std::string text = fmt::format("type = {{ vendor = 0x{:08X}", device.address.vendor);
@@ -148,7 +148,7 @@ rt::Task<void> ask_all(live::Census& census, live::CensusOptions options, std::s
   over = true;
 }
 
-// A master that sends nothing but its heartbeat commands no node while we listen: its objects tell.
+// While we listen, a master that sends only its heartbeat commands no node: ask its objects.
 void name_quiet_master(Learnt& learnt) {
   for (const auto& node : learnt.nodes) {
     if (!node.nmt_master || learnt.master_id.configured()) continue;
@@ -165,7 +165,7 @@ tl::expected<Learnt, Failure> learn(MachineRun& run, const Options& options, con
   live::Census census(dispatcher);
   Interrupt& interrupt = run.interrupt();
   wait_for(run.driver(), interrupt, adopt.listen);
-  // The gate listens for a time of its own before it lets a question out.
+  // The gate listens for its own time before it passes a request.
   if (const auto heard = run.strangers().listen_first(); !heard && !adopt.passive) {
     return tl::unexpected(heard.error());
   }
@@ -239,7 +239,7 @@ std::string seed_machine(const Options& options, const AdoptOptions& adopt) {
                      adopt.name, options.bus, adopt.bitrate);
 }
 
-// Nothing of it was there before; left behind, it would keep the next adoption from beginning.
+// It is new; left behind, it would block the next adoption.
 void take_back(const std::string& file, const std::string& store) {
   std::error_code ignored;
   for (const auto& path : {file, store, store + "-wal"}) fs::remove(path, ignored);

@@ -83,7 +83,7 @@ Json json_of(const design::Bus& bus, const analysis::Line& line, const analysis:
           {"good", result.good()}, {"messages", messages},    {"notes", told}};
 }
 
-// What `messages_of` calls the sender that a node is: its slot, or the bus's NMT master.
+// The sender's name in `messages_of` for a node: its slot, or the bus's NMT master.
 tl::expected<std::string, Failure> sender_of(const design::Machine& machine, const MeantNode& node) {
   if (node.slot != nullptr) return node.slot->spec.name.name;
   if (node.node == node.bus->master) return std::string("master");
@@ -244,7 +244,7 @@ int analyze(const Options& options, const AnalyzeOptions& how) {
   if (!how.plot.empty()) {
     if (const auto bad = write_output(how.plot, picture.svg())) return tell(*bad, options.json);
   }
-  // Of a part of the buses no way is whole.
+  // For a part of the buses no way is complete.
   Json crossings = Json::array();
   const bool whole = options.bus.empty() && how.nodes.empty() && assumed.links != nullptr;
   const Json wrong = told(links.findings, options.json);

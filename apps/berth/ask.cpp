@@ -143,7 +143,7 @@ void Asker::event(const Event& event) {
   if (!over_ && !takes_lines_) loop_->watch(STDIN_FILENO, *this, EPOLLIN);
 }
 
-// What is typed while nothing is asked is left for the shell.
+// Text typed while no question is open is left for the shell.
 void Asker::ready(std::uint32_t) noexcept {
   if (asks()) read_typed();
   if (over_ || !asks()) loop_->forget(STDIN_FILENO);

@@ -51,7 +51,7 @@ bool on_several_buses(const Json& backups) {
   return false;
 }
 
-// Writes what came, and puts the paths into `json`.
+// Writes the received values, and puts the paths into `json`.
 std::optional<Failure> write_backups(Json& json, const std::string& folder, bool force) {
   Json& backups = json.at("backups");
   const bool several = on_several_buses(backups);

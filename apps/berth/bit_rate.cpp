@@ -62,7 +62,7 @@ live::RateHeard listen_at(io::LoopDriver& driver, const can::PortSpec& spec, std
   return heard;
 }
 
-// The interface as it was: no other program shall find it listen-only.
+// Restores the interface: other programs must not find it listen-only.
 void put_back(io::Loop& loop, const can::PortSpec& spec, std::uint32_t rate) {
   io::PortOptions options;
   options.bit_rate = rate;

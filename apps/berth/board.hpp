@@ -1,5 +1,5 @@
-/// The slot table of a run as it stands on a terminal: it fits, whatever the terminal's size, and what needs a person
-/// stands first. Pure: what is drawn follows from what is given.
+/// The slot table of a run on a terminal. It fits any terminal size; what needs the user comes first. Pure: the drawing
+/// depends on the arguments alone.
 #pragma once
 
 #include <cstddef>
@@ -17,7 +17,7 @@ struct BoardSize {
 
 struct BoardSlot {
   operate::SlotReport slot;
-  bool optional = false;  ///< that it is empty is no trouble
+  bool optional = false;  ///< may be empty without being in trouble
 };
 
 struct BoardLine {
@@ -30,23 +30,23 @@ struct BoardContent {
   std::string headline;
   std::vector<BoardSlot> slots;
   std::vector<std::string> questions;  ///< that are open
-  std::vector<BoardLine> values = {};  ///< watched ones, with their heading (watch_rows.hpp)
+  std::vector<BoardLine> values = {};  ///< watched values, with their heading (watch_rows.hpp)
 };
 
-/// A person has to do something: it is absent, failed, a question, empty though it is not optional, ...
+/// The user has to do something: the slot is absent, failed, a question, empty though not optional, ...
 [[nodiscard]] bool needs_a_person(const BoardSlot& slot) noexcept;
 
-/// Headline, a summary line for each bus, watched values (in half of the lines at most), open questions, slots that
-/// need a person with their reasons whole, then the others. Each line is no wider than `size.columns`, and there are no
-/// more than `size.rows` of them.
+/// Draws, in this order: headline, a summary line for each bus, watched values (in at most half of the lines), open
+/// questions, slots that need the user with their full reasons, the other slots. At most `size.rows` lines, none wider
+/// than `size.columns`.
 class Board {
  public:
   [[nodiscard]] std::vector<BoardLine> draw(const BoardContent& content, BoardSize size);
-  /// Lines down, or up when negative; the next `draw` stops at the ends.
+  /// Scrolls down, or up when negative; the next `draw` stops at the ends.
   void scroll(std::ptrdiff_t lines) noexcept { first_ += lines; }
   void to_begin() noexcept { first_ = 0; }
   void to_end() noexcept;
-  /// How many lines of slots the last drawing showed at once.
+  /// How many lines of slots the last drawing showed.
   [[nodiscard]] std::size_t page() const noexcept { return page_; }
   /// The last drawing left lines out.
   [[nodiscard]] bool partial() const noexcept { return partial_; }

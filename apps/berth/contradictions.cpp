@@ -13,7 +13,7 @@ const plant::PlantDevice* device_of(const plant::PlantFile& plant, std::string_v
   return it == plant.devices.end() ? nullptr : &*it;
 }
 
-// Of the plant's gateways, the device that is its node on this bus beneath; null: none is.
+// The plant's gateway device that is its node on this bus beneath; null: none.
 const plant::PlantDevice* own_node_on(const plant::PlantFile& plant, const design::Bus& bus) {
   for (const auto& gateway : plant.gateways) {
     for (const auto& name : gateway.beneath) {
@@ -44,7 +44,7 @@ class Contradictions {
     found_.push_back({Finding::Severity::warning, file_, 0, 0, what, std::move(message), std::move(fix)});
   }
 
-  // Its own master runs a bus beneath: the one node that must be there before Berth can do anything.
+  // Its own master runs a bus beneath: only this node must be there before Berth can do anything.
   void own_node(const design::Bus& bus) {
     const auto* const device = own_node_on(plant_, bus);
     if (device == nullptr) {

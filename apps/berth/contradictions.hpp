@@ -1,5 +1,5 @@
-/// What a machine file wants of the gateways of a plant file and the plant does not have: both are known before
-/// anything runs, and on the bus it would only show as a gateway that does not come up.
+/// What a machine file wants of gateways that its plant file does not have. On the bus it would only show as a gateway
+/// that does not come up; here it is found before anything runs.
 #pragma once
 
 #include "berth/base/finding.hpp"

@@ -14,7 +14,7 @@ struct CrossingShown {
   const linker::CrossingLink& crossing;
   std::optional<rt::Duration> worst;  ///< none: no bound
 
-  /// There is a bound, and it is within the deadline when there is one.
+  /// There is a bound, and it is within the deadline, if there is one.
   [[nodiscard]] bool kept() const;
   /// "motor/6401h:01 -> engine/6411h:01 through left, right: worst 12.300 ms, deadline 60 ms kept".
   [[nodiscard]] std::string text() const;

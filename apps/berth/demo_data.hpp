@@ -1,4 +1,4 @@
-/// The text of examples/five-slaves.toml and its plant, built in (CMakeLists.txt).
+/// The texts of examples/five-slaves.toml and its plant, built in (CMakeLists.txt).
 #pragma once
 
 #include <string_view>

@@ -68,7 +68,8 @@ tl::expected<Ports, Failure> read_ports(const plant::PlantFile& plant, const Opt
   return ports;
 }
 
-/// Which devices of the plant are run here. A gateway is its device above; those beneath come with it, or not at all.
+/// The devices of the plant to run here. A gateway is named by its device above; those beneath come with it, or not at
+/// all.
 class Choice {
  public:
   Choice(const plant::PlantFile& plant, const Ports& ports) : plant_(plant), ports_(ports) {}
@@ -92,7 +93,7 @@ class Choice {
   }
 
  private:
-  /// The gateway that this device is a port beneath of; null: of none.
+  /// The gateway to which this device belongs as a port beneath; null: none.
   const plant::PlantGateway* above(const std::string& name) const {
     const auto has = [&](const auto& gateway) { return std::ranges::count(gateway.beneath, name) > 0; };
     const auto it = std::ranges::find_if(plant_.gateways, has);

@@ -52,7 +52,7 @@ void add_send(Verb& berth, Options& options) {
 }
 
 namespace {
-// No frame needs a person's consent, or is known before.
+// No frame needs the user's consent, or is known in advance.
 constexpr RequestWords tells{.alone = false, .machine = {.confirms = false, .sends = false}};
 }  // namespace
 

@@ -1,6 +1,6 @@
-// `berth doctor`: listens on a machine's buses, asks when it may, and says what is wrong. It joins each bus as a node
-// of its own, in this world or in a plant's in another process, and knows nothing but what its port tells. A simulated
-// machine that another process runs it follows through that one's control socket.
+// `berth doctor`: listens on a machine's buses, asks if it may, and reports what is wrong. It joins each bus as its own
+// node, in this world or in another process's plant, and knows only what its port shows. If another process runs a
+// simulated machine, it follows that through the control socket.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -39,7 +39,7 @@ struct DoctorOptions {
   std::string eds;                                 ///< its description; empty: its slot's
 };
 
-/// Simulated devices have run so long when the doctor comes: it does not see them boot, as on a machine that runs.
+/// How long simulated devices have run before the doctor starts: it does not see them boot, as on a running machine.
 constexpr rt::Duration settled = 1s;
 
 /// One bus and its ear.
@@ -49,7 +49,7 @@ struct Patient {
   std::unique_ptr<can::Dispatcher> own{};
   can::Dispatcher* dispatcher = nullptr;  // that, or the session's
   std::unique_ptr<doctor::Ear> ear{};
-  doctor::Heard heard{};  // before anything was asked: questions make collisions of their own
+  doctor::Heard heard{};  // before any question: questions cause collisions themselves
   doctor::Expected expected{};
   doctor::QuestionOptions questions{};
   doctor::Answers answers{};
@@ -65,7 +65,7 @@ tl::expected<std::unique_ptr<can::Port>, Failure> node_on(MachineRun& run, const
 }
 
 // A simulated machine: devices boot, and with --up it is brought up first. What the plant file plans after
-// "operational" does not happen: the machine is looked at as it stands.
+// "operational" does not happen: the machine is examined as it is.
 void prepare(MachineRun& run, const Options& options) {
   if (options.single.bring_up && run.loop() == nullptr) {
     run.power_on();
@@ -110,7 +110,7 @@ Patient patient_of(const design::Machine& machine, const design::Bus& bus, const
   return p;
 }
 
-// It hears what a port hears; a simulated bus takes a port of its own anywhere.
+// It hears what a port hears; a simulated bus gives a port to any node.
 Failure cannot_hear(const design::Machine& machine, const design::Bus& bus) {
   return no_port(
       bus, "the doctor needs a port to listen and to ask",
@@ -134,8 +134,7 @@ tl::expected<std::vector<Patient>, Failure> patients_of(MachineRun& run, const O
     }
     Patient p = patient_of(run.machine(), bus, wanted);
     if (run.guards().gate(bus.name) != nullptr) {
-      // Not a dispatcher of its own: a port has one listener, and of two dispatchers the one that registered last is
-      // it.
+      // Uses the session's dispatcher: a port has only one listener, and a second dispatcher would replace the first.
       p.dispatcher = &run.session().network(bus.name)->services().dispatcher;
     } else {
       auto port = node_on(run, bus);
@@ -151,7 +150,7 @@ tl::expected<std::vector<Patient>, Failure> patients_of(MachineRun& run, const O
   return patients;
 }
 
-// Of --bus and --conformance: which bus it is about; that Berth has no port there is told before anything is opened.
+// The bus for --bus and --conformance. If Berth has no port there, this is reported before anything is opened.
 std::optional<Failure> settle_bus(const design::Machine& machine, bool simulates, Options& options,
                                   DoctorOptions& wanted) {
   if (!wanted.conformance.empty()) {
@@ -166,7 +165,7 @@ std::optional<Failure> settle_bus(const design::Machine& machine, bool simulates
   return std::nullopt;
 }
 
-// Buses that nothing is said of.
+// Buses without findings.
 std::vector<std::string> not_heard(const design::Machine& machine, bool simulates, const Options& options) {
   std::vector<std::string> names;
   if (simulates || !options.bus.empty()) return names;
@@ -181,7 +180,7 @@ rt::Duration listening_time(const std::vector<Patient>& patients, const DoctorOp
   return longest;
 }
 
-// How long. A port that was down all the time tells nothing of its bus.
+// How long to listen. A port that was down all the time shows nothing of its bus.
 rt::Duration listen(MachineRun& run, std::vector<Patient>& patients, const DoctorOptions& wanted) {
   const auto began = run.now();
   wait_for(run.driver(), run.interrupt(), listening_time(patients, wanted));
@@ -303,7 +302,7 @@ std::string running_world(const Options& options, const design::Machine& machine
   return here ? std::string() : running_control(options, machine);
 }
 
-// A world that stands is as silent as a bus whose cable is out: nothing can be found there. Empty: it goes on.
+// A paused world is as silent as a bus with a disconnected cable: nothing can be found there. Empty: it runs.
 std::string standing(const std::string& path) {
   constexpr int patience_ms = 2000;
   const auto reply = command::control_call(path, {"report", {}}, patience_ms);

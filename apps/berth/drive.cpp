@@ -29,7 +29,7 @@ Ending::Ending(MachineRun& run, std::string until) : run_(&run), until_(std::mov
   rt::Duration boot{0};
   for (const auto& device : run.plant().devices) boot = std::max(boot, device.boot);
   quiet_ += boot;
-  // What failed is tried again when the whole bus is asked anew: every 8 looks, and the asking takes its time.
+  // A failed step is tried again when the whole bus is asked anew: every 8 looks, and asking takes time.
   patience_ = quiet_;
   for (const auto& bus : run.machine().buses) patience_ = std::max(patience_, quiet_ + 10 * bus.timing.probe_period);
   // A bus beneath that does not come up in time is left to its gateway's master, and tried again after that time.
@@ -42,8 +42,8 @@ Ending::Ending(MachineRun& run, std::string until) : run_(&run), until_(std::mov
   plan_behind(plant::After::start);
 }
 
-// A device that finds no place is found again and again; that is no change.
-// Only the event's own bus is looked at: a machine of a hundred buses has a hundred times the events.
+// A device without a place is found again and again; that is no change. Only the event's own bus is checked: a machine
+// of a hundred buses has a hundred times the events.
 void Ending::event(const operate::Event& event) {
   look_ = true;
   const auto* const network = run_->session().network(event.bus);
@@ -126,7 +126,7 @@ struct Beside {
   std::unique_ptr<LiveValues> values;
 };
 
-// What `watch =` of the machine file names stands in the live table.
+// Shows the values of the machine file's `watch =` in the live table.
 void show_values(MachineRun& run, Screen& screen, Beside& beside) {
   const auto words = watch_words(run.machine());
   if (!screen.live() || words.empty()) return;
@@ -138,7 +138,7 @@ void show_values(MachineRun& run, Screen& screen, Beside& beside) {
   });
 }
 
-// Nobody can tell a world that stands from a bus on which nobody answers.
+// Nobody can distinguish a paused world from a bus on which nobody answers.
 void tell_standing(const WorldTime& time, const command::Request& request, command::Reply& reply) {
   const std::string standing = time.standing();
   if (standing.empty()) return;

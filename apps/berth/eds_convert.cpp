@@ -108,7 +108,7 @@ class Converter {
     return made;
   }
 
-  /// What the reader found no place for is in no form that is written anew.
+  /// Content for which the reader has no place is in no rewritten form.
   static void tell_dropped(const Described& source, Findings& findings) {
     const auto drops = [](const Finding& each) { return each.message.ends_with("own: left out"); };
     std::ranges::copy_if(source.reading.findings, std::back_inserter(findings), drops);
@@ -138,7 +138,7 @@ class Converter {
     }
   }
 
-  /// Unconfigured when it is not said; that will do until a value needs it.
+  /// Unconfigured if it is not given; that suffices until a value needs it.
   NodeId node_of(const eds::File& file) const {
     if (asked_.node) return NodeId(static_cast<std::uint8_t>(*asked_.node));
     return file.commissioning ? file.commissioning->node_id.value_or(NodeId()) : NodeId();

@@ -1,4 +1,4 @@
-/// A run's events as lines for people.
+/// A run's events as lines for users.
 #pragma once
 
 #include <optional>
@@ -9,16 +9,16 @@
 
 namespace berth::cli {
 
-/// What is said of several slots at one instant is one line: "left, right and 38 more: empty: …". A line is complete
-/// when the next instant begins, or what is said differs: until then it waits here.
+/// Joins one message about several slots at one instant into a line: "left, right and 38 more: empty: …". A line is
+/// complete when the next instant begins or the message differs; until then it is held back.
 class EventLines {
  public:
-  /// `wall_clock`: the time of day stands before the bus's time.
+  /// `wall_clock`: print the time of day before the bus's time.
   explicit EventLines(bool wall_clock) noexcept : wall_clock_(wall_clock) {}
 
-  /// The lines that are complete by this event.
+  /// The lines that this event completes.
   [[nodiscard]] std::vector<std::string> add(const operate::Event& event);
-  /// What waits still.
+  /// The lines that are held back.
   [[nodiscard]] std::vector<std::string> rest();
 
  private:

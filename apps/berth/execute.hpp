@@ -1,4 +1,4 @@
-/// One request, carried out by the session of a machine run.
+/// Carries out one request by the session of a machine run.
 #pragma once
 
 #include "interrupt.hpp"
@@ -6,8 +6,10 @@
 
 namespace berth::cli {
 
-/// False when it was not done after `limit`, by a signal, because `goes_on` (asked after each instant) said no, or
-/// because a dry run on real ports cannot know what comes next; `reply` is empty then.
+/// False, with an empty `reply`, when it was not done:
+/// - `limit` passed, or a signal came;
+/// - `goes_on` (asked after each instant) said no;
+/// - a dry run on real ports, which cannot know what comes next.
 [[nodiscard]] bool execute_in(
     MachineRun& run, const command::Request& request, command::Reply& reply, rt::Duration limit,
     const std::function<bool()>& goes_on = [] { return true; });

@@ -119,8 +119,7 @@ tl::expected<Content, Failure> content_of(const Json& entry, const std::string& 
   return Content{name, std::string(bytes->begin(), bytes->end())};
 }
 
-// Where the text is nested deeper, or has more values, than any export: what a reader of JSON makes of it costs a
-// hundred times its size.
+// Text with deeper nesting or more values than any export: a JSON reader would need a hundred times its size.
 std::optional<std::size_t> beyond_an_export(std::string_view text) {
   constexpr unsigned deepest = 8;
   constexpr unsigned most_values = 100'000;
@@ -183,7 +182,7 @@ tl::expected<std::vector<Content>, Failure> contents_of(const std::string& text,
   return all;
 }
 
-/// What an import has made so far. What is not kept is taken away again, and nothing else.
+/// The files made by an import so far. Those that are not kept are removed, and nothing else.
 class Written {
  public:
   Written() = default;

@@ -1,5 +1,5 @@
-/// Devices that do not become operational because their memory holds nothing that was saved
-/// (`operate::Event::offers_save`; CANopenNode without storage files): shall they save, and be reset?
+/// For devices that do not become operational because their memory holds nothing saved (`operate::Event::offers_save`;
+/// CANopenNode without storage files): asks whether to save and reset them.
 #pragma once
 
 #include <functional>
@@ -14,18 +14,18 @@ namespace berth::cli {
 class FirstSaves {
  public:
   using Say = std::function<void(const std::string&)>;
-  /// The session must stay. `yes`: it is done without an answer. `say` prints a line.
+  /// The session must outlive it. `yes`: do it without asking. `say` prints a line.
   FirstSaves(tree::Session& session, Say say, bool yes)
       : session_(&session), say_(std::move(say)), yes_(yes), scope_(session.executor()) {}
   ~FirstSaves() { scope_.cancel(); }
   FirstSaves(const FirstSaves&) = delete;
   FirstSaves& operator=(const FirstSaves&) = delete;
 
-  /// Each device once in a run: memory wears out.
+  /// Asks once for each device in a run: memory wears out.
   void event(const operate::Event& event);
-  /// An answer is waited for.
+  /// A question is waiting for an answer.
   [[nodiscard]] bool is_open() const noexcept { return !open_.empty(); }
-  /// "save left". False: the line is no such answer.
+  /// "save left". False: the line is not such an answer.
   bool take(const std::string& line);
 
  private:
@@ -39,7 +39,7 @@ class FirstSaves {
   Say say_;
   bool yes_;
   std::vector<Slot> open_;
-  rt::Scope scope_;  // last: its tasks use the rest
+  rt::Scope scope_;  // last: its tasks use the other members
 };
 
 }  // namespace berth::cli

@@ -1,5 +1,5 @@
-/// The buses of a machine that a `berth up` of another process runs, listened to through its control socket: a port
-/// for each, which hears every frame, Berth's own too, and sends none.
+/// Listens through the control socket to the buses of a machine that another process's `berth up` runs: one port for
+/// each bus. A port hears every frame, Berth's own too, and sends none.
 #pragma once
 
 #include <map>
@@ -18,7 +18,7 @@ namespace berth::cli {
 
 class FollowedBuses final : private io::Watcher, private trace::Sink {
  public:
-  /// `path`: the control socket. The loop must stay, and drives the ports.
+  /// `path`: the control socket. The loop drives the ports and must outlive them.
   [[nodiscard]] static tl::expected<std::unique_ptr<FollowedBuses>, Failure> join(io::Loop& loop,
                                                                                   const std::string& path,
                                                                                   const design::Machine& machine);
@@ -26,11 +26,11 @@ class FollowedBuses final : private io::Watcher, private trace::Sink {
   FollowedBuses(const FollowedBuses&) = delete;
   FollowedBuses& operator=(const FollowedBuses&) = delete;
 
-  /// Of a bus of the machine. Its frames come at the bus's own intervals.
+  /// The port of a bus of the machine. Frames come at the intervals of the bus.
   [[nodiscard]] can::Port& port(const std::string& bus);
-  /// The other process has ended, or let this one go.
+  /// The other process has ended, or has closed the connection.
   [[nodiscard]] bool over() const noexcept { return fd_ < 0; }
-  /// Frames that were left out because this process was too slow.
+  /// Frames that were dropped because this process was too slow.
   [[nodiscard]] std::uint64_t dropped() const noexcept { return dropped_; }
 
  private:
@@ -46,7 +46,7 @@ class FollowedBuses final : private io::Watcher, private trace::Sink {
   io::Loop* loop_;
   trace::CandumpReader reader_;
   std::map<std::string, std::unique_ptr<Port>> ports_;
-  std::string rest_;                    // of a line that is not whole yet
+  std::string rest_;                    // a line that is not complete yet
   std::optional<rt::Duration> offset_;  // from the bus's time to this process's
   std::uint64_t dropped_ = 0;
 };

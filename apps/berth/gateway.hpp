@@ -1,4 +1,4 @@
-/// `berth gateway`, and `berth up --gateway`: a machine's buses by CiA 309-3 (ASCII) over TCP.
+/// `berth gateway`, and `berth up --gateway`: access to a machine's buses by CiA 309-3 (ASCII) over TCP.
 #pragma once
 
 #include <functional>
@@ -10,23 +10,23 @@
 
 namespace berth::cli {
 
-/// What a person lets clients do on real buses.
+/// What the user permits clients on real buses.
 struct GatewayRights {
   bool commands = false;   ///< NMT, SDO download, PDO, LSS
-  bool confirmed = false;  ///< disturb operational devices
-  bool anywhere = false;   ///< clients on other computers, too
+  bool confirmed = false;  ///< may disturb operational devices
+  bool anywhere = false;   ///< clients on other computers too
 };
 
-/// Of `berth up --gateway`.
+/// The rights of `berth up --gateway`.
 [[nodiscard]] GatewayRights gateway_rights(const Options& options) noexcept;
-/// Where clients may connect; `option` is how the person named `where`. Refused as `may_listen` does.
+/// Where clients may connect. `option`: the option by which the user gave `where`. Refused as in `may_listen`.
 [[nodiscard]] tl::expected<io::Endpoint, Failure> gateway_endpoint(const std::string& option, const std::string& where,
                                                                    GatewayRights rights);
 
-/// A gateway to the session of a machine run that runs in real time.
+/// A gateway to the session of a machine run in real time.
 class GatewayHost {
  public:
-  /// `say` gets what a person may want to know. The run must stay, and have a loop.
+  /// `say` gets messages for the user. The machine run must outlive it and have a loop.
   [[nodiscard]] static tl::expected<std::unique_ptr<GatewayHost>, Failure> listen(
       MachineRun& run, const io::Endpoint& where, GatewayRights rights, std::function<void(const std::string&)> say);
   /// "127.0.0.1:7000".

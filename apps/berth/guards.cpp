@@ -11,14 +11,15 @@ can::Port& Guards::add(rt::Executor& executor, const design::Bus& bus, can::Port
   executor_ = &executor;
   live::GateOptions wanted;
   const bool observes = options.outside.observe || bus.role == live::Role::observer;
-  // A node beneath gateways is asked by more than SDO uploads of the gateway's own.
+  // For a node beneath gateways, a reader needs more than SDO uploads from the gateway.
   const bool reads = options.outside.read_only && machine_->beneath.empty();
   wanted.role = observes ? live::Role::observer : reads ? live::Role::reader : bus.role;
   wanted.listen = bus.timing.listen;
   wanted.watch.own = bus.master;
   wanted.watch.tolerated = bus.tolerate;
   if (bus.flying && options.master.takes_part) {
-    // Which master commands is agreed upon behind the gate. Another node under Berth's own node-ID stays one too many.
+    // The masters agree behind the gate on which of them commands. Another node under Berth's own node-ID is still a
+    // problem.
     wanted.watch.tolerated.set();
     wanted.watch.tolerated.reset(static_cast<std::size_t>(live::Sign::heartbeat));
   }

@@ -1,4 +1,4 @@
-/// How `--help` looks: 80 columns, and of an option only what a person writes. Included by verb.cpp alone.
+/// The layout of `--help`: 80 columns, and of each option only what the user writes. Included by verb.cpp alone.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -31,7 +31,7 @@ class HelpFormat final : public CLI::Formatter {
     const bool bracketed = name.starts_with('[');
     return option->get_required() || bracketed ? name : "[" + name + "]";
   }
-  // Options of which one is wanted.
+  // A group of options, one of which is required.
   std::string make_expanded(const CLI::App* group) const override {
     std::string text = "\nOne of these:\n";
     const auto own = [group](const CLI::Option* o) { return o->nonpositional() && o != group->get_help_ptr(); };
@@ -45,7 +45,7 @@ class HelpFormat final : public CLI::Formatter {
   static constexpr std::size_t columns = 80;
   static constexpr std::size_t margin = 28;
 
-  // "TEXT:TIME" is a text that is read as a time; "UINT:UINT in [1 - 9]" a number.
+  // "TEXT:TIME" is a text that is parsed as a time; "UINT:UINT in [1 - 9]" a number.
   static std::string value_of(const CLI::Option& option) {
     if (!option.get_option_text().empty()) return option.get_option_text();
     if (option.get_type_size() == 0) return {};
@@ -68,7 +68,7 @@ class HelpFormat final : public CLI::Formatter {
     const std::string rest = wrapped(std::string(margin, ' ') + right, margin);
     return line + rest.substr(std::min(margin, rest.size())) + "\n";
   }
-  // Lines that are longer are broken at a space, and go on after `indent` spaces.
+  // Breaks longer lines at a space; they continue after `indent` spaces.
   static std::string wrapped(const std::string& text, std::size_t indent) {
     std::string out;
     std::string line = text;

@@ -31,7 +31,7 @@ Failure wrong_name(const char* option, const std::string& name) {
   return failure(Exit::usage, fmt::format("{} \"{}\": this is not a name; {}", option, name, design::name_fix));
 }
 
-// What the two readers would refuse is refused before anything is asked or read.
+// Refuses what the two readers would refuse, before anything is asked or read.
 tl::expected<void, Failure> check_names(const Options& options, const InitOptions& init) {
   if (!init.name.empty() && !design::good_name(init.name)) return tl::unexpected(wrong_name("--name", init.name));
   if (!options.bus.empty() && !design::good_name(options.bus)) return tl::unexpected(wrong_name("--bus", options.bus));
@@ -57,7 +57,7 @@ tl::expected<void, Failure> check_files(const Options& options, const InitOption
   return {};
 }
 
-// The files as Berth itself will read them, with the descriptions where they lie now: what it would not run is not
+// Reads the files as Berth will, with the descriptions at their present places: nothing that it would not run is
 // written.
 tl::expected<void, Failure> check_texts(const InitPlan& plan, const InitOptions& init, const Options& options,
                                         const std::vector<std::string>& allowed) {

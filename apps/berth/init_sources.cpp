@@ -66,7 +66,7 @@ std::string file_of_counted(const std::string& word) {
 
 namespace {
 
-/// By the identity a device is found: what contradicts itself there is told now, the rest by `berth eds check`.
+/// Devices are found by identity: contradictions there are reported now, the rest by `berth eds check`.
 void note_identity(const DeviceKind& kind, std::vector<std::string>& notes) {
   for (const auto& finding : eds::review(kind.file, kind.path)) {
     if (finding.key.find("1018") == std::string::npos) continue;
@@ -106,7 +106,7 @@ tl::expected<Descriptions, Failure> read_all(const std::vector<std::string>& wor
   return all;
 }
 
-/// What answers under its node-ID cannot be told to be one of these.
+/// A device that already has a node-ID cannot be recognised as one of these.
 bool is_any(const DeviceKind& d) { return d.file.type_code() == TypeCode{}; }
 
 /// What it is, for a comment.
@@ -124,7 +124,7 @@ std::string base_name(const DeviceKind& d) {
   return name_from(product.empty() ? fs::path(d.path).stem().string() : product);
 }
 
-/// The file says in so many words that there is none; where it says nothing, LSS is tried.
+/// The file says explicitly that there is none; if it says nothing, LSS is tried.
 bool has_no_lss(const eds::File& file) {
   const auto* const section = file.document.find("DeviceInfo");
   return section != nullptr && file.document.find(*section, "LSS_Supported") != nullptr && !file.device.lss;
@@ -265,7 +265,7 @@ std::string name_of(const Ask& ask, const Found& found) {
   return read->at("value").get<std::string>();
 }
 
-// LSS tells the address of one of several that have no serial number.
+// LSS reports the address of one of several devices without a serial number.
 bool is_same(const Identity& known, const Identity& by_lss) {
   return known == by_lss || (!by_lss.has_serial() && known.agrees(by_lss));
 }
@@ -449,7 +449,7 @@ tl::expected<InitPlan, Failure> plan_of_port(const Options& options, const InitO
   return plan;
 }
 
-// It knows its ports and does not tell them.
+// It knows its ports and does not report them.
 tl::expected<InitPlan, Failure> plan_of_running(const Options& options, const InitOptions& init) {
   Options own = options;
   own.control = options.ports.front();

@@ -34,7 +34,7 @@ Interrupt::Interrupt(io::Loop* loop) : loop_(loop) {
   if (loop_ != nullptr) loop_->watch(fd_, *this, EPOLLIN);
 }
 
-// A signal that no code has looked at since is taken: what it was to end is over.
+// Discards a signal that nothing has checked since: what it was to end is over.
 Interrupt::~Interrupt() {
   signalfd_siginfo info{};
   while (::read(fd_, &info, sizeof info) == static_cast<ssize_t>(sizeof info)) continue;

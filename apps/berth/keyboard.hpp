@@ -1,5 +1,5 @@
-/// What is typed while a live table is on the terminal: keys that move the table, and lines. The terminal's own echo is
-/// off meanwhile: the table has a line for what is typed, so that no redraw erases it.
+/// Input while a live table is on the terminal: keys that scroll the table, and lines. The terminal's echo is off
+/// meanwhile: the table has a line that shows what is typed, so that no redraw erases it.
 #pragma once
 
 #include <termios.h>
@@ -15,19 +15,19 @@ enum class Key : std::uint8_t { up, down, page_up, page_down, home, end };
 
 class Keyboard final : private io::Watcher {
  public:
-  /// `loop` must stay. `changed`: what is typed so far, or the table, is to be drawn anew.
-  /// `alone`: a key at the beginning of a line; false: it is the line's first.
+  /// `loop` must outlive it. `changed`: redraw, because what is typed or the table has changed. `alone`: handles a key
+  /// at the beginning of a line; false: the key is the line's first.
   Keyboard(io::Loop& loop, std::function<void(Key)> key, std::function<void(const std::string&)> line,
            std::function<void()> changed, std::function<bool(char)> alone);
-  /// The terminal is as it was.
+  /// Restores the terminal.
   ~Keyboard();
   Keyboard(const Keyboard&) = delete;
   Keyboard& operator=(const Keyboard&) = delete;
 
-  /// Not ended with Enter yet.
+  /// What is typed and not ended with Enter yet.
   [[nodiscard]] const std::string& typed() const noexcept { return typed_; }
-  /// After the process was stopped and goes on (Ctrl-Z, `fg`) the terminal has the shell's settings: true when they
-  /// were wrong, and are right again.
+  /// After a stop of the process (Ctrl-Z, `fg`) the terminal has the shell's settings. True when they were wrong and
+  /// are corrected.
   bool take_again() noexcept;
 
  private:
@@ -45,7 +45,7 @@ class Keyboard final : private io::Watcher {
   termios before_{};
   bool set_ = false;
   std::string typed_;
-  std::string escape_;  // of a key that is not whole yet
+  std::string escape_;  // of an incomplete escape sequence
 };
 
 }  // namespace berth::cli

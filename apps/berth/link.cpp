@@ -234,7 +234,7 @@ bool differs(const fs::path& path, const std::string& bytes) {
   return text::read_file(path.string(), findings) != bytes;
 }
 
-/// Those of the plan that are not there yet as they shall be.
+/// Files of the plan that do not exist yet with the wanted content.
 std::vector<std::string> changed_files(const std::vector<linker::MadeFile>& files, const fs::path& folder) {
   std::vector<std::string> changed;
   for (const auto& file : files) {
@@ -243,7 +243,7 @@ std::vector<std::string> changed_files(const std::vector<linker::MadeFile>& file
   return changed;
 }
 
-// A folder with a plan is Berth's own: what is made of the plan is made anew. Else what is there is somebody's.
+// A folder with a plan is Berth's own: its files are made again. In another folder the files are the user's.
 std::optional<Failure> may_fill(const std::vector<linker::MadeFile>& files, const fs::path& folder, bool force) {
   std::error_code ignored;
   if (force || fs::exists(folder / "plan.toml", ignored)) return std::nullopt;
@@ -264,8 +264,8 @@ std::optional<Failure> write_files(const std::vector<linker::MadeFile>& files, c
   return whole.empty() ? std::nullopt : write_whole(whole, true);
 }
 
-/// What the bounds of a good plan rest on, and what of the buses with links has none, or is too late: by the same
-/// messages as `berth analyze` has them.
+/// The assumptions of a good plan's bounds, and the messages on buses with links that have no bound or are too late:
+/// the same messages as in `berth analyze`.
 void judge_buses(const design::Machine& machine, const LinkNetwork& network, linker::Planned& planned) {
   if (!planned.good()) return;
   constexpr std::size_t most = 3;

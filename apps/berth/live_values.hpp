@@ -1,4 +1,4 @@
-/// Values of the machine file's `watch =`, read while a live table shows them.
+/// Values of the machine file's `watch =`, read while a live table is shown.
 #pragma once
 
 #include <string>
@@ -12,8 +12,8 @@ namespace berth::cli {
 
 class LiveValues {
  public:
-  /// One reading of all every `every`, by `sdo read`, of slots that are operational: a device that boots is left in
-  /// peace. `session` must stay.
+  /// Reads all values once per `every`, by `sdo read`, of operational slots only: a booting device is left alone.
+  /// `session` must outlive it.
   LiveValues(tree::Session& session, Watched watched, rt::Duration every = std::chrono::seconds(1));
   ~LiveValues() { scope_.cancel(); }
   LiveValues(const LiveValues&) = delete;
@@ -28,12 +28,12 @@ class LiveValues {
   tree::Session* session_;
   Watched watched_;
   rt::Duration every_;
-  command::Request request_;  // that is under way
+  command::Request request_;  // the one in progress
   command::Reply reply_;
   rt::Scope scope_;
 };
 
-/// "left/1001h" of each value that the machine file names.
+/// "left/1001h" for each value that the machine file names.
 [[nodiscard]] std::vector<std::string> watch_words(const design::Machine& machine);
 
 }  // namespace berth::cli

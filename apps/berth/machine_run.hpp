@@ -1,5 +1,5 @@
-/// A machine, what it runs on, its store and the session, put together from files: the one way in which a command that
-/// works on a machine prepares it.
+/// A machine, its ports or world, its store and the session, made from files. Every command that works on a machine
+/// prepares it by this.
 #pragma once
 
 #include <memory>
@@ -28,17 +28,17 @@
 
 namespace berth::cli {
 
-/// What a person gives: file names, or the texts that `berth demo` has built in. Without either, the machine is one bus
+/// What the user gives: file names, or the built-in texts of `berth demo`. Without either, the machine is one bus
 /// without slots at `Options::ports` (machine_file.hpp).
 struct Sources {
   std::string machine_name;
   std::string plant_name;
   std::string_view machine_text;  ///< empty: the files are read
   std::string_view plant_text;
-  bool links = false;  ///< those of the machine are part of its devices' configuration
+  bool links = false;  ///< the machine's links are part of its devices' configuration
 };
 
-/// What a plant plans after a milestone.
+/// The plan of a plant after this milestone.
 [[nodiscard]] plant::After after(operate::Milestone milestone) noexcept;
 
 /// All that a command needs to work on a machine.
@@ -54,12 +54,12 @@ class MachineRun {
   [[nodiscard]] const design::Machine& machine() const noexcept { return machine_; }
   [[nodiscard]] const plant::PlantFile& plant() const noexcept { return plant_; }
   [[nodiscard]] tree::Session& session() noexcept { return *session_; }
-  /// The signals that end a command: in place before the store is opened.
+  /// The signals that end a command, caught before the store is opened.
   [[nodiscard]] Interrupt& interrupt() noexcept { return *interrupt_; }
-  /// What all of it runs on. Real ports have an executor and a loop, and nothing else.
+  /// Drives everything here. Real ports have only an executor and a loop.
   [[nodiscard]] rt::Driver& driver() noexcept { return *driver_; }
   [[nodiscard]] rt::Time now() const noexcept { return driver_->now(); }
-  /// In real time: its loop. Null: time is a simulated world's.
+  /// In real time: its loop. Null: a simulated world gives the time.
   [[nodiscard]] io::Loop* loop() noexcept { return loop_; }
   /// The simulated buses. Null: every bus is outside this process (a real port, or a `berth plant`'s).
   [[nodiscard]] plant::World* world() noexcept { return world_.get(); }
@@ -68,15 +68,15 @@ class MachineRun {
   [[nodiscard]] Strangers& strangers() noexcept { return *strangers_; }
   [[nodiscard]] Record& record() noexcept { return record_; }
 
-  /// Power for the simulated devices.
+  /// Powers the simulated devices.
   void power_on();
-  /// That, and in simulated time the time that they need to boot, and `more`.
+  /// The same; then in simulated time runs for as long as they need to boot, and `more`.
   void power_on_and_boot(rt::Duration more);
-  /// A milestone of the session: what the plant plans after it comes.
+  /// The session reached a milestone: the plant's plan for it begins.
   void milestone(operate::Milestone milestone);
-  /// Confirmation of a person is wanted, or was given by --yes: the first start of a machine whose devices are real.
+  /// The user's confirmation is needed, or --yes gave it: the first start of a machine with real devices.
   [[nodiscard]] bool first_start();
-  /// Ends a session as the machine file, or --on-exit, wants: its NMT command goes out before this returns.
+  /// Ends the session as the machine file, or --on-exit, says: its NMT command is sent before this returns.
   void leave(const Options& options);
 
  private:
@@ -92,14 +92,14 @@ class MachineRun {
                                                          const std::vector<can::Port*>& ports);
   [[nodiscard]] tl::expected<can::Port*, Failure> attach(const design::Bus& bus, const Options& options);
 
-  // In the order in which they need each other: what comes later goes first.
+  // Ordered by dependency: later members are destroyed first.
   design::Machine machine_;
-  bool rate_as_it_stands_ = false;  // no bit rate was given: the port tells it
+  bool rate_as_it_stands_ = false;  // no bit rate was given: the port gives it
   plant::PlantFile plant_;
   Record record_;
   std::unique_ptr<plant::World> world_;
-  std::optional<ScriptTeller> scripts_;  // with a world
-  rt::Executor executor_;                // where there is no world
+  std::optional<ScriptTeller> scripts_;  // if there is a world
+  rt::Executor executor_;                // if there is no world
   std::unique_ptr<rt::Driver> driver_;
   io::Loop* loop_ = nullptr;                      // of the driver
   std::optional<Interrupt> interrupt_;            // until the store is closed
@@ -109,11 +109,11 @@ class MachineRun {
   Guards guards_{machine_, record_};
   std::unique_ptr<SlotTable> slot_table_;
   std::unique_ptr<tree::Session> session_;
-  std::optional<command::RemoteCommands> remote_commands_;  // what comes by SDO
+  std::optional<command::RemoteCommands> remote_commands_;  // requests by SDO
   std::unique_ptr<Strangers> strangers_;
 };
 
-/// Devices outside of this process stay as they are when it ends.
+/// Devices outside this process keep their state when it ends.
 [[nodiscard]] bool leaves_running(MachineRun& run, const Options& options);
 
 }  // namespace berth::cli

@@ -1,4 +1,4 @@
-/// What a command writes destroys nothing that it reads, and nothing that is there unasked (docs/security.md).
+/// Protects files: a command overwrites no file that it reads, and no existing file without consent (docs/security.md).
 #pragma once
 
 #include <optional>
@@ -9,18 +9,18 @@
 
 namespace berth::cli {
 
-/// To be asked before a file is opened for writing. Status 2: this run reads it (by device and inode, whatever its name
-/// here), or writes it for another of its options already. Status 1: it is there, has bytes in it, and `force` is
-/// false. What is no plain file (a terminal, a pipe, /dev/null) may be written. `option`: what names it, such as
-/// "--record".
+/// Ask before you open a file for writing.
+/// - Status 2: this run reads the file (by device and inode, whatever its name), or another of its options writes it.
+/// - Status 1: the file exists, is not empty, and `force` is false.
+/// - A file that is not a plain one (a terminal, a pipe, /dev/null) may be written.
+/// `option`: the option that names it, such as "--record".
 [[nodiscard]] std::optional<Failure> may_write(const std::string& path, const char* option, bool force);
 
-/// Writes it whole or not at all, over what is there: `may_write` was asked. Into what is no plain file it is written
-/// as it goes. Status 2: it has been read since `may_write` was asked. Status 3: the system says why.
+/// Writes a file whole or not at all, replacing what is there; ask `may_write` first. A file that is not a plain one is
+/// written directly. Status 2: the run has read it since `may_write`. Status 3: the system says why.
 [[nodiscard]] std::optional<Failure> write_output(const std::string& path, std::string_view bytes);
 
-/// The same as `may_write` for a file that the command keeps for itself from run to run, such as that of `--sim-state`:
-/// it may be there.
+/// As `may_write`, for a file that the command keeps from run to run, such as that of `--sim-state`: it may exist.
 [[nodiscard]] std::optional<Failure> may_keep(const std::string& path, const char* option);
 
 }  // namespace berth::cli

@@ -1,4 +1,4 @@
-/// The ports of a machine's buses that are outside this process, with their locks.
+/// The ports of buses outside this process, with their locks.
 #pragma once
 
 #include <memory>
@@ -18,13 +18,13 @@ namespace berth::cli {
 
 class OutsidePorts {
  public:
-  /// `file`: the machine's, for what is said. `rate_as_it_stands`: the port tells the bit rate. `loop` and `executor`
-  /// must stay.
+  /// `file`: the machine's, for messages. `rate_as_it_stands`: the port gives the bit rate. `loop` and `executor` must
+  /// outlive it.
   OutsidePorts(std::string file, io::Loop& loop, rt::Executor& executor, bool rate_as_it_stands)
       : file_(std::move(file)), loop_(loop), executor_(executor), rate_as_it_stands_(rate_as_it_stands) {}
 
-  /// Takes the bus's lock, when Berth is to send there, and opens its port, which stays as long as this. A plant's port
-  /// is opened again when the plant comes back; other kinds come back by themselves. `bus` must stay.
+  /// Takes the bus's lock, if Berth is to send there, and opens its port, which exists as long as this. A plant's port
+  /// is opened again when the plant returns; other ports recover by themselves. `bus` must outlive it.
   [[nodiscard]] tl::expected<can::Port*, Failure> open(const design::Bus& bus, const Options& options);
 
  private:

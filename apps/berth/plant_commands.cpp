@@ -42,7 +42,7 @@ bool acts_on_device(Action action) noexcept {
          action != Action::overrun;
 }
 
-// What a device must be for the action to change anything.
+// The state in which the action changes a device.
 bool fits(Action action, const plant::SimDevice& device) noexcept {
   switch (action) {
     case Action::plug: return !device.plugged();
@@ -198,7 +198,7 @@ std::string toml_value(const std::string& key, const std::string& value) {
   return !text && (is_number(value) || value == "true" || value == "false") ? value : text::quoted(value);
 }
 
-// The reader's finding, without the place in lines that no person wrote.
+// The reader's finding, without a place: the user wrote no lines.
 std::string words_of(const Findings& findings) {
   std::string words;
   for (const auto& finding : findings) {
@@ -397,7 +397,7 @@ Checked<plant::PlantEvent> event_of(const RunningPlant& running, const Request& 
   return std::move(*read.event);
 }
 
-/// An input of a device takes a value, as its hardware would give it. What maps it is sent.
+/// Gives an input of a device a value, as its hardware would. TPDOs that map it are sent.
 Reply set_object(const RunningPlant& running, plant::SimDevice& device, const Request& request) {
   const auto argument = [&](const char* key) {
     const auto given = request.arguments.find(key);
@@ -438,7 +438,7 @@ Reply set_object(const RunningPlant& running, plant::SimDevice& device, const Re
   return reply;
 }
 
-/// What is done to one device's inside, and is no event of a plant file.
+/// Actions inside one device, which are not events of a plant file.
 Reply set_in_device(const RunningPlant& running, const std::string& bus, const Request& request) {
   const auto word = request.arguments.find("device");
   if (word == request.arguments.end()) return command::refusal(Exit::usage, "device: which one? Name it");

@@ -77,7 +77,7 @@ std::string words_of(const std::optional<ucred>& holder) {
                              : fmt::format("process {}", holder->pid);
 }
 
-// Each process that was refused waits there until the owner ends: nobody takes it in.
+// Refused processes wait there until the owner ends: their connections are never accepted.
 constexpr int most_refused = 4096;
 
 }  // namespace

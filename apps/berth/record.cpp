@@ -137,7 +137,7 @@ bool Record::take_back(std::size_t bytes) const noexcept {
   return end >= 0 && ::ftruncate(log_, end) == 0 && ::lseek(log_, end, SEEK_SET) == end;
 }
 
-// Whole lines or none: what a full disk cut off is taken back, and written when there is room.
+// Whole lines or none: a line cut off by a full disk is removed, and written when there is room.
 void Record::write_out() {
   if (log_ < 0 || lines_.empty()) return;
   written_ = std::chrono::steady_clock::now();

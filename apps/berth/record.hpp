@@ -1,4 +1,4 @@
-/// Frames that are kept: in the file of `--record`, and for what a dry run prints.
+/// Keeps frames: for the file of `--record`, and for the output of a dry run.
 #pragma once
 
 #include <chrono>
@@ -18,24 +18,24 @@
 
 namespace berth::cli {
 
-/// One frame that was on a bus, or would be.
+/// One frame that was, or would be, on a bus.
 struct Recorded {
-  std::optional<double> at_s;  ///< none: when is not known
+  std::optional<double> at_s;  ///< none: time unknown
   std::string bus;
   std::string frame;
   bool by_master = false;
 };
 
-/// "(0000000000.215000) field 7E5#0400000000000000"; the frame alone when its time is not known.
+/// "(0000000000.215000) field 7E5#0400000000000000"; only the frame if its time is unknown.
 [[nodiscard]] std::string candump_line(const Recorded& frame);
 
-/// What a dry run says: the frames and, of a command, what came of it in the world that is thrown away; `reply` may be
+/// Prints the output of a dry run: the frames and, for a command, its result in the discarded world; `reply` may be
 /// null.
 void print_dry_run(const std::vector<Recorded>& frames, const command::Reply* reply, bool json);
 
-/// Takes the frames of all buses as they come. While the file takes nothing (a full disk), it keeps up to 1 MiB of
-/// lines and tries again ten times a second, so that the record goes on when there is room; what comes beyond that is
-/// counted. The file has whole lines only.
+/// Takes the frames of all buses as they come. While the file cannot be written (a full disk), it keeps up to 1 MiB of
+/// lines and retries ten times a second, so that the record goes on when there is room; it counts the frames beyond
+/// that. The file has whole lines only.
 class Record {
  public:
   Record() = default;
@@ -43,19 +43,19 @@ class Record {
   Record(const Record&) = delete;
   Record& operator=(const Record&) = delete;
 
-  /// A line for each frame from now on, as candump -L writes it.
+  /// From now on writes a line for each frame, as candump -L does.
   [[nodiscard]] tl::expected<void, Failure> write_to(const std::string& path, bool force);
-  /// Keeps the frames that Berth sends from now on.
+  /// From now on keeps the frames that Berth sends.
   void collect_sent(std::vector<Recorded>& into) { sent_ = &into; }
-  /// Gives each frame's line to `take` from now on, while `wanted`; empty functions end that.
+  /// From now on gives each frame's line to `take` while `wanted`; empty functions end that.
   void follow(std::function<bool()> wanted, std::function<void(const std::string& line)> take);
-  /// Gives each frame to `take` as well; empty: no more.
+  /// Gives each frame to `take` as well; empty ends that.
   using Take = std::function<void(const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master)>;
   void on_frame(Take take) { frames_ = std::move(take); }
   /// Gives each frame that Berth sends to `take`.
   void on_sent(Take take) { own_ = std::move(take); }
   void frame(const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master);
-  /// Gives each error on a bus to `take` (can/bus_error.hpp), with what is known of it beside; empty: no more.
+  /// Gives each error on a bus to `take` (can/bus_error.hpp), with details beside it; empty ends that.
   using TakeError =
       std::function<void(const std::string& bus, const can::Frame& report, rt::Time at, const std::string& words)>;
   void on_error(TakeError take) { errors_ = std::move(take); }
@@ -63,13 +63,14 @@ class Record {
     if (errors_) errors_(bus, report, at, words);
   }
   [[nodiscard]] bool takes_errors() const noexcept { return static_cast<bool>(errors_); }
-  /// Frames that came, ever.
+  /// Number of frames so far.
   [[nodiscard]] std::uint64_t seen() const noexcept { return seen_; }
-  /// Takes, once, that the file takes nothing: what, where, what to do. Empty: standard error, as at the beginning.
+  /// Gets one message when the file cannot be written: what, where, what to do. Empty: standard error, which is the
+  /// default.
   void on_trouble(std::function<void(const std::string& line)> tell) { tell_ = std::move(tell); }
-  /// What came is in the file, so that it can be followed.
+  /// Writes everything so far to the file, so that it can be followed.
   void settle();
-  /// Last thing of a command: `status`, or 3 when frames are missing in the file, which is told with their number.
+  /// Call it last in a command: returns `status`, or 3 when the file lacks frames; it reports how many.
   [[nodiscard]] int finish(int status);
 
  private:
@@ -89,17 +90,17 @@ class Record {
   std::uint64_t seen_ = 0;
   std::string path_;
   int log_ = -1;
-  std::string lines_;          // that are not in the file yet
-  std::uint64_t missing_ = 0;  // frames that came while there were too many of them
+  std::string lines_;          // not in the file yet
+  std::uint64_t missing_ = 0;  // frames dropped when too many lines waited
   std::chrono::steady_clock::time_point written_{};
-  int error_ = 0;  // of the last writing
+  int error_ = 0;  // of the last write
   bool told_ = false;
 };
 
-/// Records every frame of one simulated bus. Both must stay.
+/// Records every frame of one simulated bus. Both must outlive it.
 class BusTap final : public can::Tap {
  public:
-  /// `master`: the number of Berth's own controller there.
+  /// `master`: the number of Berth's controller there.
   BusTap(Record& record, sim::Bus& bus, int master) : record_(&record), bus_(&bus), master_(master) {
     bus_->add_tap(*this);
   }

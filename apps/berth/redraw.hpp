@@ -1,4 +1,4 @@
-/// Lines at the bottom of a terminal that are drawn anew in place, below what stays.
+/// Redraws lines in place at the bottom of a terminal, below permanent lines.
 #pragma once
 
 #include <string>
@@ -8,20 +8,21 @@
 
 namespace berth::cli {
 
-/// Standard output is a terminal on which a cursor can be moved (TERM is set, and not "dumb").
+/// Standard output is a terminal that can move its cursor (TERM is set, and not "dumb").
 [[nodiscard]] bool can_draw() noexcept;
-/// Another process group has the terminal at standard output.
+/// Another process group owns the terminal at standard output.
 [[nodiscard]] bool in_background() noexcept;
-/// Of the terminal at standard output; 80 by 24 where it is not told.
+/// Of the terminal at standard output; 80 by 24 if unknown.
 [[nodiscard]] BoardSize terminal_size() noexcept;
 
 class Redraw {
  public:
   Redraw();
-  /// `lines` in the place of those before, and `above` over them, which stays; only what changed is written.
-  /// `size`: of the terminal now. Each line is one of the terminal's, and filtered (`text::one_line`).
+  /// Draws `lines` over the last ones, and `above` over them, permanently; writes only what changed. `size`: the
+  /// terminal's current one. Each line fits one line of the terminal and is filtered (`text::one_line`).
   void draw(const std::vector<std::string>& above, std::vector<BoardLine> lines, BoardSize size);
-  /// Nothing of it is on the terminal any more: `erased`, or what is there stays, and what comes goes below it.
+  /// Forgets the drawn lines: `erase` removes them from the terminal, `keep` leaves them there, and later lines go
+  /// below.
   void erase();
   void keep() noexcept { drawn_.clear(); }
 
@@ -31,8 +32,8 @@ class Redraw {
   void draw_changes(std::string& out, std::vector<BoardLine> lines);
 
   bool colours_;
-  BoardSize size_{};              // of the terminal when it was drawn
-  std::vector<BoardLine> drawn_;  // what is on the terminal now, the cursor below it
+  BoardSize size_{};              // of the terminal at the last drawing
+  std::vector<BoardLine> drawn_;  // the lines on the terminal; the cursor is below them
 };
 
 }  // namespace berth::cli

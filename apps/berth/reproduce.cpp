@@ -89,7 +89,7 @@ std::optional<Failure> write_traces(const study::Figures& figures, const std::st
   return std::nullopt;
 }
 
-/// A run whose devices are not what it was to make of them counts for nothing, and says so.
+/// A run whose devices are not as it was to make them does not count, which is printed.
 int verdict(const std::vector<std::string>& wrong) {
   for (const auto& line : wrong) fmt::print(stderr, "wrong: {}\n", line);
   return wrong.empty() ? Exit::done : Exit::failed;

@@ -1,4 +1,4 @@
-/// The lines of a run: plain, or on a terminal above a live slot table (`Board`) that is drawn anew in place.
+/// The lines of a run: plain, or on a terminal above a live slot table (`Board`) that is redrawn in place.
 #pragma once
 
 #include <chrono>
@@ -22,34 +22,34 @@ namespace berth::cli {
 struct ScreenOptions {
   bool live = false;        ///< draws the table; needs `can_draw`
   bool quiet = false;       ///< prints nothing
-  bool events = false;      ///< though quiet: every event as a line of JSON
-  bool wall_clock = false;  ///< events have the time of day too: the buses are real
-  /// What is said after an event when it is seen for the first time; empty: nothing.
+  bool events = false;      ///< even if quiet: every event as a line of JSON
+  bool wall_clock = false;  ///< events also have the time of day: the buses are real
+  /// Text after an event that is seen for the first time; empty: none.
   std::function<std::string(const operate::Event&)> comment{};
 };
 
 class Screen {
  public:
   Screen(tree::Session& session, ScreenOptions options);
-  /// What was said and not drawn is printed: a run that failed before its first drawing says why.
+  /// Prints lines that were not drawn yet: a run that failed before its first drawing shows why.
   ~Screen();
   Screen(const Screen&) = delete;
   Screen& operator=(const Screen&) = delete;
-  /// From now on keys move the table, and a line that is typed goes to `line`; a key at its beginning
-  /// may be one by itself (`alone`). Live screens only; `loop` must stay.
+  /// From now on keys scroll the table, and `line` gets each typed line; `alone` may take a key at the beginning of a
+  /// line. Live screens only; `loop` must outlive it.
   void listen(io::Loop& loop, std::function<void(const std::string&)> line, std::function<bool(char)> alone);
 
-  /// Its word stands in the heading while it is not empty: "paused", such as.
+  /// Shows `word`'s text in the heading while it is not empty, such as "paused".
   void show_time(std::function<std::string()> word) { time_ = std::move(word); }
-  /// Values for the table: lines with their heading, for so many columns.
+  /// Values for the table: lines with their heading, for this number of columns.
   void show_values(std::function<std::vector<BoardLine>(std::size_t columns)> values) { values_ = std::move(values); }
 
   [[nodiscard]] bool live() const noexcept { return options_.live; }
   void line(const std::string& text);
   void event(const operate::Event& event);
-  /// Draws what changed, at most ten times a second, and the time once a second.
+  /// Draws changes at most ten times a second, and the time once a second.
   void refresh(bool now = false);
-  /// What is drawn stays, whole: a table that did not fit is printed once. What comes goes below it.
+  /// Leaves the last table on the terminal, printing it whole if it did not fit. Later lines go below it.
   void keep();
 
  private:

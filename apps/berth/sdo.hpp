@@ -1,4 +1,4 @@
-/// `berth sdo`: what its files share.
+/// Shared by the files of `berth sdo`.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 
 namespace berth::cli {
 
-/// "F4 01" or "F401" of a reply, as bytes.
+/// Bytes from "F4 01" or "F401" of a reply.
 [[nodiscard]] std::vector<std::uint8_t> bytes_of(const std::string& hex);
 /// `berth sdo dump` (sdo_dump.cpp).
 void add_dump(const Verb& sdo, Options& options);

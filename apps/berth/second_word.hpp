@@ -1,5 +1,5 @@
-/// A machine that never ran, on a bus where a node may be the master of a plant that runs: --yes alone is no consent to
-/// a second master.
+/// For a machine that never ran, on a bus with a possible master of a running plant: --yes alone does not permit a
+/// second master.
 #pragma once
 
 #include <optional>
@@ -10,8 +10,8 @@
 
 namespace berth::cli {
 
-/// Names those nodes (`Strangers::may_be_masters`), and asks whether the bus is taken all the same: where a person
-/// types, with --yes too; else --beside-master says so. Empty: it is taken, or there is no such node.
+/// Prints those nodes (`Strangers::may_be_masters`), and asks whether to take the bus nevertheless: on a terminal even
+/// with --yes; elsewhere --beside-master permits it. Empty: take the bus, or there is no such node.
 [[nodiscard]] std::optional<Failure> no_second_word(MachineRun& run, const Options& options);
 
 }  // namespace berth::cli

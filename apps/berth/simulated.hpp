@@ -1,4 +1,4 @@
-/// A plant's simulated world, put together from files: the one way for every command that has one.
+/// A plant's simulated world, made from files, for every command that has one.
 #pragma once
 
 #include <memory>
@@ -13,24 +13,24 @@
 
 namespace berth::cli {
 
-/// The plant file as it reads; where it cannot be used and a plant file of a like name is there, the mistake names it:
-/// NAME.plant.toml for NAME, NAME.toml and the machine file NAME.toml, or one that is a letter or two away.
+/// Reads the plant file. If it cannot be used and a similarly named plant file exists, the error names that:
+/// NAME.plant.toml for NAME, NAME.toml and the machine file NAME.toml, or a name that differs in a letter or two.
 [[nodiscard]] plant::PlantResult read_plant_file(const std::string& file, const std::string& machine,
                                                  std::span<const std::string> allowed);
-/// The plant file, with `--seed`.
+/// The plant file, with `--seed` applied.
 [[nodiscard]] tl::expected<plant::PlantFile, Failure> load_plant(const std::string& file, const Options& options);
 
-/// Bit rates of a machine file's buses, for a plant that gives them none; empty when no machine file is named.
+/// Bit rates of a machine file's buses, for a plant without them; empty when no machine file is named.
 [[nodiscard]] tl::expected<std::vector<plant::BusRate>, Failure> bus_rates(const Options& options);
 
-/// What a device's script printed or how it ended, as a line for people.
+/// What a device's script printed, or how it ended, as a line for users.
 [[nodiscard]] std::string script_line(double at_s, const std::string& device, const script::Message& told);
 
-/// Ends the command when the script took too much of the host's processor: no seed gives that run again.
+/// Ends the command when the script took too much of the host's processor: no seed repeats such a run.
 void end_run_of(const script::Message& told) noexcept;
 
-/// Tells on standard error what the scripts of a world print and how they fail. One that takes too much of the host's
-/// processor ends the command (`end_run`); a signal that ends a command ends a script, too.
+/// Prints on standard error what the scripts of a world print and how they fail. A script that takes too much of the
+/// host's processor ends the command (`end_run`); a signal that ends a command ends a script too.
 class ScriptTeller final : public plant::World::Observer {
  public:
   explicit ScriptTeller(plant::World& world) : world_(&world) { world.add_observer(*this); }
@@ -45,8 +45,8 @@ class ScriptTeller final : public plant::World::Observer {
   plant::World* world_;
 };
 
-/// Its world, of which warnings are told, and which remembers what `--sim-state` keeps; in a dry run it reads that and
-/// writes nothing. `file` is for messages.
+/// Makes the plant's world and prints its warnings. The world remembers what `--sim-state` keeps; a dry run reads that
+/// and writes nothing. `file` is for messages.
 [[nodiscard]] tl::expected<std::unique_ptr<plant::World>, Failure> make_world(const plant::PlantFile& plant,
                                                                               const std::vector<plant::BusRate>& rates,
                                                                               const std::string& file,

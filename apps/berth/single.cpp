@@ -98,12 +98,12 @@ using Replied = tl::expected<command::Reply, Failure>;
 /// Takes each reply that another follows; empty: the request is made once.
 using Repeat = std::function<void(const command::Reply&)>;
 
-// A scan of who was heard sends SDO upload requests and nothing else: also on a bus that another master runs.
+// A scan of heard nodes sends only SDO upload requests: also permitted on a bus with another master.
 bool only_looks(const command::Request& request) {
   return request.verb == "scan" && !request.arguments.contains("all");
 }
 
-// A slot table is made where one is written for the first time.
+// Makes a slot table only where one is written for the first time.
 Options own_options(const Options& options, const command::Request& request) {
   Options own = options;
   own.store.made = request.verb == "bind" || request.verb == "replace";
@@ -111,13 +111,13 @@ Options own_options(const Options& options, const command::Request& request) {
   return own;
 }
 
-// It looks for devices by LSS and RAND, which is a master's right alone.
+// It searches for devices by LSS and RAND, which only a master may do.
 bool takes_bus(const command::Request& request) {
   const bool searches = request.verb == "scan" && !only_looks(request);
   return searches || request.verb == "bind" || request.verb == "replace";
 }
 
-// Who else is master of the bus that was looked at.
+// Other masters on the examined bus.
 void add_masters(MachineRun& run, command::Reply& reply) {
   for (const auto& bus : run.machine().buses) {
     const auto* const gate = run.guards().gate(bus.name);
@@ -136,7 +136,7 @@ command::Reply unconfirmed_binding() {
   return reply;
 }
 
-// Binding in a simulated world, which can stand still: the person who types here is asked which device sits where.
+// Binding in a simulated world, which can pause: asks the user which device sits where.
 void ask_where_devices_sit(MachineRun& run, command::Reply& reply, rt::Duration limit) {
   print_lines(reply.lines);
   ask_here(run, limit);
@@ -279,7 +279,7 @@ Replied ask_running_up(const Options& options, const command::Request& request, 
       path, wanted, static_cast<int>(std::min<std::int64_t>(patience, 24 * 3'600'000)), tell_progress, goes_on);
   if (reply) return *reply;
   const std::string machine = options.machine.empty() ? "MACHINE" : options.machine;
-  // It is there, and did not answer: another would not help.
+  // The process exists but did not answer: another would not help.
   const std::string behind = last.empty() ? "" : fmt::format(" ({})", last);
   if (command::control_answers(path)) return tl::unexpected(failure(Exit::failed, reply.error() + behind));
   return tl::unexpected(failure_in_lines(
@@ -384,8 +384,8 @@ Replied reply_of_slot_table(const design::Machine& machine, const Options& optio
   return reply;
 }
 
-// What does it: a running `berth up` before all, since one process owns a port; else this process on the machine's
-// ports; else none, which the failure of asking says. What only the slot table tells needs neither.
+// What carries it out: first a running `berth up`, since one process owns a port; else this process on the machine's
+// ports; else nothing, and the failure says so. What is in the slot table needs neither.
 Replied reply_outside(const Options& options, const command::Request& request, std::vector<Recorded>& sent,
                       const Repeat& repeat) {
   const bool bus_alone = options.machine.empty() && !options.ports.empty();
@@ -415,8 +415,8 @@ bool needs_slots(const command::Request& request) {
   return std::ranges::find(verbs, request.verb) != verbs.end();
 }
 
-// Without a world to throw away: the frames that go out whatever is answered; or, on the machine's own ports, what
-// goes out up to the first question.
+// Without a discardable world: the frames that are sent whatever the answers; or, on the machine's own ports, the
+// frames up to the first question.
 int dry_outside(const Options& options, const command::Request& request) {
   if (options.machine.empty() && options.ports.empty()) return foreseen(options, request, design::Machine());
   auto loaded = machine_of(options);

@@ -39,7 +39,8 @@ std::array<fs::file_time_type, 2> written_at(const std::string& path) {
 
 }  // namespace
 
-// Into a folder that goes with the object. The store may be in use: a copy during which it changed is made anew.
+// Copies into a folder that exists as long as the object. The store may be in use: a copy is repeated if the store
+// changed meanwhile.
 tl::expected<std::string, Failure> SlotTable::copied(const std::string& path) {
   std::string pattern = (fs::temp_directory_path() / "berth-copy-XXXXXX").string();
   if (::mkdtemp(pattern.data()) == nullptr)

@@ -1,4 +1,4 @@
-/// The slot table that a command works on.
+/// The slot table of a command.
 #pragma once
 
 #include <memory>
@@ -13,15 +13,15 @@
 
 namespace berth::cli {
 
-/// Where the slot table of a machine on real ports is when it is not said: beside the machine file,
-/// "conveyor.toml" -> "conveyor.db".
+/// The default place of the slot table of a machine on real ports: beside the machine file, "conveyor.toml" ->
+/// "conveyor.db".
 [[nodiscard]] std::string default_store(const std::string& machine_file);
 
 class SlotTable {
  public:
-  /// `--store`, else that of a real machine when the command uses one, else in memory. A dry run and a command that
-  /// only looks get a copy: the first sends what the real one would, and for the second the store belongs to the
-  /// process that runs the machine, or is about to.
+  /// Opens `--store`, else the store of a real machine if the command uses one, else one in memory. Two kinds of
+  /// command get a copy: a dry run, because it sends what the real run would; and a command that only looks, because
+  /// the store belongs to the process that runs the machine or soon will.
   [[nodiscard]] static tl::expected<std::unique_ptr<SlotTable>, Failure> open(const design::Machine& machine,
                                                                               const Options& options);
   ~SlotTable();
@@ -29,15 +29,15 @@ class SlotTable {
   SlotTable& operator=(const SlotTable&) = delete;
 
   [[nodiscard]] places::SlotStore& store() noexcept { return *store_; }
-  /// Where configurations are kept that SDO clients write to the manager: a folder beside the slot table, "conveyor.db"
-  /// -> "conveyor.db-written". Of a copy, that of the slot table itself, which is left as it is.
+  /// The folder of configurations that SDO clients write to the manager: beside the slot table, "conveyor.db" ->
+  /// "conveyor.db-written". For a copy: the folder of the original, which stays unchanged.
   [[nodiscard]] operate::WrittenFiles::Place written(const std::string& machine_file) const;
 
  private:
   SlotTable() = default;
   [[nodiscard]] tl::expected<std::string, Failure> copied(const std::string& path);
   std::string throw_away_;  // folder of a copied store
-  std::string path_;        // of the store, or of what was copied; empty: it is in memory
+  std::string path_;        // of the store, or of the copy's original; empty: in memory
   std::unique_ptr<places::SlotStore> store_;
 };
 

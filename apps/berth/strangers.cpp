@@ -58,7 +58,7 @@ bool takes(const places::SlotSpec& spec, const live::NodeSeen& node) {
   return node.identity && places::fits(spec, *node.identity);
 }
 
-// Its heartbeat is all that is known of it. One that is not operational and answers no SDO is a stopped device.
+// Only its heartbeat is known. A node that is not operational and answers no SDO is a stopped device.
 bool may_be_master(const live::NodeSeen& node, const std::vector<places::SlotSpec>& specs) {
   const bool told = node.identity || node.state == NmtState::operational;
   return node.beats > 0 && !node.nmt_master && told &&

@@ -1,4 +1,4 @@
-/// Before Berth takes a bus that is outside this process: is another master there? Heard first, then asked.
+/// Looks for another master before Berth takes a bus outside this process: first it listens, then it asks.
 #pragma once
 
 #include <map>
@@ -17,20 +17,19 @@ namespace berth::cli {
 
 class Strangers {
  public:
-  /// The session's buses have their ports. All four must stay.
+  /// The session's buses have their ports. All four must outlive it.
   Strangers(rt::Driver& driver, Interrupt& interrupt, tree::Session& session, Guards& guards)
       : driver_(&driver), interrupt_(&interrupt), session_(&session), guards_(&guards) {}
 
-  /// Waits until every gate has listened long enough (nothing to wait for on simulated buses). Refused, status 1, when
-  /// another master is on a bus: which one, and by which frames; and when a signal came. A port that is down is no
-  /// failure here.
+  /// Waits until every gate has listened long enough (not on simulated buses). Refused, status 1, when another master
+  /// is on a bus (the failure names it and its frames), or when a signal came. A port that is down is no failure here.
   [[nodiscard]] tl::expected<void, Failure> listen_first();
-  /// Asks the nodes that were heard meanwhile and belong to no slot whether they are NMT masters, however quiet (1F80h
-  /// bit 0, CiA 302-2), on every bus outside this process whose master Berth is to be. Refused as by `listen_first`.
-  /// `first`: the machine never ran. Then all that were heard are asked, and those are kept of whose type the machine
-  /// has no slot: each may be the master of a plant that runs.
+  /// Asks the heard nodes that belong to no slot whether they are NMT masters, however quiet (1F80h bit 0, CiA 302-2),
+  /// on every bus outside this process whose master Berth is to be. Refused as in `listen_first`. `first`: the machine
+  /// never ran; then it asks all heard nodes, and keeps those for whose type the machine has no slot: each may be the
+  /// master of a running plant.
   [[nodiscard]] tl::expected<void, Failure> ask(bool first);
-  /// One line for each of those; empty when there is none.
+  /// One line for each kept node; empty if there is none.
   [[nodiscard]] const std::vector<std::string>& may_be_masters() const noexcept { return may_be_masters_; }
 
  private:
@@ -40,7 +39,7 @@ class Strangers {
   Interrupt* interrupt_;
   tree::Session* session_;
   Guards* guards_;
-  std::map<std::string, std::unique_ptr<live::Census>> heard_;  // by bus, while Berth listens before it takes it
+  std::map<std::string, std::unique_ptr<live::Census>> heard_;  // by bus, until Berth takes it
   std::vector<std::string> may_be_masters_;
 };
 

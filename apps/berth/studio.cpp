@@ -11,7 +11,7 @@
 namespace berth::cli {
 namespace {
 
-// One bus by itself: nothing is sent to it but what the page asks, and it is read-only until a person unlocks it there.
+// One bus by itself: only the page's requests are sent, and it is read-only until the user unlocks it there.
 int run_bench(const Options& options) {
   if (const auto no = studio_refused(options)) return tell(*no, options.json);
   auto made = MachineRun::make(options, {});

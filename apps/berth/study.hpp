@@ -1,4 +1,4 @@
-/// `berth reproduce`, `berth compare`: the papers' figures and the methods side by side. One source file a command.
+/// `berth reproduce`, `berth compare`: reproduce the papers' figures, compare the methods. One source file per command.
 #pragma once
 
 #include <cstdint>
@@ -15,12 +15,12 @@ struct StudyOptions {
   std::optional<std::uint32_t> bit_rate;
   std::optional<text::Duration> latency;
   std::string folder;   ///< --record
-  std::string listing;  ///< --trace: which of the papers' traces to print
+  std::string listing;  ///< --trace: which trace of the papers to print
   bool negotiation_load = false;
   // compare
   std::string methods, devices, bit_rates, serials;  ///< lists, as written; empty: all
   unsigned seeds = 0;                                ///< 0: the default
-  unsigned threads = 0;                              ///< 0: one a processor
+  unsigned threads = 0;                              ///< 0: one per processor
   std::string csv, plot;                             ///< files; empty: none
 };
 

@@ -1,8 +1,11 @@
-/// `berth trace`: trace files and live buses in words, in numbers, and from one format into another.
+/// `berth trace`: shows trace files and live buses as words or numbers, and converts formats.
 ///
-/// `trace_options.cpp` is the command line, `trace_source.*` (and `trace_ring.*`) where entries come from,
-/// `trace_outlet.*` where they go, `trace_known.*` what the machine file and the descriptions know, `trace_nodes.*`
-/// which node a row is about, `trace.cpp` the command.
+/// - `trace_options.cpp`: the command line
+/// - `trace_source.*`, `trace_ring.*`: where entries come from
+/// - `trace_outlet.*`: where they go
+/// - `trace_known.*`: what the machine file and the descriptions say
+/// - `trace_nodes.*`: which node a row is about
+/// - `trace.cpp`: the command
 #pragma once
 
 #include <chrono>
@@ -18,7 +21,7 @@
 
 namespace berth::cli {
 
-/// One end of a time range: as the log counts, or from its first frame.
+/// One end of a time range: as the log counts, or relative to its first frame.
 struct TracePoint {
   std::chrono::nanoseconds at{};
   bool from_first = false;
@@ -29,7 +32,7 @@ struct TraceTime {
   std::string shown;  ///< "relative", "absolute"; empty: relative on a terminal that shows a live source
 };
 
-/// Which SDO transfers: by index, and sub-index if one is given, or by the beginning of the object's name.
+/// Selects SDO transfers: by index, with or without sub-index, or by the first part of the object's name.
 struct ObjectFilter {
   std::optional<od::ObjectWord> number;
   std::string name;
@@ -37,10 +40,10 @@ struct ObjectFilter {
 
 /// How a file is read.
 struct TraceFrom {
-  std::optional<trace::Format> format;  ///< empty: by its content
+  std::optional<trace::Format> format;  ///< empty: detect it from the content
   trace::ReadOptions how;
-  bool ring = false;   ///< of a running process with Studio: what its ring has
-  std::string filter;  ///< of the ring: what Studio's trace finds by these words
+  bool ring = false;   ///< the ring of a running process with Studio
+  std::string filter;  ///< of the ring: words as for Studio's trace filter
 };
 
 struct TraceOptions {
@@ -55,9 +58,9 @@ struct TraceOptions {
   std::vector<std::string> eds;  ///< FILE, or N=FILE
   bool stats = false;
   bool table = false;
-  bool frames = false;  ///< every frame by itself
+  bool frames = false;  ///< every frame separately
   std::optional<std::uint32_t> bit_rate;
-  // Which of it.
+  // Which part of it.
   std::vector<std::string> nodes;  ///< node-IDs, paths, slots' names
   std::vector<decode::Service> services;
   std::vector<std::string> buses;

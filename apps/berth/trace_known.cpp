@@ -30,7 +30,7 @@ bool describes(const std::string& path) {
   return ending == ".dcf" || ending == ".eds" || ending == ".xdc" || ending == ".xdd";
 }
 
-// What is wrong with the notes is told, and the trace is read without them.
+// Reports errors in the notes, and reads the trace without them.
 std::shared_ptr<const decode::ValueWords> words_of(const std::shared_ptr<const od::Description>& description,
                                                    const std::string& file) {
   command::NoteBook notes(description, file);
@@ -96,7 +96,7 @@ std::optional<Failure> KnownNodes::add_machine(const Options& options) {
   return std::nullopt;
 }
 
-// The PDOs that `berth up` lays for the machine's links.
+// The PDOs that `berth up` makes for the machine's links.
 void KnownNodes::add_links() {
   if (machine_->links.empty()) return;
   const auto planned = traffic::plan_links(*machine_);
@@ -134,7 +134,7 @@ std::optional<Failure> KnownNodes::add_eds(const std::string& text, const TraceO
     return failure(Exit::usage, fmt::format("--eds {}: of which node? Write --eds 5={}, or one --node", text, path));
   auto described = description(path);
   if (!described) return described.error();
-  // What a person names here is stronger than the machine file.
+  // The user's choice here has priority over the machine file.
   std::erase_if(nodes_, [&](const Known& k) { return k.node == *id; });
   nodes_.push_back(
       {{}, *id, {.name = {}, .description = *described, .settings = {}, .words = words_of(*described, path)}});
@@ -151,7 +151,7 @@ bool NodeView::has(const std::string& machine_bus, unsigned node, const std::opt
                                          &multilevel::Hop::gateway);
 }
 
-// On each bus on the way what is left of the path.
+// On each bus of the way: the rest of the path.
 std::vector<NodeView> KnownNodes::views_from(const design::Bus& top, const multilevel::Path& path) const {
   std::vector<NodeView> all;
   const design::Bus* at = &top;

@@ -1,4 +1,4 @@
-/// What the machine file and device descriptions know of the nodes in a trace.
+/// What the machine file and device descriptions say about the nodes in a trace.
 #pragma once
 
 #include <bitset>
@@ -16,28 +16,28 @@
 
 namespace berth::cli {
 
-/// A node that `--node` means, as one bus has it: its own, or beneath gateways of it.
+/// A node that `--node` selects, as seen from one bus: on it, or beneath its gateways.
 struct NodeView {
   std::string bus = {};  ///< the machine's; empty: any
   multilevel::Path path;
 
-  /// `about`: what the frame carries for a node beneath; `ports_told`: false of an emergency, which has none.
+  /// `about`: the node beneath that the frame is for; `ports_told`: false for an emergency, which names no ports.
   [[nodiscard]] bool has(const std::string& machine_bus, unsigned node, const std::optional<multilevel::Path>& about,
                          bool ports_told) const;
 };
 
 class KnownNodes {
  public:
-  /// Reads everything that the options name. What cannot be read is the failure.
+  /// Reads everything that the options name; fails if something cannot be read.
   [[nodiscard]] static tl::expected<KnownNodes, Failure> load(const Options& options, const TraceOptions& trace);
 
-  /// The machine's bus that a log's bus is: of the same name, or at that port, or the only one. Empty: none.
+  /// The machine's bus for a log's bus: the one with the same name, or at that port, or the only one. Empty: none.
   [[nodiscard]] std::string machine_bus(const std::string& log_name) const;
-  /// What `--node` means: "5" on any bus, "3/5" and a slot's name on every bus from the one at the top down.
+  /// The nodes that `--node` selects: "5" on any bus; "3/5" and a slot's name on every bus from the top one down.
   [[nodiscard]] tl::expected<std::vector<NodeView>, Failure> views(const std::vector<std::string>& words) const;
   /// The machine's gateways on this of its buses.
   [[nodiscard]] std::bitset<128> gateways(const std::string& machine_bus) const;
-  /// Tells the decoder of every node of a log's bus.
+  /// Gives the decoder every node of a log's bus.
   void tell(decode::Decoder& decoder, std::uint16_t bus, const std::string& log_name) const;
   [[nodiscard]] const std::optional<design::Machine>& machine() const noexcept { return machine_; }
 

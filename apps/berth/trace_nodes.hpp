@@ -1,4 +1,4 @@
-/// Which node each row of a trace is about, beneath gateways too, and whether `--node` wants it.
+/// Which node each row of a trace is about, including nodes beneath gateways, and whether `--node` selects it.
 #pragma once
 
 #include <optional>
@@ -13,15 +13,15 @@ namespace berth::cli {
 
 class TraceNodes {
  public:
-  /// `wanted`: empty is every node. `known` must stay.
+  /// `wanted`: empty means every node. `known` must outlive it.
   TraceNodes(const KnownNodes& known, std::vector<NodeView> wanted) : known_(&known), wanted_(std::move(wanted)) {}
 
-  /// The log's next bus, as the machine names it; empty: not known.
+  /// The log's next bus, as the machine names it; empty: unknown.
   void add_bus(const std::string& machine_bus);
-  /// Before the decoder sees it. Of a bus that was added.
+  /// Call it before the decoder sees the entry. Its bus must have been added.
   void look(const trace::Entry& entry);
-  /// The node beneath gateways; empty: the bus's own. Of rows of the entry that was looked at last: of a transfer that
-  /// broke off earlier it is not known.
+  /// The node beneath gateways; empty: on the bus itself. For rows of the entry looked at last: for a transfer that
+  /// broke off earlier it is unknown.
   [[nodiscard]] std::optional<multilevel::Path> about(const decode::Row& row) const;
   [[nodiscard]] bool wants(const decode::Row& row) const;
 

@@ -36,7 +36,7 @@ void RowQueue::emit_first() {
   if (held.kind == Kind::row) emitted_ = std::max(emitted_, held.at);
   emit_(std::string_view(text_).substr(held.from, held.size), held.kind);
   if (first_ < most) return;
-  // What is emitted goes, so that a stretch in which the queue is never empty needs no more memory.
+  // Emitted text is removed, so that memory does not grow while the queue is never empty.
   held_.erase(held_.begin(), held_.begin() + static_cast<std::ptrdiff_t>(first_));
   first_ = 0;
   std::string kept;

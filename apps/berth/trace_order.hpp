@@ -1,6 +1,5 @@
-/// Rows of a trace in the order of their times. A row is held for as long as an earlier one may come: one of a line
-/// that stands further down in the file, or that of an SDO transfer of which the last frame is over and the end not
-/// known.
+/// Sorts the rows of a trace by time. A row is held while an earlier one may still come: from a line further down in
+/// the file, or from an SDO transfer whose last frame is past but whose end is not known yet.
 #pragma once
 
 #include <cstddef>
@@ -17,28 +16,27 @@ namespace berth::cli {
 
 class RowQueue {
  public:
-  static constexpr std::size_t most = 65536;  ///< rows held; the earliest goes when there are more
+  static constexpr std::size_t most = 65536;  ///< rows held; beyond that the earliest is emitted
   enum class Kind : std::uint8_t { row, remark };
   using Emit = std::function<void(std::string_view line, Kind kind)>;
 
-  /// `slack`: how far back the times of a source may go; `patience`: how long a transfer that is under way holds back
-  /// what comes after it. Both in time of the trace.
+  /// `slack`: how far back the times of a source may go. `patience`: how long a transfer in progress holds back later
+  /// rows. Both in the trace's time.
   RowQueue(rt::Duration slack, rt::Duration patience, Emit emit)
       : slack_(slack), patience_(patience), emit_(std::move(emit)) {}
 
   /// Append a line here, then call `add`.
   std::string& buffer() noexcept { return text_; }
-  /// What was appended belongs to this time. Of one time the order stays.
+  /// The appended line belongs to this time. Lines of equal time keep their order.
   void add(rt::Duration at, Kind kind = Kind::row);
-  /// To the newest row.
+  /// Adds to the newest row.
   void remark() { add(newest_.value_or(rt::Duration::min()), Kind::remark); }
-  /// Emits what nothing earlier can follow. `pending`: of the transfers that are under way, the last frame of the one
-  /// that was heard least lately.
+  /// Emits rows that nothing earlier can follow. `pending`: of all transfers in progress, the earliest last frame.
   void release(const std::optional<rt::Duration>& pending);
   void release_all() { release_until(rt::Duration::max()); }
   [[nodiscard]] bool many() const noexcept { return held_.size() - first_ >= 256; }
   [[nodiscard]] bool empty() const noexcept { return held_.size() == first_; }
-  /// Rows that came too late for their place.
+  /// Rows that came too late for their place in the order.
   [[nodiscard]] std::uint64_t late() const noexcept { return late_; }
 
  private:
@@ -55,9 +53,9 @@ class RowQueue {
   rt::Duration patience_;
   Emit emit_;
   std::string text_;
-  std::size_t begun_ = 0;   // where in `text_` the next line begins
+  std::size_t begun_ = 0;   // where the next line begins in `text_`
   std::vector<Held> held_;  // ascending
-  std::size_t first_ = 0;   // those before it are emitted
+  std::size_t first_ = 0;   // those before it were emitted
   std::optional<rt::Duration> newest_;
   rt::Duration emitted_ = rt::Duration::min();
   std::uint64_t late_ = 0;

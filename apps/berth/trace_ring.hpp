@@ -1,5 +1,5 @@
-/// `berth trace --ring`: the frames that a running process has kept for Studio, asked of its control socket part by
-/// part, up to those that were the newest when it was first asked.
+/// `berth trace --ring`: the frames that a running process keeps for Studio. It asks the control socket for them in
+/// parts, up to the newest frame at the first request.
 #pragma once
 
 #include <memory>

@@ -1,4 +1,4 @@
-/// The rows of a trace on standard output, and what is said between them, in the order of their times.
+/// Prints a trace's rows and the remarks between them on standard output, ordered by time.
 #pragma once
 
 #include <chrono>
@@ -14,23 +14,23 @@ class RowPrinter {
  public:
   enum class Form : std::uint8_t { words, json, table };
 
-  /// `live`: rows are seen at once, but for those after a request without an answer. `times`: of --times.
+  /// `live`: prints rows at once, except those after an unanswered request. `times`: of --times.
   RowPrinter(Form form, bool live, const std::string& times);
-  /// The trace has this as its first frame, and so many buses. Before the first row.
+  /// Gives the trace's first frame and its number of buses. Call it before the first row.
   void begin(rt::Duration first, std::size_t buses);
 
-  /// `path`: of the node beneath gateways that the row is about; empty: the bus's own.
+  /// `path`: of the node beneath gateways that the row is about; empty: on the bus itself.
   void row(const decode::Row& row, const std::string& bus, const std::string& path);
-  /// Behind the rows that are there: as JSON a line of its own, else on standard error.
+  /// After the present rows: with JSON a line of its own, else on standard error.
   void remark(const Finding& finding);
   [[nodiscard]] bool many() const noexcept { return queue_.many(); }
-  /// What nothing earlier can follow is printed (`RowQueue::release`).
+  /// Prints rows that nothing earlier can follow (`RowQueue::release`).
   void release(const std::optional<rt::Duration>& pending) { queue_.release(pending); }
   void release_all() { queue_.release_all(); }
-  /// Of a live source, after each turn: `more`, whether anything came in it.
+  /// For a live source, after each turn. `more`: the turn brought entries.
   void settle(const std::optional<rt::Duration>& pending, bool more);
   [[nodiscard]] std::uint64_t late() const noexcept { return queue_.late(); }
-  /// For what is printed after all rows.
+  /// For text after all rows.
   Outlet& screen() noexcept { return screen_; }
   [[nodiscard]] bool broken() const noexcept { return screen_.broken(); }
 
@@ -40,8 +40,8 @@ class RowPrinter {
 
   Form form_;
   bool relative_ = false;
-  bool colours_;                     // rows that stand out
-  std::optional<BriefStyle> brief_;  // one line a row on this terminal
+  bool colours_;                     // highlighted rows
+  std::optional<BriefStyle> brief_;  // one line per row on this terminal
   std::optional<rt::Duration> first_;
   Outlet screen_;
   RowText text_;

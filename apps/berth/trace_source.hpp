@@ -1,4 +1,4 @@
-/// Where a trace's entries come from: a file, standard input, a file that grows, a live port.
+/// Sources of a trace's entries: a file, standard input, a growing file, a live port.
 #pragma once
 
 #include <functional>
@@ -17,9 +17,9 @@ class TraceSource {
  public:
   virtual ~TraceSource() = default;
   enum class State : std::uint8_t { more, waiting, over };
-  /// Brings what is there to the sink. waiting: nothing now; the call has waited for a short while.
+  /// Passes available entries to the sink. waiting: there were none, and the call has waited for a short while.
   [[nodiscard]] virtual tl::expected<State, Failure> turn(trace::Sink& sink) = 0;
-  /// No more is wanted, or there is no more: what was begun is ended.
+  /// At the end, wanted or not: completes what was begun.
   virtual void finish(trace::Sink& sink) = 0;
   [[nodiscard]] virtual const std::vector<std::string>& buses() const noexcept = 0;
   /// "candump", ...; "live".

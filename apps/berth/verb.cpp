@@ -260,9 +260,9 @@ int wrong_use(const CLI::App& app, const CLI::ParseError& error, int argc, char*
 
 namespace {
 
-/// The words of a command line as CLI11 understands them. Two things that a person may write it does not: the machine
-/// file by itself among the words of a verb that has others (it ends in ".toml", which no slot, node or object does; a
-/// plant file does), and a negative number, which it takes for an option.
+/// A command line's words as CLI11 understands them. It does not understand two things that users may write: the
+/// machine file alone among the words of a verb that has others (it ends in ".toml", unlike any slot, node or object; a
+/// plant file does too), and a negative number, which it takes for an option.
 class CommandLine {
  public:
   CommandLine(const CLI::App& app, int argc, char** argv) : at_(&app), words_(argv + 1, argv + argc) {}

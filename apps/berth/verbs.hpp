@@ -1,5 +1,5 @@
-/// The verbs: one function each, which adds it to the command line. They stand in the files that say what they do; the
-/// table in main.cpp has them in the order of the help.
+/// The verbs: one function each, which adds it to the command line. Each is in the file that implements the verb;
+/// main.cpp has them in the order of the help.
 #pragma once
 
 #include "options.hpp"
@@ -50,7 +50,7 @@ void add_export(Verb& berth, Options& options);
 void add_import(Verb& berth, Options& options);
 void add_device(Verb& berth, Options& options);
 void add_sim(Verb& berth, Options& options);
-/// Those of `berth sim` that another process carries out.
+/// The verbs of `berth sim` that another process carries out.
 void add_running_plant(const Verb& sim, Options& options);
 void add_world(Verb& berth, Options& options);
 void add_plant(Verb& berth, Options& options);

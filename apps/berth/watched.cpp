@@ -92,7 +92,7 @@ tl::expected<Watched, std::string> Watched::of(const design::Machine& machine, c
   for (const auto& word : words) {
     const auto known = named(machine, bus, word);
     const auto slash = word.find('/');
-    // Of a machine whose file is not read here, who answers knows the names.
+    // If the machine's file is not read here, the answering process knows the names.
     if (!known && machine.buses.empty() && slash != std::string::npos) {
       watched.add_row(word, word.substr(0, slash), word.substr(slash + 1),
                       watched.request_for(bus, word.substr(0, slash), {}, {}), word.substr(slash + 1));
@@ -100,7 +100,7 @@ tl::expected<Watched, std::string> Watched::of(const design::Machine& machine, c
     }
     if (!known) return tl::unexpected(known.error());
     const auto& [node, node_word, object] = *known;
-    // Whoever answers knows the types of the description, and not those of network variables.
+    // The answering process knows the types in the description, but not those of network variables.
     const auto told = command::known_object(node.description.get(), object.ref).type;
     const bool says_type = told == od::DataType::none && object.type != od::DataType::none;
     const auto* const on = command::bus_of(machine, node);
@@ -155,7 +155,7 @@ std::vector<Reading> Watched::take(std::size_t request, const command::Reply& re
   }
   std::vector<Reading> readings;
   for (std::size_t i = 0; i < mine.size(); ++i) {
-    // After an answer that stayed away no more is asked of the node.
+    // After a missing answer the node is asked no more.
     const Json& one = objects.empty() ? unread : objects[std::min(i, objects.size() - 1)];
     WatchRow& row = rows_[mine[i]];
     row.trouble = trouble_of(one);

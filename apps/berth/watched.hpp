@@ -1,4 +1,4 @@
-/// Objects that are watched: read by `sdo read` again and again, by whoever carries out the requests.
+/// Watched objects: the carrier of requests reads them repeatedly by `sdo read`.
 #pragma once
 
 #include <string>
@@ -15,7 +15,7 @@ namespace berth::cli {
 /// One reading of one object.
 struct Reading {
   std::size_t row = 0;  ///< index in `Watched::rows`
-  std::string json;     ///< one object: what `sdo read` tells of it, with `watched` before
+  std::string json;     ///< one object: the result of `sdo read`, preceded by `watched`
 };
 
 class Watched {
@@ -25,16 +25,16 @@ class Watched {
   [[nodiscard]] static tl::expected<Watched, std::string> of(const design::Machine& machine, const std::string& bus,
                                                              const std::vector<std::string>& words);
 
-  /// One for each node, and more where the types of its network variables have to be said.
+  /// One for each node, and more if types of its network variables must be given.
   [[nodiscard]] const std::vector<command::Request>& requests() const noexcept { return requests_; }
-  /// The answer to a request, by its index; `at`: when it came.
+  /// Takes the answer to a request, by its index; `at`: when it came.
   std::vector<Reading> take(std::size_t request, const command::Reply& reply, rt::Time at);
-  /// It is not asked now: why not.
+  /// The request was not sent now: why.
   void pass_over(std::size_t request, const std::string& why);
   [[nodiscard]] const std::vector<WatchRow>& rows() const noexcept { return rows_; }
   /// As the user wrote it.
   [[nodiscard]] const std::string& word(std::size_t row) const noexcept { return words_[row]; }
-  /// The slot that a request asks. No bus: it is not known.
+  /// The slot that a request asks. No bus: it is unknown.
   struct Where {
     std::string bus;
     NodeId node;
@@ -42,7 +42,7 @@ class Watched {
   [[nodiscard]] const Where& where(std::size_t request) const noexcept { return where_[request]; }
 
  private:
-  // Of the node, with this type said unless it is empty.
+  // The request for this node, with this type unless it is empty.
   std::size_t request_for(const std::string& bus, const std::string& node, const std::string& type, const Where& where);
   void add_row(const std::string& word, const std::string& slot, const std::string& shown, std::size_t request,
                const std::string& object);

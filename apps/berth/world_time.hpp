@@ -1,5 +1,5 @@
-/// `berth world`: the time of a simulated world that runs in real time stands, runs, goes a frame further, or goes
-/// faster; and frames of a bus are damaged.
+/// `berth world`: pauses, resumes, steps by frames or speeds up the time of a simulated world in real time, and damages
+/// frames of a bus.
 #pragma once
 
 #include <optional>
@@ -14,21 +14,21 @@ namespace berth::cli {
 
 class WorldTime {
  public:
-  /// The run must stay.
+  /// The machine run must outlive it.
   explicit WorldTime(MachineRun& run) : run_(&run), stepped_(run.driver().executor()) {}
 
-  /// Of the table's verbs, those of the world.
+  /// One of the world's verbs.
   [[nodiscard]] static bool is_its(const command::Request& request) noexcept;
-  /// Both must stay until the task is done.
+  /// Both must live until the task is done.
   [[nodiscard]] rt::Task<void> carry_out(const command::Request& request, command::Reply& reply);
-  /// Between two turns of the loop: goes as many frames further as was asked.
+  /// Call it between two turns of the loop: steps the requested number of frames.
   void between();
-  /// Of a world that stands: "paused: `berth world run` lets it go on"; empty: it runs.
+  /// For a paused world: "paused: `berth world run` lets it go on"; empty: it runs.
   [[nodiscard]] std::string standing() const;
-  /// A request whose answer is awaited, as long as this stands: it is told when the world is paused meanwhile.
+  /// A request that waits for its answer, while this exists: if the world is paused meanwhile, its client is told.
   class Waiting {
    public:
-    /// `time`: null, or must stay longer; as `reply` must.
+    /// `time`: null, or must outlive it, as `reply` must.
     Waiting(WorldTime* time, const command::Reply& reply);
     ~Waiting();
     Waiting(const Waiting&) = delete;
@@ -38,7 +38,7 @@ class WorldTime {
     WorldTime* time_;
     const command::Reply* reply_;
   };
-  /// At the end: who waits for world time must not wait for ever.
+  /// At the end: a task that waits for world time must not wait for ever.
   void let_go();
 
  private:
@@ -49,7 +49,7 @@ class WorldTime {
   [[nodiscard]] std::optional<command::Reply> refusal_of(const command::Request& request);
 
   MachineRun* run_;
-  std::optional<unsigned> frames_;    // of a step that was asked
+  std::optional<unsigned> frames_;    // of a requested step
   rt::Mailbox<unsigned, 1> stepped_;  // frames that came
   std::vector<const command::Reply*> waiting_;
 };

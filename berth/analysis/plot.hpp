@@ -1,4 +1,4 @@
-/// The bounds of one or more buses as a picture: a row for each message, by priority, times on one logarithmic scale.
+/// Plots the bounds of one or more buses: a row for each message, by priority, times on one logarithmic scale.
 #pragma once
 
 #include <span>
@@ -8,15 +8,15 @@
 
 namespace berth::analysis {
 
-/// One bus of a plot. All must stay until it is made.
+/// One bus of a plot. All members must exist until the plot is made.
 struct PlottedBus {
   std::string title;  ///< above it, "field, 250000 bit/s, 31.2 % of the bus"
   const Line* line = nullptr;
-  const Result* result = nullptr;  ///< of `line`; messages that are left out here are left out there
+  const Result* result = nullptr;  ///< of `line`; the plot leaves out messages that it leaves out
 };
 
-/// An SVG, whole: each message's worst case as a bar from the length of its frame on, its deadline as a stroke; what is
-/// late, and what has no bound (a bar to the edge), in another colour.
+/// A complete SVG: each message's worst case as a bar that begins at its frame's length, and its deadline as a stroke.
+/// Another colour marks late messages and those without a bound (a bar to the edge).
 [[nodiscard]] std::string plot(std::span<const PlottedBus> buses);
 
 }  // namespace berth::analysis

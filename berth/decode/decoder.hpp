@@ -1,14 +1,14 @@
-/// A trace as what it means: one row a frame, but one row for a whole SDO transfer, with the names and values that the
-/// devices' descriptions give.
+/// Interprets a trace: one row per frame, or per whole SDO transfer, with names and values from the devices'
+/// descriptions.
 ///
 ///     decode::Decoder decoder(rows);
 ///     decoder.know(bus, NodeId(5), {.name = "left sensor", .description = eds.description});
 ///     for (const auto& entry : trace.entries) decoder.entry(entry);
 ///     decoder.finish();                       // transfers that the end of the trace cut off
 ///
-/// Identifiers and PDO mappings are those of the description's defaults and of `Profile::settings`, and what SDO
-/// transfers in the trace itself write to or read of 1005h, 1014h and 1200h to 1BFFh afterwards. Memory is bounded by
-/// what is known and by the channels in use, not by the length of the trace.
+/// Identifiers and PDO mappings come from the description's defaults and `Profile::settings`, and then from SDO
+/// transfers in the trace that write or read 1005h, 1014h and 1200h to 1BFFh. Memory depends on the known nodes and the
+/// channels in use, not on the length of the trace.
 #pragma once
 
 #include <array>
@@ -41,24 +41,24 @@ struct NamedObject {
 struct Profile {
   std::string name;                                                         ///< the slot's; may be empty
   std::shared_ptr<const od::Description> description;                       ///< may be null
-  std::vector<std::pair<ObjectRef, std::vector<std::uint8_t>>> settings{};  ///< instead of the defaults
-  std::shared_ptr<const ValueWords> words{};                                ///< what values mean; may be null
-  std::vector<NamedObject> named{};                                         ///< before the description's names
+  std::vector<std::pair<ObjectRef, std::vector<std::uint8_t>>> settings{};  ///< in place of the defaults
+  std::shared_ptr<const ValueWords> words{};                                ///< meaning of values; may be null
+  std::vector<NamedObject> named{};                                         ///< preferred to the description's names
 };
 
-/// One thing that a row says, for programs. Good for the call only.
+/// One part of a row, for programs. Valid during the call only.
 struct Field {
   enum class Kind : std::uint8_t { text, number, signal };  ///< signal: `key` is its name
   Kind kind = Kind::text;
   std::string key;
   std::string value;   ///< number: decimal
-  ObjectRef object{};  ///< signal: what the PDO carries
+  ObjectRef object{};  ///< signal: the object in the PDO
 };
 
-/// Good for the call only.
+/// Valid during the call only.
 struct Row {
-  const trace::Entry* entry = nullptr;  ///< the frame; of a transfer the last one
-  rt::Duration began{};                 ///< of a transfer: its first frame; else `entry->at`
+  const trace::Entry* entry = nullptr;  ///< the frame; for a transfer its last one
+  rt::Duration began{};                 ///< for a transfer its first frame; else `entry->at`
   unsigned frames = 1;
   Meaning meaning;
   std::string_view words;
@@ -86,13 +86,13 @@ class Decoder final : private SdoTransfer::Listener {
   Decoder(const Decoder&) = delete;
   Decoder& operator=(const Decoder&) = delete;
 
-  /// What is known of a node, from the next entry on. `bus` as `Entry::bus` has it.
+  /// Adds what is known of a node, from the next entry on. `bus` as in `Entry::bus`.
   void know(std::uint16_t bus, NodeId node, Profile profile);
   void entry(const trace::Entry& entry);
   /// Rows for transfers that have not ended.
   void finish();
-  /// Of the transfers that have not ended, the last frame of the one that was heard least lately: a row of no earlier
-  /// time can follow, when entries come in time order. Empty: none is under way.
+  /// The earliest last frame of all unfinished transfers: if entries come in time order, no later row has an earlier
+  /// time. Empty: no transfer is in progress.
   [[nodiscard]] std::optional<rt::Duration> pending() const noexcept;
 
  private:
@@ -128,7 +128,7 @@ class Decoder final : private SdoTransfer::Listener {
   Rows* rows_;
   DecodeOptions options_;
   std::vector<std::unique_ptr<Bus>> buses_;
-  // Of the entry at hand.
+  // For the present entry.
   const trace::Entry* entry_ = nullptr;
   Bus* bus_ = nullptr;
   Channel* channel_ = nullptr;

@@ -1,5 +1,5 @@
-/// What an emergency code means for a device of a profile: CiA 301 gives the classes, and each profile codes of its own
-/// below them, so that 3210h is a DC link over-voltage of a drive (CiA 402) and an internal voltage of an I/O module
+/// The meaning of an emergency code for a device with a profile: CiA 301 gives the classes, and each profile adds its
+/// own codes, so that 3210h is a DC link over-voltage of a drive (CiA 402) and an internal voltage of an I/O module
 /// (CiA 401).
 #pragma once
 
@@ -17,7 +17,7 @@ namespace berth::decode {
 /// The bits of an error register (1001h, CiA 301 §7.5.2.2): "generic, current"; "no error".
 [[nodiscard]] std::string register_words(std::uint8_t bits);
 /// A whole message: "EMCY 2310h output current too high (overload); register: generic, current; info 01 02 00 00 00".
-/// Without a register bit, or with manufacturer's bytes that are all 0, it leaves that part out.
+/// Omits the register without a bit, and manufacturer's bytes that are all 0.
 [[nodiscard]] std::string emcy_line(const co::Emcy& message, std::uint16_t profile);
 
 }  // namespace berth::decode

@@ -1,5 +1,5 @@
-/// Folds the frames of one SDO channel into transfers (CiA 301 §7.2.4): expedited, segmented, block, read and write, as
-/// a listener sees them that hears both sides and knows nothing else. Frames may be missing, repeated or wrong.
+/// Combines the frames of one SDO channel into transfers (CiA 301 §7.2.4): expedited, segmented, block, read and
+/// write, for a listener that hears both sides and knows nothing else. Frames may be missing, repeated or wrong.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 namespace berth::decode {
 
 struct SdoRecord {
-  /// Of a longer value only the beginning is kept.
+  /// Only the first bytes of a longer value are kept.
   static constexpr std::size_t most_kept = 4096;
   enum class Mode : std::uint8_t { expedited, segmented, block };
   enum class End : std::uint8_t {
@@ -21,7 +21,7 @@ struct SdoRecord {
     aborted_by_client,
     aborted_by_server,
     unfinished,  ///< the client began another, or the trace ended
-    stray,       ///< a frame that belongs to no transfer that was seen to begin
+    stray,       ///< a frame that belongs to no transfer whose begin was seen
   };
 
   ObjectRef object{};
@@ -30,8 +30,8 @@ struct SdoRecord {
   End end = End::unfinished;
   std::uint32_t abort = 0;                 ///< the code, when aborted
   bool sized = true;                       ///< false: expedited without a size; all four bytes are there
-  bool has_object = true;                  ///< false: of a stray segment the object is not known
-  std::uint64_t length = 0;                ///< bytes that came over
+  bool has_object = true;                  ///< false: a stray segment, whose object is unknown
+  std::uint64_t length = 0;                ///< bytes transferred
   std::vector<std::uint8_t> bytes;         ///< the first of them
   std::optional<std::uint64_t> announced;  ///< the size that its sender indicated
   unsigned frames = 0;
@@ -43,14 +43,14 @@ class SdoTransfer {
  public:
   class Listener {
    public:
-    /// The record is good for the call only.
+    /// The record is valid during the call only.
     virtual void ended(const SdoRecord& record) = 0;
 
    protected:
     ~Listener() = default;
   };
 
-  /// A data frame of eight bytes of the channel: from the client (`request`) or the server. Calls the listener for each
+  /// A data frame of eight bytes on the channel: from the client (`request`) or the server. Calls the listener for each
   /// transfer that it ends.
   void frame(const can::Frame& frame, bool request, rt::Duration at, Listener& listener);
   /// The trace is over.

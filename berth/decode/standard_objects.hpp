@@ -1,4 +1,4 @@
-/// Names and types of CiA 301's communication objects, for devices of which no description is at hand.
+/// Names and types of CiA 301's communication objects, for devices without a description.
 #pragma once
 
 #include <memory>
@@ -17,8 +17,8 @@ struct StandardObject {
 /// CiA 301 §7.5.2, §7.5.1.
 [[nodiscard]] StandardObject standard_object(ObjectRef ref);
 
-/// The same objects up to 1029h as a description, to look their names up in. It says nothing of which of them a device
-/// has, nor of access, defaults or limits.
+/// The same objects up to 1029h as a description, for looking up their names. It does not say which of them a device
+/// has, nor access, defaults or limits.
 [[nodiscard]] const od::Description& standard_names();
 
 }  // namespace berth::decode

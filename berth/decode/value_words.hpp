@@ -1,4 +1,4 @@
-/// What values of a device's objects mean, for people: who knows it is above this room (berth/command/notes.hpp).
+/// The meaning of values of a device's objects, for users; implemented above this room (berth/command/notes.hpp).
 #pragma once
 
 #include <cstdint>
@@ -16,9 +16,9 @@ class ValueWords {
   ValueWords(const ValueWords&) = default;
   ValueWords& operator=(const ValueWords&) = default;
   virtual ~ValueWords() = default;
-  /// There is something to say of its values.
+  /// It knows the meaning of the object's values.
   [[nodiscard]] virtual bool knows(ObjectRef object) const = 0;
-  /// "23.5 °C", "fault, remote"; empty: nothing is known of this one.
+  /// "23.5 °C", "fault, remote"; empty: unknown for this one.
   [[nodiscard]] virtual std::string words(ObjectRef object, od::DataType type,
                                           std::span<const std::uint8_t> bytes) const = 0;
 };

@@ -1,6 +1,6 @@
-/// What one frame is, in words: LSS and its feedback as paper 4's Table 1 and 2 say it, negotiation as paper 2's Figure
-/// 2 does, RAND, AND and claiming in the terms of their papers, CiA 301's services in CiA's. What needs more than the
-/// frame (names, values, a transfer as a whole) is `Decoder`'s (decoder.hpp).
+/// Describes one frame in words: LSS and its feedback as in paper 4's Tables 1 and 2, negotiation as in paper 2's
+/// Figure 2, RAND, AND and claiming in the terms of their papers, CiA 301's services in CiA's. `Decoder` (decoder.hpp)
+/// handles what needs more than the frame: names, values, whole transfers.
 #pragma once
 
 #include <cstdint>
@@ -34,11 +34,11 @@ inline constexpr std::size_t services = static_cast<std::size_t>(Service::other)
 
 struct Meaning {
   Service service = Service::other;
-  std::uint8_t node = 0;  ///< whose frame it is, or which it is for; 0: none
+  std::uint8_t node = 0;  ///< the frame's sender or receiver; 0: none
 };
 
-/// Frames of one bus in their order: RAND's DIS and the Fastscan feedback have the same identifiers (S1.24), and what
-/// asked last tells them apart.
+/// For frames of one bus in their order: RAND's DIS and the Fastscan feedback have the same identifiers (S1.24); the
+/// last request tells which is meant.
 class Interpreter {
  public:
   [[nodiscard]] std::string words(const can::Frame& frame);
@@ -52,9 +52,9 @@ class Interpreter {
   Asked asked_ = Asked::nothing;
 };
 
-/// How many of a classic frame's first data bytes its words rest on, beside identifier, remote flag and length: frames
-/// that agree in those have the same words. Empty: they may rest on frames before it, or tell what later ones mean;
-/// those an interpreter must see, all in their order, and no others.
+/// How many first data bytes of a classic frame determine its words, together with identifier, remote flag and length:
+/// frames that agree in those have the same words. Empty: the words may depend on earlier frames, or the frame on later
+/// ones; an interpreter must see these frames, in their order, and no others.
 [[nodiscard]] std::optional<unsigned> rests_on(const can::Frame& frame) noexcept;
 
 /// The words for SocketCAN's error classes and details (linux/can/error.h): "error: controller: receive warning level".

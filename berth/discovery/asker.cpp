@@ -60,7 +60,8 @@ void Question::sent(rt::Time at) noexcept {
   const Options& o = *a.options_;
   const rt::Duration longest = a.longest() - a.frame_ - o.blocking;
   const rt::Duration bound = a.patient_ ? a.patience_.response(o.shortest, longest) : longest;
-  // What one device alone answers late is found out within a few questions; with several that happens at every other.
+  // A late answer of a single device is noticed within a few questions; with several devices that happens at every
+  // other question.
   const bool patient = a.patient_ && !(alone_ && wait_ == Wait::quick);
   const rt::Duration learnt = patient ? bound : a.latency_.response(o.shortest, bound);
   a.asked_patiently_ = patient;
@@ -73,7 +74,7 @@ void Question::sent(rt::Time at) noexcept {
 
 void Question::answered(rt::Time at, bool whole) noexcept {
   if (step_ == Step::listening) {
-    // Behind the first answer others may stand: they go out while we wait, or before the next request.
+    // Others may be queued behind the first answer: they are sent while we wait, or before the next request.
     executor().at(alone_ && whole ? at : std::max(at, ready_by_), *this);
   } else if (step_ == Step::sending || step_ == Step::inhibited) {
     late(at);
@@ -83,8 +84,8 @@ void Question::answered(rt::Time at, bool whole) noexcept {
 void Question::late(rt::Time at) noexcept {
   if (asker_->signs_ != 1) return;  // it was answered in its time
   heard_.late = true;
-  // A frame that was heard this instant was on the wire until now, so ours is not. A port that tells later than it
-  // hears cannot say so, and there the request goes its way.
+  // A frame heard at this instant was on the wire until now, so ours was not. A port that reports later than it hears
+  // cannot show this; there the request is not taken back.
   const bool surely_queued = step_ == Step::inhibited || at == executor().now();
   if (!surely_queued) {
     asker_->takes_back_ = false;
@@ -198,7 +199,8 @@ void Asker::sign(rt::Duration own, rt::Time at, bool whole) noexcept {
   if (current_ != nullptr) current_->answered(at, whole);
 }
 
-// The first answer may come from the quickest of many; the last one stood after at most one frame when it was ready.
+// The first answer may come from the fastest of many devices; the last one waited for at most one frame after it was
+// ready.
 void Asker::learn() noexcept {
   if (signs_ == 0) return;
   rt::Duration sample = first_;

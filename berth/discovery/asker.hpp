@@ -1,34 +1,34 @@
-/// One Fastscan question after the other, none waiting longer than it must.
+/// Sends one Fastscan question after the other, and waits for answers no longer than necessary.
 ///
-/// What is waited for. A slave is *ready* when its answer stands in its controller's queue, at most `response` after
-/// the request was confirmed (`Latency`). From then on the bus works for us: 7E4h, and feedback in either form, wins
-/// arbitration against our next request on 7E5h. So a request that is queued `response` after the one before is sent
-/// after every answer to the one before, however loaded the bus is, and its confirmation is the fence: what was heard
-/// before it belongs to the request before, what is heard after it to itself. From this follow the windows:
+/// How long to wait. A slave is *ready* when its answer is in its controller's queue, at most `response` after the
+/// request was confirmed (`Latency`). From then on arbitration helps: 7E4h, and feedback in either form, wins against
+/// the next request on 7E5h. So a request that is queued `response` after the one before is sent after every answer to
+/// that one, however loaded the bus is. Its confirmation is the fence: frames heard before it belong to the request
+/// before, frames heard after it to the new one. This gives the windows:
 ///
-/// - A device answered: the window ends `response` after the confirmation. A slower device's answer to this request is
-///   then on the wire before the next request and is counted here (`Heard::answers`), not there.
+/// - A device answered: the window ends `response` after the confirmation. If a slower device's answer is on the wire
+///   by then, it still comes before the next request and counts for this question (`Heard::answers`).
 /// - No device answered yet: the window ends `response`, one answer's frame and `Options::blocking` after the
-///   confirmation, for then an answer has been heard unless other traffic holds it up. If it is held up, it is still
-///   heard before the next request is confirmed. The next request is then taken back when it is not on the wire yet,
+///   confirmation. By then an answer has been heard, unless other traffic delays it; a delayed one is still heard
+///   before the next request is confirmed. In that case the next request is taken back if it is not on the wire yet,
 ///   and its question ends at once with `Heard::late`: the request before *was* answered. Otherwise `late` comes with
-///   its own outcome.
-/// - `Wait::quick`: `response` alone, where the port takes a queued request back in time (learnt too). For a caller
-///   that looks at `Heard::late` of the question after.
-/// - `Wait::bound`: silence is believed only after the longest response, `Options::window`; where patience has learnt
-///   how slow the slowest of this search is, after that.
-/// - `Wait::closing`: by this silence a search ends. It is believed only after `Options::window`, whatever was learnt:
-///   a device that was not met yet may need so long.
+///   the next question's own outcome.
+/// - `Wait::quick`: `response` alone, if the port takes a queued request back in time (this is learnt too). For a
+///   caller that checks `Heard::late` of the following question.
+/// - `Wait::bound`: silence counts only after the longest response, `Options::window`, or, when patience has learnt it,
+///   the response of the slowest device of this search.
+/// - `Wait::closing`: silence here ends the search. It counts only after `Options::window`, whatever was learnt: a
+///   device not met yet may need so long.
 ///
-/// A window is not cut at the first answer before `response` is over: a second device that answers later would be heard
-/// after the next request, and its yes would be a yes to the wrong question. The one exception is `alone`, for the
-/// asker that goes down into ever smaller parts of the tree and has got exactly one answer, counted up to the fence, to
-/// several questions in a row. Two devices there would have had to answer at the very same bit every time. If they
-/// always do, because their latency is fixed, none of them is late. If they did by chance, a late answer costs time.
+/// A window never ends at the first answer before `response` is over: a second device's later answer would be heard
+/// after the next request and count for the wrong question. The one exception is `alone`, for a caller that goes down
+/// into ever smaller parts of the tree and has got exactly one answer, counted up to the fence, to several questions in
+/// a row. Two devices there would have had to answer in the same bit every time. If they always do so, because their
+/// latency is fixed, neither is late. If it was chance, a late answer costs time.
 ///
-/// A device that needs longer than `response` is wrongly taken as silent once, and its answer perhaps as one to the
-/// next request. Both cost time only: the walk that asks goes by whole confirmed parts and by what the selected device
-/// itself says of its serial number.
+/// A device that needs longer than `response` is taken as silent once, and its answer may count for the next request.
+/// Both only cost time: the walk relies on whole confirmed parts and on what the selected device itself reports as its
+/// serial number.
 #pragma once
 
 #include <vector>
@@ -48,11 +48,11 @@ enum class Wait : std::uint8_t {
   closing,
 };
 
-/// What came of one question.
+/// The outcome of one question.
 struct Heard {
-  bool late = false;      ///< the question before was answered after it had been given up
+  bool late = false;      ///< the question before was answered after its window
   bool sent = true;       ///< false: taken back, because `late`
-  unsigned answers = 0;   ///< 4Fh; equal ones may have fallen into one
+  unsigned answers = 0;   ///< 4Fh; equal ones may have merged into one
   unsigned before = 0;    ///< 4Fh to the question before, all of them
   rt::Time at{};          ///< the confirmation
   bool feedback = false;  ///< at least one feedback frame
@@ -61,7 +61,7 @@ struct Heard {
 
 class Asker;
 
-/// One question. Made by `Asker`; destroying it ends it.
+/// One question. `Asker` makes it; destroying it ends it.
 class Question final : public rt::Operation<Question>, private rt::Job, private can::Confirmation {
  public:
   ~Question();
@@ -89,7 +89,7 @@ class Question final : public rt::Operation<Question>, private rt::Job, private 
   bool alone_;
   Step step_ = Step::idle;
   rt::Time give_up_{};   // sending
-  rt::Time ready_by_{};  // every answer is ready
+  rt::Time ready_by_{};  // when every answer is ready
   Heard heard_{};
   Result<Heard> outcome_{};
 };
@@ -98,32 +98,32 @@ class Question final : public rt::Operation<Question>, private rt::Job, private 
 class Asker final : private can::Handler {
  public:
   explicit Asker(can::Dispatcher& dispatcher);
-  /// Before a search: its options must stay. `feedback`: collect feedback, with this base for the eleven-bit form (0:
-  /// none).
+  /// Call it before a search; the options must outlive the search. `feedback`: collect feedback, with this base for the
+  /// eleven-bit form (0: none).
   void begin(const Options& options, std::uint16_t feedback_base) noexcept;
 
   [[nodiscard]] Question ask(const lss::FastscanRequest& request, Wait wait, bool alone = false) noexcept {
     return {*this, request, wait, alone && !wholly_};
   }
-  /// What was learnt is of other devices: those of this search may be slower.
+  /// Forgets what was learnt from other devices: those of this search may be slower.
   void forget() noexcept;
-  /// Every window is as long as an answer may need, and no answer cuts it short unless one device is left: for when
-  /// haste has led nowhere. So long is the bound, until enough patient questions have told the slowest answer.
-  /// `wholly`: nor when one device seems to be left.
+  /// Every window is as long as an answer may need, and an answer shortens it only when one device is left; for use
+  /// after haste has failed. The length is the bound, until enough patient questions have shown the slowest answer.
+  /// `wholly`: not shortened even when one device seems to be left.
   void be_patient(bool on, bool wholly = false) noexcept {
     patient_ = on;
     wholly_ = on && wholly;
   }
-  /// Patience has led nowhere either: the slowest answer is still to be learnt.
+  /// Patience failed too: learns the slowest answer anew.
   void be_more_patient() noexcept { patience_.renew(); }
-  /// Feedback heard since the last question's confirmation, distinct, ascending. Good until the next question is sent.
+  /// Feedback heard since the last question's confirmation, distinct, ascending. Valid until the next question is sent.
   [[nodiscard]] const std::vector<lss::FeedbackValue>& feedback() const noexcept { return feedback_; }
-  /// What was heard of the question before that one.
+  /// Feedback heard for the question before that.
   [[nodiscard]] const std::vector<lss::FeedbackValue>& feedback_before() const noexcept { return before_; }
-  /// Every answer to the last question is ready from then on: the earliest time at which a request may follow that is
-  /// to be fenced off from it.
+  /// When every answer to the last question is ready: the earliest time for a request whose answers must not be
+  /// confused with those.
   [[nodiscard]] rt::Time settled() const noexcept { return asked_ + longest(); }
-  /// Another service's request was sent: the next question keeps the inhibit time.
+  /// Another service sent a request: the next question keeps the inhibit time.
   void sent_elsewhere(rt::Time at) noexcept { last_sent_ = at; }
   /// 4Fh since the last question's confirmation, up to now.
   [[nodiscard]] unsigned answers() const noexcept { return answers_; }
@@ -131,7 +131,7 @@ class Asker final : private can::Handler {
   [[nodiscard]] unsigned requests() const noexcept { return requests_; }
   /// After `at` + this no device answers a request that was confirmed at `at`.
   [[nodiscard]] rt::Duration longest() const noexcept;
-  /// The same as far as it was learnt.
+  /// The same, as far as it was learnt.
   [[nodiscard]] rt::Duration usual() const noexcept;
   [[nodiscard]] const Latency& latency() const noexcept { return latency_; }
 
@@ -154,11 +154,11 @@ class Asker final : private can::Handler {
   bool wholly_ = false;
   bool asked_patiently_ = false;
   Patience patience_;
-  bool takes_back_ = false;  // what is queued, before it is on the wire
+  bool takes_back_ = false;  // the port takes back a queued frame before it is on the wire
   rt::Duration frame_{0};    // an answer's time on the wire; 0 when the port does not know its bit rate
   rt::Time asked_{};         // confirmation of the last question
   rt::Time last_sent_{};
-  rt::Duration first_{};  // from then to when the first answer, or its feedback, was ready
+  rt::Duration first_{};  // from then until the first answer, or its feedback, was ready
   rt::Time last_{};       // the last answer
   unsigned signs_ = 0;    // frames of both kinds since then
 };

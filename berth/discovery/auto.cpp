@@ -51,7 +51,7 @@ struct Auto::Run {
   [[nodiscard]] bool over() const {
     return report.end == Report::End::more || report.found.size() >= options.most_devices;
   }
-  // Equal devices that answer on are found by each walk.
+  // Each walk finds equal devices that keep answering.
   [[nodiscard]] bool none_is_new() const {
     return std::ranges::all_of(report.found, [this](const Found& f) {
       const auto is_it = [&f](const LssAddress& one) { return one == f.address; };
@@ -74,7 +74,7 @@ std::optional<Report::End> Auto::OpenRanges::go_on(const Options& options) {
   return times_ > 0 ? open : std::nullopt;
 }
 
-// One scheme. A device that was found before is known to it, and not reported again.
+// One scheme. It knows devices found earlier, and does not report them again.
 rt::Task<Result<void>> Auto::part(Run& run, Method method) {
   Discovery& discovery = of(method);
   last_ = method;
@@ -102,7 +102,7 @@ rt::Task<Result<void>> Auto::part(Run& run, Method method) {
 rt::Task<Result<void>> Auto::by_name(Run& run) {
   constexpr std::size_t most = 8;
   const std::vector<LssAddress> expected = run.known.expected;
-  // Each second time round with pauses: a small receive buffer loses what comes back to back.
+  // Every second time with pauses: a small receive buffer loses consecutive frames.
   Pauses pauses(services_.lss);
   if (!expected.empty() && named_ / expected.size() % 2 == 1) pauses.slow_down();
   for (std::size_t i = 0; i < std::min(most, expected.size()) && !run.over(); ++i) {
@@ -173,7 +173,7 @@ rt::Task<Result<void>> Auto::by_schemes(Run& run) {
 
 rt::Task<Result<void>> Auto::by_the_rest(Run& run, bool goes_on) {
   const Known& known = run.known;
-  // A device on Fastscan has no node-ID, and only ranges can look behind it.
+  // A device found by Fastscan has no node-ID; only ranges find those that have one.
   bool look = options_.configured || goes_on || run.report.end == Report::End::held;
   run.part.configured = options_.configured;
   if (options_.identify && run.all_assigned() && !run.over()) {

@@ -1,14 +1,17 @@
-/// Makes the methods of one bus, and finds the devices of a bus whatever each of them speaks.
+/// Makes the methods of one bus, and finds the devices of a bus whichever scheme each one uses.
 ///
 ///     Auto all({dispatcher, lss_master});
 ///     auto report = co_await all.find(known, options);
 ///
-/// `Auto` asks one question per scheme (Fastscan's "anybody?", with an ear for feedback; RAND's and AND's phase 0; LSS
-/// identify non-configured), runs the planner of each scheme that was answered, one scheme after the other and
-/// never two at once (S1.24: RAND's DIS and the feedback have the same identifiers), and looks with LSS identify ranges
-/// for those that no scheme finds: devices without Fastscan, and devices that have a node-ID and are in no slot. The
-/// ranges need `Known::kinds`. A device that answers none of these is asked for by name (40h to 43h) where
-/// `Known::expected` has its address: eight of them in each search for devices with a node-ID.
+/// `Auto` works in these steps:
+/// - It asks one question per scheme: Fastscan's "anybody?", listening for feedback; RAND's and AND's phase 0; LSS
+///   identify non-configured.
+/// - It runs the planner of each scheme that was answered, one scheme after the other, never two at once (S1.24: RAND's
+///   DIS and the feedback have the same identifiers).
+/// - It searches by LSS identify ranges for devices that no scheme finds: devices without Fastscan, and devices that
+///   have a node-ID and are in no slot. The ranges need `Known::kinds`.
+/// - A device that answers none of these is asked for by name (40h to 43h) if `Known::expected` has its address: eight
+///   of them in each search for devices with a node-ID.
 #pragma once
 
 #include <array>
@@ -20,8 +23,7 @@
 
 namespace berth::discovery {
 
-/// What the methods are made of. Both must outlive them. Nothing else may use the LSS master while a method is under
-/// way.
+/// What the methods need. Both must outlive them. Nothing else may use the LSS master while a method is running.
 struct Services {
   can::Dispatcher& dispatcher;
   lss::Master& lss;
@@ -30,7 +32,7 @@ struct Services {
 /// A method on a bus. Never null.
 [[nodiscard]] std::unique_ptr<Discovery> make(Method method, const Services& services);
 
-/// What devices on the bus answered to.
+/// The schemes that devices on the bus answered.
 struct Spoken {
   bool fastscan = false;
   bool feedback = false;  ///< of either form
@@ -43,11 +45,10 @@ struct Spoken {
 struct AutoOptions {
   bool fastscan = true;
   bool rand = true;
-  bool and_protocol = false;  ///< no device outside laboratories speaks it
-  bool identify = true;       ///< unconfigured devices of known kinds that speak nothing else
-  /// Devices that have a node-ID and are not registered: `identify` over every known kind. They are in no other
-  /// scheme, and a search for them costs about 10 ms a registered device of the kind; so once at a start, not in a
-  /// poll.
+  bool and_protocol = false;  ///< no device outside laboratories uses it
+  bool identify = true;       ///< unconfigured devices of known kinds that use nothing else
+  /// Devices that have a node-ID and are not registered: `identify` over every known kind. No other scheme finds them,
+  /// and the search costs about 10 ms per registered device of the kind; so do it once at a start, not in a poll.
   bool configured = true;
 };
 
@@ -60,26 +61,26 @@ class Auto final : public Discovery {
 
   /// The planner that was used last.
   [[nodiscard]] Method method() const noexcept override { return last_; }
-  /// Finds every device that is not registered. `Found::by` tells how each was found. A device that speaks several
-  /// schemes is reported once. The report ends with `more` when a part did, else as the first part that was not
-  /// complete. `more` among the ranges, and nobody new found by the schemes that were answered: the next `find` goes on
-  /// there, four times in a row at most, and asks no scheme.
+  /// Finds every device that is not registered. `Found::by` is the method that found it. A device that uses several
+  /// schemes is reported once. The report ends with `more` if a part did, else as the first part that was not complete.
+  /// If the ranges ended with `more` and the answered schemes found no new device, the next `find` continues the ranges
+  /// without asking the schemes, at most four times in a row.
   [[nodiscard]] rt::Task<Result<Report>> find(const Known& known, const Options& options) override;
-  /// One question per scheme; ends at the first answer. For polls while the machine runs: 4 frames at most.
+  /// One question per scheme; ends at the first answer. For polls while the machine runs: at most 4 frames.
   [[nodiscard]] rt::Task<Result<bool>> anybody(const Options& options) override;
-  /// One question per scheme, all of them.
+  /// One question to every scheme.
   [[nodiscard]] rt::Task<Result<Spoken>> ask_spoken(const Options& options);
   /// Of the last `find` that asked the schemes, or of the last `ask_spoken`.
   [[nodiscard]] const Spoken& spoken() const noexcept { return spoken_; }
 
  private:
   struct Run;
-  // A search that was broken off among the ranges, and whose schemes had found nobody new, goes on there: on a slow bus
-  // the schemes take all the time that a search gets.
+  // A search that stopped among the ranges, and whose schemes had found no new device, continues there: on a slow bus
+  // the schemes take all of a search's time.
   class OpenRanges {
    public:
     void broken_off(Report::End schemes_end);
-    /// How the schemes ended that need not be asked again.
+    /// How the schemes ended, if they need not be asked again.
     [[nodiscard]] std::optional<Report::End> go_on(const Options& options);
 
    private:
@@ -95,7 +96,7 @@ class Auto final : public Discovery {
   AutoOptions options_;
   OpenRanges ranges_;
   Spoken spoken_{};
-  std::size_t named_ = 0;  // of `Known::expected`, that were asked for by name
+  std::size_t named_ = 0;  // of `Known::expected`, asked for by name so far
   Method last_ = Method::planner_fastscan;
   bool busy_ = false;
   std::array<std::unique_ptr<Discovery>, methods> parts_{};

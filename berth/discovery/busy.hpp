@@ -1,4 +1,4 @@
-/// One procedure at a time: holds a flag while it lives.
+/// Allows one procedure at a time: holds a flag while it exists.
 #pragma once
 
 namespace berth::discovery {

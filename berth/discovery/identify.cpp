@@ -17,13 +17,13 @@ rt::Task<Result<bool>> Identify::ask(Run& run, const Cursor& cursor, Box box, Wi
   const bool wary = window == Window::quick && run.care != Run::Care::none && !alone;
   if (wary) window = Window::patient;
   if (run.slow) window = Window::bound;
-  // What comes later still belongs to no range of the next question: six frames lie between.
+  // Later answers still belong to no range of the next question: six frames are between.
   const lss::ServiceOptions service{.timeout = window_of(run, window), .retries = 0, .full_window = !alone};
   ++run.report.requests;
   const auto reply = co_await services_.lss.identify_remote(ranges, service);
   if (!reply) co_return fail(reply.error());
   if (reply->answers > 0) {
-    // Quick ones that were met before are no measure for it: its halves would all be taken for empty.
+    // Fast devices met earlier are no measure for it: all its halves would be taken as empty.
     const rt::Duration took = reply->heard_at[0] - reply->sent;
     run.slow = run.slow || (window == Window::bound && took > window_of(run, Window::patient));
     latency_.note(took);
@@ -72,7 +72,7 @@ rt::Task<Result<Identify::Sweep>> Identify::proven(Run& run, Cursor& cursor, Lss
   how.followed = !services_.lss.lacks().has(device, lss::Lackable::inquire_node_id);
   auto alone = co_await lss::select_alone(services_.lss, device, how);
   if (alone && *alone == lss::Selection::not_alone) {
-    // A device that was left in configuration has been told to wait meanwhile.
+    // A device left in configuration has been sent to waiting by then.
     how.guess = false;
     alone = co_await lss::select_alone(services_.lss, device, how);
   }
@@ -105,7 +105,7 @@ rt::Task<Result<void>> Identify::settle(Run& run, Found& found, const lss::Alone
   const lss::ServiceOptions service{
       .timeout = run.longest(), .retries = 1, .full_window = false, .listen = lss::window_of(services_.lss, how)};
   const auto told = co_await lss::ask_node_id(services_.lss, found.address, service);
-  // A device in configuration that heard none of the proof may have heard this, and would hear the 11h.
+  // A device in configuration that missed the proof may have heard this, and would hear the 11h.
   const bool others = told && told->has_value() && lss::suspicious(**told);
   if (others) services_.lss.suspect_strangers();
   const bool tells = told && told->has_value() && !others;
@@ -237,8 +237,7 @@ rt::Task<Result<bool>> Identify::all_kinds(Run& run, std::vector<Cursor>& cursor
   co_return quiet;
 }
 
-// A device whose receive buffer holds one frame answers 4Ch, which is a single one, and no question of six back to
-// back.
+// A device with a receive buffer of one frame answers 4Ch, which is a single frame, but not six consecutive ones.
 rt::Task<Result<bool>> Identify::slowly(Run& run, std::vector<Cursor>& cursors, Pauses& pace) {
   const auto left = co_await blank_left(run);
   if (!left) co_return fail(left.error());

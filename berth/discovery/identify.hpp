@@ -1,32 +1,36 @@
-/// LSS identify remote slave (46h to 4Bh; CiA 305) as a search: devices of known kinds, with or without a node-ID, with
+/// A search by LSS identify remote slave (46h to 4Bh; CiA 305): devices of known kinds, with or without a node-ID, with
 /// or without Fastscan.
 ///
-/// The six frames ask for one vendor and product and a range of revisions and of serial numbers; every LSS slave that
-/// fits answers 4Fh, whatever its node-ID. So devices that are known, because they are registered or were found, answer
-/// too, and the search asks for what lies between them.
+/// The six frames name one vendor and product, a range of revisions and a range of serial numbers; every matching LSS
+/// slave answers 4Fh, whatever its node-ID. Known devices, registered or found, answer too, so the search asks for what
+/// lies between them.
 ///
-/// The sweep, for each kind from serial number 0 upwards. A range after the last device is asked, as wide as the last
-/// devices lay apart, eight times wider after silence; one that is answered is halved until one serial number is left:
-/// the lowest, so that nothing lies below it. That takes about log2(distance) + 2 questions a device, some 27 for 120
-/// random numbers. Numbers in a row and numbers at equal steps are guessed and asked for by name (40h to 43h) at once:
-/// no question at all. A revision that is open is looked for with the serial number known, those that were seen first,
-/// then those of registered devices. A way down that ends in silence, once haste has led nowhere, goes back to the last
-/// range that was answered, twice at most: a device may lose questions.
+/// The sweep, for each kind from serial number 0 upwards:
+/// - It asks for a range after the last device, as wide as the distance between the last devices, and eight times wider
+///   after silence.
+/// - An answered range is halved until one serial number is left: the lowest, so that nothing lies below it. That takes
+///   about log2(distance) + 2 questions per device, some 27 for 120 random numbers.
+/// - Consecutive numbers and numbers at equal steps are guessed and asked for by name (40h to 43h) at once: no question
+///   at all.
+/// - An open revision is searched for after the serial number is known: first revisions seen before, then those of
+///   registered devices.
+/// - If a descent ends in silence, and haste has failed already, it goes back to the last answered range, twice at
+///   most: a device may lose questions.
 ///
-/// Every device that is left must answer for itself (`lss::select_alone`), tells its node-ID (5Eh), gets one from the
-/// assigner when it has none, and `04 00`, and the observer is told, before the search goes on.
+/// Every device that is left must answer for itself (`lss::select_alone`) and report its node-ID (5Eh). The assigner
+/// gives it one if it has none. It gets `04 00`, and the observer is told, before the search goes on.
 ///
-/// The search is over when no gap between the known is answered within the longest window: one question more than there
-/// are known devices that do not lie in a row, for each kind; up to two more for each when a kind's revision is open.
-/// With `Options::configured` false it is over as soon as identify non-configured (4Ch) stays unanswered.
+/// The search is over when no gap between known devices is answered within the longest window. For each kind this takes
+/// one question more than there are known devices outside a row, and up to two more for each when a kind's revision is
+/// open. With `Options::configured` false it is over as soon as identify non-configured (4Ch) stays unanswered.
 ///
-/// It has no bound of its own. With `Options::most_time`, or when `Observer::goes_on` says so, it ends with
-/// `Report::End::more`; the next `find` on the same object goes on where it was, with what it has learnt. Meanwhile
-/// a device that was found may be seated: it belongs into `Known::registered` then, and costs nothing.
+/// It has no time limit of its own. With `Options::most_time`, or when `Observer::goes_on` says so, it ends with
+/// `Report::End::more`; the next `find` on the same object continues there, with what it has learnt. Meanwhile a found
+/// device may be seated: it then belongs in `Known::registered`, and costs nothing.
 ///
-/// Addresses that were answered for and whose device did not say so itself are counted (`Report::unproven`) and passed
-/// over; after `Options::retries` + 4 of them in a row some device answers whatever is asked, the kind is left, and the
-/// search ends with `gave_up`.
+/// Addresses that were answered for but not confirmed by the device itself are counted (`Report::unproven`) and
+/// skipped. After `Options::retries` + 4 of them in a row some device answers every request: the search leaves the kind
+/// and ends with `gave_up`.
 #pragma once
 
 #include <optional>
@@ -39,7 +43,7 @@
 
 namespace berth::discovery {
 
-/// Revisions and serial numbers, both ends included.
+/// Ranges of revisions and serial numbers, both ends included.
 struct Box {
   std::uint32_t revision_low = 0;
   std::uint32_t revision_high = 0xFFFF'FFFF;
@@ -52,12 +56,12 @@ struct Box {
     return n.revision >= revision_low && n.revision <= revision_high && n.serial >= serial_low &&
            n.serial <= serial_high;
   }
-  /// Halves; `single` must be false. Serial numbers first.
+  /// The halves; `single` must be false. Splits serial numbers first.
   [[nodiscard]] Box lower() const noexcept;
   [[nodiscard]] Box upper() const noexcept;
   friend constexpr bool operator==(const Box&, const Box&) noexcept = default;
 };
-/// What of `all` holds none of `known`: disjoint boxes that, with the known, make up `all`.
+/// The parts of `all` without `known`: disjoint boxes that, with the known, make up `all`.
 [[nodiscard]] std::vector<Box> gaps(const Box& all, std::vector<R_SN> known);
 
 class Pauses;  // identify_parts.hpp
@@ -66,10 +70,9 @@ class Identify final : public Discovery {
  public:
   explicit Identify(const Services& services) : services_(services) {}
   [[nodiscard]] Method method() const noexcept override { return Method::identify; }
-  /// Looks for `Known::kinds` and for the types of `Known::expected`. The assigner is asked for those that have no
-  /// node-ID.
+  /// Searches for `Known::kinds` and the types of `Known::expected`. Asks the assigner for devices without a node-ID.
   [[nodiscard]] rt::Task<Result<Report>> find(const Known& known, const Options& options) override;
-  /// LSS identify non-configured (4Ch): only those without a node-ID.
+  /// LSS identify non-configured (4Ch): only devices without a node-ID.
   [[nodiscard]] rt::Task<Result<bool>> anybody(const Options& options) override;
 
  private:
@@ -78,25 +81,25 @@ class Identify final : public Discovery {
   /// How far one kind has been swept.
   struct Cursor {
     Kind kind{};
-    std::uint64_t next = 0;    // below it every device has been heard
-    std::uint64_t width = 0;   // of the next range; 0: nothing is known
-    std::uint64_t apart = 0;   // the last devices', on average
+    std::uint64_t next = 0;    // every device below it has been heard
+    std::uint64_t width = 0;   // of the next range; 0: unknown
+    std::uint64_t apart = 0;   // average distance of the last devices
     std::uint32_t last = 0;    // the last device
     std::uint32_t stride = 1;  // the guess: last + stride
-    unsigned row = 0;          // devices in a row that were guessed
+    unsigned row = 0;          // consecutive correct guesses
     bool any = false;
-    bool guesses = false;                    // the next one is worth a guess
+    bool guesses = false;                    // guess the next one
     bool closed = false;                     // all gaps were silent
-    std::optional<Box> open{};               // a device is in there: the search was stopped on the way down
+    std::optional<Box> open{};               // contains a device: the search was stopped on the way down
     std::vector<Box> quiet{};                // gaps that were silent
-    std::vector<std::uint32_t> revisions{};  // that were seen, the last one first
+    std::vector<std::uint32_t> revisions{};  // seen so far, the last one first
   };
   enum class Sweep : std::uint8_t { nobody, found, unproven };
-  /// How long a silence is listened to.
+  /// How long to wait for an answer.
   enum class Window : std::uint8_t {
-    quick,    ///< as answers usually take; patient where haste has led nowhere
-    patient,  ///< as long as the slowest answer of a device that was met in this search
-    bound,    ///< as long as any device may need: by this silence the search ends
+    quick,    ///< the usual time of answers; patient after haste has failed
+    patient,  ///< the slowest answer of a device met in this search
+    bound,    ///< the longest time any device may need: this silence ends the search
   };
   [[nodiscard]] rt::Task<Result<bool>> ask(Run& run, const Cursor& cursor, Box box, Window window);
   [[nodiscard]] rt::Task<Result<void>> sweep(Run& run, Cursor& cursor, std::uint64_t end);

@@ -1,4 +1,4 @@
-/// What a search by identify ranges keeps while it runs. Only its own sources include this.
+/// The state of a running search by identify ranges. Only its own sources include this.
 #pragma once
 
 #include <algorithm>
@@ -16,17 +16,17 @@ inline constexpr std::int64_t identify_bits = 126;
 inline constexpr std::uint64_t all_serials = std::uint64_t{1} << 32;
 inline constexpr std::uint64_t first_width = 256;
 inline constexpr std::uint64_t least_width = 16;
-inline constexpr std::uint64_t widens = 8;  // times, after silence
-// Halves that were not asked because the other half was silent: after so many in a row the next one is asked, so that
-// a question that a device did not hear is not followed down to the last bit.
+inline constexpr std::uint64_t widens = 8;  // factor, after silence
+// Halves that were not asked because the other half was silent. After so many in a row the next one is asked, so that
+// the search does not follow a question that a device lost down to the last bit.
 inline constexpr unsigned most_assumed = 6;
 inline constexpr unsigned most_back = 2;
-inline constexpr unsigned most_unproven = 4;  // in a row, and the retries
+inline constexpr unsigned most_unproven = 4;  // in a row, plus the retries
 inline constexpr unsigned enough_alone = 3;
-// A device with a small receive buffer loses some of six frames back to back.
+// A device with a small receive buffer loses some of six consecutive frames.
 inline constexpr rt::Duration slow_inhibit = std::chrono::milliseconds(10);
 
-/// Between the frames of the master's requests, from `slow_down` for as long as it lives.
+/// Pauses between the frames of the master's requests, from `slow_down` until it is destroyed.
 class Pauses {
  public:
   explicit Pauses(lss::Master& lss) : lss_(&lss), before_(lss.options()) {}
@@ -53,17 +53,18 @@ class Pauses {
 // The way down to one device.
 struct Identify::Descent {
   Box box;
-  Box answered;                 // the last range that was: `box`, or around it
-  std::optional<Box> silent{};  // the last half that was taken for empty
-  unsigned assumed = 0;         // halves in a row that were not asked
-  unsigned back = 0;            // times that the way ended in silence, since it got on
+  Box answered;                 // the last answered range: `box`, or one around it
+  std::optional<Box> silent{};  // the last half that was assumed empty
+  unsigned assumed = 0;         // consecutive halves that were not asked
+  unsigned back = 0;            // times that the descent ended in silence since it last advanced
 
   void go_on(const Box& heard) noexcept {
     if (heard != answered) back = 0;
     box = answered = heard;
     assumed = 0;
   }
-  // False: too often, or in haste, of which less comes first; to come to one serial number again takes long.
+  // False: too many returns, or in haste. Then less haste comes first, because finding the same serial number again
+  // takes long.
   bool go_back(const Run& run) noexcept;
 };
 
@@ -75,20 +76,20 @@ struct Identify::Run {
   std::size_t kind = 0;
   std::size_t kinds = 0;
   unsigned unproven = 0;  // in a row
-  // How far haste has led nowhere. `wary`: patient, until one device is left; what it answers late is found out within
-  // a few questions. `most`: to the end.
+  // How careful to be after haste failed. `wary`: patient until one device is left; its late answers are noticed within
+  // a few questions. `most`: patient to the end.
   enum class Care : std::uint8_t { none, wary, most };
   Care care = Care::none;
-  unsigned alone = 0;  // ranges in a row, each in the one before, that got one answer
+  unsigned alone = 0;  // consecutive nested ranges that got one answer
   Haste haste{};
-  rt::Time haste_until{};  // every device has dealt with what was asked in haste by then
-  bool slow = false;       // one that is left answers later than the others let expect: each question waits for it
-  bool late_yes = false;   // the question before the last was answered after all
-  bool stopped = false;    // time is over, or the observer said so
+  rt::Time haste_until{};  // by then every device has processed the hasty questions
+  bool slow = false;       // a remaining device answers later than the others suggest: wait for it at each question
+  bool late_yes = false;   // the question before the last was answered late
+  bool stopped = false;    // the time is over, or the observer stopped it
   bool no_blank = false;   // no device without a node-ID is left, and no other is wanted
-  bool untrusted = false;  // a device answers whatever is asked
-  std::optional<Box> left_at{};  // a device is in there, and the search was stopped
-  std::vector<R_SN> passed{};    // answered for, and not proven, in this pass
+  bool untrusted = false;  // a device answers every request
+  std::optional<Box> left_at{};  // contains a device, and the search was stopped
+  std::vector<R_SN> passed{};    // answered for, but not proven, in this pass
 
   [[nodiscard]] rt::Duration longest() const noexcept {
     return (options.window.count() > 0 ? options.window : identify_window) + frame + options.blocking;

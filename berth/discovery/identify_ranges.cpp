@@ -3,7 +3,7 @@
 
 namespace berth::discovery {
 
-// The half that answers, of one device alone: its silence may be lateness, so the other half has to answer then.
+// The half that answers, with only one device in it: its silence may be lateness, so the other half must answer then.
 rt::Task<Result<std::optional<Box>>> Identify::surely(Run& run, const Cursor& cursor, Box box) {
   const std::array<Box, 2> halves{box.lower(), box.upper()};
   std::optional<Box> result;
@@ -21,9 +21,9 @@ rt::Task<Result<std::optional<Box>>> Identify::surely(Run& run, const Cursor& cu
   co_return result;
 }
 
-// A device is in the box: the lowest there, down to one serial number, or one revision when the serial number is known.
-// Where the way ends in silence it goes back to the last range that was answered: a device that loses one question of
-// twenty would never be reached from the top. Empty: no device is there any more, or none ever was.
+// A device is in the box: finds the lowest one, down to one serial number, or to one revision if the serial number is
+// known. If the descent ends in silence, it goes back to the last answered range: from the top, a device that loses one
+// question in twenty would never be reached. Empty: no device is there any more, or none ever was.
 rt::Task<Result<std::optional<Box>>> Identify::descend(Run& run, const Cursor& cursor, Box box) {
   const bool by_serial = box.serial_low != box.serial_high;
   run.alone = by_serial ? 0 : enough_alone;
@@ -85,7 +85,7 @@ rt::Task<Result<void>> Identify::lowest_in(Run& run, Cursor& cursor, Box box) {
   if (!*left) {
     run.more_care();
     if (before != Run::Care::none) patience_.renew();
-    // Asked again, with more patience; then the closing questions will find what is there.
+    // Asks again, with more patience; afterwards the closing questions find what is there.
     if (before == Run::Care::most) cursor.next = std::uint64_t{box.serial_high} + 1;
     co_return Result<void>{};
   }
@@ -186,7 +186,7 @@ rt::Task<Result<bool>> Identify::close(Run& run, Cursor& cursor) {
   for (std::size_t i = 0; i < open.size() && !run.over(); ++i) {
     const Box box = open[i];
     if (std::ranges::find(cursor.quiet, box) != cursor.quiet.end()) continue;
-    // What was asked in haste may still fill the receive buffer of a device that had a late moment.
+    // Hasty questions may still fill the receive buffer of a device that was late.
     co_await rt::sleep_until(run.haste_until);
     const auto heard = co_await ask(run, cursor, box, Window::bound);
     if (!heard) co_return fail(heard.error());

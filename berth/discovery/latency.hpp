@@ -1,10 +1,9 @@
-/// How long devices take to answer, learnt from what was heard.
+/// Learns how long devices take to answer.
 ///
-/// A sample is the time from a request's confirmation to the end of the answer, less the answer's own time on the wire:
-/// when the answer stood in its sender's queue at the latest. `response` is an upper bound of that for the devices of
-/// this bus as far as the last samples tell: the largest of them, and a margin that shrinks with their number. Up to
-/// one sample in 32 that is far beyond the others does not count: to wait for it at every silence would cost more than
-/// to go wrong once.
+/// A sample is the time from a request's confirmation to the end of the answer, minus the answer's time on the wire:
+/// when the answer was in its sender's queue at the latest. `response` is an upper bound for the devices of this bus,
+/// estimated from the last samples: the largest one, plus a margin that shrinks with their number. Up to one sample in
+/// 32 far above the others is ignored: waiting for it at every silence would cost more than one wrong turn.
 #pragma once
 
 #include <array>
@@ -18,8 +17,8 @@ class Latency {
  public:
   /// Negative samples count as 0.
   void note(rt::Duration sample) noexcept;
-  /// Within [`shortest`, `longest`]; `longest` without samples; of one or two a
-  /// multiple, as nothing is known of their spread.
+  /// Within [`shortest`, `longest`]; `longest` without samples. One or two samples are multiplied, because their spread
+  /// is unknown.
   [[nodiscard]] rt::Duration response(rt::Duration shortest, rt::Duration longest) const noexcept;
   [[nodiscard]] std::size_t samples() const noexcept { return count_; }
   void forget() noexcept { *this = Latency(); }

@@ -1,4 +1,4 @@
-/// The planner for RAND, behind `Discovery`. Internal to `discovery`: `make` gives it.
+/// The planner for RAND, as a `Discovery`. Internal to `discovery`: `make` returns it.
 #pragma once
 
 #include "berth/discovery/auto.hpp"

@@ -1,4 +1,4 @@
-/// A node of the tree of bits of one 32-bit part: its upper bits are given, the others are free.
+/// A node of the tree of bits of one 32-bit part: its upper bits are fixed, the others are free.
 #pragma once
 
 #include <cstdint>
@@ -7,15 +7,15 @@ namespace berth::discovery {
 
 struct Prefix {
   std::uint32_t value = 0;  ///< the free bits are 0
-  std::uint8_t bit = 32;    ///< the lowest given bit: 32 = nothing is given, 0 = the whole number
+  std::uint8_t bit = 32;    ///< the lowest fixed bit: 32 = none, 0 = the whole number
 
-  /// Its children and its brother; `bit` must not be 0, or 32 for the brother.
+  /// Its children and its sibling. `bit` must not be 0; for the sibling, not 32.
   [[nodiscard]] constexpr Prefix zero() const noexcept { return {value, static_cast<std::uint8_t>(bit - 1U)}; }
   [[nodiscard]] constexpr Prefix one() const noexcept {
     return {value | 1U << (bit - 1U), static_cast<std::uint8_t>(bit - 1U)};
   }
   [[nodiscard]] constexpr Prefix brother() const noexcept { return {value ^ 1U << bit, bit}; }
-  /// The child by `width` bits at a time; `bit` must be at least `width`.
+  /// The child `width` bits further down; `bit` must be at least `width`.
   [[nodiscard]] constexpr Prefix child(std::uint32_t chunk, unsigned width) const noexcept {
     return {value | chunk << (bit - width), static_cast<std::uint8_t>(bit - width)};
   }

@@ -1,4 +1,4 @@
-/// What the methods by RAND, AND and Fastscan have in common: their masters' reports become one.
+/// Shared by the methods RAND, AND and Fastscan: converts their masters' reports.
 #pragma once
 
 #include "berth/discovery/discovery.hpp"
@@ -6,10 +6,10 @@
 
 namespace berth::discovery {
 
-/// The ends of RAND's and AND's masters, in the words of all methods.
+/// The ends of RAND's and AND's masters as the end of a report.
 [[nodiscard]] Report::End end_of(nodeid::DiscoveryReport::End end) noexcept;
 
-/// A master's report without its devices. AND's, Fastscan's and the walk's name these alike.
+/// A master's report without its devices. AND's, Fastscan's and the walk's reports use the same names.
 template <class Done>
 [[nodiscard]] Report numbers_of(const Done& done, Report::End end, unsigned restarts) {
   Report report;
@@ -22,7 +22,7 @@ template <class Done>
   return report;
 }
 
-/// A device of which the method tells its address and nothing of its node-ID.
+/// A device whose method gives its address but not its node-ID.
 [[nodiscard]] constexpr Found found_by(Method by, const LssAddress& address, rt::Time at,
                                        bool possible_clone) noexcept {
   Found found;
@@ -33,7 +33,7 @@ template <class Done>
   return found;
 }
 
-/// Devices that sit in their slots do not answer RAND (S1.31 step 3).
+/// Makes devices that sit in their slots not answer RAND (S1.31 step 3).
 [[nodiscard]] rt::Task<Result<void>> tell_who_is_known(nodeid::RandMaster& rand, const Known& known,
                                                        const Options& options);
 /// For RAND as published.

@@ -91,7 +91,7 @@ rt::Task<Result<Report>> Walker::Search::run() {
   for (;;) {
     Heard anybody = co_await q_.start();
     if (!anybody.yes() && !q_.is_broken()) {
-      // `04 00` went before: a device whose receive buffer holds one frame has lost the question after it.
+      // `04 00` preceded: a device with a receive buffer of one frame has lost the question after it.
       co_await rt::sleep_for(breath);
       anybody = co_await q_.start();
     }
@@ -109,7 +109,7 @@ rt::Task<Result<Report>> Walker::Search::run() {
     const bool one_more_aside = devices_.aside().in_this_round();
     devices_.aside().begin_round();
     if (devices_.over() || aside_.exhausted()) break;
-    // A known part that no device has was tried: that happens once for each and is no restart.
+    // A known part that no device has was tried: this happens once for each and is not a restart.
     const bool restart = found_now == 0 && paths_.absent() == marks && !one_more_aside;
     if (restart) ++report_.restarts;
     fruitless = restart ? fruitless + 1 : found_now > 0 ? 0 : fruitless;
@@ -118,7 +118,7 @@ rt::Task<Result<Report>> Walker::Search::run() {
     const bool judged = !patient_ && (restart || found_now > 0);
     if (judged) haste_.note(!restart);
     patient_ = fruitless > 0 || !haste_.pays();
-    // What one device answers late is taken for an answer to the next question: with feedback a wrong way down.
+    // A device's late answer counts for the next question: with feedback, a wrong way down.
     const bool wholly = fruitless > 1;
     q_.go_by_bits(wholly);
     q_.be_patient(patient_, wholly);

@@ -44,7 +44,8 @@ bool Aside::is_vacant(const Place& place) const {
   });
 }
 
-// A device that was put aside may have left the search with its node-ID after all: then none is led there, twice.
+// A device that was put aside may have left the search with its node-ID after all: then no device is found by it,
+// twice.
 rt::Task<Aside::Stand> Aside::stand_at(Place place) {
   Place silent;
   for (int tries = 0; tries < 2; ++tries) {
@@ -79,7 +80,7 @@ rt::Task<bool> Aside::ask_beside(Place place) {
   const Stand stand = co_await stand_at(place);
   if (stand != Stand::there) co_return stand == Stand::nobody;
   q_.children().clear();  // theirs
-  // An answer of theirs that is late would be one to the first question.
+  // A late answer of theirs would count for the first question.
   if (q_.entered_answers() < numbers.size()) co_await rt::sleep_until(q_.asker().settled());
   const bool others = q_.entered_answers() > numbers.size();
   const bool names = q_.is_in_slices() && place.parts == 3;
@@ -98,7 +99,7 @@ rt::Task<bool> Aside::ask_beside(Place place) {
     const bool doubted =
         std::ranges::any_of(memory_.doubted, [&](const Silent& s) { return s.place == place && s.at == at; });
     q_.be_patient_where(doubted);
-    // No question follows that a late answer would come to.
+    // No question follows for which a late answer could count.
     const bool last = (others && i + 1 == open.size()) || q_.is_last_of_slice();
     const Wait wait = last ? Wait::closing : Wait::learnt;
     const Heard heard = co_await q_.ask_once(at, q_.way().sub, wait);
@@ -122,7 +123,7 @@ rt::Task<bool> Aside::ask_beside(Place place) {
   co_return false;
 }
 
-// The answer may have been one to any of the questions shortly before it: those are asked again, patiently.
+// The answer may belong to any of the last few questions: they are asked again, patiently.
 void Aside::forget_silence(rt::Time answered) {
   std::erase_if(memory_.silent, [&](const Silent& s) {
     const bool lately = s.asked + q_.asker().longest() >= answered;

@@ -1,7 +1,7 @@
-/// A walk beside devices that are known and answer on, because they got no node-ID, or because they answer Fastscan
-/// whatever node-ID they have. They are waiting, as no device stays in configuration while others are searched for, so
-/// they answer whatever they fit. What they do not fit is asked instead: at each part of their addresses the places
-/// beside them. Internal to `discovery`.
+/// A walk beside known devices that keep answering, because they got no node-ID or because they answer Fastscan even
+/// with one. They are waiting, since no device stays in configuration during the search for others, so they answer
+/// whatever they match. So the walk asks what they do not match: the places beside each part of their addresses.
+/// Internal to `discovery`.
 #pragma once
 
 #include <array>
@@ -23,9 +23,9 @@ class Aside {
         memory_(memory),
         report_(report) {}
 
-  /// One device at most: one that moved on stands elsewhere afterwards, and the next round begins with 80h.
+  /// Finds one device at most: a device that moved on is elsewhere afterwards, and the next round begins with 80h.
   rt::Task<void> round();
-  /// No device is beside those.
+  /// No device is beside the known ones.
   [[nodiscard]] bool exhausted() const noexcept { return exhausted_; }
 
  private:

@@ -61,7 +61,7 @@ rt::Task<bool> Descent::down(Prefix at, unsigned answers) {
   co_return !q_.is_broken();
 }
 
-// Where we turned to the upper half a device in the lower one had answered, too late for us.
+// Where we turned to the upper half, a device in the lower one had answered too late.
 void Descent::step_aside(Prefix& at) {
   if (!q_.one_only()) q_.frontier().open(at, Open::Why::maybe);
   at = at.brother();
@@ -69,7 +69,7 @@ void Descent::step_aside(Prefix& at) {
   q_.children().clear();
 }
 
-// One step by what feedback told; the lowest first, the others are kept.
+// One step by feedback; the lowest first, the others are kept.
 rt::Task<bool> Descent::down_feedback(Prefix& at) {
   const auto children = q_.children();
   for (auto it = children.rbegin(); it != children.rend(); ++it) q_.frontier().open(*it, Open::Why::heard);

@@ -110,7 +110,7 @@ rt::Task<Outcome> Devices::selected(LssAddress device) {
   }
   if (q_.is_broken()) co_return Outcome::nobody;
   keep(found);
-  // Where some stay, this one may stay too: it is gone round, which costs time only when it does not.
+  // If some stay, this one may stay too: the walk goes round it, which costs time only if it does not stay.
   if (!found.assigned.configured() || memory_.some_stay) memory_.aside.put(device, found.assigned.configured());
   co_return Outcome::found;
 }
@@ -132,7 +132,8 @@ rt::Task<Devices::ActiveId> Devices::active_id(LssAddress device, rt::Duration w
   co_return ActiveId{};
 }
 
-// It was proven alone, and no node-ID of ours takes it out of the search. That it is met again makes it no clone.
+// It was proven alone, and it has no node-ID from us that would take it out of the search. Meeting it again does not
+// make it a clone.
 rt::Task<Outcome> Devices::stays(const Found& device, bool told) {
   if (q_.is_broken()) co_return Outcome::nobody;
   memory_.some_stay = memory_.some_stay || device.active.configured();

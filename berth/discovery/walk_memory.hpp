@@ -1,5 +1,5 @@
-/// What a walk knows of devices that are known and answer on. A walk that ends in slices (`Options::slice`) goes on
-/// with it. Internal to `discovery`.
+/// What a walk knows of devices that are known and keep answering. A walk in slices (`Options::slice`) continues with
+/// it. Internal to `discovery`.
 #pragma once
 
 #include <array>
@@ -11,7 +11,7 @@
 
 namespace berth::discovery::walk {
 
-/// Whether a kind of question has been worth asking.
+/// Whether a kind of question has paid.
 struct Worth {
   unsigned tries = 0;
   unsigned hits = 0;
@@ -22,7 +22,7 @@ struct Worth {
   }
 };
 
-/// Devices that are known and answer on, because they got no node-ID, or whatever node-ID they have.
+/// Known devices that keep answering, because they got no node-ID or although they have one.
 class PutAside {
  public:
   void put(const LssAddress& device, bool has_node_id);
@@ -30,7 +30,7 @@ class PutAside {
   [[nodiscard]] const std::vector<LssAddress>& all() const noexcept { return devices_; }
   /// One of them has no node-ID.
   [[nodiscard]] bool nameless() const noexcept { return nameless_; }
-  /// One was put aside since `begin_round`: this round can tell nothing more.
+  /// One was put aside since `begin_round`: this round can find nothing more.
   [[nodiscard]] bool in_this_round() const noexcept { return now_; }
   void begin_round() noexcept { now_ = false; }
 
@@ -47,7 +47,7 @@ struct Place {
   friend bool operator==(const Place&, const Place&) = default;
 };
 
-/// A part of the numbers at a place that was asked for, and silent.
+/// A part of the numbers at a place that was asked, and silent.
 struct Silent {
   Place place;
   Prefix at;
@@ -55,16 +55,16 @@ struct Silent {
 };
 
 struct Memory {
-  /// A search in slices begins with those that answered with their node-IDs in the one before (`last`): there is no
-  /// hurry to find one of them that has lost it.
+  /// A search in slices starts with the devices that answered with their node-IDs in the slice before (`last`): finding
+  /// one that lost its node-ID is not urgent.
   [[nodiscard]] static Memory for_a_search(bool in_slices, const Memory& last);
 
   PutAside aside{};
-  Worth stayers{};                // registered devices, asked for by name: they answer although they have a node-ID
-  bool some_stay = false;         // whatever node-ID they have
-  std::vector<Place> vacant{};    // no device is led there
-  std::vector<Silent> silent{};   // asked beside those, and silent
-  std::vector<Silent> doubted{};  // silent when they were asked in haste
+  Worth stayers{};                // registered devices asked for by name: they answer although they have a node-ID
+  bool some_stay = false;         // although they have a node-ID
+  std::vector<Place> vacant{};    // lead to no device
+  std::vector<Silent> silent{};   // asked beside the known ones, and silent
+  std::vector<Silent> doubted{};  // silent in haste
 };
 
 }  // namespace berth::discovery::walk

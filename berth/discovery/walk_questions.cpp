@@ -93,8 +93,8 @@ rt::Task<bool> Questions::enter(std::uint32_t value) {
   co_return true;
 }
 
-// One answer each to questions that went ever deeper: one device. `before` is told when all that belongs to the
-// question before has been heard.
+// One answer to each of several nested questions: one device. `before` is set after everything for the question before
+// has been heard.
 void Questions::count(const Heard& heard) noexcept {
   if (below_ && heard.before > 0) alone_ = heard.before == 1 ? alone_ + 1 : 0;
   below_ = true;

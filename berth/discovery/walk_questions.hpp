@@ -1,5 +1,5 @@
-/// The questions of a walk: each about some bits of the part of the address that is walked, with what its answers tell
-/// of the place it was about. Internal to `discovery`.
+/// The questions of a walk, each about some bits of the current part of the address, and what their answers say about
+/// that place. Internal to `discovery`.
 #pragma once
 
 #include <vector>
@@ -11,50 +11,50 @@ namespace berth::discovery::walk {
 
 class Questions {
  public:
-  /// All must stay. The options' observer (may be null) says whether the walk goes on. `heard_feedback` becomes true
-  /// with the first feedback.
+  /// All must outlive it. The options' observer (may be null) decides whether the walk goes on. `heard_feedback`
+  /// becomes true with the first feedback.
   Questions(Asker& asker, const Options& options, bool& heard_feedback) noexcept
       : asker_(asker), observer_(options.observer), slice_(options.slice), heard_feedback_(heard_feedback) {}
 
   /// 80h: every device is at the first part again.
   rt::Task<Heard> start();
-  /// One question; not sent (`Heard::sent`) where the one before is answered late.
+  /// One question; not sent (`Heard::sent`) if the one before is answered late.
   rt::Task<Heard> ask_once(Prefix at, unsigned next, Wait wait);
   rt::Task<Heard> ask(Prefix at, unsigned next, Wait wait);
-  /// Every device whose part is `value` moves on; the part after it is walked then.
+  /// Every device whose part is `value` moves on; the part after it becomes the current one.
   rt::Task<bool> enter(std::uint32_t value);
 
   /// The next question is not below the last one.
   void elsewhere() noexcept;
-  /// So many questions in a row, each below the one before, got one answer that one device is left there.
+  /// So many consecutive questions, each below the one before, got one answer that only one device is left there.
   [[nodiscard]] bool one_only() const noexcept { return alone_ >= 4; }
   /// No device entered, but the question before it was answered.
   [[nodiscard]] bool overtaken() const noexcept { return overtaken_; }
-  /// Answers to the message that moved on to this part.
+  /// Answers to the message that moved devices on to this part.
   [[nodiscard]] unsigned entered_answers() const noexcept { return entered_answers_; }
-  /// Heard below the place just asked.
+  /// Children heard below the place asked last.
   [[nodiscard]] std::vector<Prefix>& children() noexcept { return children_; }
   [[nodiscard]] Frontier& frontier() noexcept { return frontier_; }
   [[nodiscard]] Way& way() noexcept { return way_; }
   [[nodiscard]] Asker& asker() noexcept { return asker_; }
 
-  /// Feedback has led nowhere, or says nothing: it hides devices that send none.
+  /// Ignores feedback: it has led nowhere or says nothing, and hides devices that send none.
   void go_by_bits(bool on) noexcept { by_bits_ = on; }
-  /// As `Asker::be_patient`; `doubtful` false: not for the questions that follow, until it is called again.
+  /// As `Asker::be_patient`. `doubtful` false: not for the following questions, until it is called again.
   void be_patient(bool patient, bool wholly) noexcept;
   void be_patient_where(bool doubtful) noexcept { asker_.be_patient(patient_ && doubtful, wholly_ && doubtful); }
 
-  /// The bus failed, or the observer ended the walk: no question is sent any more.
+  /// The bus failed, or the observer ended the walk: no more questions are sent.
   [[nodiscard]] bool is_broken() const noexcept { return broken_; }
   void broken(Error error) noexcept;
-  /// It was the observer: no error.
+  /// The observer ended it: no error.
   [[nodiscard]] bool stopped() const noexcept { return stopped_; }
   [[nodiscard]] const Error& error() const noexcept { return error_; }
 
-  /// The walk goes on another time after `Options::slice` questions.
+  /// The walk pauses after `Options::slice` questions.
   [[nodiscard]] bool is_in_slices() const noexcept { return slice_ > 0; }
   [[nodiscard]] bool is_last_of_slice() const noexcept { return slice_ > 0 && asker_.requests() + 1 >= slice_; }
-  /// Where a walk can go on. Ends it, as the observer does, when so many were asked.
+  /// Call it where a walk can continue later: ends the walk, as the observer does, after enough questions.
   void end_slice() noexcept;
 
  private:
@@ -69,7 +69,7 @@ class Questions {
   Way way_;
   Frontier frontier_;
   std::vector<Prefix> children_;
-  Prefix asked_{};  // what the last question's feedback is below of
+  Prefix asked_{};  // the last question's place; its feedback is about places below
   unsigned asked_sub_ = 0;
   unsigned alone_ = 0;
   bool below_ = false;  // the last question was below the one before

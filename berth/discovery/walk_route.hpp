@@ -1,5 +1,5 @@
-/// One way through the parts of the address, from where the devices stand to the serial numbers, and the devices there.
-/// Internal to `discovery`.
+/// One pass through the parts of the address, from the place of the devices to the serial numbers, and the devices
+/// there. Internal to `discovery`.
 #pragma once
 
 #include "berth/discovery/walk_serials.hpp"
@@ -10,9 +10,9 @@ class Route {
  public:
   Route(Questions& questions, Descent& descent, Serials& serials, KnownPaths& paths, const Report& report) noexcept
       : q_(questions), descent_(descent), serials_(serials), paths_(paths), report_(report) {}
-  /// Known parts first, else by bits or feedback.
+  /// Known parts first, then by bits or feedback.
   rt::Task<void> round();
-  /// The round before found so many.
+  /// The round before found so many devices.
   void note_found(std::size_t count) noexcept { last_found_ = count; }
 
  private:

@@ -152,7 +152,7 @@ std::optional<std::uint32_t> Serials::next_of_row(std::uint32_t serial, bool up)
   return std::nullopt;
 }
 
-// `late`: one answered there, and did not say so when it was selected.
+// `late`: one answered there, but not when it was selected.
 rt::Task<Outcome> Serials::guess(std::uint64_t serial, Worth& worth) {
   const auto value = static_cast<std::uint32_t>(serial);
   if (serial > 0xFFFF'FFFF || !worth.ask()) co_return Outcome::nobody;
@@ -188,8 +188,8 @@ rt::Task<void> Serials::lead_who_forgot() {
   if (devices_.take_released()) co_await lead_to_serials();
 }
 
-// Goes down from one place and takes the device that it comes to. One that answers and is not found there may
-// answer for ever: after so many such places in a row the round ends, and the search counts it.
+// Descends from one place and takes the device that it leads to. A device that answers but is not found may answer for
+// ever: after so many such places in a row the round ends, and the search counts it.
 rt::Task<bool> Serials::place(Open place) {
   unsigned answers = place.at.bit == 32 ? q_.entered_answers() : 2;
   if (place.at.bit != 32 && place.why != Open::Why::answered) q_.elsewhere();

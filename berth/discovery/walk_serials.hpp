@@ -14,16 +14,16 @@ class Serials {
           const Report& report) noexcept
       : q_(questions), descent_(descent), devices_(devices), known_(known), options_(options), report_(report) {}
 
-  /// Until no more devices are found here, or too many places in a row have answered and led to no device.
+  /// Until no more devices are found here, or too many places in a row answered without leading to a device.
   rt::Task<void> all();
-  /// Goes down from one place and takes the device that it comes to.
+  /// Descends from one place and takes the device that it leads to.
   rt::Task<bool> place(Open place);
-  /// The next of the row that ends with the last one found. True: it is there.
+  /// Asks for the next number of the row that ends with the last one found. True: it is there.
   rt::Task<bool> next_of_last();
-  /// The same parts led here as in the round before, each found one device: equal answers fall into one here, so that
-  /// their number says nothing; told again, the slaves forget their part at `04 00`.
+  /// The same parts led here as in the round before, and each round found one device. Equal answers merge into one
+  /// here, so their number says nothing; if called again, the slaves forget their part at `04 00`.
   void note_one_each_round() noexcept { (hints_fail_ ? forgets_ : hints_fail_) = true; }
-  /// A device that has a node-ID and answers all the same is soonest known by its name, and gone round from then on.
+  /// A device that answers although it has a node-ID is found fastest by name; afterwards the walk goes round it.
   rt::Task<void> registered_by_name();
 
  private:
@@ -43,7 +43,7 @@ class Serials {
   const Known& known_;
   const Options& options_;
   const Report& report_;
-  unsigned failed_ = 0;  // places in a row at which a device was heard and none found
+  unsigned failed_ = 0;  // places in a row that answered without a device being found
   Worth row_;
   Worth next_;
   Worth near_;

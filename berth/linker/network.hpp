@@ -1,5 +1,4 @@
-/// What the object linker works on: buses, the devices on them with what their descriptions say, and the links that a
-/// person wrote. Plain data.
+/// What the object linker works on: buses, their devices with their descriptions, and the user's links. Plain data.
 ///
 /// A *link* leads from one object of one device to objects of others (paper 5 §3.2, "Visual Object Linker", by
 /// Etschberger and Schlegel). An end is written as in the machine file: index and sub-index, the name of an object of
@@ -25,13 +24,13 @@ struct Node {
   std::string name;     ///< the slot's
   std::size_t bus = 0;  ///< index in `LinkNetwork::buses`
   NodeId id;            ///< configured
-  /// Its description, or the configuration (DCF, XDC) that it has already: whose values stay, and whose PDOs that are
-  /// set there are left alone, unless `linked_before`. Null: nothing is known of it; no link can lead to it, and its
-  /// predefined CAN-IDs are not used.
+  /// Its description, or its existing configuration (DCF, XDC): the configuration's values stay, and PDOs that it sets
+  /// are left unchanged, unless `linked_before`. Null: unknown; no link can lead to the node, and its predefined
+  /// CAN-IDs are not used.
   std::shared_ptr<const eds::File> file = {};
-  /// `file` is a DCF that the linker wrote (`written_by_linker`): its PDOs and network variables are made anew.
+  /// `file` is a DCF written by the linker (`written_by_linker`): its PDOs and network variables are made anew.
   bool linked_before = false;
-  /// Least time between two frames of one of its PDOs that is sent at a change and has no inhibit time; 0: not known.
+  /// Least time between two frames of a PDO that is sent at a change and has no inhibit time; 0: unknown.
   rt::Duration interval{0};
 };
 
@@ -41,7 +40,7 @@ struct Bus {
   std::string name;
   NodeId master;                             ///< its predefined CAN-IDs are not used; may be unconfigured
   std::vector<std::uint32_t> channels = {};  ///< CAN-IDs of planned SDO channels: no PDO gets one
-  /// Everything on the bus but the PDOs of the nodes with a `file`, and the bit rate. Senders: nodes by their names.
+  /// Everything on the bus except the PDOs of nodes with a `file`; and the bit rate. Senders: nodes by name.
   analysis::Line others = {};
   /// Period of SYNC; 0: nothing produces it.
   rt::Duration sync{0};
@@ -53,9 +52,9 @@ struct Bus {
 struct Gateway {
   std::size_t above = 0;                 ///< its node on the bus above: index in `LinkNetwork::nodes`
   std::size_t bus = 0;                   ///< the bus beneath: index in `LinkNetwork::buses`
-  std::optional<std::size_t> beneath{};  ///< its own node there; empty: not known
+  std::optional<std::size_t> beneath{};  ///< its own node there; empty: unknown
   std::uint8_t port = 1;                 ///< which of its buses beneath, 1 to 8
-  /// Longest time from the end of the frame that brings a value until the one that carries it on is due.
+  /// Longest time from the end of the frame that brings a value until the frame that forwards it is due.
   rt::Duration delay = std::chrono::milliseconds(1);
 };
 
@@ -66,14 +65,14 @@ struct End {
   friend bool operator==(const End&, const End&) = default;
 };
 
-/// Where a link stands in its file, from 1; 0: in none.
+/// Position of a link in its file, from 1; 0: in none.
 struct Place {
   int line = 0;
   int column = 0;
 };
 
-/// Transmission types (CiA 301 §7.5.2.35): 0 at the SYNC after a change, 1 to 240 every so many SYNCs, 254 and 255 at a
-/// change. 252 and 253 (on remote frames) are none of a link.
+/// Transmission types (CiA 301 §7.5.2.35): 0 at the SYNC after a change, 1 to 240 every so many SYNCs, 254 and 255 at
+/// a change. Links do not use 252 and 253 (on remote frames).
 using TransmissionType = std::uint8_t;
 inline constexpr TransmissionType at_change = 255;
 
@@ -82,8 +81,9 @@ struct Link {
   std::vector<End> to;                     ///< at least one, none twice
   std::optional<rt::Duration> deadline{};  ///< from the change to its arrival, greater than 0
   TransmissionType transmission = at_change;
-  std::optional<od::DataType> type{};  ///< of network variables at its ends; empty: as the other end has it
-  /// Inhibit time of the PDO that carries it; what a device without inhibit times is said to keep. Empty: the linker's.
+  std::optional<od::DataType> type{};  ///< of network variables at its ends; empty: the other end's
+  /// Inhibit time of its PDO; for a device without inhibit times, the interval that it is said to keep. Empty: the
+  /// linker chooses.
   std::optional<rt::Duration> inhibit{};
   Place place{};
 };

@@ -1,8 +1,8 @@
-/// The object linker: links in, PDOs out (paper 5 §3.1, fig. 5, by Etschberger and Schlegel). Pure and without a clock;
-/// the same network gives the same plan whatever the order of its links.
+/// The object linker: links in, PDOs out (paper 5 §3.1, fig. 5, by Etschberger and Schlegel). Pure and without a
+/// clock; the same network gives the same plan whatever the order of its links.
 ///
 ///     const auto made = linker::make_plan(network, earlier);
-///     for (const auto& finding : made.findings) ...         // which link cannot be, why, and what would help
+///     for (const auto& finding : made.findings) ...         // which link is impossible, why, and what would help
 ///     if (made.good()) for (const auto& pdo : made.plan.pdos) ...
 ///
 /// What it does, in this order (docs/linking.md):
@@ -12,7 +12,7 @@
 /// 4. where a device has too few PDOs for that, PDOs are joined, and consumers skip by dummies what they do not want;
 ///    where that is not enough, an SAM-MPDO carries what is left over (CiA 301 §7.2.2.5);
 /// 5. PDOs get numbers and CAN-IDs: 180h, 280h, 380h, 480h + node-ID for TPDO 1 to 4 as in the predefined connection
-/// set;
+///    set;
 /// 6. inhibit and event times come from the deadlines, and `analysis` says whether these are kept.
 #pragma once
 
@@ -60,7 +60,7 @@ struct Receiver {
   std::size_t node = 0;
   std::uint16_t rpdo = 0;  ///< 1 to 512
   TransmissionType transmission = at_change;
-  std::uint16_t event_ms = 0;  ///< an RPDO that is missing for so long is an error (EMCY 8250h); 0: not watched
+  std::uint16_t event_ms = 0;  ///< a missing RPDO is an error after this time (EMCY 8250h); 0: not monitored
   std::vector<co::PdoEntry> mapping = {};  ///< with dummies; empty for an MPDO
   std::vector<Received> received = {};
   friend bool operator==(const Receiver&, const Receiver&) = default;
@@ -84,16 +84,16 @@ struct Pdo {
   friend bool operator==(const Pdo&, const Pdo&) = default;
 };
 
-/// What became of a bus.
+/// The load of a bus.
 struct BusLoad {
-  double load = 0;             ///< share of the bus that everything on it takes at most
-  double pdos = 0;             ///< of that, the PDOs of the links
-  double one_object_each = 0;  ///< what these would take, were each object a PDO of its own
+  double load = 0;             ///< maximum share of the bus used by everything on it
+  double pdos = 0;             ///< of that, used by the links' PDOs
+  double one_object_each = 0;  ///< what these would use if each object had its own PDO
   std::size_t objects = 0;     ///< that links carry
   friend bool operator==(const BusLoad&, const BusLoad&) = default;
 };
 
-/// A signal that a gateway hands on: one row of its routing objects (multilevel/routing_objects.hpp).
+/// A signal that a gateway forwards: one row of its routing objects (multilevel/routing_objects.hpp).
 struct Route {
   std::size_t gateway = 0;  ///< index in `LinkNetwork::gateways`
   std::size_t node = 0;     ///< its node above, which has the objects
@@ -102,10 +102,10 @@ struct Route {
   std::uint8_t to = 0;
   ObjectRef source{};
   ObjectRef target{};
-  std::size_t producer = 0;        ///< where it comes from, and
-  ObjectRef object{};              ///< what it is there
-  rt::Duration budget{};           ///< from the frame that brings it to the end of the one that carries it on; 0: none
-  std::uint16_t freshness_ms = 0;  ///< not received for so long: not sent on any more; 0: not watched
+  std::size_t producer = 0;        ///< the source node, and
+  ObjectRef object{};              ///< its object there
+  rt::Duration budget{};           ///< from the frame that brings it to the end of the frame that forwards it; 0: none
+  std::uint16_t freshness_ms = 0;  ///< not forwarded after this time without reception; 0: not monitored
   std::vector<std::size_t> links = {};  ///< ascending
   friend bool operator==(const Route&, const Route&) = default;
 };
@@ -117,8 +117,8 @@ struct CrossingLink {
   std::size_t to = 0;
   ObjectRef target{};
   std::vector<std::size_t> gateways = {};  ///< in the order of the way
-  std::vector<std::size_t> pdos = {};      ///< index in `Plan::pdos` of that on each bus, one more than gateways
-  std::optional<rt::Duration> worst{};     ///< from the change to its arrival: every bus's, and the gateways' delays
+  std::vector<std::size_t> pdos = {};      ///< index in `Plan::pdos` for each bus, one more than gateways
+  std::optional<rt::Duration> worst{};     ///< from the change to its arrival: on all buses, plus the gateways' delays
   std::optional<rt::Duration> deadline{};
   friend bool operator==(const CrossingLink&, const CrossingLink&) = default;
 };
@@ -133,8 +133,8 @@ struct Plan {
   friend bool operator==(const Plan&, const Plan&) = default;
 };
 
-/// What an earlier plan said: which objects stood in which PDO, by the slots' names, so that they stay there. Read from
-/// the file that `write` (plan_file.hpp) made of it; entries that no longer fit the network are passed over.
+/// The earlier plan's assignment of objects to PDOs, by the slots' names, so that they keep their places. Read from the
+/// file that `write` (plan_file.hpp) made; entries that no longer fit the network are ignored.
 struct EarlierPdo {
   std::string producer;
   std::uint16_t tpdo = 0;
@@ -173,12 +173,12 @@ struct Earlier {
 [[nodiscard]] Earlier earlier_of(const LinkNetwork& network, const Plan& plan);
 
 struct Planned {
-  Plan plan;          ///< of the links that can be; files are made only of a plan without errors
-  Findings findings;  ///< errors: links that cannot be. Ascending by line
+  Plan plan;          ///< of the possible links; files are made only from a plan without errors
+  Findings findings;  ///< errors: impossible links. Ascending by line
   [[nodiscard]] bool good() const noexcept { return !has_errors(findings); }
 };
 
-/// Links whose objects, transmission and consumers are as they were keep PDO, RPDOs and CAN-ID of `earlier`.
+/// Links with unchanged objects, transmission and consumers keep PDO, RPDOs and CAN-ID of `earlier`.
 [[nodiscard]] Planned make_plan(const LinkNetwork& network, const Earlier& earlier = {});
 
 /// "link[3]: conveyor/speed".

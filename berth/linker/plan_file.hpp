@@ -1,5 +1,5 @@
-/// The file that keeps a plan for the next one (`plan.toml`): which objects stand in which PDO. It can be read, and
-/// need not be written by hand.
+/// The file that keeps a plan for the next one (`plan.toml`): which objects are in which PDO. It is readable; users
+/// need not write it.
 ///
 ///     format = 1
 ///     [[variable]]

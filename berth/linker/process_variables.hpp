@@ -1,4 +1,4 @@
-/// The network variables of one device as a plan has them, for its process image (process/load.hpp).
+/// A device's network variables from a plan, for its process image (process/load.hpp).
 #pragma once
 
 #include <string_view>
@@ -9,7 +9,7 @@
 
 namespace berth::linker {
 
-/// In the plan's order; none: the plan knows no variable of that slot.
+/// In the plan's order; none: the plan has no variable for that slot.
 [[nodiscard]] std::vector<process::NetworkVariable> variables_of(const Earlier& plan, std::string_view slot);
 
 }  // namespace berth::linker

@@ -1,5 +1,4 @@
-/// Links as written become signals: which bits go from which object to which objects. Between the sources of room
-/// `linker`.
+/// Turns links into signals: which bits go from which object to which objects. Internal to room `linker`.
 #pragma once
 
 #include <vector>
@@ -15,7 +14,7 @@ struct Consumer {
   friend auto operator<=>(const Consumer&, const Consumer&) = default;
 };
 
-/// FEh and FFh are one to a link: at a change, by the device's own rule.
+/// FEh and FFh are equal for a link: at a change, by the device's own rule.
 [[nodiscard]] constexpr TransmissionType one_of_kind(TransmissionType type) noexcept {
   return type >= 254 ? at_change : type;
 }
@@ -29,8 +28,8 @@ struct Signal {
   std::vector<Consumer> consumers = {};  ///< ascending
   std::optional<rt::Duration> deadline{};
   std::vector<std::size_t> links = {};  ///< ascending
-  /// Of a link across gateways: the node it comes from. Such signals share PDOs only with others from there, so that a
-  /// gateway can end a TPDO when its producer is silent, and go into no MPDO.
+  /// For a link across gateways: its source node. Such signals share PDOs only with others from the same node, so that
+  /// a gateway can stop a TPDO when its producer is silent; they never use an MPDO.
   std::size_t origin = 0;
   bool crosses = false;
 };
@@ -41,13 +40,13 @@ struct Resolved {
   std::vector<bool> linked;     ///< by node
 };
 
-/// Errors go to `findings`; what is resolved has no part in them.
+/// Errors go to `findings`; the result contains only links without errors.
 [[nodiscard]] Resolved resolve(const LinkNetwork& network, const std::vector<DevicePdos>& devices,
                                const Earlier& earlier, Findings& findings);
 
 [[nodiscard]] Finding refusal(const LinkNetwork& network, std::size_t link, std::string message, std::string fix);
 
-/// Indices of the links in an order that does not depend on the file's.
+/// Indices of the links, in an order independent of the file's.
 [[nodiscard]] std::vector<std::size_t> canonical_order(const LinkNetwork& network);
 
 }  // namespace berth::linker

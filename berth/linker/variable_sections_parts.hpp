@@ -1,5 +1,5 @@
-/// Network variables as objects of a device description (CiA 306 §5.3.3.3: sections of their own, with values not in
-/// compact form). Between the sources of room `linker`.
+/// Network variables as objects of a device description (CiA 306 §5.3.3.3: in their own sections, with values not in
+/// compact form). Internal to room `linker`.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@
 
 namespace berth::linker {
 
-/// The node's description as an EDS or DCF with a text, its network variables in it. The error is for people.
+/// The node's description as an EDS or DCF with its text, including its network variables. The error is for users.
 [[nodiscard]] tl::expected<eds::File, std::string> with_variables(const LinkNetwork& network, const Plan& plan,
                                                                   std::size_t node);
 

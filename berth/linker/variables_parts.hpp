@@ -1,5 +1,4 @@
-/// Network variables: their types, and their places in the segments of [DynamicChannels]. Between the sources of room
-/// `linker`.
+/// Network variables: their types, and their places in the segments of [DynamicChannels]. Internal to room `linker`.
 #pragma once
 
 #include <functional>
@@ -19,21 +18,21 @@ class Variables {
  public:
   explicit Variables(const LinkNetwork& network) : network_(network) {}
 
-  /// The variable of this name (in either case, as IEC 61131-3 has it) and direction; made when it is new. `pinned`: it
-  /// has to stand there.
+  /// The variable with this name (case ignored, as in IEC 61131-3) and direction; made if it is new. `pinned`: its
+  /// required object.
   std::size_t of(std::size_t node, const std::string& name, bool input, std::optional<ObjectRef> pinned);
-  /// One of the same name and the other direction.
+  /// The variable with the same name and the other direction.
   [[nodiscard]] std::optional<std::size_t> other_direction(std::size_t variable) const;
 
-  /// Gives types along the links, in their order, until nothing changes. `ends`: variable and type of each end, those
-  /// of described objects with `no_variable`.
+  /// Derives types along the links, in their order, until nothing changes. `ends`: variable and type of each end; for
+  /// described objects `no_variable`.
   using Ends = std::function<std::vector<std::pair<std::size_t, od::DataType>>(std::size_t link)>;
   void infer(const std::vector<std::size_t>& order, const Ends& ends);
   [[nodiscard]] od::DataType type(std::size_t variable) const noexcept { return list_[variable].variable.type; }
   [[nodiscard]] bool has_segment(std::size_t variable) const;
 
   void use(std::size_t variable) { list_[variable].used = true; }
-  /// Those that were there keep their places, the others follow by name.
+  /// Earlier variables keep their places, the others follow by name.
   void allocate(const Earlier& earlier);
   /// Empty: there was no room.
   [[nodiscard]] std::optional<ObjectRef> object(std::size_t variable) const;

@@ -1,6 +1,6 @@
-/// Is another master on this bus? Frames that others sent go in, the verdict comes out. Pure: no port, no clock.
+/// Detects another master on this bus from the frames of others. Pure: no port, no clock.
 ///
-/// What gives a master away (CiA 301, CiA 302-2, CiA 305; RAND and AND are Berth's own discovery services):
+/// Signs of a master (CiA 301, CiA 302-2, CiA 305; RAND and AND are Berth's own discovery services):
 ///
 ///     nmt            000h                  NMT commands, and what is none: that identifier is the master's alone
 ///     lss            7E5h                  LSS requests, Fastscan
@@ -11,8 +11,8 @@
 ///     heartbeat      700h + own node-ID    error control of another node under Berth's own node-ID
 ///     guarding       700h + n, remote      node guarding requests
 ///
-/// Not every one of them must come from a master: a drive may produce SYNC, a panel may read objects by SDO. Such a
-/// machine says so (`WatchOptions::tolerated`). Own frames are no business of this class: they never come in.
+/// Other devices may send some of them: a drive may produce SYNC, a panel may read objects by SDO. The machine file
+/// names those (`WatchOptions::tolerated`). Own frames must not be passed to this class.
 #pragma once
 
 #include <array>
@@ -40,7 +40,7 @@ using Signs = std::bitset<sign_count>;
 /// What was heard of one sign.
 struct Evidence {
   Sign sign = Sign::nmt;
-  std::uint32_t count = 0;  ///< frames; stays at the largest number
+  std::uint32_t count = 0;  ///< frames; saturates
   rt::Time first{};
   rt::Time last{};
   can::Frame sample{};  ///< the first of them
@@ -48,28 +48,28 @@ struct Evidence {
 
 struct WatchOptions {
   NodeId own;         ///< Berth's node-ID on this bus; unconfigured: no heartbeat is a sign
-  Signs tolerated{};  ///< what devices of this machine do, and so says nothing
+  Signs tolerated{};  ///< what devices of this machine send, so no sign
 };
 
 class ForeignWatch {
  public:
   explicit ForeignWatch(const WatchOptions& options = {}) noexcept : options_(options) {}
 
-  /// A frame that another node sent. Gives the sign it is, tolerated ones included in nothing.
+  /// Call it for a frame of another node. Returns its sign; nothing if that is tolerated.
   std::optional<Sign> heard(const can::Frame& frame, rt::Time at) noexcept;
-  /// What the frame would be, without counting it.
+  /// The frame's sign, without counting it.
   [[nodiscard]] std::optional<Sign> sign_of(const can::Frame& frame) const noexcept;
-  /// From now on a heartbeat under Berth's own node-ID counts only when its sender is operational: a device that
-  /// boots, or waits, under that node-ID is not yet a master. And SDO requests are a client's, whoever that is: `heard`
-  /// gives them, and they make no master.
+  /// From now on a heartbeat under Berth's own node-ID is a sign only if its sender is operational: a device that boots
+  /// or waits under that node-ID is not yet a master. SDO requests then come from a client, not a master: `heard` still
+  /// returns them.
   void running() noexcept { running_ = true; }
 
   [[nodiscard]] bool foreign() const noexcept { return foreign_; }
-  /// In the order of `Sign`; only what was heard.
+  /// The signs heard, in the order of `Sign`.
   [[nodiscard]] std::vector<Evidence> evidence() const;
-  /// The other master's node-ID, as far as it can be told: what an active flying master said of itself (071h), Berth's
-  /// own node-ID when another node sends under it, else the one node whose heartbeat was heard, that is operational and
-  /// is asked nothing. `slots`: node-IDs that the machine file gives to devices.
+  /// The other master's node-ID, if it can be determined: what an active flying master reported (071h); Berth's own
+  /// node-ID when another node sends under it; else the only node that has an operational heartbeat and is asked
+  /// nothing. `slots`: node-IDs that the machine file gives to devices.
   [[nodiscard]] NodeId probably(std::span<const NodeId> slots = {}) const noexcept;
   [[nodiscard]] std::uint32_t frames() const noexcept { return frames_; }
   void reset() noexcept;
@@ -78,7 +78,7 @@ class ForeignWatch {
   WatchOptions options_;
   std::array<Evidence, sign_count> heard_{};
   std::bitset<128> asked_;        // by SDO, guarding or a single NMT command
-  std::bitset<128> operational_;  // last heartbeat said so
+  std::bitset<128> operational_;  // by their last heartbeats
   NodeId active_;                 // of 071h
   std::uint32_t frames_ = 0;
   bool foreign_ = false;

@@ -1,5 +1,6 @@
-/// Other SDO clients of a bus on which Berth is the master: which node each asks, and how long Berth leaves that node's
-/// SDO channel to it. Both use one channel (600h + node-ID), and each would take the other's answers for its own. Pure.
+/// Other SDO clients on a bus where Berth is the master: which node each asks, and how long Berth does not use that
+/// node's SDO channel. Both use one channel (600h + node-ID), and each would take the other's answers for its own.
+/// Pure.
 #pragma once
 
 #include <array>
@@ -14,14 +15,14 @@ namespace berth::live {
 
 class OtherClients {
  public:
-  /// From another client's last request to a node until Berth asks that node again.
+  /// Time from another client's last request to a node until Berth asks that node again.
   static constexpr rt::Duration pause = std::chrono::milliseconds(500);
 
-  /// Another SDO client asks this node, for the first time.
+  /// Called when another SDO client asks this node for the first time.
   void on_first(std::function<void(NodeId node, const can::Frame& request)> told) { told_ = std::move(told); }
-  /// A request that another client sent to a node.
+  /// Another client sent this request to a node.
   void asks(const can::Frame& request, rt::Time at) noexcept;
-  /// A frame that is an SDO request to a node whose channel another client has.
+  /// The frame is an SDO request to a node whose channel another client uses.
   [[nodiscard]] bool owns_channel_of(const can::Frame& frame, rt::Time now) const noexcept;
 
  private:

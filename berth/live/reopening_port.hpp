@@ -1,4 +1,4 @@
-/// A port that is opened anew when it went down for good: for kinds of ports that do not come back by themselves.
+/// A port that is opened again after it went down, for kinds of ports that do not recover by themselves.
 #pragma once
 
 #include <functional>
@@ -11,11 +11,11 @@ namespace berth::live {
 
 class ReopeningPort final : public can::Port, private can::Listener, private rt::Job {
  public:
-  /// Null: not now. Called from the executor; what it blocks, it blocks for all.
+  /// Null: not now. Called from the executor; it blocks all its jobs.
   using Open = std::function<std::unique_ptr<can::Port>()>;
 
-  /// `port` is open. Errors and losses count on over all that are opened. Down for `pause`, it is given up, and `open`
-  /// is asked every `pause`.
+  /// `port` is open. Errors and losses are summed over all opened ports. After being down for `pause` a port is given
+  /// up, and `open` is called every `pause`.
   ReopeningPort(rt::Executor& executor, std::unique_ptr<can::Port> port, Open open,
                 rt::Duration pause = std::chrono::seconds(1));
   ~ReopeningPort() override;

@@ -1,4 +1,5 @@
-/// Identifiers of requests that only a master sends (docs/protocols). `live` links no room that speaks them.
+/// Identifiers of requests that only a master sends (docs/protocols). `live` does not link the rooms of these
+/// protocols.
 #pragma once
 
 #include "berth/can/frame.hpp"

@@ -1,4 +1,4 @@
-/// What Berth may send on a bus: `role` of a machine file's bus, and what the gate lets pass (`gate.hpp`).
+/// What Berth may send on a bus: `role` of a machine file's bus, and which frames the gate passes (`gate.hpp`).
 #pragma once
 
 #include <cstdint>
@@ -6,9 +6,9 @@
 namespace berth::live {
 
 enum class Role : std::uint8_t {
-  master,        ///< all
+  master,        ///< everything
   commissioner,  ///< never NMT start or reset, never SYNC: node-IDs and configuration beside another master
-  reader,        ///< SDO uploads, segmented, and nothing else: a look at a machine that others run; of no machine file
+  reader,        ///< segmented SDO uploads only: to look at a machine that others run; not in machine files
   observer       ///< no frame
 };
 

@@ -1,4 +1,4 @@
-/// Bytes on their way from one bus to the other.
+/// Bytes passing from one bus to the other.
 #pragma once
 
 #include <algorithm>
@@ -8,7 +8,7 @@
 
 namespace berth::multilevel {
 
-/// First in, first out. What was taken stays until room is needed, so that a short value can be taken again.
+/// First in, first out. Bytes taken out are kept until their room is needed, so that a short value can be taken again.
 class ByteQueue {
  public:
   [[nodiscard]] std::size_t size() const noexcept { return bytes_.size() - first_; }
@@ -33,7 +33,7 @@ class ByteQueue {
     first_ += count;
     return count;
   }
-  /// From the first byte on once more; false when that is gone.
+  /// Starts again at the first byte; false when that is no longer kept.
   bool again() noexcept {
     if (dropped_ != 0) return false;
     first_ = 0;

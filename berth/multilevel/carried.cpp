@@ -83,7 +83,7 @@ void Carried::begin_download(NodeId node, Channel& channel, const can::Frame& fr
   channel.now = access(channel.gateway, {.node = node}, channel.object, std::span(frame.data).subspan(4, bytes));
 }
 
-// Short values may come so, too. Repeated segments are not told apart: a value of four bytes has one.
+// Short values may be sent this way too. Repeated segments are not distinguished: a value of four bytes has one.
 void Carried::segment(NodeId node, Channel& channel, const can::Frame& frame) {
   const std::uint8_t first = frame.data[0];
   const std::size_t bytes = co::sdo::segment_bytes - (first >> 1U & 7U);

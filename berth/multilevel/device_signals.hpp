@@ -1,6 +1,6 @@
-/// The signal gateway of a whole device (`SignalGateway`): its sides are devices, its table is given, or read from the
-/// objects of the upstream one (routing_objects.hpp) each time that this becomes operational. Signals that are late are
-/// told above (EMCY FF05h), and so is a row that is wrong and left out (FF06h).
+/// The signal gateway of a whole device (`SignalGateway`). Its sides are devices. Its table is given, or read from the
+/// upstream one's objects (routing_objects.hpp) each time it becomes operational. It reports on the bus above: late
+/// signals (EMCY FF05h), and an invalid row, which is left out (FF06h).
 #pragma once
 
 #include <optional>
@@ -19,20 +19,20 @@ class DeviceSignals {
  public:
   struct Side {
     device::Device* device = nullptr;
-    MeteredPort* port = nullptr;  ///< where its TPDOs go; null: delays of signals to this side are not known
+    MeteredPort* port = nullptr;  ///< for its TPDOs; null: delays of signals to this side are unknown
   };
-  /// All stay; sides[0] is the upstream one, the others are the buses beneath ports 1, 2, ...
+  /// All must outlive it. sides[0] is upstream, the others are the buses beneath ports 1, 2, ...
   DeviceSignals(rt::Executor& executor, std::vector<Side> sides, EmcyGateway& emcy);
 
-  /// Another table; what is wrong with it, those signals being left out. The application's safety condition stays as
-  /// it was (`set_safe`), the mode is 0 again.
+  /// Replaces the table. Returns its errors; those signals are left out. The application's safety condition is kept
+  /// (`set_safe`), the mode is 0 again.
   std::vector<SignalProblem> set_table(std::vector<Signal> table);
-  /// From now on the objects have the table; the safety condition holds until `set_safe` says otherwise.
+  /// From now on the table is read from the objects; the safety condition holds until `set_safe` changes it.
   void follow_objects();
   void set_safe(bool safe);
-  /// The NMT state of a side may be another: forwarding waits for operational on all sides.
+  /// Call it when the NMT state of a side may have changed: forwarding waits until all sides are operational.
   void look();
-  /// There after `set_table`, or when `follow_objects` has read one.
+  /// Not null after `set_table`, or after `follow_objects` has read a table.
   [[nodiscard]] SignalGateway* engine() noexcept { return engine_ ? &*engine_ : nullptr; }
 
  private:
@@ -49,10 +49,10 @@ class DeviceSignals {
   EmcyGateway* emcy_;
   std::optional<SignalGateway> engine_;
   std::set<std::pair<std::uint8_t, ObjectRef>> watched_;
-  unsigned late_ = 0;  // signals that are
+  unsigned late_ = 0;  // late signals
   NmtState upper_ = NmtState::initialising;
   bool follows_ = false;
-  bool wrong_ = false;  // told above
+  bool wrong_ = false;  // reported above
   bool safe_ = false;
 };
 

@@ -29,8 +29,8 @@ void EmcyGateway::emergency(NodeId node, const co::Emcy& message, rt::Time) noex
   put(node, converted(node, message));
 }
 
-// A plain device: only its code and register are anybody's. That one error is gone it tells by 0000h, and which, only
-// who has listened knows.
+// A plain device: only its code and register are general. It reports the end of its one error by 0000h; which error it
+// was, only a listener knows.
 co::Emcy EmcyGateway::converted(NodeId node, const co::Emcy& message) noexcept {
   const auto number = node.value();
   if (options_.routed.test(number)) return routed(message, node, options_.network, above_->error_register());

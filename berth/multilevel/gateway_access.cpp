@@ -17,8 +17,8 @@ constexpr auto no_data = static_cast<std::uint32_t>(od::AbortCode::no_data);
 constexpr const char* gateway_silent = "no answer of the gateway";
 constexpr const char* no_gateway = "no gateway to that bus: it has no object for it (5F30h to 5F4Fh)";
 
-// Of an access that the gateway answers by itself. One that is beneath another is silent, too, when that one waits in
-// vain. What has none of the objects is another device.
+// For an access that the gateway answers by itself. A gateway beneath another is also silent when the upper one waits
+// in vain. A node without the objects is another device.
 Result<void> by_itself(Result<void> done) noexcept {
   if (done) return done;
   Error& error = done.error();
@@ -53,9 +53,9 @@ Error GatewayAccess::about(const Error& error, ObjectRef object) const noexcept 
   return told;
 }
 
-// A gateway on the way has lost what this client wrote, by a reset: this one or one beneath it, whose abort code comes
-// through this one. So none is taken to know its node-ID any more, and only the access to the node itself is tried
-// again, from its beginning. So it is after a time-out.
+// A reset of a gateway on the way has lost what this client wrote: of this gateway, or of one beneath it, whose abort
+// code comes through this one. So no gateway is assumed to know its node-ID any more, and only the access to the node
+// itself is repeated, from its beginning. The same after a time-out.
 bool GatewayAccess::try_again(const Error& error, ObjectRef object, Attempts& made) noexcept {
   const bool aborted = error.code == Errc::aborted;
   const bool lost = aborted && (error.detail == no_node || error.detail == no_data);
@@ -120,7 +120,7 @@ rt::Task<Result<void>> GatewayAccess::write_short(ObjectRef object, std::span<co
   co_return done;
 }
 
-// The command first, so that the gateway hands the data on as they come: their answer is the node's.
+// The command first, so that the gateway forwards the data as they come: their answer is the node's.
 rt::Task<Result<void>> GatewayAccess::write_long(ObjectRef object, std::span<const std::uint8_t> data) {
   auto done = co_await select();
   if (!done) co_return done;
@@ -148,8 +148,8 @@ rt::Task<Result<void>> GatewayAccess::write(std::uint16_t index, std::uint8_t su
 
 co::SdoAccess& Routes::access(const Path& path) { return reach(path, path.depth()); }
 
-// A gateway waits for a node beneath once, for a gateway there as often as levels are beneath itself, which this client
-// knows by the length of the path at least.
+// A gateway waits once for a node beneath, and for a gateway there as often as there are levels beneath itself; from
+// the path's length this client knows a minimum.
 rt::Duration Routes::timeout_at(std::size_t depth) const noexcept {
   if (depth == 0) return options_.timeout;
   const std::size_t waits = depth == 1 ? 1 : std::max(depth, gateways_.levels);

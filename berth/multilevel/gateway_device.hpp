@@ -1,5 +1,5 @@
 /// A whole gateway: a device on the bus above, one on each bus beneath, and the gateway processes of paper 3 between
-/// them (docs/multilevel.md). What its application adds: which signals cross, and when that is safe.
+/// them (docs/multilevel.md). Its application decides which signals cross, and when that is safe.
 ///
 ///     multilevel::GatewayDevice gateway(executor, above, {.upper = {.address = a, .node_id = NodeId(3)}});
 ///     gateway.add_bus(beneath, {.device = {.address = b, .node_id = NodeId(1)}});
@@ -34,8 +34,8 @@ namespace berth::multilevel {
 struct GatewayOptions {
   device::Options upper{};
   device::TimedPort* host = nullptr;  ///< the slow host above, see `device::Device`
-  /// Null: the objects of CiA 301 and those of a gateway with `ports` buses beneath. A dictionary of one's own:
-  /// `add_gateway_objects` to it.
+  /// Null: the objects of CiA 301 and of a gateway with `ports` buses beneath. Use `add_gateway_objects` for your own
+  /// dictionary.
   std::shared_ptr<const od::Description> description{};
   unsigned ports = 1;
   device::NvMemory* memory = nullptr;
@@ -46,7 +46,7 @@ struct BusOptions {
   std::shared_ptr<const od::Description> description{};  ///< null: the objects of CiA 301
   device::NvMemory* memory = nullptr;
   SdoGatewayOptions sdo{};   ///< its port is set
-  bool boots_first = false;  ///< the upstream side comes up when this bus has booted, or failed
+  bool boots_first = false;  ///< the upstream side starts after this bus has booted or failed
   device::TimedPort* host = nullptr;
 };
 
@@ -63,10 +63,10 @@ class GatewayDevice final : private device::Device::Observer {
     [[nodiscard]] MeteredPort& port() noexcept { return port_; }
     [[nodiscard]] SdoGateway& sdo() noexcept { return *gateway_; }
     [[nodiscard]] SubBus& sub_bus() noexcept { return sub_bus_; }
-    /// Its master's client instead of one of its own: before `power_on`, and it must stay.
+    /// Uses its master's client in place of its own. Before `power_on`; it must outlive this.
     void use(co::SdoClient& client) noexcept;
-    /// `GatewayDevice::add_bus` makes it. Heartbeats that the device beneath supervises (1016h) are told above; a
-    /// master that hears them itself tells each event to `sub_bus().heartbeat`.
+    /// `GatewayDevice::add_bus` makes it. Heartbeats that the device beneath supervises (1016h) are reported above; a
+    /// master that hears them itself passes each event to `sub_bus().heartbeat`.
     Bus(GatewayDevice& owner, can::Port& port, unsigned number, const BusOptions& options);
     ~Bus();
     Bus(const Bus&) = delete;
@@ -84,13 +84,13 @@ class GatewayDevice final : private device::Device::Observer {
     bool boots_first_;
   };
 
-  /// `above` must stay.
+  /// `above` must outlive it.
   GatewayDevice(rt::Executor& executor, can::Port& above, const GatewayOptions& options);
   ~GatewayDevice();
-  /// `port` must stay. At most `most_ports`; before `power_on`. The reference stays.
+  /// `port` must outlive it. At most `most_ports` buses; before `power_on`. The reference stays valid.
   Bus& add_bus(can::Port& port, const BusOptions& options);
 
-  /// Buses beneath first; the upstream side when all of those that boot first are settled.
+  /// Starts the buses beneath first, and the upstream side after all that boot first have booted or failed.
   void power_on();
   void power_off();
   [[nodiscard]] device::Device& upper() noexcept { return upper_; }
@@ -98,14 +98,14 @@ class GatewayDevice final : private device::Device::Observer {
   [[nodiscard]] Bus& bus(unsigned number) noexcept { return *buses_[number - 1]; }
   [[nodiscard]] std::size_t buses() const noexcept { return buses_.size(); }
 
-  /// The routing database, once, when all buses are there; what is wrong with it, those signals being left out. Signals
-  /// that are late are told above (FF05h). Forwarding waits for `signals().set_safe(true)`, and for operational on all
-  /// sides: then the start-up is complete.
+  /// Sets the routing database, once, after all buses are added. Returns its errors; those signals are left out. Late
+  /// signals are reported above (FF05h). Forwarding waits for `signals().set_safe(true)` and until all sides are
+  /// operational: then the start-up is complete.
   std::vector<SignalProblem> set_signals(std::vector<Signal> table);
-  /// Instead, once: the table is that of the objects of the upstream dictionary (`add_routing_objects`), which any SDO
-  /// client writes; it counts from the device's next start. Safe until the application says otherwise.
+  /// Alternative, once: the table is in the objects of the upstream dictionary (`add_routing_objects`), which any SDO
+  /// client may write; it takes effect at the device's next start. Safe until the application says otherwise.
   void signals_from_objects();
-  /// There after `set_signals`, or when the objects were read.
+  /// Exists after `set_signals`, or after the objects were read.
   [[nodiscard]] SignalGateway& signals() noexcept { return *signals_->engine(); }
 
  private:
@@ -119,7 +119,7 @@ class GatewayDevice final : private device::Device::Observer {
   can::Dispatcher dispatcher_;
   device::Device upper_;
   EmcyGateway emcy_;
-  EmcyLayout layout_;  // as long as 5F03h says nothing
+  EmcyLayout layout_;  // unless 5F03h sets another
   std::vector<std::unique_ptr<Bus>> buses_;
   std::optional<DeviceSignals> signals_;
   NmtState upper_state_ = NmtState::initialising;

@@ -1,5 +1,5 @@
-/// A port that tells when frames of chosen identifiers are handed to it and when they are on the wire: what the delay
-/// of a signal through a gateway is measured by. It stands between a device's dispatcher and its port.
+/// A port that reports when it takes frames with chosen identifiers and when they are on the wire, to measure the delay
+/// of a signal through a gateway. It is between a device's dispatcher and its port.
 #pragma once
 
 #include <vector>
@@ -10,9 +10,9 @@ namespace berth::multilevel {
 
 class PortMeter {
  public:
-  /// A frame with this key was taken by the port.
+  /// The port took a frame with this key.
   virtual void submitted(std::uint32_t key, rt::Time at) noexcept = 0;
-  /// The oldest of those is on the wire.
+  /// The oldest of those frames is on the wire.
   virtual void on_the_wire(std::uint32_t key, rt::Time at) noexcept = 0;
 
  protected:
@@ -21,9 +21,9 @@ class PortMeter {
 
 class MeteredPort final : public can::Port, private can::Listener {
  public:
-  /// `beneath` must stay.
+  /// `beneath` must outlive it.
   MeteredPort(rt::Executor& executor, can::Port& beneath) noexcept : executor_(&executor), beneath_(&beneath) {}
-  /// From now on `meter` is told of this key, nobody else of it. Uses the heap.
+  /// From now on only `meter` gets reports for this key. Uses the heap.
   void watch(std::uint32_t key, PortMeter& meter);
   void forget(const PortMeter& meter) noexcept;
 
@@ -41,7 +41,7 @@ class MeteredPort final : public can::Port, private can::Listener {
   struct UnderWay {
     std::uint32_t tag;
     std::uint32_t key;
-    bool own;  // the tag is this port's, and the listener knows nothing of it
+    bool own;  // the tag is this port's, and the listener does not know it
   };
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void sent(std::uint32_t tag, rt::Time at) noexcept override;

@@ -1,5 +1,5 @@
-/// The objects of a gateway that paper 3 asks for and gives no index (S3.9, S3.10, S3.12, S3.22): Berth has them in the
-/// manufacturer-specific area, once for each bus beneath the gateway (docs/multilevel.md §Objects).
+/// The objects of a gateway that paper 3 needs without giving an index (S3.9, S3.10, S3.12, S3.22): Berth has them in
+/// the manufacturer-specific area, once for each bus beneath the gateway (docs/multilevel.md §Objects).
 #pragma once
 
 #include <bitset>
@@ -25,16 +25,16 @@ struct SdoGatewayObjects {
   }
   static constexpr std::uint16_t first_index = 0x5F30;
   static constexpr std::uint16_t last_index = 0x5F4F;
-  /// An access to such an object is itself one through a gateway.
+  /// An access to such an object goes through a gateway itself.
   [[nodiscard]] static constexpr bool contain(ObjectRef ref) noexcept {
     return ref.index >= first_index && ref.index <= last_index;
   }
 };
 
-/// 5F03h: 7, 8 or 9 when a client has chosen the layout of emergencies; 0: the gateway's own. 5F04h: nodes beneath
-/// whose emergencies have it.
+/// 5F03h: 7, 8 or 9 if a client has chosen the layout of emergencies; 0: the gateway's own. 5F04h: nodes beneath whose
+/// emergencies use it.
 void add_emcy_layout(od::DescriptionBuilder& builder);
-/// The layout that 5F03h of the upstream dictionary says, else `own`.
+/// The layout in 5F03h of the upstream dictionary, else `own`.
 [[nodiscard]] EmcyLayout emcy_layout_of(const od::Values& upper, EmcyLayout own) noexcept;
 /// By 5F04h.
 [[nodiscard]] std::bitset<128> layout_speakers_of(const od::Values& upper) noexcept;

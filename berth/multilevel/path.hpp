@@ -1,5 +1,5 @@
-/// Where a node is beneath gateways (paper 3; docs/multilevel.md): `3/5` is node 5 on the bus beneath gateway 3, and
-/// `3.2/5` the same where gateway 3 has several buses beneath it and the second is meant.
+/// The place of a node beneath gateways (paper 3; docs/multilevel.md): `3/5` is node 5 on the bus beneath gateway 3,
+/// and `3.2/5` the same if gateway 3 has several buses beneath it and the second is meant.
 #pragma once
 
 #include <optional>
@@ -19,17 +19,17 @@ struct Hop {
 };
 inline constexpr std::uint8_t most_ports = 8;
 
-/// From the bus at which it begins down to a node.
+/// From a starting bus down to a node.
 struct Path {
   std::vector<Hop> gateways = {};  ///< topmost first; empty: the node is on this bus
   NodeId node = {};
 
-  /// How many gateways are between.
+  /// Number of gateways on the way.
   [[nodiscard]] std::size_t depth() const noexcept { return gateways.size(); }
   friend auto operator<=>(const Path&, const Path&) noexcept = default;
 };
 
-/// "3/5", "3.2/5", "5". Empty: a node-ID that is none, a port that is none, anything else in it.
+/// "3/5", "3.2/5", "5". Empty: an invalid node-ID or port, or other text.
 [[nodiscard]] std::optional<Path> parse_path(std::string_view text);
 [[nodiscard]] std::string to_string(const Hop& hop);
 [[nodiscard]] std::string to_string(const Path& path);

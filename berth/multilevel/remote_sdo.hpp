@@ -1,14 +1,14 @@
-/// Remote SDO of CiA 302-7, as far as public sources tell it (docs/multilevel.md §CiA 302-7): the client names network
-/// and node in an indication (command specifier 7), the router confirms it, and the transfer that follows on the same
-/// channel is handed on frame by frame. Paper 3's way, by objects of the gateway: `gateway_access.hpp` (client) and
+/// Remote SDO of CiA 302-7, as far as public sources describe it (docs/multilevel.md §CiA 302-7): the client names
+/// network and node in an indication (command specifier 7), the router confirms it and forwards the next transfer on
+/// the same channel frame by frame. Paper 3's way, by objects of the gateway: `gateway_access.hpp` (client) and
 /// `sdo_gateway.hpp` (gateway).
 ///
 ///     E0 nn nn id 00 00 00 00    network-ID little-endian, node-ID; both ways (the layout is Berth's reading: no
 ///     public
 ///                                source gives it)
 ///
-/// An indication counts for the next transfer, up to its end. Network 0 is the router's own: the transfer is its
-/// server's.
+/// An indication applies to the next transfer, up to its end. Network 0 is the router itself: its own server handles
+/// the transfer.
 #pragma once
 
 #include <array>
@@ -27,17 +27,17 @@ struct RemoteNetwork {
   std::uint16_t network = 1;           ///< its ID, not 0
   can::Dispatcher* beneath = nullptr;  ///< the bus on the way there
   const co::SdoClient* client =
-      nullptr;      ///< the router's own client on that bus: a node that it is busy with waits; null: none
+      nullptr;      ///< the router's own client on that bus: a transfer to a node that it is using waits; null: none
   NodeId router{};  ///< the next router on that bus; unconfigured: the network is that bus
 };
 
 class RemoteSdo final : private od::ChannelRelay {
  public:
-  /// `upper` is the router's dictionary, whose SDO servers hear the indications; all must stay. Uses the heap.
+  /// `upper` is the router's dictionary, whose SDO servers hear the indications. All must outlive it. Uses the heap.
   RemoteSdo(rt::Executor& executor, od::Values& upper, std::vector<RemoteNetwork> networks,
             rt::Duration timeout = std::chrono::seconds(1));
   ~RemoteSdo();
-  /// Transfers under way.
+  /// Transfers in progress.
   [[nodiscard]] std::size_t busy() const noexcept;
 
  private:
@@ -55,8 +55,8 @@ class RemoteSdo final : private od::ChannelRelay {
   std::array<std::unique_ptr<Way>, od::Channels::most> ways_;
 };
 
-/// The client's side: a node of another network, by a router on this bus. `turn`: shared by all accesses through that
-/// router, as nothing else may use its channel between indication and transfer.
+/// The client's side: accesses a node of another network, by a router on this bus. `turn`: shared by all accesses
+/// through that router, because its channel must not be used for anything else between indication and transfer.
 class RemoteAccess final : public co::SdoAccess {
  public:
   RemoteAccess(can::Dispatcher& dispatcher, co::SdoClient& client, NodeId router, std::uint16_t network, NodeId node,
@@ -67,7 +67,7 @@ class RemoteAccess final : public co::SdoAccess {
 
  private:
   [[nodiscard]] Error about(const Error& error) const noexcept;
-  // The network indication, with the turn held; how the transfer after it is to be done.
+  // Sends the network indication, holding the turn; returns how to do the transfer.
   rt::Task<Result<co::SdoOptions>> reach();
 
   can::Dispatcher* dispatcher_;

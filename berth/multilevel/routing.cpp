@@ -78,7 +78,7 @@ class Check {
       }
     }
   }
-  // From its target on: does any way lead back to its source? Told for the first signal of a loop.
+  // Does any way lead from its target back to its source? Reported for the first signal of a loop.
   void loops(std::size_t i) {
     std::vector<bool> seen(table_->size());
     const std::function<bool(std::size_t)> leads_back = [&](std::size_t from) {

@@ -11,7 +11,7 @@ namespace {
 
 using od::AbortCode;
 
-// More than a sub-block is on its way between the two buses only while the slower one takes the one before.
+// More than one sub-block is in transit between the two buses only while the slower one takes the one before.
 constexpr std::size_t crowd = 2 * co::sdo::block_window;
 // What is handed on by gateway after gateway comes to each in sub-blocks of the one above it: while a long one is
 // collected the next server would wait longer for its next frame than it is patient, on a slow bus, and then the client
@@ -37,7 +37,7 @@ co::SdoOptions options_of(const SdoGatewayOptions& gateway, const GatewayCommand
   return options;
 }
 
-// What goes to the gateway's own device is kept whole, and may be as long as its object.
+// Data for the gateway's own device are stored whole, and may be as long as its object.
 std::size_t room_of(const SdoGatewayOptions& options, const od::Values* own, ObjectRef object) noexcept {
   const auto* const sub = own == nullptr ? nullptr : own->description().find(object);
   return std::max<std::size_t>(options.store, sub == nullptr ? 0 : sub->capacity);

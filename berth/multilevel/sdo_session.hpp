@@ -1,4 +1,4 @@
-/// What an SDO gateway does for one client: a part of `SdoGateway`.
+/// The part of an SDO gateway for one client; see `SdoGateway`.
 #pragma once
 
 #include <optional>
@@ -11,24 +11,24 @@
 
 namespace berth::multilevel {
 
-/// A command specifier with its multiplexer, as the client above has written it.
+/// A command specifier with its multiplexer, as written by the client above.
 struct GatewayCommand {
   enum class Kind : std::uint8_t {
-    expedited_download,  ///< of data that are there
-    download,            ///< of data that are there
+    expedited_download,  ///< of data that are already there
+    download,            ///< of data that are already there
     passed_download,     ///< of data that come next
     upload,
   };
   Kind kind = Kind::upload;
   co::SdoMode mode = co::SdoMode::segmented;
-  std::optional<std::size_t> length = {};  ///< of an expedited download that says it
+  std::optional<std::size_t> length = {};  ///< of an expedited download that gives it
   ObjectRef object = {};
 };
 /// Empty: the command specifier begins no transfer.
 [[nodiscard]] std::optional<GatewayCommand> parse_command(std::uint32_t value) noexcept;
 
-/// One client above. The access beneath is a task that only notes what it gets; what the client above is answered, is
-/// answered by `wake_`, so that nothing runs inside another's call.
+/// One client above. The access beneath is a task that only records what it gets; `wake_` answers the client above, so
+/// that no code runs inside another's call.
 class SdoSession final : public od::Stream {
  public:
   SdoSession(SdoGateway& gateway, std::uint8_t channel) noexcept;
@@ -36,13 +36,13 @@ class SdoSession final : public od::Stream {
 
   [[nodiscard]] od::AbortCode select(std::uint8_t node) noexcept;
   [[nodiscard]] od::AbortCode command(std::uint32_t value) noexcept;
-  /// Of the gateway's own device: what it answered with `pending` has ended.
+  /// From the gateway's own device: an access that it answered with `pending` has ended.
   void completed(ObjectRef object, od::AbortCode code) noexcept;
-  /// The client waits no more, or the gateway is reset.
+  /// The client no longer waits, or the gateway is reset.
   void cancel() noexcept;
   void reset() noexcept;
   [[nodiscard]] bool busy() const noexcept { return scope_.running() != 0; }
-  /// What was written last: the command, or the node-ID.
+  /// The last written command, or node-ID.
   [[nodiscard]] std::span<const std::uint8_t> shown(bool command) const noexcept {
     return command ? std::span<const std::uint8_t>(command_bytes_) : std::span<const std::uint8_t>(node_);
   }
@@ -50,14 +50,14 @@ class SdoSession final : public od::Stream {
  private:
   enum class State : std::uint8_t {
     idle,
-    storing,    // data come in whose command is not known yet
-    stored,     // they are there
-    armed,      // the command was there first; data are to come
-    uploading,  // what comes from beneath is read above
-    passing,    // what comes from above goes down
-    sending,    // stored data go down, and the write of the command waits
+    storing,    // data come in, their command is not known yet
+    stored,     // all data are there
+    armed,      // the command came first; data follow
+    uploading,  // the client above reads what comes from beneath
+    passing,    // data from above go down
+    sending,    // stored data go down; the write of the command waits
   };
-  // Takes what is uploaded beneath.
+  // Takes the data uploaded beneath.
   class Sink final : public co::SdoSink {
    public:
     explicit Sink(SdoSession& session) noexcept : session_(&session) {}
@@ -67,7 +67,7 @@ class SdoSession final : public od::Stream {
    private:
     SdoSession* session_;
   };
-  // Gives what is downloaded beneath.
+  // Gives the data to download beneath.
   class Source final : public co::SdoSource {
    public:
     explicit Source(SdoSession& session) noexcept : session_(&session) {}
@@ -105,15 +105,15 @@ class SdoSession final : public od::Stream {
   ByteQueue queue_;
   Sink sink_{*this};
   Source source_{*this};
-  std::optional<std::size_t> size_;  // of what is transferred, when it is known
+  std::optional<std::size_t> size_;  // of the transferred data, if known
   od::AbortCode failure_ = od::AbortCode::none;
   std::array<std::uint8_t, 1> node_{};
   std::array<std::uint8_t, 4> command_bytes_{};
   std::uint8_t channel_;
   State state_ = State::idle;
   bool waits_ = false;     // passing: nothing has come yet
-  bool begun_ = false;     // an upload: its size, or that it has none, is known
-  bool all_in_ = false;    // passing: the client above has given all
+  bool begun_ = false;     // an upload: its size is known, or that it has none
+  bool all_in_ = false;    // passing: the client above has sent everything
   bool finished_ = false;  // the access beneath has ended, with `failure_`
   bool saves_ = false;     // sending: the gateway's own device answers later
   bool crowded_ = false;   // passing: the client above waits for room

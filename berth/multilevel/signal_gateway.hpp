@@ -1,6 +1,6 @@
-/// The engine of a signal gateway (paper 3 Figure 14; docs/multilevel.md §Signals): values of received PDOs become
-/// values of other objects on other buses, and those are sent as the TPDOs there say. `routing.hpp` is its table; in a
-/// `GatewayDevice` `device_signals.hpp` drives it.
+/// The engine of a signal gateway (paper 3 Figure 14; docs/multilevel.md §Signals): copies values of received PDOs to
+/// objects on other buses, which are sent as the TPDOs there say. `routing.hpp` has its table; in a `GatewayDevice`,
+/// `device_signals.hpp` drives it.
 ///
 ///     std::vector<SignalSide> sides{{&upper.values(), [&](ObjectRef ref) { upper.services().changed(ref); }},
 ///                                   {&lower.values(), [&](ObjectRef ref) { lower.services().changed(ref); },
@@ -12,8 +12,7 @@
 ///     gateway.set_safe(true);           // the application says so
 ///
 /// A signal is forwarded while the start-up is complete, the application's safety condition holds, its mode is on, and
-/// it is fresh (S3.32, S3.33). What was received before is not forwarded when that becomes true, only what is received
-/// then.
+/// it is fresh (S3.32, S3.33). Values received before these conditions hold are not forwarded later.
 #pragma once
 
 #include <functional>
@@ -30,15 +29,15 @@ namespace berth::multilevel {
 
 struct SignalSide {
   od::Values* values = nullptr;
-  std::function<void(ObjectRef)> changed{};  ///< the object has another value, or an event: its TPDOs
-  MeteredPort* port = nullptr;               ///< where they go; null: delays of signals to this side are not known
+  std::function<void(ObjectRef)> changed{};  ///< the object's value changed, or it has an event: for its TPDOs
+  MeteredPort* port = nullptr;               ///< for them; null: delays of signals to this side are unknown
   std::function<void(ObjectRef, bool)>
       silence{};  ///< its TPDO is not sent (true), or sent again; for `Stopped::silent`
 };
 
 struct SignalFigures {
   std::uint64_t forwarded = 0;
-  std::uint64_t refused = 0;  ///< received while it was not to be forwarded
+  std::uint64_t refused = 0;  ///< received while not forwarded
   std::uint64_t measured = 0;
   std::uint64_t late = 0;  ///< later than its budget
   rt::Duration longest{};  ///< from reception to the end of the frame that carries it
@@ -46,11 +45,11 @@ struct SignalFigures {
 
 class SignalGateway {
  public:
-  /// Signals that `problems` names are left out: `received` does nothing for them. Nothing is forwarded yet.
+  /// Signals with `problems` are left out: `received` does nothing for them. Nothing is forwarded yet.
   SignalGateway(rt::Executor& executor, std::vector<SignalSide> sides, std::vector<Signal> table);
   ~SignalGateway();
 
-  /// The source of this signal (position in the table) was received.
+  /// The source of this signal (index in the table) was received.
   void received(std::size_t signal);
 
   /// @name When signals are forwarded
@@ -58,12 +57,12 @@ class SignalGateway {
   void set_complete(bool complete);
   void set_safe(bool safe);
   void set_mode(unsigned mode);  ///< 0..31
-  /// A device has its values anew (reset): the targets of what is not forwarded are as they have to be.
+  /// A device's values were reset: sets the targets of signals that are not forwarded again.
   void refresh();
   [[nodiscard]] bool forwards(std::size_t signal) const noexcept { return rows_[signal].open; }
   /// @}
 
-  /// A signal is later than its budget, or in time again (`late` false). From the executor.
+  /// A signal is later than its budget, or in time again (`late` false). Called from the executor.
   void on_late(std::function<void(std::size_t signal, bool late)> call) { late_call_ = std::move(call); }
   [[nodiscard]] const SignalFigures& figures(std::size_t signal) const noexcept { return rows_[signal].figures; }
   [[nodiscard]] const std::vector<Signal>& table() const noexcept { return table_; }
@@ -74,8 +73,8 @@ class SignalGateway {
     std::uint8_t* target = nullptr;  // null: left out
     std::uint32_t key = 0;           // of the frame that carries the target; 0: none
     rt::Time received = rt::Time{};
-    rt::Time waiting = rt::never;    // received, and not handed to the port yet
-    rt::Time under_way = rt::never;  // handed to the port
+    rt::Time waiting = rt::never;    // received, not yet given to the port
+    rt::Time under_way = rt::never;  // given to the port
     bool ever = false;
     bool open = false;
     bool late = false;
@@ -112,9 +111,9 @@ class SignalGateway {
   rt::Later<SignalGateway, &SignalGateway::due> due_;
 };
 
-/// The communication record (1800h..19FFh) of the TPDO that carries an object, valid or not; empty: none does.
+/// The communication record (1800h..19FFh) of the TPDO that carries an object, valid or not; empty: none.
 [[nodiscard]] std::optional<std::uint16_t> tpdo_record_of(const od::Values& values, ObjectRef object);
-/// The identifier of the valid TPDO that carries an object of this device; empty: none does.
+/// The identifier of the valid TPDO that carries an object of this device; empty: none.
 [[nodiscard]] std::optional<std::uint32_t> tpdo_of(const od::Values& values, ObjectRef object);
 
 }  // namespace berth::multilevel

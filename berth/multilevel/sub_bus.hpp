@@ -1,14 +1,14 @@
 /// A bus beneath a gateway as its upstream side sees it (paper 3 Figures 1, 2 and 4; docs/multilevel.md §Boot-up): the
-/// machine boots from the bottom up, and what fails beneath is told above.
+/// machine boots from the bottom up, and failures beneath are reported above.
 ///
 ///     multilevel::SubBus bus(executor, emcy, [&](co::NmtCommand command) { upper.apply(command); });
 ///     bus.on_settled([&] { upper.power_on(); });       // the bus beneath has booted, or failed: now the one above
 ///     lower_manager.network().observe(... bus.booted() ... bus.failed(node) ...);
 ///     upper.on().state = [&](NmtState state) { bus.own_state(state); };
 ///
-/// When the bus beneath has failed and the upstream side is made operational: of a mandatory bus, EMCY FF01h goes out,
-/// and then the upstream side is stopped, so that the boot-up above fails too (Figure 1); of an optional one EMCY
-/// FF02h, no more (Figure 2). When it has booted after all, the error exits.
+/// If the bus beneath has failed and the upstream side becomes operational: a mandatory bus causes EMCY FF01h, and then
+/// the upstream side is stopped, so that the boot-up above fails too (Figure 1); an optional one causes only EMCY FF02h
+/// (Figure 2). The error exits if the bus boots later.
 #pragma once
 
 #include <functional>
@@ -24,26 +24,26 @@ namespace berth::multilevel {
 
 class SubBus {
  public:
-  /// `emcy` must stay. `apply`: does to the upstream device what an NMT command says.
+  /// `emcy` must outlive it. `apply`: applies an NMT command to the upstream device.
   SubBus(rt::Executor& executor, EmcyGateway& emcy, std::function<void(co::NmtCommand)> apply);
 
-  /// 5F00h. It counts when the bus fails, and each time that the upstream side becomes operational.
+  /// 5F00h. Used when the bus fails, and each time the upstream side becomes operational.
   void set_mandatory(bool mandatory) noexcept { mandatory_ = mandatory; }
-  /// Once, when the boot-up beneath has ended, well or not.
+  /// Called once, when the boot-up beneath has ended, successfully or not.
   void on_settled(std::function<void()> call) { settled_call_ = std::move(call); }
-  /// What the loss of a heartbeat beneath does above (1029h:F1h..F8h): called when its EMCY is out. Empty: nothing,
-  /// which is the paper's only duty.
+  /// The effect above of a lost heartbeat beneath (1029h:F1h..F8h); called after its EMCY is sent. Empty: none, since
+  /// the paper requires only the EMCY.
   void on_heartbeat_lost(std::function<void()> call) { lost_call_ = std::move(call); }
 
-  /// The gateway is switched on: nothing is known of the bus beneath.
+  /// The gateway is switched on: the state of the bus beneath is unknown.
   void begin() noexcept { settled_ = failed_ = stops_ = effect_ = false; }
   /// All mandatory slaves beneath are ready.
   void booted();
-  /// The boot-up beneath has failed, by this node (unconfigured: by none that is known).
+  /// The boot-up beneath has failed because of this node (unconfigured: of no known one).
   void failed(NodeId node);
-  /// The NMT state that the upstream device has entered.
+  /// The upstream device has entered this NMT state.
   void own_state(NmtState state);
-  /// What the heartbeat consumer beneath hears.
+  /// An event of the heartbeat consumer beneath.
   void heartbeat(const co::HeartbeatEvent& event);
 
   [[nodiscard]] bool settled() const noexcept { return settled_; }
@@ -63,18 +63,18 @@ class SubBus {
   std::function<void()> settled_call_;
   std::function<void()> lost_call_;
   NodeId by_;
-  std::uint16_t told_ = 0;  // the code that is pending above
+  std::uint16_t told_ = 0;  // the code pending above
   NmtState own_ = NmtState::initialising;
   bool mandatory_ = false;
   bool settled_ = false;
   bool failed_ = false;
-  bool stops_ = false;   // when the EMCY is out
-  bool effect_ = false;  // the same, of a lost heartbeat
+  bool stops_ = false;   // after the EMCY is sent
+  bool effect_ = false;  // the same, for a lost heartbeat
   rt::Later<SubBus, &SubBus::act> act_;
 };
 
-/// Adds to an upstream dictionary what this page needs for buses 1 to `ports`: 5F00h (UNSIGNED8 each, 1 = mandatory)
-/// and 1029h:F1h.. (0 = pre-operational if operational, 1 = no change, 2 = stopped; default 1).
+/// Adds the objects of this header for buses 1 to `ports` to an upstream dictionary: 5F00h (UNSIGNED8 each, 1 =
+/// mandatory) and 1029h:F1h.. (0 = pre-operational if operational, 1 = no change, 2 = stopped; default 1).
 void add_sub_buses(od::DescriptionBuilder& builder, unsigned ports = 1);
 [[nodiscard]] bool is_mandatory(const od::Values& upper, unsigned port) noexcept;
 /// The error class of 1029h for the heartbeats of this bus.
@@ -82,21 +82,21 @@ void add_sub_buses(od::DescriptionBuilder& builder, unsigned ports = 1);
   return static_cast<std::uint8_t>(0xF0 + port);
 }
 
-/// How long a bus takes to boot, for the check that 1F89h of a bus above has room for all beneath (S3.4).
+/// The time a bus takes to boot, to check that 1F89h of a bus above allows for all beneath (S3.4).
 struct BootNeed {
   std::string name;
-  rt::Duration own{};        ///< what its own nodes take, gateways not counted
-  rt::Duration boot_time{};  ///< its 1F89h; 0: for ever
+  rt::Duration own{};        ///< of its own nodes, without gateways
+  rt::Duration boot_time{};  ///< its 1F89h; 0: no limit
   std::vector<BootNeed> beneath{};
 };
-/// The net boot time: its own and the longest of those beneath, which boot side by side.
+/// The net boot time: its own and the longest of those beneath, which boot in parallel.
 [[nodiscard]] rt::Duration net_boot_time(const BootNeed& bus);
 struct BootTimeTooShort {
   std::string name;
   rt::Duration boot_time{};
   rt::Duration needed{};
 };
-/// Each bus whose boot time is too short for it, top down.
+/// Each bus whose boot time is too short, top down.
 [[nodiscard]] std::vector<BootTimeTooShort> short_boot_times(const BootNeed& bus);
 
 }  // namespace berth::multilevel

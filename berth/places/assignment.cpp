@@ -8,7 +8,7 @@ namespace {
 
 constexpr std::size_t none = static_cast<std::size_t>(-1);
 
-/// A matching, made larger path by path (Berge's theorem). At most 127 slots, so that nothing quicker is needed.
+/// A matching, enlarged path by path (Berge's theorem). With at most 127 slots nothing faster is needed.
 class Matching {
  public:
   explicit Matching(const FitGraph& graph)

@@ -95,7 +95,7 @@ rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::stri
       const bool silent = silent_once_;
       const bool inquires = true;
       const Outcome selected = co_await select(device, inquires);
-      // One that boots need not be slow.
+      // A booting device need not be slow.
       if (binding.staying().asked) silent_once_ = silent;
       co_return selected;
     }
@@ -138,7 +138,7 @@ rt::Task<Outcome> Binder::vacant(NodeId id, const Identity& device) {
   if (!silent) {
     const auto who = co_await read_identity(s_.sdo, id);
     bool itself = who && who->agrees(device) && (device.has_serial() || id == options_.uses);
-    // A search lent it this node-ID, perhaps, and 1018h is not what LSS told.
+    // A search may have lent it this node-ID, and 1018h differed from LSS.
     if (who && !itself && id == options_.uses && device.has_serial()) {
       const Identity said = *who;
       const Identity expected = device;
@@ -199,7 +199,7 @@ rt::Task<Outcome> Binder::select(const LssAddress& device, bool inquires) {
   co_return Outcome::error;
 }
 
-// It was selected, and is in configuration wherever it is.
+// It was selected, and is in configuration, wherever it is.
 Outcome Binder::unanswered(const Error& error) noexcept {
   const Outcome outcome = outcome_of(error);
   if (outcome == Outcome::silent) s_.lss.lost_one();
@@ -248,7 +248,7 @@ rt::Task<Outcome> Binder::configure_alone(const Binding& binding) {
 rt::Task<Outcome> Binder::revert(const Binding& binding) {
   const LssAddress device = binding.assignment().device.address;
   NodeId id = binding.revert_to();
-  // Since it left its old node-ID one was heard there: perhaps another, which came from elsewhere with the same.
+  // Since it left its old node-ID, a device was heard there: perhaps another one from elsewhere with the same node-ID.
   const bool used = id.configured() && moved_ != rt::Time{} && !s_.boots.silent_since(id, moved_);
   if (used || id == options_.lent) id = NodeId();
   bool told = true;
@@ -367,7 +367,7 @@ rt::Task<Outcome> Binder::inquire(Binding& binding) {
   const auto now = NodeId::make(reply.byte());
   if (!now) co_return Outcome::silent;
   binding.inquired(*now);
-  // The one that has the node-ID speaks no LSS, and has the serial number of the one that was selected.
+  // The device with the node-ID has no LSS, and has the serial number of the selected one.
   const bool twin = answers_there_ && *now != binding.assignment().id && !options_.may_use_another;
   co_return twin ? Outcome::several : Outcome::ok;
 }
@@ -415,7 +415,7 @@ rt::Task<Outcome> Binder::store(bool by_all) {
   co_return unsupported ? Outcome::unsupported : unanswered(reply.error());
 }
 
-// Another device came under the node-ID since it was asked for.
+// Another device came under the node-ID since it was asked.
 bool Binder::is_taken(const Binding& binding) const noexcept {
   return binding.kind() == Binding::Kind::bind && binding.old_id() != binding.assignment().id &&
          !s_.boots.silent_since(binding.assignment().id, watch_since_);
@@ -458,14 +458,14 @@ rt::Task<Outcome> Binder::identify(const Binding& binding) {
   // this node-ID. Neither must be woken.
   const bool came = !who && who.error().code == Errc::timeout && !s_.boots.silent_since(id, began);
   if (came) who = co_await read_identity(s_.sdo, id);
-  // In NMT stopped it answers no SDO (CiA 301 §7.3.2.2). It is being seated, and started as any other after that.
+  // In NMT stopped it answers no SDO (CiA 301 §7.3.2.2). It is being seated, and is started like any other afterwards.
   const bool stopped = !who && who.error().code == Errc::timeout && stayed && s_.boots.state(id) == NmtState::stopped;
   if (stopped) {
     const auto sent = co_await s_.nmt.send(co::NmtCommand::enter_pre_operational, id);
     if (sent) co_await rt::sleep_for(options_.slow_inhibit);
     who = co_await read_identity(s_.sdo, id);
   }
-  // Lely core's slaves tell the pending node-ID by 5Eh, so that they were not waited for: they have not booted yet.
+  // Lely core's slaves report the pending node-ID by 5Eh, so they were not waited for: they have not booted yet.
   const bool asleep = !who && who.error().code == Errc::timeout && binding.old_id() == id && !woken_;
   if (asleep) {
     woken_ = true;
@@ -476,7 +476,7 @@ rt::Task<Outcome> Binder::identify(const Binding& binding) {
     if (booted) who = co_await read_identity(s_.sdo, id);
   }
   if (!who) co_return who.error().code == Errc::timeout ? Outcome::silent : outcome_of(who.error());
-  // The answers of a slower one that has had the node-ID all along come after the last question.
+  // Answers of a slower device that has had the node-ID all along come after the last question.
   if (stayed) co_await rt::sleep_for(second_answer);
   if (s_.sdo.surplus(id) != surplus) {
     co_await rt::sleep_for(second_answer);

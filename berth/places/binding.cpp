@@ -46,7 +46,7 @@ void Binding::fail(Why why) noexcept {
   step_ = Step::failed;
 }
 
-// Leaves the device as it was, as far as it still listens, and in LSS waiting state.
+// Leaves the device unchanged, as far as it still listens, and in LSS waiting state.
 void Binding::give_up(Why why) noexcept {
   why_ = why;
   failing_ = true;
@@ -61,7 +61,7 @@ void Binding::again(Why why) noexcept {
 }
 
 void Binding::advance_identify(Outcome outcome) noexcept {
-  // LSS told that it has the node-ID, as it has it pending: it does not use it.
+  // LSS reported the node-ID because it is pending: the device does not use it.
   const bool told = outcome == Outcome::silent && kind_ == Kind::bind && old_id_ == assignment_.id && stored_;
   if (told && !staying_.once) {
     staying_.once = true;  // asked once more: it may have been storing
@@ -88,7 +88,8 @@ void Binding::advance_identify(Outcome outcome) noexcept {
   }
 }
 
-// Heard or not, the device there now tells. One that has stored its node-ID need not be told again to see that.
+// Whether it was heard or not: the device there now shows. One that has stored its node-ID need not be told again for
+// that.
 void Binding::advance_await(Outcome outcome) noexcept {
   const bool stays = outcome == Outcome::mismatch && stored_ && !volatile_only_;
   const bool resets = stays && old_id_.configured() && !staying_.once;
@@ -117,7 +118,7 @@ void Binding::advance_configure(Outcome outcome) noexcept {
   if (outcome == Outcome::mismatch) return give_up(Why::occupied);  // it was told nothing by this `configure`
   untouched_ = untouched_ && outcome == Outcome::refused;
   shared_ = outcome == Outcome::several;
-  // Without a node-ID pending nothing comes into use that would have to be taken back.
+  // Without a pending node-ID nothing is activated that would have to be taken back.
   touched_ = outcome != Outcome::refused && kind_ == Kind::bind;
   if (outcome == Outcome::ok)
     step_ = Step::store;

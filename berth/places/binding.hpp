@@ -1,5 +1,5 @@
-/// The steps of a binding, as a table without I/O: what to do next, given how the last step ended. `Binder` does the
-/// steps on a bus; the tests explore every interleaving of them with crashes, losses and power failures.
+/// The steps of a binding, as a table without I/O: what to do next, given how the last step ended. `Binder` carries
+/// them out on a bus; the tests explore every interleaving of them with crashes, losses and power failures.
 ///
 ///     step           does                                     ends well  next
 ///     check_vacant   asks whether the node-ID is in use       it is not  select
@@ -18,27 +18,30 @@
 ///     revert         11h: the old one, when it goes wrong;    any        select again, or release and give up
 ///                    none, stored, when two took the new one
 ///
-/// Silence on the LSS side leads back to `select`, a bounded number of times: every step may be done twice without
-/// harm, so a restart after a crash simply begins again at `check_vacant`. A node-ID that is pending comes into use
-/// with the next 04h 00h, whichever device that is meant for; so whatever leaves the table after `configure` passes
-/// `revert` first, and a start with unfinished work in the store begins with `11h FFh` to the device that was left in
-/// configuration. Why in this order: the intention is durable before the device can change, so that a node-ID that may
-/// be in a device's memory is never given to another, and not before the device was met, as a search may put one
-/// together of two and its node-ID would be kept for it; and the device has stored before it can use the id, so that
-/// what was heard once is true after a power failure (S1.29, S1.53).
+/// Silence on the LSS side leads back to `select`, a bounded number of times. Every step may be repeated without harm,
+/// so a restart after a crash begins again at `check_vacant`. The next 04h 00h activates a pending node-ID, whichever
+/// device it is meant for. So every exit from the table after `configure` passes `revert` first, and a start with
+/// unfinished work in the store begins with `11h FFh` to the device left in configuration.
 ///
-/// An intention that an earlier binding left behind may have reached the device: it is dropped by no later failure
-/// (`untouched`), however often it is tried again. A device that is away may have stored the node-ID and lost its power
-/// before `04h 00h`; it comes back under it.
+/// The order has these reasons (S1.29, S1.53):
+/// - The intention is durable before the device can change, so a node-ID that may be in a device's memory is never
+///   given to another.
+/// - It is written only after the device was met: a search may make up an address from those of two devices, and would
+///   keep a node-ID for it.
+/// - The device has stored the node-ID before it can use it, so what was heard once is true after a power failure.
 ///
-/// A device may have stored its node-ID and use it only when it was switched off and on. One that boots under its old
-/// node-ID has obeyed the reset; reset node is tried then. One without a node-ID that does not boot soon is asked by
-/// LSS (`select`, `inquire`, `release`): one that boots does not answer, and is waited for. When LSS tells twice that
-/// the device is as it was, it waits for its power cycle; one without a node-ID is told anew once before.
+/// An intention left by an earlier binding may have reached the device: no later failure drops it (`untouched`),
+/// however often it is tried again. An absent device may have stored the node-ID and lost its power before `04h 00h`;
+/// it then returns with it.
 ///
-/// Taking a node-ID away (`Kind::blank`) walks the same table without `check_vacant` and `await_boot_up`, and from
-/// `write_ask` on: a device that is away loses its node-ID when it comes back. `identify` asks by LSS whether it has
-/// none now.
+/// Some devices use a stored node-ID only after they were switched off and on. If the device boots under its old
+/// node-ID, it has obeyed the reset, and reset node is tried. A device without a node-ID that does not boot soon is
+/// asked by LSS (`select`, `inquire`, `release`); one that is booting does not answer, and is waited for. If LSS shows
+/// twice that the device is unchanged, the binding waits for its power cycle; a device without a node-ID is told its
+/// node-ID once more before that.
+///
+/// Taking a node-ID away (`Kind::blank`) uses the same table without `check_vacant` and `await_boot_up`, from
+/// `write_ask` on: an absent device loses its node-ID when it returns. `identify` asks by LSS whether it now has none.
 #pragma once
 
 #include <cstdint>
@@ -70,13 +73,14 @@ enum class Step : std::uint8_t {
 enum class Outcome : std::uint8_t {
   ok,
   silent,       ///< no answer in time
-  refused,      ///< an answer with an error code; `write_ask`: the store has the device in another slot
+  refused,      ///< an answer with an error code; `write_ask`: the store has the device in another slot of the bus
   unsupported,  ///< `store`: the device has no memory for it (error code 1)
   mismatch,     ///< not the expected one: the id is taken (`check_vacant`), another device is in configuration too
-                ///< (`select`), one booted under the id since then (`configure`, `store`, `release`), it seems to stay
-                ///< as it was (`await_boot_up`), another device answers or it still has its id (`identify`)
+                ///< (`select`), one booted under the id meanwhile (`configure`, `store`, `release`), it seems unchanged
+                ///< (`await_boot_up`), another device answers or it still has its id (`identify`)
   several,      ///< more than one device answered
-  taken_back,   ///< `identify`: it may have been told since then to have no node-ID, with another (`lss::Master`)
+  taken_back,   ///< `identify`: since then it may have been told, with another device, to have no node-ID
+                ///< (`lss::Master`)
   error,        ///< the store, or the port, failed
 };
 
@@ -84,11 +88,11 @@ enum class Why : std::uint8_t {
   none,
   occupied,      ///< another device answers at the node-ID
   not_there,     ///< no device answers to the LSS address
-  not_alone,     ///< another device is in LSS configuration beside it, or answers in its place, again and again
+  not_alone,     ///< another device is in LSS configuration too, or answers in its place, repeatedly
   clone,         ///< two devices answer to the LSS address
   refused,       ///< the device does not take the node-ID
   not_stored,    ///< the device could not store it
-  silent,        ///< it took the node-ID and was not heard under it
+  silent,        ///< it took the node-ID, but was not heard under it
   other_device,  ///< another device answers under the node-ID
   store_failed,  ///< Berth's own store could not be written
   seated_twice,  ///< the store has the device in another slot of this bus, and refused the intention
@@ -100,8 +104,8 @@ class Binding {
  public:
   enum class Kind : std::uint8_t { bind, blank };
 
-  /// `seat.id` is the node-ID to give; for `blank` it is unconfigured. `tries`: how often `select` may be walked.
-  /// `resumed`: the store holds this intention already, so an earlier binding may have told the device the node-ID.
+  /// `seat.id` is the node-ID to give; unconfigured for `blank`. `tries`: how often `select` may run. `resumed`: the
+  /// store already has this intention, so an earlier binding may have told the device the node-ID.
   Binding(Kind kind, const Assignment& seat, unsigned tries = 3, bool resumed = false) noexcept
       : kind_(kind),
         assignment_(seat),
@@ -113,41 +117,41 @@ class Binding {
   [[nodiscard]] const Assignment& assignment() const noexcept { return assignment_; }
   [[nodiscard]] Step step() const noexcept { return step_; }
   [[nodiscard]] Why why() const noexcept { return why_; }
-  /// The node-ID that the device had when it was asked last, or is known to have (`inquired` before the first step).
+  /// The device's node-ID at the last inquiry, or its known one (`inquired` before the first step).
   [[nodiscard]] NodeId old_id() const noexcept { return old_id_; }
   /// More than one device took the last `11h` or `17h`.
   [[nodiscard]] bool shared() const noexcept { return shared_; }
-  /// What `revert` writes: the node-ID that the device had. None when a second device heard the `11h` too, which must
-  /// not get the node-ID of the first; none when another device answers under the node-ID that this one told to have
-  /// (Lely core's slaves tell the pending one).
+  /// The node-ID that `revert` writes: the device's old one. None when a second device heard the `11h` too, because
+  /// that must not get the first one's node-ID; none when another device answers under the node-ID that this one
+  /// reported (Lely core's slaves report the pending one).
   [[nodiscard]] NodeId revert_to() const noexcept {
     const bool lost = why_ == Why::other_device && old_id_ == assignment_.id;
     return shared_ || lost ? NodeId() : old_id_;
   }
   [[nodiscard]] unsigned tries_left() const noexcept { return tries_; }
   [[nodiscard]] bool stored() const noexcept { return stored_; }
-  /// The device has no memory for a node-ID: it must be given one at every power-on.
+  /// The device has no memory for a node-ID: it must get one at every power-on.
   [[nodiscard]] bool volatile_only() const noexcept { return volatile_only_; }
-  /// Whether the device stays as it was, having stored its node-ID.
+  /// For a device that has stored its node-ID: whether it stays unchanged.
   struct Staying {
-    bool asked = false;  ///< `select` and `inquire` ask it so
-    bool once = false;   ///< it seemed so once: `reset` is by NMT reset node
-    bool boots = false;  ///< LSS has not answered, so it boots: it is waited for, however long it takes
+    bool asked = false;  ///< `select` and `inquire` ask for this
+    bool once = false;   ///< it seemed so once: now `reset` is NMT reset node
+    bool boots = false;  ///< LSS has not answered, so it boots: wait for it, however long
     friend bool operator==(const Staying&, const Staying&) = default;
   };
   [[nodiscard]] const Staying& staying() const noexcept { return staying_; }
-  /// The device was never told a node-ID, neither by this binding nor by one before it: nothing in it can have changed,
-  /// and the intention may be dropped.
+  /// The device was never told a node-ID, by this or an earlier binding: it is unchanged, and the intention may be
+  /// dropped.
   [[nodiscard]] bool untouched() const noexcept { return untouched_; }
   [[nodiscard]] bool ended() const noexcept {
     return step_ == Step::done || step_ == Step::failed || step_ == Step::power_cycle;
   }
 
-  /// With `inquire`'s good outcome: what it told. Call before `advance(ok)`.
+  /// After a successful `inquire`: its answer. Call before `advance(ok)`.
   void inquired(NodeId now) noexcept { old_id_ = now; }
   /// The step ended; `step()` is the next one.
   void advance(Outcome outcome) noexcept;
-  /// A device that waited for a power cycle was heard again: its identity is looked at.
+  /// A device that waited for a power cycle was heard again: check its identity.
   void heard_again() noexcept { step_ = Step::identify; }
 
   friend bool operator==(const Binding&, const Binding&) = default;
@@ -176,7 +180,7 @@ class Binding {
   bool asked_ = false;      // the intention is in the store
   bool touched_ = false;    // a node-ID may be pending in the device
   bool failing_ = false;    // revert, release, then fail
-  bool told_anew_ = false;  // one without a node-ID that stayed so
+  bool told_anew_ = false;  // a device without a node-ID stayed without
   Staying staying_{};
 };
 

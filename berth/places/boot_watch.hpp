@@ -1,6 +1,6 @@
-/// Hears what only the device that has a node-ID sends under it, and remembers per node-ID when it last booted and when
-/// it was last heard: whether a device came under a node-ID since a moment, and whether any is there at all. Error
-/// control (CiA 301 §7.2.8.3) tells boots and states; EMCY and SDO answers on their predefined COB-IDs tell that the
+/// Hears frames that only the owner of a node-ID sends, and stores for each node-ID when it last booted and was last
+/// heard: so it knows whether a device came to a node-ID since some time, and whether there is any device at all. Error
+/// control (CiA 301 §7.2.8.3) shows boots and states; EMCY and SDO answers on their predefined COB-IDs show that the
 /// node-ID is in use.
 #pragma once
 
@@ -17,12 +17,12 @@ namespace berth::places {
 
 class BootWatch final : private can::Handler {
  public:
-  /// `sdo`: told of each boot-up, so that no silence from before it excuses a second answer; may be null.
+  /// `sdo`: is told each boot-up, so that silence from before it does not excuse a second answer; may be null.
   explicit BootWatch(can::Dispatcher& dispatcher, co::SdoClient* sdo = nullptr);
 
   /// When the last boot-up message under this node-ID was heard.
   [[nodiscard]] std::optional<rt::Time> boot_up(NodeId id) const noexcept { return at(id).boot_up; }
-  /// When any error control message under this node-ID was heard, and the NMT state it told.
+  /// When any error control message under this node-ID was heard, and its NMT state.
   [[nodiscard]] std::optional<rt::Time> heard(NodeId id) const noexcept { return at(id).heard; }
   [[nodiscard]] NmtState state(NodeId id) const noexcept { return at(id).state; }
   /// Nothing was heard under this node-ID at or after `since`: no error control message, EMCY or SDO answer.
@@ -30,23 +30,23 @@ class BootWatch final : private can::Handler {
     const Node& node = at(id);
     return (!node.heard || *node.heard < since) && (!node.voice || *node.voice < since);
   }
-  /// A question under this node-ID at `asked` that stayed without an answer still shows that no device has it: nothing
-  /// was heard there since, nor in the second before. A device that was heard so lately may have missed the question.
+  /// An unanswered question under this node-ID at `asked` still shows that no device has it: nothing was heard there
+  /// since, or in the second before. A device heard so recently may have missed the question.
   [[nodiscard]] bool vacant_since(NodeId id, rt::Time asked) const noexcept {
     return silent_since(id, asked - std::chrono::seconds(1));
   }
-  /// How many error control messages were heard under this node-ID, boot-ups not counted.
+  /// Number of error control messages under this node-ID, without boot-ups.
   [[nodiscard]] std::uint64_t beats(NodeId id) const noexcept { return at(id).beats; }
-  /// The time between the last three heartbeats, when it was the same twice: how often they come, whatever 1017h says.
+  /// The heartbeat period, if the last two gaps were equal, whatever 1017h says.
   [[nodiscard]] std::optional<rt::Duration> steady(NodeId id) const noexcept;
-  /// How many boot-up messages.
+  /// Number of boot-up messages.
   [[nodiscard]] std::uint64_t boot_ups(NodeId id) const noexcept { return at(id).boot_ups; }
   /// A boot-up under this node-ID was heard at or after `since`.
   [[nodiscard]] bool booted_since(NodeId id, rt::Time since) const noexcept {
     return at(id).boot_up && *at(id).boot_up >= since;
   }
 
-  /// The node gave this node-ID up.
+  /// The node has given this node-ID up.
   void forget(NodeId id) noexcept { nodes_[place(id)] = {}; }
 
   /// A boot-up message under this node-ID, at or after this time.
@@ -55,8 +55,7 @@ class BootWatch final : private can::Handler {
     rt::Time since{};
   };
 
-  /// Waits for a boot-up under `id` at or after `since`; true when it came before `deadline`. Must not outlive the
-  /// watch.
+  /// Waits for a boot-up under `id` at or after `since`; true if it came before `deadline`. Must not outlive the watch.
   class Wait final : public rt::Operation<Wait>, private rt::Job {
    public:
     Wait(BootWatch& watch, NodeId id, rt::Time since, rt::Time deadline, const BootUp& other) noexcept
@@ -92,11 +91,11 @@ class BootWatch final : private can::Handler {
     std::optional<rt::Time> voice;  // EMCY, SDO answer
     NmtState state = NmtState::initialising;
     std::optional<rt::Time> beat;        // since the last boot-up
-    std::array<rt::Duration, 2> gaps{};  // the last two between beats, newest first; 0: none yet
+    std::array<rt::Duration, 2> gaps{};  // the last two gaps between beats, newest first; 0: none yet
     std::uint64_t beats = 0;
     std::uint64_t boot_ups = 0;
   };
-  // No node is ever heard under 0: what is asked of "no node-ID" (FFh) is that nothing was heard of it.
+  // No node is ever heard under 0, so that place answers for "no node-ID" (FFh): nothing was heard.
   [[nodiscard]] static std::size_t place(NodeId id) noexcept { return id.configured() ? id.value() : 0U; }
   [[nodiscard]] const Node& at(NodeId id) const noexcept { return nodes_[place(id)]; }
   void received(const can::Frame& frame, rt::Time at) noexcept override;

@@ -1,5 +1,5 @@
-/// An object of a device that tells which place it sits in: a coding in the harness, an input that only the left one
-/// has wired (paper 4, S4.19).
+/// An object of a device that shows where it sits: a coding in the harness, an input that is wired only on the left one
+/// (paper 4, S4.19).
 #pragma once
 
 #include <cstdint>
@@ -21,12 +21,12 @@ struct Probe {
   friend bool operator==(const Probe&, const Probe&) = default;
 };
 
-/// What was read from an object of a device that no slot can be given to without it.
+/// A value read from a device that cannot get a slot without it.
 struct Reading {
   Identity device;
   std::uint16_t index = 0;
   std::uint8_t sub = 0;
-  std::optional<std::uint32_t> value;  ///< none: the device has no such object, or it is longer than four bytes
+  std::optional<std::uint32_t> value;  ///< none: the device has no such object, or its value is longer than four bytes
   friend bool operator==(const Reading&, const Reading&) = default;
 };
 

@@ -1,4 +1,4 @@
-/// Does the steps of a `RecipeBinding` on a bus.
+/// Carries out the steps of a `RecipeBinding` on a bus.
 #pragma once
 
 #include <string>
@@ -13,13 +13,13 @@ class RecipeBinder {
   RecipeBinder(const Binder::Services& services, const Binder::Options& options, const Recipe& recipe)
       : s_(services), options_(options), recipe_(&recipe) {}
 
-  /// Runs the table to its end. All given must stay.
+  /// Runs the table to its end. All arguments must outlive the task.
   [[nodiscard]] rt::Task<void> run(RecipeBinding& binding, SlotId slot, const std::string& reason);
 
   /// As `Binder::store_said`.
   [[nodiscard]] const std::optional<Error>& store_said() const noexcept { return store_said_; }
 
-  /// The bytes of one object as they are written, little-endian.
+  /// The bytes to write for one object, little-endian.
   [[nodiscard]] static std::vector<std::uint8_t> bytes(const Recipe::Write& write, NodeId id);
 
  private:
@@ -33,7 +33,7 @@ class RecipeBinder {
   const Recipe* recipe_;
   std::optional<Error> store_said_;
   rt::Time identified_{};  // under the old node-ID
-  rt::Time moved_{};       // it may boot under the new one from then on
+  rt::Time moved_{};       // from then on it may boot under the new one
 };
 
 }  // namespace berth::places

@@ -1,5 +1,6 @@
-/// The steps of a binding by recipe, as a table without I/O: for a device without LSS, whose node-ID is an object. As
-/// `Binding` is for LSS; `RecipeBinder` does the steps on a bus, and the tests explore them with losses and crashes.
+/// The steps of a binding by recipe, as a table without I/O: for a device without LSS, whose node-ID is an object. The
+/// counterpart of `Binding` for LSS. `RecipeBinder` carries the steps out on a bus; the tests explore them with losses
+/// and crashes.
 ///
 ///     step           does                                       ends well  next
 ///     check_vacant   asks whether the new node-ID is in use     it is not  identify_old
@@ -13,9 +14,9 @@
 ///     write_confirm  what was intended has become so            written    done
 ///     revert         all objects again, with the old node-ID    any        failed
 ///
-/// Every step may be done twice without harm, so a restart after a crash begins again with wherever the device is heard
-/// now. Once something was written, whatever goes wrong before the reset leaves through `revert`, and the store keeps
-/// the intention: the node-ID may be in the device's memory and is given to no other.
+/// Every step may be repeated without harm, so a restart after a crash begins again at the node-ID where the device is
+/// heard. After the first write, any failure before the reset goes through `revert`, and the store keeps the intention:
+/// the node-ID may be in the device's memory and is given to no other device.
 #pragma once
 
 #include "berth/places/binding.hpp"
@@ -34,7 +35,7 @@ enum class RecipeStep : std::uint8_t {
   identify,
   write_confirm,
   done,
-  power_cycle,  ///< written, and in use when the device was switched off and on
+  power_cycle,  ///< written, in use after the device is switched off and on
   failed,
 };
 [[nodiscard]] const char* name(RecipeStep step) noexcept;
@@ -42,7 +43,7 @@ enum class RecipeStep : std::uint8_t {
 class RecipeBinding {
  public:
   /// `now`: the node-ID under which the device answers. `tries`: how often it may be written. `resumed`: an earlier run
-  /// asked for this and may have written it.
+  /// had this intention and may have written it.
   RecipeBinding(Recipe::After after, const Assignment& seat, NodeId now, unsigned tries = 3,
                 bool resumed = false) noexcept
       : after_(after),
@@ -57,14 +58,14 @@ class RecipeBinding {
   [[nodiscard]] RecipeStep step() const noexcept { return step_; }
   [[nodiscard]] Why why() const noexcept { return why_; }
   [[nodiscard]] unsigned tries_left() const noexcept { return tries_; }
-  /// Nothing was ever written: nothing in the device can have changed.
+  /// Nothing was ever written: the device is unchanged.
   [[nodiscard]] bool untouched() const noexcept { return untouched_; }
   [[nodiscard]] bool ended() const noexcept {
     return step_ == RecipeStep::done || step_ == RecipeStep::failed || step_ == RecipeStep::power_cycle;
   }
   /// The step ended; `step()` is the next one.
   void advance(Outcome outcome) noexcept;
-  /// A device that waited for a power cycle was heard again: its identity is looked at.
+  /// A device that waited for a power cycle was heard again: check its identity.
   void heard_again() noexcept { step_ = RecipeStep::identify; }
 
  private:

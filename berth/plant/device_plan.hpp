@@ -1,5 +1,5 @@
-/// What a device of a plant file is made of, wherever it sits: on a simulated bus (`SimDevice`) or on a port
-/// (`PortDevice`). Inside of room `plant`.
+/// The parts of a plant file's device, for a simulated bus (`SimDevice`) or a port (`PortDevice`). Inside of room
+/// `plant`.
 #pragma once
 
 #include <functional>
@@ -27,19 +27,19 @@ namespace berth::plant {
 /// Bytes of its non-volatile memory. An NMT master's has room for 64 KiB in all.
 [[nodiscard]] std::size_t memory_of(const PlantDevice& plan, const od::Description& description) noexcept;
 [[nodiscard]] device::Timing timing_of(const PlantDevice& plan);
-/// `bit_rate`: what blank memory counts as, bit/s; `seed`: for what the device draws itself.
+/// `bit_rate`: used by blank memory, bit/s; `seed`: for the device's own random numbers.
 [[nodiscard]] device::Options options_of(const PlantDevice& plan, const LssAddress& address, std::uint32_t bit_rate,
                                          std::uint64_t seed);
 
-/// The flash memory of its programs, with the program that it has; null when it is not programmed, or the file of that
-/// program cannot be read (an error).
+/// The flash memory of its programs, with the initial program; null if it is not programmed, or the program's file
+/// cannot be read (an error).
 [[nodiscard]] std::unique_ptr<device::SimFlash> program_flash_of(const PlantDevice& plan, rt::Executor& executor);
 [[nodiscard]] device::ProgramOptions programs_of(const PlantDevice& plan, device::SimFlash* flash);
-/// The image that it has from the beginning; what is wrong with it is a finding.
+/// Checks its initial program image; errors are findings.
 [[nodiscard]] bool check_programs(const PlantDevice& plan, const od::Description& description, Findings& findings);
 
-/// The memory of a simulated master for the node-IDs that it gives, beside that of its parameters: it outlives power,
-/// and takes no time.
+/// The memory in which a simulated master keeps the node-IDs that it gives, separate from its parameters' memory. It
+/// survives power-off, and writing takes no time.
 class SimListMemory final : public manager::ListMemory {
  public:
   [[nodiscard]] std::size_t size() const noexcept override { return manager::ListStore::footprint; }
@@ -48,8 +48,8 @@ class SimListMemory final : public manager::ListMemory {
 
   /// Called after each write; may be empty.
   void on_write(std::function<void()> callback) { on_write_ = std::move(callback); }
-  /// From now on `bytes` more bytes are written, and `cut` is called in the middle of that write: it may only post a
-  /// job that cuts the power. The byte at which it stops holds `torn` (0..255), or what it held (-1).
+  /// Writes `bytes` more bytes, then calls `cut` in the middle of that write; `cut` may only post a job that cuts the
+  /// power. The byte where it stops becomes `torn` (0..255), or keeps its value (-1).
   void cut_after(std::uint64_t bytes, std::function<void()> cut, int torn = -1);
 
   /// The content up to the last byte ever written; the rest is blank.
@@ -64,15 +64,15 @@ class SimListMemory final : public manager::ListMemory {
   int torn_ = -1;
 };
 
-/// What makes a device the NMT master of its bus (key `master`).
+/// Makes a device the NMT master of its bus (key `master`).
 struct PlantMastery {
-  // Only of one that is no flying master.
+  // Unless it is a flying master.
   std::unique_ptr<SimListMemory> memory{};
   std::unique_ptr<manager::ListStore> store{};
   std::unique_ptr<manager::NodeIdAssigner> assigner{};
-  std::unique_ptr<network::DictionaryManager> manager{};  ///< null: it is no master
+  std::unique_ptr<network::DictionaryManager> manager{};  ///< null: it is not a master
 };
-/// `device` is the plan's, and observes nothing of its NMT state by `on()` yet. All must stay.
+/// `device` belongs to the plan, and must not observe its NMT state by `on()` yet. All must outlive it.
 [[nodiscard]] PlantMastery master_of(const PlantDevice& plan, can::Dispatcher& dispatcher, device::Device& device);
 
 /// For `Kept`; empty where there is none.
@@ -85,12 +85,11 @@ struct Described {
   bool unreadable = false;
 };
 
-/// Device descriptions, each read once.
+/// Reads each device description once.
 class Descriptions {
  public:
-  /// Null when it cannot be read. The findings are those of its first reading: the errors, and a warning of the
-  /// mandatory objects that it lacks and the device has all the same.
-  /// `part`: the built-in ones have the objects of a gateway.
+  /// Null if it cannot be read. The findings of its first reading: the errors, and a warning about missing mandatory
+  /// objects, which the device has nevertheless. `part`: built-in descriptions get the objects of a gateway.
   [[nodiscard]] const Described* of(const PlantDevice& device, Findings& findings, GatewayPart part = {});
 
  private:
@@ -98,10 +97,10 @@ class Descriptions {
 };
 [[nodiscard]] LssAddress address_of(const PlantDevice& device, const Described& described) noexcept;
 
-/// Devices' scripts, each read and compiled once.
+/// Reads and compiles each device's script once.
 class Scripts {
  public:
-  /// None of a device without one, nor where it cannot be read or does not compile (an error).
+  /// None for a device without a script, or if the script cannot be read or compiled (an error).
   [[nodiscard]] std::optional<script::Script> of(const PlantDevice& device, Findings& findings);
 
  private:
@@ -120,7 +119,7 @@ struct Kept {
 };
 [[nodiscard]] std::string write_state(std::span<const Kept> devices);
 [[nodiscard]] Result<std::vector<Kept>> parse_state(std::string_view text);
-/// By renaming, so that it is whole at any time; false: the old one stays.
+/// Replaces the file by renaming, so that it is always whole; false: the old one stays.
 bool write_state_file(const std::string& path, std::string_view text);
 /// The text of a state file, none when there is no file. Refused: it cannot be read, or could not be written.
 [[nodiscard]] Result<std::optional<std::string>> read_state_file(const std::string& path);

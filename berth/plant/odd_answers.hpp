@@ -1,5 +1,5 @@
-/// What a simulated device answers about its identity (1018h), and does when its heartbeat time (1017h) is written,
-/// that no device should. Inside of room `plant`.
+/// Wrong behaviour of a simulated device: its answers about its identity (1018h), and what it does when its heartbeat
+/// time (1017h) is written. Inside of room `plant`.
 #pragma once
 
 #include <array>
@@ -28,7 +28,7 @@ class OddAnswers final : private od::Hook, private rt::Job {
   rt::Executor* executor_;
   std::array<std::uint8_t, 4> shown_{};
   std::array<std::uint32_t, 4> readings_{};  // of each part of 1018h
-  std::optional<std::uint16_t> kept_;        // 1017h, in a memory of its own
+  std::optional<std::uint16_t> kept_;        // 1017h, in its own memory
 };
 
 }  // namespace berth::plant

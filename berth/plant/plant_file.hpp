@@ -1,6 +1,5 @@
-/// The plant file: a simulated world to try a machine on (`docs/plant-file.md` has the grammar). Which devices are
-/// plugged in where, what they are like, and what goes wrong when. Plain data; `berth/plant/` makes the world out of
-/// it.
+/// The plant file: a simulated world for trying a machine (`docs/plant-file.md` has the grammar). It lists the devices,
+/// their places and properties, and faults with their times. Plain data; `berth/plant/` builds the world from it.
 #pragma once
 
 #include <cstdint>
@@ -22,7 +21,7 @@ namespace berth::plant {
 
 using Duration = text::Duration;
 
-/// The name by which events call Berth's own node; no device may have it.
+/// The name of Berth's own node in events; no device may have it.
 inline constexpr std::string_view master_name = "master";
 
 struct PlantBus {
@@ -36,25 +35,26 @@ struct PlantBus {
 enum class NodeIdSource : std::uint8_t {
   blank,        ///< none; LSS can give one, and storing keeps it
   nonvolatile,  ///< LSS can change it, `node_id` was stored before
-  hard_coded,   ///< fixed in the firmware: LSS configure node-ID is refused
+  hard_coded,   ///< fixed in the firmware: refuses LSS configure node-ID
   switches,     ///< set by hand on the device: as hard-coded
-  connector,    ///< coded in the plug, thus by the place: as hard-coded
+  connector,    ///< coded in the plug, so given by the place: as hard-coded
 };
 [[nodiscard]] const char* name(NodeIdSource source) noexcept;
 
-/// What finds a device and gives it a node-ID, as far as it takes part. The words of `speaks` in the plant file.
+/// The protocols for finding devices and giving node-IDs in which a device takes part. The words of `speaks` in the
+/// plant file.
 enum class Speaks : std::uint8_t {
   lss,                  ///< CiA 305 without Fastscan
-  fastscan,             ///< LSS Fastscan (51h); with it comes `lss`
-  feedback_29,          ///< Fastscan with feedback in 29-bit identifiers; with it come `fastscan` and `lss`
+  fastscan,             ///< LSS Fastscan (51h); implies `lss`
+  feedback_29,          ///< Fastscan with feedback in 29-bit identifiers; implies `fastscan` and `lss`
   feedback_11,          ///< Fastscan with feedback in sixteen 11-bit identifiers; as above
   rand,                 ///< paper 1's RAND
-  rand_literal,         ///< RAND in LSS configuration state only, as the paper has it; with it comes `rand`
-  rand_resume,          ///< RAND with Berth's extension (docs/rand.md); with it comes `rand`
-  and_protocol,         ///< AND, which RAND revises
+  rand_literal,         ///< RAND in LSS configuration state only, as in the paper; implies `rand`
+  rand_resume,          ///< RAND with Berth's extension (docs/rand.md); implies `rand`
+  and_protocol,         ///< AND, RAND's predecessor
   claim,                ///< claims a node-ID in the data field, as SAE J1939-81 does
   negotiation,          ///< paper 2's negotiation without a master
-  negotiation_literal,  ///< with the paper's conflict rule; with it comes `negotiation`
+  negotiation_literal,  ///< with the paper's conflict rule; implies `negotiation`
 };
 /// A set of `Speaks`.
 class SpeaksSet {
@@ -66,7 +66,7 @@ class SpeaksSet {
   [[nodiscard]] constexpr bool has(Speaks what) const noexcept {
     return ((bits_ >> static_cast<unsigned>(what)) & 1U) != 0;
   }
-  /// Adds it and what comes with it.
+  /// Adds it and what it implies.
   constexpr void add(Speaks what) noexcept {
     using enum Speaks;
     bits_ = static_cast<std::uint16_t>(bits_ | 1U << static_cast<unsigned>(what));
@@ -84,26 +84,25 @@ class SpeaksSet {
   std::uint16_t bits_ = 0;
 };
 
-/// In what a device does as the CANopen stack of this name (docs/plant-file.md says what that is), not as CiA's
-/// documents want it. The words of `habits` in the plant file.
+/// Behaviour in which a device follows the CANopen stack of this name (docs/plant-file.md lists it) rather than CiA's
+/// documents. The words of `habits` in the plant file.
 enum class Habit : std::uint8_t { canopennode, lely };
 [[nodiscard]] const char* name(Habit habit) noexcept;
 
-/// In what the LSS of a device differs from all that CiA 305 has. Keys `habits`, `lss_without`, `lss_store`,
-/// `short_answers`.
+/// How a device's LSS deviates from CiA 305. Keys `habits`, `lss_without`, `lss_store`, `short_answers`.
 struct PlantLss {
-  std::optional<Habit> habit;  ///< with `Speaks::fastscan`: both stacks always speak it
+  std::optional<Habit> habit;  ///< with `Speaks::fastscan`: both stacks always have it
   lss::LackSet without;        ///< with `Speaks::lss`
   bool refuses_store = false;  ///< 17h is answered with error code 1
   bool short_answers = false;  ///< leaves out the zeros at the end of an answer
   friend bool operator==(const PlantLss&, const PlantLss&) = default;
 };
 
-/// Order in which a device's controller sends what is queued.
+/// The order in which a device's controller sends queued frames.
 enum class QueueKind : std::uint8_t { in_order, priority };
 
-/// Time from a request to the device's answer: uniform between `min` and `max`, and `outlier` instead, `outlier_ppm`
-/// times in a million.
+/// Time from a request to the device's answer: uniform between `min` and `max`; `outlier` instead, `outlier_ppm` times
+/// in a million.
 struct Latency {
   Duration min = std::chrono::microseconds(500);
   Duration max = std::chrono::microseconds(500);
@@ -112,7 +111,7 @@ struct Latency {
   friend bool operator==(const Latency&, const Latency&) = default;
 };
 
-/// An object that must be written with this value to make the one before it count.
+/// An object that must get this value before the one before it takes effect.
 struct PlantSignature {
   ObjectRef object;
   std::uint64_t value = 0;  ///< little-endian on the wire
@@ -142,7 +141,7 @@ struct PlantPrograms {
 struct PlantStorage {
   Duration time = std::chrono::milliseconds(20);  ///< request to answer
   bool deaf = false;                              ///< hears nothing while it stores
-  bool power_cycle_after = false;                 ///< a stored node-ID counts only after power was off
+  bool power_cycle_after = false;                 ///< a stored node-ID takes effect only after power-off
   bool needs_first_save = false;                  ///< EMCY 5000h and not operational until 1010h was saved once
   PlantPrograms programs;
   friend bool operator==(const PlantStorage&, const PlantStorage&) = default;
@@ -152,9 +151,9 @@ struct PlantStorage {
 struct PlantController {
   QueueKind queue = QueueKind::in_order;
   std::uint32_t rx_depth = 16;   ///< frames its receive buffer holds; 1 = a single slot
-  Duration bus_off_recovery{0};  ///< restarts its controller so long after bus-off; 0 = never
-  std::uint32_t repeat_ppm = 0;  ///< so many of its frames in a million are sent twice
-  bool extended_frames = true;   ///< false: of CAN 2.0A, and answers each extended frame with an error frame
+  Duration bus_off_recovery{0};  ///< restarts its controller this long after bus-off; 0 = never
+  std::uint32_t repeat_ppm = 0;  ///< so many in a million of its frames are sent twice
+  bool extended_frames = true;   ///< false: CAN 2.0A; answers each extended frame with an error frame
   std::int32_t drift_ppm = 0;    ///< its clock is fast (+) or slow (-)
   friend bool operator==(const PlantController&, const PlantController&) = default;
 };
@@ -162,24 +161,25 @@ struct PlantController {
 /// The node-ID as an object of the device. Keys `node_id_object`, `node_id_signature`.
 struct PlantNodeIdObject {
   std::optional<ObjectRef> object;          ///< the node-ID is this object, 1 byte
-  std::optional<PlantSignature> signature;  ///< with `object`: written there, it is stored
+  std::optional<PlantSignature> signature;  ///< with `object`: writing it stores the node-ID
   friend bool operator==(const PlantNodeIdObject&, const PlantNodeIdObject&) = default;
 };
 
-/// A device of several ports, paper 3's gateway: what several devices of the plant are together. Tables `[[gateway]]`.
+/// A device with several ports, paper 3's gateway, formed by several devices of the plant. Tables `[[gateway]]`.
 struct PlantGateway {
   std::string above;                        ///< its device on the bus above
   std::vector<std::string> beneath;         ///< those on the buses beneath, port 1 first
   std::uint8_t layout = 8;                  ///< of EMCYs: the paper's Figure 7, 8 or 9
   std::vector<std::uint8_t> speaks_layout;  ///< node-IDs beneath whose EMCYs have it; gateways there are found
+                                            ///< automatically
   bool literal = false;                     ///< SDO answers as published
   std::uint32_t signals =
       0;  ///< rows of its routing objects, and places of each size on every side; 0: no such objects
   friend bool operator==(const PlantGateway&, const PlantGateway&) = default;
 };
 
-/// The device is an NMT master of its bus, by its own dictionary: a flying one (docs/flying-master.md), or the only
-/// one, which gives its slaves their node-IDs too. Key `master`.
+/// The device is an NMT master of its bus by its own dictionary: a flying one (docs/flying-master.md), or the only one,
+/// which also gives its slaves their node-IDs. Key `master`.
 struct PlantMaster {
   bool flying = true;
   std::uint8_t most = 32;        ///< highest node-ID of a slave; of a flying master the last of `slaves`
@@ -189,7 +189,7 @@ struct PlantMaster {
   friend bool operator==(const PlantMaster&, const PlantMaster&) = default;
 };
 
-/// What it does when its heartbeat time (1017h) is written. The words of `resets_at_heartbeat`, after `never`.
+/// What it does after its heartbeat time (1017h) was written. The words of `resets_at_heartbeat`, after `never`.
 enum class ResetsAtHeartbeat : std::uint8_t {
   never,
   keeps,    ///< answers, resets, and has the new value
@@ -197,14 +197,14 @@ enum class ResetsAtHeartbeat : std::uint8_t {
   silent,   ///< resets without an answer, and has its old value
 };
 
-/// What it tells of itself that no device should. Keys `identity_changes`, `sdo_serial`,
+/// Wrong information that it gives about itself. Keys `identity_changes`, `sdo_serial`,
 /// `identity_only_pre_operational`, `resets_at_heartbeat`, `heartbeat_sent`.
 struct PlantOddities {
   std::uint8_t changing = 0;                   ///< parts of 1018h, bit 0 the vendor-ID: each reading gives one more
-  std::optional<std::uint32_t> sdo_serial;     ///< 1018h:04, where it is not what LSS tells
+  std::optional<std::uint32_t> sdo_serial;     ///< 1018h:04, if it differs from LSS
   bool identity_only_pre_operational = false;  ///< 1018h is refused in any other NMT state
   ResetsAtHeartbeat resets = ResetsAtHeartbeat::never;
-  Duration heartbeat_sent{0};  ///< its heartbeat comes so often, whatever 1017h says; 0: as that says
+  Duration heartbeat_sent{0};  ///< period of its heartbeat, whatever 1017h says; 0: as 1017h says
   friend bool operator==(const PlantOddities&, const PlantOddities&) = default;
 };
 
@@ -217,7 +217,7 @@ struct PlantScript {
   std::string path;  ///< the same, relative to the plant file's folder; not compared
 };
 
-/// What its program does and tells by itself. Keys `script`, `variables`, `master`, `hardware`.
+/// What its program does and reports by itself. Keys `script`, `variables`, `master`, `hardware`.
 struct PlantBehaviour {
   PlantScript script;
   std::vector<PlantVariable> variables;
@@ -233,7 +233,7 @@ struct PlantDevice {
   std::string eds_path;  ///< the same, relative to the plant file's folder; not compared
   PlantBehaviour does;
   LssAddress address;           ///< identity object 1018h
-  bool address_of_eds = false;  ///< vendor, product and revision are the description's; not set here
+  bool address_of_eds = false;  ///< vendor, product and revision come from the description; not set here
   NodeIdSource source = NodeIdSource::blank;
   NodeId node_id;  ///< what the source gives; unconfigured for `blank`
   PlantNodeIdObject node_id_object;
@@ -245,7 +245,7 @@ struct PlantDevice {
   Duration reset = std::chrono::milliseconds(20);  ///< NMT reset (node or communication) to boot-up message
   PlantStorage storing;
   PlantController controller;
-  Duration heartbeat{0};  ///< 1017h at power-on; 0 = none until told
+  Duration heartbeat{0};  ///< 1017h at power-on; 0 = none until it is written
   bool plugged = true;    ///< at time 0
 
   friend bool operator==(const PlantDevice& a, const PlantDevice& b) noexcept;
@@ -255,7 +255,7 @@ struct PlantDevice {
 enum class After : std::uint8_t {
   start,        ///< time 0 of the world
   discovered,   ///< a discovery has found a device
-  bound,        ///< every slot that can be is bound
+  bound,        ///< every slot that can be bound is bound
   operational,  ///< every mandatory slot is operational for the first time
 };
 [[nodiscard]] const char* name(After after) noexcept;
@@ -271,32 +271,32 @@ enum class Action : std::uint8_t {
   cut_cable,    ///< `nodes` and the rest of the bus no longer hear each other
   join,         ///< the bus is one again
   disturb,      ///< bits of one or more frames are wrong for `nodes`
-  overrun,      ///< `nodes` lose one or more frames, acknowledged all the same
+  overrun,      ///< `nodes` lose one or more frames, which are acknowledged nevertheless
   set_serial,   ///< the device's serial number is `value` from its next power-on (a swap that is not announced)
   set_node_id,  ///< the device's stored node-ID is `value` (255 blank) from its next power-on
-  recover,      ///< it hears, and answers as fast, as before `deaf` and `slow`
+  recover,      ///< ends `deaf` and `slow`
 };
 [[nodiscard]] const char* name(Action action) noexcept;
 
-/// Bits that go wrong (`disturb`): for the victims, flipped or forced.
+/// Wrong bits (`disturb`): for the victims, flipped or forced.
 enum class Disturbance : std::uint8_t { flip, dominant, recessive };
 
 /// Which frames a `disturb` or `overrun` strikes, and where: as `sim::Trigger` and `sim::BitPosition`, as data.
 struct Strike {
   Disturbance kind = Disturbance::flip;
-  std::optional<std::uint64_t> frame;  ///< exactly this frame of the bus, counted from 0, repetitions counted
+  std::optional<std::uint64_t> frame;  ///< only this frame of the bus, counted from 0, including repetitions
   std::optional<std::uint32_t> id;     ///< `can::Frame::key`: bit 31 set for an extended identifier
-  std::uint32_t skip = 0;              ///< let so many fitting frames pass
+  std::uint32_t skip = 0;              ///< let so many matching frames pass
   std::uint32_t times = 1;             ///< strike so many; 0 = each from then on
-  std::int32_t bit = 0;                ///< on the wire, stuff bits counted; 0 = start-of-frame
+  std::int32_t bit = 0;                ///< on the wire, including stuff bits; 0 = start-of-frame
   bool from_end = false;               ///< then 0 = last bit of end-of-frame, 8 the ACK slot, -1..-3 intermission
-  std::uint32_t bits = 1;              ///< how many bits in a row
+  std::uint32_t bits = 1;              ///< number of consecutive bits
   bool spare_senders = false;          ///< with empty `nodes`: all but the sender
   std::string sender;                  ///< only frames of this node, a device or "master"; empty: of any
   friend bool operator==(const Strike&, const Strike&) = default;
 };
 
-/// What goes wrong, and when: `delay` after `after`.
+/// A fault, and its time: `delay` after `after`.
 struct PlantEvent {
   After after = After::start;
   Duration delay{0};
@@ -311,9 +311,9 @@ struct PlantEvent {
   friend bool operator==(const PlantEvent&, const PlantEvent&) = default;
 };
 
-/// What a device is of a gateway.
+/// A device's part in a gateway.
 struct GatewayPart {
-  unsigned ports = 0;    ///< buses beneath, when it is the device above
+  unsigned ports = 0;    ///< buses beneath, if it is the device above
   unsigned signals = 0;  ///< `PlantGateway::signals`
   bool any = false;      ///< above or beneath
 };
@@ -336,8 +336,8 @@ struct PlantResult {
   Findings findings;
 };
 
-/// Reads a plant file's text; `file_name` is shown in findings, its folder is where `eds` is looked for.
-/// What it names and that leads out of that, its project and the folders of `allowed` is an error (`text::Reach`).
+/// Reads a plant file's text; `file_name` is shown in findings, and `eds` is relative to its folder. A named file
+/// outside of that folder, its project and the folders of `allowed` is an error (`text::Reach`).
 [[nodiscard]] PlantResult read_plant(std::string_view text, const std::string& file_name,
                                      std::span<const std::string> allowed = {});
 /// The same from a file; a file that cannot be read is a finding.
@@ -347,12 +347,12 @@ struct EventResult {
   std::optional<PlantEvent> event;  ///< empty when a finding is an error
   Findings findings;
 };
-/// Reads one event that happens now: the lines of an `[[event]]` without `at`, `after` and `delay`. `plant`: its buses
-/// and devices can be named.
+/// Reads one event that happens now: the lines of an `[[event]]` without `at`, `after` and `delay`. It may name buses
+/// and devices of `plant`.
 [[nodiscard]] EventResult read_event(std::string_view keys, const PlantFile& plant);
 
-/// Writes a plant so that `read_plant` gives it back equal; what has its default value is left out. `comment` becomes
-/// comment lines at the top.
+/// Writes a plant so that `read_plant` returns an equal one; omits default values. `comment` becomes comment lines at
+/// the top.
 [[nodiscard]] std::string write_plant(const PlantFile& plant, std::string_view comment = {});
 
 }  // namespace berth::plant

@@ -1,13 +1,12 @@
-/// A device of a plant file on a port that is not the simulator's: on SocketCAN, say, in real time, among devices that
-/// are real.
+/// A device of a plant file on a port outside the simulator, such as SocketCAN, in real time, among real devices.
 ///
 ///     PortDevices devices(executor);
 ///     auto* device = devices.add(plan, std::move(port), 125'000, random, findings);   // null: findings say why
 ///     auto kept = devices.keep_state("left.state");
 ///     device->power(true);
 ///
-/// Each has a port of its own, and with it its own place in the order of frames. What a plant file says of the wire
-/// (`queue`, `disturb`, `overrun`, cables) is the port's affair and has no effect here.
+/// Each has its own port, and so its own place in the order of frames. A plant file's settings for the wire (`queue`,
+/// `disturb`, `overrun`, cables) belong to the port and have no effect here.
 #pragma once
 
 #include <memory>
@@ -37,12 +36,12 @@ class PortDevice final : public GatewaySide,
                          private device::SimFlash::Watcher,
                          private script::Behaviour::Listener {
  public:
-  /// What it is made of besides its plan.
+  /// Its parts besides its plan.
   struct Parts {
     const Described* described = nullptr;
     std::optional<script::Script> script;
     std::unique_ptr<can::Port> port;
-    std::uint32_t rate = 0;  ///< bit/s that its blank memory counts as, where the plan says none; 0: it knows none
+    std::uint32_t rate = 0;  ///< bit/s for its blank memory, if the plan gives none; 0: it knows none
     bool metered = false;    ///< part of a gateway
   };
   PortDevice(PortDevices& all, rt::Executor& executor, const PlantDevice& plan, Parts parts, Random random);
@@ -57,8 +56,7 @@ class PortDevice final : public GatewaySide,
   [[nodiscard]] const device::Device& device() const noexcept { return device_; }
   [[nodiscard]] device::Device& device() noexcept override { return device_; }
   [[nodiscard]] can::Status port_status() const noexcept { return port_->status(); }
-  /// Frames that it lost because its firmware was slow or deaf, as the plan wants; the port's own losses are in
-  /// `port_status`.
+  /// Frames lost because its firmware was slow or deaf, as planned; the port's own losses are in `port_status`.
   [[nodiscard]] std::uint64_t lost() const noexcept { return host_.lost(); }
 
  private:
@@ -93,11 +91,11 @@ class PortDevice final : public GatewaySide,
 /// The devices of one process, and the file that keeps what they remember.
 class PortDevices {
  public:
-  /// Told from jobs, after the fact. Must only look.
+  /// Called from jobs, after the event. Must only look.
   class Observer {
    public:
     virtual void device_changed(const PortDevice& device) noexcept = 0;
-    /// `keep_state`'s file could not be written; it holds what it held.
+    /// `keep_state`'s file could not be written; its content is unchanged.
     virtual void state_not_kept() noexcept = 0;
     /// Its script printed a line or ended.
     virtual void script_told(const PortDevice&, const script::Message&) noexcept {}
@@ -111,21 +109,21 @@ class PortDevices {
   explicit PortDevices(rt::Executor& executor, Observer* observer = nullptr)
       : executor_(&executor), observer_(observer) {}
 
-  /// Without power. Null: its description or its script cannot be read. `rate` as of `PortDevice::Parts`.
-  /// `part`: what it is of a gateway (`PlantFile::gateway_part`).
+  /// Adds a device without power. Null: its description or its script cannot be read. `rate` as in `PortDevice::Parts`.
+  /// `part`: its part in a gateway (`PlantFile::gateway_part`).
   PortDevice* add(const PlantDevice& plan, std::unique_ptr<can::Port> port, std::uint32_t rate, Random random,
                   Findings& findings, GatewayPart part = {});
-  /// Devices that are here are this gateway of the plant: its device above, whose power those beneath share. False: one
-  /// is not here, or (an error) its description has no objects of a gateway. Before `power`.
+  /// Joins devices that are here to this gateway of the plant; the devices beneath share the power of the one above.
+  /// False: one is not here, or (an error) its description has no objects of a gateway. Before `power`.
   [[nodiscard]] bool add_gateway(const PlantGateway& plan, const PlantFile& plant, Findings& findings);
   [[nodiscard]] std::span<const std::unique_ptr<PortDevice>> all() const noexcept { return devices_; }
 
-  /// What outlives the process, as text with one line a device, in the form of `World::state`. Lines of devices that
-  /// are not here are kept as they are.
+  /// What survives the process, as text with one line per device, in the form of `World::state`. Lines of devices that
+  /// are not here are kept unchanged.
   [[nodiscard]] std::string state() const;
   [[nodiscard]] Result<void> restore(std::string_view state);
-  /// Restores from the file when it is there, and from now on writes it anew whenever a device's memory was written.
-  /// Before `power`.
+  /// Restores from the file if it exists, and from then on rewrites it whenever a device's memory was written. Before
+  /// `power`.
   [[nodiscard]] Result<void> keep_state(const std::string& path);
 
  private:

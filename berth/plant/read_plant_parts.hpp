@@ -1,4 +1,4 @@
-/// What the parts of the plant file's reader share (read_plant.cpp, read_plant_device.cpp). Inside of room `plant`.
+/// Shared by the sources of the plant file's reader (read_plant.cpp, read_plant_device.cpp). Inside of room `plant`.
 #pragma once
 
 #include "berth/plant/plant_file.hpp"
@@ -8,10 +8,10 @@
 namespace berth::plant {
 
 inline constexpr text::Limits node_id_or_blank{1, 255};
-/// Any rate that a controller can be set to: a node at a wrong bit rate is something to try.
+/// Any bit rate that a controller can have, so that a node at a wrong one can be tried.
 inline constexpr text::Limits bit_rates{1'000, 1'000'000};
 
-/// The keys of a `[[device]]` but its bus, its name, its identity and whether it is plugged.
+/// The keys of a `[[device]]`, except its bus, name, identity and whether it is plugged.
 void read_traits(text::Table& table, const text::Reach& reach, PlantDevice& device);
 
 }  // namespace berth::plant

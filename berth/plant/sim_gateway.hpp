@@ -1,6 +1,5 @@
-/// A device of several ports in a plant (`[[gateway]]`): paper 3's gateway between its device on the bus above and
-/// those on the buses beneath (docs/multilevel.md), wherever these sit: on simulated buses or on ports. Inside of room
-/// `plant`.
+/// A device with several ports in a plant (`[[gateway]]`): paper 3's gateway between its device on the bus above and
+/// those on the buses beneath (docs/multilevel.md), on simulated buses or on ports. Inside of room `plant`.
 #pragma once
 
 #include <memory>
@@ -18,18 +17,18 @@
 
 namespace berth::plant {
 
-/// The built-in dictionary of a gateway with so many buses beneath; `signals`: `PlantGateway::signals`; `hardware`:
-/// 5F01h, 0: no such object.
+/// The built-in dictionary of a gateway with this number of buses beneath; `signals`: `PlantGateway::signals`;
+/// `hardware`: 5F01h, 0: no such object.
 [[nodiscard]] std::shared_ptr<const od::Description> gateway_description(unsigned ports, unsigned signals = 0,
                                                                          std::uint32_t hardware = 0);
-/// The places of signals and the PDOs for them, of any of a gateway's devices; 0: none.
+/// Adds the places of signals and their PDOs to any device of a gateway; 0: none.
 void add_signals(od::DescriptionBuilder& builder, unsigned signals);
 
-/// The built-in dictionary of such a device is the gateway's, or its description has the objects; else the finding
-/// names it.
+/// True: the device has the gateway's built-in dictionary, or its description has the objects; else the finding names
+/// it.
 [[nodiscard]] bool check_gateway(const PlantGateway& plan, const device::Device& above, Findings& findings);
 
-/// A device of the plant, as its gateway has it.
+/// A device of the plant, as seen by its gateway.
 class GatewaySide {
  public:
   virtual ~GatewaySide() = default;
@@ -37,22 +36,22 @@ class GatewaySide {
   [[nodiscard]] virtual device::Device& device() noexcept = 0;
   struct Inside {
     can::Dispatcher* dispatcher = nullptr;
-    network::DictionaryManager* manager = nullptr;  ///< null: it is no NMT master
-    multilevel::MeteredPort* meter = nullptr;       ///< where its frames go; null: no delay of a signal is known
+    network::DictionaryManager* manager = nullptr;  ///< null: it is not an NMT master
+    multilevel::MeteredPort* meter = nullptr;       ///< for its frames; null: delays of signals are unknown
   };
   [[nodiscard]] virtual Inside inside() noexcept = 0;
-  /// Has power; it may still wait for the buses beneath.
+  /// It has power; it may still wait for the buses beneath.
   [[nodiscard]] virtual bool powered() const noexcept = 0;
-  /// A device beneath: is on its bus and has power as `above` is and has.
+  /// For a device beneath: takes over from `above` whether it is on its bus and has power.
   virtual void follow(const GatewaySide& above) noexcept = 0;
 
-  /// @name Of the device above: with power on it waits until the buses beneath have booted
+  /// @name For the device above: after power-on it waits until the buses beneath have booted
   /// @{
   [[nodiscard]] bool boots_last() const noexcept { return boots_last_; }
   void set_boots_last(bool last) noexcept { boots_last_ = last; }
-  /// True: it has power on and is to wait.
+  /// True: it has power and must wait.
   bool begin_wait() noexcept { return waits_ = boots_last_; }
-  /// True: it waited, and is to boot.
+  /// True: it waited, and may boot.
   bool end_wait() noexcept { return std::exchange(waits_, false); }
   /// @}
 
@@ -63,10 +62,10 @@ class GatewaySide {
 
 class SimGateway {
  public:
-  /// All stay. Which of its nodes beneath are gateways themselves, and how deep it goes, the plant says.
+  /// All must outlive it. `plant` says which of its nodes beneath are gateways themselves, and how deep it goes.
   SimGateway(rt::Executor& executor, GatewaySide& above, std::vector<GatewaySide*> beneath, const PlantGateway& plan,
              const PlantFile& plant);
-  /// Something of this device changed: one of the gateway's own is looked at soon.
+  /// Something of this device changed; if it is the gateway's, it is checked soon.
   void changed(const device::Device& device) noexcept;
   [[nodiscard]] multilevel::EmcyGateway& emcy() noexcept { return emcy_; }
   /// Null: it has no routing objects.
@@ -78,7 +77,7 @@ class SimGateway {
     [[nodiscard]] bool boots_first() const noexcept;
     GatewaySide* side;
     unsigned number;
-    std::unique_ptr<co::SdoClient> client;  // where the device is no NMT master, which has one
+    std::unique_ptr<co::SdoClient> client;  // if the device is not an NMT master, which has its own
     multilevel::SdoGateway sdo;
     multilevel::SubBus bus;
   };
@@ -90,7 +89,7 @@ class SimGateway {
   rt::Executor* executor_;
   GatewaySide* above_;
   multilevel::EmcyGateway emcy_;
-  multilevel::EmcyLayout layout_;  // as long as 5F03h says nothing
+  multilevel::EmcyLayout layout_;  // unless 5F03h sets another
   std::vector<std::unique_ptr<Port>> ports_;
   NmtState state_ = NmtState::initialising;  // above
   bool was_reset_ = false;

@@ -1,4 +1,4 @@
-/// The simulated world that a plant file describes: buses, whole devices with their memory, and what goes wrong when.
+/// The simulated world of a plant file: buses, whole devices with their memory, and faults with their times.
 ///
 ///     Findings findings;
 ///     auto world = plant::World::make(plant, rates, findings);   // null when a finding is an error
@@ -6,8 +6,8 @@
 ///     world->start();
 ///     world->sim().run_for(1s);
 ///
-/// The ground truth (`truth`, `duplicates`, `Observer`) is for tests, reports and Studio; nothing that works on the bus
-/// may look at it.
+/// The ground truth (`truth`, `duplicates`, `Observer`) is for tests, reports and Studio only; code that works on the
+/// bus must not use it.
 #pragma once
 
 #include <memory>
@@ -35,33 +35,33 @@ namespace berth::plant {
 
 class World;
 
-/// What is so, whatever Berth believes.
+/// The true state, whatever Berth assumes.
 struct Truth {
   std::string name;
   std::string bus;
-  LssAddress address;  ///< what it answers; a changed serial number counts from the next power-on
+  LssAddress address;  ///< what it answers; a changed serial number takes effect at the next power-on
   bool plugged = false;
   bool powered = false;        ///< plugged and switched on
-  bool booting = false;        ///< powered, and hears nothing yet
-  bool deaf = false;           ///< by `SimDevice::deaf`
-  Duration late{0};            ///< by `SimDevice::slow`: it answers so much later
+  bool booting = false;        ///< powered, but not hearing yet
+  bool deaf = false;           ///< because of `SimDevice::deaf`
+  Duration late{0};            ///< because of `SimDevice::slow`: its answers are so much later
   NodeId active;               ///< in use now
-  NodeId pending;              ///< taken at the next reset communication
-  NodeId persistent;           ///< what the next power-on would load
+  NodeId pending;              ///< active from the next reset communication
+  NodeId persistent;           ///< loaded at the next power-on
   std::uint32_t bit_rate = 0;  ///< of its controller, bit/s
   NmtState state = NmtState::initialising;
   bool leads = false;                ///< a flying master, and the active one
-  NodeId active_master;              ///< as a flying master knows it
+  NodeId active_master;              ///< as this flying master knows it
   std::uint64_t memory_writes = 0;   ///< begun
-  std::uint64_t memory_written = 0;  ///< ended, with all that was to be written
-  device::Leds leds;                 ///< what its indicators show; dark without power
+  std::uint64_t memory_written = 0;  ///< completed
+  device::Leds leds;                 ///< state of its indicators; dark without power
 
-  /// It is the device that a slot table calls so: one without a serial number is known by its node-ID.
+  /// True if a slot table's identity means this device; without a serial number the node-ID identifies it.
   [[nodiscard]] bool is(const Identity& named) const noexcept {
     const NodeId own = powered ? active : persistent;
     return Identity(address).agrees(named) && (named.has_serial() || own == named.at);
   }
-  /// The same by the node-ID that it has stored as well, which it may use from the next power-on only.
+  /// The same, but also by its stored node-ID, which it may use only after the next power-on.
   [[nodiscard]] bool is_or_will_be(const Identity& named) const noexcept {
     return is(named) || (persistent == named.at && Identity(address).agrees(named));
   }
@@ -75,29 +75,29 @@ class SimDevice final : public GatewaySide, private device::Device::Observer, pr
             std::optional<script::Script> script = {}, bool metered = false);
   ~SimDevice() override;
 
-  /// Onto the bus, with power; nothing happens when it is plugged already.
+  /// Onto the bus, with power; no effect if it is plugged already.
   void plug() noexcept;
   /// Off the bus, without power.
   void unplug() noexcept;
   /// Power of a plugged device.
   void power(bool on) noexcept;
-  /// The firmware starts anew, as by a watchdog.
+  /// The firmware restarts, as by a watchdog.
   void reset() noexcept;
   /// Hears nothing for `duration`; 0 = from now on.
   void deaf(Duration duration);
-  /// Answers `latency` later than it would for `duration`; 0 = from now on.
+  /// Answers `latency` later for `duration`; 0 = from now on.
   void slow(Duration latency, Duration duration);
-  /// Hears, and answers as fast, as before `deaf` and `slow`.
+  /// Ends `deaf` and `slow`.
   friend void recover(SimDevice& device) noexcept {
     ++device.deafness_;
     ++device.slowness_;
     device.port_.deaf(device::TimedPort::Deaf::fault, false);
     device.port_.slow(Duration::zero());
   }
-  /// What its next power-on finds changed.
+  /// Changes that take effect at its next power-on.
   struct NextPowerOn {
     std::optional<std::uint32_t> serial{};
-    std::optional<NodeId> node_id{};  ///< the stored one, or what switches say
+    std::optional<NodeId> node_id{};  ///< the stored one, or the switches' setting
   };
   [[nodiscard]] NextPowerOn& next_power_on() noexcept { return next_; }
 
@@ -109,14 +109,14 @@ class SimDevice final : public GatewaySide, private device::Device::Observer, pr
   [[nodiscard]] device::Device& device() noexcept override { return device_; }
   [[nodiscard]] const device::Device& device() const noexcept { return device_; }
   [[nodiscard]] device::SimFlash& memory() noexcept { return flash_; }
-  /// Of its programs; null: it is not programmed.
+  /// The memory of its programs; null: it is not programmed.
   friend device::SimFlash* program_memory(SimDevice& device) noexcept { return device.program_flash_.get(); }
-  /// Of the node-IDs that it has given; null: it is no master, or a flying one.
+  /// The memory of the node-IDs that it has given; null: it is not a master, or a flying one.
   friend SimListMemory* list_memory(SimDevice& device) noexcept { return device.master_.memory.get(); }
   [[nodiscard]] bool plugged() const noexcept { return plugged_; }
   [[nodiscard]] bool powered() const noexcept override { return powered_; }
   [[nodiscard]] Truth truth() const;
-  /// Bytes that this device takes, without the shared description.
+  /// Bytes of memory for this device, without the shared description.
   [[nodiscard]] std::size_t memory_use() const noexcept;
 
  private:
@@ -149,14 +149,14 @@ class SimDevice final : public GatewaySide, private device::Device::Observer, pr
   OddAnswers odd_;
   PlantMastery master_;
   NextPowerOn next_;
-  unsigned deafness_ = 0;  // number of the last `deaf`, so that an older one's end does not end it
+  unsigned deafness_ = 0;  // number of the last `deaf`, so that the end of an older one has no effect
   unsigned slowness_ = 0;
-  std::optional<unsigned> error_flags_;  // the fault that they are; only of a controller of CAN 2.0A
+  std::optional<unsigned> error_flags_;  // the fault for its error flags; only for a CAN 2.0A controller
   bool plugged_ = false;
   bool powered_ = false;
 };
 
-/// A bus of the machine file: what a plant bus without a bit rate of its own gets.
+/// A bus of the machine file, for a plant bus without its own bit rate.
 struct BusRate {
   std::string name;
   std::uint32_t bit_rate = 0;  ///< bit/s
@@ -164,7 +164,7 @@ struct BusRate {
 
 class World {
  public:
-  /// Told from jobs, after the fact. Must only look.
+  /// Called from jobs, after the event. Must only look.
   class Observer {
    public:
     virtual void plant_changed(const SimDevice& device) noexcept = 0;
@@ -177,32 +177,33 @@ class World {
     ~Observer() = default;
   };
 
-  /// Builds it; nothing has power until `start`. Findings: a bus without a bit rate anywhere, a device description that
-  /// cannot be read (errors); what an EDS reader has to say about one (as it says it, errors only). A bus of `rates`
-  /// that the plant does not name is made too: a machine may have a bus with nothing on it. Null with errors.
+  /// Builds the world; nothing has power until `start`. Findings: a bus without a bit rate anywhere, a device
+  /// description that cannot be read (errors); what the EDS reader reports about one (its own texts, errors only). Also
+  /// makes buses of `rates` that the plant does not name: a machine may have a bus with nothing on it. Null with
+  /// errors.
   [[nodiscard]] static std::unique_ptr<World> make(const PlantFile& plant, std::span<const BusRate> rates,
                                                    Findings& findings);
   ~World();
   World(const World&) = delete;
   World& operator=(const World&) = delete;
 
-  /// Plugs in what is plugged in at time 0, and plans the events after `start`. Once.
+  /// Plugs in the devices that are plugged in at time 0, and plans the events after `start`. Call it once.
   void start();
-  /// Berth reached it: events that wait for it are planned. Only the first call of each counts.
+  /// Berth reached this milestone: plans the events that wait for it. Only the first call for each has an effect.
   void milestone(After after);
 
   [[nodiscard]] sim::World& sim() noexcept { return sim_; }
   [[nodiscard]] rt::Executor& executor() noexcept { return sim_.executor(); }
-  /// Null when there is none of that name.
+  /// Null if there is none with this name.
   [[nodiscard]] sim::Bus* bus(std::string_view name) noexcept { return sim_.find_bus(name); }
-  /// Berth's own node on a bus, by which events mean "master". Null when there is no such bus.
+  /// Berth's own node on a bus, which events call "master". Null if there is no such bus.
   [[nodiscard]] std::unique_ptr<sim::Controller> attach_master(std::string_view bus,
                                                                sim::ControllerOptions options = {});
 
   /// In the order of the plant file.
   [[nodiscard]] std::span<const std::unique_ptr<SimDevice>> devices() const noexcept { return devices_; }
   [[nodiscard]] SimDevice* find(std::string_view name) noexcept;
-  /// Does an event now, whatever it waits for. False when it names a device, bus or node that is not there.
+  /// Carries out an event now, whatever it waits for. False if its device, bus or node does not exist.
   bool perform(const PlantEvent& event);
 
   [[nodiscard]] std::vector<Truth> truth() const;
@@ -211,12 +212,12 @@ class World {
   void add_observer(Observer& observer) { observers_.push_back(&observer); }
   void remove_observer(Observer& observer) noexcept { std::erase(observers_, &observer); }
 
-  /// What outlives a process: each device's memory, serial number, stored node-ID and whether it is plugged in. Text,
+  /// What survives the process: each device's memory, serial number, stored node-ID and whether it is plugged in. Text,
   /// one line per device. A state of other devices is refused.
   [[nodiscard]] std::string state() const;
   [[nodiscard]] Result<void> restore(std::string_view state);
-  /// Restores from the file when it is there, and from now on writes it anew (by renaming, so that it is whole at any
-  /// time) whenever a device's memory was written or a device was plugged or unplugged. Before `start`.
+  /// Restores from the file if it exists, and from then on rewrites it (by renaming, so that it is always whole)
+  /// whenever a device's memory was written or a device was plugged or unplugged. Before `start`.
   [[nodiscard]] Result<void> keep_state(const std::string& path);
 
  private:

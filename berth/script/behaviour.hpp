@@ -5,20 +5,20 @@
 ///     if (auto wrong = script::check(text)) return *wrong;             // file:line:column
 ///     script::Behaviour belt(device, executor, text, random.fork(), listener);
 ///
-/// A script sees its device and nothing else: no files, no processes, no clock but the world's, random numbers from the
-/// world's seed. What it may take is bounded (`Limits`). A script that throws, runs too long or wants too much memory
-/// is ended: its device sends EMCY 6200h with the line, the listener is told, and the device goes on without behaviour
-/// until its next power-on or reset node, when the script begins anew.
+/// A script has access to its device only: no files, no processes, no clock but the world's, random numbers from the
+/// world's seed. Its resources are limited (`Limits`). A script that throws, runs too long or wants too much memory is
+/// ended: its device sends EMCY 6200h with the line, the listener is told, and the device goes on without behaviour
+/// until its next power-on or reset node, when the script starts again.
 ///
-/// What each thing that a script can do costs, so that no call takes long. An instruction counts 1 + t + s * s: t is
-/// the length of the longest text that the script has made since its begin in KiB, s the size of Lua's stack in 256
-/// values. Memory counts one instruction for 256 bytes, and so does what is in use, each time that Lua has to collect
-/// all of it because a bound is reached. Measured with the default limits on one core of 2026:
+/// The cost of each operation of a script, so that no call takes long: an instruction counts 1 + t + s * s, where t is
+/// the length of the longest text that the script has made since its start in KiB, and s the size of Lua's stack in 256
+/// values. Memory counts one instruction for 256 bytes, and so does memory in use each time that Lua must collect all
+/// of it because a limit is reached. Measured with the default limits on one core of 2026:
 ///
 /// - `<` `<=` `>` `>=` of texts: strcoll for each piece between NUL bytes, 17 ns a byte; a call of them 1 s.
 /// - `==` of texts, a text as a key or as a number, tonumber, rawequal: one pass; a call of them 0.1 s.
 /// - `..`, string.rep, sub, lower, upper, reverse, format, char, pack, table.concat, pack: the memory of what they
-/// make.
+///   make.
 /// - string.byte, unpack, packsize, table.unpack, select, math.max, min: as many values as the stack holds, or one pass
 ///   over the form; a call of them 0.3 s.
 /// - `#`, rawlen, rawget, rawset, type, string.len, the rest of math: constant.
@@ -30,8 +30,8 @@
 /// - table.sort, insert, remove, pairs, tostring: written in Lua, and counted.
 /// - the text itself, compiled: the names that are local at one place are a block.
 ///
-/// Not there: patterns (string.find, match, gmatch, gsub), load, dofile, require, next, coroutines, debug, utf8, io,
-/// os. A text, a table's values and the stack have a bound of their own each (`Limits::block`).
+/// Not available: patterns (string.find, match, gmatch, gsub), load, dofile, require, next, coroutines, debug, utf8,
+/// io, os. A text, a table's values and the stack each have a limit of their own (`Limits::block`).
 #pragma once
 
 #include <chrono>
@@ -47,41 +47,41 @@
 
 namespace berth::script {
 
-/// A script as a file holds it.
+/// A script's file name and text.
 struct Script {
-  std::string file;  ///< as reports show it
+  std::string file;  ///< as shown in reports
   std::string text;
 };
 inline constexpr std::size_t longest_script = 256 * 1024;  ///< bytes
 
-/// Compiles it and runs nothing. What is wrong, with line and column; empty: it can be run.
+/// Compiles it without running it. Returns what is wrong, with line and column; empty: it can be run.
 [[nodiscard]] std::optional<Finding> check(const Script& script);
 
-/// What one call of a script may take. A call is the run of its text, of a handler or of a timer's function.
+/// Limits of one call of a script. A call runs its text, a handler or a timer's function.
 struct Limits {
-  std::uint32_t instructions = 100'000;  ///< of Lua's machine; memory taken counts too, one for 256 bytes
+  std::uint32_t instructions = 100'000;  ///< of Lua's machine; memory counts too, one for 256 bytes
   std::size_t memory = 1024 * 1024;      ///< bytes that a script has at any time
   std::size_t block = 256 * 1024;        ///< bytes of one text, of a table's values, of Lua's stack
   std::uint32_t lines = 20;              ///< printed
-  /// Of the host's processor. The last resort: the bounds above end a call long before, and each run alike. What ends
-  /// by this one is told as `overran`, and ends the run.
+  /// Of the host's processor; a last resort: the limits above end a call long before, and equally in each run. A call
+  /// ended by this one is reported as `overran`, and ends the run.
   std::chrono::milliseconds processor = std::chrono::seconds(20);
 };
 
-/// What a script told, by `print` or by its end.
+/// A message of a script, by `print` or at its end.
 struct Message {
   enum class Kind : std::uint8_t {
     printed,
     failed,
-    overran,  ///< by the host's clock: what comes after is no run of this seed any more, so the run must end
-    ended,    ///< because `Listener::script_must_end`
+    overran,  ///< by the host's clock: the run is no longer that of its seed, so it must end
+    ended,    ///< because of `Listener::script_must_end`
   };
   Kind kind = Kind::printed;
   std::string file;
-  int line = 0;  ///< counts from 1; 0 = not known
+  int line = 0;  ///< counts from 1; 0 = unknown
   std::string text;
 };
-/// "belt.lua:12: 2000h:00 is UNSIGNED8, 300 does not fit"; of what was printed the text alone.
+/// "belt.lua:12: 2000h:00 is UNSIGNED8, 300 does not fit"; for printed text the text only.
 [[nodiscard]] std::string to_string(const Message& told);
 
 /// EMCY of a script that failed: user software (CiA 301 §7.2.7.2.1), register bit 0; bytes 0 and 1 of the
@@ -92,32 +92,32 @@ class Machine;
 
 class Behaviour {
  public:
-  /// Told from jobs. Must not destroy the behaviour or its device.
+  /// Called from jobs. Must not destroy the behaviour or its device.
   class Listener {
    public:
     virtual void script_told(const Message& told) noexcept = 0;
-    /// Asked while a call takes long, about each ten milliseconds: true (by a signal, say) ends it and the script. Must
-    /// only look.
+    /// Asked during a long call, about every ten milliseconds: true (for example after a signal) ends the call and the
+    /// script. Must only look.
     virtual bool script_must_end() noexcept { return false; }
 
    protected:
     ~Listener() = default;
   };
 
-  /// Takes the device's callbacks (`device::Device::on`). `script` begins at each power-on and reset node of the
-  /// device; `random` begins anew with it. Device, executor and listener must outlive it, and the device must not run
-  /// any more when it is gone. Uses the heap, then and while the script runs.
+  /// Takes the device's callbacks (`device::Device::on`). `script` starts at each power-on and reset node of the
+  /// device, and `random` starts again with it. Device, executor and listener must outlive it, and the device must not
+  /// run after it is destroyed. Uses the heap, then and while the script runs.
   Behaviour(device::Device& device, rt::Executor& executor, Script script, Random random, Listener& listener,
             const Limits& limits = {});
   ~Behaviour();
   Behaviour(const Behaviour&) = delete;
   Behaviour& operator=(const Behaviour&) = delete;
 
-  /// The device has no power any more: timers and handlers end.
+  /// The device has lost power: timers and handlers end.
   void stop() noexcept;
-  /// Between its begin and its end or failure.
+  /// Between its start and its end or failure.
   [[nodiscard]] bool running() const noexcept;
-  /// Bytes that the script has now.
+  /// Bytes that the script uses at present.
   [[nodiscard]] std::size_t memory() const noexcept;
 
  private:

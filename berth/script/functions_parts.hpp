@@ -1,4 +1,4 @@
-/// What a script calls: the table `device` and `print` (docs/scripts.md). Inside of room `script`.
+/// The functions for scripts: the table `device` and `print` (docs/scripts.md). Inside of room `script`.
 #pragma once
 
 #include "berth/script/lua.hpp"

@@ -1,4 +1,4 @@
-/// A Lua state with bounds: what a script's text and functions run in. Inside of room `script`. It is Lua compiled as
+/// A Lua state with limits, in which a script's text and functions run. Inside of room `script`. It is Lua compiled as
 /// C++, whose errors are exceptions: destructors run.
 #pragma once
 
@@ -24,13 +24,13 @@ struct Failure {
 
 class Lua {
  public:
-  /// With the libraries that a script may use. `owner` comes back from `owner_of`; `must_end` as of `Meter`.
+  /// With the libraries that a script may use. `owner_of` returns `owner`; `must_end` as in `Meter`.
   Lua(const Limits& limits, Random random, void* owner, std::function<bool()> must_end = {});
   ~Lua();
   Lua(const Lua&) = delete;
   Lua& operator=(const Lua&) = delete;
 
-  /// The libraries are in; false when the limits leave no room for them.
+  /// The libraries are loaded; false if the limits leave no room for them.
   [[nodiscard]] bool good() const noexcept { return good_; }
   /// Compiles, and leaves the function on the stack.
   [[nodiscard]] std::optional<Failure> compile(const Script& script);
@@ -38,8 +38,8 @@ class Lua {
   [[nodiscard]] int column() const noexcept { return column_; }
   /// Calls the function that `compile` left.
   [[nodiscard]] std::optional<Failure> run();
-  /// `work` runs protected and within the limits; it begins with an empty stack. What it does outside of such a call
-  /// and wants memory for would end the process when there is none.
+  /// Runs `work` protected and within the limits, with an empty stack. Outside of such a call, a failed allocation
+  /// would end the process.
   using Work = std::function<void(lua_State*)>;
   [[nodiscard]] std::optional<Failure> run(const Work& work);
 
@@ -49,7 +49,7 @@ class Lua {
   [[nodiscard]] static Lua& of(lua_State* state) noexcept { return **static_cast<Lua**>(lua_getextraspace(state)); }
   [[nodiscard]] void* owner() noexcept { return owner_; }
   [[nodiscard]] int most_lines() const noexcept { return static_cast<int>(limits_.lines); }
-  /// Counts a line; false when the call has printed enough.
+  /// Counts a line; false if the call has printed enough.
   [[nodiscard]] bool count_line() noexcept { return lines_++ < limits_.lines; }
 
  private:
@@ -81,7 +81,7 @@ class Lua {
   std::unique_ptr<lua_State, Close> state_;
 };
 
-/// The line of a script that runs now; 0 when none does.
+/// The line of a script that is running; 0 if none is.
 [[nodiscard]] int current_line(lua_State* state);
 
 }  // namespace berth::script

@@ -1,4 +1,5 @@
-/// A script on its device: begins, is called, fails, ends. Inside of room `script`; `Behaviour` shows it to others.
+/// A script on its device: starts it, calls it, handles its failure and end. Inside of room `script`; `Behaviour` is
+/// its interface for others.
 #pragma once
 
 #include <memory>
@@ -14,7 +15,7 @@ namespace berth::script {
 
 class Machine final : private rt::Job {
  public:
-  /// What a script can be called for, beside timers and writes.
+  /// The events for which a script can be called, besides timers and writes.
   enum class Event : std::uint8_t { state, rpdo, sync };
 
   using Listener = Behaviour::Listener;
@@ -28,7 +29,7 @@ class Machine final : private rt::Job {
   [[nodiscard]] bool running() const noexcept { return lua_ != nullptr && !failed_; }
   [[nodiscard]] std::size_t memory() const noexcept { return lua_ ? lua_->memory() : 0; }
 
-  // For the functions that a script calls.
+  // For the functions that scripts call.
   static Machine& of(lua_State* state) { return *static_cast<Machine*>(Lua::of(state).owner()); }
   [[nodiscard]] device::Device& device() noexcept { return device_; }
   [[nodiscard]] rt::Time now() const noexcept { return executor_.now(); }
@@ -36,7 +37,7 @@ class Machine final : private rt::Job {
   [[nodiscard]] Timers& timers() noexcept { return timers_; }
   void add_handler(Event event, int function) { handlers_.push_back({function, event}); }
   void add_watch(ObjectRef ref, int function);
-  /// Handlers are named while the script begins; there is room for another.
+  /// Handlers may be registered only while the script starts. `full`: there is no room for another.
   [[nodiscard]] bool beginning() const noexcept { return beginning_; }
   [[nodiscard]] bool full() const noexcept { return handlers_.size() + watches_.size() >= most_handlers; }
   void print(int line, std::string text);
@@ -71,8 +72,8 @@ class Machine final : private rt::Job {
   std::unique_ptr<Lua> lua_;
   std::vector<Handler> handlers_;
   std::vector<Watch> watches_;
-  std::vector<ObjectRef> watched_;  ///< known to the device, for good
-  std::optional<Failure> failure_;  ///< to be told by the next job
+  std::vector<ObjectRef> watched_;  ///< registered in the device, permanently
+  std::optional<Failure> failure_;  ///< to be reported by the next job
   bool beginning_ = false;
   bool failed_ = false;
 };

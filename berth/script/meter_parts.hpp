@@ -1,5 +1,5 @@
-/// What a script takes, counted against its `Limits`: instructions, memory, and the host's processor. Inside of room
-/// `script`. It gives Lua its memory and knows nothing else of Lua.
+/// Counts a script's use of resources against its `Limits`: instructions, memory, and the host's processor. Inside of
+/// room `script`. It provides Lua's memory and knows nothing else of Lua.
 #pragma once
 
 #include <chrono>
@@ -13,40 +13,40 @@ namespace berth::script {
 
 class Meter {
  public:
-  /// Why no more is given.
+  /// Why a call ends.
   enum class End : std::uint8_t { none, instructions, memory, block, processor, host };
 
   static constexpr std::size_t bytes_an_instruction = 256;
-  static constexpr std::size_t bytes_of_text = 1024;  ///< each of them makes an instruction count once more
+  static constexpr std::size_t bytes_of_text = 1024;  ///< each of them adds one to the count of an instruction
   static constexpr std::size_t bytes_of_stack = 16 * 256;
-  static constexpr std::int64_t looked_after = 1000;  ///< instructions between two looks at the host
+  static constexpr std::int64_t looked_after = 1000;  ///< instructions between two checks of the host
 
-  /// `must_end` is asked while a call takes long; empty: nobody ends it.
+  /// `must_end` is asked during a long call; empty: never.
   Meter(const Limits& limits, std::function<bool()> must_end);
 
-  /// No bound holds before: Lua makes itself and its libraries.
+  /// Enables the limits; before, Lua makes itself and its libraries.
   void bind() noexcept { bound_ = true; }
-  /// None holds any more: Lua is taken down.
+  /// Disables the limits, for destroying Lua.
   void release() noexcept { bound_ = false; }
   /// Another call begins.
   void begin() noexcept;
-  /// Instructions of Lua's machine that were run; false: the call ends.
+  /// Counts instructions of Lua's machine; false: the call ends.
   bool run(unsigned instructions) noexcept;
-  /// The compiler takes the next byte of a text: no instruction, but the host may be at its end. False: it ends.
+  /// The compiler reads the next byte of a text: not an instruction, but the host's limit is checked. False: it ends.
   bool compile_byte() noexcept;
-  /// Work of the host's that took as long as so many instructions.
+  /// Counts work of the host that took as long as so many instructions.
   void charge(std::size_t instructions) noexcept { left_ -= static_cast<std::int64_t>(instructions); }
-  /// As `lua_Alloc`; `text`: a new block that holds one of Lua's strings. Null: refused, and `end` says why.
+  /// As `lua_Alloc`; `text`: a new block for one of Lua's strings. Null: refused, see `end`.
   void* allocate(void* old, std::size_t old_size, std::size_t size, bool text) noexcept;
-  /// What grows until `stack_known` is Lua's stack, and nothing else does.
+  /// The block that grows until `stack_known` is Lua's stack; nothing else grows meanwhile.
   void find_stack() noexcept { finding_stack_ = true; }
   void stack_known() noexcept { finding_stack_ = false; }
 
-  /// The call has to end: nothing that it does, `pcall` neither, goes on.
+  /// The call has to end: nothing in it may go on, not even `pcall`.
   [[nodiscard]] bool over() const noexcept { return left_ <= 0; }
   [[nodiscard]] End end() const noexcept { return over() && !host_ends() ? End::instructions : end_; }
   [[nodiscard]] std::size_t used() const noexcept { return used_; }
-  /// How often an instruction counts.
+  /// How much an instruction counts.
   [[nodiscard]] std::int64_t weight() const noexcept { return weight_; }
   [[nodiscard]] std::size_t longest_text() const noexcept { return longest_text_; }
 

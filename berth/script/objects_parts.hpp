@@ -1,5 +1,5 @@
-/// The objects of a device as its script reads and writes them: by number or name, as Lua's numbers, booleans and
-/// strings. What does not fit is an error of Lua's, at the script's line.
+/// A device's objects for its script: read and written by number or name, as Lua's numbers, booleans and strings. A
+/// value that does not fit is a Lua error at the script's line.
 #pragma once
 
 #include <map>
@@ -15,10 +15,10 @@ class Objects {
  public:
   explicit Objects(device::Device& device) noexcept : device_(device) {}
 
-  /// Of the string at stack index `argument`.
+  /// The object named by the string at stack index `argument`.
   [[nodiscard]] ObjectRef find(lua_State* state, int argument);
   void push(lua_State* state, ObjectRef ref) const;
-  /// The value at stack index 2. A changed one is an event for the TPDOs that map it.
+  /// Writes the value at stack index 2. A changed value is an event for the TPDOs that map it.
   void write(lua_State* state, ObjectRef ref);
 
  private:

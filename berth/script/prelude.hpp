@@ -1,12 +1,14 @@
-/// What of Lua's libraries a script gets in another form, in Lua, so that its instructions are counted and one seed is
-/// one run. Inside of room `script`.
+/// Library functions rewritten in Lua, so that their instructions are counted and a seed always gives the same run.
+/// Inside of room `script`.
 #pragma once
 
 namespace berth::script {
 
-/// Lua draws a seed for its strings' hashes from clock and addresses: the order of `next` differs from run to run, and
-/// so do texts of tables and functions. `table.sort` draws from the clock. What copies elements one by one in C
-/// (`table.insert`, `table.move`) or repeats in C (`string.rep` of an empty text) runs without instructions.
+/// Reasons:
+/// - Lua takes the seed of its string hashes from clock and addresses: the order of `next` differs from run to run, and
+///   so do texts of tables and functions. `table.sort` uses the clock too.
+/// - C code that copies elements one by one (`table.insert`, `table.move`) or repeats (`string.rep` of an empty text)
+///   runs without instructions.
 inline constexpr const char* prelude = R"lua(
 local raw_next, raw_type, raw_tostring, raw_format = next, type, tostring, string.format
 local raw_rep, raw_set, raw_get = string.rep, setmetatable, rawget

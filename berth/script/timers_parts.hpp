@@ -1,4 +1,4 @@
-/// Timers of a script, on the clock of its device: once or again and again, until they are cancelled.
+/// Timers of a script, on its device's clock: once or repeated, until they are cancelled.
 #pragma once
 
 #include <functional>
@@ -20,13 +20,13 @@ class Timers {
   ~Timers();
 
   [[nodiscard]] bool full() const noexcept { return timers_.size() >= most; }
-  /// After `time`, and then each time again when `again`. Its number, by which it is cancelled.
+  /// Calls after `time`; with `again`, repeatedly. Returns its number, for `cancel`.
   lua_Integer add(lua_State* state, int function, rt::Duration time, bool again);
-  /// False: there is none of this number any more. The function's place in Lua's registry is free again.
+  /// False: no timer has this number any more. Frees the function's place in Lua's registry.
   bool cancel(lua_Integer number);
-  /// None rings any more.
+  /// Stops all timers.
   void silence() noexcept;
-  /// They are gone, and Lua's state with them.
+  /// Removes all, when Lua's state is destroyed too.
   void clear() noexcept;
 
  private:

@@ -1,19 +1,19 @@
 /// The slot table in a file: SQLite behind `places::SlotStore`.
 ///
-/// **What is promised.** Every writing call is one transaction, synced to the disk before it returns (write-ahead log,
-/// `synchronous = FULL`). A crash at any instant, with every write that was not synced lost and the last one torn,
-/// leaves the state before or after the call. One process owns a store at a time. A file that is damaged, not Berth's,
-/// or of a newer Berth is refused in words and not changed by one byte.
+/// **Guarantees.** Every writing call is one transaction, synced to the disk before it returns (write-ahead log,
+/// `synchronous = FULL`). A crash at any instant, even if all unsynced writes are lost and the last one is torn, leaves
+/// the state before or after the call. One process owns a store at a time. A file that is damaged, not Berth's, or of a
+/// newer Berth is refused with a message and not changed by one byte.
 ///
-/// A store from elsewhere can do no harm: its schema is compared whole with what Berth makes before anything of it is
-/// run (so it has no trigger, view, CHECK or default of its own), and it is opened in SQLite's defensive mode.
+/// A foreign store can do no harm: its whole schema is compared with Berth's before anything of it is run (so it has no
+/// trigger, view, CHECK or default of its own), and it is opened in SQLite's defensive mode.
 ///
-/// The file is never the only copy of what a person wrote; it holds what Berth learnt. While a store is open, or after
-/// a crash, `<file>-wal` belongs to it: move both or neither. `<file>.lock` holds the owner's process id and is
-/// removed when the store is closed; after a crash it stays and holds up nobody.
+/// User input also exists outside the file; the file holds what Berth learnt. While a store is open, or after a crash,
+/// `<file>-wal` belongs to it: move both or neither. `<file>.lock` holds the owner's process id and is removed when the
+/// store is closed; after a crash it remains and blocks nobody.
 ///
-/// One thread. SQLite's errors come back as `Errc::io` with SQLite's extended code in `Error::detail`; after one, the
-/// call has changed nothing and the store can be used on.
+/// One thread. SQLite's errors are returned as `Errc::io` with SQLite's extended code in `Error::detail`; the failed
+/// call has changed nothing, and the store can still be used.
 #pragma once
 
 #include <cstdint>
@@ -28,10 +28,10 @@
 
 namespace berth::store {
 
-/// The schema this Berth writes. Older ones are brought up to it when a store is opened, in one transaction.
+/// The schema that this Berth writes. Opening a store converts an older one to it, in one transaction.
 inline constexpr int schema_version = 8;
 
-/// A device that was ever named in the store, by its identity alone: twins on several buses are one here.
+/// A device ever named in the store, by its identity alone: twins on several buses count as one.
 struct DeviceSeen {
   Identity device;
   std::int64_t first_ms = 0;  ///< `HistoryEntry::stamp_ms` of the first line about it
@@ -40,28 +40,28 @@ struct DeviceSeen {
   friend bool operator==(const DeviceSeen&, const DeviceSeen&) = default;
 };
 
-/// Why a store could not be opened: for programs, and for people.
+/// Why a store could not be opened: for programs and for users.
 struct OpenError {
   Error error;          ///< `exhausted` owned by another process; `invalid` damaged, foreign or newer; `io` the rest
   std::string message;  ///< with the file's name, and the owner's process id
 };
 
 struct OpenOptions {
-  /// False: nothing is synced, for stores about simulated buses, whose devices forget at a power failure too. Killing
+  /// False: nothing is synced, for stores about simulated buses, whose devices also forget at a power failure. Killing
   /// the process still loses nothing; a power failure may lose or damage the store.
   bool sync = true;
   std::string vfs{};  ///< name of a SQLite VFS; empty = the system's
-  /// Asked every some milliseconds while SQLite works: true ends the call (`io`), and it has changed nothing. What a
-  /// signal or a deadline says.
+  /// Asked every few milliseconds while SQLite works: true ends the call (`io`), which has then changed nothing. For
+  /// signals and deadlines.
   std::function<bool()> ended{};
-  bool lock = true;  ///< false only where no other process can reach the file (tests on a VFS of their own)
+  bool lock = true;  ///< false only if no other process can reach the file (tests with their own VFS)
 };
 
 class Database final : public places::SlotStore {
  public:
   using Opened = tl::expected<std::unique_ptr<Database>, OpenError>;
 
-  /// Opens the store at `path`, or makes it. The folder must be there.
+  /// Opens the store at `path`, or makes it. The folder must exist.
   [[nodiscard]] static Opened open(const std::string& path, const OpenOptions& options = {});
   ~Database() override;
   Database(const Database&) = delete;
@@ -101,8 +101,8 @@ class Database final : public places::SlotStore {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Looks at the bytes of a store that was not yet put into a file: what `Database::open` would refuse, it says, in
-/// `name`'s name. Nothing is written. `options`: `ended` only.
+/// Checks the bytes of a store that is not in a file yet: reports, under `name`, what `Database::open` would refuse.
+/// Writes nothing. `options`: `ended` only.
 [[nodiscard]] tl::expected<void, OpenError> look(std::string bytes, const std::string& name,
                                                  const OpenOptions& options = {});
 

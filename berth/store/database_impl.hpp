@@ -1,4 +1,4 @@
-/// What is behind `Database`. Private to room `store`.
+/// The implementation of `Database`. Private to room `store`.
 #pragma once
 
 #include <SQLiteCpp/Database.h>
@@ -17,7 +17,7 @@
 
 namespace berth::store {
 
-/// What an error code of SQLite's means for a person, and what to do; `what` are SQLite's own words, for the others.
+/// The meaning of an SQLite error code for users, and what to do; `what`: SQLite's own text, for other codes.
 [[nodiscard]] std::string cause_of(int code, const char* what);
 
 class Query;
@@ -26,10 +26,11 @@ struct Database::Impl {
   FileLock lock;
   std::function<bool()> ended{};  ///< see `OpenOptions`; before `db`, which asks it
   std::optional<SQLite::Database> db;
-  std::map<const char*, SQLite::Statement> statements;  ///< by the address of their text; after `db`, so gone before it
-  const SlotStore* owner = nullptr;                     // whose clock history lines have
+  std::map<const char*, SQLite::Statement> statements;  ///< by the address of their text; after `db`, so destroyed
+                                                        ///< before it
+  const SlotStore* owner = nullptr;                     // its clock gives history lines their time
 
-  /// The prepared statement of a text that stands once in the program.
+  /// The prepared statement for a text that occurs once in the program.
   SQLite::Statement& statement(const char* sql);
   [[nodiscard]] std::optional<places::SlotId> find_slot(const places::SlotName& name);
   places::SlotId add_slot(const places::SlotName& name);
@@ -39,19 +40,19 @@ struct Database::Impl {
   void put_seat(places::SlotId slot, std::string_view fact, const places::Assignment& seat);
   [[nodiscard]] static std::vector<places::SlotRecord> records_of(Query& query);
   static void add_configurations(Query& query, std::vector<places::SlotRecord>& records);
-  /// Adds a line to the history, with the time that was told last. The bus of a slot's line is the slot's.
+  /// Adds a line to the history, with the last time given. A slot's line gets the slot's bus.
   void log(const places::HistoryEntry& line);
   void log(places::SlotId slot, std::string_view event, const std::optional<Identity>& device, NodeId id,
            std::string_view reason);
   void log(const places::BusDevice& who, std::string_view event, NodeId id, std::string_view reason);
-  /// Runs a statement whose parameters are the device, or that and its bus.
+  /// Runs a statement whose parameters are the device, or the device and its bus.
   template <class Device>
   void run_on(const char* sql, const Device& device);
 
   /// The file, what was done, and the cause.
   [[nodiscard]] tl::unexpected<Error> failed(const SQLite::Exception& error, const char* what) const;
 
-  /// Runs `body` in one transaction: committed and synced when it gives a value, else rolled back.
+  /// Runs `body` in one transaction: committed and synced if it returns a value, else rolled back.
   template <class Body>
   auto write(const char* what, Body body) -> decltype(body());
   /// Runs `body`, which only reads.

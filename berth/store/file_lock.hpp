@@ -1,6 +1,5 @@
-/// One process owns a file: an advisory lock (flock) on `<file>.lock`, which also says which process holds it. The lock
-/// goes with the process however it ends. The lock file is removed at an orderly end; after a crash it stays and does
-/// no harm.
+/// Makes one process own a file: an advisory lock (flock) on `<file>.lock`, which also names the process. The lock ends
+/// with the process in any case. The lock file is removed at an orderly end; after a crash it remains and does no harm.
 #pragma once
 
 #include <string>
@@ -15,16 +14,16 @@ class FileLock {
   FileLock& operator=(const FileLock&) = delete;
 
   enum class Outcome { taken, held_by_other, failed };
-  /// Tries once, without waiting. `failed`: errno says why.
+  /// Tries once, without waiting. `failed`: see errno.
   [[nodiscard]] Outcome take(const std::string& file);
-  /// After `held_by_other`: the process id of the holder; "" when this computer does not show it.
+  /// After `held_by_other`: the holder's process id; "" if this computer does not show it.
   [[nodiscard]] const std::string& holder() const noexcept { return holder_; }
 
  private:
   [[nodiscard]] Outcome lock(const std::string& path);
 
   int fd_ = -1;
-  std::string path_;  // of the lock file; empty: it is another process's
+  std::string path_;  // of the lock file; empty: another process has it
   std::string holder_;
 };
 

@@ -1,4 +1,4 @@
-/// Berth's own binding on a stage: `places::Binder` with the services that it needs, as `berth up` runs it.
+/// Berth's own binding on a stage: `places::Binder` with its services, as `berth up` runs it.
 #pragma once
 
 #include <vector>
@@ -15,10 +15,10 @@ class Commissioning {
  public:
   explicit Commissioning(Stage& stage);
 
-  /// Asks under every node-ID, side by side, whether it is free, as `operate::Network` does before the first binding;
-  /// then seat by seat the steps of `places::Binding`, stored and identified under the new node-ID.
+  /// Asks under every node-ID, in parallel, whether it is free, as `operate::Network` does before the first binding.
+  /// Then carries out the steps of `places::Binding` for each seat, stored and identified under the new node-ID.
   [[nodiscard]] rt::Task<void> bind(std::vector<places::Assignment> seats);
-  /// Seats whose binding came to its good end.
+  /// Seats bound successfully.
   [[nodiscard]] unsigned bound() const noexcept { return bound_; }
   [[nodiscard]] lss::Master& lss() noexcept { return lss_; }
 
@@ -34,7 +34,7 @@ class Commissioning {
   places::BootWatch boots_;
   places::MemoryStore store_;
   places::VacancyTable vacancy_{};
-  std::vector<LssAddress> others_;  // that may be in configuration unheard
+  std::vector<LssAddress> others_;  // may be in configuration unheard
   unsigned bound_ = 0;
 };
 

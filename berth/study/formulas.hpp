@@ -1,6 +1,5 @@
-/// What papers 2 and 4 count, as arithmetic with the frame lengths, the time-out and the bit rate as parameters
-/// (S2.3, S2.7, S2.16, S4.7, S4.16, S4.17); paper 1's formulas are in `berth/nodeid/paper1_times.hpp`. Nothing here
-/// looks at a simulation.
+/// The formulas of papers 2 and 4, with frame lengths, time-out and bit rate as parameters (S2.3, S2.7, S2.16, S4.7,
+/// S4.16, S4.17); paper 1's formulas are in `berth/nodeid/paper1_times.hpp`. Nothing here uses a simulation.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +13,7 @@ namespace berth::study {
   return rt::Duration(static_cast<rt::Duration::rep>(bits) * 1'000'000'000 / bit_rate);
 }
 
-/// The usual bounds, 55 + 10 bits a data byte (base) and 80 (extended, no data).
+/// The usual bounds, 55 + 10 bits per data byte (base) and 80 (extended, no data).
 inline constexpr unsigned lss_bits = 135;      ///< any LSS frame
 inline constexpr unsigned boot_up_bits = 65;   ///< one data byte
 inline constexpr unsigned feedback_bits = 80;  ///< paper 4's 29-bit feedback; RAND's IUS
@@ -22,24 +21,24 @@ inline constexpr unsigned negotiation_bits = 80;
 
 /// Paper 4: one device found and configured by Fastscan, until its boot-up message.
 struct Fastscan {
-  std::uint32_t bit_rate = 125'000;                        ///< not printed; the times fit this one
+  std::uint32_t bit_rate = 125'000;                        ///< not printed; the printed times match it
   rt::Duration timeout = std::chrono::milliseconds(20);    ///< of each request
   rt::Duration response = std::chrono::microseconds(500);  ///< the device's, to configure node-ID
   rt::Duration store = std::chrono::milliseconds(5);       ///< the device's, to store configuration
   rt::Duration boot = std::chrono::milliseconds(5);        ///< from switch state global to the boot-up message
 };
-/// Table 1: 80h, then for each of the four parts 32 bits and one request more where bit 0 is 1 (S4.14).
+/// Table 1: 80h, then for each of the four parts 32 bits and one more request if bit 0 is 1 (S4.14).
 inline constexpr unsigned table_1_requests = 132;
 /// Table 2: 80h, then two for each part (S4.17).
 inline constexpr unsigned table_2_requests = 9;
 /// "It takes about 128 requests" (S2.3, S4.7).
 inline constexpr unsigned about_128 = 128;
 
-/// `requests` requests and their whole windows; frames are not counted, as the papers do not.
+/// `requests` requests with their whole windows, without frames, as in the papers.
 [[nodiscard]] constexpr rt::Duration scan_windows(unsigned requests, rt::Duration timeout) noexcept {
   return requests * timeout;
 }
-/// The same with the requests on the wire: a window begins when its request was sent.
+/// The same with the frames: a window begins after its request was sent.
 [[nodiscard]] constexpr rt::Duration scan(unsigned requests, const Fastscan& f) noexcept {
   return requests * (time_of(lss_bits, f.bit_rate) + f.timeout);
 }

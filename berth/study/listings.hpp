@@ -1,5 +1,4 @@
-/// The traces that the papers print, made again: inside of `listing` (reproduce.hpp). What is wrong with a run comes
-/// into `figures`.
+/// Reproduces the traces that the papers print; internal to `listing` (reproduce.hpp). Errors of a run go to `figures`.
 #pragma once
 
 #include "berth/study/reproduce.hpp"

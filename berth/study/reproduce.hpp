@@ -1,12 +1,11 @@
 /// `berth reproduce`: every figure that papers 1, 2 and 4 print for finding devices and giving them node-IDs, and paper
-/// 3's numbers of nodes and accesses: published, by formula, simulated on the bit-exact bus, and the same job as
-/// Berth's own code does it: found by its planners, bound by `places::Binder`.
+/// 3's numbers of nodes and accesses. Each is given as published, by formula, simulated on the bit-exact bus, and for
+/// the same job by Berth's own code: found by its planners, bound by `places::Binder`.
 ///
-/// Formula and simulation never look at each other: the formula is arithmetic with frame lengths, time-outs and the
-/// conditions; the simulation is the procedure itself on devices that answer. A simulated time is the span of a
-/// recorded trace, from the end of its first frame to the end of its last, as `berth trace --stats` prints it. Where a
-/// procedure ends (or begins) with silence, the mark is a heartbeat of the master, 77F#05; the row's `marks` says which
-/// frames the marks are.
+/// Formula and simulation are independent: the formula is arithmetic with frame lengths, time-outs and the conditions;
+/// the simulation runs the procedure on devices that answer. A simulated time is the span of a recorded trace, from the
+/// end of its first frame to the end of its last, as `berth trace --stats` prints it. If a procedure ends (or begins)
+/// with silence, the mark is a heartbeat of the master, 77F#05; the row's `marks` names the frames.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +19,7 @@
 
 namespace berth::study {
 
-/// What a person sets; empty: as the paper has it.
+/// What the user sets; empty: as in the paper.
 struct Conditions {
   std::optional<std::uint32_t> bit_rate{};  ///< bit/s; paper 1: 50,000; papers 2 and 4 name none: 125,000
   std::optional<rt::Duration> latency{};    ///< of a device's answers; paper 1: 4 ms; else 0.5 ms
@@ -35,15 +34,15 @@ struct Row {
   std::optional<double> formula{};
   std::optional<double> simulated{};
   std::optional<double> berth{};
-  std::optional<double> counted{};  ///< on a simulated bus, where the figure is no time
+  std::optional<double> counted{};  ///< on a simulated bus, if the figure is not a time
   const char* unit = "s";
-  std::string note{};   ///< why the columns disagree
-  std::string marks{};  ///< the frames that mark begin and end of the simulated time
+  std::string note{};   ///< why the columns differ
+  std::string marks{};  ///< the frames at the begin and end of the simulated time
   std::string trace{};  ///< name of its trace among `Figures::traces`; empty: none
 };
 
 struct NamedTrace {
-  std::string name;  ///< "paper1-discovery", say: the file is NAME.log
+  std::string name;  ///< such as "paper1-discovery": the file is NAME.log
   std::uint32_t bit_rate = 0;
   trace::Trace trace;
 };
@@ -51,21 +50,21 @@ struct NamedTrace {
 struct Figures {
   std::vector<Row> rows;
   std::vector<NamedTrace> traces;
-  /// Runs that did not come to what they should: their figures are empty, and here is why, a line each. Each run's
-  /// devices are held against the truth of the world (study/verdict.hpp).
+  /// Failed runs, whose figures are empty: the reasons, one line each. Each run's devices are compared with the world's
+  /// truth (study/verdict.hpp).
   std::vector<std::string> wrong{};
 };
 
 /// All rows, ascending by paper. Takes about a second.
 [[nodiscard]] Figures reproduce(const Conditions& conditions);
 
-/// The traces that the papers print, made again: "paper1-figure9", "paper2-figure2", "paper2-table4", "paper4-table1",
+/// The reproduced traces of the papers: "paper1-figure9", "paper2-figure2", "paper2-table4", "paper4-table1",
 /// "paper4-table2".
 struct Listing {
   std::string name;
   std::string title;
   trace::Trace trace;
-  enum class Form : std::uint8_t { messages, times, view } form = Form::messages;  ///< of study/words.hpp
+  enum class Form : std::uint8_t { messages, times, view } form = Form::messages;  ///< see study/words.hpp
   std::vector<std::string> wrong{};                                                ///< as in `Figures`
 };
 [[nodiscard]] const std::vector<std::string_view>& listings();

@@ -22,7 +22,7 @@ namespace berth::study {
 /// The one bus of every stage, named so that can-utils can play its traces.
 inline constexpr std::string_view bus_name = "can0";
 
-/// Which serial numbers the devices have.
+/// The kind of serial numbers of the devices.
 enum class Serials : std::uint8_t {
   consecutive,  ///< one type, 1, 2, 3, ...
   random,       ///< one type, any 32 bits
@@ -44,8 +44,8 @@ struct Cast {
 
 class Stage final : private can::Tap {
  public:
-  /// `plant` must be one of `plant_of` or like it: every device on `bus_name`. `bit_rate` in bit/s. A plant that cannot
-  /// be made is a mistake of the program: it ends.
+  /// `plant` must be from `plant_of` or similar: every device on `bus_name`. `bit_rate` in bit/s. A plant that cannot
+  /// be made is a programming error and ends the program.
   Stage(const plant::PlantFile& plant, std::uint32_t bit_rate);
   ~Stage();
   Stage(const Stage&) = delete;
@@ -57,26 +57,26 @@ class Stage final : private can::Tap {
   [[nodiscard]] std::uint32_t bit_rate() const noexcept { return bus_->bit_rate(); }
   [[nodiscard]] rt::Time now() noexcept { return world_->sim().now(); }
 
-  /// Everything boots, and what it sends then is over.
+  /// Waits until everything has booted and is quiet.
   void settle(rt::Duration time = std::chrono::seconds(1)) { world_->sim().run_for(time); }
   /// From now on frames are kept.
   void record() noexcept { recording_ = true; }
-  /// The heartbeat of the master, as the mark where a measured job begins or ends: sent when the bus is free; returns
-  /// when it is on the wire.
+  /// Sends the master's heartbeat as the mark at the begin or end of a measured job, when the bus is free; returns
+  /// after it is on the wire.
   void mark();
-  /// Runs a task to its end; false when it took longer than `limit` in the world: it is destroyed then.
+  /// Runs a task to its end; false if it takes longer than `limit` in the world: the task is then destroyed.
   bool run(rt::Task<void> task, rt::Duration limit);
-  /// Runs until nothing was on the bus for `quiet`, at most `limit`.
+  /// Runs until the bus was silent for `quiet`, at most for `limit`.
   void run_until_quiet(rt::Duration quiet, rt::Duration limit);
 
   [[nodiscard]] const trace::Trace& trace() const noexcept { return trace_; }
-  /// Drops what was kept after the last boot-up message.
+  /// Drops frames kept after the last boot-up message.
   void crop_after_boot_up();
-  /// From the end of the first kept frame to the end of the last: what `berth trace --stats` prints as span.
+  /// From the end of the first kept frame to the end of the last: the span that `berth trace --stats` prints.
   [[nodiscard]] rt::Duration span() const noexcept;
   /// When the last frame ended, kept or not.
   [[nodiscard]] rt::Time last_frame() const noexcept { return last_; }
-  /// Devices with a node-ID in use and no other device with the same.
+  /// Devices with a node-ID in use that no other device has.
   [[nodiscard]] unsigned bound() const;
 
  private:

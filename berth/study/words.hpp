@@ -1,4 +1,4 @@
-/// Frames in words, and traces as the papers print theirs.
+/// Frames in words, and traces in the form of the papers.
 #pragma once
 
 #include <string>

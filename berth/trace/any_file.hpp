@@ -1,4 +1,4 @@
-/// A trace file of any format that is read, perhaps in gzip: which one it is, is found by its content.
+/// A trace file of any readable format, perhaps in gzip; its content tells the format.
 ///
 ///     trace::AnyFile file("run.log.gz");
 ///     while (read(chunk)) if (auto wrong = file.feed(chunk, sink); !wrong.empty()) return tell(wrong);
@@ -18,19 +18,19 @@ namespace berth::trace {
 
 class AnyFile {
  public:
-  /// `format` empty: by the content. `name` stands in the findings, nothing is opened.
+  /// `format` empty: detect it from the content. `name` is for findings; nothing is opened.
   explicit AnyFile(std::string name, std::optional<Format> format = std::nullopt, const ReadOptions& how = {});
-  /// The next bytes, cut anywhere. Empty, or what the file is that no reader reads: then nothing more is to be fed.
+  /// The next bytes, cut anywhere. Returns empty, or what kind of unreadable file it is: then feed nothing more.
   [[nodiscard]] std::string feed(std::string_view bytes, Sink& sink);
-  /// No more comes: a file without a frame is told as what it is. `finish` is not called with it.
+  /// The end of the file: reports a file without a frame. Does not need `finish`.
   [[nodiscard]] std::string end(Sink& sink);
-  /// As `Reader::finish`: a last line without an end is read.
+  /// As `Reader::finish`: reads a last line without a line end.
   void finish(Sink& sink);
-  /// The file became another, and is fed from its beginning.
+  /// The file was replaced, and is fed from its beginning.
   void begin_anew() noexcept { fed_ = false; }
 
   [[nodiscard]] const std::vector<std::string>& buses() const noexcept;
-  /// Empty: not known yet.
+  /// Empty: unknown yet.
   [[nodiscard]] std::optional<Format> format() const noexcept { return format_; }
 
  private:
@@ -42,7 +42,7 @@ class AnyFile {
   std::optional<Format> format_;
   ReadOptions how_;
   std::unique_ptr<Reader> reader_;
-  std::unique_ptr<Gunzip> gunzip_;  // of a file in gzip
+  std::unique_ptr<Gunzip> gunzip_;  // for a gzip file
   std::string head_;                // until the format is known
   bool fed_ = false;
 };

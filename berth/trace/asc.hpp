@@ -11,18 +11,18 @@
 ///        0.002100 1  ErrorFrame
 ///     End TriggerBlock
 ///
-/// Read: `base hex` and `base dec` (identifiers and data), absolute and relative timestamps (the latter since the event
-/// before), the date with English and German names, with or without milliseconds, 24 hours or am/pm, and taken as UTC,
-/// because the file does not say; without a date, time counts from 0. Symbolic names of CANFD lines are passed over.
-/// Every other event (statistics, chip status, J1939TP, LIN, requests `TxRq`) is counted in one note at the end. A line
-/// that is no event and no part of the head is an error.
+/// Read: `base hex` and `base dec` (identifiers and data), absolute and relative timestamps (the latter since the
+/// previous event), the date with English and German names, with or without milliseconds, 24 hours or am/pm, and taken
+/// as UTC, because the file does not say; without a date, time counts from 0. Symbolic names of CANFD lines are
+/// ignored. Every other event (statistics, chip status, J1939TP, LIN, requests `TxRq`) is counted in one note at the
+/// end. A line that is neither an event nor part of the head is an error.
 ///
-/// Channel N is the bus "can<N-1>", as log2asc numbers them, unless a comment of Berth's says its name:
+/// Channel N is the bus "can<N-1>", as log2asc numbers them, unless a comment of Berth's names it:
 ///
 ///     // berth: channel 1 is backbone
 ///
-/// Written: hexadecimal, absolute, microseconds; channels in the order in which the buses appear. Lost: nanoseconds;
-/// what an error frame says (`ErrorFrame` stands alone); that a direction is unknown (`Rx`).
+/// Written: hexadecimal, absolute, microseconds; channels in the order in which the buses appear. Lost: nanoseconds; an
+/// error frame's content (`ErrorFrame` only); an unknown direction (becomes `Rx`).
 #pragma once
 
 #include <string>
@@ -59,10 +59,10 @@ class AscReader final : public LineReader {
   bool relative_ = false;
   bool dated_ = false;
   rt::Duration start_{};   // of the measurement
-  rt::Duration latest_{};  // of the event before, since `start_`
+  rt::Duration latest_{};  // of the previous event, since `start_`
   std::uint64_t others_ = 0;
   std::string_view line_;
-  std::size_t at_ = 0;  // after the word that was taken last
+  std::size_t at_ = 0;  // after the last word taken
   Entry entry_;
   std::vector<std::pair<unsigned, std::uint16_t>> channels_;  // channel and its bus
   std::vector<std::pair<unsigned, std::string>> names_;       // by comments

@@ -1,4 +1,4 @@
-/// Inside of room `trace`: dates and decimal seconds as logs write them. Everything is UTC.
+/// Dates and decimal seconds in logs. Everything is UTC. Inside of room `trace`.
 #pragma once
 
 #include <optional>
@@ -9,8 +9,8 @@
 
 namespace berth::trace {
 
-/// " Fri Jul 10 06:17:32.249 2015", "Sam Sep 30 03:06:13 pm 2017": weekday (passed over, may be missing), English or
-/// German month, day, time, am or pm, year from 1970 to 2255. Since 1970.
+/// " Fri Jul 10 06:17:32.249 2015", "Sam Sep 30 03:06:13 pm 2017": weekday (ignored, may be missing), English or German
+/// month, day, time, am or pm, year from 1970 to 2255. Since 1970.
 [[nodiscard]] std::optional<rt::Duration> parse_date(std::string_view text);
 /// "Fri Jul 10 06:17:32.249 2015"; milliseconds are cut.
 [[nodiscard]] std::string write_date(rt::Duration since_1970);
@@ -22,7 +22,7 @@ namespace berth::trace {
 
 /// OLE automation date: days since 30 December 1899, "43474.57245773", to 2255. Rounded to microseconds. Since 1970.
 [[nodiscard]] std::optional<rt::Duration> parse_ole_date(std::string_view text) noexcept;
-/// With 14 decimals: read again, it is the same microsecond.
+/// With 14 decimals, so that reading it gives the same microsecond.
 [[nodiscard]] std::string write_ole_date(rt::Duration since_1970);
 
 }  // namespace berth::trace

@@ -1,18 +1,18 @@
-/// The log format of can-utils' `candump -L`, which `canplayer` plays: one frame a line, bytes in and bytes out.
+/// The log format of can-utils' `candump -L`, which `canplayer` plays: one frame per line.
 ///
 ///     (1436509052.249713) can0 7E5#5100000000800000        base, data
 ///     (1436509052.250001) can0 1F900135#                   extended, no data
 ///     (1436509052.250400) can0 701#R                       remote
 ///     (1436509052.250900) can0 123##1AABB                  FD, flags 1 = BRS, 2 = ESI
 ///
-/// Time is seconds and digits after the point, six or, with -N, nine; blanks pad the bus's name, which has none; the
-/// frame is as `can::to_string` writes it, perhaps with a DLC above 8 after it (`_F`: `candump -8`). A direction may
-/// stand after it (` R`, ` T`: `candump -x`). SocketCAN's error frames are lines like any
-/// other, with 2000 0000h in the identifier: (1436509052.251100) can0 20000004#0008000000000000. What `candump` prints
-/// without -L is read too (candump_plain.hpp), and the words that -e prints below an error frame.
+/// Time is seconds and digits after the point, six or, with -N, nine; blanks pad the bus's name, which contains none;
+/// the frame is as `can::to_string` writes it, perhaps with a DLC above 8 after it (`_F`: `candump -8`). A direction
+/// may follow (` R`, ` T`: `candump -x`). SocketCAN's error frames are lines like any other, with 2000 0000h in the
+/// identifier: (1436509052.251100) can0 20000004#0008000000000000. The output of `candump` without -L is read too
+/// (candump_plain.hpp), and the words that -e prints below an error frame.
 ///
-/// `candump -td` prints the time since the line before. Where times near 0 fall, they are such, and are summed, which
-/// is told; `ReadOptions::deltas` says so of a log whose times do not fall.
+/// `candump -td` prints the time since the previous line. Times near 0 that decrease show such a log: they are summed,
+/// with a finding. `ReadOptions::deltas` is for such a log whose times never decrease.
 #pragma once
 
 #include <string>
@@ -24,19 +24,19 @@
 
 namespace berth::trace {
 
-/// Lines whose times count from 0 are held until it is clear what they are: times fall, or enough of them do not.
+/// Holds lines whose times count from 0 until their kind is known: times decrease, or enough of them do not.
 class DeltaTimes {
  public:
   static constexpr std::size_t enough = 64;
   explicit DeltaTimes(bool known) noexcept : kind_(known ? Kind::deltas : Kind::open) {}
   enum class Turn : std::uint8_t {
-    as_it_is,  ///< the entry is to be kept now
-    held,      ///< it is taken along
-    decided    ///< `take` has it and those before it
+    as_it_is,  ///< use the entry now
+    held,      ///< the entry is held
+    decided    ///< `take` returns it and those before it
   };
-  /// The next line with a time. `entry.at` is the sum where times are known to be deltas.
+  /// The next line with a time. If times are known to be deltas, `entry.at` is the sum.
   [[nodiscard]] Turn add(Entry& entry);
-  /// What was held, with its times as they are to be; `deltas` says which. The log may be over.
+  /// The held entries with corrected times; `deltas` gives their kind. May also be called at the end of the log.
   [[nodiscard]] std::vector<Entry> take();
   [[nodiscard]] bool deltas() const noexcept { return kind_ == Kind::deltas; }
 
@@ -47,10 +47,10 @@ class DeltaTimes {
   std::vector<Entry> held_;
 };
 
-/// Piece by piece (stream.hpp). Anything that candump does not write is an error, and its line is left out.
+/// Reads piece by piece (stream.hpp). Anything that candump does not write is an error, and its line is left out.
 class CandumpReader final : public LineReader {
  public:
-  /// Without `error_frames` they are warnings, and left out. `deltas`: each time counts from the line before.
+  /// Without `error_frames` they are warnings, and left out. `deltas`: each time counts from the previous line.
   explicit CandumpReader(std::string file, bool error_frames = true, bool deltas = false)
       : LineReader(std::move(file)), error_frames_(error_frames), deltas_(deltas) {}
 
@@ -72,7 +72,7 @@ class CandumpReader final : public LineReader {
   DeltaTimes deltas_;
   bool words_follow_ = false;  // of an error frame
   Entry entry_;
-  std::string last_name_;  // the bus of the line before
+  std::string last_name_;  // the bus of the previous line
   std::uint16_t last_bus_ = 0;
   std::string_view line_;
   std::size_t column_ = 0;
@@ -87,7 +87,7 @@ class CandumpWriter final : public Writer {
  private:
   bool directions_;
   LineNames names_;
-  std::int64_t seconds_ = -1;  // whose digits `digits_` are
+  std::int64_t seconds_ = -1;  // the seconds whose digits are in `digits_`
   std::array<char, 10> digits_{};
 };
 
@@ -96,16 +96,16 @@ struct Reading {
   Findings findings;  ///< with line and column; errors: lines that are not of this format
 };
 
-/// Reads a whole log into memory. Empty lines and either kind of line end pass. Warnings: time goes backwards on a bus;
-/// error frames, which are no frames and are left out. After `most_findings` the rest is counted in one last finding.
+/// Reads a whole log into memory. Accepts empty lines and both kinds of line end. Warnings: time goes backwards on a
+/// bus; error frames, which are left out. After `most_findings` one last finding counts the rest.
 [[nodiscard]] Reading read_candump(std::string_view text, const std::string& file_name);
 inline constexpr std::size_t most_findings = 100;
 
-/// One line without its end. `at` 0 or later, rounded to the nearest microsecond. `bus` is written as it is.
+/// One line without its line end. `at` 0 or later, rounded to the nearest microsecond. `bus` is written unchanged.
 [[nodiscard]] std::string candump_line(rt::Duration at, std::string_view bus, const can::Frame& frame);
-/// The same for a frame that is text already, as `can::to_string` writes it.
+/// The same for a frame that is already text, as `can::to_string` writes it.
 [[nodiscard]] std::string candump_line(rt::Duration at, std::string_view bus, std::string_view frame);
-/// The whole log, each line with its end.
+/// The whole log, with line ends.
 [[nodiscard]] std::string write_candump(const Trace& trace);
 
 }  // namespace berth::trace

@@ -1,5 +1,4 @@
-/// What can-utils' `candump` prints without -L, for people: fields in columns, the time in one of its forms or left
-/// out.
+/// The output of can-utils' `candump` without -L: fields in columns, the time in one of its forms or left out.
 ///
 ///       can0  7E5   [8]  04 01 00 00 00 00 00 00
 ///      (1436509052.249713)  can0  1F900135   [0]
@@ -8,8 +7,8 @@
 ///       can0  20000004   [8]  00 08 00 00 00 00 00 00   ERRORFRAME
 ///       can0  123   {F}  00 11 22 33 44 55 66 77             -8: a DLC above 8
 ///
-/// Times have any number of digits after the point (-N: nine).
-/// candump -a's text after the data is passed over. The FD flags BRS and ESI are not in it (-x has them).
+/// Times have any number of digits after the point (-N: nine). candump -a's text after the data is ignored. The FD
+/// flags BRS and ESI are not in it (-x has them).
 #pragma once
 
 #include <optional>

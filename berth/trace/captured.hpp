@@ -1,5 +1,5 @@
-/// Frames of CAN as packet captures hold them, in pcapng and in classic pcap: Linux's struct can_frame, by itself or
-/// after the header of a capture of all interfaces ("any", LINUX_SLL). Inside of room `trace`.
+/// CAN frames in packet captures, in pcapng and classic pcap: Linux's struct can_frame, by itself or after the header
+/// of a capture of all interfaces ("any", LINUX_SLL). Inside of room `trace`.
 #pragma once
 
 #include <cstdint>
@@ -18,21 +18,21 @@ inline constexpr std::uint8_t fd_brs = 1;
 inline constexpr std::uint8_t fd_esi = 2;
 inline constexpr std::uint8_t fd_format = 4;
 
-/// Link types (tcpdump.org/linktypes.html) that carry frames of CAN.
+/// Link types (tcpdump.org/linktypes.html) that carry CAN frames.
 enum class LinkType : std::uint8_t { other, can_socketcan, linux_sll };
 inline constexpr std::uint16_t link_type_can_socketcan = 227;
 [[nodiscard]] LinkType link_type_of(std::uint32_t number) noexcept;
 
-/// The four bytes from `at` on, which are there.
+/// The four bytes from `at` on, which must exist.
 [[nodiscard]] std::uint32_t u32_at(std::string_view bytes, std::size_t at, bool big_endian) noexcept;
 
-/// What became of a packet.
+/// The result for a packet.
 struct Captured {
   bool frame = false;  ///< `entry` has it: frame, error, and with LINUX_SLL the direction
-  std::string wrong;   ///< why it is none; empty: a packet of another protocol
+  std::string wrong;   ///< why it is not one; empty: a packet of another protocol
 };
-/// `big_endian`: the byte order of the file, which is that of an identifier after LINUX_SLL's header; alone it is
-/// big-endian always.
+/// `big_endian`: the byte order of the file, and of an identifier after LINUX_SLL's header; without that header an
+/// identifier is always big-endian.
 [[nodiscard]] Captured take_packet(LinkType type, bool big_endian, std::string_view packet, Entry& entry);
 
 }  // namespace berth::trace

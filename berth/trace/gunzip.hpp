@@ -14,7 +14,7 @@ namespace berth::trace {
 
 class Gunzip {
  public:
-  /// What grows more than so many times after the first `unsuspicious` bytes is no log: it is refused.
+  /// After the first `unsuspicious` bytes, a file that grows more than so many times is no log and is refused.
   static constexpr std::uint64_t most_growth = 300;
   static constexpr std::uint64_t unsuspicious = std::uint64_t{64} << 20U;
 
@@ -23,8 +23,8 @@ class Gunzip {
   Gunzip(const Gunzip&) = delete;
   Gunzip& operator=(const Gunzip&) = delete;
 
-  /// The next bytes of the file, cut anywhere; `out` gets what they hold. Empty, or for people what is wrong: then
-  /// nothing more is to be fed.
+  /// The next bytes of the file, cut anywhere; `out` gets the unpacked ones. Returns empty, or an error for users: then
+  /// feed nothing more.
   [[nodiscard]] std::string feed(std::string_view bytes, const std::function<void(std::string_view)>& out);
   /// The file may end here.
   [[nodiscard]] bool whole() const noexcept;

@@ -1,5 +1,5 @@
-/// Inside of room `trace`: what the readers and writers of text formats share. Lines out of chunks, hex and decimal
-/// digits without the library's detours, names of buses.
+/// Shared by the readers and writers of text formats: lines from chunks, fast hex and decimal digits, names of buses.
+/// Inside of room `trace`.
 #pragma once
 
 #include <cstring>
@@ -67,16 +67,16 @@ inline char* put_text(char* to, std::string_view text) noexcept {
   return to + text.size();
 }
 
-/// What of a bus's name can stand in a line: no blanks, no line end, not empty.
+/// A bus's name made fit for a line: no blanks, no line end, not empty.
 [[nodiscard]] std::string line_name(std::string_view name);
 
-/// Names by number for a writer, made fit for a line once.
+/// Names by number for a writer, each made fit for a line once.
 class LineNames {
  public:
   /// True: seen for the first time.
   bool add(std::uint16_t bus, std::string_view name);
   [[nodiscard]] const std::string& of(std::uint16_t bus) const noexcept { return names_[bus]; }
-  /// 1 for the bus that came first, and so on.
+  /// 1 for the first bus, and so on.
   [[nodiscard]] unsigned number(std::uint16_t bus) const noexcept { return numbers_[bus]; }
 
  private:
@@ -85,14 +85,14 @@ class LineNames {
   unsigned count_ = 0;
 };
 
-/// Seconds beyond this do not fit into nanoseconds of 64 bits.
+/// More seconds do not fit into nanoseconds of 64 bits.
 inline constexpr std::int64_t most_seconds = 9'000'000'000;
 
-/// Reads lines. A longer one than `longest_line` is an error and passed over.
+/// Reads lines. A line longer than `longest_line` is an error and skipped.
 class LineReader : public Reader {
  public:
   static constexpr std::size_t longest_line = 16'384;
-  /// No machine has so many; each costs its readers memory (a statistic of 2048 identifiers, a decoder's nodes).
+  /// No machine has so many; each costs memory (a statistic of 2048 identifiers, a decoder's nodes).
   static constexpr std::size_t most_buses = 256;
 
   void feed(std::string_view bytes, Sink& sink) final;
@@ -102,21 +102,21 @@ class LineReader : public Reader {
   explicit LineReader(std::string file) : file_(std::move(file)) {}
   /// One line without its end, not empty.
   virtual void line(std::string_view line) = 0;
-  /// The file is over.
+  /// The end of the file.
   virtual void over() {}
 
-  /// About the line at hand; columns count from 0 here.
+  /// A finding about the present line; columns count from 0 here.
   void tell(Finding::Severity severity, std::size_t column, std::string message, std::string fix = {});
   void error(std::size_t column, std::string message, std::string fix = {}) {
     tell(Finding::Severity::error, column, std::move(message), std::move(fix));
   }
   /// About the file as a whole.
   void tell_of_file(Finding::Severity severity, std::string message, std::string fix = {});
-  /// The number of a name; empty (and told) when there are too many.
+  /// The number of a name; empty (with a finding) if there are too many.
   std::optional<std::uint16_t> bus(std::string_view name);
   /// The same without adding it.
   [[nodiscard]] std::optional<std::uint16_t> known_bus(std::string_view name) const;
-  /// Gives the entry away. A time before the bus's last one is a warning, once for each step back.
+  /// Passes the entry on. A time before the bus's last one is a warning, once for each step back.
   void keep(const Entry& entry) {
     rt::Duration& latest = latest_[entry.bus];
     if (entry.at < latest) [[unlikely]]
@@ -135,7 +135,7 @@ class LineReader : public Reader {
   void partial(std::string_view bytes);
 
   std::string file_;
-  std::string rest_;  // of a line whose end has not come yet
+  std::string rest_;  // of a line that is not complete yet
   bool passing_ = false;
   int number_ = 0;
   Sink* sink_ = nullptr;

@@ -17,7 +17,7 @@ namespace berth::trace {
 
 class PcapReader final : public Reader {
  public:
-  /// Bytes of a packet; nothing of CAN comes near.
+  /// Bytes of a packet; CAN packets are far smaller.
   static constexpr std::uint32_t longest_packet = 1U << 18U;
 
   explicit PcapReader(std::string file) : file_(std::move(file)) {}
@@ -32,10 +32,10 @@ class PcapReader final : public Reader {
   void tell(Finding::Severity severity, std::string message);
 
   std::string file_;
-  std::string rest_;          // of a packet that is not whole yet
-  std::uint64_t offset_ = 0;  // in the file, of what is at hand
+  std::string rest_;          // of a packet that is not complete yet
+  std::uint64_t offset_ = 0;  // in the file, of the present bytes
   bool begun_ = false;        // the header was read
-  bool over_ = false;         // nothing can be read from here on
+  bool over_ = false;         // nothing more can be read
   bool big_endian_ = false;
   bool nanoseconds_ = false;
   LinkType link_ = LinkType::other;

@@ -3,12 +3,12 @@
 ///
 /// Read: both byte orders, several sections and interfaces, enhanced, simple and (obsolete) packet blocks, if_name,
 /// if_tsresol (powers of ten and of two), if_tsoffset, the direction in epb_flags. Comments and every other option and
-/// block are passed over. An interface of another link type is a note, and its packets are left out. A packet's 227
+/// block are ignored. An interface of another link type is a note, and its packets are left out. A packet's 227
 /// payload: identifier U32 big-endian with SocketCAN's flags (8000 0000h extended, 4000 0000h remote, 2000 0000h
 /// error), length U8, FD flags U8 (1 BRS, 2 ESI, 4 FD), two bytes reserved, data.
 ///
-/// A block that cannot be is an error with its byte; then the reader looks for the next place that looks like a block.
-/// Written: one section, little-endian, one interface a bus with its name and nanoseconds. Nothing is lost.
+/// An impossible block is an error with its byte; then the reader looks for the next place that looks like a block.
+/// Written: one section, little-endian, one interface per bus with its name and nanoseconds. Nothing is lost.
 #pragma once
 
 #include <string>
@@ -21,7 +21,7 @@ namespace berth::trace {
 
 class PcapngReader final : public Reader {
  public:
-  static constexpr std::uint32_t longest_block = 1U << 20U;  ///< of those that are looked into
+  static constexpr std::uint32_t longest_block = 1U << 20U;  ///< of blocks that are read
 
   explicit PcapngReader(std::string file) : file_(std::move(file)) {}
   void feed(std::string_view bytes, Sink& sink) override;
@@ -65,12 +65,12 @@ class PcapngReader final : public Reader {
   void tell(Finding::Severity severity, std::string message, std::string fix = {});
 
   std::string file_;
-  std::string rest_;           // of a block whose end has not come yet
-  std::size_t needed_ = 12;    // bytes of it that make the next step possible
-  std::uint64_t offset_ = 0;   // in the file, of the block at hand
-  std::uint64_t passing_ = 0;  // bytes of a block that are not looked into
+  std::string rest_;           // of a block that is not complete yet
+  std::size_t needed_ = 12;    // its bytes that are needed for the next step
+  std::uint64_t offset_ = 0;   // in the file, of the present block
+  std::uint64_t passing_ = 0;  // bytes left of a block that is skipped
   bool lost_ = false;          // looking for the next block
-  bool unsure_ = false;        // since then no block was whole
+  bool unsure_ = false;        // no complete block since then
   bool big_endian_ = false;
   bool in_section_ = false;
   std::vector<Interface> interfaces_;  // of the section

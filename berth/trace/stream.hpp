@@ -35,28 +35,28 @@
 namespace berth::trace {
 
 enum class Format : std::uint8_t { candump, pcapng, asc, trc, pcap };
-/// Those that are written, too.
+/// The formats that can also be written.
 inline constexpr Format all_formats[] = {Format::candump, Format::pcapng, Format::asc, Format::trc};
 [[nodiscard]] std::string_view name(Format format) noexcept;  ///< "candump", "pcapng", "asc", "trc", "pcap"
 [[nodiscard]] bool is_written(Format format) noexcept;
-/// Of a name; "log" is candump too.
+/// By name; "log" is candump too.
 [[nodiscard]] std::optional<Format> parse_format(std::string_view name) noexcept;
-/// By the ending of a file's name: .log .pcapng .asc .trc .pcap, in either case.
+/// By a file name's extension: .log .pcapng .asc .trc .pcap, in either case.
 [[nodiscard]] std::optional<Format> format_of_path(std::string_view path) noexcept;
-/// By content: the first bytes of a file. 4096 are enough for all that tools write; empty: none of them.
+/// By content: the first bytes of a file. 4096 suffice for all that tools write; empty: none of them.
 [[nodiscard]] std::optional<Format> recognise(std::string_view head) noexcept;
 inline constexpr std::size_t head_size = 4096;
-/// What a file is that no reader reads, by its first bytes, for people: "a BLF file (Vector's binary log)", with what
-/// to do about it after a semicolon. Empty: not known.
+/// The kind of an unreadable file, from its first bytes, for users: "a BLF file (Vector's binary log)", with what to do
+/// about it after a semicolon. Empty: unknown.
 [[nodiscard]] std::string_view foreign(std::string_view head) noexcept;
 
-/// Gets what a reader reads, in the order of the file. Called from inside `feed` and `finish`.
+/// Gets what a reader reads, in the order of the file. Called inside `feed` and `finish`.
 class Sink {
  public:
   virtual void entry(const Entry& entry) = 0;
-  /// error: a line or block that is not of the format, left out; warning: what was read and looks odd; note: what a
-  /// format has beside frames, and a file that may be cut short. Text formats give line and column; pcapng gives the
-  /// byte in `key` ("byte 1204").
+  /// error: a line or block that is not of the format, left out; warning: read, but odd; note: what a format contains
+  /// besides frames, and a file that may be truncated. Text formats give line and column; pcapng gives the byte in
+  /// `key` ("byte 1204").
   virtual void finding(Finding finding) = 0;
 
  protected:
@@ -66,12 +66,12 @@ class Sink {
 class Reader {
  public:
   virtual ~Reader() = default;
-  /// The next bytes of the file, cut anywhere. They need not stay.
+  /// The next bytes of the file, cut anywhere. Not kept.
   virtual void feed(std::string_view bytes, Sink& sink) = 0;
-  /// The file is over: a last line without an end is read; a block that was cut short is an error. Then the reader is
-  /// done.
+  /// The end of the file: a last line without a line end is read; a truncated block is an error. Afterwards the reader
+  /// is done.
   virtual void finish(Sink& sink) = 0;
-  /// The names that `Entry::bus` counts; grows.
+  /// The names for `Entry::bus`; grows.
   [[nodiscard]] const std::vector<std::string>& buses() const noexcept { return buses_; }
 
  protected:
@@ -79,13 +79,13 @@ class Reader {
 };
 
 struct ReadOptions {
-  bool deltas = false;  ///< candump: each time counts from the line before (-td)
+  bool deltas = false;  ///< candump: each time counts from the previous line (-td)
 };
-/// `file_name` stands in the findings, nothing is opened.
+/// `file_name` is for findings; nothing is opened.
 [[nodiscard]] std::unique_ptr<Reader> make_reader(Format format, std::string file_name,
                                                   const ReadOptions& options = {});
 
-/// What a written file does not say of what it was given.
+/// Information that a written file lacks.
 enum class Loss : std::uint8_t {
   fd_frame,          ///< left out: the format has no FD frames
   time,              ///< rounded to the format's unit
@@ -99,14 +99,14 @@ enum class Loss : std::uint8_t {
 class Writer {
  public:
   virtual ~Writer() = default;
-  /// Appends the entry to `out`, and before it whatever the format wants first. `bus` is the name of `entry.bus`; a
-  /// number has the same name each time. Text formats write `_` for a blank in it.
+  /// Appends the entry to `out`, preceded by what the format needs first. `bus` is the name of `entry.bus`; a number
+  /// must always have the same name. Text formats write `_` for a blank in it.
   virtual void write(const Entry& entry, std::string_view bus, std::string& out) = 0;
-  /// Appends what the format wants last (and first, when nothing was written).
+  /// Appends what the format needs last (and first, if nothing was written).
   virtual void finish(std::string& out) = 0;
   /// How many entries lost this.
   [[nodiscard]] std::uint64_t lost(Loss loss) const noexcept { return lost_[static_cast<std::size_t>(loss)]; }
-  /// In words, one line each: "12 FD frames are left out: TRC 1.1 has none". Empty: nothing was lost.
+  /// As text, one line each: "12 FD frames are left out: TRC 1.1 has none". Empty: nothing was lost.
   [[nodiscard]] std::vector<std::string> lost() const;
 
  protected:
@@ -119,9 +119,9 @@ class Writer {
 struct WriteOptions {
   bool trc_1_1 = false;    ///< TRC: version 1.1 instead of 2.1
   bool directions = true;  ///< candump: ` R` or ` T` after a frame whose direction is known, as `candump -x` does.
-                           ///< canplayer passes over it; tshark 4.0 takes it for an error.
+                           ///< canplayer ignores it; tshark 4.0 takes it for an error.
 };
-/// `format`: one that is written.
+/// `format`: one that can be written.
 [[nodiscard]] std::unique_ptr<Writer> make_writer(Format format, const WriteOptions& options = {});
 
 }  // namespace berth::trace

@@ -1,4 +1,4 @@
-/// A recorded trace: which frame was on which bus when. Plain data; `stream.hpp` reads and writes it in every format,
+/// A recorded trace: each frame with its bus and time. Plain data; `stream.hpp` reads and writes it in every format,
 /// piece by piece, `candump.hpp` whole.
 #pragma once
 
@@ -18,14 +18,14 @@ enum class Direction : std::uint8_t { unknown, received, sent };
 
 /// One frame of a trace.
 struct Entry {
-  /// When the frame had ended on the wire, since the recorder's zero: the beginning of a simulated world, or 1970 for a
-  /// log of candump.
+  /// The end of the frame on the wire, since the recorder's zero: the beginning of a simulated world, or 1970 for a log
+  /// of candump.
   rt::Duration at{};
   std::uint16_t bus = 0;  ///< index of `Trace::buses`
   can::Frame frame;
   Direction direction = Direction::unknown;
-  /// No frame but SocketCAN's report of an error: `frame.id` holds the class bits (without 2000 0000h), `frame.data`
-  /// the details as linux/can/error.h has them. Never in what `read_candump` gives.
+  /// Not a frame, but SocketCAN's report of an error: `frame.id` has the class bits (without 2000 0000h), `frame.data`
+  /// the details as in linux/can/error.h. `read_candump` never returns it.
   bool error = false;
   friend bool operator==(const Entry&, const Entry&) = default;
 };
@@ -34,42 +34,42 @@ struct Trace {
   std::vector<std::string> buses;  ///< names as written, in the order in which they first appear
   std::vector<Entry> entries;      ///< in the order of the file
 
-  /// The index of a bus; it is added when it is not there.
+  /// The index of a bus, which is added if it is new.
   std::uint16_t bus(std::string_view name);
   friend bool operator==(const Trace&, const Trace&) = default;
 };
 
-/// What one identifier took. A period is the time between the ends of two of its frames.
+/// Statistics of one identifier. A period is the time between the ends of two of its frames.
 struct IdStatistics {
   std::uint32_t key = 0;  ///< `can::Frame::key`
   std::uint64_t frames = 0;
   std::uint64_t bits = 0;
-  rt::Duration shortest{};  ///< period; all 0 with fewer than two frames
+  rt::Duration shortest{};  ///< period; all 0 if there are fewer than two frames
   rt::Duration average{};
   rt::Duration longest{};
   rt::Duration jitter{};  ///< standard deviation of the periods
   friend bool operator==(const IdStatistics&, const IdStatistics&) = default;
 };
 
-/// What a trace, or one bus of it, says in numbers. Times are those of the frames' ends.
+/// Statistics of a trace, or of one bus of it. Times are those of the frames' ends.
 struct Statistics {
   std::uint64_t frames = 0;
   std::uint64_t bits = 0;         ///< exact lengths with stuff bits and intermission; classic frames only
-  std::uint64_t fd_frames = 0;    ///< whose length is not in `bits`
+  std::uint64_t fd_frames = 0;    ///< not counted in `bits`
   rt::Duration first{};           ///< end of the first frame
   rt::Duration last{};            ///< end of the last frame
   rt::Duration longest_gap{};     ///< between the ends of two frames
   std::vector<IdStatistics> ids;  ///< ascending by `key`: base identifiers first
 
   [[nodiscard]] rt::Duration span() const noexcept { return last - first; }
-  /// Share of `span` in which frames were on the wire: the bits of all frames but the first, which ended before it
-  /// began. 0 for a span of 0; above 1 when the trace is not of a bus at this bit rate. `bit_rate` in bit/s, not 0.
+  /// Share of `span` in which frames were on the wire: the bits of all frames except the first, which ended before it
+  /// began. 0 for a span of 0; above 1 if the trace is not from a bus with this bit rate. `bit_rate` in bit/s, not 0.
   [[nodiscard]] double load(std::uint32_t bit_rate) const noexcept;
 
   std::uint64_t first_bits = 0;  ///< of the first frame
 };
 
-/// Counts one bus as its frames come, in memory for its identifiers only. Error frames are none.
+/// Counts one bus as its frames come; its memory grows only with the identifiers. Ignores error frames.
 class Counter {
  public:
   void add(const Entry& entry);

@@ -11,8 +11,8 @@
 ///           5         2.100 ER 1      0008 Rx -  4    01 00 00 00
 ///
 /// Read: versions 1.0 to 1.3, 2.0 and 2.1, the columns of 2.x in any order that `$COLUMNS` gives. Time is milliseconds
-/// since the start; the start is UTC for Berth, because the file does not say, and 0 when there is none. Frames: Rx, Tx
-/// with or without RTR (1.x); DT, RR, FD, FB (BRS), FE (ESI), BI (both). ER and Error become SocketCAN's report of a
+/// since the start; Berth takes the start as UTC, because the file does not say, and as 0 if there is none. Frames: Rx,
+/// Tx with or without RTR (1.x); DT, RR, FD, FB (BRS), FE (ESI), BI (both). ER and Error become SocketCAN's report of a
 /// protocol error with the kind and the counters. Warnings, status and counter changes, events and everything else are
 /// counted in one note at the end. Bus N has the name that the head's table gives it, or a comment of Berth's (above),
 /// else "can<N-1>"; versions without buses have "can0".
@@ -33,7 +33,7 @@ class TrcReader final : public LineReader {
   explicit TrcReader(std::string file) : LineReader(std::move(file)) {}
 
  private:
-  /// What a line says, column by column.
+  /// A line's content, column by column.
   struct Row {
     rt::Duration offset{};
     std::string_view type, id, way, size, data;
@@ -56,7 +56,7 @@ class TrcReader final : public LineReader {
   [[nodiscard]] std::string_view word();
   void wrong(std::string_view word, std::string message);
 
-  std::string columns_ = "NOIlD";  // version 1.0, which has no $FILEVERSION
+  std::string columns_ = "NOIlD";  // of version 1.0, which has no $FILEVERSION
   bool version_2_ = false;
   bool in_table_ = false;
   rt::Duration start_{};

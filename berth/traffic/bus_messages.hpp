@@ -1,5 +1,5 @@
-/// The messages of one bus, as the machine file, the slots' descriptions (`eds =`) and their configurations (`config
-/// =`) say: what `analysis` bounds. Nothing is asked on the bus.
+/// The messages of one bus for `analysis`, from the machine file, the slots' descriptions (`eds =`) and their
+/// configurations (`config =`). Asks nothing on the bus.
 ///
 ///     const auto found = traffic::messages_of(machine, *machine.bus("field"), {});
 ///     const auto result = analysis::analyze(found.line);
@@ -16,30 +16,29 @@ namespace berth::traffic {
 
 struct LinkPlan;  // link_network.hpp
 
-/// What the files do not say. All times greater than 0.
+/// Assumptions about what the files do not say. All times greater than 0.
 struct Assumptions {
   rt::Duration emcy = std::chrono::seconds(1);  ///< between two EMCYs of a device without an inhibit time (1015h)
-  /// Between two frames of a TPDO that is sent at a change, has no inhibit time and whose slot says none; 0: not known,
-  /// and so neither it nor what gives way to it has a bound.
+  /// Between two frames of a TPDO that is sent at a change, has no inhibit time and no interval in its slot; 0:
+  /// unknown, and so neither it nor any message of lower priority has a bound.
   rt::Duration event{0};
   rt::Duration sdo = std::chrono::milliseconds(10);   ///< between two SDO requests on the bus
   rt::Duration nmt = std::chrono::milliseconds(100);  ///< between two NMT commands
-  /// Nodes whose frames leave in the order in which they came, whatever their slots say: slots' names; "all": every
-  /// node, the master too.
+  /// Nodes that send frames in queue order, whatever their slots say: slots' names; "all": every node, the master too.
   std::vector<std::string> fifo{};
-  bool pdos = true;                 ///< false: TPDOs are left out, and nothing is said of links
-  const LinkPlan* links = nullptr;  ///< the PDOs that `berth up` lays; null: none
+  bool pdos = true;                 ///< false: leaves out TPDOs, and reports nothing about links
+  const LinkPlan* links = nullptr;  ///< the PDOs that `berth up` makes; null: none
 };
 
 struct BusMessages {
   analysis::Line line;  ///< senders: the slots in their order, then the master; messages by priority
-  Findings notes;       ///< what had to be assumed, and which link is kept by no message
+  Findings notes;       ///< assumptions made, and links that no message keeps
 };
 
 /// Heartbeats of slots and master, SYNC, TPDOs, EMCYs, NMT commands and the SDO channel between master and devices. A
-/// TPDO's period is its inhibit time, or what its links or its slot say of it, or its SYNCs'. A heartbeat's deadline is
-/// its period, a TPDO's the shortest `[[link]]` deadline of an object that it carries, from the change to its arrival;
-/// all others have none. LSS and RAND are the frame that may be on the wire already.
+/// TPDO's period is its inhibit time, or the interval of its links or its slot, or its SYNCs'. A heartbeat's deadline
+/// is its period, a TPDO's the shortest `[[link]]` deadline of an object that it carries, from the change to its
+/// arrival; all others have none. LSS and RAND count as the frame that may already be on the wire.
 [[nodiscard]] BusMessages messages_of(const design::Machine& machine, const design::Bus& bus,
                                       const Assumptions& assumptions);
 

@@ -1,5 +1,5 @@
-/// A slot's object dictionary as it is when Berth has configured it: defaults, then the configuration (`config =`),
-/// then what the links set.
+/// A slot's object dictionary after Berth has configured it: defaults, then the configuration (`config =`), then the
+/// links' settings.
 #pragma once
 
 #include <memory>
@@ -9,8 +9,8 @@
 
 namespace berth::traffic {
 
-/// Null: nothing is known of the slot's device. `links`: of a plan without errors, or null. `node`: index in
-/// `links->network.nodes`, of a slot its index in the machine. A configuration that cannot be used sets nothing.
+/// Null: the slot's device is unknown. `links`: of a plan without errors, or null. `node`: index in
+/// `links->network.nodes`, for a slot its index in the machine. An unusable configuration sets nothing.
 [[nodiscard]] std::unique_ptr<od::Values> configured_values(const design::Slot& slot, const LinkPlan* links,
                                                             std::size_t node);
 

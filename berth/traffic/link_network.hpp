@@ -1,4 +1,4 @@
-/// The links of a machine file, and the devices that they lead to, as the object linker wants them.
+/// A machine file's links and their devices, as input of the object linker.
 #pragma once
 
 #include "berth/base/finding.hpp"
@@ -14,24 +14,24 @@ struct LinkNetwork {
   Findings findings;  ///< errors: description and configuration files that cannot be used
 };
 
-/// Reads the slots' configurations (`config =`, a DCF or XDC), else their descriptions (`eds =`, or the library's); a
-/// concise DCF's values go into the description. What else is on the buses is as `messages_of` has it.
+/// Reads the slots' configurations (`config =`, a DCF or XDC), else their descriptions (`eds =`, or the library's);
+/// applies a concise DCF's values to the description. Other messages on the buses are those of `messages_of`.
 [[nodiscard]] LinkNetwork link_network(const design::Machine& machine);
 
-/// The plan that this machine's links go on from (`link_plan =`). Without the key, and where the file is not there yet,
-/// an empty one; none with a finding that is an error.
+/// The plan on which this machine's links are based (`link_plan =`). An empty one without the key, or if the file does
+/// not exist yet; none if a finding is an error.
 [[nodiscard]] std::optional<linker::Earlier> earlier_plan(const design::Machine& machine, Findings& findings);
 
-/// What `berth up` makes of the links.
+/// The links as `berth up` plans them.
 struct LinkPlan {
   linker::LinkNetwork network;  ///< nodes and links as the machine's slots and links, in their order;
                                 ///< after them gateways' own nodes on buses beneath (`design::gateway_node_name`)
-  linker::Plan plan;            ///< of use without errors only
-  Findings findings;            ///< errors: files that cannot be used, links that cannot be
+  linker::Plan plan;            ///< usable only without errors
+  Findings findings;            ///< errors: unusable files, impossible links
 };
 [[nodiscard]] LinkPlan plan_links(const design::Machine& machine);
 
-/// What the links want of the devices, so that `berth up` brings it into them. Of a plan without errors.
+/// The settings that the links need in the devices, for `berth up`. For a plan without errors.
 [[nodiscard]] manager::SlotSettings settings_of(const LinkPlan& links);
 
 }  // namespace berth::traffic
