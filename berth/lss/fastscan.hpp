@@ -40,7 +40,7 @@ enum class FastscanForm : std::uint8_t {
 
 struct FastscanOptions {
   FastscanForm form = FastscanForm::standard;
-  Feedback feedback = Feedback::none;  ///< for the scan; `base` needs `MasterOptions::feedback_base`
+  Feedback feedback = Feedback::none;  ///< feedback of the scan; `base` needs `MasterOptions::feedback_base`
   rt::Duration window = std::chrono::milliseconds(10);  ///< of each request, from its confirmation; paper 4: 10, 20 ms
   /// Before it gets a node-ID, the device that the last match brought into configuration must state its address and be
   /// alone there (`prove_alone`). The published procedures do not ask.
