@@ -11,7 +11,7 @@
 namespace berth {
 
 [[nodiscard]] std::string to_base64(std::span<const std::uint8_t> bytes);
-/// Empty: it is none; padding and the bits that no byte uses are looked at.
+/// Empty: not Base64. Padding and unused bits are checked.
 [[nodiscard]] std::optional<std::vector<std::uint8_t>> from_base64(std::string_view text);
 
 }  // namespace berth

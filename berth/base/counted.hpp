@@ -1,4 +1,4 @@
-/// A number and what it counts, in the singular or the plural.
+/// A number and a noun, in the singular or the plural.
 #pragma once
 
 #include <cstddef>
@@ -7,7 +7,7 @@
 
 namespace berth {
 
-/// "1 device", "2 devices", "0 devices". `several` where an s does not do ("buses").
+/// "1 device", "2 devices", "0 devices". `several`: the plural, if it is not formed with s ("buses").
 [[nodiscard]] inline std::string counted(std::size_t number, std::string_view one, std::string_view several = {}) {
   const std::string text = std::to_string(number) + " ";
   if (number == 1) return text + std::string(one);

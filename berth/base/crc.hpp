@@ -1,4 +1,4 @@
-/// Checksums. The CAN frame's own CRC-15 stands with the frame (`berth/can/length.hpp`).
+/// Checksums. The CAN frame's own CRC-15 is in `berth/can/length.hpp`.
 #pragma once
 
 #include <cstdint>

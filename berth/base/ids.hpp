@@ -1,4 +1,4 @@
-/// The names of things on a CANopen network, as types that cannot be mistaken for each other.
+/// Names of things on a CANopen network, as distinct types.
 #pragma once
 
 #include <array>
@@ -72,14 +72,15 @@ struct LssAddress {
 /// "01000001-00000001-00000000-0000000A": vendor-product-revision-serial, eight hex digits each.
 [[nodiscard]] std::string to_string(const LssAddress& address);
 [[nodiscard]] std::string to_string(const TypeCode& type);  ///< "01000001-00000001"
-/// Reads what `to_string` writes; upper and lower case, with or without 0x before each part.
+/// Parses the output of `to_string`; upper and lower case, with or without 0x before each part.
 [[nodiscard]] std::optional<LssAddress> parse_lss_address(std::string_view text);
 
-/// Which device it is, on its bus: what it says of itself in 1018h. CiA 301 makes the vendor-ID alone mandatory
-/// (§7.5.2.18), and what a device does not say is unknown, which is not 0. A serial number other than 0 tells a device
-/// from all others; one without (unknown, or 0, which CiA 301 reserves) is known by its node-ID, too.
+/// Which device it is, on its bus: what it says of itself in 1018h. CiA 301 makes only the vendor-ID mandatory
+/// (§7.5.2.18); a part that a device does not say is unknown, which is not 0. A serial number other than 0
+/// distinguishes a device from all others; a device without one (unknown, or 0, which CiA 301 reserves) is also
+/// identified by its node-ID.
 ///
-/// A master that asks by LSS, or by RAND, hears whole addresses: an address is an identity of which all is known.
+/// A master that asks by LSS or RAND receives whole addresses: an address is an identity without unknown parts.
 struct Identity {
   static constexpr std::uint8_t all_unknown = 0xF;
 
@@ -91,29 +92,30 @@ struct Identity {
 
   LssAddress address{};      ///< 0 in the parts that are unknown
   std::uint8_t unknown = 0;  ///< parts that the device does not say: bit 0 vendor-ID to bit 3 serial number
-  NodeId at;  ///< of one without a serial number: the node-ID that tells it from its equals; unconfigured while it has
-              ///< none, and always of one with a serial number
+  NodeId at;  ///< for one without a serial number: the node-ID that distinguishes it from equal devices; unconfigured
+              ///< while it has none, and always with a serial number
 
-  /// Part 0..3 (`LssAddress::part`) was said.
+  /// True if part 0..3 (`LssAddress::part`) is known.
   [[nodiscard]] constexpr bool knows(unsigned part) const noexcept { return (unknown >> part & 1U) == 0; }
   [[nodiscard]] constexpr bool has_serial() const noexcept { return knows(3) && address.serial != 0; }
   [[nodiscard]] constexpr TypeCode type() const noexcept { return address.type(); }
   [[nodiscard]] constexpr R_SN r_sn() const noexcept { return address.r_sn(); }
-  /// The same device when `id` is the node-ID that it uses (unconfigured: none).
+  /// The same device with `id` as the node-ID in use (unconfigured: none).
   [[nodiscard]] constexpr Identity with(NodeId id) const noexcept {
     Identity moved = *this;
     moved.at = has_serial() ? NodeId() : id;
     return moved;
   }
-  /// What both say is the same. True of two devices of one kind without serial numbers: `at` is not looked at.
+  /// True if all parts known in both are equal. Also true for two devices of one kind without serial numbers: `at` is
+  /// ignored.
   [[nodiscard]] bool agrees(const Identity& other) const noexcept;
   friend constexpr auto operator<=>(const Identity&, const Identity&) noexcept = default;
 };
 
-/// As an LSS address; "xxxxxxxx" is a part that is unknown, and "@5" stands after that of a device which is known by
-/// its node-ID: "00000001-00000002-xxxxxxxx-xxxxxxxx@5".
+/// As an LSS address; "xxxxxxxx" is an unknown part, and "@5" follows if the device is identified by its node-ID:
+/// "00000001-00000002-xxxxxxxx-xxxxxxxx@5".
 [[nodiscard]] std::string to_string(const Identity& identity);
-/// Reads what `to_string` writes, as tolerantly as `parse_lss_address`.
+/// Parses the output of `to_string`, as tolerantly as `parse_lss_address`.
 [[nodiscard]] std::optional<Identity> parse_identity(std::string_view text);
 
 /// Index and sub-index of an object.
@@ -123,7 +125,7 @@ struct ObjectRef {
   friend constexpr auto operator<=>(const ObjectRef&, const ObjectRef&) noexcept = default;
 };
 
-/// NMT states as the error control protocol carries them (CiA 301 §7.2.8.3.2).
+/// NMT states in the error control protocol (CiA 301 §7.2.8.3.2).
 enum class NmtState : std::uint8_t {
   initialising = 0x00,
   stopped = 0x04,

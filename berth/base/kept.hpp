@@ -1,12 +1,12 @@
-/// Texts of errors that are put together where the error arises: `Error::text` points to what stays.
+/// Permanent storage for error texts that are composed where the error arises, because `Error::text` needs one.
 #pragma once
 
 #include <string>
 
 namespace berth {
 
-/// The same text, for as long as the process. Each different one takes its memory once, so only for texts of which
-/// there are few: of each file, or each slot, one. Any thread.
+/// The same text, stored until the process ends. Each different text is stored once, so use it only for few texts: one
+/// for each file, or each slot. Any thread.
 [[nodiscard]] const char* kept(std::string text);
 
 }  // namespace berth

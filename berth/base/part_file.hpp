@@ -1,5 +1,6 @@
-/// A file on its way to its place: who reads the place, and a crash at any instant, finds the old file or the new one,
-/// whole. It is written beside its place as PATH.PID.part; what does not get to its place is taken away, but where the
+/// Replaces a file atomically: a reader, and a crash at any instant, finds the old file or the new one, whole. The new
+/// file is written beside its place as PATH.PID.part. If it does not get to its place, it is removed, unless the
+/// process dies.
 /// process dies.
 ///
 ///     PartFile part(path);
@@ -15,7 +16,7 @@
 
 namespace berth {
 
-/// A new name in the folder of `path`, or the end of one, is on the disk.
+/// Syncs the folder of `path` to the disk, after a name was added or removed.
 void sync_folder_of(const std::string& path) noexcept;
 
 class PartFile {
@@ -25,13 +26,13 @@ class PartFile {
   PartFile(const PartFile&) = delete;
   PartFile& operator=(const PartFile&) = delete;
 
-  /// The new file gets the permissions of the one in its place, where there is one.
+  /// The new file gets the permissions of the existing one, if any.
   void keep_permissions() noexcept { keeps_permissions_ = true; }
-  /// Once; synced. 0, or an errno. `mode` is as `open` has it.
+  /// Call once; synced. 0, or an errno. `mode` as for `open`.
   [[nodiscard]] int write(std::string_view bytes, mode_t mode = 0644);
-  /// In its place, instead of what is there; the folder is synced. 0, or an errno.
+  /// Replaces the existing file; the folder is synced. 0, or an errno.
   [[nodiscard]] int replace();
-  /// In its place, where nothing is: EEXIST, else an errno, else 0.
+  /// Moves it to its place only if no file is there: EEXIST, else an errno, else 0.
   [[nodiscard]] int place_new();
 
  private:

@@ -1,5 +1,5 @@
-/// Files of this user: slot tables, locks, records. Other users must not read them, nor lock them (a lock of theirs
-/// would stop Berth's next start).
+/// Files of this user: slot tables, locks, records. Other users must not read them, nor lock them (their lock would
+/// stop Berth's next start).
 #pragma once
 
 #include <sys/types.h>
@@ -8,11 +8,11 @@
 
 namespace berth {
 
-/// The mode with which such a file is made: 0600; in a folder with the set-group-ID bit, whose files belong to the
-/// folder's group, 0640.
+/// The mode of such a file: 0600; in a folder with the set-group-ID bit, whose files belong to the folder's group,
+/// 0640.
 [[nodiscard]] mode_t private_mode(const std::string& path) noexcept;
 
-/// Makes an empty file of that mode when there is none; what is there stays as it is. False: errno says why.
+/// Makes an empty file of that mode if there is none; an existing file stays unchanged. False: see errno.
 bool make_private(const std::string& path) noexcept;
 
 }  // namespace berth

@@ -1,5 +1,5 @@
-/// Berth's own random numbers: the standard library's distributions differ between systems, and a seed
-/// must give the same world everywhere.
+/// Berth's own random numbers: a seed must give the same world everywhere, but the standard library's distributions
+/// differ between systems.
 #pragma once
 
 #include <cstdint>
@@ -29,13 +29,13 @@ class Random {
   /// Uniform in [low, high], both included; `low` when the range is empty.
   constexpr std::int64_t between(std::int64_t low, std::int64_t high) noexcept {
     if (high <= low) return low;
-    const auto first = static_cast<std::uint64_t>(low);  // unsigned: the width of the range may not fit the type
+    const auto first = static_cast<std::uint64_t>(low);  // unsigned: the width of the range may not fit the signed type
     const auto width = static_cast<std::uint64_t>(high) - first + 1;
     return static_cast<std::int64_t>(first + (width == 0 ? next() : below(width)));
   }
   /// True `per_million` times in a million.
   constexpr bool chance(std::uint32_t per_million) noexcept { return below(1'000'000) < per_million; }
-  /// A generator of its own, independent of how often this one is used afterwards.
+  /// A separate generator, independent of how often this one is used afterwards.
   [[nodiscard]] constexpr Random fork() noexcept { return Random(next()); }
 
  private:

@@ -1,15 +1,15 @@
-/// Which files this process has read, by device and inode: what it writes must be none of them, whatever name or link
-/// it is given by (docs/security.md). Kept for the whole process; any thread.
+/// The files that this process has read, by device and inode. It must not write any of them, whatever name or link is
+/// given (docs/security.md). Kept for the whole process; any thread.
 #pragma once
 
 #include <string>
 
 namespace berth {
 
-/// To be called where a file is opened for reading, or named to be. One that is no plain file counts for nothing.
+/// Call it where a file is opened for reading, or named for that. Only plain files count.
 void note_read(const std::string& path) noexcept;
 
-/// It is one of them.
+/// True if it was read.
 [[nodiscard]] bool was_read(const std::string& path) noexcept;
 
 }  // namespace berth

@@ -1,15 +1,15 @@
-/// Where a name of a file leads, whatever links are on the way.
+/// The real location of a file name, with all links resolved.
 #pragma once
 
 #include <filesystem>
 
 namespace berth {
 
-/// Absolute, without links, `.` and `..`, as far as it is there; the rest as it is written. Empty: the system cannot
-/// say.
+/// Absolute, without links, `.` and `..`, as far as the path exists; the rest as written. Empty: the system reports an
+/// error.
 [[nodiscard]] std::filesystem::path real_path(const std::filesystem::path& path);
 
-/// `path` is `folder` or in it or beneath it; both by `real_path`.
+/// True if `path` is `folder` or anywhere beneath it; both from `real_path`.
 [[nodiscard]] bool is_beneath(const std::filesystem::path& path, const std::filesystem::path& folder);
 
 }  // namespace berth

@@ -1,4 +1,4 @@
-/// A name as a person types it after a command: in quotes where a shell would part or change it.
+/// A name as typed after a command: in quotes if a shell would split or change it.
 #pragma once
 
 #include <string>

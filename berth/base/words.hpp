@@ -1,4 +1,4 @@
-/// Words as people write and read them.
+/// Words for people.
 #pragma once
 
 #include <cstddef>
@@ -9,25 +9,25 @@
 
 namespace berth {
 
-/// Of an ASCII letter; anything else stays as it is.
+/// Converts an ASCII letter; others stay unchanged.
 [[nodiscard]] constexpr char lower(char c) noexcept {
   return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
 }
 
-/// Equal but for upper and lower case of ASCII letters.
+/// True if equal, ignoring the case of ASCII letters.
 [[nodiscard]] bool same_word(std::string_view a, std::string_view b) noexcept;
 
-/// "a, b, c and 37 more": `most` names at most, of which the last stands for the rest when there are more.
+/// "a, b, c and 37 more": at most `most` items, of which the last gives the number of the rest.
 [[nodiscard]] std::string some_of(const std::vector<std::string>& names, std::size_t most = 8);
 
-/// The word that a person most likely meant: at most two letters wrong (one in words of up to four letters), in either
+/// The word that a user most likely meant: at most two wrong letters (one in words of up to four letters), in either
 /// case. Empty when none is near.
 [[nodiscard]] std::string_view closest(std::string_view word, std::span<const std::string_view> candidates);
 
-/// As text of HTML, XML and SVG, between tags or in an attribute's double quotes; control characters become spaces.
+/// Text for HTML, XML and SVG, between tags or in an attribute's double quotes; control characters become spaces.
 [[nodiscard]] std::string markup(std::string_view text);
 
-/// A TOML basic string, quoted and escaped: also how messages write what a person typed.
+/// A TOML basic string, quoted and escaped; messages also quote user input with it.
 [[nodiscard]] std::string quoted(std::string_view text);
 
 }  // namespace berth

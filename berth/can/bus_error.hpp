@@ -1,5 +1,5 @@
-/// What an error on a bus was, as SocketCAN reports it (linux/can/error.h): classes in the identifier, details in the
-/// data. Trace files have these reports, a SocketCAN interface gives them, and a simulated bus makes its own.
+/// Errors on a bus in SocketCAN's format (linux/can/error.h): classes in the identifier, details in the data. Trace
+/// files contain these reports, a SocketCAN interface delivers them, and a simulated bus makes its own.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 namespace berth::can {
 
 // Classes: bits of the report's identifier, which has no error flag (2000 0000h) here.
-inline constexpr std::uint32_t error_protocol = 0x008;     ///< data[2] says what, data[3] where
+inline constexpr std::uint32_t error_protocol = 0x008;     ///< data[2] says which error, data[3] where
 inline constexpr std::uint32_t error_acknowledge = 0x020;  ///< no node acknowledged
 inline constexpr std::uint32_t error_on_bus = 0x080;
 inline constexpr std::uint32_t error_counters = 0x200;  ///< data[6] is TEC, data[7] REC
@@ -23,7 +23,7 @@ enum class ErrorKind : std::uint8_t {
   recessive = 0x10,  ///< ... a recessive bit, and saw a dominant one
 };
 inline constexpr std::uint8_t error_overload = 0x20;       ///< data[2]: no error at all
-inline constexpr std::uint8_t error_while_sending = 0x80;  ///< data[2]: who reports it was sending
+inline constexpr std::uint8_t error_while_sending = 0x80;  ///< data[2]: the reporting node was sending
 
 /// data[3]: the bit's place in the frame.
 enum class ErrorPlace : std::uint8_t {
@@ -49,13 +49,13 @@ enum class ErrorPlace : std::uint8_t {
   acknowledge_delimiter = 0x1B,
 };
 
-/// An error frame on the bus. Other reports tell a controller's state, an overload frame, lost frames.
+/// True for an error frame on the bus. Other reports are about a controller's state, an overload frame, lost frames.
 [[nodiscard]] constexpr bool is_bus_error(std::uint32_t classes, std::uint8_t protocol) noexcept {
   const bool overload = (classes & error_protocol) != 0 && protocol == error_overload;
   return (classes & (error_on_bus | error_acknowledge)) != 0 || ((classes & error_protocol) != 0 && !overload);
 }
 
-/// A report of an error, by a node whose counters these are. `unacknowledged`: that is what was wrong.
+/// Reports an error seen by a node with these counters. `unacknowledged`: the error is a missing acknowledge.
 [[nodiscard]] inline Frame error_report(ErrorKind kind, ErrorPlace place, bool unacknowledged, bool sending,
                                         unsigned tec, unsigned rec) noexcept {
   Frame report;

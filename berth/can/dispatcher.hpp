@@ -1,5 +1,5 @@
-/// Shares one port among the services of a node: each hears the identifiers it asked for, and learns when its own
-/// frames are on the wire.
+/// Shares one port among the services of a node: each receives the identifiers it registered for, and a confirmation
+/// when its own frames are on the wire.
 #pragma once
 
 #include <array>
@@ -12,7 +12,7 @@ namespace berth::can {
 
 class Dispatcher;
 
-/// A service's ear. Registered for one range of keys; leaves by itself when destroyed.
+/// Receives frames for a service. Registered for ranges of keys; removes itself when destroyed.
 class Handler {
  public:
   virtual void received(const Frame& frame, rt::Time at) noexcept = 0;
@@ -28,7 +28,7 @@ class Handler {
   Dispatcher* dispatcher_ = nullptr;
 };
 
-/// Told when one frame is on the wire. Leaves by itself when destroyed.
+/// Called when one frame is on the wire. Removes itself when destroyed.
 class Confirmation {
  public:
   virtual void sent(rt::Time at) noexcept = 0;
@@ -43,11 +43,11 @@ class Confirmation {
  private:
   friend class Dispatcher;
   Dispatcher* dispatcher_ = nullptr;
-  Confirmation* next_ = nullptr;  // of those that wait
+  Confirmation* next_ = nullptr;  // the next waiting one
   std::uint32_t tag_ = 0;
 };
 
-/// Error state, bus-off and cable, for a service that must act on them.
+/// For services that must react to error state, bus-off and cable.
 class StatusHandler {
  public:
   virtual void changed(const Status& status, rt::Time at) noexcept = 0;
@@ -56,10 +56,10 @@ class StatusHandler {
   ~StatusHandler() = default;
 };
 
-/// Owns the listener's place of a port. Handlers are found by binary search over the ranges (20 bytes each, and 8 of
-/// filter); several handlers may hear one key, and hear it in the order in which they were added. Registering may
-/// allocate; a frame's way does not. A handler may add and remove handlers, itself included, while it is called; what
-/// was added meanwhile hears the next frame, not this one. It must not destroy the dispatcher.
+/// The only listener of a port. Handlers are found by binary search over the ranges (20 bytes each, and 8 of filter);
+/// several handlers may receive one key, in the order in which they were added. Registering may allocate; passing a
+/// frame does not. A handler may add and remove handlers, itself included, while it is called; a handler added
+/// meanwhile receives the next frame, not this one. It must not destroy the dispatcher.
 class Dispatcher final : private Listener {
  public:
   Dispatcher(rt::Executor& executor, Port& port) noexcept;
@@ -70,14 +70,14 @@ class Dispatcher final : private Listener {
   [[nodiscard]] rt::Executor& executor() const noexcept { return *executor_; }
   [[nodiscard]] Port& port() const noexcept { return *port_; }
 
-  /// Lets `handler` hear `range`; it may be added for several ranges, and hears a frame once for each that holds it.
-  /// A handler belongs to one dispatcher: adding it to another takes it out of the first.
+  /// Registers `handler` for `range`. It may be added for several ranges, and receives a frame once for each that
+  /// contains it. A handler belongs to one dispatcher: adding it to another removes it from the first.
   void add(IdRange range, Handler& handler);
-  /// Takes it out of all ranges. Nothing happens when it is in none.
+  /// Removes it from all ranges. Does nothing when it is in none.
   void remove(Handler& handler) noexcept;
   void on_status(StatusHandler* handler) noexcept { status_handler_ = handler; }
 
-  /// Queues a frame whose end is not waited for.
+  /// Queues a frame without confirmation.
   Queued send(const Frame& frame) noexcept { return port_->send(frame, 0); }
   /// Queues a frame; `confirmation.sent` is called once when it is on the wire. One frame per confirmation at a time.
   Queued send(const Frame& frame, Confirmation& confirmation) noexcept;
@@ -88,7 +88,7 @@ class Dispatcher final : private Listener {
   friend class Confirmation;
   struct Entry {
     Handler* handler;
-    std::uint32_t last;   // of its range
+    std::uint32_t last;   // end of its range
     std::uint16_t order;  // 0, 1, ... in the order of adding
     bool alone;           // no other range overlaps
   };
@@ -105,14 +105,14 @@ class Dispatcher final : private Listener {
   rt::Executor* executor_;
   Port* port_;
   StatusHandler* status_handler_ = nullptr;
-  std::vector<std::uint32_t> firsts_;  // sorted: where each entry's range begins; by itself, as the search touches it
-  std::vector<Entry> entries_;         // beside `firsts_`; equal ones by order
-  Confirmation* waiting_ = nullptr;    // few wait at a time, and their order means nothing
-  std::vector<IdRange> accept_;        // what `refresh` builds; kept, so that a change of identifiers needs no heap
-  std::uint32_t widest_ = 0;           // widest range, so that a search knows how far back to look
-  // Of the frame that several handlers hear:
+  std::vector<std::uint32_t> firsts_;  // sorted: start of each entry's range; separate because the search touches it
+  std::vector<Entry> entries_;         // parallel to `firsts_`; equal ones by order
+  Confirmation* waiting_ = nullptr;    // few wait at a time, in no order
+  std::vector<IdRange> accept_;        // built by `refresh`; kept, so that a change of identifiers needs no heap
+  std::uint32_t widest_ = 0;           // size of the widest range, so that a search knows how far back to look
+  // For a frame that several handlers receive:
   std::uint32_t heard_ = 0;  // order of the last handler called, plus one
-  std::uint32_t end_ = 0;    // what a handler adds now is not called for this frame
+  std::uint32_t end_ = 0;    // a handler added meanwhile is not called for this frame
   std::uint32_t next_tag_ = 0;
 };
 

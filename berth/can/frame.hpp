@@ -14,14 +14,14 @@
 
 namespace berth::can {
 
-/// Marks an extended identifier wherever an identifier stands as one number (`Frame::key`, `IdRange`); the bit that
-/// SocketCAN uses too.
+/// Marks an extended identifier where an identifier is one number (`Frame::key`, `IdRange`); SocketCAN uses the same
+/// bit.
 inline constexpr std::uint32_t extended_flag = 0x8000'0000U;
 inline constexpr std::uint32_t base_mask = 0x7FFU;
 inline constexpr std::uint32_t extended_mask = 0x1FFF'FFFFU;
 
-/// All of a frame but its data, in one word: it is written and copied in one piece. A processor that loads
-/// eight bytes which were stored one by one just before waits until all of them are in its cache.
+/// All of a frame except its data, in one word that is written and copied in one piece. A processor that loads eight
+/// bytes just after they were stored one by one waits until all are in its cache.
 struct FrameHead {
   std::uint32_t id = 0;   ///< 0..7FFh or, when `extended`, 0..1FFF FFFFh
   std::uint8_t size = 0;  ///< bytes: 0..8, FD also 12, 16, 20, 24, 32, 48, 64
@@ -37,7 +37,7 @@ static_assert(sizeof(FrameHead) == 8 && std::is_trivially_copyable_v<FrameHead>)
 
 /// Copying copies only the bytes in use: a classic frame costs 16 bytes, not 72.
 struct Frame : FrameHead {
-  std::array<std::uint8_t, 64> data;  ///< the first `size` bytes hold something
+  std::array<std::uint8_t, 64> data;  ///< only the first `size` bytes are valid
 
   Frame() noexcept { std::memset(data.data(), 0, 8); }
   Frame(const Frame& other) noexcept { *this = other; }
@@ -89,11 +89,11 @@ struct Frame : FrameHead {
     return f;
   }
 
-  /// The bytes that are on the wire: none for a remote frame.
+  /// The bytes on the wire: none for a remote frame.
   [[nodiscard]] std::span<const std::uint8_t> bytes() const noexcept {
     return {data.data(), remote ? std::size_t{0} : size};
   }
-  /// Identifier and format as one number: what acceptance filters and dispatch compare.
+  /// Identifier and format as one number, for acceptance filters and dispatch.
   [[nodiscard]] std::uint32_t key() const noexcept { return extended ? id | extended_flag : id; }
 
   friend bool operator==(const Frame& a, const Frame& b) noexcept {
@@ -104,10 +104,10 @@ struct Frame : FrameHead {
 
 /// candump's short form: `7E5#0401000000000000`, `1F940000#80000000`, `701#R1`. FD: `123##1AABB`.
 [[nodiscard]] std::string to_string(const Frame& frame);
-/// Reads what `to_string` writes; an identifier of more than three digits is extended.
+/// Parses the output of `to_string`; an identifier of more than three digits is extended.
 [[nodiscard]] std::optional<Frame> parse_frame(std::string_view text);
 
-/// Inclusive range of keys (`Frame::key`): what an acceptance filter lets through.
+/// Inclusive range of keys (`Frame::key`) that an acceptance filter passes.
 struct IdRange {
   std::uint32_t first = 0;
   std::uint32_t last = 0;

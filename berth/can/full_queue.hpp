@@ -1,4 +1,4 @@
-/// What a service does while the port's queue is full: it gives its request again, until its own time to send is over.
+/// While the port's queue is full, a service offers its request again until its own time to send is over.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@ namespace berth::can {
 
 inline constexpr rt::Duration full_retry = std::chrono::milliseconds(1);
 
-/// When a request that found the queue full is given again.
+/// When to offer a request again that found the queue full.
 [[nodiscard]] inline rt::Time again_at(rt::Time now, rt::Time give_up) noexcept {
   return std::min(now + full_retry, give_up);
 }

@@ -1,4 +1,4 @@
-/// A frame of at most 8 bytes in 16 bytes: what queues and receive buffers keep. `Frame` is for handling, with room for
+/// A frame of at most 8 bytes in 16 bytes, for queues and receive buffers. `Frame` is for processing, with room for
 /// FD's 64 bytes.
 #pragma once
 
@@ -13,7 +13,7 @@ namespace berth::can {
 class PackedFrame {
  public:
   PackedFrame() = default;
-  /// Of a longer frame only the beginning is kept: that is not to be unpacked or compared. ESI is not kept.
+  /// Keeps only the beginning of a longer frame, which must not be unpacked or compared. ESI is not kept.
   explicit PackedFrame(const Frame& frame) noexcept : head_(frame) {
     if (head_.fd) [[unlikely]]
       head_.esi = false;

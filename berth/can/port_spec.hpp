@@ -1,4 +1,4 @@
-/// Which port: the text that names one, in machine files and on the command line.
+/// The text that names a port, in machine files and on the command line.
 #pragma once
 
 #include <cstdint>
@@ -18,10 +18,10 @@ enum class PortKind : std::uint8_t {
 
 struct PortSpec {
   PortKind kind = PortKind::sim;
-  std::string address;  ///< what follows the kind: "can0", "/dev/ttyACM0", "host:29536/can0"; empty for `sim`
+  std::string address;  ///< the text after the kind: "can0", "/dev/ttyACM0", "host:29536/can0"; empty for `sim`
   friend bool operator==(const PortSpec&, const PortSpec&) = default;
 };
-[[nodiscard]] std::string to_string(const PortSpec& port);  ///< as it stands in the file
+[[nodiscard]] std::string to_string(const PortSpec& port);  ///< as in the file
 [[nodiscard]] std::optional<PortSpec> parse_port(std::string_view text);
 
 }  // namespace berth::can

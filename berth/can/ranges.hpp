@@ -1,4 +1,4 @@
-/// Sets of keys as ranges: what a port's listener takes.
+/// Sets of keys as ranges, for a port's listener.
 #pragma once
 
 #include <cstdint>
@@ -9,8 +9,8 @@
 
 namespace berth::can {
 
-/// The same keys in order, in ranges that neither overlap nor touch; keys that no frame has (above 7FFh, above 1FFF
-/// FFFFh of an extended one, a range that ends before it begins) are left out.
+/// The same keys in order, in ranges that neither overlap nor touch. Omits keys that no frame has (above 7FFh, above
+/// 1FFF FFFFh of an extended one) and ranges that end before they begin.
 [[nodiscard]] std::vector<IdRange> normalised(std::span<const IdRange> ranges);
 /// Whether a key is in normalised ranges.
 [[nodiscard]] bool contains(std::span<const IdRange> ranges, std::uint32_t key) noexcept;

@@ -1,5 +1,5 @@
-/// What `RemoteNode`'s calls give to `co_await`. Each belongs to its node: when that is destroyed, it ends with
-/// Errc::cancelled. Destroying one cancels it.
+/// The operations that `RemoteNode`'s calls return for `co_await`. Each belongs to its node: when the node is
+/// destroyed, it ends with Errc::cancelled. Destroying an operation cancels it.
 #pragma once
 
 #include <functional>
@@ -19,7 +19,7 @@ class RemoteNode;
 
 namespace detail {
 
-/// A ring of things that a node must end when it goes.
+/// A ring of operations that a node must end when it is destroyed.
 class Link {
  public:
   Link() noexcept = default;
@@ -27,7 +27,7 @@ class Link {
   Link& operator=(const Link&) = delete;
   [[nodiscard]] bool alone() const noexcept { return next_ == this; }
   [[nodiscard]] Link* next() const noexcept { return next_; }
-  /// The node, or its network, is gone; the link has left the ring.
+  /// The node or its network was destroyed; the link has left the ring.
   virtual void abandon(const Failure& why) noexcept { (void)why; }
   void enter(Link& ring) noexcept {
     previous_ = ring.previous_;
@@ -60,7 +60,7 @@ class Access : public rt::Operation<Access>, private rt::Job, private Link {
   enum class Checked : bool { no, yes };
   Access(RemoteNode& node, Selector selector, CppType wanted, Checked checked);
   Access(RemoteNode& node, Selector selector, const Input& value);
-  /// One of the two.
+  /// Exactly one of source and sink is given.
   Access(RemoteNode& node, Selector selector, co::SdoSource* source, co::SdoSink* sink);
   ~Access() = default;
   [[nodiscard]] const std::optional<Failure>& failure() const noexcept { return failure_; }
@@ -86,7 +86,7 @@ class Access : public rt::Operation<Access>, private rt::Job, private Link {
   std::optional<Failure> failure_;
   ObjectRef ref_;
   od::DataType type_ = od::DataType::none;
-  bool reads_ = true;  // into memory
+  bool reads_ = true;  // reads into memory
 };
 
 }  // namespace detail
@@ -157,7 +157,7 @@ class Command final : public rt::Operation<Command>, private rt::Job, private de
 
 namespace detail {
 
-/// An operation on its way to a callback; owned by the node's ring, deletes itself when done.
+/// An operation that ends with a callback; owned by the node's ring, deletes itself when done.
 class CallBase : public rt::Job, public Link {
  public:
   virtual ~CallBase() = default;
@@ -178,7 +178,7 @@ class TaskOperation {
   rt::Task<R> task_;
 };
 
-/// Calls back when the operation that `make` gave is done: in a job of its own, never inside another's call.
+/// Calls back when the operation made by `make` is done: in a job of its own, never inside another call.
 template <class Operation, class R>
 class Call final : public CallBase {
  public:
@@ -192,7 +192,7 @@ class Call final : public CallBase {
   void run() noexcept override {
     R result = operation_.await_resume();
     const auto then = std::move(then_);
-    delete this;  // what is called may destroy the node
+    delete this;  // the callback may destroy the node
     if (then) then(std::move(result));
   }
   Operation operation_;

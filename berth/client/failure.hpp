@@ -1,5 +1,5 @@
-/// What went wrong, told to the programmer of an application: the error as code and numbers, and one sentence that says
-/// node, object with its name, what happened and what to do.
+/// Errors for the programmer of an application: the error as code and numbers, and one sentence with the node, the
+/// object and its name, what happened and what to do.
 ///
 ///     const auto speed = co_await node.read<std::int32_t>("Target velocity");
 ///     if (!speed) fmt::print("{}\n", speed.error().message);
@@ -11,9 +11,9 @@
 ///   that the device would have answered, or 0
 /// - Errc::aborted: the device refused; `detail` = abort code
 /// - Errc::timeout: the request was on the wire and no answer came
-/// - Errc::bus: a frame never left
-/// - Errc::mismatch: an answer, and not one that fits the description or the protocol
-/// - Errc::cancelled: the node or network object is gone, or the device booted in the middle
+/// - Errc::bus: a frame was never sent
+/// - Errc::mismatch: an answer that does not fit the description or the protocol
+/// - Errc::cancelled: the node or network object was destroyed, or the device booted meanwhile
 /// - Errc::unsupported: see the call
 #pragma once
 
@@ -28,13 +28,13 @@ struct Failure : Error {
   std::string message;
 };
 
-/// Converts to nothing by itself: `Error` is the failure's base, so `fail(outcome.error())` makes a `Result` of it.
+/// Has no conversion to `Result`: `Error` is the failure's base, so `fail(outcome.error())` makes one.
 template <class T>
 using Outcome = tl::expected<T, Failure>;
 
-/// A failure with a sentence of its own: "node 5, object ...: `what`".
+/// A failure with its own sentence: "node 5, object ...: `what`".
 [[nodiscard]] Failure make_failure(const Error& error, const std::string& object, const std::string& what);
-/// `object` is what `Names::label` gives; empty: no object is concerned.
+/// `object` is a `Names::label`; empty: no object.
 [[nodiscard]] Failure make_failure(const Error& error, const std::string& object = {});
 
 /// Errc::cancelled: the node's object was destroyed.

@@ -1,5 +1,5 @@
-/// A bounded queue of events with one reader, for applications: unlike `rt::Mailbox` it keeps the newest when it is
-/// full, says why a wait ended, and may be destroyed while its reader waits.
+/// A bounded queue of events with one reader, for applications. Unlike `rt::Mailbox` it keeps the newest events when
+/// full, reports why a wait ended, and may be destroyed while its reader waits.
 #pragma once
 
 #include <cstdint>
@@ -17,13 +17,13 @@ class Inbox {
   explicit Inbox(std::size_t most) noexcept : most_(most) {}
   Inbox(const Inbox&) = delete;
   Inbox& operator=(const Inbox&) = delete;
-  /// A reader that waits is woken with Errc::cancelled.
+  /// A waiting reader is woken with Errc::cancelled.
   ~Inbox() {
     if (reader_ == nullptr) return;
     reader_->box_ = nullptr;
     reader_->wake();
   }
-  /// No more events will come: when those that wait are taken, `next` gives Errc::cancelled.
+  /// No more events will come: when the waiting ones are taken, `next` gives Errc::cancelled.
   void close() noexcept {
     closed_ = true;
     if (reader_ != nullptr) reader_->wake();
@@ -39,11 +39,11 @@ class Inbox {
   }
   void clear() noexcept { messages_.clear(); }
   [[nodiscard]] std::size_t size() const noexcept { return messages_.size(); }
-  /// Messages that were lost because they were not taken.
+  /// Events lost because they were not taken in time.
   [[nodiscard]] std::uint64_t dropped() const noexcept { return dropped_; }
 
-  /// `const auto event = co_await box.next(deadline);` gives `Result<M>`, the oldest message. Errc::timeout: the
-  /// deadline came first; Errc::cancelled: whose events these are is gone; Errc::invalid: another reader waits already.
+  /// `const auto event = co_await box.next(deadline);` gives `Result<M>`, the oldest event. Errc::timeout: the deadline
+  /// came first; Errc::cancelled: the source of the events was destroyed; Errc::invalid: another reader waits already.
   class Next final : public rt::Operation<Next>, private rt::Job {
    public:
     Next(Inbox& box, rt::Time deadline) noexcept : box_(&box), deadline_(deadline) {}
@@ -89,7 +89,7 @@ class Inbox {
   std::size_t most_;
   std::deque<M> messages_;
   std::uint64_t dropped_ = 0;
-  Next* reader_ = nullptr;  // until it has resumed
+  Next* reader_ = nullptr;  // set until it has resumed
   bool closed_ = false;
 };
 

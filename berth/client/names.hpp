@@ -1,4 +1,4 @@
-/// Objects by the names of their description.
+/// Objects by the names in their description.
 #pragma once
 
 #include <functional>
@@ -16,11 +16,11 @@
 
 namespace berth::client {
 
-/// Which object: index and sub-index, or a text as every command of Berth takes it (berth/od/notation.hpp,
+/// Selects an object: by index and sub-index, or by a text as in every command of Berth (berth/od/notation.hpp,
 /// berth/od/names.hpp):
 /// - "Identity object/Vendor-ID", "Vendor-ID", "ident/vendor": names, or beginnings of names, that only one object has
 /// - "1018h:01", "0x1018:1", "1018sub1", "1018h": index and sub-index, hexadecimal both; without sub-index: 0
-/// Trivial: a text is looked at by the call that it is given to, and not kept.
+/// Trivial: the call that gets a text only reads it and does not keep it.
 class Selector {
  public:
   constexpr Selector(ObjectRef ref) noexcept : ref_(ref) {}
@@ -38,13 +38,13 @@ class Selector {
 };
 static_assert(std::is_trivially_copyable_v<Selector> && std::is_trivially_destructible_v<Selector>);
 
-/// All names of a description. Building it costs a table of them, by which a whole name is found at once; a beginning
-/// of one is searched for at each call. Share one among nodes of a type.
+/// All names of a description. It builds a table of them for finding whole names at once; the beginning of a name is
+/// searched for at each call. Share one among nodes of a type.
 class Names {
  public:
   explicit Names(std::shared_ptr<const od::Description> description);
 
-  /// As `od::find_object`. An index that a text gives need not be in the description.
+  /// See `od::find_object`. An index in a text need not be in the description.
   [[nodiscard]] tl::expected<ObjectRef, od::NoObject> find(Selector selector) const;
   /// "Identity object/Vendor-ID", or "" when the description has no such object.
   [[nodiscard]] std::string name(ObjectRef ref) const;

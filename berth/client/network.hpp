@@ -1,10 +1,10 @@
-/// One CANopen network as a client sees it: the services that its nodes share, on one port.
+/// One CANopen network from a client's view: the services that its nodes share, on one port.
 ///
 ///     can::Dispatcher dispatcher(executor, port);
 ///     client::Network network(dispatcher);
 ///     client::RemoteNode drive(network, NodeId(5), file.description);
 ///
-/// No globals: any number of networks and nodes in one process, each bound to its executor and to no thread.
+/// No globals: any number of networks and nodes in one process, each bound to its executor and not to a thread.
 #pragma once
 
 #include <vector>
@@ -21,9 +21,9 @@ class RemoteNode;
 class Network final : private co::HeartbeatConsumer::Observer {
  public:
   /// `dispatcher` must outlive the network. The network uses the default SDO channels of the nodes: no other SDO client
-  /// may be on the same bus with the same nodes (CiA 301 §7.4.4).
+  /// may use the same nodes on the bus (CiA 301 §7.4.4).
   explicit Network(can::Dispatcher& dispatcher, const co::SdoOptions& options = {});
-  /// What is pending ends with Errc::cancelled; nodes that are still there refuse everything from then on.
+  /// Pending operations end with Errc::cancelled; remaining nodes refuse everything afterwards.
   ~Network();
   Network(const Network&) = delete;
   Network& operator=(const Network&) = delete;
@@ -34,16 +34,16 @@ class Network final : private co::HeartbeatConsumer::Observer {
   [[nodiscard]] co::NmtMaster& nmt_master() noexcept { return nmt_; }
   [[nodiscard]] const co::HeartbeatConsumer& heartbeats() const noexcept { return heartbeats_; }
 
-  /// A command to all nodes, without waiting. To one node: `RemoteNode::nmt`.
+  /// Sends a command to all nodes, without waiting. For one node: `RemoteNode::nmt`.
   void nmt_all(co::NmtCommand command) { nmt_.queue(command, co::NmtTarget::all()); }
 
-  /// A node whose first heartbeat is missing for so long after its `RemoteNode` was made, or after its boot-up, is told
-  /// (`StateEvent`, kind never_seen). 0 = never. Before the nodes are made.
+  /// Reports a node whose first heartbeat is missing for so long after its `RemoteNode` was made, or after its boot-up
+  /// (`StateEvent`, kind never_seen). 0 = never. Call it before making the nodes.
   void set_never_seen_time(rt::Duration time) noexcept { heartbeats_.set_never_seen_time(time); }
 
   /// Sends one SYNC (080h, no counter).
   can::Queued send_sync() noexcept;
-  /// Sends a SYNC now and every `period` from now on; 0 ends it. One that waits in the port is not doubled.
+  /// Sends a SYNC at once and then every `period`; 0 ends it. Queues no second SYNC while one waits in the port.
   void produce_sync(rt::Duration period) noexcept;
 
  private:

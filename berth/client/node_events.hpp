@@ -1,5 +1,5 @@
-/// What a remote node tells by itself: boot-up, NMT states and the loss of its heartbeat; emergencies. By callbacks, or
-/// taken one by one by a task. Part of `RemoteNode`.
+/// The events of a remote node: boot-up, NMT states, loss of its heartbeat, and emergencies. Delivered by callbacks, or
+/// one by one to a task. Part of `RemoteNode`.
 #pragma once
 
 #include <deque>
@@ -32,12 +32,12 @@ struct StateEvent {
 
 class NodeEvents : private rt::Job {
  public:
-  static constexpr std::size_t kept_events = 64;  ///< emergencies and state events that wait, each
+  static constexpr std::size_t kept_events = 64;  ///< waiting emergencies and waiting state events, of each
 
-  /// Replaces the callback before; empty ends it.
+  /// Replaces the previous callback; empty ends it.
   void on_state(std::function<void(const StateEvent&)> call) { on_state_ = share(std::move(call)); }
   void on_emcy(std::function<void(const Emergency&)> call) { on_emcy_ = share(std::move(call)); }
-  /// `Result` of the oldest event that was not taken (`Inbox::next`).
+  /// `Result` of the oldest event not yet taken (`Inbox::next`).
   [[nodiscard]] Inbox<StateEvent>::Next next_state(rt::Time deadline) noexcept { return states_.next(deadline); }
   [[nodiscard]] Inbox<Emergency>::Next next_emcy(rt::Time deadline) noexcept { return emergencies_.next(deadline); }
 
@@ -52,7 +52,7 @@ class NodeEvents : private rt::Job {
 
   void happened(const StateEvent& event);
   void happened(const Emergency& event);
-  /// Nothing comes any more: a wait ends with Errc::cancelled.
+  /// No more events come: a wait ends with Errc::cancelled.
   void close() noexcept;
 
   template <class E>
@@ -60,7 +60,7 @@ class NodeEvents : private rt::Job {
     if (!call) return nullptr;
     return std::make_shared<const std::function<void(const E&)>>(std::move(call));
   }
-  /// Calls back later, unless the callback was replaced or the node destroyed by then.
+  /// Calls back later, unless the callback is replaced or the node destroyed before.
   template <class E>
   void tell(const Callback<E>& call, const E& event) {
     if (call == nullptr) return;

@@ -1,4 +1,4 @@
-/// How a remote node's PDOs come to be: their records, read from the device or taken from the description. Part of
+/// Creates a remote node's PDOs: their records are read from the device or taken from the description. Part of
 /// `RemoteNode`.
 #pragma once
 
@@ -15,10 +15,10 @@
 namespace berth::client {
 
 /// PDOs by number, 1 to 512.
-/// `subscribe` and `open` read COB-ID and mapping from the device; `_as_described` takes them from the description
-/// (of a DCF: the configured values). Errors: those of reading; Errc::invalid: bit 31 of the COB-ID is set, or
-/// the number is out of range; Errc::unsupported: an MPDO; Errc::mismatch: a mapping of more than 64 bits. A second
-/// call for a number replaces the PDO: the old one ends.
+/// `subscribe` and `open` read COB-ID and mapping from the device; `_as_described` takes them from the description (in
+/// a DCF: the configured values). Errors: those of reading; Errc::invalid: bit 31 of the COB-ID is set, or the number
+/// is out of range; Errc::unsupported: an MPDO; Errc::mismatch: a mapping of more than 64 bits. A second call for a
+/// number replaces the PDO: the old one ends.
 class NodePdos {
  public:
   [[nodiscard]] rt::Task<Outcome<std::shared_ptr<Tpdo>>> subscribe(unsigned tpdo);
@@ -35,11 +35,11 @@ class NodePdos {
   NodePdos(const NodePdos&) = delete;
   NodePdos& operator=(const NodePdos&) = delete;
 
-  /// Those that are there are dead from now on.
+  /// Existing PDOs are dead from then on.
   void end_pdos() noexcept;
 
  private:
-  /// Not looked at: what the description says of it.
+  /// Reads without checks against the description.
   template <class T>
   [[nodiscard]] Read<T> raw(ObjectRef ref) {
     return Read<T>(node_, ref, Read<T>::Checked::no);

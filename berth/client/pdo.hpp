@@ -1,8 +1,8 @@
-/// PDOs of a remote node (CiA 301 §7.2.2): values by the names of its objects. Seen from the device, as CiA has it: a
-/// `Tpdo` is what the node sends and the application receives; an `Rpdo` is what the application sends.
+/// PDOs of a remote node (CiA 301 §7.2.2): values by the names of its objects. Named from the device's view, as in CiA
+/// 301: the node sends a `Tpdo` and the application receives it; the application sends an `Rpdo`.
 ///
-/// Made by `RemoteNode::subscribe` and `RemoteNode::open`. They may outlive their node, and are dead then: `next` ends
-/// with Errc::cancelled, and so does `send`.
+/// Made by `RemoteNode::subscribe` and `RemoteNode::open`. They may outlive their node, but are dead then: `next` and
+/// `send` end with Errc::cancelled.
 #pragma once
 
 #include <functional>
@@ -27,23 +27,23 @@ class RemoteNode;
 [[nodiscard]] Failure wrong_type(const Names& names, NodeId node, ObjectRef ref, od::DataType type, CppType cpp,
                                  const char* verb);
 
-/// Which objects stand where in a PDO. Immutable; shared with the samples, so that these outlive the node.
+/// The places of objects in a PDO. Immutable; shared with the samples, so that these outlive the node.
 struct PdoLayout {
   struct Field {
     ObjectRef object;
-    od::DataType type = od::DataType::none;  ///< as described; none: bits of an object that is not described
+    od::DataType type = od::DataType::none;  ///< as described; none: bits of an undescribed object
     unsigned at = 0;                         ///< first bit
     unsigned bits = 0;
   };
   std::shared_ptr<const Names> names;
   NodeId node;
-  std::vector<Field> fields;  ///< dummies are left out
+  std::vector<Field> fields;  ///< without dummies
   unsigned bits = 0;
   [[nodiscard]] std::size_t size() const noexcept { return (bits + 7) / 8; }
   [[nodiscard]] Outcome<const Field*> find(Selector selector) const;
 };
 
-/// One PDO as it came.
+/// One received PDO.
 struct PdoSample {
   std::shared_ptr<const PdoLayout> layout;
   rt::Time at{};  ///< end of the frame
@@ -76,12 +76,12 @@ class Tpdo final : private can::Handler {
   ~Tpdo() = default;
   static constexpr std::size_t kept = 64;  ///< samples that wait for `next`
 
-  /// Calls `call` for each PDO, from the executor; replaces the one before, empty ends it. It may do anything, also
+  /// Calls `call` for each PDO, from the executor; replaces the previous one, empty ends it. It may do anything, even
   /// destroy the node.
   void on_pdo(std::function<void(const PdoSample&)> call);
-  /// `const auto sample = co_await pdo.next(deadline);` gives `Result<PdoSample>`: the oldest that was not taken yet.
+  /// `const auto sample = co_await pdo.next(deadline);` gives `Result<PdoSample>`: the oldest not yet taken.
   [[nodiscard]] Inbox<PdoSample>::Next next(rt::Time deadline) noexcept { return inbox_.next(deadline); }
-  /// Forgets the samples that wait.
+  /// Forgets the waiting samples.
   void clear() noexcept { inbox_.clear(); }
   [[nodiscard]] const std::optional<PdoSample>& newest() const noexcept { return newest_; }
 
@@ -89,9 +89,9 @@ class Tpdo final : private can::Handler {
   [[nodiscard]] co::CobId cob_id() const noexcept { return cob_id_; }
   [[nodiscard]] const PdoLayout& layout() const noexcept { return *layout_; }
   [[nodiscard]] std::uint64_t received() const noexcept { return count_; }
-  /// Frames that are shorter than the mapping says: not decoded. What a longer one has more is not looked at.
+  /// Frames shorter than the mapping, which are not decoded. Surplus bytes of longer frames are ignored.
   [[nodiscard]] std::uint64_t too_short() const noexcept { return too_short_; }
-  /// Samples lost because they were not taken by `next`.
+  /// Samples lost because `next` did not take them.
   [[nodiscard]] std::uint64_t dropped() const noexcept { return inbox_.dropped(); }
 
  private:
@@ -100,7 +100,7 @@ class Tpdo final : private can::Handler {
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void end() noexcept;
 
-  RemoteNode* node_;  // null: gone
+  RemoteNode* node_;  // null: destroyed
   unsigned number_;
   co::CobId cob_id_;
   std::shared_ptr<const PdoLayout> layout_;
@@ -111,12 +111,12 @@ class Tpdo final : private can::Handler {
   std::uint64_t too_short_ = 0;
 };
 
-/// A PDO that the node receives. Its values begin as the description's defaults.
+/// A PDO that the node receives. Its initial values are the description's defaults.
 class Rpdo final {
  public:
   /// Sets a mapped object's value; nothing is sent. Type, range and limits as for `RemoteNode::write`.
   Outcome<void> set(Selector selector, Input value);
-  /// Queues the PDO with the values of now. Errc::bus: the port does not take it.
+  /// Queues the PDO with the current values. Errc::bus: the port refuses it.
   Outcome<void> send();
 
   [[nodiscard]] unsigned number() const noexcept { return number_; }
@@ -128,7 +128,7 @@ class Rpdo final {
   Rpdo(RemoteNode& node, unsigned number, co::CobId cob_id, std::shared_ptr<const PdoLayout> layout);
   void put(const PdoLayout::Field& field, std::span<const std::uint8_t> bytes) noexcept;
 
-  RemoteNode* node_;  // null: gone
+  RemoteNode* node_;  // null: destroyed
   unsigned number_;
   co::CobId cob_id_;
   std::shared_ptr<const PdoLayout> layout_;

@@ -1,4 +1,4 @@
-/// A device on a network as an application sees it: objects by name with the types of its EDS, PDOs, emergencies, NMT.
+/// A device on a network from an application's view: objects by name with the types of its EDS, PDOs, emergencies, NMT.
 ///
 ///     client::RemoteNode node(network, NodeId(5), file.description);      // eds::read_file("io.eds").file
 ///     const auto vendor = co_await node.read<std::uint32_t>("Identity object/Vendor-ID");
@@ -9,16 +9,16 @@
 ///     const auto sample = co_await tpdo.next(deadline);
 ///     const auto inputs = sample->get<std::uint8_t>("Read input 8-bit.Inputs 1 to 8");
 ///
-/// Each call has a second form with a callback at its end: `node.read<std::uint32_t>("1018:01", [](auto vendor) {});`.
-/// Callbacks are called from the executor, each in a job of its own and never inside another call of this library, so
-/// they may do anything: begin further accesses, destroy the node or the network. They must not throw.
+/// Each call has a second form with a callback for its end: `node.read<std::uint32_t>("1018:01", [](auto vendor) {});`.
+/// The executor calls callbacks, each in a job of its own and never inside another call of this library, so they may do
+/// anything: begin further accesses, destroy the node or the network. They must not throw.
 ///
-/// Destroying the node ends what is pending, each thing once: a task that awaits is resumed, through the executor, with
-/// Errc::cancelled; callbacks are destroyed and not called any more. Accesses to one node run one after the other,
-/// first come, first served; those to different nodes side by side.
+/// Destroying the node ends each pending operation once: a waiting task is resumed, through the executor, with
+/// Errc::cancelled; callbacks are destroyed without a call. Accesses to one node run one after another, first come,
+/// first served; those to different nodes side by side.
 ///
-/// Before the bus is used an access is checked against the description: that the object is there, that the C++ type
-/// fits (value.hpp), access type, range and limits. `NodeOptions` turns that off for devices whose EDS is wrong.
+/// Before an access uses the bus, it is checked against the description: the object exists, and C++ type (value.hpp),
+/// access type, range and limits fit. `NodeOptions` disables that for devices whose EDS is wrong.
 #pragma once
 
 #include <functional>
@@ -34,19 +34,19 @@ namespace berth::client {
 
 struct NodeOptions {
   std::optional<co::SdoOptions> sdo{};  ///< empty: the network's
-  /// False: access types are not looked at, and objects that the description has not are accessed all the same, with
-  /// the CANopen type of the C++ type (UNSIGNED32 for std::uint32_t).
+  /// False: access types are ignored, and undescribed objects may be accessed with the CANopen type of the C++ type
+  /// (UNSIGNED32 for std::uint32_t).
   bool check_access = true;
-  bool check_limits = true;  ///< false: only the range of the object's type counts
-  /// The node is lost when no heartbeat came for so long; 0 = never, states are told all the same.
+  bool check_limits = true;  ///< false: only the range of the object's type is checked
+  /// The node counts as lost after so long without heartbeat; 0 = never, but states are still reported.
   rt::Duration heartbeat{0};
 };
 
-/// Its PDOs: `NodePdos`; its states and emergencies: `NodeEvents`.
+/// `NodePdos` has its PDOs, `NodeEvents` its states and emergencies.
 class RemoteNode final : public NodePdos, public NodeEvents, private co::EmcyConsumer::Observer {
  public:
   RemoteNode(Network& network, NodeId id, std::shared_ptr<const od::Description> description, NodeOptions options = {});
-  /// Shares the table of names with other nodes of the type.
+  /// Shares the table of names with other nodes of the same type.
   RemoteNode(Network& network, NodeId id, std::shared_ptr<const Names> names, NodeOptions options = {});
   ~RemoteNode();
 
@@ -77,9 +77,9 @@ class RemoteNode final : public NodePdos, public NodeEvents, private co::EmcyCon
   void write(Selector object, Input value, std::function<void(Outcome<void>)> then) {
     call([&] { return Write(*this, object, value); }, std::move(then));
   }
-  /// Long objects (strings, DOMAIN) without having them in memory: from a source, into a sink, which must stay until it
-  /// is done. By block transfer where the device can, unless `NodeOptions::sdo` says otherwise. What came into a sink
-  /// is good only when the outcome is.
+  /// For long objects (strings, DOMAIN) that are not held in memory: from a source, or into a sink, which must stay
+  /// until it is done. Uses block transfer if the device can, unless `NodeOptions::sdo` differs. A sink's bytes are
+  /// valid only if the outcome is.
   [[nodiscard]] Stream download(Selector object, co::SdoSource& source) {
     return Stream(*this, object, &source, nullptr);
   }
@@ -121,11 +121,11 @@ class RemoteNode final : public NodePdos, public NodeEvents, private co::EmcyCon
   void abandon(const char* text) noexcept;
   void end_services() noexcept;
   [[nodiscard]] Failure failure(Errc code, const char* text, ObjectRef ref = {}, std::uint32_t detail = 0) const;
-  /// `sub`: whose limits count; may be null. A complaint without a code: the C++ type does not fit.
+  /// `sub`: whose limits apply; may be null. A complaint without a code: the C++ type does not fit.
   [[nodiscard]] Complaint encode(const od::SubObject* sub, od::DataType type, const Input& value, Bytes& into) const;
   [[nodiscard]] co::SdoOptions stream_options() const noexcept;
 
-  Network* network_;  // null: gone
+  Network* network_;  // null: destroyed
   rt::Executor* executor_;
   NodeId id_;
   NodeOptions options_;

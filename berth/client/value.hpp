@@ -1,13 +1,13 @@
-/// Values of C++ as values of CiA 301's data types, and back.
+/// Converts values of C++ to values of CiA 301's data types, and back. Types to use:
 ///
-/// | to read or write | use |
-/// | --- | --- |
-/// | BOOLEAN | bool, or an unsigned integer 0 or 1 |
-/// | INTEGERn, UNSIGNEDn (8 to 64 bits, also 24, 40, 48, 56) | reading: any integer that holds every value of the type;
-/// writing: any integer whose value fits | | REAL32, REAL64 | reading: float (REAL32), double (both); writing: float,
-/// double; REAL32 rounds | | VISIBLE_STRING, UNICODE_STRING | std::string; a UNICODE_STRING is converted from and to
-/// UTF-8 | | OCTET_STRING, DOMAIN, types unknown here | Bytes; any other type as it is on the wire, too | |
-/// TIME_OF_DAY, TIME_DIFFERENCE | co::TimeOfDay | | any | Value, which knows its type and can be printed |
+/// - BOOLEAN: bool, or an unsigned integer 0 or 1
+/// - INTEGERn, UNSIGNEDn (8 to 64 bits, also 24, 40, 48, 56): reading: any integer that holds every value of the type;
+///   writing: any integer whose value fits
+/// - REAL32, REAL64: reading: float (REAL32), double (both); writing: float, double; REAL32 rounds
+/// - VISIBLE_STRING, UNICODE_STRING: std::string; a UNICODE_STRING is converted from and to UTF-8
+/// - OCTET_STRING, DOMAIN, types unknown here: Bytes; also for any other type, as on the wire
+/// - TIME_OF_DAY, TIME_DIFFERENCE: co::TimeOfDay
+/// - any: Value, which knows its type and can be printed
 #pragma once
 
 #include <span>
@@ -28,14 +28,14 @@ using Bytes = std::vector<std::uint8_t>;
 struct Value {
   od::DataType type = od::DataType::none;
   Bytes bytes;  ///< as on the wire
-  /// As a description file writes it: "500", "0.5", text; what has no text as hexadecimal bytes.
+  /// As in a description file: "500", "0.5", text; values without a text form as hexadecimal bytes.
   [[nodiscard]] std::string text() const { return od::print(type, bytes); }
   friend bool operator==(const Value&, const Value&) = default;
 };
 
 enum class Kind : std::uint8_t { boolean, unsigned_integer, signed_integer, real, text, bytes, time, any };
 
-/// What one is to know of a C++ type here.
+/// Properties of a C++ type.
 struct CppType {
   Kind kind = Kind::any;
   unsigned bits = 0;
@@ -76,16 +76,16 @@ template <class T>
 /// The CANopen type of a C++ type, for objects that are not described: UNSIGNED32 for std::uint32_t, DOMAIN for Bytes.
 [[nodiscard]] od::DataType natural_type(CppType cpp) noexcept;
 
-/// What is wrong with a value; `what` null = nothing. `code`: what a device would have answered, or none.
+/// What is wrong with a value; `what` null = nothing. `code`: the device's answer to it, or none.
 struct Complaint {
   const char* what = nullptr;
   od::AbortCode code = od::AbortCode::none;
 };
 
-/// The raw (`od::DataType`) of a scalar as it was uploaded. Four bytes for a shorter type are taken when the surplus
-/// is 0 or the sign, as some devices answer so (e=1, s=0). False: another length.
+/// The raw (`od::DataType`) of an uploaded scalar. Four bytes for a shorter type are accepted if the surplus is 0 or
+/// the sign, because some devices answer so (e=1, s=0). False: another length.
 [[nodiscard]] bool decode(od::DataType type, std::span<const std::uint8_t> bytes, std::uint64_t& raw) noexcept;
-/// VISIBLE_STRING up to the first NUL; UNICODE_STRING as UTF-8, what is no UTF-16 as U+FFFD.
+/// VISIBLE_STRING up to the first NUL; UNICODE_STRING as UTF-8, with U+FFFD for invalid UTF-16.
 [[nodiscard]] std::string decode_text(od::DataType type, std::span<const std::uint8_t> bytes);
 
 /// `readable_as` must hold.
@@ -117,8 +117,7 @@ template <class T>
   return {};
 }
 
-/// A value to write, of any of the types above. It refers to texts and bytes: they are copied by the call that it is
-/// given to.
+/// A value to write, of any of the types above. It refers to texts and bytes, which the called function copies.
 class Input {
  public:
   template <class T, class = std::enable_if_t<std::is_arithmetic_v<T>>>
@@ -142,9 +141,9 @@ class Input {
   }
 
   [[nodiscard]] constexpr CppType cpp() const noexcept { return cpp_; }
-  /// The bytes for an object of `type`. A complaint without a code is about the C++ type.
+  /// The bytes for an object of `type`. A complaint without a code: the C++ type does not fit.
   [[nodiscard]] Complaint encode(od::DataType type, Bytes& into) const;
-  /// The type to write when the object is not described.
+  /// The type for writing an undescribed object.
   [[nodiscard]] od::DataType natural_type() const noexcept {
     return cpp_.kind == Kind::any ? type_ : client::natural_type(cpp_);
   }
@@ -157,7 +156,7 @@ class Input {
 
   CppType cpp_;
   bool negative_ = false;
-  od::DataType type_ = od::DataType::none;  // of a Value
+  od::DataType type_ = od::DataType::none;  // for a Value
   std::uint64_t number_ = 0;                // sign-extended
   double real_ = 0;
   std::string_view text_;

@@ -1,7 +1,8 @@
-/// Block downloads that share a bus: their sub-blocks go out one after another, and after each the bus is left free
-/// for a while: a part of the time that the sub-block took, and on while frames come that a segment outranks
-/// (heartbeats), but no longer than the sub-block took. Else the segments of many transfers would take the whole bus,
-/// and every device would be lost. While one device writes its flash memory, the others' sub-blocks use the bus.
+/// Block downloads that share a bus. They send their sub-blocks one after another. After each sub-block the bus stays
+/// free for a part of the time that the sub-block took. The pause grows while frames come that a segment outranks
+/// (heartbeats), but never beyond the time of the sub-block. Without pauses, the segments of many transfers would take
+/// the whole bus, and every device would be lost. While one device writes its flash memory, the others' sub-blocks use
+/// the bus.
 ///
 ///     co::BlockPace pace(dispatcher);
 ///     options.pace = &pace;                       // SdoOptions of each transfer; the pace must outlive them
@@ -13,10 +14,10 @@ namespace berth::co {
 
 class BlockPace final : private rt::Job, private can::Handler {
  public:
-  /// A transfer.
+  /// A transfer that shares the bus.
   class Member {
    public:
-    /// It may send its sub-block now, and calls `give` when that is on the wire.
+    /// The member may send its sub-block; it calls `give` when the sub-block is on the wire.
     virtual void turn() noexcept = 0;
 
    protected:
@@ -29,16 +30,16 @@ class BlockPace final : private rt::Job, private can::Handler {
     bool waits_ = false;
   };
 
-  /// Of the time, one part in so many is left free at least.
+  /// At least 1/n of the time stays free.
   static constexpr unsigned default_free_part = 16;
   explicit BlockPace(can::Dispatcher& dispatcher, unsigned free_part = default_free_part) noexcept
       : dispatcher_(&dispatcher), free_part_(free_part) {}
 
-  /// True: it may send at once. False: `turn` is called later, unless it leaves.
+  /// True: `member` may send at once. False: `turn` is called later, unless the member leaves.
   [[nodiscard]] bool take(Member& member) noexcept;
-  /// Its sub-block is on the wire.
+  /// The member's sub-block is on the wire.
   void give(Member& member) noexcept;
-  /// It does not want to send any more, whether it waits, sends or neither.
+  /// The member sends no more, whether it waits, sends or neither.
   void leave(Member& member) noexcept;
 
  private:
@@ -53,7 +54,7 @@ class BlockPace final : private rt::Job, private can::Handler {
   rt::Time began_{};
   rt::Time free_until_{};
   rt::Time longest_free_{};
-  rt::Duration quiet_{};  // a frame that is outranked, and the next one would have come
+  rt::Duration quiet_{};  // how much one outranked frame prolongs the pause: time for the next to come
   unsigned free_part_;
 };
 

@@ -37,12 +37,12 @@ struct Emcy {
   friend bool operator==(const Emcy&, const Emcy&) noexcept = default;
 };
 
-/// Messages about others that go out under a device's identifier, after its own: what a gateway hands on.
+/// Messages about other devices, sent under this device's identifier after its own: a gateway forwards them.
 class EmcyBacklog {
  public:
-  /// The next one; null: none.
+  /// The next message; null: none.
   [[nodiscard]] virtual const Emcy* front() const noexcept = 0;
-  /// It was sent.
+  /// The message was sent.
   virtual void pop() noexcept = 0;
 
  protected:
@@ -51,42 +51,41 @@ class EmcyBacklog {
 
 /// Keeps a device's active errors, its error register and its emergency messages.
 ///
-/// An error is raised once and cleared once, by its code and, where one code has several sources (heartbeats of several
-/// nodes: 8130h), its source. Clearing the last one sends 0000h "error reset" with register
-/// 0; clearing one of several tells the newest that remains once more, with its own manufacturer-specific bytes and the
-/// register as it is now. CiA 301 allows 00xxh there, too, but peers take each 00xxh for a reset of all errors
+/// An error is raised once and cleared once. Its code identifies it, together with its source if one code has several
+/// sources (heartbeats of several nodes: 8130h). Clearing the last error sends 0000h "error reset" with register 0.
+/// Clearing one of several sends the newest remaining error again, with its own manufacturer-specific bytes and the
+/// current register. CiA 301 allows 00xxh there, too, but peers take each 00xxh for a reset of all errors
 /// (python-canopen, `emcy.py`: `code & 0xFF00 == 0` empties its list).
-/// Messages wait while the service is off (initialising, stopped), while 1014h is invalid, and for the inhibit time;
-/// when more than `queue_size` wait, the oldest is dropped and counted.
+/// Messages wait while the service is off (initialising, stopped), while 1014h is invalid, and for the inhibit time. If
+/// more than `queue_size` wait, the oldest is dropped and counted.
 class EmcyProducer final : private rt::Job {
  public:
   static constexpr std::size_t most_errors = 16;
   static constexpr std::size_t queue_size = 16;
   explicit EmcyProducer(can::Dispatcher& dispatcher) noexcept : dispatcher_(&dispatcher) {}
 
-  /// 1014h: where messages go. `CobId(emcy_id(node))` is the default of a device.
+  /// 1014h: the COB-ID of messages. A device's default is `CobId(emcy_id(node))`.
   void set_cob_id(CobId id) noexcept;
   /// 1015h (as a duration): shortest time between two messages.
   void set_inhibit(rt::Duration time) noexcept { inhibit_ = time; }
-  /// Whether the NMT state has EMCY (`Services::emcy`).
+  /// Whether the NMT state allows EMCY (`Services::emcy`).
   void enable(bool on) noexcept;
-  /// The messages of `backlog` are sent when none of the device's own waits, under the same conditions; it must stay
-  /// until it is taken out (null). A reset leaves it as it is.
+  /// Sends the messages of `backlog` when none of the device's own waits, under the same conditions. `backlog` must
+  /// stay until it is replaced by null; a reset keeps it.
   void set_backlog(EmcyBacklog* backlog) noexcept { backlog_ = backlog; }
-  /// The backlog has more.
+  /// Call when the backlog has more messages.
   void send_backlog() noexcept { flush(); }
-  /// Messages about errors that are gone carry their code in the last two manufacturer-specific bytes (paper 3 Figure
-  /// 8).
+  /// Messages about a cleared error carry its code in the last two manufacturer-specific bytes (paper 3 Figure 8).
   void tell_exits(bool on) noexcept { tells_exits_ = on; }
-  /// Reset: forgets errors and waiting messages, sends nothing; register 0, off.
+  /// Reset: forgets errors and waiting messages and sends nothing; the register is 0, the service off.
   void reset() noexcept;
 
   /// False when the error is active already, the code is 00xxh, or `most_errors` are active.
   bool raise(std::uint16_t code, std::uint8_t register_bits, const std::array<std::uint8_t, 5>& info = {},
              std::uint8_t source = 0) noexcept;
-  /// False when it is not active.
+  /// False when the error is not active.
   bool clear(std::uint16_t code, const std::array<std::uint8_t, 5>& info = {}, std::uint8_t source = 0) noexcept;
-  /// From any source.
+  /// True for an error from any source.
   [[nodiscard]] bool active(std::uint16_t code) const noexcept;
   [[nodiscard]] bool active(std::uint16_t code, std::uint8_t source) const noexcept;
   /// Object 1001h.
@@ -120,8 +119,8 @@ class EmcyProducer final : private rt::Job {
   bool tells_exits_ = false;
 };
 
-/// Pre-defined error field, object 1003h: newest at sub-index 1; the oldest drops out. Code 0000h and 00xxh are not
-/// kept.
+/// Pre-defined error field, object 1003h: the newest error is at sub-index 1, the oldest drops out. Codes 0000h and
+/// 00xxh are not kept.
 class ErrorField {
  public:
   static constexpr std::size_t size = 16;
@@ -137,7 +136,7 @@ class ErrorField {
   std::size_t count_ = 0;
 };
 
-/// Hears emergency messages. Frames shorter than 8 bytes are not emergencies (CiA 301 fixes DLC 8).
+/// Receives emergency messages. Ignores frames shorter than 8 bytes (CiA 301 fixes DLC 8).
 class EmcyConsumer final : private can::Handler {
  public:
   class Observer {
@@ -152,7 +151,7 @@ class EmcyConsumer final : private can::Handler {
 
   /// Hears all nodes on 081h..0FFh.
   void hear_all();
-  /// Takes memory for so many identifiers, so that `hear` needs none.
+  /// Reserves memory for so many identifiers, so that `hear` allocates none.
   void reserve(std::size_t identifiers) { sources_.reserve(identifiers); }
   /// Hears one node on another identifier (1028h). An invalid `id` is ignored.
   void hear(NodeId node, CobId id);

@@ -1,7 +1,9 @@
 /// Object 1028h, the emergency consumer object (CiA 301 §7.5.2.31; docs/protocols/cia301.md §Emergencies): an
-/// `EmcyConsumer` that hears the nodes that the dictionary names. Sub-index n is the COB-ID of node n's emergencies;
-/// bit 31 = not heard. Writes from the network: bits 29..0 while it is and stays valid, a restricted CAN-ID, bits above
-/// bit 10 of an 11-bit identifier: 0609 0030.
+/// `EmcyConsumer` for the nodes that the dictionary names. Sub-index n is the COB-ID of node n's emergencies; bit 31 =
+/// not heard. These writes from the network are refused with 0609 0030:
+/// - another value of bits 29..0 while the entry is and stays valid
+/// - a restricted CAN-ID
+/// - bits above bit 10 of an 11-bit identifier
 #pragma once
 
 #include "berth/co/emcy.hpp"

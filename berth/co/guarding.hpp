@@ -1,6 +1,6 @@
 /// Node guarding and life guarding (CiA 301 §7.2.8.3.2.1, objects 100Ch and 100Dh; docs/protocols/cia301.md §Error
-/// control): the elder of the two error control protocols, by remote frames on 700h + node-ID. CiA discourages it;
-/// paper 1's preparation step uses it.
+/// control): the older error control protocol, by remote frames on 700h + node-ID. CiA discourages it; paper 1's
+/// preparation step uses it.
 #pragma once
 
 #include <optional>
@@ -15,14 +15,14 @@
 namespace berth::co {
 
 /// The slave: answers every remote frame (any DLC) with its state and the toggle bit, which is 0 in the first answer
-/// after reset communication. Life guarding begins with the first remote frame. Not active while the heartbeat
-/// producer is (1017h not 0): then nothing is answered.
+/// after reset communication. Life guarding begins with the first remote frame. While the heartbeat producer is active
+/// (1017h not 0), the slave answers nothing.
 class GuardingSlave final : private can::Handler, private rt::Job {
  public:
   class Observer {
    public:
-    /// `lost`: no remote frame for the life time; else: the master asks again after it was lost. EMCY 8130h and 1029h
-    /// are the owner's.
+    /// `lost`: no remote frame for the life time. Not `lost`: the master asks again after a loss. The owner handles
+    /// EMCY 8130h and 1029h.
     virtual void life_guarding(bool lost, rt::Time at) noexcept = 0;
 
    protected:
@@ -31,13 +31,13 @@ class GuardingSlave final : private can::Handler, private rt::Job {
   GuardingSlave(can::Dispatcher& dispatcher, Observer& observer) noexcept
       : dispatcher_(&dispatcher), observer_(&observer) {}
 
-  /// After reset communication: toggle 0, life guarding waits for the first remote frame.
+  /// Call after reset communication: toggle 0; life guarding waits for the first remote frame.
   void start(NodeId node, NmtState state = NmtState::pre_operational);
   void stop() noexcept;
   void set_state(NmtState state) noexcept { state_ = state; }
-  /// 100Ch (as a duration) and 100Dh; one of them 0 = no life guarding. A running life time starts anew.
+  /// 100Ch (as a duration) and 100Dh; if one is 0, there is no life guarding. A running life time starts anew.
   void set_life_time(rt::Duration guard_time, std::uint8_t life_time_factor) noexcept;
-  /// Heartbeat wins: true = neither answers nor life guarding.
+  /// The heartbeat has priority. True: no answers and no life guarding.
   void set_heartbeat_active(bool active) noexcept;
   [[nodiscard]] bool lost() const noexcept { return lost_; }
 
@@ -60,9 +60,9 @@ struct GuardingEvent {
   enum class Kind : std::uint8_t {
     started,        ///< first answer
     state_changed,  ///< an answer carries another state than the one before
-    toggle_error,   ///< an answer repeats the toggle bit; it is not counted as an answer. The first answer heard may
-                    ///< have any
-    lost,           ///< no answer for the node life time; once until `recovered`
+    toggle_error,   ///< an answer repeats the toggle bit; it does not count as an answer. The first answer may have
+                    ///< either value
+    lost,           ///< no answer for the node life time; reported once until `recovered`
     recovered,      ///< first answer after `lost`
     boot_up,        ///< boot-up message: the toggle starts at 0 again
   };
@@ -87,8 +87,8 @@ class GuardingMaster final : private can::Handler, private rt::Job {
   GuardingMaster(can::Dispatcher& dispatcher, Observer& observer) noexcept
       : dispatcher_(&dispatcher), observer_(&observer) {}
 
-  /// Asks every `guard_time` (not 0), first now; `lost` when `retry_factor` (at least 1) questions in a row had no
-  /// answer by the time the next was due. 1F81h: bits 31..16 guard time in ms, 15..8 retry factor.
+  /// Asks every `guard_time` (not 0), the first time at once. Reports `lost` when `retry_factor` (at least 1) questions
+  /// in a row had no answer before the next was due. 1F81h: bits 31..16 guard time in ms, 15..8 retry factor.
   void guard(NodeId node, rt::Duration guard_time, std::uint8_t retry_factor);
   void end(NodeId node) noexcept;
   [[nodiscard]] bool guarded(NodeId node) const noexcept;
@@ -103,7 +103,7 @@ class GuardingMaster final : private can::Handler, private rt::Job {
     std::uint8_t factor = 1;
     std::uint8_t missed = 0;
     NmtState state = NmtState::initialising;
-    bool toggle = false;  // expected, once it is known
+    bool toggle = false;  // expected toggle bit, once it is known
     bool toggle_known = false;
     bool waits = false;  // asked, no answer yet
     bool seen = false;
@@ -130,9 +130,9 @@ struct GuardAnswer {
   rt::Time at{};
 };
 
-/// One question to one node: is it there (paper 1 §III, preparation; S1.30)? Asks up to `tries` times; the window of
-/// `timeout` starts when the remote frame is on the wire, so that a full bus is not silence. Any error control frame of
-/// the node counts as an answer, also its boot-up or a heartbeat: it is there.
+/// Asks one node whether it is there (paper 1 §III, preparation; S1.30), up to `tries` times. The window of `timeout`
+/// starts when the remote frame is on the wire, so a full bus does not look like silence. Any error control frame of
+/// the node counts as an answer, also its boot-up or a heartbeat.
 ///
 ///     auto answer = co_await co::guard_once(dispatcher, node, timeout, 3);
 ///

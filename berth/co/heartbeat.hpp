@@ -28,17 +28,17 @@ class HeartbeatProducer final : private rt::Job, private can::Confirmation {
  public:
   explicit HeartbeatProducer(can::Dispatcher& dispatcher) noexcept : dispatcher_(&dispatcher) {}
 
-  /// Begins after the boot-up message of `node` (configured).
+  /// Starts after the boot-up message of `node` (configured).
   void start(NodeId node, NmtState state = NmtState::pre_operational) noexcept;
-  /// Ends: reset, power off. A waiting heartbeat is withdrawn.
+  /// Stops: reset, power off. A waiting heartbeat is withdrawn.
   void stop() noexcept;
-  /// 1017h; 0 = off. While started a new period begins now.
+  /// 1017h; 0 = off. If started, a new period begins.
   void set_period(rt::Duration period) noexcept;
-  /// What the next heartbeats carry.
+  /// The state that the next heartbeats carry.
   void set_state(NmtState state) noexcept { state_ = state; }
 
   [[nodiscard]] rt::Duration period() const noexcept { return period_; }
-  /// True while heartbeats are sent: guarding does not work then.
+  /// True while heartbeats are sent; guarding is off then.
   [[nodiscard]] bool active() const noexcept { return timed() || ready(); }
 
  private:
@@ -55,10 +55,10 @@ struct HeartbeatEvent {
   enum class Kind : std::uint8_t {
     started,        ///< first heartbeat of a supervised node: supervision begins
     state_changed,  ///< a heartbeat carries another state than the one before
-    lost,           ///< none for the heartbeat time; once until `recovered`
+    lost,           ///< none for the heartbeat time; reported once until `recovered`
     recovered,      ///< first heartbeat after `lost`
     boot_up,        ///< boot-up message: the node was reset; supervision waits for its next heartbeat
-    never_seen,     ///< no heartbeat since supervision was set up or since the boot-up; once
+    never_seen,     ///< no heartbeat since supervision was set up or since the boot-up; reported once
   };
   Kind kind = Kind::started;
   NodeId node;
@@ -69,8 +69,8 @@ struct HeartbeatEvent {
 [[nodiscard]] const char* name(HeartbeatEvent::Kind kind) noexcept;
 
 /// Supervises up to 127 nodes. Supervision of a node starts with its first heartbeat, not with the boot-up message and
-/// not with the entry. A frame costs a table look-up and a store; one timer serves all nodes.
-/// Frames of a length other than 1 and unknown states are not heard; bit 7 is reserved and not looked at.
+/// not with the entry. A frame costs a table look-up and a store; one timer serves all nodes. Frames of a length other
+/// than 1 and unknown states are ignored, and so is the reserved bit 7.
 class HeartbeatConsumer final : private can::Handler, private rt::Job {
  public:
   class Observer {
@@ -84,7 +84,7 @@ class HeartbeatConsumer final : private can::Handler, private rt::Job {
   static constexpr unsigned entries = 127;
   static constexpr rt::Duration unlimited = std::chrono::hours(24 * 365);  ///< a node with this time is never lost
 
-  /// `most` (1..127): entries of 1016h, and nodes for which memory is taken now; a device with few saves 3 kB.
+  /// `most` (1..127): entries of 1016h, and nodes for which memory is allocated; a device with few saves 3 kB.
   HeartbeatConsumer(can::Dispatcher& dispatcher, Observer& observer, unsigned most = entries);
 
   /// Writes 1016h:`sub` (1..`most`): bits 23..16 node-ID, 15..0 time in ms. Node-ID 0 or above 127 or time 0 = unused.
@@ -92,24 +92,24 @@ class HeartbeatConsumer final : private can::Handler, private rt::Job {
   /// A refused write changes nothing. Supervision of the node begins anew even when the value is the same.
   od::AbortCode set_entry(std::uint8_t sub, std::uint32_t value) noexcept;
   [[nodiscard]] std::uint32_t entry(std::uint8_t sub) const noexcept;
-  /// The same without sub-indices, for managers: time 0 = off. A node has one heartbeat time: one that has a 1016h
-  /// entry gets its time changed.
+  /// The same without sub-indices, for managers: time 0 = off. A node has one heartbeat time; if it has a 1016h entry,
+  /// the entry's time changes.
   void supervise(NodeId node, rt::Duration time) noexcept;
-  /// Forgets all nodes and entries; `hear_all_boot_ups` stays.
+  /// Forgets all nodes and entries, but keeps `hear_all_boot_ups`.
   void clear() noexcept;
 
-  /// `never_seen` comes when a node's first heartbeat is missing for this long after its entry was made or its boot-up
-  /// message came; of a node with a longer heartbeat time, unless it is `unlimited`, for that long. 0 = never (default;
-  /// CiA 301 has no such event).
+  /// `never_seen` is reported when a node's first heartbeat is missing for this long after its entry was made or its
+  /// boot-up message came. A longer heartbeat time of the node replaces it, unless that is `unlimited`. 0 = never
+  /// (default; CiA 301 has no such event).
   void set_never_seen_time(rt::Duration time) noexcept;
-  /// Reports boot-up messages of nodes that are not supervised too.
+  /// Reports also boot-up messages of nodes that are not supervised.
   void hear_all_boot_ups(bool on) noexcept;
 
   /// Newest state of a supervised node; empty before its first heartbeat, while lost, and when it is not supervised.
   [[nodiscard]] std::optional<NmtState> state(NodeId node) const noexcept;
   [[nodiscard]] bool supervised(NodeId node) const noexcept;
   [[nodiscard]] bool lost(NodeId node) const noexcept;
-  /// Every supervised node's heartbeat is there; true when none is supervised.
+  /// True when every supervised node's heartbeat is there, or when none is supervised.
   [[nodiscard]] bool all_active() const noexcept;
   [[nodiscard]] bool all_operational() const noexcept;
 
@@ -121,7 +121,7 @@ class HeartbeatConsumer final : private can::Handler, private rt::Job {
     Watched watched = Watched::waiting;
     bool was_lost = false;  // lost, and no heartbeat since
     NmtState state = NmtState::initialising;
-    std::uint8_t entry = 0;  // sub-index of 1016h that made it, 0 = `supervise`
+    std::uint8_t entry = 0;  // sub-index of the 1016h entry, 0 = made by `supervise`
     std::uint8_t number = 0;
   };
   static constexpr std::uint8_t nowhere = 0xFF;
@@ -145,8 +145,8 @@ class HeartbeatConsumer final : private can::Handler, private rt::Job {
   can::Dispatcher* dispatcher_;
   Observer* observer_;
   rt::Duration never_seen_time_{};
-  std::vector<Node> nodes_;                  // supervised ones, in no order
-  std::array<std::uint8_t, 128> places_;     // by node-ID: where in nodes_
+  std::vector<Node> nodes_;                  // supervised nodes, unordered
+  std::array<std::uint8_t, 128> places_;     // by node-ID: the index in nodes_
   std::vector<std::uint32_t> entry_values_;  // by sub-index
   bool hear_all_ = false;
 };

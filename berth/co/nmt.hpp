@@ -1,4 +1,4 @@
-/// What NMT master and slave share: commands, and which services run in which state (CiA 301 §7.2.8, §7.3.2).
+/// Shared by NMT master and slave: commands, and which services run in which state (CiA 301 §7.2.8, §7.3.2).
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ enum class NmtCommand : std::uint8_t {
 [[nodiscard]] const char* name(NmtCommand command) noexcept;
 [[nodiscard]] std::optional<NmtCommand> nmt_command(std::uint8_t specifier) noexcept;
 
-/// Which node a command is for: one, or all of them.
+/// The target of a command: one node or all nodes.
 struct NmtTarget {
   std::uint8_t node = 0;  ///< 1..127, or 0 = all
   constexpr NmtTarget() noexcept = default;
@@ -39,11 +39,11 @@ struct NmtRequest {
   NmtTarget target;
 };
 [[nodiscard]] can::Frame to_frame(const NmtRequest& request) noexcept;
-/// The command in a frame on 000h; empty when it is none: another identifier, a remote frame, a DLC other than 2
-/// (CiA 301 fixes it), an unknown specifier, a node-ID above 127.
+/// The command in a frame on 000h; empty for anything else: another identifier, a remote frame, a DLC other than 2 (CiA
+/// 301 fixes it), an unknown specifier, a node-ID above 127.
 [[nodiscard]] std::optional<NmtRequest> parse_nmt(const can::Frame& frame) noexcept;
 
-/// The state that a command leads to; resets lead to `initialising`.
+/// The state after a command; resets give `initialising`.
 [[nodiscard]] constexpr NmtState state_after(NmtCommand command) noexcept {
   switch (command) {
     case NmtCommand::start: return NmtState::operational;
@@ -53,8 +53,8 @@ struct NmtRequest {
   }
 }
 
-/// Which communication objects work (CiA 301 §7.3.2.2.5, table 37; docs/protocols/cia301.md §NMT). LSS is not among
-/// them: it works in every state, also unconfigured (CiA 305).
+/// The communication objects that work in a state (CiA 301 §7.3.2.2.5, table 37; docs/protocols/cia301.md §NMT). LSS
+/// is not listed: it works in every state, also unconfigured (CiA 305).
 struct Services {
   bool pdo = false;
   bool sdo = false;
@@ -72,7 +72,7 @@ struct Services {
   }
 }
 
-/// The NMT state in byte 0 of an error control frame, bit 7 left out; empty for values that no state has.
+/// The NMT state in byte 0 of an error control frame, without bit 7; empty for values that no state has.
 [[nodiscard]] constexpr std::optional<NmtState> nmt_state(std::uint8_t byte) noexcept {
   switch (byte & 0x7FU) {
     case 0x00: return NmtState::initialising;

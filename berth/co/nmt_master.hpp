@@ -1,5 +1,5 @@
-/// NMT commands of a master (CiA 301 §7.2.8.2): sent one at a time, with the NMT inhibit time (object 102Ah) between
-/// them. A master's own device does not hear its commands; tell it with `NmtSlave::apply`.
+/// NMT commands of a master (CiA 301 §7.2.8.2), sent one at a time with the NMT inhibit time (object 102Ah) between
+/// them. A master's own device does not hear its commands; pass them to it with `NmtSlave::apply`.
 #pragma once
 
 #include <deque>
@@ -21,11 +21,11 @@ class NmtMaster final : private can::Confirmation, private rt::Job {
   /// How long a command may wait for the wire before it is given up. Default 1 s.
   void set_send_timeout(rt::Duration time) noexcept { send_timeout_ = time; }
 
-  /// Queues a command and does not wait. One that cannot be sent is given up and counted in `lost()`.
+  /// Queues a command without waiting. A command that cannot be sent is given up and counted in `lost()`.
   void queue(NmtCommand command, NmtTarget target);
 
   /// `auto sent = co_await master.send(NmtCommand::start, node);` gives `Result<rt::Time>`: when it was on the wire.
-  /// Errc::bus: it never left. Errc::invalid: the node-ID is unconfigured.
+  /// Errc::bus: it was never sent. Errc::invalid: the node-ID is unconfigured.
   class Send final : public rt::Operation<Send> {
    public:
     Send(NmtMaster& master, NmtRequest request) noexcept : master_(&master), request_(request) {}
@@ -57,10 +57,10 @@ class NmtMaster final : private can::Confirmation, private rt::Job {
   void schedule() noexcept;
 
   can::Dispatcher* dispatcher_;
-  std::deque<Entry> queue_;  // the first one is being sent when `sending_`
+  std::deque<Entry> queue_;  // while `sending_`, the first is being sent
   rt::Duration inhibit_{};
   rt::Duration send_timeout_ = std::chrono::seconds(1);
-  rt::Time free_at_{};  // the inhibit time ends
+  rt::Time free_at_{};  // when the inhibit time ends
   rt::Time give_up_{};
   bool sending_ = false;
   std::uint64_t lost_ = 0;

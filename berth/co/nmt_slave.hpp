@@ -6,7 +6,7 @@
 ///     initialised(unconfigured): stays in initialising and sends no boot-up, until LSS or RAND gave a node-ID and the
 ///                                owner calls `initialised` again (CiA 305)
 ///
-/// How long initialising takes is the owner's affair. Commands on the bus are not heard in initialising.
+/// The owner decides how long initialising takes. In initialising, commands on the bus are ignored.
 #pragma once
 
 #include "berth/can/dispatcher.hpp"
@@ -24,10 +24,11 @@ class NmtSlave final : private can::Handler, private rt::Job {
   /// The device. Called from `received`, from the executor or from the calls below; may call back.
   class Owner {
    public:
-    /// Everything stops (`state_changed` to initialising came before, if the state was another). The owner takes the
-    /// stored values back and calls `initialised`, now or later.
+    /// Stop everything (`state_changed` to initialising came before, if the state was another). The owner restores the
+    /// stored values and calls `initialised`, at once or later.
     virtual void reset(NmtReset what, rt::Time at) noexcept = 0;
-    /// `services_in(to)` says what may run now. From initialising to pre-operational: the boot-up message is queued.
+    /// `services_in(to)` gives the services that may run. From initialising to pre-operational: the boot-up message is
+    /// queued.
     virtual void state_changed(NmtState from, NmtState to, rt::Time at) noexcept = 0;
 
    protected:
@@ -36,19 +37,19 @@ class NmtSlave final : private can::Handler, private rt::Job {
 
   NmtSlave(can::Dispatcher& dispatcher, Owner& owner);
 
-  /// Begins the life of the device: `owner.reset(node)`.
+  /// Starts the device: `owner.reset(node)`.
   void power_on() noexcept;
   /// Forgets everything without a callback; `power_on` starts anew.
   void power_off() noexcept;
-  /// Initialising is over. A configured node-ID: boot-up message, then pre-operational. While the port cannot take the
-  /// boot-up message, it is tried again every `boot_up_retry` and the state stays initialising. Nothing happens in
-  /// other states.
+  /// Initialising is over. If `node_id` is configured, the boot-up message follows, then pre-operational. While the
+  /// port cannot take the boot-up message, it is tried again every `boot_up_retry` and the state stays initialising. In
+  /// other states the call does nothing.
   void initialised(NodeId node_id) noexcept;
-  /// Does what a command for this node would do: error behaviour, self-start, a master's own "start all". In
+  /// Does what a command for this node would do: for error behaviour, self-start, a master's own "start all". In
   /// initialising only the resets work.
   void apply(NmtCommand command) noexcept;
-  /// A communication error under object 1029h:01: 0 = pre-operational if operational, 1 = no change, 2 = stopped
-  /// (from pre-operational too). Other values count as 0.
+  /// Reacts to a communication error as object 1029h:01 says: 0 = pre-operational if operational, 1 = no change, 2 =
+  /// stopped (from pre-operational too). Other values count as 0.
   void apply_error_behaviour(std::uint8_t value) noexcept;
 
   [[nodiscard]] NmtState state() const noexcept { return state_; }
@@ -56,7 +57,7 @@ class NmtSlave final : private can::Handler, private rt::Job {
   [[nodiscard]] NodeId node_id() const noexcept { return node_id_; }
   [[nodiscard]] Services services() const noexcept { return services_in(state_); }
 
-  /// While it is held it does not become operational, whatever it is told: a boot loader without a program.
+  /// While held, it does not become operational, whatever the command: for a boot loader without a program.
   void hold(bool on) noexcept { held_ = on; }
   void set_boot_up_retry(rt::Duration interval) noexcept { boot_up_retry_ = interval; }
 

@@ -1,5 +1,5 @@
-/// What the PDOs of one device share: port, values, timer, the window of the SYNC. Each PDO has a pointer to it and
-/// knows nothing of the set that it is in.
+/// Shared by the PDOs of one device: port, values, timer, SYNC window. Each PDO has a pointer to it and does not know
+/// the set that it is in.
 #pragma once
 
 #include "berth/can/dispatcher.hpp"
@@ -12,7 +12,7 @@ namespace berth::co {
 class Tpdo;
 class SamProducer;
 
-/// The application's ear. May call `event`, `changed` and the values; must not destroy or stop the PDOs.
+/// Implemented by the application. May call `event`, `changed` and the values; must not destroy or stop the PDOs.
 class PdoObserver {
  public:
   /// RPDO `number` (1..512) is stored.
@@ -22,7 +22,7 @@ class PdoObserver {
     (void)object;
     (void)at;
   }
-  /// The deadline of RPDO `number` (1400h:05) ran out; once, until it is received again.
+  /// The deadline of RPDO `number` (1400h:05) ran out; reported once, until it is received again.
   virtual void silent(unsigned number, rt::Time at) noexcept {
     (void)number;
     (void)at;
@@ -34,7 +34,7 @@ class PdoObserver {
 
 struct PdoContext {
   [[nodiscard]] rt::Time now() const noexcept { return dispatcher->executor().now(); }
-  /// The timer stands at or before the earliest deadline; what moves a deadline later leaves it alone.
+  /// The timer is set at or before the earliest deadline; a deadline that moves later does not change it.
   void arm(rt::Time when) const noexcept {
     if (when == rt::never || (timer->timed() && timer->due() <= when)) return;
     dispatcher->executor().at(when, *timer);
@@ -44,12 +44,12 @@ struct PdoContext {
   od::Values* values;
   ServiceOwner* owner;
   rt::Job* timer;      ///< the set's: looks at every PDO's deadlines
-  std::uint8_t* base;  ///< where the values begin
+  std::uint8_t* base;  ///< start of the values
   PdoFaults faults;
   PdoObserver* observer = nullptr;
   Tpdo* tpdos = nullptr;  ///< all of them
   std::uint16_t tpdo_count = 0;
-  NodeId node{};                    ///< which DAM MPDOs address
+  NodeId node{};                    ///< the node that DAM MPDOs address
   SamProducer* sam = nullptr;       ///< only with a scanner list
   rt::Time window_end = rt::never;  ///< of the SYNC (1007h)
 };

@@ -1,4 +1,4 @@
-/// Errors of received PDOs: one emergency for all RPDOs that have the same.
+/// Errors of received PDOs: one emergency for all RPDOs with the same error.
 #pragma once
 
 #include <array>
@@ -12,16 +12,16 @@ namespace berth::co {
 enum class PdoFault : std::uint8_t { too_short, too_long, timeout, unavailable };
 inline constexpr std::size_t pdo_faults = 4;
 
-/// How many RPDOs have each fault.
+/// Counts the RPDOs with each fault.
 class PdoFaults {
  public:
   explicit PdoFaults(ServiceOwner& owner) noexcept : owner_(&owner) {}
-  /// One more has it: told when it is the first, whose `info` goes into the emergency.
+  /// One more RPDO has the fault. The first raises the emergency, with its `info`.
   void begin(PdoFault fault, const std::array<std::uint8_t, 5>& info) noexcept {
     const auto which = static_cast<std::size_t>(fault);
     if (counts_[which]++ == 0) owner_->raise_error(codes[which], error_register::communication, info);
   }
-  /// One has it no longer: told when it was the last.
+  /// One RPDO less has the fault. The last clears the emergency.
   void end(PdoFault fault) noexcept {
     const auto which = static_cast<std::size_t>(fault);
     if (--counts_[which] == 0) owner_->clear_error(codes[which]);

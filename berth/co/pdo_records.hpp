@@ -1,5 +1,5 @@
-/// The records of PDOs in an object dictionary, 1400h..1BFFh (CiA 301 §7.5.2.33 to §7.5.2.38): what they say, and which
-/// writes are let in (`Pdos` lists the rules).
+/// The records of PDOs in an object dictionary, 1400h..1BFFh (CiA 301 §7.5.2.33 to §7.5.2.38): their content, and
+/// which writes are allowed (`Pdos` lists the rules).
 #pragma once
 
 #include "berth/co/cob_id.hpp"
@@ -20,15 +20,15 @@ using od::rtr_sampled_at_sync;
 using od::synchronous;
 namespace pdo_sub = od::pdo_sub;
 
-/// Types that a PDO of this kind may have whose mapping record has `count` in sub-index 0.
+/// True if a PDO of this kind with `count` in sub-index 0 of its mapping record may have this type.
 [[nodiscard]] constexpr bool usable_type(PdoKind kind, std::uint8_t type, std::uint8_t count) noexcept {
   if (event_driven(type)) return true;
   if (mode_of(count) != PdoMode::mapped) return false;
   return synchronous(type) || (kind == PdoKind::tpdo && (type == rtr_sampled_at_sync || type == rtr_only));
 }
 
-/// Calls `visit(number, entries)` for the PDOs of this kind that have both records, ascending; `entries`: how many the
-/// mapping record has room for.
+/// Calls `visit(number, entries)` in ascending order for the PDOs of this kind that have both records; `entries`: how
+/// many the mapping record has room for.
 template <class Visit>
 void for_each_pdo(const od::Description& description, PdoKind kind, Visit&& visit) {
   for (const od::Object& object : description.objects()) {
@@ -41,7 +41,7 @@ void for_each_pdo(const od::Description& description, PdoKind kind, Visit&& visi
   }
 }
 
-/// The two records of one PDO; a view of the values. What is not there reads as a PDO that is not valid.
+/// The two records of one PDO; a view of the values. Missing records read as a PDO that is not valid.
 class PdoRecords {
  public:
   PdoRecords(const od::Values& values, PdoKind kind, unsigned number) noexcept
@@ -55,16 +55,16 @@ class PdoRecords {
   /// Sub-index 0 of the mapping record.
   [[nodiscard]] std::uint8_t mapped() const noexcept;
   [[nodiscard]] PdoMode mode() const noexcept { return mode_of(mapped()); }
-  /// Valid, with an identifier that a PDO may have and a type that fits.
+  /// True when valid, with an identifier that a PDO may have and a type that fits.
   [[nodiscard]] bool usable() const noexcept;
-  /// Into `mapping`: the first `count` entries.
+  /// Resolves the first `count` entries into `mapping`.
   [[nodiscard]] od::AbortCode resolve(std::uint8_t count, PdoMapping& mapping) const noexcept;
-  /// TPDOs: another one is a producer of MPDOs, too.
+  /// TPDOs: true when another TPDO is an MPDO producer, too.
   [[nodiscard]] bool other_producer() const noexcept;
 
-  /// Why they cannot be used, valid or not; no_object when one of them does not exist.
+  /// Why the records cannot be used, valid or not; no_object when one of them does not exist.
   [[nodiscard]] od::AbortCode problem() const noexcept;
-  /// A write from the network to a sub-index of the communication record or the mapping record.
+  /// Checks a write from the network to a sub-index of the communication record or the mapping record.
   [[nodiscard]] od::AbortCode writing_communication(std::uint8_t sub, std::uint32_t value) const noexcept;
   [[nodiscard]] od::AbortCode writing_mapping(std::uint8_t sub, std::uint32_t value) const noexcept;
 

@@ -1,4 +1,4 @@
-/// How soon a service offers a frame again that its port did not take.
+/// How soon a service offers a frame again after its port refused it.
 #pragma once
 
 #include "berth/can/full_queue.hpp"

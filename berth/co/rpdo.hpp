@@ -8,22 +8,22 @@ namespace berth::co {
 
 class Rpdo final : private can::Handler {
  public:
-  /// Once, before all else. `room`: for as many entries as the mapping record has.
+  /// Call once, first. `room`: for as many entries as the mapping record has.
   void set_up(PdoContext& context, std::uint16_t number, std::span<PdoField> room) noexcept;
   [[nodiscard]] std::uint16_t number() const noexcept { return number_; }
   [[nodiscard]] bool active() const noexcept { return active_; }
 
-  /// Begins anew, as its records say now.
+  /// Begins anew, as its records say.
   void configure() noexcept;
-  /// Hears nothing; what waits for a SYNC is forgotten, its errors are over.
+  /// Stops receiving; forgets data that waits for a SYNC and clears the errors.
   void end() noexcept;
   /// 1400h:05 was written.
   void set_deadline(std::uint16_t milliseconds) noexcept;
-  /// What waits for a SYNC is stored.
+  /// Stores the data that waits for a SYNC.
   void sync(rt::Time at) noexcept;
-  /// The timer: its deadline may have run out.
+  /// Called by the timer: the deadline may have run out.
   void run(rt::Time now) noexcept;
-  /// When it will, or `rt::never`.
+  /// When the deadline runs out, or `rt::never`.
   [[nodiscard]] rt::Time due() const noexcept { return due_; }
 
  private:
@@ -45,10 +45,10 @@ class Rpdo final : private can::Handler {
   std::uint16_t deadline_ = 0;  // 1400h:05
   std::uint8_t type_ = 0;
   std::uint8_t faults_ = 0;            // a bit for each `PdoFault`
-  std::uint8_t quick_size_ = no_size;  // with frames of this size there is nothing to do but to store them
+  std::uint8_t quick_size_ = no_size;  // a frame of this size only needs to be stored
   PdoMode mode_ = PdoMode::mapped;
   bool active_ = false;
-  bool waiting_ = false;  // `data_` does
+  bool waiting_ = false;  // `data_` waits
 };
 
 }  // namespace berth::co

@@ -1,4 +1,4 @@
-/// What SDO server and client share (CiA 301 §7.2.4; docs/protocols/cia301.md §SDO).
+/// Shared by SDO server and client (CiA 301 §7.2.4; docs/protocols/cia301.md §SDO).
 #pragma once
 
 #include <algorithm>
@@ -34,7 +34,7 @@ struct SdoChannel {
   friend constexpr bool operator==(SdoChannel, SdoChannel) noexcept = default;
 };
 
-/// Bytes of an object as they were uploaded: little-endian, up to 16 of them without the heap. Movable.
+/// Bytes of an object as uploaded: little-endian, up to 16 of them without the heap. Movable.
 class SdoValue {
  public:
   static constexpr std::size_t small_size = 16;
@@ -68,7 +68,7 @@ class SdoValue {
     }
     size_ += bytes.size();
   }
-  /// The same with the seven bytes of a segment, in few instructions.
+  /// Appends the seven bytes of a segment, in few instructions.
   void append_segment(const std::uint8_t* from) {
     constexpr std::size_t segment = 7, ahead = 64 * segment;
     if (size_ <= small_size || size_ + segment > large_.size()) [[unlikely]] {
@@ -83,13 +83,13 @@ class SdoValue {
   void reserve(std::size_t bytes) {
     if (bytes > small_size) large_.reserve(bytes);
   }
-  /// Puts `count` bytes at the end, to be filled in through the pointer. `drop_back` must follow, at least of 0 bytes.
+  /// Adds `count` bytes at the end, to be filled in through the pointer. `drop_back` must follow, at least with 0.
   [[nodiscard]] std::uint8_t* extend(std::size_t count) {
     if (size_ <= small_size) large_.assign(small_.begin(), small_.begin() + static_cast<std::ptrdiff_t>(size_));
     large_.resize(size_ + count);
     return large_.data() + std::exchange(size_, size_ + count);
   }
-  /// Takes away the last `count` of the bytes put by `extend`.
+  /// Removes the last `count` of the bytes added by `extend`.
   void drop_back(std::size_t count) noexcept {
     size_ -= count;
     if (size_ <= small_size) std::copy_n(large_.begin(), size_, small_.begin());
@@ -126,7 +126,8 @@ class SdoValue {
  private:
   std::size_t size_ = 0;
   std::array<std::uint8_t, small_size> small_{};
-  std::vector<std::uint8_t> large_;  // all bytes, once there are more than `small_size`; perhaps some after them
+  std::vector<std::uint8_t> large_;  // all bytes, if there are more than `small_size`; perhaps with spare bytes after
+                                     // them
 };
 
 namespace sdo {
@@ -158,27 +159,27 @@ enum class Scs : std::uint8_t {
 
 inline constexpr std::uint8_t toggle_bit = 0x10;
 inline constexpr std::size_t segment_bytes = 7;
-/// Byte 0 of what confirms a sub-block: scs 5 and ss 2 of a server, ccs 5 and cs 2 of a client.
+/// Byte 0 of the confirmation of a sub-block: scs 5 and ss 2 of a server, ccs 5 and cs 2 of a client.
 inline constexpr std::uint8_t sub_block_confirmed = 0xA2;
-/// A receiver of a sub-block that hears no more of it acknowledges what there is after this part of its time-out.
+/// A receiver that hears no more of a sub-block acknowledges what it has after this part of its time-out.
 inline constexpr int block_gap_part = 4;
 
-/// Makes it a data frame of 8 bytes to this identifier.
+/// Turns `frame` into a data frame of 8 bytes to this identifier.
 inline void address(can::Frame& frame, CobId id) noexcept { frame.set_head(id.key(), 8); }
 
-/// An SDO frame is a base data frame of exactly 8 bytes; anything else is not heard (CiA 301 §7.2.4.3; HC1.S16).
+/// An SDO frame is a base data frame of exactly 8 bytes; others are ignored (CiA 301 §7.2.4.3; HC1.S16).
 [[nodiscard]] constexpr bool well_formed(const can::Frame& frame) noexcept {
   return frame.size == 8 && !frame.remote && !frame.fd;
 }
 [[nodiscard]] inline ObjectRef multiplexer(const can::Frame& frame) noexcept {
   return {load_le<std::uint16_t>(frame.data.data() + 1), frame.data[3]};
 }
-/// Command byte, multiplexer and a number in bytes 4..7 into the data of a frame, as one word (see `can::FrameHead`).
+/// Writes command byte, multiplexer and a number (bytes 4..7) to a frame's data, as one word (see `can::FrameHead`).
 inline void put(can::Frame& frame, std::uint8_t command, ObjectRef ref, std::uint32_t number = 0) noexcept {
   const std::uint32_t low = command | std::uint32_t{ref.index} << 8U | std::uint32_t{ref.sub} << 24U;
   store_le(frame.data.data(), low | std::uint64_t{number} << 32U);
 }
-/// Command byte and seven bytes from `from` on, as one word.
+/// Writes command byte and seven bytes from `from` on, as one word.
 inline void put_segment(can::Frame& frame, std::uint8_t command, const std::uint8_t* from) noexcept {
   const std::uint64_t bytes = load_le<std::uint32_t>(from) | std::uint64_t{load_le<std::uint32_t>(from + 3)} << 24U;
   store_le(frame.data.data(), bytes << 8U | command);
@@ -190,7 +191,7 @@ inline void put_segment(can::Frame& frame, std::uint8_t command, const std::uint
   put(frame, command, ref);
   return frame;
 }
-/// The same frame about another object.
+/// Changes the object that the frame is about.
 inline void rename(can::Frame& frame, ObjectRef ref) noexcept {
   store_le(frame.data.data() + 1, ref.index);
   frame.data[3] = ref.sub;

@@ -1,5 +1,5 @@
-/// SDO block transfer's two ends, as server and client share them (CiA 301 §7.2.4.3.9 to §7.2.4.3.14): the sender of
-/// the sub-blocks and their receiver. Neither does I/O; `BlockPump` brings a sub-block's frames into a port's queue.
+/// SDO block transfer for server and client (CiA 301 §7.2.4.3.9 to §7.2.4.3.14): the sender of the sub-blocks and
+/// their receiver. Neither does I/O; `BlockPump` puts a sub-block's frames into a port's queue.
 #pragma once
 
 #include <span>
@@ -11,38 +11,38 @@
 namespace berth::co::sdo {
 
 inline constexpr unsigned longest_block = 127;  ///< segments in a sub-block
-/// What a sender holds that may have to repeat a sub-block, and one byte more to see whether there are more.
+/// Bytes held by a sender that may have to repeat a sub-block, and one more to see whether there are more.
 inline constexpr std::size_t block_window = longest_block * segment_bytes + 1;
-/// Sub-blocks that became smaller by losses stay this large: one of which nothing is heard cannot be asked for again.
+/// Losses make sub-blocks no smaller than this: one that is lost completely cannot be asked for again.
 inline constexpr unsigned smallest_block = 8;
-/// Sub-blocks in a row that brought nothing new: then the transfer is given up.
+/// After so many sub-blocks in a row that brought nothing new, the transfer is given up.
 inline constexpr unsigned longest_standstill = 16;
 
 [[nodiscard]] constexpr bool valid_block_size(unsigned size) noexcept { return size >= 1 && size <= longest_block; }
 
-/// Sends sub-blocks of one transfer: frames from a window of bytes, which must stay until it is acknowledged.
+/// Sends sub-blocks of one transfer: frames from a window of bytes, which must stay until acknowledged.
 class BlockSender {
  public:
   enum class Heard : std::uint8_t {
-    stale,     ///< no acknowledgement of this sub-block: nothing happened
-    invalid,   ///< more than was sent, or no valid block size: abort with `code()`
+    stale,     ///< no acknowledgement of this sub-block: ignored
+    invalid,   ///< more than was sent, or an invalid block size: abort with `code()`
     go_on,     ///< `acknowledged()` bytes are done; the next sub-block begins after them
     finished,  ///< all bytes are done
   };
 
   void begin(bool with_crc) noexcept;
-  /// The next sub-block, of the size that the receiver asked for. `window` begins at the first byte that is not
-  /// acknowledged; it ends with the data, or has more bytes than the sub-block takes.
+  /// Begins the next sub-block, with the size that the receiver asked for. `window` begins at the first byte that is
+  /// not acknowledged; it ends with the data, or has more bytes than the sub-block takes.
   void sub_block(unsigned size, std::span<const std::uint8_t> window) noexcept;
   [[nodiscard]] bool sending() const noexcept { return sent_ < count_; }
   /// All segments of the sub-block are on the wire.
   [[nodiscard]] bool all_out() const noexcept { return confirmed_ == count_; }
-  /// Fills the data of the next segment; `advance` when it was taken.
+  /// Fills the data of the next segment; call `advance` when it was taken.
   void segment(can::Frame& frame) const noexcept;
   void advance() noexcept { ++sent_; }
-  /// The segments up to the one advanced last are on the wire.
+  /// The segments up to the last advanced one are on the wire.
   void confirm() noexcept { confirmed_ = sent_; }
-  /// The segments up to this number are.
+  /// The segments up to this number are on the wire.
   void confirm(unsigned number) noexcept { confirmed_ = static_cast<std::uint8_t>(number); }
   [[nodiscard]] unsigned sent() const noexcept { return sent_; }
   /// Segments of the sub-block that are not sent yet.
@@ -52,9 +52,9 @@ class BlockSender {
   [[nodiscard]] std::size_t acknowledged() const noexcept { return acknowledged_; }
   [[nodiscard]] unsigned size() const noexcept { return size_; }
   [[nodiscard]] AbortCode code() const noexcept { return code_; }
-  /// Of all acknowledged bytes; 0 without CRC.
+  /// CRC of all acknowledged bytes; 0 without CRC.
   [[nodiscard]] std::uint16_t crc() const noexcept { return crc_; }
-  /// Bytes of the last segment that do not count.
+  /// Unused bytes of the last segment.
   [[nodiscard]] unsigned unused() const noexcept { return unused_; }
 
  private:
@@ -69,7 +69,7 @@ class BlockSender {
   std::uint8_t confirmed_ = 0;
   std::uint8_t standstill_ = 0;
   std::uint8_t unused_ = 0;
-  bool ends_ = false;  // the last segment of this sub-block is the last of all
+  bool ends_ = false;  // this sub-block ends the transfer
   bool with_crc_ = false;
 };
 
@@ -83,7 +83,7 @@ class BlockReceiver {
   };
 
   void begin() noexcept;
-  /// The next sub-block: `size` segments at most go to `place`, 7 bytes each.
+  /// Begins the next sub-block: stores at most `size` segments at `place`, 7 bytes each.
   void sub_block(unsigned size, std::uint8_t* place) noexcept;
   [[nodiscard]] Heard take(const can::Frame& frame) noexcept {
     const unsigned number = frame.data[0] & 0x7FU;
@@ -95,20 +95,20 @@ class BlockReceiver {
     if (number != size_ && (frame.data[0] & 0x80U) == 0) return Heard::more;
     return end(frame);
   }
-  /// Segments that came in order, of the sub-block under way or the one that just ended.
+  /// Segments received in order, of the current sub-block or the one that just ended.
   [[nodiscard]] unsigned good() const noexcept { return good_; }
   [[nodiscard]] unsigned size() const noexcept { return size_; }
-  /// The last segment of all is there.
+  /// The last segment of the transfer was received.
   [[nodiscard]] bool complete() const noexcept { return complete_; }
   /// Something of this sub-block was heard.
   [[nodiscard]] bool heard() const noexcept { return heard_; }
-  /// The block size to ask for next: half after a loss, so that a receive buffer that overflowed does so no more.
+  /// The block size to ask for next: half after a loss, so that a receive buffer does not overflow again.
   [[nodiscard]] unsigned next_size() const noexcept;
   /// False when too many sub-blocks in a row brought nothing.
   [[nodiscard]] bool alive() const noexcept { return standstill_ < longest_standstill; }
-  /// Behind the last good segment.
+  /// The place after the last good segment.
   [[nodiscard]] const std::uint8_t* place() const noexcept { return place_; }
-  /// The same frame as the one that ended the sub-block before: a duplicate.
+  /// True for the same frame as the one that ended the sub-block before: a duplicate.
   [[nodiscard]] bool repeats_last(const can::Frame& frame) const noexcept;
   /// The time-out ended the sub-block.
   void give_up() noexcept;
@@ -144,8 +144,8 @@ class BlockPump final : private rt::Job, private can::Confirmation {
   };
 
   BlockPump(can::Dispatcher& dispatcher, Owner& owner) noexcept : dispatcher_(&dispatcher), owner_(&owner) {}
-  /// Sends the sub-block of `sender`, which must stay until `pumped`, `stuck` or `stop`. No progress for `patience`
-  /// is `stuck`; 0 = never.
+  /// Sends the sub-block of `sender`, which must stay until `pumped`, `stuck` or `stop`. After `patience` without
+  /// progress it calls `stuck`; 0 = never.
   void start(BlockSender& sender, CobId id, rt::Duration patience) noexcept;
   void stop() noexcept;
   [[nodiscard]] bool running() const noexcept { return sender_ != nullptr; }

@@ -6,9 +6,9 @@
 ///     auto sent = co_await client.download(node, 0x1F50, 1, source);      // Result<void>; source: an SdoSource
 ///
 /// `SdoClient` uses the default channels of all nodes, `SdoChannelClient` one channel of its own (1280h..). Transfers
-/// in different channels run side by side; those in one wait for each other, first come, first served. Destroying an
-/// operation cancels it; a transfer of several frames on its way is then aborted on the bus (0800 0000). An operation
-/// may be begun anywhere, in a callback as well: what waits is woken through the executor.
+/// in different channels run side by side; those in one channel run first come, first served. Destroying an operation
+/// cancels it; a transfer of several frames that is under way is then aborted on the bus (0800 0000). An operation may
+/// be started anywhere, also in a callback: the executor wakes the waiting task.
 #pragma once
 
 #include <algorithm>
@@ -27,41 +27,41 @@ namespace berth::co {
 
 /// How an object is transferred.
 enum class SdoMode : std::uint8_t {
-  segmented,  ///< expedited up to 4 bytes, else segmented: every server can
+  segmented,  ///< expedited up to 4 bytes, else segmented: works with every server
   block,      ///< block transfer
   automatic,  ///< a download of `block_from` bytes or more, or of unknown size, and every upload as block transfer
 };
 
-/// How a transfer is done, and how patient it is. Beside the time for each answer there is one for all of it: without
-/// source or sink a transfer that is slower than `slowest_pace` for longer than `most_lingering` (or 8 `timeout`s) is
-/// given up with Errc::timeout, however punctual each answer is.
+/// How a transfer is done, and how long it may take. Besides the time for each answer, the whole transfer has a limit:
+/// without source or sink, a transfer that is slower than `slowest_pace` for longer than `most_lingering` (or 8
+/// `timeout`s) is given up with Errc::timeout, however punctual each answer is.
 struct SdoOptions {
-  /// For each answer, from the moment the request was on the wire; a sixteenth longer with each new attempt.
+  /// For each answer, from the moment the request was on the wire; each new attempt adds a sixteenth.
   rt::Duration timeout = std::chrono::seconds(1);
   rt::Duration send_timeout = std::chrono::seconds(1);  ///< for each request to get onto the wire
-  unsigned retries = 0;          ///< new attempts of the whole transfer after a time-out, the server's as well
-  bool abort_on_timeout = true;  ///< tell the server (0504 0000) when giving up; block: always
+  unsigned retries = 0;          ///< new attempts of the whole transfer after a time-out, also the server's
+  bool abort_on_timeout = true;  ///< send an abort (0504 0000) when giving up; block: always
   std::size_t longest = std::size_t{16} << 20U;  ///< longest upload accepted without a sink, in bytes; else 0504 0005
   SdoMode mode = SdoMode::segmented;
   /// A server that does not know block transfer (0504 0001 to its initiate) is asked once more, segmented.
   bool fall_back = true;
-  bool crc = true;                   ///< block: CRC, if the server can, too
+  bool crc = true;                   ///< block: use CRC, if the server can, too
   std::uint8_t block_size = 127;     ///< block upload: segments in a sub-block, 1..127
   std::uint8_t protocol_switch = 0;  ///< block upload: a server may send so few bytes (or fewer) segmented; 0 = never
   std::size_t block_from = 64;       ///< automatic, in bytes; also its protocol switch threshold, less one
-  /// By node-ID: each answer of this node is waited for at least so long. Null: `timeout` is for all.
+  /// By node-ID: the minimum time for each answer of this node. Null: `timeout` is for all.
   const std::array<rt::Duration, 128>* least = nullptr;
-  /// Block downloads: shared by all that go to devices on this bus side by side; null: each sends as it can.
+  /// Shared by all block downloads that run side by side on this bus; null: each sends as fast as it can.
   BlockPace* pace = nullptr;
 };
 
-/// How slow each node was: an answer to an upload that comes late raises the time of its node to what it took and a
-/// quarter more. For `SdoOptions::least`: then each question to that node waits as long as its slowest answer needed. A
-/// late answer to a download teaches nothing: the device may have been saving.
+/// How slow each node was. A late answer to an upload raises the time of its node to the time it took plus a quarter.
+/// For `SdoOptions::least`: each question to that node then waits as long as its slowest answer needed. A late answer
+/// to a download changes nothing: the device may have been saving.
 struct SdoPatience {
   std::array<rt::Duration, 128> times{};  ///< by node-ID
-  rt::Duration most{};                    ///< never more than that is learnt
-  /// The client's: when the first request of those whose answers a node owes was on the wire; 0: not known.
+  rt::Duration most{};                    ///< upper limit of the learnt times
+  /// Used by the client: when the first request with outstanding answers of a node was on the wire; 0: not known.
   std::array<rt::Time, 128> owed_since{};
 };
 
@@ -72,11 +72,12 @@ class SdoLine;
 class SdoClient;
 class SdoChannelClient;
 
-/// One transfer; use the derived classes. How it ends otherwise than well (node, index and sub are filled in):
+/// One transfer; use the derived classes. Its errors (node, index and sub are filled in):
 /// - Errc::aborted: the server refused; detail = abort code
 /// - Errc::timeout: the request was on the wire and no answer came in time
-/// - Errc::bus: a request never left: bus-off, listen-only, closed port, no other node that acknowledges (detail: 0)
-/// - Errc::mismatch: the answer broke the protocol, or has another length than asked for, or the source or sink
+/// - Errc::bus: a request was never sent: bus-off, listen-only, closed port, no other node that acknowledges (detail:
+///   0)
+/// - Errc::mismatch: the answer broke the protocol, or has a length other than asked for, or the source or sink
 ///   refused; detail = abort code sent
 /// - Errc::invalid: the node-ID is unconfigured, the channel is not valid
 /// - Errc::cancelled: the client was destroyed, or `cancel` was called
@@ -115,7 +116,7 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private can::Confirmation
     can::Frame frame;          // kept in case the port was full
     rt::Time give_up{};        // when it must have left
     rt::Time deadline{};       // when `run` has something to do
-    std::uint8_t answers = 1;  // to it that are still to come
+    std::uint8_t answers = 1;  // outstanding answers to it
     bool on_wire = false;      // answers count
   };
   void run() noexcept;  // its turn has come, or its time
@@ -128,9 +129,9 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private can::Confirmation
   void next_segment() noexcept;
   void follow(const SdoSegments::Step& step) noexcept;
   void timed_out() noexcept;
-  /// True: it takes too long for what has come; it has ended by that.
+  /// True: the transfer took too long for the bytes that came, and has ended.
   [[nodiscard]] bool lingers() noexcept;
-  /// False when the frame is no answer to the request on its way.
+  /// False when the frame is no answer to the current request.
   bool answer(const can::Frame& frame) noexcept;
   [[nodiscard]] bool awaits(const can::Frame& frame) const noexcept;
   void take_expedited(const can::Frame& frame) noexcept;
@@ -144,15 +145,15 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private can::Confirmation
   void leave() noexcept;
 
   SdoLine* line_;
-  SdoTransfer* next_ = nullptr;  // waits behind this one in the same channel
+  SdoTransfer* next_ = nullptr;  // the transfer that waits behind this one in the same channel
   SdoOptions options_;
   SdoClientData data_;
   std::optional<Error> error_;
-  std::unique_ptr<Extra, FreeExtra> extra_;  // what streams and block transfers need
-  rt::Time began_{};                         // this attempt
+  std::unique_ptr<Extra, FreeExtra> extra_;  // only for streams and block transfers
+  rt::Time began_{};                         // when this attempt began
   Request request_;
   unsigned attempts_ = 0;
-  static constexpr std::uint32_t not_quick = 0xFFFF'FFFFU;  // no frame matches it
+  static constexpr std::uint32_t not_quick = 0xFFFF'FFFFU;  // matches no frame
   std::uint32_t quick_ =
       not_quick;  // bytes 0..3 of an expedited answer but for its length, while that ends the transfer
   ObjectRef ref_;
@@ -160,7 +161,7 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private can::Confirmation
   State state_ = State::idle;
   SdoSegments segments_;
   bool block_ = false;     // this attempt is a block transfer
-  bool no_block_ = false;  // the server does not know them
+  bool no_block_ = false;  // the server does not know block transfers
 };
 
 /// Reads an object of any length.
@@ -193,10 +194,10 @@ class SdoRead final : public SdoTransfer {
   }
 
  private:
-  static constexpr std::size_t longest = 8;  // of any integer: a longer object is refused
+  static constexpr std::size_t longest = 8;  // of any integer: longer objects are refused
 };
 
-/// Writes bytes, which must stay until it is done.
+/// Writes bytes, which must stay until the transfer is done.
 class SdoDownload final : public SdoTransfer {
  public:
   SdoDownload(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options,
@@ -208,7 +209,7 @@ class SdoDownload final : public SdoTransfer {
   }
 };
 
-/// Writes an integer, which it holds itself.
+/// Writes an integer, which the transfer holds itself.
 template <class T>
 class SdoWrite final : public SdoTransfer {
  public:
@@ -230,7 +231,7 @@ class SdoWrite final : public SdoTransfer {
   std::array<std::uint8_t, sizeof(T)> bytes_{};
 };
 
-/// Writes what a source gives; the source must stay until it is done. Always segmented or block.
+/// Writes the bytes of a source, which must stay until the transfer is done. Always segmented or block.
 class SdoStreamDownload final : public SdoTransfer {
  public:
   SdoStreamDownload(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options, SdoSource& source)
@@ -241,7 +242,7 @@ class SdoStreamDownload final : public SdoTransfer {
   }
 };
 
-/// Reads into a sink, which must stay until it is done.
+/// Reads into a sink, which must stay until the transfer is done.
 class SdoStreamUpload final : public SdoTransfer {
  public:
   SdoStreamUpload(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options, SdoSink& sink)
@@ -252,47 +253,47 @@ class SdoStreamUpload final : public SdoTransfer {
   }
 };
 
-/// Told of answers without a request.
+/// Informed of answers without a request.
 class SdoObserver {
  public:
-  /// A second answer to one request: two devices share `node`'s node-ID, or another client uses its channel (whose
-  /// request was not heard, with `SdoClient::heed_other_clients`).
+  /// A second answer to one request: two devices share `node`'s node-ID, or another client uses its channel (and, with
+  /// `SdoClient::heed_other_clients`, its request was not heard).
   virtual void surplus(NodeId node, const can::Frame& frame, rt::Time at) noexcept = 0;
 
  protected:
   ~SdoObserver() = default;
 };
 
-/// What another client of a node's default channel asked.
+/// The requests of another client of a node's default channel.
 class OtherClientRequests {
  public:
-  /// A request of its was heard. What a block download sends looks like any: the answers are waited for so long.
+  /// Heard a request of the other client. Frames of its block downloads look like any request: answers are expected for
+  /// `patience`.
   void asked(const can::Frame& request, rt::Time at, rt::Duration patience) noexcept;
-  /// True, once for each answer: it is the other client's.
+  /// True, once for each answer: the answer is for the other client.
   [[nodiscard]] bool take(const can::Frame& answer, rt::Time at) noexcept;
-  /// A request of its was heard, however long ago.
+  /// True if any request of the other client was heard, however long ago.
   [[nodiscard]] bool any() const noexcept { return until_ != rt::Time{}; }
 
  private:
-  std::uint32_t answers_ = 0;  // that are still to come
-  bool block_ = false;         // a block upload, whose segments look like anything
-  rt::Time until_{};           // they do
-  std::uint64_t objects_ = 0;  // that were asked for, a bit each
+  std::uint32_t answers_ = 0;  // outstanding answers
+  bool block_ = false;         // a block upload, whose segments look like any frame
+  rt::Time until_{};           // answers are expected until then
+  std::uint64_t objects_ = 0;  // requested objects, a bit each
 };
 
-/// What the channels of one client have in common.
+/// Shared by the channels of one client.
 struct SdoClientSettings {
   can::Dispatcher* dispatcher;
   SdoOptions options{};
   SdoObserver* observer = nullptr;
   rt::Duration late_window = std::chrono::seconds(5);
   OtherClientRequests* other_clients = nullptr;  ///< by node-ID; null: other clients are not heeded
-  SdoPatience* learnt = nullptr;                 ///< null: nothing is
+  SdoPatience* learnt = nullptr;                 ///< null: nothing is learnt
 };
 
-/// One channel as its client sees it: the transfers in it, one after the other. A part of the clients below.
-/// The timer is the channel's and not the transfer's, as it is left alone when a transfer ends: most end long before
-/// it.
+/// The client side of one channel: its transfers, one after another. A part of the clients below. The timer belongs to
+/// the channel, because it keeps running when a transfer ends: most transfers end long before it.
 class SdoLine : private rt::Job {
  public:
   SdoLine() = default;
@@ -320,7 +321,7 @@ class SdoLine : private rt::Job {
   void run() noexcept override {
     if (first_ != nullptr) first_->run();
   }
-  // A timer that comes too early is left alone: `SdoTransfer::run` sets it anew.
+  // A timer that fires too early may stay: `SdoTransfer::run` sets it anew.
   void wake_at(rt::Time when) noexcept {
     if (!timed() || due() > when) executor().at(when, *this);
   }
@@ -328,16 +329,16 @@ class SdoLine : private rt::Job {
   [[nodiscard]] rt::Executor& executor() const noexcept { return dispatcher().executor(); }
 
   const SdoClientSettings* settings_ = nullptr;
-  SdoTransfer* first_ = nullptr;  // on its way; others wait behind it
+  SdoTransfer* first_ = nullptr;  // under way; others wait behind it
   CobId request_;
   std::uint32_t surplus_ = 0;
   std::uint32_t late_ = 0;
-  std::uint32_t open_ = 0;  // answers that the newest request on the wire has not had
+  std::uint32_t open_ = 0;  // outstanding answers to the newest request on the wire
   ObjectRef open_ref_{};
   rt::Time open_until_{};
-  std::uint32_t owed_ = 0;  // answers that the requests before it have not had
+  std::uint32_t owed_ = 0;  // outstanding answers to the requests before it
   rt::Time owed_until_{};
-  std::uint64_t silent_ = 0;  // of those requests' objects a bit each: an answer for another object is none of theirs
+  std::uint64_t silent_ = 0;  // a bit for each object of those requests: an answer for another object is none of theirs
 };
 
 inline void SdoTransfer::wait_until(rt::Time when) noexcept {
@@ -444,32 +445,33 @@ class SdoClient final : private can::Handler {
   void set_options(const SdoOptions& options) noexcept { settings_.options = options; }
   [[nodiscard]] const SdoOptions& options() const noexcept { return settings_.options; }
   void set_observer(Observer* observer) noexcept { settings_.observer = observer; }
-  /// How long an answer may come late after its request timed out and still not count as surplus. Default 5 s.
-  /// `learnt`: what late answers teach, from now on; it must stay.
+  /// How late an answer may come after its request timed out without counting as surplus. Default 5 s. `learnt`
+  /// collects what late answers teach; it must stay.
   void set_late_window(rt::Duration window, SdoPatience* learnt = nullptr) noexcept {
     settings_.late_window = window;
     settings_.learnt = learnt;
   }
 
-  /// A boot-up message of this node was heard: answers that it owed from before are not to come, and what comes after
-  /// the one answer to a request is surplus.
+  /// A boot-up message of this node was heard: its outstanding answers will not come. After the one answer to a
+  /// request, any further answer is surplus.
   void booted(NodeId node) noexcept {
     if (node.configured()) line(node).booted();
   }
 
-  /// From now on this client hears what others on this bus ask by the default channels (another process's, a panel's):
-  /// each request has its one answer, which is not surplus; a second one to it is. Costs an entry of the dispatcher.
+  /// From the call on, this client listens to the requests of other clients on the default channels of this bus
+  /// (another process, a panel). Each such request has one answer, which is not surplus; a second one is. Costs an
+  /// entry of the dispatcher.
   void heed_other_clients();
 
-  /// Answers of this node that no request had asked for (see `SdoObserver::surplus`).
+  /// Answers of this node without a request (see `SdoObserver::surplus`).
   [[nodiscard]] std::uint32_t surplus(NodeId node) const noexcept { return line(node).surplus_; }
-  /// Answers to requests that were given up before.
+  /// Answers to requests that had been given up.
   [[nodiscard]] std::uint32_t late(NodeId node) const noexcept { return line(node).late_; }
   /// Transfers under way or waiting.
   [[nodiscard]] bool busy(NodeId node) const noexcept { return line(node).first_ != nullptr; }
 
  private:
-  /// Hears what other clients of the bus ask.
+  /// Hears the requests of other clients on the bus.
   class Requests final : public can::Handler {
    public:
     explicit Requests(SdoClient& client) noexcept : client_(&client) {}
@@ -489,9 +491,9 @@ class SdoClient final : private can::Handler {
   Requests requests_{*this};
 };
 
-/// The client of one channel: an additional SDO client (1280h..12FFh), or any pair of COB-IDs. `server`: the node that
-/// answers, for errors and `SdoObserver`.
-class SdoChannelClient final : public SdoTransfers, private can::Handler {
+/// The client of one channel: an additional SDO client (1280h..12FFh), or any pair of COB-IDs. `server`: the answering
+/// node, for errors and `SdoObserver`.
+class SdoChannelClient final : private can::Handler {
  public:
   SdoChannelClient(can::Dispatcher& dispatcher, SdoChannel channel, NodeId server, const SdoOptions& options = {});
   /// Ends all transfers with Errc::cancelled.

@@ -1,5 +1,5 @@
-/// The bytes of one transfer of an SDO client: where those of a download come from and those of an upload go, how many
-/// are done, and how many the server said there are. It knows no frames.
+/// The bytes of one transfer of an SDO client: source of a download or destination of an upload, how many are done, and
+/// the size that the server indicated. It knows no frames.
 #pragma once
 
 #include <optional>
@@ -21,13 +21,13 @@ class SdoClientData {
     bytes_ = bytes;
     download_ = true;
   }
-  /// By the stream's source or sink, whichever it has; the stream must stay.
+  /// Uses the stream's source or sink, whichever it has; the stream must stay.
   void use(SdoClientStream& stream) noexcept;
   void expect_at_most(std::size_t bytes) noexcept { longest_ = std::min(longest_, bytes); }
 
   [[nodiscard]] bool is_download() const noexcept { return download_; }
   [[nodiscard]] bool streamed() const noexcept { return stream_ != nullptr; }
-  /// What was uploaded, unless streamed.
+  /// The uploaded value, unless streamed.
   [[nodiscard]] SdoValue& value() noexcept { return value_; }
   /// The server did not say how many of the four expedited bytes count.
   [[nodiscard]] bool unsized() const noexcept { return unsized_; }
@@ -40,35 +40,35 @@ class SdoClientData {
     offset_ = indicated_ = 0;
     unsized_ = sized_ = false;
   }
-  /// Streams, beside `begin`: false when the source cannot give its bytes once more.
+  /// For streams, in addition to `begin`: false when the source cannot give its bytes again.
   [[nodiscard]] bool rewind() noexcept;
 
   // Download
-  /// Of all bytes; empty when the source does not know.
+  /// Size of all bytes; empty when the source does not know.
   [[nodiscard]] std::optional<std::size_t> size() const noexcept;
-  /// What follows: more than `count` bytes, or all that are left. `pending`: the source has to be waited for.
+  /// The next bytes: more than `count`, or all that are left. `pending`: the transfer must wait for the source.
   [[nodiscard]] od::Answer<std::span<const std::uint8_t>> window(std::size_t count) noexcept {
     if (stream_ == nullptr) return bytes_.subspan(offset_);
     return stream_window(count);
   }
   void consume(std::size_t count) noexcept;
-  /// The next seven bytes when they are at hand and more follow: then they are consumed. Else null, and `window` says.
+  /// The next seven bytes, and consumes them, if they are available and more follow. Else null: use `window`.
   [[nodiscard]] const std::uint8_t* quick_window() noexcept {
     if (stream_ != nullptr || bytes_.size() - offset_ <= sdo::segment_bytes) return nullptr;
     return bytes_.data() + std::exchange(offset_, offset_ + sdo::segment_bytes);
   }
 
-  // Upload. A refusal is for the server; `pending`: taken, and the sink has to be waited for.
-  /// Longer than four bytes, or of unknown size.
+  // Upload. A refusal is sent to the server; `pending`: taken, but the transfer must wait for the sink.
+  /// Begins an upload longer than four bytes, or of unknown size.
   [[nodiscard]] AbortCode open(bool sized, std::size_t size) noexcept;
-  /// Why `open`, or `put`, refused, in words.
+  /// Why `open` or `put` refused, in words.
   [[nodiscard]] const char* refusal() const noexcept {
     return streamed() ? "the sink refused the upload" : "the object is longer than allowed";
   }
-  /// All of it: `count` of the four bytes at `from`.
+  /// The complete value: `count` of the four bytes at `from`.
   [[nodiscard]] AbortCode expedited(const std::uint8_t* from, std::size_t count, bool sized) noexcept;
   [[nodiscard]] AbortCode put(std::span<const std::uint8_t> bytes) noexcept;
-  /// Seven bytes, when nothing speaks against them: then they are taken. False: go by `too_many` and `put`.
+  /// Takes seven bytes in the common case. False: use `too_many` and `put`.
   [[nodiscard]] bool quick_put(const std::uint8_t* from) noexcept {
     const std::size_t end = offset_ + sdo::segment_bytes;
     if (stream_ != nullptr || end > longest_ || too_many(sdo::segment_bytes)) return false;
@@ -76,14 +76,14 @@ class SdoClientData {
     offset_ = end;
     return true;
   }
-  /// So many bytes more would be more than the server said; all that came are fewer.
+  /// True if so many more bytes would exceed the indicated size.
   [[nodiscard]] bool too_many(std::size_t more) const noexcept { return sized_ && offset_ + more > indicated_; }
   [[nodiscard]] bool too_few() const noexcept { return sized_ && offset_ < indicated_; }
   /// Room for the next `count` bytes, to be filled in; `keep` must follow.
   [[nodiscard]] std::uint8_t* extend(std::size_t count);
-  /// Of the room that `extend` gave, the first `count` bytes; the `unused` after them are not the object's.
+  /// The first `count` bytes of the room that `extend` gave; the `unused` bytes after them do not belong to the object.
   [[nodiscard]] std::span<const std::uint8_t> filled(std::size_t count, std::size_t unused) noexcept;
-  /// They are the object's, as it seems.
+  /// These bytes seem to belong to the object.
   [[nodiscard]] AbortCode keep(std::span<const std::uint8_t> filled) noexcept;
 
  private:

@@ -1,4 +1,4 @@
-/// What only streams and block transfers of an SDO client need: parts of `SdoTransfer`.
+/// Parts of `SdoTransfer` that only streams and block transfers of an SDO client need.
 #pragma once
 
 #include "berth/co/sdo_block.hpp"
@@ -7,14 +7,14 @@
 
 namespace berth::co {
 
-/// A transfer that waits for its source or sink; only an abort of the server's counts meanwhile.
+/// A transfer that waits for its source or sink; meanwhile only an abort from the server counts.
 class SdoTransfer::Waiter final : public SdoWaiter {
  public:
   enum class What : std::uint8_t {
     nothing,
-    segment,    // the next request of a segmented transfer
-    sub_block,  // a block download's next sub-block, of `size` segments
-    request,    // the request, which is made; `size` segments may come
+    segment,    // next: the request of a segmented transfer
+    sub_block,  // next: a block download's sub-block, of `size` segments
+    request,    // next: the request, which is ready; `size` segments may come
   };
   explicit Waiter(SdoTransfer& transfer) noexcept : transfer_(&transfer) {}
 
@@ -36,37 +36,37 @@ class SdoTransfer::Block final : public sdo::BlockPump::Owner, public BlockPace:
  public:
   Block(SdoTransfer& transfer, can::Dispatcher& dispatcher) noexcept : transfer_(&transfer), pump_(dispatcher, *this) {}
   ~Block() { stop(); }
-  /// No more segments are sent.
+  /// Sends no more segments.
   void stop() noexcept;
 
   void prepare_initiate() noexcept;
   void initiated(const can::Frame& frame) noexcept;
-  /// As `SdoTransfer::answer`.
+  /// See `SdoTransfer::answer`.
   bool answer(const can::Frame& frame) noexcept;
   /// The request is on the wire.
   void request_sent(rt::Time at) noexcept { heard_ = at; }
-  /// Download: the next sub-block, of `size` segments.
+  /// Download: sends the next sub-block, of `size` segments.
   void send_sub_block(unsigned size) noexcept;
-  /// Upload: the next sub-block comes in.
+  /// Upload: expects the next sub-block.
   void begin_sub_block(unsigned size);
-  /// Nothing heard for a while: what there is of a sub-block is acknowledged; of one that never came, nothing.
+  /// Silence for a while: acknowledges the part of a sub-block that came; if none came, acknowledges nothing.
   void silence() noexcept;
 
-  /// Segments come in.
+  /// True while segments come in.
   [[nodiscard]] bool collecting() const noexcept {
     return phase_ == Phase::sub_blocks && !transfer_->data_.is_download();
   }
-  /// The confirmation of an upload's end is to leave; nothing comes after it.
+  /// True while the confirmation of an upload's end is being sent; nothing comes after it.
   [[nodiscard]] bool closing() const noexcept { return phase_ == Phase::closing; }
-  /// Bytes of a sub-block that is not acknowledged yet.
+  /// Bytes of the sub-block that is not acknowledged yet.
   [[nodiscard]] std::size_t collected() const noexcept {
     return collecting() ? receiver_.good() * sdo::segment_bytes : 0U;
   }
 
  private:
   enum class Phase : std::uint8_t {
-    sub_blocks,  // they go out or come in
-    end,         // all segments are over; the end is to be confirmed, or to come
+    sub_blocks,  // sub-blocks are sent or received
+    end,         // all segments are done; the end is to be confirmed, or to come
     closing,
   };
   void turn() noexcept override;
@@ -84,8 +84,8 @@ class SdoTransfer::Block final : public sdo::BlockPump::Owner, public BlockPace:
   sdo::BlockSender sender_;
   sdo::BlockReceiver receiver_;
   sdo::BlockPump pump_;
-  std::array<std::uint8_t, sdo::segment_bytes> tail_{};  // the last segment, until it is known what of it counts
-  rt::Time heard_{};                                     // the newest segment
+  std::array<std::uint8_t, sdo::segment_bytes> tail_{};  // the last segment, until its number of valid bytes is known
+  rt::Time heard_{};                                     // when the newest segment came
   std::uint16_t crc_ = 0;
   bool crc_used_ = false;
   Phase phase_ = Phase::sub_blocks;

@@ -1,5 +1,5 @@
-/// A source or sink of a transfer of an SDO client, with the room that it needs: a part of `SdoClientData`, on the heap
-/// because most transfers have none.
+/// A source or sink of an SDO client's transfer, with its buffer: a part of `SdoClientData`, on the heap because most
+/// transfers have none.
 #pragma once
 
 #include "berth/co/sdo_block.hpp"

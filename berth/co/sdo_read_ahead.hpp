@@ -1,4 +1,4 @@
-/// A part of SDO server and client: what comes from a stream is read in large pieces and sent in small ones.
+/// A part of SDO server and client: streams are read in large pieces and sent in small ones.
 #pragma once
 
 #include <algorithm>
@@ -19,9 +19,9 @@ class ReadAhead {
     first_ = end_ = 0;
     ended_ = false;
   }
-  /// At least `count` bytes (at most the buffer's size), fewer only at the end. `read(span)` fills from the beginning
-  /// and says how much that was, fewer than asked for = the end. It is asked for `ready` bytes at most; when they are
-  /// too few: `pending`.
+  /// Provides at least `count` bytes (at most the buffer's size), fewer only at the end. `read(span)` fills from the
+  /// beginning and returns the number of bytes, fewer than asked for = the end. It is asked for at most `ready` bytes;
+  /// if they are too few, the answer is `pending`.
   template <class Read>
   [[nodiscard]] od::Answer<std::span<const std::uint8_t>> want(std::size_t count, std::size_t ready,
                                                                Read&& read) noexcept {

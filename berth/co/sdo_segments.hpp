@@ -1,4 +1,4 @@
-/// The segmented part of an SDO client's transfer, once it is initiated: each request and what its answer means
+/// The segmented part of an SDO client's transfer, after its initiation: each request and the meaning of its answer
 /// (CiA 301 §7.2.4.3.4, §7.2.4.3.6). No port and no clock.
 #pragma once
 
@@ -8,12 +8,12 @@ namespace berth::co {
 
 class SdoSegments {
  public:
-  /// What is to be done next.
+  /// The next thing to do.
   struct Step {
     enum class What : std::uint8_t {
-      request,  ///< the request is to be sent, or the next one made
-      wait,     ///< `request` once more when source or sink goes on
-      done,     ///< all bytes are over
+      request,  ///< send the request, or make the next one
+      wait,     ///< call `request` again when source or sink goes on
+      done,     ///< all bytes are done
       refuse,   ///< abort with `code`; `text` says why
     };
     What what = What::request;
@@ -22,12 +22,12 @@ class SdoSegments {
   };
 
   void begin() noexcept { toggle_ = last_ = false; }
-  /// The next request: of a download with the next segment, which counts as done then.
+  /// Makes the next request; in a download, its segment then counts as done.
   [[nodiscard]] Step request(can::Frame& request, SdoClientData& data) noexcept;
-  /// The answer to it.
+  /// Takes the answer to it.
   [[nodiscard]] Step answered(const can::Frame& answer, SdoClientData& data) noexcept;
-  /// Nearly every request and answer of a long value carry seven bytes and are not the last: they are made, and taken,
-  /// in few instructions. False: nothing happened, go by `request` and `answered`.
+  /// Fast paths for segments of seven bytes that are not the last, as nearly all of a long value are. False: nothing
+  /// happened, use `request` and `answered`.
   [[nodiscard]] bool quick_request(can::Frame& request, SdoClientData& data) noexcept;
   [[nodiscard]] bool quick_answered(const can::Frame& answer, SdoClientData& data) noexcept;
 
@@ -36,7 +36,7 @@ class SdoSegments {
   [[nodiscard]] std::uint8_t toggle() const noexcept { return toggle_ ? sdo::toggle_bit : std::uint8_t{0}; }
 
   bool toggle_ = false;
-  bool last_ = false;  // download: the segment on its way is
+  bool last_ = false;  // download: the current segment is the last
 };
 
 inline bool SdoSegments::quick_request(can::Frame& request, SdoClientData& data) noexcept {

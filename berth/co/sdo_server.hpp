@@ -1,7 +1,7 @@
 /// SDO server: expedited, segmented and block transfers to and from an object dictionary (CiA 301 §7.2.4.3).
 ///
-/// `SdoServer` is the protocol alone: a request in, an answer out, no port and no clock; a device that answers late
-/// (paper 1's T_resp) holds the answer back itself. `SdoServerService` binds it to a port and a time-out; `SdoServers`
+/// `SdoServer` is the protocol alone: a request in, an answer out, no port and no clock. A device that answers late
+/// (paper 1's T_resp) delays the answer itself. `SdoServerService` binds it to a port and a time-out; `SdoServers`
 /// (`sdo_servers.hpp`) are all the channels of a device.
 #pragma once
 
@@ -16,65 +16,65 @@ namespace berth::co {
 
 /// One channel. No heap use after construction.
 ///
-/// - Not heard: frames that are not 8 bytes, remote frames (HC1.S16); an abort ends the transfer without an
-///   answer (HC1.S13).
+/// - Ignored: frames that are not 8 bytes, remote frames (HC1.S16). An abort ends the transfer without an answer
+///   (HC1.S13).
 /// - A new initiate replaces the running transfer (HC1.S14), except while a sub-block of a block download comes in:
-///   there every frame but the abort is a segment. A segment that does not fit the transfer aborts it: wrong toggle
+///   there every frame except an abort is a segment. A segment that does not fit the transfer aborts it: wrong toggle
 ///   0503 0000 (HC1.S5), no such transfer 0504 0001, more bytes than indicated 0607 0012, fewer 0607 0013, sub-block
 ///   number out of range or more acknowledged than sent 0504 0003 (HC1.S6), block size 0 or above 127 0504 0002
 ///   (HC1.S8), CRC 0504 0004.
-/// - Uploads of at most `buffer` bytes are taken whole at the initiate, so that the client gets one consistent value;
-///   longer ones are read from the dictionary piece by piece, and aborted with 0800 0022 when the length changes
-///   meanwhile. What a stream does not have yet is answered when it has it (`complete`). Downloads are collected in the
-///   buffer and written once, at the end; what does not fit is refused with 0504 0005. An object with an `od::Stream`
-///   goes through the buffer, however long it is.
-/// - What the object dictionary refuses is its own to say: no such object or sub-index (0602 0000, 0609 0011) in
-///   `od::StoredValues::find`, access, length and range in `od::Values`.
+/// - Uploads of at most `buffer` bytes are copied at the initiate, so that the client gets one consistent value. Longer
+///   ones are read from the dictionary piece by piece, and aborted with 0800 0022 if the length changes meanwhile. If a
+///   stream does not have the bytes yet, the answer follows when it has them (`complete`). Downloads are collected in
+///   the buffer and written once, at the end; values that do not fit are refused with 0504 0005. An object with an
+///   `od::Stream` goes through the buffer, however long it is.
+/// - The object dictionary refuses accesses itself: no such object or sub-index (0602 0000, 0609 0011) in
+///   `od::StoredValues::find`; access, length and range in `od::Values`.
 /// - Downloads without indicated size, segmented, block and expedited, are legal (HC1.S1, HC1.S3, HC1.S17).
-/// - Block: CRC is used, and offered, when the client can, too (HC1.S10). A block upload of an object not longer than
-///   the client's protocol switch threshold is answered as a normal upload (HC1.S11). A lost segment is asked for
-///   again, and sub-blocks become smaller then; 16 sub-blocks in a row without progress end the transfer with
-///   0504 0000.
+/// - Block: CRC is used, and offered, if the client can, too (HC1.S10). A block upload of an object not longer than the
+///   client's protocol switch threshold is answered as a normal upload (HC1.S11). A lost segment is requested again,
+///   and sub-blocks become smaller; 16 sub-blocks in a row without progress end the transfer with 0504 0000.
 class SdoServer {
  public:
   /// `channel`: as `od::Channels` counts.
   SdoServer(od::Values& values, std::size_t buffer, std::uint8_t channel = 0);
 
-  /// Where answers go: 580h + node-ID for the default channel. The request's identifier is not looked at.
+  /// The identifier of answers: 580h + node-ID for the default channel. The request's identifier is not checked.
   void set_response_id(CobId id) noexcept { response_key_ = id.key(); }
 
-  /// Takes a request. True: `answer` is to be sent. Otherwise see whether segments are to be sent now (`sending`).
+  /// Takes a request. True: send `answer`. False: check whether segments are to be sent (`sending`).
   [[nodiscard]] bool handle(const can::Frame& request, can::Frame& answer) noexcept;
-  /// Block upload: the segments of a sub-block are to be sent, by `BlockPump`, or one after the other by
+  /// Block upload: the segments of a sub-block are to be sent, by `BlockPump`, or one after another with
   /// `segments().segment(frame)` and `advance()`, and `confirm()` when they are on the wire.
   [[nodiscard]] bool sending() const noexcept { return state_ == State::block_upload && block_.sender().sending(); }
   [[nodiscard]] sdo::BlockSender& segments() noexcept { return block_.sender(); }
-  /// A transfer is under way: the next frame is the client's turn, or segments are being sent, or a write is pending.
+  /// A transfer is under way: the client's next frame is expected, or segments are being sent, or a write is pending.
   [[nodiscard]] bool busy() const noexcept { return state_ != State::idle; }
-  /// A sub-block comes in, so that a short silence means a lost segment: `expire` soon (`sdo::block_gap_part`).
+  /// A sub-block comes in, so a short silence means a lost segment: call `expire` soon (`sdo::block_gap_part`).
   [[nodiscard]] bool collecting() const noexcept {
     return state_ == State::block_download && block_.receiver().heard();
   }
-  /// Gives the answer to an access that a hook or stream answered with `pending` (never seen on the wire): an abort
-  /// unless `code` is `none`; else the confirmation of a write, while an upload's stream is asked again, and what it
-  /// has goes out (see `sending`, too). While an access is pending the server is busy, the client's silence counts for
-  /// nothing, the same request again is not executed again, and an abort, a new initiate or a reset drops it
-  /// (`od::Hook::abandoned`). Empty, and harmless, when nothing is pending.
+  /// Answers an access that a hook or stream answered with `pending` (which is never sent). The answer is an abort
+  /// unless `code` is `none`; else the confirmation of a write, while an upload's stream is read again and its bytes
+  /// are sent (see `sending`, too). Empty, and harmless, when nothing is pending. While an access is pending:
+  /// - the server is busy, and the client's silence does not count
+  /// - the same request is not executed again
+  /// - an abort, a new initiate or a reset drops the access (`od::Hook::abandoned`)
   [[nodiscard]] std::optional<can::Frame> complete(AbortCode code) noexcept;
   /// The object whose access waits for `complete`.
   [[nodiscard]] std::optional<ObjectRef> pending() const noexcept {
     return state_ == State::pending ? std::optional(ref_) : std::nullopt;
   }
-  /// The client was silent too long: acknowledges what came of a sub-block (`collecting`), or else ends the transfer;
-  /// the abort 0504 0000 to send, once (S20). Empty when idle, and while an access is pending.
+  /// The client was silent too long. Acknowledges what came of a sub-block (`collecting`), or else ends the transfer;
+  /// returns the abort 0504 0000 to send, once (S20). Empty when idle, and while an access is pending.
   [[nodiscard]] std::optional<can::Frame> expire() noexcept;
-  /// Forgets the transfer without a word: reset, NMT stop.
+  /// Forgets the transfer without an abort: reset, NMT stop.
   void reset() noexcept {
     if (std::exchange(state_, State::idle) == State::pending) [[unlikely]]
       data_.values().abandon(ref_);
     data_.drop();
   }
-  /// Bytes that it holds beyond itself.
+  /// Bytes held outside the object.
   [[nodiscard]] std::size_t memory() const noexcept { return data_.memory(); }
 
  private:
@@ -82,19 +82,19 @@ class SdoServer {
     idle,
     download,
     upload,
-    block_download,      // a sub-block comes in; from here on what a frame means goes by the state first
-    block_download_end,  // all segments are there
-    block_upload_start,  // initiated, the client is to say so
-    block_upload,        // a sub-block goes out or is to be acknowledged
-    block_upload_end,    // all acknowledged, the client is to end it
+    block_download,      // a sub-block comes in; from this state on the state decides first what a frame means
+    block_download_end,  // all segments were received
+    block_upload_start,  // initiated; waits for the client's start
+    block_upload,        // a sub-block is being sent or is to be acknowledged
+    block_upload_end,    // all acknowledged; waits for the client's end
     pending,
   };
-  /// What is done when the pending access is answered.
+  /// The action when the pending access is answered.
   struct Deferred {
     enum class Way : std::uint8_t {
-      confirm,    // `answer` goes out
-      ask_again,  // `request` is executed once more
-      sub_block,  // an upload's next sub-block
+      confirm,    // send `answer`
+      ask_again,  // execute `request` again
+      sub_block,  // send an upload's next sub-block
     };
     std::array<std::uint8_t, 8> request{};
     std::array<std::uint8_t, 8> answer{};
@@ -145,25 +145,25 @@ class SdoServerService final : private can::Handler, private rt::Job, private sd
 
   /// Serves the default channel, 600h + node-ID (configured); a running transfer is forgotten.
   void start(NodeId node) { start(SdoChannel::of(node)); }
-  /// Serves any channel; one that is not valid hears nothing.
+  /// Serves any channel; an invalid channel receives nothing.
   void start(SdoChannel channel);
-  /// Hears nothing (initialising, stopped).
+  /// Receives nothing (initialising, stopped).
   void stop() noexcept;
   [[nodiscard]] bool running() const noexcept { return channel_.valid(); }
   [[nodiscard]] SdoChannel channel() const noexcept { return channel_; }
-  /// How long the client may take between two frames before 0504 0000; 0 = for ever. Default 1 s. A sub-block that
-  /// comes in and breaks off is acknowledged after a quarter of it.
+  /// How long the client may take between two frames before 0504 0000; 0 = for ever. Default 1 s. An incoming sub-block
+  /// that breaks off is acknowledged after a quarter of it.
   void set_timeout(rt::Duration timeout) noexcept { timeout_ = timeout; }
   [[nodiscard]] bool busy() const noexcept { return server_.busy(); }
   /// As `SdoServer::complete`: sends the answer; false when nothing was pending.
   bool complete(AbortCode code) noexcept;
-  /// The same, only when the access that is pending is one of `object`; a confirmation or refusal calls it `named`.
+  /// The same, only if the pending access is one of `object`; the confirmation or refusal names it `named`.
   bool complete(ObjectRef object, AbortCode code) noexcept { return complete(object, code, object); }
   bool complete(ObjectRef object, AbortCode code, ObjectRef named) noexcept;
-  /// A frame of a relay's (`od::ChannelRelay`).
+  /// Sends a frame of a relay (`od::ChannelRelay`).
   bool send(od::ChannelBytes bytes) noexcept;
   [[nodiscard]] std::optional<ObjectRef> pending() const noexcept { return server_.pending(); }
-  /// Bytes that it holds beyond itself.
+  /// Bytes held outside the object.
   [[nodiscard]] std::size_t memory() const noexcept { return server_.memory(); }
 
  private:
@@ -184,8 +184,8 @@ class SdoServerService final : private can::Handler, private rt::Job, private sd
   sdo::BlockPump pump_;
   SdoChannel channel_;
   rt::Duration timeout_ = std::chrono::seconds(1);
-  rt::Time heard_{};                        // when the client's last frame came, or ours left
-  std::optional<can::PackedFrame> unsent_;  // the port was full
+  rt::Time heard_{};                        // when the client's last frame came, or ours was sent
+  std::optional<can::PackedFrame> unsent_;  // refused by a full port
   rt::Time unsent_until_{};
   std::uint8_t number_;
 };

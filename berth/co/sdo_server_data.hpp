@@ -1,5 +1,5 @@
-/// Where an SDO server's transfer takes its bytes from and puts them: an object dictionary's value or its stream, by
-/// way of a buffer. A part of `SdoServer`.
+/// The data end of an SDO server's transfer: an object dictionary's value or its stream, through a buffer. A part of
+/// `SdoServer`.
 #pragma once
 
 #include <memory>
@@ -18,18 +18,18 @@ class SdoServerData {
   enum class Kind : std::uint8_t { buffer, view, stream };
 
  public:
-  /// Values of up to `buffer` bytes are held whole. A dictionary with a DOMAIN, or with values longer than `buffer`,
-  /// takes at least what block transfer needs (897 bytes).
+  /// Values of up to `buffer` bytes are held whole. For a dictionary with a DOMAIN, or with values longer than
+  /// `buffer`, the buffer has at least the size that block transfer needs (897 bytes).
   /// `channel`: as `od::Channels` counts.
   SdoServerData(od::Values& values, std::size_t buffer, std::uint8_t channel);
 
-  /// Which from now on see this channel.
+  /// The values, which see this channel from the call on.
   [[nodiscard]] od::Values& values() const noexcept {
     values_->channels().enter(channel_);
     return *values_;
   }
   [[nodiscard]] std::size_t memory() const noexcept { return reserve_; }
-  /// A stream is open, which `drop` closes.
+  /// True if a stream is open; `drop` closes it.
   [[nodiscard]] bool streaming() const noexcept { return stream_.open(); }
   /// Forgets the transfer; a stream is closed as broken off.
   void drop() noexcept { stream_.drop(); }
@@ -37,14 +37,14 @@ class SdoServerData {
   /// @name Upload
   /// @{
   [[nodiscard]] AbortCode open_read(ObjectRef ref) noexcept;
-  /// The same, but of a value of 1 to 4 bytes, which fits an expedited answer, nothing is opened: `expedited` shows it.
+  /// The same, but a value of 1 to 4 bytes, which fits an expedited answer, is not opened: `expedited` refers to it.
   [[nodiscard]] AbortCode open_read(ObjectRef ref, std::span<const std::uint8_t>& expedited) noexcept;
-  /// Of the object; empty: its stream does not know.
+  /// Size of the object; empty: its stream does not know.
   [[nodiscard]] std::optional<std::size_t> size() const noexcept {
     return sized_ ? std::optional(size_) : std::nullopt;
   }
-  /// The bytes from the position on: all up to the end, or more than `count`, `count` being at most a sub-block.
-  /// `pending`: a stream has them not yet.
+  /// The bytes from the position on: all up to the end, or more than `count`, which is at most a sub-block. `pending`:
+  /// a stream does not have them yet.
   [[nodiscard]] od::Answer<std::span<const std::uint8_t>> window(std::size_t count) noexcept {
     if (kind_ == Kind::buffer) return std::span<const std::uint8_t>(buffer_.get() + offset_, size_ - offset_);
     return far_window(count);
@@ -54,7 +54,7 @@ class SdoServerData {
     if (kind_ == Kind::stream) ahead_.consume(count);
   }
   void close_read() noexcept;
-  /// The next seven bytes when they are at hand and more follow: then they are consumed. Else null, and `window` says.
+  /// The next seven bytes, and consumes them, if they are available and more follow. Else null: use `window`.
   [[nodiscard]] const std::uint8_t* quick_read() noexcept {
     if (kind_ != Kind::buffer || size_ - offset_ <= sdo::segment_bytes) return nullptr;
     return buffer_.get() + std::exchange(offset_, offset_ + sdo::segment_bytes);
@@ -63,32 +63,32 @@ class SdoServerData {
 
   /// @name Download
   /// @{
-  /// `pending` is a yes: the stream says later when it is ready.
+  /// `pending` means accepted: the stream reports later that it is ready.
   [[nodiscard]] AbortCode open_write(ObjectRef ref, std::optional<std::size_t> size) noexcept;
-  /// How many of `wanted` segments can be put in a row.
+  /// How many of `wanted` segments can be stored in a row.
   [[nodiscard]] unsigned segments(unsigned wanted) const noexcept;
-  /// A place for `count` bytes: one segment, or what `segments` says.
+  /// A place for `count` bytes: one segment, or as many as `segments` says.
   [[nodiscard]] od::Answer<std::uint8_t*> place(std::size_t count) noexcept {
     if (kind_ == Kind::buffer && offset_ + count <= reserve_) return buffer_.get() + offset_;
     return far_place(count);
   }
-  /// So many bytes at the place are the object's.
+  /// So many bytes at the place belong to the object.
   [[nodiscard]] AbortCode commit(std::size_t count) noexcept {
     const auto total = offset_ + filled_ + count;
     if (total > limit_) return too_long(total);
     (kind_ == Kind::buffer ? offset_ : filled_) += count;
     return AbortCode::none;
   }
-  /// A place for seven bytes that are all the object's: committed at once. Null: go by `place` and `commit`.
+  /// A place for seven bytes that all belong to the object: committed at once. Null: use `place` and `commit`.
   [[nodiscard]] std::uint8_t* quick_place() noexcept {
     if (kind_ != Kind::buffer || limit_ - offset_ < sdo::segment_bytes) return nullptr;
     return buffer_.get() + std::exchange(offset_, offset_ + sdo::segment_bytes);
   }
-  /// The stream took bytes and is not ready for more (`od::Stream::write`): `pending`, told once.
+  /// `pending`, reported once: the stream took bytes and is not ready for more (`od::Stream::write`).
   [[nodiscard]] AbortCode ready() noexcept {
     return std::exchange(waits_, false) ? AbortCode::pending : AbortCode::none;
   }
-  /// All is there: to the dictionary or the stream; its word, `pending` included.
+  /// All bytes are there: passes them to the dictionary or the stream and returns its answer, also `pending`.
   [[nodiscard]] AbortCode close_write() noexcept;
   /// @}
 
@@ -103,13 +103,13 @@ class SdoServerData {
 
   od::Values* values_;
   std::unique_ptr<std::uint8_t[]> buffer_;
-  std::size_t capacity_;  // the longest value taken whole
-  std::size_t reserve_;   // what is allocated
+  std::size_t capacity_;  // the longest value held whole
+  std::size_t reserve_;   // allocated bytes
   std::size_t size_ = 0;
-  std::size_t offset_ = 0;  // bytes done; of a stream: given to it
-  std::size_t filled_ = 0;  // download to a stream: bytes that wait in the buffer
+  std::size_t offset_ = 0;  // bytes done; with a stream: given to it
+  std::size_t filled_ = 0;  // download to a stream: bytes waiting in the buffer
   std::size_t limit_ = 0;   // download: more than this is refused
-  std::size_t piece_ = 0;   // download to a stream: so many bytes do not wait in the buffer
+  std::size_t piece_ = 0;   // download to a stream: bytes that do not wait in the buffer
   od::StreamUse stream_;
   ReadAhead ahead_;
   ObjectRef ref_;

@@ -8,14 +8,14 @@ namespace berth::co {
 class SdoServerSegments {
  public:
   void begin() noexcept { toggle_ = false; }
-  /// A segment of a download, to be confirmed by `answer`. `pending`: the stream, or with the last segment the
-  /// dictionary, says later whether.
+  /// Takes a segment of a download; `answer` confirms it. `pending`: the stream, or with the last segment the
+  /// dictionary, decides later.
   [[nodiscard]] AbortCode download(const can::Frame& request, can::Frame& answer, SdoServerData& data) noexcept;
-  /// The segment that is asked for. `pending`: the stream does not have it yet, and the request is to be repeated then.
+  /// Answers with the requested segment. `pending`: the stream does not have it yet; repeat the request when it has.
   [[nodiscard]] AbortCode upload(const can::Frame& request, can::Frame& answer, SdoServerData& data) noexcept;
 
-  /// A segment of seven bytes that is not the last, each way, in few instructions. False: nothing happened, go by
-  /// `download` and `upload`.
+  /// Fast paths, each way, for a segment of seven bytes that is not the last. False: nothing happened, use `download`
+  /// and `upload`.
   [[nodiscard]] bool quick_download(const can::Frame& request, can::Frame& answer, SdoServerData& data) noexcept {
     const std::uint8_t byte = request.data[0];
     if (byte != toggle()) return false;

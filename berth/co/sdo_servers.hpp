@@ -1,6 +1,6 @@
-/// All SDO channels of a device as its dictionary has them: the default channel (1200h), additional servers
-/// 1201h..127Fh, and the parameters of its clients 1280h..12FFh (CiA 301 §7.5.2.33, §7.5.2.34; docs/protocols/cia301.md
-/// §SDO).
+/// All SDO channels of a device, as its dictionary describes them: the default channel (1200h), additional servers
+/// 1201h..127Fh, and the parameters of its clients 1280h..12FFh (CiA 301 §7.5.2.33, §7.5.2.34;
+/// docs/protocols/cia301.md §SDO).
 ///
 ///     co::SdoServers servers(dispatcher, values);
 ///     servers.start(node_id);                                   // pre-operational is entered
@@ -21,45 +21,45 @@ namespace berth::co {
 /// its COB-IDs is not valid.
 struct SdoClientChannel {
   SdoChannel channel;
-  NodeId server;  ///< sub-index 3; unconfigured when it says nothing sensible
+  NodeId server;  ///< sub-index 3; unconfigured when the value is no node-ID
 };
 [[nodiscard]] std::optional<SdoClientChannel> client_channel(const od::Values& values, unsigned number) noexcept;
 
-/// Watches its objects, so that no write is let in that the standard forbids:
+/// Hooks its objects and refuses writes that the standard forbids:
 /// - 1200h:01 and :02 are read-only 0601 0002 and show the default channel, whatever the description says;
 /// - a COB-ID of the others may change only while it is not valid (bit 31), and only to an identifier that is not
 ///   restricted: otherwise 0609 0030. An additional server serves while both its COB-IDs are valid, from the write on.
 ///
-/// Memory: an additional server is made when its COB-IDs become valid for the first time (at the latest by the write
-/// that does it, which then uses the heap); nothing else allocates after construction.
+/// Memory: an additional server is allocated when its COB-IDs become valid for the first time (at the latest by the
+/// write that makes them valid, which then uses the heap). Nothing else allocates after construction.
 class SdoServers final : private od::Hook, private od::ChannelServers {
  public:
-  /// `buffer`: what values are collected in, for each server, see `SdoServer`.
+  /// `buffer`: for collecting values, for each server, see `SdoServer`.
   SdoServers(can::Dispatcher& dispatcher, od::Values& values, std::size_t buffer = SdoServerService::default_buffer);
   ~SdoServers();
 
-  /// Serves the default channel of `node` (configured) and all additional ones that are valid. The values of the
-  /// objects count, so reset them before.
+  /// Serves the default channel of `node` (configured) and all valid additional ones. It uses the objects' values, so
+  /// reset them before.
   void start(NodeId node);
-  /// No channel hears anything (initialising, stopped).
+  /// No channel receives anything (initialising, stopped).
   void stop() noexcept;
   /// See `SdoServerService::set_timeout`.
   void set_timeout(rt::Duration timeout) noexcept;
-  /// A transfer is under way in some channel.
+  /// True if a transfer is under way in any channel.
   [[nodiscard]] bool busy() const noexcept;
-  /// Answers the writes of `object` that are pending, in whatever channel; false when there is none.
+  /// Answers the pending writes of `object`, in any channel; false when there is none.
   bool complete(ObjectRef object, AbortCode code) noexcept;
   /// The default channel.
   [[nodiscard]] const SdoServerService& first() const noexcept { return first_; }
-  /// Additional servers that serve now.
+  /// Number of additional servers that serve.
   [[nodiscard]] std::size_t additional() const noexcept;
-  /// Bytes that it holds beyond itself.
+  /// Bytes held outside the object.
   [[nodiscard]] std::size_t memory() const noexcept;
 
  private:
   struct Additional {
     std::uint16_t index;
-    std::unique_ptr<SdoServerService> service;  // null: was never valid
+    std::unique_ptr<SdoServerService> service;  // null: never valid so far
   };
   AbortCode reading(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t>& value) noexcept override;
   AbortCode writing(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept override;

@@ -2,9 +2,9 @@
 /// and TIME).
 ///
 /// Works on object 1012h: bit 31 consumer, bit 30 producer, bit 29 frame; without the object neither. Writes from the
-/// network: bits 29..0 while bit 31 or 30 is set, a restricted CAN-ID, bits above bit 10 of an 11-bit identifier: 0609
-/// 0030. CiA 301 names no period: the application calls `send`. 1013h (high resolution time stamp) is sent by PDO:
-/// `Pdos` writes it at sampling when a TPDO maps it; a device that receives it maps it into an RPDO.
+/// network are refused with 0609 0030 for a change of bits 29..0 while bit 31 or 30 is set, a restricted CAN-ID, bits
+/// above bit 10 of an 11-bit identifier. CiA 301 names no period: the application calls `send`. 1013h (high resolution
+/// time stamp) is sent by PDO: `Pdos` writes it at sampling if a TPDO maps it; a receiving device maps it into an RPDO.
 #pragma once
 
 #include <array>
@@ -24,13 +24,13 @@ struct TimeOfDay {
   std::uint32_t milliseconds = 0;  ///< since midnight, 0..86 399 999
   std::uint16_t days = 0;          ///< since 1984-01-01
 
-  /// Of seconds since 1970-01-01 (UTC or what the network uses); empty before 1984 and after 2163-06-05.
+  /// From seconds since 1970-01-01 (UTC or what the network uses); empty before 1984 and after 2163-06-05.
   [[nodiscard]] static std::optional<TimeOfDay> from_unix(std::int64_t seconds,
                                                           std::uint32_t milliseconds = 0) noexcept;
   [[nodiscard]] std::int64_t unix_seconds() const noexcept;
   [[nodiscard]] std::array<std::uint8_t, 6> encode() const noexcept;
-  /// The upper 4 bits of the milliseconds are reserved and not looked at; empty when it is not 6 bytes, or a day has
-  /// not so many milliseconds.
+  /// Ignores the reserved upper 4 bits of the milliseconds. Empty when it is not 6 bytes, or a day has not so many
+  /// milliseconds.
   [[nodiscard]] static std::optional<TimeOfDay> decode(std::span<const std::uint8_t> bytes) noexcept;
   friend constexpr bool operator==(const TimeOfDay&, const TimeOfDay&) noexcept = default;
 };
@@ -39,7 +39,7 @@ class TimeStamp final : private od::Hook, private can::Handler {
  public:
   class Observer {
    public:
-    /// A TIME message of another node; `at` its end on the bus.
+    /// A TIME message of another node; `at`: its end on the bus.
     virtual void time_of_day(const TimeOfDay& time, rt::Time at) noexcept = 0;
 
    protected:

@@ -1,11 +1,11 @@
-/// What a device maker's application sees of its device: callbacks, and handles to its own objects.
+/// The application's view of its device: callbacks, and handles to its own objects.
 ///
 ///     device::Variable<std::int16_t> temperature = device.variable<std::int16_t>({0x6000, 1});
 ///     device.on_write({0x6200, 1}, [&] { valve.set(position.get()); });
 ///     temperature.set(215);                    // and the TPDO that maps it goes out
 ///
-/// Callbacks run from the executor, in the middle of what the device does: they may use the device, must not destroy
-/// it and must not throw (a thrown exception ends the program). Set them before `power_on`; setting one uses the heap.
+/// The executor calls the callbacks in the middle of the device's work: they may use the device, must not destroy it
+/// and must not throw (a thrown exception ends the program). Set them before `power_on`; setting one uses the heap.
 #pragma once
 
 #include <functional>
@@ -24,19 +24,20 @@ namespace berth::device {
 class Device;
 
 struct Callbacks {
-  std::function<void()> start;                             ///< power-on or reset node: values are back, no boot-up yet
+  std::function<void()> start;                             ///< power-on or reset node: values are restored, no boot-up
+                                                           ///< yet
   std::function<void(NmtState)> state;                     ///< the NMT state entered
   std::function<void(unsigned)> rpdo;                      ///< RPDO number 1..512 is stored
   std::function<void(unsigned)> rpdo_silent;               ///< the deadline 1400h:05 of RPDO 1..512 ran out
   std::function<void(std::uint8_t)> sync;                  ///< SYNC counter, 0 = without
-  std::function<void(bool)> sync_missing;                  ///< as consumer: none for 1.5 times 1006h; or back
+  std::function<void(bool)> sync_missing;                  ///< as consumer: no SYNC for 1.5 times 1006h; or back
   std::function<void(const co::TimeOfDay&)> time;          ///< another node's TIME message (1012h bit 31)
-  std::function<void(NodeId, const co::Emcy&)> emergency;  ///< of a node in 1028h
+  std::function<void(NodeId, const co::Emcy&)> emergency;  ///< from a node in 1028h
   std::function<void(const co::HeartbeatEvent&)> heartbeat;  ///< of a node in 1016h
-  std::function<void()> parameters;                          ///< values came anew: power-on, reset, restore
+  std::function<void()> parameters;                          ///< values were reloaded: power-on, reset, restore
 };
 
-/// Calls what was given to `Device::on_write`.
+/// Calls the functions given to `Device::on_write`.
 class WriteWatch final : public od::Hook {
  public:
   void add(od::Values& values, ObjectRef ref, std::function<void()> call);
@@ -49,14 +50,13 @@ class WriteWatch final : public od::Hook {
   }
 
  private:
-  using Calls = std::multimap<ObjectRef, std::function<void()>>;  // of one object in the order of adding
+  using Calls = std::multimap<ObjectRef, std::function<void()>>;  // those of one object in the order of adding
   void written(od::Values& values, ObjectRef ref) noexcept override;
   Calls::const_iterator call_from(Calls::const_iterator at, ObjectRef ref) const noexcept;
   Calls calls_;
 };
 
-/// The application's ear in a device: what its services tell is handed on to the callbacks that were set. Without any
-/// it is a few pointers.
+/// Passes events of the device's services to the callbacks that were set. Without callbacks it is a few pointers.
 class Application final : public co::Pdos::Observer,
                           public co::Sync::Observer,
                           public co::TimeStamp::Observer,
@@ -65,19 +65,19 @@ class Application final : public co::Pdos::Observer,
  public:
   explicit Application(od::Values& values) noexcept : values_(&values) {}
 
-  /// From the first call on they take their memory.
+  /// The first call allocates the callbacks.
   [[nodiscard]] Callbacks& on();
-  /// As `Device::on_write`.
+  /// See `Device::on_write`.
   void on_write(ObjectRef ref, std::function<void()> call);
   /// Calls one of the callbacks, if it is set: `tell(&Callbacks::state, to)`.
   template <class Member, class... Arguments>
   void tell(Member member, Arguments&&... arguments) noexcept {
     if (callbacks_ != nullptr && ((*callbacks_).*member)) ((*callbacks_).*member)(arguments...);
   }
-  /// The device ends: nothing is called any more but what was given to `on_write`.
+  /// The device ends: only functions given to `on_write` are still called.
   void silence() noexcept { callbacks_.reset(); }
 
-  /// Bytes beyond itself.
+  /// Bytes held outside the object.
   [[nodiscard]] std::size_t memory() const noexcept;
 
  private:
@@ -97,8 +97,8 @@ class Application final : public co::Pdos::Observer,
   std::unique_ptr<WriteWatch> writes_;
 };
 
-/// One object of a device, typed. Cheap to copy; must not outlive the device. A handle to an object that is not there,
-/// or whose type T cannot hold, is not `valid`: it reads 0 and sets nothing.
+/// One object of a device, typed. Cheap to copy; must not outlive the device. If there is no such object, or T cannot
+/// hold its type, the handle is not `valid`: it reads 0 and sets nothing.
 template <class T>
 class Variable {
  public:
@@ -108,7 +108,7 @@ class Variable {
   [[nodiscard]] bool valid() const noexcept { return valid_; }
   [[nodiscard]] ObjectRef object() const noexcept { return ref_; }
   [[nodiscard]] T get() const noexcept { return values_->get_or<T>(ref_, T{}); }
-  /// Stores, whatever the access type and limits; a changed value is an event of the TPDOs that map the object. False:
+  /// Stores, whatever the access type and limits; a changed value is an event for the TPDOs that map the object. False:
   /// not valid, or out of the type's range.
   bool set(T value) noexcept;
   /// Stores without an event: for values that a timer or SYNC sends.

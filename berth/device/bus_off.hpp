@@ -1,5 +1,5 @@
-/// What a device does about its controller's errors: 8120h while it is error passive, the error behaviour of 1029h:01
-/// at bus-off, and 8140h when it recovered from that by itself.
+/// A device's reaction to its controller's errors: 8120h while it is error passive, the error behaviour of 1029h:01 at
+/// bus-off, and 8140h after it recovered from bus-off by itself.
 #pragma once
 
 #include "berth/can/dispatcher.hpp"
@@ -9,14 +9,14 @@ namespace berth::device {
 
 class BusOffRecovery final : private can::StatusHandler, private rt::Job {
  public:
-  /// Takes the dispatcher's place for a status handler when the port is the device's own (`Host::has_port`). `wait`: by
-  /// the device's clock, from bus-off until the controller is restarted; 0 = never. All must outlive it.
+  /// Becomes the dispatcher's status handler if the port is the device's own (`Host::has_port`). `wait`: by the
+  /// device's clock, from bus-off until the controller is restarted; 0 = never. All must outlive it.
   BusOffRecovery(can::Dispatcher& dispatcher, const Host& host, Errors& errors, rt::Duration wait) noexcept;
   ~BusOffRecovery();
   BusOffRecovery(const BusOffRecovery&) = delete;
   BusOffRecovery& operator=(const BusOffRecovery&) = delete;
 
-  /// Until `power_on` the controller's state means nothing.
+  /// The controller's state is ignored until `power_on`.
   void power_on() noexcept { powered_ = true; }
   void power_off() noexcept;
 

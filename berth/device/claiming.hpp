@@ -1,5 +1,5 @@
-/// A device's part in claiming a node-ID as SAE J1939-81 does (docs/claim.md): lets `research::ClaimSlave` hear and send
-/// through the device's dispatcher. No heap after construction beyond what the dispatcher's lists grow to.
+/// Claims a node-ID for a device as SAE J1939-81 does (docs/claim.md): connects `nodeid::ClaimSlave` to the device's
+/// dispatcher. No heap after construction except for the dispatcher's lists.
 #pragma once
 
 #include "berth/can/dispatcher.hpp"
@@ -9,12 +9,12 @@ namespace berth::device {
 
 class Claiming final : private can::Handler, private research::ClaimOwner {
  public:
-  /// What the device does; called from jobs.
+  /// Implemented by the device; called from jobs.
   class Owner {
    public:
-    /// Use it: leave initialising, boot-up.
+    /// Use this node-ID: leave initialising, send the boot-up message.
     virtual void claimed(NodeId id) noexcept = 0;
-    /// Tell why, then reset communication without a node-ID.
+    /// Report the reason, then reset communication without a node-ID.
     virtual void claim_lost(NodeId id) noexcept = 0;
 
    protected:
@@ -25,12 +25,12 @@ class Claiming final : private can::Handler, private research::ClaimOwner {
         owner_(&owner),
         slave_(dispatcher.executor(), static_cast<research::ClaimOwner&>(*this), options) {}
 
-  /// Power comes on, with this address; it begins with `ready`.
+  /// Power comes on, with this address; claiming begins with `ready`.
   void power_on(const LssAddress& address) noexcept { slave_.set_address(address); }
   void power_off() noexcept;
-  /// A reset begins: the device hears nothing until `ready`.
+  /// A reset begins: the device receives nothing until `ready`.
   void resetting() noexcept;
-  /// The reset is over. `id`: in use; unconfigured: claim one.
+  /// The reset is over. `id`: in use; if unconfigured, claim one.
   void ready(NodeId id);
 
   [[nodiscard]] const research::ClaimSlave& slave() const noexcept { return slave_; }
@@ -43,8 +43,8 @@ class Claiming final : private can::Handler, private research::ClaimOwner {
 
   can::Dispatcher* dispatcher_;
   Owner* owner_;
-  research::ClaimSlave slave_;
-  NodeId claimed_;  // what a claim gave since power-on: not firm
+  nodeid::ClaimSlave slave_;
+  NodeId claimed_;  // claimed since power-on: not firm
 };
 
 }  // namespace berth::device

@@ -1,5 +1,5 @@
-/// Dictionaries made in code: the objects of CiA 301 that nearly every device has, so that a device maker only adds
-/// the device's own. A description file gives the same by room `eds`; whatever is added later replaces what was there.
+/// Dictionaries made in code: the objects of CiA 301 that nearly every device has, so that a device maker only adds the
+/// device's own. Room `eds` makes the same from a description file. An object added later replaces an earlier one.
 ///
 ///     od::DescriptionBuilder b;
 ///     device::add_device(b, {.name = "Thermometer"});
@@ -25,23 +25,23 @@ struct DeviceObjects {
   std::string_view hardware_version = {};  ///< 1009h; empty: no such object
   std::string_view software_version = {};  ///< 100Ah
   std::uint8_t errors_kept = 8;            ///< 1003h, 1..16
-  std::uint8_t supervised = 8;             ///< 1016h, entries 1..127
+  std::uint8_t supervised = 8;             ///< 1016h, 1..127 entries
   std::uint16_t heartbeat_ms = 0;          ///< 1017h
 };
 /// 1000h, 1001h, 1003h, 1008h, (1009h, 100Ah), 100Ch, 100Dh, 1014h..1018h, 1029h, 1200h.
 void add_device(od::DescriptionBuilder& builder, const DeviceObjects& objects = {});
-/// 1010h and 1011h with sub-indices 1..4, 1020h. Say so before the `Device` gets its memory: `memory_size`.
+/// 1010h and 1011h with sub-indices 1..4, 1020h. Call it before computing `memory_size` for the `Device`.
 void add_storage(od::DescriptionBuilder& builder);
-/// 1005h, 1006h, 1007h, 1019h: a consumer of SYNC 080h that 1005h bit 30 makes a producer.
+/// 1005h, 1006h, 1007h, 1019h: a consumer of SYNC 080h; 1005h bit 30 makes it a producer.
 void add_sync(od::DescriptionBuilder& builder);
 
 /// A PDO with 8 places for mapping entries, more when `map` is longer. The first four of each kind have their
-/// predefined identifier, all others are not valid until they are given one.
+/// predefined identifiers; all others are not valid until they get one.
 struct PdoObjects {
-  std::vector<co::PdoEntry> map = {};  ///< what it carries: object, sub-index, bits
+  std::vector<co::PdoEntry> map = {};  ///< mapped objects: object, sub-index, bits
   std::uint8_t type = 0xFF;            ///< transmission type
   std::uint16_t inhibit_100us = 0;     ///< TPDO
-  std::uint16_t event_timer_ms = 0;    ///< TPDO: sent at the latest after; RPDO: deadline
+  std::uint16_t event_timer_ms = 0;    ///< TPDO: longest time between two; RPDO: deadline
 };
 /// `number` 1..512.
 void add_tpdo(od::DescriptionBuilder& builder, unsigned number, const PdoObjects& pdo);

@@ -1,7 +1,7 @@
-/// A device's error control (CiA 301 §7.2.8.2.2; docs/protocols/cia301.md §Error control): the heartbeat that it sends
-/// (1017h), the nodes whose heartbeat it supervises (1016h), and guarding (100Ch, 100Dh), which its own heartbeat
-/// switches off. A node that is lost, and a master that stopped guarding, are 8130h and an error of 1029h:01; each node
-/// is an error of its own, so that one node's return is told while another is still away.
+/// A device's error control (CiA 301 §7.2.8.2.2; docs/protocols/cia301.md §Error control): the heartbeat that it
+/// sends (1017h), the nodes whose heartbeat it supervises (1016h), and guarding (100Ch, 100Dh), which its own heartbeat
+/// switches off. A lost node, or a master that stopped guarding, raises 8130h and an error of 1029h:01. Each node is an
+/// error of its own, so that the return of one is reported while another is still lost.
 ///
 /// No heap after construction.
 #pragma once
@@ -20,21 +20,21 @@ class ErrorControl final : private co::GuardingSlave::Observer,
                            private co::HeartbeatConsumer::Observer,
                            private od::Hook {
  public:
-  /// `never_seen`: by the device's clock, how long a node of 1016h may have no heartbeat before that is told; 0 = for
-  /// ever. `observer` hears of the nodes of 1016h. All must outlive it.
+  /// `never_seen`: by the device's clock, how long a node of 1016h may have no heartbeat before that is reported; 0 =
+  /// for ever. `observer` receives events of the nodes of 1016h. All must outlive it.
   ErrorControl(can::Dispatcher& dispatcher, od::Values& values, Errors& errors, const Host& host,
                rt::Duration never_seen, co::HeartbeatConsumer::Observer& observer);
 
-  /// Initialising is over, with this (configured) node-ID: the objects count as they are.
+  /// Initialising is over, with this (configured) node-ID: uses the objects' current values.
   void start(NodeId id, NmtState state) noexcept;
   void set_state(NmtState state) noexcept;
-  /// Nothing is sent, asked or supervised.
+  /// Sends, asks and supervises nothing.
   void stop() noexcept;
   /// A bit rate is being changed: no heartbeats until `speak`.
   void hush() noexcept { producer_.stop(); }
   void speak(NodeId id, NmtState state) noexcept { producer_.start(id, state); }
 
-  /// Bytes beyond itself.
+  /// Bytes held outside the object.
   [[nodiscard]] std::size_t memory() const noexcept { return consumer_size_; }
 
  private:

@@ -1,13 +1,13 @@
-/// The errors of a device, and where they show: emergency messages (1014h, 1015h), the error register 1001h, the
-/// pre-defined error field 1003h, and what an error does to the NMT state (1029h; CiA 301 §7.2.7, §7.5.2.3, §7.5.2.5,
-/// §7.5.2.17, §7.5.2.18, §7.5.2.32).
+/// The errors of a device and where they appear: emergency messages (1014h, 1015h), the error register 1001h, the
+/// pre-defined error field 1003h, and the effect of an error on the NMT state (1029h; CiA 301 §7.2.7, §7.5.2.3,
+/// §7.5.2.5, §7.5.2.17, §7.5.2.18, §7.5.2.32).
 ///
 ///     device.errors().raise(0x4210, co::error_register::temperature);   // EMCY, 1001h and 1003h follow
 ///     device.errors().clear(0x4210);
 ///
-/// Objects that the dictionary lacks have no effect; without 1014h messages go to 080h + node-ID. Writes to 1014h: the
-/// identifier may change only while the object is not valid before or after, to none that is restricted, else
-/// 0609 0030; 1003h:00 takes 0 only. No heap after construction.
+/// Objects that the dictionary lacks have no effect; without 1014h messages go to 080h + node-ID. Writes to 1014h may
+/// change the identifier only while the object is not valid before or after, and only to one that is not restricted;
+/// else 0609 0030. 1003h:00 accepts only 0. No heap after construction.
 #pragma once
 
 #include <array>
@@ -32,35 +32,35 @@ class Errors final : public co::ServiceOwner, private od::Hook {
     ~Owner() = default;
   };
   using Info = std::array<std::uint8_t, 5>;  ///< manufacturer-specific bytes of a message
-  /// Error classes of 1029h that the device itself knows.
+  /// Error classes of 1029h that the device itself uses.
   static constexpr std::uint8_t communication = 1;
 
   /// All must outlive it; `nmt` and `owner` are used after `start` only.
   Errors(can::Dispatcher& dispatcher, od::Values& values, co::NmtSlave& nmt, const Host& host, Owner& owner);
 
-  /// An error began, or is gone. False: it is active already, or was not. See `co::EmcyProducer`.
+  /// An error began, or is gone. False: it was active already, or was not active. See `co::EmcyProducer`.
   bool raise(std::uint16_t code, std::uint8_t register_bits, const Info& info = {}) noexcept {
     return raise(code, register_bits, info, 0);
   }
   bool clear(std::uint16_t code) noexcept { return clear(code, {}, 0); }
-  /// The same where one code has several sources, each an error of its own.
+  /// The same for a code with several sources, each of them an error of its own.
   bool raise(std::uint16_t code, std::uint8_t register_bits, const Info& info, std::uint8_t source) noexcept;
   bool clear(std::uint16_t code, const Info& info, std::uint8_t source) noexcept;
-  /// An error of the class 1029h:`error_class` has happened: changes the NMT state as that says (without such a
-  /// sub-index: pre-operational if operational). Class 0 does nothing, it is a count.
+  /// An error of the class 1029h:`error_class` happened: changes the NMT state as that object says (without such a
+  /// sub-index: pre-operational if operational). Class 0 does nothing; it is the number of entries.
   void behave(std::uint8_t error_class) noexcept;
   [[nodiscard]] bool active(std::uint16_t code) const noexcept { return emcy_.active(code); }
-  /// The messages themselves: what a gateway adds to them.
+  /// The emergency messages: for a gateway, which adds to them.
   [[nodiscard]] co::EmcyProducer& emcy() noexcept { return emcy_; }
 
-  /// The node-ID is in use: takes 1014h and 1015h as they are.
+  /// The node-ID is in use: reads 1014h and 1015h.
   void start() noexcept;
-  /// Whether the NMT state has EMCY (`co::Services::emcy`).
+  /// Whether the NMT state allows EMCY (`co::Services::emcy`).
   void enable(bool on) noexcept { emcy_.enable(on); }
-  /// Reset or power off: no error is active any more, nothing is said of it. 1003h keeps what it has.
+  /// Reset or power off: no error is active any more, and nothing is sent. 1003h keeps its content.
   void reset() noexcept { emcy_.reset(); }
 
-  /// Bytes beyond itself.
+  /// Bytes held outside the object.
   [[nodiscard]] std::size_t memory() const noexcept { return field_ ? sizeof(co::ErrorField) : 0; }
 
  private:
@@ -81,7 +81,7 @@ class Errors final : public co::ServiceOwner, private od::Hook {
   Owner* owner_;
   co::EmcyProducer emcy_;
   std::unique_ptr<co::ErrorField> field_;  // only with object 1003h
-  std::array<std::uint8_t, 4> shown_{};    // what `reading` shows
+  std::array<std::uint8_t, 4> shown_{};    // returned by `reading`
 };
 
 }  // namespace berth::device

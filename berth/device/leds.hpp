@@ -1,5 +1,5 @@
-/// The two indicators of a CANopen device (CiA 303-3; docs/protocols/cia301.md §Indicators): which of them is lit, by
-/// what the device is doing and the time. A pure function of time since its power-on: no timer, no state.
+/// The two indicators of a CANopen device (CiA 303-3; docs/protocols/cia301.md §Indicators): which are lit, by the
+/// device's state and the time since its power-on. A pure function: no timer, no state.
 #pragma once
 
 #include "berth/base/ids.hpp"
@@ -20,7 +20,7 @@ enum class Light : std::uint8_t {
   quadruple_flash
 };
 
-/// What the indicators show.
+/// The state of both indicators.
 struct Leds {
   Light green = Light::off;  ///< run: the NMT state
   Light red = Light::off;    ///< error
@@ -32,14 +32,14 @@ struct Lit {
   bool red = false;
   friend bool operator==(const Lit&, const Lit&) noexcept = default;
 };
-/// Whether each is lit now. Both flickering: in turn.
+/// Whether each is lit at this time. If both flicker, they do so in turn.
 [[nodiscard]] Lit lit(const Leds& leds, rt::Duration since_power_on) noexcept;
 
-/// What `leds` looks at. Of several errors one is shown, the first of: bus-off, LSS, invalid configuration, event
-/// timer, SYNC, error control, warning limit (more flashes before fewer).
+/// Input of `leds`. Of several errors it shows the first of: bus-off, LSS, invalid configuration, event timer, SYNC,
+/// error control, warning limit (more flashes before fewer).
 struct LedInputs {
   NmtState state = NmtState::initialising;
-  bool lss = false;               ///< LSS configuration state; without a node-ID alone all is dark
+  bool lss = false;               ///< LSS configuration state; without a node-ID and without it, all is dark
   bool program_download = false;  ///< runs
   bool bus_off = false;
   bool warning_limit = false;        ///< an error counter reached 96

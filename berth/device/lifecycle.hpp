@@ -1,4 +1,4 @@
-/// Power, resets and NMT states of a device: in which order its parts go on and off.
+/// Power, resets and NMT states of a device: the order in which its parts start and stop.
 ///
 ///     power_on             -> booting (hears nothing, `Timing::boot`) -> run
 ///     NMT or LSS resets    -> booting (`Timing::reset`)               -> run
@@ -6,7 +6,7 @@
 ///                             LSS and the other schemes hear
 ///     a scheme gives one   -> values of 1000h..1FFFh, boot-up
 ///
-/// An NMT state says which services run (`co::services_in`); error control follows each state.
+/// The NMT state decides which services run (`co::services_in`); error control follows each state.
 #pragma once
 
 #include "berth/co/nmt_slave.hpp"
@@ -21,7 +21,7 @@ class Lifecycle final : private co::NmtSlave::Owner,
  public:
   class Owner {
    public:
-    /// The ground truth changed: power, NMT state, one of the node-IDs. Must only look.
+    /// The ground truth changed: power, NMT state, one of the node-IDs. Must only read.
     virtual void device_changed() noexcept = 0;
 
    protected:
@@ -29,16 +29,16 @@ class Lifecycle final : private co::NmtSlave::Owner,
   };
   /// Off until `power_on`. All must outlive it.
   Lifecycle(const Surroundings& on, const Options& options, od::Values& values, Owner& owner);
-  /// Says nothing on the bus, and calls nothing.
+  /// Sends nothing on the bus, and calls nothing.
   ~Lifecycle();
 
-  /// As `Device::power_on` and `Device::power_off`.
+  /// See `Device::power_on` and `Device::power_off`.
   void power_on() noexcept;
   void power_off() noexcept;
   [[nodiscard]] bool powered() const noexcept { return parts_.lss.powered(); }
-  /// Powered, hears nothing yet: after power-on or during a reset.
+  /// Powered but not receiving yet: after power-on or during a reset.
   [[nodiscard]] bool booting() const noexcept { return begins_.has_value(); }
-  /// Of the controller.
+  /// Status of the controller.
   [[nodiscard]] can::Status status() const noexcept { return dispatcher_->port().status(); }
   [[nodiscard]] co::NmtSlave& nmt() noexcept { return nmt_; }
   [[nodiscard]] const co::NmtSlave& nmt() const noexcept { return nmt_; }
@@ -71,7 +71,7 @@ class Lifecycle final : private co::NmtSlave::Owner,
   co::NmtSlave nmt_;
   DeviceParts parts_;
   std::optional<Reset> begins_;
-  bool unsaved_ = false;  // `Timing::needs_first_save`: as it was found when the firmware started
+  bool unsaved_ = false;  // `Timing::needs_first_save`: as found when the firmware started
 };
 
 }  // namespace berth::device

@@ -1,6 +1,6 @@
-/// A device's part in the negotiation of node-IDs (paper 2): lets `research::Negotiator` hear and send through the
-/// device's dispatcher, keeps the last node-ID in non-volatile memory, and tells the device what to do. No heap after
-/// construction beyond what the dispatcher's lists grow to.
+/// A device's part in the negotiation of node-IDs (paper 2): connects `nodeid::Negotiator` to the device's dispatcher,
+/// keeps the last node-ID in non-volatile memory, and instructs the device. No heap after construction except for the
+/// dispatcher's lists.
 #pragma once
 
 #include "berth/can/dispatcher.hpp"
@@ -9,11 +9,11 @@
 
 namespace berth::device {
 
-/// Does the device negotiate a node-ID when it has none (paper 2)?
+/// Whether the device negotiates a node-ID when it has none (paper 2).
 enum class NegotiationMode : std::uint8_t {
   off,
   on,       ///< an established node defends its node-ID
-  literal,  ///< with the paper's conflict rule: both lose theirs (S2.17)
+  literal,  ///< with the paper's conflict rule: both nodes lose their node-ID (S2.17)
 };
 
 class Negotiation final : private can::Handler,
@@ -22,13 +22,13 @@ class Negotiation final : private can::Handler,
                           private NvMemory::Done,
                           private rt::Job {
  public:
-  /// What the device does; called from jobs.
+  /// Implemented by the device; called from jobs.
   class Owner {
    public:
-    /// Use it: leave initialising, boot-up.
+    /// Use this node-ID: leave initialising, send the boot-up message.
     virtual void negotiated(NodeId id) noexcept = 0;
-    /// Tell why, then reset communication without a node-ID.
-    virtual void negotiation_lost(NodeId id, research::IdLoss why) noexcept = 0;
+    /// Report the reason, then reset communication without a node-ID.
+    virtual void negotiation_lost(NodeId id, nodeid::IdLoss why) noexcept = 0;
     virtual void negotiation_failed() noexcept = 0;  ///< all 127 are in use
     virtual void negotiation_kept(NodeId id) noexcept = 0;
     [[nodiscard]] virtual rt::Duration in_world(rt::Duration own) const noexcept = 0;
@@ -36,29 +36,29 @@ class Negotiation final : private can::Handler,
    protected:
     ~Owner() = default;
   };
-  /// Where in a device's memory the last node-ID stands, and how many bytes it may take.
+  /// Place of the last node-ID in a device's memory, and how many bytes it may take.
   static constexpr std::size_t memory_at = 32;
-  /// Another scheme's request to this device stops the negotiation for so long (SX.6).
+  /// A request of another scheme to this device stops the negotiation for so long (SX.6).
   static constexpr rt::Duration pause_for_others = std::chrono::seconds(2);
 
-  /// `memory`: null = the last node-ID is forgotten with the power.
-  Negotiation(can::Dispatcher& dispatcher, Owner& owner, NvMemory* memory, const research::NegotiatorOptions& options);
+  /// `memory`: null = the last node-ID is lost at power-off.
+  Negotiation(can::Dispatcher& dispatcher, Owner& owner, NvMemory* memory, const nodeid::NegotiatorOptions& options);
   ~Negotiation();
 
-  /// Power comes on, with this address; it begins with `ready`.
+  /// Power comes on, with this address; negotiation begins with `ready`.
   void power_on(const LssAddress& address) noexcept;
   void power_off() noexcept;
-  /// A reset begins: the device hears nothing until `ready`.
+  /// A reset begins: the device receives nothing until `ready`.
   void resetting() noexcept;
-  /// The reset is over. `id`: in use; unconfigured: negotiate.
+  /// The reset is over. `id`: in use; if unconfigured, negotiate.
   void ready(NodeId id) noexcept;
-  /// Another scheme talks to this device.
+  /// Another scheme addresses this device.
   void others_at_work() noexcept { negotiator_.suspend(pause_for_others); }
   /// Another node sent under this device's identifiers.
   void doubled() noexcept { negotiator_.doubled(); }
 
-  [[nodiscard]] const research::Negotiator& negotiator() const noexcept { return negotiator_; }
-  /// The last node-ID, as memory has it.
+  [[nodiscard]] const nodeid::Negotiator& negotiator() const noexcept { return negotiator_; }
+  /// The last node-ID in memory.
   [[nodiscard]] NodeId last() const noexcept { return last_; }
 
  private:
@@ -82,12 +82,12 @@ class Negotiation final : private can::Handler,
   can::Dispatcher* dispatcher_;
   Owner* owner_;
   std::optional<NvRecord> record_;
-  research::NegotiatorOptions options_;
-  research::Negotiator negotiator_;
-  NodeId last_;        // to be preferred; is kept in memory
-  NodeId negotiated_;  // what the negotiation gave since power-on: not firm
+  nodeid::NegotiatorOptions options_;
+  nodeid::Negotiator negotiator_;
+  NodeId last_;        // preferred; kept in memory
+  NodeId negotiated_;  // negotiated since power-on: not firm
   bool hears_ = false;
-  bool lost_ = false;  // the reset under way is because of it
+  bool lost_ = false;  // the reset under way is because the node-ID was lost
 };
 
 }  // namespace berth::device

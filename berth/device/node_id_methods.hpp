@@ -1,7 +1,7 @@
-/// The ways to a node-ID besides LSS that a device answers: RAND, AND. One object that the device owns, so that the
-/// device itself only hands frames over. No heap after construction, no exceptions.
+/// The methods besides LSS that assign a node-ID to a device and that it answers: RAND, AND. One object owned by the
+/// device, which only passes frames. No heap after construction, no exceptions.
 ///
-/// Where two schemes share identifiers (S1.24) each decodes only what is its own by its bits.
+/// If two schemes share identifiers (S1.24), the bits of a frame show whose it is; each decodes only its own.
 #pragma once
 
 #include <cstdint>
@@ -13,11 +13,11 @@
 
 namespace berth::device {
 
-/// How RAND requests are answered.
+/// When RAND requests are answered.
 enum class RandMode : std::uint8_t {
   off,
   on,       ///< in every LSS state
-  literal,  ///< in LSS configuration state only, as paper 1 has it (S1.31)
+  literal,  ///< only in LSS configuration state, as paper 1 says (S1.31)
 };
 
 class NodeIdMethods {
@@ -30,13 +30,14 @@ class NodeIdMethods {
   };
   explicit NodeIdMethods(const Options& options) noexcept;
 
-  /// Power comes on, with this address: everything is forgotten.
+  /// Power comes on, with this address: forgets everything.
   void power_on(const LssAddress& address) noexcept;
-  /// Lets `ear` hear the requests of the methods that are on.
+  /// Registers `ear` for the requests of the enabled methods.
   void listen(can::Dispatcher& dispatcher, can::Handler& ear) const;
-  /// True for a request that `handle` would look at.
+  /// True for a request that `handle` would process.
   [[nodiscard]] bool hears(std::uint32_t key) const noexcept;
-  /// One frame that `hears` is true for. The answer, if there is one. `in_lss_configuration`: the device's LSS state.
+  /// Processes one frame for which `hears` is true and returns the answer, if any. `in_lss_configuration`: the device's
+  /// LSS state.
   std::optional<can::Frame> handle(const can::Frame& frame, bool in_lss_configuration) noexcept;
 
   [[nodiscard]] nodeid::Identification identification() const noexcept { return rand_.state(); }

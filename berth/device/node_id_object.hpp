@@ -1,9 +1,12 @@
-/// A node-ID that is an object: how devices without LSS are often told theirs (paper 4; S4.2). Written, kept in
-/// non-volatile memory (with a signature in another object where the maker wants one), and in use after a reset. The
-/// write that stores it is answered when it is in memory.
+/// A node-ID that is an object: devices without LSS often get theirs so (paper 4; S4.2). The object is written, kept in
+/// non-volatile memory (with a signature in another object if the maker wants one), and in use after a reset. The write
+/// that stores it is answered when it is in memory.
 ///
-/// Refused: no node-ID of 1 to 127, or bytes after it that are not 0: 0609 0030; another signature, or one without a
-/// node-ID before it: 0800 0020; while memory is being written: 0800 0022; a memory that fails: 0606 0000.
+/// Refused:
+/// - not a node-ID of 1 to 127, or bytes after it that are not 0: 0609 0030
+/// - another signature, or one without a node-ID before it: 0800 0020
+/// - while memory is being written: 0800 0022
+/// - a memory that fails: 0606 0000
 #pragma once
 
 #include "berth/co/sdo_servers.hpp"
@@ -20,7 +23,7 @@ class NodeIdObject final : private od::Hook, private NvMemory::Done {
   NodeIdObject(od::Values& values, co::SdoServers& sdo, const Options& options, LssSlave& lss,
                const StoredObjects& stored);
 
-  /// The object's value is the active node-ID.
+  /// Sets the object's value to the active node-ID.
   void show() noexcept;
 
  private:
@@ -35,7 +38,7 @@ class NodeIdObject final : private od::Hook, private NvMemory::Done {
   const Options* options_;
   LssSlave* lss_;
   const StoredObjects* stored_;
-  ObjectRef awaited_{};  // the write that is pending: of the node-ID's object or of its signature's
+  ObjectRef awaited_{};  // the pending write: of the node-ID's object or of its signature's
 };
 
 }  // namespace berth::device

@@ -1,8 +1,8 @@
-/// The schemes besides LSS by which a device comes to a node-ID: RAND and AND, which it answers (`NodeIdMethods`), the
-/// negotiation of paper 2 (`Negotiation`) and claiming as SAE J1939-81 has it (`Claiming`). A master that works on the
-/// device by LSS, RAND or AND shall not be raced: while it does, the negotiation waits (SX.6).
+/// The schemes besides LSS that give a device a node-ID: RAND and AND, which it answers (`NodeIdMethods`), the
+/// negotiation of paper 2 (`Negotiation`) and claiming as in SAE J1939-81 (`Claiming`). While a master works on the
+/// device by LSS, RAND or AND, the negotiation waits (SX.6).
 ///
-/// No heap after construction beyond what the dispatcher's lists grow to.
+/// No heap after construction except for the dispatcher's lists.
 #pragma once
 
 #include <memory>
@@ -21,12 +21,12 @@ class NodeIdSchemes final : public OwnIdentifiers::Owner,
                             private Negotiation::Owner,
                             private Claiming::Owner {
  public:
-  /// What the device does; called from jobs, or while a frame is heard.
+  /// Implemented by the device; called from jobs, or when a frame is received.
   class Owner {
    public:
-    /// `id` was negotiated or claimed and is active: leave initialising, boot-up.
+    /// `id` was negotiated or claimed and is active: leave initialising, send the boot-up message.
     virtual void node_id_given(NodeId id) noexcept = 0;
-    /// It lost its node-ID to another node, the error is raised: reset communication without one.
+    /// The device lost its node-ID to another node, and the error is raised: reset communication without one.
     virtual void node_id_lost() noexcept = 0;
     /// The negotiation failed: all 127 are in use.
     virtual void changed() noexcept = 0;
@@ -34,24 +34,24 @@ class NodeIdSchemes final : public OwnIdentifiers::Owner,
    protected:
     ~Owner() = default;
   };
-  /// `memory`: where the last negotiated node-ID is kept; null = it is not. All must outlive it.
+  /// `memory`: for the last negotiated node-ID; null = it is not kept. All must outlive it.
   NodeIdSchemes(can::Dispatcher& dispatcher, const Options& options, NvMemory* memory, const Host& host, LssSlave& lss,
                 Errors& errors, Owner& owner);
 
-  /// @name Power and resets, as the device orders them
+  /// @name Power and resets, called by the device
   /// @{
-  /// Behind `LssSlave::power_on`.
+  /// Call after `LssSlave::power_on`.
   void power_on() noexcept;
   void power_off() noexcept;
-  /// A reset begins: hears nothing until `listen` and `ready`.
+  /// A reset begins: receives nothing until `listen` and `ready`.
   void resetting() noexcept;
-  /// Hears RAND and AND requests.
+  /// Receives RAND and AND requests.
   void listen();
-  /// The reset is over. `id`: in use; unconfigured: negotiate, or claim one.
+  /// The reset is over. `id`: in use; if unconfigured, negotiate or claim one.
   void ready(NodeId id);
   /// @}
 
-  /// A master asks, by LSS or by one of these schemes; `answered`: by this device.
+  /// A master sent a request, by LSS or by one of these schemes; `answered`: by this device.
   void master_heard(bool answered) noexcept;
   /// Another node sent with this device's identifiers.
   void doubled() noexcept override;
@@ -65,7 +65,7 @@ class NodeIdSchemes final : public OwnIdentifiers::Owner,
     return negotiation_ ? &negotiation_->negotiator() : nullptr;
   }
 
-  /// Bytes beyond itself.
+  /// Bytes held outside the object.
   [[nodiscard]] std::size_t memory() const noexcept {
     return (negotiation_ ? sizeof(Negotiation) : 0) + (claiming_ ? sizeof(Claiming) : 0);
   }

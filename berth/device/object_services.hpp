@@ -1,6 +1,6 @@
-/// The services of CiA 301 that go by the dictionary: the SDO servers, and PDO, SYNC, TIME and the emergency consumer
-/// when it has their objects. They run in the NMT states that have them (`co::Services`), tell the application what
-/// they hear, and report their errors to the device's.
+/// The services of CiA 301 that depend on the dictionary: the SDO servers, and PDO, SYNC, TIME and the emergency
+/// consumer if it has their objects. They run in the NMT states that allow them (`co::Services`), report what they
+/// receive to the application, and their errors to the device.
 #pragma once
 
 #include <cstddef>
@@ -19,16 +19,16 @@ namespace berth::device {
 
 class ObjectServices final : public Errors::Owner {
  public:
-  /// `pdos`: what `co::Pdos` is made with. All must outlive it.
+  /// `pdos`: options for `co::Pdos`. All must outlive it.
   ObjectServices(can::Dispatcher& dispatcher, od::Values& values, Application& application, co::ServiceOwner& owner,
                  const co::Pdos::Options& pdos);
 
-  /// The device, which has the node-ID `id`, enters an NMT state that has the services `now`, from one that had `was`.
+  /// The device, whose node-ID is `id`, enters an NMT state with the services `now`, from one with `was`.
   void change(const co::Services& was, const co::Services& now, NodeId id) noexcept;
 
-  /// An event of TPDO 1..512 (types 00h, FEh, FFh); false when it is not active or knows no events.
+  /// An event of TPDO 1..512 (types 00h, FEh, FFh); false when it is not active or has no events.
   bool event(unsigned tpdo) noexcept { return pdos_ && pdos_->event(tpdo); }
-  /// The object's value was changed by the local side: an event of the TPDOs that map it. False: none does.
+  /// The local side changed the object's value: an event for the TPDOs that map it. False: none does.
   bool changed(ObjectRef object) noexcept { return pdos_ && pdos_->changed(object); }
   /// Sends a TIME message; `closed`: no producer (1012h bit 30), or not in a state with TIME.
   can::Queued send_time(const co::TimeOfDay& time) noexcept { return time_ ? time_->send(time) : can::Queued::closed; }
@@ -38,7 +38,7 @@ class ObjectServices final : public Errors::Owner {
   /// As a consumer of SYNC: none came for 1.5 times 1006h.
   [[nodiscard]] bool sync_missing() const noexcept { return sync_ && sync_->missing(); }
 
-  /// Bytes beyond itself.
+  /// Bytes held outside the object.
   [[nodiscard]] std::size_t memory() const noexcept;
 
  private:

@@ -1,4 +1,4 @@
-/// What a device is made with.
+/// Options of a device.
 #pragma once
 
 #include <optional>
@@ -19,14 +19,14 @@ enum class NodeIdSource : std::uint8_t {
   fixed,        ///< firmware, switches or plug: LSS configure node-ID is answered "out of range"
 };
 
-/// An object whose write is believed only with this value: "save", a password.
+/// The value without which a write of this object is refused: "save", a password.
 struct Signature {
   ObjectRef object;
   std::uint64_t value = 0;  ///< little-endian on the wire
 };
 
-/// The node-ID is this object too (1 byte or more; the dictionary must have it): a write is stored at once, or with the
-/// signature's, and in use after the next reset.
+/// This object is the node-ID too (1 byte or more; the dictionary must have it): a write is stored at once, or with the
+/// signature's, and used after the next reset.
 struct NodeIdAsObject {
   ObjectRef object;
   std::optional<Signature> signature = {};
@@ -34,23 +34,23 @@ struct NodeIdAsObject {
 
 /// How a device behaves as an LSS slave.
 struct LssOptions {
-  bool on = true;                                            ///< it is one
+  bool on = true;                                            ///< it is an LSS slave
   bool fastscan = true;                                      ///< answers LSS Fastscan (51h)
   lss::Feedback feedback = lss::Feedback::none;              ///< with `fastscan`
   std::uint16_t feedback_base = lss::default_feedback_base;  ///< `Feedback::base`: first of the sixteen identifiers
-  LssHabit habit = LssHabit::none;                           ///< as a known stack's slave does
-  std::uint64_t habit_seed = 0;                              ///< of what such a slave does at random
-  lss::LackSet without{};                                    ///< answers none of these services
+  LssHabit habit = LssHabit::none;                           ///< behave like a known stack's slave
+  std::uint64_t habit_seed = 0;                              ///< for the random behaviour of such a slave
+  lss::LackSet without{};                                    ///< never answers these services
   bool stores = true;               ///< false: LSS store (17h) is answered 01, and nothing is stored
   bool short_answers = false;       ///< leaves out the zeros at the end of an answer
-  bool changes_at_waiting = false;  ///< a configured device takes a new node-ID already at `04 00`
+  bool changes_at_waiting = false;  ///< a configured device uses a new node-ID already at `04 00`
 };
 
 struct Options {
   LssAddress address{};  ///< identity, 1018h:01..04
   NodeIdSource source = NodeIdSource::nonvolatile;
-  NodeId node_id{};            ///< fixed, or what blank memory counts as
-  std::uint32_t bit_rate = 0;  ///< what blank memory counts as, bit/s; 0 or not in CiA's table: the port's own is kept
+  NodeId node_id{};            ///< fixed, or the value for blank memory
+  std::uint32_t bit_rate = 0;  ///< value for blank memory, bit/s; 0 or not in CiA's table: the port's own is kept
   LssOptions lss{};
   RandMode rand = RandMode::on;
   bool rand_resume = false;   ///< RAND's extension: answers for any prefix of its address (docs/rand.md)
@@ -59,13 +59,14 @@ struct Options {
   NegotiationMode negotiation = NegotiationMode::off;
   research::NegotiatorOptions negotiator{};  ///< with `negotiation`; its address and `literal` are the device's
   bool detect_collision = true;            ///< reports another node that sends with its identifiers (EMCY 8150h; SX.7)
-  rt::Duration never_seen{0};        ///< a node in 1016h with no heartbeat for so long is told (`Callbacks`); 0 = no
-  rt::Duration bus_off_recovery{0};  ///< restarts its controller so long after bus-off; 0 = never
+  rt::Duration never_seen{0};        ///< reports a node in 1016h that has had no heartbeat for so long (`Callbacks`); 0
+                                     ///< = no
+  rt::Duration bus_off_recovery{0};  ///< restarts its controller this long after bus-off; 0 = never
   std::optional<NodeIdAsObject> node_id_object{};
   std::string name{};                   ///< 1008h; empty: as described
-  std::span<const std::uint8_t> eds{};  ///< what 1021h uploads; must outlive the device; empty: as described (no data)
+  std::span<const std::uint8_t> eds{};  ///< uploaded from 1021h; must outlive the device; empty: as described (no data)
   std::vector<Preset> presets{};
-  GroupOf parameter_group = default_parameter_group;  ///< what 1010h stores, by sub-index
+  GroupOf parameter_group = default_parameter_group;  ///< which values 1010h stores, by sub-index
   bool send_tpdos_at_start = true;                    ///< types FEh and FFh: once when operational is entered
 };
 

@@ -1,6 +1,6 @@
-/// The identifiers that only this node may send with, and whether another node does (SX.7):
-/// those of its SDO answers, its error control and its EMCYs, and of SYNC and TIME when it produces them. Another's
-/// frame with one of them is 8150h "CAN-ID collision". Those of TPDOs are `co::Pdos`'s.
+/// Watches for other nodes that send with this node's identifiers (SX.7): those of its SDO answers, its error control
+/// and its EMCYs, and of SYNC and TIME if it produces them. A frame from another node raises 8150h "CAN-ID collision".
+/// `co::Pdos` watches those of TPDOs.
 #pragma once
 
 #include "berth/co/nmt_slave.hpp"
@@ -13,17 +13,17 @@ class OwnIdentifiers final : private can::Handler, private od::Hook {
  public:
   class Owner {
    public:
-    /// Another node sent with an identifier of this one; the error is raised.
+    /// Another node sent with an identifier of this one; the error has been raised.
     virtual void doubled() noexcept = 0;
 
    protected:
     ~Owner() = default;
   };
-  /// `on`: it listens at all. All must outlive it.
+  /// `on`: whether it listens at all. All must outlive it.
   OwnIdentifiers(can::Dispatcher& dispatcher, od::Values& values, const co::NmtSlave& nmt, Errors& errors, Owner& owner,
                  bool on);
 
-  /// A node-ID is in use: hears the identifiers as the objects are now, and from then on follows them.
+  /// A node-ID is in use: listens to the identifiers in the objects, and follows their changes.
   void listen() noexcept;
   void stop() noexcept { dispatcher_->remove(*this); }
 

@@ -1,5 +1,5 @@
-/// The parts of a device, each of which owns its state: made with references to those above it in this list (services
-/// and errors know each other), and tried alone in `tests/device`. In which order they go on and off says `Lifecycle`.
+/// The parts of a device, each of which owns its state. Each gets references to those above it in this list (services
+/// and errors know each other); `tests/device` tests each alone. `Lifecycle` orders their start and stop.
 #pragma once
 
 #include <memory>
@@ -19,11 +19,11 @@
 
 namespace berth::device {
 
-/// What a device is put on. All must outlive it.
+/// The surroundings of a device. All must outlive it.
 struct Surroundings {
   can::Dispatcher* dispatcher;
   NvMemory* memory;  ///< null: nothing is stored
-  TimedPort* port;   ///< beneath the dispatcher, when it is this device's own; else null
+  TimedPort* port;   ///< beneath the dispatcher, if it is this device's own; else null
   Timing timing;
   ProgramOptions programs;
 };
@@ -45,7 +45,7 @@ struct DeviceParts {
   std::unique_ptr<NodeIdObject> node_id_object;  ///< only with Options::node_id_object
   std::unique_ptr<Programming> programming;      ///< only with a memory for programs
 
-  /// Bytes beyond itself.
+  /// Bytes held outside the object.
   [[nodiscard]] std::size_t memory() const noexcept;
 };
 

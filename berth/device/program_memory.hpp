@@ -1,11 +1,11 @@
-/// The programs of a device in its flash memory: for each one or two images, written so that a power loss at any byte
-/// leaves the old program, the new one or none, and never a mixed one.
+/// The programs of a device in its flash memory: one or two images of each. A power loss at any byte leaves the old
+/// program, the new one or none, never a mixed one.
 ///
 ///     slot = head (32 bytes) | content, both from the beginning of a sector
 ///     head = sequence U32 | length U32 | date U32 | time U32 | CRC-32 of the content | 0 U32, twice | CRC-32 before
 ///
-/// A download goes to a slot that holds no valid image (of two: the other one), and its head is written last. Clearing
-/// takes the older image first. The content's CRC-32 is its identification (1F56h).
+/// A download goes to a slot without a valid image (of two: the other one), and its head is written last. Clearing
+/// erases the older image first. The content's CRC-32 is its identification (1F56h).
 #pragma once
 
 #include <array>
@@ -17,7 +17,7 @@
 
 namespace berth::device {
 
-/// How a device keeps its programs.
+/// How a device stores its programs.
 struct ProgramLayout {
   std::uint8_t count = 1;        ///< programs, 1..254
   unsigned images = 2;           ///< of each, 1 or 2
@@ -32,23 +32,23 @@ class ProgramMemory final : private NvMemory::Done {
 
   class Owner {
    public:
-    /// What was begun has ended: clearing, making room, a piece, the end; from a job. False: the medium refused.
+    /// An action has ended: clearing, making room, a piece, the end; called from a job. False: the medium refused.
     virtual void memory_ready(bool ok) noexcept = 0;
 
    protected:
     ~Owner() = default;
   };
 
-  /// Bytes of memory that the programs take.
+  /// Bytes of memory for the programs.
   [[nodiscard]] static std::size_t footprint(const ProgramLayout& layout) noexcept;
 
-  /// What the first program's first slot holds when it has this program: for memories that are made with one.
+  /// Content of the first program's first slot if it has this program: for memories that are made with one.
   [[nodiscard]] static std::vector<std::uint8_t> holding(const ProgramHead& head,
                                                          std::span<const std::uint8_t> content);
 
   ProgramMemory(NvMemory& memory, const ProgramLayout& layout, Owner& owner);
 
-  /// Power-on: forgets what was under way and looks which images are whole. Reads them all, for their CRCs.
+  /// Power-on: forgets unfinished actions and finds the complete images. Reads them all, for their CRCs.
   void load() noexcept;
   /// Power loss, or the firmware restarts: the write under way stops where it is.
   void forget() noexcept;
@@ -68,11 +68,11 @@ class ProgramMemory final : private NvMemory::Done {
   void read(std::uint8_t number, std::size_t at, std::span<std::uint8_t> into) const noexcept;
   [[nodiscard]] bool busy() const noexcept { return work_ != Work::none; }
 
-  /// Begins to make the program's memory blank; false: busy.
+  /// Begins to blank the program's memory; false: busy.
   [[nodiscard]] bool clear(std::uint8_t number) noexcept;
   enum class Begun : std::uint8_t {
     ready,        ///< pieces may be put
-    soon,         ///< when the owner is told
+    soon,         ///< when the owner is called
     not_cleared,  ///< the only image is not blank
     busy,
   };
@@ -80,14 +80,14 @@ class ProgramMemory final : private NvMemory::Done {
   [[nodiscard]] Begun begin(std::uint8_t number) noexcept;
   enum class Put : std::uint8_t {
     taken,    ///< more may be put at once
-    waits,    ///< taken; more when the owner is told
+    waits,    ///< taken; more when the owner is called
     refused,  ///< by the medium
   };
-  /// The next bytes, copied: 1 to `longest_piece`; the caller looks that all fit `longest`, and waits.
+  /// Copies the next 1 to `longest_piece` bytes; the caller checks that all fit `longest`, and waits.
   [[nodiscard]] Put put(std::span<const std::uint8_t> bytes) noexcept;
-  /// All is put, and right: the head is written after it, and the owner told. `head`: date and time.
+  /// All bytes were put and are correct: writes the head after them and calls the owner. `head`: date and time.
   void end(const ProgramHead& head) noexcept;
-  /// What was put is no program; its slot is not blank any more.
+  /// The bytes put are no program; the slot is no longer blank.
   void abandon() noexcept;
 
  private:
@@ -116,12 +116,12 @@ class ProgramMemory final : private NvMemory::Done {
   ProgramHead ending_;
   Work work_ = Work::none;
   std::uint8_t number_ = 1;
-  unsigned slot_ = 0;        // that is being written or erased
-  unsigned erased_ = 0;      // slots that clearing has done
+  unsigned slot_ = 0;        // being written or erased
+  unsigned erased_ = 0;      // slots that clearing has erased
   std::size_t put_ = 0;      // bytes taken
   std::size_t flashed_ = 0;  // bytes in the memory
   std::uint32_t crc_ = 0;
-  unsigned next_piece_ = 0;  // that is in the memory's hands, or the next to be
+  unsigned next_piece_ = 0;  // in the memory's hands, or the next to be
   bool writes_ = false;
   bool owner_waits_ = false;
 };

@@ -1,4 +1,4 @@
-/// A device's programs as the device has them: their restart is NMT reset node, their answers are the SDO servers'.
+/// Connects a device's programs to the device: NMT reset node restarts them, the SDO servers answer for them.
 #pragma once
 
 #include <memory>

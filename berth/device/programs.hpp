@@ -1,18 +1,21 @@
-/// A device that is programmed over the bus (CiA 302-3; docs/programs.md): its boot loader, and the objects that a
-/// manager sees.
+/// A device that is programmed over the bus (CiA 302-3; docs/programs.md): its boot loader, and the objects for a
+/// manager.
 ///
 ///     1F50h:n  takes the image of program n, n = 1..count          1F56h:n  its identification: the content's CRC-32
 ///     1F51h:n  stops, starts, resets and clears it                 1F57h:n  whether the flash memory is busy, and an
 ///     error 1F52h    date and time of the latest program
 ///
-/// Program 1 is the device's own: while it does not run, the device is in its boot loader. That has the same objects,
-/// answers SDO and does not become operational. At power-on, and by NMT reset node, what is valid is started. Stopping
-/// program 1 restarts the device into its boot loader, starting it restarts the device out of that; the SDO answer
-/// leaves before. The other programs start and stop without that.
+/// Program 1 is the device's own: while it does not run, the device is in its boot loader. The loader has the same
+/// objects, answers SDO and does not become operational. Power-on and NMT reset node start the valid programs. Stopping
+/// program 1 restarts the device into its boot loader, starting it restarts the device out of the loader; the SDO
+/// answer is sent before. The other programs start and stop without a restart.
 ///
-/// Refused: a download or clearing of a program that is started, and everything while the memory is busy: 0800 0022; a
-/// start without a valid program: 0800 0024; another command: 0609 0030; an image that is longer than `longest`:
-/// 0504 0005; one that is not for this product, or damaged: 0800 0020, and 1F57h says which.
+/// Refused:
+/// - a download or clearing of a started program, and everything while the memory is busy: 0800 0022
+/// - a start without a valid program: 0800 0024
+/// - another command: 0609 0030
+/// - an image longer than `longest`: 0504 0005
+/// - an image that is damaged or for another product: 0800 0020; 1F57h says which
 #pragma once
 
 #include <vector>
@@ -29,7 +32,7 @@ namespace berth::device {
 struct ProgramOptions {
   NvMemory* memory = nullptr;  ///< `ProgramMemory::footprint` bytes; null: the device has no programs
   ProgramLayout layout;
-  bool checked = true;  ///< only images with a head (program_image.hpp) are taken; else any bytes are a program
+  bool checked = true;  ///< accept only images with a head (program_image.hpp); else any bytes are a program
   rt::Duration restart = std::chrono::milliseconds(10);  ///< from the answer to a stop or start to the restart
 };
 /// 1F50h to 1F52h, 1F56h, 1F57h, for so many programs.
@@ -38,35 +41,35 @@ void add_programs(od::DescriptionBuilder& builder, std::uint8_t count = 1);
 /// Errors of 1F57h, bits 1 to 7.
 enum class FlashError : std::uint8_t {
   none = 0,
-  no_program = 1,   ///< none that is valid
-  format = 2,       ///< not known
+  no_program = 1,   ///< no valid one
+  format = 2,       ///< unknown
   damaged = 3,      ///< format or CRC; also: of another product
-  not_cleared = 4,  ///< before it was written
+  not_cleared = 4,  ///< before writing
   write = 5,
-  address = 6,  ///< it does not fit
+  address = 6,  ///< does not fit
 };
 
 class Programs final : private od::Hook, private od::Stream, private ProgramMemory::Owner, private rt::Job {
  public:
   class Owner {
    public:
-    /// The firmware restarts, as by NMT reset node.
+    /// Restart the firmware, as NMT reset node does.
     virtual void restart() noexcept = 0;
-    /// The write of `object` that is pending has its answer.
+    /// Answer the pending write of `object`.
     virtual void answer(ObjectRef object, od::AbortCode code) noexcept = 0;
 
    protected:
     ~Owner() = default;
   };
 
-  /// `values` must have the objects (`add_programs`); `type` is the product whose images are taken.
+  /// `values` must have the objects (`add_programs`); images for the product `type` are accepted.
   Programs(rt::Executor& executor, od::Values& values, const ProgramOptions& options, TypeCode type, Owner& owner);
 
   void power_on() noexcept;
   void power_off() noexcept;
-  /// The firmware has started anew: after NMT reset node, or after `Owner::restart`.
+  /// The firmware has restarted: after NMT reset node, or after `Owner::restart`.
   void restarted() noexcept;
-  /// Program 1 runs; else the device is in its boot loader.
+  /// True if program 1 runs; else the device is in its boot loader.
   [[nodiscard]] bool runs() const noexcept { return started_[0]; }
   [[nodiscard]] bool runs(std::uint8_t number) const noexcept { return started_[number - 1U]; }
   [[nodiscard]] bool downloading() const noexcept { return open_; }
@@ -99,13 +102,13 @@ class Programs final : private od::Hook, private od::Stream, private ProgramMemo
   std::vector<FlashError> errors_;
   std::array<std::uint8_t, ProgramHead::size> raw_head_{};
   ProgramHead head_;
-  ObjectRef awaited_{};       // the write that is pending; 0: none
+  ObjectRef awaited_{};       // the pending write; 0: none
   std::size_t received_ = 0;  // bytes of the image
-  std::size_t content_ = 0;   // of these, of its content
+  std::size_t content_ = 0;   // content bytes among them
   std::uint32_t crc_ = 0;     // of the content
-  std::uint8_t number_ = 1;   // of the download or clearing under way
+  std::uint8_t number_ = 1;   // for the download or clearing under way
   bool open_ = false;         // a download
-  bool into_loader_ = false;  // the next restart goes there
+  bool into_loader_ = false;  // the next restart enters the loader
   std::array<std::uint8_t, 4> shown_{};
 };
 

@@ -1,7 +1,8 @@
-/// What a device's objects hold after a reset, and what is kept of them: in layers the description's default, a
-/// `Preset`, what 1010h stored, and the device's identity (1018h, 1008h). 1010h "save" and 1011h "load" are answered
-/// when the memory has done it (`ParameterStore`; CiA 301 §7.5.2.13, §7.5.2.14); a write that changes a value which is
-/// stored sets 1020h to 0: the configuration is the verified one no more. 1021h uploads the EDS that it was given.
+/// The values of a device's objects after a reset, and which are kept. The layers are the description's default, a
+/// `Preset`, the values stored by 1010h, and the device's identity (1018h, 1008h). 1010h "save" and 1011h "load" are
+/// answered when the memory has finished (`ParameterStore`; CiA 301 §7.5.2.13, §7.5.2.14). A write that changes a
+/// stored value sets 1020h to 0, because the configuration is no longer the verified one. 1021h uploads the EDS given
+/// in the options.
 ///
 /// Refused: another signature, or no memory: 0800 0020; while memory is being written: 0800 0022; a memory that fails:
 /// 0606 0000. No heap after construction.
@@ -20,7 +21,7 @@
 
 namespace berth::device {
 
-/// Where the stored objects begin in a device's non-volatile memory: before them are the settings of LSS and the last
+/// Start of the stored objects in a device's non-volatile memory; before them are the settings of LSS and the last
 /// node-ID of a negotiation.
 inline constexpr std::size_t parameters_at = 64;
 /// Bytes of memory that are enough for such a device.
@@ -31,7 +32,7 @@ inline constexpr std::size_t parameters_at = 64;
 
 class StoredObjects final : private ParameterStore::Owner, private od::Hook {
  public:
-  /// `options`: presets, name, EDS and parameter group. `lss`: whose address and node-ID the objects show. `memory`:
+  /// `options`: presets, name, EDS and parameter group. `lss`: address and node-ID that the objects show. `memory`:
   /// null = nothing is stored. All must outlive it.
   StoredObjects(od::Values& values, co::SdoServers& sdo, NvMemory* memory, const Options& options, Host& host,
                 const LssSlave& lss);
@@ -39,20 +40,20 @@ class StoredObjects final : private ParameterStore::Owner, private od::Hook {
 
   /// Power comes on: finds the stored image.
   void power_on() noexcept;
-  /// Behind `LssSlave::power_off`, which stops the memory.
+  /// Call after `LssSlave::power_off`, which stops the memory.
   void power_off() noexcept;
-  /// A reset begins: what is being stored would be in part the values of after it, and is given up.
+  /// A reset begins: gives up a save, which would contain values from after the reset.
   void resetting() noexcept;
-  /// The values of `area` come anew; hooks are not told. Without power nothing of what was stored, and no node-ID.
+  /// Resets the values of `area`; hooks are not called. Without power the stored values and the node-ID do not apply.
   void reset_values(od::Area area) noexcept;
 
-  /// Non-volatile memory is being written: 1010h, 1011h, LSS store or a node-ID that was written as an object.
+  /// True while non-volatile memory is being written: 1010h, 1011h, LSS store or a node-ID written as an object.
   [[nodiscard]] bool storing() const noexcept { return lss_->storing() || (parameters_ && parameters_->busy()); }
 
-  /// 1010h was written once: the memory holds an image.
+  /// 1010h was written before: the memory holds an image.
   [[nodiscard]] bool saved_once() const noexcept { return saved_; }
 
-  /// Bytes beyond itself.
+  /// Bytes held outside the object.
   [[nodiscard]] std::size_t memory() const noexcept {
     return (parameters_ ? sizeof(ParameterStore) + parameters_->memory() : 0) +
            (configuration_ ? sizeof(ConfigurationWatch) : 0);
@@ -86,7 +87,7 @@ class StoredObjects final : private ParameterStore::Owner, private od::Hook {
   std::unique_ptr<ConfigurationWatch> configuration_;  // only with object 1020h
   bool saved_ = false;                                 // the memory holds an image
   ObjectRef storing_{};                  // the sub-object of 1010h or 1011h whose write is to be confirmed
-  std::array<std::uint8_t, 4> shown_{};  // what `reading` shows
+  std::array<std::uint8_t, 4> shown_{};  // returned by `reading`
 };
 
 }  // namespace berth::device

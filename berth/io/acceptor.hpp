@@ -1,4 +1,4 @@
-/// Takes the connections that come to a listening socket, in an `io::Loop`.
+/// Accepts the connections of a listening socket, in an `io::Loop`.
 #pragma once
 
 #include <functional>
@@ -10,8 +10,8 @@ namespace berth::io {
 class Acceptor final : private Watcher, private rt::Job {
  public:
   /// Owns `fd`, a listening, non-blocking socket (`listen_tcp`). `take` gets each connection's descriptor,
-  /// non-blocking, and owns it. While the system has no descriptors left nothing is taken for a second: the loop would
-  /// never sleep.
+  /// non-blocking, and owns it. If the system has no descriptors left, it accepts nothing for a second; else the loop
+  /// would never sleep.
   Acceptor(Loop& loop, int fd, std::function<void(int)> take);
   ~Acceptor();
   Acceptor(const Acceptor&) = delete;

@@ -1,5 +1,5 @@
-/// A SocketCAN port's status: what the kernel says about the interface, put together with what error frames tell.
-/// Inside of room `io`.
+/// A SocketCAN port's status, combined from the kernel's data about the interface and from error frames. Internal to
+/// room `io`.
 #pragma once
 
 #include "berth/can/port.hpp"
@@ -15,22 +15,22 @@ class ControllerStatus {
   [[nodiscard]] const can::Status& now() const noexcept { return status_; }
   /// Overflows of the controller.
   [[nodiscard]] std::uint32_t overflows() const noexcept { return overflows_; }
-  /// A frame's time at the bit rate, or what stands for it where none is known.
+  /// A frame's time at the bit rate, or a substitute if the rate is unknown.
   [[nodiscard]] rt::Duration frame_time() const noexcept;
 
-  /// Must be looked at now and then: a controller's counters are not told, and whether an interface is back. A virtual
-  /// interface that is up has nothing to be looked at, and a timer would cost each wait for frames.
+  /// True if the status must be polled: the kernel does not report a controller's counters, nor that an interface is
+  /// back. A virtual interface that is up needs no polling, and a timer would make each wait for frames more expensive.
   [[nodiscard]] bool unseen(const Link& link) const noexcept { return link.controller() || !status_.up; }
 
-  // True: what a listener is told has changed.
-  /// How the interface is; `there`: a socket is bound to it.
+  // Both return true if the status for the listener has changed.
+  /// The state of the interface; `there`: a socket is bound to it.
   [[nodiscard]] bool learn(const Link& link, const Wanted& wanted, bool there) noexcept;
   [[nodiscard]] bool learn(const BusReport& report) noexcept;
   [[nodiscard]] bool went_down() noexcept { return std::exchange(status_.up, false); }
 
-  /// A virtual interface's bus-off is another program's error frame, and its rate a word.
+  /// For a virtual interface: its bus-off is another program's error frame, and its rate only a label.
   void label(std::uint32_t bit_rate) noexcept;
-  /// The controller was started anew.
+  /// The controller was restarted.
   void clear_counters() noexcept { status_.tec = status_.rec = 0; }
 
  private:

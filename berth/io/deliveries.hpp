@@ -1,6 +1,7 @@
-/// What a port tells its listener: noted while descriptors are read, delivered between them, one call a job. What was
-/// read late, because the process was held up, has times later than the executor's: it is delivered at those, among the
-/// timers that were due meanwhile and what other ports read, as if nothing had been late. Inside of room `io`.
+/// A port's calls to its listener: noted while descriptors are read, delivered between them, one call a job. If the
+/// process was held up, frames read late have times later than the executor's. They are delivered at those times, in
+/// order with the timers due meanwhile and with the reads of other ports, as if nothing had been late. Internal to room
+/// `io`.
 #pragma once
 
 #include <span>
@@ -16,13 +17,13 @@ class Deliveries final : private rt::Job {
  public:
   explicit Deliveries(rt::Executor& executor) noexcept : executor_(&executor) {}
 
-  /// What was noted for another listener is dropped. A frame is delivered when a range holds it at that moment.
+  /// Drops calls noted for another listener. A frame is delivered if a range contains it at that moment.
   void listen(can::Listener* listener, std::span<const can::IdRange> accept);
   [[nodiscard]] bool anybody() const noexcept { return listener_ != nullptr; }
   /// Sorted, without overlaps.
   [[nodiscard]] const std::vector<can::IdRange>& accept() const noexcept { return accept_; }
 
-  // Noted for the listener there is; without one, forgotten. `at`: not before that of the one before.
+  // Noted for the current listener; ignored without one. `at`: not before that of the previous call.
   void received(const can::Frame& frame, rt::Time at) noexcept;
   void sent(std::uint32_t tag, rt::Time at) noexcept;
   void changed(const can::Status& status, rt::Time at) noexcept;

@@ -1,5 +1,5 @@
-/// Which keys the kernel's filter of a SocketCAN port lets pass: what the listener hears, and the echoes of what was
-/// sent with a tag. Inside of room `io`.
+/// The keys that the kernel's filter of a SocketCAN port passes: those of the listener, and the echoes of frames sent
+/// with a tag. Internal to room `io`.
 #pragma once
 
 #include <cstdint>
@@ -12,10 +12,10 @@ namespace berth::io {
 
 class EchoFilter {
  public:
-  static constexpr std::size_t most_echoed = 256;      ///< identifiers sent with a tag; then every echo is read
-  static constexpr std::uint32_t much_unwanted = 256;  ///< frames that passed and are not wanted; then it is narrowed
+  static constexpr std::size_t most_echoed = 256;      ///< identifiers sent with a tag; beyond that every echo is read
+  static constexpr std::uint32_t much_unwanted = 256;  ///< unwanted frames that passed; then the filter is narrowed
 
-  /// A frame with this key goes out, and its echo is wanted. True: `install` is to follow.
+  /// A frame with this key is sent, and its echo is wanted. True: call `install` next.
   [[nodiscard]] bool expect(std::uint32_t key) {
     if (passes(key)) return false;
     if (echoed_.size() >= most_echoed) {
@@ -25,7 +25,7 @@ class EchoFilter {
     }
     return true;
   }
-  /// What passes from now on, beside the echoes: `accept`. Sorted, without overlaps.
+  /// Sets the filter: `accept`, and the echoes. Sorted, without overlaps.
   [[nodiscard]] const std::vector<can::IdRange>& install(std::span<const can::IdRange> accept) {
     auto all = echoed_;
     all.insert(all.end(), accept.begin(), accept.end());
@@ -33,17 +33,17 @@ class EchoFilter {
     unwanted_ = 0;
     return installed_;
   }
-  /// Everything of `accept` passes already.
+  /// True if everything in `accept` passes already.
   [[nodiscard]] bool covers(std::span<const can::IdRange> accept) const { return can::covers(installed_, accept); }
   [[nodiscard]] bool passes(std::uint32_t key) const { return can::contains(installed_, key); }
-  /// A frame with this key passed. True: many did that are not of `accept`, and `install` is to follow.
+  /// A frame with this key passed. True: many unwanted frames passed; call `install` next.
   [[nodiscard]] bool much(std::uint32_t key, std::span<const can::IdRange> accept) {
     return !can::contains(accept, key) && ++unwanted_ >= much_unwanted;
   }
 
  private:
-  std::vector<can::IdRange> echoed_;     // what is or was sent with a tag
-  std::vector<can::IdRange> installed_;  // what passes
+  std::vector<can::IdRange> echoed_;     // keys that are or were sent with a tag
+  std::vector<can::IdRange> installed_;  // keys that pass
   std::uint32_t unwanted_ = 0;
 };
 

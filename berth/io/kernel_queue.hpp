@@ -1,5 +1,5 @@
-/// Frames that a SocketCAN port was given and the kernel has not taken yet: written in order, when the job that sends
-/// is over, and tried again when the kernel was full. Inside of room `io`.
+/// Frames of a SocketCAN port that the kernel has not taken yet: written in order when the sending job is over, and
+/// tried again when the kernel was full. Internal to room `io`.
 #pragma once
 
 #include <deque>
@@ -23,7 +23,7 @@ class KernelQueue {
    protected:
     ~Owner() = default;
   };
-  /// `watcher`: the one of the socket in the loop. Nothing is written while `status` is down or bus-off.
+  /// `watcher`: the socket's watcher in the loop. Nothing is written while `status` is down or bus-off.
   KernelQueue(Loop& loop, CanSocket& socket, Watcher& watcher, const ControllerStatus& status, std::size_t depth,
               Owner& owner) noexcept
       : loop_(&loop), socket_(&socket), watcher_(&watcher), status_(&status), depth_(depth), owner_(&owner) {}
@@ -35,7 +35,7 @@ class KernelQueue {
   [[nodiscard]] std::size_t size() const noexcept { return waiting_.size(); }
   /// Writes what the kernel takes.
   void flush() noexcept;
-  /// The socket is a new one.
+  /// The socket has been replaced.
   void bound() noexcept { watches_out_ = false; }
 
  private:
@@ -53,7 +53,7 @@ class KernelQueue {
   std::size_t depth_;
   Owner* owner_;
   std::deque<Given> waiting_;
-  bool stuck_ = false;  // the kernel takes nothing now
+  bool stuck_ = false;  // the kernel takes nothing at present
   bool watches_out_ = false;
   rt::Later<KernelQueue, &KernelQueue::flush> write_{*this, loop_->executor()};
   rt::Later<KernelQueue, &KernelQueue::flush> retry_{*this, loop_->executor()};

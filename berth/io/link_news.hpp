@@ -1,5 +1,5 @@
-/// What the kernel tells of one interface, by name: asked for, and whenever something about it changes. Inside of room
-/// `io`.
+/// The kernel's reports about one interface, by name: on request, and whenever something about it changes. Internal to
+/// room `io`.
 #pragma once
 
 #include <string>
@@ -13,7 +13,7 @@ class LinkNews final : private Watcher {
  public:
   class Owner {
    public:
-    /// The answer to the newest question; an answer that was on its way when something newer was heard is not given.
+    /// The answer to the newest question. An answer that is older than a later report is dropped.
     virtual void answered(const LinkNotice& notice) = 0;
 
    protected:
@@ -27,14 +27,14 @@ class LinkNews final : private Watcher {
   LinkNews(const LinkNews&) = delete;
   LinkNews& operator=(const LinkNews&) = delete;
 
-  /// False: errno says why.
+  /// False: see errno.
   [[nodiscard]] bool open() { return links_.open() && loop_->watch(links_.fd(), *this, EPOLLIN); }
   void ask() noexcept { links_.ask(++sequence_, name_); }
-  /// The index that the name had when it was heard of last: its end is told by index.
+  /// The last known index of the name: the kernel reports the end of an interface by index.
   void know(int index) noexcept { index_ = index; }
 
  private:
-  static constexpr std::uint32_t first_sequence = 0xBE00'0000U;  // others count theirs from small numbers or the time
+  static constexpr std::uint32_t first_sequence = 0xBE00'0000U;  // others start theirs from small numbers or the time
   void ready(std::uint32_t events) noexcept override;
 
   Loop* loop_;

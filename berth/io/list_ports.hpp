@@ -1,4 +1,4 @@
-/// What is plugged in: CAN interfaces and serial adapters of this computer, as sysfs shows them. Nothing is opened.
+/// CAN interfaces and serial adapters plugged into this computer, from sysfs. Nothing is opened.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ namespace berth::io {
 struct UsbIdentity {
   std::string vendor;   ///< "16d0"
   std::string product;  ///< "117e"
-  std::string maker;    ///< as the device says, or empty; so the next two
+  std::string maker;    ///< as the device reports it, or empty; so are the next two
   std::string name;
   std::string serial;
   friend bool operator==(const UsbIdentity&, const UsbIdentity&) = default;
@@ -24,14 +24,14 @@ struct UsbIdentity {
 struct PortSeen {
   can::PortSpec port;
   std::optional<UsbIdentity> usb{};
-  // Of a CAN interface:
-  std::string driver{};        ///< "can", "vcan"; empty when the kernel does not tell
-  std::uint32_t bit_rate = 0;  ///< bit/s; 0: none set, or it has none
+  // For a CAN interface:
+  std::string driver{};        ///< "can", "vcan"; empty if the kernel does not report it
+  std::uint32_t bit_rate = 0;  ///< bit/s; 0: not set, or it has none
   std::string state{};         ///< "down", "up", "active", "passive", "bus-off", ...
 };
 
-/// CAN interfaces by name, then serial adapters on USB by name. `sys` is where sysfs is; another place is for tests,
-/// and there the kernel is not asked for bit rates and states.
+/// CAN interfaces by name, then serial adapters on USB by name. `sys`: the place of sysfs. With another place, for
+/// tests, the kernel is not asked for bit rates and states.
 [[nodiscard]] std::vector<PortSeen> list_ports(const std::filesystem::path& sys = "/sys");
 
 }  // namespace berth::io

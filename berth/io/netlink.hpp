@@ -1,5 +1,5 @@
-/// What the kernel says about network interfaces, and what may be asked of it: messages of rtnetlink(7) as bytes, apart
-/// from the socket (netlink_socket.hpp). Host byte order, as the kernel has it; linux/can/netlink.h names the fields.
+/// Data and requests about network interfaces: messages of rtnetlink(7) as bytes, without the socket
+/// (netlink_socket.hpp). Host byte order, as in the kernel; linux/can/netlink.h names the fields.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,7 @@ enum class CanState : std::uint8_t { active, warning, passive, bus_off, stopped,
 struct Link {
   int index = 0;
   std::string name;
-  std::string kind;       ///< "can": a controller; "vcan", "vxcan"; empty where the kernel does not tell
+  std::string kind;       ///< "can": a controller; "vcan", "vxcan"; empty if the kernel does not report it
   bool can = false;       ///< a CAN interface at all (ARPHRD_CAN)
   bool up = false;        ///< IFF_UP: it was brought up
   bool running = false;   ///< IFF_RUNNING: ... and it sends and receives
@@ -32,7 +32,7 @@ struct Link {
   std::optional<CanState> state{};
   bool listen_only = false;
   bool reports_errors = false;   ///< berr-reporting: an error frame for every error on the bus
-  std::uint32_t restart_ms = 0;  ///< the kernel restarts it so long after bus-off; 0 = it does not
+  std::uint32_t restart_ms = 0;  ///< the kernel restarts it this long after bus-off; 0 = never
   bool counts = false;           ///< `tec` and `rec` are known
   std::uint16_t tec = 0;
   std::uint16_t rec = 0;
@@ -44,36 +44,36 @@ struct Link {
 /// One message of the kernel.
 struct LinkNotice {
   enum class Kind : std::uint8_t {
-    link,   ///< `link` is so
-    gone,   ///< `link` (index and name) is no more
-    reply,  ///< the end of a request: `error` 0 = done, else an errno, `text` the kernel's own words if it has any
+    link,   ///< the state of `link`
+    gone,   ///< `link` (index and name) has been removed
+    reply,  ///< the end of a request: `error` 0 = done, else an errno, with the kernel's `text` if it has any
     other,  ///< none of these
   };
   Kind kind = Kind::other;
-  std::uint32_t sequence = 0;  ///< of the request that it answers; 0 = it came unasked
+  std::uint32_t sequence = 0;  ///< of the answered request; 0 = unsolicited
   int error = 0;
   std::string text{};
   Link link{};
 };
 
-/// The messages of one packet. What is cut short or contradicts itself ends the reading: what stood before it counts.
+/// The messages of one packet. Reading ends at a truncated or inconsistent message; the ones before it count.
 [[nodiscard]] std::vector<LinkNotice> decode_links(std::span<const std::uint8_t> packet);
 
 /// RTM_GETLINK for one interface by name: answered by a `link`, or a `reply` with ENODEV. Names of 16 characters or
-/// more are none, and give no bytes.
+/// more are invalid and give no bytes.
 [[nodiscard]] std::vector<std::uint8_t> ask_link(std::uint32_t sequence, std::string_view name);
 
-/// What is to become of an interface; the kernel wants a controller to be down for another bit rate or mode.
+/// A change of an interface; for another bit rate or mode the kernel requires a controller to be down.
 struct LinkChange {
   std::optional<bool> up{};
   std::optional<std::uint32_t> bit_rate{};  ///< bit/s; the kernel chooses the sample point (CiA 301: 87.5 %)
   std::optional<bool> listen_only{};
-  bool restart = false;  ///< out of bus-off, where the kernel does not restart it by itself
+  bool restart = false;  ///< leave bus-off, if the kernel does not restart it by itself
 };
-/// RTM_NEWLINK for the interface of this index; wants a `reply`. Settings come into force before `up` does.
+/// RTM_NEWLINK for the interface of this index; requests a `reply`. Settings take effect before `up` does.
 [[nodiscard]] std::vector<std::uint8_t> change_link(std::uint32_t sequence, int index, const LinkChange& change);
 
-/// Room for a whole packet of the kernel's.
+/// Room for a whole packet from the kernel.
 inline constexpr std::size_t longest_packet = 32768;
 
 }  // namespace berth::io

@@ -1,4 +1,4 @@
-/// The kernel's answers about network interfaces: the descriptor below netlink.hpp. Inside of room `io`.
+/// The kernel's answers about network interfaces: the socket for netlink.hpp. Internal to room `io`.
 #pragma once
 
 #include <optional>
@@ -10,7 +10,7 @@
 
 namespace berth::io {
 
-/// Hears of every change of every interface. Move-only owner of a non-blocking descriptor.
+/// Receives every change of every interface. Move-only owner of a non-blocking descriptor.
 class LinkWatch {
  public:
   LinkWatch() = default;
@@ -18,14 +18,14 @@ class LinkWatch {
   LinkWatch(const LinkWatch&) = delete;
   LinkWatch& operator=(const LinkWatch&) = delete;
 
-  [[nodiscard]] bool open() noexcept;  ///< false: errno says why
+  [[nodiscard]] bool open() noexcept;  ///< false: see errno
   [[nodiscard]] int fd() const noexcept { return fd_; }
-  /// Asks for one interface; `receive` gives the answer with this sequence number.
+  /// Asks for one interface; `receive` returns the answer with this sequence number.
   bool ask(std::uint32_t sequence, const std::string& name) noexcept;
 
   struct Heard {
     std::vector<LinkNotice> notices;
-    bool overrun = false;  ///< there was more than the socket could keep: ask anew
+    bool overrun = false;  ///< some were lost, because the socket's buffer was full: ask again
   };
   /// One packet; empty when there is none now.
   [[nodiscard]] std::optional<Heard> receive();
@@ -36,16 +36,16 @@ class LinkWatch {
   std::vector<std::uint8_t> buffer_;
 };
 
-/// What the kernel refused.
+/// A refusal by the kernel.
 struct Refusal {
   int error = 0;  ///< an errno
   std::string text;
-  [[nodiscard]] bool not_allowed() const noexcept;  ///< it wants another user or CAP_NET_ADMIN
+  [[nodiscard]] bool not_allowed() const noexcept;  ///< it requires another user or CAP_NET_ADMIN
 };
 
-/// How an interface is; waits for the kernel's answer, which is at once. ENODEV: there is none of this name.
+/// The state of an interface; waits for the kernel's answer, which comes at once. ENODEV: there is no such interface.
 [[nodiscard]] tl::expected<Link, Refusal> read_link(const std::string& name);
-/// Changes it; waits until it is done, which takes as long as the driver does.
+/// Changes it; waits until the driver has done it.
 [[nodiscard]] tl::expected<void, Refusal> apply(int index, const LinkChange& change);
 
 }  // namespace berth::io

@@ -1,10 +1,10 @@
-/// Opens the port that a machine file or a command line names: one place that knows every kind.
+/// Opens the port named in a machine file or on a command line; it knows every kind.
 ///
 ///     auto port = io::open_port(loop, *can::parse_port("socketcan:can0"), {.bit_rate = 125'000});
 ///     if (!port) print(port.error());     // what, which port, what to do
 ///
-/// What is lost later (cable, adapter, server) is no error of the port: its status goes down (`up` false), the listener
-/// is told, and the port tries to come back by itself; `Status::lost` counts frames that never arrived.
+/// A later loss (cable, adapter, server) is not an error of the port: its status goes down (`up` false), the listener
+/// is called, and the port tries to come back by itself; `Status::lost` counts frames that never arrived.
 #pragma once
 
 #include <cstdint>
@@ -19,12 +19,12 @@
 namespace berth::io {
 
 struct PortOptions {
-  /// bit/s; 0 = as the interface stands. Another rate than the interface's is set when the system allows it, else it is
-  /// an error that says how to set it.
+  /// bit/s; 0 = keep the interface's rate. A different rate is set if the system allows it; else the error says how to
+  /// set it.
   std::uint32_t bit_rate = 0;
-  /// Never sends, not even acknowledges, where the controller can do so; `send` says `Queued::listen_only`.
+  /// Never sends, and does not acknowledge if the controller can be set so; `send` returns `Queued::listen_only`.
   bool listen_only = false;
-  /// The name of the bus: for `plant:` ports, which have several behind one address.
+  /// The name of the bus: for `plant:` ports, where one address has several buses.
   std::string bus{};
 };
 

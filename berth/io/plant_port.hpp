@@ -1,11 +1,11 @@
-/// A node on a bus of a plant that another process simulates (`berth plant`), and the server for it. The protocol
-/// between them is in plant_protocol.hpp.
+/// A node on a bus of a plant that another process simulates (`berth plant`), and the server for it. plant_protocol.hpp
+/// has the protocol.
 ///
 ///     auto port = io::PlantPort::connect(loop, "/tmp/plant.sock", "backbone");   // client: a can::Port
 ///     auto server = io::PlantServer::listen(loop, "/tmp/plant.sock", factory);   // the plant's process
 ///
-/// Both live in one loop's executor. Times are the own process's: `sent` and `received` come as much later than on the
-/// plant's bus as the way between the processes takes, which is why they say `knows_sent` only for the order.
+/// Both live in one loop's executor. Times are those of the own process: `sent` and `received` come later than on the
+/// plant's bus, by the delay between the processes. Therefore `knows_sent` guarantees only the order.
 #pragma once
 
 #include <functional>
@@ -21,18 +21,18 @@ namespace berth::io {
 
 class PlantPort final : public can::Port {
  public:
-  static constexpr unsigned queue_depth = 32;    ///< frames given and not yet sent; then `Queued::full`
-  static constexpr unsigned events_kept = 4096;  ///< received and not yet delivered; then the connection is given up
+  static constexpr unsigned queue_depth = 32;    ///< frames queued and not yet sent; then `Queued::full`
+  static constexpr unsigned events_kept = 4096;  ///< received and not yet delivered; then the connection is closed
 
-  /// Waits at most `timeout` for the plant to accept (its machine may be busy); what is wrong is told in words. Destroy
-  /// the port before the loop.
+  /// Waits at most `timeout` for the plant to accept (its machine may be busy); errors are in words. Destroy the port
+  /// before the loop.
   [[nodiscard]] static tl::expected<std::unique_ptr<PlantPort>, std::string> connect(
       Loop& loop, const std::string& path, std::string_view bus, rt::Duration timeout = std::chrono::seconds(10));
   ~PlantPort() override;
   PlantPort(const PlantPort&) = delete;
   PlantPort& operator=(const PlantPort&) = delete;
 
-  // can::Port. When the plant's process ends, the status is down (`up` false) for ever: connect anew.
+  // can::Port. When the plant's process ends, the status is down (`up` false) for ever: connect again.
   can::Queued send(const can::Frame& frame, std::uint32_t tag) noexcept override;
   void withdraw(std::uint32_t tag) noexcept override;
   /// More than `most_ranges` ranges: everything passes.
@@ -46,16 +46,16 @@ class PlantPort final : public can::Port {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Who keeps its seat is `Seats`' rule. A whole request is a client's `hello`; then it is a node of the bus, and never
-/// makes room for another.
+/// `Seats` decides which client keeps its seat. A client's whole request is its `hello`; after it the client is a node
+/// of the bus, and is never displaced.
 class PlantServer {
  public:
-  static constexpr std::size_t most_clients = 16;  ///< that are nodes; one more is refused in words
-  /// Gives a new client its own node on the bus; null, and `why` in words: there is none of that name. Destroying the
-  /// port takes the node off the bus.
+  static constexpr std::size_t most_clients = 16;  ///< clients that are nodes; one more is refused with an explanation
+  /// Gives a new client its own node on the bus; null, with `why` in words: there is no such bus. Destroying the port
+  /// takes the node off the bus.
   using Factory = std::function<std::unique_ptr<can::Port>(const std::string& bus, std::string& why)>;
 
-  /// Makes the socket (mode 0600). Refused when another process answers there; a socket that a dead one left is taken
+  /// Makes the socket (mode 0600). Refused when another process answers there; a socket left by a dead process is taken
   /// over.
   [[nodiscard]] static tl::expected<std::unique_ptr<PlantServer>, std::string> listen(Loop& loop,
                                                                                       const std::string& path,

@@ -1,5 +1,5 @@
-/// The frame protocol between a plant's process and those that use its buses: one message per packet of a Unix
-/// SEQPACKET socket, numbers little-endian. A client speaks for one node on one bus.
+/// The frame protocol between a plant's process and its clients: one message per packet of a Unix SEQPACKET socket,
+/// numbers little-endian. Each client is one node on one bus.
 ///
 ///     client to server                              server to client
 ///     'H' hello     version U8 = 2, bus name        'W' welcome   status: the node is on the bus
@@ -12,11 +12,11 @@
 ///     status = bit rate U32, tec U16, rec U16, errors U32, flags U8 (1 listen only, 2 bus-off, 4 up, 8 knows counters,
 ///     16 knows sent, 32 knows errors)
 ///
-/// What a controller tells its host comes too: 'c' when its state changed, before a frame when errors came before it,
-/// and at least every `status_period` while counters move.
+/// The server also sends a controller's status: 'c' when its state changed, before a frame when errors came before it,
+/// and at least every `status_period` while counters change.
 ///
-/// An end that gets a message that is none ends the connection. Order is kept: what a node was told came in the order
-/// in which it was on the wire.
+/// An end that receives an invalid message closes the connection. Order is kept: a node's messages come in the order of
+/// the events on the wire.
 #pragma once
 
 #include <cstdint>
@@ -49,7 +49,7 @@ enum class MessageKind : char {
   changed = 'c',
 };
 
-/// Any message; only what its kind has is meaningful.
+/// Any message; only the fields of its kind are meaningful.
 struct Message {
   MessageKind kind = MessageKind::hello;
   std::string text{};                        ///< hello: bus; refused: why
@@ -61,7 +61,7 @@ struct Message {
   std::vector<can::IdRange> ranges{};        ///< listen; at most `most_ranges`
 };
 
-/// The packet. Longer texts and more ranges than are allowed are cut.
+/// The packet. Longer texts and more ranges than allowed are cut.
 [[nodiscard]] std::vector<std::uint8_t> encode(const Message& message);
 /// Empty when the bytes are not exactly one message.
 [[nodiscard]] std::optional<Message> decode(std::span<const std::uint8_t> packet);

@@ -1,4 +1,4 @@
-/// One end of a plant connection: packets in, packets out, never blocking, bounded. Inside of room `io`.
+/// One end of a plant connection: sends and receives packets, never blocks, and is bounded. Internal to room `io`.
 #pragma once
 
 #include <sys/un.h>
@@ -17,7 +17,8 @@ namespace berth::io {
 
 class PlantSocket {
  public:
-  static constexpr std::size_t most_waiting = 4096;  ///< packets that the peer did not take; then it is given up
+  static constexpr std::size_t most_waiting = 4096;  ///< packets that the peer did not take; then the connection is
+                                                     ///< given up
 
   static constexpr unsigned most_at_once = 64;  ///< messages to take in one turn of the loop
 
@@ -28,17 +29,18 @@ class PlantSocket {
   PlantSocket& operator=(const PlantSocket&) = delete;
 
   [[nodiscard]] bool open() const noexcept { return fd_ >= 0; }
-  /// Packets that the peer took, ever.
+  /// Total of packets that the peer took.
   [[nodiscard]] std::uint64_t taken() const noexcept { return taken_; }
-  /// Packets that it did not take yet.
+  /// Packets that the peer has not taken yet.
   [[nodiscard]] std::size_t waiting() const noexcept { return waiting_.size(); }
-  /// False: the peer is gone or takes nothing any more; then the socket is as good as closed, and `closing`.
+  /// False: the peer is gone or takes nothing any more; the socket then counts as closed, and is `closing`.
   bool send(const Message& message);
-  /// Sends what waits; call when the descriptor can be written.
+  /// Sends waiting packets; call when the descriptor can be written.
   bool flush();
-  /// The next message; empty when there is none now. A peer that is gone or speaks nonsense makes it `closing`.
+  /// The next message; empty when there is none now. A peer that is gone or sends an invalid message makes it
+  /// `closing`.
   [[nodiscard]] std::optional<Message> receive();
-  /// Nothing comes or goes any more: its owner may let it go.
+  /// Nothing is sent or received any more: its owner may destroy it.
   [[nodiscard]] bool closing() const noexcept { return closing_; }
   void close() noexcept;
 

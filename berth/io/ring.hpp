@@ -1,4 +1,4 @@
-/// A queue that reuses its room: grows, never shrinks, and after that needs no heap. Inside of room `io`.
+/// A queue that reuses its memory: it grows but never shrinks, and then needs no heap. Internal to room `io`.
 #pragma once
 
 #include <cstddef>
@@ -13,7 +13,7 @@ class Ring {
   [[nodiscard]] bool empty() const noexcept { return size_ == 0; }
   [[nodiscard]] std::size_t size() const noexcept { return size_; }
   [[nodiscard]] T& front() noexcept { return places_[first_]; }
-  /// A new last one, which holds whatever its place held before.
+  /// Adds an element at the end; it holds the old content of its place.
   [[nodiscard]] T& push() {
     if (size_ == places_.size()) grow();
     return places_[(first_ + size_++) & (places_.size() - 1)];

@@ -1,15 +1,14 @@
-/// Who may stay connected to a server: the one rule for every server of this repository that takes connections (CiA
-/// 309-3 gateway, socketcand, control socket, `berth plant --listen`). It reads no socket: servers say what they see.
+/// Decides which clients may stay connected: one rule for all of Berth's servers that accept connections (CiA 309-3
+/// gateway, socketcand, control socket, `berth plant --listen`). It reads no socket: servers report events.
 ///
 /// A client loses its seat, and its connection ends,
-/// - when its first whole request is not there `patience` after it came (End::silent),
+/// - when its first whole request has not come `patience` after its connection (End::silent),
 /// - when a request that it has begun is not whole `patience` later (End::unfinished),
-/// - when it takes nothing of what waits for it for `untaken` (End::untaken),
-/// - when every seat is taken and another comes: the one that has been idle longest, if it was so for `idle` and is
-/// owed
-///   nothing (End::displaced). Idle is a client of which no whole request came and which took no output.
-/// So a client that listens may stay as long as it likes while there is room. A machine that vanished is for TCP's
-/// keep-alive (`tune_tcp`).
+/// - when it takes none of its waiting output for `untaken` (End::untaken),
+/// - when every seat is taken and another client comes: the one that has been idle longest, if for at least `idle` and
+///   if it is owed nothing (End::displaced). Idle means that it sent no whole request and took no output.
+/// So a client that only listens may stay as long as there is room. TCP's keep-alive (`tune_tcp`) detects a machine
+/// that vanished.
 ///
 ///     io::Seats seats(executor, {.most = 16});
 ///     if (!seats.make_room("127.0.0.1")) return refuse(fd);
@@ -31,7 +30,7 @@ namespace berth::io {
 
 struct SeatRules {
   std::size_t most = 64;          ///< clients at once
-  std::size_t most_per_peer = 0;  ///< from one address; 0: as many as there are seats
+  std::size_t most_per_peer = 0;  ///< from one address; 0: unlimited
   rt::Duration patience = std::chrono::seconds(30);
   rt::Duration idle = std::chrono::seconds(10);
   rt::Duration untaken = std::chrono::minutes(1);
@@ -39,33 +38,33 @@ struct SeatRules {
 
 class Seats;
 
-/// One client's. Its owner tells what comes and goes; nothing here is called for a client that is over.
+/// One client's seat. Its owner reports input and output, and calls nothing for a client that has ended.
 class Seat final : private rt::Job {
  public:
   enum class End : std::uint8_t { silent, unfinished, untaken, displaced };
   class Sitter {
    public:
-    /// An answer is under way, or something that it has asked for.
+    /// True if an answer is under way, or something else that it requested.
     [[nodiscard]] virtual bool owed() const noexcept = 0;
-    /// Its connection is to end. From a job or from `make_room`; must not destroy the seat.
+    /// End its connection. Called from a job or from `make_room`; must not destroy the seat.
     virtual void seat_lost(End end) noexcept = 0;
 
    protected:
     ~Sitter() = default;
   };
 
-  /// Takes a seat, whether there is one or not: `Seats::make_room` comes before. `peer`: its address without its port.
+  /// Takes a seat without a check: call `Seats::make_room` before. `peer`: its address without its port.
   Seat(Seats& seats, Sitter& sitter, std::string peer);
   ~Seat();
   Seat(const Seat&) = delete;
   Seat& operator=(const Seat&) = delete;
 
   void whole_request() noexcept;
-  /// Bytes of a request that is not whole are there, or none.
+  /// `is`: bytes of an incomplete request have come.
   void begun(bool is) noexcept;
-  /// `taken`: what the peer took since it came; `waiting`: what it has not taken yet. Bytes, or packets.
+  /// `taken`: total that the peer took; `waiting`: what it has not taken yet. Bytes, or packets.
   void output(std::uint64_t taken, std::size_t waiting) noexcept;
-  /// The seat is free, though its owner is here yet. Nothing ends any more.
+  /// Frees the seat, though its owner still exists. Nothing ends any more.
   void leave() noexcept;
 
  private:
@@ -79,11 +78,11 @@ class Seat final : private rt::Job {
   Seats* seats_;
   Sitter* sitter_;
   std::string peer_;
-  rt::Time active_;                ///< a whole request or output that was taken
-  std::optional<rt::Time> begun_;  ///< a request; at first the one that is not there yet
-  std::optional<rt::Time> stuck_;  ///< output waits and is not taken
+  rt::Time active_;                ///< time of the last whole request or taken output
+  std::optional<rt::Time> begun_;  ///< when a request was begun; at first the one that has not come yet
+  std::optional<rt::Time> stuck_;  ///< since when output waits untaken
   std::uint64_t taken_ = 0;
-  bool asked_ = false;  ///< a whole request came
+  bool asked_ = false;  ///< a whole request has come
   bool over_ = false;
 };
 
@@ -93,7 +92,7 @@ class Seats {
   Seats(const Seats&) = delete;
   Seats& operator=(const Seats&) = delete;
 
-  /// Room for one more of `peer`; an idle one may lose its seat for it. False: there is none.
+  /// Makes room for one more client of `peer`; an idle one may lose its seat. False: there is none.
   [[nodiscard]] bool make_room(std::string_view peer);
   [[nodiscard]] std::size_t taken() const noexcept { return seats_.size(); }
   [[nodiscard]] const SeatRules& rules() const noexcept { return rules_; }
@@ -107,8 +106,8 @@ class Seats {
   std::vector<Seat*> seats_;
 };
 
-/// Lines about connections, of which strangers make as many as they like: `burst` at once, then one in `pause`; how
-/// many were left out comes with the next.
+/// Limits messages about connections, since strangers can cause any number: `burst` at once, then one per `pause`; the
+/// next message gives the number of omitted ones.
 class BoundedLines {
  public:
   static constexpr unsigned burst = 100;

@@ -1,5 +1,5 @@
-/// Own frames on their way through a serial adapter: those that wait, of which the first may be with the adapter, and
-/// those that it has taken and not yet reported as sent. Inside of room `io`.
+/// Own frames on their way through a serial adapter: waiting ones, of which the first may be with the adapter, and
+/// those that it has taken and not yet reported as sent. Internal to room `io`.
 #pragma once
 
 #include <algorithm>
@@ -31,25 +31,25 @@ class SlcanQueue {
   [[nodiscard]] const can::Frame& first() const noexcept { return waiting_.front().frame; }
   [[nodiscard]] std::size_t size() const noexcept { return waiting_.size() + flying_.size(); }
 
-  /// The first has gone; its tag.
+  /// The first was sent; returns its tag.
   std::uint32_t gone() {
     const auto tag = waiting_.front().tag;
     waiting_.pop_front();
     return tag;
   }
-  /// The adapter has taken the first, and will report it.
+  /// The adapter has taken the first, and will report it as sent.
   void taken() {
     if (flying_.size() >= most_flying) flying_.pop_front();
     flying_.push_back(waiting_.front());
     waiting_.pop_front();
   }
-  /// The adapter refuses the first: false when it has done so too often, and the frame is dropped.
+  /// The adapter refuses the first. False after too many refusals: the frame is dropped.
   bool refused() {
     if (++waiting_.front().tries < most_tries) return true;
     waiting_.pop_front();
     return false;
   }
-  /// The adapter reports a frame as sent; its tag, 0 when it was not from here.
+  /// The adapter reports a frame as sent; returns its tag, or 0 if the frame was not from here.
   std::uint32_t reported(const can::Frame& frame) {
     const auto it = std::ranges::find(flying_, frame, &Waiting::frame);
     if (it == flying_.end()) return 0;
@@ -68,7 +68,7 @@ class SlcanQueue {
     std::uint32_t tag = 0;
     unsigned tries = 0;
   };
-  std::deque<Waiting> waiting_;  // the first is the one asked about
+  std::deque<Waiting> waiting_;  // the first is being offered to the adapter
   std::deque<Waiting> flying_;   // taken by the adapter, not yet acknowledged
 };
 

@@ -1,5 +1,5 @@
-/// What is said to a serial adapter (slcan) until its channel is open, and what its answers tell. No I/O, no clock.
-/// Inside of room `io`.
+/// The dialogue with a serial adapter (slcan) until its channel is open: commands, and the meaning of its answers. No
+/// I/O, no clock. Internal to room `io`.
 #pragma once
 
 #include <cstdint>
@@ -15,25 +15,25 @@ namespace berth::io {
 
 class SlcanSetup {
  public:
-  /// What comes next.
+  /// The next step.
   struct Turn {
     std::string say{};      ///< to the adapter
-    bool up = false;        ///< the channel is open; else its answer is waited for
-    std::string failure{};  ///< it cannot be opened: why
+    bool up = false;        ///< the channel is open; if not, wait for its answer
+    std::string failure{};  ///< why it cannot be opened
   };
 
-  /// Begins; the text that asks what is there. The answers are waited for until it is quiet.
+  /// Begins; returns the text that asks for the adapter. Wait for answers until it is quiet.
   std::string_view begin(std::uint32_t bit_rate, const SlcanOptions& options);
-  /// A line of the adapter; empty: no turn of the setup. Frames of the channel as it was before are passed over.
+  /// A line from the adapter; empty: it does not belong to the setup. Frames of the channel from before are skipped.
   std::optional<Turn> hear(const SlcanLine& line);
-  /// It was waited for in vain.
+  /// The answer did not come in time.
   Turn silence();
 
   [[nodiscard]] Confirms confirms() const noexcept { return confirms_; }
   [[nodiscard]] const std::string& version() const noexcept { return version_; }
 
  private:
-  /// A command; what to say when the adapter refuses it, nothing: it may.
+  /// A command, and the text for its refusal; empty: the adapter may refuse it.
   struct Step {
     std::string command;
     std::string refusal;
@@ -44,7 +44,7 @@ class SlcanSetup {
   std::uint32_t bit_rate_ = 0;
   std::uint32_t data_bit_rate_ = 0;
   bool listen_only_ = false;
-  bool opens_ = false;  // it is known what is there
+  bool opens_ = false;  // the adapter is identified
   Confirms confirms_ = Confirms::nothing;
   unsigned answers_ = 0;  // to C, C and V
   std::deque<Step> steps_;

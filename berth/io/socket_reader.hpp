@@ -1,4 +1,4 @@
-/// How a SocketCAN port reads: in batches as large as what waits, with the loop's time of each frame. Inside of room
+/// Reads for a SocketCAN port: in batches as large as what waits, with the loop's time of each frame. Internal to room
 /// `io`.
 #pragma once
 
@@ -15,7 +15,7 @@ class SocketReader {
  public:
   SocketReader(Loop& loop, CanSocket& socket) noexcept : loop_(&loop), socket_(&socket) {}
 
-  /// Reads what waits, as long as `room()` says that more may be kept. Calls `arrived(received, at)` for each, and
+  /// Reads waiting frames, as long as `room()` allows more to be kept. Calls `arrived(received, at)` for each, and
   /// `down()` when the interface went down.
   template <class Room, class Arrived, class Down>
   void read(const Room& room, const Arrived& arrived, const Down& down) {
@@ -35,17 +35,17 @@ class SocketReader {
       }
       all = got.size() < most;
       if (error != 0) down();
-      // One by one while they come one by one: asking for more than there is costs the kernel a look in vain.
+      // One by one while they come one by one: asking for more than there is makes the kernel look in vain.
       at_a_time_ = backlog ? std::min(at_a_time_ * 2, CanSocket::batch) : got.size() < most ? 1 : at_a_time_;
       if (error == 0 && (all || most == 1)) break;
     }
     if (!all) loop_->hold(last_ + rt::Duration{1});
   }
-  /// Something else happened now: no frame is earlier from now on.
+  /// Another event happened now: later frames get no earlier time.
   [[nodiscard]] rt::Time happens() noexcept { return stamps_.not_before(latest()); }
 
  private:
-  static constexpr unsigned most_batches = 8;  // at a stretch, before others have their turn
+  static constexpr unsigned most_batches = 8;  // in a row, before others have their turn
   static std::int64_t wall_clock() noexcept {
     timespec time{};
     ::clock_gettime(CLOCK_REALTIME, &time);

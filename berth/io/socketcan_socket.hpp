@@ -1,4 +1,4 @@
-/// The raw socket of a SocketCAN port: what the kernel offers, as few system calls as can be. Inside of room `io`.
+/// The raw socket of a SocketCAN port, with as few system calls as possible. Internal to room `io`.
 #pragma once
 
 #include <netinet/in.h>
@@ -21,21 +21,21 @@ class CanSocket {
   CanSocket(const CanSocket&) = delete;
   CanSocket& operator=(const CanSocket&) = delete;
 
-  /// A socket that hears nothing yet but error frames, bound to an interface. False: errno says why.
+  /// A socket that receives only error frames at first, bound to an interface. False: see errno.
   [[nodiscard]] bool open(int index) noexcept;
   void close() noexcept;
-  /// What this socket writes comes back to it from now on, when it passes the filters. False: the kernel refused.
+  /// From the call on the socket also receives its own frames, if they pass the filters. False: the kernel refused.
   bool hear_own() noexcept;
   [[nodiscard]] int fd() const noexcept { return fd_; }
-  /// What passes from now on. False: the kernel refused, and the filters are as before.
+  /// Sets the filters. False: the kernel refused, and they are unchanged.
   bool filter(std::span<const KernelFilter> filters) noexcept;
 
   enum class Wrote : std::uint8_t {
     yes,
-    full,     ///< the interface's queue is full (ENOBUFS): it is not told when that changes
-    waiting,  ///< this socket has written as much as it may (EAGAIN): EPOLLOUT tells when that changes
+    full,     ///< the interface's queue is full (ENOBUFS): its end is not reported
+    waiting,  ///< this socket has written as much as it may (EAGAIN): EPOLLOUT reports the end
     down,     ///< the interface is down or gone
-    refused,  ///< the interface does not carry such a frame
+    refused,  ///< the interface cannot carry such a frame
   };
   [[nodiscard]] Wrote write(const KernelFrame& bytes, std::size_t size) noexcept;
 
@@ -45,12 +45,12 @@ class CanSocket {
     std::optional<std::int64_t> stamp{};  ///< ns of the wall clock
   };
   static constexpr std::size_t batch = 32;
-  /// At most `most` of what waits, and at most `batch`; `error` 0, or an errno when the interface went down. The bytes
-  /// are good until the next call.
+  /// At most `most` of the waiting frames, and at most `batch`; `error` 0, or an errno when the interface went down.
+  /// The bytes are valid until the next call.
   [[nodiscard]] std::span<const Received> read(std::size_t most, int& error) noexcept;
-  /// Frames that found no room in the receive buffer since `open`, as told beside the frames that did.
+  /// Frames lost because the receive buffer was full, since `open`, as reported with later frames.
   [[nodiscard]] std::uint32_t dropped() const noexcept { return dropped_; }
-  /// The same, asked for: knows of those after which no other came.
+  /// The same, requested from the kernel: also counts losses after the last frame.
   std::uint32_t ask_dropped() noexcept;
 
  private:

@@ -1,6 +1,6 @@
-/// The socketcand protocol (github.com/linux-can/socketcand, doc/protocol.md and the server's source): elements
-/// `< word word ... >` over TCP, in both directions. Bytes in, bytes out; the connections are in socketcand_port.hpp
-/// and serve/socketcand_server.hpp.
+/// The socketcand protocol (github.com/linux-can/socketcand, doc/protocol.md and the server's source): elements `< word
+/// word ... >` over TCP, in both directions. Only the encoding; the connections are in socketcand_port.hpp and
+/// serve/socketcand_server.hpp.
 ///
 ///     client to server                               server to client
 ///                                                    < hi >                              at once
@@ -29,35 +29,35 @@
 namespace berth::io {
 
 inline constexpr std::uint16_t socketcand_port = 29536;
-/// Longest element, brackets included: what socketcand's own buffer takes.
+/// Longest element, brackets included: the size of socketcand's own buffer.
 inline constexpr std::size_t longest_element = 8290;
 
-/// Cuts a stream of bytes into elements, wherever TCP cut it. Blanks and line ends between elements are nothing; other
-/// bytes there, and an element that is too long, are faults: skipped, counted, with the place of the last.
+/// Splits a stream of bytes into elements, wherever TCP cut it. Blanks and line ends between elements are ignored;
+/// other bytes there, and an element that is too long, are faults: skipped and counted, with the place of the last.
 class ElementReader {
  public:
   void add(std::string_view bytes) { buffer_.append(bytes); }
-  /// What is between the brackets, without blanks at its ends; valid until the next call of `add` or `next`. Empty
-  /// optional: not whole yet.
+  /// The text between the brackets, without blanks at its ends; valid until the next call of `add` or `next`. Empty
+  /// optional: no complete element yet.
   [[nodiscard]] std::optional<std::string_view> next();
   [[nodiscard]] std::uint64_t faults() const noexcept { return faults_; }
-  /// Of the last fault: bytes since the beginning.
+  /// Offset of the last fault in bytes since the beginning.
   [[nodiscard]] std::uint64_t fault_at() const noexcept { return fault_at_; }
-  /// Bytes kept; never more than what was added last and one element.
+  /// Bytes kept; never more than the last added ones and one element.
   [[nodiscard]] std::size_t kept() const noexcept { return buffer_.size() - head_; }
 
  private:
   void fault(std::size_t at) noexcept;
   void skip_to_bracket() noexcept;
   std::string buffer_;
-  std::size_t head_ = 0;      // of buffer_: what is not yet looked at
-  std::uint64_t before_ = 0;  // bytes that were in front of buffer_
+  std::size_t head_ = 0;      // start of the unread part of buffer_
+  std::uint64_t before_ = 0;  // bytes before buffer_
   std::uint64_t faults_ = 0;
   std::uint64_t fault_at_ = 0;
-  bool in_fault_ = false;  // the bytes before were wrong already: one fault, not many
+  bool in_fault_ = false;  // the bytes before were wrong too: one fault, not many
 };
 
-/// What a client asks for.
+/// A client's request.
 struct SocketcandCommand {
   enum class Kind : std::uint8_t {
     open,  ///< `bus`
@@ -66,15 +66,15 @@ struct SocketcandCommand {
     bcm_mode,
     control_mode,
     send,       ///< `frame`
-    add,        ///< `frame` now and then every `interval`; 0: now only
+    add,        ///< `frame` at once and then every `interval`; 0: only once
     update,     ///< new data for the job of this identifier
-    remove,     ///< no job of this identifier any more (`delete`)
+    remove,     ///< ends the job of this identifier (`delete`)
     filter,     ///< frames of this identifier when bits of the mask in `frame` changed, at most every `interval`
     subscribe,  ///< frames of this identifier, at most every `interval`
     unsubscribe,
-    statistics,  ///< every `interval`; 0: no more
+    statistics,  ///< every `interval`; 0: stop
     configure,   ///< `< can0 B .. >`, `< can0 C .. >`: bit timing and mode of an interface
-    malformed,   ///< one of these, with wrong words
+    malformed,   ///< one of these, with invalid words
     unknown,
   };
   Kind kind = Kind::unknown;
@@ -82,20 +82,20 @@ struct SocketcandCommand {
   can::Frame frame{};
   rt::Duration interval{0};
 };
-/// Of what is between the brackets. A bus name may have blanks.
+/// Parses the text between the brackets. A bus name may have blanks.
 [[nodiscard]] SocketcandCommand parse_command(std::string_view element);
 
-/// What a server says.
+/// A server's message.
 struct SocketcandNotice {
   enum class Kind : std::uint8_t { hi, ok, echo, frame, error, stat, malformed, unknown };
   Kind kind = Kind::unknown;
   can::Frame frame{};
   std::chrono::microseconds at{0};  ///< frame: the server's time
-  std::string text{};               ///< error: what it says
+  std::string text{};               ///< error: its text
 };
 [[nodiscard]] SocketcandNotice parse_notice(std::string_view element);
 
-/// The protocol can say this frame: neither remote nor FD, at most 8 bytes.
+/// True if the protocol can express this frame: neither remote nor FD, at most 8 bytes.
 [[nodiscard]] constexpr bool socketcand_can_say(const can::Frame& frame) noexcept {
   return !frame.remote && !frame.fd && frame.size <= 8;
 }

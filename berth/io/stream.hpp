@@ -1,5 +1,5 @@
 /// Bytes to and from a peer that may be slow, gone or hostile: a connected TCP socket or a serial line, never blocking,
-/// bounded. And what is needed to get one: "host:port" texts, listening, connecting.
+/// bounded. Also helpers: "host:port" texts, listening, connecting.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +15,7 @@
 
 namespace berth::io {
 
-/// Where a server listens. `host` is a name or an address; IPv6 addresses stand without brackets here.
+/// Where a server listens. `host` is a name or an address; IPv6 addresses have no brackets here.
 struct Endpoint {
   std::string host;
   std::uint16_t port = 0;
@@ -27,19 +27,19 @@ struct Endpoint {
                                                      std::string_view default_host = "127.0.0.1");
 [[nodiscard]] std::string to_string(const Endpoint& endpoint);
 
-/// Whether only programs of this computer reach a server there: every address that the host stands for is loopback
-/// (127.0.0.0/8, ::1, ::ffff:127.0.0.0/104). 0.0.0.0 and :: are not. The error says in words why the host is none.
+/// True if only programs of this computer can reach a server there: all addresses of the host are loopback
+/// (127.0.0.0/8, ::1, ::ffff:127.0.0.0/104). 0.0.0.0 and :: are not. The error says in words why the host is invalid.
 [[nodiscard]] tl::expected<bool, std::string> is_loopback(const Endpoint& endpoint);
 
-/// A listening, non-blocking socket; its owner closes it. Port 0: the system takes a free one (`local_endpoint`). What
-/// is wrong is told in words.
+/// A listening, non-blocking socket; its owner closes it. Port 0: the system chooses a free one (`local_endpoint`).
+/// Errors are in words.
 [[nodiscard]] tl::expected<int, std::string> listen_tcp(const Endpoint& endpoint);
 /// The socket's own address; empty when it has none.
 [[nodiscard]] std::optional<Endpoint> local_endpoint(int fd);
 /// The other end, for messages: "127.0.0.1:40022"; "a client" when it is gone.
 [[nodiscard]] std::string peer_name(int fd);
-/// Small messages at once (TCP_NODELAY), and a peer that vanished without a word is noticed within about 20 s
-/// (keep-alive, TCP_USER_TIMEOUT).
+/// Sends small messages at once (TCP_NODELAY), and detects a vanished peer within about 20 s (keep-alive,
+/// TCP_USER_TIMEOUT).
 void tune_tcp(int fd) noexcept;
 
 /// A socket's address, looked up once, because looking up may block for seconds.
@@ -48,44 +48,44 @@ struct SocketAddress {
   std::vector<std::uint8_t> bytes;
 };
 [[nodiscard]] tl::expected<std::vector<SocketAddress>, std::string> look_up(const Endpoint& endpoint);
-/// Begins to connect; the socket can be written when it is done, and `connect_error` says how it went. Negative: at
-/// once refused, errno says why.
+/// Begins to connect; when it is done, the socket can be written, and `connect_error` returns the result. Negative:
+/// refused at once, see errno.
 [[nodiscard]] int begin_connect(const SocketAddress& address) noexcept;
-/// 0 when the connection stands, else the errno.
+/// 0 if the connection succeeded, else the errno.
 [[nodiscard]] int connect_error(int fd) noexcept;
 
 class Stream {
  public:
   enum class Kind : std::uint8_t { socket, line };
 
-  /// Owns `fd`, which must be non-blocking, and watches it with `watcher` for bytes that come in. `most_waiting`: bytes
-  /// that the peer did not take yet; beyond it is given up.
+  /// Owns `fd`, which must be non-blocking, and watches it with `watcher` for input. `most_waiting`: limit for bytes
+  /// that the peer has not taken; beyond it the stream is given up.
   Stream(Loop& loop, int fd, Kind kind, Watcher& watcher, std::size_t most_waiting);
   ~Stream();
   Stream(const Stream&) = delete;
   Stream& operator=(const Stream&) = delete;
 
-  /// Keeps bytes for `flush`. False: closed, or the peer takes too little: then the stream is `gone`.
+  /// Queues bytes for `flush`. False: closed, or the peer takes too little: then the stream is `gone`.
   bool put(std::string_view bytes);
-  /// Sends what can be sent now; what is left is sent when the descriptor can be written: call it then. False: gone.
+  /// Sends as much as possible. If bytes are left, call it again when the descriptor can be written. False: gone.
   bool flush() noexcept;
-  /// Bytes that came in; empty: none now, or `gone`.
+  /// Received bytes; empty: none now, or `gone`.
   [[nodiscard]] std::string_view get(std::span<char> buffer) noexcept;
-  /// True: no bytes are taken in, so that the peer has to wait. That it has hung up comes as EPOLLRDHUP, once.
+  /// True: stops reading, so that the peer must wait. Its hang-up is still reported by EPOLLRDHUP, once.
   void hold(bool on) noexcept;
   [[nodiscard]] bool held() const noexcept { return held_; }
 
-  /// Nothing comes or goes any more.
+  /// Nothing is sent or received any more.
   [[nodiscard]] bool gone() const noexcept { return fd_ < 0 || gone_; }
-  /// The peer did not take what it was sent.
+  /// True if the peer did not take its output.
   [[nodiscard]] bool too_slow() const noexcept { return too_slow_; }
-  /// Bytes that were sent, ever.
+  /// Total of bytes sent.
   [[nodiscard]] std::uint64_t taken() const noexcept { return taken_; }
-  /// Bytes that wait to be sent.
+  /// Bytes waiting to be sent.
   [[nodiscard]] std::size_t waiting() const noexcept { return out_.size() - sent_; }
   [[nodiscard]] int descriptor() const noexcept { return fd_; }
   void close() noexcept;
-  /// To be called with EPOLLRDHUP: it is not told again.
+  /// Call with EPOLLRDHUP, which is not reported again.
   void hung_up() noexcept;
 
  private:

@@ -1,5 +1,5 @@
-/// Frames that a SocketCAN port has written and whose echo it awaits: which of them an echo says to be on the wire.
-/// Inside of room `io`.
+/// Frames that a SocketCAN port has written and whose echo it awaits. Finds out which frames an echo confirms. Internal
+/// to room `io`.
 #pragma once
 
 #include <algorithm>
@@ -12,16 +12,16 @@ namespace berth::io {
 
 class WrittenFrames {
  public:
-  /// Echoes of later frames until one is given up: more than mailboxes are.
+  /// After so many echoes of later frames one is given up: more than there are mailboxes.
   static constexpr unsigned most_passed = 32;
 
-  /// Room for `most`; of more the oldest are forgotten.
+  /// Room for `most`; beyond that the oldest are forgotten.
   explicit WrittenFrames(std::size_t most) noexcept : most_(most) {}
   void add(const can::Frame& frame, std::uint32_t tag) {
     if (frames_.size() >= most_) frames_.pop_front();
     frames_.push_back({frame, tag, 0});
   }
-  /// The frames of this tag are not told any more.
+  /// Frames with this tag are not reported any more.
   void withdraw(std::uint32_t tag) noexcept {
     for (auto& written : frames_) {
       if (written.tag == tag) written.tag = 0;
@@ -31,9 +31,8 @@ class WrittenFrames {
   [[nodiscard]] std::size_t size() const noexcept { return frames_.size(); }
 
   /// The echo of `frame`; `lost`: how many frames the receive buffer has lost so far. Calls `sent(tag)` for each tagged
-  /// frame that is on the wire by that. Frames go out in the order of writing. One that is passed over has its echo
-  /// among what the receive buffer lost, and then it was sent before this one; else the controller sends by priority,
-  /// or the driver dropped it.
+  /// frame that this confirms. Frames are sent in the order of writing. If a frame's echo is missing and the receive
+  /// buffer lost frames, it was sent before this one; else the controller sends by priority, or the driver dropped it.
   template <class Sent>
   void echoed(const can::Frame& frame, std::uint32_t lost, const Sent& sent) {
     const auto it = std::ranges::find_if(frames_, [&frame](const Written& w) { return w.frame == frame; });

@@ -1,9 +1,8 @@
-/// Sends what an LSS slave answers, in its order (paper 4; S4.10). No heap.
+/// Sends the answers of an LSS slave, in their order (paper 4; S4.10). No heap.
 ///
-/// A controller that sends by identifier would send the base frame 7E4h before the 29-bit feedback that begins with the
-/// same eleven bits, and arbitration prefers it too. So the answer is queued when the feedback before it is on the
-/// wire. What the master asked since then makes an answer that still waits worthless, or worse, an answer to the wrong
-/// question: it is dropped with its feedback.
+/// A controller that sends by identifier would send the base frame 7E4h before the 29-bit feedback, which begins with
+/// the same eleven bits; arbitration prefers it too. So the answer is queued when its feedback is on the wire. A newer
+/// request makes a waiting answer worthless, or an answer to the wrong question: it is dropped with its feedback.
 #pragma once
 
 #include "berth/can/dispatcher.hpp"
@@ -17,10 +16,10 @@ class AnswerQueue final : private can::Confirmation, private rt::Job {
   ~AnswerQueue() { drop(); }
   AnswerQueue(const AnswerQueue&) = delete;
   AnswerQueue& operator=(const AnswerQueue&) = delete;
-  /// No master waits for an answer whose feedback found no place on the bus for so long.
+  /// After so long no master waits for an answer whose feedback could not be sent.
   static constexpr rt::Duration longest = std::chrono::milliseconds(100);
 
-  /// Answers the newest request; what is still to be sent for an older one is dropped. Call it with no answer too.
+  /// Answers the newest request and drops unsent frames for an older one. Call it also when there is no answer.
   void send(const Answers& answers) noexcept;
   /// The device is off, or silent.
   void drop() noexcept;

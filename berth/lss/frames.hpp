@@ -1,10 +1,10 @@
-/// The frames of the layer setting services (CiA 305): command specifiers, making and reading.
+/// The frames of the layer setting services (CiA 305): command specifiers, encoding and decoding.
 ///
 /// Every LSS frame is a base data frame with 8 bytes: command specifier, parameters little-endian, the rest 0.
 /// Master to slaves 7E5h, slave to master 7E4h, so that an answer outranks the next request.
 ///
-/// Feedback (paper 4; S4.10, S4.11) is not of the standard: frames without data whose identifier tells the next bits of
-/// the sender's LSS address. A slave sends one before its 4Fh.
+/// Feedback (paper 4; S4.10, S4.11) is not in the standard: frames without data whose identifier contains the next bits
+/// of the sender's LSS address. A slave sends one before its 4Fh.
 #pragma once
 
 #include <array>
@@ -21,18 +21,18 @@ namespace berth::lss {
 inline constexpr std::uint32_t master_cob_id = 0x7E5;  ///< requests
 inline constexpr std::uint32_t slave_cob_id = 0x7E4;   ///< answers
 
-/// The two LSS states of a slave (operation and configuration mode in the v1 wording that paper 1 uses). The values are
-/// those of the mode byte of switch state global.
+/// The two LSS states of a slave (called operation and configuration mode in the v1 wording that paper 1 uses). The
+/// values are those of the mode byte of switch state global.
 enum class State : std::uint8_t { waiting = 0, configuration = 1 };
 
-/// How a slave tells the master the next bits of its LSS address during Fastscan (paper 4; S4.10, S4.11).
+/// How a slave sends the master the next bits of its LSS address during Fastscan (paper 4; S4.10, S4.11).
 enum class Feedback : std::uint8_t {
-  none,      ///< CiA 305 as it is
+  none,      ///< CiA 305 unchanged
   extended,  ///< one 29-bit frame: 16 bits
   base,      ///< one of sixteen 11-bit frames: 4 bits
 };
 
-/// Command specifiers, byte 0. An answer repeats the request's unless another is named here.
+/// Command specifiers, byte 0. An answer repeats the request's, except where noted.
 enum class Command : std::uint8_t {
   switch_global = 0x04,
   configure_node_id = 0x11,
@@ -68,7 +68,7 @@ enum class BitRateIndex : std::uint8_t {
   kbit_500 = 2,
   kbit_250 = 3,
   kbit_125 = 4,
-  reserved = 5,  ///< was 100 kbit/s; never accepted
+  reserved = 5,  ///< 100 kbit/s in the past; never accepted
   kbit_50 = 6,
   kbit_20 = 7,
   kbit_10 = 8,
@@ -96,7 +96,7 @@ enum class Lackable : std::uint8_t {
   activate,          ///< 15h
 };
 inline constexpr std::size_t lackable_count = 6;
-/// The one that this request belongs to; empty: none that may be lacking.
+/// The service of this request that a device may lack; empty: none.
 [[nodiscard]] std::optional<Lackable> lackable(Command request) noexcept;
 
 /// A set of `Lackable`.
@@ -122,7 +122,7 @@ class LackSet {
   std::uint8_t bits_ = 0;
 };
 
-/// Error codes in byte 1 of an answer. What 1 and 2 mean depends on the service.
+/// Error codes in byte 1 of an answer. The meaning of 1 and 2 depends on the service.
 namespace error {
 inline constexpr std::uint8_t ok = 0;
 inline constexpr std::uint8_t out_of_range = 1;   ///< configure node-ID: not 1..127 or 255
@@ -131,7 +131,7 @@ inline constexpr std::uint8_t storage = 2;        ///< store: the medium cannot 
 inline constexpr std::uint8_t specific = 255;     ///< byte 2 holds a manufacturer's code
 }  // namespace error
 
-/// What identify remote slave asks: vendor and product equal, revision and serial number within inclusive ranges.
+/// The question of identify remote slave: vendor and product equal, revision and serial number within inclusive ranges.
 struct IdentifyRanges {
   std::uint32_t vendor = 0;
   std::uint32_t product = 0;
@@ -143,15 +143,15 @@ struct IdentifyRanges {
     return a.vendor == vendor && a.product == product && a.revision >= revision_low && a.revision <= revision_high &&
            a.serial >= serial_low && a.serial <= serial_high;
   }
-  /// The six values in the order in which they are sent, 46h to 4Bh.
+  /// The six values in sending order, 46h to 4Bh.
   [[nodiscard]] constexpr std::uint32_t value(unsigned i) const noexcept {
     return std::array<std::uint32_t, 6>{vendor, product, revision_low, revision_high, serial_low, serial_high}[i % 6];
   }
 };
 
-/// One Fastscan request: "slave at part `sub` whose bits 31 to `bit_checked` of it are those of `id`: answer,
-/// and go to part `next`". With `start_scan` in place of a bit: "slave without a node-ID: answer, and go to part 0";
-/// the rest is then 0.
+/// One Fastscan request: "slave at part `sub` whose bits 31 to `bit_checked` equal those of `id`: answer, and go to
+/// part `next`". With `start_scan` in place of a bit: "slave without a node-ID: answer, and go to part 0"; the rest is
+/// then 0.
 struct FastscanRequest {
   static constexpr std::uint8_t start_scan = 0x80;
   static constexpr std::uint8_t after_last = 4;  ///< paper 4's `next` after the serial number (S4.15); the standard: 0
@@ -160,12 +160,12 @@ struct FastscanRequest {
   std::uint8_t sub = 0;                   ///< 0..3: vendor, product, revision, serial
   std::uint8_t next = 0;                  ///< 0..3; the slave accepts all
   [[nodiscard]] constexpr bool starts() const noexcept { return bit_checked == start_scan; }
-  /// True when bits 31 to `bit_checked` of `own` are those of `id`; `bit_checked` must be 0..31.
+  /// True when bits 31 to `bit_checked` of `own` equal those of `id`; `bit_checked` must be 0..31.
   [[nodiscard]] constexpr bool matches(std::uint32_t own) const noexcept { return ((id ^ own) >> bit_checked) == 0; }
   friend constexpr bool operator==(const FastscanRequest&, const FastscanRequest&) noexcept = default;
 };
 
-/// What a feedback frame tells: bits of the sender's LSS address. Ordered by value within a kind and half.
+/// The content of a feedback frame: bits of the sender's LSS address. Ordered by value within a kind and half.
 struct FeedbackValue {
   Feedback kind = Feedback::extended;
   bool toggle = false;      ///< extended: bits 15..0 of the part (true) or 31..16; base: false
@@ -177,13 +177,13 @@ struct FeedbackValue {
 inline constexpr can::IdRange extended_feedback{can::extended_flag | slave_cob_id << 18,
                                                 (can::extended_flag | slave_cob_id << 18) + 0x1'FFFFU};
 /// Base: sixteen identifiers from a base that is configured in master and slaves. Paper 4 names none. 680h to 6DFh is
-/// what CiA 301's table leaves: in no use by the predefined connection set (PDOs end at 57Fh, the SDOs are 580h to
-/// 67Fh, dynamic SDO and CiA 416 begin at 6E0h, error control at 700h) and not restricted either. Our default is the
-/// upper end of it: it outranks neither PDO nor SDO, and still outranks the next LSS request.
+/// what CiA 301's table leaves: unused by the predefined connection set (PDOs end at 57Fh, the SDOs are 580h to 67Fh,
+/// dynamic SDO and CiA 416 begin at 6E0h, error control at 700h) and not restricted. Berth's default is the upper end
+/// of it: it has a lower priority than PDO and SDO, and a higher one than the next LSS request.
 inline constexpr std::uint16_t default_feedback_base = 0x6D0;
 /// True for 680h to 6D0h.
 [[nodiscard]] constexpr bool usable_feedback_base(unsigned id) noexcept { return id >= 0x680 && id <= 0x6D0; }
-/// The sixteen, `base` being usable.
+/// The sixteen identifiers from a usable `base`.
 [[nodiscard]] constexpr can::IdRange base_feedback(std::uint16_t base) noexcept { return {base, base + 15U}; }
 
 /// A request of the master. Unused bytes are 0.
@@ -207,21 +207,22 @@ inline constexpr std::uint16_t default_feedback_base = 0x6D0;
 /// A feedback frame; `base` is the first of the sixteen identifiers (kind `base` only).
 [[nodiscard]] can::Frame feedback_frame(const FeedbackValue& feedback,
                                         std::uint16_t base = default_feedback_base) noexcept;
-/// Reads what `feedback_frame` makes. Empty for all else: data, remote, FD. `base` 0: no base frame is feedback.
+/// Decodes frames of `feedback_frame`. Empty for all others: data, remote, FD. `base` 0: no base frame is feedback.
 [[nodiscard]] std::optional<FeedbackValue> decode_feedback(const can::Frame& frame, std::uint16_t base = 0) noexcept;
-/// Reads a Fastscan request. Empty for all else, and when `bit_checked` is neither 0..31 nor 80h or `sub` is beyond 3.
+/// Decodes a Fastscan request. Empty for other frames, and if `bit_checked` is neither 0..31 nor 80h or `sub` is above
+/// 3.
 [[nodiscard]] std::optional<FastscanRequest> decode_fastscan(const can::Frame& frame) noexcept;
 
-/// True for a base data frame with 8 bytes and this identifier: what CiA 305 has for an LSS frame
+/// True for a base data frame with 8 bytes and this identifier, as CiA 305 requires of an LSS frame
 /// (docs/protocols/cia305.md §Frames).
 [[nodiscard]] constexpr bool is_lss(const can::Frame& frame, std::uint32_t cob_id) noexcept {
   return frame.id == cob_id && !frame.extended && !frame.remote && !frame.fd && frame.size == 8;
 }
-/// An answer of a slave, also of one that leaves out the zeros at its end: the bytes that say something must be there.
+/// True for a slave's answer, even if it omits the zeros at its end: the significant bytes must be there.
 [[nodiscard]] bool is_answer(const can::Frame& frame) noexcept;
-/// The same answer with eight bytes, as CiA 305 has it; `answer`: `is_answer`.
+/// The same answer with eight bytes, as in CiA 305; `answer`: `is_answer`.
 [[nodiscard]] can::Frame whole_answer(const can::Frame& answer) noexcept;
-/// The same answer without the bytes that say nothing.
+/// The same answer without the zeros at its end.
 [[nodiscard]] can::Frame short_answer(const can::Frame& answer) noexcept;
 [[nodiscard]] inline Command command(const can::Frame& frame) noexcept { return static_cast<Command>(frame.data[0]); }
 /// Bytes 1..4 as one number.

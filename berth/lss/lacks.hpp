@@ -1,4 +1,4 @@
-/// What the devices of a bus lack of LSS, as a master has learnt it: a service that is missing costs its time-outs
+/// LSS services that the devices of a bus lack, as a master has learnt: a missing service costs its time-outs only
 /// once.
 #pragma once
 
@@ -10,12 +10,12 @@ namespace berth::lss {
 
 class LackMemory {
  public:
-  /// It was seen to lack this service.
+  /// True if the device was seen to lack this service.
   [[nodiscard]] bool has(const LssAddress& device, Lackable what) const noexcept;
-  /// It, or another of its type and revision.
+  /// True if it, or another of its type and revision, lacks it.
   [[nodiscard]] bool likely(const LssAddress& device, Lackable what) const noexcept;
   void note(const LssAddress& device, Lackable what);
-  /// Fastscan has brought it into configuration once: where 40h to 43h do not, that may again.
+  /// True if Fastscan has brought it into configuration once: if 40h to 43h fail, Fastscan may work again.
   [[nodiscard]] bool is_scanned(const LssAddress& device) const noexcept;
   void scanned(const LssAddress& device);
 

@@ -1,68 +1,73 @@
-/// One device in LSS configuration, and the proof that it is the only one: what every path shares that gives a device
-/// something by LSS. Slots are given their node-IDs by `places::Binder`, loans and what a search finds by
-/// `configure_alone`. Without a proof go: what is meant for all in configuration (a new bit rate, `11 FF`), the
-/// procedures of papers and standards as published (`discovery = "fastscan"`), and single services that a person or a
-/// client of CiA 309 asks for by name.
+/// Brings one device into LSS configuration and proves that it is the only one there: common to all paths that
+/// configure a device by LSS. `places::Binder` gives slots their node-IDs, `configure_alone` gives those of loans and
+/// of found devices. No proof is needed for:
+/// - settings meant for all devices in configuration (a new bit rate, `11 FF`)
+/// - the procedures of papers and standards as published (`discovery = "fastscan"`)
+/// - single services requested by the user or by a client of CiA 309
 ///
 ///     auto alone = co_await lss::select_alone(master, device, options);
 ///     if (!alone) co_return fail(alone.error());            // the bus
 ///     if (*alone != lss::Selection::alone) co_return ...;   // all devices are waiting again, unchanged
 ///     auto given = co_await lss::configure_alone(master, device, id, store, options);  // 11h, 17h, 04 00
 ///
-/// or 11h, 13h, 17h of your own, and `04 00` after them whatever came of it.
+/// or 11h, 13h, 17h of your own, followed by `04 00` whatever their result.
 ///
-/// Equal devices without a serial number have one address. Those that have a node-ID stay in LSS waiting when the one
-/// without is selected by Fastscan (`AloneOptions::without_node_id`); several without one are `clones`, when they do
-/// not answer at one instant.
+/// Equal devices without a serial number have one address. Those that have a node-ID stay in LSS waiting when Fastscan
+/// selects the one without (`AloneOptions::without_node_id`). Several without one are `clones`, unless they answer at
+/// one instant.
 ///
-/// `select_alone` sends `04 00`, because CiA 305 serves 40h to 43h in LSS waiting only (docs/protocols/cia305.md §State
-/// table), then 40h to 43h, and proves. Each further attempt begins with `04 00` too: the device may be in
-/// configuration and its 44h lost. `prove_alone` proves only, for a device that Fastscan's last match brought there.
-/// Fastscan's match may be proven so at once: 5Dh is served in configuration. To use 40h to 43h on it, `select_alone`
-/// sends the `04 00` that this needs.
+/// `select_alone` sends `04 00`, because CiA 305 serves 40h to 43h in LSS waiting only (docs/protocols/cia305.md
+/// §State table), then 40h to 43h, and proves. Each further attempt begins with `04 00` too: the device may be in
+/// configuration and its 44h lost. `prove_alone` only proves, for a device that Fastscan's last match brought into
+/// configuration. That may be done at once: 5Dh is served in configuration. To use 40h to 43h on such a device,
+/// `select_alone` sends the `04 00` that this needs.
 ///
-/// Why a proof: `04 00` has no answer, and a device that lost it (its receive buffer was full, it was writing its
-/// memory, it was selected unheard) is in configuration beside the one that is selected. Both execute 11h and take one
-/// node-ID at the next `04 00`.
+/// Reason for the proof: `04 00` has no answer. A device that lost it (its receive buffer was full, it was writing its
+/// memory, it was selected unnoticed) is in configuration together with the selected one. Both execute 11h and get the
+/// same node-ID at the next `04 00`.
 ///
-/// What is asked: the serial number (5Dh), and those parts of the address (5Ah to 5Ch) in which another device could
-/// differ that has the same serial number. Every answer must be the device's own, and one.
-/// - On a calm bus, where for four of the longest windows no service went unanswered, no device was lost, and no frame
-///   came on 7E4h that no request had asked for, in a row: each question follows the answer to the one before, the
-///   serial number last, and its whole window is that of all. Is anything heard but the one answer to each: one by one.
-/// - Else one by one, the serial number first, each for a whole window: a device that is deaf while it stores hears
-///   again meanwhile, and answers 17h. On a calm bus it was listened for before.
+/// The proof asks for the serial number (5Dh), and for those parts of the address (5Ah to 5Ch) in which another device
+/// with the same serial number could differ. Every question must have exactly one answer, the device's own.
+/// - On a calm bus the questions go in a row: each follows the answer to the one before, the serial number last, and
+///   all share its whole window. Calm means that for four of the longest windows no service went unanswered, no device
+///   was lost, and no unrequested frame came on 7E4h. If anything but the one answer to each is heard, the questions
+///   are repeated one by one.
+/// - Else one by one, the serial number first, each for a whole window: a device that is deaf while it stores receives
+///   again meanwhile, and answers 17h. On a calm bus such answers were listened for before.
 ///
-/// - Different answers, or one of another device: `not_alone`.
-/// - Two equal answers are those of another device in configuration, or a frame that came twice; the part is asked
-///   again. Three times so, and the other parts are told as they are the device's: `clones`; is one told otherwise, or
-///   by none: `not_alone`. Else all is asked once more.
-/// - A frame on 7E4h that no question asked for is that of a device which hears again and did not hear the questions
-///   before: all is asked once more.
-/// - Two devices that answer the same may fall into one frame on the wire (one identifier, one content, one instant).
-///   So 5Eh proves nothing, nor 44h, nor the answer to 11h; a serial number that both have needs a part that differs.
+/// - Different answers, or an answer of another device: `not_alone`.
+/// - Two equal answers come from another device in configuration, or from a repeated frame; the part is asked again.
+///   After three times the other parts are asked: if all are the device's, `clones`; if one differs or has no answer,
+///   `not_alone`. Else all is asked once more.
+/// - A frame on 7E4h that no question asked for comes from a device that receives again and missed the earlier
+///   questions: all is asked once more.
+/// - Two devices with the same answer may merge into one frame on the wire (one identifier, one content, one instant).
+///   So 5Eh, 44h and the answer to 11h prove nothing; if both have the same serial number, a part that differs must be
+///   asked.
 /// - Two that answer differently at one instant destroy each other's frames: `absent`.
-/// - CANopenNode in configuration answers any 43h with 44h, its own or not. So 44h alone does not tell which device
-///   is selected.
+/// - CANopenNode in configuration answers any 43h with 44h, its own or not. So 44h alone does not show which device is
+///   selected.
 ///
-/// The window: the longest the bus is known to need. The first proof on a master, and each after a doubt
-/// (`Master::suspect_strangers`), asks all parts and waits `AloneOptions::longest`; others three times what the slowest
-/// answer took that the master heard lately, not under 5 ms (`Master::answer_times`).
+/// The window is the longest that the bus is known to need. The first proof on a master, and each after a doubt
+/// (`Master::suspect_strangers`), asks all parts and waits `AloneOptions::longest`. Others wait three times the slowest
+/// answer that the master received lately, at least 5 ms (`Master::answer_times`).
 ///
-/// A device that lacks 5Ah to 5Dh cannot say so. That is learnt once (`Master::lacks`): it answers `11 80`, which every
-/// slave in configuration refuses, before and after an inquiry that stays silent. From then on it is selected from
-/// nobody: `04 00`, `11 80` to which no device answers, 40h to 43h to which one does. What `still_alone` asks between
-/// 11h and `04 00` has no answer then: a doubt there is `not_alone`.
+/// A device that lacks 5Ah to 5Dh cannot state its address. The master learns this once (`Master::lacks`): the device
+/// answers `11 80`, which every slave in configuration refuses, before and after an inquiry that stays silent. From
+/// then on it is selected so: `04 00`, `11 80` to which no device answers, 40h to 43h to which one does. The questions
+/// of `still_alone` between 11h and `04 00` then have no answer: a doubt there is `not_alone`.
 ///
-/// One that lacks 40h to 43h is selected by Fastscan, which is for devices without a node-ID: after it was brought into
-/// configuration by that once (`prove_alone`).
+/// A device that lacks 40h to 43h is selected by Fastscan, which works for devices without a node-ID, if Fastscan has
+/// brought it into configuration once (`prove_alone`).
 ///
-/// What no proof sees: a device in configuration that hears nothing at all while the questions are asked, and hears
-/// again before 11h; and, in a row, one of the same serial number that forgets a question when the next comes too early
-/// for it, and whose other answers all fall into the selected one's frames. Its answer to 11h, or any other frame on
-/// 7E4h, then comes beside the selected one's: `suspicious(reply)`. Ask `still_alone` then, before 17h and the last
-/// `04 00`; when it is not, `11 FF` to all that are in configuration takes the node-ID back before it is in use.
-/// `configure_alone` does so.
+/// The proof cannot detect:
+/// - a device in configuration that receives nothing during the questions, and receives again before 11h
+/// - with questions in a row, a device with the same serial number that forgets a question when the next comes too
+///   early, and whose other answers all merge with the selected one's frames
+///
+/// Its answer to 11h, or any other frame on 7E4h, then comes beside the selected one's: `suspicious(reply)`. Call
+/// `still_alone` then, before 17h and the last `04 00`. If the device is not alone, `11 FF` to all in configuration
+/// takes the node-ID back before it is in use. `configure_alone` does so.
 #pragma once
 
 #include <optional>
@@ -74,10 +79,10 @@
 namespace berth::lss {
 
 enum class Selection : std::uint8_t {
-  alone,      ///< it is in configuration, and no other
+  alone,      ///< it is in configuration, and no other device is
   absent,     ///< it does not answer
   not_alone,  ///< another device is in configuration, or answers in its place
-  clones,     ///< its own address is answered twice, again and again: two devices have it
+  clones,     ///< its own address is answered twice, repeatedly: two devices have it
 };
 [[nodiscard]] const char* name(Selection selection) noexcept;
 
@@ -85,64 +90,64 @@ enum class Selection : std::uint8_t {
 using PartMask = std::uint8_t;
 inline constexpr PartMask serial_part = 0x8;
 inline constexpr PartMask all_parts = 0xF;
-/// The parts to ask so that `device` is told from each of `others`: the serial number, and for each that has the same
-/// serial number one part in which it differs. A device that has been seen on the bus, or may come, belongs into
-/// `others`; one that is not in there and has the same serial number goes unseen. `all_parts` misses none.
+/// The parts to ask to distinguish `device` from each of `others`: the serial number, and for each with the same serial
+/// number one part that differs. `others` should contain every device that has been seen on the bus, or may come; a
+/// missing one with the same serial number goes unnoticed. `all_parts` misses none.
 [[nodiscard]] PartMask parts_to_ask(const LssAddress& device, std::span<const LssAddress> others) noexcept;
 
 struct AloneOptions {
   PartMask parts = all_parts;  ///< the serial number is always asked
   rt::Duration longest{0};     ///< longest window of a question; 0: `MasterOptions::service`'s time-out
   unsigned attempts = 2;       ///< of 40h to 43h, each after a `04 00`
-  /// The device may well not be there: one attempt, and 44h is waited for as long as answers usually take.
+  /// The device may well be missing: one attempt, and 44h is waited for only as long as answers usually take.
   bool guess = false;
-  /// Of several devices with this address only one that has no node-ID is meant, and it speaks Fastscan: it is selected
-  /// by that, which no device with a node-ID answers (CiA 305 §Fastscan), instead of by 40h to 43h, which all do.
+  /// Of several devices with this address, select only one without a node-ID that supports Fastscan: Fastscan selects
+  /// it, because no device with a node-ID answers that (CiA 305 §Fastscan), while all answer 40h to 43h.
   bool without_node_id = false;
-  /// The caller asks 5Eh at once and listens for as long as `window_of` told before the proof: what the last question
-  /// of a row would be waited for comes then, too (`suspicious`).
+  /// The caller asks 5Eh at once and listens for as long as `window_of` returned before the proof. Late answers to the
+  /// last question of a row come in that time, too (`suspicious`).
   bool followed = false;
-  const Vacancy* vacancy = nullptr;  ///< `configure_alone` asks it before the node-ID comes into use; null: no
+  const Vacancy* vacancy = nullptr;  ///< `configure_alone` checks it before the node-ID comes into use; null: no check
 };
 
-/// So long after a request another device in configuration may answer it, too.
+/// How long after a request another device in configuration may still answer.
 [[nodiscard]] rt::Duration window_of(const Master& master, const AloneOptions& options = {}) noexcept;
 
-/// `04 00`, 40h to 43h, and the proof. All but `alone`: `04 00` was sent, no device was changed. Errors: `bus`,
-/// `cancelled`.
+/// `04 00`, 40h to 43h, and the proof. If the result is not `alone`, `04 00` was sent and no device was changed.
+/// Errors: `bus`, `cancelled`.
 [[nodiscard]] rt::Task<Result<Selection>> select_alone(Master& master, LssAddress device, AloneOptions options = {});
-/// By Fastscan: a device of this address is there that has no node-ID. All are waiting again. Errors: `bus`,
-/// `cancelled`.
+/// Uses Fastscan to check whether a device with this address has no node-ID. All devices are waiting afterwards.
+/// Errors: `bus`, `cancelled`.
 [[nodiscard]] rt::Task<Result<bool>> any_without_node_id(Master& master, LssAddress device);
-/// The proof for a device that is in configuration already. As above.
+/// The proof for a device that is already in configuration. Results and errors as above.
 [[nodiscard]] rt::Task<Result<Selection>> prove_alone(Master& master, LssAddress device, AloneOptions options = {});
-/// The questions alone: no `04 00`, whatever comes of it. For between 11h and `04 00`, which would bring the node-ID
-/// into use. `not_alone` where the device lacks 5Ah to 5Dh.
+/// The questions alone, without `04 00` whatever the result. For use between 11h and `04 00`, which would bring the
+/// node-ID into use. `not_alone` if the device lacks 5Ah to 5Dh.
 [[nodiscard]] rt::Task<Result<Selection>> still_alone(Master& master, LssAddress device, AloneOptions options = {});
 
-/// What the device that was proven alone says of its node-ID (5Eh). Empty: it lacks the service, as `Master::lacks`
-/// has it from then on. Errors: `timeout` it does not answer any more; `bus`, `cancelled`.
+/// The node-ID (5Eh) of the device that was proven alone. Empty: it lacks the service; `Master::lacks` then remembers
+/// it. Errors: `timeout` it does not answer any more; `bus`, `cancelled`.
 [[nodiscard]] rt::Task<Result<std::optional<Reply>>> ask_node_id(Master& master, LssAddress device,
                                                                  ServiceOptions service);
 
-/// What came of a node-ID for a device that is alone in configuration.
+/// The result of configuring a node-ID on a device that is alone in configuration.
 struct Given {
   enum class Outcome : std::uint8_t {
     taken,      ///< it answered 11h with success
     refused,    ///< it answered 11h with an error code
     silent,     ///< it did not answer
     not_alone,  ///< another device answered too: taken back from all
-    occupied,   ///< another device was heard under the node-ID meanwhile: taken back
+    occupied,   ///< another device was heard with the node-ID meanwhile: taken back
   };
   Outcome outcome = Outcome::silent;
   bool stored = false;  ///< 17h was answered with success
 };
-/// 11h, 17h when `store`, `04 00`, for a device that was just proven alone. Proves once more before 17h, and when the
-/// answer to 11h is suspicious or came to a repetition only. In all outcomes but `taken` the pending node-ID is 255
-/// again (`11 FF`) before the `04 00`. Errors: `bus`, `cancelled`.
+/// 11h, 17h if `store`, `04 00`, for a device that was just proven alone. Proves once more before 17h, and if the
+/// answer to 11h is suspicious or came only after a repetition. In all outcomes except `taken` the pending node-ID is
+/// 255 again (`11 FF`) before the `04 00`. Errors: `bus`, `cancelled`.
 [[nodiscard]] rt::Task<Result<Given>> configure_alone(Master& master, LssAddress device, NodeId id, bool store,
                                                       AloneOptions options = {});
-/// Another device seems to have answered too.
+/// True if another device seems to have answered too.
 [[nodiscard]] bool suspicious(const Reply& reply) noexcept;
 
 }  // namespace berth::lss

@@ -4,10 +4,10 @@
 
 namespace berth::lss {
 
-/// Knows whether a node-ID that was found vacant is so still.
+/// Knows whether a node-ID that was found vacant is still vacant.
 class Vacancy {
  public:
-  /// False: a device was heard under it since.
+  /// False: a device with this node-ID was heard since.
   [[nodiscard]] virtual bool still_vacant(NodeId) const noexcept { return true; }
 
  protected:

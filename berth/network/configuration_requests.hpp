@@ -1,6 +1,6 @@
 /// 1F25h, request configuration (CiA 302-3): any SDO client writes "conf" to the sub-index of a slave, or to 80h for
-/// all, and the configuration manager brings the slave's configuration into it at once, whatever its date says. It is
-/// the boot-up's step 8 (`BootSource::configure`), outside a boot-up; the slave's NMT state stays as it is.
+/// all. The configuration manager then downloads the slave's configuration at once, whatever its date. This is the
+/// boot-up's step 8 (`BootSource::configure`), outside a boot-up; the slave's NMT state stays the same.
 #pragma once
 
 #include <functional>
@@ -19,14 +19,14 @@ class ConfigurationRequests {
   ConfigurationRequests(rt::Executor& executor, NetworkBoot& network) noexcept
       : network_(&network), scope_(executor, most_at_once) {}
 
-  /// Told when the configuration of a slave has ended. May be empty.
+  /// Called when the configuration of a slave has ended. May be empty.
   void observe(std::function<void(NodeId, const Result<void>&)> callback) { callback_ = std::move(callback); }
 
-  /// What the SDO client is answered; the configuration begins after that. 0800 0020: not the signature.
-  /// 0800 0022: this device is no master now, or the slave boots or is being configured. 0609 0030: not assigned.
-  /// For all: those that can be are; 0800 0022 when there is none.
+  /// Returns the answer to the SDO client; the configuration begins after it. 0800 0020: not the signature. 0800 0022:
+  /// this device is not the master, or the slave boots or is being configured. 0609 0030: not assigned. For all:
+  /// configures those that it can; 0800 0022 if there is none.
   od::AbortCode request(std::uint8_t sub, std::uint32_t value);
-  /// Nothing goes on.
+  /// Ends all configurations.
   void end() noexcept;
 
  private:

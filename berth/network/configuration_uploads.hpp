@@ -1,12 +1,12 @@
-/// 5F0Ah, upload configuration: any SDO client writes "upld" to the sub-index of a slave, or to 80h for all, and the
-/// configuration of the slave, as it is now, comes into the manager's 1F20h. From then on that is what the slave is
-/// configured with, and so the device that replaces it. CiA 302-3 has no object for this; the number is Berth's.
+/// 5F0Ah, upload configuration: any SDO client writes "upld" to the sub-index of a slave, or to 80h for all. The
+/// manager then stores the slave's current configuration in its 1F20h, and uses it for the slave and for a device that
+/// replaces it. CiA 302-3 has no object for this; the index is Berth's.
 ///
-/// What the slave is like says its EDS: 1F23h of the manager (1F24h: its format), else 1021h of the slave (1022h). It
-/// is stored as 1F21h says, and compressed where it would not fit as it is. 1F26h and 1F27h become its date (1020h; 0
-/// where it has none), and 1F22h of the slave becomes empty, because a concise DCF counts before 1F20h.
+/// The slave's EDS describes it: 1F23h of the manager (1F24h: its format), else 1021h of the slave (1022h). The
+/// configuration is stored as 1F21h says, and compressed if it would not fit otherwise. 1F26h and 1F27h are set to its
+/// date (1020h; 0 if it has none), and 1F22h of the slave is emptied, because a concise DCF has priority over 1F20h.
 ///
-/// Read, 5F0Ah says what became of the last one: 0 none, 1 under way, 2 done, 3 failed.
+/// Reading 5F0Ah gives the state of the last upload: 0 none, 1 under way, 2 done, 3 failed.
 #pragma once
 
 #include <array>
@@ -29,16 +29,16 @@ class ConfigurationUploads {
   ConfigurationUploads(rt::Executor& executor, NetworkBoot& network, od::Values& values) noexcept
       : network_(&network), values_(&values), scope_(executor, most_at_once) {}
 
-  /// Told when an upload has ended. Errors: those of SDO and `upload_configuration`; those of `read_own_eds`;
+  /// Called when an upload has ended. Errors: those of SDO and `upload_configuration`; those of `read_own_eds`;
   /// Errc::invalid an EDS that cannot be read; Errc::mismatch 1F20h has no room for the DCF. May be empty.
   void observe(std::function<void(NodeId, const Result<void>&)> callback) { callback_ = std::move(callback); }
 
-  /// What the SDO client is answered; the upload begins after that. 0800 0020: not the signature. 0800 0022: this
-  /// device is no master now, or the slave boots or is being read. 0609 0030: not assigned. For all: those that can be
-  /// are; 0800 0022 when there is none.
+  /// Returns the answer to the SDO client; the upload begins after it. 0800 0020: not the signature. 0800 0022: this
+  /// device is not the master, or the slave boots or is being read. 0609 0030: not assigned. For all: reads those that
+  /// it can; 0800 0022 if there is none.
   od::AbortCode request(std::uint8_t sub, std::uint32_t value);
   [[nodiscard]] State state(NodeId node) const noexcept { return states_[node.value()]; }
-  /// Nothing goes on; what was under way has failed.
+  /// Ends all uploads; unfinished ones have failed.
   void end() noexcept;
 
  private:

@@ -1,4 +1,5 @@
-/// A slave's configuration and program from the object dictionary of its master (`berth/manager/dictionary_rules.hpp`).
+/// A slave's configuration and program, from the object dictionary of its master
+/// (`berth/manager/dictionary_rules.hpp`).
 #pragma once
 
 #include "berth/manager/dictionary_rules.hpp"
@@ -7,19 +8,19 @@
 
 namespace berth::network {
 
-/// Brings it into the slave: factory settings (bit 7 of 1F81h and 1F8Ah), then what differs, read back, dated and saved
-/// (`Configurator`). A slave without memory is configured at every boot. A DCF whose vendor-ID or product code is not
-/// the slave's: Errc::mismatch, and nothing is written.
+/// Configures the slave: factory settings (bit 7 of 1F81h and 1F8Ah), then the differences, read back, dated and saved
+/// (`Configurator`). A slave without memory is configured at every boot. If vendor-ID or product code of the DCF
+/// differs from the slave's: Errc::mismatch, and nothing is written.
 class DictionarySource final : public BootSource {
  public:
-  /// `values` must stay; they are read at each boot-up.
+  /// `values` must stay; it is read at each boot-up.
   DictionarySource(const od::Values& values, NodeId node) noexcept : values_(&values), node_(node) {}
   /// Bits 2 and 3 of 1F81h.
   void renew(manager::SlaveRules& rules) const noexcept override;
   rt::Task<Result<void>> configure(BootTarget& target, manager::SlaveRules& rules) override;
-  /// The program of 1F58h (`ProgramLoader`).
+  /// Downloads the program of 1F58h (`ProgramLoader`).
   rt::Task<Result<void>> update(BootTarget& target, const manager::SlaveRules& rules) override;
-  /// Those of all slaves of a bus share it; null: each by itself. Must stay.
+  /// The sources of all slaves on a bus share it; null: not shared. Must stay.
   void share(manager::ProgramTransfers* transfers) noexcept { transfers_ = transfers; }
 
  private:

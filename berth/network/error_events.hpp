@@ -1,5 +1,5 @@
-/// What the master of a network list does when a slave fails or restarts (CiA 302-2, error control): `NetworkBoot`'s
-/// manual says it. `berth up` does otherwise: it asks first which device is there (operate/supervision.hpp).
+/// The reaction of the master of a network list to a slave that fails or restarts (CiA 302-2, error control);
+/// `NetworkBoot` describes it. `berth up` differs: it first checks which device is there (operate/supervision.hpp).
 #pragma once
 
 #include "berth/network/network_startup.hpp"
@@ -9,12 +9,12 @@ namespace berth::network {
 
 class ErrorEvents final : public ErrorControl {
  public:
-  /// The network whose errors these are.
+  /// The network of these errors.
   class Network {
    public:
-    /// Nothing has begun, or other slaves are about to come.
+    /// Not started yet, or the slaves are about to be replaced.
     [[nodiscard]] virtual bool is_off() const noexcept = 0;
-    /// All nodes are about to be stopped, or reset: no boot-up goes on.
+    /// All nodes are about to be stopped, or reset: end all boot-ups.
     virtual void end_for_all(bool stopped) noexcept = 0;
     virtual void command(co::NmtCommand command, co::NmtTarget target, bool with_master) = 0;
     virtual void tell(const NetworkEvent& event) const = 0;
@@ -30,8 +30,8 @@ class ErrorEvents final : public ErrorControl {
   void back(NodeId node) noexcept override;
   void told(NodeId node, NmtState state) noexcept override;
   void overheard(const co::NmtRequest& request) noexcept override;
-  /// It was asked and is not there. Of a slave without error control nothing else tells it: the state that it told last
-  /// (1F82h) counts no more.
+  /// The slave was asked and is not there. Without error control nothing else reports this: its last reported state
+  /// (1F82h) becomes invalid.
   void silent(NodeId node) noexcept;
 
  private:

@@ -1,6 +1,5 @@
-/// A network that is directly on a bus, as `NetworkBoot` and `BootSlave` use it: SDO by the default channels, NMT
-/// commands with the inhibit time between them, heartbeat consumer, node guarding, and the boot-up messages and states
-/// of all nodes.
+/// A network directly on a bus, for `NetworkBoot` and `BootSlave`: SDO by the default channels, NMT commands with the
+/// inhibit time between them, heartbeat consumer, node guarding, and the boot-up messages and states of all nodes.
 ///
 ///     ManagedBus bus(dispatcher);                        // or (dispatcher, sdo), where the node has an SDO client
 ///     bus.nmt().set_inhibit(10ms);                       // 102Ah
@@ -9,7 +8,7 @@
 ///     bus.lead_to(&network.error_control());
 ///     plan.slaves.push_back({node, rules, &bus.target(node), &source});
 ///
-/// One manager a bus. It shares the dispatcher with the master's own device, which does not hear it.
+/// One manager per bus. It shares the dispatcher with the master's own device, which does not hear it.
 #pragma once
 
 #include <array>
@@ -33,19 +32,19 @@ class ManagedBus final : public BootBus,
  public:
   /// The dispatcher must stay.
   explicit ManagedBus(can::Dispatcher& dispatcher);
-  /// `sdo` is what the rest of this node asks by, on this dispatcher; it must stay. Two clients of one node would take
-  /// the answers of each other for a second device's.
+  /// `sdo`: the SDO client used by the rest of this node, on this dispatcher; it must stay. With two clients in one
+  /// node, each would take the other's answers for those of a second device.
   ManagedBus(can::Dispatcher& dispatcher, co::SdoClient& sdo);
   ~ManagedBus() override;
 
-  /// Who is told what error control hears; may be null. Must stay, or be taken out.
+  /// Receives the events of error control; may be null. Must stay, or be removed.
   void lead_to(ErrorControl* listener) noexcept { listener_ = listener; }
-  /// The master's own device; without one nothing is applied.
+  /// Applies commands to the master's own device; without a function, nothing is applied.
   void on_apply(std::function<void(co::NmtCommand)> apply) { apply_ = std::move(apply); }
   [[nodiscard]] co::SdoClient& sdo() noexcept { return *sdo_; }
   [[nodiscard]] co::NmtMaster& nmt() noexcept { return nmt_; }
 
-  /// The slave with this node-ID (configured); it stays as long as this object.
+  /// The slave with this node-ID (configured); valid as long as this object.
   [[nodiscard]] BootTarget& target(NodeId node);
 
   rt::Task<Result<rt::Time>> command(co::NmtCommand command, co::NmtTarget target) override;
@@ -57,10 +56,11 @@ class ManagedBus final : public BootBus,
   ManagedBus(can::Dispatcher& dispatcher, std::unique_ptr<co::SdoClient> own, co::SdoClient* shared);
   class Target;
   struct Heard {
-    NmtState state = NmtState::initialising;  // that is a boot-up message
+    NmtState state = NmtState::initialising;  // initialising: a boot-up message
     rt::Time at{};
   };
-  /// `auto heard = co_await Next(bus, node, deadline)`: the next error control frame of a node; empty: none before.
+  /// `auto heard = co_await Next(bus, node, deadline)`: the next error control frame of a node; empty: none before
+  /// `deadline`.
   class Next;
 
   void received(const can::Frame& frame, rt::Time at) noexcept override;
@@ -80,7 +80,7 @@ class ManagedBus final : public BootBus,
   co::GuardingMaster guarding_;
   std::array<std::unique_ptr<Target>, 128> targets_;
   std::array<std::optional<rt::Time>, 128> booted_;  // the last boot-up message
-  std::bitset<128> reset_;                           // a reset was sent, and no boot-up message came since
+  std::bitset<128> reset_;                           // a reset was sent, and no boot-up message has come since
   std::bitset<128> lost_;
   rt::Duration longest_{};  // heartbeat time
   Next* waiting_ = nullptr;

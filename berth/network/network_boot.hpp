@@ -1,6 +1,6 @@
-/// The NMT startup of CiA 302-2 (docs/protocols/cia302.md §Boot-up of a network): from "power is on" to an operational
-/// network, and what is done when a slave fails in it. The rules are 1F80h (`Startup`), 1F81h (`SlaveRules`) and 1F89h;
-/// the steps of each slave are `BootSlave`'s.
+/// The NMT startup of CiA 302-2 (docs/protocols/cia302.md §Boot-up of a network), from power-on to an operational
+/// network, and the reaction to a slave that fails. The rules are 1F80h (`Startup`), 1F81h (`SlaveRules`) and 1F89h;
+/// `BootSlave` has the steps of each slave.
 ///
 ///     ManagedBus bus(dispatcher);
 ///     NetworkBoot network(executor, bus);
@@ -8,7 +8,7 @@
 ///     network.observe([](const NetworkEvent& event) { print(text(event)); });
 ///     network.begin(plan);
 ///
-/// What it does:
+/// Its steps:
 ///   1. reset communication: one command for all nodes, or, when a slave is keep-alive, one for each node-ID from 1 to
 ///      127 but the master's and the keep-alive ones'; none when the network was taken over (`NetworkPlan::taken_over`)
 ///   2. all slaves are booted side by side, mandatory or not; a slave that was reset is asked when its boot-up message
@@ -17,22 +17,24 @@
 ///      L)
 ///   4. a mandatory slave that fails, or 1F89h over before all mandatory ones are ready: `Phase::halted`. No slave is
 ///      started any more; those under way are booted to their end. `operate` goes on, `begin` begins anew
-///   5. all mandatory ones ready: the master becomes operational (bit 2 = 0), or the application makes it (`operate`,
-///      `own_state`)
-///   6. the master is operational: with bit 1 = 1 and bit 3 = 0 one start for all. That starts every node of the bus,
-///      also one that failed its checks: so CiA 302-2 has it. A network that was taken over gets a start for each slave
-///      that does not run instead
-/// Optional slaves are booted all the time; one that is connected later is found by its boot-up message, or by asking.
+///   5. all mandatory ones ready: the master becomes operational (bit 2 = 0), or the application makes it so
+///      (`operate`, `own_state`)
+///   6. the master is operational: with bit 1 = 1 and bit 3 = 0 one start for all. As CiA 302-2 requires, that starts
+///      every node of the bus, even one that failed its checks. In a network that was taken over, each slave that does
+///      not run gets its own start instead
+/// Optional slaves are booted all the time; one that is connected later is found by its boot-up message, or by polling.
 ///
-/// An error event is: error control lost a slave that was ready, or it sent a boot-up message that no reset of the
-/// master's explains. Of a mandatory slave, bit 6: all nodes and the master are stopped (`Phase::stopped`, until
-/// `begin`); else bit 4: all nodes and the master are reset (`Phase::off`: the master begins when it has booted). Else
-/// that slave alone: what was lost is reset and booted on its boot-up message; what booted is booted at once. A
-/// keep-alive slave is not reset but booted at once: its state is looked at first (step 4 of `BootSlave`). A slave
-/// without bit 2 of 1F81h gets its error control again, no more, and is not started.
+/// An error event is: error control lost a ready slave, or a slave sent a boot-up message without a reset by the
+/// master. The reaction:
+/// - mandatory slave, bit 6: all nodes and the master are stopped (`Phase::stopped`, until `begin`)
+/// - mandatory slave, no bit 6, bit 4: all nodes and the master are reset (`Phase::off`: the master begins when it has
+///   booted)
+/// - else only that slave: a lost one is reset and booted after its boot-up message; one that booted is booted at once.
+///   A keep-alive slave is not reset but booted at once, beginning with its state (step 4 of `BootSlave`). A slave
+///   without bit 2 of 1F81h only gets its error control again, and is not started
 ///
-/// Every call may be made at any time from the executor, also from the callback: what ends tasks is done later. With
-/// bit 5 (flying master) `begin` and `end` follow `FlyingMaster`.
+/// Every call may be made at any time from the executor, also from the callback: tasks are ended later. With bit 5
+/// (flying master) `FlyingMaster` controls `begin` and `end`.
 #pragma once
 
 #include <functional>
@@ -53,32 +55,33 @@ class NetworkBoot final : private SlaveBoots::Owner, private NetworkStartup::Own
 
   void observe(std::function<void(const NetworkEvent&)> callback) { callback_ = std::move(callback); }
 
-  /// Begins, or begins anew, from the reset on. Errc::invalid: the plan's master is none (bit 0), a slave is named
-  /// twice, has no target, no source or no node-ID.
+  /// Begins, or begins anew, with the reset. Errc::invalid: the plan's master is none (bit 0), or a slave is named
+  /// twice or has no target, no source or no node-ID.
   Result<void> begin(NetworkPlan plan);
-  /// Nothing is done any more; what is known of the slaves stays. With `releases` the device is no NMT master any more:
-  /// commands that wait are dropped, and no slave is supervised.
+  /// Ends all activity, but keeps the known states of the slaves. With `releases` the device is no NMT master any more:
+  /// waiting commands are dropped, and no slave is supervised.
   void end(bool releases = false) noexcept;
   /// The application makes the master operational. Errc::invalid: the startup has not come so far, or a mandatory slave
-  /// is not ready (`Error::node`); after `Phase::halted` too.
+  /// is not ready (`Error::node`); also after `Phase::halted`.
   Result<void> operate();
   /// The NMT state that the master's own device has entered.
   void own_state(NmtState state) noexcept;
-  /// Sends an NMT command and takes part: a slave that it resets is booted again, and that is no error event. To all:
-  /// `with_master` does it to the master too. To the master's own node-ID: nothing is sent, it is done to it.
+  /// Sends an NMT command and takes it into account: a slave that it resets is booted again, without an error event.
+  /// For all nodes: `with_master` also applies it to the master. For the master's own node-ID: nothing is sent, it is
+  /// only applied.
   void command(co::NmtCommand command, co::NmtTarget target, bool with_master = false) override;
 
   [[nodiscard]] Phase phase() const noexcept { return startup_.phase(); }
   [[nodiscard]] const NetworkPlan& plan() const noexcept { return plan_; }
   [[nodiscard]] NmtState own_state() const noexcept { return own_; }
-  /// Null when it is not assigned, and from `begin` until the executor has run once. It stays until `begin`;
+  /// Null when it is not assigned, and from `begin` until the executor has run once. Valid until `begin`;
   /// `plan().slaves` has all assigned ones.
   [[nodiscard]] const SlaveStatus* find(NodeId node) const noexcept;
-  /// Begins or ends the error control of a slave, by hand. Errc::not_found: not assigned. Errc::unsupported: it has
+  /// Starts or ends the error control of a slave manually. Errc::not_found: not assigned. Errc::unsupported: it has
   /// neither a heartbeat time nor a guard time.
   Result<void> supervise(NodeId node, bool on);
 
-  /// Where error control tells what it hears.
+  /// Receives the events of error control.
   [[nodiscard]] ErrorEvents& error_control() noexcept { return errors_; }
 
  private:

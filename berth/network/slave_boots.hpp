@@ -1,12 +1,12 @@
-/// The slaves of a network on their way from "it is there" to its start: steps 1 to 9 by `BootSlave`, and step 10, the
-/// slave's own NMT start (CiA 302-2; docs/protocols/cia302.md §Boot-up of a slave). All are booted side by side.
+/// Takes the slaves of a network from detection to their start: steps 1 to 9 by `BootSlave`, and step 10, the slave's
+/// own NMT start (CiA 302-2; docs/protocols/cia302.md §Boot-up of a slave). All are booted side by side.
 ///
-/// Which slave is booted when, its owner says:
-///   - `boot`: after its boot-up message, or by asking until it answers. `NetworkBoot` does so by a network list
-///   - `boot_found`: now, in the caller's scope, because the owner has found out that the slave is there and is the
-///     right device. `berth up` does so by its slots
-/// The way of a slave is the same: its source is asked for its rules, `BootSlave` runs, `ended` tells how, and when
-/// `starts` said so it is started.
+/// Its owner decides when to boot which slave:
+/// - `boot`: after its boot-up message, or by polling until it answers. `NetworkBoot` does so by a network list
+/// - `boot_found`: at once, in the caller's scope, because the owner has identified the slave as the right device.
+///   `berth up` does so by its slots
+/// The steps are the same: the source gives the slave's rules, `BootSlave` runs, `ended` reports the result, and if
+/// `starts` returned true, the slave is started.
 #pragma once
 
 #include <array>
@@ -21,15 +21,15 @@
 
 namespace berth::network {
 
-/// A slave, and how far its boot-up has come.
+/// A slave and the state of its boot-up.
 struct Slave {
   Slave(rt::Executor& executor, const NetworkSlave& is) : what(is), scope(executor) {
     status.node = is.node;
     status.rules = is.rules;
   }
-  /// It is ready and waits for its start: the startup of the network says for what.
+  /// It is ready and waits for its start; the network's startup decides when.
   [[nodiscard]] bool waits_for_start() const noexcept { return status.phase == SlavePhase::ready && !starting; }
-  /// It is booted anew, or looked for: nothing of its last boot-up counts.
+  /// It is booted anew, or searched for: the results of its last boot-up become invalid.
   void forget() noexcept {
     status.phase = SlavePhase::idle;
     status.result = {};
@@ -38,12 +38,12 @@ struct Slave {
 
   NetworkSlave what;
   SlaveStatus status;
-  rt::Time since = rt::never;  // a reset was sent then, and its boot-up message comes first
+  rt::Time since = rt::never;  // time of a reset whose boot-up message has not come yet
   bool may_run = false;        // under a former master (`BootOptions::may_run`)
-  bool again = false;          // its boot-up begins anew, as soon as no task runs
+  bool again = false;          // its boot-up begins anew as soon as no task runs
   bool waits = false;          // for the boot-up message
-  bool starting = false;       // NMT start is on its way
-  bool released = false;       // a person starts it, whatever the startup of the network waits for
+  bool starting = false;       // NMT start is being sent
+  bool released = false;       // the user starts it, whatever the network's startup waits for
   std::optional<BootSlave> boot;
   rt::Scope scope;  // the last member: its task uses the others
 };
@@ -52,13 +52,13 @@ class SlaveBoots {
  public:
   class Owner {
    public:
-    /// Its boot-up has ended well: is it started now, by itself?
+    /// Its boot-up has succeeded. True: start it at once.
     virtual bool starts(const Slave& slave) noexcept = 0;
-    /// Its boot-up ended, well or not: `status.phase`. `starting` says whether its start follows; an owner that finds
-    /// that it is not ready after all sets its phase to idle, and it is not started.
+    /// Its boot-up ended, well or not: see `status.phase`. `starting` shows whether its start follows; if the owner
+    /// finds that it is not ready after all, it sets the phase to idle, and the slave is not started.
     virtual void ended(Slave& slave) noexcept = 0;
-    /// NMT start was sent to it; true: not, as it runs by another's doing (`BootTarget::runs`); or the command never
-    /// left.
+    /// NMT start was sent to it; true: it was not sent, because another master runs it (`BootTarget::runs`); an error:
+    /// the command was never sent.
     virtual void started(Slave& slave, const Result<bool>& ran) noexcept = 0;
 
    protected:
@@ -68,30 +68,31 @@ class SlaveBoots {
   SlaveBoots(rt::Executor& executor, Owner& owner, const NetworkTiming& timing) noexcept
       : executor_(&executor), owner_(&owner), timing_(timing) {}
 
-  /// Other slaves, all idle. Not from inside a task. `other_masters`: a slave whose boot-up message was not heard may
-  /// have been started by another master, on the other side of a cut, say.
+  /// Replaces the slaves; all are idle. Not from inside a task. `other_masters`: a slave whose boot-up message was not
+  /// heard may have been started by another master, for example on the other side of a cut.
   void set(std::span<const NetworkSlave> slaves, rt::Duration boot_time, bool other_masters);
-  /// Ends every boot-up under way; what is known of the slaves stays. Not from inside a task.
+  /// Ends every boot-up under way; the known states of the slaves stay. Not from inside a task.
   void cancel() noexcept;
-  /// The same, and no slave is supervised any more.
+  /// The same, and ends the supervision of all slaves.
   void release() noexcept;
-  /// Its boot-up begins, or begins anew. `since`: a reset was sent to it then, and its boot-up message is waited for.
+  /// Begins its boot-up, anew if necessary. `since`: a reset was sent to it then, and its boot-up message is waited
+  /// for.
   void boot(Slave& slave, rt::Time since = rt::never) noexcept;
   /// The same for a slave that a former master may have started.
   void take_over(Slave& slave) noexcept;
-  /// A slave of the owner's, which has identified it since its last boot-up: its boot-up and its start. One that is
-  /// silent now is B. `typed`: it has answered 1000h since then.
+  /// Boot-up and start of a slave that the owner has identified since its last boot-up. If it does not answer, the
+  /// result is B. `typed`: it has answered 1000h since then.
   [[nodiscard]] rt::Task<void> boot_found(Slave& slave, bool typed);
-  /// The start of a slave that waited for it.
+  /// Starts a slave that waited for it.
   [[nodiscard]] rt::Task<void> start(Slave& slave);
-  /// A boot-up message came while it was booting: is all to be done again?
+  /// A boot-up message came while it was booting: decides whether to repeat all.
   void booted_while_booting(Slave& slave, bool expected) noexcept;
-  /// Begins or ends its error control; false: its rules have none.
+  /// Starts or ends its error control; false: its rules have none.
   bool supervise(Slave& slave, bool on) noexcept;
 
   /// Null: there is none.
   [[nodiscard]] Slave* find(NodeId node) const noexcept { return node.configured() ? by_node_[node.value()] : nullptr; }
-  /// Those of `set`.
+  /// The slaves of `set`.
   [[nodiscard]] std::span<const std::unique_ptr<Slave>> all() const noexcept { return slaves_; }
 
  private:

@@ -1,5 +1,5 @@
-/// Requests that any SDO client makes of the configuration manager by an object with a sub-index for each slave, and
-/// 80h for all: 1F25h (`ConfigurationRequests`) and 5F0Ah (`ConfigurationUploads`).
+/// Requests of any SDO client to the configuration manager, by an object with a sub-index for each slave and 80h for
+/// all: 1F25h (`ConfigurationRequests`) and 5F0Ah (`ConfigurationUploads`).
 #pragma once
 
 #include <algorithm>
@@ -10,15 +10,15 @@
 
 namespace berth::network {
 
-/// Nothing else goes on with the slave that a request would disturb, as far as its boot-up says.
+/// True if, as far as the slave's boot-up shows, a request would disturb nothing else.
 [[nodiscard]] inline bool is_settled(const NetworkBoot& network, NodeId node) noexcept {
   const auto* const status = network.find(node);
   return status != nullptr && status->phase != SlavePhase::booting && status->phase != SlavePhase::idle;
 }
 
-/// What the client is answered that wrote `value` where `signature` is meant. `begin`: a slave's request, begun or not.
-/// 0800 0020: not the signature. 0800 0022: this device is no master now, or the slave's was not begun; for all, none
-/// was. 0609 0030: not assigned.
+/// The answer to a client that wrote `value`, which should be `signature`. `begin`: tries to begin one slave's request.
+/// 0800 0020: not the signature. 0800 0022: this device is not the master, or the slave's request was not begun; for
+/// all: none was begun. 0609 0030: not assigned.
 template <class Begin>
 od::AbortCode request_of_slaves(const NetworkBoot& network, std::uint8_t sub, std::uint32_t value,
                                 std::uint32_t signature, Begin begin) {

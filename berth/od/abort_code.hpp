@@ -1,4 +1,5 @@
-/// SDO abort codes (CiA 301 §7.2.4.3.17): the answer that refuses an access, from the object dictionary to the wire.
+/// SDO abort codes (CiA 301 §7.2.4.3.17): the object dictionary refuses an access with one, and the SDO server sends
+/// it.
 #pragma once
 
 #include <cstdint>
@@ -10,8 +11,8 @@
 
 namespace berth::od {
 
-/// Every abort code of CiA 301. `none` (0) is no abort: the access is granted. A peer may send other values; they
-/// are carried in the same type and named "unknown abort code".
+/// Every abort code of CiA 301. `none` (0) is no abort: the access is granted. Other values sent by a peer use the same
+/// type and are named "unknown abort code".
 enum class AbortCode : std::uint32_t {
   none = 0,
   toggle_bit = 0x0503'0000,
@@ -45,11 +46,11 @@ enum class AbortCode : std::uint32_t {
   device_state = 0x0800'0022,
   no_dictionary = 0x0800'0023,
   no_data = 0x0800'0024,
-  /// No abort code and never on the wire: the write was taken, and its answer comes later (`Hook::writing`).
+  /// Not an abort code and never sent: the write was accepted, and its answer comes later (`Hook::writing`).
   pending = 0xFFFF'FFFF,
 };
 
-/// What a person reads: "value too low", "object does not exist". Static text, never null.
+/// Text for users: "value too low", "object does not exist". Static, never null.
 [[nodiscard]] const char* text(AbortCode code) noexcept;
 /// True for the codes of the table above (not for `none` and `pending`).
 [[nodiscard]] bool known(AbortCode code) noexcept;

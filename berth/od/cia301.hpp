@@ -1,4 +1,4 @@
-/// Where the objects of CiA 301 stand that several rooms name; those of PDOs are in pdo_objects.hpp.
+/// Indices of CiA 301 objects that several rooms use; those of PDOs are in pdo_objects.hpp.
 #pragma once
 
 #include <cstdint>
@@ -14,14 +14,14 @@ namespace cia301 {
 /// @name SDO parameters (§7.5.2.33, §7.5.2.34).
 /// @{
 inline constexpr std::uint16_t default_server = 0x1200;
-inline constexpr std::uint16_t first_server = 0x1201;  ///< of the additional ones
+inline constexpr std::uint16_t first_server = 0x1201;  ///< of the additional servers
 inline constexpr std::uint16_t last_server = 0x127F;
 inline constexpr std::uint16_t first_client = 0x1280;
 inline constexpr std::uint16_t last_client = 0x12FF;
 [[nodiscard]] constexpr bool is_server(std::uint16_t index) noexcept {
   return within(index, default_server, last_server);
 }
-/// A server but the default one, or a client.
+/// True for a server except the default one, or a client.
 [[nodiscard]] constexpr bool is_additional_channel(std::uint16_t index) noexcept {
   return within(index, first_server, last_client);
 }

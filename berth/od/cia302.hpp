@@ -1,4 +1,4 @@
-/// Objects of CiA 302 that several rooms name: parts 2 (NMT master), 3 (configuration manager, programs), 5 (SDO
+/// Objects of CiA 302 that several rooms use: parts 2 (NMT master), 3 (configuration manager, programs), 5 (SDO
 /// manager).
 #pragma once
 
@@ -27,7 +27,7 @@ inline constexpr std::uint16_t program_identification = 0x1F56;
 inline constexpr std::uint16_t flash_status = 0x1F57;
 /// @}
 
-/// @name Programs that an NMT master expects and brings; the sub-index is a node-ID.
+/// @name Programs that an NMT master expects and downloads; the sub-index is a node-ID.
 /// @{
 inline constexpr std::uint16_t expected_program_date = 0x1F53;
 inline constexpr std::uint16_t expected_program_time = 0x1F54;
@@ -35,7 +35,7 @@ inline constexpr std::uint16_t expected_program = 0x1F55;  ///< the identificati
 inline constexpr std::uint16_t program_of_slave = 0x1F58;
 /// @}
 
-/// @name NMT master; the sub-index is a node-ID, but for 1F80h and 1F89h.
+/// @name NMT master; the sub-index is a node-ID, except for 1F80h and 1F89h.
 /// @{
 inline constexpr std::uint16_t nmt_startup = 0x1F80;
 inline constexpr std::uint16_t slave_assignment = 0x1F81;
@@ -57,7 +57,7 @@ inline constexpr std::uint16_t release_sdo = 0x1F01;
 inline constexpr std::uint16_t connection_state = 0x1F10;
 /// @}
 
-/// Sub-index of 1F25h, 1F82h and 1F83h that means every node.
+/// Sub-index of 1F25h, 1F82h and 1F83h for all nodes.
 inline constexpr std::uint8_t all_nodes = 0x80;
 
 }  // namespace berth::od::cia302

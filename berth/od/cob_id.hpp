@@ -1,4 +1,4 @@
-/// COB-IDs as object dictionaries hold them (CiA 301 §7.3.5, §7.5.2; docs/protocols/cia301.md §CAN-IDs).
+/// COB-IDs in object dictionaries (CiA 301 §7.3.5, §7.5.2; docs/protocols/cia301.md §CAN-IDs).
 #pragma once
 
 #include <algorithm>
@@ -7,7 +7,8 @@
 
 namespace berth::od {
 
-/// CAN-IDs that no PDO, SYNC, EMCY, TIME or additional SDO may be given (CiA 301 §7.3.5, table of restricted CAN-IDs).
+/// CAN-IDs that are forbidden for PDO, SYNC, EMCY, TIME and additional SDO (CiA 301 §7.3.5, table of restricted
+/// CAN-IDs).
 struct RestrictedIds {
   std::uint32_t first;
   std::uint32_t last;
@@ -21,13 +22,13 @@ inline constexpr std::array<RestrictedIds, 8> restricted_ids{{{0x000, 0x000, "NM
                                                               {0x6E0, 0x6FF, "reserved"},
                                                               {0x701, 0x77F, "heartbeat and boot-up"},
                                                               {0x780, 0x7FF, "reserved"}}};
-/// What a CAN-ID is kept for; null: it is free. Base format; identifiers above 7FFh are not restricted.
+/// The service that a CAN-ID is reserved for; null: none. Base format; identifiers above 7FFh are not restricted.
 [[nodiscard]] constexpr const char* restricted_use(std::uint32_t id) noexcept {
   const auto* const it = std::ranges::find_if(
       restricted_ids, [id](const RestrictedIds& each) { return id >= each.first && id <= each.last; });
   return it == restricted_ids.end() ? nullptr : it->use;
 }
-/// Writing such a one into a COB-ID is refused with 0609 0030.
+/// Writing a restricted CAN-ID into a COB-ID is refused with 0609 0030.
 [[nodiscard]] constexpr bool restricted(std::uint32_t id) noexcept { return restricted_use(id) != nullptr; }
 
 /// The UNSIGNED32 of a COB-ID object (1005h, 1012h, 1014h, 1200h, 1400h, ...).
@@ -45,19 +46,19 @@ class CobId {
   [[nodiscard]] constexpr bool valid() const noexcept { return (raw_ & invalid_bit) == 0; }
   [[nodiscard]] constexpr bool extended() const noexcept { return (raw_ & frame_bit) != 0; }
   [[nodiscard]] constexpr std::uint32_t id() const noexcept { return raw_ & (extended() ? extended_mask : base_mask); }
-  /// As `can::Frame::key()` and `can::IdRange` have it.
+  /// The format of `can::Frame::key()` and `can::IdRange`.
   [[nodiscard]] constexpr std::uint32_t key() const noexcept { return extended() ? id() | key_of_extended : id(); }
-  /// Same frame format and CAN-ID, bits 29..0: what must not change while an object is in use.
+  /// Same frame format and CAN-ID, bits 29..0: these must not change while an object is in use.
   [[nodiscard]] constexpr bool same_identifier(CobId other) const noexcept {
     return ((raw_ ^ other.raw_) & ~(invalid_bit | second_bit)) == 0;
   }
-  /// No bits above bit 10 in an 11-bit identifier.
+  /// True without bits above bit 10 in an 11-bit identifier.
   [[nodiscard]] constexpr bool well_formed() const noexcept {
     return extended() || (raw_ & (extended_mask & ~base_mask)) == 0;
   }
-  /// The same, of an EMCY: its bit 30 is reserved, always 0 (CiA 301 §7.5.2.17, §7.5.2.31).
+  /// The same for an EMCY: its bit 30 is reserved, always 0 (CiA 301 §7.5.2.17, §7.5.2.31).
   [[nodiscard]] constexpr bool well_formed_emcy() const noexcept { return well_formed() && (raw_ & second_bit) == 0; }
-  /// May be given to a PDO, SYNC, TIME or EMCY.
+  /// True if allowed for a PDO, SYNC, TIME or EMCY.
   [[nodiscard]] constexpr bool allowed() const noexcept { return well_formed() && (extended() || !restricted(id())); }
   friend constexpr bool operator==(CobId, CobId) noexcept = default;
 

@@ -1,9 +1,9 @@
 /// The data types of CiA 301 (§7.4.7; indices of the static data types): their size, their bytes on the wire, and
 /// their text in device descriptions (CiA 306) and on a command line.
 ///
-/// Scalars (BOOLEAN, integers, reals, TIME_*) travel through this file as one 64-bit word, called *raw*:
-/// unsigned: the value; signed: the value sign-extended to 64 bits; REAL32/REAL64: the IEEE bits; TIME_OF_DAY and
-/// TIME_DIFFERENCE: bits 0..31 milliseconds (0..27 used), bits 32..47 days. Its bytes are always little-endian.
+/// This file handles scalars (BOOLEAN, integers, reals, TIME_*) as one 64-bit word, called *raw*: unsigned: the value;
+/// signed: the value sign-extended to 64 bits; REAL32/REAL64: the IEEE bits; TIME_OF_DAY and TIME_DIFFERENCE: bits
+/// 0..31 milliseconds (0..27 used), bits 32..47 days. Bytes are always little-endian.
 #pragma once
 
 #include <cstddef>
@@ -103,10 +103,10 @@ enum class DataType : std::uint16_t {
 [[nodiscard]] constexpr bool is_unsigned(DataType type) noexcept {
   return bit_length(type) != 0 && !is_signed(type) && !is_real(type) && !is_time(type);
 }
-/// BOOLEAN and all integers: the types for which `$NODEID` makes sense.
+/// BOOLEAN and all integers: the types that allow `$NODEID`.
 [[nodiscard]] constexpr bool is_integer(DataType type) noexcept { return is_signed(type) || is_unsigned(type); }
 
-/// "UNSIGNED32"; "type 0040h" has no name: "".
+/// "UNSIGNED32"; empty for types without a name, such as 0040h.
 [[nodiscard]] std::string_view name(DataType type) noexcept;
 /// The type of a CiA 301 name ("UNSIGNED32", also lower case) or a short one (u8 i16 f32 bool str, as CiA 309-3 uses:
 /// b i8 i16 i24 i32 i40 i48 i56 i64 u8 ... u64 r32 r64 t td vs os us d).
@@ -120,14 +120,14 @@ enum class DataType : std::uint16_t {
 [[nodiscard]] std::uint64_t load(DataType type, const std::uint8_t* from) noexcept;
 /// Writes `byte_size(type)` bytes at `to`; bits of `raw` beyond the width are dropped.
 void store(DataType type, std::uint64_t raw, std::uint8_t* to) noexcept;
-/// -1, 0, 1 as values of the type; 2 when one of them is NaN.
+/// -1, 0 or 1: `a` and `b` compared as values of the type; 2 when one of them is NaN.
 [[nodiscard]] int compare(DataType type, std::uint64_t a, std::uint64_t b) noexcept;
-/// `raw` cut to the type's width and extended again (what `store` then `load` give).
+/// `raw` cut to the type's width and extended again (as `store` then `load` do).
 [[nodiscard]] std::uint64_t wrap(DataType type, std::uint64_t raw) noexcept;
 [[nodiscard]] std::uint64_t raw_of(DataType real, double value) noexcept;  ///< REAL32 rounds
 [[nodiscard]] double real_of(DataType real, std::uint64_t raw) noexcept;
 
-/// A value as a description holds it: not there, a scalar's raw, node-ID plus an offset, or bytes.
+/// A value in a description: none, a scalar's raw, node-ID plus an offset, or bytes.
 struct Literal {
   enum class Kind : std::uint8_t { none, number, node_id_plus, bytes };
   Kind kind = Kind::none;
@@ -135,7 +135,7 @@ struct Literal {
   std::vector<std::uint8_t> bytes;  ///< strings and DOMAIN, as in an SDO
 
   [[nodiscard]] bool present() const noexcept { return kind != Kind::none; }
-  /// The raw for a node-ID; an unconfigured one counts as 0, so that no COB-ID of a foreign node comes out.
+  /// The raw for a node-ID. An unconfigured node-ID counts as 0, so that the result is never another node's COB-ID.
   [[nodiscard]] std::uint64_t resolve(DataType type, std::uint8_t node_id) const noexcept;
   [[nodiscard]] static Literal number(std::uint64_t raw) { return {Kind::number, raw, {}}; }
   [[nodiscard]] static Literal real(DataType type, double value) { return {Kind::number, raw_of(type, value), {}}; }
@@ -145,12 +145,12 @@ struct Literal {
   friend bool operator==(const Literal&, const Literal&) = default;
 };
 
-/// What was unusual in a text that could be understood all the same (a set).
+/// Oddities in a text that was understood nevertheless (a set).
 enum class Note : std::uint8_t {
   octal = 1,         ///< leading 0: read as octal, as CiA 306 and C do
-  node_id_last = 2,  ///< `0x180+$NODEID`: CiA 306 wants `$NODEID` first
-  wrapped = 4,       ///< -1 for an unsigned type, 0xFFFFFFFF for INTEGER32: taken by width
-  plain_text = 8,    ///< UNICODE_STRING as text instead of hex digits, OCTET_STRING or DOMAIN likewise
+  node_id_last = 2,  ///< `0x180+$NODEID`: CiA 306 requires `$NODEID` first
+  wrapped = 4,       ///< -1 for an unsigned type, 0xFFFFFFFF for INTEGER32: cut to the type's width
+  plain_text = 8,    ///< UNICODE_STRING, OCTET_STRING or DOMAIN as text instead of hex digits
   real_bits = 16,    ///< a REAL written as the bits of its number (0x3F800000)
 };
 struct Notes {
@@ -159,7 +159,7 @@ struct Notes {
   [[nodiscard]] bool has(Note note) const noexcept { return (bits & static_cast<std::uint8_t>(note)) != 0; }
 };
 
-/// Why a text is no value: `what` is a static sentence fragment, `at` the offset of the offending character.
+/// Why a text is not a value: `what` is a static sentence fragment, `at` the offset of the offending character.
 struct TextError {
   const char* what = "";
   std::size_t at = 0;
@@ -179,16 +179,16 @@ struct Parsed {
   Literal value;
   Notes notes;
 };
-/// Reads a value's text as device descriptions write it. Scalars as `parse_number`; REAL: decimal, or 0x + the bits;
+/// Reads a value's text as in device descriptions. Scalars as `parse_number`; REAL: decimal, or 0x + the bits;
 /// VISIBLE_STRING: the text itself; OCTET_STRING, DOMAIN: hex bytes (blanks between them allowed); UNICODE_STRING: four
-/// hex digits a character; TIME_*: "days milliseconds". A string type that is not hex is taken as plain text
-/// (UNICODE_STRING: UTF-8 to UTF-16) with `Note::plain_text`. Empty text is no value (kind none) except for
-/// VISIBLE_STRING, where it is none too: a description cannot tell "missing" from "empty" (CiA 306 §4.3).
+/// hex digits a character; TIME_*: "days milliseconds". Text of a string type that is not hex is taken as plain text
+/// (UNICODE_STRING: UTF-8 to UTF-16) with `Note::plain_text`. Empty text is no value (kind none), also for
+/// VISIBLE_STRING: a description cannot distinguish "missing" from "empty" (CiA 306 §4.3).
 [[nodiscard]] tl::expected<Parsed, TextError> parse(DataType type, std::string_view text);
 
-/// The text that `parse` reads back to the same bytes; decimal for integers, REAL in the shortest exact form, NaN and
-/// infinities as 0x bits. `bytes` of a scalar must be `byte_size(type)` long; else, and for unknown types, hex.
-/// (A VISIBLE_STRING with blanks at its ends or line breaks does not survive a description file's trimming.)
+/// The text from which `parse` reads the same bytes: decimal for integers, REAL in the shortest exact form, NaN and
+/// infinities as 0x bits. `bytes` of a scalar must be `byte_size(type)` long; else, and for unknown types, the text is
+/// hex. (A description file's trimming loses blanks at the ends of a VISIBLE_STRING and its line breaks.)
 [[nodiscard]] std::string print(DataType type, std::span<const std::uint8_t> bytes);
 
 }  // namespace berth::od

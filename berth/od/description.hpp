@@ -1,6 +1,6 @@
-/// What a device's object dictionary looks like (CiA 301 §7.4): immutable, shared by all devices of a type. The
-/// values of one device are `od::Values`. Made by `DescriptionBuilder`, by hand or from a device description file
-/// (room `eds`).
+/// The structure of a device's object dictionary (CiA 301 §7.4): immutable, shared by all devices of a type.
+/// `od::Values` holds the values of one device. `DescriptionBuilder` makes it, by hand or from a device description
+/// file (room `eds`).
 #pragma once
 
 #include <cstdint>
@@ -37,17 +37,17 @@ enum class Access : std::uint8_t { ro, wo, rw, rwr, rww, constant };
   return access != Access::ro && access != Access::constant;
 }
 
-/// ObjFlags (CiA 306 §4.6.3.2): what a configuration tool must leave alone.
+/// ObjFlags (CiA 306 §4.6.3.2): a configuration tool must not write the object.
 inline constexpr std::uint8_t refuse_write_on_download = 1;
 inline constexpr std::uint8_t refuse_read_on_scan = 2;
 
-/// The length word of a value of variable length that is not there (a DOMAIN that was not filled).
+/// Length word of a variable-length value that does not exist (a DOMAIN that was never filled).
 inline constexpr std::uint32_t no_value = 0xFFFF'FFFF;
 
 /// One value of the dictionary, 32 bytes. A VAR object has exactly one, sub-index 0.
 struct SubObject {
-  std::uint32_t offset = 0;    ///< where its value stands in `Values`; of variable length: a U32 length, then the bytes
-  std::uint32_t capacity = 0;  ///< bytes reserved: the size of a scalar, the longest string or DOMAIN there is room for
+  std::uint32_t offset = 0;    ///< place of its value in `Values`; of variable length: a U32 length, then the bytes
+  std::uint32_t capacity = 0;  ///< reserved bytes: the size of a scalar, the longest possible string or DOMAIN
   std::uint32_t name_at = 0;
   std::uint32_t default_at = 0;  ///< position in the table of $NODEID offsets when `relative`
   std::uint32_t limits_at = 0;   ///< 0 = no limits, else index + 1
@@ -57,13 +57,13 @@ struct SubObject {
   Access access = Access::rw;
   std::uint8_t obj_flags = 0;
   bool mappable : 1 = false;     ///< may be mapped into a PDO
-  bool has_default : 1 = false;  ///< the description gives a default (else the value starts as 0 or empty)
+  bool has_default : 1 = false;  ///< the description gives a default (else the value is initially 0 or empty)
   bool relative : 1 = false;     ///< the default is $NODEID + an offset
-  bool fixed : 1 = false;        ///< not of `variable_length`; the bit is quicker to ask
-  bool bounded : 1 = true;       ///< `capacity` is what the description says; false: no more than there is memory
+  bool fixed : 1 = false;        ///< not of `variable_length`; the bit is faster to test
+  bool bounded : 1 = true;       ///< `capacity` is the described length; false: it is only limited by memory
 
   [[nodiscard]] bool variable_length() const noexcept { return byte_size(type) == 0; }
-  /// As `SubSpec::capacity` has it.
+  /// As in `SubSpec::capacity`.
   [[nodiscard]] std::uint32_t described_length() const noexcept { return variable_length() && bounded ? capacity : 0; }
 };
 
@@ -71,7 +71,7 @@ struct Object {
   std::uint16_t index = 0;
   ObjectCode code = ObjectCode::var;
   std::uint8_t obj_flags = 0;
-  DataType type = DataType::none;  ///< as described; of arrays and records often none
+  DataType type = DataType::none;  ///< as described; often none for arrays and records
   std::uint16_t count = 0;         ///< number of sub-objects
   std::uint32_t first = 0;         ///< position of the first one in `Description::subs()`
   std::uint32_t name_at = 0;
@@ -84,22 +84,22 @@ struct Limits {
   Literal high;
 };
 
-/// A value that has a name.
+/// A value with a name.
 struct NamedValue {
   std::uint64_t raw = 0;  ///< its bits, as `load` gives them
-  std::string name = {};  ///< may be empty: the value is allowed, that is all
+  std::string name = {};  ///< empty: the value is only allowed
   friend bool operator==(const NamedValue&, const NamedValue&) = default;
 };
 
-/// What a scalar's numbers stand for, where the description says it: that of CiA 311 (XDD, XDC) does, in `unit`,
-/// `allowedValues` and enumerated data types; an EDS has nothing of it.
+/// Units, names and allowed values of a scalar, if the description has them: CiA 311 (XDD, XDC) does, in `unit`,
+/// `allowedValues` and enumerated data types; an EDS has none.
 struct Meaning {
-  std::string text = {};     ///< what it is, for people, one line; empty: nothing more than the object's name
-  std::string unit = {};     ///< "°C"; empty: not known
+  std::string text = {};     ///< explanation for users, one line; empty: only the object's name
+  std::string unit = {};     ///< "°C"; empty: unknown
   std::int64_t number = 1;   ///< one count is `number` times 10 to the power of `exponent` of the unit; `number` > 0
   std::int8_t exponent = 0;  ///< -18 to 18
   std::vector<NamedValue> values = {};  ///< ascending by `raw`
-  bool only_these = false;              ///< no other value than those in `values` is allowed
+  bool only_these = false;              ///< only the values in `values` are allowed
   friend bool operator==(const Meaning&, const Meaning&) = default;
 };
 
@@ -112,7 +112,7 @@ class Description {
   [[nodiscard]] std::span<const SubObject> subs(const Object& object) const noexcept {
     return std::span(subs_).subspan(object.first, object.count);
   }
-  /// nullptr when there is none. By hash: every access to an object begins here.
+  /// nullptr when there is none. A hash look-up, because every access to an object begins here.
   [[nodiscard]] const Object* find(std::uint16_t index) const noexcept {
     for (std::uint32_t at = place_of(index);; ++at) {
       const std::uint32_t position = places_[at & place_mask_];
@@ -130,15 +130,15 @@ class Description {
   [[nodiscard]] std::string_view name(const Object& object) const noexcept;
   /// The sub-object's own name ("Vendor-ID").
   [[nodiscard]] std::string_view name(const SubObject& sub) const noexcept;
-  /// What the description says: none when it gives no default. The bytes' kind is by type.
+  /// The described default; none if the description gives none. The type decides the kind of bytes.
   [[nodiscard]] Literal default_of(const SubObject& sub) const;
   /// nullptr when neither limit is given.
   [[nodiscard]] const Limits* limits(const SubObject& sub) const noexcept {
     return sub.limits_at == 0 ? nullptr : &limits_[sub.limits_at - 1];
   }
-  /// nullptr when the description says nothing of it.
+  /// nullptr when the description has no meaning for it.
   [[nodiscard]] const Meaning* meaning(ObjectRef ref) const noexcept;
-  /// Of how many it says something.
+  /// Number of sub-objects with a meaning.
   [[nodiscard]] std::size_t meanings() const noexcept { return meanings_.size(); }
   /// True when data type `index` (0001h..001Bh) may be mapped into an RPDO as a dummy (EDS [DummyUsage]).
   [[nodiscard]] bool dummy_mappable(std::uint16_t index) const noexcept {
@@ -146,7 +146,7 @@ class Description {
   }
   /// Bytes that one device's values need.
   [[nodiscard]] std::size_t value_bytes() const noexcept { return image_.size(); }
-  /// Bytes that this description holds (once per type).
+  /// Bytes held by this description (once per type).
   [[nodiscard]] std::size_t memory() const noexcept;
 
  private:
@@ -167,19 +167,19 @@ class Description {
   [[nodiscard]] const SubObject* search(const Object& object, std::uint8_t sub) const noexcept;
 
   std::vector<std::uint32_t> places_ = {0, 0};  ///< by hash of the index: position in objects_ + 1, 0 = nothing
-  std::uint32_t place_mask_ = 1;                ///< how many there are, less one
+  std::uint32_t place_mask_ = 1;                ///< number of places less one
   std::uint32_t place_shift_ = 31;              ///< leaves as many bits of the hash as `places_` needs
   std::vector<Object> objects_;
   std::vector<SubObject> subs_;
   std::vector<Limits> limits_;
   std::vector<Relative> relatives_;
   std::vector<std::pair<ObjectRef, Meaning>> meanings_;  ///< ascending
-  std::vector<std::uint8_t> image_;                      ///< the values of a device whose node-ID is 0
+  std::vector<std::uint8_t> image_;                      ///< the values for node-ID 0
   std::string names_;
   std::uint32_t dummies_ = 0;
 };
 
-/// What one sub-object is to be. Use designated initialisers: `{.name = "Vendor-ID", .type = DataType::unsigned32}`.
+/// Specification of a sub-object. Use designated initialisers: `{.name = "Vendor-ID", .type = DataType::unsigned32}`.
 struct SubSpec {
   std::uint8_t sub = 0;
   std::string_view name = {};
@@ -190,9 +190,8 @@ struct SubSpec {
   Literal low = {};
   Literal high = {};
   std::uint8_t obj_flags = 0;
-  /// Strings, DOMAIN and unknown types: longest value in bytes. 0 = the description says nothing: room for 64 bytes, of
-  /// what can be written for 250, of a DOMAIN for 16 KiB, as long as that is not more than 1 MiB in all. A longer
-  /// default raises it.
+  /// Strings, DOMAIN and unknown types: longest value in bytes. 0 = not described: room for 64 bytes, for 250 if
+  /// writable, for 16 KiB if a DOMAIN, up to 1 MiB in all. A longer default raises it.
   std::uint32_t capacity = 0;
 };
 
@@ -204,22 +203,22 @@ class DescriptionBuilder {
   DescriptionBuilder(const DescriptionBuilder&) = delete;
   DescriptionBuilder& operator=(const DescriptionBuilder&) = delete;
 
-  /// A VAR (or DOMAIN object when the type is DOMAIN): `spec.sub` is taken as 0.
+  /// A VAR (or DOMAIN object when the type is DOMAIN): `spec.sub` counts as 0.
   DescriptionBuilder& variable(std::uint16_t index, const SubSpec& spec);
-  /// An ARRAY or RECORD (or any other code); its sub-objects follow by `sub`.
+  /// An ARRAY or RECORD (or any other code); add its sub-objects with `sub`.
   DescriptionBuilder& object(std::uint16_t index, ObjectCode code, std::string_view name,
                              DataType type = DataType::none, std::uint8_t obj_flags = 0);
-  /// A sub-object of an object of any code; makes a RECORD of it when `index` is not known yet.
+  /// A sub-object of an object of any code; an unknown `index` becomes a RECORD.
   DescriptionBuilder& sub(std::uint16_t index, const SubSpec& spec);
-  /// What the numbers of a sub-object stand for; a second one replaces the first.
+  /// The meaning of a sub-object's numbers; a second one replaces the first.
   DescriptionBuilder& meaning(ObjectRef ref, Meaning meaning);
   /// Bit n (1..27) = data type n may be mapped as a dummy.
   DescriptionBuilder& dummies(std::uint32_t mask);
   [[nodiscard]] bool has(std::uint16_t index) const noexcept;
   [[nodiscard]] bool has(ObjectRef ref) const noexcept;
-  /// What was last said about a sub-object (without its name); quick for those added last.
+  /// The latest specification of a sub-object (without its name); fast for those added last.
   [[nodiscard]] std::optional<SubSpec> spec_of(ObjectRef ref) const;
-  /// Gives a sub-object that is there another default.
+  /// Changes the default of an existing sub-object.
   DescriptionBuilder& initial(ObjectRef ref, const Literal& value);
 
   /// Arrays and records without a sub-index 0 get one (UNSIGNED8, const, highest sub-index); a read-only sub-index 0

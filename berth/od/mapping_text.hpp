@@ -1,4 +1,4 @@
-/// The entry of a PDO mapping in words.
+/// The entry of a PDO mapping as text.
 #pragma once
 
 #include <fmt/format.h>
@@ -14,8 +14,8 @@
 
 namespace berth::od {
 
-/// The object that the value of a mapping entry (1600h to 17FFh and 1A00h to 1BFFh from sub-index 1 on) names. Empty
-/// for any other object, for a value that has not four bytes, and for 0, which maps nothing.
+/// The object that a mapping entry (1600h to 17FFh and 1A00h to 1BFFh from sub-index 1 on) maps. Empty for any other
+/// object, for a value that is not four bytes long, and for 0, which maps nothing.
 [[nodiscard]] inline std::optional<ObjectRef> mapped_object(ObjectRef object, std::span<const std::uint8_t> value) {
   const bool entry = is_pdo_mapping(object.index) && object.sub > 0 && object.sub <= most_pdo_entries;
   if (!entry || value.size() != 4) return std::nullopt;
@@ -24,7 +24,7 @@ namespace berth::od {
   return PdoEntry::of(raw).object;
 }
 
-/// What such a value says: "6010h:00, 16 bit"; empty where it names no object.
+/// The text of such a value: "6010h:00, 16 bit"; empty if it maps no object.
 [[nodiscard]] inline std::string mapping_text(ObjectRef object, std::span<const std::uint8_t> value) {
   const auto mapped = mapped_object(object, value);
   return mapped ? fmt::format("{}, {} bit", write_object(*mapped), value[0]) : std::string();

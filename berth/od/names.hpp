@@ -1,4 +1,4 @@
-/// Objects by the names of their description, as commands, filters and programs (`client::Selector`) write them.
+/// Objects by the names in their description, as used in commands, filters and programs (`client::Selector`).
 #pragma once
 
 #include <optional>
@@ -13,26 +13,25 @@
 
 namespace berth::od {
 
-/// An object that a name means.
+/// An object found by name.
 struct NamedObject {
   std::uint16_t index = 0;
-  std::optional<std::uint8_t> sub;  ///< empty: the name is that of a whole object
+  std::optional<std::uint8_t> sub;  ///< empty: the whole object has the name
   [[nodiscard]] ObjectRef ref() const noexcept { return {index, sub.value_or(0)}; }
   friend constexpr auto operator<=>(const NamedObject&, const NamedObject&) noexcept = default;
 };
 
-/// The objects that a name means, ascending; one of them is what a person hopes for. A name is that of an object
-/// ("Producer heartbeat time"), of a sub-object ("Serial number"), or both with a slash or a dot between ("Identity
-/// object/Serial number"). Only the best matches count: the exact name, else the name in either case, else names that
-/// begin so.
+/// The objects with this name, ascending; usually there should be one. A name is that of an object ("Producer heartbeat
+/// time"), of a sub-object ("Serial number"), or both with a slash or a dot between ("Identity object/Serial number").
+/// Only the best matches count: the exact name, else the name in either case, else names that begin with it.
 [[nodiscard]] std::vector<NamedObject> find_named(const Description& description, std::string_view name);
 
-/// The one object that a word means: in numbers (berth/od/notation.hpp; it need not be in the description), else by
-/// name. What is wrong is for people, with the candidates or the name that is most like it.
+/// The one object that a word names: in numbers (berth/od/notation.hpp; it need not be in the description), else by
+/// name. The error text is for users and gives the candidates or the most similar name.
 [[nodiscard]] tl::expected<ObjectRef, NoObject> find_object(const Description& description, std::string_view word);
 
 /// "Identity object/Serial number", "Producer heartbeat time"; empty when the description has no such object, or no
-/// name for it. `find_named` finds it under that name.
+/// name for it. `find_named` finds the object by this name.
 [[nodiscard]] std::string full_name(const Description& description, ObjectRef object);
 
 }  // namespace berth::od

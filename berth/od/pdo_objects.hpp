@@ -1,5 +1,5 @@
-/// The objects of PDOs, 1400h to 1BFFh (CiA 301 §7.5.2.35 to §7.5.2.38): where they stand, and the one reader of what
-/// they say, whoever has the values: a dictionary, a description's defaults, or a device that is asked.
+/// The objects of PDOs, 1400h to 1BFFh (CiA 301 §7.5.2.35 to §7.5.2.38): their indices, and the only parser for them,
+/// wherever the values come from: a dictionary, a description's defaults, or a device.
 ///
 ///     const auto pdo = od::read_pdo(values, od::PdoKind::tpdo, 1);
 ///     if (pdo.cob_id.valid()) ...
@@ -8,7 +8,7 @@
 ///     while (const auto ref = reader.next()) reader.give(value_of(*ref));
 ///     use(reader.parameters());
 ///
-/// `co::PdoRecords` has the rules for a device that is written to.
+/// `co::PdoRecords` has the rules for writes to a device.
 #pragma once
 
 #include <algorithm>
@@ -22,13 +22,13 @@
 
 namespace berth::od {
 
-/// Seen from the device: it receives an RPDO and transmits a TPDO.
+/// From the device's view: it receives an RPDO and transmits a TPDO.
 enum class PdoKind : std::uint8_t { rpdo, tpdo };
 
 inline constexpr unsigned most_pdos = 512;         ///< of each kind; a PDO's number is 1 to 512
 inline constexpr unsigned most_pdo_entries = 64;   ///< mapping entries of a PDO
 inline constexpr unsigned most_pdo_bits = 64;      ///< mapped bits of a PDO
-inline constexpr std::uint16_t last_dummy = 0x1F;  ///< indices up to here are data types: mapped bits that are skipped
+inline constexpr std::uint16_t last_dummy = 0x1F;  ///< indices up to here are data types: skipped mapped bits
 
 /// The UNSIGNED32 of a mapping entry.
 struct PdoEntry {
@@ -45,11 +45,11 @@ struct PdoEntry {
   friend constexpr bool operator==(const PdoEntry&, const PdoEntry&) noexcept = default;
 };
 
-// ---- where the records stand
+// ---- indices of the records
 
 inline constexpr std::uint16_t first_pdo_record = 0x1400;
 inline constexpr std::uint16_t last_pdo_record = 0x1BFF;
-/// From a communication record to the mapping record of the same PDO.
+/// Offset from a communication record to the mapping record of the same PDO.
 inline constexpr std::uint16_t to_mapping = 0x200;
 
 [[nodiscard]] constexpr std::uint16_t communication_index(PdoKind kind, unsigned number) noexcept {
@@ -59,7 +59,7 @@ inline constexpr std::uint16_t to_mapping = 0x200;
   return static_cast<std::uint16_t>(communication_index(kind, number) + to_mapping);
 }
 
-/// Which record an object of 1400h..1BFFh is.
+/// The record that an object of 1400h..1BFFh is.
 struct PdoRecord {
   PdoKind kind;
   bool mapping;
@@ -76,7 +76,7 @@ struct PdoRecord {
 [[nodiscard]] constexpr bool is_pdo_mapping(std::uint16_t index) noexcept {
   return is_pdo_record(index) && PdoRecord::of(index).mapping;
 }
-/// The communication record of the PDO that a record belongs to: itself, or the one of this mapping record.
+/// The communication record of the PDO: the record itself, or the one that belongs to this mapping record.
 [[nodiscard]] constexpr std::uint16_t communication_of(std::uint16_t record) noexcept {
   return communication_index(PdoRecord::of(record).kind, PdoRecord::of(record).number);
 }
@@ -92,9 +92,9 @@ namespace pdo_sub {
 inline constexpr std::uint8_t cob_id = 1, type = 2, inhibit = 3, reserved = 4, timer = 5, sync_start = 6;
 }
 
-// ---- what they say
+// ---- contents of the records
 
-/// What sub-index 0 of a mapping record says: a number of entries, FEh or FFh.
+/// Meaning of sub-index 0 of a mapping record: a number of entries, FEh or FFh.
 enum class PdoMode : std::uint8_t { mapped, sam, dam };
 [[nodiscard]] constexpr PdoMode mode_of(std::uint8_t count) noexcept {
   return count == 0xFE ? PdoMode::sam : count == 0xFF ? PdoMode::dam : PdoMode::mapped;
@@ -106,22 +106,22 @@ enum class PdoMode : std::uint8_t { mapped, sam, dam };
 inline constexpr std::uint8_t rtr_sampled_at_sync = 0xFC;
 inline constexpr std::uint8_t rtr_only = 0xFD;
 
-/// What the two records of one PDO say. What is not there reads as a PDO that is not valid and maps nothing.
+/// The content of the two records of one PDO. Missing records read as a PDO that is not valid and maps nothing.
 struct PdoParameters {
   CobId cob_id;
   std::uint8_t type = 0xFF;
   std::uint16_t inhibit = 0;           ///< units of 100 us
   std::uint16_t timer = 0;             ///< event timer or deadline, ms
   std::uint8_t count = 0;              ///< sub-index 0 of the mapping record
-  std::vector<PdoEntry> entries = {};  ///< `count` of them; none when that is above 64: an MPDO, or a fault
+  std::vector<PdoEntry> entries = {};  ///< `count` of them; none if `count` is above 64: an MPDO, or a fault
 
   [[nodiscard]] bool is_mpdo() const noexcept { return mode_of(count) != PdoMode::mapped; }
-  /// Of all entries; more than 64 is a fault of the device.
+  /// Bits of all entries; more than 64 is a fault of the device.
   [[nodiscard]] unsigned bits() const noexcept;
   [[nodiscard]] bool maps(ObjectRef object) const noexcept;
 };
 
-/// Asks for the values of one PDO, one after another.
+/// Requests the values of one PDO, one after another.
 class PdoReader {
  public:
   enum class Scope : std::uint8_t { all, layout };  ///< `layout`: COB-ID and mapping only
@@ -129,9 +129,9 @@ class PdoReader {
   PdoReader(PdoKind kind, unsigned number, Scope scope = Scope::all) noexcept
       : kind_(kind), number_(number), scope_(scope) {}
 
-  /// The object whose value is wanted; empty: `parameters` is complete.
+  /// The object whose value is needed; empty: `parameters` is complete.
   [[nodiscard]] std::optional<ObjectRef> next() const noexcept;
-  /// The value of `next()`; empty: it has none.
+  /// The value of `next()`; empty: there is none.
   void give(std::optional<std::uint32_t> value);
   [[nodiscard]] const PdoParameters& parameters() const noexcept { return parameters_; }
 
@@ -144,7 +144,7 @@ class PdoReader {
   PdoParameters parameters_;
 };
 
-/// Calls `visit(number)` for the PDOs of this kind that have a communication record, ascending.
+/// Calls `visit(number)` in ascending order for the PDOs of this kind that have a communication record.
 template <class Visit>
 void for_each_communication(const Description& description, PdoKind kind, Visit&& visit) {
   const auto objects = description.objects();
@@ -156,7 +156,7 @@ void for_each_communication(const Description& description, PdoKind kind, Visit&
   }
 }
 
-/// As the values are now.
+/// From the current values.
 [[nodiscard]] PdoParameters read_pdo(const StoredValues& values, PdoKind kind, unsigned number);
 
 }  // namespace berth::od

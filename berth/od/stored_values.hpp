@@ -1,5 +1,5 @@
-/// The values of one device's object dictionary as they are stored, for the device's own services and application:
-/// whatever the access type, without hooks and limits. `Values` adds the network's side.
+/// The stored values of one device's object dictionary, for the device's own services and application: any access type,
+/// without hooks and limits. `Values` adds the network's side.
 #pragma once
 
 #include <bit>
@@ -17,7 +17,7 @@
 
 namespace berth::od {
 
-/// Which part of the dictionary a reset concerns (CiA 301 §7.3.2.2.2): communication 1000h..1FFFh, application all
+/// The part of the dictionary that a reset affects (CiA 301 §7.3.2.2.2): communication 1000h..1FFFh, application all
 /// other indices (2000h..9FFFh, and A000h upwards).
 enum class Area : std::uint8_t { communication, application, all };
 [[nodiscard]] constexpr Area area_of(std::uint16_t index) noexcept {
@@ -36,18 +36,18 @@ class StoredValues {
   [[nodiscard]] const std::shared_ptr<const Description>& shared_description() const noexcept { return description_; }
   /// The node-ID of the last `reset`.
   [[nodiscard]] NodeId node_id() const noexcept { return node_id_; }
-  /// Back to the defaults; `$NODEID` counts as 0 while the node-ID is unconfigured. Hooks are not told.
+  /// Restores the defaults; `$NODEID` counts as 0 while the node-ID is unconfigured. Hooks are not called.
   void reset(NodeId node_id, Area area = Area::all) noexcept;
 
-  /// What is stored now; empty when there is no such sub-object or it has no value.
+  /// The stored bytes; empty when there is no such sub-object or it has no value.
   [[nodiscard]] std::span<const std::uint8_t> bytes(ObjectRef ref) const noexcept;
   [[nodiscard]] std::span<const std::uint8_t> stored(const SubObject& sub) const noexcept;
-  /// Where a scalar's bytes stand, for a PDO's copy: the address is stable for the life of this object.
+  /// Address of a scalar's bytes, for a PDO's copy: stable for the life of this object.
   [[nodiscard]] std::uint8_t* scalar(const SubObject& sub) noexcept { return data_.data() + sub.offset; }
   [[nodiscard]] std::span<const std::uint8_t> scalar(const SubObject& sub) const noexcept {
     return {data_.data() + sub.offset, sub.capacity};
   }
-  /// Stores without regard to access type and limits, but never a wrong length.
+  /// Stores regardless of access type and limits, but never a wrong length.
   AbortCode set_bytes(ObjectRef ref, std::span<const std::uint8_t> value) noexcept;
   AbortCode set_text(ObjectRef ref, std::string_view text) noexcept;
   [[nodiscard]] std::string_view get_text(ObjectRef ref) const noexcept;
@@ -63,14 +63,14 @@ class StoredValues {
       return static_cast<T>(*raw);
     }
   }
-  /// The same with what to take when the object is missing or of another kind.
+  /// The same with a fallback for an object that is missing or of another kind.
   template <class T>
   [[nodiscard]] T get_or(ObjectRef ref, T otherwise) const noexcept {
     const auto value = get<T>(ref);
     return value ? *value : otherwise;
   }
-  /// Stores a number of any arithmetic type; value_too_high / value_too_low when the object's type cannot hold it
-  /// (the description's limits are not asked).
+  /// Stores a number of any arithmetic type; value_too_high / value_too_low when the object's type cannot hold it (the
+  /// description's limits are ignored).
   template <class T>
   AbortCode set(ObjectRef ref, T value) noexcept {
     static_assert(std::is_arithmetic_v<T>);
@@ -82,7 +82,7 @@ class StoredValues {
       return set_integer(ref, static_cast<std::uint64_t>(value), false);
     }
   }
-  /// Bytes this instance holds, without the shared description and itself.
+  /// Bytes held by this instance, without the shared description and itself.
   [[nodiscard]] std::size_t stored_memory() const noexcept { return data_.capacity(); }
 
  protected:
@@ -98,10 +98,10 @@ class StoredValues {
     if (sub == nullptr) return refuse(AbortCode::no_sub_index);
     return Found{object, sub};
   }
-  /// A string or DOMAIN that was never given a value.
+  /// True for a string or DOMAIN that was never given a value.
   [[nodiscard]] bool absent(const SubObject& sub) const noexcept;
   [[nodiscard]] static AbortCode check_length(const SubObject& sub, std::size_t length) noexcept;
-  /// Stores a value whose length is right.
+  /// Stores a value of correct length.
   void put(const SubObject& sub, std::span<const std::uint8_t> value) noexcept;
 
  private:

@@ -1,10 +1,10 @@
 /// The values of one device's object dictionary.
 ///
-/// Two sides use it. The *network* side (SDO server, and what acts for it) goes through access rules, limits and
+/// Two sides use it. The *network* side (SDO server, and others acting for the network) obeys access rules, limits and
 /// hooks and gets abort codes: `size`, `view`, `read`, `check_write`, `write`. The *local* side (the device's own
-/// services and application) reads and writes what is stored, whatever the access type: `get`, `set`, `bytes`
+/// services and application) reads and writes stored values, whatever the access type: `get`, `set`, `bytes`
 /// (stored_values.hpp).
-/// No call uses the heap; memory is reserved by the constructor: `Description::value_bytes()` and a few words.
+/// No call uses the heap; the constructor reserves the memory: `Description::value_bytes()` and a few words.
 #pragma once
 
 #include <cstddef>
@@ -23,24 +23,24 @@ namespace berth::od {
 
 class Values;
 
-/// Looks on when the network reads or writes objects of a range of indices; may supply the value or refuse. Derive,
-/// then `Values::attach`. Leaves by itself when destroyed; `Values` may also go first.
+/// Called when the network reads or writes objects of a range of indices; may supply the value or refuse. Derive, then
+/// call `Values::attach`. A destroyed hook detaches itself; `Values` may also be destroyed first.
 class Hook {
  public:
   Hook(const Hook&) = delete;
   Hook& operator=(const Hook&) = delete;
 
-  /// The network reads. `value` is what is stored; to supply another, point it at memory of your own, which must stay
-  /// as it is until the next access to the same object. An answer other than `none` refuses the access.
+  /// The network reads. `value` is the stored value; to supply another, point it at memory of your own, which must not
+  /// change until the next access to the same object. An answer other than `none` refuses the access.
   virtual AbortCode reading(const Values& values, ObjectRef ref, std::span<const std::uint8_t>& value) noexcept;
-  /// The network writes `value`, whose length, access and limits are already checked; not stored yet. To change what
-  /// is stored, refuse and set it yourself, or change it in `written`. `pending`: the write was taken, its answer comes
-  /// later by `Channels::answer`; nothing is stored and `written` is not called, that is the hook's to do.
+  /// The network writes `value`; its length, access and limits are checked, but it is not stored yet. To store
+  /// something else, refuse and set it yourself, or change it in `written`. `pending`: the write was accepted, and
+  /// `Channels::answer` answers it later; nothing is stored and `written` is not called, the hook must do that.
   virtual AbortCode writing(const Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept;
   /// A network write has been stored.
   virtual void written(Values& values, ObjectRef ref) noexcept;
-  /// The client that waits for the answer to an access of `ref` (`pending`) has given it up: it aborted, or it asked
-  /// for something else, or its server was stopped.
+  /// The client waiting for the answer to an access of `ref` (`pending`) has given up: it aborted, or it requested
+  /// something else, or its server was stopped.
   virtual void abandoned(Values& values, ObjectRef ref) noexcept;
 
  protected:
@@ -52,7 +52,7 @@ class Hook {
   Values* values_ = nullptr;
 };
 
-/// What is stored, seen by the network too: access rules, limits, hooks and streams.
+/// The stored values with the network's side: access rules, limits, hooks and streams.
 class Values final : public StoredValues {
  public:
   /// All values at their defaults for `node_id`.
@@ -60,14 +60,13 @@ class Values final : public StoredValues {
   ~Values();
 
   /// @name The network side
-  /// Refusals in this order: no_object 0602 0000, no_sub_index 0609 0011, write_only 0601 0001 or read_only
-  /// 0601 0002, length 0607 0012/0013, value 0609 0030/31/32/36, then the hooks'. A string or DOMAIN without a
-  /// described length that does not fit: out_of_memory 0504 0005. A DOMAIN that was never given a value answers no_data
-  /// 0800 0024.
+  /// Refusals in this order: no_object 0602 0000, no_sub_index 0609 0011, write_only 0601 0001 or read_only 0601 0002,
+  /// length 0607 0012/0013, value 0609 0030/31/32/36, then the hooks'. A string or DOMAIN without a described length
+  /// that does not fit: out_of_memory 0504 0005. A DOMAIN that was never given a value: no_data 0800 0024.
   /// @{
   /// The value to upload, without a copy; valid until the next access to the same object.
   [[nodiscard]] Answer<std::span<const std::uint8_t>> view(ObjectRef ref) const noexcept;
-  /// The same of a readable scalar without hooks, which most are, in few instructions. Empty: `view` says.
+  /// A fast path for readable scalars without hooks, as most are. Empty: use `view`.
   [[nodiscard]] std::span<const std::uint8_t> view_plain(ObjectRef ref) const noexcept {
     const Object* const object = description().find(ref.index);
     if (object == nullptr || hooked(*object)) return {};
@@ -78,37 +77,38 @@ class Values final : public StoredValues {
   [[nodiscard]] Answer<std::size_t> size(ObjectRef ref) const noexcept;
   /// Copies the value to `into`; returns its length. `into` too small: out_of_memory 0504 0005.
   [[nodiscard]] Answer<std::size_t> read(ObjectRef ref, std::span<std::uint8_t> into) const noexcept;
-  /// Would a write of `length` bytes be let in? What an SDO server asks when a transfer begins, before data is there.
+  /// Checks a write of `length` bytes: an SDO server calls it when a transfer begins, before it has data.
   [[nodiscard]] AbortCode check_write(ObjectRef ref, std::size_t length) const noexcept;
   /// The same when the client did not indicate the size.
   [[nodiscard]] AbortCode check_write(ObjectRef ref) const noexcept;
-  /// An expedited download without indicated size (e=1, s=0) brings `available` bytes: how many of them count
-  /// (the object's own size; all of them for strings).
+  /// Number of valid bytes when an expedited download without indicated size (e=1, s=0) brings `available` bytes: the
+  /// object's own size; all of them for strings.
   [[nodiscard]] Answer<std::size_t> length_of_unsized(ObjectRef ref, std::size_t available) const noexcept;
   /// `pending`: a hook will answer later (`Hook::writing`).
   [[nodiscard]] AbortCode write(ObjectRef ref, std::span<const std::uint8_t> value) noexcept;
-  /// Would an upload be let in? Hooks are not asked.
+  /// Checks an upload, without calling hooks.
   [[nodiscard]] AbortCode check_read(ObjectRef ref) const noexcept;
-  /// What transfers this object piece by piece; null: its value stands here. Ask `check_read` or `check_write`
-  /// before. `view` and `size` of such an object are refused with 0601 0000; `read` and `write` go to the stream.
+  /// The stream that transfers this object piece by piece; null: its value is stored here. Call `check_read` or
+  /// `check_write` before. `view` and `size` of such an object are refused with 0601 0000; `read` and `write` go to the
+  /// stream.
   [[nodiscard]] Stream* stream(ObjectRef ref) const noexcept { return streams_.empty() ? nullptr : find_stream(ref); }
-  /// Nothing waits any more for the answer that was `pending`: tells the hooks of `ref`.
+  /// No client waits any more for the answer that was `pending`: informs the hooks of `ref`.
   void abandon(ObjectRef ref) noexcept;
   /// The SDO channels that access this dictionary.
   [[nodiscard]] Channels& channels() noexcept { return channels_; }
   /// @}
 
-  /// Calls `hook` for accesses to `first`..`last`. Several hooks may look at one object; they are asked in the order
-  /// in which they were attached, and the first refusal ends it. A hook belongs to one `Values`. Uses the heap.
+  /// Calls `hook` for accesses to `first`..`last`. Several hooks may watch one object; they are called in the order in
+  /// which they were attached, until the first refusal. A hook belongs to one `Values`. Uses the heap.
   void attach(Hook& hook, std::uint16_t first, std::uint16_t last);
   void attach(Hook& hook, std::uint16_t index) { attach(hook, index, index); }
   void detach(Hook& hook) noexcept;
-  /// Gives the DOMAIN `ref` to `stream`; false when there is no such DOMAIN. A stream belongs to one `Values` and may
-  /// have several objects; an object has one stream, the last. Hooks of the object are not asked. Uses the heap.
+  /// Connects the DOMAIN `ref` to `stream`; false when there is no such DOMAIN. A stream belongs to one `Values` and
+  /// may have several objects; an object has one stream, the last. Hooks of the object are not called. Uses the heap.
   bool attach(Stream& stream, ObjectRef ref);
   void detach(Stream& stream) noexcept;
 
-  /// Bytes this instance holds, without the shared description.
+  /// Bytes held by this instance, without the shared description.
   [[nodiscard]] std::size_t memory() const noexcept;
 
  private:

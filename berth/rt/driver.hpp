@@ -1,5 +1,5 @@
-/// What tells an executor the time: `io::LoopDriver` in real time, `sim::WorldDriver` as fast as a simulated world can.
-/// What waits for something is written against this, and does not ask which of them it is.
+/// Gives an executor its time: `io::LoopDriver` in real time, `sim::WorldDriver` as fast as a simulated world can run.
+/// Code that waits uses this interface and does not depend on which driver it is.
 ///
 ///     bool answered = false;
 ///     scope.spawn(ask(answered));
@@ -23,13 +23,13 @@ class Driver {
   [[nodiscard]] Executor& executor() const noexcept { return *executor_; }
   [[nodiscard]] Time now() const noexcept { return executor_->now(); }
 
-  /// Does what becomes due until `over()` is true or it is `end`; gives what `over()` said last. It is asked before
-  /// anything is done and between jobs, never inside one. It may be asked often, so it must be cheap. Not from a job.
+  /// Runs due work until `over()` is true or `end` is reached; returns the last result of `over()`. It is called before
+  /// any work and between jobs, never inside one. It may be called often, so it must be cheap. Not from a job.
   virtual bool run_until(const Predicate& over, Time end) = 0;
   void run_for(Duration time) {
     run_until([] { return false; }, later(time));
   }
-  /// `time` from now; `never` when that is beyond the end of time.
+  /// `time` from now; `never` if that is beyond the end of time.
   [[nodiscard]] Time later(Duration time) const noexcept { return time < never - now() ? now() + time : never; }
 
  protected:

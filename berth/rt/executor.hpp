@@ -1,8 +1,8 @@
-/// The one executor. It knows the time it is told, the jobs that wait for a time and the jobs that are ready;
-/// what tells it the time (`sim::World`, `io::Loop`, a fuzzer, a main loop) only calls `next` and `advance`.
+/// The one executor. It has the current time, the jobs that wait for a time and the jobs that are ready; its driver
+/// (`sim::World`, `io::Loop`, a fuzzer, a main loop) only calls `next` and `advance`.
 ///
-/// One thread. Jobs are intrusive: to queue one never allocates and never fails, and a job that is destroyed
-/// leaves every queue by itself. No job runs inside another: `post` and timers only queue.
+/// One thread. Jobs are intrusive: queueing one never allocates and never fails, and a destroyed job leaves every queue
+/// by itself. No job runs inside another: `post` and timers only queue.
 #pragma once
 
 #include <chrono>
@@ -18,8 +18,8 @@ using Duration = std::chrono::nanoseconds;
 /// No deadline.
 inline constexpr Time never = Time::max();
 
-/// `node` jobs of an instant all run before its `medium` jobs: a bus arbitrates when every node has done what it
-/// does at that instant. A medium job that makes node jobs ready lets them run before the next medium job.
+/// All `node` jobs of an instant run before its `medium` jobs: a bus arbitrates after every node has done its work of
+/// that instant. If a medium job makes node jobs ready, they run before the next medium job.
 enum class Rank : std::uint8_t { node, medium };
 
 class Executor;
@@ -38,7 +38,7 @@ class Job {
   [[nodiscard]] bool timed() const noexcept { return timed_; }
   /// When its timer is due; meaningful while `timed()`.
   [[nodiscard]] Time due() const noexcept { return due_; }
-  /// Leaves the ready queue and the timers; nothing happens when it is in neither.
+  /// Leaves the ready queue and the timers; does nothing when it is in neither.
   void cancel() noexcept {
     if (ready() || timed_) leave();
   }
@@ -57,7 +57,7 @@ class Job {
   Job* ready_prev_ = nullptr;
   Job* ready_next_ = nullptr;
   // Timers: pairing heap, ordered by `key_` and `key_order_`. A timer that was set anew keeps its old place (then
-  // `order_` is not `key_order_`) and moves to its true one when it comes to the root.
+  // `order_` is not `key_order_`) and moves to its correct one when it reaches the root.
   Job* child_ = nullptr;
   Job* sibling_ = nullptr;
   Job* before_ = nullptr;  // previous sibling, or the parent for a first child
@@ -77,34 +77,35 @@ class Executor {
   Executor(const Executor&) = delete;
   Executor& operator=(const Executor&) = delete;
 
-  /// The instant whose work is being done.
+  /// The instant whose jobs are running.
   [[nodiscard]] Time now() const noexcept { return now_; }
 
-  /// Makes `job` ready: it runs after the current job returned, in the order of posting. Already ready: nothing.
+  /// Makes `job` ready: it runs after the current job has returned, in the order of posting. Does nothing if it is
+  /// ready.
   void post(Job& job, Rank rank = Rank::node) noexcept {
     if (job.ready()) return;
     Job& anchor = rank == Rank::node ? static_cast<Job&>(node_) : medium_;
     link_ready(job, shuffle_ == 0 ? *anchor.ready_prev_ : drawn_place(anchor));
   }
 
-  /// Gives `job` a timer, or moves the one it has. Moving it later is O(1). A time not after `now()` is due at once,
-  /// and still only after the current job returned. Equal times fire in the order in which they were set, a timer that
-  /// was moved counting as set anew. What is due becomes ready in `rank`.
+  /// Gives `job` a timer, or moves the existing one. Moving it later is O(1). A time not after `now()` is due at once,
+  /// but only after the current job has returned. Equal times fire in the order in which they were set; moving a timer
+  /// counts as setting it anew. Due jobs become ready in `rank`.
   void at(Time when, Job& job, Rank rank = Rank::node) noexcept;
   void after(Duration delay, Job& job) noexcept { at(now_ + delay, job); }
 
   /// Driver: the earliest instant with work, `now()` when jobs are ready, empty when there is nothing to wait for.
   [[nodiscard]] std::optional<Time> next() const noexcept;
 
-  /// Driver: runs everything that is due up to and including `until`, each at its own instant, and leaves `now()` at
-  /// `until`. A time in the past runs what is ready now. Must not be called from a job.
+  /// Driver: runs all work that is due up to and including `until`, each at its own instant, and leaves `now()` at
+  /// `until`. For a time in the past, runs the ready jobs. Must not be called from a job.
   void advance(Time until) noexcept;
 
   /// Driver: runs the work of one instant, the earliest, if it is not after `until`; false when there is none.
   bool step(Time until) noexcept;
 
-  /// Tests: from now on the jobs of one instant and phase run in an order drawn from `seed`. Code that needs the
-  /// order of posting is wrong, and this finds it.
+  /// Tests: from the call on the jobs of one instant and phase run in an order drawn from `seed`. This finds code that
+  /// wrongly depends on the order of posting.
   void perturb(std::uint64_t seed) noexcept;
 
   /// Jobs run so far.
@@ -139,7 +140,7 @@ class Executor {
   [[nodiscard]] bool has_ready() const noexcept {
     return node_.ready_next_ != &node_ || medium_.ready_next_ != &medium_;
   }
-  /// Some timer may be due: a key is never after its timer's time.
+  /// False only if no timer is due: a key is never after its timer's time.
   [[nodiscard]] bool may_be_due() const noexcept { return root_ != nullptr && root_->key_ <= now_; }
 
   Time now_{};

@@ -5,7 +5,8 @@
 
 namespace berth::rt {
 
-/// A job that calls a member of its owner, which outlives it: let the owner hold it. Destroyed, it calls nothing.
+/// A job that calls a member of its owner. The owner outlives it, and should hold it. After destruction it calls
+/// nothing.
 template <class Owner, void (Owner::*Do)() noexcept>
 class Later final : public Job {
  public:

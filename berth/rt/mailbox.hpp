@@ -1,4 +1,4 @@
-/// A bounded queue of messages with one reader: how a lower room tells a procedure above what it heard.
+/// A bounded queue of messages with one reader: a lower room uses it to pass events to a procedure above.
 #pragma once
 
 #include <array>
@@ -17,7 +17,7 @@ class Mailbox {
   Mailbox(const Mailbox&) = delete;
   Mailbox& operator=(const Mailbox&) = delete;
 
-  /// Puts a message in; false when it is full: the message is lost and counted.
+  /// Adds a message; false when the box is full: the message is lost and counted.
   bool push(const M& message) noexcept {
     if (size_ == N) {
       ++dropped_;

@@ -7,7 +7,7 @@ namespace berth::rt {
 
 class Scope {
  public:
-  /// `most`: so many children run at once; the others wait their turn, in the order of `spawn`.
+  /// `most`: at most so many children run at once; the others wait, in the order of `spawn`.
   explicit Scope(Executor& executor, std::size_t most = static_cast<std::size_t>(-1)) noexcept
       : executor_(&executor), most_(most) {}
   ~Scope() { cancel(); }
@@ -19,7 +19,7 @@ class Scope {
   void spawn(Task<void> task);
   /// Destroys every child. Not from inside a child.
   void cancel() noexcept;
-  /// Children that have not ended, also those that wait their turn.
+  /// Children that have not ended, including waiting ones.
   [[nodiscard]] std::size_t running() const noexcept { return running_; }
   [[nodiscard]] Executor& executor() const noexcept { return *executor_; }
 
@@ -39,7 +39,7 @@ class Scope {
 
    private:
     friend class Scope;
-    Scope* scope_;  // null once the scope has told it: it may be gone by then
+    Scope* scope_;  // null after the scope's call: the scope may be destroyed by then
   };
   /// One joiner at a time.
   [[nodiscard]] Join join() noexcept { return Join(*this); }
@@ -54,7 +54,7 @@ class Scope {
     bool started_ = false;
     Child* previous_ = nullptr;
     Child* next_ = nullptr;
-    Child* behind_ = nullptr;  // waits its turn after this one
+    Child* behind_ = nullptr;  // waits behind this one
   };
   void remove(Child& child) noexcept;
 

@@ -9,8 +9,8 @@
 ///     }
 ///
 /// A task is lazy: it starts when it is awaited or spawned in a `Scope`. Destroying a task cancels it and all that it
-/// awaits; that is safe at any time outside its own body, because nothing resumes inside another's call: what
-/// completes posts the waiter to the executor.
+/// awaits. That is safe at any time outside its own body, because nothing resumes inside another call: a completed
+/// operation posts its waiter to the executor.
 #pragma once
 
 #include <coroutine>
@@ -28,7 +28,7 @@ namespace detail {
 void* allocate_frame(std::size_t size);
 void free_frame(void* frame, std::size_t size) noexcept;
 
-/// What every task's promise has. As a Job it resumes its coroutine.
+/// Common to all promises. As a Job it resumes its coroutine.
 class Promise : public Job {
  public:
   void run() noexcept final { handle_.resume(); }
@@ -38,7 +38,7 @@ class Promise : public Job {
   static void operator delete(void* frame, std::size_t size) noexcept { free_frame(frame, size); }
 
   std::suspend_always initial_suspend() noexcept { return {}; }
-  /// A mistake in the program: procedures report by `Result`.
+  /// An exception is a mistake in the program: procedures report by `Result`.
   [[noreturn]] void unhandled_exception() noexcept { std::terminate(); }
 
   struct Final {
@@ -47,7 +47,7 @@ class Promise : public Job {
     bool await_suspend(std::coroutine_handle<P> self) noexcept {
       Promise& promise = self.promise();
       promise.done_ = true;
-      // While the parent still stands in its own await_suspend it sees done_ and goes on without a post.
+      // While the parent is still in its own await_suspend, it sees done_ and continues without a post.
       if (promise.waiter_ != nullptr) promise.executor_->post(*promise.waiter_);
       return true;
     }
@@ -152,8 +152,8 @@ class [[nodiscard]] Task {
 };
 
 /// Base of an awaitable operation: an object with a state machine and a deadline instead of a coroutine frame. The
-/// derived class says `bool start()` (false: done at once), calls `finish()` when it is done (from within `start()` is
-/// as good as returning false), and gives its outcome from `await_resume()`. `Job`-style use without a coroutine:
+/// derived class implements `bool start()` (false: done at once), calls `finish()` when done (inside `start()` that
+/// equals returning false), and returns its result from `await_resume()`. Use as a `Job`, without a coroutine:
 /// `begin(executor, job)`.
 template <class Derived>
 class Operation {

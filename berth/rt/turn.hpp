@@ -1,5 +1,5 @@
-/// One at a time, first come, first served: for sequences of exchanges that must not interleave (LSS select, configure,
-/// store; a RAND procedure). Not recursive.
+/// A lock, first come, first served, for sequences of exchanges that must not interleave (LSS select, configure, store;
+/// a RAND procedure). Not recursive.
 ///
 ///     co_await turn.take();
 ///     ...
@@ -19,13 +19,13 @@ class Turn {
   Turn& operator=(const Turn&) = delete;
 
   [[nodiscard]] bool taken() const noexcept { return taken_; }
-  /// Another waits for it.
+  /// True if another task waits for the turn.
   [[nodiscard]] bool waited_for() const noexcept { return first_ != nullptr; }
 
   class Take final : public Operation<Take> {
    public:
     explicit Take(Turn& turn) noexcept : turn_(&turn) {}
-    /// Destroyed between the grant and the resumption, it hands the turn on.
+    /// If destroyed between the grant and the resumption, it passes the turn on.
     ~Take() {
       leave();
       if (granted_) turn_->give();
@@ -58,7 +58,7 @@ class Turn {
     bool granted_ = false;
   };
   [[nodiscard]] Take take() noexcept { return Take(*this); }
-  /// Hands it to the task that has waited longest.
+  /// Passes the turn to the task that has waited longest.
   void give() noexcept {
     taken_ = first_ != nullptr;
     if (first_ == nullptr) return;
