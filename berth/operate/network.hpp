@@ -154,10 +154,10 @@ class Network final : private PortHealth::Owner {
 /// until Berth ends: a replacement gets it. Waits for the turn. Errors: `not_found` no such slot.
 [[nodiscard]] rt::Task<Result<SlotUpload>> upload_slot(Network& network, std::string slot);
 
-/// `berth poll SLOT --stop`, `berth poll SLOT`: whether the absent device of an optional slot is asked for (paper 5 §2,
-/// Figure 4: the application stops polling). After a stop the slot's node-ID is asked nothing until a frame is heard
-/// from it, for example its boot-up message; from then on it is asked again. Blank devices are still found. Errors:
-/// `not_found` no such slot; `invalid` to stop it: the slot is not optional, or its device is there.
+/// `berth poll SLOT --stop`, `berth poll SLOT`: whether the absent device of an optional slot is asked for (paper 5
+/// §2, Figure 4: the application stops polling). After a stop the slot's node-ID is asked nothing until a frame is
+/// heard from it, for example its boot-up message; from then on it is asked again. Blank devices are still found.
+/// Errors: `not_found` no such slot; `invalid` to stop it: the slot is not optional, or its device is there.
 Result<void> poll_slot(Network& network, const std::string& slot, bool on);
 
 /// The slot's device is to be configured: by `config =`, by links, or by what an SDO client wrote.
