@@ -53,10 +53,10 @@ class Finder {
   PlaceProbes& places_;
   ConfiguredFinder& configured_;
   Search& search_;
-  bool rest_wanted_ = false;  // a device without a node-ID answered LSS: search for devices without RAND
-  rt::Time blank_at_{};       // such an answer starts no search before this time
-  rt::Time scanned_at_{};     // nor does an answer to Fastscan's first question before this time
-  bool by_fastscan_ = false;  // the last answer was to that
+  bool rest_wanted_ = false;      // a device without a node-ID answered LSS: search for devices without RAND
+  rt::Time blank_at_{};           // such an answer starts no search before this time
+  rt::Time scanned_at_{};         // nor does an answer to Fastscan's first question before this time
+  bool by_fastscan_ = false;      // the last answer was to that
   bool owes_configured_ = false;  // the last search ended before devices with a node-ID were looked for
   bool open_anew_ = false;        // the interrupted RAND search asks all devices anew
   unsigned looks_ = 0;
