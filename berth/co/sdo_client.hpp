@@ -493,7 +493,7 @@ class SdoClient final : private can::Handler {
 
 /// The client of one channel: an additional SDO client (1280h..12FFh), or any pair of COB-IDs. `server`: the answering
 /// node, for errors and `SdoObserver`.
-class SdoChannelClient final : private can::Handler {
+class SdoChannelClient final : public SdoTransfers, private can::Handler {
  public:
   SdoChannelClient(can::Dispatcher& dispatcher, SdoChannel channel, NodeId server, const SdoOptions& options = {});
   /// Ends all transfers with Errc::cancelled.

@@ -1,4 +1,4 @@
-/// The arguments of requests, read and checked.
+/// Reads and checks the arguments of requests.
 #pragma once
 
 #include <cstdint>
@@ -11,18 +11,17 @@
 
 namespace berth::command {
 
-/// The arguments of one request, checked. The first thing wrong is kept in `problem`; what is read after that is a
-/// default.
+/// The checked arguments of one request. The first error is kept in `problem`; values read after it are defaults.
 class Arguments {
  public:
-  /// An argument that the request's verb does not take is wrong, and so is a verb that there is not.
+  /// An argument that the request's verb does not take is an error, and so is an unknown verb.
   explicit Arguments(const Request& request);
 
   [[nodiscard]] bool has(const std::string& key) const;
   /// Empty when absent.
   [[nodiscard]] std::string text(const std::string& key) const;
   std::string required(const std::string& key);
-  /// C notation. Absent: `fallback`, or wrong when there is none.
+  /// C notation. Absent: `fallback`; an error without one.
   std::uint32_t number(const std::string& key, std::uint32_t low, std::uint32_t high,
                        std::optional<std::uint32_t> fallback = std::nullopt);
   LssAddress address(const std::string& key);
@@ -41,7 +40,7 @@ class Arguments {
   std::string problem_;
 };
 
-/// What an LSS command is about; only what its service takes means something.
+/// The arguments of an LSS command; only those that its service takes are set.
 struct LssArguments {
   std::string service;
   std::string bus;
@@ -54,7 +53,7 @@ struct LssArguments {
   std::uint16_t delay_ms = 0;
   lss::IdentifyRanges ranges;
 };
-/// What is wrong is in `problem`.
+/// Errors are in `problem`.
 [[nodiscard]] LssArguments lss_arguments(const Request& request, std::string& problem);
 
 }  // namespace berth::command

@@ -1,4 +1,4 @@
-/// What was read from a person's words, or what is wrong with them.
+/// A value read from a user's text, or the error in it.
 #pragma once
 
 #include <string>
@@ -7,6 +7,6 @@
 namespace berth::command {
 
 template <class T>
-using Checked = tl::expected<T, std::string>;  ///< the error is for people
+using Checked = tl::expected<T, std::string>;  ///< the error is for users
 
 }  // namespace berth::command

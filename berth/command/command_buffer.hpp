@@ -1,6 +1,6 @@
 /// The command interface of a manager (paper 5 §4, by Etschberger and Schlegel): two command buffers, one for the
-/// application of the same process and one for clients that write 1023h of the manager's device by SDO. Both take the
-/// requests that the command line has, carry them out one after the other, and confirm each.
+/// application in the same process and one for clients that write 1023h of the manager's device by SDO. Both take the
+/// command line's requests, carry them out one after the other, and confirm each.
 ///
 ///     command::CommandBuffer commands(session);
 ///     const auto number = commands.put({"configure", {{"slot", "press"}}});
@@ -23,25 +23,25 @@ namespace berth::command {
 
 class CommandBuffer {
  public:
-  static constexpr std::size_t most = 16;  ///< commands that wait, and confirmations that were not taken
+  static constexpr std::size_t most = 16;  ///< waiting commands, and confirmations not taken
 
   struct Confirmation {
     std::uint32_t number = 0;
     Reply reply;
   };
 
-  /// `session` must stay.
+  /// `session` must outlive this.
   explicit CommandBuffer(tree::Session& session) : session_(session), scope_(session.executor()) {}
   CommandBuffer(const CommandBuffer&) = delete;
   CommandBuffer& operator=(const CommandBuffer&) = delete;
 
-  /// Its number, from 1. Empty: the buffer is full, or so many confirmations wait to be taken.
+  /// Returns its number, from 1. Empty: the buffer is full, or too many confirmations were not taken.
   std::optional<std::uint32_t> put(Request request);
-  /// The oldest confirmation that was not taken yet.
+  /// The oldest confirmation not taken yet.
   std::optional<Confirmation> take();
-  /// When a confirmation is there. From a job; `take` may be called in it.
+  /// Called when a confirmation arrives. From a job; it may call `take`.
   void on_confirmation(std::function<void()> handler) { on_confirmation_ = std::move(handler); }
-  /// Commands that wait or are carried out.
+  /// Commands that wait or are being carried out.
   [[nodiscard]] std::size_t waiting() const noexcept { return waiting_.size(); }
 
  private:
@@ -53,21 +53,21 @@ class CommandBuffer {
 
   tree::Session& session_;
   std::function<void()> on_confirmation_;
-  std::deque<Entry> waiting_;  // the first is carried out
+  std::deque<Entry> waiting_;  // the first is being carried out
   std::deque<Confirmation> confirmed_;
   std::uint32_t last_ = 0;
   bool works_ = false;
   rt::Scope scope_;
 };
 
-/// Takes what is written to 1023h:01 of the master's device of each bus: a line of JSON as the control socket takes it,
-/// `{"verb": "sdo read", "arguments": {"node": "5", "object": "1018h:04"}}`. Only what `[bus.NAME.commands]` lists is
-/// carried out, and no argument that names a file of this computer or confirms something ("yes"). A command without
-/// "bus" means the bus by which it came; one for another bus is refused. The confirmation in 1023h:03 is the reply as
-/// JSON.
+/// Takes commands written to 1023h:01 of the master's device of each bus: a line of JSON as on the control socket,
+/// `{"verb": "sdo read", "arguments": {"node": "5", "object": "1018h:04"}}`. Only commands listed in
+/// `[bus.NAME.commands]` are carried out, without arguments that name a file of this computer or confirm something
+/// ("yes"). A command without "bus" is for the bus by which it came; one for another bus is refused. The confirmation
+/// in 1023h:03 is the reply as JSON.
 class RemoteCommands {
  public:
-  /// `session` must stay.
+  /// `session` must outlive this.
   explicit RemoteCommands(tree::Session& session);
   ~RemoteCommands();
   RemoteCommands(const RemoteCommands&) = delete;

@@ -1,4 +1,4 @@
-/// What a device holds and a file wants, as replies have it.
+/// Differences between a device and a file, for replies.
 #pragma once
 
 #include "berth/command/reply.hpp"
@@ -6,7 +6,7 @@
 
 namespace berth::command {
 
-/// {"object", "name", "line", "has", "wants"}: "has" is missing where the value cannot be read.
+/// {"object", "name", "line", "has", "wants"}: "has" is missing if the value cannot be read.
 [[nodiscard]] Json difference_json(const manager::Difference& difference);
 
 }  // namespace berth::command

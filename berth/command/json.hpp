@@ -1,4 +1,4 @@
-/// JSON as the verbs' replies have it.
+/// JSON for the verbs' replies.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-/// An object of a node, with what a description knows of it.
+/// An object of a node, with the knowledge of a description.
 #pragma once
 
 #include <string>
@@ -16,8 +16,8 @@ struct KnownObject {
   const od::SubObject* described = nullptr;  ///< of the node's description; null: it has none, or not this object
   const od::Limits* limits = nullptr;        ///< null: the description gives none
   const od::Meaning* meaning = nullptr;      ///< unit and names of values; null: the description has none (an EDS)
-  bool type_given = false;                   ///< by the person, not by a description
-  /// Limits and meanings are those of the described type.
+  bool type_given = false;                   ///< by the user, not by a description
+  /// Limits and meanings apply to the described type only.
   [[nodiscard]] bool type_is_described() const noexcept { return described != nullptr && type == described->type; }
 };
 /// `word`: "1018h:04", "Identity object/Serial number", "serial".

@@ -10,8 +10,8 @@
 
 namespace berth::command {
 
-/// The variable that the machine's links make on this node's device, where `link_plan =` keeps it, else where the
-/// linker puts it now. `word`: its name, in either case. Empty: there is none, or the links cannot be.
+/// The variable that the machine's links make on this node's device, at its place in `link_plan =`, else where the
+/// linker puts it now. `word`: its name, in either case. Empty: there is none, or the links are not possible.
 [[nodiscard]] std::optional<KnownObject> network_variable(const design::Machine& machine, const NodeArgument& node,
                                                           const std::string& word);
 

@@ -1,4 +1,4 @@
-/// Which node a request means: a node-ID, a slot's name, or a path through gateways.
+/// Finds the node that a request means: a node-ID, a slot's name, or a path through gateways.
 #pragma once
 
 #include <memory>
@@ -14,7 +14,7 @@ namespace berth::command {
 
 /// A node as a request names it.
 struct NodeArgument {
-  std::string bus;  ///< as the request says, else that of the slot; empty: the machine's only one
+  std::string bus;  ///< from the request, else that of the slot; empty: the machine's only one
   NodeId node;
   std::shared_ptr<const od::Description> description;  ///< null: not known
   std::vector<multilevel::Hop> gateways = {};          ///< between that bus and the node, topmost first
@@ -25,13 +25,13 @@ struct NodeArgument {
   [[nodiscard]] std::string path() const { return gateways.empty() ? std::string() : text(); }
 };
 /// `word`: "5", "left", "line/left", "3/5" (node 5 beneath gateway 3), "3.2/5" (on its second bus beneath); slots'
-/// names in either case. The slot of a bus without a port is beneath the gateways that lead there. What is wrong, or
-/// ambiguous, is for people, with what there is to choose from.
+/// names in either case. A slot of a bus without a port is beneath the gateways that lead there. Errors and ambiguities
+/// are for users, with the possible choices.
 [[nodiscard]] Checked<NodeArgument> find_node(const design::Machine& machine, const std::string& bus,
                                               const std::string& word);
-/// The bus of the machine that the node is on, with a port of Berth's or without; null: none.
+/// The machine's bus with this node, with or without a port of Berth's; null: none.
 [[nodiscard]] const design::Bus* bus_of(const design::Machine& machine, const NodeArgument& node);
-/// The same, or for people why there is none.
+/// The same, or the reason for users why there is none.
 [[nodiscard]] Checked<const design::Bus*> known_bus_of(const design::Machine& machine, const NodeArgument& node);
 
 }  // namespace berth::command

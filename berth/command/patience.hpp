@@ -1,4 +1,4 @@
-/// Reading objects of one device: how long silence is borne, and what is said of it.
+/// Reading objects of one device: when to give up on a silent one, and the message.
 #pragma once
 
 #include "berth/base/result.hpp"
@@ -9,11 +9,11 @@
 
 namespace berth::command {
 
-/// A device that has answered nothing yet is given up at once, one that has answered at the third object in a row
-/// without an answer. A refusal is an answer.
+/// A device that has never answered is given up at once; one that has, after three objects in a row without an answer.
+/// A refusal is an answer.
 class Patience {
  public:
-  /// Notes what came of one more object; true: it is over.
+  /// Notes the result of one more object; true: give up.
   [[nodiscard]] bool over(const Result<co::SdoValue>& answer) noexcept {
     constexpr unsigned most = 3;
     const bool heard = answer || answer.error().code == Errc::aborted || answer.error().code == Errc::mismatch;
@@ -27,10 +27,10 @@ class Patience {
   bool spoke_ = false;
 };
 
-/// What to do about an SDO request that was not answered; empty where its error says all.
+/// Advice on an SDO request without an answer; empty if its error says everything.
 [[nodiscard]] std::string silence_fix(const Error& error, operate::Network& bus, const NodeArgument& node);
 
-/// What is said when it is over.
+/// The message when it is over.
 void fail_silent(Reply& reply, const Error& error, operate::Network& bus, const NodeArgument& node);
 
 }  // namespace berth::command

@@ -1,5 +1,4 @@
-/// Whether a command may use a bus (`design::Role`). What a person confirms first: confirm.hpp; what a user may do:
-/// rights.hpp.
+/// Whether a command may use a bus (`design::Role`). Confirmations by a user: confirm.hpp; rights of users: rights.hpp.
 #pragma once
 
 #include <cstdint>
@@ -15,11 +14,11 @@ namespace berth::command {
 /// How a command uses a bus, for `design::Role`.
 enum class Use : std::uint8_t { look, send, command };  ///< nothing, frames, NMT start or reset
 
-/// The network that a command is for, or for people why there is none or it must not be used so. An empty `bus` means
-/// the machine's only one.
+/// The network for a command, or the reason for users: there is none, or it must not be used this way. An empty `bus`
+/// means the machine's only one.
 [[nodiscard]] tl::expected<operate::Network*, std::string> network_for(tree::Session& session, const std::string& bus,
                                                                        Use use);
-/// All buses when none is named.
+/// All buses if none is named.
 [[nodiscard]] tl::expected<std::vector<operate::Network*>, std::string> networks_for(tree::Session& session,
                                                                                      const std::string& bus, Use use);
 
@@ -27,9 +26,8 @@ struct OwnSlot {
   operate::Network* network = nullptr;
   std::string name;  ///< plain
 };
-/// A slot by its name, "bus/name" or its node-ID when that is unique, on `bus` or, when that is empty, on all. Else why
-/// there is none, for people: the machine has none or several, or Berth has no port on its bus, behind which `beneath`
-/// says what to do.
+/// A slot by its name, "bus/name" or its node-ID if that is unique, on `bus` or, if empty, on all. Else the reason for
+/// users: the machine has none or several, or Berth has no port on its bus; `beneath` then adds what to do.
 [[nodiscard]] tl::expected<OwnSlot, std::string> own_slot(tree::Session& session, const std::string& bus,
                                                           const std::string& slot, std::string_view beneath);
 

@@ -1,5 +1,5 @@
-/// Who may have which verb carried out (docs/security.md §Who may command what): one function for every face of Berth,
-/// by the columns of the table of verbs.
+/// Which party may use which verb (docs/security.md §Who may command what): one function for every face of Berth, by
+/// the columns of the table of verbs.
 #pragma once
 
 #include <cstdint>
@@ -16,28 +16,28 @@ namespace berth::command {
 enum class Face : std::uint8_t {
   person,   ///< the command line, or the control socket: this account's, or root's
   program,  ///< the command buffer of the library: the application itself
-  gateway,  ///< a client of CiA 309-3: whoever reaches its port
+  gateway,  ///< a client of CiA 309-3: anyone who reaches its port
   node,     ///< a node of the bus, by the objects of Berth's own device (1023h)
-  studio    ///< a page of `berth up --studio`: who has the token; its confirmation is "yes"
+  studio    ///< a page of `berth up --studio`: whoever has the token; its confirmation is "yes"
 };
 
-/// What was granted to a face, beside what it has by itself.
+/// Rights granted to a face, in addition to its own.
 struct Granted {
   std::string_view bus{};                       ///< node: for the answer
   const design::BusCommands* listed = nullptr;  ///< node: `[bus.NAME.commands]` of its bus; null: nothing
-  /// gateway: `--commands`, or no real bus is touched; studio: unlocked by a person, or no real bus is touched
+  /// gateway: `--commands`, or no real bus is touched; studio: unlocked by a user, or no real bus is touched
   bool changes = false;
   Role role = Role::configure;  ///< studio: that of the token
 };
 
-/// The role that a request needs: of the table, and operate at least when an argument makes the verb change something.
-/// Of the process's own verbs ("sim") what changes the plant is for operate.
+/// The role that a request needs: that of the table, and at least operate if an argument makes the verb change
+/// something. The process's own verbs ("sim") need operate if they change the plant.
 [[nodiscard]] Role role_needed(const Request& request);
-/// Empty: `has` is enough. Else what to tell: `what` needs another role.
+/// Empty: `has` is enough. Else the message: `what` needs another role.
 [[nodiscard]] std::string why_role_refused(std::string_view what, Role needed, Role has);
 
-/// Empty: it may. Else what to tell the one who asked. A verb that there is not, or an argument that it does not take,
-/// is none of its business (`Arguments` refuses those).
+/// Empty: allowed. Else the message for the sender. Unknown verbs and arguments are not checked here (`Arguments`
+/// refuses them).
 [[nodiscard]] std::string why_refused(Face face, const Request& request, const Granted& granted);
 
 }  // namespace berth::command

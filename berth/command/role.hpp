@@ -1,5 +1,5 @@
-/// What a person who shares a machine with others may do (docs/security.md §Roles). Each role may do what those before
-/// it may.
+/// What a user who shares a machine with others may do (docs/security.md §Roles). Each role includes the previous
+/// ones.
 #pragma once
 
 #include <array>
@@ -10,8 +10,8 @@
 namespace berth::command {
 
 enum class Role : std::uint8_t {
-  view,      ///< reads and asks: devices, bus and store are afterwards as they were
-  operate,   ///< runs the machine as it was made: starts, stops, replaces a device; unlocks real buses
+  view,      ///< reads and asks: devices, bus and store stay as they were
+  operate,   ///< runs the existing machine: starts, stops, replaces a device; unlocks real buses
   configure  ///< changes the machine: objects, parameters, programs, LSS
 };
 

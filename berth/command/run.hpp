@@ -1,4 +1,5 @@
-/// What carries the verbs out, one function each. The request's verb is this one's; `request` and `reply` must stay.
+/// The functions that carry out the verbs. The request's verb must match the function; `request` and `reply` must
+/// outlive the task.
 #pragma once
 
 #include "berth/command/reply.hpp"
@@ -30,7 +31,7 @@ rt::Task<void> sdo_write(Session& session, const Request& request, Reply& reply)
 rt::Task<void> nmt_command(Session& session, const Request& request, Reply& reply);     // nmt.cpp
 rt::Task<void> sdo_probe(Session& session, const Request& request, Reply& reply);       // probe.cpp
 rt::Task<void> lss_command(Session& session, const Request& request, Reply& reply);     // lss.cpp
-/// The same for who holds the network's turn.
+/// The same for a caller that holds the network's turn.
 rt::Task<void> lss_service(Session& session, const Request& request, Reply& reply);       // lss.cpp
 rt::Task<void> sdo_dump(Session& session, const Request& request, Reply& reply);          // dump.cpp
 rt::Task<void> sdo_connect(Session& session, const Request& request, Reply& reply);       // channels.cpp

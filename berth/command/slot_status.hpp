@@ -1,4 +1,4 @@
-/// `berth status SLOT`: all that is known of one slot.
+/// `berth status SLOT`: everything known of one slot.
 #pragma once
 
 #include <optional>
@@ -9,10 +9,10 @@
 
 namespace berth::command {
 
-/// The slot that "slot" and "bus" of a request mean; for people, why there is none.
+/// The slot that "slot" and "bus" of a request mean; else the reason for users.
 [[nodiscard]] Checked<const design::Slot*> wanted_slot(const design::Machine& machine, const Request& request);
 
-/// What a device says of itself: 1008h, 1009h, 100Ah. Empty: not asked, or it has none.
+/// The device's own description: 1008h, 1009h, 100Ah. Empty: not asked, or it has none.
 struct DeviceWords {
   std::string name;
   std::string hardware;
@@ -20,8 +20,8 @@ struct DeviceWords {
 };
 
 /// One JSON object and a line for each fact: state and since when, reason, device and type, boot-up's letter, NMT state
-/// and heartbeat, EMCYs, configuration date, what the device says of itself, the last events and lines of the history.
-/// `now`: empty where no process runs the machine.
+/// and heartbeat, EMCYs, configuration date, the device's own description, the last events and lines of the history.
+/// `now`: empty if no process runs the machine.
 void tell_slot(const operate::Report& report, const SlotReport& slot, const DeviceWords& says,
                const design::Machine& machine, places::SlotStore& store, std::optional<rt::Time> now, Reply& reply);
 

@@ -1,5 +1,5 @@
-/// The command buffer of paper 5 §4 for an application in another thread than the manager's executor: a run-time
-/// system's, say. Any number of threads may fill it.
+/// The command buffer of paper 5 §4 for an application in another thread than the manager's executor, for example a
+/// run-time system. Any number of threads may fill it.
 ///
 ///     command::ThreadCommands commands(session, loop);              // the executor's thread
 ///
@@ -24,23 +24,24 @@ namespace berth::command {
 
 class ThreadCommands final : private io::Watcher {
  public:
-  /// Of the executor's thread, as its destructor. `session` and `loop` must stay, and no thread may use it any more
-  /// when it is destroyed.
+  /// Call it in the executor's thread, like the destructor. `session` and `loop` must outlive this, and no thread may
+  /// use it while it is destroyed.
   ThreadCommands(tree::Session& session, io::Loop& loop);
   ~ThreadCommands();
   ThreadCommands(const ThreadCommands&) = delete;
   ThreadCommands& operator=(const ThreadCommands&) = delete;
 
-  /// False when the system refused to make what wakes the loop; then nothing is carried out.
+  /// False if the system could not create the loop's wake-up; then nothing is carried out.
   [[nodiscard]] bool good() const noexcept { return wake_ >= 0; }
 
-  /// @name Any thread. Each waits for a lock that is held for the time of a few instructions
+  /// @name Any thread. Each waits for a lock that is only held for a few instructions
   /// @{
-  /// Its number, from 1. Empty: `CommandBuffer::most` wait, are carried out, or are confirmed and were not taken.
+  /// Returns its number, from 1. Empty: `CommandBuffer::most` commands wait, are being carried out, or have
+  /// confirmations not taken.
   std::optional<std::uint32_t> put(Request request);
-  /// The oldest confirmation that was not taken yet.
+  /// The oldest confirmation not taken yet.
   std::optional<CommandBuffer::Confirmation> take();
-  /// The same, and waits for one. Empty: there was none for so long.
+  /// The same, but waits for one. Empty: none came within `most`.
   std::optional<CommandBuffer::Confirmation> wait(std::chrono::nanoseconds most);
   /// @}
 
@@ -52,7 +53,7 @@ class ThreadCommands final : private io::Watcher {
   CommandBuffer buffer_;
   io::Loop& loop_;
   int wake_ = -1;
-  std::map<std::uint32_t, std::uint32_t> numbers_;  // of the buffer's, ours; the executor's thread
+  std::map<std::uint32_t, std::uint32_t> numbers_;  // from the buffer's to ours; the executor's thread
 
   std::mutex lock_;
   std::condition_variable confirmation_;

@@ -1,5 +1,5 @@
-/// The commands that a machine file may let the nodes of a bus give (`[bus.NAME.commands]`): the verbs of
-/// berth/command/verbs.hpp, which is a higher floor; tests/command compares the two.
+/// The commands that a machine file may allow the nodes of a bus (`[bus.NAME.commands]`): the verbs of
+/// berth/command/verbs.hpp, which is on a higher floor; tests/command compares the two.
 #pragma once
 
 #include <array>

@@ -1,6 +1,5 @@
-/// What the parts of the machine file's reader share (read_machine.cpp, read_slot.cpp, read_bus.cpp, read_channel.cpp,
-/// read_link.cpp). Inside of room
-/// `design`.
+/// Shared by the parts of the machine file's reader (read_machine.cpp, read_slot.cpp, read_bus.cpp, read_channel.cpp,
+/// read_link.cpp). Internal to room `design`.
 #pragma once
 
 #include <array>
@@ -31,25 +30,25 @@ void read_probe(text::Table& table, places::SlotSpec& spec, bool says_how);
 /// `type = { vendor, product, revision }`, and `type = "any"`.
 void read_type_table(text::Table& table, places::SlotSpec& spec);
 void read_any(text::Table& table, places::SlotSpec& spec);
-/// 1000h of the description of a slot for any type; 0: it says none.
+/// 1000h in the description of a slot for any type; 0: not given.
 [[nodiscard]] std::uint32_t described_type(const Slot& slot);
-/// `assign`. A slot for any type has a fixed node-ID: that is all that is known of its device.
+/// `assign`. A slot for any type has a fixed node-ID, because nothing else is known of its device.
 void read_assign(text::Table& table, places::SlotSpec& spec);
 
-/// The keys of `[timing]` beneath `parent`, over what `timing` has.
+/// The keys of `[timing]` beneath `parent` override the values in `timing`.
 void read_timing(text::Table& parent, Timing& timing);
-/// `heartbeat_timeout` must be longer than `heartbeat_period`: else an error at it.
+/// `heartbeat_timeout` must be longer than `heartbeat_period`: else an error there.
 void check_heartbeat(text::Table& table, Duration period, Duration timeout);
-/// What a `[[slot]]` says of how its device is watched.
+/// The keys of a `[[slot]]` that set how its device is watched.
 void read_watch(text::Table& slot, places::SlotWatch& watch);
-/// What a `[[slot]]` says of how its device sends: `queue`, `inhibit`.
+/// The keys of a `[[slot]]` on how its device sends: `queue`, `inhibit`.
 void read_sending(text::Table& table, Slot& slot);
 /// Beneath a gateway its own master watches all devices by the bus's [timing] (1F81h, 1016h).
 void refuse_watch(text::Table& slot, const places::SlotWatch& watch);
 /// One `[bus.NAME]`; its timing begins with `timing`.
 [[nodiscard]] Bus read_bus(const std::string& name, text::Table& table, const Timing& timing);
-/// "left/1001h", "3/5/Position": the slot, and the object as it is written. Empty, with an error at `key`: the machine,
-/// whose slots are there, has no such slot.
+/// "left/1001h", "3/5/Position": the slot, and the object as written. Empty, with an error at `key`: the machine, whose
+/// slots are already there, has no such slot.
 [[nodiscard]] std::optional<LinkEnd> read_end(const Machine& machine, text::Table& table, std::string_view key,
                                               const std::string& text);
 /// `watch` of [machine]; the slots are there already.
@@ -58,7 +57,7 @@ void read_watched(Machine& machine, text::Table& root);
 [[nodiscard]] Link read_link(const Machine& machine, text::Table& table);
 /// One `[[channel]]`; the buses and slots are there already.
 void read_channel(Machine& machine, text::Table& table);
-/// Those that Berth reaches through gateways alone become `beneath`, each above those beneath it.
+/// Buses that Berth reaches only through gateways become `beneath`, each above those beneath it.
 void part_buses(Machine& machine);
 
 }  // namespace berth::design

@@ -1,4 +1,4 @@
-/// Claims a node-ID for a device as SAE J1939-81 does (docs/claim.md): connects `nodeid::ClaimSlave` to the device's
+/// Claims a node-ID for a device as SAE J1939-81 does (docs/claim.md): connects `research::ClaimSlave` to the device's
 /// dispatcher. No heap after construction except for the dispatcher's lists.
 #pragma once
 
@@ -43,7 +43,7 @@ class Claiming final : private can::Handler, private research::ClaimOwner {
 
   can::Dispatcher* dispatcher_;
   Owner* owner_;
-  nodeid::ClaimSlave slave_;
+  research::ClaimSlave slave_;
   NodeId claimed_;  // claimed since power-on: not firm
 };
 

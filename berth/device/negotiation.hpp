@@ -1,4 +1,4 @@
-/// A device's part in the negotiation of node-IDs (paper 2): connects `nodeid::Negotiator` to the device's dispatcher,
+/// A device's part in the negotiation of node-IDs (paper 2): connects `research::Negotiator` to the device's dispatcher,
 /// keeps the last node-ID in non-volatile memory, and instructs the device. No heap after construction except for the
 /// dispatcher's lists.
 #pragma once
@@ -28,7 +28,7 @@ class Negotiation final : private can::Handler,
     /// Use this node-ID: leave initialising, send the boot-up message.
     virtual void negotiated(NodeId id) noexcept = 0;
     /// Report the reason, then reset communication without a node-ID.
-    virtual void negotiation_lost(NodeId id, nodeid::IdLoss why) noexcept = 0;
+    virtual void negotiation_lost(NodeId id, research::IdLoss why) noexcept = 0;
     virtual void negotiation_failed() noexcept = 0;  ///< all 127 are in use
     virtual void negotiation_kept(NodeId id) noexcept = 0;
     [[nodiscard]] virtual rt::Duration in_world(rt::Duration own) const noexcept = 0;
@@ -42,7 +42,7 @@ class Negotiation final : private can::Handler,
   static constexpr rt::Duration pause_for_others = std::chrono::seconds(2);
 
   /// `memory`: null = the last node-ID is lost at power-off.
-  Negotiation(can::Dispatcher& dispatcher, Owner& owner, NvMemory* memory, const nodeid::NegotiatorOptions& options);
+  Negotiation(can::Dispatcher& dispatcher, Owner& owner, NvMemory* memory, const research::NegotiatorOptions& options);
   ~Negotiation();
 
   /// Power comes on, with this address; negotiation begins with `ready`.
@@ -57,7 +57,7 @@ class Negotiation final : private can::Handler,
   /// Another node sent under this device's identifiers.
   void doubled() noexcept { negotiator_.doubled(); }
 
-  [[nodiscard]] const nodeid::Negotiator& negotiator() const noexcept { return negotiator_; }
+  [[nodiscard]] const research::Negotiator& negotiator() const noexcept { return negotiator_; }
   /// The last node-ID in memory.
   [[nodiscard]] NodeId last() const noexcept { return last_; }
 
@@ -82,8 +82,8 @@ class Negotiation final : private can::Handler,
   can::Dispatcher* dispatcher_;
   Owner* owner_;
   std::optional<NvRecord> record_;
-  nodeid::NegotiatorOptions options_;
-  nodeid::Negotiator negotiator_;
+  research::NegotiatorOptions options_;
+  research::Negotiator negotiator_;
   NodeId last_;        // preferred; kept in memory
   NodeId negotiated_;  // negotiated since power-on: not firm
   bool hears_ = false;

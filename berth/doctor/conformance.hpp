@@ -1,19 +1,19 @@
-/// A conformance tester's checks, written from CiA 301 by paragraph, against one device on this bus.
+/// Checks like those of a conformance tester, from CiA 301's paragraphs, for one device on this bus.
 ///
 ///     Conformance report;                                       // must outlive the task
 ///     auto done = co_await examine(dispatcher, options, report);
 ///
-/// What is asked: SDO services and their refusals (§7.2.4), the mandatory objects, every object that the description
-/// names (access, length, limits, sub-index 0), and the rules of each communication object (§7.5.2): COB-IDs, PDO
-/// parameters, signatures, what must not change when.
+/// Checked: SDO services and their refusals (§7.2.4), the mandatory objects, every object of the description (access,
+/// length, limits, sub-index 0), and the rules of each communication object (§7.5.2): COB-IDs, PDO parameters,
+/// signatures, write protection.
 ///
-/// Harmless unless `lasting`: every write is one that must be refused, or writes back the value that was read; objects
-/// of the application (2000h and up) are written to only where the description says that they cannot be. A device that
-/// takes what it must refuse gets the old value back at once. Still it is SDO traffic: another SDO client of the device
-/// is disturbed.
+/// Harmless unless `lasting`: every write must be refused, or writes back the value that was read. Objects of the
+/// application (2000h and up) are written only if the description says that they are not writable. If a device accepts
+/// a write that it must refuse, the old value is written back at once. Still it is SDO traffic, which disturbs another
+/// SDO client of the device.
 ///
-/// With `lasting`, for a device that is not in use: writes to all objects, re-mapping of PDOs, NMT commands, resets,
-/// heartbeat, guarding and SYNC. What was changed comes back by reset node.
+/// With `lasting`, for a device that is not in use: also writes to all objects, re-mapping of PDOs, NMT commands,
+/// resets, heartbeat, guarding and SYNC. A reset node restores the changes.
 #pragma once
 
 #include <memory>
@@ -32,12 +32,12 @@ enum class Verdict : std::uint8_t { passed, failed, skipped };
 [[nodiscard]] const char* name(Verdict verdict) noexcept;
 
 struct Check {
-  std::string_view paragraph{};  ///< of CiA 301 v4.2.0: "7.2.4.3.17"; the chapter where the paragraph is not known
+  std::string_view paragraph{};  ///< of CiA 301 v4.2.0: "7.2.4.3.17"; the chapter if the paragraph is not known
   ObjectRef object{};
-  bool has_object = false;  ///< a service else
-  std::string what{};       ///< what must be so
+  bool has_object = false;  ///< false: a service
+  std::string what{};       ///< the requirement
   Verdict verdict = Verdict::passed;
-  std::string told{};  ///< failed: what the device did; skipped: why
+  std::string told{};  ///< failed: the device's reaction; skipped: the reason
 };
 
 struct Conformance {
@@ -49,13 +49,13 @@ struct Conformance {
 
 struct ConformanceOptions {
   NodeId node{};
-  std::shared_ptr<const od::Description> description{};  ///< null: only what every device has
+  std::shared_ptr<const od::Description> description{};  ///< null: only the objects that every device has
   bool lasting = false;
-  rt::Duration timeout = std::chrono::milliseconds(500);  ///< an answer; silence that is one takes as long
+  rt::Duration timeout = std::chrono::milliseconds(500);  ///< for an answer; expected silence takes as long
   rt::Duration boot = std::chrono::seconds(3);            ///< reset to boot-up message
 };
 
-/// The paragraph that a communication object stands in ("7.5.2.17" for 1014h); "7.4" for every other.
+/// The paragraph of a communication object ("7.5.2.17" for 1014h); "7.4" for every other.
 [[nodiscard]] std::string_view paragraph_of(std::uint16_t index) noexcept;
 
 /// Errors: `bus` a request could not be sent, `timeout` the device does not answer its first question, `invalid` an

@@ -123,7 +123,8 @@ rt::Task<void> CommunicationChecks::storage() {
   }
 }
 
-// COB-IDs of SYNC, TIME, EMCY and of EMCY's consumers. `in_use`: the bits that say so; EMCY's bit 31 says the contrary.
+// COB-IDs of SYNC, TIME, EMCY and of EMCY's consumers. `in_use`: the bits that mark use; EMCY's bit 31 has the opposite
+// meaning.
 rt::Task<void> CommunicationChecks::identifiers() {
   co_await cob_id(0x1005, 0, CobId::second_bit);
   co_await cob_id(0x1012, 0, CobId::second_bit | CobId::invalid_bit);

@@ -1,4 +1,4 @@
-// The device under test: how it is asked, and what came of it.
+// The device under test: its questions and results.
 #include <fmt/format.h>
 
 #include <algorithm>

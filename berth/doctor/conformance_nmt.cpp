@@ -1,5 +1,4 @@
-// NMT, error control and SYNC as they are on the bus: CiA 301 §7.3.2, §7.2.8, §7.2.5. Everything here changes the
-// device.
+// NMT, error control and SYNC on the bus: CiA 301 §7.3.2, §7.2.8, §7.2.5. Everything here changes the device.
 #include <fmt/format.h>
 
 #include "berth/co/nmt.hpp"
@@ -56,7 +55,7 @@ rt::Task<bool> NmtChecks::reset(std::uint8_t which) {
   co_return false;
 }
 
-// What §7.3.2.2 (initialisation) says of the values: reset communication brings back 1000h to 1FFFh, reset node
+// The effect of resets on values by §7.3.2.2 (initialisation): reset communication restores 1000h to 1FFFh, reset node
 // everything.
 rt::Task<void> NmtChecks::resets() {
   ObjectRef where{};
@@ -92,7 +91,7 @@ rt::Task<void> NmtChecks::resets() {
   }
 }
 
-// A plain number that nothing but a write changes.
+// A plain number that changes only by writes.
 const od::SubObject* NmtChecks::application_object(ObjectRef& where) const noexcept {
   if (!options_.description) return nullptr;
   for (const auto& object : options_.description->objects()) {

@@ -13,14 +13,14 @@ constexpr std::uint8_t structure_sub = 0xFF;
 
 using od::within;
 
-/// What a write would set going, or what has rules of its own (conformance_communication.cpp).
+/// A write would start an action, or the object has its own rules (conformance_communication.cpp).
 bool acts(std::uint16_t index) noexcept {
   return within(index, 0x1003, 0x1003) || within(index, 0x1010, 0x1011) || within(index, 0x1023, 0x1026) ||
          within(index, od::cia301::default_server, od::cia301::last_client) || od::is_pdo_record(index) ||
          within(index, 0x1F50, 0x1F9F);
 }
 bool communication(std::uint16_t index) noexcept { return within(index, 0x1000, 0x1FFF); }
-/// Sub-index 0 counts what is used, not what there is.
+/// Sub-index 0 counts used entries, not existing ones.
 bool counts_use(std::uint16_t index) noexcept { return index == 0x1003 || od::is_pdo_mapping(index); }
 /// Reserved in a PDO's communication record (§7.5.2.35).
 bool reserved(std::uint16_t index, std::uint8_t sub) noexcept {
@@ -55,7 +55,7 @@ rt::Task<void> ObjectChecks::object(const od::Object& object) {
 rt::Task<void> ObjectChecks::highest_sub(const od::Object& object) {
   const auto count = co_await device_.read(object.index, 0);
   const ObjectRef ref{object.index, 0};
-  if (!count.good()) co_return;  // told already
+  if (!count.good()) co_return;  // already reported
   const auto subs = options_.description->subs(object);
   std::uint8_t highest = 0;
   for (const auto& sub : subs) {
@@ -130,7 +130,7 @@ rt::Task<void> ObjectChecks::writing(const od::SubObject& sub, std::uint16_t ind
     co_return;
   }
   if (size == 0 || !now.good() || index == 0x1003) co_return;
-  if (index == 0x1200) co_return;  // read-only whatever a description says
+  if (index == 0x1200) co_return;  // read-only, whatever a description says
   bytes.push_back(0);
   const auto long_one = co_await device_.write(index, sub.sub, bytes);
   report_.refused(access, ref, "a value that is too long", long_one, codes::too_long);

@@ -1,5 +1,5 @@
-/// What `examine` consists of: the device under test, the report that is written of it, what its description has, and
-/// one class of checks for each group of services. Only the sources of `conformance` include this.
+/// The parts of `examine`: the device under test, its report, its description, and one class of checks for each group
+/// of services. Only the sources of `conformance` include this.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@ namespace berth::doctor {
 
 using Bytes = std::vector<std::uint8_t>;
 
-/// What came of one access.
+/// The result of one access.
 struct AccessResult {
   bool silent = false;
   od::AbortCode code = od::AbortCode::none;
@@ -28,7 +28,7 @@ struct AccessResult {
 /// "0602 0000 (object does not exist)".
 [[nodiscard]] std::string written(od::AbortCode code);
 
-/// Abort codes of which any will do. Where stacks differ and CiA 301 leaves it open, there are several.
+/// Abort codes, any of which is accepted: several where CiA 301 leaves the choice open and stacks differ.
 struct Codes {
   std::array<od::AbortCode, 4> any{};
   [[nodiscard]] bool has(od::AbortCode code) const noexcept {
@@ -65,7 +65,7 @@ inline constexpr std::array<std::uint32_t, 12> restricted{0x000, 0x07F, 0x101, 0
                                                           0x601, 0x67F, 0x6E0, 0x6FF, 0x701, 0x7FF};
 inline constexpr std::uint32_t malformed_bit = 0x800;
 
-/// The device that is asked. After a frame that could not be sent everything is silent and `bus_error` says why.
+/// The examined device. After a frame that could not be sent every answer is silence, and `bus_error` gives the reason.
 class DeviceUnderTest final : private can::Handler {
  public:
   DeviceUnderTest(can::Dispatcher& dispatcher, const ConformanceOptions& options);
@@ -73,8 +73,8 @@ class DeviceUnderTest final : private can::Handler {
   DeviceUnderTest(const DeviceUnderTest&) = delete;
   DeviceUnderTest& operator=(const DeviceUnderTest&) = delete;
 
-  /// Until no other client has asked the node for a while, at most ten seconds: its answers would be taken for those to
-  /// the questions of the examination, as of a master that boots the node.
+  /// Waits until no other client has asked the node for a while, at most ten seconds: its answers to another client,
+  /// for example a master that boots the node, would be mistaken for answers to the examination.
   rt::Task<void> await_quiet();
   /// SDO requests of other clients.
   [[nodiscard]] unsigned others() const noexcept { return others_; }
@@ -84,18 +84,18 @@ class DeviceUnderTest final : private can::Handler {
   rt::Task<AccessResult> write_number(std::uint16_t index, std::uint8_t sub, std::size_t size, std::uint64_t value);
   /// One frame on the default channel and the next frame back; empty: silence.
   rt::Task<std::optional<can::Frame>> raw(can::Frame request);
-  /// The same for a request that may be repeated: it is, when another client has asked meanwhile.
+  /// The same for a request that may be repeated: it is repeated if another client asked meanwhile.
   rt::Task<std::optional<can::Frame>> raw_undisturbed(can::Frame request);
   /// The next frame of the node in this range, if one comes in time.
   rt::Task<std::optional<can::Frame>> hear(std::uint32_t key, rt::Duration limit);
   void send(const can::Frame& frame);
-  /// What came until now is not heard any more.
+  /// Discards the frames received so far.
   void forget() noexcept { box_.clear(); }
   [[nodiscard]] can::Frame request(std::uint8_t command, std::uint16_t index, std::uint8_t sub,
                                    std::uint32_t number = 0) const noexcept;
 
   [[nodiscard]] rt::Time now() const noexcept { return dispatcher_->executor().now(); }
-  /// When the last frame came that `hear` gave.
+  /// When the last frame that `hear` returned was received.
   [[nodiscard]] rt::Time heard_at() const noexcept { return heard_at_; }
   [[nodiscard]] bool reachable() const noexcept { return !bus_error_; }
   [[nodiscard]] const std::optional<Error>& bus_error() const noexcept { return bus_error_; }
@@ -106,7 +106,7 @@ class DeviceUnderTest final : private can::Handler {
     rt::Time at;
   };
   void received(const can::Frame& frame, rt::Time at) noexcept override;
-  /// What came of an SDO transfer.
+  /// The result of an SDO transfer.
   AccessResult told_by(const Error& error);
 
   can::Dispatcher* dispatcher_;
@@ -120,7 +120,7 @@ class DeviceUnderTest final : private can::Handler {
   rt::Time others_at_{};
 };
 
-/// Writes verdicts into the report. While the device cannot be reached nothing is judged.
+/// Writes verdicts into the report. Nothing is judged while the device cannot be reached.
 class Verdicts {
  public:
   Verdicts(const DeviceUnderTest& device, Conformance& report) : device_(&device), report_(&report) {}
@@ -140,7 +140,7 @@ class Verdicts {
   Conformance* report_;
 };
 
-/// What the description has, if there is one.
+/// The content of the description, if there is one.
 class Described {
  public:
   explicit Described(const od::Description* description) noexcept : description_(description) {}
@@ -150,7 +150,7 @@ class Described {
   [[nodiscard]] bool settable(std::uint16_t index, std::uint8_t sub, std::size_t size) const noexcept;
   /// An index that no device has.
   [[nodiscard]] std::uint16_t absent() const noexcept;
-  /// The device has not what its description has not either.
+  /// The object is missing both in the device and in its description.
   [[nodiscard]] bool leaves_out(std::uint16_t index, std::uint8_t sub, const AccessResult& told) const noexcept;
   /// The object of an entry of a PDO mapping (1600h, 1A00h).
   [[nodiscard]] bool mappable(std::uint32_t entry) const noexcept;
@@ -159,14 +159,14 @@ class Described {
   const od::Description* description_;
 };
 
-/// What every group of checks works with.
+/// Shared by all groups of checks.
 class Checks {
  public:
   Checks(DeviceUnderTest& device, Verdicts& report, const ConformanceOptions& options)
       : device_(device), report_(report), described_(options.description.get()), options_(options) {}
 
  protected:
-  /// Writes what must be refused; the old value comes back when it is not.
+  /// Writes a value that must be refused; if it is accepted, restores the old one.
   rt::Task<void> must_refuse(std::uint16_t index, std::uint8_t sub, std::size_t size, std::uint64_t value,
                              const Codes& codes, const char* what);
 
@@ -211,9 +211,9 @@ class ObjectChecks final : private Checks {
 class CommunicationChecks final : private Checks {
  public:
   using Checks::Checks;
-  /// What every device must have.
+  /// Mandatory objects.
   rt::Task<void> mandatory();
-  /// What it may have.
+  /// Optional objects.
   rt::Task<void> optional();
   /// Entries of 1016h; changes the device.
   rt::Task<void> consumer_entries();
@@ -241,7 +241,7 @@ class PdoChecks final : private Checks {
   rt::Task<void> mapping(std::uint16_t index);
 };
 
-/// NMT, error control and SYNC as they are on the bus: CiA 301 §7.3.2, §7.2.8, §7.2.5. All of it changes the device.
+/// NMT, error control and SYNC on the bus: CiA 301 §7.3.2, §7.2.8, §7.2.5. All of it changes the device.
 class NmtChecks final : private Checks {
  public:
   using Checks::Checks;

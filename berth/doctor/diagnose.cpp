@@ -55,7 +55,7 @@ Rhythm rhythm(std::span<const rt::Time> times, rt::Duration period) {
   if (mean.count() <= 0 || r.usual.count() <= 0) return r;
   const auto base = period.count() > 0 ? period : r.usual;
   r.rate = static_cast<double>(base.count()) / static_cast<double>(mean.count());
-  // One clock whose period was changed goes from long to short once; two clocks take turns.
+  // One clock with a changed period goes from long to short once; two clocks alternate.
   unsigned turns = 0;
   for (std::size_t i = 1; i < intervals.size(); ++i) {
     const bool is_short = intervals[i] * 4 < r.usual * 3;
@@ -107,7 +107,7 @@ class Consultation {
 
   // ---- a node at another bit rate ----
 
-  /// Nodes that told that they were error-passive or bus-off.
+  /// Nodes that reported error-passive or bus-off.
   [[nodiscard]] std::vector<NodeId> complaining() const {
     std::vector<NodeId> nodes;
     for (unsigned n = 1; n <= 127; ++n) {
@@ -117,7 +117,7 @@ class Consultation {
     return nodes;
   }
 
-  /// A node that alone complains, and around every long run: then it is its own wire, not another node.
+  /// Only this node complains, and around every long run: then its own wire is the cause, not another node.
   [[nodiscard]] bool explained_by(NodeId id) const {
     const auto& node = heard_.node(id);
     const auto near = [](const Count& c, const ErrorRun& run) {
@@ -194,14 +194,14 @@ class Consultation {
     const auto note = [&](Certainty c, std::string text) { signs.note(c, std::move(text)); };
     Count seen;
     if (node.flips.count >= 3) {
-      // A command or a boot-up that passed this port by would explain it.
+      // A missed command or boot-up would explain it.
       note(node.flips.count >= 6 && heard_.complete() ? Certainty::certain : Certainty::likely,
            fmt::format("its heartbeats report two NMT states alternately, without a command between: {}",
                        times(node.flips)));
       seen = node.flips;
     }
     if (const auto boots = boots_beside(node, expected_.heartbeat_period); boots.count > 0) {
-      // A device may keep its heartbeat's rhythm over a reset that it was told to do.
+      // A device may keep its heartbeat's rhythm through a commanded reset.
       const bool by_itself = node.resets.count == 0 && heard_.complete();
       note(boots.count > 1 && by_itself ? Certainty::certain : Certainty::likely,
            fmt::format("a boot-up message while the heartbeat went on in its old rhythm: {}", times(boots)));
@@ -211,7 +211,7 @@ class Consultation {
       signs.evidence.push_back(text);
       seen = node.beat;
     }
-    // One that beats by itself more often than it is asked does not guard.
+    // A node that sends heartbeats more often than it is asked does not guard.
     const bool guards = node.guard_requests >= 3 && node.beat.count <= 4 * node.guard_requests;
     if (guards && node.guard_answers * 2 >= node.guard_requests * 3) {
       note(Certainty::likely,
@@ -238,7 +238,7 @@ class Consultation {
                          id.value());
   }
 
-  // What was asked: how many devices have this node-ID. Those that LSS told of.
+  // From the answers: how many devices have this node-ID. Returns those that LSS identified.
   std::vector<LssAddress> asked_twice(NodeId id, Signs& signs) const {
     std::vector<LssAddress> devices;
     for (const auto& p : answers_.present) {
@@ -264,7 +264,7 @@ class Consultation {
     for (const auto& beat : heard_.node(id).beats) at.push_back(beat.at);
     const bool known = expected_.known(id) && expected_.heartbeat_period.count() > 0;
     const auto r = rhythm(at, known ? expected_.heartbeat_period : rt::Duration{0});
-    // On a full bus no rhythm is left.
+    // A full bus disturbs the rhythm.
     if (r.beats < 6 || (jammed_ && !known) || heard_.load(expected_.bit_rate) >= 0.8) return {};
     const bool twice = r.rate > 1.8 && r.rate < 2.2;
     if (known && r.rate < 1.4) return {};
@@ -354,7 +354,7 @@ class Consultation {
         "Berth reads them; other LSS masters may not (CiA 305 has 8 bytes): ask the device's maker for new firmware";
   }
 
-  // Another LSS master's questions told, and it may have given the device a node-ID since.
+  // Another LSS master's questions showed it, and it may have given the device a node-ID since.
   [[nodiscard]] bool had_one() const { return heard_.given.count > 0 && heard_.given.last > heard_.blank.all.last; }
   [[nodiscard]] bool denied() const { return answers_.asked && !answers_.blank; }
 
@@ -362,7 +362,7 @@ class Consultation {
     return answers_.blank || (heard_.blank.all.count > 0 && !(had_one() && denied()));
   }
 
-  // Those that told by LSS that they have no node-ID.
+  // Devices that reported by LSS that they have no node-ID.
   [[nodiscard]] std::vector<LssAddress> told_blank() const {
     std::vector<LssAddress> all;
     for (const auto& p : answers_.present) {
@@ -371,7 +371,7 @@ class Consultation {
     return all;
   }
 
-  // Each is known, and none may sit in one of these slots.
+  // All are known, and none may sit in one of these slots.
   [[nodiscard]] bool fit_nowhere(const std::vector<LssAddress>& devices, const std::vector<NodeId>& candidates) const {
     return !devices.empty() && !candidates.empty() && std::ranges::none_of(devices, [&](const LssAddress& device) {
       return std::ranges::any_of(candidates, [&](NodeId id) { return places::fits(*expected_.slot(id), device); });
@@ -432,7 +432,7 @@ class Consultation {
   // ---- error states, load ----
 
   void passive() {
-    if (jammed_) return;  // told there as evidence: it is what a jammer does to the others
+    if (jammed_) return;  // reported there as evidence: a jammer does this to the others
     for (const auto id : complaining()) {
       const auto& node = heard_.node(id);
       auto& d = add(Kind::error_passive, Certainty::certain, id);

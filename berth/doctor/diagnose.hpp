@@ -1,4 +1,4 @@
-/// From what was heard, and what questions told, to findings. Pure: no bus, no time of its own.
+/// Derives findings from heard frames and answers. Pure: without bus or clock.
 #pragma once
 
 #include <span>
@@ -8,26 +8,26 @@
 
 namespace berth::doctor {
 
-/// What devices answered when they were asked (questions.hpp).
+/// The devices' answers to questions (questions.hpp).
 struct Answers {
-  std::uint64_t frames = 0;  ///< heard while it asked, whoever sent them
-  bool asked = false;        ///< identify non-configured remote slave was asked
+  std::uint64_t frames = 0;  ///< heard while asking, from any sender
+  bool asked = false;        ///< identify non-configured remote slave was sent
   bool blank = false;        ///< ... and answered
   bool selective = false;    ///< devices were selected one by one; false while another LSS master works
   struct Present {           ///< a device that LSS identify found
     LssAddress device{};
-    NodeId active{};    ///< what inquire node-ID told
-    bool told = false;  ///< it told
+    NodeId active{};    ///< the answer to inquire node-ID
+    bool told = false;  ///< it answered
   };
   std::vector<Present> present{};
   bool intrusive = false;  ///< SDO was used
   struct Serials {         ///< answers to one SDO request for the serial number
     NodeId node{};
     unsigned answers = 0;
-    std::vector<std::uint32_t> values{};  ///< that differ
+    std::vector<std::uint32_t> values{};  ///< the different ones
   };
   std::vector<Serials> serials{};
-  struct Claim {  ///< a TPDO's identifier as its device has it
+  struct Claim {  ///< a TPDO's identifier in its device
     NodeId node{};
     std::uint16_t object = 0;  ///< 1800h..
     std::uint32_t key = 0;
@@ -35,17 +35,17 @@ struct Answers {
   std::vector<Claim> claims{};
 };
 
-/// How heartbeats of one node-ID come. `rate` is how many times as often as `period`, or, when that is 0, as the long
-/// intervals among them.
+/// The intervals of one node-ID's heartbeats. `rate`: how many times more often they come than by `period`, or, if that
+/// is 0, than by the long intervals among them.
 struct Rhythm {
   std::size_t beats = 0;
   double rate = 1;
-  bool interleaved = false;  ///< short and long intervals take turns: two clocks
-  rt::Duration usual{};      ///< nine of ten intervals are no longer
+  bool interleaved = false;  ///< short and long intervals alternate: two clocks
+  rt::Duration usual{};      ///< nine of ten intervals are at most this
 };
 [[nodiscard]] Rhythm rhythm(std::span<const rt::Time> times, rt::Duration period);
 
-/// In the order of `Kind`, then of node-IDs. Empty: nothing is wrong, as far as could be heard.
+/// In the order of `Kind`, then of node-IDs. Empty: nothing wrong was heard.
 [[nodiscard]] std::vector<Diagnosis> diagnose(const Heard& heard, const Expected& expected,
                                               const Answers& answers = {});
 

@@ -1,4 +1,4 @@
-/// What findings are made of and how they are worded. Only the sources of `diagnose` and `silence` include this.
+/// Helpers that build and word findings. Only the sources of `diagnose` and `silence` include this.
 #pragma once
 
 #include <string>
@@ -11,7 +11,7 @@ namespace berth::doctor {
 
 /// With the name of the node's slot, if it has one.
 [[nodiscard]] Diagnosis finding(const Expected& expected, Kind kind, Certainty certainty, NodeId node = NodeId());
-/// Adds how often it was heard, first and last.
+/// Adds how often it was heard, and when first and last.
 void when(Diagnosis& diagnosis, const Count& count);
 
 /// "node 4 (valve)", "node 127 (the master)".

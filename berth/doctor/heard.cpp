@@ -126,7 +126,7 @@ void Ear::own(const can::Frame& frame, rt::Time at) noexcept {
 
 void Ear::received(const can::Frame& frame, rt::Time at) noexcept {
   look(at);
-  // Two frames of one identifier that differ, back to back after a long run: what a collision leaves
+  // Two different frames of one identifier, back to back after a long run: the trace of a collision
   // (docs/protocols/can-frames.md §Arbitration).
   if (run_) {
     const bool is_long = run_->count >= Heard::long_run;
@@ -134,7 +134,7 @@ void Ear::received(const can::Frame& frame, rt::Time at) noexcept {
     behind_run_.reset();
     if (is_long) behind_run_ = frame;
   } else if (behind_run_) {
-    // A node in trouble has several EMCYs to tell.
+    // A node in trouble sends several EMCYs.
     const bool emergency = !frame.extended && frame.id > 0x080 && frame.id <= 0x0FF;
     if (behind_run_->key() == frame.key() && !frame.remote && !emergency && !(*behind_run_ == frame))
       heard_.collided[frame.key()].add(at);

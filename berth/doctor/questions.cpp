@@ -23,7 +23,7 @@ rt::Task<Result<bool>> anybody(lss::Master& master, const lss::IdentifyRanges& r
   co_return heard->answers > 0;
 }
 
-/// A range that is yet to be looked into. `sure`: it follows from other answers that a device is there.
+/// A range still to be examined. `sure`: other answers prove that it contains a device.
 struct Open {
   lss::IdentifyRanges ranges;
   bool sure = false;
@@ -47,8 +47,8 @@ std::pair<lss::IdentifyRanges, lss::IdentifyRanges> halves(const lss::IdentifyRa
   return {lower, upper};
 }
 
-// The devices of one type: a range that answers is halved. Where the lower half is silent the upper one need not be
-// asked; a single address is asked for all the same, so that a lost answer makes no device.
+// The devices of one type: a range that answers is halved. If the lower half is silent, the upper one need not be
+// asked; but a single address is always asked, so that a lost answer does not invent a device.
 rt::Task<Result<void>> enumerate(lss::Master& master, TypeCode type, unsigned most, std::vector<LssAddress>& found) {
   std::vector<Open> open;
   open.push_back({{type.vendor, type.product, 1, top, 0, top}, false});

@@ -59,7 +59,7 @@ std::optional<Diagnosis> Silence::of_bus() const {
   return d;
 }
 
-// Whether a slot's node is there cannot be told then.
+// It is then unknown whether a slot's node is there.
 Diagnosis Silence::only_errors() const {
   auto d = finding(expected_, Kind::wrong_bit_rate, Certainty::possible);
   d.count = heard_.errors;
@@ -143,7 +143,7 @@ std::optional<Diagnosis> Silence::irregular(NodeId id) const {
   return d;
 }
 
-// A node of no slot: by its own rhythm.
+// A node of no slot: judged by its own rhythm.
 std::optional<Diagnosis> Silence::stopped(NodeId id) const {
   const auto& node = heard_.node(id);
   if (node.beats.size() < 6 || node.beat.count != node.beats.size()) return std::nullopt;

@@ -1,5 +1,5 @@
-/// Findings that rest on what was not heard: a silent bus, heartbeats that are missing. Nothing of the kind is certain
-/// when frames may have passed this port by, or when somebody answered.
+/// Findings based on silence: a silent bus, missing heartbeats. None is certain if this port may have missed frames, or
+/// if a device answered.
 #pragma once
 
 #include <optional>
@@ -11,20 +11,20 @@ namespace berth::doctor {
 
 class Silence {
  public:
-  /// All must stay.
+  /// All must outlive this.
   Silence(const Heard& heard, const Expected& expected, const Answers& answers)
       : heard_(heard), expected_(expected), answers_(answers) {}
 
-  /// Not one good frame: the one cause of all that would be missed.
+  /// Not one good frame: the common cause of everything missing.
   [[nodiscard]] std::optional<Diagnosis> of_bus() const;
   /// `jammed`: another node destroys frames, perhaps those of this one.
   [[nodiscard]] std::optional<Diagnosis> of_heartbeat(NodeId node, bool jammed) const;
 
-  /// A question told that a device has this node-ID.
+  /// An answer showed that a device has this node-ID.
   [[nodiscard]] bool answered(NodeId node) const;
   /// The slot's node was not heard, and answered no question.
   [[nodiscard]] bool unheard(const places::SlotSpec& slot) const;
-  /// Lowers a certainty that rests on what was not heard, and adds why.
+  /// Lowers a certainty that is based on silence, and adds the reason.
   void weigh(Diagnosis& diagnosis, Certainty most) const;
 
  private:

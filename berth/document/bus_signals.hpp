@@ -1,4 +1,4 @@
-/// What the messages of one bus carry: which objects of which slot stand where in a PDO, and who receives them; by the
+/// The contents of one bus's messages: the position of each slot's objects in the PDOs, and their receivers; from the
 /// slots' descriptions, notes, configurations and links. Nothing is asked on the bus.
 #pragma once
 
@@ -19,12 +19,12 @@ namespace berth::document {
 
 /// An object in a PDO.
 struct Signal {
-  std::string name;  ///< the object's, as the description has it; may be empty
+  std::string name;  ///< the object's, from the description; may be empty
   ObjectRef object{};
   unsigned at = 0;  ///< its first bit in the PDO (CiA 301 §7.1.4: bit 0 of byte 0 is 0)
   unsigned bits = 0;
   od::DataType type = od::DataType::none;
-  od::Meaning meaning{};                 ///< unit and names of values, of the description or of notes
+  od::Meaning meaning{};                 ///< unit and names of values, from the description or from notes
   std::vector<std::string> receivers{};  ///< slots
 };
 
@@ -33,7 +33,7 @@ struct Message {
   std::string name;       ///< "TPDO 1", "heartbeat"
   std::string sender;     ///< a slot, or "master"; empty: no slot of the bus sends it
   unsigned bytes = 0;
-  std::optional<rt::Duration> period{};  ///< where it is cyclic
+  std::optional<rt::Duration> period{};  ///< if it is cyclic
   std::vector<Signal> signals{};         ///< ascending by `at`
 };
 
@@ -44,15 +44,15 @@ struct BusSignals {
   std::vector<Message> messages{};     ///< ascending by `key`
 };
 
-/// A slot and its dictionary as it is when it is configured.
+/// A slot and its dictionary in the configured state.
 struct DescribedSlot {
   const design::Slot* slot = nullptr;
   std::unique_ptr<od::Values> values{};              ///< null: nothing is known of its device
   std::vector<linker::Variable> variables{};         ///< network variables that its links make on it
-  std::shared_ptr<const command::NoteBook> notes{};  ///< of its description; slots of one file have one
+  std::shared_ptr<const command::NoteBook> notes{};  ///< of its description; slots with one file share it
 };
 
-/// In the machine's order. The notes' files are read here. `links`: of a plan without errors, or null.
+/// In the machine's order. Reads the files of notes. `links`: of a plan without errors, or null.
 [[nodiscard]] std::vector<DescribedSlot> configured_slots(const design::Machine& machine,
                                                           const traffic::LinkPlan* links);
 

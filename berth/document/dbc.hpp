@@ -1,9 +1,8 @@
-/// A bus as a DBC file, for tools that know CAN signals and not CANopen (CANdb++, SavvyCAN, cantools, PEAK's).
+/// A bus as a DBC file, for tools that support CAN signals but not CANopen (CANdb++, SavvyCAN, cantools, PEAK's).
 ///
-/// DBC's names are of letters, digits and `_`, 32 at most: other characters become `_`, longer names are cut, and of
-/// two that are equal then the second gets a number. The name as it was, and the object ("6000h:01"), is the comment.
-/// Text is Windows-1252, as these tools read it; characters that it lacks become "?". Bits are little endian, as in
-/// every PDO.
+/// DBC names have letters, digits and `_`, 32 at most: other characters become `_`, longer names are cut, and the
+/// second of two equal names gets a number. The original name and the object ("6000h:01") are in the comment. Text is
+/// Windows-1252, as these tools read it; characters outside it become "?". Bits are little endian, as in every PDO.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-/// Pages of device descriptions: one for each that slots of the machine have.
+/// Pages of device descriptions: one for each description that slots of the machine have.
 #pragma once
 
 #include <string>
@@ -13,15 +13,15 @@ namespace berth::document {
 class DevicePages {
  public:
   explicit DevicePages(const std::vector<DescribedSlot>& slots);
-  /// HTML: the slot's type, as a link where there is a page of it.
+  /// HTML: the slot's type, as a link if it has a page.
   [[nodiscard]] std::string link(const design::Slot& slot) const;
   [[nodiscard]] std::vector<DocumentFile> pages() const;
 
  private:
-  std::vector<const DescribedSlot*> first_;  // whose descriptions differ, one for each; they must stay
+  std::vector<const DescribedSlot*> first_;  // one for each different description; they must outlive this
 };
 
-/// HTML: the objects that the configured device has other than its description's defaults.
+/// HTML: the objects whose configured values differ from the description's defaults.
 [[nodiscard]] std::string differences(const DescribedSlot& slot);
 
 }  // namespace berth::document

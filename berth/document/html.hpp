@@ -1,5 +1,4 @@
-/// Pieces of HTML. All text goes through `markup` (base/words.hpp): names are what a person wrote, or a file from
-/// anywhere.
+/// Pieces of HTML. All text goes through `markup` (base/words.hpp), because names come from users or from any file.
 #pragma once
 
 #include <string>
@@ -8,10 +7,10 @@
 
 namespace berth::document {
 
-/// A whole page: no script, nothing from elsewhere. `body` is HTML. `up`: link back, to `index.html`; not on that page.
+/// A whole page: no script, no external content. `body` is HTML. `up`: link back to `index.html`; not on that page.
 [[nodiscard]] std::string page(std::string_view title, const std::string& body, bool up = true);
 
-/// A table, row by row. Cells are text, but for `html`.
+/// A table, row by row. Cells are text, except `html`.
 class Table {
  public:
   explicit Table(const std::vector<std::string>& heads);
@@ -19,7 +18,7 @@ class Table {
   Table& number(std::string_view text);
   Table& html(std::string_view made);
   void end_row();
-  /// Empty where there is no row.
+  /// Empty if there is no row.
   [[nodiscard]] std::string made() const;
 
  private:

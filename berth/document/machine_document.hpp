@@ -1,12 +1,12 @@
-/// A whole machine as a folder of HTML pages that need nothing else, and a DBC file of each bus.
+/// A whole machine as a folder of self-contained HTML pages, and a DBC file of each bus.
 ///
 ///     const auto files = document::document_of(machine, links);
 ///     for (const auto& file : files) ...            // "index.html", "bus-1.html", "slot-1-5.html", "device-1.html",
 ///                                                   // "field.dbc"
 ///
-/// What stands in it: buses with their load at most and the bounds of their messages (`analysis`), slots with what
-/// belongs there and how it boots (CiA 302-2's rules), links with deadline and bound, PDOs with the objects that they
-/// carry, what a configured device has other than its defaults, and the objects of each device description.
+/// Contents: buses with their highest load and the bounds of their messages (`analysis`); slots with their devices and
+/// boot-up (CiA 302-2's rules); links with deadline and bound; PDOs with their objects; a configured device's
+/// differences from its defaults; the objects of each device description.
 #pragma once
 
 #include <string>
@@ -18,7 +18,7 @@
 namespace berth::document {
 
 struct DocumentFile {
-  std::string name;  ///< of letters, digits, "-" and "."; none twice, whatever the case of its letters
+  std::string name;  ///< of letters, digits, "-" and "."; unique even regardless of case
   std::string bytes;
 };
 

@@ -1,5 +1,5 @@
-/// The signals of a machine's messages as JSON, for the pages of Studio: where each stands in its frame, and what its
-/// value means (docs/api.md, "signals").
+/// The signals of a machine's messages as JSON, for the pages of Studio: the position of each in its frame, and the
+/// meaning of its value (docs/api.md, "signals").
 #pragma once
 
 #include <string>
@@ -10,7 +10,7 @@
 namespace berth::document {
 
 /// {"buses":[{"bus","messages":[{"id","ext","name","sender","signals":[{"name","object","at","bits","type",...}]}]}]}:
-/// all buses, messages with a signal at least. `links`: of a plan without errors, or null.
+/// all buses, messages with at least one signal. `links`: of a plan without errors, or null.
 [[nodiscard]] std::string signals_json(const design::Machine& machine, const traffic::LinkPlan* links);
 
 }  // namespace berth::document

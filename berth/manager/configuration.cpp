@@ -128,9 +128,9 @@ class Loader {
     const bool refused = (sub->obj_flags & od::refuse_write_on_download) != 0 ||
                          ((description.find(object.index)->obj_flags & od::refuse_write_on_download) != 0);
     const bool compare_only = refused || !od::writable(sub->access);
-    // What a device measures is not what it was when it was read into the file.
+    // A measured value differs from the one that was read into the file.
     if (compare_only && !is_communication(object.index) && sub->access != od::Access::constant && sub->mappable) return;
-    // The serial number is the device's, and everything else of the identity was checked before.
+    // The serial number is the device's own, and the rest of the identity was checked before.
     if (object.index == identity_object) return;
     result_.configuration.settings.push_back({object, type, value, name_of(description, object), line, compare_only});
   }
@@ -161,7 +161,7 @@ class Loader {
            result_.configuration.settings.end();
   }
 
-  // COB-IDs that a configuration switches off on its way.
+  // Adds COB-IDs that a configuration switches off on its way.
   void complete(const od::Description& description) {
     std::map<ObjectRef, std::uint32_t> ids;  // with the line of what needs them
     for (const auto& s : result_.configuration.settings) {
@@ -204,8 +204,8 @@ class Loader {
     for (auto& [object, setting] : settings) result_.configuration.settings.push_back(std::move(setting));
   }
 
-  // A stream is a list of downloads; what is written twice ends as the second. A PDO's COB-ID is invalidated first and
-  // set last, its mapping emptied first and counted last, so that holds for these too.
+  // A stream is a list of downloads; the last write of an object counts. A PDO's COB-ID is invalidated first and set
+  // last, its mapping emptied first and counted last, so this is right for these too.
   void take_concise(const eds::ConciseEntry& entry, std::map<ObjectRef, Setting>& settings) {
     const ObjectRef object = entry.object;
     std::uint64_t value = 0;
@@ -258,7 +258,7 @@ ConfigurationDate date_of(std::span<const Entry> entries, std::uint32_t modified
 
 bool is_mapping_entry(ObjectRef object) noexcept { return od::is_pdo_mapping(object.index) && object.sub != 0; }
 
-/// FEh and FFh are no numbers of entries but kinds of MPDO.
+/// FEh and FFh are not numbers of entries but kinds of MPDO.
 void drop_unused_mapping(std::vector<Entry>& entries) {
   std::map<std::uint16_t, std::uint8_t> counts;
   for (const auto& e : entries) {
@@ -347,7 +347,7 @@ std::string print_value(od::DataType type, std::span<const std::uint8_t> bytes) 
     const auto raw = od::load(type, bytes.data());
     const bool small = raw < 10 || od::is_signed(type) || type == od::DataType::boolean;
     if (small) return text;
-    // COB-IDs and mapping entries mean nothing in decimal.
+    // COB-IDs and mapping entries are unreadable in decimal.
     return raw > 0xFF'FFFF ? fmt::format("0x{:X}", raw) : fmt::format("{} (0x{:X})", text, raw);
   }
   const bool text = type == od::DataType::visible_string;

@@ -114,8 +114,8 @@ class ConfigurationPlanMaker {
     steps_.push_back({object, std::move(bytes), entry, true});
   }
 
-  /// A COB-ID whose other bits change is frozen while any of `valid` says that it is in use; of bit 31 it may be that
-  /// 1 means "not valid".
+  /// The other bits of a COB-ID are frozen while any bit of `valid` marks it as in use; for bit 31 a 1 may mean "not
+  /// valid".
   void masked_off(std::uint16_t index, std::uint32_t valid) {
     const auto entry = changed({index, 0});
     const auto has = held({index, 0});
@@ -177,7 +177,7 @@ class ConfigurationPlanMaker {
       if (has && *has != 0 && shall && *shall != 0 && node(*has) != node(*shall)) {
         prepare(object, bytes_of(0), i);
       } else if (has && *has != 0 && shall && *shall == 0) {
-        put(i);  // gives its node-ID free before another entry takes it
+        put(i);  // frees its node-ID before another entry takes it
         done_.insert(i);
       }
     }
@@ -199,7 +199,7 @@ class ConfigurationPlanMaker {
   }
 
   // ---- PDOs ----
-  /// Transmission type and event timer may be changed while the PDO is valid; all else not.
+  /// Transmission type and event timer may change while the PDO is valid; nothing else may.
   [[nodiscard]] bool needs_off(std::uint16_t pdo) const {
     if (cause(mapping_of(pdo))) return true;
     for (std::size_t i = 0; i < entries_.size(); ++i) {
@@ -227,7 +227,7 @@ class ConfigurationPlanMaker {
       const auto count = held({mapping, 0});
       const Entry* const shall = wanted({mapping, 0});
       if (!count || *count != 0) prepare({mapping, 0}, {0}, *why);
-      // Some devices forget all entries with sub-index 0: every one that is wanted is written.
+      // Some devices clear all entries with sub-index 0: every wanted entry is written.
       for (std::size_t i = 0; i < entries_.size(); ++i) {
         const Entry& entry = entries_[i];
         if (entry.object.index == mapping && entry.object.sub != 0 && !entry.compare_only) put(i);

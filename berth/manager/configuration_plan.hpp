@@ -1,8 +1,8 @@
-/// In which order a configuration is written (CiA 301 §7.5.2; docs/protocols/cia302.md §Configuration). Pure.
+/// The order in which a configuration is written (CiA 301 §7.5.2; docs/protocols/cia302.md §Configuration). Pure.
 ///
-/// Many communication objects take a value only while what they describe is switched off. The plan switches off first
-/// everything that will change, then writes the plain values, then fills what is off, and switches on last, so that two
-/// PDOs can also swap their COB-IDs:
+/// Many communication objects accept a value only while what they describe is switched off. The plan first switches off
+/// everything that will change, then writes the plain values, then those of what is off, and finally switches on. So
+/// two PDOs can also swap their COB-IDs:
 ///
 ///     PDO          COB-ID bit 31, mapping sub-index 0 = 0, entries, sub-index 0 = n, other parameters, COB-ID
 ///     SDO channel  COB-ID bit 31 of both, node-ID, COB-IDs
@@ -22,23 +22,24 @@
 
 namespace berth::manager {
 
-/// What the device has: values that could be read.
+/// The device's values, as far as they could be read.
 using Held = std::map<ObjectRef, std::vector<std::uint8_t>>;
 
 /// One download.
 struct Step {
   ObjectRef object;
   std::vector<std::uint8_t> bytes;
-  std::size_t entry = 0;  ///< the entry it writes, or for whose sake it is done
+  std::size_t entry = 0;  ///< the entry that it writes, or that needs it
   bool prepares = false;  ///< it switches something off or restores it; the value is not the entry's
   friend bool operator==(const Step&, const Step&) = default;
 };
 
-/// Objects beside the entries themselves that `plan` must know of, ascending. `changes[i]`: entry i will be written.
+/// The objects, besides the entries themselves, whose values `plan` needs, ascending. `changes[i]`: entry i will be
+/// written.
 [[nodiscard]] std::vector<ObjectRef> also_needed(std::span<const Entry> entries, const std::vector<bool>& changes);
 
-/// Writes exactly the entries that change, and what has to be switched off for it. Objects that are missing in `held`
-/// do not exist or cannot be read: they are not switched off.
+/// Writes exactly the entries that change, and switches off what they need to be off. Objects missing from `held` do
+/// not exist or cannot be read: they are not switched off.
 [[nodiscard]] std::vector<Step> plan(std::span<const Entry> entries, const std::vector<bool>& changes,
                                      const Held& held);
 

@@ -15,7 +15,7 @@ namespace {
 constexpr std::size_t longest_number = 8;
 constexpr std::size_t longest_text = 65'536;
 
-// `$NODEID` and a number where that is what the description has; else the number, or the bytes.
+// `$NODEID` and a number if the description has this form; else the number, or the bytes.
 od::Literal literal_of(const od::Description& description, const od::SubObject& sub, NodeId node,
                        std::span<const std::uint8_t> bytes) {
   if (sub.variable_length()) return od::Literal::octets(bytes);
@@ -25,7 +25,7 @@ od::Literal literal_of(const od::Description& description, const od::SubObject& 
   return relative.resolve(sub.type, node.value()) == raw ? relative : od::Literal::number(raw);
 }
 
-// Outputs: their values are the process's, whatever they are now.
+// Outputs: the process determines their values.
 void leave_out_outputs(std::vector<eds::Parameter>& parameters) {
   std::set<ObjectRef> outputs;
   for (const auto& each : parameters) {
@@ -90,7 +90,7 @@ rt::Task<Result<UploadedConfiguration>> upload_configuration(co::SdoAccess& devi
       const auto value = co_await device.read_up_to(object.index, sub.sub, longest);
       const bool answers = value || value.error().code == Errc::aborted || value.error().code == Errc::mismatch;
       if (!answers) co_return fail(value.error());
-      // A DCF cannot tell an empty text from none.
+      // A DCF cannot distinguish an empty text from none.
       const bool fits = value && (size == 0 ? !value->bytes().empty() : value->bytes().size() == size);
       if (!value) ++uploaded.refused;
       if (!fits) continue;

@@ -37,7 +37,7 @@ std::array<std::uint8_t, 4> four_bytes(std::uint32_t value) noexcept {
   return bytes;
 }
 
-// It is about one value, and the person wants the others all the same.
+// The failure concerns one value, and the user wants the others anyway.
 bool goes_on(const ConfiguratorOptions& options, ConfigurationReport& report) {
   using enum Failure::Why;
   if (!options.refused || !report.failure) return false;
@@ -67,7 +67,7 @@ bool same_value(od::DataType type, std::span<const std::uint8_t> held, std::span
 
 namespace {
 
-// A value that had no answer: the device booted over it.
+// A value got no answer because the device booted.
 void tell_restart(ConfigurationReport& report, const ConfiguratorOptions& options) {
   const bool unanswered = report.failure && report.failure->why == Failure::Why::error &&
                           report.failure->error.code == Errc::timeout && report.failure->stage != Stage::saving;
@@ -84,9 +84,9 @@ struct Configurator::DateRead {
 
 // ---- one access ----
 
-// A device that answers "not now" is asked again (HU.20); one that is silent was asked again by the SDO client.
+// A device that is not ready is asked again (HU.20); the SDO client already repeated unanswered requests.
 rt::Task<Result<co::SdoValue>> Configurator::read(ObjectRef object, std::size_t wanted) {
-  // A device may hold a longer text than it is to get, but none without end.
+  // A device may hold a longer text than the wanted one, but there is a limit.
   constexpr std::size_t least = 4096;
   const std::size_t most = std::max(least, 2 * wanted);
   for (unsigned attempt = 1;; ++attempt) {
@@ -200,7 +200,7 @@ rt::Task<void> Configurator::run(ConfigurationReport& report) {
   if (!compared || !options_->write) co_return;
   const bool differs = std::ranges::find(changes_, true) != changes_.end();
   const bool needs_date = report.has_date && !right_date;
-  // What cannot be read is no reason to save: it would be saved at every start of a device without a date.
+  // An unreadable value is no reason to save: a device without a date would save at every start.
   const bool worth_saving = !report.differences.empty() || needs_date || options_->save_anyway;
   if (!differs && !worth_saving) {
     (void)still_there(report, Stage::comparing);
@@ -210,7 +210,7 @@ rt::Task<void> Configurator::run(ConfigurationReport& report) {
   if (differs && report.has_date && date.date != ConfigurationDate{}) co_await take_date();
   const bool right = co_await make_right(report, differs, needs_date, worth_saving);
   if (!right) tell_restart(report, *options_);
-  // A date stays only over values that were seen to be there.
+  // The date stays only if its values were verified.
   if (!right && report.dated) co_await take_date();
 }
 
@@ -283,7 +283,7 @@ rt::Task<bool> Configurator::compare(ConfigurationReport& report) {
     if (!read) co_return false;
     tell_value(Stage::comparing, i + 1, entries.size());
   }
-  // What cannot be read is written whenever anything is, and when the date does not vouch for it.
+  // Unreadable values are written whenever anything is, and when the date does not confirm them.
   for (std::size_t i = 0; i < entries.size(); ++i) {
     if (!readable_[i]) changes_[i] = true;
   }
@@ -300,7 +300,7 @@ rt::Task<bool> Configurator::compare(ConfigurationReport& report) {
   co_return true;
 }
 
-// Missing or unreadable ones are then not switched off.
+// Missing or unreadable objects are then not switched off.
 rt::Task<void> Configurator::read_needed() {
   const auto needed = also_needed(wanted_->entries, changes_);
   for (const ObjectRef object : needed) {
@@ -317,7 +317,7 @@ rt::Task<void> Configurator::take_date() {
   const auto nothing = four_bytes(0);
   for (const ObjectRef object : date_objects) {
     const auto done = co_await write(object, nothing);
-    if (!done) co_return;  // no 1020h, or none that is written: its own business
+    if (!done) co_return;  // no 1020h, or not writable: the device's own matter
   }
 }
 
@@ -348,7 +348,7 @@ rt::Task<bool> Configurator::download(ConfigurationReport& report) {
   co_return still_there(report, Stage::writing);
 }
 
-// A device that refuses the date, or shows another, has none that could be relied on.
+// A device that refuses the date, or shows another one, has no reliable date.
 rt::Task<bool> Configurator::put_date(ConfigurationReport& report) {
   if (report.refused > 0) report.has_date = false;  // a part of a configuration carries none
   if (!report.has_date) co_return true;
@@ -367,8 +367,8 @@ rt::Task<bool> Configurator::put_date(ConfigurationReport& report) {
   co_return report.good();
 }
 
-// After the date: a device that restarted between the writing and now shows its old values here, or its old date. When
-// it shows its old date after the new values, it restarted between them or keeps no date: its values tell.
+// Read after the date: a device that restarted since the writing shows its old values or its old date here. If it shows
+// its old date after the new values, it restarted between them or keeps no date: its values decide.
 rt::Task<bool> Configurator::read_back(ConfigurationReport& report) {
   const bool kept = co_await read_values_back(report);
   if (!kept) {
@@ -393,8 +393,8 @@ rt::Task<bool> Configurator::read_back(ConfigurationReport& report) {
   co_return still_there(report, Stage::reading_back);
 }
 
-// The date was written after the values: when it is gone with one of them, the device restarted, and its boot-up
-// message was lost.
+// The date was written after the values: if the date and a value are lost, the device restarted without its boot-up
+// message being heard.
 rt::Task<void> Configurator::tell_a_restart(ConfigurationReport& report) {
   const bool doubtful = report.dated && report.failure->why == Failure::Why::not_kept;
   if (!doubtful) co_return;
@@ -452,7 +452,7 @@ rt::Task<bool> Configurator::save(ConfigurationReport& report) {
   co_return co_await check_saved(report);
 }
 
-// A restart between the last reading and the saving would have saved the values from before.
+// A restart between the last reading and the save would have saved the old values.
 rt::Task<bool> Configurator::check_saved(ConfigurationReport& report) {
   report.saved = Saved::saved;
   if (!report.has_date) co_return true;
@@ -468,8 +468,8 @@ rt::Task<bool> Configurator::check_saved(ConfigurationReport& report) {
   co_return false;
 }
 
-// It may still be storing, deaf meanwhile, or it restarted. It is not told to save again before it was heard; and
-// asking would make some give up the answer that is due.
+// It may still be storing and not answer meanwhile, or it restarted. It is not told to save again before it was heard;
+// and a question could make some devices drop the pending answer.
 rt::Task<bool> Configurator::ask_after_saving(ConfigurationReport& report, Error unanswered) {
   for (unsigned wait = 0; options_->answered_late && wait < options_->asks; ++wait) {
     co_await rt::sleep_for(options_->ask_pause);

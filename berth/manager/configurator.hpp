@@ -1,5 +1,5 @@
-/// The configuration manager (CiA 302-3; docs/protocols/cia302.md §Boot-up of a slave, steps 7 and 8, §Configuration):
-/// one device, from "is it right?" to "saved and dated". Everything goes through `co::SdoAccess`, so that the device
+/// The configuration manager (CiA 302-3; docs/protocols/cia302.md §Boot-up of a slave, steps 7 and 8,
+/// §Configuration): compares, writes, saves and dates one device. All access is by `co::SdoAccess`, so that the device
 /// may be anywhere.
 ///
 ///     Configurator configurator(values, saving, wanted, options);
@@ -8,15 +8,15 @@
 ///     if (!report.good()) ... describe(*report.failure, wanted.file)
 ///
 /// What it does, in this order:
-///   1. 1020h equals the expected date: nothing is to be done (but `Entry::own` values are looked at)
-///   2. every value is read; what may not be written and differs is a failure
-///   3. the date is made 0, so that a half-done configuration never carries a valid one
-///   4. what differs is written, in the order of `plan`
+///   1. 1020h equals the expected date: nothing to do (but `Entry::own` values are compared)
+///   2. every value is read; a difference in a value that may not be written is a failure
+///   3. the date is set to 0, so that a partial configuration never has a valid date
+///   4. different values are written, in the order of `plan`
 ///   5. 1020h gets the expected date
-///   6. everything written is read again, and must be there
-///   7. 1010h:01 saves it, date and all; then 1020h is read once more: a device that restarted meanwhile shows here
-/// Steps 3 to 7 are left out when nothing differs and the date agrees; a device without 1020h is compared at every
-/// start (S5.19 when it has no 1010h either: then it is configured at every start).
+///   6. everything written is read again and compared
+///   7. 1010h:01 saves it, date included; then 1020h is read once more, which reveals a restart meanwhile
+/// Steps 3 to 7 are omitted if nothing differs and the date agrees. A device without 1020h is compared at every start;
+/// one without 1010h either is configured at every start (S5.19).
 #pragma once
 
 #include <functional>
@@ -32,32 +32,32 @@
 
 namespace berth::manager {
 
-/// What it is doing. The names stand in events.
+/// The present stage. The names are used in events.
 enum class Stage : std::uint8_t { dating, comparing, writing, reading_back, saving };
 [[nodiscard]] const char* name(Stage stage) noexcept;
 
 /// Why a configuration stopped.
 struct Failure {
   enum class Why : std::uint8_t {
-    error,        ///< `error` says it: no answer, refused by an abort code, the port
+    error,        ///< see `error`: no answer, refused by an abort code, the port
     differs,      ///< it may not be written, and the device has `held`
-    not_kept,     ///< written without an error, and the device has `held` all the same
-    restarted,    ///< the device booted meanwhile: what was written is gone, or may be
-    not_allowed,  ///< `before_change` said no
-    not_saved,    ///< 1010h was not answered, and the device does not say afterwards that it has the configuration
+    not_kept,     ///< written without an error, but the device still has `held`
+    restarted,    ///< the device booted meanwhile: the written values are lost, or may be
+    not_allowed,  ///< `before_change` returned false
+    not_saved,    ///< 1010h got no answer, and the device does not confirm the configuration afterwards
   };
   Why why = Why::error;
   Stage stage = Stage::comparing;
   ObjectRef object;
   std::string name;
   std::uint32_t line = 0;
-  bool own = false;  ///< the value is not of the file
+  bool own = false;  ///< the value is not from the file
   od::DataType type = od::DataType::none;
   std::vector<std::uint8_t> wanted;
   std::vector<std::uint8_t> held;
   Error error;
 
-  /// Worth another try as it is: the device was silent, busy, or restarted, or a transfer was spoilt. Else only a
+  /// Another try may succeed: the device was silent, busy, or restarted, or a transfer was disturbed. Else only a
   /// change of the file or of the device helps.
   [[nodiscard]] bool passing() const noexcept;
 };
@@ -71,7 +71,7 @@ struct Difference {
   od::DataType type = od::DataType::none;
   std::vector<std::uint8_t> wanted;
   std::optional<std::vector<std::uint8_t>> held;  ///< empty: it cannot be read
-  bool own = false;                               ///< not of the file
+  bool own = false;                               ///< not from the file
 };
 /// "6110h:01 \"Limit\": 3 instead of 5 (pump.dcf:34)".
 [[nodiscard]] std::string describe(const Difference& difference, const std::string& file);
@@ -80,26 +80,26 @@ enum class Saved : std::uint8_t {
   no_need,     ///< nothing changed
   saved,       ///< 1010h:01 answered
   by_itself,   ///< the device saves without a command (1010h bit 1)
-  cannot,      ///< no 1010h, or it says that it does not save: to be configured at every start
+  cannot,      ///< no 1010h, or it reports that it does not save: configured at every start
   unanswered,  ///< no answer in time; the device has the configuration, but perhaps not for the next power-on
 };
 
 struct ConfigurationReport {
   bool by_date = false;      ///< 1020h agreed: the file's values were not read
-  bool has_date = false;     ///< the device has 1020h and keeps what is written there
+  bool has_date = false;     ///< the device has 1020h and keeps its value
   std::size_t compared = 0;  ///< values read
   std::vector<Difference> differences;
-  std::size_t refused = 0;  ///< values that `ConfiguratorOptions::refused` was told
+  std::size_t refused = 0;  ///< values reported to `ConfiguratorOptions::refused`
   std::size_t written = 0;  ///< downloads, without date and saving
   bool dated = false;       ///< 1020h was written
   Saved saved = Saved::no_need;
   std::optional<Failure> failure;
 
   [[nodiscard]] bool good() const noexcept { return !failure.has_value(); }
-  /// Something was brought into the device.
+  /// Something in the device was changed.
   [[nodiscard]] bool changed() const noexcept { return written > 0 || dated; }
 };
-/// "as pump.dcf has it" or "7 of 43 values written, dated, saved": one clause for people.
+/// "as pump.dcf has it" or "7 of 43 values written, dated, saved": one clause for users.
 [[nodiscard]] std::string summary(const ConfigurationReport& report, const std::string& file);
 
 struct Progress {
@@ -111,42 +111,42 @@ struct Progress {
 struct ConfiguratorOptions {
   bool write = true;         ///< false: only compare
   bool trust_date = true;    ///< false: compare everything even when 1020h agrees
-  bool save_anyway = false;  ///< an earlier saving is not known to have been done: save even when nothing differs
-  unsigned tries = 3;        ///< a device that says that it is not ready (0800 0021, 0800 0022) is asked so often
+  bool save_anyway = false;  ///< save even if nothing differs: an earlier save was not confirmed
+  unsigned tries = 3;        ///< how often a device that is not ready (0800 0021, 0800 0022) is asked
   rt::Duration pause = std::chrono::milliseconds(200);  ///< between these tries
-  /// The answer to the saving came after its time-out. A device that is late is waited for, in silence, `asks` times
-  /// `ask_pause`; only then it is asked. May be empty: then it is asked at once.
+  /// Whether the answer to the save came after its timeout. Berth first waits for a late device without asking, `asks`
+  /// times `ask_pause`. May be empty: then it asks at once.
   std::function<bool()> answered_late;
-  unsigned asks = 10;  ///< how often a device that did not answer the saving is asked whether it is there
-  rt::Duration ask_pause = std::chrono::seconds(1);  ///< before each of these
-  /// Called once, before the first thing in the device is changed; false: it shall not be. May be empty.
+  unsigned asks = 10;  ///< how often a device that did not answer the save is asked whether it is there
+  rt::Duration ask_pause = std::chrono::seconds(1);  ///< before each such question
+  /// Called once, before the first change of the device; false: no change is allowed. May be empty.
   std::function<bool()> before_change;
-  std::function<bool()> restarted;                ///< true: the device has booted since `run` began; may be empty
+  std::function<bool()> restarted;                ///< true: the device booted since `run` began; may be empty
   std::function<void(const Progress&)> progress;  ///< at the beginning of each stage; may be empty
-  /// A value that the device refuses, cannot hold or does not keep is told here, the others are brought in all the
-  /// same, and 1020h stays 0; empty: the first one is the end.
+  /// Called for each value that the device refuses, cannot hold or does not keep: the others are still written, and
+  /// 1020h stays 0. Empty: the first such value ends the run.
   std::function<void(const Failure&)> refused;
-  bool each_value = false;  ///< `progress` also after each value that was read or written
+  bool each_value = false;  ///< also call `progress` after each value read or written
 };
 
 class Configurator {
  public:
-  /// All must stay until `run` is done. `values`: patient as usual. `saving`: with the time-out of a saving (seconds)
-  /// and without retries; the same object may stand for both.
+  /// All must outlive `run`. `values`: with the usual timeouts. `saving`: with a timeout for saving (seconds) and
+  /// without retries; the same object may serve for both.
   Configurator(co::SdoAccess& values, co::SdoAccess& saving, const Wanted& wanted, const ConfiguratorOptions& options)
       : values_(&values), saving_(&saving), wanted_(&wanted), options_(&options) {}
 
   [[nodiscard]] rt::Task<void> run(ConfigurationReport& report);
 
-  /// Does 1020h agree? False also when the device has none or does not answer.
+  /// Whether 1020h agrees. False also if the device has none or does not answer.
   [[nodiscard]] rt::Task<bool> has_date();
-  /// Makes 1020h 0, 0: the configuration is saved and not yet in use. A device without 1020h: nothing happens.
+  /// Sets 1020h to 0, 0: the configuration is saved and not yet in use. No effect on a device without 1020h.
   [[nodiscard]] rt::Task<void> take_date();
 
  private:
   struct DateRead;
   rt::Task<void> read_date(DateRead& into);
-  /// `wanted`: bytes that it is to hold.
+  /// `wanted`: the number of bytes it should hold.
   rt::Task<Result<co::SdoValue>> read(ObjectRef object, std::size_t wanted = 0);
   rt::Task<Result<void>> write(ObjectRef object, std::span<const std::uint8_t> data);
   [[nodiscard]] bool may_change(ConfigurationReport& report) const;
@@ -178,8 +178,8 @@ class Configurator {
   std::vector<bool> readable_;
 };
 
-/// Do these bytes of a device mean the wanted value? Strings may be padded with NULs; four bytes of an expedited answer
-/// without a size may hold a shorter number.
+/// Whether these bytes of a device equal the wanted value. Strings may be padded with NULs; four bytes of an expedited
+/// answer without a size may hold a shorter number.
 [[nodiscard]] bool same_value(od::DataType type, std::span<const std::uint8_t> held,
                               std::span<const std::uint8_t> wanted) noexcept;
 

@@ -1,4 +1,4 @@
-// What a configuration has to say to people.
+// The texts on a configuration, for users.
 #include <fmt/format.h>
 
 #include "berth/base/counted.hpp"
@@ -19,7 +19,7 @@ std::string place(const std::string& file, std::uint32_t line) {
   return line != 0 ? fmt::format("{}:{}", file, line) : file;
 }
 
-/// " (pump.dcf:34)"; nothing for what is not of the file.
+/// " (pump.dcf:34)"; empty for a value that is not from the file.
 std::string in(const std::string& file, std::uint32_t line, bool own) {
   return own ? std::string() : fmt::format(" ({})", place(file, line));
 }
@@ -35,7 +35,7 @@ std::string words(const Error& error) {
   }
 }
 
-// A linked machine maps network variables, and a device has one when its program declares it.
+// A linked machine maps network variables; a device has one only if its program declares it.
 std::string undeclared(const Failure& f) {
   const bool absent =
       f.error.code == Errc::aborted && static_cast<od::AbortCode>(f.error.detail) == od::AbortCode::no_object;
@@ -78,7 +78,7 @@ bool Failure::passing() const noexcept {
     case AbortCode::local_control:
     case AbortCode::device_state:
     case AbortCode::timeout: return true;
-    // The transfer was spoilt, by a frame that came twice or not at all, and not refused.
+    // The transfer was disturbed by a lost or repeated frame, not refused.
     case AbortCode::toggle_bit:
     case AbortCode::command_specifier:
     case AbortCode::block_size:

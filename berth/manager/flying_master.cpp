@@ -42,7 +42,7 @@ void FlyingMaster::power_off() noexcept {
   rules_.power_off();
 }
 
-// ---- what comes -----------------------------------------------------------------------------------------------------
+// ---- received frames ------------------------------------------------------------------------------------------------
 
 void FlyingMaster::received(const can::Frame& frame, rt::Time at) noexcept {
   if (rules_.state() == FlyingNegotiation::State::off) return;
@@ -74,11 +74,11 @@ void FlyingMaster::run() noexcept {
   if (now >= rules_.deadline()) carry_out(rules_.due(now));
 }
 
-// ---- what is done ---------------------------------------------------------------------------------------------------
+// ---- actions --------------------------------------------------------------------------------------------------------
 
 void FlyingMaster::carry_out(const FlyingNegotiation::Step& step) noexcept {
   const bool claims = rules_.state() == FlyingNegotiation::State::claiming;
-  // A claim of its own that waits still is void, or is repeated.
+  // A claim of its own that still waits is void, or is repeated.
   const bool repeats = claims && step.send == FlyingService::active_master;
   if (pending() && (!claims || repeats)) dispatcher_->withdraw(*this);
   if (step.send) send(*step.send);

@@ -1,12 +1,12 @@
-/// A device that can be NMT master, on a bus (CiA 302-2, flying master; docs/flying-master.md): the rules of
-/// `FlyingNegotiation` with frames, timers and the supervision of the active master by its heartbeat.
+/// A device on a bus that can be NMT master (CiA 302-2, flying master; docs/flying-master.md): adds frames, timers and
+/// the heartbeat supervision of the active master to `FlyingNegotiation`.
 ///
 ///     FlyingMaster flying(dispatcher, owner);
 ///     flying.begin(options, heartbeat_of);     // the device has booted
 ///     ...                                      // owner.role_changed(): commands, or no longer
 ///     flying.end();                            // it is reset
 ///
-/// It shares the dispatcher with the device, whose heartbeat (1017h) tells the others that it is there.
+/// It shares the dispatcher with the device, whose heartbeat (1017h) shows the others that it is there.
 #pragma once
 
 #include <functional>
@@ -22,12 +22,12 @@ class FlyingMaster final : private can::Handler,
                            private co::HeartbeatConsumer::Observer,
                            private rt::Job {
  public:
-  /// Called from frames, timers and the calls below; may call back, must not destroy it.
+  /// Called from frames, timers and the functions below; may call back, must not destroy it.
   class Owner {
    public:
-    /// It became active master, or no longer is; or which node is has changed (`active`).
+    /// It became the active master, or no longer is, or the active master (`active`) changed.
     virtual void role_changed() noexcept = 0;
-    /// NMT reset communication to all nodes, this device included: at a cold start with no active master there.
+    /// NMT reset communication to all nodes, this device included: at a cold start without an active master.
     virtual void reset_all() noexcept = 0;
     /// An NMT command of another node, while this one is the active master.
     virtual void overheard(const co::NmtRequest& request) noexcept = 0;
@@ -38,13 +38,13 @@ class FlyingMaster final : private can::Handler,
   /// How long a master with this node-ID may be silent; 0: its heartbeat is not supervised.
   using HeartbeatOf = std::function<rt::Duration(NodeId)>;
 
-  /// Both must stay.
+  /// Both must outlive this.
   FlyingMaster(can::Dispatcher& dispatcher, Owner& owner);
   ~FlyingMaster();
 
-  /// Errc::invalid: the priority is above 2, there is no node-ID, or the times are none (`FlyingTiming::sound`).
+  /// Errc::invalid: the priority is above 2, there is no node-ID, or the times are not sound (`FlyingTiming::sound`).
   [[nodiscard]] Result<void> begin(const FlyingOptions& options, HeartbeatOf heartbeat_of);
-  /// It takes part no longer; an active master is one no more, and the owner is not told.
+  /// Stops taking part; an active master stops being one, without a call to the owner.
   void end() noexcept;
   /// The next `begin` is a cold start.
   void power_off() noexcept;
@@ -68,7 +68,7 @@ class FlyingMaster final : private can::Handler,
   HeartbeatOf heartbeat_of_;
   FlyingNegotiation rules_;
   co::HeartbeatConsumer heartbeats_;
-  std::optional<MasterRank> known_;  // the active master that the owner was told
+  std::optional<MasterRank> known_;  // the active master last reported to the owner
   NodeId supervised_;
   bool was_master_ = false;
 };

@@ -38,7 +38,7 @@ void FlyingNegotiation::begin(const FlyingOptions& options, rt::Time now) noexce
 
 void FlyingNegotiation::end() noexcept {
   if (state_ != State::off) cold_ = false;
-  // Its own reset of all nodes finds it waiting.
+  // After its own reset of all nodes it is waiting.
   const bool by_another = state_ != State::off && state_ != State::waiting;
   if (by_another) all_reset_ = false;
   enter(State::off, rt::never);
@@ -71,7 +71,7 @@ FlyingNegotiation::Step FlyingNegotiation::received(const FlyingMessage& message
   return {};
 }
 
-// 076. One that detects, or waits to, is about to negotiate in any case.
+// 076. A node that is detecting, or waits to detect, negotiates soon anyway.
 FlyingNegotiation::Step FlyingNegotiation::step_down(rt::Time now) noexcept {
   const bool has_begun = is_master() || state_ == State::negotiating || state_ == State::claiming;
   if (has_begun) wait(now);
@@ -80,7 +80,7 @@ FlyingNegotiation::Step FlyingNegotiation::step_down(rt::Time now) noexcept {
 
 FlyingNegotiation::Step FlyingNegotiation::heard_master(const MasterRank& sender, rt::Time now) noexcept {
   const MasterRank& own = options_.own;
-  if (sender.node == own.node) return {};  // another device under this node-ID: that cannot be settled here
+  if (sender.node == own.node) return {};  // another device under this node-ID: this cannot be resolved here
   const bool yields = sender.priority <= own.priority;
   switch (state_) {
     case State::off: break;
@@ -147,7 +147,7 @@ FlyingNegotiation::Step FlyingNegotiation::due(rt::Time now) noexcept {
       [[fallthrough]];
     case State::checking: negotiate(now); return {.send = FlyingService::negotiation};
     case State::negotiating:
-    case State::claiming:  // it has not left yet
+    case State::claiming:  // it was not sent yet
       enter(State::claiming, now + timing.detection);
       return {.send = FlyingService::active_master};
     case State::master:

@@ -8,7 +8,7 @@
 namespace berth::manager {
 namespace {
 
-// 1F85h to 1F88h as a slot: revision and serial number count where they are not 0.
+// 1F85h to 1F88h as a slot: revision and serial number are compared if they are not 0.
 places::SlotSpec spec_of(NodeId node, const SlaveRules& rules) {
   places::SlotSpec spec;
   spec.name.name = std::to_string(node.value());
@@ -94,7 +94,7 @@ ListBus::Planned ListBus::plan() {
   for (std::size_t i = 0; i < slots.size(); ++i) {
     const ListSlot& slot = slots[i];
     const bool met = std::ranges::find(known, slot.id(), &places::Found::active) != known.end();
-    const bool taken = slot.free() && slot.there && !met;  // by one that is none of the list's
+    const bool taken = slot.free() && slot.there && !met;  // by a device that is not in the list
     if (!slot.typed || taken) continue;
     plain.push_back(slot.slot);
     made.slots.push_back(i);

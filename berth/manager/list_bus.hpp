@@ -1,5 +1,5 @@
-/// The bus of a network list while its master gives node-IDs there: the services, the slots that the list makes of its
-/// slaves, and what was found. Shared by the parts of `NodeIdAssigner`; one task at a time works with it.
+/// The bus of a network list whose master assigns node-IDs: the services, the slots made from the list's slaves, and
+/// the devices found. Shared by the parts of `NodeIdAssigner`; one task at a time uses it.
 #pragma once
 
 #include <bitset>
@@ -19,7 +19,7 @@
 
 namespace berth::manager {
 
-/// All must stay. Nothing else on this device is an LSS master.
+/// All must outlive this. Nothing else on this device is an LSS master.
 struct ListServices {
   can::Dispatcher& dispatcher;
   co::SdoClient& sdo;
@@ -32,43 +32,43 @@ class ListBus {
  public:
   explicit ListBus(const ListServices& services);
 
-  /// The master has booted: all is forgotten but what the store has, and its list is read. What is written to the list
-  /// after that may be half of another one, and counts from the next boot-up on.
+  /// The master has booted: forgets all except the store's content, and reads its list. Later writes to the list may be
+  /// incomplete, and take effect at the next boot-up.
   void begin(NodeId own);
-  /// The slots of the list as of now. Those in `there` need not be asked.
+  /// The present slots of the list. Those in `there` need not be asked.
   void read_list(std::bitset<128> there);
   [[nodiscard]] NodeId own() const noexcept { return own_; }
   [[nodiscard]] rt::Time began() const noexcept { return began_; }
 
   std::vector<ListSlot> slots;
   ListFound found{slots};  ///< in this run
-  /// No device is in LSS configuration, as far as is known: a binding whose frames were lost may have left one there
-  /// with a node-ID pending, which the next `04 00` would bring into use.
+  /// As far as is known, no device is in LSS configuration. A binding whose frames were lost may have left one there
+  /// with a node-ID pending, which the next `04 00` would activate.
   bool nobody_listens = false;
   rt::Time stores_end{};      ///< as in `places::Binder::Options`
-  std::bitset<128> given_up;  ///< a device left this node-ID; who answers under it since is not known
-  /// LSS does not give them their node-IDs: they have refused.
+  std::bitset<128> given_up;  ///< a device left this node-ID; what answers under it since is unknown
+  /// LSS cannot give them node-IDs: they refused.
   std::vector<Identity> refusing;
 
   /// Null: there is none.
   [[nodiscard]] ListSlot* at(NodeId id) noexcept { return slot_at(slots, id); }
   [[nodiscard]] ListSlot* of(const Identity& device) noexcept { return slot_of(slots, device); }
   void refresh(ListSlot& slot);
-  /// A slave of the list may be of its type.
+  /// The device fits the type of a slave in the list.
   [[nodiscard]] bool knows_type(const Identity& device) const noexcept;
-  /// It was to give a node-ID up and was not seen to have done so.
+  /// Devices that were to give a node-ID up and were not seen doing so.
   [[nodiscard]] std::vector<places::UnfinishedBlank> formers() const;
 
   struct Planned {
     places::Plan plan;
-    std::vector<std::size_t> slots;  ///< what `places::Action::slot` counts, as indices into `ListBus::slots`
+    std::vector<std::size_t> slots;  ///< maps `places::Action::slot` to an index into `ListBus::slots`
   };
-  /// A device of a type that the list does not have is left alone, and the node-ID that it has with it.
+  /// A device of a type that is not in the list is left alone, together with its node-ID.
   [[nodiscard]] Planned plan();
 
   /// Asked in this run, and silent since.
   [[nodiscard]] bool vacant(NodeId id) const noexcept;
-  /// To ask whether a device is there: silence is the expected answer.
+  /// For asking whether a device is there: silence is the expected answer.
   [[nodiscard]] co::SdoOptions patience() const noexcept;
   [[nodiscard]] lss::PartMask parts_to_ask(const Identity& device) const;
   [[nodiscard]] places::Binder::Services binder_services() noexcept;

@@ -15,7 +15,7 @@ void ListFound::note(const places::Found& told) {
   } else {
     *known = device;
   }
-  // One that came during a long search was not asked in this run.
+  // A device that appeared during a long search was not asked in this run.
   ListSlot* const slot = slot_at(slots_, device.active);
   if (slot != nullptr && !slot->device && !device.clone && !device.shared) slot->device = device.device;
 }
@@ -42,7 +42,7 @@ Identity ListFound::known_as(const places::Found& f) const noexcept {
   const ListSlot* const slot = f.active.configured() && !f.clone ? slot_at(slots_, f.active) : nullptr;
   if (slot != nullptr && slot->slot.record.confirmed && slot_of(slots_, f.device) == nullptr) {
     const Identity& sits = slot->slot.record.confirmed->device;
-    // Of one that says little each of its maker's devices may seem to be it: what came with its node-ID is of another
+    // A device that reports little may match all devices of its maker: the one found with its node-ID may be of another
     // type.
     const bool same = f.device.agrees(sits) && (f.device.unknown != 0 || sits.unknown != 0) &&
                       places::fits(slot->slot.spec, f.device);

@@ -1,5 +1,5 @@
-/// The devices that were found on the bus of a network list in one run, each under one name. One with a serial number
-/// is known by its LSS address; one without by the node-ID that it uses, as its equals have the same address.
+/// The devices found on the bus of a network list in one run, each under one identity. A device with a serial number is
+/// known by its LSS address; one without by its node-ID, because its equals have the same address.
 #pragma once
 
 #include <vector>
@@ -10,7 +10,7 @@ namespace berth::manager {
 
 class ListFound {
  public:
-  /// `slots` must stay.
+  /// `slots` must outlive this.
   explicit ListFound(std::vector<ListSlot>& slots) noexcept : slots_(slots) {}
   ListFound(const ListFound&) = delete;
   ListFound& operator=(const ListFound&) = delete;
@@ -25,20 +25,20 @@ class ListFound {
   void forget(const Identity& device);
   /// Null: it was not found.
   [[nodiscard]] places::Found* find(const Identity& device) noexcept;
-  /// What was found as `device`. One without a serial number that is to get a node-ID is known by that, and was found
+  /// The entry of `device`. A device without a serial number that is to get a node-ID is known by that, but was found
   /// without it.
   [[nodiscard]] places::Found* one_for(const Identity& device) noexcept;
-  /// One that sits in the slot of its node-ID has the name that it has there, where the two say different parts of
+  /// A device that sits in the slot of its node-ID keeps its identity there, if the two report different parts of
   /// 1018h.
   [[nodiscard]] Identity known_as(const places::Found& found) const noexcept;
-  /// Others answer, or may answer, to its LSS address: 40h to 43h select all of them, and their answers to 5Eh destroy
-  /// each other. `own`: what it uses besides.
+  /// Other devices answer, or may answer, to its LSS address: 40h to 43h select all of them, and their answers to 5Eh
+  /// destroy each other. `own`: the node-ID that the device uses.
   [[nodiscard]] bool has_equals(const Identity& device, NodeId own = {}) const noexcept;
-  /// 40h to 43h select it, and no other one.
+  /// 40h to 43h select this device, and no other.
   [[nodiscard]] bool can_be_selected(const Identity& device) const noexcept {
     return device.unknown == 0 && !has_equals(device, device.at);
   }
-  /// Nothing changes the node-ID that it uses: its LSS address is not known, or is not its alone.
+  /// Its node-ID cannot be changed: its LSS address is unknown, or shared.
   [[nodiscard]] bool keeps_its_node_id(const places::Found& found) const noexcept {
     return found.active.configured() && (found.device.unknown != 0 || has_equals(found.device, found.active));
   }

@@ -35,7 +35,7 @@ ListStore::ListStore(ListMemory* memory) : MemoryStore(keeps_history), memory_(m
 
 void ListStore::reload() {
   static_cast<MemoryStore&>(*this) = MemoryStore(keeps_history);
-  // In this order: so a slot's number is its node-ID.
+  // In this order, so that a slot's number is its node-ID.
   for (unsigned node = 1; node <= 127; ++node) static_cast<void>(declare({{}, {}, std::to_string(node)}));
   sequence_ = 0;
   copy_ = 1;
@@ -45,7 +45,7 @@ void ListStore::reload() {
   const bool first = read_copy(0, rows[0], sequence[0]);
   const bool second = read_copy(1, rows[1], sequence[1]);
   if (!first && !second) return;
-  // Newer by distance, so that the number may wrap.
+  // Newer by distance, so that the sequence number may wrap.
   copy_ = second && (!first || static_cast<std::int32_t>(sequence[1] - sequence[0]) > 0) ? 1 : 0;
   sequence_ = sequence[copy_];
   take(rows[copy_]);
@@ -84,7 +84,7 @@ void ListStore::take(std::span<const std::uint8_t> rows) {
 
 // ---- writing --------------------------------------------------------------------------------------------------------
 
-// What was confirmed comes before what is intended, so that `take` can read the rows one after the other.
+// Confirmed rows come before intended ones, so that `take` can read the rows in order.
 std::vector<std::uint8_t> ListStore::image() {
   std::vector<std::uint8_t> bytes;
   bytes.resize(head_size);

@@ -1,10 +1,10 @@
-/// What the master of a network list remembers of the node-IDs that it gave: for each node-ID the device that was told
-/// it (intended) and the one that was then heard under it (confirmed), and the devices that may have a node-ID in their
-/// memory that was given away since (`places::UnfinishedBlank`). A `places::SlotStore` in the device that has the list;
-/// the slot of node-ID 5 is called "5".
+/// What the master of a network list remembers of assigned node-IDs. For each node-ID: the device that was told it
+/// (intended) and the one then heard under it (confirmed). Also the devices that may still store a node-ID that was
+/// given away (`places::UnfinishedBlank`). It is a `places::SlotStore` in the device that has the list; the slot of
+/// node-ID 5 is named "5".
 ///
-/// Each writing call of the promise writes the whole image before it returns: two copies, the newer valid one counts,
-/// so that a power loss at any byte leaves old or new. Little-endian:
+/// Each writing call writes the whole image before it returns: two copies, of which the newer valid one counts, so that
+/// a power loss at any byte leaves old or new. Little-endian:
 ///
 ///     copy   = sequence U32 | length U16 | rows | CRC-32 over all before
 ///     row    = node-ID U8 (FFh: not known) | kind U8 | LSS address: 4 x U32
@@ -12,7 +12,7 @@
 ///
 /// A device without a serial number is known by the node-ID of its row.
 ///
-/// What it does not keep, as a list has no use for it: marks, loans, configurations and the history.
+/// Not stored, because a list does not need them: marks, loans, configurations and the history.
 #pragma once
 
 #include <cstddef>
@@ -25,12 +25,12 @@
 
 namespace berth::manager {
 
-/// Bytes that outlive power, quick enough to be waited for: a few kilobytes of FRAM, or a file with fsync. Blank memory
+/// Non-volatile memory that is fast enough to wait for: a few kilobytes of FRAM, or a file with fsync. Blank memory
 /// reads FFh.
 ///
-/// `write` returns when the bytes are there for good, and the master does nothing meanwhile, as `berth up` does nothing
-/// while SQLite writes its slot table: so an intention is durable before the first frame that acts on it can be queued,
-/// without a step that waits. Bytes are written in their order; a power loss in the middle leaves any number of them.
+/// `write` returns when the bytes are stored permanently; the master does nothing meanwhile, as `berth up` does nothing
+/// while SQLite writes its slot table. So an intention is durable before the first frame that acts on it can be queued.
+/// Bytes are written in their order; a power loss in the middle leaves any number of them.
 class ListMemory {
  public:
   virtual ~ListMemory() = default;
@@ -43,17 +43,17 @@ class ListMemory {
 
 class ListStore final : public places::MemoryStore {
  public:
-  /// Devices that are remembered although their node-ID was given away: one more, and the oldest is forgotten.
+  /// Limit of remembered devices whose node-ID was given away: beyond it the oldest is forgotten.
   static constexpr std::size_t most_former = 32;
-  /// Bytes that the longest list takes: 126 slaves, and all that can be known of each.
+  /// Bytes of the longest list: 126 slaves with all that can be known of each.
   static constexpr std::size_t footprint = 2 * (10 + (2 * 126 + most_former) * 18);
 
-  /// Reads what `memory` has. It must stay. Null: what is remembered ends with the power.
+  /// Reads the content of `memory`, which must outlive this. Null: everything is lost with the power.
   explicit ListStore(ListMemory* memory = nullptr);
-  /// After a power-on: what the memory has, and nothing else.
+  /// After a power-on: the memory's content, and nothing else.
   void reload();
 
-  /// Its slot in the store, the same for ever.
+  /// Its slot in the store; never changes.
   [[nodiscard]] static places::SlotId slot_of(NodeId node) noexcept { return {node.value()}; }
 
   /// Errors of these, besides those of `places::SlotStore`: `Errc::io` the memory refused, or is too small; then
@@ -64,10 +64,10 @@ class ListStore final : public places::MemoryStore {
   Result<void> ask_blank(const places::UnfinishedBlank& blank, std::string_view reason) override;
   Result<void> confirm_blank(const places::BusDevice& who, std::string_view reason) override;
   Result<void> drop_blank(const places::BusDevice& who, std::string_view reason) override;
-  /// One write: the slot's confirmed device may come back under its node-ID, and the slot is free.
+  /// One write: the slot's confirmed device may return under its node-ID, and the slot is free.
   Result<void> give_away(places::SlotId slot, std::string_view reason);
 
-  /// Images written since it was made.
+  /// Images written since construction.
   [[nodiscard]] std::uint64_t writes() const noexcept { return writes_; }
 
  private:
@@ -79,7 +79,7 @@ class ListStore final : public places::MemoryStore {
 
   ListMemory* memory_;
   std::uint32_t sequence_ = 0;
-  unsigned copy_ = 1;  // where the valid image stands; the next one goes to the other
+  unsigned copy_ = 1;  // the valid image; the next one goes to the other copy
   std::uint64_t writes_ = 0;
 };
 

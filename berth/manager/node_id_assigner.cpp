@@ -11,10 +11,10 @@ namespace berth::manager {
 namespace {
 
 constexpr unsigned seldom = 8;      // runs
-constexpr unsigned most_tries = 3;  // to tell two devices under one node-ID apart, before it is done seldom
+constexpr unsigned most_tries = 3;  // to separate two devices under one node-ID; after that rarely
 
-// Blank ones that answered at different instants: LSS tells them the same, and nothing tells them apart. Those that
-// answered may be such that have their node-IDs, where there are any.
+// Blank equals that answered at different moments cannot be distinguished, by LSS or otherwise. If some equals have
+// node-IDs, the answers may be theirs.
 bool are_blank_equals(const ListFound& found, const places::Found& f) {
   return f.clone && !f.active.configured() && !f.device.has_serial() && !found.has_equals(f.device);
 }
@@ -70,8 +70,8 @@ rt::Task<Result<void>> NodeIdAssigner::run(std::bitset<128> there) {
   co_return searched;
 }
 
-// A master that was reset in the middle may have left one device in LSS configuration with a node-ID pending, which the
-// next `04 00` would bring into use. The device that listens gives it up first (berth/places/binding.hpp).
+// A master that was reset during a binding may have left one device in LSS configuration with a node-ID pending, which
+// the next `04 00` would activate. A listening device gives it up first (berth/places/binding.hpp).
 rt::Task<Result<void>> NodeIdAssigner::open() {
   const bool intends =
       std::ranges::any_of(bus_.slots, [](const ListSlot& slot) { return slot.slot.record.intended.has_value(); });
@@ -85,24 +85,24 @@ rt::Task<Result<void>> NodeIdAssigner::open() {
   }
   const auto quiet = co_await bus_.lss().switch_global(lss::State::waiting);
   if (!quiet) co_return fail(quiet.error());
-  // A single-slot receive buffer would lose what comes after `04 00`.
+  // A single receive buffer would lose the frame after `04 00`.
   co_await rt::sleep_for(ListBus::pause);
   if (!unfinished) co_return Result<void>{};
-  // One that keeps what it was told pending, as Lely core's slaves do, would be silent until the next reset of all.
+  // A device that keeps its node-ID pending, as Lely core's slaves do, would be silent until the next reset of all.
   places::wake_unconfigured(bus_.services().dispatcher);
   co_await rt::sleep_for(ListBus::pause);
   co_return Result<void>{};
 }
 
-// ---- who is there ---------------------------------------------------------------------------------------------------
+// ---- which devices are there ----------------------------------------------------------------------------------------
 
 bool NodeIdAssigner::booted_since_asked(NodeId node) const noexcept {
   const auto booted = bus_.boots().boot_up(node);
   return booted && *booted > asked_at_[node.value()];
 }
 
-// Who is not there as far as its master knows, who has booted since and may be another one, and who came with a node-ID
-// that is none of the list.
+// Asks slaves that the master does not know to be there, devices that booted since and may be different ones, and
+// devices with a node-ID that is not in the list.
 rt::Task<void> NodeIdAssigner::ask_all() {
   rt::Scope asked(bus_.executor());
   for (auto& slot : bus_.slots) {
@@ -139,7 +139,7 @@ rt::Task<void> NodeIdAssigner::ask(ListSlot& slot) {
   if (device) answered_.set(node.value());
   if (device && bus_.given_up[node.value()]) co_await boot_who_stayed(node);
   const bool silent = !device && (device.error().code == Errc::timeout || device.error().code == Errc::bus);
-  // Only then: to the master's heartbeat consumer the answer is a heartbeat, and it would wait for the next one.
+  // Only then: the master's heartbeat consumer takes the answer for a heartbeat, and would wait for the next one.
   const bool guards = silent && !slot.there;
   if (guards) co_await guard(slot);
   if (silent && !slot.guarded && !slot.there) {
@@ -153,7 +153,7 @@ rt::Task<void> NodeIdAssigner::ask(ListSlot& slot) {
   co_await rt::sleep_for(places::second_answer);
   if (bus_.services().sdo.surplus(node) != surplus) {
     if (doubled_[node.value()]) co_return;
-    // Before it is taken for the slot's: what was answered may be another's word.
+    // Asked again before it is taken as the slot's device: the answer may be another device's.
     const auto again = co_await places::identify(bus_.services().sdo, node, places::second_answer);
     if (again.by_two) doubled_.set(node.value());
     if (again.who) slot.device = bus_.found.known_as({*again.who, node});
@@ -172,9 +172,9 @@ rt::Task<void> NodeIdAssigner::ask_stranger(NodeId node) {
   if (device && !doubled_[node.value()]) bus_.found.note({*device, node});
 }
 
-// One device gave this node-ID up, and another answers under it. Frames that both sent at once may have driven it off
-// the bus for a while: it came back in NMT state pre-operational (1029h), without a boot-up message, and has missed the
-// reset by which the first one left.
+// One device gave this node-ID up, and another answers under it. Frames that both sent at once may have driven the
+// second one bus-off for a while. It then returned in NMT state pre-operational (1029h), without a boot-up message, and
+// missed the reset by which the first one left.
 rt::Task<void> NodeIdAssigner::boot_who_stayed(NodeId node) {
   bus_.given_up.reset(node.value());
   const bool lies = bus_.boots().state(node) == NmtState::pre_operational && !bus_.boots().boot_up(node);
@@ -183,7 +183,7 @@ rt::Task<void> NodeIdAssigner::boot_who_stayed(NodeId node) {
   static_cast<void>(sent);
 }
 
-// Second answers to one SDO request, whoever has asked.
+// Second answers to one SDO request, from any client.
 void NodeIdAssigner::note_doubles() {
   for (std::uint8_t number = 1; number <= 127; ++number) {
     const auto now = bus_.services().sdo.surplus(NodeId(number));
@@ -192,7 +192,7 @@ void NodeIdAssigner::note_doubles() {
   }
 }
 
-// A device whose node-ID was given away comes back under it: a boot-up message, and perhaps two answers to one request.
+// A device whose node-ID was given away returns under it: a boot-up message, and perhaps two answers to one request.
 rt::Task<void> NodeIdAssigner::look_for_formers() {
   places::Inquiry inquiry(bus_.binder_services());
   const auto formers = bus_.formers();
@@ -216,7 +216,7 @@ rt::Task<void> NodeIdAssigner::look_for_formers() {
     const auto id = co_await inquiry.active_id_once(device.address, whole);
     const bool clone = !id && id.error().code == Errc::duplicate;
     if (id || clone) bus_.found.note({device, id ? *id : NodeId(), clone});
-    // Without a node-ID it is another by name.
+    // Without a node-ID it has another identity.
     const bool without = id && !id->configured() && !device.has_serial();
     if (!without) continue;
     const auto ended = bus_.store().confirm_blank(each.who(), "it came without a node-ID");
@@ -224,7 +224,7 @@ rt::Task<void> NodeIdAssigner::look_for_formers() {
   }
 }
 
-// What answers under the node-ID, and is not confirmed there: the plan says what becomes of it.
+// The device that answers under the node-ID, and is not confirmed there: the plan decides about it.
 void NodeIdAssigner::settle(ListSlot& slot) {
   if (slot.there) seating_.seen(slot.id());
   if (!slot.device || bus_.found.find(*slot.device) != nullptr) return;
@@ -236,11 +236,11 @@ void NodeIdAssigner::settle(ListSlot& slot) {
   bus_.found.note(found);
 }
 
-// ---- who is missing -------------------------------------------------------------------------------------------------
+// ---- which slaves are missing ---------------------------------------------------------------------------------------
 
 bool NodeIdAssigner::is_one_missing() const noexcept { return std::ranges::any_of(bus_.slots, &ListSlot::missing); }
 
-// Two devices under one node-ID are told apart by LSS, among all that have a node-ID.
+// LSS separates two devices under one node-ID, among all that have a node-ID.
 bool NodeIdAssigner::tells_apart() {
   bool any = false;
   for (std::uint8_t node = 1; node <= 127; ++node) {
@@ -273,7 +273,7 @@ rt::Task<Result<void>> NodeIdAssigner::search() {
   co_return co_await search_.release_found();
 }
 
-// A device that has no place is named, also when none is missing.
+// A device without a place is reported, even if no slave is missing.
 rt::Task<Result<void>> NodeIdAssigner::look_for_surplus() {
   if (runs_ % seldom != 0 || runs_ == 0) co_return Result<void>{};
   co_await recall_surplus();
@@ -289,7 +289,7 @@ rt::Task<Result<void>> NodeIdAssigner::look_for_surplus() {
   co_return co_await search_.release_found();
 }
 
-// A device that had no place, and a node-ID of its own: no search finds it quickly.
+// A device without a place that has its own node-ID: no search finds it quickly.
 rt::Task<void> NodeIdAssigner::recall_surplus() {
   rt::Scope asked(bus_.executor());
   const std::vector<places::Found> surplus = seating_.without_place();
@@ -305,7 +305,7 @@ rt::Task<void> NodeIdAssigner::recall(places::Found device) {
   if (now && *now == device.device) bus_.found.note(device);
 }
 
-// ---- what is told ---------------------------------------------------------------------------------------------------
+// ---- reports --------------------------------------------------------------------------------------------------------
 
 // Two devices answer to its LSS address, wherever they are.
 bool NodeIdAssigner::is_clone(const std::optional<Identity>& device) {
@@ -313,14 +313,14 @@ bool NodeIdAssigner::is_clone(const std::optional<Identity>& device) {
   return found != nullptr && found->clone;
 }
 
-// A binding that heard another device under the slot's node-ID says nothing any more when nobody answers there.
+// A binding's report of another device under the slot's node-ID is outdated when nothing answers there.
 void NodeIdAssigner::tell() {
   for (const auto& slot : bus_.slots) {
     const auto& record = slot.slot.record;
     NodeIdTrouble trouble = slot.trouble;
     std::optional<Identity> about = record.device();
     const bool strange = slot.there && slot.typed && slot.device && record.device() != slot.device;
-    // One that left in this run is asked about in the next one.
+    // A device that left in this run is asked about in the next one.
     if (doubled_[slot.id().value()] && !bus_.given_up[slot.id().value()]) {
       trouble = NodeIdTrouble::doubled;
     } else if (strange) {

@@ -1,31 +1,29 @@
-/// Gives the devices of a network list their node-IDs by LSS: what makes a master that has nothing but its dictionary
-/// and a few kilobytes of memory (`DictionaryManager`) work with devices that are new from the factory or come from
-/// another machine, and put a replacement to work. It works as `berth up` does, by the same plan (`places::plan`) and
-/// the same steps (`places::Binding`).
+/// Gives the devices of a network list their node-IDs by LSS. With it a master that has only its dictionary and a few
+/// kilobytes of memory (`DictionaryManager`) handles new devices, devices from another machine, and replacements. It
+/// works like `berth up`, with the same plan (`places::plan`) and the same steps (`places::Binding`).
 ///
-/// Which device belongs to which node-ID the list says: vendor-ID and product code (1F85h, 1F86h) have to be given and
-/// to agree, revision number and serial number (1F87h, 1F88h) where they are not 0. Of several devices of one type that
-/// a search finds the lowest serial number gets the lowest free node-ID; one that has a node-ID of its type keeps it. A
-/// device of a type that the list does not have is left alone, and so is the node-ID that it has.
+/// The list decides which device belongs to which node-ID: vendor-ID and product code (1F85h, 1F86h) must be given and
+/// agree, revision number and serial number (1F87h, 1F88h) must agree if they are not 0. Of several devices of one type
+/// found by a search, the lowest serial number gets the lowest free node-ID; a device that has a node-ID of its type
+/// keeps it. A device of a type that is not in the list is left alone, together with its node-ID.
 ///
 /// A device without a serial number is known by its node-ID (`ListFound`). Blank equal ones get theirs one at a time;
-/// several at once are told nothing, and 5F0Bh says so. A node-ID of 5F05h is its device's own: who answers there and
-/// fits is seated, and nobody is given it.
+/// several at once get none, and 5F0Bh reports it. A node-ID of 5F05h is set by its device: a device that answers there
+/// and fits is seated, and the node-ID is never assigned.
 ///
 ///     manager::ListStore store(&memory);
 ///     auto& bus = manager.bus();
 ///     manager::NodeIdAssigner assigner({dispatcher, bus.sdo(), bus.nmt(), device.values(), store});
 ///     manager.assign_by(&assigner);
 ///
-/// **A node-ID that may be in a device's memory belongs to that device until it was seen to have lost it**, also after
-/// the master lost its power: `ListStore` has it before the device is told. A device that was heard under its node-ID
-/// and is silent now (no error control, SDO, guarding nor LSS) loses its place to the next one of its type; should it
-/// come back, it is asked for by its LSS address and gives the node-ID up. A node-ID that a device was told and not
-/// heard under is kept for it. 5F0Bh tells which (`NodeIdReport`).
+/// **A node-ID that a device may have stored belongs to that device until it was seen to have lost it**, also after a
+/// power loss of the master: `ListStore` has it before the device is told. A device that was heard under its node-ID
+/// and is silent now (no error control, SDO, guarding or LSS) loses its place to the next one of its type; if it
+/// returns, it is asked for by its LSS address and gives the node-ID up. A node-ID that a device was told but not heard
+/// under is kept for it. 5F0Bh shows it (`NodeIdReport`).
 ///
-/// A run asks who is not known to be there, and who has booted; where a slave is missing it looks for devices. So it
-/// costs nothing on a bus that is complete and quiet, but three questions in eight runs (is there a device without a
-/// node-ID?).
+/// A run asks slaves that are not known to be there, and devices that booted; if a slave is missing it searches for
+/// devices. A complete and quiet bus costs only three questions in eight runs (is there a device without a node-ID?).
 #pragma once
 
 #include <array>
@@ -42,7 +40,7 @@ namespace berth::manager {
 class NodeIdAssigner final : public NodeIdSource {
  public:
   explicit NodeIdAssigner(const ListServices& services);
-  /// Ends what a `DictionaryManager` does with it.
+  /// Ends a `DictionaryManager`'s use of it.
   ~NodeIdAssigner() { gone(); }
 
   void begin(NodeId own) noexcept override;
@@ -82,11 +80,11 @@ class NodeIdAssigner final : public NodeIdSource {
   NodeIdReport report_;
   std::bitset<128> answered_;
   std::bitset<128> silent_;
-  std::bitset<128> doubled_;                  // answered twice, and not told apart yet
-  std::array<unsigned, 128> tries_{};         // to tell them apart
-  std::array<rt::Time, 128> asked_at_{};      // who answers under it
-  std::array<rt::Time, 128> former_asked_{};  // who had it before
-  std::array<std::uint32_t, 128> surplus_{};  // SDO answers beyond one each
+  std::bitset<128> doubled_;                  // answered twice, and not separated yet
+  std::array<unsigned, 128> tries_{};         // to separate them
+  std::array<rt::Time, 128> asked_at_{};      // when it was last asked which device answers under it
+  std::array<rt::Time, 128> former_asked_{};  // when its previous device was last asked
+  std::array<std::uint32_t, 128> surplus_{};  // SDO answers beyond one per request
   unsigned runs_ = 0;
 };
 

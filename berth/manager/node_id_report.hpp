@@ -1,4 +1,4 @@
-/// What the master of a network list tells of its node-IDs: object 5F0Bh of its dictionary (docs/manager-objects.md).
+/// The reports of a network list's master on its node-IDs: object 5F0Bh of its dictionary (docs/manager-objects.md).
 ///
 ///     5F0Bh:n    n a node-ID of the list: bits 7..0 `NodeIdTrouble`, bits 63..32 the serial number of the device that
 ///                it is about, 0 where none is known. Written 0: a person says that the device for which the node-ID
@@ -27,7 +27,7 @@ class NodeIdReport final : private od::Hook {
   static constexpr std::uint8_t surplus = 0x80;   ///< sub-index
   static constexpr std::uint8_t troubled = 0x81;  ///< sub-index of the first 64; the next has the others
 
-  /// `forget`: gives the node-ID free; false: it is not kept.
+  /// `forget`: frees the node-ID; false: it is not kept.
   NodeIdReport(od::Values& values, std::function<bool(NodeId)> forget);
 
   void begin() noexcept { told_ = {}; }

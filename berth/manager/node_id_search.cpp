@@ -7,8 +7,8 @@
 namespace berth::manager {
 namespace {
 
-// A device may need paper 4's 10 ms, and the master that runs in a gateway's firmware gets to the answer later than it
-// came.
+// A device may need paper 4's 10 ms, and a master in a gateway's firmware processes the answer some time after it
+// arrived.
 constexpr rt::Duration longest = std::chrono::milliseconds(13);
 
 }  // namespace
@@ -19,7 +19,7 @@ NodeIdSearch::NodeIdSearch(ListBus& bus)
       rand_planner_(discovery::make(discovery::Method::planner_rand, {bus.services().dispatcher, bus.lss()})),
       rest_({bus.services().dispatcher, bus.lss()}, {.rand = false, .configured = false}) {}
 
-// What is known of types need not be asked; who answers under its node-ID need not be found.
+// Known parts of types need not be asked; devices that answer under their node-IDs need not be found.
 discovery::Known NodeIdSearch::known(bool all_types) {
   discovery::Known known;
   for (const auto& slot : bus_.slots) {
@@ -67,7 +67,7 @@ rt::Task<Result<void>> NodeIdSearch::by_rand() {
   co_return Result<void>{};
 }
 
-// Others with its LSS address have their node-IDs, and it may be one of them: Fastscan is for devices without.
+// Its equals have node-IDs, and it may be one of them: Fastscan is for devices without.
 rt::Task<Result<void>> NodeIdSearch::look_among_equals(Identity device) {
   const auto another = co_await lss::any_without_node_id(bus_.lss(), device.address);
   if (!another) co_return fail(another.error());
@@ -89,7 +89,7 @@ rt::Task<Result<void>> NodeIdSearch::by_lss(Whom whom) {
   const auto quiet = co_await bus_.lss().switch_global(lss::State::waiting);
   if (!quiet) co_return fail(quiet.error());
   for (const auto& d : report->found) {
-    // 1018h of those that have their node-IDs does not say their whole address: here it is.
+    // Those with node-IDs did not report their whole address in 1018h: here it is.
     const bool shared = d.possible_clone && bus_.found.has_equals(d.address);
     if (shared && std::ranges::find(shared_, d.address) == shared_.end()) shared_.push_back(d.address);
     bus_.found.note({d.address, d.assigned.configured() ? d.assigned : d.active, d.possible_clone});
@@ -111,7 +111,7 @@ rt::Task<Result<void>> NodeIdSearch::release_found() {
     const Identity device = by_rand_[i];
     const ListSlot* const seat = bus_.of(device);
     if (seat != nullptr && seat->there) continue;
-    // Those that have their node-IDs would hear it too, and answer each search.
+    // Those with node-IDs would hear it too, and answer each search.
     if (bus_.found.has_equals(device) && bus_.found.find(device) == nullptr) continue;
     const auto told = co_await rand_.switch_selective(device.address, nodeid::Identification::unknown);
     if (!told) co_return fail(told.error());
@@ -120,8 +120,8 @@ rt::Task<Result<void>> NodeIdSearch::release_found() {
   co_return Result<void>{};
 }
 
-// The slot that the plan has for it when all that was found so far is known. Among its equals it is selected by
-// Fastscan, while it has no node-ID: it gets it when the search is over.
+// Returns the slot that the plan has for it by all findings so far. Among its equals Fastscan selects it, while it has
+// no node-ID: it gets one after the search.
 NodeId NodeIdSearch::assign(const LssAddress& device, bool) noexcept {
   if (bus_.found.find(device) == nullptr) bus_.found.note({device, NodeId()});
   if (bus_.found.has_equals(device)) return {};

@@ -1,6 +1,6 @@
-/// Finds devices on the bus of a network list. Those that a search must give a node-ID so that it finds the next one
-/// (CiA 305's Fastscan) are told that of their slot at once, by `11h` and not stored: the intention is in the store
-/// before, as of every binding, and `NodeIdSeating` finishes it.
+/// Finds devices on the bus of a network list. Some searches must give a found device a node-ID before they find the
+/// next one (CiA 305's Fastscan). Such a device gets its slot's node-ID at once, by `11h` and not stored. As in every
+/// binding, the intention is in the store before; `NodeIdSeating` finishes it.
 #pragma once
 
 #include <memory>
@@ -15,19 +15,19 @@ class NodeIdSearch final : private discovery::Assigner {
  public:
   explicit NodeIdSearch(ListBus& bus);
 
-  /// By RAND, and each that was found tells its node-ID (5Eh).
+  /// By RAND; the node-ID of each found device is read (5Eh).
   rt::Task<Result<void>> by_rand();
-  /// What a search by LSS looks for.
+  /// The devices that a search by LSS looks for.
   enum class Whom : std::uint8_t {
     missing,     ///< devices without a node-ID, of the types that are missing
     all_blank,   ///< of all types
-    configured,  ///< devices of all types that have a node-ID too: it takes longer
+    configured,  ///< also devices of all types that have a node-ID: it takes longer
   };
   /// By Fastscan and identify ranges.
   rt::Task<Result<void>> by_lss(Whom whom);
-  /// Three questions, for now and then: somebody has no node-ID.
+  /// Three questions, for occasional use: does any device have no node-ID?
   rt::Task<Result<bool>> anybody();
-  /// Those that RAND has found and that have no place are to be found again.
+  /// Makes devices without a place that RAND found visible to RAND again.
   rt::Task<Result<void>> release_found();
 
  private:

@@ -11,14 +11,14 @@ using places::Binding;
 
 namespace {
 
-// As what the device was found: one without a serial number has another node-ID now.
+// The identities as which the device was found: one without a serial number has another node-ID now.
 std::vector<Identity> names_of(const Binding& binding) {
   const Identity& device = binding.assignment().device;
   if (device.has_serial()) return {device};
   return {device, device.with(NodeId()), device.with(binding.old_id())};
 }
 
-// One without a serial number is, wherever it was found, the one of its kind that a slot waits for.
+// A device without a serial number counts, wherever it was found, as the one of its kind that a slot waits for.
 bool is_waited_for(const std::vector<ListSlot>& slots, const Identity& device) {
   return !device.has_serial() && std::ranges::any_of(slots, [&](const ListSlot& slot) {
     const auto& intended = slot.slot.record.intended;
@@ -46,7 +46,7 @@ rt::Task<void> NodeIdSeating::carry_out() {
   }
 }
 
-// Whose place it takes has the node-ID from elsewhere than from here: nothing has to be asked back.
+// The replaced device got its node-ID elsewhere: it need not give it back.
 void NodeIdSeating::take_where_it_is(ListSlot& slot, bool doubled) {
   const auto sits = slot.slot.record.device();
   const bool takes =
@@ -61,9 +61,9 @@ void NodeIdSeating::take_where_it_is(ListSlot& slot, bool doubled) {
   static_cast<void>(adopt(slot, device));
 }
 
-// ---- slots of devices that are lost ---------------------------------------------------------------------------------
+// ---- slots of lost devices ------------------------------------------------------------------------------------------
 
-// Its node-ID is in its memory, and it comes back under it when it does: the store remembers that.
+// Its node-ID is stored in the device, which returns under it: the store remembers this.
 rt::Task<void> NodeIdSeating::free_lost() {
   places::Inquiry inquiry(bus_.binder_services());
   std::vector<NodeId> reserved;
@@ -94,7 +94,7 @@ rt::Task<void> NodeIdSeating::free_lost() {
   }
 }
 
-// Found, and neither seated nor about to lose a node-ID of before; the lowest serial number first.
+// Found, neither seated nor about to lose an earlier node-ID; the lowest serial number first.
 std::vector<Identity> NodeIdSeating::new_devices() const {
   std::vector<Identity> devices;
   for (const auto& f : bus_.found) {
@@ -106,7 +106,7 @@ std::vector<Identity> NodeIdSeating::new_devices() const {
   return devices;
 }
 
-// The one under whose node-ID the new device was found comes first.
+// The slot of the node-ID under which the new device was found comes first.
 ListSlot* NodeIdSeating::lost_slot_for(const Identity& device) {
   const auto* const f = bus_.found.find(device);
   ListSlot* lowest = nullptr;
@@ -129,7 +129,7 @@ bool NodeIdSeating::is_lost(const ListSlot& slot) const {
   return seen != rt::Time{} ? now - seen >= lost_after : now - bus_.began() >= never_seen_after;
 }
 
-// ---- what the plan says ---------------------------------------------------------------------------------------------
+// ---- acting on the plan ---------------------------------------------------------------------------------------------
 
 // False: nothing was changed, and the next plan would be the same.
 rt::Task<bool> NodeIdSeating::act_on(const ListBus::Planned& planned) {
@@ -142,7 +142,7 @@ rt::Task<bool> NodeIdSeating::act_on(const ListBus::Planned& planned) {
     const bool good = co_await blank(device, reason);
     changed = changed || good;
   }
-  if (changed) co_return true;  // what was given up is free for the next plan
+  if (changed) co_return true;  // freed node-IDs are available to the next plan
   co_await ask_vacancy(planned);
   constexpr std::size_t most_bindings = 16;
   rt::Scope bindings(bus_.executor(), most_bindings);
@@ -163,7 +163,7 @@ rt::Task<bool> NodeIdSeating::act_on(const ListBus::Planned& planned) {
   co_return changed;
 }
 
-// Those that are about to be given and were not asked for in this run, side by side.
+// Asks node-IDs to be assigned that were not asked in this run, side by side.
 rt::Task<void> NodeIdSeating::ask_vacancy(const ListBus::Planned& planned) {
   std::vector<NodeId> ids;
   for (const auto& action : planned.plan.actions) {
@@ -172,7 +172,7 @@ rt::Task<void> NodeIdSeating::ask_vacancy(const ListBus::Planned& planned) {
     if (!bus_.vacant(id)) ids.push_back(id);
   }
   if (ids.empty()) co_return;
-  // A single-slot receive buffer would lose its question after the `04 00` of the last LSS service.
+  // A single receive buffer would lose its question after the `04 00` of the last LSS service.
   co_await rt::sleep_for(ListBus::pause);
   rt::Scope asked(bus_.executor());
   for (const NodeId id : ids) asked.spawn(ask_one(id));
@@ -186,7 +186,7 @@ rt::Task<void> NodeIdSeating::ask_one(NodeId id) {
   static_cast<void>(answers);
 }
 
-// It is where it belongs: there is nothing to tell it.
+// It is in its place: nothing to tell it.
 bool NodeIdSeating::adopt(ListSlot& slot, const Identity& device) {
   const places::Assignment seat{device, slot.id()};
   const auto number = slot.slot.record.slot;
@@ -242,7 +242,7 @@ void NodeIdSeating::ended(ListSlot& slot, const Binding& binding, bool fresh) {
     slot.trouble = NodeIdTrouble::power_cycle;
     return;
   }
-  // It has told what it uses, and takes nothing else.
+  // It reported the node-ID that it uses, and takes no other.
   const bool refuses = binding.why() == Why::refused && binding.old_id() != slot.id();
   if (refuses) {
     std::ranges::copy(names_of(binding), std::back_inserter(bus_.refusing));
@@ -255,12 +255,12 @@ void NodeIdSeating::ended(ListSlot& slot, const Binding& binding, bool fresh) {
   if (blank_equals) slot.trouble = NodeIdTrouble::equals;
   if (binding.why() == Why::not_there) {
     bus_.found.forget(was);
-    // It left before it could be told: the node-ID stays its own, as while it is not found.
+    // It left before it could be told: the node-ID is kept for it, as for a device that was not found.
     if (slot.slot.record.intended && !(fresh && binding.untouched())) slot.trouble = NodeIdTrouble::kept;
   }
   auto* const f = bus_.found.one_for(device);
   if (binding.why() == Why::occupied && f != nullptr && f->active == slot.id()) f->shared = true;
-  // Nothing in the device can have changed: the slot is free again. Else it stays the slot's until it is seen.
+  // Nothing in the device can have changed: the slot is free again. Otherwise the slot keeps it until it is seen.
   const bool untold = (fresh && binding.untouched()) || refuses;
   if (!untold || !slot.slot.record.intended) return;
   const auto cleared = bus_.store().clear(slot.slot.record.slot, places::name(binding.why()));
@@ -308,7 +308,7 @@ rt::Task<bool> NodeIdSeating::blank(Identity device, std::string reason) {
   co_return false;
 }
 
-// It has stored its node-ID, and uses another still: to tell it again would wear its memory out.
+// It stored its node-ID and still uses another: telling it again would wear out its memory.
 bool NodeIdSeating::rests(const Identity& device) {
   const auto it = std::ranges::find(resting_, device, &Resting::device);
   if (it == resting_.end()) return false;
@@ -329,10 +329,10 @@ void NodeIdSeating::take_stock(const ListBus::Planned& planned) {
     const bool seated = std::ranges::any_of(planned.plan.actions, [&](const Action& action) {
       return action.kind == Action::Kind::bind && bus_.found.one_for(action.device) == &f;
     });
-    // The next run asks who it is, and takes it where it is.
+    // The next run identifies it, and takes it with its present node-ID.
     const ListSlot* const own = f.active.configured() ? bus_.at(f.active) : nullptr;
     const bool home = own != nullptr && own->fixed() && places::fits(own->slot.spec, f.device);
-    // Several answered to one address, and several that have it have their node-IDs.
+    // Several answered to one address, and several with that address have their node-IDs.
     const bool known = f.clone && !f.device.has_serial() && bus_.found.has_equals(f.device);
     if (!seated && !home && !known && bus_.of(f.device) == nullptr) without_place_.push_back(f);
   }

@@ -1,5 +1,5 @@
-/// Carries out what `places::plan` says of a network list: node-IDs are taken away and given by `places::Binder`, many
-/// devices side by side. What each device was told is in the store before it is.
+/// Carries out `places::plan` for a network list: `places::Binder` takes node-IDs away and assigns them, for many
+/// devices side by side. The store has each assignment before the device is told.
 #pragma once
 
 #include <array>
@@ -16,19 +16,20 @@ class NodeIdSeating {
 
   /// The master has booted.
   void begin();
-  /// At each run, of every slave that is there or has answered.
+  /// Called at each run for every slave that is there or has answered.
   void seen(NodeId id) noexcept { seen_at_[id.value()] = bus_.executor().now(); }
 
-  /// What answers under the node-ID of a fixed slot is its device, or that one's replacement. `doubled`: and another.
+  /// The device that answers under the node-ID of a fixed slot is its device, or a replacement. `doubled`: another one
+  /// answers, too.
   void take_where_it_is(ListSlot& slot, bool doubled);
-  /// Frees the slots of devices that are lost where new ones of their type are there, plans, and does what the plan
-  /// says, until nothing is left that can be done.
+  /// Frees the slots of lost devices if new ones of their type are there, then plans and acts until nothing more can be
+  /// done.
   rt::Task<void> carry_out();
-  /// Devices that have no place, as far as the last plan knows.
+  /// Devices without a place, according to the last plan.
   [[nodiscard]] const std::vector<places::Found>& without_place() const noexcept { return without_place_; }
 
-  /// A slave's device is silent for so long before the next one of its type gets its node-ID: what was there since the
-  /// master booted, and what was not heard yet (it may boot slowly).
+  /// How long a slave's device must be silent before the next one of its type gets its node-ID: if it was seen since
+  /// the master booted, and if it was not heard yet (it may boot slowly).
   static constexpr rt::Duration lost_after = std::chrono::seconds(2);
   static constexpr rt::Duration never_seen_after = std::chrono::seconds(10);
 
@@ -55,7 +56,7 @@ class NodeIdSeating {
 
   ListBus& bus_;
   std::array<rt::Time, 128> seen_at_{};
-  std::vector<Resting> resting_;  // use an old node-ID until their power cycle
+  std::vector<Resting> resting_;  // these use an old node-ID until their power cycle
   std::vector<Identity> tried_;   // in vain, in this run
   std::vector<places::Found> without_place_;
 };

@@ -1,5 +1,5 @@
-/// Who gives the slaves of a network list their node-IDs: what `DictionaryManager` knows of it. `NodeIdAssigner` is
-/// one.
+/// The interface by which `DictionaryManager` lets another part give the slaves of a network list their node-IDs.
+/// `NodeIdAssigner` implements it.
 #pragma once
 
 #include <bitset>
@@ -14,36 +14,36 @@ namespace berth::manager {
 
 class NodeIdSource {
  public:
-  /// What it tells of the node-IDs (`ManagerObjects::node_ids`).
+  /// Its report on the node-IDs (`ManagerObjects::node_ids`).
   static constexpr std::uint16_t object = 0x5F0B;
-  /// Who runs it.
+  /// The part that runs it.
   class User {
    public:
-    /// It is about to go: no `run` may stay under way.
+    /// The source is about to be destroyed: no `run` may stay under way.
     virtual void source_gone() noexcept = 0;
 
    protected:
     ~User() = default;
   };
-  /// Null: nobody does any more.
+  /// Null: no longer used.
   void used_by(User* user) noexcept { user_ = user; }
 
-  /// The master has booted, with this node-ID: of the bus only that is known which was remembered for good. What was
-  /// under way was cancelled.
+  /// The master has booted, with this node-ID: of the bus only permanently stored facts are known. A run under way was
+  /// cancelled.
   virtual void begin(NodeId own) noexcept = 0;
-  /// One look at the bus, and what is to be done there. `there`: slaves that are there as far as their master knows.
-  /// Errors: the bus takes no frame.
+  /// Examines the bus once and acts. `there`: slaves that their master knows to be there. Errors: the bus takes no
+  /// frame.
   [[nodiscard]] virtual rt::Task<Result<void>> run(std::bitset<128> there) = 0;
-  /// Slaves that the last `run` asked for and that answered.
+  /// Slaves that answered the last `run`.
   [[nodiscard]] virtual std::bitset<128> answered() const noexcept = 0;
-  /// Those that it asked for and that are not there: neither SDO nor guarding was answered.
+  /// Slaves that the last `run` asked in vain: neither SDO nor guarding was answered.
   [[nodiscard]] virtual std::bitset<128> silent() const noexcept = 0;
   /// Between two runs.
   [[nodiscard]] virtual rt::Duration pause() const noexcept = 0;
 
  protected:
   ~NodeIdSource() = default;
-  /// To be called first by what is destroyed.
+  /// The destructor of a derived class must call this first.
   void gone() noexcept {
     if (user_ != nullptr) std::exchange(user_, nullptr)->source_gone();
   }

@@ -1,4 +1,4 @@
-/// Where an object stands.
+/// Ranges of object indexes.
 #pragma once
 
 #include <cstdint>

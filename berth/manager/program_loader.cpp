@@ -39,9 +39,9 @@ bool is_missing(const Error& error) noexcept {
 constexpr std::uint32_t error_code(std::uint32_t status) noexcept { return status >> 1U & 0x7FU; }
 constexpr std::uint32_t no_valid_program = 1;
 
-// It may be there again, or ready, in a moment.
+// The device may be back, or ready, in a moment.
 bool is_passing(const Error& error) noexcept {
-  // It took all of the image, and has none: it lost its power while it wrote.
+  // It took the whole image but has none: it lost its power while writing.
   if (error.index == od::cia302::flash_status && error.detail == no_valid_program) return true;
   if (error.code != Errc::aborted) return error.code == Errc::timeout || error.code == Errc::bus;
   constexpr std::array passing{AbortCode::timeout,         AbortCode::crc,
@@ -72,7 +72,7 @@ rt::Task<rt::Time> clock_now() {
   co_return co_await clock;
 }
 
-/// An image, told in hundredths.
+/// An image; reports its progress in hundredths.
 class ImageSource final : public co::SdoSource {
  public:
   ImageSource(const ProgramWish& wish, const ProgramOptions& options) noexcept : wish_(&wish), options_(&options) {}
@@ -117,8 +117,8 @@ rt::Task<Result<ProgramControl>> state_of(co::SdoAccess& device, std::uint8_t nu
   co_return static_cast<ProgramControl>(state);
 }
 
-// Commands stop or start, and asks until the program is stopped or started. The device answers the command and
-// restarts, or restarts and does not answer.
+// Commands stop or start, and asks until the program is stopped or started. The device may answer the command and then
+// restart, or restart without an answer.
 rt::Task<Result<void>> control_until_done(co::SdoAccess& device, std::uint8_t number, ProgramControl what,
                                           const ProgramOptions& options) {
   const bool starts = what == ProgramControl::start;
@@ -142,7 +142,7 @@ rt::Task<Result<void>> control_until_done(co::SdoAccess& device, std::uint8_t nu
   co_return fail(error);
 }
 
-// Until 1F57h says that it is idle; its status. Without 1F57h: 0 at once. A device may be deaf while it writes.
+// Reads 1F57h until it is idle; returns its status. Without 1F57h: 0 at once. A device may not answer while it writes.
 rt::Task<Result<std::uint32_t>> wait_for_flash(co::SdoAccess& device, std::uint8_t number,
                                                const ProgramOptions& options) {
   const rt::Time began = co_await clock_now();
@@ -276,7 +276,7 @@ rt::Task<Result<void>> ProgramLoader::bring(const ProgramWish& wish, ProgramRepo
   co_return co_await check(wish);
 }
 
-// What the device has against the image stands in 1F57h; the abort code says little.
+// The device's reason against the image is in 1F57h; the abort code says little.
 rt::Task<Result<void>> ProgramLoader::download(const ProgramWish& wish, ProgramReport& report) {
   enter(report, ProgramStage::downloading, wish);
   co::SdoOptions how;
@@ -298,7 +298,7 @@ rt::Task<Result<void>> ProgramLoader::download(const ProgramWish& wish, ProgramR
   if (!status && !done) co_return done;
   if (!status) co_return fail(status.error());
   const char* const error = flash_error(*status);
-  // That there is no program follows from a download that broke off, and is not why.
+  // "No program" is a result of the interrupted download, not its cause.
   const bool explains = *error != '\0' && (done || error_code(*status) != no_valid_program);
   if (!explains) co_return done;
   Error failed = wrong(od::cia302::flash_status, wish.number, error);

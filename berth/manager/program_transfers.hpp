@@ -1,6 +1,7 @@
-/// How many programs go down side by side on one bus, and how they share it. A device that takes a sub-block needs time
-/// for its flash memory, in which others can have the bus; but a device that waits for its turn longer than its SDO
-/// server's time-out gives up. So there are as many transfers at once as have their turn again within `turn_time`.
+/// How many programs are downloaded side by side on one bus, and how they share it. A device needs time to write a
+/// sub-block to its flash memory; others can use the bus meanwhile. But a device that waits for its turn longer than
+/// its SDO server's timeout gives up. So the number of transfers is limited: each gets its next turn within
+/// `turn_time`.
 ///
 ///     ProgramTransfers transfers(dispatcher);
 ///     auto ticket = co_await transfers.enter();       // waits; given back when it is destroyed
@@ -18,10 +19,10 @@ namespace berth::manager {
 class ProgramTransfers {
  public:
   static constexpr std::size_t most = 16;  ///< at once
-  /// Within it each transfer sends a sub-block: a third of the second that SDO servers wait.
+  /// In this time each transfer sends a sub-block: a third of the second that SDO servers wait.
   static constexpr rt::Duration turn_time = std::chrono::milliseconds(330);
 
-  /// By the bit rate of the dispatcher's port; not known: two at once. It must stay.
+  /// By the bit rate of the dispatcher's port; if unknown: two at once. The dispatcher must outlive this.
   explicit ProgramTransfers(can::Dispatcher& dispatcher) noexcept;
   /// How many: `bit_rate` in bit/s.
   [[nodiscard]] static std::size_t at_once(std::uint32_t bit_rate) noexcept;
@@ -41,7 +42,7 @@ class ProgramTransfers {
   [[nodiscard]] rt::Task<Ticket> enter();
   [[nodiscard]] co::BlockPace& pace() noexcept { return pace_; }
 
-  /// A loader that is at work: held from its first question to its last.
+  /// A loader at work: held from its first question to its last.
   class Loader {
    public:
     explicit Loader(ProgramTransfers* of) noexcept : of_(of) {
@@ -56,7 +57,8 @@ class ProgramTransfers {
    private:
     ProgramTransfers* of_;
   };
-  /// The least time between two questions of one loader, so that those of all take a fifth of the bus at most.
+  /// The shortest time between two questions of one loader, so that all loaders together use at most a fifth of the
+  /// bus.
   [[nodiscard]] rt::Duration poll() const noexcept;
 
  private:

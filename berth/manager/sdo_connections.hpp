@@ -1,6 +1,6 @@
-/// Which CAN-IDs the SDO manager has given to which connections (CiA 302-5; docs/sdo-manager.md). Pure bookkeeping: it
-/// sends nothing, and its one rule is that **no CAN-ID is in two connections**. A CAN-ID that may still stand in the
-/// dictionary of a node that could not be told is held for that node until it has been seen to have lost it.
+/// Which CAN-IDs the SDO manager has given to which connections (CiA 302-5; docs/sdo-manager.md). Pure bookkeeping
+/// without frames. Its one rule is that **no CAN-ID is in two connections**. A CAN-ID that may still be in the
+/// dictionary of an unreachable node is held for that node until it was seen to have lost it.
 #pragma once
 
 #include <array>
@@ -37,8 +37,8 @@ struct ChannelEnd {
   NodeId node;
   std::uint16_t object = 0;
   ConnectionIds ids = {};
-  NodeId other = {};   ///< sub-index 3; unconfigured where it says nothing
-  bool valid = false;  ///< both COB-IDs are
+  NodeId other = {};   ///< sub-index 3; unconfigured if not set
+  bool valid = false;  ///< both COB-IDs are valid
 };
 [[nodiscard]] constexpr ChannelEnd client_end(const SdoConnection& c) noexcept {
   return {c.client, c.client_object, c.ids, c.server, true};
@@ -49,20 +49,20 @@ struct ChannelEnd {
 
 class SdoConnections {
  public:
-  /// CAN-IDs that CiA 301 restricts to nothing, and that no other service of the predefined set has.
+  /// CAN-IDs that CiA 301 does not restrict, and that no other service of the predefined set has.
   static constexpr can::IdRange default_pool{0x680, 0x6DF};
 
-  /// Base format; pairs of neighbours, an odd one at the end is left out.
+  /// Base format; pairs of neighbours; an odd one at the end is not used.
   explicit SdoConnections(can::IdRange pool = default_pool) noexcept;
 
   /// The lowest free pair; empty: none is left.
   [[nodiscard]] std::optional<ConnectionIds> take() noexcept;
-  /// One that a node was found to have. False: it is no pair of this pool, or is taken already.
+  /// Takes a pair that was found in a node. False: it is no pair of this pool, or is already taken.
   [[nodiscard]] bool claim(const ConnectionIds& ids) noexcept;
   void put_back(const ConnectionIds& ids) noexcept;
-  /// `node` may still have this identifier (one of the pool; others count for nothing).
+  /// `node` may still have this identifier (one of the pool; others are ignored).
   void hold(std::uint32_t id, NodeId node) noexcept;
-  /// It has none of the pool's any more but those of its connections.
+  /// The node no longer has CAN-IDs of the pool except those of its connections.
   void unhold(NodeId node) noexcept;
   [[nodiscard]] bool holds(NodeId node) const noexcept;
   [[nodiscard]] bool in_pool(std::uint32_t id) const noexcept { return id >= first_ && id < first_ + 2 * pairs_; }

@@ -48,7 +48,7 @@ void SdoManager::end() noexcept {
   unread_.reset();
 }
 
-// ---- what comes -----------------------------------------------------------------------------------------------------
+// ---- received frames ------------------------------------------------------------------------------------------------
 
 void SdoManager::received(const can::Frame& frame, rt::Time) noexcept {
   if (frame.remote) return;
@@ -64,7 +64,8 @@ void SdoManager::received(const can::Frame& frame, rt::Time) noexcept {
   const bool concerns = std::ranges::any_of(
       connections_.all(), [&](const SdoConnection& c) { return c.client == node || c.server == node; });
   const bool waits = std::ranges::any_of(due_, [&](const Due& due) { return due.node == node && !due.lost; });
-  // It is there, and something may stand in it that belongs to nobody: as often as it is heard, until it was read.
+  // The node is there, and may have channels that belong to no connection: checked whenever it is heard, until it was
+  // read.
   const bool to_be_read = unread_.test(node.value()) || connections_.holds(node);
   if (waits || !(to_be_read || (booted && concerns))) return;
   due_.push_back({node, false});

@@ -1,6 +1,6 @@
-/// The SDO manager of a network (CiA 302-5; docs/sdo-manager.md): gives a node an SDO channel of its own to another
-/// one, by writing 1280h to 12FFh of the client and 1201h to 127Fh of the server through their default channels, and
-/// takes it back when its lease is over, when it is released, or when the client is lost.
+/// The SDO manager of a network (CiA 302-5; docs/sdo-manager.md): gives a node its own SDO channel to another one. It
+/// writes 1280h to 12FFh of the client and 1201h to 127Fh of the server through their default channels. It takes the
+/// channel back when its lease ends, when it is released, or when the client is lost.
 ///
 ///     SdoManager manager(dispatcher, sdo, {.nodes = {NodeId(3), NodeId(5)}});
 ///     co_await manager.recover();                             // what an earlier manager left
@@ -8,14 +8,14 @@
 ///     ... channel->client_object: 1280h of node 3 has the CAN-IDs
 ///     co_await manager.disconnect(NodeId(3), NodeId(5));
 ///
-/// No CAN-ID is in two channels: they come from a pool, and one that may still stand in a node which could not be told
-/// is not given again before that node was read (`SdoConnections`).
+/// No CAN-ID is in two channels: they come from a pool. One that may still be in an unreachable node is not given again
+/// before that node was read (`SdoConnections`).
 ///
-/// A node is lost when its heartbeat is (`SdoManagerOptions::heartbeat`), or by a boot-up message, because a reset
-/// takes dynamic channels away:
+/// A node is lost when its heartbeat stops (`SdoManagerOptions::heartbeat`), or by a boot-up message, because a reset
+/// removes dynamic channels:
 /// - a lost client's channels are taken back
 /// - a lost server's channels are taken back; one that booted gets its end written again, with the same CAN-IDs
-/// Requests wait for each other, first come, first served.
+/// Requests are served in order of arrival.
 #pragma once
 
 #include <deque>
@@ -31,39 +31,38 @@
 namespace berth::manager {
 
 struct SdoManagerOptions {
-  std::vector<NodeId> nodes = {};  ///< the network: what `recover` reads; others may be named too
+  std::vector<NodeId> nodes = {};  ///< the network: the nodes that `recover` reads; others may be named too
   can::IdRange pool = SdoConnections::default_pool;
-  rt::Duration lease = std::chrono::minutes(10);  ///< where none is asked for, and of what `recover` finds
-  rt::Duration heartbeat{};                       ///< a party silent for so long is lost; 0: only boot-ups tell
-  /// Hears the dynamic SDO request 6E0h: two bytes, client and server. CiA 302-5's own content is not public; this one
-  /// is Berth's.
+  rt::Duration lease = std::chrono::minutes(10);  ///< default, and for what `recover` finds
+  rt::Duration heartbeat{};                       ///< a party silent for so long is lost; 0: only boot-ups count
+  /// Listens to the dynamic SDO request 6E0h: two bytes, client and server. CiA 302-5's own content is not public; this
+  /// one is Berth's.
   bool hears_requests = false;
 };
 
 class SdoManager final : private can::Handler, private co::HeartbeatConsumer::Observer {
  public:
-  /// Both must stay; `sdo` is the client of the default channels.
+  /// Both must outlive this; `sdo` is the client of the default channels.
   SdoManager(can::Dispatcher& dispatcher, co::SdoClient& sdo, SdoManagerOptions options);
   ~SdoManager();
 
-  /// Reads every node's channels. A pair of ends that fit together becomes a connection with a new lease; what does not
-  /// fit (one end alone, one CAN-ID twice) is taken out of the nodes. A node that does not answer is read when it boots
-  /// or is asked for. Call first: until it is done requests wait. Later it reads again what
-  /// there is.
+  /// Reads every node's channels. Two ends that fit together become a connection with a new lease; others (one end
+  /// alone, one CAN-ID twice) are removed from the nodes. A node that does not answer is read when it boots or is asked
+  /// for. Call first: requests wait until it is done. A later call reads everything again.
   [[nodiscard]] rt::Task<void> recover();
-  /// A connection; one that is there gets the new lease. `lease` 0: the default. Errors: Errc::invalid the nodes are
-  /// one, or have no node-ID; Errc::not_found a party has no free channel object (`Error::node`); Errc::unsupported no
-  /// CAN-ID is left; those of SDO, with what was written taken back.
+  /// Makes a connection, or renews the lease of an existing one. `lease` 0: the default. Errors: Errc::invalid the
+  /// nodes are the same, or have no node-ID; Errc::not_found a party has no free channel object (`Error::node`);
+  /// Errc::unsupported no CAN-ID is left; those of SDO, after partial writes were taken back.
   [[nodiscard]] rt::Task<Result<SdoConnection>> connect(NodeId client, NodeId server, rt::Duration lease);
   /// Errc::not_found: there is none.
   [[nodiscard]] rt::Task<Result<void>> disconnect(NodeId client, NodeId server);
-  /// The manager gives its role up: it does nothing more by itself, and what is connected stays in the nodes.
+  /// The manager gives up its role: it does nothing more by itself, and connections stay in the nodes.
   void end() noexcept;
 
   [[nodiscard]] const SdoConnections& connections() const noexcept { return connections_; }
-  /// It did not answer `recover`, and was not read since: what channels it has is not known.
+  /// It did not answer `recover`, and was not read since: its channels are unknown.
   [[nodiscard]] bool unread(NodeId node) const noexcept { return unread_.test(node.value()); }
-  /// Called when a connection came or went.
+  /// Called when a connection was added or removed.
   void on_change(std::function<void()> callback) { changed_ = std::move(callback); }
 
  private:

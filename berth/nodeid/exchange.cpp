@@ -43,7 +43,7 @@ void Exchange::stay_open(rt::Time until) noexcept {
   executor().at(closes_, *this);
 }
 
-// The one timer: the wait for the confirmation, then the window.
+// The only timer: for the confirmation, then for the window.
 void Exchange::run() noexcept {
   if (!open_) return executor().now() < limit_ ? send() : fail_with(can::no_acknowledge);
   end();

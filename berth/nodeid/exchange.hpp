@@ -1,7 +1,7 @@
-/// One request and the window in which its answers come: what the masters of AND and of the RAND walk are made of.
+/// One request and the window for its answers: used by the AND master and the RAND walk.
 ///
-/// The window begins at the request's `sent`. Every answer of these protocols outranks the next request, so what is
-/// heard before that belongs to the request before.
+/// The window begins at the request's `sent`. Every answer of these protocols has a higher priority than the next
+/// request, so frames heard before that belong to the previous request.
 #pragma once
 
 #include "berth/base/result.hpp"
@@ -12,21 +12,21 @@ namespace berth::nodeid {
 
 /// How long a window stays open.
 struct WindowTimes {
-  rt::Duration first{0};       ///< closes when nothing came for so long; 0: no window, done when sent
-  rt::Duration after_last{0};  ///< after an answer: closes when nothing more came for so long; 0: stays till `first`
-  rt::Duration least{0};       ///< an answer does not close it before so long after the request
-  rt::Duration most{0};        ///< never longer than this; 0: no bound
-  rt::Duration send_timeout = std::chrono::seconds(1);  ///< not on the wire by then: `Errc::bus`
+  rt::Duration first{0};       ///< closes after this time without an answer; 0: no window, done when sent
+  rt::Duration after_last{0};  ///< closes this time after the last answer; 0: stays open until `first`
+  rt::Duration least{0};       ///< answers do not close it earlier than this after the request
+  rt::Duration most{0};        ///< closes after this time at the latest; 0: no limit
+  rt::Duration send_timeout = std::chrono::seconds(1);  ///< if not sent by then: `Errc::bus`
 };
 
 class Exchanges;
 
-/// Made by `Exchanges::request`; destroying it ends it.
+/// Made by `Exchanges::request`; its destruction ends it.
 class Exchange final : public rt::Operation<Exchange>, private rt::Job, private can::Confirmation {
  public:
   ~Exchange();
   bool start() noexcept;
-  /// When the request was on the wire; `bus` when it could not be sent.
+  /// When the request was sent; `bus` if it could not be sent.
   Result<rt::Time> await_resume() noexcept { return outcome_; }
 
  private:
@@ -56,13 +56,13 @@ class Exchanges {
   [[nodiscard]] Exchange request(const can::Frame& frame, const WindowTimes& times) noexcept {
     return {*this, frame, times};
   }
-  /// A request is on the wire and its window open.
+  /// A request was sent and its window is open.
   [[nodiscard]] bool open() const noexcept { return current_ != nullptr && current_->open_; }
   /// An answer came at `at`: the window now waits `after_last`.
   void heard(rt::Time at) noexcept;
-  /// An answer to an earlier request came at `at`: those to this one waited for the bus after it.
+  /// An answer to an earlier request came at `at`: the answers to this one waited for the bus behind it.
   void delayed(rt::Time at) noexcept;
-  /// All that was asked for is here: the window closes now.
+  /// All expected answers are here: the window closes now.
   void close() noexcept;
   /// When the last window was opened: its request's `sent`.
   [[nodiscard]] rt::Time opened() const noexcept { return opened_; }

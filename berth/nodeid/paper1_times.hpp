@@ -1,5 +1,5 @@
-/// The formulas of paper 1 §IV, (1) to (9), with its frame lengths as parameters (S1.39 to S1.47): for the table
-/// "published, by the formula, simulated" of the bench. Where a formula is misprinted, both readings stand here.
+/// The formulas (1) to (9) of paper 1 §IV, with its frame lengths as parameters (S1.39 to S1.47): for the bench's
+/// table "published, by the formula, simulated". For a misprinted formula, both readings are given.
 #pragma once
 
 #include "berth/rt/executor.hpp"
@@ -28,7 +28,7 @@ inline constexpr FrameBits bound{.guard = 55,
                                  .select_answer = 135,
                                  .configure = 135,
                                  .configure_answer = 135};
-/// The AND protocol as the paper must have counted it to reach 16.09 s (S1.44): every frame 135 bits.
+/// The AND protocol as the paper must have counted it to get 16.09 s (S1.44): every frame 135 bits.
 inline constexpr FrameBits and_published{.iurs = 135, .ius = 135, .dirs = 135, .dis = 135};
 
 /// The paper's conditions: 30 slaves, 50 kbit/s, 4 ms slave response, 1 ms master processing, 40 ms collect.
@@ -54,7 +54,7 @@ inline constexpr unsigned and_phases = 12;
 [[nodiscard]] constexpr rt::Duration t_detect_all(const FrameBits& f, const Conditions& c) noexcept {
   return c.slaves * (time_of(f.guard, c) + time_of(f.guard_answer, c)) + c.t_resp;
 }
-/// (3) The least collect window for so many distinct answers; the paper's "8 + 1" is `answers` 8.
+/// (3) The shortest collect window for so many distinct answers; the paper's "8 + 1" is `answers` 8.
 [[nodiscard]] constexpr rt::Duration t_collect_least(const FrameBits& f, const Conditions& c,
                                                      unsigned answers = 8) noexcept {
   return c.t_resp + (answers + 1) * time_of(f.ius, c);

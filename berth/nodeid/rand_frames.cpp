@@ -11,7 +11,7 @@ constexpr std::uint8_t cs_rand_identify = 0x80;
 constexpr std::uint8_t cs_rand_global = 0x81;
 constexpr std::uint8_t cs_rand_selective = 0x82;  // and the next three
 constexpr std::uint8_t cs_rand_resume = 0x86;
-// Byte 1 of a selective frame: 0 is the paper's service, so that a plain frame does what the paper says.
+// Byte 1 of a selective frame: 0 is the paper's service, so that a plain frame works as in the paper.
 constexpr std::uint8_t to_identified = 0;
 constexpr std::uint8_t to_unknown = 1;
 

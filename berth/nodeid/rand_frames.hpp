@@ -1,5 +1,5 @@
 /// The frames of RAND, the revision of the automatic node discovery protocol (paper 1 §II; S1.11 to S1.16, S1.23).
-/// docs/rand.md holds the whole wire format and why the open places were filled as they are.
+/// docs/rand.md has the whole wire format and the reasons for filling its gaps.
 ///
 /// All are extended data frames. Masks and values are big-endian, as the paper prints them (`80 08 00 05`).
 ///
@@ -24,15 +24,15 @@ namespace berth::nodeid {
 inline constexpr std::uint32_t rand_request_id = 0x1F94'0000;  ///< 2021 (11 bit) || 0 (16 bit) || 0 (2 bit)
 inline constexpr std::uint32_t ius_id = 0x1F50'0000;           ///< 2004 || chunk || 0
 inline constexpr std::uint32_t dis_id = 0x1F90'0000;           ///< 2020 || chunk || 0
-inline constexpr unsigned direct_phase = 8;                    ///< DIRS stands as phase 8 of IURS
+inline constexpr unsigned direct_phase = 8;                    ///< DIRS counts as phase 8 of IURS
 
-/// What a slave must hear, and a master.
+/// The identifiers that a slave receives, and a master.
 inline constexpr can::IdRange rand_requests = can::only(can::extended_flag | rand_request_id);
 inline constexpr can::IdRange ius_answers{can::extended_flag | ius_id, can::extended_flag | ius_id | 0x3'FFFFU};
 inline constexpr can::IdRange dis_answers{can::extended_flag | dis_id, can::extended_flag | dis_id | 0x3'FFFFU};
 
-/// Whether the master knows a slave (S1.17). `selected`: has matched every phase so far. The values of the first two
-/// are those of the switch identification state frames.
+/// Whether the master knows a slave (S1.17). `selected`: matched every phase so far. The first two values are those in
+/// the switch identification state frames.
 enum class Identification : std::uint8_t { unknown = 0, identified = 1, selected = 2 };
 [[nodiscard]] const char* name(Identification state) noexcept;
 
@@ -43,17 +43,17 @@ enum class Identification : std::uint8_t { unknown = 0, identified = 1, selected
 [[nodiscard]] can::Frame dis(std::uint16_t chunk) noexcept;
 /// `state`: unknown or identified.
 [[nodiscard]] can::Frame switch_identification_global(Identification state) noexcept;
-/// Frame 0..3 of 4. `target`: identified (the paper's service) or unknown (ours: look for this one again).
+/// Frame 0..3 of 4. `target`: identified (the paper's service) or unknown (ours: search for this device again).
 [[nodiscard]] can::Frame switch_identification_selective(const LssAddress& address, unsigned part,
                                                          Identification target = Identification::identified) noexcept;
 
-/// Extension: asks those whose chunks 0..phase-1 are the address's, whatever was asked before. Phase 0..7 is answered
-/// as IURS, 8 as DIRS. The last chunk is sent as it is, those before it as their CRC-32.
+/// Extension: asks devices whose chunks 0..phase-1 equal the address's, regardless of earlier requests. Phase 0..7 is
+/// answered like IURS, 8 like DIRS. The last chunk is sent as it is, the earlier ones as their CRC-32.
 [[nodiscard]] can::Frame resume_request(unsigned phase, const LssAddress& address) noexcept;
 /// CRC-32 (IEEE 802.3) of the first `chunks` chunks, big-endian; 0 chunks: 0.
 [[nodiscard]] std::uint32_t prefix_check(const LssAddress& address, unsigned chunks) noexcept;
 
-/// A request as a slave reads it.
+/// A decoded request, for the slave.
 struct RandRequest {
   enum class Kind : std::uint8_t { identify, direct, switch_global, switch_selective, resume };
   Kind kind = Kind::identify;
@@ -63,11 +63,11 @@ struct RandRequest {
   std::uint8_t part = 0;                            ///< switch_selective: 0..3
   std::uint32_t value = 0;                          ///< switch_selective; resume: the prefix's check
 };
-/// IURS, DIRS and switch global with DLC 4, or DLC 8 with reserved bytes of 0 (the paper says both; S1.13); selective
-/// and resume with DLC 8. Anything else is no request: empty.
+/// Accepted: IURS, DIRS and switch global with DLC 4, or DLC 8 with reserved bytes of 0 (the paper says both; S1.13);
+/// selective and resume with DLC 8. Else empty.
 [[nodiscard]] std::optional<RandRequest> decode_rand_request(const can::Frame& frame) noexcept;
 
-/// An answer as the master reads it.
+/// A decoded answer, for the master.
 struct RandAnswer {
   bool direct = false;  ///< DIS
   std::uint16_t chunk = 0;

@@ -46,7 +46,7 @@ void Collect::heard(rt::Time at) noexcept {
   if (waits_.most.count() > 0) executor().at(std::min(at + waits_.window, limit_), *this);
 }
 
-// The one timer: the wait for the confirmation, then the window.
+// The only timer: for the confirmation, then for the window.
 void Collect::run() noexcept {
   if (!listening_) return executor().now() < limit_ ? send() : fail_with(can::no_acknowledge);
   end();
@@ -85,7 +85,7 @@ struct RandMaster::Run {
   PhaseEvent::Kind kind = PhaseEvent::Kind::identify;
   unsigned streak = 0;  // restarts since the last device was found
   DiscoveryReport report{};
-  Discovered last{};  // what the procedure found
+  Discovered last{};  // the result of the procedure
 
   [[nodiscard]] Collect::Waits waits(bool direct) const noexcept {
     const unsigned factor = options.widen ? 1U << std::min(streak, 4U) : 1U;
@@ -110,7 +110,7 @@ struct RandMaster::Lease {
 };
 
 namespace {
-constexpr std::size_t most_heard = 256;  // distinct chunks kept of one window: the lowest
+constexpr std::size_t most_heard = 256;  // the lowest distinct chunks of one window that are kept
 constexpr const char* rand_busy = "another RAND procedure is under way";
 }  // namespace
 
@@ -121,7 +121,7 @@ RandMaster::RandMaster(can::Dispatcher& dispatcher) : dispatcher_(&dispatcher) {
 }
 
 void RandMaster::received(const can::Frame& frame, rt::Time at) noexcept {
-  if (current_ == nullptr || !current_->listening_) return;  // before `sent`: belongs to the request before
+  if (current_ == nullptr || !current_->listening_) return;  // before `sent`: belongs to the previous request
   const auto answer = decode_rand_answer(frame);
   if (!answer || answer->direct != direct_) return;
   note(answer->chunk, at);
@@ -238,7 +238,8 @@ rt::Task<Result<RandMaster::Outcome>> RandMaster::procedure(Run& run) {
   if (run.last.dis_frames > 0) co_return Outcome::found;
   if (silent_phase == 0) co_return Outcome::nobody;
   if (silent_phase == direct_phase) {
-    // It may have answered too late or unheard and think that it is identified: then no master would ever find it.
+    // It may have answered too late or unheard, and consider itself identified: without this no master would ever find
+    // it.
     const auto told = co_await tell(run, run.last.address, Identification::unknown);
     if (!told) co_return fail(told.error());
   }
@@ -246,7 +247,7 @@ rt::Task<Result<RandMaster::Outcome>> RandMaster::procedure(Run& run) {
   co_return Outcome::silent;
 }
 
-// Looks a second time at one address: true when DIRS is answered twice again (S1.22).
+// Asks one address a second time: true if DIS comes twice again (S1.22).
 rt::Task<Result<bool>> RandMaster::asked_again(Run& run, LssAddress address) {
   const auto woken = co_await tell(run, address, Identification::unknown);
   if (!woken) co_return fail(woken.error());

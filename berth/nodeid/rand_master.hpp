@@ -1,8 +1,8 @@
 /// The RAND master: finds every device in state unknown, lowest LSS address first (paper 1 §II, §III; S1.18 to S1.24).
 ///
-/// One procedure finds one device: phase 0 asks all that are unknown, phases 1..7 ask those whose chunks so far are the
-/// lowest that answered, DIRS asks the one that is left to become identified. Procedures repeat until no slave answers
-/// phase 0. For N devices without trouble: 9 N + 1 requests.
+/// One procedure finds one device: phase 0 asks all unknown devices; phases 1..7 ask those whose chunks so far are the
+/// lowest answered; DIRS makes the remaining one identified. Procedures repeat until no slave answers phase 0. For N
+/// devices without trouble: 9 N + 1 requests.
 ///
 ///     DiscoveryOptions options;                       // must outlive the task
 ///     auto report = co_await master.discover(options);
@@ -22,8 +22,8 @@ namespace berth::nodeid {
 /// How the master waits after each request. All times from the request's `sent` confirmation.
 struct DiscoveryOptions {
   enum class Window : std::uint8_t {
-    fixed,  ///< `collect`, whatever comes (the paper's way)
-    quiet,  ///< until nothing was heard for `t_resp`, at most `most` (S1.41: the number of answers is not known before)
+    fixed,  ///< `collect`, regardless of answers (the paper's way)
+    quiet,  ///< until `t_resp` of silence, at most `most` (S1.41: the number of answers is not known before)
   };
   Window window = Window::quiet;
   rt::Duration collect = std::chrono::milliseconds(40);  ///< fixed window
@@ -35,45 +35,45 @@ struct DiscoveryOptions {
   rt::Duration t_proc{0};        ///< the paper's T_proc: from the end of a window to the next request
   rt::Duration inhibit{0};       ///< after each frame of switch identification state selective
   unsigned retries = 4;          ///< restarts at phase 0 in a row without finding a device (S1.20)
-  bool widen = true;             ///< each restart in a row doubles the window (up to 16 times): late answerers
-  bool confirm_clones = true;    ///< a device that answered DIRS twice is asked again before it is called a clone
-  unsigned most_devices = 1000;  ///< stop after so many
+  bool widen = true;             ///< each restart in a row doubles the window (up to 16 times), for late answers
+  bool confirm_clones = true;    ///< a device that answered DIRS twice is asked again before it is reported as a clone
+  unsigned most_devices = 1000;  ///< stop after this number
   rt::Duration send_timeout = std::chrono::seconds(1);  ///< a request not acknowledged by then: `Errc::bus`
 };
 
 /// A device that is found so often in one discovery cannot be silenced: the discovery ends.
 inline constexpr unsigned most_times_found = 4;
 
-/// A chunk that was heard in one window.
+/// A chunk heard in one window.
 struct Heard {
   std::uint16_t chunk = 0;
-  std::uint16_t times = 0;  ///< frames; equal frames may also have fallen into one on the bus (S1.19)
+  std::uint16_t times = 0;  ///< frames; equal frames may have merged into one on the bus (S1.19)
   rt::Time first{};
 };
 
-/// One request and what came of it, for live displays and traces.
+/// One request and its result, for live displays and traces.
 struct PhaseEvent {
   enum class Kind : std::uint8_t { identify, direct, confirm, any_unknown };
-  Kind kind = Kind::identify;  ///< `confirm`: the second look at a possible clone
+  Kind kind = Kind::identify;  ///< `confirm`: the second question to a possible clone
   unsigned phase = 0;          ///< 0..7, 8 = DIRS
   std::uint16_t mask = 0;
   rt::Time sent{};
   rt::Time ended{};
   const std::vector<Heard>& heard;  ///< distinct chunks in ascending order; valid during the call
-  bool answered = false;            ///< DIRS: the asked chunk was among them
+  bool answered = false;            ///< DIRS: the requested chunk was among them
   std::uint16_t chosen = 0;         ///< the lowest, when answered
 };
 
-/// One device that was found.
+/// A found device.
 struct Discovered {
   LssAddress address{};
   rt::Time at{};                            ///< its DIS
   unsigned dis_frames = 0;                  ///< DIS heard in the window
-  unsigned times_found = 1;                 ///< 2 and more: it came back to unknown (a reset), or there are two of them
+  unsigned times_found = 1;                 ///< 2 or more: it returned to unknown (a reset), or there are two of them
   std::array<std::uint16_t, 8> distinct{};  ///< distinct chunks per phase 0..7 of the procedure that found it
-  /// Two devices seem to have this address: DIRS was answered twice, or the address was found twice, and asked again,
-  /// DIRS was answered twice again (S1.22). Clones whose DIS always fall into one frame on the bus are not seen here.
-  /// Without `confirm_clones` the first sign is enough.
+  /// Two devices seem to have this address: DIRS was answered twice, or the address was found twice; and when asked
+  /// again, DIRS was answered twice again (S1.22). Clones whose DIS always merge into one frame on the bus are not
+  /// detected. Without `confirm_clones` the first sign is enough.
   bool possible_clone = false;
 };
 
@@ -81,35 +81,35 @@ struct DiscoveryReport {
   enum class End : std::uint8_t {
     complete,  ///< phase 0 stayed unanswered
     gave_up,   ///< `retries` restarts in a row: a slave answers phase 0 and cannot be identified
-    stuck,     ///< one address came again and again although it was told that it is identified
+    stuck,     ///< one address was found repeatedly although its device was switched to identified
     limit,     ///< `most_devices`
-    stopped,   ///< the observer said so; called again, it finds the others
+    stopped,   ///< by the observer; the next call finds the others
   };
   End end = End::complete;
   std::vector<Discovered> found{};  ///< in the order of finding: ascending unless there were restarts or new arrivals
   unsigned requests = 0;            ///< IURS and DIRS sent
-  unsigned restarts = 0;            ///< procedures broken off by silence in a phase > 0 or at DIRS
+  unsigned restarts = 0;            ///< procedures interrupted by silence in a phase > 0 or at DIRS
   rt::Time began{};
   rt::Time ended{};
 };
 [[nodiscard]] const char* name(DiscoveryReport::End end) noexcept;
 
-/// Watches a discovery. Must not destroy it.
+/// Observes a discovery. Must not destroy it.
 class DiscoveryObserver {
  public:
   virtual void phase(const PhaseEvent& event) noexcept = 0;
-  /// Called again when the device is found again or turns out to be a possible clone.
+  /// Called again if the device is found again or turns out to be a possible clone.
   virtual void found(const Discovered& device) noexcept = 0;
-  /// Silence in `phase` (8 = DIRS): starting anew at phase 0.
+  /// Silence in `phase` (8 = DIRS): restarts at phase 0.
   virtual void restarted(unsigned phase, rt::Time at) noexcept = 0;
-  /// Asked after each device. False: the discovery ends, `stopped`.
+  /// Called after each device. False: the discovery ends as `stopped`.
   virtual bool goes_on() noexcept { return true; }
 
  protected:
   ~DiscoveryObserver() = default;
 };
 
-/// What a probe heard.
+/// The result of a probe.
 struct UnknownReport {
   bool anybody = false;        ///< at least one device in state unknown (or selected)
   std::vector<Heard> heard{};  ///< their chunk(0), ascending
@@ -117,12 +117,12 @@ struct UnknownReport {
 
 class RandMaster;
 
-/// One request and its window. Made by `RandMaster`; destroying it ends it.
+/// One request and its window. Made by `RandMaster`; its destruction ends it.
 class Collect final : public rt::Operation<Collect>, private rt::Job, private can::Confirmation {
  public:
   ~Collect();
   bool start() noexcept;
-  /// When the request was sent. What was heard is the master's.
+  /// When the request was sent. The master keeps the answers.
   Result<rt::Time> await_resume() noexcept { return outcome_; }
 
  private:
@@ -151,8 +151,8 @@ class Collect final : public rt::Operation<Collect>, private rt::Job, private ca
   Result<rt::Time> outcome_{};
 };
 
-/// One procedure at a time: a second one while one is under way gives `invalid`. Must outlive its tasks; options and
-/// observer are used until the task ends. Never beside a Fastscan with feedback on one bus: the identifiers of DIS and
+/// One procedure at a time: a second one meanwhile gives `invalid`. Must outlive its tasks; options and observer are
+/// used until the task ends. Must not run beside a Fastscan with feedback on one bus: the identifiers of DIS and
 /// feedback overlap (S1.24).
 class RandMaster final : private can::Handler {
  public:
@@ -160,17 +160,16 @@ class RandMaster final : private can::Handler {
 
   /// All slaves to `unknown` or `identified`. Done when sent.
   [[nodiscard]] rt::Task<Result<void>> switch_global(Identification state);
-  /// The device with this address to `identified` (S1.31 step 3) or back to `unknown`. Four frames, no answer; done
-  /// when the last is sent. `inhibit`: pause after each frame, for devices with a single-slot receive buffer.
+  /// Switches the device with this address to `identified` (S1.31 step 3) or back to `unknown`. Four frames, no answer;
+  /// done when the last is sent. `inhibit`: pause after each frame, for devices with a single receive buffer.
   [[nodiscard]] rt::Task<Result<void>> switch_selective(LssAddress address,
                                                         Identification target = Identification::identified,
                                                         rt::Duration inhibit = rt::Duration{0});
-  /// Finds all unknown devices. Errors: `bus` when a request cannot be sent; `invalid` when something else is under
-  /// way.
+  /// Finds all unknown devices. Errors: `bus` a request cannot be sent; `invalid` another procedure is under way.
   [[nodiscard]] rt::Task<Result<DiscoveryReport>> discover(const DiscoveryOptions& options,
                                                            DiscoveryObserver* observer = nullptr);
-  /// One IURS of phase 0: is an unknown slave there? For polling while the machine runs. A slave that answered is
-  /// `selected` afterwards and answers the next phase 0 again.
+  /// One IURS of phase 0: whether an unknown slave is there. For polling while the machine runs. A slave that answered
+  /// is then `selected`, and answers the next phase 0 again.
   [[nodiscard]] rt::Task<Result<UnknownReport>> any_unknown(const DiscoveryOptions& options,
                                                             DiscoveryObserver* observer = nullptr);
 
@@ -191,7 +190,7 @@ class RandMaster final : private can::Handler {
   can::Dispatcher* dispatcher_;
   Collect* current_ = nullptr;
   bool busy_ = false;
-  bool direct_ = false;       // the window is that of a DIRS
+  bool direct_ = false;       // the window belongs to a DIRS
   std::vector<Heard> heard_;  // of the last window, ascending
 };
 

@@ -45,8 +45,7 @@ std::optional<can::Frame> RandSlave::identify(unsigned phase, std::uint16_t mask
   return ius(options_.address.chunk(phase));
 }
 
-// Stands by itself: what was asked before does not matter, so a request that was lost cannot make the slave answer for
-// another's prefix.
+// Independent of earlier requests, so that after a lost request the slave cannot answer for another prefix.
 std::optional<can::Frame> RandSlave::resume(const RandRequest& request) noexcept {
   if (!options_.resume || state_ == Identification::identified) return std::nullopt;
   if (request.phase > 0) {

@@ -25,26 +25,26 @@ namespace berth::nodeid {
 
 struct RandSlaveOptions {
   LssAddress address{};
-  /// The paper's letter: RAND only in LSS configuration state (S1.31). Default: in waiting too, so that running devices
-  /// need not be put into configuration.
+  /// As in the paper: RAND only in LSS configuration state (S1.31). Default: in waiting too, so that running devices
+  /// need not enter configuration.
   bool literal = false;
-  bool resume = false;  ///< has the extension
+  bool resume = false;  ///< supports the extension
 };
 
 class RandSlave {
  public:
   explicit RandSlave(const RandSlaveOptions& options) noexcept : options_(options) {}
 
-  /// One frame of `rand_requests`; others are ignored. `in_lss_configuration`: the device's LSS state now. The answer,
-  /// if there is one; the device sends it at once or after its response latency.
+  /// Handles one frame of `rand_requests`; others are ignored. `in_lss_configuration`: the device's present LSS state.
+  /// Returns the answer, if any; the device sends it at once or after its response latency.
   std::optional<can::Frame> handle(const can::Frame& frame, bool in_lss_configuration) noexcept;
 
-  /// Power-on: unknown. (What a reset does not touch: reset communication keeps the state; S1.31 step 2 exists because
-  /// devices may still be identified.)
+  /// Power-on: unknown. (Reset communication keeps the state; S1.31 step 2 is needed because devices may still be
+  /// identified.)
   void power_on() noexcept;
 
   [[nodiscard]] Identification state() const noexcept { return state_; }
-  /// The phase that would be answered next, 1..8, while selected; 0 otherwise.
+  /// The next phase it would answer, 1..8, while selected; 0 otherwise.
   [[nodiscard]] unsigned next_phase() const noexcept { return state_ == Identification::selected ? next_ : 0U; }
   [[nodiscard]] const LssAddress& address() const noexcept { return options_.address; }
 
@@ -56,7 +56,7 @@ class RandSlave {
   RandSlaveOptions options_;
   Identification state_ = Identification::unknown;
   Identification target_ = Identification::identified;
-  std::uint8_t next_ = 0;     // phase that selected waits for
+  std::uint8_t next_ = 0;     // phase expected while selected
   std::uint8_t matched_ = 0;  // switch selective frames that matched in order
 };
 

@@ -10,8 +10,8 @@ namespace {
 
 constexpr std::size_t most_chunks = 1024;  // distinct chunks kept of one window
 constexpr std::size_t most_nodes = 20'000;
-constexpr std::size_t most_roots = 3;  // so many requests may stay unanswered when no slave resumes
-constexpr unsigned enough_heard = 12;  // answers heard before a window is cut short by what was learnt
+constexpr std::size_t most_roots = 3;  // unanswered requests allowed if no slave resumes
+constexpr unsigned enough_heard = 12;  // answers needed before learnt times shorten a window
 constexpr const char* walk_busy = "another walk is under way";
 
 }  // namespace
@@ -67,8 +67,8 @@ void RandWalk::note(std::uint16_t chunk, rt::Time at) noexcept {
   }
 }
 
-// How late an answer may still come: an answer that waited for others' counts as late as it came, so that many answers
-// make this longer and never shorter.
+// How late an answer may still come. An answer that waited for others counts as late as it came, so many answers make
+// this longer and never shorter.
 rt::Duration RandWalk::response(const WalkOptions& o) const noexcept {
   if (answers_ < enough_heard) return o.longest;
   return std::clamp(slowest_ + slowest_ / 2, std::min(o.shortest, o.longest), o.longest);
@@ -76,7 +76,7 @@ rt::Duration RandWalk::response(const WalkOptions& o) const noexcept {
 
 // ---- one request ----------------------------------------------------------------------------------------------------
 
-// True when a slave answered. What was late for the request before is in `late_` then, until the next call.
+// True: a slave answered. Late answers to the previous request are then in `late_`, until the next call.
 rt::Task<Result<bool>> RandWalk::ask(Run& run, const can::Frame& frame, Wait wait) {
   const auto& o = run.options;
   const auto inhibit = o.inhibit;
@@ -113,7 +113,7 @@ rt::Task<Result<void>> RandWalk::tell(Run& run, LssAddress address, Identificati
 
 // ---- resuming slaves ------------------------------------------------------------------------------------------------
 
-// Walks what resuming slaves there are. How many addresses it heard.
+// Walks all resuming slaves. Returns the number of addresses heard.
 rt::Task<Result<unsigned>> RandWalk::resuming(Run& run) {
   std::vector<Prefix> roots;
   if (run.guess) {
@@ -136,7 +136,7 @@ rt::Task<Result<unsigned>> RandWalk::resuming(Run& run) {
   co_return count;
 }
 
-// Depth first, one request a node.
+// Depth first, one request per node.
 rt::Task<Result<void>> RandWalk::subtree(Run& run, const Prefix& root) {
   std::vector<Prefix> todo{root};
   const auto enter = [&](const Prefix& node, std::uint16_t chunk, rt::Time at, unsigned times) {
@@ -147,7 +147,7 @@ rt::Task<Result<void>> RandWalk::subtree(Run& run, const Prefix& root) {
       todo.back().chunks[todo.back().depth++] = chunk;
     }
   };
-  std::vector<std::uint16_t> before;  // what the last window heard
+  std::vector<std::uint16_t> before;  // heard in the last window
   Prefix last = root;
   late_.clear();
   while (!todo.empty() && run.entries.size() < run.options.most_devices && !run.stops()) {
@@ -158,7 +158,7 @@ rt::Task<Result<void>> RandWalk::subtree(Run& run, const Prefix& root) {
     const auto answered = co_await ask(run, frame, wait);
     if (!answered) co_return fail(answered.error());
     if (!*answered && node.depth > root.depth) ++run.report.dead_branches;
-    for (const auto chunk : std::exchange(late_, {})) {  // heard before this request was on the wire
+    for (const auto chunk : std::exchange(late_, {})) {  // heard before this request was sent
       if (std::ranges::find(before, chunk) == before.end()) enter(last, chunk, now(), 1);
     }
     for (auto it = heard_.rbegin(); it != heard_.rend(); ++it) enter(node, it->chunk, it->at, it->times);
@@ -202,13 +202,13 @@ rt::Task<Result<void>> RandWalk::paper(Run& run, const std::vector<std::uint16_t
   co_return Result<void>{};
 }
 
-// From phase 0 to one leaf: the lowest chunk that is open at each node. `root_heard`: phase 0 was answered just now.
+// From phase 0 to one leaf: by the lowest open chunk at each node. `root_heard`: phase 0 was just answered.
 rt::Task<Result<void>> RandWalk::descend(Run& run, bool root_heard) {
   using State = Node::State;
   Prefix p;
   Prefix parent;
   bool hurried = false;
-  bool parent_new = false;  // what its window heard is all that is known of it
+  bool parent_new = false;  // only known from its parent's window
   late_.clear();
   for (unsigned phase = root_heard ? 1 : 0; phase < 8; ++phase) {
     if (run.stops()) break;
@@ -226,7 +226,7 @@ rt::Task<Result<void>> RandWalk::descend(Run& run, bool root_heard) {
       if (now() < fence) co_await rt::sleep_until(fence);
     }
     const auto frame = iurs(phase, phase == 0 ? std::uint16_t{0} : p.chunks[phase - 1]);
-    // Through what was walked before without a pause: the answers are known.
+    // Through parts walked before, without a pause: the answers are known.
     const bool hurry = run.hurry && early && was == State::visited;
     hurried |= hurry;
     const Wait wait{.first = hurry ? rt::Duration{0} : run.longest(), .early = early};
@@ -263,9 +263,9 @@ rt::Task<Result<void>> RandWalk::descend(Run& run, bool root_heard) {
   co_return Result<void>{};
 }
 
-// Phase 7 and DIRS at once: DIS proves the whole address, so that no window is needed. Any other slave under this
-// prefix is unknown afterwards and answers the closing phase 0. A wrong guess costs this way once, and none is made
-// after two.
+// Phase 7 and DIRS at once: DIS proves the whole address, so no window is needed. Any other slave under this prefix is
+// then unknown and answers the closing phase 0. A wrong guess costs this way once; after two wrong guesses none is
+// made.
 rt::Task<Result<void>> RandWalk::try_serial(Run& run, const Prefix& prefix, std::uint16_t chunk) {
   const auto last = iurs(7, prefix.chunks[6]);
   const Wait none{};
@@ -280,7 +280,7 @@ rt::Task<Result<void>> RandWalk::try_serial(Run& run, const Prefix& prefix, std:
   late_.clear();
   if (!is_heard(chunk)) {
     run.wrong_step();
-    // Its DIS may have been late: identified and not known, no master would ever find it.
+    // Its DIS may have been late: it would be identified but unknown to the master, and never found.
     const auto address = run.address_under(prefix, chunk);
     const auto told = co_await tell(run, address, Identification::unknown);
     co_return told;
@@ -293,8 +293,8 @@ rt::Task<Result<void>> RandWalk::try_serial(Run& run, const Prefix& prefix, std:
   co_return Result<void>{};
 }
 
-// What is known of the answers under this prefix goes to `expected_`. True when the request after this one is for a
-// prefix that is known too: then no answer that is left over can be mistaken, and the window closes early.
+// Puts the known answers under this prefix into `expected_`. True: the next request is for a known prefix, too: then no
+// late answer can be mistaken, and the window closes early.
 bool RandWalk::expect(Run& run, const Prefix& prefix) {
   const auto& node = run.tree[prefix];
   expected_.clear();
@@ -320,11 +320,10 @@ rt::Task<Result<void>> RandWalk::leaf(Run& run, const Prefix& prefix) {
     entry.doubtful |= run.options.prove_all || run.may_be_stray(prefix, h.chunk);
     if (!asked || (entry.doubtful && !run.find(*asked)->doubtful)) asked = entry.device.address;
   }
-  // A DIS after this way proves what was heard of it since the slave joined it: one that was deaf may have joined
-  // late, when an answer of its own came late too. What is to be proven goes its whole way once more (`settle`).
+  // A DIS after this way only proves what was heard since the slave joined it: a deaf slave may have joined late, when
+  // an answer of its own came late too. Addresses to be proven are led once more through the whole way (`settle`).
   if (run.options.prove_all) co_return Result<void>{};
-  // One of them can be asked directly at once; all others are thrown back to unknown by it, where they have to go
-  // anyway.
+  // One of them can be asked directly at once; this returns all others to unknown, which they have to become anyway.
   const LssAddress address = *asked;
   const auto frame = dirs(address.chunk(7));
   const Wait wait{.first = run.longest(), .direct = true, .early = true};
@@ -358,7 +357,7 @@ rt::Task<Result<bool>> RandWalk::lead(Run& run, LssAddress address) {
 
 // ---- both -----------------------------------------------------------------------------------------------------------
 
-// Asks one address directly: a slave that has it is identified then. `whole_window`: waits for a second DIS.
+// Asks one address directly: its slave is then identified. `whole_window`: waits for a second DIS.
 rt::Task<Result<RandWalk::Proof>> RandWalk::prove(Run& run, LssAddress address, bool resumes, bool whole_window) {
   if (!resumes) {
     const auto led = co_await lead(run, address);
@@ -378,7 +377,7 @@ rt::Task<Result<RandWalk::Proof>> RandWalk::prove(Run& run, LssAddress address, 
   co_return place->times > 1 ? Proof::twice : Proof::once;
 }
 
-// What this round heard: proven or dropped, and silenced.
+// The addresses heard in this round: proven or dropped, and silenced.
 rt::Task<Result<void>> RandWalk::settle(Run& run) {
   for (std::size_t i = 0; i < run.entries.size(); ++i) {
     if (!run.entries[i].now) continue;
@@ -399,7 +398,7 @@ rt::Task<Result<void>> RandWalk::settle(Run& run) {
       continue;
     }
     ++run.silent;
-    // No slave, or its DIS was lost: then it would never answer again.
+    // No slave, or its DIS was lost: without this it would never answer again.
     const auto told = co_await tell(run, address, Identification::unknown);
     if (!told) co_return fail(told.error());
   }
@@ -412,8 +411,8 @@ rt::Task<Result<void>> RandWalk::settle(Run& run) {
   co_return Result<void>{};
 }
 
-// DIS that came when its window was over, and addresses that were heard twice: two devices, or a frame that CAN
-// delivered twice? Asked again, with the whole window.
+// DIS after the end of their window, and addresses heard twice: two devices, or a frame that CAN delivered twice? They
+// are asked again, with the whole window.
 rt::Task<Result<void>> RandWalk::clones(Run& run) {
   for (std::size_t i = 0; i < run.entries.size(); ++i) {
     const auto address = run.entries[i].device.address;
@@ -445,7 +444,7 @@ rt::Task<Result<bool>> RandWalk::closing(Run& run) {
   co_return co_await ask(run, frame, wait);
 }
 
-// One way through all that answer. False: phase 0 stayed unanswered.
+// One way through all slaves that answer. False: phase 0 stayed unanswered.
 rt::Task<Result<bool>> RandWalk::look(Run& run) {
   const auto anybody = co_await closing(run);
   if (!anybody) co_return fail(anybody.error());
@@ -476,7 +475,7 @@ rt::Task<Result<WalkReport>> RandWalk::discover(std::span<const WalkKind> kinds,
   extra_dis_.clear();
   slowest_ = {};
   answers_ = 0;
-  // Resuming slaves answer the closing phase 0 too: they are asked first while there are any.
+  // Resuming slaves answer the closing phase 0 too: they are asked first, if any.
   run.resume = options.resume;
   bool walked = false;
   if (run.resume) {

@@ -1,18 +1,17 @@
-/// The walk of the tree of chunks: Berth's own master for RAND slaves, made of the same requests as `RandMaster`.
+/// The walk through the tree of chunks: Berth's own master for RAND slaves, with the same requests as `RandMaster`.
 ///
-/// The published procedure asks nine times for each device and forgets what it heard. The walk keeps every chunk of
-/// every window: the addresses of all devices are a tree of eight levels, and an IUS of phase 7 under a full prefix is
-/// a whole address (docs/rand.md, "Walk"). Two kinds of slaves:
+/// The published procedure needs nine requests for each device and discards what it heard. The walk keeps every chunk
+/// of every window: the addresses of all devices form a tree of eight levels, and an IUS of phase 7 under a full prefix
+/// is a whole address (docs/rand.md, "Walk"). There are two kinds of slaves:
 ///
-/// - *Resuming* slaves (the extension of docs/rand.md, `RandSlaveOptions::resume`) are asked for any prefix in one
-///   request, so each node of the tree is visited once, and what is known of their types is skipped.
-/// - *Paper* slaves have to be led from phase 0 to each further branch. On the way through what is known a window
-///   closes at the chunk that was expected.
+/// - *Resuming* slaves (the extension of docs/rand.md, `RandSlaveOptions::resume`) can be asked for any prefix in one
+///   request. So each node of the tree is visited once, and known parts of their types are skipped.
+/// - *Paper* slaves have to be led from phase 0 to each further branch. On known parts of the way a window closes at
+///   the expected chunk.
 ///
-/// In the end every device that was found is `identified`, and phase 0 is asked until no slave answers, as the
-/// published procedure ends: so a slave that was missed (an answer too late, a frame lost, a device that joined) is
-/// found by another round. No address is reported that could be made of answers of two devices: see
-/// `WalkOptions::longest`.
+/// In the end every found device is `identified`, and phase 0 is asked until no slave answers, like at the end of the
+/// published procedure. So another round finds a missed slave (late answer, lost frame, new device). An address that
+/// could combine answers of two devices is not reported: see `WalkOptions::longest`.
 ///
 ///     WalkOptions options;                            // must outlive the task, as `kinds` must
 ///     auto report = co_await walk.discover(kinds, options);
@@ -28,69 +27,69 @@
 
 namespace berth::nodeid {
 
-/// A device type that may be there: its chunks need not be asked for. Being wrong costs time.
+/// A device type that may be present: its chunks need not be asked for. A wrong guess costs time.
 struct WalkKind {
   TypeCode type{};
-  std::optional<std::uint32_t> revision{};  ///< when it is known
+  std::optional<std::uint32_t> revision{};  ///< if known
 };
 
 struct WalkOptions {
-  /// No device answers later than this after a request is on the wire, frame and bus load included: the window of a
-  /// request that no device answers, and the least time from one request to a phase 7 whose answers must not be those
-  /// of the request before. An answer later than that costs time when it is alone; see `prove_all`.
+  /// The longest time from a sent request to any device's answer, frame and bus load included. It is the window of a
+  /// request that no device answers, and the shortest time from a request to a phase 7, whose answers must not be
+  /// confused with the previous ones. A later answer costs time if it is alone; see `prove_all`.
   rt::Duration longest = std::chrono::milliseconds(20);
-  /// A window closes so long after its last answer. 0: learnt from the gaps between answers that were heard, within
-  /// `shortest` and `longest`, plus `blocking`.
+  /// A window closes this time after its last answer. 0: learnt from the gaps between answers, within `shortest` and
+  /// `longest`, plus `blocking`.
   rt::Duration after_last{0};
   rt::Duration shortest = std::chrono::milliseconds(1);
-  rt::Duration blocking{0};  ///< the bus's worst blocking of an answer: added to what is learnt
-  rt::Duration most = std::chrono::milliseconds(500);  ///< no window is longer
-  rt::Duration inhibit{0};                             ///< least time between the end of a window and the next request
-  bool resume = true;      ///< ask for resuming slaves first; one unanswered request when there are none
-  bool prove_all = false;  ///< every paper slave's address is proven by DIRS and DIS: against forged answers
-  unsigned retries = 4;    ///< rounds in a row that find no new device while phase 0 is answered
+  rt::Duration blocking{0};  ///< the bus's worst blocking of an answer: added to the learnt time
+  rt::Duration most = std::chrono::milliseconds(500);  ///< longest window
+  rt::Duration inhibit{0};                             ///< shortest time from the end of a window to the next request
+  bool resume = true;      ///< ask for resuming slaves first; costs one unanswered request if there are none
+  bool prove_all = false;  ///< DIRS and DIS prove every paper slave's address: against forged answers
+  unsigned retries = 4;    ///< rounds in a row without a new device while phase 0 is answered
   unsigned most_devices = 1000;
   rt::Duration send_timeout = std::chrono::seconds(1);
 };
 
-/// One device that was found.
+/// A found device.
 struct Walked {
   LssAddress address{};
   rt::Time at{};             ///< its IUS of phase 7
-  bool resumes = false;      ///< has the extension
-  bool proven = false;       ///< has sent DIS
+  bool resumes = false;      ///< supports the extension
+  bool proven = false;       ///< it sent DIS
   unsigned times_found = 1;  ///< rounds in which it was heard
-  /// Two devices seem to have this address: answers came twice, and when asked again twice again.
+  /// Two devices seem to have this address: answers came twice, and twice again when asked again.
   bool possible_clone = false;
 };
 
 struct WalkReport {
   DiscoveryReport::End end = DiscoveryReport::End::complete;
-  std::vector<Walked> found{};  ///< in the order of finding: no order is promised (SX.2)
+  std::vector<Walked> found{};  ///< in the order of finding: no order is guaranteed (SX.2)
   unsigned requests = 0;        ///< IURS, resume requests and DIRS
   unsigned switches = 0;        ///< switch identification state frames
-  unsigned rounds = 0;          ///< closing phase 0s, the last of them unanswered
-  unsigned dead_branches = 0;   ///< prefixes that no slave answered for
-  unsigned dropped = 0;         ///< addresses that were heard once and could not be proven
+  unsigned rounds = 0;          ///< closing phase 0s, including the last, unanswered one
+  unsigned dead_branches = 0;   ///< prefixes that no slave answered
+  unsigned dropped = 0;         ///< addresses heard once that could not be proven
   rt::Time began{};
-  rt::Time known{};     ///< every address was known and heard alone under its prefix
-  rt::Time silenced{};  ///< all are identified
-  rt::Time ended{};     ///< phase 0 stayed unanswered
+  rt::Time known{};     ///< when every address was known and heard alone under its prefix
+  rt::Time silenced{};  ///< when all were identified
+  rt::Time ended{};     ///< when phase 0 stayed unanswered
 };
 
-/// Watches a walk. Must not destroy it.
+/// Observes a walk. Must not destroy it.
 class WalkObserver {
  public:
   virtual void found(const Walked& device) noexcept = 0;
-  /// Asked between two requests. False: what was heard is proven and told, and the walk ends, `stopped`.
+  /// Called between two requests. False: the heard addresses are proven and reported, and the walk ends as `stopped`.
   virtual bool goes_on() noexcept { return true; }
 
  protected:
   ~WalkObserver() = default;
 };
 
-/// One procedure at a time: a second one gives `invalid`. Must outlive its tasks. Never beside a `RandMaster` at work,
-/// nor a Fastscan with feedback, on one bus (S1.24).
+/// One procedure at a time: a second one gives `invalid`. Must outlive its tasks. Must not run beside an active
+/// `RandMaster` or a Fastscan with feedback on one bus (S1.24).
 class RandWalk final : private can::Handler {
  public:
   explicit RandWalk(can::Dispatcher& dispatcher);
@@ -114,11 +113,11 @@ class RandWalk final : private can::Handler {
     unsigned times = 0;
     rt::Time at{};
   };
-  /// How one request is to be waited for.
+  /// How to wait for the answers to one request.
   struct Wait {
     rt::Duration first{0};
     rt::Duration after_last{0};
-    bool direct = false;  ///< DIS counts, not IUS
+    bool direct = false;  ///< waits for DIS instead of IUS
     bool early = false;   ///< closes when all of `expected_` were heard
   };
   enum class Proof : std::uint8_t { none, once, twice };
@@ -149,13 +148,13 @@ class RandWalk final : private can::Handler {
 
   Exchanges exchanges_;
   bool busy_ = false;
-  bool direct_ = false;  // the window is one for DIS
+  bool direct_ = false;  // the window is for DIS
   bool early_ = false;
   std::vector<Heard> heard_;              // of the open or last window, ascending
   std::vector<std::uint16_t> expected_;   // not heard yet
-  std::vector<std::uint16_t> late_;       // IUS between the end of a window and the next request on the wire
-  std::vector<std::uint16_t> extra_dis_;  // DIS outside the windows for them
-  rt::Duration slowest_{0};               // from a request to an answer
+  std::vector<std::uint16_t> late_;       // IUS between the end of a window and the sending of the next request
+  std::vector<std::uint16_t> extra_dis_;  // DIS outside their windows
+  rt::Duration slowest_{0};               // longest time from a request to an answer
   unsigned answers_ = 0;
 };
 

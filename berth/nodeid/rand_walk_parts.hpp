@@ -1,4 +1,4 @@
-/// What the RAND walk knows while it runs. Internal to `nodeid`.
+/// The data of a RAND walk while it runs. Internal to `nodeid`.
 #pragma once
 
 #include <algorithm>
@@ -23,21 +23,21 @@ inline constexpr LssAddress address_of(const std::array<std::uint16_t, 8>& c) no
   return {join(c[0], c[1]), join(c[2], c[3]), join(c[4], c[5]), join(c[6], c[7])};
 }
 
-// What is known of the chunks under a prefix.
+// The known chunks under a prefix.
 struct RandWalk::Node {
   enum class State : std::uint8_t { fresh, guessed, visited };
   State state = State::fresh;
-  std::set<std::uint16_t> open{};  // whose subtree is still to be walked
-  std::set<std::uint16_t> all{};   // ever heard here in this round
+  std::set<std::uint16_t> open{};  // chunks whose subtree is still to be walked
+  std::set<std::uint16_t> all{};   // chunks heard here in this round
 };
 
 struct RandWalk::Run {
   struct Entry {
     Walked device;
     bool now = false;       // heard in this round and not silenced yet
-    bool doubtful = false;  // may be made of a stray answer: to be proven
+    bool doubtful = false;  // may come from a stray answer: to be proven
     bool doubled = false;   // answered twice: one device or two?
-    bool told = false;      // to the observer
+    bool told = false;      // reported to the observer
   };
   std::span<const WalkKind> kinds;
   const WalkOptions& options;
@@ -47,8 +47,8 @@ struct RandWalk::Run {
   std::map<Prefix, Node> tree{};  // of this round
   rt::Time last_sent{};
   unsigned streak = 0;  // rounds without a new device
-  unsigned silent = 0;  // ways that ended in silence, less those that ended with a device
-  bool guess = true;    // the first round: `kinds` are believed
+  unsigned silent = 0;  // ways that ended in silence, minus those that ended with a device
+  bool guess = true;    // the first round: `kinds` are assumed to be there
   bool hurry = true;    // known ways are walked without waiting for their answers
   bool steps = true;    // a serial number may be guessed from the two before it
   bool resume = false;  // resuming slaves are asked for
@@ -61,11 +61,11 @@ struct RandWalk::Run {
     stopped = stopped || (observer != nullptr && !observer->goes_on());
     return stopped;
   }
-  // A stray answer makes a way that ends in silence, too: those double twice at most.
+  // A stray answer also makes a way that ends in silence: such ways double the factor twice at most.
   [[nodiscard]] unsigned factor() const noexcept { return 1U << std::max(std::min(streak, 4U), std::min(silent, 2U)); }
   [[nodiscard]] rt::Duration longest() const noexcept { return factor() * options.longest; }
 
-  /// The serial number that lies alone under this prefix of seven chunks when those below it go on as they did: two
+  /// The serial number expected alone under this prefix of seven chunks, if the serial numbers below it continue: two
   /// differences agree, and are too large for two under one prefix.
   [[nodiscard]] std::optional<std::uint16_t> guessed(const Prefix& prefix) const {
     if (!steps || options.prove_all || prefix.depth != 7) return std::nullopt;
@@ -101,7 +101,7 @@ struct RandWalk::Run {
     silent -= std::min(silent, 1U);
     return *known;
   }
-  /// A chunk that is also one of those on the way here may be an answer that was still under way.
+  /// A chunk that also occurs on the way to this prefix may be a late answer.
   [[nodiscard]] bool may_be_stray(const Prefix& prefix, std::uint16_t chunk) {
     Prefix node;
     bool heard = tree[node].all.contains(chunk);
@@ -112,8 +112,8 @@ struct RandWalk::Run {
     }
     return heard;
   }
-  /// These were heard under the prefix. Behind requests that followed each other at once stray answers are many, and
-  /// each would be a way of its own: they are left out. A device that is left out so answers the closing phase 0.
+  /// Adds the chunks heard under the prefix. After requests in quick succession there are many stray answers, each of
+  /// which would be a way of its own: they are left out. A device that is thereby left out answers the closing phase 0.
   void add(const Prefix& prefix, const std::vector<std::uint16_t>& chunks, bool hurried) {
     auto& open = tree[prefix].open;
     const auto stray = [&](std::uint16_t chunk) { return hurried && may_be_stray(prefix, chunk); };
@@ -126,7 +126,7 @@ struct RandWalk::Run {
     const auto it = std::ranges::find(entries, address, [](const Entry& e) { return e.device.address; });
     return it == entries.end() ? nullptr : &*it;
   }
-  /// A branch is dead. True when the requests may have come too fast for its devices: then it is tried again.
+  /// A branch is dead. True: the requests may have come too fast for its devices, so it is tried again.
   bool too_fast(bool hurried) noexcept {
     ++report.dead_branches;
     ++silent;
@@ -134,7 +134,7 @@ struct RandWalk::Run {
     hurry = ++too_fast_ < 2;
     return true;
   }
-  /// A serial number that was guessed is not there.
+  /// A guessed serial number does not exist.
   void wrong_step() noexcept {
     ++silent;
     steps = ++wrong_steps_ < 2;
@@ -146,7 +146,7 @@ struct RandWalk::Run {
     const auto chunk = std::exchange(prefix.chunks[prefix.depth], std::uint16_t{0});
     prune(prefix, chunk);
   }
-  /// The chunk's subtree is done: takes it and all parents that have nothing else out of the tree.
+  /// The chunk's subtree is done: removes it, and all parents without other chunks, from the tree.
   void prune(Prefix prefix, std::uint16_t chunk) {
     for (;;) {
       auto& open = tree[prefix].open;

@@ -1,4 +1,4 @@
-/// What is due on one bus: the parts of a `Network` write it, its main job reads it.
+/// What is due on one bus. The parts of a `Network` write it, its main job reads it.
 #pragma once
 
 #include <bitset>
@@ -15,7 +15,7 @@ namespace berth::operate {
 enum class Phase : std::uint8_t { opening, preparation, discovery, binding, start, watch };
 [[nodiscard]] const char* name(Phase phase) noexcept;
 
-/// Something that the bus told, or a person, and that the main job acts on when it has the turn.
+/// A message from the bus or from a user. The main job acts on it when it holds the turn.
 struct Wake {
   enum class Kind : std::uint8_t { boot_up, lost, recovered, state, look };
   Kind kind = Kind::look;
@@ -40,15 +40,15 @@ struct Agenda {
   std::string of_bus;        ///< `discovery =`
   std::string of_command;    ///< in its place while `berth bind` runs
   bool look_anew = true;     ///< the next look asks all devices, not only those that are unknown
-  rt::Time anew_at{};        ///< not before
-  rt::Time retry_at{};       ///< what failed is not tried again before
-  bool retries = false;      ///< the round that begins is one of those
-  rt::Time rest_at{};        ///< devices without RAND are not searched for before, when nothing else asks for it
-  bool calls = false;        ///< a slot's device told something that is acted on: no search goes on without that
-  std::bitset<128> comes;    ///< node-IDs under which a device booted that sits in no slot, and was not asked since
-  bool search_open = false;  ///< the last search had no end yet
+  rt::Time anew_at{};        ///< no such look before this time
+  rt::Time retry_at{};       ///< failed work is not tried again before this time
+  bool retries = false;      ///< the present round tries failed work again
+  rt::Time rest_at{};        ///< no earlier search for devices without RAND, unless something else asks
+  bool calls = false;        ///< a slot's device sent something that needs action: a search stops for it
+  std::bitset<128> comes;    ///< node-IDs under which a device without a slot booted that was not asked since
+  bool search_open = false;  ///< the last search did not finish yet
   bool speaks = false;       ///< the master's own device is on
-  bool alone = false;        ///< no node acknowledged the opening: no node-ID is asked before a search got through
+  bool alone = false;        ///< no node acknowledged the opening: no node-ID is asked before a search succeeds
   ExtendedFrames extended;
   OutOfLss out_of_lss;
   bool once = false;  ///< a single round (`berth bind`): there is no later look

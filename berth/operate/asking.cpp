@@ -32,11 +32,11 @@ std::size_t Asking::most_first_at_once() const noexcept {
   return std::max<std::size_t>(2, static_cast<std::size_t>(timeout * s_.bus.bitrate / question_bits));
 }
 
-// So many that the questions of those that stay silent leave room on the bus for the answers of the others: after more
-// of them a remote frame, which has the lower priority, would wait until its own time is over.
+// More questions at once would fill the bus: a guarding remote frame, which has the lower priority, would wait until
+// its own timeout.
 std::size_t Asking::most_at_once() const noexcept {
   if (s_.bus.timing.at_once != 0) return s_.bus.timing.at_once;
-  constexpr double question_bits = 150;  // eight bytes of data and every stuff bit there can be, and room for others
+  constexpr double question_bits = 150;  // eight bytes of data with all stuff bits, and room for others
   const double timeout = std::chrono::duration<double>(s_.bus.timing.guard_timeout).count();
   return std::max<std::size_t>(2, static_cast<std::size_t>(timeout * s_.bus.bitrate / question_bits));
 }
@@ -84,13 +84,13 @@ rt::Task<Result<NodeId>> Asking::active_id_once(Identity device) {
   co_return co_await inquiry.active_id_once(device.address, may_be_doubled(device));
 }
 
-// The device of a slot that is there and answers RAND all the same may be another one with its address.
+// If a slot's device is there and RAND still gets an answer, another device may have its address.
 bool Asking::may_be_doubled(const Identity& device) const {
   const Seat* const seat = slots_.of(device);
   return seat != nullptr && seat->there();
 }
 
-// Every address that was seen on this bus, or sits in it: one that may be in LSS configuration unheard is among them.
+// Every address seen on this bus or seated on it: any of these devices may be in LSS configuration unnoticed.
 lss::PartMask Asking::parts_to_ask(const Identity& device) const {
   std::vector<LssAddress> others = found_.addresses();
   for (const auto& seat : slots_.seats()) {

@@ -10,12 +10,13 @@
 
 namespace berth::operate {
 
-/// It has no serial number, and another that sits and is there, or was found, has its LSS address, too: what is said to
-/// that address all of them do. `own`: a node-ID under which it is no other.
+/// The device has no serial number, and another device has the same LSS address: one that is in its slot and present,
+/// or one that was found. All of them obey a request to that address. `own`: the device itself is the one with this
+/// node-ID.
 [[nodiscard]] bool has_equals(const SlotTable& slots, const FoundDevices& found, const Identity& device,
                               std::optional<NodeId> own = {});
 
-/// Its LSS address is not known, or is said to others as well: its node-ID is not for LSS to give.
+/// Its LSS address is unknown or shared with other devices: LSS cannot give it a node-ID.
 [[nodiscard]] bool has_no_address(const SlotTable& slots, const FoundDevices& found, const Identity& device);
 
 class Asking {
@@ -23,20 +24,20 @@ class Asking {
   Asking(BusServices& services, SlotTable& slots, FoundDevices& found) noexcept
       : s_(services), slots_(slots), found_(found) {}
 
-  /// To ask whether a device is there: silence is the expected answer, so it is not waited for long nor aborted. Of a
-  /// node that was heard to answer later than that, as long as for any other of its answers.
+  /// For asking whether a device is there. Silence is the expected answer, so the timeout is short and no abort is
+  /// sent. A node whose answers came later than that gets the usual SDO timeout.
   [[nodiscard]] co::SdoOptions patience(NodeId id, unsigned retries) const;
-  /// For the first question to a node-ID where a device is to be, and was not heard: it waits as long as any other
-  /// question, so that a slow device is not taken for none. Silence is not aborted.
+  /// For the first question to a node-ID that should have a device and was not heard: the usual SDO timeout, so that a
+  /// slow device is not missed. Silence is not aborted.
   [[nodiscard]] co::SdoOptions first_patience() const;
-  /// So many of those at once that they take half of the bus at most.
+  /// How many first questions at once take at most half of the bus.
   [[nodiscard]] std::size_t most_first_at_once() const noexcept;
-  /// So many questions at once that those that stay unanswered leave room on the bus for the answers to the others.
+  /// How many questions at once leave room on the bus for answers, even if most stay unanswered.
   [[nodiscard]] std::size_t most_at_once() const noexcept;
-  /// LSS with pauses, so that a single-slot receive buffer loses none of the frames.
+  /// LSS with pauses, so that a device with a single receive buffer loses no frame.
   [[nodiscard]] lss::MasterOptions with_pauses() const;
 
-  /// True: a device answers SDO under this node-ID. Silence of SDO and guarding makes it vacant.
+  /// True: a device answers SDO under this node-ID. If it answers neither SDO nor guarding, the node-ID is vacant.
   rt::Task<bool> answers_at(NodeId id);
   /// The same, for a scope.
   rt::Task<void> vacancy(NodeId id);
@@ -45,16 +46,17 @@ class Asking {
   [[nodiscard]] bool has_equals(const Identity& device, std::optional<NodeId> own = {}) const {
     return operate::has_equals(slots_, found_, device, own);
   }
-  /// The node-ID that the device with this address uses now, by LSS; every other device in waiting meanwhile. Errors:
-  /// `timeout` no device has this address, or it has equals; `duplicate` two have; those of the bus. The turn must be
-  /// held.
+  /// The node-ID that the device with this address uses now, by LSS; every other device is in LSS waiting meanwhile.
+  /// Errors: `timeout` no device has this address, or it has equals; `duplicate` two have; those of the bus. The turn
+  /// must be held.
   rt::Task<Result<NodeId>> active_id(Identity device);
   /// Once, without pauses.
   rt::Task<Result<NodeId>> active_id_once(Identity device);
-  /// What proves that the selected device is alone: every address that was seen here may be in LSS configuration.
+  /// The address parts to ask to prove that the selected device is alone: any address seen here may be in LSS
+  /// configuration.
   [[nodiscard]] lss::PartMask parts_to_ask(const Identity& device) const;
-  /// Puts the device into LSS configuration state, where no other is. Errors: `timeout` absent; `mismatch` not alone;
-  /// `duplicate` two devices have its address. The turn must be held.
+  /// Puts this device alone into LSS configuration state. Errors: `timeout` absent; `mismatch` not alone; `duplicate`
+  /// two devices have its address. The turn must be held.
   rt::Task<Result<void>> select_alone(Identity device);
 
   /// For `places::Binder`, and for `places::RecipeBinder`.

@@ -23,13 +23,13 @@ BusServices::BusServices(rt::Executor& clock, can::Port& port_used, const design
       boots(dispatcher, &sdo),
       foreign_stores(dispatcher, bus_line.timing.store_timeout) {
   const auto& timing = bus.timing;
-  // A device that leaves between its last heartbeat before it is watched and the first after is missed too.
+  // A device may leave between its last heartbeat before the watch and the first one after: it is missed too.
   heartbeats.set_never_seen_time(timing.heartbeat_timeout + timing.heartbeat_period);
   co::SdoOptions options = sdo.options();
   patience.most = 2 * timing.sdo_timeout;
   options.least = &patience.times;
   sdo.set_options(options);
-  // A saving may be answered long after it was given up.
+  // A store may be answered long after its timeout.
   sdo.set_late_window(std::max<rt::Duration>(std::chrono::seconds(5), 2 * timing.save_timeout), &patience);
 }
 

@@ -1,7 +1,7 @@
-/// The services of one bus that the parts of a `Network` work with: one of each, on one port.
+/// The services of one bus that the parts of a `Network` use: one of each, on one port.
 ///
-/// A task that has the turn may use LSS and RAND, and changes what devices keep; SDO to one node, NMT and what is heard
-/// need no turn. `lss_turn` is the bindings' that run side by side under it.
+/// Only the task that holds `turn` may use LSS and RAND or change what devices store. SDO to one node, NMT and
+/// listening need no turn. Bindings that run side by side under `turn` share LSS by `lss_turn`.
 #pragma once
 
 #include <array>
@@ -25,22 +25,22 @@
 namespace berth::operate {
 
 struct BusServices {
-  /// All must stay. The listeners hear what `heartbeats`, `guarding` and `emergencies` are told to hear.
+  /// All must outlive this. The listeners get the events of `heartbeats`, `guarding` and `emergencies`.
   BusServices(rt::Executor& clock, can::Port& port_used, const design::Bus& bus_line,
               co::HeartbeatConsumer::Observer& heartbeat_listener, co::GuardingMaster::Observer& guarding_listener,
               co::EmcyConsumer::Observer& emcy_listener);
 
-  /// The last state that the error control protocol by which a node is watched told; empty: it is not watched, has told
-  /// none yet, or is lost.
+  /// The last NMT state that the node reported by the error control protocol which watches it. Empty: it is not
+  /// watched, has reported none yet, or is lost.
   [[nodiscard]] std::optional<NmtState> watched_state(NodeId node) const noexcept;
-  /// A frame that only this node sends was heard, not longer ago than that.
+  /// A frame that only this node sends was heard within the last `time`.
   [[nodiscard]] bool heard_within(NodeId node, rt::Duration time) const noexcept;
-  /// No error control protocol watches it any more.
+  /// No error control protocol watches the node any more.
   void unwatch(NodeId node) noexcept;
 
-  /// NMT commands are Berth's to send.
+  /// Berth may send NMT commands.
   [[nodiscard]] bool may_command() const noexcept { return bus.role == design::Role::master; }
-  /// LSS, and all that changes a device, is not.
+  /// Berth may not use LSS or change a device.
   [[nodiscard]] bool only_observes() const noexcept { return bus.role == design::Role::observer; }
 
   rt::Executor& executor;
@@ -49,8 +49,7 @@ struct BusServices {
   can::Dispatcher dispatcher;
   lss::Master lss;
   nodeid::RandMaster rand;
-  /// By node-ID: each SDO answer is waited for at least so long. `sdo_timeout` of its slot, or what its late answers
-  /// taught; 0: neither.
+  /// By node-ID: the shortest SDO timeout. From `sdo_timeout` of its slot, or learnt from late answers; 0: neither.
   co::SdoPatience patience{};
   co::SdoClient sdo;
   co::NmtMaster nmt;
@@ -59,11 +58,11 @@ struct BusServices {
   co::EmcyConsumer emergencies;
   places::BootWatch boots;
   places::VacancyTable vacancy;
-  /// Why the port takes no frame, in words: whoever shuts it knows. Empty: its own state says it.
+  /// Why the port takes no frame, in words, set by the part that shut it. Empty: the port's own state explains it.
   std::string shut_by{};
-  std::optional<MasterReport> master{};  ///< who is, on a bus with several; kept by `Mastership`
-  /// The SDO manager of the bus (CiA 302-5; docs/sdo-manager.md), which begins with the first request. Made with the
-  /// objects of the master's own device.
+  std::optional<MasterReport> master{};  ///< the active master, on a bus with several; kept by `Mastership`
+  /// The SDO manager of the bus (CiA 302-5; docs/sdo-manager.md). It begins with the first request, and is made with
+  /// the objects of the master's own device.
   std::unique_ptr<manager::SdoRequests> channels{};
   ForeignStores foreign_stores;
   rt::Turn turn;

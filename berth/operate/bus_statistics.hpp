@@ -1,5 +1,5 @@
-/// What has happened on a bus, counted: the error statistics and the EMCY history of its manager (paper 5 §4, by
-/// Etschberger and Schlegel, "diagnosis and error interface"). Plain data; supervision fills it, the manager's objects
+/// Counters of what happened on a bus: the error statistics and the EMCY history of its manager (paper 5 §4, by
+/// Etschberger and Schlegel, "diagnosis and error interface"). Plain data: supervision fills it, the manager's objects
 /// show it.
 #pragma once
 
@@ -21,8 +21,8 @@ struct BusStatistics {
     rt::Time at{};
   };
   struct Tally {
-    std::uint16_t emergencies = 0;  ///< that told an error; counts to 65535
-    std::uint16_t losses = 0;       ///< times that its heartbeat stopped
+    std::uint16_t emergencies = 0;  ///< that reported an error; counts to 65535
+    std::uint16_t losses = 0;       ///< how often its heartbeat stopped
     std::uint16_t boots = 0;        ///< boot-up messages
   };
   static constexpr std::size_t most_emergencies = 64;

@@ -1,4 +1,4 @@
-/// Whether a configuration is one for the device of a slot.
+/// Whether a configuration fits the device of a slot.
 #pragma once
 
 #include <string>
@@ -8,8 +8,8 @@
 
 namespace berth::operate {
 
-/// Why this is no configuration for the slot's device: of another type, device type or revision, as far as it says
-/// them. Empty: it is one.
+/// Why the configuration does not fit the slot's device: it names another type, device type or revision. Empty: it
+/// fits.
 [[nodiscard]] std::string not_for(const places::SlotSpec& slot, const manager::Configuration& configuration);
 
 }  // namespace berth::operate

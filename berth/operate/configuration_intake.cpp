@@ -85,7 +85,7 @@ ConfigurationIntake::Refusal ConfigurationIntake::judge_objects(const Seat& seat
   const auto description = description_of(seat);
   auto dcf = eds::decode_concise_dcf(stream);
   if (description == nullptr || !dcf) return {AbortCode::none, {}};
-  // Which device it is for.
+  // The entries that identify the device.
   std::erase_if(dcf->entries, [](const auto& entry) { return entry.object.index == identity; });
   const auto values = eds::parameters(*dcf, *description, seat.id());
   if (!values) {
@@ -108,7 +108,7 @@ AbortCode ConfigurationIntake::refuse(const Seat& seat, Form form, const Refusal
   return refusal.code;
 }
 
-// What both say, and say differently: the machine file counts (`Configuring::add_links`, 1017h).
+// Where both differ, the machine file takes precedence (`Configuring::add_links`, 1017h).
 std::string ConfigurationIntake::counted_by_berth(const Seat& seat, const manager::Configuration& written) const {
   std::vector<std::string> names;
   const auto has = manager::wanted(written, seat.id());
@@ -124,7 +124,7 @@ std::string ConfigurationIntake::counted_by_berth(const Seat& seat, const manage
   return "; Berth keeps what the machine file says of " + some_of(names);
 }
 
-// Its date is not that of what is wanted now, whatever the device says: each value is compared.
+// Each value is compared, because the device's date is not that of the configuration wanted now.
 void ConfigurationIntake::not_configured_yet(Seat& seat) {
   const auto& confirmed = seat.slot.record.confirmed;
   if (!confirmed) return;

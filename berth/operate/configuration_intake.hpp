@@ -1,5 +1,5 @@
-/// A DCF or a concise DCF that an SDO client wrote to 1F20h or 1F22h of the manager becomes the configuration of its
-/// slot (paper 5 §2; docs/manager-objects.md), instead of `config =`, as if the machine file named it.
+/// An SDO client can write a DCF or a concise DCF to 1F20h or 1F22h of the manager. It becomes the configuration of its
+/// slot (paper 5 §2; docs/manager-objects.md) and replaces `config =`.
 #pragma once
 
 #include <span>
@@ -12,21 +12,23 @@
 
 namespace berth::operate {
 
-/// Of what an SDO client wrote, for people: its file, and the line of the machine file that would name it.
+/// For users: the file with what an SDO client wrote, and the line of the machine file that would name it.
 [[nodiscard]] std::string where_it_is(const WrittenFiles& files, const Seat& seat);
-/// Says of which slots it counts instead of `config =`.
+/// Reports for which slots a written configuration replaces `config =`.
 void tell_written(SlotTable& slots, const WrittenFiles& files);
 
 class ConfigurationIntake {
  public:
-  /// Both must stay.
+  /// Both must outlive this.
   ConfigurationIntake(SlotTable& slots, Configuring& configuring) noexcept : slots_(slots), configuring_(configuring) {}
 
-  /// Empty bytes (a concise DCF of no entry, too) take away what was written in this form. What it answers is the
-  /// answer to the SDO client; what is refused and what is taken is an event of the slot, with what to do. Refused:
-  /// 0609 0030 it is no DCF, or sets nothing; 0604 0043 not of the slot's device, or not for its objects;
-  /// 0601 0002 an entry for an object that cannot be written; 0800 0020 it cannot be kept; 0800 0021 the machine file
-  /// names what shall be taken away.
+  /// Empty bytes, or a concise DCF without entries, remove what was written in this form. Returns the answer to the SDO
+  /// client. Both refusal and acceptance are events of the slot, with what to do. Refused:
+  /// - 0609 0030 not a DCF, or it sets nothing
+  /// - 0604 0043 not for the slot's device, or not for its objects
+  /// - 0601 0002 an entry for an object that cannot be written
+  /// - 0800 0020 it cannot be stored
+  /// - 0800 0021 the machine file names what is to be removed
   od::AbortCode take(Seat& seat, WrittenFiles::Form form, std::span<const std::uint8_t> bytes);
 
  private:

@@ -13,7 +13,7 @@ using places::SlotState;
 
 namespace {
 
-// What devices leave the factory with most often (paper 4, S4.21).
+// The most common factory node-IDs (paper 4, S4.21).
 constexpr std::array<NodeId, 3> factory_ids{NodeId(1), NodeId(32), NodeId(127)};
 
 }  // namespace
@@ -21,12 +21,13 @@ constexpr std::array<NodeId, 3> factory_ids{NodeId(1), NodeId(32), NodeId(127)};
 rt::Task<void> ConfiguredFinder::ask_slots_own() {
   if (agenda_.alone) co_return;
   std::vector<NodeId> ids;
-  if (!agenda_.speaks) ids.push_back(s_.bus.master);  // no binding waits for that question any more
+  if (!agenda_.speaks) ids.push_back(s_.bus.master);  // asked here, so that no binding waits for it later
   for (const auto& seat : slots_.seats()) {
     const bool waits = !seat->there() && seat->slot.spec.assign == Assign::lss && !seat->slot.record.confirmed;
     if (waits) ids.push_back(seat->id());
   }
-  // And devices that were heard under a node-ID of no slot: nothing is given away before all that speak are known.
+  // Also devices that were heard under a node-ID without a slot: nothing is assigned before all heard devices are
+  // known.
   for (std::uint8_t i = 1; i <= 127; ++i) {
     const NodeId id(i);
     const auto heard = s_.boots.heard(id);
@@ -96,9 +97,9 @@ rt::Task<bool> ConfiguredFinder::find(bool all) {
   co_return news;
 }
 
-// One that gave back what it was lent and did not hear the reset after it uses it on, unheard. Without a node-ID it
-// may be hidden from a search that finds one device at a time (Fastscan): behind another that waits for its power
-// cycle.
+// A device that gave its loan back but missed the reset after it still uses the lent node-ID, unheard. Without a
+// node-ID it may be hidden from a search that finds one device at a time (Fastscan), behind another that waits for its
+// power cycle.
 rt::Task<bool> ConfiguredFinder::ask_borrowers() {
   bool news = false;
   if (!agenda_.retries) co_return news;
@@ -112,7 +113,7 @@ rt::Task<bool> ConfiguredFinder::ask_borrowers() {
     if (id->configured()) {
       note({device, *id});
     } else {
-      found_.note({device, NodeId()});  // told when it was found
+      found_.note({device, NodeId()});  // reported when it was found
     }
     news = true;
   }
@@ -127,7 +128,7 @@ std::uint64_t ConfiguredFinder::all_boot_ups() const noexcept {
 
 std::vector<NodeId> ConfiguredFinder::ids_to_ask(bool all) {
   const rt::Time now = s_.executor.now();
-  const bool sweeps = all || now >= sweep_at_;  // also the slots' own: none stays empty unasked
+  const bool sweeps = all || now >= sweep_at_;  // also the slots' own: none is reported empty unasked
   const auto waits = [](const auto& s) { return !s->slot.record.device() && s->state() != SlotState::question; };
   const bool lacks_other = std::ranges::any_of(
       slots_.seats(), [&](const auto& s) { return s->slot.spec.assign != Assign::lss && !s->there(); });
@@ -135,7 +136,7 @@ std::vector<NodeId> ConfiguredFinder::ids_to_ask(bool all) {
   if (sweeps) sweep_at_ = now + 8 * s_.bus.timing.probe_period;
   const bool other = lacks_other && sweeps && now >= others_at_;
   if (other) others_at_ = now + others_.periods(all_boot_ups()) * s_.bus.timing.probe_period;
-  agenda_.comes.reset();  // who booted speaks, and is among those
+  agenda_.comes.reset();  // nodes that booted were heard, and are asked below
   std::vector<NodeId> ids;
   for (std::uint8_t i = 1; i <= 127; ++i) {
     const NodeId id(i);
@@ -162,8 +163,8 @@ std::vector<NodeId> ConfiguredFinder::ids_to_ask(bool all) {
   return ids;
 }
 
-// When a slot stays without a device: not at once, as devices may still be booting, and then so that it takes little of
-// the bus.
+// Due when a slot stays without a device. Not at once, because devices may still be booting; then at long intervals to
+// keep the bus load low.
 bool ConfiguredFinder::everywhere_due() {
   const rt::Time now = s_.executor.now();
   const auto period = s_.bus.timing.probe_period;
@@ -182,8 +183,8 @@ bool ConfiguredFinder::everywhere_due() {
   return true;
 }
 
-// A device that has a node-ID of no slot, booted long ago, sends no heartbeat and answers no identify (CANopenNode's
-// slaves) is found by no search. One question each: one that answers is asked again, with patience.
+// No search finds a device with a node-ID of no slot that booted long ago, sends no heartbeat and answers no identify
+// (CANopenNode's slaves). Each node-ID gets one question; one that answers is asked again with the usual timeout.
 rt::Task<void> ConfiguredFinder::ask_everywhere() {
   const bool due = everywhere_due();
   if (!due) co_return;
@@ -194,13 +195,13 @@ rt::Task<void> ConfiguredFinder::ask_everywhere() {
     const Seat* const seat = slots_.at(id);
     const bool known = (seat != nullptr && seat->there()) || id == s_.bus.master || found_.any_at(id);
     if (known || (seat != nullptr && !seat->polled)) continue;
-    // A device that boots meanwhile is more than one that may be there.
+    // A device that boots now is more important than one that may be there.
     if (agenda_.wakes.size() > waiting) {
       everywhere_from_ = i;
       everywhere_at_ = s_.executor.now() + 2 * s_.bus.timing.probe_period;
       break;
     }
-    co_await rt::sleep_for(s_.bus.timing.rand_response);  // a single-slot receive buffer loses its own behind another's
+    co_await rt::sleep_for(s_.bus.timing.rand_response);  // a single receive buffer loses its question behind another's
     asked.spawn(knock(id));
   }
   co_await asked.join();
@@ -212,8 +213,8 @@ rt::Task<void> ConfiguredFinder::knock(NodeId id) {
   if (type || type.error().code == Errc::aborted) look_again_at_[id.value()] = true;
 }
 
-// When another comes under the node-ID between the questions, the parts may be those of two devices; when it stays, its
-// answers come a little after.
+// If another device appears under the node-ID between the questions, the parts may come from two devices; if it stays,
+// its answers come a little later.
 rt::Task<Result<Identity>> ConfiguredFinder::identity_of_one(NodeId id, std::uint64_t boot_ups) {
   constexpr int most_readings = 3;
   Result<Identity> who;

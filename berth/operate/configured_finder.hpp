@@ -1,5 +1,5 @@
-/// Finds devices that have a node-ID and speak nothing that a discovery hears, by SDO (paper 4, S4.2): what is stored
-/// is found and set right, what comes from switches, plugs and firmware is never written.
+/// Finds by SDO those devices that have a node-ID and that no discovery hears (paper 4, S4.2). Stored node-IDs can be
+/// corrected; node-IDs from switches, plugs and firmware are never written.
 #pragma once
 
 #include <array>
@@ -11,8 +11,8 @@
 
 namespace berth::operate {
 
-/// How many probe periods lie between two searches of all node-IDs: the more of them were in vain since a device
-/// booted, the more.
+/// The number of probe periods between two searches of all node-IDs. It grows with the number of vain searches since a
+/// device last booted.
 class Rarer {
  public:
   [[nodiscard]] int periods(std::uint64_t boot_ups) noexcept {
@@ -43,14 +43,14 @@ class ConfiguredFinder {
         presence_(presence),
         planning_(planning) {}
 
-  /// Before anything is searched for, and before a slot is called empty: its device may sit where it belongs already,
-  /// have booted long ago, send no heartbeat and speak no LSS. All are asked side by side; silence makes the node-ID
-  /// vacant, which is to be known before it is given.
+  /// Asks the slots' own node-IDs before any search, and before a slot is reported empty. A device may already be in
+  /// its slot although it booted long ago, sends no heartbeat and has no LSS. All are asked side by side. Silence marks
+  /// the node-ID vacant, which must be known before it is assigned.
   rt::Task<void> ask_slots_own();
-  /// Node-IDs that were heard, where a device leaves the factory, those of the slots now and then; `all` of them when
-  /// it says so. True: a device was found of which the plan did not know.
+  /// Asks node-IDs that were heard, factory default node-IDs, and from time to time those of the slots; with `all`,
+  /// every node-ID. True: it found a device that the plan did not know.
   rt::Task<bool> find(bool all);
-  /// A device was under this node-ID that waits for its place: it is asked for at the next look.
+  /// A device under this node-ID waits for its place: the next look asks it again.
   void look_again_at(NodeId id) noexcept { look_again_at_[id.value()] = true; }
 
  private:
@@ -78,12 +78,12 @@ class ConfiguredFinder {
   std::array<rt::Time, 128> asked_at_{};
   std::array<bool, 128> look_again_at_{};
   std::vector<NodeId> doubled_;  // answered as by two devices
-  rt::Time sweep_at_{};          // the slots' own node-IDs are not asked again before
-  rt::Time others_at_{};         // nor all the others, for a slot whose device keeps its node-ID
+  rt::Time sweep_at_{};          // the slots' own node-IDs are not asked again before this time
+  rt::Time others_at_{};         // nor all others, for a slot whose device keeps its node-ID
   Rarer others_;
   Rarer everywhere_;
-  rt::Time everywhere_at_{};          // nor all the others, for a slot without a device
-  std::uint8_t everywhere_from_ = 1;  // node-ID at which the questions go on that a boot-up interrupted
+  rt::Time everywhere_at_{};          // nor all others, for a slot without a device
+  std::uint8_t everywhere_from_ = 1;  // node-ID at which interrupted questions go on after a boot-up
   bool asked_everywhere_ = false;
 };
 

@@ -43,7 +43,7 @@ bool was_begun(const places::SlotRecord& record) noexcept {
          record.configured->stage == Configured::Stage::writing;
 }
 
-// 1017h as the machine file wants it beside `config =`, for the first time.
+// The first refusal of the 1017h that the machine file wants beside `config =`.
 bool refuses_heartbeat(const Seat& seat, const ConfigurationReport& report) {
   using Why = manager::Failure::Why;
   if (!report.failure || !report.failure->own || !seat.rate.refused.empty()) return false;
@@ -64,7 +64,7 @@ struct Read {
 };
 using Reads = std::map<std::string, Read>;  // by path
 
-// What the slot's file says, which is `config =` or what an SDO client wrote instead.
+// Reads the slot's file: `config =`, or what an SDO client wrote instead.
 void read_files(Seat& seat, const WrittenFiles& files, Reads& known) {
   SeatConfiguration& mine = seat.configuration;
   const std::string written = files.of(seat.slot.spec.name);
@@ -90,7 +90,7 @@ void read_files(Seat& seat, const WrittenFiles& files, Reads& known) {
     mine.wanted = it->second.wanted;
     mine.unreadable = it->second.unreadable;
   }
-  // The machine file may be another one than when it was written.
+  // The machine file may have changed since the file was written.
   const std::string other = mine.written && mine.wanted ? not_for(seat.slot.spec, *mine.wanted) : std::string();
   if (!other.empty()) {
     mine.wanted.reset();
@@ -198,14 +198,14 @@ rt::Task<Result<Wanted>> Configuring::wanted_of(Seat& seat) {
   co_return all;
 }
 
-// One configuration of one device, and how far it has come.
+// One configuration of one device, and its progress.
 struct Configuring::Attempt {
   const Wanted& wanted;
   Configurator& looking;
   ConfigurationReport& report;
   ConfiguratorOptions options;
-  rt::Time identified{};  ///< what booted later may be another device
-  bool verifies = false;  ///< it was switched off and on to have what it saved
+  rt::Time identified{};  ///< a device that booted later may be another one
+  bool verifies = false;  ///< it was power-cycled to load what it saved
   unsigned number = 1;
 };
 
@@ -275,30 +275,30 @@ rt::Task<Configuring::Next> Configuring::try_once(Seat& seat, Attempt& attempt) 
   const ConfigurationReport& report = attempt.report;
   const bool good = co_await configure_once(seat, attempt);
   const bool restarted = !good && report.failure && report.failure->why == manager::Failure::Why::restarted;
-  // Or another device booted under this node-ID, which sends no heartbeat and is deaf while it saves what was meant for
-  // this one: they are told apart when this one runs.
+  // Or another device booted under this node-ID, sends no heartbeat, and does not answer while it saves values meant
+  // for this one: the two are separated when this one runs.
   if (restarted) seat.doubt.shared = std::max(seat.doubt.shared, 1U);
   if (restarted) {
     const std::string cause = seat.reason;
-    co_await asker_->ask_seat(seat);  // another device may have come under this node-ID
+    co_await asker_->ask_seat(seat);  // another device may have appeared under this node-ID
     attempt.identified = seat.checked;
     if (!seat.there() || seat.is_booted()) co_return Next::not_now;
     if (attempt.number < most_attempts) co_return Next::again;
-    // A device may restart because 1017h was written; that is found out first (`ErrorControl::leave_as_it_is`).
+    // A device may restart because 1017h was written; this is checked first (`ErrorControl::leave_as_it_is`).
     const bool by_heartbeat = seat.rate.written != rt::Time{};
     const unsigned times = ++seat.configuration.restarts * most_attempts;
     if (by_heartbeat && seat.configuration.restarts < most_restarts) {
       slots_.happened(seat, SlotEvent::boot_failed, cause);
       co_return Next::not_now;
     }
-    // Its last boot-up is no reason to begin anew: what was written caused it.
+    // Its last boot-up does not restart the configuration, because the written values caused it.
     seat.configuration.restarts = 0;
     seat.configuration.stuck = true;
     slots_.happened(seat, SlotEvent::boot_failed, restarted_each_time(cause, times));
     co_return Next::not_now;
   }
   if (!good) co_return Next::not_now;
-  seat.rate.written = {};  // all was read back: it has not reset itself for its heartbeat time
+  seat.rate.written = {};  // all was read back: it did not reset itself because of its heartbeat time
   if (attempt.verifies && !report.differences.empty()) {
     forgot(seat, report, attempt.wanted);
     co_return Next::not_now;
@@ -330,7 +330,7 @@ rt::Task<Configuring::Next> Configuring::take_into_use(Seat& seat, Attempt& atte
   slots_.happened(seat, SlotEvent::configures,
                   unsure ? "it did not answer the save command: it is reset to see what it has saved"
                          : "it is reset to take its configuration into use");
-  // Some answer first and save then: the reset before came too early for them.
+  // Some devices answer first and save afterwards: the previous reset was too early for them.
   if (attempt.number > 1) co_await rt::sleep_for(s_.bus.timing.save_timeout / 4);
   const bool back = co_await reset_and_wait(seat, attempt.identified);
   if (!back) co_return Next::not_now;
@@ -339,7 +339,7 @@ rt::Task<Configuring::Next> Configuring::take_into_use(Seat& seat, Attempt& atte
   co_return Next::again;
 }
 
-// After its power cycle it does not have what it saved. The next boot-up, or a person, begins anew.
+// After its power cycle it does not have the saved values. The next boot-up, or a user, starts anew.
 void Configuring::forgot(Seat& seat, const ConfigurationReport& report, const Wanted& wanted) {
   seat.configuration.stuck = true;
   (void)note(seat, Configured::Stage::writing, wanted);
@@ -379,7 +379,7 @@ rt::Task<bool> Configuring::configure_once(Seat& seat, Attempt& attempt) {
     co_return true;
   }
   if (refuses_heartbeat(seat, report)) co_return false;
-  // One that is saving still, for a run of Berth before this one, wrote nothing for this one.
+  // If it is still saving for an earlier run of Berth, it wrote nothing for this one.
   const Error& error = report.failure->error;
   const bool busy =
       error.code == Errc::aborted && error.detail == static_cast<std::uint32_t>(od::AbortCode::device_state);
@@ -391,8 +391,8 @@ rt::Task<bool> Configuring::configure_once(Seat& seat, Attempt& attempt) {
   co_return false;
 }
 
-// While it waits, its date in use is 0 and the saved one is right: a date that agrees was loaded at a power-on. Without
-// 1020h only a boot-up message tells.
+// While it waits, its active date is 0 and its saved date is right: a date that agrees was loaded at power-on. Without
+// 1020h only a boot-up message shows the power cycle.
 rt::Task<bool> Configuring::waits_for_power(Seat& seat, Configurator& configurator, const Wanted& wanted) {
   const bool waits = is_in(seat.slot.record, Configured::Stage::power_cycle, wanted);
   if (!waits) co_return false;
@@ -417,7 +417,7 @@ rt::Task<void> Configuring::wait_for_power(Seat& seat, Configurator& configurato
                   noted ? reason : "the slot table cannot be written");
 }
 
-// A boot-up message that is missed costs the time it was waited for, and nothing else (HU.18).
+// A missed boot-up message only costs the waiting time (HU.18).
 rt::Task<bool> Configuring::reset_and_wait(Seat& seat, rt::Time& identified) {
   const NodeId id = seat.id();
   const rt::Time began = s_.executor.now();
@@ -459,7 +459,7 @@ rt::Task<void> Configuring::look_at_running(Seat& seat) {
                   report.differences.size(), wanted->file));
 }
 
-// Why what answers under the slot's node-ID is not asked further; empty: it is the slot's.
+// Why the device under the slot's node-ID is not read further; empty: it is the slot's device.
 rt::Task<std::string> Configuring::belongs_elsewhere(Seat& seat) {
   const NodeId id = seat.id();
   const auto who = co_await places::read_identity(s_.sdo, id);
@@ -511,7 +511,7 @@ rt::Task<void> Configuring::upload_from(Seat& seat, SlotUpload& into) {
   take(seat, into.uploaded.dcf, into);
 }
 
-// What the slot wants from now on; until then it was something else.
+// Replaces what the slot wants.
 void Configuring::take(Seat& seat, const std::string& dcf, SlotUpload& into) {
   auto loaded = manager::read_configuration(dcf, "1F20h");
   if (!loaded.usable()) {

@@ -1,5 +1,5 @@
-/// Configuration before start (CiA 302-2 boot slave, steps 7 and 8; CiA 302-3): what `config =` wants is brought into
-/// the device, saved and dated; only then is it started. What a device lacks stops that device and no other.
+/// Configuration before start (CiA 302-2 boot slave, steps 7 and 8; CiA 302-3): what `config =` wants is written into
+/// the device, saved and dated; only then is the device started. A failure stops only that device.
 #pragma once
 
 #include <functional>
@@ -13,12 +13,13 @@
 
 namespace berth::operate {
 
-/// Its configuration failed because it restarted, so often: `cause`, and what to do.
+/// The text for a configuration that failed because the device restarted so many times: `cause`, and what to do.
 [[nodiscard]] std::string restarted_each_time(const std::string& cause, unsigned times);
-/// A boot-up message after a configuration that had no answer: the device restarted by it. Counts that; 0: it did not.
+/// Whether this boot-up was a restart caused by a write of the configuration that had no answer. Counts such restarts
+/// in a row; 0: it was not.
 [[nodiscard]] unsigned restarts_by_configuration(SeatConfiguration& configuration, rt::Time booted,
                                                  rt::Duration within);
-constexpr unsigned most_restarts = 3;  ///< then it is not configured again before it boots by itself
+constexpr unsigned most_restarts = 3;  ///< after so many, it is configured again only when it boots by itself
 
 /// What `berth configure` did, or found, in one slot.
 struct SlotConfiguration {
@@ -40,13 +41,13 @@ struct SlotUpload {
   std::string file;     ///< of `config =`, without its folder; empty: there is none
   std::string problem;  ///< why nothing was read; empty: see the others
   manager::UploadedConfiguration uploaded;
-  std::vector<manager::Difference> changes;  ///< of the device from what its slot wanted until then
+  std::vector<manager::Difference> changes;  ///< how the device differs from what its slot wanted until then
 };
 
 /// Paths of the descriptions of slots' devices, by the slots' names.
 using SlotDescriptions = std::map<std::string, std::string, std::less<>>;
 
-/// Looks which device is under a slot's node-ID.
+/// Checks which device is under a slot's node-ID.
 class SeatAsker {
  public:
   virtual rt::Task<void> ask_seat(Seat& seat) = 0;
@@ -58,32 +59,32 @@ class SeatAsker {
 class Configuring {
  public:
   Configuring(BusServices& services, SlotTable& slots) noexcept : s_(services), slots_(slots) {}
-  /// Before the first `configure`; must stay.
+  /// Call it before the first `configure`. `asker` must outlive this.
   void set_asker(SeatAsker& asker) noexcept { asker_ = &asker; }
 
-  /// Reads the files of `config =`, or what SDO clients wrote instead. One file may stand for many slots. `more` goes
-  /// over them.
+  /// Reads the files of `config =`, or what SDO clients wrote instead. Several slots may share one file. `more`
+  /// overrides them.
   void load(const manager::SlotSettings& more = {}, const SlotDescriptions& descriptions = {},
             WrittenFiles written = {});
-  /// The same again, of one slot.
+  /// The same for one slot.
   void load(Seat& seat);
-  /// What the slot wants from now on, links over it. `path`: of its file; empty: it is in none.
+  /// Sets what the slot wants from now on; links override it. `path`: its file; empty: it is in none.
   void begin_with(Seat& seat, manager::Configuration configuration, const std::string& path);
   [[nodiscard]] const WrittenFiles& written() const noexcept { return written_; }
-  /// What goes over the slot's file; null: nothing.
+  /// What overrides the slot's file; null: nothing.
   [[nodiscard]] const manager::Configuration* linked(const Seat& seat) const;
-  /// True: the device has its configuration, in use, and may be started. Else the slot's state says why not.
+  /// True: the device uses its configuration and may be started. Else the slot's state gives the reason.
   rt::Task<bool> configure(Seat& seat, manager::ConfigurationReport& report);
-  /// A device that runs is left alone; that it runs with something else is told.
+  /// Leaves a running device alone, but reports a different configuration.
   rt::Task<void> look_at_running(Seat& seat);
-  /// `berth configure`: compares, and with `write` makes right what differs; a device that runs is compared only.
+  /// `berth configure`: compares, and with `write` corrects differences; a running device is only compared.
   rt::Task<void> compare(Seat& seat, bool write, SlotConfiguration& into);
-  /// `berth upload`: what the slot's device has becomes what the slot wants, until Berth ends.
+  /// `berth upload`: the device's present configuration becomes what the slot wants, until Berth ends.
   rt::Task<void> upload(Seat& seat, SlotUpload& into);
-  /// The file's values, and the heartbeat of the machine file, which is what this network watches. Errors: the device
-  /// did not answer, or the file's values cannot be had for this node-ID.
+  /// The file's values and the heartbeat time of the machine file, because this network watches that heartbeat. Errors:
+  /// the device did not answer, or the file's values cannot be computed for this node-ID.
   rt::Task<Result<manager::Wanted>> wanted_of(Seat& seat);
-  /// A boot-up was heard after the device was looked at last: what was found belongs to the life before.
+  /// A boot-up message came after the device was last checked: earlier results are no longer valid.
   [[nodiscard]] bool rebooted(const Seat& seat) const noexcept;
 
  private:

@@ -1,6 +1,5 @@
-/// 1F20h and 1F22h of the manager's own device: DCFs, concise or not, that are read and written by node-ID. As a stream
-/// each takes memory only while it is transferred, and one alone does: a second one meanwhile is refused with 0800
-/// 0022.
+/// 1F20h and 1F22h of the manager's own device: DCFs, concise or not, read and written by node-ID as streams. Memory is
+/// used only during a transfer. Only one transfer runs at a time: a second one is refused with 0800 0022.
 #pragma once
 
 #include <vector>
@@ -18,19 +17,19 @@ class DcfStream final : public od::Stream {
     virtual std::vector<std::uint8_t> dcf(ObjectRef ref) = 0;
     /// Asked before the first byte: whether it may be written now.
     virtual od::AbortCode may_store(ObjectRef ref) = 0;
-    /// All of it is there. What it answers is the client's answer.
+    /// Called when all bytes have arrived. Returns the answer to the client.
     virtual od::AbortCode store(ObjectRef ref, std::span<const std::uint8_t> bytes) = 0;
 
    protected:
     ~Owner() = default;
   };
 
-  /// A longer one is refused with 0607 0012, at once when the client says its size.
+  /// A longer one is refused with 0607 0012, at once when the client states its size.
   static constexpr std::size_t longest = manager::longest_stored_text;
 
-  /// `owner` must stay.
+  /// `owner` must outlive this.
   explicit DcfStream(Owner& owner) noexcept : owner_(&owner) {}
-  /// Serves both objects, every node-ID. These `values` were made with them.
+  /// Serves both objects for every node-ID. `values` must have been made with them.
   void attach_to(od::Values& values);
 
  private:
@@ -41,8 +40,8 @@ class DcfStream final : public od::Stream {
   od::AbortCode close(ObjectRef ref, bool complete) noexcept override;
 
   Owner* owner_;
-  std::vector<std::uint8_t> bytes_;  // of the transfer
-  std::size_t given_ = 0;            // read: of these
+  std::vector<std::uint8_t> bytes_;  // of the present transfer
+  std::size_t given_ = 0;            // read: how many of these were given
   bool writes_ = false;
 };
 

@@ -32,15 +32,15 @@ void Duplicates::surplus(NodeId node, const can::Frame& frame, rt::Time now) noe
     return note_shared(frame, now);
   }
   Seat* const seat = slots_.at(node);
-  // What is told already is looked at again in time: each look would bring the next at once.
+  // A slot already reported is examined again later anyway: each examination would cause the next one at once.
   const bool told = seat != nullptr && !seat->there() && seat->shown_state() == places::SlotState::duplicate;
   if (told) return;
   agenda_.look_anew = true;
   if (seat != nullptr) {
     doubt_alone(*seat, agenda_);
-    return;  // told when it happens again as they are told apart
+    return;  // reported if it happens again while the two are separated
   }
-  // A frame that CAN repeated is no second device, and seldom the next ones too.
+  // A frame repeated by CAN is no second device, and the next ones seldom are either.
   auto& [last, times] = answered_twice_[node.value()];
   const rt::Time before = std::exchange(last, now);
   if (before == rt::Time{} || now - before >= std::chrono::minutes(1))
@@ -65,8 +65,8 @@ Duplicates::Duplicates(BusServices& services, SlotTable& slots, Agenda& agenda, 
   s_.sdo.heed_other_clients();
 }
 
-// An answer to the upload of a part that the first answer had ended. CAN repeats a frame whose last bit its sender sees
-// wrong, so that one second answer proves nothing; one to another question does, as all are asked with pauses.
+// A second answer to the upload of a part. CAN repeats a frame if its sender sees the last bit wrong, so one second
+// answer proves nothing. A second answer to another question does, as all are asked with pauses.
 void Duplicates::note_shared(const can::Frame& frame, rt::Time at) {
   const auto before = std::exchange(shared_->second_at, at);
   if (before && at - *before > places::second_answer) shared_->answered_twice = true;
@@ -88,7 +88,7 @@ rt::Task<void> Duplicates::hear_parts(NodeId id) {
     const auto first = co_await s_.sdo.read<std::uint32_t>(id, 0x1018, sub);
     if (first) put(shared_->parts[sub - 1U], *first);
     co_await rt::sleep_for(places::second_answer);
-    // Nor does a repeated frame say anything else than the first.
+    // A repeated frame has the same content as the first.
     const auto& seconds = shared_->seconds[sub - 1U];
     const bool differs = first && std::ranges::any_of(seconds, [&](std::uint32_t value) { return value != *first; });
     shared_->answered_twice = shared_->answered_twice || differs;
@@ -111,7 +111,7 @@ std::vector<Identity> Duplicates::addresses_of(const Shared& shared) {
   return all;
 }
 
-// Those of the addresses at which a device uses this node-ID. `slowly`: with pauses between the frames.
+// Finds those addresses whose device uses this node-ID. `slowly`: with pauses between the frames.
 rt::Task<void> Duplicates::ask_addresses(NodeId id, std::vector<Identity> addresses, bool slowly) {
   for (const Identity& address : addresses) {
     const Identity device = address;
@@ -128,8 +128,8 @@ rt::Task<void> Duplicates::ask_addresses(NodeId id, std::vector<Identity> addres
   }
 }
 
-// `known`: the devices that share it are, and the plan gives each its own (a slot's device that is alone there is
-// known). `two`: they are there, and LSS finds them not.
+// `known`: the devices that share it are known, and the plan gives each its own node-ID (a slot's device that is alone
+// there is known). `two`: there are two, but LSS does not find them.
 rt::Task<Duplicates::Distinction> Duplicates::tell_one_apart(NodeId id) {
   if (s_.only_observes()) co_return Distinction::nothing;
   shared_ = Shared{.id = id};
@@ -171,8 +171,8 @@ rt::Task<bool> Duplicates::tell_apart(std::vector<NodeId> ids) {
   co_return any;
 }
 
-// A slot's device and another: which of them is found here beside it is taken off the node-ID by the plan. One without
-// LSS is not found, and no hand but a person's parts them.
+// A slot's device and another: the plan takes the node-ID from the one found here beside the slot's device. A device
+// without LSS is not found, and only a user can remove it.
 rt::Task<void> Duplicates::tell_seats_apart() {
   for (auto& seat : slots_.seats()) {
     const bool shares = seat->doubt.shared > 0 && seat->slot.record.confirmed;

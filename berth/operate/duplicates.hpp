@@ -1,7 +1,7 @@
-/// Two devices under one node-ID, as they leave the factory or come from two plants: each SDO request is answered
-/// twice. LSS tells them apart when their addresses are known. What both say in 1018h is put together, part by part,
-/// and each address that this may be is asked for by LSS, which needs no search and finds devices that no search finds
-/// (CANopenNode's slaves with a node-ID answer 40h to 43h alone).
+/// Two devices under one node-ID, from the factory or from two plants: each SDO request gets two answers. LSS can
+/// separate the devices when their addresses are known. Berth collects the parts of 1018h that both report and asks by
+/// LSS for each address that these parts can form. This needs no search, and finds devices that no search finds
+/// (CANopenNode's slaves with a node-ID answer only 40h to 43h).
 #pragma once
 
 #include <array>
@@ -13,22 +13,23 @@
 
 namespace berth::operate {
 
-/// A second device may have the node-ID of this slot: the next round tells them apart.
+/// A second device may have this slot's node-ID: the next round tries to separate the two.
 void doubt_alone(Seat& seat, Agenda& agenda) noexcept;
 
 class Duplicates final : public co::SdoClient::Observer {
  public:
-  /// Hears second answers to SDO requests from now on.
+  /// Receives second answers to SDO requests from now on.
   Duplicates(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Asking& asking) noexcept;
 
   /// Why such a slot does not run.
   static constexpr const char* reason = "two devices answer under this node-ID; take one of them off the bus";
-  /// Tries in which a slot's device and another under its node-ID are told apart.
+  /// How often Berth tries to separate a slot's device from another under its node-ID.
   static constexpr unsigned most_tries = 3;
-  /// The devices that share each of these node-IDs; not again at once when that did not succeed. True: those of one
-  /// are known now, and the plan gives each its own node-ID. The turn must be held.
+  /// Identifies the devices that share each of these node-IDs; after a failure it waits before it tries that node-ID
+  /// again. True: the devices of at least one node-ID are known, and the plan gives each its own. The turn must be
+  /// held.
   rt::Task<bool> tell_apart(std::vector<NodeId> ids);
-  /// The same for slots of which `Seat::shared` says that two devices may have their node-ID.
+  /// The same for slots whose `Doubt::shared` says that two devices may have their node-ID.
   rt::Task<void> tell_seats_apart();
 
  private:
@@ -37,7 +38,7 @@ class Duplicates final : public co::SdoClient::Observer {
     std::array<std::vector<std::uint32_t>, 4> parts{};    // of the LSS addresses that were heard under it
     std::array<std::vector<std::uint32_t>, 4> seconds{};  // those of them that came as second answers
     std::optional<rt::Time> second_at = std::nullopt;     // the last one
-    bool answered_twice = false;                          // that is no frame which CAN repeated
+    bool answered_twice = false;                          // and not because CAN repeated a frame
   };
   void surplus(NodeId node, const can::Frame& frame, rt::Time at) noexcept override;
   void note_shared(const can::Frame& frame, rt::Time at);
@@ -54,7 +55,7 @@ class Duplicates final : public co::SdoClient::Observer {
   FoundDevices& found_;
   Asking& asking_;
   std::optional<Shared> shared_;            // while two devices are told apart
-  std::array<rt::Time, 128> not_before_{};  // they are not told apart again
+  std::array<rt::Time, 128> not_before_{};  // they are not separated again before this time
   struct Twice {
     rt::Time last{};
     unsigned times = 0;

@@ -65,7 +65,7 @@ void Emergencies::tell_repeated() {
       of.pause = std::min(2 * of.pause, longest_pause);
       of.more = 0;
     }
-    // One that stayed away is told at once when it comes again, and leaves its place to another code.
+    // A code that stayed away is reported at once when it comes again, and leaves its place to another code.
     std::erase_if(counted_[id], [now](const Counted& of) { return of.more == 0 && now >= of.told + of.pause; });
   }
 }

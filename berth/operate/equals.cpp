@@ -4,8 +4,8 @@
 
 namespace berth::operate {
 
-// A device without a serial number that comes without its node-ID is the one of its kind that is missing, or one put in
-// its place: nobody can tell. Of several that are missing it may be each.
+// A device without a serial number and node-ID may be the missing one of its kind or a replacement: nobody can tell. If
+// several are missing, it may be any of them.
 void Equals::seat_again() {
   for (const auto& f : found_.all()) {
     const bool comes =
@@ -32,7 +32,7 @@ void Equals::seat_again() {
   }
 }
 
-// One without a serial number, of which RAND or a search found the address alone: it may be one that is known by its
+// RAND or a search found only the address of a device without a serial number: it may be one that is known by its
 // node-ID.
 rt::Task<void> Equals::look_for_another(const places::Found& found) {
   if (found.active.configured()) co_return;
@@ -41,7 +41,7 @@ rt::Task<void> Equals::look_for_another(const places::Found& found) {
   if (another && !*another) found_.forget(Identity(device));
 }
 
-// One without a serial number is known by the node-ID that it was to give up: without one it is another by name.
+// A device without a serial number is known by the node-ID that it was to give up: without it, it has another identity.
 bool Equals::came_without(const Identity& device) {
   const auto* const found = device.has_serial() ? nullptr : found_.of(device.with(NodeId()));
   if (found == nullptr || found->active.configured() || found_.of(device) != nullptr) return false;

@@ -1,5 +1,5 @@
-/// Devices of one kind without serial numbers. They have one LSS address, so that LSS does not tell them apart: one is
-/// known by its node-ID, and without that nobody knows which it is.
+/// Devices of one type without serial numbers. They share one LSS address, so LSS cannot distinguish them: each is
+/// known by its node-ID, and without a node-ID it cannot be recognised.
 #pragma once
 
 #include "berth/operate/asking.hpp"
@@ -12,13 +12,13 @@ class Equals {
   Equals(BusServices& services, SlotTable& slots, FoundDevices& found, const Planning& planning) noexcept
       : s_(services), slots_(slots), found_(found), planning_(planning) {}
 
-  /// One that was found and is missed by one slot alone, or by the lowest where they come one at a time, is to be that
-  /// slot's again: the intention is in the store then.
+  /// A found device gets the slot back from which one of its kind is absent, if only one slot qualifies; with
+  /// one-at-a-time, the lowest of several. The store then has the intention.
   void seat_again();
-  /// Whether it is another one without a node-ID, when its address was found and is that of one with a node-ID. Else it
-  /// is forgotten. The turn must be held.
+  /// Its address was found, and a known device with a node-ID has the same address: is this another device, without a
+  /// node-ID? If not, it is forgotten. The turn must be held.
   rt::Task<void> look_for_another(const places::Found& found);
-  /// It was to give its node-ID up, and one of its kind came without: that is finished.
+  /// The device was to give up its node-ID, and one of its kind appeared without one: that blanking is complete.
   bool came_without(const Identity& device);
 
  private:

@@ -1,5 +1,5 @@
-/// Devices whose memory has no node-ID any more and that use the one that they had until they are switched off and on.
-/// A slot of that node-ID waits with them: what two devices answer at once is nobody's answer.
+/// Devices whose memory no longer holds a node-ID, but which use the old one until they are switched off and on. A slot
+/// of that node-ID waits for them: answers that two devices send at once are useless.
 #pragma once
 
 #include <map>
@@ -12,23 +12,23 @@ namespace berth::operate {
 
 class ErasedNodeIds {
  public:
-  /// The device confirmed that its memory has no node-ID; it uses this one.
+  /// The device confirmed that its memory holds no node-ID; it still uses this one.
   void note(const Identity& device, NodeId uses) { devices_[device] = {uses}; }
-  /// It was switched off and on, or left. What it used; unconfigured: it was not noted.
+  /// It was switched off and on, or left. Returns the node-ID it used; unconfigured: it was not noted.
   NodeId forget(const Identity& device);
-  /// It is told to give its node-ID up again now and then only (`tells_again`). `active`: what it uses now.
+  /// True: the device is not told again this time to give up its node-ID (`tells_again`). `active`: what it uses now.
   [[nodiscard]] bool rests(const Identity& device, NodeId active, bool& told_one) noexcept;
   [[nodiscard]] bool uses(const Identity& device, NodeId id) const noexcept;
   [[nodiscard]] bool contains(const Identity& device) const noexcept { return devices_.contains(device); }
   /// Null: none of them uses this node-ID.
   [[nodiscard]] const Identity* user_of(NodeId id) const noexcept;
-  /// Is a device that waits for its power cycle told again at this look at it? Seldom, and more seldom the longer it
-  /// waits, for its memory's sake; and one device in a round, as the others of the bus wait for that. `looks`: so far;
-  /// `told_one`: in this round.
+  /// Whether a device that waits for its power cycle is told again at this look. Rarely, and more rarely the longer it
+  /// waits, to spare its memory; and only one device a round, because the others on the bus wait meanwhile. `looks`: so
+  /// far; `told_one`: in this round.
   [[nodiscard]] static bool tells_again(unsigned& looks, bool& told_one) noexcept;
-  /// One that may sit in this slot when it was switched off and on. Null: none.
+  /// One that may sit in this slot after a power cycle. Null: none.
   [[nodiscard]] const Identity* waits_for(const places::SlotSpec& slot) const noexcept;
-  /// Why a slot waits for this device: for people.
+  /// For users: why a slot waits for this device.
   [[nodiscard]] static std::string reason(const Identity& device);
 
  private:

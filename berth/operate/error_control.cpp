@@ -13,7 +13,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr std::uint8_t usual_factor = 3;                // unanswered questions of guarding
+constexpr std::uint8_t usual_factor = 3;                // unanswered guarding requests
 constexpr unsigned some_resets = 2, enough_resets = 4;  // after writes of 1017h (`HeartbeatRate::resets`)
 
 rt::Duration wanted_period(const design::Timing& timing, const Seat& seat) noexcept {
@@ -57,7 +57,7 @@ rt::Task<Result<void>> ErrorControl::write(NodeId id, std::uint16_t period_ms) {
   co_return co_await s_.sdo.write<std::uint16_t>(id, 0x1017, 0, period_ms);
 }
 
-// The limits of its 1017h are not known: the wanted period is doubled, or halved, until one is taken. 0: none is.
+// The limits of its 1017h are unknown: the wanted period is doubled, or halved, until one is accepted. 0: none is.
 rt::Task<std::uint16_t> ErrorControl::nearest(NodeId id, std::uint16_t refused_ms, std::uint32_t abort_code) {
   using od::AbortCode;
   const bool too_high = abort_code == static_cast<std::uint32_t>(AbortCode::value_too_high);
@@ -138,7 +138,7 @@ rt::Task<bool> ErrorControl::set(Seat& seat) {
   co_return co_await set_heartbeat(seat);
 }
 
-// One that boots unasked between two writes boots by itself after them, too.
+// A device that boots between two writes without cause also boots by itself after writes.
 void ErrorControl::note_write(Seat& seat) const {
   const std::uint64_t boot_ups = s_.boots.boot_ups(seat.id());
   if (boot_ups != seat.rate.boot_ups) seat.rate.resets = 0;
@@ -146,8 +146,8 @@ void ErrorControl::note_write(Seat& seat) const {
   seat.rate.written = s_.executor.now();
 }
 
-// Each write is looked at once. One that ran before it booted may have been reset by a person, or lost its power; and
-// one that resets itself does it as soon after each write.
+// Each write is examined once. A device that ran before it booted may have been reset by a user, or lost its power. One
+// that resets itself does so after the same time at each write.
 void ErrorControl::note_reset(Seat& seat) const {
   constexpr rt::Duration at_once = milliseconds(100), soon = std::chrono::seconds(3);
   const rt::Time written = std::exchange(seat.rate.written, rt::Time{});
@@ -171,7 +171,7 @@ void ErrorControl::note_reset(Seat& seat) const {
   seat.rate.resets += ran ? 1 : 2;
 }
 
-// Some devices reset themselves when 1017h is written: they would be started, written and lost for ever.
+// Some devices reset themselves when 1017h is written: without this they would be started, written and lost forever.
 rt::Task<bool> ErrorControl::leave_as_it_is(Seat& seat, std::uint16_t wanted) {
   note_reset(seat);
   if (seat.rate.resets < some_resets) co_return false;
@@ -212,7 +212,7 @@ void ErrorControl::take_period(Seat& seat, rt::Duration steady) {
                   seat.name(), text_of(steady), text_of(promised)));
 }
 
-// It has another value than it was given: it booted, and its boot-up was lost, so it keeps the value that is written
+// It has another value than was written. Either it booted and its boot-up message was lost: it keeps the value written
 // now. Or it keeps none.
 rt::Task<ErrorControl::Keeps> ErrorControl::look_at_what_it_keeps(Seat& seat) {
   const std::uint16_t given = co::whole_ms(heartbeat_time(s_.bus.timing, seat));
@@ -242,7 +242,7 @@ rt::Task<bool> ErrorControl::watch_unheard(Seat& seat) {
     co_return true;
   }
   seat.guarded = seat.rate.by_sdo = true;
-  s_.heartbeats.supervise(seat.id(), {});  // a first one that comes late is no reason to miss the next
+  s_.heartbeats.supervise(seat.id(), {});  // a late first heartbeat must not make the next one count as missed
   seat.rate.at = s_.executor.now();
   co_return true;
 }
@@ -279,8 +279,8 @@ rt::Task<bool> ErrorControl::set_heartbeat(Seat& seat) {
   co_return true;
 }
 
-// A device guards or beats, not both: 1017h decides (CiA 301 §7.2.8.3.2). One that has no 1017h, or cannot be told its
-// guard time, is asked all the same.
+// A device guards or sends heartbeats, not both: 1017h decides (CiA 301 §7.2.8.3.2). A device that has no 1017h, or
+// refuses its guard time, is still asked.
 rt::Task<bool> ErrorControl::set_guarding(Seat& seat) {
   const NodeId id = seat.id();
   const auto& watch = seat.slot.spec.watch;
@@ -324,7 +324,7 @@ rt::Task<void> ErrorControl::watch_running(Seat& seat) {
   const By by = seat.slot.spec.watch.by;
   bool asked = seat.guarded || by == By::none;
   if (!asked && by == By::guarding) {
-    // One that sends heartbeats all the same refused to send none.
+    // A device that still sends heartbeats refused to stop them.
     const auto own = co_await s_.sdo.read<std::uint16_t>(id, 0x1017, 0);
     asked = !own || *own == 0;
     if (!asked) seat.rate.period = milliseconds(*own);
@@ -347,7 +347,7 @@ rt::Task<void> ErrorControl::ask_started(Seat& seat) {
   const NodeId id = seat.id();
   const bool none = seat.slot.spec.watch.by == places::SlotWatch::By::none;
   auto guarded = co_await co::guard_once(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
-  // What was heard may have been on its way before the command, and a slow device obeys as late as it answers.
+  // The message may have been under way before the command, and a slow device obeys as late as it answers.
   const rt::Duration slow = 2 * std::max(s_.bus.timing.sdo_timeout, seat.slot.spec.watch.sdo_timeout);
   const rt::Time deadline = s_.executor.now() + slow;
   while (guarded && guarded->state != NmtState::operational && s_.executor.now() < deadline) {
@@ -369,7 +369,7 @@ rt::Task<void> ErrorControl::ask_started(Seat& seat) {
     if (!why.empty()) seat.rate.how = how;
   }
   if (!guarded) {
-    // Neither error control protocol: that it answers is all that can be known.
+    // Without either error control protocol, Berth only knows whether it answers.
     const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0);
     const bool answers = type || type.error().code == Errc::aborted;
     if (!answers) {
@@ -383,11 +383,11 @@ rt::Task<void> ErrorControl::ask_started(Seat& seat) {
     seat.rate.by_sdo = !none;
     seat.rate.at = s_.executor.now();
     if (!none) how += fmt::format("; it is asked by SDO, every {}", text_of(heartbeat_timeout(s_.bus.timing, seat)));
-    // CiA 302-2 starts error control by one of the two: it has neither, and nobody can say that it runs.
+    // CiA 302-2 starts error control by one of the two: this device has neither, and whether it runs is unknown.
     if (!none) seat.slave.status.result.status = manager::BootStatus::k;
     if (!none) seat.rate.how = how;
   }
-  // A reason is told with the state.
+  // A reason is reported with the state.
   if (seat.rate.how.empty()) slots_.events().tell_once(EventKind::step, fmt::format("{}: {}", seat.name(), how));
   slots_.happened(seat, SlotEvent::operational);
 }

@@ -1,16 +1,16 @@
-/// How the device of a slot is watched (CiA 301 §7.2.8.3.2): by its heartbeat at the period that is wanted, at the
-/// nearest one that it takes, or at its own when that cannot be changed; one without a heartbeat by guarding, and by
-/// SDO when it knows no guarding either. What a slot says of it (`places::SlotWatch`) comes first.
+/// How the device of a slot is watched (CiA 301 §7.2.8.3.2): by its heartbeat at the wanted period, at the nearest
+/// period it accepts, or at its own if that cannot be changed; without a heartbeat by guarding; without either by SDO.
+/// The slot's setting (`places::SlotWatch`) takes precedence.
 #pragma once
 
 #include "berth/operate/slot_table.hpp"
 
 namespace berth::operate {
 
-/// What 1017h is to be: what the device takes, else what the slot wants, else the bus's.
+/// The value for 1017h: what the device accepts, else what the slot wants, else the bus's.
 [[nodiscard]] rt::Duration heartbeat_time(const design::Timing& timing, const Seat& seat) noexcept;
-/// How often its heartbeat comes: as it was seen, else as 1017h has it. And when it is missed: what the slot wants,
-/// else in the same proportion as the bus's.
+/// The period of its heartbeat: as observed, else as set in 1017h. The timeout: what the slot wants, else in the same
+/// proportion as the bus's.
 [[nodiscard]] rt::Duration heartbeat_period(const design::Timing& timing, const Seat& seat) noexcept;
 [[nodiscard]] rt::Duration heartbeat_timeout(const design::Timing& timing, const Seat& seat) noexcept;
 
@@ -18,25 +18,28 @@ class ErrorControl {
  public:
   ErrorControl(BusServices& services, SlotTable& slots) noexcept : s_(services), slots_(slots) {}
 
-  /// Writes 1017h, or what guarding needs, and says what the device has instead when it refuses. False: it is not there
-  /// any more.
+  /// Writes 1017h, or what guarding needs. If the device refuses, it reports what the device has instead. False: the
+  /// device is no longer there.
   rt::Task<bool> set(Seat& seat);
-  /// Beside `config =`, whose values are written together. True: 1017h is one of them. Errors: it did not answer.
+  /// For use beside `config =`, whose values are written together. True: 1017h is one of them. Errors: the device did
+  /// not answer.
   rt::Task<Result<bool>> look(Seat& seat);
-  /// It did not take that 1017h. `held`: what it has instead, little-endian; empty: it is asked. False: it is not there
-  /// any more.
+  /// The device did not accept that 1017h. `held`: its own value, little-endian; empty: it is read. False: the device
+  /// is no longer there.
   rt::Task<bool> learn(Seat& seat, std::vector<std::uint8_t> held);
-  /// It runs already: it is watched, by its heartbeat at the period that it has when that was missed.
+  /// For a device that already runs: watches it, by its heartbeat at the device's own period if that was missed.
   rt::Task<void> watch_running(Seat& seat);
-  /// It was started, and sends no heartbeat: what can be known of it, and it is watched by guarding or SDO.
+  /// For a device that was started and sends no heartbeat: finds out what it supports, and watches it by guarding or
+  /// SDO.
   rt::Task<void> ask_started(Seat& seat);
-  /// It was started, and the heartbeat that 1017h promises did not come in time (letter K): it is watched by SDO until
-  /// one does. A device that accepted the period and keeps 0 has no heartbeat: `ask_started`. False: it does not answer
-  /// SDO either, or it has booted unheard.
+  /// For a device that was started and whose heartbeat, promised by 1017h, did not come in time (letter K): it is
+  /// watched by SDO until one comes. A device that accepted the period and keeps 0 has no heartbeat: `ask_started`.
+  /// False: it does not answer SDO either, or it booted unheard.
   rt::Task<bool> watch_unheard(Seat& seat);
-  /// Why it is letter K then.
+  /// The reason shown for letter K then.
   [[nodiscard]] std::string text_of_unheard(const Seat& seat) const;
-  /// Its heartbeats come so often (`places::BootWatch::steady`): it is watched by that, and told once.
+  /// Its heartbeats come at this steady period (`places::BootWatch::steady`): it is watched by that, and this is
+  /// reported once.
   void take_period(Seat& seat, rt::Duration steady);
 
  private:

@@ -1,4 +1,4 @@
-/// What one bus's run tells its owner: events, those that would come again and again once, and milestones.
+/// What one bus's run reports to its owner: events, recurring ones only once, and milestones.
 #pragma once
 
 #include <array>
@@ -16,27 +16,27 @@
 
 namespace berth::operate {
 
-/// The slots that are gateways: the buses beneath them come first (paper 3).
+/// The slots that are gateways: the buses beneath them are brought up first (paper 3).
 struct BeneathFirst {
   std::bitset<128> gateways = {};  ///< node-IDs
-  /// Returns when the buses beneath this one are operational, or need not be; before it is started. An error: it is not
-  /// started. May be empty.
+  /// Called before this gateway is started. Returns when the buses beneath it are operational, or need not be. An
+  /// error: the gateway is not started. May be empty.
   std::function<rt::Task<Result<void>>(NodeId gateway)> bring_up = {};
-  /// Whether this EMCY of a gateway on this bus tells of a node beneath it: who knows the buses beneath tells it. May
-  /// be empty.
+  /// Whether this EMCY of a gateway on this bus is about a node beneath it: then the part that manages the buses
+  /// beneath reports it. May be empty.
   std::function<bool(NodeId gateway, const co::Emcy& message)> hands_on = {};
   [[nodiscard]] bool of(NodeId node) const noexcept { return bring_up && gateways[node.value()]; }
 };
 
-/// What a network tells its owner. Called from the executor; must not destroy the network.
+/// What a network reports to its owner. Called from the executor; must not destroy the network.
 struct NetworkObserver {
   std::function<void(const Event&)> event = {};
-  /// Each once.
+  /// Each milestone once.
   std::function<void(Milestone)> milestone = {};
-  /// Before each step of a binding: for displays and fault plans. May be empty.
+  /// Called before each step of a binding: for displays and fault plans. May be empty.
   std::function<void(const places::Binding&)> before_step = {};
-  /// A command came by SDO (1023h of the master's device); `confirm` is called once, now or later, and not when the
-  /// network is gone. False: nothing carries commands out. May be empty.
+  /// A command came by SDO (1023h of the master's device). Call `confirm` once, now or later, but not after the network
+  /// is gone. False: nothing executes commands. May be empty.
   using Confirm = std::function<void(bool good, std::string reply)>;
   std::function<bool(std::string text, Confirm confirm)> command = {};
   BeneathFirst beneath = {};
@@ -47,11 +47,11 @@ class Events {
   Events(const rt::Executor& executor, std::string bus, NetworkObserver observer);
 
   void tell(EventKind kind, std::string slot, std::string text);
-  /// Not again, in these words, until `tell_again`.
+  /// Not again with the same words until `tell_again`.
   void tell_once(EventKind kind, const std::string& text);
   void tell_once(const Event& event);
   void tell_again() noexcept { told_.clear(); }
-  /// Once, what failed and why. That no device acknowledges is told in these words alone, whatever was tried.
+  /// Once: what failed and why. If no device acknowledges, the text is always the same, whatever was tried.
   void tell_failure(const std::string& what, const Error& error);
   /// A milestone, once.
   void reach(Milestone milestone);
@@ -64,7 +64,7 @@ class Events {
   const rt::Executor& executor_;
   std::string bus_;
   NetworkObserver observer_;
-  std::vector<std::string> told_;  // with `tell_once`
+  std::vector<std::string> told_;  // reported by `tell_once`
   std::array<bool, milestones> reached_{};
 };
 

@@ -12,7 +12,7 @@ rt::Task<Result<void>> tell_all_unknown(BusServices& s, Agenda& agenda, Events& 
   if (sent) agenda.extended.pass = true;
   const bool drove_off = !sent && agenda.extended.bus_offs != before && !agenda.extended.pass;
   if (!drove_off) co_return sent;
-  // A wire that is cut, or a node at another bit rate, stops every frame.
+  // A cut wire, or a node at another bit rate, stops every frame.
   co_await rt::sleep_for(s.bus.timing.bus_off_pause);
   const auto standard = co_await s.lss.switch_global(lss::State::waiting);
   if (!standard) co_return sent;

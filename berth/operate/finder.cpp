@@ -28,8 +28,8 @@ rt::Task<bool> Finder::search_for_all() {
     if (ended) searched();
     co_return false;
   }
-  // Devices that wait without a seat are identified and would not answer: all are asked anew, and what left is
-  // forgotten.
+  // Devices that wait without a seat are in RAND's state identified and would not answer: all are asked anew, and
+  // devices that left are forgotten.
   const bool waiting = std::ranges::any_of(found_.all(), [&](const auto& f) { return slots_.of(f.device) == nullptr; });
   const bool anew = agenda_.look_anew || waiting;
   if (anew) co_await forget_and_ask_anew();
@@ -40,7 +40,7 @@ rt::Task<bool> Finder::search_for_all() {
   co_return anew;
 }
 
-// Broken off, it goes on at the next round; what else is done waits for its end.
+// An interrupted search continues in the next round; other work waits for its end.
 rt::Task<bool> Finder::rand_first(bool anew) {
   const std::size_t before = found_.size();
   open_anew_ = anew;
@@ -59,7 +59,7 @@ rt::Task<void> Finder::forget_and_ask_anew() {
     if (!goes(f)) continue;
     rest_wanted_ = rest_wanted_ || found_.without_rand(f.device);
     places_.forget(f.device);
-    // No search finds it again when it speaks nothing that finds devices with a node-ID.
+    // No search finds it again if none of its services finds devices with a node-ID.
     if (f.active.configured() && !f.lent) configured_.look_again_at(f.active);
     const bool told = std::ranges::find(forgotten_, f.device) != forgotten_.end();
     if (!f.active.configured() && !f.clone && !told) forgotten_.push_back(f.device);
@@ -71,8 +71,8 @@ rt::Task<void> Finder::forget_and_ask_anew() {
   if (speaks_rand && may_send_extended_frames(s_, agenda_)) co_await tell_which_are_known();
 }
 
-// A search need not find again what an earlier one, SDO or a blanking found: the device may speak no RAND, and a
-// published Fastscan finds one of several. Each is asked for once, by its LSS address.
+// A search may miss what an earlier search, SDO or a blanking found: the device may have no RAND, and a published
+// Fastscan finds one of several. Each is asked once, by its LSS address.
 rt::Task<void> Finder::ask_for_the_forgotten() {
   const std::vector<Identity> devices = std::exchange(forgotten_, {});
   for (const Identity& device : devices) {
@@ -88,10 +88,10 @@ rt::Task<void> Finder::ask_for_the_forgotten() {
 rt::Task<void> Finder::rest_behind_rand(bool anew, bool any_by_rand) {
   const bool others = agenda_.method() == "auto" && !agenda_.alone;
   const bool due = others && is_one_missing() && (agenda_.once || s_.executor.now() >= agenda_.rest_at);
-  // A device that speaks RAND answers LSS too while it has no node-ID: it is found already.
+  // A device with RAND also answers LSS while it has no node-ID: it is already found.
   const bool unheard = !any_by_rand || is_one_missing();
   bool wanted = std::exchange(rest_wanted_, false) && unheard;
-  // One that RAND found answers LSS too.
+  // A device that RAND found also answers LSS.
   const bool answers =
       std::ranges::any_of(found_.all(), [](const places::Found& f) { return !f.active.configured() && !f.clone; });
   const bool asks = others && anew && !due && !wanted && !answers && is_one_missing();
@@ -102,8 +102,8 @@ rt::Task<void> Finder::rest_behind_rand(bool anew, bool any_by_rand) {
   if (others && (due || wanted)) co_await the_rest(due);
 }
 
-// A device that stays without a node-ID answers every poll: that is no news for a while. Nor are the devices at work
-// that answer Fastscan with their node-IDs, for long, while no slot waits: then a search takes its time, too.
+// A device that stays without a node-ID answers every poll: for a while this starts no search. Working devices that
+// answer Fastscan with their node-IDs start none for a long time while no slot waits, because such a search takes long.
 void Finder::searched() {
   const bool news = search_.has_news();
   const rt::Duration period = s_.bus.timing.probe_period;
@@ -126,11 +126,10 @@ rt::Task<void> Finder::by_rest(bool also_configured) {
 }
 
 // A device may come from another plant as "identified": all become unknown, then those that sit here become identified
-// again (S1.31). While the machine runs this is not repeated: a device that comes new is unknown from power-on.
+// again (S1.31). This is not repeated while the machine runs: a new device is unknown from power-on.
 //
-// These services are unconfirmed, and a device with a single-slot receive buffer loses what comes back to back: the
-// first is sent twice, with pauses. A device that misses the second is found once more, which costs time and nothing
-// else.
+// These services are unconfirmed, and a device with a single receive buffer loses back-to-back frames: the first is
+// sent twice, with pauses. A device that misses the second is found once more, which only costs time.
 rt::Task<void> Finder::tell_which_are_known() {
   const rt::Duration apart = s_.bus.timing.rand_response;
   for (int time = 0; time < 2; ++time) {
@@ -149,8 +148,8 @@ rt::Task<void> Finder::tell_which_are_known() {
   }
 }
 
-// Again as long as it brings news and one is missing: a device that was late was not heard, and one that was found does
-// not answer.
+// Repeated as long as it finds devices and one is missing: a late device was not heard, and a found one does not answer
+// again.
 rt::Task<void> Finder::by_rand() {
   constexpr unsigned most_again = 4;
   std::size_t before = found_.size();
@@ -163,13 +162,13 @@ rt::Task<void> Finder::by_rand() {
   }
 }
 
-// A device without a node-ID is found in a fraction of a second. One that has a node-ID is searched for among all
-// numbers of the known types, which takes longer with each device that runs: only when a slot is without a device
-// afterwards.
+// A device without a node-ID is found in a fraction of a second. A device with a node-ID is searched for among all
+// serial numbers of the known types, which takes longer with each running device: only if a slot is still without a
+// device.
 rt::Task<void> Finder::the_rest(bool also_configured) {
   constexpr unsigned most_again = 4;
   const rt::Time began = s_.executor.now();
-  // The one before took too long to look for devices with a node-ID as well: now it is their turn.
+  // The previous search took too long to include devices with a node-ID: now it is their turn.
   if (also_configured && std::exchange(owes_configured_, false)) {
     co_await by_rest(true);
     agenda_.rest_at = s_.executor.now() + 8 * s_.bus.timing.probe_period;
@@ -177,8 +176,7 @@ rt::Task<void> Finder::the_rest(bool also_configured) {
   }
   std::size_t before = found_.size();
   co_await by_rest(false);
-  // A device that was late once was not heard by that search: as long as it brings news, one is asked for that is
-  // missing.
+  // The search may miss a late device: it is repeated while it finds devices and one is missing.
   for (unsigned again = 0; again < most_again && found_.size() > before && is_one_missing(); ++again) {
     if (agenda_.search_open) co_return;
     before = found_.size();
@@ -186,15 +184,15 @@ rt::Task<void> Finder::the_rest(bool also_configured) {
   }
   if (!also_configured || agenda_.search_open) co_return;
   agenda_.rest_at = s_.executor.now() + 8 * s_.bus.timing.probe_period;
-  // One long search at a time: what happens on the bus meanwhile is dealt with after it.
+  // One long search at a time: events on the bus are handled after it.
   const bool took_long = s_.executor.now() - began > std::chrono::seconds(5);
   owes_configured_ = took_long && is_one_missing();
   if (!is_one_missing() || took_long) co_return;
   co_await by_rest(true);
 }
 
-// A device that fits each slot without one, no device counted twice: else one is missing. One that waits for its power
-// cycle is known, and one that is a slot's own fills no other.
+// One is missing unless each slot without a device has a found device that fits, none counted twice. A device that
+// waits for its power cycle is known, and a slot's own device fills no other slot.
 bool Finder::is_one_missing() const {
   std::vector<bool> used(found_.size(), false);
   for (const auto& seat : slots_.seats()) {
@@ -224,8 +222,9 @@ rt::Task<bool> Finder::anybody_new() {
   co_return co_await anybody_blank();
 }
 
-// By LSS identify non-configured (4Ch), which CANopenNode's slaves do not know, and by Fastscan's first question, which
-// Lely core's answer with a node-ID too: that is no news for a while when the search after it brought none.
+// By LSS identify non-configured (4Ch), which CANopenNode's slaves do not support, and by Fastscan's first question.
+// Lely core's slaves answer that with a node-ID too: if the search after it finds nothing, this starts no search for a
+// while.
 rt::Task<bool> Finder::anybody_blank() {
   lss::ServiceOptions options = s_.lss.options().identify;
   options.timeout = std::min<rt::Duration>(options.timeout, 2 * s_.bus.timing.rand_response);

@@ -1,4 +1,4 @@
-/// Which devices on the bus no slot knows (paper 1 §III.b; S1.31): when they are searched for, and how.
+/// When and how the bus is searched for devices that no slot knows (paper 1 §III.b; S1.31).
 #pragma once
 
 #include "berth/operate/configured_finder.hpp"
@@ -19,15 +19,16 @@ class Finder {
         configured_(configured),
         search_(search) {}
 
-  /// RAND is asked first and alone: it finds all devices that speak it in one go. The rest is searched for only when a
-  /// slot is still without a device, or when a device without a node-ID answered LSS. Never two schemes at once
-  /// (S1.24). The turn must be held.
+  /// RAND comes first and alone: it finds all devices that speak it in one search. Other methods follow only when a
+  /// slot still has no device, or when a device without a node-ID answered LSS. Two schemes never run at once (S1.24).
+  /// The turn must be held.
   rt::Task<void> discover();
-  /// One question a look: RAND's phase 0, which only devices answer that are new. A device without RAND is heard by
-  /// LSS, with one frame that all without a node-ID answer alike: at every look while a slot waits, else at every
-  /// eighth. The turn must be held.
+  /// One question a look: RAND's phase 0, which only new devices answer. Devices without RAND are found with one LSS
+  /// frame that all devices without a node-ID answer alike: at every look while a slot waits, else at every eighth. The
+  /// turn must be held.
   rt::Task<bool> anybody_new();
-  /// Devices that wait for their places without a node-ID answer every question: that is no news for a while.
+  /// Devices that wait for their places without a node-ID answer every question: for a while their answers start no
+  /// search.
   void rest_from_searching();
 
  private:
@@ -52,14 +53,14 @@ class Finder {
   PlaceProbes& places_;
   ConfiguredFinder& configured_;
   Search& search_;
-  bool rest_wanted_ = false;  // a device without a node-ID answered LSS: those are looked for that RAND does not find
-  rt::Time blank_at_{};       // such an answer is no news before
-  rt::Time scanned_at_{};     // nor one to Fastscan's first question before
-  bool by_fastscan_ = false;  // it was to that
+  bool rest_wanted_ = false;      // a device without a node-ID answered LSS: search for devices without RAND
+  rt::Time blank_at_{};           // such an answer starts no search before this time
+  rt::Time scanned_at_{};         // nor does an answer to Fastscan's first question before this time
+  bool by_fastscan_ = false;      // the last answer was to that
   bool owes_configured_ = false;  // the last search ended before devices with a node-ID were looked for
-  bool open_anew_ = false;        // the search by RAND that was broken off asks all devices anew
+  bool open_anew_ = false;        // the interrupted RAND search asks all devices anew
   unsigned looks_ = 0;
-  std::vector<Identity> forgotten_;  // without a node-ID, since all are asked anew: no search need find them again
+  std::vector<Identity> forgotten_;  // without a node-ID, since all are asked anew: a search may not find them again
 };
 
 }  // namespace berth::operate

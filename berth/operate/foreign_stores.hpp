@@ -1,6 +1,6 @@
-/// LSS store commands (17h) of other LSS masters on this bus: of the master that this one takes over from, or of a
-/// tool. A device that is still storing answers that master, and the answer looks like one to this master's own 17h,
-/// because it names no request (CiA 305, store configuration). So this master stores nothing before `end`.
+/// LSS store commands (17h) of other LSS masters on this bus: of the previous master, or of a tool. A device that is
+/// still storing answers that master. The answer names no request (CiA 305, store configuration), so it looks like one
+/// to this master's own 17h. Therefore this master stores nothing before `end`.
 #pragma once
 
 #include <algorithm>
@@ -15,9 +15,9 @@ class ForeignStores final : private can::Handler {
   /// `store_timeout`: how long a device may take to store.
   ForeignStores(can::Dispatcher& dispatcher, rt::Duration store_timeout);
 
-  /// What an earlier run of this Berth told a device to store is stored then.
+  /// A store command of an earlier Berth run is complete by then.
   void earlier_run_stores_until(rt::Time end) noexcept { end_ = std::max(end_, end); }
-  /// No answer to another master's 17h, or to one of an earlier run, comes later.
+  /// After this time no answer comes to a 17h of another master or an earlier run.
   [[nodiscard]] rt::Time end() const noexcept { return end_; }
 
  private:

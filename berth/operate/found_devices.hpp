@@ -1,4 +1,4 @@
-/// The devices that were found on one bus and sit in no slot yet, or came back to one.
+/// Devices found on one bus that sit in no slot yet, or came back to one.
 #pragma once
 
 #include <map>
@@ -18,24 +18,24 @@ class FoundDevices {
   FoundDevices(BusServices& services, const SlotTable& slots, Loans& loans) noexcept
       : s_(services), slots_(slots), loans_(loans) {}
 
-  /// Who it is that was found with this node-ID: the slot's device, when it says nothing else than that does (1018h may
-  /// have less than LSS tells, and the other way round); one without a serial number is known by the node-ID that it
-  /// uses, unless that is lent to it.
+  /// The identity of a device found with this node-ID. It is the slot's device if nothing it reports contradicts that
+  /// (1018h may have less than LSS reports, and vice versa). A device without a serial number is known by the node-ID
+  /// that it uses, unless that is lent to it.
   [[nodiscard]] Identity known_as(const places::Found& found) const noexcept;
-  /// Adds the device (`known_as`), or replaces what is known of it. First seen: its boot-up message when it has a
-  /// node-ID, else the first answer that it gave.
+  /// Adds the device (`known_as`), or replaces what is known of it. It was first seen at its boot-up message if it has
+  /// a node-ID, else at its first answer.
   void note(const places::Found& found);
   void forget(const Identity& device);
-  /// It was found, and does not answer now. Until it is found again, or a search for all is over.
+  /// It was found, and does not answer any more. Kept until it is found again, or a search for all is over.
   void fell_silent(const Identity& device);
-  /// One that fell silent and may sit in this slot. Null: none.
+  /// A silent device that may sit in this slot. Null: none.
   [[nodiscard]] const Identity* silent_for(const places::SlotSpec& slot) const noexcept;
   template <class Goes>
   void forget_if(const Goes& goes) {
     std::erase_if(list_, goes);
   }
   void clear() noexcept { list_.clear(); }
-  /// When they were first seen is forgotten of those that are not here any more.
+  /// Forgets the first-seen times of devices that are no longer here.
   void forget_who_left();
 
   [[nodiscard]] const List& all() const noexcept { return list_; }
@@ -44,24 +44,24 @@ class FoundDevices {
   /// Null: it was not found.
   [[nodiscard]] places::Found* of(const Identity& device) noexcept;
   [[nodiscard]] const places::Found* of(const Identity& device) const noexcept;
-  /// It, or one of its kind that was found where none of them sits, when it has no serial number: as it is known now.
+  /// The device; or, if it has no serial number, one of its kind that was found in no slot, under its present identity.
   [[nodiscard]] Identity one_for(const Identity& device) const noexcept;
-  /// A device was found with this node-ID in use.
+  /// A device was found that uses this node-ID.
   [[nodiscard]] bool any_at(NodeId id) const noexcept;
-  /// This device was, as the only one of its address.
+  /// This device was found with this node-ID, as the only one of its address.
   [[nodiscard]] bool uses(const Identity& device, NodeId id) const noexcept;
-  /// Says of each whether it has what it was lent.
+  /// Marks each device that uses the node-ID lent to it.
   void mark_loans();
 
-  /// The node-ID that is known of it, unconfigured when none is.
+  /// The device's known node-ID; unconfigured: none is known.
   [[nodiscard]] NodeId active_of(const Identity& device) const noexcept;
-  /// Two devices had this address when it was asked last.
+  /// Two devices had this address when it was last asked.
   [[nodiscard]] bool is_clone(const Identity& device) const noexcept;
   void no_clone(const Identity& device) { std::erase(clones_, device); }
-  /// Another device answers under the node-ID that this one has too. Until it is seated.
+  /// Another device answers under the same node-ID. Kept until this one is seated.
   void note_shared(const Identity& device);
   void not_shared(const Identity& device) { std::erase(shared_, device); }
-  /// Found otherwise than by RAND.
+  /// It was found by another method than RAND.
   void note_without_rand(const Identity& device);
   [[nodiscard]] bool without_rand(const Identity& device) const noexcept;
   /// Every address that was seen on this bus.

@@ -8,14 +8,13 @@
 
 namespace berth::operate {
 
-// Not a slot's, not the master's, not one under which anybody was ever heard. `prepare_loans` asks whether it is
-// vacant.
+// Not a slot's, not the master's, and never heard. `prepare` checks whether it is vacant.
 bool Lending::may_be_lent(NodeId id) const noexcept {
   const bool slot = std::ranges::any_of(slots_.seats(), [&](const auto& s) { return s->id() == id; });
   return !slot && !spoken_for(id) && id != s_.bus.master && !s_.boots.heard(id);
 }
 
-// A device that was found has it, was lent it, or has told that it will have it when it boots.
+// A found device has it, was lent it, or reported that it will have it when it boots.
 bool Lending::spoken_for(NodeId id) const noexcept {
   const bool held = std::ranges::any_of(found_.all(), [&](const places::Found& f) { return f.active == id; });
   return held || loans_.lent(id) || told_[id.value()];
@@ -28,9 +27,9 @@ bool Lending::free_for_a_loan(const Seat& seat, const Identity& device) const no
          !spoken_for(id) && vacant && s_.boots.vacant_since(id, *vacant) && places::fits(seat.slot.spec, device);
 }
 
-// The lowest free slot's that it fits: searches find the devices of a type in ascending order, and with `ascending`
-// that is where it stays. Else, and to one of two with its address, which of them cannot be asked back, one that no
-// slot has.
+// The lowest free slot's node-ID that suits: searches find the devices of a type in ascending order, and with
+// `ascending` the device stays there. Otherwise one without a slot; likewise for one of two devices with its address,
+// because it cannot be determined which of them has it.
 NodeId Lending::id_to_lend(const Identity& device) const noexcept {
   NodeId lowest;
   const bool clone = found_.is_clone(device);
@@ -76,7 +75,7 @@ rt::Task<bool> Lending::wake(Identity device, NodeId id) {
   co_return co_await s_.boots.wait(id, began, began + s_.bus.timing.boot_timeout);
 }
 
-// As many node-IDs that no device answers under as devices may come, asked side by side: the free slots' own are known.
+// Finds enough vacant node-IDs for the devices that may come, asked side by side: the free slots' own are known.
 rt::Task<void> Lending::prepare() {
   std::size_t wanted = 2;
   for (const auto& seat : slots_.seats()) wanted += seat->there() || s_.vacancy[seat->id().value()] ? 0U : 1U;
@@ -92,14 +91,14 @@ rt::Task<void> Lending::prepare() {
 
 NodeId Lending::assign(const LssAddress& address, bool says_none) noexcept {
   const Identity device(address);
-  if (asking_.has_equals(device)) return {};  // what is said to that address by LSS, all of them would do
+  if (asking_.has_equals(device)) return {};  // all of them would obey an LSS request to that address
   const bool by_rand = found_.of(device) != nullptr && !found_.without_rand(device);
-  if (by_rand) return {};  // it waits for its place, and leaves no search by a loan
+  if (by_rand) return {};  // it waits for its place, and needs no loan to leave the search
   const Seat* const seat = slots_.of(device);
   const bool sits = seat != nullptr && seat->there() && seat->slot.record.confirmed;
-  // The one that sits may speak no LSS, and have a twin that does: the binding tells.
+  // The seated device may have no LSS, but a twin that has: the binding shows it.
   if (sits && says_none) return {};
-  // Lely core's slaves answer Fastscan with a node-ID too: what they use stays, and nothing else is pending.
+  // Lely core's slaves answer Fastscan with a node-ID too: they keep it, and nothing else is pending.
   if (sits) return seat->id();
   const bool own = seat != nullptr && !found_.is_clone(device) && s_.vacancy[seat->id().value()] &&
                    !s_.boots.heard(seat->id()) && !told_[seat->id().value()];
@@ -125,7 +124,7 @@ bool Lending::lend(const Identity& device, NodeId id) {
 
 void Lending::end(const Identity& device) {
   const auto* const loan = loans_.of(device);
-  // Of clones the other one may have it pending.
+  // With clones, the other one may have it pending.
   const bool stays = loan == nullptr || loan->clones;
   if (stays) return;
   loans_.expected_boot_up(loan->id, s_.executor.now());
@@ -134,7 +133,7 @@ void Lending::end(const Identity& device) {
     slots_.events().tell_once(EventKind::error, "the slot table cannot be written: " + describe(written.error()));
 }
 
-// A slot's node-ID that was lent to one device and is another's by the plan.
+// Takes back a slot's node-ID that was lent to one device and belongs to another by the plan.
 rt::Task<void> Lending::take_back_what_is_in_the_way(std::vector<places::Action> actions) {
   for (const auto& action : actions) {
     if (action.kind != places::Action::Kind::bind) continue;
@@ -150,7 +149,7 @@ rt::Task<void> Lending::take_back_all() {
   const std::vector<Loans::Loan> lent = loans_.all();
   for (const auto& loan : lent) {
     const Seat* const seat = slots_.of(loan.device);
-    // What it has pending is what it stored, and `11 FF` would have it stored again.
+    // It has pending what it stored, and `11 FF` would make it store again.
     const bool waits = seat != nullptr && seat->state() == places::SlotState::power_cycle && seat->power_cycle.binding;
     if (waits) continue;
     const bool seated = seat != nullptr && seat->there();
@@ -173,7 +172,7 @@ rt::Task<void> Lending::take_back_all() {
   }
 }
 
-// It came back by itself, to its own node-ID, and what it was lent would come into use at its next reset.
+// It returned to its own node-ID by itself, but the lent one would become active at its next reset.
 rt::Task<void> Lending::make_pending(Loans::Loan loan, NodeId own) {
   const auto told = co_await tell_pending(loan.device, own);
   if (told) {
@@ -199,8 +198,8 @@ rt::Task<void> Lending::end_or_keep(Loans::Loan loan) {
   places::gave_up(s_.boots, s_.vacancy, loan.id);
 }
 
-// Two devices of its address may both be told to have none: one of them was lent it, and which cannot be asked. So both
-// must answer.
+// Two devices with its address may both be told to have none, because it cannot be determined which of them has the
+// loan. So both must answer.
 rt::Task<bool> Lending::tell_both(Identity device) {
   const NodeId none;
   lss::ServiceOptions whole = s_.lss.options().service;
@@ -235,7 +234,7 @@ rt::Task<bool> Lending::recall(Identity device) {
   const NodeId id = loan->id;
   const rt::Time asked = s_.executor.now();
   bool answers = co_await asking_.answers_at(id);
-  // It may take its time to boot under what it was lent. What speaks 40h to 43h is selected by them later.
+  // It may take long to boot under the lent node-ID. A device with 40h to 43h is selected by them later.
   const bool waits = !answers && s_.lss.lacks().has(device.address, lss::Lackable::select);
   if (waits) answers = co_await s_.boots.wait(id, asked, asked + s_.bus.timing.boot_timeout);
   if (!answers) co_return false;
@@ -262,7 +261,7 @@ rt::Task<bool> Lending::take_back(Identity device, NodeId id) {
   const NodeId none;
   const auto told = co_await tell_pending(device, none);
   if (!told) co_return co_await recall(device);
-  // A device with a single-slot receive buffer would lose the reset after what was just sent.
+  // A device with a single receive buffer would lose the reset after the previous frame.
   co_await rt::sleep_for(s_.bus.timing.rand_response);
   const auto reset = co_await s_.nmt.send(co::NmtCommand::reset_communication, id);
   co_return reset.has_value();

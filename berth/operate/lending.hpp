@@ -1,5 +1,5 @@
-/// Lends node-IDs to devices while they are searched for or read, and takes them back: without one a device speaks no
-/// SDO, and in LSS configuration some makers' devices answer everything. `Loans` keeps the list.
+/// Lends node-IDs to devices while they are searched for or read, and takes them back. A device without a node-ID has
+/// no SDO, and devices of some makers answer everything in LSS configuration state. `Loans` keeps the list.
 #pragma once
 
 #include <array>
@@ -16,13 +16,13 @@ class Lending final : public discovery::Assigner {
           Asking& asking) noexcept
       : s_(services), slots_(slots), agenda_(agenda), found_(found), loans_(loans), asking_(asking) {}
 
-  /// Asks for as many node-IDs that no device answers under as devices may come, side by side.
+  /// Finds enough vacant node-IDs for the devices that may come, by asking them side by side.
   rt::Task<void> prepare();
-  /// For a search: the node-ID that the only device in LSS configuration is lent, or its slot's own. It is seated, or
-  /// blank again, before the round is over.
+  /// For a search: the node-ID to lend to the only device in LSS configuration, or its slot's own. The device is
+  /// seated, or blank again, before the round is over.
   NodeId assign(const LssAddress& address, bool says_none) noexcept override;
   [[nodiscard]] bool still_vacant(NodeId id) const noexcept override;
-  /// A search was told that a device has this node-ID, or will have it when it boots.
+  /// A search learnt that a device has this node-ID, or will have it when it boots.
   void told(NodeId id) noexcept { told_[id.value()] = true; }
   void forget_told() noexcept { told_ = {}; }
 
@@ -31,17 +31,17 @@ class Lending final : public discovery::Assigner {
   /// For a device that was lent the node-ID and does not answer under it: NMT reset communication of node-ID 255. True:
   /// it has booted. The turn must be held.
   rt::Task<bool> wake(Identity device, NodeId id);
-  /// A slot's node-ID that was lent to another device than the plan gives it to.
+  /// Takes back a slot's node-ID that was lent to another device than the plan gives it to.
   rt::Task<void> take_back_what_is_in_the_way(std::vector<places::Action> actions);
-  /// All that was lent. A device that does not confirm keeps its loan, and is asked again in the next rounds; later,
-  /// when the whole bus is asked anew.
+  /// Takes back all loans. A device that does not confirm keeps its loan and is asked again in the next rounds; later,
+  /// only when the whole bus is asked anew.
   rt::Task<void> take_back_all();
-  /// Only this device has the node-ID pending, and is in LSS waiting then. False: it did not confirm that.
+  /// Makes the node-ID pending in this device alone, then puts it into LSS waiting. False: it did not confirm.
   rt::Task<bool> tell_pending(Identity device, NodeId id);
-  /// Ends a loan by NMT reset node, as it is not stored: for a device that is selected by Fastscan alone and answers
-  /// under what it was lent. True: it has no node-ID any more. LSS must be held.
+  /// Ends an unstored loan by NMT reset node: for a device that only Fastscan selects and that answers under the lent
+  /// node-ID. True: it has no node-ID any more. LSS must be held.
   rt::Task<bool> recall(Identity device);
-  /// It has another node-ID than it was lent now, in use and pending.
+  /// The device now uses another node-ID than the lent one, active and pending.
   void end(const Identity& device);
 
  private:

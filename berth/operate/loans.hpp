@@ -1,8 +1,8 @@
-/// The node-IDs that devices are lent, not stored, while they are searched for or read, until they are seated or give
-/// them back. What is lent to one device is given to no other: a device that did not confirm that it gave its own back
-/// may use it, or have it pending, as long as it has power (`docs/limits.md`).
+/// Node-IDs lent to devices, not stored in them, while they are searched for or read, until they are seated or give
+/// them back. A lent node-ID is given to no other device: a device that did not confirm giving its node-ID back may use
+/// it, or have it pending, as long as it has power (`docs/limits.md`).
 ///
-/// A loan is in the store before the device hears of it, so that a run that begins after a crash knows every one.
+/// A loan is in the store before the device is told, so that a run after a crash knows every loan.
 #pragma once
 
 #include <array>
@@ -20,22 +20,22 @@ class Loans {
   struct Loan {
     Identity device;
     NodeId id;
-    unsigned tries = 0;   ///< to take it back, in vain, since the device was found last
-    bool clones = false;  ///< two devices answered to the address: which of them has it cannot be asked
+    unsigned tries = 0;   ///< vain tries to take it back since the device was last found
+    bool clones = false;  ///< two devices answered to the address: which of them has it cannot be determined
   };
 
-  /// `store` must stay. `bus` is the one that the devices are on.
+  /// `store` must outlive this. `bus` is the bus of the devices.
   Loans(places::SlotStore& store, places::BusName bus);
 
-  /// Takes over what an earlier run lent here and did not see given back.
+  /// Loads the loans that an earlier run made here and did not end.
   Result<void> load();
-  /// Before the `11h` that does it. An earlier loan of the device ends.
+  /// Call it before the `11h` of the loan. An earlier loan of the device ends.
   Result<void> lend(const Identity& device, NodeId id);
-  /// The device has another node-ID or none, in use and pending. No error when nothing was lent to it.
+  /// The device has another node-ID or none, active and pending. No error when nothing was lent to it.
   Result<void> end(const Identity& device);
   /// The device was asked to give its node-ID back and did not confirm it.
   void kept(const Identity& device) noexcept;
-  /// Two devices answered to this address; false: both were told to have none.
+  /// Two devices answered to this address; false: both confirmed that they have none.
   void doubled(const Identity& device, bool so) noexcept;
   /// The device was found, on this bus: it can be asked again.
   void seen(const Identity& device) noexcept;
@@ -44,20 +44,20 @@ class Loans {
   [[nodiscard]] bool empty() const noexcept { return all_.empty(); }
   /// Null: nothing is lent to this device.
   [[nodiscard]] const Loan* of(const Identity& device) const noexcept;
-  /// The node-ID is lent to another device than this one, or one of its kind without a serial number.
+  /// The loan of this node-ID to another device, or to one of its kind without a serial number.
   [[nodiscard]] const Loan* to_another(NodeId id, const Identity& device) const noexcept;
   [[nodiscard]] bool lent(NodeId id) const noexcept;
-  /// It did not confirm often enough that it gives its node-ID back: it is not asked at every round.
+  /// The device failed too often to confirm that it gives its node-ID back: it is no longer asked at every round.
   [[nodiscard]] static bool given_up(const Loan& loan) noexcept { return loan.tries >= most_tries; }
 
-  /// Had a loan in this run, or in one before it that did not end it, and was not bound since: what it uses may be what
-  /// it was lent, whatever it confirmed (the reset after it can have been lost).
+  /// The device had a loan in this run, or one of an earlier run that was not ended, and was not bound since. Even if
+  /// it confirmed otherwise it may still use the lent node-ID (the reset after it can have been lost).
   [[nodiscard]] bool borrowed(const Identity& device) const noexcept;
   [[nodiscard]] const std::vector<Identity>& borrowers() const noexcept { return borrowers_; }
-  /// It was bound: what it uses is stored.
+  /// It was bound: the node-ID that it uses is stored.
   void bound(const Identity& device) noexcept;
 
-  /// Boot-up messages under this node-ID are of Berth's making from now on, and until when they are.
+  /// From now on, or until the given time, Berth itself causes boot-up messages under this node-ID.
   void expect_boot_up(NodeId id) noexcept { of_ours_until_[id.value()] = rt::never; }
   void expected_boot_up(NodeId id, rt::Time until) noexcept { of_ours_until_[id.value()] = until; }
   [[nodiscard]] bool of_ours(NodeId id, rt::Time at) const noexcept { return at <= of_ours_until_[id.value()]; }

@@ -6,7 +6,7 @@
 namespace berth::operate {
 namespace {
 
-// Back to waiting, also when the command is given up in the middle.
+// Returns to LSS waiting, also if the command is interrupted.
 class Shown {
  public:
   explicit Shown(can::Dispatcher& dispatcher) noexcept : dispatcher_(&dispatcher) {}

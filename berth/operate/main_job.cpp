@@ -50,7 +50,7 @@ rt::Task<void> MainJob::run() {
   }
 }
 
-// The turn is given back also when the job is ended in the middle.
+// The turn is also given back if the job is interrupted.
 rt::Task<void> MainJob::work(bool first) {
   co_await p_.bus.turn.take();
   const rt::Held held(p_.bus.turn);
@@ -61,7 +61,7 @@ rt::Task<void> MainJob::work(bool first) {
     co_await p_.presence.prepare();
   }
   co_await round(first);
-  // A search can take longer than the pause before the next one, which begins when it is over.
+  // The pause before the next search begins at the end of this one, which may take longer than the pause.
   Agenda& agenda = p_.agenda;
   const rt::Time now = p_.bus.executor.now();
   const rt::Duration period = p_.bus.bus.timing.probe_period;
@@ -72,7 +72,7 @@ rt::Task<void> MainJob::work(bool first) {
 }
 
 // An interrupted run may have left one device in configuration state with a node-ID pending: the next `04 00` would
-// bring it into use. The device that listens gives it up first (berth/places/binding.hpp).
+// activate it. A listening device gives it up first (berth/places/binding.hpp).
 rt::Task<void> MainJob::opening() {
   BusServices& s = p_.bus;
   p_.agenda.phase = Phase::opening;
@@ -80,7 +80,7 @@ rt::Task<void> MainJob::opening() {
   const bool unfinished =
       std::ranges::any_of(p_.slots.seats(), [](const auto& seat) { return seat->slot.record.intended.has_value(); }) ||
       !p_.slots.unfinished_here().empty();
-  const bool other_masters = s.bus.flying.has_value();  // what one of them began is in its own slot table
+  const bool other_masters = s.bus.flying.has_value();  // each keeps its unfinished work in its own slot table
   if (unfinished) p_.slots.events().tell(EventKind::step, "", "finishing what an earlier run began");
   if (unfinished) s.foreign_stores.earlier_run_stores_until(s.executor.now() + s.bus.timing.store_timeout);
   const auto loaded = p_.loans.load();
@@ -93,9 +93,9 @@ rt::Task<void> MainJob::opening() {
       p_.slots.events().tell(EventKind::error, "", describe(reverted.error()));
   }
   const auto quiet = co_await s.lss.switch_global(lss::State::waiting);
-  // One that keeps what it was lent pending would be silent until the next reset of all.
+  // A device whose lent node-ID stays pending would be silent until the next reset of all.
   const bool wakes = (lends || other_masters) && quiet && s.may_command();
-  // A single-slot receive buffer would lose what comes after `04 00`.
+  // A single receive buffer would lose the frame after `04 00`.
   if (quiet) co_await rt::sleep_for(s.bus.timing.rand_response);
   if (wakes) {
     places::wake_unconfigured(s.dispatcher);
@@ -110,7 +110,7 @@ namespace {
 // A device booted and may be the one that a slot waits for.
 bool waits_for_an_answer(const NetworkParts& p) { return p.agenda.comes.any() && !p.bus.only_observes(); }
 
-// The search was broken off for it. What was found so far is seated next, which takes long: it is seated with them.
+// The search was interrupted for it. Seating the devices found so far takes long: this one is seated with them.
 rt::Task<void> ask_who_came(NetworkParts& p) {
   if (!p.agenda.search_open || !waits_for_an_answer(p)) co_return;
   const bool all = false;
@@ -121,7 +121,7 @@ rt::Task<void> ask_who_came(NetworkParts& p) {
 
 rt::Task<void> MainJob::round(bool first) {
   co_await ask_the_troubled();
-  // Before a search, which takes long. The first one finds what may sit under a node-ID beside the slot's own device.
+  // Before a search, which takes long. The first search finds devices under the node-ID of a slot's own device.
   if (!first) co_await act_on_wakes(p_.agenda.wakes.pop());
   if (!p_.bus.only_observes()) {
     co_await p_.presence.adopt_all_fixed();
@@ -147,7 +147,7 @@ bool is_kept(const Seat& seat) {
 
 bool is_vacant(const Seat& seat) { return seat.slot.spec.assign == Assign::lss && !seat.slot.record.device(); }
 
-// A device that gave up another node-ID, and uses it still, is not nobody. Null: the slot waits for none.
+// A device that gave up another node-ID but still uses it counts as known. Null: the slot waits for none.
 const Identity* who_fades(const NetworkParts& p, const Seat& seat) {
   if (is_vacant(seat)) return p.erased.waits_for(seat.slot.spec);
   const auto& intended = seat.slot.record.intended;
@@ -155,8 +155,8 @@ const Identity* who_fades(const NetworkParts& p, const Seat& seat) {
   return own ? &intended->device : nullptr;
 }
 
-// The plan of this round is carried out: whom it still has for this slot did not give up another node-ID, or failed in
-// another slot.
+// The plan of this round is carried out. A device that it still has for this slot did not give up another node-ID, or
+// failed in another slot.
 const Identity* who_is_left(const NetworkParts& p, const Seat& seat) {
   const auto& actions = p.planning.plan().actions;
   const auto left = std::ranges::find_if(actions, [&](const places::Action& a) {
@@ -165,8 +165,8 @@ const Identity* who_is_left(const NetworkParts& p, const Seat& seat) {
   return left == actions.end() ? nullptr : &left->device;
 }
 
-// A device that was found is not nobody: one that is silent now, until a search for all is over, and one that could not
-// be seated yet. Empty: there is none.
+// Found devices count as known: one that is silent now, until a search for all is over, and one that could not be
+// seated yet. Empty: there is none.
 std::string who_is_known(const NetworkParts& p, const Seat& seat) {
   if (!is_vacant(seat)) return {};
   const Identity* const left = who_is_left(p, seat);
@@ -183,7 +183,7 @@ std::string who_is_known(const NetworkParts& p, const Seat& seat) {
                      to_string(equal->device));
 }
 
-// Of those that booted, and were heard lately: one that has left again is no reason to wait.
+// Of those that booted and were recently heard: one that left again is no reason to wait.
 bool one_is_asked_next(const NetworkParts& p) {
   if (!waits_for_an_answer(p)) return false;
   for (std::uint8_t i = 1; i <= 127; ++i) {
@@ -192,13 +192,13 @@ bool one_is_asked_next(const NetworkParts& p) {
   return false;
 }
 
-// `news`: it was not told yet.
+// `news`: not reported yet.
 void tell_nobody(NetworkParts& p, Seat& seat, bool news) {
   std::string why = who_is_known(p, seat);
   const bool stale = seat.misses_one && why.empty() && seat.life == Life::empty && !p.agenda.search_open;
   if (!news && !stale) return;
   if (why.empty() && one_is_asked_next(p)) return;
-  // Not each round searches for all.
+  // Not every round searches for all.
   constexpr unsigned rounds_in_vain = 4;
   const bool were_two = why.empty() && seat.last.failed == SlotState::duplicate;
   if (were_two && ++seat.doubt.in_vain < rounds_in_vain) return;
@@ -225,7 +225,7 @@ void MainJob::tell_whether_empty(Seat& seat) {
     return;
   }
   const bool shared = p_.erased.user_of(seat.id()) != nullptr;
-  // What it waited for ended, perhaps after the plan of this round: the next one that looks for all says what it is.
+  // The wait ended, perhaps after this round's plan: the next look at all devices shows the slot's state.
   const bool over = (is_vacant(seat) || is_kept(seat)) && waits == nullptr && !shared && seat.life == Life::waits;
   const bool fits_one = over && std::ranges::any_of(p_.found.all(), [&](const auto& f) {
                           return p_.slots.of(f.device) == nullptr && !f.clone && places::fits(seat.slot.spec, f.device);
@@ -280,9 +280,9 @@ rt::Task<void> MainJob::start() {
 
 // ---- between the rounds ----
 
-// Between two parts of a long search: what the bus told meanwhile, and a person's command, do not wait for its end. Nor
-// does a device that booted: it is asked by SDO, and by LSS where it has to be moved, as no device of the search is in
-// LSS configuration now.
+// Between two parts of a long search: messages from the bus and a user's command do not wait for its end. A device that
+// booted does not either: it is asked by SDO, and by LSS if it has to be moved, as no device of the search is in LSS
+// configuration now.
 rt::Task<void> MainJob::handle_what_came() {
   co_await p_.bus.turn.take();
   const rt::Held held(p_.bus.turn);
@@ -292,7 +292,7 @@ rt::Task<void> MainJob::handle_what_came() {
   co_await act_on_wakes(p_.agenda.wakes.pop());
 }
 
-// `wake` first, then all that wait. True: somebody wants a round.
+// `wake` first, then all others. True: a round is wanted.
 rt::Task<bool> MainJob::act_on_wakes(std::optional<Wake> wake) {
   bool wants_round = false;
   p_.agenda.calls = false;
@@ -301,8 +301,8 @@ rt::Task<bool> MainJob::act_on_wakes(std::optional<Wake> wake) {
     co_await p_.supervision.handle(*wake);
     co_await p_.startup.act_on_error();
   }
-  // A second device under a node-ID is told from the slot's own before anything is written there; one that answered, or
-  // was found, is the next round's.
+  // A second device under a node-ID is separated from the slot's own before anything is written there; one that
+  // answered, or was found, is left to the next round.
   const auto doubted = [](const auto& s) { return s->doubt.shared > 1; };
   const auto shared = [&](const auto& s) { return s->there() && p_.found.any_at(s->id()); };
   if (!p_.starter.is_due() || std::ranges::any_of(p_.slots.seats(), doubted)) co_return wants_round;
@@ -311,7 +311,7 @@ rt::Task<bool> MainJob::act_on_wakes(std::optional<Wake> wake) {
   co_return wants_round;
 }
 
-// Returns when something is to be done about the bus as a whole: a new device, or a slot that became free.
+// Returns when something is to be done for the whole bus: a new device, or a slot that became free.
 rt::Task<void> MainJob::watch() {
   bool due = false;
   while (!due) {
@@ -322,17 +322,17 @@ rt::Task<void> MainJob::watch() {
 
 namespace {
 
-// A device of another type, or one that does not tell its type, is no reason to look no more: it may leave.
+// A device of another type, or one that does not report its type, does not end the search: it may leave.
 bool lacks_one(const Seat& seat) {
   const bool has_other = seat.life == Life::stranger || seat.life == Life::absent;
   const bool fixed = seat.slot.spec.assign == Assign::fixed && !seat.slot.record.confirmed;
   return seat.life == Life::empty || seat.state() == SlotState::question || (fixed && has_other);
 }
 
-// It waits for a device that nobody has seen.
+// It waits for a device that was never seen.
 bool waits_for_one(const Seat& seat) { return !seat.slot.spec.optional && lacks_one(seat); }
 
-// What was tried and did not succeed.
+// What was tried without success.
 bool is_troubled(const Seat& seat) {
   const bool asked = seat.slot.record.intended.has_value();
   const bool silent = seat.life == Life::absent && seat.slot.record.confirmed;
@@ -342,7 +342,7 @@ bool is_troubled(const Seat& seat) {
   return failed || powered || asked || silent || doubled;
 }
 
-// Two devices under the node-ID of a slot without one stay until a person takes one off.
+// Two devices under the node-ID of a slot without a device stay until a user removes one.
 bool waits_for_a_hand(const NetworkParts& p) {
   const auto is_other = [](const auto& s) {
     return is_troubled(*s) && (s->life != Life::doubled || s->slot.record.device());
@@ -350,7 +350,7 @@ bool waits_for_a_hand(const NetworkParts& p) {
   return std::ranges::none_of(p.slots.seats(), is_other) && !p.planning.has_blanks();
 }
 
-// What was told of the slot stands until the look has ended.
+// The slot's reported state stays until the look has ended.
 void look_anew(SlotTable& slots, Seat& seat) {
   const SlotState before = seat.shown_state();
   if (seat.life == Life::doubled) seat.doubt.in_vain = 0;
@@ -379,7 +379,7 @@ rt::Task<bool> MainJob::look() {
   idle_ = false;
   p_.supervision.tell_repeated_emcys();
   bool wanted = co_await act_on_wakes(wake);
-  if (wanted) pace_.hurry();  // a person's word
+  if (wanted) pace_.hurry();  // a user's command
   if (!wake) {
     p_.supervision.check_rates();
     co_await p_.supervision.ask_who_beats_fast();
@@ -395,7 +395,7 @@ rt::Task<bool> MainJob::look() {
   if (pace_.look(view_of(p_)))
     agenda.retry_at = std::min(agenda.retry_at, now + SearchPace::usual * p_.bus.bus.timing.probe_period);
   const bool anew = agenda.look_anew && now >= agenda.anew_at;
-  const bool again = retry_due();  // also when a search is due already: two of one address make each look find them
+  const bool again = retry_due();  // also if a search is due: each look finds two of one address
   const bool untold = waits_for_an_answer(p_) &&
                       std::ranges::any_of(p_.slots.seats(), [](const auto& s) { return s->life == Life::unknown; });
   if (wanted || anew || again || untold || p_.starter.is_due()) co_return true;
@@ -403,7 +403,8 @@ rt::Task<bool> MainJob::look() {
   co_return false;
 }
 
-// While a slot waits for its device, new ones are looked for more often: machine and devices are switched on together.
+// While a slot waits for its device, new devices are looked for more often: machine and devices are often switched on
+// together.
 rt::Duration MainJob::look_period() const noexcept {
   const bool waits = std::ranges::any_of(
       p_.slots.seats(), [](const auto& s) { return s->life == Life::empty && !s->slot.spec.optional; });
@@ -413,7 +414,8 @@ rt::Duration MainJob::look_period() const noexcept {
 
 bool MainJob::has_trouble() const {
   const bool slots = std::ranges::any_of(p_.slots.seats(), [](const auto& s) { return is_troubled(*s); });
-  // A blank that failed left a device under a node-ID that is not its own, the master's say. It may have been storing.
+  // A failed blanking left a device under a node-ID that is not its own, for example the master's. It may have been
+  // storing.
   return slots || p_.planning.has_blanks() || waits_for_unfinished();
 }
 
@@ -421,13 +423,13 @@ bool MainJob::lacks_optional() const {
   return std::ranges::any_of(p_.slots.seats(), [](const auto& s) { return s->slot.spec.optional && lacks_one(*s); });
 }
 
-// A device that is away is not asked for for ever.
+// An absent device is not asked forever.
 bool MainJob::waits_for_unfinished() const {
   constexpr unsigned enough = 3;
   return unfinished_looks_ < enough && !p_.slots.unfinished_here().empty();
 }
 
-// What failed may succeed later: the device was slow, deaf or resetting. Not at once, and not for ever in a hurry.
+// Failed work may succeed later: the device was slow, deaf or resetting. It is retried after a pause, which grows.
 bool MainJob::retry_due() {
   const rt::Time now = p_.bus.executor.now();
   const auto& timing = p_.bus.bus.timing;
@@ -447,16 +449,16 @@ bool MainJob::retry_due() {
   for (const auto& seat : p_.slots.seats()) {
     const bool again = seat->life == Life::failed && !seat->configuration.stuck;
     const bool beats = p_.bus.heard_within(seat->id(), heartbeat_timeout(timing, *seat));
-    // A gateway stops itself when a mandatory bus beneath it has failed, and no SDO reaches a stopped device.
+    // A gateway stops itself when a mandatory bus beneath it failed, and a stopped device answers no SDO.
     const bool stopped_itself = again && beats && !seat->held && p_.bus.boots.state(seat->id()) == NmtState::stopped;
     if (stopped_itself) p_.bus.nmt.queue(co::NmtCommand::enter_pre_operational, seat->id());
     if (again && beats) {
       p_.slots.happened(*seat, SlotEvent::tried_again, "trying again");
-      seat->boot_again();  // it may have been started, and not have obeyed in time
+      seat->boot_again();  // it may have been started, and obeyed too late
     }
     const bool troubled =
         seat->life == Life::absent || seat->state() == SlotState::duplicate || seat->life == Life::misplaced;
-    const bool silent = again && !beats;  // it may have left before its heartbeat was waited for
+    const bool silent = again && !beats;  // it may have left before its heartbeat was watched
     seat->ask_again =
         (troubled || silent) && seat->polled && seat->slot.record.confirmed && !seat->slot.record.intended;
     const bool unknown_duplicate = seat->life == Life::doubled && !seat->slot.record.device();
@@ -469,7 +471,7 @@ bool MainJob::retry_due() {
 
 namespace {
 
-// Also when the command is given up in the middle.
+// Also if the command is interrupted.
 class Once {
  public:
   Once(Agenda& agenda, std::string method) : agenda_(agenda) {

@@ -1,4 +1,4 @@
-/// The order in which the parts of a network work (`berth/operate/network.hpp` says it in words).
+/// The order in which the parts of a network work (`berth/operate/network.hpp` describes it).
 #pragma once
 
 #include <string>
@@ -8,30 +8,30 @@
 
 namespace berth::operate {
 
-/// How often is searched for what slots wait for: the more rounds found nothing, the seldomer.
+/// How often to search for what slots wait for: the more rounds found nothing, the more rarely.
 class SearchPace {
  public:
-  /// What the bus shows: a device that comes, goes or boots changes it.
+  /// What is visible on the bus: it changes when a device comes, goes or boots.
   struct View {
     std::size_t found = 0;
     std::uint64_t lives = 0;     ///< of the slots
     std::uint64_t boot_ups = 0;  ///< of all node-IDs
-    unsigned heard = 0;          ///< node-IDs under which anything ever was
+    unsigned heard = 0;          ///< node-IDs under which a node was ever heard
     friend bool operator==(const View&, const View&) = default;
   };
-  /// At each look. True: something changed; the next round comes soon.
+  /// Called at each look. True: something changed; the next round comes soon.
   bool look(const View& now) noexcept;
-  /// A person said so.
+  /// A user asked for it.
   void hurry() noexcept { in_vain_ = 0; }
-  /// A round begins. In how many `probe_period`s may the next?
+  /// A round begins. Returns the number of `probe_period`s until the next.
   [[nodiscard]] int round() noexcept;
-  /// A device may be switched on at any moment: it is asked for often.
+  /// A device may be switched on at any moment: searches are frequent.
   [[nodiscard]] bool is_eager() const noexcept { return in_vain_ <= eager; }
   static constexpr int usual = 8;
   static constexpr int longest = 64;
 
  private:
-  static constexpr unsigned eager = 3;  // rounds without a change after which it gets seldomer
+  static constexpr unsigned eager = 3;  // rounds without a change before the pace slows
   View seen_;
   unsigned in_vain_ = 0;
 };
@@ -42,15 +42,15 @@ class MainJob {
 
   /// Never ends by itself.
   rt::Task<void> run();
-  /// Nothing to do now but to watch.
+  /// Nothing to do now but watch.
   [[nodiscard]] bool idle() const noexcept { return idle_; }
   /// `run` was cancelled.
   void ended() noexcept { idle_ = false; }
 
-  /// One round without a start (`berth bind`). Waits for its turn. Errors: `not_found` a slot is without its device.
+  /// One round without a start (`berth bind`). Waits for the turn. Errors: `not_found` a slot's device is missing.
   rt::Task<Result<void>> bind_once(std::string method);
-  /// The same, after every node-ID that LSS can take away was taken away. Errors: also `invalid` not `confirmed`;
-  /// `unsupported` Berth does not command this bus.
+  /// The same, after taking away every node-ID that LSS can. Errors: also `invalid` not `confirmed`; `unsupported`
+  /// Berth does not command this bus.
   rt::Task<Result<void>> bind_from_scratch(bool confirmed);
 
  private:
@@ -80,8 +80,8 @@ class MainJob {
   bool idle_ = false;
   SearchPace pace_;
   int retry_pause_ = SearchPace::usual;  // in `probe_period`s
-  rt::Time optional_at_{};               // what optional slots lack is not looked for before: it may never come
-  unsigned blanks_ = 0;                  // as they were at the last retry
+  rt::Time optional_at_{};               // what optional slots lack may never come: no search for it before this time
+  unsigned blanks_ = 0;                  // as of the last retry
   unsigned unfinished_looks_ = 0;        // retries since one was tried
 };
 

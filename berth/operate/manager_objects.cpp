@@ -113,10 +113,10 @@ void add_record(od::DescriptionBuilder& b, std::uint16_t index, const char* name
   }
 }
 
-// No room is kept for what a stream serves: 16 KiB for each of them else.
+// No room is reserved for stream objects: that would be 16 KiB for each.
 constexpr std::uint32_t of_stream(DataType type) noexcept { return type == DataType::domain ? 1 : 0; }
 
-// Another configuration is wanted since the device was configured.
+// The wanted configuration changed since the device was configured.
 bool is_due(const Seat& seat) noexcept {
   const auto& noted = seat.slot.record.configured;
   const auto& sits = seat.slot.record.confirmed;
@@ -353,7 +353,7 @@ AbortCode ManagerObjects::ask_nmt(std::uint8_t sub, std::uint8_t state) {
   return AbortCode::none;
 }
 
-// An SDO server does not know its client: a node that asks is spared where it has no slot.
+// An SDO server does not know its client: a node without a slot is not commanded, because it may be the client.
 void ManagerObjects::command_slots(co::NmtCommand command) {
   for (const auto& seat : slots_.seats()) requests_.command_nmt(command, co::NmtTarget(seat->id()));
 }
@@ -416,9 +416,9 @@ AbortCode ManagerObjects::ask_command(std::span<const std::uint8_t> text) {
   return AbortCode::local_control;
 }
 
-// Into the history, from where a person sees what a node did. An SDO server does not know its client: the frame names
-// none. So that a node cannot fill the disk, one that commands more often than ten times a second is refused, after
-// some at once. False: it is refused.
+// Writes to the history, where a user sees what a node did. The client is unknown to an SDO server: the frame does not
+// name it. So that a node cannot fill the disk, more than ten commands a second are refused, after an initial burst.
+// False: it is refused.
 bool ManagerObjects::note(const std::string& what) {
   constexpr rt::Duration pause = std::chrono::milliseconds(100);
   constexpr unsigned at_once = 32;

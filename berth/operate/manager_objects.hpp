@@ -1,6 +1,6 @@
 /// The objects of Berth's own master, so that any SDO client sees a manager of CiA 302: views of the slot table, and
-/// what can be asked of the manager by writing (docs/manager-objects.md). Nothing is kept here: each read says what is
-/// so now.
+/// requests to the manager by writing (docs/manager-objects.md). Nothing is stored here: each read returns the present
+/// state.
 ///
 /// | object | what |
 /// | --- | --- |
@@ -29,30 +29,30 @@ namespace berth::operate {
 
 class ManagerObjects final : private od::Hook, private DcfStream::Owner {
  public:
-  /// What is asked by writing. Called within the write: what it entails comes later, in a job of its own.
+  /// Requests made by writing. Called within the write: the work follows later, in a job of its own.
   class Requests {
    public:
     virtual void command_nmt(co::NmtCommand command, co::NmtTarget target) = 0;
-    /// Unconfigured: every slot.
+    /// Unconfigured: all slots.
     virtual void configure(NodeId node) = 0;
-    /// Likewise.
+    /// Unconfigured: all slots.
     virtual void upload(NodeId node) = 0;
-    /// What was written to 1F20h or 1F22h for this slot. What it answers is the client's answer.
+    /// The bytes written to 1F20h or 1F22h for this slot. Returns the answer to the client.
     virtual od::AbortCode store(NodeId node, WrittenFiles::Form form, std::span<const std::uint8_t> bytes) = 0;
-    /// False: nothing carries commands out here. Else `ManagerObjects::answer` follows, once.
+    /// False: nothing executes commands here. Else `ManagerObjects::answer` follows, once.
     virtual bool command(std::string text) = 0;
 
    protected:
     ~Requests() = default;
   };
 
-  /// Its part of a description.
+  /// Adds these objects to a description.
   static void describe(od::DescriptionBuilder& builder);
 
-  /// `values` were made with `describe`; all must stay.
+  /// `values` must have been made with `describe`; all must outlive this.
   ManagerObjects(od::Values& values, BusServices& services, SlotTable& slots, Agenda& agenda, Requests& requests);
 
-  /// The confirmation of the command that was written last.
+  /// The confirmation of the last written command.
   void answer(bool good, std::string reply);
 
  private:

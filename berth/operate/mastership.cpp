@@ -57,7 +57,7 @@ void Mastership::role_changed() noexcept {
 
 void Mastership::tell() {
   const auto active = flying_.active();
-  if (!active) return;  // they agree on one
+  if (!active) return;  // they are negotiating
   std::string text = fmt::format("node {} is the active NMT master (priority {}); standing by", active->node.value(),
                                  active->priority);
   if (flying_.is_master()) {

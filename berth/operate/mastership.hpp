@@ -1,7 +1,7 @@
-/// Berth's part among the masters of a bus (`[bus.NAME.flying_master]`; docs/flying-master.md): opens the port to the
-/// main job while Berth is the active master, and keeps `BusServices::master`.
+/// Berth's role among the masters of a bus (`[bus.NAME.flying_master]`; docs/flying-master.md). Opens the port to the
+/// main job while Berth is the active master, and maintains `BusServices::master`.
 ///
-/// Berth starts warm: it never resets all nodes, because a device that runs is not touched.
+/// Berth starts warm: it never resets all nodes, so that running devices are not touched.
 #pragma once
 
 #include "berth/manager/flying_master.hpp"
@@ -12,13 +12,13 @@ namespace berth::operate {
 
 class Mastership final : private manager::FlyingMaster::Owner {
  public:
-  /// All must stay. The services are those over `port`.
+  /// All must outlive this. The services use `port`.
   Mastership(BusServices& services, SlotTable& slots, RolePort& port);
   ~Mastership();
 
-  /// Takes part as long as the port takes frames. Until Berth is the active master the port is closed.
+  /// Takes part while the port takes frames. The port is closed until Berth is the active master.
   void start();
-  /// Takes part no longer. What the port is stays: what an active master sends when it leaves goes out.
+  /// Stops taking part. The port stays as it is, so that a leaving active master's frames are sent.
   void stop() noexcept;
 
  private:

@@ -23,7 +23,7 @@ void give_channels(BusServices& bus, const SlotTable& slots, od::Values& values)
     manager::SdoManagerOptions options;
     for (const auto& seat : slots.seats()) options.nodes.push_back(seat->id());
     options.heartbeat = bus.bus.timing.heartbeat_timeout;
-    // Planned channels stay: the manager takes back what has CAN-IDs of its pool.
+    // Planned channels stay: the manager takes back channels with CAN-IDs of its pool.
     options.pool.last -= 2 * static_cast<std::uint32_t>(bus.bus.channels.size());
     return options;
   });
@@ -31,7 +31,7 @@ void give_channels(BusServices& bus, const SlotTable& slots, od::Values& values)
 
 }  // namespace
 
-// What SDO clients ask of the manager by its objects. A task that is spawned begins after the write that asked for it.
+// Requests of SDO clients to the manager by its objects. A spawned task begins after the write that requested it.
 class Network::Asked final : public ManagerObjects::Requests {
  public:
   Asked(Network& network, decltype(NetworkObserver::command) carry_out)

@@ -1,6 +1,5 @@
-/// The main job on one bus: finds the devices, gives each the node-ID of its slot, checks it, starts it, watches it,
-/// and puts a replacement to work. One `Network` is one master on one port; `Session` has one for each bus of a
-/// machine.
+/// The main job on one bus: finds the devices, gives each the node-ID of its slot, checks, starts and watches it, and
+/// puts replacements to work. One `Network` is one master on one port; `Session` has one for each bus of a machine.
 ///
 /// On a bus with several masters (`[bus.NAME.flying_master]`) the main job runs while this one is the active master,
 /// and rests while another is (`Mastership`).
@@ -33,27 +32,27 @@ namespace berth::operate {
 
 class Network final : private PortHealth::Owner {
  public:
-  /// `bus`, `store` and `port` must stay. `machine`: the machine file's name. `slots` are the specifications of this
-  /// bus.
+  /// `bus`, `store` and `port` must outlive this. `machine`: the machine file's name. `slots`: the specifications of
+  /// this bus.
   Network(rt::Executor& executor, can::Port& port, std::string machine, const design::Bus& bus,
           std::vector<places::SlotSpec> slots, places::SlotStore& store, const NetworkObserver& observer);
   ~Network();
   Network(const Network&) = delete;
   Network& operator=(const Network&) = delete;
 
-  /// Declares the slots in the store and takes over what it knows. Call once, before anything else. `written`: where
-  /// configurations are kept that SDO clients write to the manager.
+  /// Declares the slots in the store and loads what it knows. Call once, before anything else. `written`: where
+  /// configurations that SDO clients write to the manager are stored.
   Result<void> open(const manager::SlotSettings& settings = {}, const SlotDescriptions& descriptions = {},
                     WrittenFiles written = {});
-  /// Begins the main job. Without it the network only serves single commands. The main job rests while the port is
-  /// down, or takes no frame (another master, a gate that listens still), and begins anew by itself.
+  /// Begins the main job. Without it the network only serves single commands. The main job rests while the port is down
+  /// or takes no frame (another master, a gate that still listens), and restarts by itself.
   void start();
-  /// Stops the main job where it stands, as if Berth had been ended.
+  /// Stops the main job at once, as if Berth had been ended.
   void stop() noexcept;
 
   [[nodiscard]] const design::Bus& bus() const noexcept { return parts_.bus.bus; }
   [[nodiscard]] std::vector<SlotReport> report() const { return parts_.slots.report(); }
-  /// The part of `report` that is cheap enough to be looked at on every event, in the slots' own order.
+  /// The part of `report` that is cheap enough to read at every event, in the slots' own order.
   struct Occupancy {
     places::SlotState state;
     std::optional<Identity> device;
@@ -62,31 +61,31 @@ class Network final : private PortHealth::Owner {
   [[nodiscard]] std::vector<Occupancy> occupancy() const;
   /// Every slot that is not optional is operational.
   [[nodiscard]] bool operational() const noexcept { return parts_.slots.operational(); }
-  /// The main job has nothing to do now but to watch.
+  /// The main job has nothing to do now but watch.
   [[nodiscard]] bool idle() const noexcept { return job_.idle(); }
   [[nodiscard]] Phase phase() const noexcept { return parts_.agenda.phase; }
   /// How far the NMT startup has come.
   [[nodiscard]] SlotStartup::Phase startup() const noexcept { return parts_.startup.phase(); }
-  /// Which device belongs where, as last planned: its oddities (devices and facts that are not as they should be) and
-  /// questions, these as events too.
+  /// The last plan of which device belongs where: its oddities (devices and facts that are not as they should be) and
+  /// questions; both are events too.
   [[nodiscard]] const Planning& planning() const noexcept { return parts_.planning; }
 
-  // Commands of a person. They wait until the main job has nothing to do.
+  // Commands of a user. They wait until the main job has nothing to do.
 
-  /// `berth replace SLOT`: forgets which device sits in the slot and looks for a new device; `device` says which one it
-  /// is and so answers a question. Errors: `not_found` no such slot; `invalid` the slot's device is there and
+  /// `berth replace SLOT`: forgets which device sits in the slot and looks for a new one. `device` names the new device
+  /// and so answers a question. `used`: the used device that waits for this slot, or sits in it, may be used; its
+  /// factory settings are restored first. Errors: `not_found` no such slot; `invalid` the slot's device is there and
   /// operational, or `device` is not of the slot's type; `duplicate` the device sits in another slot of this bus.
-  /// `used`: the used device that waits for this slot, or sits in it, may be used; it gets its factory settings first.
   Result<void> replace(const std::string& slot, std::optional<Identity> device, bool used = false);
 
-  /// A person sent this NMT command beside the main job, which then does not work against it: a node that was stopped
-  /// or made pre-operational stays so until it is started by a person or boots.
+  /// A user sent this NMT command beside the main job, which then does not counteract it: a node that was stopped or
+  /// made pre-operational stays so until a user starts it or it boots.
   void commanded(co::NmtCommand command, co::NmtTarget target);
 
-  /// What kept the device of this slot from being started is over: it is tried again.
+  /// The obstacle to starting this slot's device is gone: it is tried again.
   void try_again(NodeId slot);
 
-  /// The master's own device is silent until the main job, if it runs, has looked around anew (network_bitrate.hpp).
+  /// Silences the master's own device until the main job, if it runs, has looked around anew (network_bitrate.hpp).
   void fall_silent() noexcept { port_.fall_silent(); }
 
   /// `berth forget DEVICE`: gives up an unfinished intention to take the device's node-ID away. Errors: `not_found`
@@ -97,37 +96,37 @@ class Network final : private PortHealth::Owner {
   /// the main job holds it while it works.
   [[nodiscard]] BusServices& services() noexcept { return parts_.bus; }
 
-  /// The devices on this bus: who was heard, or all.
+  /// The devices on this bus: those that were heard, or all.
   [[nodiscard]] rt::Task<Result<std::vector<operate::Seen>>> scan(ScanRange range) { return scan_.run(range); }
 
-  /// Compares the configurations of all slots that have one, or of the slot of this name, and with `write` makes right
-  /// what differs; a device that runs is compared only. Waits for its turn. Errors: `not_found` no such slot.
+  /// Compares the configurations of all slots that have one, or of the slot of this name, and with `write` corrects
+  /// differences; a running device is only compared. Waits for the turn. Errors: `not_found` no such slot.
   [[nodiscard]] rt::Task<Result<std::vector<SlotConfiguration>>> configure(std::string slot, bool write);
 
   /// Discovery and binding once, without starting anything (`berth bind`), by `method` ("auto", or a name of
-  /// `discovery::Method`; empty: the machine file's). Waits for its turn.
+  /// `discovery::Method`; empty: the machine file's). Waits for the turn.
   [[nodiscard]] rt::Task<Result<void>> bind_once(std::string method = {}) { return job_.bind_once(std::move(method)); }
 
-  /// The same from scratch (`berth bind --from-scratch`): every device is made pre-operational, every binding is
-  /// forgotten, every node-ID that LSS can change is taken away, and then all are bound anew. Fixed node-IDs stay.
-  /// Errors: `invalid` no person `confirmed` it; `unsupported` Berth does not command this bus; those of `bind_once`.
+  /// The same from scratch (`berth bind --from-scratch`): makes every device pre-operational, forgets every binding,
+  /// takes away every node-ID that LSS can change, and then binds all anew. Fixed node-IDs stay. Errors: `invalid` no
+  /// user `confirmed` it; `unsupported` Berth does not command this bus; those of `bind_once`.
   [[nodiscard]] rt::Task<Result<void>> bind_from_scratch(bool confirmed) { return job_.bind_from_scratch(confirmed); }
 
   using NewDevices = operate::NewDevices;
-  /// Changes nothing but what a search changes in the devices. The turn must be held.
+  /// Changes devices only as a search does. The turn must be held.
   [[nodiscard]] rt::Task<Result<NewDevices>> find_new() { return parts_.finding.search.find_new(); }
 
-  /// What `locate` found and showed.
+  /// The device that `locate` found and showed.
   struct Located {
     Identity device;
-    NodeId id;                      ///< that it has
-    std::optional<NmtState> state;  ///< as far as it can be known
+    NodeId id;                      ///< its present node-ID
+    std::optional<NmtState> state;  ///< empty: not known
   };
   /// Makes the device of this LSS address show itself for `time`: in LSS configuration state its two indicators flicker
-  /// in turn (CiA 303-3). Then all are in LSS waiting again, also when the task is destroyed. Waits for its turn and
-  /// keeps it, so that no device is searched for meanwhile. A device that is operational, or of which that is not
-  /// known, is shown `anyway` only: it goes on working, but some makers' devices do not like LSS there. Errors:
-  /// `not_found` it does not answer; `invalid` operational, or not known.
+  /// in turn (CiA 303-3). Then all are in LSS waiting again, also if the task is destroyed. Waits for the turn and
+  /// keeps it, so that no search runs meanwhile. A device that is operational, or whose state is unknown, is shown only
+  /// with `anyway`: it goes on working, but some makers' devices do not tolerate LSS then. Errors: `not_found` it does
+  /// not answer; `invalid` operational, or state unknown.
   [[nodiscard]] rt::Task<Result<Located>> locate(Identity device, rt::Duration time, bool anyway);
 
   friend rt::Task<Result<SlotUpload>> upload_slot(Network& network, std::string slot);
@@ -145,24 +144,23 @@ class Network final : private PortHealth::Owner {
   PortHealth port_;
   MainJob job_;
   Scan scan_;
-  std::unique_ptr<Asked> asked_;            // what is asked of the master's own device
-  std::unique_ptr<Mastership> mastership_;  // as above
+  std::unique_ptr<Asked> asked_;            // requests to the master's own device
+  std::unique_ptr<Mastership> mastership_;  // only with several masters
   bool running_ = false;
   rt::Scope scope_;  // last: its tasks use everything above
 };
 
-/// The configuration that the device of this slot has now, as a DCF; it becomes what the slot wants, instead of
-/// `config =`, until Berth ends: a replacement gets it. Waits for its turn. Errors: `not_found` no such slot.
+/// The present configuration of this slot's device, as a DCF. It becomes what the slot wants, instead of `config =`,
+/// until Berth ends: a replacement gets it. Waits for the turn. Errors: `not_found` no such slot.
 [[nodiscard]] rt::Task<Result<SlotUpload>> upload_slot(Network& network, std::string slot);
 
-/// `berth poll SLOT --stop`, `berth poll SLOT`: whether an optional slot's device that is not there is asked for
-/// (paper 5 §2, Figure 4: the application stops polling). Without, the slot's node-ID is asked nothing until
-/// something is heard of it, its boot-up message say; from then on it is asked for again. Blank devices are found all
-/// the same. Errors: `not_found` no such slot; `invalid` to stop it: the slot is not optional, or its device is
-/// there.
+/// `berth poll SLOT --stop`, `berth poll SLOT`: whether the absent device of an optional slot is asked for (paper 5
+/// §2, Figure 4: the application stops polling). After a stop the slot's node-ID is asked nothing until a frame is
+/// heard from it, for example its boot-up message; from then on it is asked again. Blank devices are still found.
+/// Errors: `not_found` no such slot; `invalid` to stop it: the slot is not optional, or its device is there.
 Result<void> poll_slot(Network& network, const std::string& slot, bool on);
 
-/// Something is wanted of the slot's device: by `config =`, by links, or by what an SDO client wrote.
+/// The slot's device is to be configured: by `config =`, by links, or by what an SDO client wrote.
 [[nodiscard]] bool is_configured(const Network& network, const std::string& slot);
 
 }  // namespace berth::operate

@@ -15,7 +15,7 @@ using Node = BitRateReport::Node;
 using End = BitRateReport::End;
 
 constexpr rt::Duration settle = 50ms;
-constexpr std::int64_t crowd = 100;  // frames of others that a request waits for at most, at 135 bits
+constexpr std::int64_t crowd = 100;  // frames of other nodes that a request waits for at most, at 135 bits
 
 /// One move. Lives in the coroutine's frame.
 class Move {
@@ -60,8 +60,8 @@ std::string refusal(const Error& error, const char* code1) {
   return (error.detail & 0xFFU) == 1 ? code1 : fmt::format("it refuses with error code {}", error.detail & 0xFFU);
 }
 
-// Only a pre-operational node is moved: an operational one is at work, and a stopped one answers no SDO and cannot say
-// which it is.
+// Only a pre-operational node is moved: an operational one is at work, and a stopped one answers no SDO and cannot be
+// identified.
 std::optional<std::string> wrong_state(NmtState state) {
   constexpr const char* advice = "make it pre-operational first (`berth nmt preop`)";
   if (state == NmtState::operational) return fmt::format("it is operational: {}", advice);
@@ -69,8 +69,8 @@ std::optional<std::string> wrong_state(NmtState state) {
   return std::nullopt;
 }
 
-// A step begins: the time until it is given up, and until a request that does not get out is. On a jammed bus every
-// second spent on one request would be a second in which the port is not started again.
+// A step begins: sets its time limit, and the timeout for sending a request. On a jammed bus, every second spent on one
+// request delays the restart of the port.
 void Move::allow() {
   const auto& timing = network_.bus().timing;
   const auto nodes = static_cast<std::int64_t>(report_.nodes.size());
@@ -101,7 +101,7 @@ rt::Task<void> Move::who_is_there() {
   if (report_.nodes.empty()) report_.reason = "no device is there";
 }
 
-// A node that sends no heartbeat is asked for its state by guarding.
+// The state of a node without heartbeat is read by guarding.
 rt::Task<void> Move::state_of(Node& node) {
   if (!node.id.configured() || !node.problem.empty()) co_return;
   const auto heard = network_.services().boots.heard(node.id);
@@ -120,8 +120,9 @@ rt::Task<void> Move::state_of(Node& node) {
   node.problem = wrong_state(state).value_or("");
 }
 
-// The bus is heard by all and no device is selected. A stranger may send the port to bus-off until it is passive
-// itself. Only from bus-off is the port started again: otherwise its counters would never let it become passive.
+// All nodes hear the bus, and none is selected. A stray device may drive the port to bus-off until it is passive
+// itself. The port is only restarted from bus-off: otherwise the stray device's counters would never let it become
+// passive.
 rt::Task<bool> Move::all_waiting() {
   can::Port& port = network_.services().dispatcher.port();
   while (!late()) {
@@ -134,7 +135,7 @@ rt::Task<bool> Move::all_waiting() {
   co_return false;
 }
 
-// The one device in configuration state.
+// The only device in configuration state.
 rt::Task<bool> Move::alone(Node& node) {
   const auto quiet = co_await all_waiting();
   if (!quiet) {
@@ -159,7 +160,7 @@ rt::Task<bool> Move::answers(Node& node) {
     node.problem = "it does not speak LSS: " + refusal(id.error(), "refused");
     co_return false;
   }
-  // By SDO it told its address under this node-ID.
+  // It reported its address under this node-ID by SDO.
   if (!*id) co_return true;
   if ((*id)->differ) {
     node.problem = "two devices have its LSS address";
@@ -176,7 +177,7 @@ rt::Task<void> Move::check() {
     co_await state_of(node);
     if (!node.problem.empty()) continue;
     const auto good = co_await answers(node);
-    static_cast<void>(good);  // told in `problem`
+    static_cast<void>(good);  // reported in `problem`
   }
   const auto quiet = co_await all_waiting();
   if (!quiet) report_.reason = "no request gets onto the bus";
@@ -201,7 +202,7 @@ rt::Task<bool> Move::prepare_all(std::uint32_t rate) {
   co_return true;
 }
 
-// All that are to go are selected, one after the other; then one command. False: it did not get onto the bus.
+// Selects all that are to change, one after the other; then sends one command. False: it could not be sent.
 rt::Task<bool> Move::together(std::uint32_t rate) {
   const auto quiet = co_await all_waiting();
   if (!quiet) co_return false;
@@ -229,7 +230,7 @@ rt::Task<bool> Move::together(std::uint32_t rate) {
   co_return true;
 }
 
-// Into configuration, beside those that are there.
+// Puts it into configuration, in addition to those already there.
 rt::Task<bool> Move::select(Node& node) {
   const LssAddress device = *node.device;
   for (unsigned i = 0; i < network_.bus().timing.tries && !late(); ++i) {
@@ -240,7 +241,7 @@ rt::Task<bool> Move::select(Node& node) {
   co_return false;
 }
 
-// Out of bus-off, after a request that did not get out.
+// Leaves bus-off after a request that could not be sent.
 rt::Task<void> Move::revive() {
   can::Port& port = network_.services().dispatcher.port();
   const auto status = port.status();
@@ -248,7 +249,7 @@ rt::Task<void> Move::revive() {
   co_await rt::sleep_for(settle);
 }
 
-// Round after round, so that the time that a missing one takes is not the others'.
+// In rounds, so that a missing node does not use up the others' time.
 rt::Task<bool> Move::hear_all() {
   allow();
   std::vector<std::string> before;
@@ -280,7 +281,7 @@ rt::Task<bool> Move::store_all() {
     const auto selected = co_await alone(node);
     if (!selected) co_return false;
     const auto stored = co_await network_.services().lss.store();
-    // One that did not answer may have stored all the same.
+    // A node that did not answer may still have stored.
     node.stored = stored.has_value() || stored.error().code == Errc::timeout;
     if (stored) continue;
     node.problem = "it does not store: " + refusal(stored.error(), "it does not support it");
@@ -290,7 +291,7 @@ rt::Task<bool> Move::store_all() {
   co_return quiet;
 }
 
-// One that was not heard may have changed all the same: it is asked, too. `heard`: has the old rate pending.
+// A node that was not heard may still have changed: it is asked, too. `heard`: has the old rate pending.
 rt::Task<void> Move::prepare_back() {
   allow();
   for (auto& node : report_.nodes) node.heard = false;
@@ -336,7 +337,7 @@ rt::Task<void> Move::bring_back() {
 rt::Task<void> Move::carry_out() {
   const auto ready = co_await prepare_all(options_.rate);
   if (!ready) {
-    // What is pending is not in use: it is put back, so that no later activation or store takes it.
+    // The pending rate is not active: it is reset, so that no later activation or store uses it.
     allow();
     for (auto& node : report_.nodes) {
       const std::string why = std::exchange(node.problem, {});

@@ -1,4 +1,4 @@
-/// Devices whose node-IDs are not LSS's to change: they answer SDO, and LSS does not reach them.
+/// Devices whose node-IDs LSS cannot change: they answer SDO, and LSS does not reach them.
 #pragma once
 
 #include <chrono>
@@ -15,11 +15,12 @@ class OutOfLss {
   static constexpr unsigned tries = 2;
   static constexpr rt::Duration asked_anew = std::chrono::minutes(10);
 
-  /// LSS was to change its node-ID, and it did not answer, or not alone.
+  /// LSS was to change its node-ID, but the device did not answer, or was not alone.
   void in_vain(const Identity& device, rt::Time now);
   /// A search by LSS found it.
   void found(const Identity& device) { devices_.erase(device); }
-  /// `tries` times in vain. Until it boots, is `found`, or `asked_anew` is over. `booted`: under its node-ID, last.
+  /// True after `tries` vain attempts, until the device boots, is `found`, or `asked_anew` has passed. `booted`: its
+  /// last boot-up under its node-ID.
   [[nodiscard]] bool contains(const Identity& device, std::optional<rt::Time> booted, rt::Time now) const;
 
  private:

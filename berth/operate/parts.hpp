@@ -1,4 +1,4 @@
-/// The parts of a `Network`, in the order in which they know each other: each sees those above it, and none below.
+/// The parts of a `Network`, in order of knowledge: each knows those above it, and none below.
 #pragma once
 
 #include "berth/operate/finder.hpp"
@@ -9,7 +9,7 @@
 
 namespace berth::operate {
 
-/// Those that look for devices.
+/// The parts that look for devices.
 struct Finding {
   ConfiguredFinder configured;
   Search search;

@@ -11,7 +11,7 @@ using places::Reading;
 
 namespace {
 
-constexpr std::size_t longest_probe = 8;  // what is longer, or never ends, says nothing of a place
+constexpr std::size_t longest_probe = 8;  // longer or endless values are no place
 
 std::string name_of(const Probe& probe) { return fmt::format("{:04X}h:{:02X}", probe.index, probe.sub); }
 

@@ -1,5 +1,5 @@
-/// Which place a device sits in, read from the device itself (paper 4, S4.19). A device without a node-ID speaks no
-/// SDO: it is lent one that no slot has, which it does not store, and gives it back when no slot is found for it.
+/// Reads from a device which place it sits in (paper 4, S4.19). A device without a node-ID has no SDO: it gets a
+/// temporary one that no slot has and that it does not store. It gives this back when no slot is found for it.
 #pragma once
 
 #include <vector>
@@ -17,13 +17,13 @@ class PlaceProbes {
   /// Of devices that sit in no slot, as last read.
   [[nodiscard]] const std::vector<places::Reading>& readings() const noexcept { return readings_; }
   void forget(const Identity& device);
-  /// Reads the probes of these devices. False: none could be read, or one did not answer that was found just now: it
-  /// may be resetting, and the place that two show is not the one's that is alone for a moment. The turn must be held.
+  /// Reads the probes of these devices. False: none could be read, or a device found just now did not answer. It may be
+  /// resetting, and show the same place as a device that seems alone for a moment. The turn must be held.
   rt::Task<bool> read_places(std::vector<Identity> devices);
-  /// Devices whose probes did not tell their places: the next look must hear all of them before one gets a place.
+  /// Devices whose probes left their places open: the next look must reach all of them before one gets a place.
   void note_puzzling(const std::vector<places::Question>& questions);
-  /// At every boot of a slot's device: does it still sit in this place? The probe wins over the serial number that the
-  /// slot remembers: a device that a mechanic moved gives its slot up and is seated anew.
+  /// At every boot of a slot's device: does it still sit in this place? The probe takes precedence over the serial
+  /// number in the slot's record: a moved device gives its slot up and is seated anew.
   rt::Task<bool> stays_in_place(Seat& seat);
 
  private:
@@ -38,7 +38,7 @@ class PlaceProbes {
   Lending& lending_;
   std::vector<places::Reading> readings_;
   std::vector<Identity> puzzling_;
-  unsigned unread_rounds_ = 0;  // in a row in which a device was found and did not answer when its place was asked
+  unsigned unread_rounds_ = 0;  // in a row in which a found device did not answer the question for its place
 };
 
 }  // namespace berth::operate

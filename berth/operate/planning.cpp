@@ -19,14 +19,14 @@ using places::UnfinishedBlank;
 
 namespace {
 
-/// For people: a date, or the time on a bus whose clock begins at 0.
+/// For users: a date, or the time on a bus whose clock begins at 0.
 std::string moment(std::int64_t stamp_ms) {
   constexpr std::int64_t year_2000_ms = 946'684'800'000;
   if (stamp_ms < year_2000_ms) return fmt::format("{:.3f} s", static_cast<double>(stamp_ms) / 1e3);
   return fmt::format("{:%Y-%m-%d %H:%M:%S} UTC", fmt::gmtime(static_cast<std::time_t>(stamp_ms / 1000)));
 }
 
-// Who takes the plant's master off the bus stops a plant: it is not called foreign, and keeps its node-ID.
+// Removing the plant's master stops a plant: it is not reported as foreign, and keeps its node-ID.
 void respect_masters(places::Plan& plan, const FoundDevices& found, const auto& is_master) {
   for (auto& oddity : plan.oddities) {
     const auto* const node = found.of(oddity.device);
@@ -55,7 +55,7 @@ void Planning::make(const std::vector<places::Reading>& readings) {
                   [this](const places::Found& f) { return may_be_plants_master(s_, slots_, f, waits_for(f.device)); });
 }
 
-// A device whose slot Berth itself freed, because it was silent, and that is still free: it goes back there.
+// A silent device whose slot Berth itself freed, and whose slot is still free, goes back there.
 void Planning::return_to_former_slots() {
   for (const auto& f : found_.all()) {
     if (f.clone || slots_.of(f.device) != nullptr) continue;
@@ -70,12 +70,12 @@ void Planning::return_to_former_slots() {
   }
 }
 
-// All but those that sat somewhere before and of which no person has said that they may be used.
+// All but those that sat somewhere before and that no user has approved.
 std::vector<places::Found> Planning::without_used() {
   used_.clear();
   std::vector<places::Found> rest;
   for (const auto& f : found_.all()) {
-    // A device that a mechanic moved has sat elsewhere; where it belongs its probe says.
+    // A device that was moved has sat elsewhere; its probe shows where it belongs.
     const bool by_probe = std::ranges::any_of(
         slots_.seats(), [&](const auto& s) { return s->slot.spec.probe && places::fits(s->slot.spec, f.device); });
     const bool known = f.clone || by_probe || !f.device.has_serial() || slots_.of(f.device) != nullptr ||
@@ -95,7 +95,7 @@ std::vector<places::Found> Planning::without_used() {
   return rest;
 }
 
-// Only a device that is there can give anything up.
+// Only a device that is present can give up a node-ID.
 std::vector<Identity> Planning::blanks_to_finish() const {
   std::vector<Identity> devices;
   for (const auto& blank : slots_.unfinished_here()) {
@@ -117,7 +117,7 @@ void Planning::name_unfinished() {
   }
 }
 
-// A device that is away may have power, and what it was lent.
+// An absent device may have power, and still the lent node-ID.
 void Planning::name_loans() {
   for (const auto& loan : loans_.all()) {
     const bool there = found_.of(loan.device) != nullptr;
@@ -155,8 +155,8 @@ void Planning::ask_about_used() {
   }
 }
 
-// A device that waits may not wait under a node-ID that a slot or the master needs. What it was lent is taken back when
-// the search is over, without a word to its memory.
+// A device without a place may not wait under a node-ID that a slot or the master needs. A loan is taken back after the
+// search, without a write to its memory.
 void Planning::release_node_id(const places::Found& f) {
   const bool taken = !f.lent && f.active.configured() && (f.active == s_.bus.master || slots_.at(f.active) != nullptr);
   const bool planned = std::ranges::any_of(plan_.actions, [&](const Action& a) { return a.device == f.device; });
@@ -239,14 +239,14 @@ bool Planning::never_by_lss(const Identity& device) const {
   return any;
 }
 
-// Takes out of the plan what LSS cannot do, and says what is the matter instead.
+// Removes from the plan what LSS cannot do, and reports the reason.
 void Planning::respect_fixed() {
   std::vector<Identity> told;
   std::erase_if(plan_.actions, [&](const Action& a) {
     const bool bind = a.kind == Action::Kind::bind;
     const auto assign = bind ? slots_.seats()[a.slot]->slot.spec.assign : Assign::lss;
     if (assign == Assign::recipe) return true;  // `RecipeSeating`
-    // It is taken where it is.
+    // It keeps its present node-ID.
     const bool home = bind && found_.uses(a.device, slots_.seats()[a.slot]->id());
     const bool drops = assign == Assign::fixed || (never_by_lss(a.device) && !home);
     if (drops) told.push_back(a.device);
@@ -303,7 +303,7 @@ void Planning::tell_mismatch(const Identity& device, NodeId active) {
 
 namespace {
 
-// A person has put the new device in before they said a word about the old one.
+// A user may install the new device before saying anything about the old one.
 void offer_replacements(SlotTable& slots, const places::Plan& plan) {
   for (const auto& seat : slots.seats()) {
     const auto fits = std::ranges::find_if(plan.oddities, [&](const places::Oddity& o) {
@@ -330,13 +330,13 @@ void Planning::report_mismatch(const places::Oddity& oddity) {
     const bool waits =
         !seat->slot.record.device() && seat->life != Life::question && places::fits(seat->slot.spec, oddity.device);
     if (waits) slots_.happened(*seat, SlotEvent::nobody, oddity.text);
-    // Nothing but a hand ends it: the slot's own device is not alone at its node-ID.
+    // Only a user can end this: the slot's own device is not alone at its node-ID.
     const bool shares = seat->id() == oddity.id && seat->there() && !seat->sits(oddity.device);
     if (shares) slots_.happened(*seat, SlotEvent::doubted, oddity.text);
   }
 }
 
-// A question about a slot names more devices than one of two with one address.
+// A question about a slot names more devices than the two with one address.
 void Planning::report_clone(const places::Oddity& oddity) {
   for (auto& seat : slots_.seats()) {
     const auto device = seat->slot.record.device();
@@ -346,13 +346,13 @@ void Planning::report_clone(const places::Oddity& oddity) {
     });
     const bool waits =
         !device && !another && seat->life != Life::question && places::fits(seat->slot.spec, oddity.device);
-    // LSS alone knows nothing of the node-ID that both have.
+    // LSS alone does not show the node-ID that both have.
     const bool here = waits && seat->doubt.by_two;
     if (own || waits) slots_.happened(*seat, SlotEvent::doubted, here ? Duplicates::reason : oddity.text);
   }
 }
 
-// A slot says one question, the last about it: else its state would change at every round.
+// A slot shows one question, the last about it: otherwise its state would change at every round.
 void Planning::report_questions() {
   for (const auto& event : question_events()) {
     slots_.events().tell_once(event);
@@ -366,11 +366,11 @@ void Planning::report_questions() {
       asked.push_back(&seat);
     }
   }
-  // Its devices left, or sit elsewhere by now.
+  // Its devices left, or sit elsewhere.
   for (auto& seat : slots_.seats()) {
     const bool over = seat->life == Life::question && !seat->slot.record.device() &&
                       std::ranges::find(asked, seat.get()) == asked.end();
-    // The round says at its end what the slot is now.
+    // The end of the round sets the slot's new state.
     if (over) slots_.happened_silently(*seat, SlotEvent::answered);
   }
 }

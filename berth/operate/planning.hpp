@@ -1,5 +1,5 @@
-/// One pipeline over `places::plan`: which device is to be seated where, with what the slots and their history say of
-/// used devices, of node-IDs that LSS does not give, of loans and of what is left unfinished.
+/// The preparation and use of `places::plan`: which device is to be seated where. Considers used devices in the slots
+/// and their history, node-IDs that LSS cannot give, loans, and unfinished work.
 #pragma once
 
 #include <vector>
@@ -15,28 +15,27 @@ class Planning {
   Planning(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Loans& loans) noexcept
       : s_(services), slots_(slots), agenda_(agenda), found_(found), loans_(loans) {}
 
-  /// Plans anew, with what was read from the devices (`places::SlotSpec::probe`).
+  /// Plans anew, with the values read from the devices (`places::SlotSpec::probe`).
   void make(const std::vector<places::Reading>& readings);
   [[nodiscard]] const places::Plan& plan() const noexcept { return plan_; }
-  /// A device is to give up a node-ID that it holds and that is not its own.
+  /// A device is to give up a node-ID that is not its own.
   [[nodiscard]] bool has_blanks() const noexcept;
-  /// Tells what is new in the plan, and brings the slots' states in line with it.
+  /// Reports what is new in the plan, and adapts the slots' states to it.
   void report();
   /// The questions as events, with the names of the slots.
   [[nodiscard]] std::vector<Event> question_events() const;
 
-  /// It refused 11h once, has no LSS address of its own, or all slots that it fits say that their node-ID is not given
-  /// by LSS.
+  /// The device refused 11h once, has no LSS address of its own, or fits only slots whose node-IDs LSS does not give.
   [[nodiscard]] bool never_by_lss(const Identity& device) const;
   /// The used device that waits for this slot. Errors: `not_found` none does; `duplicate` several do.
   [[nodiscard]] Result<Identity> used_for(const Seat& seat) const;
-  /// For people: the device that sat there is back.
+  /// For users: the device that sat there is back.
   [[nodiscard]] std::string text_of_return(const Identity& device, const places::FormerSeat& sat) const;
-  /// A device came back after its slot was given away, and gave its node-ID up or holds it still.
+  /// A device came back after its slot was given away. It gave its node-ID up or still holds it.
   void returned(const Identity& device, NodeId holds, const std::string& text);
-  /// What was begun with the device on this bus is not finished: it is to give a node-ID up, or back.
+  /// Work begun with the device on this bus is unfinished: it is to give a node-ID up, or back.
   [[nodiscard]] bool waits_for(const Identity& device) const;
-  /// A person says that nothing is waited for any more.
+  /// A user decided not to wait any more.
   void drop_unfinished(const Identity& device);
 
  private:

@@ -38,7 +38,7 @@ bool PortHealth::usable(const can::Status& status) const noexcept {
 
 void PortHealth::changed(const can::Status& status, rt::Time) noexcept {
   if (status.error_passive() && agenda_.speaks) {
-    // Something on the bus works against what this node sends: be silent, look what it is, and speak again after that.
+    // Something on the bus disturbs this node's frames: be silent, examine it, then speak again.
     fall_silent();
     slots_.events().tell(
         EventKind::error, "",
@@ -48,8 +48,8 @@ void PortHealth::changed(const can::Status& status, rt::Time) noexcept {
   if (watches_) rest_or_go_on(status);
 }
 
-// A port that was away may hang on another machine now, and devices may have been changed meanwhile: everything that
-// was known of them is asked anew, as after a start.
+// A port that was away may be on another machine, and devices may have been changed: everything known of them is asked
+// again, as after a start.
 void PortHealth::rest_or_go_on(const can::Status& status) {
   if (!usable(status) && !resting_) {
     const bool stands_by = status.up && s_.bus.flying.has_value();
@@ -78,7 +78,7 @@ void PortHealth::go_to_rest(const std::string& why) {
     seat->checked = {};
     slots_.happened(*seat, SlotEvent::rests, why);
   }
-  // Whoever shut it has told more of it.
+  // The part that shut the port has reported more.
   if (why != s_.shut_by) slots_.events().tell(s_.bus.flying ? EventKind::step : EventKind::error, "", why);
 }
 
@@ -107,14 +107,14 @@ void PortHealth::restart() {
   slots_.events().tell(EventKind::step, "", "starting the port again after bus-off");
   ++restarts_;
   restarted_ = s_.executor.now();
-  // Its own: the network may have moved to another (`move_bit_rate`).
+  // The port's own rate: the network may have moved to another (`move_bit_rate`).
   const auto rate = s_.port.status().bit_rate;
   s_.port.restart(rate != 0 ? rate : s_.bus.bitrate);
   agenda_.look_anew = true;
 }
 
-// Two nodes that boot under one node-ID, and have no other to acknowledge them, would repeat their messages against
-// each other for ever.
+// Two nodes that boot under one node-ID, with no other node to acknowledge them, would repeat their messages against
+// each other forever.
 void PortHealth::speak() {
   const auto& vacant = s_.vacancy[s_.bus.master.value()];
   const bool free = vacant && s_.boots.silent_since(s_.bus.master, *vacant);

@@ -1,5 +1,5 @@
-/// The master's port and the device behind it: the way out of bus-off, rest while the port takes no frame, and when the
-/// master's own device may speak.
+/// The master's port and its own device: recovery from bus-off, rest while the port takes no frame, and when the
+/// master's own device may send.
 #pragma once
 
 #include "berth/operate/agenda.hpp"
@@ -22,12 +22,12 @@ class PortHealth final : public MasterState, private can::StatusHandler {
   };
   PortHealth(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Owner& owner);
 
-  /// Watches from now on. False: the port takes no frame of Berth's yet.
+  /// Watches from now on. False: the port does not take Berth's frames yet.
   bool begin();
   void end() noexcept;
   [[nodiscard]] bool resting() const noexcept { return resting_; }
 
-  /// The master's own messages begin when no other device was found under its node-ID.
+  /// The master's own messages begin after no other device was found under its node-ID.
   void speak();
   void fall_silent() noexcept;
   void apply(co::NmtCommand command) noexcept override { device_.apply(command); }
@@ -57,7 +57,7 @@ class PortHealth final : public MasterState, private can::StatusHandler {
   Owner& owner_;
   MasterDevice device_;
   Restart job_;
-  rt::Time restarted_{};        // after bus-off, last
+  rt::Time restarted_{};        // last restart after bus-off
   std::uint32_t restarts_ = 0;  // in a row
   bool watches_ = false;
   bool resting_ = false;

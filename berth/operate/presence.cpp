@@ -16,7 +16,7 @@ namespace berth::operate {
 
 namespace {
 
-// The first part of its identity that is not the expected one (1F85h to 1F88h).
+// The first part of its identity that differs from the expected one (1F85h to 1F88h).
 manager::BootStatus letter_of(const Identity& is, const Identity& expected) noexcept {
   constexpr std::array letters{manager::BootStatus::d, manager::BootStatus::m, manager::BootStatus::n};
   for (unsigned i = 0; i < letters.size(); ++i) {
@@ -26,9 +26,9 @@ manager::BootStatus letter_of(const Identity& is, const Identity& expected) noex
   return manager::BootStatus::o;
 }
 
-// `who` answered under its node-ID, twice or not: do two devices? CAN repeats a frame now and then, and two that
-// answered just now do not always answer at two instants. When Berth begins, two with one node-ID on their switches may
-// both be silent, and one lose a question.
+// `who` answered under its node-ID, once or twice: are there two devices? CAN sometimes repeats a frame, and two
+// devices do not always answer at different moments. When Berth begins, two devices with one node-ID on their switches
+// may both be silent, and one may lose a question.
 rt::Task<bool> is_shared(co::SdoClient& sdo, const Seat& seat, Identity who, bool by_two) {
   const bool news = by_two != (seat.life == Life::doubled);
   const bool begins = seat.life == Life::unknown && seat.slot.spec.assign == places::Assign::fixed;
@@ -76,7 +76,7 @@ rt::Task<Presence::Sign> Presence::sign_of_life(NodeId id) {
   const rt::Duration patience =
       seat == nullptr ? s_.bus.timing.heartbeat_timeout : heartbeat_timeout(s_.bus.timing, *seat);
   const bool beats = s_.heard_within(id, patience);
-  const bool untyped = seat != nullptr && seat->last.untyped;  // letter B is asked again, though it beats
+  const bool untyped = seat != nullptr && seat->last.untyped;  // letter B is asked again, although it sends
   if (beats && !untyped) co_return Sign{true, s_.boots.state(id)};
   const rt::Time asked = s_.executor.now();
   const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0);
@@ -93,7 +93,7 @@ rt::Task<Presence::Sign> Presence::sign_of_life(NodeId id) {
   co_return Sign{true, guarded->state};
 }
 
-// An observer asks nobody: that the slot's device beats under its node-ID is all that it can know.
+// An observer asks nothing: it only knows that the slot's device sends under its node-ID.
 void Presence::hear_seat(Seat& seat) {
   const NodeId id = seat.id();
   const rt::Duration patience = heartbeat_timeout(s_.bus.timing, seat);
@@ -145,17 +145,17 @@ rt::Task<void> Presence::take_running(Seat& seat) {
   if (seat.configuration.wanted) co_await configuring_.look_at_running(seat);
 }
 
-// False: the slot's state says why, and whether its device is there all the same.
+// False: the slot's state gives the reason, and shows whether its device is there.
 rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
   const NodeId id = seat.id();
-  // The answer of a second device may come a little after that of the first.
+  // A second device's answer may come a little after the first one's.
   const auto answer = co_await places::identify(s_.sdo, id, places::second_answer);
   const auto& who = answer.who;
   if (!who) {
-    // Stopped devices speak no SDO; they are known by their error control alone (the paper's figure).
+    // Stopped devices have no SDO; only their error control identifies them (the paper's figure).
     const bool stopped = state == NmtState::stopped;
     if (!stopped) {
-      // That it was asked in vain is no news of one that is away; how it went is the better reason.
+      // A vain question about an absent device is no news; how it left is the better reason.
       const auto heard = s_.boots.heard(id);
       const bool away = seat.life == Life::absent && !seat.absence.empty() && (!heard || *heard <= seat.since);
       if (!away) slots_.set_absent(seat, "its identity cannot be read: " + describe(who.error()));
@@ -189,7 +189,7 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
   co_return false;
 }
 
-// Its 1018h changes, or is not what LSS tells of it. Asked once of each that answers.
+// Its 1018h changes, or differs from its LSS address. Each device that answers is asked once.
 rt::Task<bool> Presence::is_it_all_the_same(Seat& seat, Identity who) {
   if (std::exchange(seat.doubt.other, who) == who) co_return false;
   const Identity expected = seat.slot.record.confirmed->device;
@@ -207,7 +207,7 @@ void Presence::take_uncompared(Seat& seat, const places::Uncompared& parts) {
   slots_.events().tell_once(EventKind::step, fmt::format("{}: {}", seat.name(), places::words_of(parts)));
 }
 
-// A new device with the node-ID that its switches, its plug or its firmware give it.
+// A new device whose switches, plug or firmware set its node-ID.
 rt::Task<void> Presence::take_replacement(Seat& seat, Identity device) {
   const Identity& before = seat.slot.record.confirmed->device;
   if (seat.slot.spec.replacement != places::Replacement::automatic) {
@@ -228,7 +228,7 @@ rt::Task<void> Presence::take_replacement(Seat& seat, Identity device) {
   co_await adopt_fixed(seat);
 }
 
-// It was so before this Berth began, by a person or by another master: it stays so unless the machine file says else.
+// A user or another master stopped it before this Berth began: it stays so unless the machine file says otherwise.
 void Presence::take_stopped(Seat& seat) {
   const NodeId id = seat.id();
   if (!seat.guarded) s_.heartbeats.supervise(id, heartbeat_timeout(s_.bus.timing, seat));
@@ -248,7 +248,7 @@ const Identity* Presence::other_at(const Seat& seat) const noexcept {
   return erased_.user_of(seat.id());
 }
 
-// It is asked for again, as each slot's device that is not there.
+// It is asked again, like any slot's absent device.
 bool Presence::waits_beside_another(Seat& seat) {
   const Identity* const other = other_at(seat);
   if (other == nullptr) return false;
@@ -279,7 +279,7 @@ rt::Task<bool> Presence::answers_first(Seat& seat) {
     slots_.set_absent(seat, Seat::no_type);
     co_return false;
   }
-  // Who was there before has left, or does not speak any more.
+  // The previous device left, or no longer answers.
   const bool other = seat.life == Life::stranger;
   const bool told = other || seat.life == Life::absent;
   if (told && !s_.heard_within(id, s_.bus.timing.heartbeat_timeout)) {
@@ -310,7 +310,7 @@ rt::Task<void> Presence::adopt_fixed(Seat& seat) {
   }
   if (!places::fits(seat.slot.spec, device)) {
     const TypeCode& wanted = seat.slot.spec.type;
-    // It may belong to another slot, and be moved there.
+    // It may belong to another slot and be moved there.
     const bool fresh = who->unknown == 0 && !found_.uses(*who, id) && slots_.of(*who) == nullptr;
     if (fresh) found_.note({*who, id});
     agenda_.look_anew = agenda_.look_anew || fresh;
@@ -337,7 +337,7 @@ rt::Task<void> Presence::adopt_all_fixed() {
   for (const auto& seat : slots_.seats()) {
     const bool fixed = seat->slot.spec.assign == places::Assign::fixed && !seat->slot.record.confirmed;
     if (!fixed || !seat->polled) continue;
-    // A receive buffer of one frame loses the question to its device after that to another.
+    // A single receive buffer loses the question to its device behind one to another.
     if (adopted.running() > 0) co_await rt::sleep_for(s_.bus.timing.rand_response);
     adopted.spawn(adopt_fixed(*seat));
   }
@@ -347,7 +347,7 @@ rt::Task<void> Presence::adopt_all_fixed() {
 rt::Task<bool> Presence::take_where_it_is(Seat& seat, Identity device) {
   const auto answer = co_await places::identify(s_.sdo, seat.id(), places::second_answer);
   if (!answer.who || answer.by_two || !answer.who->agrees(device)) co_return false;
-  // Its serial number is known of LSS alone: who says none may be another that was here beside it.
+  // Only LSS reports its serial number: a device that reports none may be another one beside it.
   if (device.has_serial() && !answer.who->has_serial()) {
     const auto active = co_await asking_.active_id(device);
     if (!active) co_return false;

@@ -1,5 +1,5 @@
-/// Which devices of the slots are there: the preparation step (paper 1 §III.a; S1.30), and each slot's device when it
-/// is heard again.
+/// Which devices of the slots are there: the preparation step (paper 1 §III.a; S1.30), and later checks of a slot's
+/// device that is heard again.
 #pragma once
 
 #include "berth/operate/configuring.hpp"
@@ -21,33 +21,35 @@ class Presence final : public SeatAsker {
         places_(places),
         configuring_(configuring) {}
 
-  /// All bound slots. A running machine is not disturbed: heartbeats are heard first, and only a device that is silent
-  /// is asked.
+  /// Checks all bound slots without disturbing a running machine: heartbeats are heard first, and only silent devices
+  /// are asked.
   rt::Task<void> prepare();
-  /// By heartbeat, else SDO 1000h, else guarding; then by identity: another device may sit at the slot's node-ID.
+  /// By heartbeat, else SDO 1000h, else guarding; then by identity, because another device may sit at the slot's
+  /// node-ID.
   rt::Task<void> ask_seat(Seat& seat) override;
-  /// Its device was identified, and tells that it is operational: it is watched, and left as it is.
+  /// The slot's device was identified and reports operational: it is watched, and otherwise left alone.
   rt::Task<void> take_running(Seat& seat);
-  /// A bound device that is silent under its node-ID may have lost it, or have another. The turn must be held.
+  /// A bound device that is silent under its node-ID may have lost it, or have another one: asks it by LSS. The turn
+  /// must be held.
   rt::Task<void> look_by_lss(Seat& seat);
-  /// A slot whose device gets its node-ID by switches, plug or firmware: the device of the right type that sits there
-  /// is taken. Nothing is written to it. A device of another type shows in the slot for as long as it answers there;
-  /// one that answers 1018h and not 1000h is letter B.
+  /// For a slot whose device gets its node-ID by switches, plug or firmware: takes the device of the right type that
+  /// sits there. Nothing is written to it. A device of another type is shown in the slot as long as it answers there;
+  /// one that answers 1018h but not 1000h is letter B.
   rt::Task<void> adopt_fixed(Seat& seat);
-  /// Each slot of that kind that has no device yet, side by side.
+  /// Each such slot that has no device yet, side by side.
   rt::Task<void> adopt_all_fixed();
-  /// Nothing needs to be assigned: the device that LSS does not reach, or that does not take a node-ID, sits under the
-  /// slot's already. False: it is not there any more.
+  /// No node-ID needs to be assigned: a device that LSS does not reach, or that does not take a node-ID, already has
+  /// the slot's. False: it is no longer there.
   rt::Task<bool> take_where_it_is(Seat& seat, Identity device);
-  /// True: a device that stored another node-ID, or none, uses the slot's until its power cycle. The slot's state says
-  /// so.
+  /// True: a device that stored another node-ID, or none, uses the slot's until its power cycle. The slot's state
+  /// reports it.
   bool waits_beside_another(Seat& seat);
 
  private:
   struct Sign {
     bool alive = false;
     std::optional<NmtState> state;
-    bool typed = true;  // or it may be; else it answers 1018h and not 1000h
+    bool typed = true;  // or it may be; false: it answers 1018h and not 1000h
   };
   rt::Task<Sign> sign_of_life(NodeId id);
   rt::Task<bool> answers_first(Seat& seat);

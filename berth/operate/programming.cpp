@@ -102,7 +102,7 @@ void Programming::expect(const Seat& seat, manager::SlaveRules& rules) {
   rules.checks_software = !software.programs.empty() || !software.version.empty();
   rules.may_update = software.updates && !software.programs.empty() && s_.may_command();
   if (software.programs.empty()) return;
-  // Its first program is the device's own; without one it is the text that counts, and the rest is `others`.
+  // Program 1 is the device's own; without it the text is compared, and the rest is `others`.
   const bool has_first = software.programs.front().number == 1;
   if (has_first) rules.expected.software = expected(software.programs.front());
   if (has_first && rules.expected.software == 0) rules.expected.software_text.clear();

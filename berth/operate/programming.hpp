@@ -1,5 +1,5 @@
-/// The programs of the slots' devices (docs/programs.md): what `programs =` wants, and how it gets into a device before
-/// that is started, or when a person says so.
+/// The programs of the slots' devices (docs/programs.md): what `programs =` wants, and its download before a device is
+/// started, or when a user asks for it.
 #pragma once
 
 #include <map>
@@ -13,18 +13,18 @@
 
 namespace berth::operate {
 
-/// A program as it goes down.
+/// A program as it is downloaded.
 struct ProgramImage {
   std::vector<std::uint8_t> bytes;
-  std::uint32_t identification = 0;  ///< CRC-32 of the content: without the head of an image that has one
-  TypeCode type{};                   ///< the product that its head names; 0, 0: none, or it has no head
+  std::uint32_t identification = 0;  ///< CRC-32 of the content, without an image's head
+  TypeCode type{};                   ///< the product that its head names; 0, 0: none, or no head
 };
 /// Errc::io: it cannot be read. Errc::invalid: it is empty, or longer than 16 MiB.
 [[nodiscard]] Result<ProgramImage> load_program(const std::string& file);
 
-/// Whether the device answers, and whether it is of the product that the image names: asked before its program is
-/// stopped and cleared, since a device that refuses the image afterwards has none any more. Errc::mismatch: another
-/// vendor-ID or product code (1018h). A device that does not have that object may be of any product.
+/// Whether the device answers and is of the product that the image names. Asked before its program is stopped and
+/// cleared, because a device that refuses the image afterwards has no program left. Errc::mismatch: another vendor-ID
+/// or product code (1018h). A device without that object may be of any product.
 rt::Task<Result<void>> suits(const ProgramImage& image, co::SdoAccess& device);
 
 class Programming {
@@ -32,7 +32,8 @@ class Programming {
   Programming(BusServices& services, SlotTable& slots) noexcept
       : s_(services), slots_(slots), transfers_(services.dispatcher) {}
 
-  /// What the boot-up of the slot's device is to check. A file that cannot be read: it expects nothing, which is G.
+  /// Sets what the boot-up of the slot's device checks. A file that cannot be read: no program is expected, which is
+  /// letter G.
   void expect(const Seat& seat, manager::SlaveRules& rules);
   /// What is wrong with the slot's files; empty: nothing.
   [[nodiscard]] std::string unreadable(const Seat& seat);
@@ -44,9 +45,9 @@ class Programming {
   [[nodiscard]] manager::ProgramTransfers& transfers() noexcept { return transfers_; }
 
  private:
-  /// The slot's device answers under its node-ID. A boot loader may not have all of 1018h: what it has counts.
+  /// The slot's device answers under its node-ID. A boot loader may lack parts of 1018h: those it has are compared.
   rt::Task<Result<void>> is_the_same(const Seat& seat, network::BootTarget& target);
-  /// Each file is read when it is wanted for the first time, and again when it has changed.
+  /// Each file is read when first needed, and again after it changed.
   struct Loaded {
     std::int64_t changed = 0;  ///< time of its last change
     Result<ProgramImage> image = fail(Errc::io, "not read yet");

@@ -13,7 +13,7 @@ using places::Assign;
 using places::RecipeStep;
 using places::WhenAmbiguous;
 
-// The slot of a device that has its node-ID by recipe: its own, else the free one. Null: none, or a person must say.
+// The slot of a device whose node-ID is set by recipe: its own, else the free one. Null: none, or a user must decide.
 Seat* RecipeSeating::seat_for(const places::Found& found) {
   std::vector<Seat*> free;
   for (auto& seat : slots_.seats()) {
@@ -87,7 +87,7 @@ rt::Task<void> RecipeSeating::bind(Seat& seat, Identity device, NodeId now) {
 
 void RecipeSeating::not_bound(Seat& seat, const places::RecipeBinding& binding,
                               const std::optional<Error>& store_said) {
-  // Nothing in the device can have changed: the slot is free again. Else it stays the slot's until it is seen.
+  // Nothing in the device can have changed: the slot is free again. Otherwise the slot keeps it until it is seen.
   const bool fresh = !seat.slot.record.confirmed && binding.untouched() && seat.slot.record.intended;
   if (fresh) {
     const auto cleared = slots_.store().clear(seat.slot.record.slot, places::name(binding.why()));

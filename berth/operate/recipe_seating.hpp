@@ -1,4 +1,4 @@
-/// Devices without LSS: a node-ID that is an object, written as the device library says (`places::Recipe`).
+/// Devices without LSS whose node-ID is an object, written as the device library describes (`places::Recipe`).
 #pragma once
 
 #include "berth/operate/asking.hpp"
@@ -11,7 +11,7 @@ class RecipeSeating {
   RecipeSeating(BusServices& services, SlotTable& slots, FoundDevices& found, Asking& asking) noexcept
       : s_(services), slots_(slots), found_(found), asking_(asking) {}
 
-  /// All that were found. The turn must be held.
+  /// All such devices that were found. The turn must be held.
   rt::Task<void> bind_all();
 
  private:

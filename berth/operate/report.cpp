@@ -120,7 +120,7 @@ Json json_of(const MasterReport& m) {
   return j;
 }
 
-// Text from files and devices may hold bytes that are not UTF-8; they are replaced, never thrown over.
+// Text from files and devices may hold invalid UTF-8 bytes; they are replaced, without an exception.
 std::string dump(const Json& j, int indent) { return j.dump(indent, ' ', false, Json::error_handler_t::replace); }
 
 }  // namespace
@@ -178,7 +178,7 @@ class Pieces {
     text_.append(static_cast<std::size_t>(depth * indent_), ' ');
   }
   void put(const Json& value, int depth) {
-    for (const char c : dump(value, indent_)) {  // no line breaks but those of the indentation
+    for (const char c : dump(value, indent_)) {  // no line breaks except with indentation
       if (c == '\n') {
         new_line(depth);
       } else {

@@ -1,5 +1,5 @@
-/// What a run has to say: the slot table as it stands, and what happened. `berth up --json`, the live table and the
-/// control socket all print this.
+/// The contents of a run's report: the slot table as it stands, and what happened. `berth up --json`, the live table
+/// and the control socket print it.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,7 @@
 
 namespace berth::operate {
 
-/// The error that a slot's device told last (EMCY) and that is not gone, as far as is known.
+/// The last error that a slot's device reported (EMCY) and that, as far as is known, is not gone.
 struct EmcyReport {
   std::uint16_t code = 0;
   std::uint8_t error_register = 0;
@@ -34,24 +34,24 @@ struct SlotReport {
   NodeId id;
   std::string name;
   TypeCode type;
-  std::optional<Identity> device;  ///< that is bound here, intended or confirmed
+  std::optional<Identity> device;  ///< the device bound here, intended or confirmed
   places::SlotState state = places::SlotState::unknown;
   rt::Time since{};                                        ///< since when it is in this state
   std::string reason;                                      ///< for states that need one: what is wrong and what to do
   manager::BootStatus boot = manager::BootStatus::booted;  ///< how its boot-up ended: the letter of CiA 302-2
   std::uint8_t unasked = 0;                                ///< parts of `type`: `places::SlotAsks::unasked`
-  std::optional<NmtState> nmt = {};                        ///< that its device told last, by heartbeat or guarding
-  std::optional<rt::Time> heard = {};                      ///< when it told that
+  std::optional<NmtState> nmt = {};                        ///< last reported by its device, by heartbeat or guarding
+  std::optional<rt::Time> heard = {};                      ///< when it reported that
   std::optional<EmcyReport> emcy = {};
 };
 
 /// What an event is about.
 enum class EventKind : std::uint8_t {
-  step,   ///< what is done now
+  step,   ///< the step under way
   state,  ///< a slot's state has changed
   found,  ///< a device
   bound,
-  new_device,  ///< with `when_ambiguous = "one-at-a-time"`: which slot it got
+  new_device,  ///< with `when_ambiguous = "one-at-a-time"`: the slot that the device got
   moved,
   configured,
   restored,  ///< factory settings
@@ -60,7 +60,7 @@ enum class EventKind : std::uint8_t {
   duplicate,
   power_cycle_needed,
   recipe,
-  emcy,       ///< a device told an error, or that its errors are gone
+  emcy,       ///< a device reported an error, or that its errors are gone
   startup,    ///< of the network as a whole: halted, stopped, reset
   master,     ///< which of several masters is the active one
   milestone,  ///< its text is the milestone's name
@@ -82,8 +82,8 @@ enum class EventKind : std::uint8_t {
 
 /// What a network reaches once in a run.
 enum class Milestone : std::uint8_t {
-  discovered,   ///< a discovery has found a device
-  bound,        ///< every slot that can be is bound, and one at least
+  discovered,   ///< a discovery found a device
+  bound,        ///< every slot that can be bound is, and at least one
   operational,  ///< every slot that is not optional is operational
 };
 inline constexpr std::size_t milestones = 3;
@@ -94,19 +94,19 @@ struct Event {
   rt::Time at{};
   std::string bus;
   EventKind kind = EventKind::step;
-  std::string slot;  ///< name, empty when no slot is concerned
+  std::string slot;  ///< name; empty: no slot is concerned
   std::string text;
-  std::vector<std::string> slots = {};    ///< of a "question": the slots that it is about
+  std::vector<std::string> slots = {};    ///< of a "question": the slots concerned
   std::vector<std::string> devices = {};  ///< of a "question": the LSS addresses of the devices
-  bool offers_save = false;  ///< of a "question": shall the slot's device save its parameters, and be restarted?
+  bool offers_save = false;  ///< of a "question": ask to save the slot's device's parameters and restart it
 
   friend bool operator==(const Event&, const Event&) = default;
 };
 
-/// Who is NMT master of a bus that has several (`[bus.NAME.flying_master]`).
+/// The active NMT master of a bus that has several (`[bus.NAME.flying_master]`).
 struct MasterReport {
   std::string bus;
-  std::optional<manager::MasterRank> active = {};  ///< empty: they are agreeing
+  std::optional<manager::MasterRank> active = {};  ///< empty: not agreed yet
   bool here = false;                               ///< it is this Berth
 
   /// "field: node 127 is the active NMT master (priority 1), this Berth".
@@ -121,20 +121,22 @@ struct Report {
   std::vector<MasterReport> masters = {};  ///< of the buses that have several
 };
 
-/// Seconds since the world began, as a JSON number has them.
+/// Seconds since the world began, as in the JSON.
 [[nodiscard]] double seconds(rt::Time at) noexcept;
 
 /// One JSON object: `{"slots": [{"bus", "id", "name", "type", "r_sn", "state", "since_s"}], "bus_time_s": {...},
-/// "events": [...]}`. Type code and R_SN are "0x…" strings; `r_sn` is null for a slot without a device; "reason" is
-/// there when it is not empty, "boot" when the boot-up ended with a letter (CiA 302-2; "L" is no error), "nmt" and
-/// "heard_s" what its device told last and when, "emcy" its last error (`{"at_s", "code", "text", "register",
-/// "count"}`) while that is not gone; so is
-/// "questions": `[{"bus", "kind", "text", "slots", "devices"}]`, which `berth replace SLOT --device ADDRESS` answers,
-/// and "masters": `[{"bus", "node", "priority", "here"}]`, the active NMT master (`node` null: not agreed) of each bus
-/// that has several.
+/// "events": [...]}`. Type code and R_SN are "0x…" strings; `r_sn` is null for a slot without a device. Optional
+/// members:
+/// - "reason", if it is not empty
+/// - "boot", if the boot-up ended with a letter (CiA 302-2; "L" is no error)
+/// - "nmt" and "heard_s": the last state that its device reported, and when
+/// - "emcy": its last error (`{"at_s", "code", "text", "register", "count"}`) while it is not gone
+/// - "questions": `[{"bus", "kind", "text", "slots", "devices"}]`, answered by `berth replace SLOT --device ADDRESS`
+/// - "masters": `[{"bus", "node", "priority", "here"}]`, the active NMT master (`node` null: not agreed) of each bus
+///   that has several
 [[nodiscard]] std::string to_json(const Report& report, int indent = 2);
-/// The same in pieces of some 64 KiB, one after the other: of thousands of devices the whole text, and what it is made
-/// from, would take more memory than the devices.
+/// The same in pieces of about 64 KiB: for thousands of devices the whole text and its source would take more memory
+/// than the devices.
 using JsonSink = std::function<void(std::string_view piece)>;
 void write_json(const Report& report, int indent, const JsonSink& out);
 /// One line of JSON, for streams.

@@ -1,6 +1,6 @@
-/// The port of a bus on which Berth is a flying master: while it is not the active master, no frame passes but those by
-/// which masters agree (071h to 076h). To all that works on the bus it is then a port that only listens, so that the
-/// main job rests, and begins when the role is Berth's.
+/// The port of a bus on which Berth is a flying master. While Berth is not the active master, only the frames by which
+/// masters agree pass (071h to 076h). All users of the port then see a port that only listens: the main job rests, and
+/// begins when Berth becomes the active master.
 #pragma once
 
 #include <functional>
@@ -12,25 +12,25 @@ namespace berth::operate {
 
 class RolePort final : public can::Port, private can::Listener {
  public:
-  /// `inner` must stay. Open at first: single commands have no role.
+  /// `inner` must outlive this. Open at first: single commands have no role.
   RolePort(rt::Executor& executor, can::Port& inner) noexcept
       : inner_(&inner), executor_(&executor), told_(*this, executor) {}
   ~RolePort() override { inner_->listen(nullptr, {}); }
   RolePort(const RolePort&) = delete;
   RolePort& operator=(const RolePort&) = delete;
 
-  /// The listener hears of it in the executor's next step.
+  /// The listener is informed in the executor's next step.
   void open(bool open) noexcept;
   [[nodiscard]] bool is_open() const noexcept { return open_; }
   /// The port beneath takes frames.
   [[nodiscard]] bool usable() const noexcept;
-  /// Told when that may have changed.
+  /// Called when that may have changed.
   void on_change(std::function<void()> handler) { on_change_ = std::move(handler); }
 
   can::Queued send(const can::Frame& frame, std::uint32_t tag) noexcept override;
   void withdraw(std::uint32_t tag) noexcept override { inner_->withdraw(tag); }
   void listen(can::Listener* listener, std::span<const can::IdRange> accept) noexcept override;
-  /// The port's own, and `listen_only` while it is not open.
+  /// The inner port's status, with `listen_only` while this is not open.
   [[nodiscard]] can::Status status() const noexcept override;
   bool restart(std::uint32_t bit_rate) noexcept override { return inner_->restart(bit_rate); }
 

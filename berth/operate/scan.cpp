@@ -13,7 +13,8 @@ namespace {
 constexpr can::IdRange of_one_node{0x081, 0x77F};  // of the predefined connection set
 constexpr can::IdRange of_pdos{0x181, 0x57F};
 
-// Whom a bus shows without a question: who sends, and whom another SDO client asks. Own frames do not come in.
+// The nodes seen on a bus without asking: those that send, and those that another SDO client asks. Own frames are not
+// received.
 class Listening final : private can::Handler {
  public:
   explicit Listening(can::Dispatcher& dispatcher) { dispatcher.add(of_one_node, *this); }
@@ -60,7 +61,7 @@ void Scan::tell_state(Seen& seen, ScanRange range) const {
   const rt::Duration fresh = range == ScanRange::all ? timeout : std::max<rt::Duration>(timeout, listens);
   const bool lately = heard && p_.bus.executor.now() - *heard < fresh;
   if (lately) seen.state = p_.bus.boots.state(seen.id);
-  // Behind its boot-up message a device is pre-operational (CiA 301 §7.3.2.2.2).
+  // After its boot-up message a device is pre-operational (CiA 301 §7.3.2.2.2).
   if (seen.state == NmtState::initialising) seen.state = NmtState::pre_operational;
 }
 
@@ -88,7 +89,7 @@ rt::Task<Result<std::vector<Seen>>> Scan::run(ScanRange range) {
   co_return co_await ask_everybody();
 }
 
-// SDO to one node needs no turn: a long search does not hold it up.
+// SDO to one node needs no turn: it does not wait for a long search.
 rt::Task<Result<std::vector<Seen>>> Scan::ask_who_was_heard() {
   const Listening listening(p_.bus.dispatcher);
   co_await rt::sleep_for(listens);
@@ -127,7 +128,7 @@ rt::Task<Result<std::vector<Seen>>> Scan::ask_everybody() {
   co_return nodes;
 }
 
-// What a search found beside the nodes that answered SDO.
+// A device found by a search beside the nodes that answered SDO.
 rt::Task<void> Scan::add(discovery::Found d, std::vector<Seen>& nodes) {
   const Identity device(d.address);
   const auto known = std::ranges::find_if(nodes, [&](const Seen& s) { return s.device == device; });
@@ -142,12 +143,12 @@ rt::Task<void> Scan::add(discovery::Found d, std::vector<Seen>& nodes) {
   seen.duplicate = d.possible_clone;
   const auto under = std::ranges::find(nodes, seen.id, &Seen::id);
   const bool shares = seen.id.configured() && under != nodes.end();
-  // One of several that LSS does not tell apart, and that are known by their node-IDs.
+  // One of several that LSS cannot distinguish, and that are known by their node-IDs.
   const bool listed = !id && !device.has_serial() &&
                       std::ranges::any_of(nodes, [&](const Seen& s) { return s.device && s.device->agrees(device); });
   if (listed) co_return;
-  // A stopped device speaks no SDO: it is known by its node-ID from guarding, and by its address from LSS. And 1018h
-  // may have less than LSS tells.
+  // A stopped device has no SDO: its node-ID is known from guarding, its address from LSS. 1018h may also have less
+  // than LSS reports.
   if (shares && (!under->device || under->device->agrees(device))) {
     if (!under->device) under->device = device.with(seen.id);
     under->duplicate = under->duplicate || d.possible_clone;

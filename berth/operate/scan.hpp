@@ -9,7 +9,7 @@
 
 namespace berth::operate {
 
-/// Who is asked.
+/// Which nodes are asked.
 enum class ScanRange : std::uint8_t {
   heard,  ///< nodes that were heard, by SDO upload; nothing else is sent
   all     ///< node-IDs 1..127 by SDO and guarding, devices without one by RAND and LSS
@@ -21,8 +21,8 @@ class Scan {
   static constexpr rt::Duration listens = std::chrono::seconds(2);
 
   explicit Scan(NetworkParts& parts) noexcept : p_(parts) {}
-  /// `heard`: listens first, and leaves a node alone that another SDO client asks. `all`: changes nothing but the
-  /// devices' RAND state; waits for its turn.
+  /// `heard`: listens first, and does not ask a node that another SDO client is asking. `all`: changes only the
+  /// devices' RAND state; waits for the turn.
   [[nodiscard]] rt::Task<Result<std::vector<Seen>>> run(ScanRange range);
 
  private:

@@ -52,7 +52,7 @@ rt::Task<void> Search::by_rand() {
   }
   for (const auto& d : report->found) {
     if (plans) tell_found(d.address, d.possible_clone);
-    // RAND tells no node-ID.
+    // RAND does not report a node-ID.
     const Identity device(d.address);
     if (d.possible_clone && has_equals(slots_, found_, device)) continue;  // they are known by their node-IDs
     const Identity known = d.possible_clone ? device : found_.one_for(device);
@@ -78,7 +78,7 @@ rt::Task<bool> Search::by_slice() {
   constexpr bool also_configured = false;
   open_configured_ = also_configured;
   const bool ended = co_await by(methods_.rest(also_configured), questions);
-  // Who is found is news: the search goes on at once.
+  // A found device is news: the search goes on at once.
   slices_left_ = ended && agenda_.search_open && !news_;
   if (slices_left_) agenda_.search_open = false;
   co_return ended;
@@ -90,7 +90,7 @@ rt::Task<bool> Search::by_method() {
   co_return co_await by(*way);
 }
 
-// The devices that it found are seated by now, as far as that was safe.
+// The devices found so far are seated, as far as that was safe.
 rt::Task<bool> Search::go_on() {
   agenda_.search_open = false;
   const Pace pace = pace_;
@@ -112,8 +112,7 @@ rt::Task<bool> Search::by(discovery::Discovery& way, unsigned slice) {
   stops_.allowed_since = s_.executor.now();
   const auto report = co_await way.find(known, how);
   stops_.allowed_since.reset();
-  // A device that was found may still be in LSS configuration, where a planner leaves those that shall not answer
-  // again.
+  // A found device may still be in LSS configuration, where a planner leaves devices that must not answer again.
   const auto quiet = co_await s_.lss.switch_global(lss::State::waiting);
   if (!report || !quiet) {
     slots_.events().tell_failure("discovery", report ? quiet.error() : report.error());
@@ -142,7 +141,7 @@ void Search::take(const discovery::Report& report) {
   tell_end(report);
 }
 
-// A device that answers and cannot be selected would hold a search for ever.
+// A device that answers but cannot be selected would hold up a search forever.
 bool Search::gets_on() {
   constexpr unsigned most_idle = 2;
   if (stops_.now) return true;
@@ -156,16 +155,16 @@ bool Search::gets_on() {
   return false;
 }
 
-// What a slot's device told, and a person's command, do not wait for the end of a long search. What is broken off
-// begins again with the way down to one device: with a device that boots again and again it would never get there.
+// A slot's device that sent something, or a user's command, does not wait for the end of a long search. An interrupted
+// search begins again with the way down to one device: interrupted too often, it would never get there.
 bool Search::goes_on() noexcept {
-  // So often in a time in which there is room for the way down to one device (133 questions) between any two of them.
+  // Limit in a time with room for the way down to one device (133 questions) between any two interruptions.
   constexpr unsigned most = 4;
   const rt::Duration way_down = std::max<rt::Duration>(std::chrono::seconds(5), 133 * s_.bus.timing.lss_timeout);
   const rt::Duration within = (most + 1) * way_down;
   const rt::Time now = s_.executor.now();
   if (!stops_.allowed_since) return true;
-  // A short search is over sooner than it would begin anew.
+  // A short search ends sooner than it would begin anew.
   const bool takes_long = now >= *stops_.allowed_since + std::chrono::seconds(1);
   const bool called = agenda_.calls || (agenda_.comes.any() && takes_long) || s_.turn.waited_for();
   if (!called) return true;
@@ -173,8 +172,7 @@ bool Search::goes_on() noexcept {
     stops_.count = 0;
     stops_.counted_until = now + within;
   }
-  // One that got on since has lost nothing: what it swept is kept. It is where it was never before, as it goes back,
-  // too.
+  // A search that has progressed since then loses nothing: the swept part is kept. Going back also counts as progress.
   const bool got_on = now_.kind != stops_.broken_at.kind || now_.swept > stops_.broken_at.swept;
   if (got_on) stops_.count = 0;
   if (got_on) stops_.broken_at = now_;
@@ -184,7 +182,7 @@ bool Search::goes_on() noexcept {
   return false;
 }
 
-// ---- what is told ----
+// ---- reports ----
 
 void Search::found(const discovery::Found& device) noexcept {
   if (device.active.configured()) lending_.told(device.active);
@@ -192,7 +190,7 @@ void Search::found(const discovery::Found& device) noexcept {
 
 void Search::found(const nodeid::Discovered& device) noexcept { tell_found(device.address, device.possible_clone); }
 
-// The same devices found again and again, because they wait for a place, are told once.
+// Devices that are found repeatedly because they wait for a place are reported once.
 void Search::tell_found(const Identity& device, bool clone) {
   heard_of_.push_back(device);
   if (std::ranges::find(known_before_, device) != known_before_.end()) return;
@@ -217,7 +215,7 @@ void Search::tell_end(const discovery::Report& report) {
   if (!report.found.empty()) slots_.events().reach(Milestone::discovered);
 }
 
-// Not at every slice: a long search tells every ten seconds how far it is.
+// Not at every slice: a long search reports its progress every ten seconds.
 void Search::tell_progress() {
   if (s_.executor.now() < pace_.tell_at) return;
   pace_.tell_at = s_.executor.now() + std::chrono::seconds(10);
@@ -226,8 +224,8 @@ void Search::tell_progress() {
                                    found_.size(), now_.kind + 1, now_.kinds, now_.swept * 100, outlook()));
 }
 
-// Devices cost about the same number of questions each, wherever their serial numbers are; the part of the serial
-// numbers that was swept tells nothing when they lie close together.
+// Each device costs about the same number of questions, wherever its serial number is. The swept part of the serial
+// numbers is no measure when they lie close together.
 std::string Search::outlook() const {
   const auto empty = std::ranges::count_if(slots_.seats(), [](const auto& seat) {
     return !seat->is_accounted_for() && seat->slot.spec.assign == places::Assign::lss;
@@ -238,7 +236,7 @@ std::string Search::outlook() const {
   return fmt::format("; at this pace {} more devices take about {:.0f} s", open, each * static_cast<double>(open));
 }
 
-// ---- a search that only tells ----
+// ---- a search that only reports ----
 
 rt::Task<Result<NewDevices>> Search::find_new() {
   NewDevices all;

@@ -1,4 +1,4 @@
-/// One search for devices that no slot knows, by the bus's method, and what is told of it.
+/// One search for devices that no slot knows, by the bus's method, and its reports.
 #pragma once
 
 #include <optional>
@@ -13,53 +13,53 @@ namespace berth::operate {
 struct NewDevices {
   std::vector<discovery::Found> found;
   bool complete = true;
-  std::string end;  ///< how it ended, when it is not complete
+  std::string end;  ///< why it is not complete
 };
 
 class Search final : private nodeid::DiscoveryObserver, private discovery::Observer {
  public:
   Search(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Lending& lending);
 
-  /// What is found from now on is news, unless the search before found it too.
+  /// Devices found from now on are news, unless the previous search found them too.
   void begin();
-  /// The last search found a device that was not told before.
+  /// The last search found a device that was not reported before.
   [[nodiscard]] bool has_news() const noexcept { return news_; }
 
-  /// RAND, by Berth's planner, as published only by name: the planner asks a fraction of it.
+  /// RAND, by Berth's planner, which needs a fraction of the questions; as published only if the method is named.
   rt::Task<void> by_rand();
-  /// Whatever else devices speak, and `also_configured` those with a node-ID. False: the search failed.
+  /// By all other methods, with `also_configured` also for devices with a node-ID. False: the search failed.
   rt::Task<bool> by_rest(bool also_configured);
-  /// The same for devices without a node-ID, a slice of it: the bus is at rest, and those at work answer Fastscan, each
-  /// at the cost of some twenty questions. False: the search failed.
+  /// The same for devices without a node-ID, one slice of it, for a bus at rest: working devices answer Fastscan too,
+  /// and each costs some twenty questions. False: the search failed.
   rt::Task<bool> by_slice();
-  /// The last `by_slice` was not the last one of its search, and found nobody.
+  /// The last `by_slice` did not finish its search, and found nothing.
   [[nodiscard]] bool has_slices_left() const noexcept { return slices_left_; }
-  /// `discovery =`. False: there is no such method, or the search failed.
+  /// By the bus's `discovery =`. False: there is no such method, or the search failed.
   rt::Task<bool> by_method();
-  /// The last `by_rand` was broken off (`Agenda::search_open`): called again, it goes on.
+  /// The last `by_rand` was interrupted (`Agenda::search_open`): the next call continues it.
   [[nodiscard]] bool rand_is_open() const noexcept { return rand_open_; }
-  /// A search that had no end yet (`Agenda::search_open`), and not by RAND.
+  /// Continues an unfinished search (`Agenda::search_open`) other than RAND.
   rt::Task<bool> go_on();
   /// One question of RAND: which devices are new?
   rt::Task<bool> anybody_by_rand();
 
-  /// All of them, as far as `discovery =` reaches; no slot is thought of and nothing is remembered. The turn must be
-  /// held.
+  /// Finds all devices that `discovery =` reaches, without regard to slots and without remembering anything. The turn
+  /// must be held.
   rt::Task<Result<NewDevices>> find_new();
 
  private:
-  // How fast a long search gets on, all its parts together.
+  // The progress of a long search, all its parts together.
   struct Pace {
     rt::Time began{};
     std::size_t found = 0;
-    rt::Time tell_at{};  // it is told again then
+    rt::Time tell_at{};  // next report
   };
-  // By what the bus or a person tells meanwhile.
+  // Interruptions by the bus or a user.
   struct Interruptions {
-    unsigned count = 0;  // since the last search that came to its end, or got on
+    unsigned count = 0;  // since the last search that finished or made progress
     discovery::Progress broken_at{};
-    rt::Time counted_until{};                 // they are counted anew from then on
-    std::optional<rt::Time> allowed_since{};  // empty: no search is under way that may be broken off
+    rt::Time counted_until{};                 // the count begins anew after this
+    std::optional<rt::Time> allowed_since{};  // empty: no search is under way that may be interrupted
     bool now = false;
   };
   rt::Task<Result<void>> find_the_rest(discovery::Discovery& way, NewDevices& all);
@@ -89,13 +89,13 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
   discovery::Progress now_{};
   discovery::Progress before_{};
   Pace pace_;
-  unsigned idle_ = 0;  // slices in a row that brought nothing
+  unsigned idle_ = 0;  // slices in a row that found nothing
   Interruptions stops_;
   bool rand_open_ = false;
   bool news_ = false;
   bool sliced_ = false;
   bool slices_left_ = false;
-  bool open_configured_ = false;  // the search that is open looks for devices with a node-ID too
+  bool open_configured_ = false;  // the unfinished search also looks for devices with a node-ID
 };
 
 }  // namespace berth::operate

@@ -6,7 +6,7 @@ namespace berth::operate {
 
 namespace {
 
-// RAND has been asked before.
+// RAND was asked before.
 constexpr discovery::AutoOptions only_the_rest{.rand = false, .configured = false};
 
 LssAddress with_serial(LssAddress address, std::uint32_t serial) noexcept {
@@ -58,11 +58,11 @@ discovery::Known SearchMethods::known_devices() const {
     if (spec.asks.unasked == 0) add(spec.type, revision);
     for (const auto& other : spec.also) add(other.type, exact ? other.revision : std::nullopt);
     const auto device = seat->slot.record.device();
-    // One without a serial number has equals, which are searched for.
+    // A device without a serial number has equals, which are searched for.
     const bool one = device && device->has_serial();
     if (one) (seat->is_accounted_for() ? known.registered : known.expected).push_back(device->address);
     if (device && !one && seat->is_accounted_for()) known.equals.push_back(device->address);
-    // Also where the slot takes other revisions: to ask for the one that it names costs a question.
+    // Also if the slot takes other revisions: asking for the named one costs one question.
     if (device || !spec.revision) continue;
     const LssAddress named{spec.type.vendor, spec.type.product, *spec.revision, 0};
     if (spec.asks.serial) known.expected.push_back(with_serial(named, *spec.asks.serial));
@@ -81,16 +81,17 @@ discovery::Options SearchMethods::options(discovery::Observer* observer) const {
   const bool published = chosen_ != nullptr && !chosen_name_.starts_with("planner") && agenda_.method() == chosen_name_;
   if (!published) options.window = s_.bus.timing.lss_timeout;
   options.blocking = longest_frame();
-  // On a slow bus a window that is shorter saves nothing, and an answer that it misses costs several frames.
+  // On a slow bus a shorter window saves nothing, and a missed answer costs several frames.
   options.shortest = std::max(options.shortest, options.blocking / 3);
   options.inhibit = s_.lss.options().inhibit;
-  // What is missed now is looked for again later, and the machine waits meanwhile: a lost heartbeat is seen after it.
+  // Missed devices are searched for again later. The machine waits meanwhile: a lost heartbeat is noticed only after
+  // it.
   options.retries = 2;
-  // Longer than the way down to one device takes where frames need pauses: it begins again after a stop.
+  // Longer than the way down to one device if frames need pauses: after a stop it begins again.
   options.most_time = std::chrono::seconds(20);
   options.observer = observer;
-  // A device that was found leaves the search with a node-ID: in LSS configuration, where it would be silent, some
-  // makers' devices answer everything, and Fastscan does not find the next one while this one answers.
+  // The search gives each found device a temporary node-ID. In LSS configuration it would be silent, but some makers'
+  // devices then answer everything, and Fastscan does not find the next device while this one answers.
   const bool by_requests_alone =
       agenda_.method() == "rand" || agenda_.method() == "planner-rand" || agenda_.method() == "and";
   if (!by_requests_alone) options.assigner = &lending_;
@@ -103,7 +104,7 @@ rt::Duration SearchMethods::longest_frame() const {
   return std::chrono::nanoseconds(160'000'000'000LL / s_.bus.bitrate);
 }
 
-// `rand_response` is the device's own time, and its answer is heard at its end: a frame without data after at most one
+// `rand_response` is the device's own time; its answer is received at its end: a frame without data after at most one
 // heartbeat, together shorter than the longest frame.
 rt::Duration SearchMethods::rand_window() const { return s_.bus.timing.rand_response + longest_frame(); }
 
@@ -112,15 +113,15 @@ nodeid::DiscoveryOptions SearchMethods::rand_options() const {
   o.t_resp = s_.bus.timing.rand_response;
   o.first = rand_window();
   o.t_proc = s_.bus.timing.rand_processing;
-  o.inhibit = s_.bus.timing.rand_response;  // a small receive buffer loses what comes back to back
+  o.inhibit = s_.bus.timing.rand_response;  // a small receive buffer loses back-to-back frames
   return o;
 }
 
 rt::Task<Result<discovery::Report>> SearchMethods::ask_rand_planner(discovery::Observer* observer) {
   discovery::Known known = known_devices();
-  known.registered.clear();  // one that answers though its address sits in a slot is a second device
+  known.registered.clear();  // an answer from the address of a seated device is a second device
   discovery::Options how = options(observer);
-  how.assigner = nullptr;  // a device that was found is identified and silent
+  how.assigner = nullptr;  // a found device is identified and silent
   how.window = rand_window();
   co_return co_await rand_planner_->find(known, how);
 }

@@ -1,5 +1,5 @@
-/// What a search of a bus is made with: the methods of discovery by the bus's `discovery =`, the options that fit the
-/// bus, and what is known of its devices.
+/// The parts of a search of a bus: the discovery methods that `discovery =` selects, the options that suit the bus, and
+/// what is known of its devices.
 #pragma once
 
 #include <memory>
@@ -15,15 +15,15 @@ class SearchMethods {
   SearchMethods(BusServices& services, SlotTable& slots, const Agenda& agenda, const FoundDevices& found,
                 Lending& lending);
 
-  /// All that RAND does not find, `also_configured` devices with a node-ID.
+  /// All that RAND does not find, with `also_configured` also devices with a node-ID.
   [[nodiscard]] discovery::Auto& rest(bool also_configured);
-  /// By `discovery =`. Null, and told: there is no such method.
+  /// By `discovery =`. Null: there is no such method; this is reported.
   [[nodiscard]] discovery::Discovery* chosen();
   [[nodiscard]] rt::Task<Result<discovery::Report>> ask_rand_planner(discovery::Observer* observer);
   /// `observer`: may be null.
   [[nodiscard]] rt::Task<Result<discovery::Report>> ask_rand_as_published(nodeid::DiscoveryObserver* observer);
 
-  /// By the slots, and by what was found so far.
+  /// From the slots, and from what was found so far.
   [[nodiscard]] discovery::Known known_devices() const;
   [[nodiscard]] discovery::Options options(discovery::Observer* observer) const;
   [[nodiscard]] nodeid::DiscoveryOptions rand_options() const;

@@ -1,4 +1,4 @@
-/// A slot's device as the boot-up of CiA 302-2 reaches it (network/boot_slave.hpp): under the slot's node-ID, on the
+/// A slot's device as the boot-up of CiA 302-2 accesses it (network/boot_slave.hpp): under the slot's node-ID, on the
 /// bus of the main job.
 #pragma once
 
@@ -17,7 +17,7 @@ class SeatTarget : public network::BootTarget {
   rt::Task<bool> boots(rt::Time since, rt::Time deadline) override;
   rt::Task<std::optional<NmtState>> heartbeat(rt::Duration within) override;
   rt::Task<std::optional<NmtState>> guard() override;
-  /// By `heartbeat_timeout`; a device without a heartbeat is asked by guarding when it was started.
+  /// By `heartbeat_timeout`; a device without a heartbeat is asked by guarding after its start.
   void supervise(const manager::SlaveRules& rules) override;
 
  private:

@@ -16,14 +16,14 @@ using places::Mark;
 
 namespace {
 
-// As what the device was found: one without a serial number has another node-ID now.
+// The identities as which the device was found: one without a serial number has another node-ID now.
 std::vector<Identity> names_of(const Binding& binding) {
   const Identity& device = binding.assignment().device;
   if (device.has_serial()) return {device};
   return {device, device.with(NodeId()), device.with(binding.old_id())};
 }
 
-// What the store said.
+// Returns the store's error.
 rt::Task<std::optional<Error>> walk(places::Binder::Services services, places::Binder::Options options,
                                     Binding& binding, places::SlotId slot, std::string reason) {
   places::Binder binder(services, options);
@@ -37,7 +37,7 @@ rt::Task<bool> recall(BusServices& services, Lending& lending, Identity device) 
   co_return co_await lending.recall(device);
 }
 
-// Free slots that it fits, of which one takes devices that the other does not: who gets which decides whether both are
+// The device fits several free slots, and one takes devices that another does not: the choice decides whether both are
 // filled.
 bool may_choose(const SlotTable& slots, const Identity& device) {
   const places::SlotSpec* first = nullptr;
@@ -50,15 +50,14 @@ bool may_choose(const SlotTable& slots, const Identity& device) {
   return false;
 }
 
-// Of an LSS address: it may be one that was found with a node-ID and says less in 1018h.
+// Of an LSS address: it may be of a device that was found with a node-ID and reports less in 1018h.
 bool may_be_known(const FoundDevices& found, const Identity& device) {
   return std::ranges::any_of(found.all(), [&](const places::Found& f) {
     return f.device.unknown != 0 && f.active.configured() && f.device.agrees(device);
   });
 }
 
-// Without a serial number it may be the one that uses a node-ID of no slot: what is in its memory is seen when it
-// boots.
+// A device without a serial number may be one that uses a node-ID of no slot: its next boot-up shows what it stored.
 void reset_who_may_be_its_device(BusServices& s, const SlotTable& slots, const FoundDevices& found, Seat& seat) {
   const Identity& device = seat.slot.record.intended->device;
   if (device.has_serial() || !s.may_command() || seat.last.reset) return;
@@ -71,7 +70,7 @@ void reset_who_may_be_its_device(BusServices& s, const SlotTable& slots, const F
   }
 }
 
-// One of its kind that boots under its former node-ID when it is reset has not stored the slot's.
+// If one of its kind boots under its former node-ID after a reset, it has not stored the slot's.
 bool kept_its_former(const BusServices& s, const FoundDevices& found, const Seat& seat, const Identity& device) {
   const Identity one = found.one_for(device);
   return seat.last.reset && one != device && s.boots.booted_since(found.active_of(one), *seat.last.reset);
@@ -92,8 +91,7 @@ rt::Task<void> Seating::carry_out() {
     free_absent_slots();
     planning_.make(places_.readings());
   }
-  // A device that must be read first is seated by the second plan; one that has to give a node-ID up before that, the
-  // third.
+  // A device that must be read first is seated by the second plan; if it must give up a node-ID before, by the third.
   for (int pass = 0; pass < 3; ++pass) {
     co_await carry_out_actions(inquired_all);
     if (planning_.plan().probes.empty()) break;
@@ -102,7 +100,7 @@ rt::Task<void> Seating::carry_out() {
     if (!read) break;
   }
   places_.note_puzzling(planning_.plan().questions);
-  // While the search goes on they keep what was lent: else it would find them all again.
+  // During the search devices keep their loans: otherwise it would find them all again.
   if (!agenda_.search_open) co_await lending_.take_back_all();
   planning_.report();
   const bool any =
@@ -116,12 +114,12 @@ rt::Task<void> Seating::carry_out_actions(bool& inquired_all) {
     co_await verify_vacancy();
     const std::vector<Action> actions = planning_.plan().actions;
     std::vector<Identity> failed;
-    bool freed = false;  // node-IDs, since they were asked for last
+    bool freed = false;  // node-IDs, since they were last asked
     for (const auto& action : actions) {
       if (action.kind != Action::Kind::blank || is_avoided(action.device)) continue;
       const bool good = co_await act(action);
       freed = freed || good;
-      // A node-ID that was given up may be what another device failed for.
+      // Another device may have failed because of the node-ID that is free now.
       if (good) avoid_.clear();
       if (!good) failed.push_back(action.device);
       if (!good) break;
@@ -141,7 +139,7 @@ rt::Task<void> Seating::carry_out_actions(bool& inquired_all) {
   }
 }
 
-// All node-IDs that are about to be given, asked side by side: one time-out for all of them.
+// Asks all node-IDs to be assigned side by side: one timeout for all.
 rt::Task<void> Seating::verify_vacancy() {
   const auto is_known = [this](NodeId id) {
     const auto& vacant = s_.vacancy[id.value()];
@@ -155,7 +153,7 @@ rt::Task<void> Seating::verify_vacancy() {
     if (!is_known(id)) unknown.push_back(id);
   }
   if (unknown.empty()) co_return;
-  // A single-slot receive buffer would lose its question after the `04 00` of the last LSS service.
+  // A single receive buffer would lose its question after the `04 00` of the last LSS service.
   co_await rt::sleep_for(s_.bus.timing.rand_response);
   rt::Scope asked(s_.executor, asking_.most_at_once());
   for (const NodeId id : unknown) asked.spawn(asking_.vacancy(id));
@@ -166,7 +164,7 @@ bool Seating::is_avoided(const Identity& device) const noexcept {
   return std::ranges::find(avoid_, device) != avoid_.end();
 }
 
-// While one device boots under its new node-ID the next is told its own, and those that have theirs are started.
+// While one device boots under its new node-ID, the next gets its own, and finished ones are started.
 rt::Task<void> Seating::bind_side_by_side(const std::vector<Action>& actions, std::vector<Identity>& failed) {
   constexpr std::size_t most_bindings = 16;
   rt::Scope starts(s_.executor, asking_.most_at_once());
@@ -195,7 +193,7 @@ rt::Task<bool> Seating::act(const Action& action) {
     slots_.happened(seat, SlotEvent::waits_for_power, ErasedNodeIds::reason(*other));
     co_return false;
   }
-  // One that is silent may have it pending, as Lely core's slaves do, and no question finds that out.
+  // A silent device may have it pending, as Lely core's slaves do, and no question shows that.
   const auto* const loan = loans_.to_another(seat.id(), device);
   if (loan != nullptr && !found_.uses(device, seat.id())) {
     slots_.happened(seat, SlotEvent::nobody,
@@ -209,7 +207,7 @@ rt::Task<bool> Seating::act(const Action& action) {
 
 namespace {
 
-// The slot's device was told to store its node-ID, and has said that it did.
+// The slot's device was told to store its node-ID, and confirmed it.
 bool has_stored(const Seat& seat, const Identity& device) {
   const auto& record = seat.slot.record;
   return seat.power_cycle.binding.has_value() || (record.confirmed && record.confirmed->device == device);
@@ -223,13 +221,13 @@ rt::Task<bool> Seating::bind_seat(Seat& seat, Identity device, std::string reaso
   const Identity comes = found_.one_for(device);
   const bool borrows = loans_.borrowed(comes);
   const bool home = !borrows && found_.uses(seated, seat.id());
-  // It is where it belongs, and LSS does not change that: it takes no node-ID, or is not told from its equals.
+  // It is in its place, and LSS cannot change that: it takes no node-ID, or cannot be distinguished from its equals.
   const bool stays = home && planning_.never_by_lss(device);
   if (stays) {
     const bool taken = co_await presence_.take_where_it_is(seat, seated);
     if (taken) co_return true;
   }
-  // One that waits for its power cycle is told again for a case that is seldom; the others of the bus wait for that.
+  // A device that waits for its power cycle is told again for a rare case; the others on the bus wait meanwhile.
   const bool waits = seat.power_cycle.binding && found_.active_of(comes) == seat.power_cycle.binding->old_id();
   const unsigned tries = waits ? 1 : s_.bus.timing.tries;
   Binding binding(Binding::Kind::bind, {seated, seat.id()}, tries, resumed);
@@ -254,18 +252,18 @@ rt::Task<bool> Seating::bind_seat(Seat& seat, Identity device, std::string reaso
   slots_.refresh(seat);
   const bool good = binding.step() == places::Step::done;
   const bool no_lss = binding.why() == places::Why::not_there || binding.why() == places::Why::refused;
-  // A device that sits where it belongs may speak no LSS, or take no node-ID.
+  // A device in its place may have no LSS, or take no node-ID.
   if (home && no_lss) {
     const bool taken = co_await presence_.take_where_it_is(seat, device);
     if (taken) co_return true;
   }
-  // Without a serial number it is known by its node-ID: who says what it says, and has that, is it.
+  // Without a serial number it is known by its node-ID: a device with this identity and node-ID is the one.
   const bool untold = binding.why() == places::Why::occupied || binding.why() == places::Why::not_there;
   if (untold && !seated.has_serial() && has_stored(seat, seated)) {
     const bool taken = co_await presence_.take_where_it_is(seat, seated);
     if (taken) co_return true;
   }
-  // What it was lent is another's by now: the next reset of all would bring it into use.
+  // Its loan belongs to another device now: the next reset of all would activate it.
   if (binding.why() == places::Why::occupied && loans_.of(comes) != nullptr) {
     co_await s_.lss_turn.take();
     const rt::Held lss(s_.lss_turn);
@@ -297,8 +295,8 @@ rt::Task<void> Seating::go_on_after_power_cycle(Seat& seat) {
   ended(seat, binding, binder.store_said());
 }
 
-// What a slot's device refused, or failed to save, was perhaps answered by the one that used its node-ID too, and has
-// left it now.
+// The device that used its node-ID, and left it now, may have answered in place of the slot's device, which seemed to
+// refuse or to fail a store.
 void Seating::left_node_id(NodeId id) {
   if (!id.configured()) return;
   for (const auto& seat : slots_.seats()) {
@@ -358,7 +356,7 @@ void Seating::not_bound(Seat& seat, const Binding& binding, const std::optional<
   // It came with that node-ID, and so did another, which stays: a device that answers to one address with its clone.
   const bool shares = binding.why() == Why::occupied && found_.active_of(binding.assignment().device) == seat.id();
   if (shares) found_.note_shared(binding.assignment().device);
-  // Nothing in the device can have changed: the slot is free again. Else it stays the slot's until it is seen.
+  // Nothing in the device can have changed: the slot is free again. Otherwise the slot keeps it until it is seen.
   const bool fresh = !seat.slot.record.confirmed && binding.untouched();
   if (fresh && seat.slot.record.intended) {
     const auto cleared = slots_.store().clear(seat.slot.record.slot, places::name(binding.why()));
@@ -381,7 +379,7 @@ void Seating::not_bound(Seat& seat, const Binding& binding, const std::optional<
   }
 }
 
-// 11h was refused: the node-ID is not LSS's to give. It is not tried again, for the sake of the device and of time.
+// 11h was refused: LSS cannot set this node-ID. It is not tried again, to spare the device and to save time.
 void Seating::learn_fixed(const places::Binding& binding) {
   if (binding.why() != places::Why::refused) return;
   const Identity device = binding.kind() == Binding::Kind::bind ? binding.assignment().device.with(binding.old_id())
@@ -439,14 +437,14 @@ rt::Task<bool> Seating::blank(Identity device, std::string reason) {
     learn_fixed(binding);
     const bool clone = binding.why() == places::Why::clone;
     if (clone) found_.note({device, binding.old_id(), true});
-    // Known by its node-ID, it is found again as one alone.
+    // Identified by its node-ID, it is found again as a single device.
     const bool among_equals = clone || binding.why() == places::Why::not_alone;
     if (among_equals && !device.has_serial()) agenda_.out_of_lss.in_vain(device, s_.executor.now());
     slots_.events().tell(EventKind::error, "",
                          fmt::format("{} keeps its node-ID: {}", to_string(device),
                                      places::words_of(binding.why(), binder.store_said())));
   }
-  // It was never told anything, or takes no node-ID: there is nothing to finish.
+  // It was never told anything, or takes no node-ID: nothing is left to finish.
   const bool unreached = binding.why() == places::Why::not_there && planning_.never_by_lss(device);
   const bool ends = binding.untouched() || binding.why() == places::Why::refused || unreached;
   if (!good && ends) {
@@ -457,8 +455,8 @@ rt::Task<bool> Seating::blank(Identity device, std::string reason) {
   co_return good;
 }
 
-// A device that was gone before this Berth began to watch: its slot is freed only when as many new devices of its type
-// are there as such slots, so that a machine whose devices boot slowly keeps its bindings.
+// A device was gone before this Berth began: its slot is freed only when there are as many new devices of its type as
+// such slots, so that a slowly booting machine keeps its bindings.
 void Seating::free_absent_slots() {
   const auto freed = [](const Seat& s) {
     return s.life == Life::absent && s.slot.spec.replacement == places::Replacement::automatic &&
@@ -483,7 +481,7 @@ void Seating::free_absent_slots() {
   }
 }
 
-// Listing a spare is the person's answer beforehand: a slot whose device is silent goes to its spare when that comes.
+// A listed spare is the user's answer in advance: a slot whose device is silent goes to its spare when that appears.
 void Seating::free_for_spares() {
   for (auto& seat : slots_.seats()) {
     const bool silent = seat->life == Life::absent && seat->slot.record.confirmed && !seat->slot.record.intended;
@@ -498,14 +496,14 @@ void Seating::free_for_spares() {
   }
 }
 
-// RAND tells no node-ID. A device that will be bound is asked in its binding; the others must be known by the node-ID
-// they hold, and so must bound devices that answered RAND: after a power-on they may be right where they belong. Where
-// a device may choose, one that is not there (RAND has put its address together of two) would leave to the others what
-// they need not have: those are asked first.
+// RAND does not report node-IDs. A device to be bound is asked in its binding. The others must be known by their
+// node-IDs, and so must bound devices that answered RAND: after a power-on they may be in their places. An address may
+// be of no device, if RAND combined two; if it could choose between slots, it would take one that others need. Such
+// addresses are asked first.
 rt::Task<void> Seating::inquire_found(bool all) {
   const std::vector<places::Found> found = found_.all();
   for (const auto& f : found) {
-    // The plant's master may have an LSS slave of its own: what SDO told of it is enough.
+    // The plant's master may have an LSS slave of its own: its SDO answers are enough.
     if (may_be_plants_master(s_, slots_, f, planning_.waits_for(f.device))) continue;
     const Seat* seat = slots_.of(f.device);
     const bool binds =
@@ -528,20 +526,20 @@ rt::Task<void> Seating::inquire_found(bool all) {
     } else if (id.error().code == Errc::duplicate) {
       found_.note({f.device, f.active, true});
     } else if (seat == nullptr && id.error().code == Errc::timeout && !f.active.configured()) {
-      found_.fell_silent(f.device);  // it left; one that was found by its node-ID may speak no LSS
+      found_.fell_silent(f.device);  // it left; one found by its node-ID may have no LSS
     }
   }
 }
 
-// A slot's own device under its own node-ID, whose boot-up was not heard: it is checked and started like one that was.
+// A slot's own device under its own node-ID, whose boot-up was not heard: it is checked and started like any other.
 rt::Task<void> Seating::take_back(const places::Found& found) {
   const Identity device = found.device;
   Seat* const seat = slots_.of(device);
   const bool home =
       seat != nullptr && seat->slot.record.confirmed && !seat->slot.record.intended && found.active == seat->id();
   if (!home) co_return;
-  // One that booted is unknown to RAND, and found once by it: when it was told that it is back, that is no news. A
-  // restart in the middle of an update was not.
+  // A device that booted is unknown to RAND, which finds it once: if its return was reported, this is no news. A
+  // restart during an update was not reported.
   const auto booted = s_.boots.boot_up(seat->id());
   const bool known = seat->there() && booted && *booted <= seat->last.heard_again && *booted > seat->last.taken_back;
   seat->last.taken_back = s_.executor.now();
@@ -549,7 +547,7 @@ rt::Task<void> Seating::take_back(const places::Found& found) {
   if (seat->there()) found_.forget(device);
 }
 
-// One question for each instead of a whole binding at every look: a device can be away for ever.
+// One question for each instead of a whole binding at every look: a device can be absent forever.
 rt::Task<void> Seating::look_for_unfinished() {
   bool told_one = false;
   for (auto& seat : slots_.seats()) {
@@ -578,7 +576,7 @@ rt::Task<void> Seating::look_for_unfinished() {
       continue;
     }
     const auto found = found_.of(device);
-    // One that was lent what it used before had none when it was found: it was switched off and on.
+    // A device that used a loan before had no node-ID when it was found: it was switched off and on.
     const auto* const loan = loans_.of(device);
     const bool lent = found != nullptr && loan != nullptr && loan->id == found->active;
     const bool rests = found != nullptr && !lent && erased_.rests(device, found->active, told_one);
@@ -595,8 +593,8 @@ rt::Task<bool> Seating::answers_by_lss(Identity device) {
   co_return id || clone;
 }
 
-// It has stored its node-ID, and uses another still: telling it again would wear its memory out. A power cycle that was
-// not heard, and brought nothing, is thought of now and then.
+// It stored its node-ID and still uses another: telling it again would wear out its memory. Now and then it is told
+// again, in case a power cycle was not heard and had no effect.
 rt::Task<bool> Seating::waits_for_its_power_cycle(Seat& seat, bool& told_one) {
   if (!seat.power_cycle.binding || ErasedNodeIds::tells_again(seat.power_cycle.looked_at, told_one)) co_return false;
   const NodeId old = seat.power_cycle.binding->old_id();

@@ -1,4 +1,4 @@
-/// Carries the plan out: takes node-IDs away and gives them, by LSS (paper 1 §III.c; S1.32 to S1.36).
+/// Carries out the plan: takes node-IDs away and assigns them, by LSS (paper 1 §III.c; S1.32 to S1.36).
 #pragma once
 
 #include <string>
@@ -12,8 +12,8 @@
 
 namespace berth::operate {
 
-/// Starts one device as soon as its node-ID is confirmed, while others get theirs. What needs LSS, a configuration or a
-/// person is left for the round's end.
+/// Starts one device as soon as its node-ID is confirmed, while others get theirs. Devices that need LSS, a
+/// configuration or a user wait for the round's end.
 class EarlyStarter {
  public:
   virtual rt::Task<void> start_early(Seat& seat) = 0;
@@ -39,17 +39,17 @@ class Seating {
         erased_(erased),
         equals_(services, slots, found, planning) {}
 
-  /// Before the first `carry_out`; must stay.
+  /// Call it before the first `carry_out`. `starter` must outlive this.
   void set_starter(EarlyStarter& starter) noexcept { starter_ = &starter; }
 
-  /// Plans, and does what the plan says, until nothing is left that can be done. The turn must be held.
+  /// Plans and acts until nothing more can be done. The turn must be held.
   rt::Task<void> carry_out();
-  /// By LSS, the node-IDs of the devices that were found by RAND, which tells none; `all` of them, or those only that
-  /// no binding asks. The turn must be held.
+  /// Reads by LSS the node-IDs of devices found by RAND, which does not report them: of `all`, or only of those that no
+  /// binding asks. The turn must be held.
   rt::Task<void> inquire_found(bool all);
   /// Takes the device's node-ID away. The turn must be held.
   rt::Task<bool> blank(Identity device, std::string reason);
-  /// How often a device was told to give its node-ID up.
+  /// How often devices were told to give their node-IDs up.
   [[nodiscard]] unsigned blanks() const noexcept { return blanks_; }
   /// A device that waited for its power cycle is heard again.
   rt::Task<void> go_on_after_power_cycle(Seat& seat);
@@ -71,7 +71,7 @@ class Seating {
   rt::Task<void> take_back(const places::Found& found);
   void free_absent_slots();
   void free_for_spares();
-  // What an earlier run, or an earlier try, left unfinished (S1.29, S1.53).
+  // What an earlier run or attempt left unfinished (S1.29, S1.53).
   rt::Task<void> look_for_unfinished();
   rt::Task<bool> answers_by_lss(Identity device);
   rt::Task<bool> waits_for_its_power_cycle(Seat& seat, bool& told_one);

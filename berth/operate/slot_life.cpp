@@ -30,7 +30,7 @@ using E = SlotEvent;
 using L = Life;
 using S = places::SlotState;
 
-// The first row that fits counts; without one the event changes nothing.
+// The first matching row applies; without one the event changes nothing.
 constexpr Row table[] = {
     {E::rests, any, L::unknown},
     {E::freed, any, L::empty},
@@ -91,9 +91,9 @@ std::optional<Life> next(Life life, SlotEvent event) noexcept {
 }
 
 bool forgets_boot_up(Life before, SlotEvent event, Life now) noexcept {
-  // What booted is asked first: when it is the slot's device, its boot-up was an error of a device that ran.
+  // A device that booted is identified first: if it is the slot's device, its boot-up was an error of a running device.
   if (event == E::boots || event == E::boots_while_prepared) return false;
-  // What a device left in the slot's letter goes with it.
+  // The letter of a previous device is removed with it.
   if (event == E::nobody || event == E::freed) return true;
   const bool left = (is_there(before) || before == L::asked) && !is_there(now);
   return left || event == E::bound || event == E::identified || event == E::runs;

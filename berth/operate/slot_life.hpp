@@ -32,11 +32,11 @@ enum class Life : std::uint8_t {
   // The slot's device was identified under the slot's node-ID.
   present,      ///< pre-operational: its boot-up runs, or waits
   stopped,      ///< NMT stopped: its error control is heard, and it answers no SDO that would identify it
-  left,         ///< the device told that it left operational; the master does not know yet whether it was this device
+  left,         ///< the device left operational by its own report; whether it was this device is not known yet
   configuring,  ///< its configuration is compared and written, or its program is updated
   operational,  ///< it tells that it is operational
-  used,         ///< it has a configuration of elsewhere; a person must say whether it is to be used
-  saved,        ///< its configuration is saved, and in use after the device was switched off and on
+  used,         ///< it has a configuration from elsewhere; a user must decide whether it is to be used
+  saved,        ///< its configuration is saved, and takes effect after a power cycle
   failed,       ///< its boot-up failed
   suspect,      ///< a second device seems to share its node-ID or its LSS address
   unfit,        ///< its boot-up found another device type (letter C)
@@ -51,46 +51,46 @@ enum class SlotEvent : std::uint8_t {
   // Of a search and of a binding.
   nobody,           ///< no suitable device was found
   asks_person,      ///< the plan, or what the device has stored, leaves a question
-  answered,         ///< the plan asks no more about the slot
+  answered,         ///< the plan has no more questions about the slot
   binds,            ///< a binding begins
   bound,            ///< the device has the slot's node-ID and is not in LSS configuration
   waits_for_power,  ///< a device must be switched off and on first
   binding_failed,
 
-  // Of what is heard under the node-ID.
+  // What is heard under the node-ID.
   boots,        ///< a boot-up message came while the device was operational
   heard_again,  ///< a device is about to be asked what it is
   gone,         ///< the device does not answer, its heartbeat stopped, or another device answers
   identified,   ///< the device answers under the slot's node-ID
-  runs,         ///< the same, and it was operational already
-  stopped,      ///< the device tells that it is in NMT stopped, and answers no SDO
+  runs,         ///< the same, and it was already operational
+  stopped,      ///< the device reports NMT stopped, and answers no SDO
   wrong_type,   ///< a device of another type answers
-  misplaced,    ///< its probe tells another place
+  misplaced,    ///< its probe reports another place
   two_answer,   ///< two devices answer under the node-ID
   doubted,      ///< a second device seems to share the node-ID or the LSS address
-  operational,  ///< its heartbeat, or its answer to guarding, tells that it is operational
-  leaves,       ///< its heartbeat tells that it is not operational any more
+  operational,  ///< its heartbeat, or its answer to guarding, reports operational
+  leaves,       ///< its heartbeat reports that it is no longer operational
 
   // Of its boot-up.
   configures,       ///< a step of its configuration, or of an update, has begun
   prepared,         ///< the configuration or the update is done
-  saves_for_power,  ///< what it saved is in use after it was switched off and on
+  saves_for_power,  ///< the saved configuration takes effect after a power cycle
   boot_failed,
   boots_while_prepared,  ///< a boot-up message came that the boot-up did not cause
-  pauses,                ///< it is ready, stopped or held: what it waits for is told
+  pauses,                ///< ready, stopped or held: the reason says what it waits for
   tried_again,           ///< a failed boot-up is repeated
 };
 constexpr unsigned slot_events = static_cast<unsigned>(SlotEvent::tried_again) + 1;
 
-/// What the event makes of the life. Nullopt: it changes nothing, as it comes too late or says nothing new; the slot's
-/// reason stays, too.
+/// The life after the event. Nullopt: the event changes nothing, because it comes too late or is not new; the slot's
+/// reason also stays.
 [[nodiscard]] std::optional<Life> next(Life life, SlotEvent event) noexcept;
 
-/// The slot's device was identified under the slot's node-ID, and nothing was heard since that puts it in doubt.
+/// The slot's device was identified under the slot's node-ID, and nothing heard since casts doubt on it.
 [[nodiscard]] constexpr bool is_there(Life life) noexcept { return life >= Life::present; }
-/// What was known of the device's boot-up does not count any more.
+/// Earlier knowledge of the device's boot-up is no longer valid.
 [[nodiscard]] bool forgets_boot_up(Life before, SlotEvent event, Life now) noexcept;
-/// As people see it.
+/// The state shown to users.
 [[nodiscard]] places::SlotState shown(Life life) noexcept;
 
 }  // namespace berth::operate

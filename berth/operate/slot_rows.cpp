@@ -28,7 +28,7 @@ const char* short_word(NmtState state) noexcept {
   return "?";
 }
 
-// What its device says: a slot may take several types. Else the slot's.
+// As its device reports it, because a slot may take several types. Else the slot's.
 std::string type_of(const SlotReport& s) {
   if (s.unasked == 0)
     return to_string(s.device && s.device->knows(0) && s.device->knows(1) ? s.device->type() : s.type);

@@ -1,8 +1,8 @@
-/// The slot table in columns, for people: `berth status`, what `berth up` prints at its end, and its live table.
+/// The slot table in columns, for users: `berth status`, the final output of `berth up`, and its live table.
 ///
-/// bus, id, slot, state, NMT, heard, EMCY, since, type, serial. A column is left out where no slot has anything to say
-/// in it. When the rows are wider than the terminal, columns are given up in this order: since, type, heard, NMT,
-/// serial, bus; then long names are cut. `--json` and `berth status SLOT` have all of it.
+/// bus, id, slot, state, NMT, heard, EMCY, since, type, serial. A column is omitted if it is empty for all slots. If
+/// the rows are wider than the terminal, columns are dropped in this order: since, type, heard, NMT, serial, bus; then
+/// long names are cut. `--json` and `berth status SLOT` show everything.
 #pragma once
 
 #include <cstddef>
@@ -16,8 +16,8 @@ namespace berth::operate {
 
 struct SlotRowOptions {
   std::size_t width = 80;            ///< columns of the terminal
-  std::optional<rt::Time> now = {};  ///< for how long ago a device was heard
-  bool bus = true;                   ///< false: not where all slots are on one bus
+  std::optional<rt::Time> now = {};  ///< to show how long ago a device was heard
+  bool bus = true;                   ///< false: no such column if all slots are on one bus
   std::size_t widest_name = 64;      ///< of a slot or a bus
 };
 
@@ -49,8 +49,8 @@ class SlotRows {
 /// "2310h", "2310h x12".
 [[nodiscard]] std::string emcy_cell(const EmcyReport& emcy);
 
-/// The slot table in columns, a line a slot, headed; then the reasons, each once with the slots that it
-/// is about. `now`: for how long ago each device was heard.
+/// The slot table with a heading, one line per slot; then each reason once, with its slots. `now`: to show how long ago
+/// each device was heard.
 [[nodiscard]] std::vector<std::string> to_table(const std::vector<SlotReport>& slots,
                                                 std::optional<rt::Time> now = std::nullopt);
 /// The reasons of these slots, each once: "left, right: question: ...". "field/left" when there are several buses.

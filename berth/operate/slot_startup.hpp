@@ -1,6 +1,6 @@
-/// The NMT startup of one bus (CiA 302-2; docs/boot-up.md): `network::NetworkStartup` for the slots of a bus. What
-/// `[bus.NAME.startup]` and the slots' `mandatory` make of devices that are ready to be started, fail, or are lost, in
-/// the slots' states and in words.
+/// The NMT startup of one bus (CiA 302-2; docs/boot-up.md): `network::NetworkStartup` for the slots of a bus. Applies
+/// `[bus.NAME.startup]` and the slots' `mandatory` to devices that are ready to be started, fail, or are lost, and
+/// shows this in the slots' states and texts.
 #pragma once
 
 #include <optional>
@@ -27,33 +27,34 @@ class SlotStartup final : private network::NetworkStartup::Owner {
   using Go = network::NetworkStartup::Go;
 
   SlotStartup(BusServices& services, SlotTable& slots) noexcept;
-  /// Before the first `begin`; must stay.
+  /// Call it before the first `begin`. `master` must outlive this.
   void set_master(MasterState& master) noexcept { master_ = &master; }
 
   /// The main job begins: the boot time counts from now.
   void begin();
-  /// It was ended where it stood.
+  /// The main job was stopped.
   void end() noexcept { network_.end(); }
   [[nodiscard]] Phase phase() const noexcept { return network_.phase(); }
 
-  /// The seat's device is ready: it is started now, by itself.
+  /// The seat's device is ready and may be started now, by itself.
   [[nodiscard]] bool starts(const Seat& seat) const noexcept { return network_.starts(seat.slave); }
-  /// It is not: its state says what its start waits for.
+  /// If it may not: its slot's reason says what its start waits for.
   void tell_why_waiting(Seat& seat);
-  /// Looks at the mandatory slots, halts the startup for one that failed, and lets it go on when all are ready. What is
-  /// to be started now.
+  /// Checks the mandatory slots, halts the startup if one failed, and continues when all are ready. Returns what is to
+  /// be started now.
   [[nodiscard]] Go goes_on();
-  /// `goes_on` has something to look at: a person released what waits.
+  /// `goes_on` has work: a user released what waits.
   [[nodiscard]] bool released() const noexcept { return released_ || released_by_master_ != Go::nothing; }
-  /// Every slot that is not optional is operational: the master is too, unless the application makes it so.
+  /// Every slot that is not optional is operational: the master becomes operational too, unless the application does
+  /// that.
   void network_operational() noexcept;
 
-  /// The device of this slot was lost, or booted by itself, and was ready before.
+  /// The device of this slot was ready, and was lost or booted by itself.
   void error_event(const Seat& seat, std::string_view what);
-  /// Does what an error event of a mandatory slot asks for.
+  /// Carries out the reaction to an error event of a mandatory slot.
   rt::Task<void> act_on_error();
-  /// A person's command: NMT start ends a stop, and starts what waits; to the master's own node-ID it is carried out
-  /// there.
+  /// A user's command: NMT start ends a stop and starts what waits; a command to the master's own node-ID is applied to
+  /// the master.
   void commanded(co::NmtCommand command, co::NmtTarget target);
 
  private:
@@ -77,9 +78,9 @@ class SlotStartup final : private network::NetworkStartup::Owner {
   MasterState* master_ = nullptr;
   network::NetworkStartup network_;
   std::optional<ErrorEvent> error_;
-  std::string halted_by_;                // the mandatory slot
-  bool released_ = false;                // by a person, who ended a stop
-  Go released_by_master_ = Go::nothing;  // which a person made operational
+  std::string halted_by_;                // name of the mandatory slot
+  bool released_ = false;                // a user ended a stop
+  Go released_by_master_ = Go::nothing;  // what it starts after a user made the master operational
 };
 
 }  // namespace berth::operate

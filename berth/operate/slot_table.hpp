@@ -1,4 +1,4 @@
-/// The slots of one bus at run time: their states, their rows in the store, and what tells of them.
+/// The slots of one bus at run time: their states, their rows in the store, and their events.
 #pragma once
 
 #include <memory>
@@ -23,10 +23,10 @@ class SlotTable {
   SlotTable(BusServices& services, std::string machine, std::vector<places::SlotSpec> specs, places::SlotStore& store,
             NetworkObserver observer);
 
-  /// Declares the slots in the store and takes over what it knows.
+  /// Declares the slots in the store and loads what it knows.
   Result<void> open();
   [[nodiscard]] places::SlotStore& store() const noexcept { return *store_; }
-  /// This bus, as the store knows it, and a device that is on it.
+  /// This bus as the store knows it, and a device on it.
   [[nodiscard]] const places::BusName& bus() const noexcept { return bus_; }
   [[nodiscard]] places::BusDevice known(const Identity& device) const { return {device, bus_}; }
 
@@ -35,7 +35,7 @@ class SlotTable {
   [[nodiscard]] Seat* at(NodeId id) const noexcept;
   [[nodiscard]] Seat* named(const std::string& name) const noexcept;
   [[nodiscard]] Seat* with_record(places::SlotId slot) const noexcept;
-  /// The slot that the device is bound to, asked for or confirmed.
+  /// The slot that the device is bound to, intended or confirmed.
   [[nodiscard]] Seat* of(const Identity& device) const noexcept;
   /// For `places::plan`.
   [[nodiscard]] std::vector<places::Slot> plain() const;
@@ -45,25 +45,25 @@ class SlotTable {
 
   /// Reads the slot's row again.
   void refresh(Seat& seat);
-  /// Changes the slot's life by the table of slot_life.hpp, and tells it when its state or its reason is another one.
-  /// An event that changes nothing leaves the reason as it is. `letter`: how its boot-up ended that was none, or ended
-  /// before its first step. Returns whether the event counted.
+  /// Applies an event by the table of slot_life.hpp, and reports a changed state or reason. An event that changes
+  /// nothing leaves the reason as it is. `letter`: the letter of a boot-up that did not take place, or ended before its
+  /// first step. Returns whether the event had an effect.
   bool happened(Seat& seat, SlotEvent event, std::string reason = {}, std::optional<manager::BootStatus> letter = {});
-  /// The same, and nothing is told: the slot keeps its reason until the next event says more.
+  /// The same without a report: the slot keeps its reason until the next event changes it.
   bool happened_silently(Seat& seat, SlotEvent event) noexcept;
-  /// `SlotEvent::gone`, with letter B: `fact`, and what a person does about it, which no later fact takes away.
+  /// `SlotEvent::gone`, with letter B: `fact`, and advice for the user, which later facts keep.
   void set_absent(Seat& seat, const std::string& fact);
   /// Forgets which device sits in the slot, in the store too.
   Result<void> clear(Seat& seat, const std::string& reason);
 
-  // Of devices on this bus: what the store has of a twin on another one is the twin's.
+  // Of devices on this bus: the store's entries for a twin on another bus do not count.
   [[nodiscard]] bool is_marked(places::Mark mark, const Identity& device) const;
   void set_mark(places::Mark mark, const Identity& device, NodeId id, const std::string& reason);
   void take_mark(places::Mark mark, const Identity& device, const std::string& reason);
-  /// Where the device sat on this bus before its slot was given away.
+  /// The device's slot on this bus before it was given away.
   [[nodiscard]] std::optional<places::FormerSeat> former_seat_of(const Identity& device) const;
-  /// The intentions to take a node-ID away that were begun on this bus and are open. Those of stores of before schema 5
-  /// are of any bus.
+  /// The open intentions begun on this bus to take a node-ID away. Those of stores from before schema 5 count for every
+  /// bus.
   [[nodiscard]] std::vector<places::UnfinishedBlank> unfinished_here() const;
 
   [[nodiscard]] Events& events() noexcept { return events_; }
@@ -80,10 +80,10 @@ class SlotTable {
   Seats seats_;
 };
 
-/// A device that fits the slot is on the bus and has none: what an absent slot says to do names it. Empty: there is
-/// none, or none any more.
+/// A device that fits this absent slot is on the bus and has no slot: the slot's advice names it. Empty: there is none,
+/// or no longer.
 void offer(SlotTable& slots, Seat& seat, const std::optional<Identity>& device);
-/// A slot that LSS fills has no device, and this one fits it.
+/// The slot is filled by LSS, has no device, and this one fits it.
 [[nodiscard]] bool has_vacancy_for(const SlotTable& slots, const Identity& device);
 
 }  // namespace berth::operate

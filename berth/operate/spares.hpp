@@ -1,5 +1,5 @@
-/// Spares and devices that return: what becomes of a device whose slot was given away while it was gone, and of one
-/// that was used elsewhere before.
+/// Spares and returning devices: what happens to a device whose slot was given away while it was gone, and to one that
+/// was used elsewhere before.
 #pragma once
 
 #include <vector>
@@ -22,21 +22,20 @@ class Spares {
         seating_(seating),
         erased_(erased) {}
 
-  /// Two devices under one node-ID cannot be told apart by SDO. By LSS they can: a device that sat here before is asked
-  /// for by its address, and gives the node-ID up. That takes an NMT reset, which the slot's own device does too: it is
-  /// checked and started again at its boot-up. True: there was one. The turn must be held.
+  /// SDO cannot separate two devices under one node-ID, but LSS can: a device that sat here before is asked for by its
+  /// address and gives the node-ID up. This takes an NMT reset, which also resets the slot's own device: at its boot-up
+  /// it is checked and started again. True: there was one. The turn must be held.
   rt::Task<bool> isolate_former(Seat& seat);
-  /// The same for slots that were given away a while ago (`Doubt::former_at`), and less often the longer that is ago.
-  /// True: LSS does not tell one of those that sat there, and whether two hold a node-ID is to be asked by SDO
-  /// (`Doubt::shared`).
+  /// The same for slots given away earlier (`Doubt::former_at`), the more rarely the longer ago that was. True: LSS
+  /// cannot identify one of the former devices, and SDO must show whether two hold a node-ID (`Doubt::shared`).
   rt::Task<bool> look_for_formers();
   static constexpr rt::Duration longest_pause = std::chrono::minutes(10);
-  /// Before a device is configured for the first time in a slot that another had: a configuration that is not of this
-  /// slot says that it comes from somewhere. False: it waits for a person, or it is gone.
+  /// Called before a device is first configured in a slot that another device had. A configuration of another slot
+  /// shows that the device was used elsewhere. False: it waits for a user, or it is gone.
   rt::Task<bool> clear_past(Seat& seat);
-  /// `clear_past` would do more than to say so.
+  /// `clear_past` would do more than report.
   [[nodiscard]] bool has_past(const Seat& seat) const;
-  /// A person named this device, or said that a used one may be used.
+  /// A user named this device, or allowed a used one.
   void make_welcome(const Identity& device);
 
  private:

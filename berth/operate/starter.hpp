@@ -1,5 +1,5 @@
-/// The boot-up of the devices that are in their slots, by the procedure of CiA 302-2 (network/boot_slave.hpp):
-/// configuration, error control, start. That it is the slot's device `Presence` has found out before.
+/// Boots the devices that are in their slots, by the procedure of CiA 302-2 (network/boot_slave.hpp): configuration,
+/// error control, start. `Presence` has verified before that it is the slot's device.
 #pragma once
 
 #include <memory>
@@ -19,10 +19,10 @@ class Starter final : public EarlyStarter, private network::SlaveBoots::Owner {
           Configuring& configuring, Spares& spares, Presence& presence);
   ~Starter();
 
-  /// A device is in its slot and was not started, or waits and may be started now.
+  /// A device is in its slot and was not started, or waited and may be started now.
   [[nodiscard]] bool is_due() const noexcept;
-  /// All that are due, side by side; returns when each that was started has told that it is operational, or had its
-  /// time to. True: the network is operational, and Berth its master.
+  /// Boots all that are due, side by side. Returns when each started device has reported operational or its time is
+  /// over. True: the network is operational, with Berth as its master.
   rt::Task<bool> check_and_start();
   rt::Task<void> start_early(Seat& seat) override;
 
@@ -61,7 +61,7 @@ class Starter final : public EarlyStarter, private network::SlaveBoots::Owner {
   network::SlaveBoots boots_;
   std::vector<std::unique_ptr<network::BootTarget>> targets_;
   std::vector<std::unique_ptr<network::BootSource>> sources_;
-  std::vector<Seat*> awaited_;  // NMT start was sent, and their heartbeats have not told yet
+  std::vector<Seat*> awaited_;  // NMT start was sent, and their heartbeats did not report operational yet
 };
 
 }  // namespace berth::operate

@@ -1,4 +1,4 @@
-/// Heartbeats, answers to guarding, boot-ups and EMCYs of the slots' devices: what is heard, and what is done about it.
+/// Heartbeats, answers to guarding, boot-ups and EMCYs of the slots' devices, and the reactions to them.
 #pragma once
 
 #include <array>
@@ -24,30 +24,30 @@ class Supervision {
         spares_(spares),
         emergencies_(services, slots) {}
 
-  // What the bus tells.
+  // Messages from the bus.
   void heartbeat(const co::HeartbeatEvent& event, rt::Time at);
   void guarding(const co::GuardingEvent& event, rt::Time at);
   void emergency(NodeId node, const co::Emcy& message) noexcept { emergencies_.heard(node, message); }
 
-  /// EMCYs that were counted: now and then.
+  /// Reports EMCYs that were counted. Call it regularly.
   void tell_repeated_emcys() { emergencies_.tell_repeated(); }
-  /// Acts on it. The turn must be held.
+  /// Acts on the message. The turn must be held.
   rt::Task<void> handle(Wake wake);
-  /// Two devices with one identity that once fell into one frame drift apart: their heartbeats then come twice as
-  /// often.
+  /// Finds heartbeats that come twice as often. Two devices with one identity may send theirs at the same moment at
+  /// first, so that they look like one frame; later they drift apart.
   void check_rates();
-  /// Such a device may be one that beats at a period of its own: it is asked whether it is alone.
+  /// Such a device may just have a period of its own: asks whether it is alone.
   rt::Task<void> ask_who_beats_fast();
-  /// A device can fall silent while nothing listens for its heartbeat: while it is programmed, configured or asked.
-  /// What was there in this run and is absent for long is gone, as with a lost heartbeat.
+  /// A device can fall silent while nothing listens for its heartbeat: while it is programmed, configured or asked. A
+  /// device seen in this run and absent for long is treated like one whose heartbeat was lost.
   void give_up_silent();
-  /// Devices without error control are asked by SDO now and then: silence makes the slot absent.
+  /// Asks devices without error control by SDO at intervals; silence makes the slot absent.
   rt::Task<void> ask_the_unwatched();
-  /// A slot has no device, and its node-ID is heard: a device that the slot was taken from while its cable was cut,
-  /// say, whose boot-up message nobody hears.
+  /// A slot has no device, but its node-ID is heard. Example: the slot was given away while the device's cable was cut,
+  /// and nobody heard a boot-up message.
   void look_at_voices();
-  /// A person sent this NMT command: it is not worked against. `listens`: what the device's heartbeat tells of it comes
-  /// here; else the slot shows what it was told, as it does of a device without heartbeat.
+  /// A user sent this NMT command: it is not counteracted. `listens`: the device's heartbeat reports its state here;
+  /// else the slot shows the commanded state, as for a device without heartbeat.
   void commanded(co::NmtCommand command, co::NmtTarget target, bool listens);
 
  private:
@@ -72,10 +72,10 @@ class Supervision {
   Seating& seating_;
   Spares& spares_;
   Emergencies emergencies_;
-  std::array<std::optional<rt::Time>, 128> came_{};  // by node-ID: a boot-up that was acted on at once
+  std::array<std::optional<rt::Time>, 128> came_{};  // by node-ID: a boot-up that led to immediate action
 };
 
-/// What the consumers of heartbeats and EMCYs and the guarding call: they are made before there is a `Supervision`.
+/// The observer of heartbeats, guarding and EMCYs: their consumers are made before there is a `Supervision`.
 class SupervisionRelay final : public co::HeartbeatConsumer::Observer,
                                public co::GuardingMaster::Observer,
                                public co::EmcyConsumer::Observer {

@@ -1,4 +1,4 @@
-/// How patient each service is on one bus, from the machine file's `[timing]`: the one place where that is said.
+/// The timeouts and retries of each service on one bus, all from the machine file's `[timing]`.
 #pragma once
 
 #include "berth/co/sdo_client.hpp"
@@ -11,7 +11,7 @@ namespace berth::operate {
 
 [[nodiscard]] lss::MasterOptions lss_options(const design::Timing& timing);
 [[nodiscard]] co::SdoOptions sdo_options(const design::Timing& timing);
-/// For 1010h: seconds, once, and a device that is busy storing is not disturbed by an abort.
+/// For 1010h: a timeout of seconds, one try, and no abort, which would disturb a device that is storing.
 [[nodiscard]] co::SdoOptions saving_options(const design::Timing& timing);
 [[nodiscard]] places::Binder::Options binder_options(const design::Timing& timing);
 [[nodiscard]] manager::ConfiguratorOptions configurator_options(const design::Timing& timing);

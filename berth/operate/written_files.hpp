@@ -1,9 +1,9 @@
-/// Configurations that SDO clients wrote to the manager (1F20h, 1F22h; docs/manager-objects.md), kept over Berth's end:
-/// one file a slot, in a folder beside the slot table. What a file is says its name: `.dcf` is a DCF, `.cdcf` a concise
-/// one, as `config =` takes them.
+/// Configurations that SDO clients wrote to the manager (1F20h, 1F22h; docs/manager-objects.md), kept after Berth ends:
+/// one file per slot, in a folder beside the slot table. The file's name shows its form: `.dcf` is a DCF, `.cdcf` a
+/// concise one, as `config =` accepts them.
 ///
-/// A file is replaced whole: written under another name, synced, renamed. Where a crash came between a new file and the
-/// end of an old one of the other form, the newer counts.
+/// A file is replaced whole: written under another name, synced, renamed. If a crash leaves a new file and an old one
+/// of the other form, the newer counts.
 #pragma once
 
 #include <cstdint>
@@ -20,9 +20,9 @@ class WrittenFiles {
  public:
   enum class Form : std::uint8_t { dcf, concise };
   struct Place {
-    std::filesystem::path folder = {};  ///< made when the first file is; empty: nothing is kept
-    std::string machine_file = {};      ///< from its folder, `as_named` names files
-    bool writes = true;                 ///< false: what is there counts, and is left as it is
+    std::filesystem::path folder = {};  ///< created with the first file; empty: nothing is kept
+    std::string machine_file = {};      ///< `as_named` gives paths relative to its folder
+    bool writes = true;                 ///< false: existing files count, and are left as they are
   };
 
   WrittenFiles() = default;
@@ -30,11 +30,11 @@ class WrittenFiles {
 
   /// The slot's file; empty: it has none.
   [[nodiscard]] std::string of(const places::SlotName& slot) const;
-  /// Instead of what the slot had, of either form. Its path; empty: nothing is kept here. Errors: `io`, with the path
-  /// and the system's reason; then the slot has what it had.
+  /// Replaces the slot's file, of either form. Returns its path; empty: nothing is kept here. Errors: `io`, with the
+  /// path and the system's reason; then the slot keeps its old file.
   [[nodiscard]] Result<std::string> keep(const places::SlotName& slot, Form form,
                                          std::span<const std::uint8_t> bytes) const;
-  /// The slot has none from now on. Errors: `io`.
+  /// The slot has no file any more. Errors: `io`.
   [[nodiscard]] Result<void> drop(const places::SlotName& slot) const;
   /// The path as `config =` of the machine file has it.
   [[nodiscard]] std::string as_named(const std::string& path) const;

@@ -1,6 +1,6 @@
 /// The frames of AND, the automatic node discovery protocol that RAND revises (Cena and Valenzano; paper 1 §I, §IV;
-/// S1.44). Its frame formats are not public: these are Berth's own, made after what paper 1 tells of it. docs/and.md
-/// holds the whole wire format and why it is so.
+/// S1.44). Its frame formats are not public: these are Berth's own, based on paper 1. docs/and.md has the whole wire
+/// format and the reasons for it.
 ///
 /// All are base data frames with 8 bytes, the answers too, as paper 1 counts them.
 ///
@@ -29,7 +29,7 @@ inline constexpr std::uint32_t and_address_id = 0x7C0;
 inline constexpr std::uint32_t and_request_id = 0x7C2;
 inline constexpr unsigned and_direct_phase = 12;
 
-/// What a slave must hear, and a master.
+/// The identifiers that a slave receives, and a master.
 inline constexpr can::IdRange and_requests = can::only(and_request_id);
 inline constexpr can::IdRange and_answers{and_ius_id, and_address_id + 1};
 
@@ -72,7 +72,7 @@ class AndAddress {
 [[nodiscard]] can::Frame and_dis(std::uint8_t nibble) noexcept;
 [[nodiscard]] can::Frame and_address(const LssAddress& address, unsigned part) noexcept;
 
-/// A request as a slave reads it.
+/// A decoded request, for the slave.
 struct AndRequest {
   enum class Kind : std::uint8_t { identify, direct, switch_global, switch_selective, inquire };
   Kind kind = Kind::identify;
@@ -83,7 +83,7 @@ struct AndRequest {
 /// Empty: no request.
 [[nodiscard]] std::optional<AndRequest> decode_and_request(const can::Frame& frame) noexcept;
 
-/// An answer as the master reads it.
+/// A decoded answer, for the master.
 struct AndAnswer {
   enum class Kind : std::uint8_t { ius, dis, address };
   Kind kind = Kind::ius;

@@ -15,10 +15,10 @@ struct AndMaster::Run {
   const AndOptions& options;
   AndObserver* observer = nullptr;
   AndReport report{};
-  AndFound last{};                       // what the procedure found
+  AndFound last{};                       // the result of the procedure
   AndAddress path{};                     // its address so far
-  std::array<std::uint16_t, 12> left{};  // recursive: values heard at each phase of the path and not walked yet
-  unsigned next = 0;                     // phase to go on with
+  std::array<std::uint16_t, 12> left{};  // recursive: values heard at each phase of the path, not walked yet
+  unsigned next = 0;                     // phase to continue with
   unsigned streak = 0;                   // restarts since the last device was found
 
   [[nodiscard]] nodeid::WindowTimes times(AndAnswer::Kind kind) const noexcept {
@@ -34,7 +34,7 @@ struct AndMaster::Run {
     }
     return t;
   }
-  /// Recursive: the deepest phase with another value; 0 when there is none.
+  /// Recursive: the deepest phase with another value; 0: there is none.
   void go_on() noexcept {
     next = 0;
     if (!options.recursive) return;
@@ -59,7 +59,7 @@ struct AndMaster::Lease {
 AndMaster::AndMaster(can::Dispatcher& dispatcher) : exchanges_(dispatcher) { dispatcher.add(and_answers, *this); }
 
 void AndMaster::received(const can::Frame& frame, rt::Time at) noexcept {
-  if (!exchanges_.open()) return;  // belongs to the request before
+  if (!exchanges_.open()) return;  // belongs to the previous request
   const auto answer = decode_and_answer(frame);
   if (!answer || answer->kind != wanted_) return;
   if (wanted_ == AndAnswer::Kind::address && answer->nibble != part_) return;
@@ -113,7 +113,7 @@ rt::Task<Result<bool>> AndMaster::ask(Run& run, const can::Frame& frame, AndAnsw
   co_return frames_ > 0;
 }
 
-// One device: the phases that are left to ask, then DIRS.
+// One device: the remaining phases, then DIRS.
 rt::Task<Result<AndMaster::Outcome>> AndMaster::procedure(Run& run) {
   using Kind = AndAnswer::Kind;
   run.last = {};
@@ -131,7 +131,7 @@ rt::Task<Result<AndMaster::Outcome>> AndMaster::procedure(Run& run) {
   const auto answered = co_await ask(run, frame, Kind::dis);
   if (!answered) co_return fail(answered.error());
   if ((heard_ >> run.path.nibble(11) & 1U) == 0) {
-    // Its DIS may have been late or lost: then no master would ever find it.
+    // Its DIS may have been late or lost: without this no master would ever find it.
     const auto back = and_switch_selective(run.path, nodeid::Identification::unknown);
     const auto told = co_await tell(back);
     if (!told) co_return fail(told.error());
@@ -159,7 +159,7 @@ rt::Task<Result<void>> AndMaster::inquire(Run& run, AndFound& device) {
     (part == 0 ? address.vendor : address.revision) = last_.first;
     (part == 0 ? address.product : address.serial) = last_.second;
   }
-  // What two devices told by halves may belong to neither; and it must be the address that was found.
+  // Halves from two devices may form an address of neither; it must also be the found address.
   if (!device.ambiguous && AndAddress(address) == device.short_address) device.address = address;
   co_return Result<void>{};
 }

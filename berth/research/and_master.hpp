@@ -3,8 +3,8 @@
 /// Non-recursive, as paper 1 counts it: each device takes twelve phases and a direct identification, 13 N + 1 requests.
 /// Recursive: after a device the master goes on at the deepest phase in which another value was heard.
 ///
-/// What it finds are 48-bit addresses. With `inquire` the master asks each device for its whole LSS address right after
-/// its DIS: two requests more, the only frames of AND that carry data of one device.
+/// AND finds 48-bit addresses. With `inquire` the master asks each device for its whole LSS address right after its
+/// DIS: two more requests, whose answers are the only frames of AND with data of one device.
 ///
 ///     AndOptions options;                             // must outlive the task
 ///     auto report = co_await master.discover(options);
@@ -25,7 +25,7 @@ struct AndOptions {
   nodeid::DiscoveryOptions discovery{};
 };
 
-/// One device that was found.
+/// A found device.
 struct AndFound {
   AndAddress short_address{};
   std::optional<LssAddress> address{};  ///< empty: not inquired, or not answered
@@ -42,15 +42,15 @@ struct AndReport {
   unsigned requests = 0;
   unsigned restarts = 0;
   rt::Time began{};
-  rt::Time known{};  ///< the last device was found; without the closing phase 0 that no slave answered
+  rt::Time known{};  ///< when the last device was found; without the closing phase 0 that no slave answered
   rt::Time ended{};
 };
 
-/// Watches an AND discovery. Must not destroy it.
+/// Observes an AND discovery. Must not destroy it.
 class AndObserver {
  public:
   virtual void found(const AndFound& device) noexcept = 0;
-  /// Asked after each device. False: the discovery ends, `stopped`.
+  /// Called after each device. False: the discovery ends as `stopped`.
   virtual bool goes_on() noexcept { return true; }
 
  protected:
@@ -69,7 +69,7 @@ class AndMaster final : private can::Handler {
   [[nodiscard]] rt::Task<Result<void>> switch_selective(AndAddress address, nodeid::Identification target);
   /// Finds all unknown devices. Errors: `bus` a request cannot be sent; `invalid` something else is under way.
   [[nodiscard]] rt::Task<Result<AndReport>> discover(const AndOptions& options, AndObserver* observer = nullptr);
-  /// One IURS of phase 0: is an unknown slave there?
+  /// One IURS of phase 0: whether an unknown slave is there.
   [[nodiscard]] rt::Task<Result<bool>> any_unknown(const AndOptions& options);
 
  private:

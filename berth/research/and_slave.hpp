@@ -9,8 +9,8 @@
 /// | switch selective, its own     | as told                          | as told                         |
 /// | inquire part                  | -                                | its part, if it sent the last DIS |
 ///
-/// A request carries the whole prefix, so a slave keeps nothing between phases and a frame that was lost makes no slave
-/// answer for a prefix that is not its own.
+/// A request contains the whole prefix. So a slave keeps no state between phases, and after a lost frame no slave
+/// answers for a prefix that is not its own.
 #pragma once
 
 #include <optional>
@@ -23,7 +23,7 @@ class AndSlave {
  public:
   explicit AndSlave(const LssAddress& address) noexcept : lss_address_(address), address_(address) {}
 
-  /// One frame of `and_requests`; others are ignored. The answer, if there is one.
+  /// Handles one frame of `and_requests`; others are ignored. Returns the answer, if any.
   std::optional<can::Frame> handle(const can::Frame& frame) noexcept;
   /// Unknown.
   void power_on() noexcept;

@@ -62,7 +62,7 @@ void ClaimSlave::received(const can::Frame& frame) noexcept {
 }
 
 void ClaimSlave::heard(const Claim& other) noexcept {
-  if (other.id == claim_nobody || other.name == name_) return;  // a clone's claim is as the own
+  if (other.id == claim_nobody || other.name == name_) return;  // a clone's claim equals the own one
   if (other.id != id_.value()) {
     used_.set(other.id);
     return;
@@ -79,7 +79,7 @@ void ClaimSlave::heard(const Claim& other) noexcept {
   owner_->claim_lost(lost);
 }
 
-// The node-ID after the one that was lost, of those that no device was heard to claim.
+// The next node-ID after the lost one that no device was heard to claim.
 void ClaimSlave::next() noexcept {
   const unsigned from = id_.value();
   for (unsigned i = 0; i < 127; ++i) {

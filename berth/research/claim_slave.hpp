@@ -7,8 +7,8 @@
 ///              |  +-- a lower NAME claims it: the next node-ID that no device was heard to claim
 ///              +-- cannot: none is left; tells so when asked
 ///
-/// A higher NAME that claims the own node-ID is answered by the own claim. A device whose node-ID was given to it
-/// otherwise (`firm`) never yields.
+/// A device answers a higher NAME's claim of its own node-ID with its own claim. A device whose node-ID was assigned in
+/// another way (`firm`) never yields.
 #pragma once
 
 #include <bitset>
@@ -28,17 +28,17 @@ struct ClaimOptions {
   NodeId preferred{};                                         ///< unconfigured: derived from the NAME
   std::uint64_t seed = 1;                                     ///< for the delay of "cannot claim"
   rt::Duration wait = std::chrono::milliseconds(250);         ///< from a claim to the use of the node-ID
-  rt::Duration cannot_most = std::chrono::milliseconds(153);  ///< "cannot claim" comes after 0 to this
+  rt::Duration cannot_most = std::chrono::milliseconds(153);  ///< "cannot claim" is sent after a delay from 0 to this
 };
 
 /// The device. Called from the slave's calls and its timer; must not call back into it.
 class ClaimOwner {
  public:
-  /// Queues a frame; what becomes of it is not told.
+  /// Queues a frame; whether it was sent is not reported.
   virtual void send(const can::Frame& frame) noexcept = 0;
-  /// This node-ID is its own from now on.
+  /// The device has this node-ID from now on.
   virtual void claimed(NodeId id) noexcept = 0;
-  /// A lower NAME took the node-ID that was in use: do without one, then `start` again.
+  /// A lower NAME took the node-ID in use: continue without one, then call `start` again.
   virtual void claim_lost(NodeId id) noexcept = 0;
 
  protected:
@@ -49,11 +49,11 @@ class ClaimSlave final : private rt::Job {
  public:
   ClaimSlave(rt::Executor& executor, ClaimOwner& owner, const ClaimOptions& options) noexcept;
 
-  /// While off: another identity, at power-on; what was heard is forgotten.
+  /// While off, at power-on: sets another identity and forgets everything heard.
   void set_address(const LssAddress& address) noexcept;
   /// The device has no node-ID: claim one.
   void start() noexcept;
-  /// The device has this node-ID; `firm`: not by a claim.
+  /// The device has this node-ID; `firm`: not from a claim.
   void settle(NodeId id, bool firm) noexcept;
   void stop() noexcept;
   /// A frame of `claims` or `claim_requests`; others are ignored.
@@ -77,7 +77,7 @@ class ClaimSlave final : private rt::Job {
   ClaimOptions options_;
   std::uint64_t name_;
   Random random_;
-  std::bitset<128> used_;  // heard to be claimed by others
+  std::bitset<128> used_;  // other devices' claims were heard
   NodeId id_;
   Claiming state_ = Claiming::off;
   bool firm_ = false;

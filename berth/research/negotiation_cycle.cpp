@@ -8,7 +8,7 @@
 namespace berth::research {
 namespace {
 
-constexpr unsigned patience = 3;  // frame times that a frame may wait to be acknowledged, up to twice as long
+constexpr unsigned patience = 3;  // in frame times: how long a frame may wait to be acknowledged, up to twice as long
 
 }  // namespace
 
@@ -41,7 +41,7 @@ void NegotiationCycle::heard_request() noexcept {
       choice_.begin();
       leads_ = false;
       return join();
-    case Negotiating::asked:  // all that asked begin at the last of them: then they are in phase
+    case Negotiating::asked:  // all devices that asked begin at the last request: so they are in phase
       leads_ = false;
       window_ends_ = sender_.in(options_->answers);
       return restart(options_->answers + behind());
@@ -61,7 +61,7 @@ void NegotiationCycle::heard_used(NodeId id) noexcept {
       }
       return;
     case Negotiating::announcing:
-      if (mine) rival_ = true;  // another device has won this cycle too, and takes what this one would take
+      if (mine) rival_ = true;  // another device has also won this cycle, and takes the same node-ID
       if (sender_.queued() && mine) {
         sender_.drop();
         announce();
@@ -105,7 +105,7 @@ void NegotiationCycle::sent() noexcept {
       step_.cancel();
       state_ = Negotiating::off;
       return owner_->id_won(std::exchange(candidate_, NodeId()));
-    default: return;  // the last word of a device that lost its node-ID
+    default: return;  // the last frame of a device that lost its node-ID
   }
 }
 
@@ -125,8 +125,8 @@ void NegotiationCycle::step() noexcept {
     case Negotiating::asking:
     case Negotiating::competing:
     case Negotiating::announcing:
-      // Queued, and still not sent: the bus is busy, all others send the same at the same instant so that none
-      // acknowledges, or the controller was restarted and has forgotten it.
+      // Still not sent: the bus is busy, or all others send the same at the same moment so that none acknowledges, or
+      // the controller was restarted and lost it.
       if (sender_.queued()) {
         sender_.drop();
         return restart(rt::Duration(sender_.dice().between(0, 2 * patience * sender_.frame_time().count())));
@@ -143,7 +143,7 @@ void NegotiationCycle::ask() noexcept {
   offer(request_used());
 }
 
-// A cycle begins, by the own request or another's.
+// A cycle begins, by this device's request or another's.
 void NegotiationCycle::join() noexcept {
   ++cycles_;
   candidate_ = NodeId();
@@ -159,7 +159,7 @@ void NegotiationCycle::offer(const can::Frame& frame) noexcept {
   restart(least + rt::Duration(sender_.dice().between(0, least.count())));
 }
 
-// It is on the wire, by this device or another with the same.
+// The byte was sent, by this device or by another with an equal one.
 void NegotiationCycle::byte_done() noexcept {
   if (++byte_ < identity_bytes) return restart(sender_.pace() + behind());
   enter(Negotiating::announcing, options_->pause + sender_.random(options_->jitter));
@@ -190,7 +190,7 @@ void NegotiationCycle::enter(Negotiating state, rt::Duration own) noexcept {
 
 void NegotiationCycle::restart(rt::Duration own) noexcept { sender_.after(own, step_); }
 
-// Behind the one that leads, so that its byte is heard first and counts for all that have the same.
+// Later than the leading device, so that its byte is heard first and counts for all devices with the same byte.
 rt::Duration NegotiationCycle::behind() const noexcept {
   return options_->literal || leads_ ? rt::Duration::zero() : 2 * sender_.frame_time();
 }

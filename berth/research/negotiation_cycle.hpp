@@ -1,4 +1,4 @@
-/// A device's cycles of the negotiation (paper 2), from listening to the announcement; `Negotiator` has the rules.
+/// A device's negotiation cycles (paper 2), from listening to the announcement; the rules are in `Negotiator`.
 #pragma once
 
 #include <cstdint>
@@ -13,22 +13,22 @@ class NegotiationCycle {
  public:
   class Owner {
    public:
-    /// The announcement is on the wire; the cycle is off.
+    /// The announcement was sent; the cycle is off.
     virtual void id_won(NodeId id) noexcept = 0;
-    /// All are in use; it asks again later.
+    /// All are in use; the device asks again later.
     virtual void none_free() noexcept = 0;
 
    protected:
     ~Owner() = default;
   };
-  /// All must stay.
+  /// All must outlive this.
   NegotiationCycle(rt::Executor& executor, NegotiationSender& sender, NodeIdChoice& choice,
                    const NegotiatorOptions& options, Owner& owner) noexcept
       : sender_(sender), choice_(choice), options_(&options), owner_(&owner), step_(*this, executor) {}
 
   /// Waits for silence, then asks.
   void listen() noexcept;
-  /// Another device's cycle is to end first.
+  /// Waits for the end of another device's cycle.
   void wait() noexcept;
   void suspend(rt::Duration time) noexcept;
   void stop() noexcept;
@@ -66,7 +66,7 @@ class NegotiationCycle {
   std::uint8_t byte_ = 0;  // next to send
   Negotiating state_ = Negotiating::off;
   bool rival_ = false;
-  bool leads_ = false;  // sent the last frame of this cycle itself
+  bool leads_ = false;  // the device itself sent the last frame of this cycle
 };
 
 }  // namespace berth::research

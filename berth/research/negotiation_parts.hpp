@@ -1,11 +1,11 @@
-/// Between the sources of the negotiation.
+/// Shared by the sources of the negotiation.
 #pragma once
 
 #include "berth/rt/executor.hpp"
 
 namespace berth::research {
 
-/// Before a frame is offered again that could not be queued.
+/// Pause before a frame that could not be queued is offered again.
 inline constexpr rt::Duration requeue_pause = std::chrono::milliseconds(10);
 
 }  // namespace berth::research

@@ -8,11 +8,11 @@
 namespace berth::research {
 namespace {
 
-constexpr std::uint32_t usual_bit_rate = 125'000;  // where the port does not know
+constexpr std::uint32_t usual_bit_rate = 125'000;  // if the port does not know it
 constexpr unsigned shortest_frame = 67;            // bits of an extended frame without data and without stuff bits
 constexpr unsigned longest_frame = 78;             // bits of an extended frame without data, reachable
 
-// An FD frame's data phase may be faster, which a port does not tell: at most so many nominal bit times.
+// An FD frame's data phase may be faster, which a port does not report: this is an upper bound in nominal bit times.
 unsigned load_bits(const can::Frame& frame) noexcept {
   return frame.fd ? longest_frame + 10U * frame.size : can::exact_bits(frame);
 }
@@ -63,7 +63,7 @@ rt::Duration NegotiationSender::frame_time() const noexcept {
   return rt::Duration(longest_frame * std::int64_t{1'000'000'000} / (rate != 0 ? rate : usual_bit_rate));
 }
 
-// From start to start it is the spacing, never less.
+// From start to start it is at least the spacing.
 rt::Duration NegotiationSender::pace() noexcept {
   const auto frame = frame_time();
   auto spacing = std::max(options_->spacing, 2 * frame);

@@ -1,5 +1,5 @@
-/// How a device sends while it negotiates (paper 2): one frame at a time is with the device, the pace goes by the bus
-/// load that it hears, and times are the device's own clock's.
+/// How a device sends while it negotiates (paper 2): it queues one frame at a time, the pace depends on the bus load
+/// that it hears, and times are by the device's own clock.
 #pragma once
 
 #include <array>
@@ -10,7 +10,7 @@
 
 namespace berth::research {
 
-/// Bits that were heard in the last 100 ms.
+/// Bits heard in the last 100 ms.
 class HeardLoad {
  public:
   void count(unsigned bits, rt::Time now) noexcept;
@@ -29,7 +29,7 @@ class HeardLoad {
 
 class NegotiationSender {
  public:
-  /// All must stay.
+  /// All must outlive this.
   NegotiationSender(rt::Executor& executor, NegotiatorOwner& owner, const NegotiatorOptions& options) noexcept
       : executor_(&executor), owner_(&owner), options_(&options), random_(options.seed) {}
 
@@ -39,9 +39,9 @@ class NegotiationSender {
   void drop() noexcept;
   void sent() noexcept { queued_ = false; }
   [[nodiscard]] bool queued() const noexcept { return queued_; }
-  /// What was queued is gone: the controller was restarted, say.
+  /// The queued frame is lost, for example because the controller was restarted.
   [[nodiscard]] bool forgotten() const noexcept { return owner_->nothing_queued(); }
-  /// Given to the device so far.
+  /// Frames given to the device so far.
   [[nodiscard]] std::uint32_t frames() const noexcept { return frames_; }
 
   /// A frame that another node sent.

@@ -7,7 +7,7 @@ namespace berth::research {
 NodeId NodeIdChoice::preferred() const noexcept {
   if (last_.configured()) return last_;
   if (options_->configured.configured()) return options_->configured;
-  std::uint32_t hash = 2166136261U;  // FNV-1a over the bytes in the order of sending
+  std::uint32_t hash = 2166136261U;  // FNV-1a over the bytes in sending order
   for (unsigned i = 0; i < identity_bytes; ++i) hash = (hash ^ identity_byte(options_->address, i)) * 16777619U;
   return NodeId(static_cast<std::uint8_t>(1 + hash % 127));
 }

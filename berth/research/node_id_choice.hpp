@@ -1,5 +1,4 @@
-/// Which node-ID a device would have (paper 2; S2.21): of those that it does not hear in use the preferred one, else
-/// the next after it.
+/// Chooses a device's node-ID (paper 2; S2.21): the preferred one, or the next after it that is not heard in use.
 #pragma once
 
 #include <bitset>
@@ -10,19 +9,19 @@ namespace berth::research {
 
 class NodeIdChoice {
  public:
-  /// `options` must stay.
+  /// `options` must outlive this.
   explicit NodeIdChoice(const NegotiatorOptions& options) noexcept : options_(&options) {}
   /// In use by another device.
   void heard(NodeId id) noexcept { used_.set(id.value()); }
   /// A cycle begins: none is known to be in use.
   void begin() noexcept { used_.reset(); }
-  /// The one it had before; unconfigured: none.
+  /// The previous node-ID; unconfigured: none.
   void prefer(NodeId id) noexcept { last_ = id; }
-  /// Not this one until then; unconfigured: any.
+  /// Not this one until then; unconfigured: no restriction.
   void avoid(NodeId id, rt::Time until = {}) noexcept { avoid_ = id, avoided_until_ = until; }
   /// Unconfigured: all are in use.
   [[nodiscard]] NodeId choose(rt::Time now) const noexcept;
-  /// What it would choose if nothing were in use.
+  /// Its choice if no node-ID were in use.
   [[nodiscard]] NodeId preferred() const noexcept;
 
  private:

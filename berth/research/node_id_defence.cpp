@@ -8,8 +8,8 @@
 namespace berth::research {
 namespace {
 
-constexpr rt::Duration lost_frame = std::chrono::milliseconds(500);  // looks whether the controller has forgotten it
-constexpr unsigned coin_after = 2;  // insistences that are met by a defence; then it is a coin
+constexpr rt::Duration lost_frame = std::chrono::milliseconds(500);  // then checks whether the controller lost it
+constexpr unsigned coin_after = 2;  // insistences answered by a defence; after that by a coin toss
 constexpr unsigned yield_after = 8;
 
 }  // namespace
@@ -41,7 +41,7 @@ void NodeIdDefence::heard_request() noexcept {
 
 void NodeIdDefence::heard_used(NodeId id) noexcept {
   if (id == node_id_) return conflict();
-  // Answers go round in the order of the node-IDs, with a gap after each.
+  // Answers follow the order of the node-IDs, with a gap after each.
   if (!owes_ || sender_.queued() || options_->literal) return;
   const unsigned turn = (node_id_.value() + 127U - id.value()) % 127U - 1U;
   speak_at(2 * sender_.frame_time() + turn * options_->answer_slot + sender_.random(options_->answer_slot));
@@ -66,7 +66,7 @@ void NodeIdDefence::conflict() noexcept {
   if (!firm_ && insisted_ > coin_after && (insisted_ > yield_after || sender_.dice().below(2) == 0)) {
     return lose(IdLoss::contested);
   }
-  if (firm_ && insisted_ > yield_after) return;  // it has been said often enough
+  if (firm_ && insisted_ > yield_after) return;  // defended often enough
   if (sender_.queued()) return;
   owes_ = true;
   speak_at(sender_.random(options_->jitter));

@@ -1,5 +1,5 @@
-/// How a device keeps the node-ID that it has (paper 2; S2.17, S2.24, S2.25): answers, checks and defends it;
-/// `Negotiator` has the rules.
+/// How a device keeps its node-ID (paper 2; S2.17, S2.24, S2.25): answers, checks and defends it; the rules are in
+/// `Negotiator`.
 #pragma once
 
 #include "berth/research/negotiation_sender.hpp"
@@ -18,7 +18,7 @@ class NodeIdDefence {
    protected:
     ~Owner() = default;
   };
-  /// All must stay.
+  /// All must outlive this.
   NodeIdDefence(rt::Executor& executor, NegotiationSender& sender, const NegotiatorOptions& options,
                 Owner& owner) noexcept
       : sender_(sender), options_(&options), owner_(&owner), speak_(*this, executor), calm_(*this, executor) {}
@@ -49,10 +49,10 @@ class NodeIdDefence {
   rt::Later<NodeIdDefence, &NodeIdDefence::calm> calm_;
   NodeId node_id_;
   rt::Time since_{};
-  unsigned insisted_ = 0;  // times the other came back after a defence
+  unsigned insisted_ = 0;  // how often the other device returned after a defence
   bool firm_ = false;
   bool owes_ = false;      // an answer or a defence is due
-  bool defended_ = false;  // a defence went out since the other was last heard
+  bool defended_ = false;  // a defence was sent since the other was last heard
 };
 
 }  // namespace berth::research

@@ -1,5 +1,5 @@
-/// BCM mode of the socketcand protocol, as far as the kernel's broadcast manager is used by it: frames sent cyclically,
-/// and subscriptions that tell frames when their content changes, at most so often. Inside of room `serve`.
+/// BCM mode of the socketcand protocol, like the kernel's broadcast manager behind it: frames sent cyclically, and
+/// subscriptions that report frames when their content changes, with a minimum interval. Internal to room `serve`.
 #pragma once
 
 #include <array>
@@ -17,18 +17,18 @@ class BroadcastManager {
   static constexpr std::size_t most = 64;  ///< jobs, and as many subscriptions
   static constexpr rt::Duration least_interval = std::chrono::milliseconds(1);
 
-  /// Where frames go, and what calls `run` in time. Must stay.
+  /// The destination of frames and the caller of `run`. Must outlive this.
   class Client {
    public:
     /// Sends it as soon as the bus has room.
     virtual void give(const can::Frame& frame) = 0;
     /// Sends it now; false: no room.
     virtual bool hand_over(const can::Frame& frame) = 0;
-    /// A frame that was heard; false: the client is over.
+    /// A received frame; false: the client is over.
     virtual bool tell_frame(const can::Frame& frame, rt::Time at) = 0;
     /// `run` is due.
     virtual void arm(rt::Time when) noexcept = 0;
-    /// `keys` are others now.
+    /// `keys` changed.
     virtual void filter() = 0;
 
    protected:
@@ -40,10 +40,10 @@ class BroadcastManager {
   bool act(const io::SocketcandCommand& command, rt::Time now);
   /// A frame of a key that is subscribed to; others do nothing.
   void hear(const can::Frame& frame, rt::Time at);
-  /// What is due. A job whose turn comes while there is no `room` is not sent at that turn: the next comes.
+  /// Does what is due. A job whose turn comes without `room` is not sent then; its next turn follows.
   void run(rt::Time now, bool room);
   void clear() noexcept;
-  /// The frames that are subscribed to.
+  /// The subscribed frames.
   [[nodiscard]] std::vector<can::IdRange> keys() const;
 
  private:
@@ -55,10 +55,10 @@ class BroadcastManager {
   struct Subscription {
     std::uint32_t key = 0;
     bool always = true;                  ///< regardless of content
-    std::array<std::uint8_t, 8> mask{};  ///< else: bits whose change counts
-    rt::Duration interval{0};            ///< least time between two frames
+    std::array<std::uint8_t, 8> mask{};  ///< else: bits whose changes are reported
+    rt::Duration interval{0};            ///< shortest time between two frames
     bool heard = false;
-    bool waits = false;  ///< `last` is to be told when the interval is over
+    bool waits = false;  ///< `last` is to be reported after the interval
     rt::Time told{};
     can::Frame last;
     rt::Time last_at{};

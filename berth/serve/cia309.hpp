@@ -1,14 +1,14 @@
-/// CiA 309-3, the ASCII mapping: lines in and lines out, nothing else. What a line asks for, the error codes, the text
-/// of values. Pure; `cia309_client.hpp` carries requests out.
+/// CiA 309-3, the ASCII mapping, for single lines: parsing of requests, error codes, texts of values. Pure;
+/// `cia309_client.hpp` carries requests out.
 ///
 ///     const auto line = serve::cia309::parse_line("[1] 2 5 read 0x1018 1 u32");
 ///     if (line.error) reply(cia309::error_line(line.request.sequence, *line.error));
 ///
-/// A line is `"[" sequence "]" [[net] node] command`, ended by LF, before which a CR may stand. One number before the
-/// command is the node, of commands that concern a whole net the net; two are net and node. Numbers in C notation
-/// (decimal, 0x hexadecimal, 0 octal). Keywords in capitals or not. `#` outside of quotes begins a comment. Words with
-/// blanks stand in double quotes, `""` in them is one quote. docs/gateway.md has the table of commands, and what
-/// differs from the standard and from other gateways.
+/// A line is `"[" sequence "]" [[net] node] command`, ended by LF or CR LF. One number before the command is the node,
+/// or the net for commands that concern a whole net; two are net and node. Numbers in C notation (decimal, 0x
+/// hexadecimal, 0 octal). Keywords in upper or lower case. `#` outside quotes begins a comment. Words with blanks are
+/// in double quotes; `""` in them is one quote. docs/gateway.md has the table of commands, and the differences from the
+/// standard and other gateways.
 #pragma once
 
 #include <array>
@@ -57,7 +57,7 @@ enum class Code : std::uint16_t {
 /// "time-out"; never null.
 [[nodiscard]] const char* text_of(Code code) noexcept;
 
-/// A data type as a line writes it: CiA 309-3's, and CANopenNode's x8 .. x64 (unsigned, shown in hexadecimal) and hex
+/// A data type as written in a line: CiA 309-3's, and CANopenNode's x8 .. x64 (unsigned, shown in hexadecimal) and hex
 /// (bytes, two digits each).
 struct Type {
   enum class Shown : std::uint8_t { plain, hex_number, hex_bytes };
@@ -66,11 +66,11 @@ struct Type {
   friend bool operator==(const Type&, const Type&) = default;
 };
 [[nodiscard]] std::optional<Type> type_named(std::string_view word);
-/// The value in the bytes of an object. Numbers decimal; times "days milliseconds"; VISIBLE_STRING in quotes, `"` as
-/// `""`, and, so that a reply stays one line, control characters as \xNN and a backslash as two; os, us, d in base64
-/// (RFC 2045, one line), none as `""`. Empty: the bytes have not the type's length.
+/// The text of an object's value. Numbers decimal; times "days milliseconds"; VISIBLE_STRING in quotes, `"` as `""`,
+/// and, to keep a reply in one line, control characters as \xNN and a backslash doubled; os, us, d in base64 (RFC 2045,
+/// one line), empty as `""`. Empty: the bytes do not have the type's length.
 [[nodiscard]] std::optional<std::string> value_text(Type type, std::span<const std::uint8_t> bytes);
-/// The same backwards: the words after the type. Empty: no such value, out of the type's range.
+/// The reverse: from the words after the type. Empty: no such value, or out of the type's range.
 struct Word {
   std::string text;
   bool quoted = false;
@@ -86,7 +86,7 @@ struct PdoField {
 };
 struct PdoSetting {
   std::uint16_t number = 1;       ///< 1..512
-  std::uint32_t cob_id = 0;       ///< bit 31: there is none, bit 29: 29-bit identifier
+  std::uint32_t cob_id = 0;       ///< bit 31: not valid, bit 29: 29-bit identifier
   std::uint8_t transmission = 0;  ///< 0..240 SYNC, FDh remote frame, FFh event
   std::uint16_t inhibit = 0;      ///< 100 us
   std::uint16_t event_timer = 0;  ///< ms
@@ -95,7 +95,7 @@ struct PdoSetting {
   friend bool operator==(const PdoSetting&, const PdoSetting&) = default;
 };
 
-/// The commands; in comments their arguments, in `numbers` unless they have a member of their own.
+/// The commands; comments list their arguments, which are in `numbers` unless they have their own member.
 enum class Verb : std::uint8_t {
   nothing,          ///< blank line, comment: no reply
   read,             ///< `index`, `sub`, `type`
@@ -140,7 +140,7 @@ enum class Verb : std::uint8_t {
   lss_allnodes,  ///< [ms [first-id store [vendor mask product mask revision mask serial mask]]]
   help,
 };
-/// What stands before a command: nothing that counts, a net, or a net and a node.
+/// The numbers before a command: none that matters, a net, or a net and a node.
 enum class Level : std::uint8_t { gateway, net, node };
 [[nodiscard]] Level level_of(Verb verb) noexcept;
 
@@ -154,13 +154,13 @@ struct Request {
   Type type{};
   std::vector<std::uint8_t> data{};
   std::array<std::uint32_t, 11> numbers{};
-  std::uint8_t count = 0;  ///< of `numbers` given
+  std::uint8_t count = 0;  ///< number of given `numbers`
   PdoSetting pdo{};
   std::vector<std::uint64_t> values{};
   friend bool operator==(const Request&, const Request&) = default;
 };
 struct Line {
-  Request request{};  ///< with an error: the sequence number as far as it could be read, else 0
+  Request request{};  ///< with an error: the sequence number if it could be read, else 0
   std::optional<Code> error{};
 };
 /// `line`: without its end. Any bytes.

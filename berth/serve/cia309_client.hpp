@@ -1,17 +1,17 @@
-/// One conversation of CiA 309-3 with the networks of a session: takes lines, carries them out, one after the other in
-/// the order in which they came, and says a reply for each, with indications between them.
+/// One CiA 309-3 conversation with the networks of a session: takes lines, carries them out in order, and sends a reply
+/// for each, with indications in between.
 ///
 ///     serve::Conversation client(house, [&](std::string_view text) { stream.put(text); }, [&] { more(); });
 ///     client.take("[1] 5 read 0x1000 0 u32");
 ///
-/// Every conversation is a gateway of its own: default net and node, time-outs, PDOs, guarding and heartbeat
-/// supervision are its own and end with it. Net n is the n-th bus of the machine file.
+/// Every conversation is a gateway of its own: default net and node, timeouts, PDOs, guarding and heartbeat supervision
+/// belong to it and end with it. Net n is the n-th bus of the machine file.
 ///
-/// It does nothing that `operate`'s commands would not: roles hold, LSS waits for its turn. On a real bus it only reads
-/// and asks unless `House::commands`; what disturbs operational devices there is refused (102) unless
-/// `House::confirmed`. A conversation that has put devices into LSS
-/// configuration state keeps the turn until `lss_switch_glob 0`, for `lss_patience` after the last LSS command, or
-/// until the conversation ends; then all are told to wait.
+/// It does only what `operate`'s commands would: roles apply, LSS waits for its turn. On a real bus it only reads and
+/// asks unless `House::commands`; commands that disturb operational devices there are refused (102) unless
+/// `House::confirmed`. A conversation that put devices into LSS configuration state keeps the turn until
+/// `lss_switch_glob 0`, until `lss_patience` after the last LSS command, or until it ends; then all devices are
+/// switched to LSS waiting.
 #pragma once
 
 #include <array>
@@ -31,7 +31,7 @@
 
 namespace berth::serve::cia309 {
 
-/// Requests that wait, in the order in which they came.
+/// Waiting requests, in order of arrival.
 class RequestQueue {
  public:
   static constexpr std::size_t most_lines = 64;
@@ -41,7 +41,7 @@ class RequestQueue {
   Line pop();
   [[nodiscard]] bool empty() const noexcept { return lines_.empty(); }
   [[nodiscard]] bool full() noexcept;
-  /// Once after it was `full`, when half of it is free again.
+  /// True once after it was `full`, when half of it is free again.
   [[nodiscard]] bool has_room_again() noexcept;
 
  private:
@@ -52,14 +52,14 @@ class RequestQueue {
 
 class Conversation {
  public:
-  static constexpr std::size_t most_lines = RequestQueue::most_lines;    ///< that wait; then it is `full`
-  static constexpr std::size_t longest_command = std::size_t{1} << 20U;  ///< bytes, as far as `set command_size` goes
-  static constexpr std::size_t usual_command = std::size_t{1} << 16U;    ///< before it
+  static constexpr std::size_t most_lines = RequestQueue::most_lines;    ///< waiting lines; then it is `full`
+  static constexpr std::size_t longest_command = std::size_t{1} << 20U;  ///< bytes, the most for `set command_size`
+  static constexpr std::size_t usual_command = std::size_t{1} << 16U;    ///< the default
   static constexpr rt::Duration lss_patience = std::chrono::seconds(30);
   static constexpr rt::Duration status_period = std::chrono::milliseconds(250);
 
-  /// `say` gets whole lines with their CR LF, from the executor or from within `take`; `more` says that it takes
-  /// lines again. Neither may destroy the conversation.
+  /// `say` gets whole lines with their CR LF, from the executor or within `take`; `more` is called when lines are
+  /// accepted again. Neither may destroy the conversation.
   Conversation(House& house, std::function<void(std::string_view)> say, std::function<void()> more);
   ~Conversation();
   Conversation(const Conversation&) = delete;
@@ -67,9 +67,9 @@ class Conversation {
 
   /// A line without its end. Not while it is `full`.
   void take(std::string_view line);
-  /// A line that was longer than `command_size`; `beginning` is what was kept of it.
+  /// A line longer than `command_size`; `beginning` is the part that was kept.
   void take_too_long(std::string_view beginning);
-  /// Too much waits: no line before `more` is called.
+  /// Too much is waiting: send no line before `more` is called.
   [[nodiscard]] bool full() noexcept { return queue_.full(); }
   [[nodiscard]] std::size_t command_size() const noexcept { return command_size_; }
   /// Nothing waits and nothing is under way.
@@ -85,7 +85,7 @@ class Conversation {
    private:
     Conversation& owner_;
   };
-  /// What a command is for that does not say so.
+  /// The target of commands that do not name one.
   struct Defaults {
     std::optional<std::uint16_t> net{};
     std::optional<std::uint8_t> node{};

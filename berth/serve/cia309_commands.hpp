@@ -1,5 +1,5 @@
-/// The commands of CiA 309-3 on one net, without LSS's: requests, and what no request of berth/command does: PDO,
-/// supervision, bit rate, settings of the conversation. Inside of room `serve`.
+/// The commands of CiA 309-3 on one net, except LSS: requests, and commands without a request in berth/command: PDO,
+/// supervision, bit rate, settings of the conversation. Internal to room `serve`.
 #pragma once
 
 #include <cstdint>
@@ -13,9 +13,9 @@ namespace berth::serve::cia309 {
 
 class NetCommands {
  public:
-  /// `permits` must stay.
+  /// `permits` must outlive this.
   explicit NetCommands(const Permits& permits) noexcept : permits_(&permits), requests_(permits) {}
-  /// A command that needs no waiting. It and `perform` take requests that are `allowed`.
+  /// A command that does not wait. `settle` and `perform` take `allowed` requests.
   Outcome settle(const Request& request, Net& net);
   /// SDO, NMT, `read pdo`.
   rt::Task<Outcome> perform(const Request& request, Net& net);

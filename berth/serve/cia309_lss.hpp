@@ -1,6 +1,6 @@
-/// The LSS commands of CiA 309-3: requests that hold the network's turn, and the scans that only CiA 309's clients
-/// know. A device that is put into configuration state stays there from one command to the
-/// next, and so does the network's turn (`Net::has_turn`). Inside of room `serve`.
+/// The LSS commands of CiA 309-3: requests that hold the network's turn, and the scans that only CiA 309 has. A device
+/// in configuration state stays there from one command to the next, and the conversation keeps the network's turn
+/// (`Net::has_turn`). Internal to room `serve`.
 #pragma once
 
 #include "berth/base/result.hpp"
@@ -13,10 +13,10 @@ namespace berth::serve::cia309 {
 
 class LssCommands {
  public:
-  /// `permits` must stay.
+  /// `permits` must outlive this.
   explicit LssCommands(const Permits& permits) noexcept : permits_(&permits), requests_(permits) {}
-  /// Waits for the network's turn, and gives it back when no device may be in configuration state. Takes requests that
-  /// are `allowed`.
+  /// Waits for the network's turn, and gives it back when no device may be in configuration state. Takes `allowed`
+  /// requests.
   rt::Task<Outcome> run(const Request& request, Net& net);
 
  private:

@@ -1,5 +1,4 @@
-/// One network as one conversation of CiA 309-3 sees it: what it supervises there, and its indications. Inside of room
-/// `serve`.
+/// One network in one CiA 309-3 conversation: what it supervises, and its indications. Internal to room `serve`.
 #pragma once
 
 #include <fmt/format.h>
@@ -39,7 +38,7 @@ class Net final : private co::HeartbeatConsumer::Observer,
     network.services().dispatcher.remove(*this);
     if (on) network.services().dispatcher.add(can::only(0x080), *this);
   }
-  /// Tells what is new about the port's own state.
+  /// Reports changes of the port's own state.
   void look() {
     const auto now = network.services().dispatcher.port().status();
     if (now.bus_off && !bus_off_) error(network.bus().master, Code::bus_off);
@@ -48,11 +47,11 @@ class Net final : private co::HeartbeatConsumer::Observer,
     passive_ = now.error_passive();
   }
 
-  /// Waits for the network's turn, so that LSS may be used; false: it did not become free.
+  /// Waits for the network's turn, for LSS; false: it was not released in time.
   rt::Task<bool> take_turn();
-  /// Gives it back; devices that this conversation has put into LSS configuration state are told to wait.
+  /// Gives it back; devices that this conversation put into LSS configuration state are switched to waiting.
   void release() noexcept;
-  /// What the reply says of a service that failed.
+  /// The reply for a failed service.
   [[nodiscard]] Outcome failed(const Error& error) const;
 
   static constexpr rt::Duration turn_patience = std::chrono::seconds(5);  ///< for a network that the main job uses

@@ -1,10 +1,10 @@
 /// The PDOs of a CiA 309-3 gateway on one network: no objects, only values. A conversation has its own.
 ///
-/// An RPDO is what the gateway receives: with each reception (types SYNC: with the next SYNC after it) `Ear::received`
-/// is called. A frame shorter than mapped is not taken; of a longer one the first bytes are. A TPDO is what it sends:
-/// type event when it is written, at the end of the inhibit time when that runs, and again by the event timer; type rtr
-/// when a remote frame asks; types SYNC with the next, or every n-th, SYNC; the first time after the first write.
-/// Values are bit rows, as long as their type, the first in the lowest bits of the first byte (CiA 301 §7.4.7).
+/// An RPDO is received by the gateway: each reception (types SYNC: the next SYNC after it) calls `Ear::received`. A
+/// frame shorter than mapped is ignored; of a longer one the first bytes are used. A TPDO is sent by the gateway: type
+/// event when it is written, after a running inhibit time, and again by the event timer; type rtr on a remote frame;
+/// types SYNC with the next, or every n-th, SYNC; always only after the first write. Values are bit rows of their
+/// type's length, the first in the lowest bits of the first byte (CiA 301 §7.4.7).
 #pragma once
 
 #include <map>
@@ -30,26 +30,26 @@ class Pdos final : private can::Handler, private rt::Job {
   Pdos(can::Dispatcher& dispatcher, Ear& ear) : dispatcher_(&dispatcher), ear_(&ear) {}
 
   /// `pdo_length`: more than 64 bits. `pdo_used`: another PDO of this conversation has this CAN-ID. `internal_state`: a
-  /// CAN-ID that no PDO may have. A setting whose COB-ID has bit 31 takes the PDO away.
+  /// CAN-ID that PDOs may not use. A setting whose COB-ID has bit 31 removes the PDO.
   std::optional<Code> set_rpdo(const PdoSetting& setting);
   std::optional<Code> set_tpdo(const PdoSetting& setting);
   /// A TPDO sends with this key.
   [[nodiscard]] bool sends(std::uint32_t key) const noexcept;
   [[nodiscard]] const can::Dispatcher& dispatcher() const noexcept { return *dispatcher_; }
 
-  /// An RPDO as it is now.
+  /// The present state of an RPDO.
   struct State {
     std::span<const std::uint64_t> values{};  ///< empty before the first reception
     std::uint64_t receptions = 0;
     bool by_request = false;  ///< type rtr
   };
-  /// Empty: there is none of this number.
+  /// Empty: no RPDO has this number.
   [[nodiscard]] std::optional<State> rpdo(std::uint16_t number) const noexcept;
   /// Asks for an RPDO by a remote frame.
   can::Queued ask(std::uint16_t number) noexcept;
 
   struct Written {
-    std::optional<Code> error{};  ///< `internal_state`: there is none; `pdo_length`: other values than mapped
+    std::optional<Code> error{};  ///< `internal_state`: no such TPDO; `pdo_length`: values do not match the mapping
     can::Queued queued = can::Queued::yes;
   };
   /// New values of a TPDO.

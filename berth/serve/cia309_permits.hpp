@@ -1,4 +1,4 @@
-/// What the clients of a CiA 309-3 gateway may do: the roles of the buses, and what a person allowed. Inside of room
+/// The rights of a CiA 309-3 gateway's clients: the roles of the buses, and the user's permissions. Internal to room
 /// `serve`.
 #pragma once
 
@@ -17,17 +17,17 @@ namespace berth::serve::cia309 {
 class Net;
 class Pdos;
 
-/// What the conversations of one gateway share. Must stay, and the session too.
+/// Shared by the conversations of one gateway. Must outlive them, like the session.
 struct House {
   tree::Session* session = nullptr;
-  bool commands = false;   ///< a person lets clients change real devices: NMT, SDO download, PDO, LSS
-  bool confirmed = false;  ///< a person has confirmed what disturbs operational devices on real buses
-  /// Told in words why something was refused; may be empty.
+  bool commands = false;   ///< a user lets clients change real devices: NMT, SDO download, PDO, LSS
+  bool confirmed = false;  ///< a user confirmed commands that disturb operational devices on real buses
+  /// Called with the reason for each refusal; may be empty.
   std::function<void(const std::string&)> tell{};
   std::vector<const Pdos*> pdos{};  ///< of all conversations
 };
 
-/// What became of a request.
+/// The result of a request.
 struct Outcome {
   std::string text{};  ///< whole lines before the reply
   std::string last = "OK";
@@ -42,17 +42,17 @@ struct Outcome {
 /// A command whose node-ID may be 0: all devices.
 [[nodiscard]] bool is_for_all_nodes(Verb verb) noexcept;
 [[nodiscard]] bool is_lss(Verb verb) noexcept;
-/// The verb of berth/command/verbs.hpp whose rights it needs; empty: it is about the conversation, or only listens.
+/// The verb of berth/command/verbs.hpp whose rights it needs; empty: it concerns the conversation, or only listens.
 [[nodiscard]] std::string_view verb_of(Verb verb) noexcept;
 
-/// Each refusal is told in words.
+/// Each refusal is reported with its reason.
 class Permits {
  public:
-  /// `house` must stay.
+  /// `house` must outlive this.
   explicit Permits(const House& house) noexcept : house_(&house) {}
   /// The bus's role: frames, or commands to devices.
   [[nodiscard]] bool may_send(const Net& net, bool commands) const;
-  /// On a real bus a client commands devices only when a person lets it.
+  /// On a real bus a client may command devices only with a user's permission.
   [[nodiscard]] bool allowed(const Request& request, const Net& net) const;
   void tell(const std::string& text) const;
   [[nodiscard]] const House& house() const noexcept { return *house_; }

@@ -1,5 +1,5 @@
-/// CiA 309-3's commands that a request of berth/command does, in both directions: the line as a request, the reply in
-/// the codes of CiA 309-1. Rights, confirmations and what is sent are the request's. Inside of room `serve`.
+/// Maps those CiA 309-3 commands that berth/command has: the line to a request, the reply to the codes of CiA 309-1.
+/// Rights, confirmations and frames are the request's. Internal to room `serve`.
 #pragma once
 
 #include "berth/command/reply.hpp"
@@ -8,7 +8,7 @@
 
 namespace berth::serve::cia309 {
 
-/// SDO, NMT, and the LSS services. An empty verb: the line asks for something that no request does.
+/// SDO, NMT, and the LSS services. An empty verb: no request exists for the line.
 [[nodiscard]] command::Request request_of(const Request& line, const Net& net);
 /// `reply`: of `request_of(line)`.
 [[nodiscard]] Outcome outcome_of(const Request& line, const command::Reply& reply, const Net& net);
@@ -17,10 +17,10 @@ class Requests {
  public:
   static constexpr std::size_t longest_value = std::size_t{1} << 20U;  ///< bytes of an object
 
-  /// `permits` must stay.
+  /// `permits` must outlive this.
   explicit Requests(const Permits& permits) noexcept : permits_(&permits) {}
-  /// Carries a line out for which there is a request. Of LSS, the caller holds the network's turn. What Berth itself
-  /// refused is told in words. `line` and `net` must stay.
+  /// Carries out a line for which there is a request. For LSS, the caller holds the network's turn. Refusals by Berth
+  /// itself are reported with their reason. `line` and `net` must outlive the task.
   rt::Task<Outcome> run(const Request& line, Net& net);
 
  private:

@@ -1,4 +1,4 @@
-/// One client of the socketcand server: its connection, its node on a bus, and the state of the protocol. Inside of
+/// One client of the socketcand server: its connection, its node on a bus, and the state of the protocol. Internal to
 /// room `serve`.
 #pragma once
 
@@ -16,16 +16,16 @@
 
 namespace berth::serve {
 
-/// What < stat > tells of the bus: frames and bytes received and sent, every so often.
+/// The content of < stat >: frames and bytes received and sent, at intervals.
 class BusStatistics {
  public:
   void received(std::uint8_t size) noexcept { ++frames_in_, bytes_in_ += size; }
   void sent(std::uint8_t size) noexcept { ++frames_out_, bytes_out_ += size; }
-  /// 0: not any more.
+  /// 0: stop.
   void tell_every(rt::Duration interval, rt::Time now) noexcept;
-  /// When `tell` has something to say.
+  /// When `tell` is due next.
   [[nodiscard]] std::optional<rt::Time> due() const noexcept;
-  /// The element, when it is due.
+  /// The element, if due.
   std::optional<std::string> tell(rt::Time now);
 
  private:
@@ -41,9 +41,9 @@ class Client final : private io::Watcher,
  public:
   static constexpr rt::Duration quiet_after_ok = std::chrono::milliseconds(100);
   static constexpr rt::Duration bus_off_pause = std::chrono::seconds(1);
-  static constexpr rt::Duration linger = std::chrono::seconds(1);  ///< for the frames of a client that has hung up
+  static constexpr rt::Duration linger = std::chrono::seconds(1);  ///< for the frames of a disconnected client
 
-  /// What a client needs of its server.
+  /// The parts of its server that a client uses.
   struct House {
     io::Loop* loop = nullptr;
     const ServerOptions* options = nullptr;
@@ -62,7 +62,7 @@ class Client final : private io::Watcher,
 
   /// Takes a seat.
   void greet();
-  /// Says why and ends; what is still to be sent is sent as far as the peer takes it at once.
+  /// Ends with this reason; pending bytes are sent as far as the peer takes them at once.
   void end(const std::string& why, std::string_view last_word = {});
   [[nodiscard]] bool over() const noexcept { return over_; }
 
@@ -125,7 +125,7 @@ class Client final : private io::Watcher,
   Clock clock_{*this};
   Mode mode_ = Mode::no_bus;
   bool over_ = false;
-  std::optional<rt::Time> leaving_;  // it has hung up: since then nothing of its was sent
+  std::optional<rt::Time> leaving_;  // it hung up: none of its frames was sent since then
   std::optional<io::Seat> seat_;     // none: one too many
   Outbox outbox_;
   std::optional<rt::Time> quiet_until_;  // frames wait in `later_`

@@ -1,5 +1,5 @@
-/// Shares one port among many users, as a kernel shares its interface among sockets: each hears what the port hears and
-/// what the other users sent, when it was sent; none hears itself. For ports of which there can be one only: a
+/// Shares one port among many users, like a kernel shares its interface among sockets: each receives the port's frames
+/// and those sent by the other users, when they were sent, but not its own. For ports that can be opened only once: a
 /// serial line, a plant's socket.
 ///
 ///     serve::Hub hub(executor, std::move(port));
@@ -14,17 +14,17 @@ namespace berth::serve {
 
 class Hub {
  public:
-  static constexpr unsigned queue_depth = 32;    ///< frames of one user that wait to be sent; then `Queued::full`
-  static constexpr unsigned events_kept = 4096;  ///< frames that one user was not yet told; then they count as `lost`
+  static constexpr unsigned queue_depth = 32;    ///< waiting frames of one user; then `Queued::full`
+  static constexpr unsigned events_kept = 4096;  ///< frames not yet delivered to one user; further ones count as `lost`
 
   Hub(rt::Executor& executor, std::unique_ptr<can::Port> port);
   ~Hub();
   Hub(const Hub&) = delete;
   Hub& operator=(const Hub&) = delete;
 
-  /// `restart` of a user only brings a port back that is bus-off, at the rate it has.
+  /// A user's `restart` only recovers a bus-off port, at its present rate.
   [[nodiscard]] std::unique_ptr<can::Port> attach();
-  /// Sees every frame, in both directions; null: none. Must stay until replaced.
+  /// Receives every frame, in both directions; null: none. Must live until replaced.
   void tap(can::Tap* tap) noexcept;
   [[nodiscard]] const can::Port& port() const noexcept;
   [[nodiscard]] std::size_t users() const noexcept;

@@ -1,5 +1,5 @@
-/// The frames of a socketcand client on their way to the bus: at most one that finds no room, those that are queued
-/// there until they are sent, and the echoes (`< echo >`) that wait for them. Inside of room `serve`.
+/// The frames of a socketcand client on their way to the bus: at most one without room, those queued there until they
+/// are sent, and the echoes (`< echo >`) that wait for them. Internal to room `serve`.
 #pragma once
 
 #include <algorithm>
@@ -15,8 +15,8 @@ namespace berth::serve {
 class Outbox {
  public:
   static constexpr rt::Duration echo_wait = std::chrono::milliseconds(100);
-  static constexpr std::size_t most_on_the_way = 1024;  ///< remembered until they are sent
-  static constexpr std::size_t most_echoes = 256;       ///< not yet answered; then the client waits
+  static constexpr std::size_t most_on_the_way = 1024;  ///< remembered until sent
+  static constexpr std::size_t most_echoes = 256;       ///< pending; beyond this the client waits
 
   can::Queued send(can::Port& port, const can::Frame& frame) {
     const auto queued = port.send(frame, last_tag_ + 1);
@@ -26,11 +26,11 @@ class Outbox {
     if (last_tag_ == 0xFFFF'FFFEU) last_tag_ = 0;
     return queued;
   }
-  /// The bus has no room for it now.
+  /// There is no room on the bus for it now.
   void keep(const can::Frame& frame) noexcept { kept_ = frame; }
   void drop_kept() noexcept { kept_.reset(); }
   [[nodiscard]] const std::optional<can::Frame>& kept() const noexcept { return kept_; }
-  /// The size of the frame that was sent; empty: it was not from here.
+  /// The size of the sent frame; empty: it was not from here.
   std::optional<std::uint8_t> sent(std::uint32_t tag) noexcept {
     const auto it = std::ranges::find(on_the_way_, tag, &OnTheWay::tag);
     if (it == on_the_way_.end()) return std::nullopt;
@@ -38,12 +38,12 @@ class Outbox {
     on_the_way_.erase(it);
     return size;
   }
-  /// What is queued on the bus will not be sent.
+  /// The frames queued on the bus will not be sent.
   void lose() noexcept { on_the_way_.clear(); }
 
-  /// Answered when no frame that was sent before is outstanding, or after `echo_wait`.
+  /// It is answered when no earlier frame is outstanding, or after `echo_wait`.
   void ask_echo(rt::Time now) { echoes_.push_back({last_tag_, now + echo_wait}); }
-  /// One that is answered now; false: none.
+  /// Takes one that is to be answered now; false: none.
   bool take_echo(rt::Time now) {
     if (echoes_.empty()) return false;
     const auto echo = echoes_.front();

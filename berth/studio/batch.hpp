@@ -1,4 +1,4 @@
-/// Frames as pages get them live: one binary message (docs/api.md). Pure. Inside of room `studio`.
+/// Live frames for pages: one binary message (docs/api.md). Pure. Internal to room `studio`.
 #pragma once
 
 #include <cstdint>
@@ -8,8 +8,8 @@
 
 namespace berth::studio {
 
-/// The frames from `first` to before `end`, at most 65,535 of them; nothing is appended when none is there any more.
-/// The number of those that were overwritten meanwhile.
+/// Appends the frames from `first` to before `end`, at most 65,535; nothing if none is left. Returns the number of
+/// frames overwritten meanwhile.
 [[nodiscard]] std::uint64_t append_batch(const FrameRing& ring, std::uint64_t first, std::uint64_t end,
                                          std::string& out);
 

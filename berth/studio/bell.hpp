@@ -1,4 +1,4 @@
-/// Wakes another thread that waits in a poll: an eventfd. Inside of room `studio`.
+/// Wakes another thread that waits in a poll: an eventfd. Internal to room `studio`.
 #pragma once
 
 namespace berth::studio {
@@ -10,13 +10,13 @@ class Bell {
   Bell(const Bell&) = delete;
   Bell& operator=(const Bell&) = delete;
 
-  /// False: the system refused to make it.
+  /// False: the system refused to create it.
   [[nodiscard]] bool good() const noexcept { return fd_ >= 0; }
-  /// Can be read (EPOLLIN) once it was rung, until `silence`. Stays this object's.
+  /// Readable (EPOLLIN) from `ring` until `silence`. Owned by this object.
   [[nodiscard]] int descriptor() const noexcept { return fd_; }
   /// Any thread; never waits.
   void ring() const noexcept;
-  /// Before what it was rung for is looked at, so that no ring is lost.
+  /// Call it before handling what it was rung for, so that no ring is lost.
   void silence() const noexcept;
 
  private:

@@ -1,6 +1,6 @@
-/// The executor's side of Studio: takes the clients' orders, has them carried out, and tells what changed. It never
-/// waits: what the server's thread did not take is put together with what comes later (slots), or left out and counted
-/// (events). Inside of room `studio`.
+/// The executor's side of Studio: takes the clients' orders, has them carried out, and reports changes. It never waits.
+/// Data that the server's thread did not take is merged with later data (slots), or dropped and counted (events).
+/// Internal to room `studio`.
 #pragma once
 
 #include <deque>
@@ -20,29 +20,29 @@
 
 namespace berth::studio {
 
-/// Carries one request out, as of `command::ControlServer`: both stay until the task is done or destroyed.
+/// Carries one request out, like in `command::ControlServer`: both outlive the task.
 using Carry = std::function<rt::Task<void>(const command::Request& request, command::Reply& reply)>;
 
 class Desk final : private io::Watcher {
  public:
   static constexpr std::size_t most_requests = 32;  ///< under way at once, of all clients
-  static constexpr std::size_t most_events = 1000;  ///< that wait for the server's thread
+  static constexpr std::size_t most_events = 1000;  ///< waiting for the server's thread
   static constexpr rt::Duration period = std::chrono::milliseconds(100);
 
-  /// All must stay; the loop drives the session's executor.
+  /// All must outlive this; the loop drives the session's executor.
   Desk(io::Loop& loop, tree::Session& session, Carry carry, Link& link);
   ~Desk();
   Desk(const Desk&) = delete;
   Desk& operator=(const Desk&) = delete;
 
-  /// Of `Session::on_event`.
+  /// To be called by `Session::on_event`.
   void event(const operate::Event& event);
   /// Between two turns of the loop.
   void look();
-  /// A frame of a bus; of a bus that the machine lacks nothing is kept. No heap, no lock.
+  /// A frame of a bus; frames of unknown buses are not kept. No heap, no lock.
   void frame(std::string_view bus, const can::Frame& frame, rt::Time at, bool own) noexcept;
-  /// A report of an error there, and what is known of it beside. Of more than `most_errors` a second on one bus the
-  /// rest is counted only: a node that nobody acknowledges repeats its frame for ever.
+  /// A report of an error on a bus, and more that is known of it. Beyond `most_errors` a second on one bus, reports are
+  /// only counted: a node without acknowledgement repeats its frame forever.
   void error(std::string_view bus, const can::Frame& report, rt::Time at, std::string_view about);
   static constexpr unsigned most_errors = 200;
 
@@ -76,7 +76,7 @@ class Desk final : private io::Watcher {
   std::map<std::string, std::uint8_t, std::less<>> buses_;
   std::vector<Errors> errors_;  // by bus
   std::vector<std::unique_ptr<Work>> works_;
-  std::deque<News> waiting_;  // answers that found no room; bounded by `most_requests` and the orders refused
+  std::deque<News> waiting_;  // answers without room; limited by `most_requests` and the refused orders
   std::vector<operate::SlotReport> told_;
   std::vector<operate::Event> told_questions_;
   std::vector<operate::Event> events_;

@@ -1,15 +1,15 @@
-/// The last frames of all buses, for a thread beside the executor's: filled on the bus side by four stores a frame,
-/// without a lock, a system call or the heap; read by number from any thread, whole or not at all.
+/// The last frames of all buses, for other threads: the bus side writes four words per frame, without a lock, a system
+/// call or the heap; any thread can read a frame by number, whole or not at all.
 ///
 ///     FrameRing ring;
 ///     ring.put(bus, frame, at, own);               // the executor's thread alone
 ///     RingFrame frame;
 ///     if (ring.read(number, frame)) ...            // any thread; false: not there yet, or overwritten
 ///
-/// A record is four words. The first is the frame's number plus one, and 0 while the record is written: a reader takes
-/// it before and after the others, so that it never gives a torn record. 32 bytes a frame: 32 MiB for `standard`. What
-/// an FD frame has beyond its first 8 bytes stands in records of their own, one for 16 frames of the ring (4 MiB): the
-/// newest have it all. Reports of errors (can/bus_error.hpp) are records like frames, numbered among them.
+/// A record is four words. The first is the frame's number plus one, and 0 while the record is written: a reader reads
+/// it before and after the others, so it never returns a torn record. 32 bytes a frame: 32 MiB for `standard`. The rest
+/// of an FD frame beyond 8 bytes is in separate records, one for 16 frames of the ring (4 MiB): only the newest FD
+/// frames are complete. Error reports (can/bus_error.hpp) are records like frames, numbered among them.
 #pragma once
 
 #include <array>
@@ -31,10 +31,10 @@ struct RingFrame {
   rt::Time at{};             ///< the end of the frame
   std::uint8_t bus = 0;      ///< index among the machine's buses
   bool own = false;          ///< sent by Berth
-  bool cut = false;          ///< an FD frame of more than 8 bytes: `frame` has the first 8 of them
-  bool fd = false;           ///< an FD frame: `frame` is classic all the same, `FrameRing::whole` has it as it was
-  bool error = false;        ///< no frame: `frame` is a report of an error
-  std::string_view about{};  ///< error: who signalled what, where that is known; stays as long as the ring
+  bool cut = false;          ///< an FD frame of more than 8 bytes: `frame` has the first 8
+  bool fd = false;           ///< an FD frame: `frame` is classic here, `FrameRing::whole` has the original
+  bool error = false;        ///< not a frame: `frame` is a report of an error
+  std::string_view about{};  ///< error: which node signalled what, if known; lives as long as the ring
   can::Frame frame;
 };
 
@@ -46,18 +46,18 @@ class FrameRing {
   FrameRing(const FrameRing&) = delete;
   FrameRing& operator=(const FrameRing&) = delete;
 
-  /// The one thread that fills it.
+  /// Call it only in the one writing thread.
   void put(std::uint8_t bus, const can::Frame& frame, rt::Time at, bool own) noexcept;
-  /// The same thread. `about`: of the first `most_words` different ones all readers have them, later ones are left out.
+  /// In the same thread. `about`: readers get the first `most_words` different texts; later ones are omitted.
   void put_error(std::uint8_t bus, const can::Frame& report, rt::Time at, std::string_view about);
   static constexpr std::size_t most_words = 2048;
 
-  /// Frames that came, ever: the number of the next one.
+  /// Total of frames so far: the number of the next one.
   [[nodiscard]] std::uint64_t next() const noexcept { return next_.load(std::memory_order_acquire); }
-  /// The oldest that is still there; by the time it is read, it may not be.
+  /// The oldest one still there; it may be overwritten before it is read.
   [[nodiscard]] std::uint64_t first() const noexcept;
   [[nodiscard]] bool read(std::uint64_t number, RingFrame& into) const noexcept;
-  /// An FD frame as it was; false: it, or what it has beyond 8 bytes, was overwritten.
+  /// An FD frame in its original form; false: it, or its part beyond 8 bytes, was overwritten.
   [[nodiscard]] bool whole(std::uint64_t number, can::Frame& into) const noexcept;
   [[nodiscard]] std::size_t most() const noexcept { return records_.size(); }
 
@@ -74,7 +74,7 @@ class FrameRing {
     std::array<std::atomic<std::uint64_t>, 7> data{};
   };
   static_assert(sizeof(Rest) == 64);
-  /// What a record says.
+  /// The content of a record.
   struct Words {
     std::uint64_t at = 0, head = 0, data = 0;
   };

@@ -1,5 +1,5 @@
-/// A queue of a fixed length between two threads: one puts, the other takes, neither ever waits for the other, and
-/// nothing is allocated once it is made (but what the items hold themselves). Inside of room `studio`.
+/// A queue of fixed length between two threads: one puts, the other takes, and neither ever waits for the other. No
+/// allocation after construction (except by the items themselves). Internal to room `studio`.
 #pragma once
 
 #include <atomic>
@@ -14,12 +14,12 @@ namespace berth::studio {
 template <class T>
 class Handover {
  public:
-  /// Holds so many items, rounded up to a power of two; at least 1.
+  /// Holds this number of items, rounded up to a power of two; at least 1.
   explicit Handover(std::size_t most) : places_(std::bit_ceil(most < 1 ? std::size_t{1} : most)) {}
   Handover(const Handover&) = delete;
   Handover& operator=(const Handover&) = delete;
 
-  /// The putting thread. False: it is full, and `item` is as it was.
+  /// For the putting thread. False: it is full, and `item` is unchanged.
   [[nodiscard]] bool put(T& item) {
     const std::size_t put = put_.load(std::memory_order_relaxed);
     if (put - taken_.load(std::memory_order_acquire) == places_.size()) return false;
@@ -27,13 +27,13 @@ class Handover {
     put_.store(put + 1, std::memory_order_release);
     return true;
   }
-  /// The taking thread. Empty: there is none now.
+  /// For the taking thread. Empty: there is none now.
   [[nodiscard]] std::optional<T> take() {
     const std::size_t taken = taken_.load(std::memory_order_relaxed);
     if (taken == put_.load(std::memory_order_acquire)) return std::nullopt;
     T& place = places_[taken & (places_.size() - 1)];
     std::optional<T> item(std::move(place));
-    place = T{};  // what it held is freed by who took it
+    place = T{};  // the taking thread frees its content
     taken_.store(taken + 1, std::memory_order_release);
     return item;
   }

@@ -1,5 +1,5 @@
-/// What the executor's thread and the server's thread have in common: the ring of frames, one queue each way, a bell
-/// each way. Each queue is bounded; neither thread ever waits for the other. Inside of room `studio`.
+/// Shared by the executor's thread and the server's thread: the ring of frames, one queue each way, a bell each way.
+/// Each queue is bounded; neither thread ever waits for the other. Internal to room `studio`.
 #pragma once
 
 #include <array>
@@ -20,15 +20,15 @@ namespace berth::studio {
 
 /// Whether real buses may be changed.
 struct Lock {
-  bool real = false;                   ///< some bus is real: it is read-only but while it is unlocked
+  bool real = false;                   ///< at least one bus is real: real buses are read-only unless unlocked
   std::optional<double> until_s = {};  ///< world time until which it is unlocked
   friend bool operator==(const Lock&, const Lock&) = default;
 };
 
-/// How the time of a simulated world passes.
+/// The speed of a simulated world's time.
 struct Pace {
   bool paused = false;
-  double speed = 1;  ///< world time beside the clock's
+  double speed = 1;  ///< world time per clock time
   friend bool operator==(const Pace&, const Pace&) = default;
 };
 
@@ -36,8 +36,8 @@ struct Pace {
 struct Order {
   enum class Kind : std::uint8_t { request, gone, unlock, lock };
   Kind kind = Kind::request;
-  std::uint64_t client = 0;  ///< number of the connection, never used twice; `gone`: all its requests end
-  std::string id{};          ///< request: comes back with the answer
+  std::uint64_t client = 0;  ///< number of the connection, never reused; `gone`: all its requests end
+  std::string id{};          ///< request: returned with the answer
   command::Request request{};
   unsigned minutes = 0;                      ///< unlock
   command::Role role = command::Role::view;  ///< of the client's token
@@ -52,13 +52,13 @@ struct Answer {
 /// From the executor to all clients, or an answer to one of them.
 struct News {
   double time_s = 0;
-  std::vector<operate::SlotReport> slots{};  ///< that changed
+  std::vector<operate::SlotReport> slots{};  ///< the changed ones
   std::vector<operate::Event> events{};
-  std::uint64_t events_left_out = 0;                       ///< before `events`: more came than the queue takes
+  std::uint64_t events_left_out = 0;                       ///< before `events`: more came than the queue holds
   std::optional<Lock> lock{};                              ///< when it changed
-  std::optional<std::vector<operate::Event>> questions{};  ///< all that are open, when they changed
+  std::optional<std::vector<operate::Event>> questions{};  ///< all open ones, when they changed
   std::optional<Pace> pace{};                              ///< when it changed
-  std::vector<std::string> written{};                      ///< JSON: what "sdo write" answered to any client
+  std::vector<std::string> written{};                      ///< JSON: replies to "sdo write" of any client
   std::optional<Answer> answer{};
   /// Nothing that a page shows.
   [[nodiscard]] bool is_empty() const noexcept {
@@ -66,10 +66,10 @@ struct News {
   }
 };
 
-/// How a bus is, as Berth's port there tells it.
+/// The health of a bus, as reported by Berth's port.
 struct BusHealth {
   std::atomic<std::uint64_t> errors{0};  ///< error frames, ever
-  std::atomic<std::uint32_t> state{0};   ///< `packed`; 0: the bus has no port, or it tells nothing
+  std::atomic<std::uint32_t> state{0};   ///< `packed`; 0: the bus has no port, or the port reports nothing
   struct State {
     bool up = false;
     bool bus_off = false;
@@ -103,7 +103,7 @@ struct Link {
   Bell for_executor;                         ///< there are orders
   Bell for_server;                           ///< there is news
   std::array<BusHealth, most_buses> health;  ///< in the order of the machine's buses
-  std::atomic<std::int64_t> now_ns{0};       ///< the executor's time, ten times a second, and while it stands
+  std::atomic<std::int64_t> now_ns{0};       ///< the executor's time, ten times a second, and while it is paused
 };
 
 }  // namespace berth::studio

@@ -1,5 +1,5 @@
-/// What a page may say, read: the JSON objects of docs/api.md. Pure. Whatever the bytes are, the result is a message or
-/// a reason in words.
+/// Parses the messages of a page: the JSON objects of docs/api.md. Pure. For any bytes the result is a message or a
+/// reason as text.
 #pragma once
 
 #include <cstdint>
@@ -22,7 +22,7 @@ enum class MessageKind : std::uint8_t { request, frames, live, unlock, lock };
 
 struct Message {
   MessageKind kind = MessageKind::lock;
-  std::string id{};                     ///< request, frames: comes back with the answer
+  std::string id{};                     ///< request, frames: returned with the answer
   command::Request request{};           ///< request
   std::optional<std::uint64_t> from{};  ///< frames: the first number; empty: the newest
   unsigned count = 0;                   ///< frames: rows, 1 to `most_rows`

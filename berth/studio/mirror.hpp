@@ -1,5 +1,5 @@
-/// The machine as the clients see it: the server's copy of slots and events, and the messages that are made of it. Each
-/// message that changes it has the next sequence number. Inside of room `studio`.
+/// The machine as clients see it: the server's copy of slots and events, and the messages made from it. Each message
+/// that changes it has the next sequence number. Internal to room `studio`.
 #pragma once
 
 #include <cstdint>
@@ -18,17 +18,17 @@ namespace berth::studio {
 class Mirror {
  public:
   static constexpr std::size_t most_events = 1000;
-  static constexpr std::size_t most_event_bytes = std::size_t{1} << 20U;  ///< of them all: a device's words may be long
+  static constexpr std::size_t most_event_bytes = std::size_t{1} << 20U;  ///< of all: a device's texts may be long
 
-  /// `token_file`: as of `TokenFiles`; empty: there is none. `signals`: as of `Options`.
+  /// `token_file`: as in `TokenFiles`; empty: there is none. `signals`: as in `Options`.
   Mirror(const design::Machine& machine, bool simulated, std::string token_file = {}, std::string signals = {});
 
-  /// The message for all; empty: it is an answer and changes nothing.
+  /// The message for all clients; empty: it is an answer and changes nothing.
   [[nodiscard]] std::string take(const News& news);
   [[nodiscard]] std::string snapshot(double time_s, command::Role role) const;
   /// {"paused", "speed", "time_s"}; null: the machine is not simulated.
   [[nodiscard]] std::string world_json(double time_s) const;
-  /// JSON: where the signals of the machine's messages stand.
+  /// JSON: the positions of the signals in the machine's messages.
   [[nodiscard]] const std::string& signals() const noexcept { return signals_; }
   [[nodiscard]] const Pace& pace() const noexcept { return pace_; }
   [[nodiscard]] const std::vector<std::string>& buses() const noexcept { return buses_; }
@@ -54,7 +54,7 @@ class Mirror {
 
 /// {"type":"reply",...}; `id` empty: without "type" and "id", as `POST /api/v1/request` answers.
 [[nodiscard]] std::string reply_json(const std::string& id, const command::Reply& reply);
-/// {"type":"reply",...} or an error without an id: what was wrong with a message.
+/// {"type":"reply",...} or an error without an id: the reason why a message was refused.
 [[nodiscard]] std::string error_json(const std::string& words);
 
 }  // namespace berth::studio

@@ -1,5 +1,5 @@
-/// The pages of Studio: what was in web/dist when this was built, compressed (gzip), else one built-in page that says
-/// how to build them. Names are compared as they stand: nothing is looked for on a disk.
+/// The pages of Studio: the content of web/dist at build time, compressed (gzip), or one built-in page that says how to
+/// build them. Names are compared literally: no disk is accessed.
 #pragma once
 
 #include <cstddef>
@@ -8,7 +8,7 @@
 
 namespace berth::studio {
 
-/// As CMake writes them (cmake/Berth.cmake).
+/// As written by CMake (cmake/Berth.cmake).
 struct BuiltPage {
   std::string_view path;  ///< "/index.html"
   const unsigned char* bytes = nullptr;
@@ -20,13 +20,13 @@ struct Page {
   std::string_view type;  ///< MIME
   std::string_view body;
   bool compressed = false;  ///< by gzip
-  bool lasts = false;       ///< its name changes when it does (/assets/): a browser may keep it
+  bool lasts = false;       ///< its name changes with its content (/assets/): a browser may keep it
 };
 
-/// The page at a path such as "/" or "/assets/x.js"; `body` is null when there is none. What stands after a '?' is the
-/// page's own.
+/// The page at a path such as "/" or "/assets/x.js"; `body` is null if there is none. The part after a '?' is for the
+/// page itself.
 [[nodiscard]] Page page_at(std::string_view target) noexcept;
-/// The same among pages given.
+/// The same with the given pages.
 [[nodiscard]] Page page_at(std::string_view target, std::span<const BuiltPage> pages) noexcept;
 
 }  // namespace berth::studio

@@ -1,5 +1,5 @@
-/// Frames of the ring by range and by filter, with what they mean: the answer to "frames". Works in steps, so that the
-/// thread does other things between them. Inside of room `studio`.
+/// Finds frames of the ring by range and filter, with their meaning: the answer to "frames". Works in steps, so that
+/// the thread can do other work in between. Internal to room `studio`.
 #pragma once
 
 #include <bitset>
@@ -16,7 +16,7 @@
 
 namespace berth::studio {
 
-/// Text that a row must contain: all of its words, each anywhere, in capitals or not (ASCII).
+/// Text that a row must contain: all of its words, each anywhere, regardless of case (ASCII).
 class Filter {
  public:
   explicit Filter(std::string_view text);
@@ -24,9 +24,9 @@ class Filter {
   /// One bit for each of its words.
   using Words = std::bitset<longest_filter / 2 + 1>;
   [[nodiscard]] const Words& all() const noexcept { return all_; }
-  /// Those that may stand in `id#data`.
+  /// Those that may occur in `id#data`.
   [[nodiscard]] const Words& digits() const noexcept { return digits_; }
-  /// Of these words those that stand in `text`, which is changed to lower case.
+  /// The wanted words that occur in `text`, which is changed to lower case.
   [[nodiscard]] Words in(std::string& text, const Words& wanted) const;
 
  private:
@@ -34,8 +34,8 @@ class Filter {
   Words all_, digits_;
 };
 
-/// Which words of a filter stand in the words of a frame, for frames whose words rest on themselves alone
-/// (`decode::rests_on`): most of a bus's frames say what another said before.
+/// Caches which words of a filter occur in the text of a frame, for frames whose text depends only on themselves
+/// (`decode::rests_on`): most frames of a bus repeat an earlier one.
 class FoundBefore {
  public:
   FoundBefore() : entries_(size) {}
@@ -44,7 +44,7 @@ class FoundBefore {
     std::uint64_t data = 0;
     Filter::Words found;
   };
-  /// The place of a frame that rests on so many of its bytes, and whether it is there.
+  /// The place of a frame that depends on this number of its bytes, and whether it is cached.
   [[nodiscard]] std::pair<Entry&, bool> at(const can::Frame& frame, unsigned bytes) noexcept;
 
  private:
@@ -52,7 +52,8 @@ class FoundBefore {
   std::vector<Entry> entries_;
 };
 
-/// The frames' words, bus by bus: what a RAND or a Fastscan answer is, the frame before it says. Frames in their order.
+/// The frames' texts, bus by bus: the meaning of a RAND or Fastscan answer depends on the previous frame. Call in the
+/// frames' order.
 class FrameWords {
  public:
   explicit FrameWords(std::size_t buses) : buses_(buses < 1 ? 1 : buses) {}
@@ -62,16 +63,16 @@ class FrameWords {
   std::vector<decode::Interpreter> buses_;
 };
 
-/// Which frames of the ring a filter lets through. Each frame is asked about once, in the order of their numbers.
+/// Which frames of the ring pass a filter. Call once per frame, in the order of their numbers.
 class Matcher {
  public:
-  /// The names must stay.
+  /// The names must outlive this.
   Matcher(const std::vector<std::string>& buses, std::string_view filter);
   [[nodiscard]] bool lets_all() const noexcept { return filter_.empty(); }
   [[nodiscard]] bool fits(const RingFrame& frame);
-  /// Words of the frame that was asked about last; empty: they were not needed.
+  /// The text of the last frame that was checked; empty: it was not needed.
   [[nodiscard]] const std::string& words() const noexcept { return text_; }
-  /// The words of a frame that no filter is asked about.
+  /// Makes the text of a frame without a filter check.
   void say(const RingFrame& frame);
 
  private:
@@ -85,17 +86,17 @@ class Matcher {
   std::string row_;
 };
 
-/// {"n", "t_s", "bus", "id", "ext", "rtr", "data", "text"}; "cut" too for an FD frame of more than 8 bytes, "own" for
-/// one that was sent by who recorded it, "error" for a report of an error.
+/// {"n", "t_s", "bus", "id", "ext", "rtr", "data", "text"}; also "cut" for an FD frame of more than 8 bytes, "own" for
+/// one that the recording program sent, "error" for a report of an error.
 void append_row(const RingFrame& frame, std::string_view bus, std::string_view words, std::string& out);
 
 class Search {
  public:
-  static constexpr std::uint64_t warm_up = 256;  ///< frames before the first row, for the words of the first
+  static constexpr std::uint64_t warm_up = 256;  ///< frames before the first row that are read for its text
 
-  /// `wanted`: a message "frames". Ring and names must stay. What comes after this moment is not looked at.
+  /// `wanted`: a message "frames". Ring and names must outlive this. Later frames are not searched.
   Search(const FrameRing& ring, const std::vector<std::string>& buses, Message wanted);
-  /// Looks at so many frames; false: there are more.
+  /// Searches this number of frames; false: there are more.
   bool step(std::size_t frames);
   /// When it is done: `{"type":"frames",...}`.
   [[nodiscard]] std::string answer() const;
@@ -112,7 +113,7 @@ class Search {
   const std::vector<std::string>* buses_;
   Message wanted_;
   Matcher matcher_;
-  std::uint64_t at_;   // the next that is looked at
+  std::uint64_t at_;   // the next to be searched
   std::uint64_t end_;  // after the last
   std::uint64_t rows_from_;
   std::uint64_t matched_ = 0;

@@ -1,5 +1,5 @@
-// The server's thread: who is connected, and what they are sent. Boost.Asio and Boost.Beast are in the sources that
-// include this, and nowhere else.
+// The server's thread: its connections, and the messages to them. Boost.Asio and Boost.Beast are only in the sources
+// that include this.
 #pragma once
 
 #include <boost/asio/io_context.hpp>
@@ -39,16 +39,16 @@ inline constexpr std::uint32_t longest_header = 8 * 1024;
 inline constexpr std::chrono::seconds request_time{10};  ///< for a whole request; the same for a TLS handshake
 inline constexpr std::chrono::seconds farewell_time{2};  ///< for the end of TLS
 inline constexpr std::chrono::seconds file_time{60};     ///< for a trace file that a page sends
-inline constexpr std::chrono::seconds idle_time{60};     ///< of a WebSocket that answers no ping
+inline constexpr std::chrono::seconds idle_time{60};     ///< of a WebSocket that does not answer pings
 inline constexpr std::chrono::milliseconds batch_period{40};
 inline constexpr std::size_t most_in_batch = 8192;                   ///< frames
 inline constexpr std::size_t most_behind = std::size_t{4} << 20U;    ///< bytes; then changes become one snapshot
-inline constexpr std::size_t most_waiting = std::size_t{32} << 20U;  ///< bytes; then the client is let go
-inline constexpr unsigned most_asked = 8;                            ///< requests of one client that are not answered
+inline constexpr std::size_t most_waiting = std::size_t{32} << 20U;  ///< bytes; then the client is disconnected
+inline constexpr unsigned most_asked = 8;                            ///< unanswered requests of one client
 
 class Hall;
 
-/// One connection; gone when nothing waits for it any more.
+/// One connection; destroyed when nothing waits for it any more.
 class Client : public std::enable_shared_from_this<Client> {
  public:
   explicit Client(Hall& hall, std::uint64_t number) : hall_(&hall), number_(number) {}
@@ -56,13 +56,13 @@ class Client : public std::enable_shared_from_this<Client> {
   Client(const Client&) = delete;
   Client& operator=(const Client&) = delete;
   [[nodiscard]] std::uint64_t number() const noexcept { return number_; }
-  virtual void change(const Text&) {}             ///< for all
-  virtual void answer(const Answer& answer) = 0;  ///< for it
+  virtual void change(const Text&) {}             ///< for all clients
+  virtual void answer(const Answer& answer) = 0;  ///< for this client
   virtual void tick(bool /*rates*/) {}            ///< every `batch_period`
-  /// Whether it may go when all places are taken and another comes.
+  /// Whether it may be closed when all places are taken and another client comes.
   enum class Hold : std::uint8_t {
-    idle,      ///< between two requests: a browser keeps connections that it has no use for
-    stranger,  ///< it has shown no token yet
+    idle,      ///< between two requests: browsers keep unused connections open
+    stranger,  ///< it has not shown a token yet
     stays
   };
   [[nodiscard]] virtual Hold hold() const { return Hold::stays; }
@@ -76,7 +76,7 @@ class Client : public std::enable_shared_from_this<Client> {
   std::uint64_t number_;
 };
 
-/// Frames and error frames a second, and load of each bus, of the last second.
+/// Frames, error frames and load of each bus in the last second.
 class Rates {
  public:
   explicit Rates(const Link& link, const Mirror& mirror)
@@ -99,10 +99,10 @@ class Rates {
   std::chrono::steady_clock::time_point since_{};
 };
 
-/// All of the server's thread.
+/// Everything in the server's thread.
 class Hall {
  public:
-  /// `tls` null: it speaks plain HTTP.
+  /// `tls` null: plain HTTP.
   Hall(int listener, bool ipv6, std::uint16_t port, std::unique_ptr<Tls> tls, Tokens tokens, Mirror mirror, Link& link);
   void run();
   void stop();  ///< any thread
@@ -110,7 +110,7 @@ class Hall {
   [[nodiscard]] const Tokens& tokens() const noexcept { return tokens_; }
   [[nodiscard]] std::uint16_t port() const noexcept { return port_; }
   [[nodiscard]] Tls* tls() const noexcept { return tls_.get(); }
-  /// `Host` and `Origin` mean this server: by its loopback names, or by one that its certificate is for.
+  /// `Host` and `Origin` name this server: by its loopback names, or by a name in its certificate.
   [[nodiscard]] bool is_own_host(std::string_view host) const;
   [[nodiscard]] bool is_own_origin(std::string_view origin) const;
   [[nodiscard]] const Mirror& mirror() const noexcept { return mirror_; }
@@ -118,11 +118,11 @@ class Hall {
   [[nodiscard]] const Rates& rates() const noexcept { return rates_; }
   [[nodiscard]] asio::io_context& context() noexcept { return context_; }
   [[nodiscard]] std::string snapshot(command::Role role) const;
-  /// The executor's, in seconds.
+  /// The executor's time, in seconds.
   [[nodiscard]] double time_s() const noexcept;
-  /// False: the executor has enough to do.
+  /// False: the executor has too many orders.
   [[nodiscard]] bool order(Order order);
-  /// Whether a trace file is taken or read: one at a time, for it needs memory.
+  /// Whether a trace file is being received or read: one at a time, because it needs memory.
   [[nodiscard]] bool& has_file() noexcept { return has_file_; }
   void enter(const std::shared_ptr<Client>& client);
   void leave(const Client& client);
@@ -148,17 +148,17 @@ class Hall {
   Link* link_;
   Rates rates_;
   std::map<std::uint64_t, std::shared_ptr<Client>> clients_;
-  std::deque<std::uint64_t> gone_;  // whose leaving the executor does not know yet
+  std::deque<std::uint64_t> gone_;  // left clients that the executor was not informed of yet
   std::uint64_t numbers_ = 0;
   unsigned ticks_ = 0;
   bool has_file_ = false;
 };
 
-/// A connection that speaks HTTP, as yet; by TLS after its handshake.
+/// A new connection, by HTTP at first; with TLS, after its handshake.
 [[nodiscard]] std::shared_ptr<Client> greet(Hall& hall, Wire wire);
-/// One too many: says so where it can, and is gone.
+/// One client too many: answers so if possible, and closes.
 void turn_away(const Hall& hall, asio::ip::tcp::socket socket);
-/// A connection whose request for a WebSocket was found good.
+/// A connection whose request for a WebSocket was accepted.
 [[nodiscard]] std::shared_ptr<Client> upgrade(Hall& hall, Wire wire, http::request<http::string_body> request,
                                               command::Role role);
 

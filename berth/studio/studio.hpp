@@ -1,12 +1,12 @@
-/// Berth Studio's server: a machine that runs, for pages in a browser of this computer, or by TLS of another, by HTTP
-/// and WebSocket (docs/api.md).
+/// Berth Studio's server: offers a running machine to web pages in a browser of this computer, or, with TLS, of another
+/// one, by HTTP and WebSocket (docs/api.md).
 ///
 ///     auto studio = Studio::start(loop, session, carry, {.token_file = path + ".token"});
 ///     session.on_event([&](const auto& event) { studio->event(event); });
 ///     print(studio->address(command::Role::configure));   // http://127.0.0.1:8302/#token=...
 ///
-/// It has a thread of its own, which never touches the session: requests and news go through bounded queues (link.hpp),
-/// frames through a ring (frame_ring.hpp). So no client, however many or slow, holds up the executor.
+/// It has its own thread, which never accesses the session: requests and news go through bounded queues (link.hpp),
+/// frames through a ring (frame_ring.hpp). So no client holds up the executor, regardless of their number and speed.
 #pragma once
 
 #include <cstddef>
@@ -26,32 +26,32 @@
 
 namespace berth::studio {
 
-inline constexpr std::uint16_t default_port = 8302;  ///< and up to 8311, when it is taken and no person named one
+inline constexpr std::uint16_t default_port = 8302;  ///< up to 8311 if it is taken and the user named none
 
 struct Options {
   io::Endpoint where{"127.0.0.1", default_port};
-  bool named = false;        ///< a person named `where`: no other port is taken instead
+  bool named = false;        ///< a user named `where`: no other port is tried
   std::string token_file{};  ///< the tokens of this start: `TokenFiles`; empty: no files
   std::string
-      certificate{};  ///< with `key`, files in PEM: it speaks TLS, and may be reached from elsewhere; empty: not
+      certificate{};  ///< with `key`, files in PEM: TLS is used, and other computers may connect; empty: neither
   std::string key{};
-  std::string tokens_kept{};  ///< the tokens are those of this file: `Tokens::keep`; empty: new ones
+  std::string tokens_kept{};  ///< file with the tokens to use: `Tokens::keep`; empty: new ones
   bool simulated = false;     ///< for the pages
   std::size_t frames = FrameRing::standard;
-  std::string signals = R"({"buses":[]})";  ///< JSON: what `GET /api/v1/signals` answers
+  std::string signals = R"({"buses":[]})";  ///< JSON: the answer to `GET /api/v1/signals`
 };
 
 /// Frames of the ring, as lines of a candump log.
 struct RingPart {
   std::string text{};
-  std::uint64_t next = 0;  ///< the first frame that was not looked at
+  std::uint64_t next = 0;  ///< the first frame not searched
   std::uint64_t end = 0;   ///< after the newest
 };
 
 class Studio {
  public:
-  /// All must stay; the loop drives the session's executor. What is wrong is told in words: an address that is not
-  /// loopback without a certificate, a port that is taken, a file that cannot be read or written.
+  /// All must outlive this; the loop drives the session's executor. Errors as text: an address other than loopback
+  /// without a certificate, a port that is taken, a file that cannot be read or written.
   [[nodiscard]] static tl::expected<std::unique_ptr<Studio>, std::string> start(io::Loop& loop, tree::Session& session,
                                                                                 Carry carry, const Options& options);
   /// Ends the thread; its clients' connections end.
@@ -59,19 +59,19 @@ class Studio {
   Studio(const Studio&) = delete;
   Studio& operator=(const Studio&) = delete;
 
-  /// To be opened in a browser; it has the role's token.
+  /// To be opened in a browser; it contains the role's token.
   [[nodiscard]] std::string address(command::Role role) const;
   /// Where it listens, and the tokens of this start.
   [[nodiscard]] const io::Endpoint& where() const noexcept;
   [[nodiscard]] const Tokens& tokens() const noexcept;
   /// The executor's thread: an event of the session, a frame of one of its buses.
   void event(const operate::Event& event);
-  /// Between two turns of the loop: tells when the world's time was held or set to another speed.
+  /// Call between two turns of the loop: reports that the world's time was paused or its speed changed.
   void look();
   void frame(std::string_view bus, const can::Frame& frame, rt::Time at, bool own) noexcept;
-  /// A report of an error on a bus (can/bus_error.hpp), and what is known of it beside.
+  /// A report of an error on a bus (can/bus_error.hpp), and more that is known of it.
   void error(std::string_view bus, const can::Frame& report, rt::Time at, std::string_view about);
-  /// Those that `filter` (as of "frames") lets through, of `count` frames from the number `from` on, or from the
+  /// The frames that pass `filter` (as in "frames"), out of `count` frames from the number `from` on, or from the
   /// oldest.
   [[nodiscard]] RingPart ring(std::uint64_t from, std::size_t count, const std::string& filter) const;
 

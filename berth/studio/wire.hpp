@@ -1,8 +1,8 @@
-// A client's connection: TCP, or TLS over it. What Beast reads and writes; inside of the server's thread.
+// A client's connection: TCP, or TLS over it, with Beast's interface. Internal to the server's thread.
 //
-// Beast makes an operation of its own for each kind of buffers and of handler that it gives a stream. What it gives a
-// `Wire` is one kind for each of read and write from here on, so that TCP and TLS are compiled once and not some fifty
-// times: client.cpp takes half of the time and of the memory that way.
+// Beast instantiates an operation for each type of buffers and handler given to a stream. A `Wire` uses one type each
+// for reads and writes, so TCP and TLS are compiled once and not some fifty times: this halves time and memory for
+// client.cpp.
 #pragma once
 
 #include <boost/asio/buffer.hpp>
@@ -41,7 +41,7 @@ class Wire {
   void handshake(std::function<void(Code)> done);
   void shutdown(std::function<void(Code)> done);
 
-  // What Beast asks of a stream.
+  // Beast's requirements on a stream.
   template <class Buffers, class Handler>
   void async_read_some(const Buffers& buffers, Handler&& handler) {
     read_some(listed<boost::asio::mutable_buffer>(buffers), kept<Code, std::size_t>(std::forward<Handler>(handler)));
@@ -69,8 +69,8 @@ class Wire {
   static std::vector<Buffer> listed(const Buffers& buffers) {
     return {boost::asio::buffer_sequence_begin(buffers), boost::asio::buffer_sequence_end(buffers)};
   }
-  // A handler can be moved only, a std::function copied. All run in the server's one thread, whatever executor they
-  // name.
+  // A handler can only be moved, a std::function is copied. All run in the server's single thread, whatever executor
+  // they name.
   template <class... Values, class Handler>
   static std::function<void(Values...)> kept(Handler&& handler) {
     auto shared = std::make_shared<std::decay_t<Handler>>(std::forward<Handler>(handler));

@@ -1,5 +1,5 @@
-/// What the devices of the machine's `[[channel]]`s shall have in their SDO parameters: part of what their slots are
-/// configured with, so that a replacement has them, too. Pure.
+/// The SDO parameters for the devices of the machine's `[[channel]]`s. They are part of their slots' configuration, so
+/// that a replacement gets them, too. Pure.
 #pragma once
 
 #include <string>
@@ -9,8 +9,8 @@
 
 namespace berth::tree {
 
-/// `settings` of the slots of one bus, and over them the channels that begin or end there. A slot without `config =`
-/// whose description is known has no other channel on a bus that has planned ones: it may have saved an earlier one.
+/// `settings` of the slots of one bus, with the channels that begin or end there added. On a bus with planned channels,
+/// a slot without `config =` whose description is known gets no other channel: it may have saved an earlier one.
 [[nodiscard]] manager::SlotSettings with_channels(const design::Machine& machine, const std::string& bus,
                                                   manager::SlotSettings settings);
 

@@ -1,6 +1,6 @@
-/// Which slots of a machine an emergency may be about that came up through gateways. Its bytes name the node-IDs on the
-/// way and no port of a gateway; a layout has room for so many of them, and the deepest are lost; a gateway without a
-/// layout tells what is beneath it as its own. Pure.
+/// The slots of a machine that a forwarded EMCY may be about. Its bytes name the node-IDs on the way, but no port of a
+/// gateway; a layout has room for a limited number, and the deepest are lost; a gateway without a layout reports EMCYs
+/// from beneath as its own. Pure.
 #pragma once
 
 #include <string>
@@ -12,12 +12,12 @@
 namespace berth::tree {
 
 struct EmcyOrigins {
-  /// On buses beneath gateways without a port of Berth's, with just these node-IDs on the way, whatever the ports:
-  /// none, one, or several.
+  /// Slots on buses beneath gateways, without a port of Berth's, with exactly these node-IDs on the way, whatever the
+  /// ports: none, one, or several.
   std::vector<const design::Slot*> named;
-  /// Beneath the last node named.
+  /// Slots beneath the last node named.
   std::vector<const design::Slot*> beneath;
-  /// The message may have lost node-IDs: it is about one of `beneath` as well as of `named`.
+  /// The message may have lost node-IDs: it is about one of `beneath` or of `named`.
   bool may_be_deeper = false;
 };
 

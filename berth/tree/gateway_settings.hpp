@@ -1,7 +1,6 @@
-/// What the gateways of a machine shall have in their upstream dictionaries, so that they do what the machine file says
-/// of the buses beneath them whoever starts them: 5F00h for each of these buses (paper 3: mandatory or optional), 5F03h
-/// the layout of emergencies, 5F04h the gateways beneath them, whose emergencies have it too. Part of what their slots
-/// are configured with. Pure.
+/// The upstream dictionaries of a machine's gateways, so that they follow the machine file for the buses beneath them,
+/// whichever master starts them: 5F00h for each of these buses (paper 3: mandatory or optional), 5F03h the layout of
+/// EMCYs, 5F04h the gateways beneath them, whose EMCYs have the same layout. Part of their slots' configuration. Pure.
 #pragma once
 
 #include <string>
@@ -12,14 +11,14 @@
 
 namespace berth::tree {
 
-/// Of the emergencies that come up to this bus, on which Berth has a port: by the number of buses one beneath the
-/// other.
+/// The layout of EMCYs that are forwarded to this bus, on which Berth has a port: by the number of bus levels beneath
+/// it.
 [[nodiscard]] multilevel::EmcyLayout layout_of(const design::Machine& machine, const std::string& top);
 
 /// The slot is a gateway to a bus on which Berth has no port.
 [[nodiscard]] bool is_gateway(const design::Machine& machine, const design::Slot& slot) noexcept;
 
-/// `settings` of the slots of one bus, and over them what is wanted of its gateways.
+/// `settings` of the slots of one bus, with those of its gateways added.
 [[nodiscard]] manager::SlotSettings with_gateways(const design::Machine& machine, const std::string& bus,
                                                   const manager::SlotSettings& settings);
 

@@ -1,8 +1,8 @@
-/// Brings the network list of a bus into its gateway's NMT master and into use: compares it by its date, writes it,
-/// restarts the master, and lets further gateways in when the buses beneath them run.
+/// Writes the network list of a bus into its gateway's NMT master and activates it: compares it by its date, writes it,
+/// restarts the master, and adds further gateways when the buses beneath them run.
 ///
-/// Where there are further gateways on the bus, they are in its first list and not booted yet (bit 2 of 1F81h): its
-/// other devices boot while the buses beneath those gateways are brought up. Then the gateways are let in one by one.
+/// If there are further gateways on the bus, its first list has them but does not boot them (bit 2 of 1F81h): the other
+/// devices boot while the buses beneath those gateways are brought up. Then the gateways are let in one by one.
 #pragma once
 
 #include <functional>
@@ -17,8 +17,8 @@
 
 namespace berth::tree {
 
-/// A bus beneath a gateway on this one, and what makes it run (without a port `bring_up`; with one of Berth's: what
-/// waits for its network).
+/// A bus beneath a gateway on this one, and the function that brings it up (without a port `bring_up`; with a port of
+/// Berth's it waits for the bus's network).
 struct Deeper {
   design::Gateway gateway;
   std::function<rt::Task<Result<void>>()> bring_up;
@@ -27,28 +27,29 @@ struct Deeper {
 
 class ListDelivery {
  public:
-  /// All must stay; `routes`: of the bus at which `way` begins. `settings`: what the slots' devices shall have besides
-  /// `config =`.
+  /// All must outlive this; `routes`: of the bus at which `way` begins. `settings`: values for the slots' devices
+  /// besides `config =`.
   ListDelivery(rt::Executor& executor, SlotsBeneath& slots, const Way& way, manager::SlotSettings settings,
                multilevel::Routes& routes);
   void add(Deeper deeper) { deeper_.push_back(std::move(deeper)); }
   [[nodiscard]] const std::vector<Deeper>& deeper() const noexcept { return deeper_; }
 
-  /// The list is there and in use, or its master restarts with it. Errors: as `GatewayMaster::bring`. `was_there`: it
-  /// had the whole list already, and the buses beneath are not brought up yet.
+  /// Returns when the list is in the master and in use, or the master restarts with it. Errors: as in
+  /// `GatewayMaster::bring`. `was_there`: the master already had the whole list, and the buses beneath are not brought
+  /// up yet.
   [[nodiscard]] rt::Task<Result<void>> deliver(bool& was_there);
-  /// All of them. Errors: of the first of those that are mandatory.
+  /// Brings up all of them. Errors: that of the first mandatory one.
   [[nodiscard]] rt::Task<Result<void>> bring_up_deeper();
 
-  /// How its gateway, which ran before Berth began, is provided.
+  /// The list of a gateway that ran before Berth began.
   enum class Found : std::uint8_t {
     in_use,      ///< with this list
-    unused,      ///< with this list, of which its master has no node: an earlier Berth ended before the restart
-    unfinished,  ///< with the first list, without the gateways on the bus; or with none that anybody finished
+    unused,      ///< this list, but its master has no node of it: an earlier Berth ended before the restart
+    unfinished,  ///< the first list, without the gateways on the bus; or an unfinished one
     another      ///< with any other list
   };
   [[nodiscard]] rt::Task<Found> look();
-  /// The list that was brought in is there no more: the master lost its power before it was saved, or is another one.
+  /// The written list is lost: the master lost its power before saving it, or was replaced.
   [[nodiscard]] rt::Task<bool> is_lost();
 
  private:
@@ -70,7 +71,7 @@ class ListDelivery {
   GatewayMaster master_;
   std::vector<Deeper> deeper_;
   manager::Progress progress_;
-  bool restarted_ = false;                             // the master, because it missed nodes of a list that it had
+  bool restarted_ = false;                             // the master was, because it missed nodes of a list that it had
   std::optional<manager::ConfigurationDate> undated_;  // the list that was there, and is to be saved anew
 };
 

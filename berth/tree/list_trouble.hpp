@@ -1,5 +1,5 @@
-/// What a gateway's own master tells of the node-IDs that it gives (5F0Bh, `manager::NodeIdReport`), read through the
-/// gateway and put in words.
+/// The report of a gateway's own master on its node-IDs (5F0Bh, `manager::NodeIdReport`), read through the gateway and
+/// put into text.
 #pragma once
 
 #include <array>
@@ -17,22 +17,22 @@ class ListTrouble {
   struct Trouble {
     places::SlotState state = places::SlotState::empty;
     std::string reason;
-    bool is_news = true;  ///< also where the slot has this state already, and another reason
+    bool is_news = true;  ///< also if the slot already has this state with another reason
   };
-  /// A look at all slaves begins: which of them its master has something to tell of is asked once in it.
+  /// A look at all slaves begins: it asks once which of them have a report.
   void begin(rt::Time now) noexcept {
     now_ = now;
     troubled_ = {};
   }
-  /// Why the slave `node` is not there. None: the master does not tell, or knows nothing. `path`: of the master, as
-  /// commands name it.
+  /// Why the slave `node` is not there. None: the master does not report it, or does not know. `path`: of the master,
+  /// as commands name it.
   [[nodiscard]] rt::Task<std::optional<Trouble>> of(co::SdoAccess& master, const places::SlotSpec& slot,
                                                     std::string path);
-  /// The devices that have no place on the bus, in words; empty: there is none, it was told already, or it was asked
-  /// for within the last ten seconds.
+  /// The devices without a place on the bus, as text; empty: none, already reported, or asked within the last ten
+  /// seconds.
   [[nodiscard]] rt::Task<std::string> surplus(co::SdoAccess& master, bool any_fixed);
 
-  /// Questions so far.
+  /// Number of questions so far.
   [[nodiscard]] unsigned asked() const noexcept { return asked_; }
 
  private:
@@ -41,7 +41,7 @@ class ListTrouble {
   rt::Task<bool> is_troubled(co::SdoAccess& master, NodeId node);
 
   rt::Time now_{};
-  rt::Time not_before_{};  // its master, or another device under a gateway's node-ID, said that it has no such object
+  rt::Time not_before_{};  // its master, or another device at a gateway's node-ID, answered: no such object
   std::array<std::optional<std::uint64_t>, 2> troubled_{};  // in this look
   unsigned asked_ = 0;
   rt::Time surplus_at_{};

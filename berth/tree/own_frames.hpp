@@ -1,5 +1,5 @@
-/// Frames that Berth itself sent, for who listens to a bus beside it: a bus's dispatcher hears what others send only.
-/// Who knows the ports tells them here (`Rig`).
+/// Frames that Berth itself sent, for parts that listen to a bus: a bus's dispatcher only receives other nodes' frames.
+/// The owner of the ports reports them here (`Rig`).
 #pragma once
 
 #include <algorithm>
@@ -13,10 +13,11 @@ namespace berth::tree {
 
 class OwnFrames {
  public:
-  /// Hears the frames of one bus from its making to its end. It must not make or end another one while it is told.
+  /// Receives the frames of one bus during its lifetime. It must not construct or destroy another listener while it is
+  /// called.
   class Listener {
    public:
-    /// Both must stay.
+    /// Both must outlive this.
     Listener(OwnFrames& frames, std::string_view bus) : frames_(&frames), bus_(bus) {
       frames_->listeners_.push_back(this);
     }

@@ -1,5 +1,5 @@
 /// The main job as one object: a machine, its store, and a network for each of its buses. `berth up`, `berth demo`, the
-/// tests and every tool use this and nothing else.
+/// tests and every tool use only this.
 #pragma once
 
 #include <array>
@@ -23,17 +23,17 @@ namespace berth::tree {
 
 class Session {
  public:
-  /// `machine` and `store` must stay. While the session is there, the lines that the store's history gets have the
-  /// executor's time: one session at a time has a store.
+  /// `machine` and `store` must outlive this. During the session the lines of the store's history have the executor's
+  /// time: a store may be in one session at a time.
   Session(rt::Executor& executor, const design::Machine& machine, places::SlotStore& store);
   ~Session();
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
-  /// Gives one bus its port. Every bus needs one before `open`; the port must stay. Errors: `not_found` no such bus;
-  /// `duplicate` it has one already.
+  /// Gives one bus its port. Every bus needs one before `open`; the port must outlive this. Errors: `not_found` no such
+  /// bus; `duplicate` it already has one.
   Result<void> connect(std::string_view bus, can::Port& port);
-  /// What devices shall have besides `config =`. Before `open`.
+  /// Values for devices besides `config =`. Call before `open`.
   void configure_with(manager::SlotSettings settings) { settings_ = std::move(settings); }
   /// The slot has `config =`, or what was written instead, gets settings, or is a gateway.
   [[nodiscard]] bool configures(const design::Slot& slot) const;
@@ -42,46 +42,46 @@ class Session {
   Result<void> open();
   /// Begins the main job on every bus.
   void start();
-  /// Ends it where it stands.
+  /// Stops it at once.
   void stop() noexcept;
   /// The main job runs; without it the session only serves single commands.
   [[nodiscard]] bool started() const noexcept { return started_; }
 
-  /// Real devices hang on these buses: what disturbs one that is operational wants a person's confirmation.
+  /// These buses have real devices: a command that disturbs an operational one needs a user's confirmation.
   void set_careful(bool careful) noexcept { careful_ = careful; }
   [[nodiscard]] bool careful() const noexcept { return careful_; }
-  /// An event of what guards a bus's port, or of its plant: `step` or `error`.
+  /// An event of the guard of a bus's port, or of its plant: `step` or `error`.
   void tell(std::string_view bus, operate::EventKind kind, std::string text);
 
-  /// Every event, as it happens. Events are kept for `report` too, the newest `most_events`.
+  /// Called for every event at once. `report` keeps the newest `most_events`, too.
   void on_event(std::function<void(const operate::Event&)> handler) { on_event_ = std::move(handler); }
-  /// Commands that come by SDO (1023h of the master's device of that bus): `NetworkObserver::command`.
+  /// For commands that come by SDO (1023h of the master's device of that bus): `NetworkObserver::command`.
   using CommandHandler =
       std::function<bool(const std::string& bus, std::string text, operate::NetworkObserver::Confirm confirm)>;
   void on_command(CommandHandler handler) { on_command_ = std::move(handler); }
-  /// When the last bus has reached it.
+  /// Called when the last bus has reached it.
   void on_milestone(std::function<void(operate::Milestone)> handler) { on_milestone_ = std::move(handler); }
   static constexpr std::size_t most_events = 10'000;
 
   [[nodiscard]] operate::Report report() const;
-  /// The last one: its events are the session's own, which has none from then on. Of thousands of devices a copy takes
+  /// The final one: takes the session's events, which then has none. For thousands of devices a copy would take
   /// megabytes.
   [[nodiscard]] operate::Report take_report();
   [[nodiscard]] std::vector<operate::SlotReport> slots() const;
   [[nodiscard]] bool operational() const noexcept;
-  /// Every network only watches.
+  /// All networks only watch.
   [[nodiscard]] bool idle() const noexcept;
 
   [[nodiscard]] const design::Machine& machine() const noexcept { return *machine_; }
   [[nodiscard]] places::SlotStore& store() noexcept;
   [[nodiscard]] rt::Executor& executor() noexcept { return *executor_; }
-  /// Null when there is none; an empty name means the only bus, and null when there are several.
+  /// Null: there is none. An empty name means the only bus; null if there are several.
   [[nodiscard]] operate::Network* network(std::string_view bus) noexcept;
   [[nodiscard]] const std::vector<std::unique_ptr<operate::Network>>& networks() const noexcept { return networks_; }
   /// The buses beneath gateways.
   [[nodiscard]] Tree& tree() noexcept { return tree_; }
 
-  /// Frames that Berth itself sends, as far as who knows the ports tells them.
+  /// Frames that Berth itself sends, if the owner of the ports reports them.
   friend OwnFrames& own_frames(Session& session) noexcept { return session.own_frames_; }
   friend void keep_written(Session& session, operate::WrittenFiles::Place place) {
     session.written_ = std::move(place);
@@ -121,10 +121,10 @@ class Session {
 };
 
 [[nodiscard]] OwnFrames& own_frames(Session& session) noexcept;
-/// Where configurations are kept that SDO clients write to the manager (1F20h, 1F22h). Before `Session::open`; else
-/// they count until the session ends.
+/// Where configurations that SDO clients write to the manager (1F20h, 1F22h) are stored. Call before `Session::open`;
+/// without it they count until the session ends.
 void keep_written(Session& session, operate::WrittenFiles::Place place);
-/// The questions that are open now, of all buses.
+/// The open questions of all buses.
 [[nodiscard]] std::vector<operate::Event> questions_of(const Session& session);
 
 }  // namespace berth::tree

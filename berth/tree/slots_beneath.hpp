@@ -1,5 +1,5 @@
-/// The slots of a bus beneath a gateway as they stand, and what is told of them. States come from those who asked or
-/// heard: this only keeps them, and tells each change once.
+/// The present states of the slots of a bus beneath a gateway, and their events. Other parts ask or listen and set the
+/// states: this class only keeps them, and reports each change once.
 #pragma once
 
 #include <functional>
@@ -17,17 +17,18 @@ struct PlaceBeneath {
   places::SlotSpec spec;
   operate::SlotReport now;
   std::uint16_t profile = 0;  ///< of its device: the lower word of 1000h; 0: none, or not known
-  bool identified = false;    ///< its device, since it became operational
-  /// A gateway told that it stops itself, because a mandatory bus beneath it failed (EMCY FF01h); empty: it did not.
+  bool identified = false;    ///< its device was, since it became operational
+  /// When a gateway reported that it stops itself, because a mandatory bus beneath it failed (EMCY FF01h); empty: it
+  /// did not.
   std::optional<rt::Time> stops_itself;
-  rt::Time booted_again{};           ///< the last time that Berth had it reset
+  rt::Time booted_again{};           ///< when Berth last had it reset
   unsigned losses = 0;               ///< EMCYs 8130h that may be about it
   std::optional<rt::Time> collided;  ///< the last EMCY 8150h of it
-  bool doubled = false;              ///< by two of them: a second device uses its node-ID
+  bool doubled = false;              ///< from two such EMCYs: a second device uses its node-ID
 
-  /// Its device has its node-ID from elsewhere.
+  /// Its device's node-ID is not assigned by the list.
   [[nodiscard]] bool fixed() const noexcept { return spec.assign == places::Assign::fixed; }
-  /// Its boot-up has failed, by lost frames say: a master need not try again by itself.
+  /// Its boot-up failed long ago, for example by lost frames: a master need not try again by itself.
   [[nodiscard]] bool left_lying(rt::Time at) const noexcept {
     constexpr rt::Duration long_enough = std::chrono::seconds(15);
     return at - std::max(now.since, booted_again) > long_enough;
@@ -36,18 +37,18 @@ struct PlaceBeneath {
 
 class SlotsBeneath {
  public:
-  /// `bus` must stay.
+  /// `bus` must outlive this.
   SlotsBeneath(rt::Executor& executor, const design::Bus& bus, std::vector<places::SlotSpec> specs,
                operate::NetworkObserver observer);
-  /// Called each time that every slot that is not optional has become operational; may be empty.
+  /// Called each time all slots that are not optional have become operational; may be empty.
   void on_operational(std::function<void()> call) { operational_call_ = std::move(call); }
 
   void set_state(PlaceBeneath& place, places::SlotState state, std::string reason = {});
-  /// Why nothing is known yet of those of which nothing is; no event.
+  /// Sets the reason of all slots in state unknown; no event.
   void say_of_unknown(const std::string& reason);
-  /// Nothing can be asked of any of them any more.
+  /// None of them can be asked any more.
   void set_all_absent(const std::string& reason);
-  /// Which device sits there.
+  /// Sets the slot's device.
   void set_device(PlaceBeneath& place, const Identity& device);
 
   /// Ascending by node-ID.

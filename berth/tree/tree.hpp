@@ -1,5 +1,5 @@
-/// The buses beneath gateways, as a session knows them (docs/multilevel.md): those on which Berth has no port, how each
-/// is reached, and what must run before a gateway is started.
+/// A session's buses beneath gateways (docs/multilevel.md): those on which Berth has no port, the way to each, and what
+/// must run before a gateway is started.
 #pragma once
 
 #include <functional>
@@ -20,27 +20,28 @@ class Tree {
  public:
   using Networks = std::vector<std::unique_ptr<operate::Network>>;
 
-  /// All must stay. `networks` may be filled later.
+  /// All must outlive this. `networks` may be filled later.
   Tree(rt::Executor& executor, const design::Machine& machine, const Networks& networks) noexcept
       : executor_(&executor), machine_(&machine), networks_(&networks), resets_(executor) {}
 
-  /// What a network of this bus must know before it is made.
+  /// The data that a network of this bus needs before it is made.
   [[nodiscard]] operate::BeneathFirst first_of(const std::string& bus);
-  /// Once, when all networks are there. `settings`: of slots on any bus. Errors: `invalid`, a bus beneath gateways
-  /// whose topmost bus is not there.
+  /// Call once, when all networks are there. `settings`: of slots on any bus. Errors: `invalid`, the topmost bus above
+  /// a bus beneath gateways is missing.
   Result<void> open(const std::function<void(const operate::Event&)>& events,
                     const manager::SlotSettings& settings = {});
   void start();
   void stop() noexcept;
-  /// Before the networks are gone.
+  /// Call it before the networks are destroyed.
   void clear() noexcept;
 
   [[nodiscard]] const std::vector<std::unique_ptr<Beneath>>& buses() const noexcept { return buses_; }
-  /// Null when there is none of this name.
+  /// Null: there is none of this name.
   [[nodiscard]] Beneath* bus(std::string_view name) const noexcept;
-  /// All nodes that a bus with a port leads to, by their paths: the one client of its gateways. It stays.
+  /// All nodes reachable through a bus with a port, by their paths: the one client of its gateways. Lives as long as
+  /// this.
   [[nodiscard]] multilevel::Routes& routes(operate::Network& network);
-  /// Every bus that its gateway does not start without.
+  /// Every bus without which its gateway does not start.
   [[nodiscard]] bool operational() const noexcept;
   [[nodiscard]] bool idle() const noexcept;
 
