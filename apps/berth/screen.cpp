@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <utility>
 
+#include "berth/operate/slot_rows.hpp"
 #include "berth/text/columns.hpp"
 #include "berth/text/printable.hpp"
-#include "berth/operate/slot_rows.hpp"
 #include "output.hpp"
 
 namespace berth::cli {

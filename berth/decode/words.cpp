@@ -13,11 +13,11 @@
 #include "berth/co/time_stamp.hpp"
 #include "berth/decode/say_parts.hpp"
 #include "berth/lss/interpret.hpp"
+#include "berth/nodeid/rand_frames.hpp"
+#include "berth/od/abort_code.hpp"
 #include "berth/research/and_frames.hpp"
 #include "berth/research/claim_frames.hpp"
 #include "berth/research/negotiation_frames.hpp"
-#include "berth/nodeid/rand_frames.hpp"
-#include "berth/od/abort_code.hpp"
 
 namespace berth::decode {
 namespace {
@@ -203,7 +203,7 @@ Meaning Interpreter::extended(const can::Frame& frame, std::string& out) const {
   }
   if (const auto asked = research::decode_claim_request(frame)) {
     return said(Service::claim, *asked == research::claim_everybody ? std::string("Claim request: everybody")
-                                                                  : fmt::format("Claim request: node-ID {}", *asked));
+                                                                    : fmt::format("Claim request: node-ID {}", *asked));
   }
   return said(Service::other, "extended frame");
 }
@@ -278,7 +278,8 @@ constexpr can::IdRange feedback{lss::default_feedback_base, lss::default_feedbac
 }  // namespace
 
 std::optional<unsigned> rests_on(const can::Frame& frame) noexcept {
-  if (frame.fd || frame.extended || frame.id >= research::and_ius_id || feedback.contains(frame.id)) return std::nullopt;
+  if (frame.fd || frame.extended || frame.id >= research::and_ius_id || feedback.contains(frame.id))
+    return std::nullopt;
   const bool node = (frame.id & 0x7FU) != 0;
   if (node && frame.id > 0x180 && frame.id < 0x580) return 0;
   if (node && frame.id > 0x700) return 1;

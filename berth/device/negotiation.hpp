@@ -1,6 +1,6 @@
-/// A device's part in the negotiation of node-IDs (paper 2): connects `research::Negotiator` to the device's dispatcher,
-/// keeps the last node-ID in non-volatile memory, and instructs the device. No heap after construction except for the
-/// dispatcher's lists.
+/// A device's part in the negotiation of node-IDs (paper 2): connects `research::Negotiator` to the device's
+/// dispatcher, keeps the last node-ID in non-volatile memory, and instructs the device. No heap after construction
+/// except for the dispatcher's lists.
 #pragma once
 
 #include "berth/can/dispatcher.hpp"

@@ -8,8 +8,8 @@
 #include <optional>
 
 #include "berth/can/dispatcher.hpp"
-#include "berth/research/and_slave.hpp"
 #include "berth/nodeid/rand_slave.hpp"
+#include "berth/research/and_slave.hpp"
 
 namespace berth::device {
 

@@ -59,7 +59,9 @@ class NodeIdSchemes final : public OwnIdentifiers::Owner,
   [[nodiscard]] nodeid::Identification identification() const noexcept { return methods_.identification(); }
   [[nodiscard]] nodeid::Identification and_identification() const noexcept { return methods_.and_identification(); }
   /// Null when the device does not claim.
-  [[nodiscard]] const research::ClaimSlave* claimer() const noexcept { return claiming_ ? &claiming_->slave() : nullptr; }
+  [[nodiscard]] const research::ClaimSlave* claimer() const noexcept {
+    return claiming_ ? &claiming_->slave() : nullptr;
+  }
   /// Null when the device does not negotiate.
   [[nodiscard]] const research::Negotiator* negotiator() const noexcept {
     return negotiation_ ? &negotiation_->negotiator() : nullptr;

@@ -58,7 +58,7 @@ struct Options {
   bool claim = false;         ///< claims a node-ID as SAE J1939-81 does when it has none
   NegotiationMode negotiation = NegotiationMode::off;
   research::NegotiatorOptions negotiator{};  ///< with `negotiation`; its address and `literal` are the device's
-  bool detect_collision = true;            ///< reports another node that sends with its identifiers (EMCY 8150h; SX.7)
+  bool detect_collision = true;      ///< reports another node that sends with its identifiers (EMCY 8150h; SX.7)
   rt::Duration never_seen{0};        ///< reports a node in 1016h that has had no heartbeat for so long (`Callbacks`); 0
                                      ///< = no
   rt::Duration bus_off_recovery{0};  ///< restarts its controller this long after bus-off; 0 = never

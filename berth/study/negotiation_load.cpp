@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "berth/can/length.hpp"
-#include "berth/research/negotiation_frames.hpp"
 #include "berth/plant/world.hpp"
+#include "berth/research/negotiation_frames.hpp"
 
 namespace berth::study {
 namespace {

@@ -3,9 +3,9 @@
 
 #include "berth/co/guarding.hpp"
 #include "berth/discovery/auto.hpp"
-#include "berth/research/and_master.hpp"
 #include "berth/nodeid/paper1_times.hpp"
 #include "berth/nodeid/rand_master.hpp"
+#include "berth/research/and_master.hpp"
 #include "berth/study/commissioning.hpp"
 #include "berth/study/listings.hpp"
 #include "berth/study/reproduce.hpp"
