@@ -61,7 +61,7 @@ void Client::flush() noexcept {
   if (!good && !leaving_) end("gone");
 }
 
-// It has hung up; the frames that it gave are sent first, if the bus takes them, as the kernel would do.
+// It has hung up; its frames are sent first, if the bus takes them, as the kernel would do.
 void Client::leave() {
   if (over_) return;
   if (!port_ || outbox_.empty()) return end("left");

@@ -249,7 +249,7 @@ std::vector<operate::SlotReport> Desk::changed() {
 }
 
 void Desk::tell() {
-  // What is in the queue is not added to: while the server's thread is behind, slots and events wait here.
+  // The queue is not extended: while the server's thread is behind, slots and events wait here.
   if (!waiting_.empty()) return;
   News news;
   news.time_s = operate::seconds(session_->executor().now());

@@ -59,8 +59,8 @@ void FrameRing::put_error(std::uint8_t bus, const can::Frame& report, rt::Time a
   put(head_of(bus, report, false) | error_bit | word_of(about) << words_at, at, report);
 }
 
-// A reader that sees one of the new words sees the stamp that was cleared before it, too: each word is released after
-// the stamp and acquired before the stamp is looked at again. Fences would do the same, but tsan does not know them.
+// A reader that sees a new word also sees the stamp that was cleared before it: each word is released after the stamp
+// and acquired before the stamp is read again. Fences would do the same, but tsan does not support them.
 void FrameRing::put(std::uint64_t head, rt::Time at, const can::Frame& frame) noexcept {
   const std::uint64_t number = next_.load(std::memory_order_relaxed);
   Record& record = records_[number & (records_.size() - 1)];

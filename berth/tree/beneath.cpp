@@ -116,14 +116,13 @@ rt::Task<void> Beneath::watch() {
   }
 }
 
-// All runs, and what failed was an answer of its gateway, perhaps: to be found out before the next device is missed.
+// All slots run; perhaps only an answer of its gateway failed: check before the next device is missed.
 bool Beneath::is_due_again() noexcept {
   return executor_.now() >= again_at_ || (slots_.operational() && std::exchange(again_early_, false));
 }
 
-// What runs is not disturbed: another list than the machine file's is told, no more. But a Berth that ended in the
-// middle leaves a list that nobody but the next brings into use, or one without its gateways, which nobody else lets
-// in.
+// Running nodes are not disturbed: a list other than the machine file's is only reported. But an interrupted Berth
+// leaves a list that only the next run can activate, or one without its gateways, which only the next run can add.
 rt::Task<void> Beneath::adopt() {
   using Found = ListDelivery::Found;
   const Found found = co_await delivery_.look();
@@ -146,8 +145,8 @@ rt::Task<void> Beneath::adopt() {
   provide(true);
 }
 
-// A gateway on this bus's own port is brought up when it boots. One beneath another boots without Berth: it may have
-// lost what was not saved yet, or be a new one.
+// A gateway on this bus's own port is brought up when it boots. One beneath another gateway boots without Berth: it may
+// have lost an unsaved list, or be a new one.
 rt::Task<void> Beneath::look_at_list(bool returned) {
   const bool boots_unseen = way_.gateways.size() > 1;
   const bool due = returned || (!slots_.operational() && executor_.now() >= list_at_);

@@ -80,14 +80,15 @@ rt::Task<Result<void>> ListDelivery::bring(const manager::Wanted& list, bool& ch
   co_return done;
 }
 
-// `nodes`: those that its master must know when it uses the list. It counts what is written from its next boot-up on. A
-// list that is there and of which nodes are missing may have been written by a Berth that ended before that: then the
-// master is restarted too, once.
+// `nodes`: those that its master must know when it uses the list. It uses a written list from its next boot-up. If the
+// list is there but nodes are missing, a Berth that ended before that may have written it: then the master is restarted
+// too, once.
 rt::Task<Result<void>> ListDelivery::put(const manager::Wanted& list, std::vector<NodeId> nodes) {
   bool changed = false;
   auto done = co_await bring(list, changed);
   if (!done) co_return done;
-  // Undated here before, and what followed failed: it was there all the time, and is in use if its nodes are known.
+  // Undated here before, and a later step failed: the list was there all the time, and is in use if its nodes are
+  // known.
   const bool again = std::exchange(undated_, std::nullopt) == list.date;
   const bool was_there = !changed || again;
   if (was_there) {
@@ -95,7 +96,7 @@ rt::Task<Result<void>> ListDelivery::put(const manager::Wanted& list, std::vecto
     const auto in_use = co_await master_.knows_all(nodes);
     if (!in_use) co_return fail(in_use.error());
     if (*in_use) co_return Result<void>{};
-    // What is there may be unsaved: it is brought in again as if its date were another.
+    // The list may be unsaved: it is written again as if its date were different.
     if (!changed) {
       undated_ = list.date;
       done = co_await master_.undate();
@@ -109,11 +110,11 @@ rt::Task<Result<void>> ListDelivery::put(const manager::Wanted& list, std::vecto
     slots_.events().tell(operate::EventKind::step, "", "its gateway has a new network list");
   }
   done = co_await master_.restart();
-  restarted_ = restarted_ || (was_there && done);  // what did not get there is tried again
+  restarted_ = restarted_ || (was_there && done);  // missing parts are tried again
   co_return done;
 }
 
-// The gateways on it get their node-IDs with the others and are not booted, so that the buses beneath them come first.
+// The gateways on it get their node-IDs with the others but are not booted, so that the buses beneath them come first.
 rt::Task<Result<void>> ListDelivery::put_in_steps(const manager::Wanted& whole) {
   const std::vector<NodeId> waiting = gateways();
   const manager::Wanted first = list(waiting);
@@ -125,7 +126,7 @@ rt::Task<Result<void>> ListDelivery::put_in_steps(const manager::Wanted& whole) 
   co_return co_await let_in(first, whole);
 }
 
-// Asked itself before it has its node-ID, it would keep the SDO client of the gateway's master waiting.
+// Asked before it has its node-ID, it would keep the SDO client of the gateway's master waiting.
 rt::Task<void> ListDelivery::await_heard(NodeId node) {
   constexpr auto hidden = std::chrono::seconds(10);  // its boot-up message was lost
   constexpr auto longest = std::chrono::seconds(30);

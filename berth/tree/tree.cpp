@@ -117,7 +117,7 @@ Result<void> Tree::open(const std::function<void(const operate::Event&)>& events
   return {};
 }
 
-// Who is told is who it is about for certain; of the others it is asked how they stand.
+// Reports the EMCY only for a slot that it is certainly about; asks the states of the others.
 void Tree::heard(const std::string& name, const multilevel::LoggedEmcy& entry) {
   constexpr auto loss = co::emcy_code::life_guard_or_heartbeat;
   const auto& reading = entry.reading;
@@ -136,8 +136,8 @@ void Tree::heard(const std::string& name, const multilevel::LoggedEmcy& entry) {
   if (!lost && reading.exiting != loss) tell(name, entry, origins);
 }
 
-// A gateway stops itself (paper 3 Figure 1). The node that is named last is the one that failed; where the gateway
-// knows none, that is the gateway.
+// A gateway stops itself (paper 3 Figure 1). The last named node is the one that failed; if the gateway names none, the
+// gateway itself.
 void Tree::note_stopping(const std::string& name, const multilevel::EmcyReading& reading, const EmcyOrigins& origins) {
   for (const auto* const slot : origins.named) {
     bus(slot->spec.name.bus)->stops_itself(slot->spec.id);
@@ -149,7 +149,8 @@ void Tree::note_stopping(const std::string& name, const multilevel::EmcyReading&
   if (may_be_on_top && top->services().may_command()) resets_.spawn(reset_stopped(*top, reading.path.front()));
 }
 
-// Stopped it carries nothing. Reset it is booted as any other, and started when the bus beneath it runs.
+// A stopped gateway forwards nothing. After a reset it is booted like any other, and started when the bus beneath it
+// runs.
 rt::Task<void> Tree::reset_stopped(operate::Network& network, NodeId gateway) {
   auto& services = network.services();
   co_await rt::sleep_for(2 * services.bus.timing.heartbeat_period);
@@ -179,7 +180,7 @@ void Tree::tell(const std::string& name, const multilevel::LoggedEmcy& entry, co
     // Two devices under one node-ID tell of it, and of what it does to their frames, again and again.
     const bool known = line.slots().at(spec.id)->doubled && is_communication(entry.reading);
     if (!known) line.slots().events().tell(operate::EventKind::emcy, spec.name.name, text);
-    // A gateway without its layout tells as its own what is beneath it.
+    // A gateway without its layout reports EMCYs from beneath as its own.
     const bool its_own = origins.beneath.empty();
     if (its_own && entry.reading.code == co::emcy_code::id_collision) line.collided(spec.id);
     return;
@@ -195,7 +196,7 @@ std::string Tree::path_of(const design::Slot& slot) const {
   return fmt::format("{} {}", multilevel::to_string(multilevel::Path{way.gateways, slot.spec.id}), slot.spec.name.name);
 }
 
-// A loss was told of this slot's node, and it is there: a gateway may have told as its own what is beneath it.
+// A loss of this slot's node was reported, but it is there: a gateway may have reported one from beneath as its own.
 void Tree::still_runs(const Beneath& above, NodeId gateway) {
   for (const auto& each : buses_) {
     const auto& line = *each->bus().gateway;

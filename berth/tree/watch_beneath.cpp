@@ -110,7 +110,7 @@ rt::Task<void> WatchBeneath::look_around() {
     }
   }
   const bool heard = co_await look_at_all(std::move(nodes));
-  // Who asks a gateway in vain holds up all others that ask through the same ones above it.
+  // A vain question to a gateway holds up all others that go through the same gateways above it.
   if (!heard) silence_.rest_until = slots_.now() + 3 * (slots_.now() - began);
 }
 
@@ -137,7 +137,7 @@ rt::Task<bool> WatchBeneath::look_at_all(std::vector<NodeId> nodes) {
   co_return true;
 }
 
-// None: meanwhile one more loss was told that may be the node's, and the answer may be from before.
+// None: meanwhile another loss was reported that may be the node's, and the answer may be older.
 rt::Task<WatchBeneath::Answer> WatchBeneath::state_of(PlaceBeneath& place) {
   const unsigned before = place.losses;
   const auto state = co_await master_.state(place.spec.id);
@@ -146,7 +146,7 @@ rt::Task<WatchBeneath::Answer> WatchBeneath::state_of(PlaceBeneath& place) {
   co_return *state;
 }
 
-// `settled`: if it is missing now that is told; else it may come yet.
+// `settled`: a missing node is reported; else it may still come.
 rt::Task<Result<void>> WatchBeneath::look_at(PlaceBeneath& place, bool settled) {
   auto state = co_await state_of(place);
   const bool asks = state && *state == static_cast<std::uint8_t>(NmtState::operational) && !place.identified;
@@ -199,8 +199,8 @@ void WatchBeneath::collided(PlaceBeneath& place) {
       "two devices use this node-ID (each sent EMCY 8150h): take one of them off the bus, and restart the other");
 }
 
-// Asked who it is, two answer with different serial numbers, and their frames destroy each other: who has a
-// communication error after that (1001h) is not alone. One that was restarted alone has none.
+// Two devices answer with different serial numbers, and their frames destroy each other: a communication error after
+// that (1001h) means a second device. A device that was restarted alone has none.
 rt::Task<bool> WatchBeneath::is_doubled(PlaceBeneath& place) {
   if (slots_.now() - place.collided.value_or(slots_.now()) < long_quiet) co_return true;
   co::SdoAccess& node = access(place.spec.id);
@@ -244,7 +244,7 @@ rt::Task<void> WatchBeneath::look_at_missing(PlaceBeneath& place) {
                         : "the gateway's master misses it");
 }
 
-// A gateway stops itself when a mandatory bus beneath it has failed (paper 3 Figure 1). Stopped, it carries nothing:
+// A gateway stops itself when a mandatory bus beneath it failed (paper 3 Figure 1). While stopped it forwards nothing:
 // it is made pre-operational, and started when that bus runs.
 rt::Task<Result<void>> WatchBeneath::look_at_stopped(PlaceBeneath& place) {
   const NodeId node = place.spec.id;
