@@ -1,5 +1,5 @@
-/// [DeviceInfo] CompactPDO: PDOs without sections exist with these sub-indices of the communication record. Inside of
-/// room `eds` only.
+/// [DeviceInfo] CompactPDO: PDOs without sections exist, with these sub-indices of the communication record. Internal
+/// to room `eds`.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@ namespace berth::eds {
 
 class CompactPdos {
  public:
-  /// `dcf`: the PDOs that it does not describe are switched off.
+  /// `dcf`: switches off the PDOs that it does not describe.
   CompactPdos(const DeviceInfo& device, bool dcf, od::DescriptionBuilder& builder, ReadBudget& budget,
               DcfValues& values) noexcept
       : device_(device), dcf_(dcf), builder_(builder), budget_(budget), values_(values) {}

@@ -13,7 +13,7 @@
 
 namespace berth::eds {
 
-/// One download: the bytes as they go over the bus.
+/// One download: the bytes as sent over the bus.
 struct ConciseEntry {
   ObjectRef object = {};
   std::vector<std::uint8_t> data = {};
@@ -21,51 +21,51 @@ struct ConciseEntry {
 };
 
 struct ConciseDcf {
-  std::vector<ConciseEntry> entries = {};  ///< written to the device in this order; an object may come more than once
+  std::vector<ConciseEntry> entries = {};  ///< in the order of writing to the device; an object may occur several times
   friend bool operator==(const ConciseDcf&, const ConciseDcf&) = default;
 };
 
-/// The stream. At most 2^32-1 entries and bytes a value.
+/// Makes the stream. At most 2^32-1 entries, and bytes per value.
 [[nodiscard]] std::vector<std::uint8_t> encode(const ConciseDcf& dcf);
 
-/// Errors: `Errc::invalid`; `detail` is the byte offset of the field that is wrong, index and sub-index name the entry
-/// when its head could be read. Wrong are: a stream that ends inside a field, a size beyond the rest, a count that the
-/// rest cannot hold, bytes after the last entry. Nothing is reserved on the word of the stream.
+/// Errors: `Errc::invalid`; `detail` is the byte offset of the wrong field, index and sub-index name the entry if its
+/// head could be read. Wrong are: a stream that ends inside a field, a size beyond the rest, a count that the rest
+/// cannot hold, bytes after the last entry. Sizes in the stream are not trusted: nothing is reserved for them.
 [[nodiscard]] Result<ConciseDcf> decode_concise_dcf(std::span<const std::uint8_t> stream);
 
-/// A value's bytes as an SDO carries them, `$NODEID` resolved. Errors: `Errc::invalid` for a value that is none, a
-/// number for a type of variable length, and `$NODEID` for an unconfigured node.
+/// A value's bytes as in an SDO, with `$NODEID` resolved. Errors: `Errc::invalid` for an empty value, a number for a
+/// type of variable length, and `$NODEID` for an unconfigured node.
 [[nodiscard]] Result<std::vector<std::uint8_t>> encode(const od::Literal& value, od::DataType type, NodeId node_id);
 /// The value of a type in these bytes. Errors: `Errc::mismatch` when a scalar's length is not the type's.
 [[nodiscard]] Result<od::Literal> decode(std::span<const std::uint8_t> bytes, od::DataType type);
 
-/// `value` as the description would write it: where its default is `$NODEID` + n and comes to the same for `node_id`,
-/// the formula.
+/// `value` as the description would write it: the formula, if its default is `$NODEID` + n and gives the same value for
+/// `node_id`.
 [[nodiscard]] od::Literal with_formula(const od::Description& description, ObjectRef object, od::Literal value,
                                        NodeId node_id);
 
 enum class Order : std::uint8_t {
-  /// As the parameters stand: ascending by object.
+  /// As the parameters are: ascending by object.
   as_given,
-  /// In an order that devices take (CiA 301 §7.5.2): each PDO and SDO channel is switched off, set, and switched on
-  /// again (with the description's COB-ID where only its mapping is set); a mapping is emptied, filled, and counted;
-  /// SYNC and EMCY likewise. The configuration date 1020h comes after all other values, store parameters 1010h last.
+  /// In an order that devices accept (CiA 301 §7.5.2): each PDO and SDO channel is switched off, set, and switched on
+  /// again (with the description's COB-ID if only its mapping is set); a mapping is emptied, filled, and counted; SYNC
+  /// and EMCY likewise. The configuration date 1020h comes after all other values, store parameters 1010h last.
   working,
 };
 
-/// The parameters of a DCF for one node. Left out: what cannot be written (ro, const) and what ObjFlags bit 0 keeps
-/// from downloads. The content of `DownloadFile`s is not in it (dcf.hpp reads it). Errors: as `encode`, with the
-/// object.
+/// The parameters of a DCF for one node, without those that cannot be written (ro, const) and those that ObjFlags bit 0
+/// excludes from downloads. The content of `DownloadFile`s is not included (dcf.hpp reads it). Errors: as `encode`,
+/// with the object.
 [[nodiscard]] Result<ConciseDcf> concise_dcf(const File& file, NodeId node_id, Order order = Order::working);
-/// The same of any parameters of a description.
+/// The same for any parameters of a description.
 [[nodiscard]] Result<ConciseDcf> concise_dcf(const od::Description& description, std::span<const Parameter> parameters,
                                              NodeId node_id, Order order = Order::working);
-/// Any entries, put into the working order; the last of several entries for one object counts.
+/// Puts any entries into the working order; of several entries for one object the last counts.
 [[nodiscard]] ConciseDcf in_working_order(ConciseDcf dcf);
 
-/// Back to parameters, ascending by object, with the types of a description; the last of several entries for an object
-/// counts. Errors: `Errc::not_found` for an object that the description does not have, `Errc::mismatch` for a wrong
-/// length; both with the object.
+/// Converts to parameters, ascending by object, with the types of a description; of several entries for an object the
+/// last counts. Errors: `Errc::not_found` for an object that the description does not have, `Errc::mismatch` for a
+/// wrong length; both with the object.
 [[nodiscard]] Result<std::vector<Parameter>> parameters(const ConciseDcf& dcf, const od::Description& description,
                                                         NodeId node_id);
 

@@ -1,5 +1,5 @@
-/// What the readers of the single sections share: the document, the report, and how a number or a text is taken from
-/// an entry. Inside of room `eds` only.
+/// Shared by the readers of the single sections: the document, the report, and functions that read a number or a text
+/// from an entry. Internal to room `eds`.
 #pragma once
 
 #include <cstdint>
@@ -35,12 +35,12 @@ class Context {
     return entry == nullptr ? std::string_view{} : document_.value(*entry);
   }
   [[nodiscard]] std::string text(const Entry* entry) const { return document_.utf8(raw(entry)); }
-  /// A number from 0 to `most`; empty when missing, or unreadable and reported with `severity`.
+  /// A number from 0 to `most`; empty if missing, or if unreadable, which is reported with `severity`.
   [[nodiscard]] std::optional<std::uint64_t> number(const Section& section, const Entry* entry, std::uint64_t most,
                                                     Severity severity);
   /// A number that means yes or no; anything but 0 and 1 is reported and counts as yes.
   [[nodiscard]] bool flag(const Section& section, const Entry* entry);
-  /// Reports what was unusual about a value that could be read.
+  /// Reports oddities of a value that could be read.
   void tell_notes(const Section& section, const Entry& entry, od::Notes notes, od::DataType type);
 
  private:
@@ -51,7 +51,7 @@ class Context {
 /// A key that is a plain number ("12", as in object lists), or empty.
 [[nodiscard]] std::optional<std::uint32_t> number_key(std::string_view key) noexcept;
 
-/// A file's bytes, one more than `max_bytes` at most; or why it cannot be read.
+/// A file's bytes, at most `max_bytes` plus one; or why it cannot be read.
 [[nodiscard]] tl::expected<std::string, std::string> read_text_file(const std::filesystem::path& path,
                                                                     std::size_t max_bytes);
 

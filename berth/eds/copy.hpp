@@ -1,4 +1,4 @@
-/// A description once more, to be added to. Inside of room `eds` only.
+/// Copies a description, for additions. Internal to room `eds`.
 #pragma once
 
 #include "berth/od/description.hpp"
@@ -6,7 +6,7 @@
 namespace berth::eds {
 
 void copy_object(const od::Description& from, const od::Object& object, od::DescriptionBuilder& to);
-/// All objects and what may be mapped as a dummy.
+/// Copies all objects, and which types may be mapped as a dummy.
 void copy_all(const od::Description& from, od::DescriptionBuilder& to);
 [[nodiscard]] std::uint32_t dummies_of(const od::Description& description) noexcept;
 

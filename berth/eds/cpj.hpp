@@ -1,4 +1,4 @@
-/// Nodelist projects (.cpj; CiA 306-3 §6.2.2): which nodes a network has and where their DCFs are.
+/// Nodelist projects (.cpj; CiA 306-3 §6.2.2): the nodes of a network and the places of their DCFs.
 #pragma once
 
 #include <cstdint>
@@ -49,9 +49,9 @@ struct ProjectReading {
 [[nodiscard]] ProjectReading read_cpj(std::string text, std::string_view file_name, const ReadOptions& options = {});
 [[nodiscard]] ProjectReading read_cpj_file(const std::filesystem::path& path, const ReadOptions& options = {});
 
-/// Where a node's DCF is: `EDSBaseName` and `NodeNDCFName` beside the project. Errors: `Errc::not_found` when the node
-/// names none, `Errc::invalid` for a path that leads out of the project's folder (absolute, drive letter, `..`); `\` is
-/// taken as `/`.
+/// Path of a node's DCF: `EDSBaseName` and `NodeNDCFName` beside the project. Errors: `Errc::not_found` when the node
+/// names none, `Errc::invalid` for a path that leads out of the project's folder (absolute, drive letter, `..`); `\`
+/// counts as `/`.
 [[nodiscard]] Result<std::filesystem::path> dcf_path(const std::filesystem::path& project, const Topology& topology,
                                                      const ProjectNode& node);
 

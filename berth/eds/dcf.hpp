@@ -1,4 +1,4 @@
-/// Making a DCF from an EDS and values, and the files beside a DCF (CiA 306 §5).
+/// Makes a DCF from an EDS and values, and reads the files beside a DCF (CiA 306 §5).
 #pragma once
 
 #include <cstdint>
@@ -12,13 +12,13 @@
 
 namespace berth::eds {
 
-/// What a DCF says beyond the EDS that it is made from.
+/// The content of a DCF beyond its EDS.
 struct Configuration {
   std::optional<Commissioning> commissioning = {};
-  std::vector<Parameter> parameters = {};           ///< values to set; a `Literal` of kind none takes a value out
-  std::vector<Denotation> denotations = {};         ///< names to set; "" takes one out
-  std::vector<FileReference> file_references = {};  ///< plain file names; "" takes one out
-  /// [FileInfo], where not empty. LastEDS is the EDS's FileName unless given.
+  std::vector<Parameter> parameters = {};           ///< values to set; a `Literal` of kind none removes a value
+  std::vector<Denotation> denotations = {};         ///< names to set; "" removes one
+  std::vector<FileReference> file_references = {};  ///< plain file names; "" removes one
+  /// [FileInfo], if not empty. LastEDS is the EDS's FileName unless given.
   std::string file_name = {};
   std::string last_eds = {};
   std::string modification_time = {};  ///< hh:mmAM
@@ -26,13 +26,13 @@ struct Configuration {
   std::string modified_by = {};
 };
 
-/// The text of `eds.document` with these things set, every other byte as it is. A value is written as the file writes
-/// the default: hex or decimal, and `$NODEID+n` as it was given. Values of CompactSubObj arrays go to [xxxxValue]; PDOs
-/// that only CompactPDO describes get sections. Errors: `Errc::not_found` for an object that is not in the EDS,
-/// `Errc::invalid` for a value that is none of its type or that a file cannot carry; both with the object.
+/// The text of `eds.document` with these changes and every other byte unchanged. A value is written like the file's
+/// default: hex or decimal, and `$NODEID+n` as given. Values of CompactSubObj arrays go to [xxxxValue]; PDOs that only
+/// CompactPDO describes get sections. Errors: `Errc::not_found` for an object that is not in the EDS, `Errc::invalid`
+/// for a value that is invalid for its type or that a file cannot contain; both with the object.
 [[nodiscard]] Result<std::string> make_dcf(const File& eds, const Configuration& configuration);
 
-/// A plain file name beside the DCF, and nothing that leads elsewhere on any system: no `/`, `\`, `:`, control
+/// True for a plain file name beside the DCF, which leads nowhere else on any system: no `/`, `\`, `:`, control
 /// characters, `.` or `..`, not empty.
 [[nodiscard]] bool plain_file_name(std::string_view name) noexcept;
 

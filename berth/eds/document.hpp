@@ -1,6 +1,6 @@
 /// The text of an EDS or DCF (CiA 306 §4.2) as sections and `key=value` lines, each with its place in the text. The
-/// text itself is kept byte for byte: what changes a file later splices at these places, so comments, order and line
-/// ends stay. What the keys mean is `eds::read`'s business.
+/// text itself is kept byte for byte: later changes are inserted at these places, so comments, order and line ends
+/// stay. `eds::read` interprets the keys.
 #pragma once
 
 #include <cstdint>
@@ -33,7 +33,7 @@ struct Section {
   std::uint32_t count = 0;
 };
 
-/// Collects remarks about one file; stops collecting (and says so) when a hostile file makes too many.
+/// Collects remarks about one file; stops collecting (and reports that) when a hostile file causes too many.
 class Report {
  public:
   Report(std::string file, std::size_t most) : file_(std::move(file)), most_(most) {}
@@ -56,15 +56,14 @@ enum class Encoding : std::uint8_t { ascii, utf8, windows_1252 };
 class Document {
  public:
   Document() = default;
-  /// Never fails: what is no line of an EDS is reported and passed over. Accepted without a word: UTF-8 BOM, CRLF,
+  /// Never fails: lines that do not belong in an EDS are reported and skipped. Accepted silently: UTF-8 BOM, CRLF,
   /// blanks around `=` and at line ends, `;` comments, no newline at the end. Accepted with a note: lone CR as line
-  /// end,
-  /// `#` comments, `;` comments after a value, Windows-1252 text, NUL bytes, over-long lines.
+  /// end, `#` comments, `;` comments after a value, Windows-1252 text, NUL bytes, over-long lines.
   [[nodiscard]] static Document parse(std::string text, Report& report);
 
   [[nodiscard]] const std::string& text() const noexcept { return text_; }
   [[nodiscard]] Encoding encoding() const noexcept { return encoding_; }
-  /// In file order; a section that stands twice is there twice.
+  /// In file order; a repeated section is there twice.
   [[nodiscard]] std::span<const Section> sections() const noexcept { return sections_; }
   [[nodiscard]] std::span<const Entry> entries() const noexcept { return entries_; }
   [[nodiscard]] std::span<const Entry> entries(const Section& section) const noexcept {
@@ -77,15 +76,15 @@ class Document {
   [[nodiscard]] std::string_view value(const Entry& entry) const noexcept {
     return view(entry.value_at, entry.value_length);
   }
-  /// The last section of this name and the last entry of this key in it; upper and lower case alike. Linear.
+  /// The last section of this name and the last entry of this key in it; ignores case. Linear.
   [[nodiscard]] const Section* find(std::string_view section) const noexcept;
   [[nodiscard]] const Entry* find(const Section& section, std::string_view key) const noexcept;
   /// Column from 1, in bytes, of an offset into the text.
   [[nodiscard]] std::uint32_t column(std::uint32_t at) const noexcept;
   /// Text of the file as UTF-8, whatever the file's encoding.
   [[nodiscard]] std::string utf8(std::string_view raw) const;
-  /// The other way: UTF-8 as it is to stand in this file; empty when its Windows-1252 lacks a character, or for bytes
-  /// that are no UTF-8.
+  /// The reverse: UTF-8 text in this file's encoding; empty when its Windows-1252 lacks a character, or for bytes that
+  /// are not UTF-8.
   [[nodiscard]] std::optional<std::string> encoded(std::string_view text) const;
 
  private:
@@ -99,7 +98,7 @@ class Document {
   Encoding encoding_ = Encoding::ascii;
 };
 
-/// How a text is encoded: what is no UTF-8 counts as Windows-1252.
+/// The encoding of a text: if it is not UTF-8, it counts as Windows-1252.
 [[nodiscard]] Encoding encoding_of(std::string_view text) noexcept;
 [[nodiscard]] std::optional<std::string> to_windows_1252(std::string_view utf8);
 

@@ -1,4 +1,4 @@
-/// What an EDS or DCF says (CiA 306), as data: made by `read` (eds.hpp), from an XDD, or by hand, and written by
+/// The content of an EDS or DCF (CiA 306) as data: made by `read` (eds.hpp), from an XDD, or by hand, and written by
 /// `write`.
 #pragma once
 
@@ -15,7 +15,7 @@
 
 namespace berth::eds {
 
-/// [FileInfo]: texts as they stand in the file, as UTF-8.
+/// [FileInfo]: the file's texts, as UTF-8.
 struct FileInfo {
   std::string file_name = {};
   std::string file_version = {};
@@ -32,7 +32,7 @@ struct FileInfo {
   friend bool operator==(const FileInfo&, const FileInfo&) = default;
 };
 
-/// [DeviceInfo]. Numbers that are missing or unreadable are empty.
+/// [DeviceInfo]. Missing or unreadable numbers are empty.
 struct DeviceInfo {
   std::string vendor_name = {};
   std::optional<std::uint32_t> vendor_number = {};
@@ -67,19 +67,20 @@ struct Commissioning {
   friend bool operator==(const Commissioning&, const Commissioning&) = default;
 };
 
-/// A value that the file sets (ParameterValue or [xxxxValue]) as against one it gives as the device's default.
+/// A value that the file sets (ParameterValue or [xxxxValue]), as opposed to the device's default.
 struct Parameter {
   ObjectRef object = {};
   od::DataType type = od::DataType::none;
   od::Literal value = {};
-  std::uint32_t line = 0;  ///< where it stands; 0 = not from a file
+  std::uint32_t line = 0;  ///< its line in the file; 0 = not from a file
 };
 
 /// UploadFile or DownloadFile of a DOMAIN: a plain file name beside the DCF. Names that lead elsewhere (`../`, absolute
-/// paths, drive letters) are reported and left out: the file is untrusted input.
+/// paths, drive letters) are reported and omitted: the file is untrusted input.
 struct FileReference {
   ObjectRef object = {};
-  bool download = false;  ///< the file's content is written to the device; else the device's is stored there
+  bool download = false;  ///< the file's content is downloaded to the device; else the device's content is stored in
+                          ///< the file
   std::string name = {};
   std::uint32_t line = 0;
 };
@@ -105,7 +106,7 @@ struct ObjectLinks {
   friend bool operator==(const ObjectLinks&, const ObjectLinks&) = default;
 };
 
-/// [ToolN] (CiA 306-3): a program for this device; `$EDS` in the command stands for the file. Never run by Berth.
+/// [ToolN] (CiA 306-3): a program for this device; `$EDS` in the command stands for the file. Berth never runs it.
 struct Tool {
   std::string name = {};
   std::string command = {};
@@ -119,7 +120,7 @@ struct DynamicSegment {
   std::uint16_t first = 0;
   std::uint16_t last = 0;
   std::uint32_t offset = 0;      ///< PPOffset: byte offset of the segment in the process image
-  std::uint32_t difference = 1;  ///< BOOLEAN: bytes from one variable to the next (the unit is our reading)
+  std::uint32_t difference = 1;  ///< BOOLEAN: bytes from one variable to the next (Berth's interpretation of the unit)
 
   /// The greatest number of variables: 254 sub-indices an index.
   [[nodiscard]] std::uint32_t capacity() const noexcept { return last < first ? 0 : (last - first + 1U) * 254U; }
@@ -128,11 +129,11 @@ struct DynamicSegment {
   friend bool operator==(const DynamicSegment&, const DynamicSegment&) = default;
 };
 
-/// Everything that was understood.
+/// The understood content.
 struct File {
   Document document;
-  /// Never null after `read`; of a file with errors what could be understood. The initial values are the file's
-  /// ParameterValues where it has any, else its DefaultValues.
+  /// Never null after `read`; for a file with errors, its understandable part. The initial values are the file's
+  /// ParameterValues if it has any, else its DefaultValues.
   std::shared_ptr<const od::Description> description;
   FileInfo info;
   DeviceInfo device;
@@ -140,19 +141,19 @@ struct File {
   std::vector<Parameter> parameters = {};           ///< ascending by object
   std::vector<FileReference> file_references = {};  ///< ascending by object
   std::vector<Denotation> denotations = {};         ///< ascending by object
-  /// The DefaultValues of those objects in `parameters` for which the file gives one too; ascending by object.
+  /// DefaultValues of the objects in `parameters`, if the file gives them too; ascending by object.
   std::vector<Parameter> defaults = {};
   std::vector<ParamRef> param_refs = {};       ///< ascending by object
   std::vector<ObjectLinks> object_links = {};  ///< ascending by index
   std::vector<std::string> comments = {};      ///< [Comments] Line1...
   std::vector<Tool> tools = {};
   std::vector<DynamicSegment> dynamic_segments = {};
-  /// The kinds of modules that a modular device takes; `expand` (modules.hpp) makes a description with modules.
+  /// The kinds of modules that a modular device accepts; `expand` (modules.hpp) makes a description with modules.
   std::vector<Module> modules = {};
-  /// DCF [ConnectedModules]: the number of the kind in each slot, from the first slot on.
+  /// DCF [ConnectedModules]: the kind's number in each slot, from the first slot on.
   std::vector<std::uint16_t> connected_modules = {};
 
-  /// Vendor-ID and product code: of object 1018h where it gives them and they are not 0, else of [DeviceInfo].
+  /// Vendor-ID and product code: from object 1018h if it gives them and they are not 0, else from [DeviceInfo].
   [[nodiscard]] TypeCode type_code() const;
   /// The revision number, likewise.
   [[nodiscard]] std::uint32_t revision() const;

@@ -1,4 +1,4 @@
-/// The sections about the file and the device as a whole. Inside of room `eds` only.
+/// The sections about the file and the whole device. Internal to room `eds`.
 #pragma once
 
 #include "berth/eds/context.hpp"
@@ -16,7 +16,7 @@ namespace berth::eds {
 [[nodiscard]] std::vector<Tool> read_tools(Context& context);
 [[nodiscard]] std::vector<DynamicSegment> read_dynamic_segments(Context& context);
 [[nodiscard]] std::vector<std::uint16_t> read_connected_modules(Context& context);
-/// True for sections that CiA 306 knows beside those of objects.
+/// True for sections of CiA 306 other than those of objects.
 [[nodiscard]] bool known_section(std::string_view name) noexcept;
 
 }  // namespace berth::eds

@@ -1,4 +1,4 @@
-/// The keys of the sections of one object, and what they say of it. Inside of room `eds` only.
+/// The keys of the sections of one object, and their meaning. Internal to room `eds`.
 #pragma once
 
 #include <fmt/format.h>
@@ -38,7 +38,7 @@ using Keys = std::array<const Entry*, static_cast<std::size_t>(Key::count)>;
   return keys[static_cast<std::size_t>(key)];
 }
 
-/// What a section named after an object describes.
+/// The subject of a section named after an object.
 enum class Part : std::uint8_t { object, sub, name, value, denotation, links };
 struct ObjectSection {
   std::uint16_t index = 0;
@@ -52,7 +52,7 @@ struct ObjectSection {
 /// All sections of one object.
 struct ObjectGroup {
   std::uint16_t index = 0;
-  const Section* main = nullptr;  ///< null: only [xxxxsubN] sections stand there
+  const Section* main = nullptr;  ///< null: there are only [xxxxsubN] sections
   Keys keys{};
   std::span<const ObjectSection> subs;
   const Section* names = nullptr;
@@ -60,13 +60,13 @@ struct ObjectGroup {
   const Section* denotations = nullptr;
   const Section* links = nullptr;
 };
-/// What to take for a key that is missing.
+/// Defaults for missing keys.
 struct Fallback {
   std::uint8_t sub = 0;
   od::DataType type = od::DataType::none;
 };
 
-/// What a DCF sets, beside the description.
+/// Values set by a DCF, in addition to the description.
 struct DcfValues {
   std::vector<Parameter> parameters{};
   std::vector<Parameter> defaults{};
@@ -80,7 +80,7 @@ struct DcfValues {
 class ReadBudget {
  public:
   ReadBudget(Context& context, const ReadOptions& options) noexcept : context_(&context), options_(&options) {}
-  /// False (and one error) when the file asks for more than `ReadOptions` allows.
+  /// False (and one error) when the file exceeds a limit of `ReadOptions`.
   bool afford(const Section* section, std::size_t sub_objects, std::size_t bytes);
   /// Nothing more is read.
   [[nodiscard]] bool spent() const noexcept { return spent_; }
@@ -96,21 +96,21 @@ class ReadBudget {
 /// The keys of one object or sub-object: names, types, access, values and limits.
 class KeyReader {
  public:
-  /// What sections set beside the description goes to `values`.
+  /// `values` collects what sections set in addition to the description.
   KeyReader(Context& context, DcfValues& values) noexcept : context_(context), values_(values) {}
 
   /// `own`: further keys that the section may have.
   void collect(const Section& section, Keys& keys, std::span<const std::string_view> own = {});
   [[nodiscard]] bool given(const Keys& keys, Key key) const noexcept { return !context_.raw(entry(keys, key)).empty(); }
   [[nodiscard]] od::ObjectCode object_code(const ObjectGroup& group, bool has_subs);
-  /// Its name stays until the next call.
+  /// Its name is valid until the next call.
   [[nodiscard]] od::SubSpec spec(const ObjectGroup& group, const Section& section, const Keys& keys,
                                  const Fallback& fallback);
   [[nodiscard]] std::string_view parameter_name(const ObjectGroup& group, const Section& section, const Keys& keys,
                                                 const Fallback& fallback);
   [[nodiscard]] od::DataType data_type(const Section& section, const Keys& keys, const Fallback& fallback);
   void check_limits(const Section& section, const Entry* entry, const od::SubSpec& spec, const od::Literal& value);
-  /// `wrong`: how grave it is that the text is no value.
+  /// `wrong`: severity of an invalid text.
   [[nodiscard]] std::optional<od::Literal> literal(const Section& section, const Entry* entry, od::DataType type,
                                                    Finding::Severity wrong = Finding::Severity::error);
 
@@ -127,7 +127,7 @@ class KeyReader {
   std::string name_;  // until the builder has copied it
 };
 
-/// Calls `each(number, entry)` for the entries of a list; warns when `counter` says another number of them.
+/// Calls `each(number, entry)` for the entries of a list; warns when `counter` gives another number of them.
 template <class F>
 void numbered(Context& context, const Section& section, const char* counter, F&& each) {
   std::optional<std::uint64_t> promised;

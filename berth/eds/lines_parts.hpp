@@ -7,7 +7,7 @@ namespace berth::eds {
 
 inline constexpr std::size_t longest_line = 255;
 
-/// NUL counts as blank: files padded with NULs exist.
+/// NUL counts as blank, because files padded with NULs exist.
 [[nodiscard]] constexpr bool blank(char c) noexcept {
   return c == ' ' || c == '\t' || c == '\0' || c == '\v' || c == '\f';
 }

@@ -29,7 +29,7 @@ struct ModuleValue {
   friend bool operator==(const ModuleValue&, const ModuleValue&) = default;
 };
 
-/// [MxFixedXXXX]: an object that exists, once, when at least one module of the kind is plugged in.
+/// [MxFixedXXXX]: an object that exists once if at least one module of the kind is plugged in.
 struct ModuleObject {
   std::uint16_t index = 0;
   od::ObjectCode code = od::ObjectCode::var;
@@ -40,12 +40,12 @@ struct ModuleObject {
   friend bool operator==(const ModuleObject&, const ModuleObject&) = default;
 };
 
-/// [MxSubExtXXXX]: an object that each module of the kind makes longer.
+/// [MxSubExtXXXX]: an object that each module of the kind extends.
 struct ModuleExtension {
   std::uint16_t index = 0;
-  ModuleValue value = {};  ///< what each new sub-index is; the name is taken as it stands
-  /// Count `n`: n sub-indices of its own. Count `0;b`: b bits, which share a sub-index with those of the modules
-  /// before it while there is room in the data type.
+  ModuleValue value = {};  ///< the value at each new sub-index; the name is used unchanged
+  /// Count `n`: n sub-indices of its own. Count `0;b`: b bits, which share a sub-index with those of the previous
+  /// modules while the data type has room.
   std::uint16_t count = 0;
   std::uint16_t bits = 0;
   std::uint16_t object_extend = 0;  ///< ObjExtend: how many further indices may follow when 254 sub-indices are full
@@ -71,12 +71,11 @@ struct Expansion {
 };
 
 /// The coupler's description with the objects of its modules, in the order of the slots (`slots[i]` = number of the
-/// kind in slot i+1; 0 = empty). Sub-indices of modules follow those that the coupler has by itself. Fixed objects that
-/// the file describes stay as they are. An unknown kind, or more sub-indices than an object holds, is a finding and is
-/// left out.
+/// kind in slot i+1; 0 = empty). Sub-indices of modules follow the coupler's own. Fixed objects that the file describes
+/// stay unchanged. An unknown kind, or more sub-indices than an object can hold, is a finding and is omitted.
 [[nodiscard]] Expansion expand(const File& file, std::span<const std::uint16_t> slots);
-/// The same for a DCF's own [ConnectedModules]. Extended objects for which the DCF has sub-objects stay as they are:
-/// they describe the device with its modules already.
+/// The same for a DCF's own [ConnectedModules]. Extended objects for which the DCF has sub-objects stay unchanged: they
+/// already describe the device with its modules.
 [[nodiscard]] Expansion expand(const File& file);
 
 }  // namespace berth::eds

@@ -1,4 +1,4 @@
-/// The sections of modular devices: [MxModuleInfo] and what belongs to each kind of module. Inside of room `eds` only.
+/// The sections of modular devices: [MxModuleInfo] and the sections of each kind of module. Internal to room `eds`.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 
 namespace berth::eds {
 
-/// What a section of a module describes.
+/// The subject of a module's section.
 enum class ModulePart : std::uint8_t { info, comments, fixed_list, fixed, fixed_sub, extension_list, extension };
 struct ModuleSection {
   std::uint16_t module = 0;

@@ -1,5 +1,5 @@
-/// The object lists of a file ([MandatoryObjects], [OptionalObjects], [ManufacturerObjects]) against the objects that
-/// it describes. Inside of room `eds` only.
+/// Compares the object lists of a file ([MandatoryObjects], [OptionalObjects], [ManufacturerObjects]) with the objects
+/// that it describes. Internal to room `eds`.
 #pragma once
 
 #include <array>
@@ -17,7 +17,7 @@ class ObjectLists {
   void read(bool any_object);
   /// An object that the file describes.
   void described(const ObjectGroup& group);
-  /// Tells of each object that is listed and was not described.
+  /// Reports each object that is listed but not described.
   void missing_sections();
 
  private:
@@ -34,7 +34,7 @@ class ObjectLists {
   Context& context_;
   std::unique_ptr<Indices> listed_ = std::make_unique<Indices>();
   std::unique_ptr<Indices> described_ = std::make_unique<Indices>();
-  std::vector<Listed> lists_;  // what the lists name, in the order of the file
+  std::vector<Listed> lists_;  // the listed objects, in the order of the file
   bool any_list_ = false;
 };
 

@@ -1,5 +1,4 @@
-/// The object sections of a device description: [1018], [1018sub1], [2050Name], [2050Value]... Inside of room `eds`
-/// only.
+/// The object sections of a device description: [1018], [1018sub1], [2050Name], [2050Value]... Internal to room `eds`.
 #pragma once
 
 #include <vector>
@@ -50,8 +49,8 @@ class ObjectReader {
   ObjectLists lists_{context_};
   od::DescriptionBuilder builder_;
   std::vector<ObjectSection> sections_;
-  std::size_t own_values_ = 0;           ///< values at objects that have none of their own
-  std::size_t parameters_of_group_ = 0;  ///< how many there were before the group that is being read
+  std::size_t own_values_ = 0;           ///< values at objects that cannot have their own
+  std::size_t parameters_of_group_ = 0;  ///< their number before the current group
 };
 
 }  // namespace berth::eds

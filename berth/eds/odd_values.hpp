@@ -1,4 +1,4 @@
-/// Values as makers' description files have them, which CiA 306 does not know. Inside of room `eds`.
+/// Values in makers' description files that CiA 306 does not allow. Internal to room `eds`.
 #pragma once
 
 #include <optional>
@@ -10,14 +10,15 @@
 
 namespace berth::eds {
 
-/// The plain sense of a text that `od::parse` refuses, written as CiA 306 has it: `0x12ULL` (C's suffixes), `08` (no
-/// octal number), `TRUE` and `FALSE` of a BOOLEAN, `1.0` of an integer, `$NODEID+0x180+1`. Empty: there is none.
+/// The evident meaning of a text that `od::parse` refuses, in CiA 306's form: `0x12ULL` (C's suffixes), `08` (no octal
+/// number), `TRUE` and `FALSE` of a BOOLEAN, `1.0` of an integer, `$NODEID+0x180+1`. Empty: there is none.
 [[nodiscard]] std::optional<std::string> plain_sense(od::DataType type, std::string_view text);
 
-/// A value as `od::parse` has it, or in its plain sense.
+/// A value from `od::parse`, or from its evident meaning.
 struct Understood {
   tl::expected<od::Parsed, od::TextError> parsed;
-  std::optional<std::string> plain{};  ///< what the text was taken as; empty: it is as it should be, or none
+  std::optional<std::string> plain{};  ///< the text in the form that was used instead; empty: the text is correct, or
+                                       ///< has no meaning
 };
 [[nodiscard]] Understood understand(od::DataType type, std::string_view text);
 

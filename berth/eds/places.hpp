@@ -1,4 +1,4 @@
-/// Where in a file an object stands: for findings about what it means. Inside of room `eds` only.
+/// The place of an object in a file, for findings about its meaning. Internal to room `eds`.
 #pragma once
 
 #include <cstdint>

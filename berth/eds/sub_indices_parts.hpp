@@ -1,4 +1,4 @@
-/// Which objects have sub-indices, how many, and what they cannot have themselves.
+/// Which objects have sub-indices, how many, and which keys they cannot have themselves.
 #pragma once
 
 #include <fmt/format.h>
@@ -16,10 +16,10 @@ inline constexpr std::uint8_t most_sub = 254;
   return code == od::ObjectCode::array || code == od::ObjectCode::record || code == od::ObjectCode::defstruct;
 }
 
-/// Of one fault that a file may have thousands of times: so many are told at their lines, and the others counted.
+/// Limit for a fault that a file may have thousands of times: so many are reported at their lines, the others counted.
 inline constexpr std::size_t most_told = 5;
 
-/// A value at the object itself belongs to none of its sub-objects. `berth eds convert` knows both by their ends.
+/// A value at the object itself belongs to none of its sub-objects. `berth eds convert` recognises both by their ends.
 [[nodiscard]] inline std::string no_own_value(od::ObjectCode code) {
   return fmt::format("{} {} has no value of its own: left out", code == od::ObjectCode::array ? "an" : "a",
                      od::name(code));

@@ -1,4 +1,4 @@
-/// What the writers of EDS, DCF and CPJ share: lines that are sure to be read back. Inside of room `eds` only.
+/// Shared by the writers of EDS, DCF and CPJ: lines that can be read back unchanged. Internal to room `eds`.
 #pragma once
 
 #include <fmt/format.h>
@@ -11,9 +11,9 @@
 
 namespace berth::eds {
 
-/// Blanks at the ends, line breaks and a `;` that begins a comment do not come back.
+/// False for blanks at the ends, line breaks and a `;` that begins a comment: reading would lose them.
 [[nodiscard]] bool fits_a_line(std::string_view value) noexcept;
-/// The nearest text that does.
+/// The nearest text that fits a line.
 [[nodiscard]] std::string fitted(std::string_view value);
 
 /// Builds a file's text, section by section.
@@ -22,11 +22,11 @@ class TextBuilder {
   TextBuilder(std::string_view line_end, Encoding encoding) : line_end_(line_end), encoding_(encoding) {}
 
   void section(std::string_view name);
-  /// UTF-8, written in the file's encoding. What cannot be carried is replaced and told.
+  /// UTF-8, written in the file's encoding. Unsupported characters are replaced and reported.
   void text(std::string_view key, std::string_view value);
-  /// Bytes as they are (VISIBLE_STRING).
+  /// Unchanged bytes (VISIBLE_STRING).
   void raw(std::string_view key, std::string_view value);
-  /// ASCII made by the writer: nothing to check.
+  /// ASCII made by the writer, which needs no check.
   void plain(std::string_view key, std::string_view value);
   void flag(std::string_view key, bool value) { plain(key, value ? "1" : "0"); }
   void number(std::string_view key, std::uint64_t value) { plain(key, std::to_string(value)); }

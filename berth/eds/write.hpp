@@ -1,4 +1,4 @@
-/// Writing EDS and DCF (CiA 306): changing a file that is there without touching the rest of it, and making one anew.
+/// Writes EDS and DCF (CiA 306): changes an existing file without touching the rest of it, or makes a new one.
 #pragma once
 
 #include <cstdint>
@@ -14,30 +14,29 @@
 
 namespace berth::eds {
 
-/// Changes single keys of a text and leaves every other byte as it is: comments, order, line ends, encoding, unknown
-/// sections. Names are found in upper and lower case alike. Texts go in as UTF-8 and are written in the file's
+/// Changes single keys of a text and leaves every other byte unchanged: comments, order, line ends, encoding, unknown
+/// sections. Names are found regardless of case. Texts are passed as UTF-8 and are written in the file's encoding.
 /// encoding.
-///
-/// Where a section stands more than once, the last one counts and is changed. Errors (`Errc::invalid`): a value that a
-/// line cannot carry (line breaks, blanks at its ends, a `;` that would begin a comment), a name with `=`, `[`, `]`,
-/// and a character that the file's Windows-1252 does not have. Nothing is changed then.
+/// If a section is repeated, the last one counts and is changed. Errors (`Errc::invalid`): a value that a line cannot
+/// contain (line breaks, blanks at its ends, a `;` that would begin a comment), a name with `=`, `[`, `]`, and a
+/// character that the file's Windows-1252 lacks. Nothing is changed then.
 class Editor {
  public:
   /// `document` must outlive the editor.
   explicit Editor(const Document& document);
 
-  /// Gives the key a value. A new key goes below the section's last one; a new section to the end of the file.
+  /// Sets the key's value. A new key goes below the section's last one; a new section to the end of the file.
   [[nodiscard]] Result<void> set(std::string_view section, std::string_view key, std::string_view value);
-  /// The same with bytes as they are to stand in the file.
+  /// The same with bytes in the file's encoding.
   [[nodiscard]] Result<void> set_raw(std::string_view section, std::string_view key, std::string_view value);
-  /// A new, empty section after `after` (its last one), or at the end. Nothing when it is there.
+  /// A new, empty section after `after` (its last one), or at the end. Does nothing if it exists.
   [[nodiscard]] Result<void> add_section(std::string_view name, std::string_view after = {});
-  /// Takes the key's line out, everywhere where it stands; nothing when there is none.
+  /// Removes the key's line, wherever it occurs; does nothing if there is none.
   void remove(std::string_view section, std::string_view key);
-  /// Takes a section with its lines out, everywhere where it stands. Comments below its last key stay.
+  /// Removes a section and its lines, wherever it occurs. Comments below its last key stay.
   void remove_section(std::string_view section);
 
-  /// As the text would be read after the changes so far; empty when there is no such key.
+  /// The value as read from the changed text; empty when there is no such key.
   [[nodiscard]] std::optional<std::string> value(std::string_view section, std::string_view key) const;
   [[nodiscard]] bool has_section(std::string_view section) const;
   /// The text with all changes.
@@ -46,16 +45,16 @@ class Editor {
  private:
   struct Line {
     std::string key;    ///< as UTF-8
-    std::string value;  ///< as it is to stand in the file
+    std::string value;  ///< in the file's encoding
   };
   struct Place {
-    std::map<std::uint32_t, std::optional<std::string>> changed;  ///< by position of the entry; empty = taken out
+    std::map<std::uint32_t, std::optional<std::string>> changed;  ///< by position of the entry; empty = removed
     std::vector<Line> added;
     bool removed = false;
   };
   struct Fresh {
     std::string name;         ///< as UTF-8
-    std::uint32_t after = 0;  ///< position of the section it stands after
+    std::uint32_t after = 0;  ///< position of the section before it
     std::vector<Line> lines;
   };
   [[nodiscard]] std::optional<std::uint32_t> last(std::string_view section) const;
@@ -82,19 +81,19 @@ struct WriteOptions {
 
 struct Written {
   std::string text;
-  /// Warnings: what the format could not carry and how it stands there instead. Notes: lines beyond 255 characters;
-  /// DataTypes of RECORDs. One with a line and without a file speaks of the file that was read.
+  /// Warnings: parts that the format cannot express, and what was written instead. Notes: lines beyond 255 characters;
+  /// DataTypes of RECORDs. A finding with a line but without a file refers to the file that was read.
   Findings findings;
 };
 
-/// Writes a whole file from what `file` says; `file.document` is not asked. EDSVersion 4.0 where none is given; all
-/// mandatory keys; lists and sections ascending. Reading it back gives an equal `file`, but for: names of VAR objects
-/// (a VAR has one name, that of its value), the capacity of strings, an empty string as default (the same as none).
+/// Writes a whole file from `file`, ignoring `file.document`. EDSVersion 4.0 if none is given; all mandatory keys;
+/// lists and sections ascending. Reading it back gives an equal `file`, except for: names of VAR objects (a VAR has one
+/// name, that of its value), the capacity of strings, an empty string as default (the same as none).
 [[nodiscard]] Written write(const File& file, const WriteOptions& options = {});
 
 /// A value's text: `$NODEID+0x180`, decimal or `hex` numbers, else as `od::print`.
 [[nodiscard]] std::string text_of(const od::Literal& value, od::DataType type, bool hex);
-/// True for objects whose numbers people read in hex: COB-IDs, mapping entries, identities, device types.
+/// True for objects whose numbers are usually read in hex: COB-IDs, mapping entries, identities, device types.
 [[nodiscard]] bool usually_hex(ObjectRef object, od::DataType type) noexcept;
 
 }  // namespace berth::eds

@@ -1,4 +1,4 @@
-/// What the sources of the XDD reader share. Inside of room `eds` only.
+/// Shared by the sources of the XDD reader. Internal to room `eds`.
 #pragma once
 
 #include <map>
@@ -15,14 +15,14 @@ namespace berth::eds::xml {
 using Severity = Finding::Severity;
 using Node = pugi::xml_node;
 
-/// References in a circle end here.
+/// Limit that ends circular references.
 inline constexpr unsigned deepest_reference = 8;
 
 /// The name without its prefix.
 [[nodiscard]] std::string_view local(Node node) noexcept;
 /// The first child element of this local name; an empty node when there is none.
 [[nodiscard]] Node child(Node node, std::string_view name) noexcept;
-/// The attribute of this name, upper and lower case alike (`nodeID` and `NodeID` are both in the field), or "".
+/// The attribute of this name, ignoring case (`nodeID` and `NodeID` both occur in the field), or "".
 [[nodiscard]] std::string_view attribute(Node node, std::string_view name) noexcept;
 /// The same with the blanks at its ends.
 [[nodiscard]] std::string_view untrimmed(Node node, std::string_view name) noexcept;
@@ -31,7 +31,7 @@ inline constexpr unsigned deepest_reference = 8;
 [[nodiscard]] std::string_view text(Node node) noexcept;
 /// Text of the first `label` or `description` in it.
 [[nodiscard]] std::string_view words(Node node, std::string_view kind) noexcept;
-/// The same: the English one where there are several.
+/// The same, but the English one if there are several.
 [[nodiscard]] std::string_view words_in_english(Node node, std::string_view kind) noexcept;
 [[nodiscard]] inline std::string_view label(Node node) noexcept { return words_in_english(node, "label"); }
 
@@ -46,7 +46,8 @@ class Source {
   [[nodiscard]] Report& report() noexcept { return report_; }
   [[nodiscard]] std::uint32_t line_of(Node node) const noexcept { return place(offset(node, {})).line; }
 
-  /// A number from 0 to `most`; empty when missing, or unreadable and reported. `hex`: without 0x (xsd:hexBinary).
+  /// A number from 0 to `most`; empty if missing, or if unreadable, which is reported. `hex`: without 0x
+  /// (xsd:hexBinary).
   [[nodiscard]] std::optional<std::uint64_t> number(Node node, std::string_view attribute, std::uint64_t most, bool hex,
                                                     const std::string& key, Severity severity);
   /// xsd:boolean; missing is false.
@@ -71,7 +72,7 @@ using NodesById = std::unordered_map<std::string_view, Node>;
 /// The `allowedValues` of a parameter or template, its own or those of the template it refers to.
 [[nodiscard]] Node allowed_values(Node holder, const NodesById& by_id);
 
-/// `CANopenObjectList` and what it refers to in the `ApplicationProcess`es.
+/// `CANopenObjectList` and its references into the `ApplicationProcess`es.
 class ObjectList {
  public:
   ObjectList(Source& source, const ReadOptions& options) : source_(source), options_(options) {}
@@ -79,13 +80,14 @@ class ObjectList {
   /// Parameters, templates and data types of a device profile. The nodes must stay.
   void learn(Node application_process);
   void read(Node list);
-  /// Ends in `file`. Objects that have no place in `File` beyond their own were counted in `left_out`.
+  /// Writes the result to `file`. `left_out` counts objects without a place in `File`.
   void finish(File& file, std::uint32_t dummies);
-  /// "unit" → 3: elements that were read over.
+  /// "unit" → 3: ignored elements.
   std::map<std::string, std::size_t>& left_out() noexcept { return left_out_; }
 
  private:
-  /// Where the facts about one value stand: its own element, then the parameter it refers to, then that one's template.
+  /// Places of the facts about one value: its own element, then the parameter it refers to, then the parameter's
+  /// template.
   struct Facts {
     Node own;
     Node parameter;
@@ -106,7 +108,7 @@ class ObjectList {
   void read_simple(const Facts& facts, od::ObjectCode code);
   [[nodiscard]] od::SubSpec spec(const Facts& facts, od::DataType fallback);
   [[nodiscard]] od::DataType data_type(const Facts& facts, od::DataType fallback);
-  /// The IEC type of a parameter, also after references; of an ARRAY that of its elements.
+  /// The IEC type of a parameter, after following references; for an ARRAY that of its elements.
   [[nodiscard]] od::DataType iec_type(Node holder, bool elements);
   [[nodiscard]] od::Access access(const Facts& facts, od::DataType type);
   void mapping(const Facts& facts, od::SubSpec& spec);
@@ -133,7 +135,7 @@ class ObjectList {
   std::vector<Parameter> defaults_;
   std::vector<Denotation> denotations_;
   std::string scratch_;         ///< holds a name until the builder has copied it
-  std::size_t own_values_ = 0;  ///< at objects that have none of their own
+  std::size_t own_values_ = 0;  ///< at objects that cannot have their own
   std::size_t sub_objects_ = 0;
   std::size_t bytes_ = 0;
   bool too_much_ = false;

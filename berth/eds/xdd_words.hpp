@@ -1,4 +1,4 @@
-/// Forms and names that the XDD reader and writer share. Inside of room `eds` only.
+/// Forms and names shared by the XDD reader and writer. Internal to room `eds`.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,7 @@
 
 namespace berth::eds::xml {
 
-/// `fileCreationDate` must stand there; this stands for "not known".
+/// `fileCreationDate` is mandatory; this value means "not known".
 inline constexpr std::string_view no_date = "0001-01-01";
 
 /// "2024-07-31" to "07-31-2024" and back; "" for anything else.
@@ -20,7 +20,7 @@ inline constexpr std::string_view no_date = "0001-01-01";
 /// "250 Kbps", "250" → 250.
 [[nodiscard]] std::optional<std::uint16_t> kilobits(std::string_view text);
 
-/// Names of characteristics under which facts of an EDS stand that CiA 311 has no place for.
+/// Names of characteristics for facts of an EDS that have no place in CiA 311.
 inline constexpr std::string_view file_revision = "EDS file revision";
 inline constexpr std::string_view eds_version = "EDS version";
 inline constexpr std::string_view last_eds = "EDS of this configuration";

@@ -30,7 +30,7 @@ struct BusReport {
   bool bus_off = false;
   bool restarted = false;        ///< out of bus-off
   std::optional<Level> level{};  ///< the new state of the controller
-  bool counts = false;           ///< `tec` and `rec` come from the controller; else they are the minimum for `level`
+  bool counts = false;  ///< `tec` and `rec` come from the controller; else they are the least that `level` means
   std::uint8_t tec = 0;
   std::uint8_t rec = 0;
 };

@@ -1,5 +1,5 @@
-/// What a device knows of itself, of its bus and of the nodes that it supervises (1016h) and whose emergencies it
-/// takes (1028h), as the diagnosis and error interface of paper 5 §4 tells an application.
+/// The diagnosis and error interface of paper 5 §4 for an application: the state of the device, of its bus, of the
+/// nodes that it supervises (1016h) and whose emergencies it receives (1028h).
 #pragma once
 
 #include "berth/can/port.hpp"
@@ -8,20 +8,20 @@
 
 namespace berth::process {
 
-/// Nothing is known yet: no node's state, nor the own one.
+/// Makes everything unknown: the states of all nodes, and the own state.
 void forget_all(berth_diagnosis& told) noexcept;
-/// The bus, as its port has it.
+/// Sets the state of the bus, from its port.
 void tell_bus(const can::Status& bus, berth_diagnosis& told) noexcept;
 
 class DeviceDiagnosis {
  public:
-  /// Adds to the device's callbacks: those that are set already are called, too. All must outlive the device's running.
-  /// `port`: null = nothing is known of the bus.
+  /// Adds to the device's callbacks: existing ones are still called. All must outlive the device's running. `port`:
+  /// null = nothing is known of the bus.
   DeviceDiagnosis(device::Device& device, berth_diagnosis& told, const can::Port* port);
   DeviceDiagnosis(const DeviceDiagnosis&) = delete;
   DeviceDiagnosis& operator=(const DeviceDiagnosis&) = delete;
 
-  /// What is not told by callbacks: the device's own state, and its bus.
+  /// Updates what no callback reports: the device's own state, and its bus.
   void refresh() noexcept;
 
  private:

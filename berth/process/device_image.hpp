@@ -1,22 +1,22 @@
-/// A process image that a device keeps up to date: objects of its dictionary by the variables' names.
+/// A process image that a device keeps up to date: maps variables by name to objects of its dictionary.
 ///
 ///     process::DeviceImage link(device, executor, image.network(),
 ///                               std::vector<process::Bound>{{"Silo level", {0x6000, 1}}, {"Belt motor", {0x6200, 1}}},
 ///                               {.cycle = 5ms, .application_timeout = 50ms});
 ///     for (const auto& problem : link.problems()) …
 ///
-/// Output variables: whatever the network wrote in one instant (RPDOs, SDO) is one publication, and what one RPDO
-/// carries is never torn. Each has a validity: `BERTH_WAITING` until it is received for the first time in operational,
+/// Output variables: all writes from the network in one instant (RPDOs, SDO) are one publication, and the content of
+/// one RPDO is never torn. Each has a validity: `BERTH_WAITING` until it is received for the first time in operational,
 /// `BERTH_SILENT` when the deadline of its RPDO (1400h:05) has passed.
 ///
-/// Input variables: taken every `cycle`, or when `exchange` is called, on SYNC say; changed ones are written to the
-/// dictionary, an event of the TPDOs that map them.
+/// Input variables: read every `cycle`, or when `exchange` is called (for example, on SYNC); changed ones are written
+/// to the dictionary, which is an event for the TPDOs that map them.
 ///
-/// An error of the application (`ApplicationSide::set_error`) is the device's: EMCY, 1001h and 1003h.
+/// An error of the application (`ApplicationSide::set_error`) becomes one of the device: EMCY, 1001h and 1003h.
 ///
-/// The application is lost when it commits nothing for `application_timeout`; from its first commit on. Then EMCY 6100h
-/// (software, internal) is told, its own error is over, and all input variables become 0, so that no device goes on
-/// with what a program wrote that has ended; its next commit ends both.
+/// After its first commit, the application counts as lost when it commits nothing for `application_timeout`. Then EMCY
+/// 6100h (software, internal) is sent, the application's own error is cleared, and all input variables become 0, so
+/// that no device continues with values of an ended program. Its next commit ends this.
 #pragma once
 
 #include <array>
@@ -44,25 +44,25 @@ class DeviceImage final : private rt::Job {
   struct Options {
     rt::Duration cycle{};                ///< 0: only `exchange`
     rt::Duration application_timeout{};  ///< 0: none
-    bool hold = false;                   ///< the inputs of an application that is lost stay as they are
-    const can::Port* port = nullptr;     ///< whose state the diagnosis has
+    bool hold = false;                   ///< keep the inputs of a lost application
+    const can::Port* port = nullptr;     ///< source of the bus state for the diagnosis
   };
-  /// All of the executor's thread; device and image must outlive it, and the device must not run any more when it is
-  /// gone. It adds to the device's callbacks: those that are set already are called, too. Uses the heap, here only.
+  /// All calls from the executor's thread; device and image must outlive it, and the device must not run after its end.
+  /// It adds to the device's callbacks: existing ones are still called. Only the constructor uses the heap.
   DeviceImage(device::Device& device, rt::Executor& executor, NetworkSide& image, std::span<const Bound> bound,
               const Options& options);
   DeviceImage(const DeviceImage&) = delete;
   DeviceImage& operator=(const DeviceImage&) = delete;
 
-  /// Variables and objects that do not fit each other, and why; all others are bound.
+  /// Variables and objects that do not match, and why; all others are bound.
   [[nodiscard]] std::span<const std::string> problems() const noexcept { return problems_; }
-  /// Publishes what the dictionary holds, and takes what the application committed.
+  /// Publishes the values of the dictionary, and takes the application's committed values.
   void exchange() noexcept;
-  /// An application was there, and is lost.
+  /// True when an application was there and is lost.
   [[nodiscard]] bool lost() const noexcept { return lost_; }
 
-  /// From the end of the first frame that a snapshot brought until what the application made of that snapshot was in
-  /// the dictionary, its TPDOs in the queue.
+  /// Time from the end of the first frame of a snapshot until the application's result for that snapshot was in the
+  /// dictionary and its TPDOs in the queue.
   struct Reactions {
     std::uint64_t count = 0;
     rt::Duration shortest{};
@@ -100,13 +100,13 @@ class DeviceImage final : private rt::Job {
   std::vector<Line> outputs_;
   std::vector<Line> inputs_;
   std::vector<std::string> problems_;
-  // By number of publication: when its first frame came; never: it brought none.
+  // By number of publication: when its first frame came; never: it had none.
   std::array<rt::Time, 64> began_;
   rt::Time first_ = rt::never;  // frame after the last publication
   std::uint64_t seen_ = 0;
   Reactions reactions_;
   std::uint16_t error_ = 0;         // of the application
-  rt::Time committed_ = rt::never;  // never: not yet
+  rt::Time committed_ = rt::never;  // never: not so far
   bool lost_ = false;
 };
 

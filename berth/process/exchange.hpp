@@ -1,6 +1,6 @@
-/// Whole blocks of bytes from one thread to one other, also of another process: three buffers and one atomic word, in
-/// memory that both have. The word alone says whose which buffer is, so that either side may be killed at any
-/// instruction and be started anew: what was not handed over whole was not handed over.
+/// Passes whole blocks of bytes from one thread to another, also of another process: three buffers and one atomic word,
+/// in memory that both share. Only the word decides whose each buffer is, so either side may be killed at any
+/// instruction and be restarted: a block that was not passed completely was not passed.
 ///
 ///     Giver giver(memory, layout);               Taker taker(memory, layout);
 ///     giver.work()[5] = 1;                       if (taker.take()) use(taker.taken());
@@ -18,7 +18,7 @@
 
 namespace berth::process {
 
-/// Bytes of a block that mean something: a block may be large and mostly empty.
+/// Significant bytes of a block: a block may be large and mostly empty.
 struct Run {
   std::uint32_t at = 0;
   std::uint32_t size = 0;
@@ -31,12 +31,12 @@ struct BlockLayout {
   static constexpr std::size_t line = 64;  ///< bytes that a processor moves at once
   [[nodiscard]] static constexpr std::size_t up(std::size_t bytes) noexcept { return (bytes + line - 1) / line * line; }
   [[nodiscard]] std::size_t buffer() const noexcept { return up(size); }
-  /// Bytes that an exchange of such blocks takes, at a multiple of `line`.
+  /// Bytes that an exchange of such blocks needs, at a multiple of `line`.
   [[nodiscard]] std::size_t memory() const noexcept { return line + 3 * buffer(); }
 };
 
-/// The word: which buffer is the giver's, which the taker's, which lies between them, and whether that is newer than
-/// what the taker has. It comes from memory that another process writes: an index of 3, which none has, is taken as 0.
+/// The word: which buffer belongs to the giver, which to the taker, which is between them, and whether that is newer
+/// than the taker's. Another process writes this memory: an invalid index of 3 counts as 0.
 class Owners {
  public:
   static constexpr std::uint32_t initial = 0U | 1U << 2U | 2U << 4U;  ///< giver, between, taker
@@ -46,11 +46,11 @@ class Owners {
 
   [[nodiscard]] static std::size_t giver(std::uint32_t word) noexcept { return (word & 3U) % 3U; }
   [[nodiscard]] static std::size_t taker(std::uint32_t word) noexcept { return (word >> 4U & 3U) % 3U; }
-  /// The giver's buffer and the one between change places.
+  /// Swaps the giver's buffer and the one between.
   [[nodiscard]] static std::uint32_t given(std::uint32_t word) noexcept {
     return (word & 3U) << 2U | (word >> 2U & 3U) | (word & 0x30U) | fresh;
   }
-  /// The taker's and the one between do.
+  /// Swaps the taker's buffer and the one between.
   [[nodiscard]] static std::uint32_t taken(std::uint32_t word) noexcept {
     return (word & 3U) | (word >> 4U & 3U) << 2U | (word >> 2U & 3U) << 4U;
   }
@@ -58,7 +58,7 @@ class Owners {
 
 class Giver {
  public:
-  /// `memory`: `layout.memory()` bytes, which must stay; the word in it was set to `Owners::initial` once.
+  /// `memory`: `layout.memory()` bytes, which must stay; its word was set to `Owners::initial` once.
   Giver(std::uint8_t* memory, BlockLayout layout)
       : word_(reinterpret_cast<Owners::Word*>(memory)),
         buffers_(memory + BlockLayout::line),
@@ -67,7 +67,7 @@ class Giver {
   Giver(const Giver&) = delete;
   Giver& operator=(const Giver&) = delete;
 
-  /// What the next `give` hands over. It stays as it is afterwards.
+  /// The block that the next `give` passes. Its content stays afterwards.
   [[nodiscard]] std::span<std::uint8_t> work() noexcept { return work_; }
   void give() noexcept {
     auto word = word_->load(std::memory_order_relaxed);
@@ -96,7 +96,7 @@ class Taker {
   Taker(const Taker&) = delete;
   Taker& operator=(const Taker&) = delete;
 
-  /// True when something newer came; `taken` is it until the next `take`.
+  /// True when a newer block came; `taken` is that block until the next `take`.
   bool take() noexcept {
     auto word = word_->load(std::memory_order_relaxed);
     if ((word & Owners::fresh) == 0) return false;

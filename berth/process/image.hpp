@@ -1,4 +1,4 @@
-/// The process image: the variables of an application that has its own cycle and its own thread, or its own process
+/// The process image: the variables of an application with its own cycle and thread, or its own process
 /// (shared_image.hpp). Declared once, by name and type:
 ///
 ///     process::Layout layout;
@@ -12,12 +12,13 @@
 ///                                                    image.application().set(motor, false);
 ///                                                  image.application().commit();
 ///
-/// Direction as the network sees it: an *input* variable is the network's input, which the application writes and a
+/// Directions are seen from the network: an *input* variable is the network's input, which the application writes and a
 /// TPDO carries; an *output* variable is the network's output, which an RPDO brings and the application reads
 /// ("Distributed intelligence in CANopen", Figure 2; CiA 302-4).
 ///
-/// A side owns what it works on; `publish` and `refresh`, `commit` and `take` hand whole images over (exchange.hpp).
-/// Neither side ever waits, locks or uses the heap, and no image is torn: all variables are of one `publish`. What was
+/// Each side owns its working copy; `publish` and `refresh`, `commit` and `take` pass whole images (exchange.hpp).
+/// Neither side ever waits, locks or uses the heap, and no image is torn: all variables are of one `publish`. Of
+/// several publications before a `refresh`, only the newest is seen.
 /// published twice before a `refresh` is seen once, the newest.
 #pragma once
 
@@ -41,7 +42,7 @@ class NetworkSide {
   bool set(Output<T> variable, T value) noexcept {
     return variable.store(outputs(), value);
   }
-  /// What was set since, for the application's next `refresh`.
+  /// Passes the values set so far to the application's next `refresh`.
   void publish() noexcept;
   /// True when the application has committed since the last `take`.
   bool take() noexcept { return inputs_.take(); }
@@ -49,25 +50,25 @@ class NetworkSide {
   [[nodiscard]] T get(Input<T> variable) const noexcept {
     return variable.load(inputs());
   }
-  /// What the application said besides, in what was taken.
+  /// The application's other data in the taken image.
   [[nodiscard]] const InputHead& said() const noexcept {
     return *reinterpret_cast<const InputHead*>(inputs_.taken().data());
   }
   /// Of the last `publish`.
   [[nodiscard]] std::uint64_t number() noexcept { return head().number; }
-  /// By offset, for what maps objects.
+  /// By offset, for code that maps objects.
   [[nodiscard]] std::span<std::uint8_t> outputs() noexcept { return outputs_.work().subspan(values_at_); }
   [[nodiscard]] std::span<const std::uint8_t> inputs() const noexcept {
     return inputs_.taken().subspan(ImageFormat::input_values_at);
   }
 
-  /// @name What the next `publish` says of the outputs, each by `Variable::number`
+  /// @name Status of the outputs in the next `publish`, each by `Variable::number`
   /// @{
   void set_now(rt::Time now) noexcept { head().now_ns = now.time_since_epoch().count(); }
   void received(std::uint32_t output, rt::Time at) noexcept;
-  /// Its producer is lost.
+  /// The output's producer is lost.
   void silent(std::uint32_t output) noexcept;
-  /// None is received any more: the device is not operational.
+  /// No output is received any more: the device is not operational.
   void wait() noexcept;
   [[nodiscard]] berth_diagnosis& diagnosis() noexcept;
   /// @}
@@ -88,7 +89,7 @@ class ApplicationSide {
   /// `memory`: an image of that format, begun, which must stay.
   ApplicationSide(std::uint8_t* memory, const ImageFormat& format);
 
-  /// True when the network has published since; from then on `get` reads that snapshot.
+  /// True when the network has published since; `get` then reads that snapshot.
   bool refresh() noexcept { return outputs_.take(); }
   template <class T>
   [[nodiscard]] T get(Output<T> variable) const noexcept {
@@ -99,23 +100,23 @@ class ApplicationSide {
     static_assert(way == Direction::output, "an input is the application's own");
     return validity_of(variable.number());
   }
-  /// How long before the snapshot it was received last; empty while it is `BERTH_WAITING`.
+  /// Age of its last reception at the snapshot; empty while it is `BERTH_WAITING`.
   template <class T>
   [[nodiscard]] std::optional<rt::Duration> age(Output<T> variable) const noexcept {
     return age_of(variable.number());
   }
-  /// False, and nothing is set: more than the variable's type can hold.
+  /// False, and nothing is set: the value is out of the variable's type.
   template <class T>
   bool set(Input<T> variable, T value) noexcept {
     return variable.store(inputs(), value);
   }
-  /// An error of the application's own, which the device tells as EMCY until there is another or, with code 0, none.
-  /// With the next `commit`.
+  /// An error of the application, which the device sends as EMCY until there is another or, with code 0, none. Takes
+  /// effect with the next `commit`.
   void set_error(std::uint16_t code, std::uint8_t error_register) noexcept {
     said().error_code = code;
     said().error_register = error_register;
   }
-  /// Hands all inputs over. Once a cycle also when nothing changed: it is the application's sign of life.
+  /// Passes all inputs. Call it once a cycle even without changes: it is the application's sign of life.
   void commit() noexcept {
     said().seen = head().number;
     inputs_.give();
@@ -145,7 +146,7 @@ class ApplicationSide {
 /// Both sides in one process.
 class Image {
  public:
-  /// All values 0. Later changes of `layout` are not seen.
+  /// All values 0. Later changes of `layout` have no effect.
   explicit Image(const Layout& layout);
   Image(const Image&) = delete;
   Image& operator=(const Image&) = delete;

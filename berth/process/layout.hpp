@@ -5,7 +5,7 @@
 ///     const auto motor = layout.input<bool>("Belt motor");              // goes to the network
 ///     const auto count = layout.output<std::int32_t>("Count", od::DataType::integer24);
 ///
-/// All scalars of CiA 301 §7.4.7 have a place: the 18 types of network variables (paper 5, table 1) and REAL64,
+/// All scalars of CiA 301 §7.4.7 are allowed: the 18 types of network variables (paper 5, table 1) and REAL64,
 /// TIME_OF_DAY and TIME_DIFFERENCE.
 #pragma once
 
@@ -24,17 +24,17 @@
 
 namespace berth::process {
 
-enum class Direction : std::uint8_t { input, output };  ///< as the network sees it
+enum class Direction : std::uint8_t { input, output };  ///< from the network's view
 
 struct Variable {
   std::string name;
   od::DataType type = od::DataType::none;
   Direction direction = Direction::output;
-  std::uint32_t offset = 0;  ///< bytes from the begin of its direction's part
+  std::uint32_t offset = 0;  ///< bytes from the beginning of its direction's part
   std::uint32_t number = 0;  ///< among those of its direction
 };
 
-/// The CiA 301 type that a C++ type stands for.
+/// The CiA 301 type of a C++ type.
 template <class T>
 [[nodiscard]] constexpr od::DataType type_of() noexcept {
   static_assert(std::is_arithmetic_v<T>);
@@ -45,7 +45,7 @@ template <class T>
   constexpr std::size_t size = sizeof(T) == 1 ? 0 : sizeof(T) == 2 ? 1 : sizeof(T) == 4 ? 2 : 3;
   return whole[size + (std::is_signed_v<T> ? 4 : 0)];
 }
-/// Whether T holds every value of the type: std::int32_t those of INTEGER24.
+/// True if T holds every value of the type: std::int32_t those of INTEGER24.
 template <class T>
 [[nodiscard]] constexpr bool holds(od::DataType type) noexcept {
   if (type == type_of<T>()) return true;
@@ -54,7 +54,7 @@ template <class T>
   return whole && kind && od::bit_length(type) <= 8 * sizeof(T);
 }
 
-/// Where a variable stands; made by `Layout`. One that could not be declared is not `valid`: it reads 0 and sets
+/// The place of a variable; made by `Layout`. If it could not be declared, it is not `valid`: it reads 0 and sets
 /// nothing.
 template <class T, Direction way>
 class Handle {
@@ -75,7 +75,7 @@ class Handle {
     std::memcpy(&value, from, sizeof(T));
     return value;
   }
-  /// False, and nothing is stored: not valid, or more than the type can hold.
+  /// False, and nothing is stored: not valid, or out of the type's range.
   bool store(std::span<std::uint8_t> part, T value) const noexcept {
     if (offset_ >= part.size()) return false;
     auto* const to = part.data() + offset_;
@@ -101,11 +101,12 @@ template <class T>
 using Output = Handle<T, Direction::output>;
 
 inline constexpr std::uint32_t largest_part = 1024 * 1024;  ///< bytes of one direction
-inline constexpr std::size_t longest_name = 255;            ///< bytes of a variable's
+inline constexpr std::size_t longest_name = 255;            ///< bytes of a variable's name
 
 class Layout {
  public:
-  /// Behind the last one, at a multiple of its size. `type`: one that T holds, INTEGER24 in std::int32_t say.
+  /// Placed after the last one, at a multiple of its size. `type`: one that T holds, for example INTEGER24 in
+  /// std::int32_t.
   template <class T>
   [[nodiscard]] Input<T> input(std::string_view name, od::DataType type = type_of<T>()) {
     return made<T, Direction::input>(name, type);
@@ -114,17 +115,17 @@ class Layout {
   [[nodiscard]] Output<T> output(std::string_view name, od::DataType type = type_of<T>()) {
     return made<T, Direction::output>(name, type);
   }
-  /// Behind the last one; false: `problems` says why. Types without a fixed size (strings, DOMAIN) have no place here.
+  /// Placed after the last one; false: see `problems`. Types without a fixed size (strings, DOMAIN) are not allowed.
   bool declare(std::string_view name, od::DataType type, Direction direction);
-  /// At an offset that was given (PPOffset of an EDS's [DynamicChannels], CiA 306-3). Refused: bytes of another one.
+  /// At a given offset (PPOffset of an EDS's [DynamicChannels], CiA 306-3). Refused if it overlaps another one.
   bool declare_at(std::string_view name, od::DataType type, Direction direction, std::uint32_t offset);
 
-  /// In the order of declaring.
+  /// In the order of declaration.
   [[nodiscard]] std::span<const Variable> variables() const noexcept { return variables_; }
   /// Null when there is none of that name.
   [[nodiscard]] const Variable* find(std::string_view name) const noexcept;
-  /// The handle of one that was declared by its name and type, by a loader say; not `valid`: there is none of that name
-  /// and direction, or T does not hold its type.
+  /// The handle of a variable that was declared by name and type, for example by a loader. Not `valid`: there is none
+  /// of that name and direction, or T does not hold its type.
   template <class T, Direction way>
   [[nodiscard]] Handle<T, way> handle(std::string_view name) const noexcept {
     const auto* const found = find(name);
@@ -133,9 +134,9 @@ class Layout {
   }
   /// Bytes of a direction's part.
   [[nodiscard]] std::uint32_t size(Direction direction) const noexcept { return sizes_[place(direction)]; }
-  /// Variables of a direction.
+  /// Number of variables of a direction.
   [[nodiscard]] std::uint32_t count(Direction direction) const noexcept { return counts_[place(direction)]; }
-  /// What could not be declared, and why; for people.
+  /// Variables that could not be declared, and why; for users.
   [[nodiscard]] std::span<const std::string> problems() const noexcept { return problems_; }
 
  private:

@@ -1,4 +1,4 @@
-/// A process image as a device's files have it: what `berth link` made for a slot, or a configuration tool.
+/// A process image from a device's files, made by `berth link` for a slot, or by a configuration tool.
 ///
 ///     const auto read = eds::read_file("linked/unloader.dcf");        // with the network variables as objects
 ///     const auto program = process::load(read.file);
@@ -10,13 +10,12 @@
 ///     device::Device device(dispatcher, program.description, ...);
 ///     process::DeviceImage link(device, executor, image.network(), program.bound, {.cycle = 5ms});
 ///
-/// What the image has:
+/// The image contains:
 /// - network variables: objects in segments of [DynamicChannels] (CiA 306-3 §5.2.2), by their `Denotation`, else their
 ///   parameter name; at PPOffset + place in the segment. Segments of access ro and rwr are inputs of the network, of
 ///   rww and wo outputs (paper 5 §2.1);
 /// - every other object from 2000h on that can be mapped into a PDO, by its notation ("2100h:01"), after them. Access
-/// ro
-///   and rwr: input; rww and wo: output; rw: as the file's PDOs map it, else not.
+///   ro and rwr: input; rww and wo: output; rw: as the file's PDOs map it, else not included.
 #pragma once
 
 #include <memory>
@@ -31,13 +30,13 @@
 namespace berth::process {
 
 struct Program {
-  std::shared_ptr<const od::Description> description;  ///< what the device is made of
+  std::shared_ptr<const od::Description> description;  ///< for making the device
   Layout layout;
   std::vector<Bound> bound;
-  std::vector<std::string> problems = {};  ///< what has no place in the image, and why
+  std::vector<std::string> problems = {};  ///< objects left out of the image, and why
 };
 
-/// `variables` are those that the file does not have yet.
+/// `variables`: those that the file does not contain yet.
 [[nodiscard]] Program load(const eds::File& file, std::span<const NetworkVariable> variables = {});
 
 }  // namespace berth::process

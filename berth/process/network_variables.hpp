@@ -14,21 +14,21 @@ namespace berth::process {
 struct NetworkVariable {
   std::string name;
   od::DataType type = od::DataType::none;
-  ObjectRef object;  ///< in a segment of [DynamicChannels], which says the direction
+  ObjectRef object;  ///< in a segment of [DynamicChannels], which determines the direction
   friend bool operator==(const NetworkVariable&, const NetworkVariable&) = default;
 };
 
-/// Why a variable has no place in a description.
+/// Why a variable does not fit a description.
 struct VariableProblem {
   std::string name;
   std::string message;
   std::string fix;
 };
 
-/// The segment in which an object lies; null: in none.
+/// The segment that contains an object; null: none.
 [[nodiscard]] const eds::DynamicSegment* segment_of(std::span<const eds::DynamicSegment> segments, ObjectRef object);
 
-/// `base` with the variables added. Null: `problems` has why.
+/// `base` with the variables added. Null: see `problems`.
 [[nodiscard]] std::shared_ptr<const od::Description> with_variables(const od::Description& base,
                                                                     std::span<const eds::DynamicSegment> segments,
                                                                     std::span<const NetworkVariable> variables,

@@ -1,5 +1,5 @@
-/// An image in memory that two processes share: one has the device, the other is the application, in C++ by this
-/// header, in other languages by process.h.
+/// An image in memory that two processes share: one runs the device, the other the application, in C++ by this header,
+/// in other languages by process.h.
 ///
 ///     auto image = process::SharedImage::create("belt", layout);      // the device's process
 ///     if (!image) return fail(image.error());
@@ -8,9 +8,9 @@
 ///     auto image = process::SharedApplication::open("belt");           // the application's
 ///     const auto level = (*image)->layout().handle<std::int16_t, process::Direction::output>("Silo level");
 ///
-/// The file is /dev/shm/berth-NAME (shm_overview(7)), for the user who made it alone. Each side holds a lock on it,
-/// which the system takes away when the process ends, however it ends: there is one of each side, and each can ask
-/// whether the other is there.
+/// The file is /dev/shm/berth-NAME (shm_overview(7)), only for the user who made it. Each side holds a lock on it,
+/// which the system removes when the process ends, however it ends. So there is only one of each side, and each can
+/// check whether the other is there.
 #pragma once
 
 #include <memory>
@@ -27,17 +27,17 @@ namespace berth::process {
 class SharedMemory {
  public:
   enum class Side : std::uint8_t { network, application };
-  /// A new file of that size, all 0; one that a process left behind is replaced. Refused: a process has it, letters in
-  /// `name` other than A to Z, a to z, 0 to 9, "-", "_" and ".".
+  /// A new file of that size, all 0; a file left by a dead process is replaced. Refused: a process uses it, or `name`
+  /// has characters other than A to Z, a to z, 0 to 9, "-", "_" and ".".
   [[nodiscard]] static tl::expected<SharedMemory, std::string> create(std::string_view name, std::size_t size);
-  /// The one that a process has created and has.
+  /// The file that another process has created and uses.
   [[nodiscard]] static tl::expected<SharedMemory, std::string> open(std::string_view name);
   SharedMemory(SharedMemory&& other) noexcept;
   SharedMemory& operator=(SharedMemory&&) = delete;
   ~SharedMemory();
 
   [[nodiscard]] std::span<std::uint8_t> bytes() const noexcept { return bytes_; }
-  /// The other side's process is there.
+  /// True if the other side's process is there.
   [[nodiscard]] bool other() const noexcept;
 
  private:
@@ -51,7 +51,7 @@ class SharedMemory {
 
 class SharedImage {
  public:
-  /// Later changes of `layout` are not seen. The error says what is wrong and what to do.
+  /// Later changes of `layout` have no effect. The error says what is wrong and what to do.
   [[nodiscard]] static tl::expected<std::unique_ptr<SharedImage>, std::string> create(std::string_view name,
                                                                                       const Layout& layout);
   [[nodiscard]] NetworkSide& network() noexcept { return network_; }
@@ -70,9 +70,9 @@ class SharedApplication {
   [[nodiscard]] const Layout& layout() const noexcept { return layout_; }
   [[nodiscard]] ApplicationSide& side() noexcept { return side_; }
   [[nodiscard]] const ApplicationSide& side() const noexcept { return side_; }
-  /// The device's process is there, and this is its image.
+  /// True if the device's process is there and uses this image.
   [[nodiscard]] bool connected() const noexcept { return memory_.other(); }
-  /// How long ago an output was received, by the clock of this computer; empty while it is `BERTH_WAITING`.
+  /// Age of an output's last reception, by the clock of this computer; empty while it is `BERTH_WAITING`.
   [[nodiscard]] std::optional<rt::Duration> age_now(std::uint32_t output) const noexcept;
 
  private:

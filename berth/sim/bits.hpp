@@ -1,5 +1,5 @@
 /// One node bit by bit: the protocol controller's state machine (Bosch CAN 2.0; docs/protocols/can-frames.md §Fault
-/// confinement). Internal to `sim`: the bus uses it only while something is wrong; else a frame's length is that of
+/// confinement). Internal to `sim`: the bus uses it only while something is wrong; else it takes a frame's length from
 /// `can/length.hpp`.
 #pragma once
 
@@ -23,7 +23,7 @@ struct Layout {
 };
 [[nodiscard]] Layout lay_out(const can::Frame& frame) noexcept;
 
-/// Takes a frame apart as a receiver does.
+/// Decodes a frame as a receiver does.
 class Decoder {
  public:
   enum class Outcome : std::uint8_t { more, stuff_error, complete };
@@ -32,7 +32,7 @@ class Decoder {
   /// The next bit, up to the end of the CRC sequence and its stuff bit.
   Outcome push(bool recessive) noexcept;
   [[nodiscard]] bool crc_matches() const noexcept { return crc_ == 0; }
-  /// Where the bit is that comes next.
+  /// The place of the next bit.
   [[nodiscard]] can::ErrorPlace place() const noexcept;
   [[nodiscard]] can::Frame frame() const noexcept;
 
@@ -56,26 +56,26 @@ class BitNode {
     active_flag,
     passive_flag,
     overload_flag,
-    after_flag,  // until the first recessive bit
+    after_flag,  // waits for the first recessive bit
     delimiter,
     intermission,
     suspend,
     integrating,
     off,  // bus-off without a restart
   };
-  /// What a sampled bit meant.
+  /// The meaning of a sampled bit.
   struct Outcome {
     bool accepted = false;  ///< a frame is valid for the receiver
     bool sent = false;
     bool lost = false;          ///< arbitration
     bool failed = false;        ///< an error flag began
-    bool fd_destroyed = false;  ///< ... for an FD frame is not played beyond FDF
+    bool fd_destroyed = false;  ///< ... because an FD frame is not simulated bit by bit beyond FDF
     bool as_transmitter = false;
     bool overload = false;   ///< an overload flag began
-    bool took_part = false;  ///< integration is over
+    bool took_part = false;  ///< integration has ended
     bool counters = false;   ///< TEC, REC or bus-off changed
     bool start = false;      ///< dominant in the third bit of intermission: a frame began
-    // Of what failed:
+    // Details of a failure:
     bool unacknowledged = false;
     can::ErrorKind kind = can::ErrorKind::other;
     can::ErrorPlace place = can::ErrorPlace::unknown;
@@ -94,13 +94,13 @@ class BitNode {
   bool transmitter = false;
 
   void integrate(unsigned runs_to_see) noexcept;
-  /// Sends from the start-of-frame bit, or from the bit after it when another's was just seen.
+  /// Sends from the start-of-frame bit, or from the bit after it if another node's was just seen.
   void begin_sending(const can::Frame& frame, bool behind_start) noexcept;
   /// True: dominant.
   [[nodiscard]] bool drives() const noexcept;
   Outcome sample(bool dominant) noexcept;
   [[nodiscard]] bool passive() const noexcept { return tec > 127 || rec > 127; }
-  /// Nothing will happen until a node begins a frame.
+  /// True if nothing happens until a node begins a frame.
   [[nodiscard]] bool quiet() const noexcept {
     return activity == Activity::idle || activity == Activity::suspend || activity == Activity::integrating ||
            activity == Activity::off;
@@ -128,7 +128,7 @@ class BitNode {
   void more_errors(unsigned by, Outcome& outcome) noexcept;
 
   Layout layout_;
-  unsigned position_ = 0;  // of the bit now sent in layout_
+  unsigned position_ = 0;  // of the current bit in layout_
   Decoder decoder_;
   bool error_ = false;  // the flag was an error flag, not an overload flag
   bool crc_bad_ = false;

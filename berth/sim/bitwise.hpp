@@ -1,5 +1,5 @@
-/// One segment while something is wrong: every node bit by bit, nodes in one state together, until all are idle again.
-/// Internal to `sim`.
+/// One segment while something is wrong: simulates every node bit by bit, with nodes in the same state together, until
+/// all are idle again. Internal to `sim`.
 #pragma once
 
 #include <memory>
@@ -17,14 +17,14 @@ struct BitGroup {
   std::vector<BusNode*> members;
   bool open = false;   ///< others in the same state may still join
   bool sees = false;   ///< the level of the bit
-  bool drove = false;  ///< dominant in the bit before
+  bool drove = false;  ///< sent dominant in the bit before
 };
 
 class BitwisePlay {
  public:
   class Owner {
    public:
-    /// All nodes are idle; the play is over, and `Medium::free_at` says since when. No bit of it is under way.
+    /// All nodes are idle and the bitwise simulation is over, since `Medium::free_at`. No bit is under way.
     virtual void play_over() noexcept = 0;
 
    protected:
@@ -33,18 +33,18 @@ class BitwisePlay {
   BitwisePlay(Medium& medium, Deliveries& deliveries, Owner& owner) noexcept;
   ~BitwisePlay();
 
-  /// All nodes as they are at the beginning of the bit at `start`; `sending`: those that contend send their start of
+  /// Takes over all nodes at the beginning of the bit at `start`; `sending`: the contending nodes send their start of
   /// frame in it.
   void begin(rt::Time start, bool sending);
-  /// What has happened since then is played again, and no node begins a frame in it.
+  /// Simulates the time since then, in which no node begins a frame.
   void catch_up();
 
-  /// A node that has come, or begins to count recessive bits. `pauses`: `start` lies in an intermission.
+  /// Adds a node that has arrived, or begins to count recessive bits. `pauses`: `start` lies in an intermission.
   void put(BusNode& node, rt::Time start, bool sending = false, bool pauses = false);
   void put(std::unique_ptr<BitGroup> group, std::uint32_t bit_rate, rt::Time start);
-  /// The node alone, as it is; null when it does not play.
+  /// Removes the node and returns its state; null when it is not simulated here.
   std::unique_ptr<BitGroup> take_out(BusNode& node);
-  /// Where the bits of this rate lie: the beginning of one.
+  /// The bit grid of this rate: the beginning of one bit.
   [[nodiscard]] rt::Time grid(std::uint32_t bit_rate);
   /// The node's counters were set from outside.
   void preset_counters(BusNode& node);

@@ -1,21 +1,27 @@
-/// A simulated CAN bus: exactly the results of a bit-by-bit model, computed per frame.
+/// A simulated CAN bus: exactly the results of a bit-by-bit model, but computed per frame.
 ///
-/// Time runs in bits of each node's bit rate. A frame begins when an idle bus has a node with a frame to send; every
+/// Time runs in bits of each node's bit rate. A frame begins when the bus is idle and a node has a frame to send; every
 /// node that is ready before the sample point (7/8) of that start-of-frame bit contends. While nothing is wrong, a
-/// frame costs one arbitration and one delivery; where frames of one identifier collide, no node acknowledges, a fault
-/// falls or bit rates differ, the segment is played bit by bit until it is quiet again (`bits.hpp`). Rules: Bosch CAN
-/// 2.0; docs/protocols/can-frames.md. Choices where it leaves one: a REC above 127 becomes 127 by a good frame; REC
+/// frame costs one arbitration and one delivery. If frames of one identifier collide, no node acknowledges, a fault
+/// occurs or bit rates differ, the segment is simulated bit by bit until it is quiet again (`bits.hpp`). Rules: Bosch
+/// CAN 2.0; docs/protocols/can-frames.md. Where the rules leave a choice: a good frame sets a REC above 127 to 127; REC
 /// counts up to 255; a bit error within an error flag starts a new flag; overload frames answer what they see without
-/// limit in number (no node here asks for one itself).
+/// limit in number (no node here requests one itself).
 ///
-/// An FD bus carries classic and FD frames side by side; they compare in arbitration as their bits do (RRS is
-/// dominant). An FD frame with which nothing is wrong takes its exact time, its data phase at the data bit rate. It is
-/// not played bit by bit beyond FDF: where that would be needed (a fault that strikes it, senders of one identifier
-/// with different FD frames, no node to acknowledge, its sender or the cable gone while it is on the wire, nodes of
-/// several bit rates, a start while others still deal with an error) the WHOLE frame is destroyed at FDF, whatever the
-/// place: its senders signal an error there and count it like a missing acknowledgement, receivers see a stuff error,
-/// no node has it, it is repeated. `BusStatistics::fd_destroyed` counts that, so that no result rests on it unseen. Of
-/// an FD and a classic frame with one identifier the FD frame's sender has the bit error, at FDF, as in reality.
+/// An FD bus carries both classic and FD frames; in arbitration their bits decide (RRS is dominant). An FD frame
+/// without errors takes its exact time, its data phase at the data bit rate. It is not simulated bit by bit beyond FDF.
+/// Where that would be needed, the WHOLE frame is destroyed at FDF, whatever the place: its senders signal an error
+/// there and count it like a missing acknowledgement, receivers see a stuff error, no node receives it, and it is
+/// repeated. `BusStatistics::fd_destroyed` counts these frames, so that they cannot influence a result unnoticed. The
+/// cases are:
+/// - a fault in the frame
+/// - senders of one identifier with different FD frames
+/// - no node to acknowledge
+/// - its sender or the cable removed while it is on the wire
+/// - nodes of several bit rates
+/// - a start while other nodes still handle an error
+///
+/// If an FD and a classic frame have one identifier, the FD frame's sender has the bit error, at FDF, as in reality.
 #pragma once
 
 #include <cstdint>
@@ -36,15 +42,15 @@ struct Medium;
 
 /// Counters since the bus was made or `reset_statistics`.
 struct BusStatistics {
-  std::uint64_t frames = 0;        ///< frames that ended well; merged ones count once
-  std::uint64_t bits = 0;          ///< their bits, three of intermission included
+  std::uint64_t frames = 0;        ///< frames without error; merged ones count once
+  std::uint64_t bits = 0;          ///< their bits, with three of intermission
   std::uint64_t starts = 0;        ///< frames begun
-  std::uint64_t error_frames = 0;  ///< frames that an error ended
+  std::uint64_t error_frames = 0;  ///< frames ended by an error
   std::uint64_t overload_frames = 0;
   std::uint64_t collisions = 0;    ///< starts of several senders with one identifier and different content
   std::uint64_t merged = 0;        ///< frames that several senders sent as one
-  std::uint64_t bitwise = 0;       ///< frames played bit by bit
-  std::uint64_t fd_destroyed = 0;  ///< times that a sender's FD frame ended at FDF (see above); among the errors too
+  std::uint64_t bitwise = 0;       ///< frames simulated bit by bit
+  std::uint64_t fd_destroyed = 0;  ///< how often a sender's FD frame ended at FDF (see above); also counted as errors
   rt::Duration busy{};             ///< time from start of frame to the end of intermission, errors included
 };
 
@@ -54,33 +60,33 @@ class Bus {
   Bus(const Bus&) = delete;
   Bus& operator=(const Bus&) = delete;
 
-  /// Puts a node on the bus. It takes part at once on an idle bus, else after 11 recessive bits. Null where a classic
-  /// controller is to go on an FD bus: it would destroy every FD frame.
+  /// Adds a node to the bus. It takes part at once on an idle bus, else after 11 recessive bits. Null for a classic
+  /// controller on an FD bus: it would destroy every FD frame.
   [[nodiscard]] std::unique_ptr<Controller> attach(const ControllerOptions& options = {});
 
-  /// Every good frame of every segment, at its end, and every one that an error ended. A tap must be removed before it
-  /// is destroyed.
+  /// The tap receives every good frame of every segment, at its end, and every frame ended by an error. Remove a tap
+  /// before destroying it.
   void add_tap(can::Tap& tap);
   void remove_tap(can::Tap& tap) noexcept;
 
-  /// Cuts the cable: these nodes are a second segment from this instant on. Later cuts move nodes from wherever they
-  /// are to one new segment.
+  /// Cuts the cable: from this instant these nodes are a second segment. Later cuts move nodes from any segment to one
+  /// new segment.
   void split(std::span<Controller* const> others);
-  /// Mends every cut: all nodes with their cable in are on one segment again. Frames under way collide.
+  /// Repairs every cut: all nodes with their cable plugged in are on one segment again. Frames under way collide.
   void join();
 
-  /// Plans a fault; the number is for `FaultPlan::cancel`.
+  /// Plans a fault; the returned number is for `FaultPlan::cancel`.
   unsigned inject(Fault fault);
-  /// What is to strike frames here; random faults are set there too.
+  /// The planned faults; random faults are set there too.
   [[nodiscard]] FaultPlan& faults() noexcept { return faults_; }
 
   [[nodiscard]] World& world() const noexcept { return *world_; }
   [[nodiscard]] rt::Executor& executor() const noexcept { return *executor_; }
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
   [[nodiscard]] int number() const noexcept { return number_; }
-  /// The bit rate that nodes get which name none; bit/s.
+  /// The bit rate of nodes that specify none; bit/s.
   [[nodiscard]] std::uint32_t bit_rate() const noexcept { return bit_rate_; }
-  /// That of the data phase, bit/s; 0: no FD bus.
+  /// The bit rate of the data phase, bit/s; 0: no FD bus.
   [[nodiscard]] std::uint32_t data_bit_rate() const noexcept { return data_bit_rate_; }
   [[nodiscard]] bool fd() const noexcept { return data_bit_rate_ != 0; }
   /// Length of one bit at `data_bit_rate()`, which must not be 0.
@@ -121,7 +127,7 @@ class Bus {
   rt::Time statistics_since_{};
 };
 
-/// The pieces of a cut cable, or the whole of one: the nodes on each, by number. Without those that are unplugged.
+/// The segments of the cable, one if it is not cut: the nodes on each, by number. Without unplugged nodes.
 [[nodiscard]] std::vector<std::vector<const Controller*>> pieces(const Bus& bus);
 
 }  // namespace berth::sim

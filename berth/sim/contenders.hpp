@@ -1,5 +1,5 @@
 /// The nodes of one segment that have a frame to send, in the order in which they win arbitration, and how often each
-/// has lost it; `Segment::arbitrate` decides by it. Nodes are slots here. Internal to `sim`.
+/// has lost it; `Segment::arbitrate` uses it. Nodes are slots here. Internal to `sim`.
 #pragma once
 
 #include <algorithm>
@@ -19,7 +19,7 @@ class Contenders {
     [[nodiscard]] std::uint32_t slot() const noexcept { return static_cast<std::uint32_t>(order); }
   };
 
-  /// There are so many slots now.
+  /// Sets the number of slots.
   void grow(std::size_t slots) {
     places_.resize(slots);
     heap_.resize(slots);
@@ -28,35 +28,35 @@ class Contenders {
   [[nodiscard]] bool empty() const noexcept { return count_ == 0; }
   [[nodiscard]] bool contains(std::uint32_t slot) const noexcept { return places_[slot].at != nowhere; }
   [[nodiscard]] std::span<const Contender> all() const noexcept { return {heap_.data(), count_}; }
-  /// The one that wins; with several of one arbitration field, that of the lowest slot.
+  /// The winner; of several with one arbitration field, that of the lowest slot.
   [[nodiscard]] Contender first() const noexcept { return heap_.front(); }
-  /// `first` wins alone.
+  /// True if only `first` wins.
   [[nodiscard]] bool one_wins() const noexcept {
-    // Few share the lowest field, and they stand at the top: one that is equal to the least has parents that are.
+    // Few share the lowest field, and they are at the top: the parents of one with the lowest value also have it.
     const std::uint32_t best = heap_.front().arbitration();
     return (count_ < 2 || heap_[1].arbitration() != best) && (count_ < 3 || heap_[2].arbitration() != best);
   }
-  /// The slot offers a frame of this arbitration field: as one contender more, or instead of its frame of before.
+  /// The slot offers a frame with this arbitration field: as a new contender, or instead of its former frame.
   void put(std::uint32_t slot, std::uint32_t arbitration) noexcept;
-  /// It offers nothing. What it has lost since it was asked last; 0 for one that did not contend.
+  /// The slot offers nothing more. Returns its losses since the last query; 0 for one that did not contend.
   std::uint64_t remove(std::uint32_t slot) noexcept;
 
-  /// Frames that have begun.
+  /// Number of frames begun.
   [[nodiscard]] std::uint64_t starts() const noexcept { return starts_; }
-  /// One more: who contends and does not begin it (`begin`, `excuse`) loses.
+  /// Counts a start: a contender that does not begin it (`begin`, `excuse`) loses.
   void count_start() noexcept { ++starts_; }
-  /// The slot began the newest frame, too; what it had lost until then since it was asked last.
+  /// The slot also began the newest frame; returns its losses until then since the last query.
   std::uint64_t begin(std::uint32_t slot) noexcept {
     const std::uint64_t lost = starts_ - 1 - places_[slot].since;
     places_[slot].since = starts_;
     return lost;
   }
-  /// The next start it does not lose: it may not begin yet.
+  /// The slot does not lose the next start, because it may not begin yet.
   void excuse(std::uint32_t slot) noexcept { ++places_[slot].since; }
-  /// It offered its frame in time for the newest start.
+  /// The slot offered its frame in time for the newest start.
   void in_time(std::uint32_t slot) noexcept { places_[slot].since = std::min(places_[slot].since, starts_ - 1); }
   [[nodiscard]] bool was_in_time(std::uint32_t slot) const noexcept { return places_[slot].since < starts_; }
-  /// What it has lost since it was asked last.
+  /// Its losses since the last query.
   [[nodiscard]] std::uint64_t take_losses(std::uint32_t slot) noexcept {
     return starts_ - std::exchange(places_[slot].since, starts_);
   }
@@ -64,7 +64,7 @@ class Contenders {
  private:
   static constexpr std::uint32_t nowhere = 0xFFFF'FFFFU;
   struct Place {
-    std::uint64_t since = 0;  // starts_ when its losses were asked last
+    std::uint64_t since = 0;  // starts_ at the last query of its losses
     std::uint32_t at = nowhere;
   };
   void place(std::size_t at, Contender contender) noexcept;

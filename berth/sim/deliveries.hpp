@@ -1,5 +1,4 @@
-/// What nodes are told at the end of a bit that is yet to come, while the segment is played bit by bit. Internal to
-/// `sim`.
+/// Reports to nodes at the end of a bit in the future, while the segment is simulated bit by bit. Internal to `sim`.
 #pragma once
 
 #include <vector>
@@ -12,7 +11,7 @@ class Deliveries final : private rt::Job {
  public:
   class Owner {
    public:
-    /// The head of the node's queue went out, at `at`.
+    /// The head of the node's queue was sent, at `at`.
     virtual void sent(BusNode& node, rt::Time at) noexcept = 0;
 
    protected:
@@ -20,16 +19,15 @@ class Deliveries final : private rt::Job {
   };
   Deliveries(rt::Executor& executor, Owner& owner) noexcept : executor_(&executor), owner_(&owner) {}
 
-  // Times never go back from one to the next; `schedule` after the last one.
+  // Call these in order of time, and `schedule` after the last one.
   void received(BusNode& node, const can::Frame& frame, rt::Time at) { pending_.push_back({&node, frame, at, false}); }
   void sent(BusNode& node, rt::Time at) { pending_.push_back({&node, {}, at, true}); }
   void schedule() noexcept {
     if (!pending_.empty()) executor_->at(pending_.front().at, *this);
   }
-  /// The node no longer does what it did: a frame that it sent is on the wire whole and is confirmed now; the rest
-  /// goes.
+  /// The node ends its activity: a completely sent frame is confirmed at once; its other reports are dropped.
   void settle(BusNode& node) noexcept;
-  /// The node goes over to another segment.
+  /// The node moves to another segment.
   void hand_over(const BusNode& node, Deliveries& to);
 
  private:

@@ -1,5 +1,5 @@
-/// A controller's error counters and what follows from them (Bosch CAN 2.0 §8; docs/protocols/can-frames.md §Fault
-/// confinement).
+/// A controller's error counters and the state that they determine (Bosch CAN 2.0 §8; docs/protocols/can-frames.md
+/// §Fault confinement).
 #pragma once
 
 #include <algorithm>
@@ -28,7 +28,7 @@ class ErrorCounters {
     rec_ = rec;
   }
   void set_bus_off(bool off) noexcept { bus_off_ = off; }
-  /// The level (error-active, warning from 96 on, passive, bus-off) is another than at the last call.
+  /// True if the level (error-active, warning from 96 on, passive, bus-off) has changed since the last call.
   [[nodiscard]] bool level_changed() noexcept {
     const auto most = std::max(tec_, rec_);
     const std::uint8_t level = bus_off_ ? 3 : most > 127 ? 2 : most >= 96 ? 1 : 0;

@@ -1,5 +1,5 @@
-/// The faults that are to strike frames of one bus: those planned one by one and those drawn at random. It decides
-/// which frame is struck; what that does to the nodes is the segment's.
+/// The faults for frames of one bus, planned or drawn at random. It decides which frame is affected; the segment
+/// implements the effect on the nodes.
 #pragma once
 
 #include <cstdint>
@@ -22,26 +22,26 @@ class FaultPlan {
 
   explicit FaultPlan(Random dice) noexcept : dice_(dice) {}
 
-  /// Plans a fault; the number, from 1 upwards, is for `cancel`.
+  /// Plans a fault; the returned number, from 1 upwards, is for `cancel`.
   unsigned add(Fault fault);
-  /// False: it has struck its last frame, was cancelled before, or never was.
+  /// False: it has affected its last frame, was already cancelled, or never existed.
   bool cancel(unsigned fault) noexcept;
-  /// Replaces what was drawn from before.
+  /// Replaces the former random faults.
   void draw_from(const RandomFaults& faults) noexcept { random_ = faults; }
-  /// The node goes: it is taken out of the victims.
+  /// The node is destroyed: removes it from the victims.
   void forget(const Controller& node) noexcept;
 
-  /// False: no frame can be struck, and nothing below need be asked.
+  /// False: no frame can be affected, and the functions below need not be called.
   [[nodiscard]] bool any() const noexcept {
     return !planned_.empty() || random_.disturbed_per_million != 0 || random_.overrun_per_million != 0;
   }
   /// Frames begun on the bus so far: the next one's `FrameStart::number`.
   [[nodiscard]] std::uint64_t started() const noexcept { return started_; }
-  /// To be called once for each frame begun, after `strike` and the draws for it.
+  /// Call once for each frame begun, after `strike` and the draws for it.
   void count_start() noexcept { ++started_; }
 
-  /// Calls `struck(const Fault&)` for each planned fault that strikes this frame, in the order of `add`. A fault that
-  /// has struck as often as it was to is forgotten.
+  /// Calls `struck(const Fault&)` for each planned fault that affects this frame, in the order of `add`. A fault is
+  /// forgotten after its last frame.
   template <class Struck>
   void strike(const FrameStart& start, const Struck& struck) {
     for (auto it = planned_.begin(); it != planned_.end();) {
@@ -54,7 +54,7 @@ class FaultPlan {
       it = spent ? planned_.erase(it) : it + 1;
     }
   }
-  /// Draws for a frame of `length` bits that the nodes of `present`, at least one, take part in: `draw_flip` first.
+  /// Draws for a frame of `length` bits with the participating nodes `present`, at least one: `draw_flip` first.
   [[nodiscard]] std::optional<Flip> draw_flip(std::span<const Controller* const> present, int length);
   /// The node that loses the frame; null: none.
   [[nodiscard]] const Controller* draw_overrun(std::span<const Controller* const> present) noexcept;

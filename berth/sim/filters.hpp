@@ -1,4 +1,4 @@
-/// What the nodes of one segment listen to. Internal to `sim`.
+/// The acceptance filters of the nodes of one segment. Internal to `sim`.
 #pragma once
 
 #include <cstdint>
@@ -8,12 +8,12 @@
 
 namespace berth::sim {
 
-/// Which nodes of a segment hear a key: one bit per node, so that a frame costs nothing for those that do not listen.
+/// Which nodes of a segment receive a key: one bit per node, so that a frame costs nothing for other nodes.
 class Filters {
  public:
-  /// Node `slot` now hears `accept` instead of what it heard.
+  /// Replaces the filter `before` of node `slot` by `accept`.
   void set(std::uint32_t slot, const std::vector<can::IdRange>& before, const std::vector<can::IdRange>& accept);
-  /// The nodes that hear `key`: `words()` words.
+  /// The nodes that receive `key`: `words()` words.
   [[nodiscard]] const std::uint64_t* find(std::uint32_t key) noexcept;
   [[nodiscard]] std::size_t words() const noexcept { return words_; }
   void grow(std::size_t slots);
@@ -29,7 +29,7 @@ class Filters {
   };
   std::size_t words_ = 0;
   std::vector<std::uint64_t> base_;  // 2048 rows
-  std::vector<Extended> extended_;   // nodes that hear extended keys
+  std::vector<Extended> extended_;   // nodes that receive extended keys
   std::vector<Cached> cache_ = std::vector<Cached>(64);
 };
 

@@ -1,6 +1,6 @@
-/// What goes wrong for the frame under way on one segment: which bits which nodes see wrong, which nodes lose it,
-/// whether it is an FD frame that is destroyed, and how it has ended for the first node. Internal to `sim`; `FaultPlan`
-/// says what strikes, this is what it does.
+/// The errors of the current frame on one segment: which nodes see which bits wrong, which nodes lose it, whether it is
+/// an FD frame that is destroyed, and how it ended for the first node. Internal to `sim`. `FaultPlan` decides which
+/// fault occurs; this implements its effect.
 #pragma once
 
 #include <algorithm>
@@ -37,9 +37,9 @@ class FrameFaults {
     flaws_.clear();
     doomed_ = failed_ = good_ = false;
   }
-  /// What the bus's plan has for the frame that begins at `start`, sent by node `sender`.
+  /// Gets the planned faults for the frame that begins at `start`, sent by node `sender`.
   void draw(Bus& bus, const can::Frame& frame, rt::Time start, int sender, const SegmentNodes& nodes);
-  /// The segment is quiet again: no node sees a wrong bit any more.
+  /// The segment is quiet again: no node sees wrong bits any more.
   void end_flaws() noexcept { flaws_.clear(); }
 
   void disturb(Flaw flaw) { flaws_.push_back(std::move(flaw)); }
@@ -47,18 +47,18 @@ class FrameFaults {
   void doom() noexcept { doomed_ = true; }
 
   [[nodiscard]] bool disturbed() const noexcept { return !flaws_.empty(); }
-  /// An FD frame that a fault strikes.
+  /// True for an FD frame that a fault affects.
   [[nodiscard]] bool doomed() const noexcept { return doomed_; }
   [[nodiscard]] bool loses(const Controller& node) const noexcept {
     return !losers_.empty() && std::ranges::find(losers_, &node) != losers_.end();
   }
-  /// The frame has met an error, or has been counted as good: true for the first node.
+  /// The frame has met an error, or has been counted as good: true only at the first call.
   [[nodiscard]] bool fail() noexcept { return !std::exchange(failed_, true); }
   [[nodiscard]] bool pass() noexcept { return !std::exchange(good_, true); }
   [[nodiscard]] const std::vector<Flaw>& flaws() const noexcept { return flaws_; }
-  /// Does the node see other bits than the nodes around it?
+  /// True if the node sees other bits than the nodes around it.
   [[nodiscard]] bool victim(const Controller& node) const noexcept;
-  /// What the node sees of bit `bit` when this is on the wire; `sends`: it is a sender of the frame.
+  /// The node's view of bit `bit` when this is on the wire; `sends`: it is a sender of the frame.
   [[nodiscard]] bool seen(const Controller& node, bool sends, std::int64_t bit, bool dominant) const noexcept;
 
  private:

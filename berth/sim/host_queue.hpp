@@ -1,4 +1,5 @@
-/// What one controller has yet to tell its host: frames received and sent, and changes of its state. Internal to `sim`.
+/// The pending reports of one controller to its host: frames received and sent, and changes of its state. Internal to
+/// `sim`.
 #pragma once
 
 #include <cstdint>
@@ -10,15 +11,15 @@
 
 namespace berth::sim {
 
-/// Each call of the `Listener` comes in a job of its own, but for a frame that it puts by; the host needs `rx_service`
-/// for each received frame.
+/// Each call of the `Listener` comes in its own job, except for frames that it puts by; the host needs `rx_service` for
+/// each received frame.
 class HostQueue final : private rt::Job {
  public:
-  /// `port`: asked for its status when the host is told that it changed. `rx_depth`: received frames that can wait, at
+  /// `port`: its status is read when a change is reported to the host. `rx_depth`: received frames that can wait, at
   /// least one; `rx_service` 0: the buffer never overruns.
   HostQueue(rt::Executor& executor, const can::Port& port, unsigned rx_depth, rt::Duration rx_service);
 
-  /// Null: no listener. What waits for another listener is forgotten.
+  /// Null: no listener. Pending reports for another listener are dropped.
   void listen(can::Listener* listener) noexcept;
   [[nodiscard]] bool listened() const noexcept { return listener_ != nullptr; }
   /// On: the host reads nothing.
@@ -34,7 +35,7 @@ class HostQueue final : private rt::Job {
       keep_fd(frame);
     return true;
   }
-  /// Not told for tag 0 or without a listener; nor is `changed`.
+  /// Not reported for tag 0 or without a listener; `changed` neither.
   void sent(std::uint32_t tag, rt::Time at) noexcept {
     if (tag != 0 && listener_ != nullptr) push(What::sent, at).tag = tag;
   }
@@ -59,7 +60,7 @@ class HostQueue final : private rt::Job {
     if (count_++ == 0) schedule(what);
     return event;
   }
-  // `first`: what the first event is.
+  // `first`: the kind of the first event.
   void schedule(What first) noexcept {
     if (rx_service_.count() == 0 || first != What::received) {
       executor_->post(*this);

@@ -1,7 +1,7 @@
 /// Nodes that must see recessive bits before they take part. Internal to `sim`.
 ///
-/// The bits are counted on the segment's behalf while nothing disturbs: each frame that ends well gives one run of 11
-/// (ACK delimiter, end-of-frame, intermission), an idle bus one for each 11 bits.
+/// The segment counts the bits while nothing disturbs: each frame without error gives one run of 11 (ACK delimiter,
+/// end-of-frame, intermission), an idle bus one for each 11 bits.
 #pragma once
 
 #include "berth/sim/segment_nodes.hpp"
@@ -12,7 +12,7 @@ class Integration final : private rt::Job {
  public:
   class Owner {
    public:
-    /// The last run of a node that integrates is over, by what is known.
+    /// The last run of an integrating node is expected to be over.
     virtual void integration_due() noexcept = 0;
     virtual void integrated(BusNode& node) noexcept = 0;
 
@@ -22,12 +22,12 @@ class Integration final : private rt::Job {
   Integration(rt::Executor& executor, const SegmentNodes& nodes, Owner& owner) noexcept
       : executor_(&executor), nodes_(&nodes), owner_(&owner) {}
 
-  /// The bits up to `until` were recessive. Tells the owner of each node that has seen all its runs.
+  /// The bits up to `until` were recessive. Reports each node that has seen all its runs to the owner.
   void count(rt::Time until) noexcept;
   /// A bit before `at` was dominant.
   void dominant_until(rt::Time at) noexcept;
-  /// On an idle bus: when the next node is through. A frame that begins at `start` is dominant then: what is left is
-  /// counted when it has ended.
+  /// On an idle bus: schedules the time when the next node is ready. A frame that begins at `start` makes the bus
+  /// dominant: the rest is counted when it has ended.
   void schedule(rt::Time start) noexcept;
   using rt::Job::cancel;
 

@@ -1,5 +1,5 @@
-/// The wire of one segment as its parts share it: the nodes, the frames that contend, what goes wrong, and when the
-/// frame under way began. Internal to `sim`. A part is made with a reference to this; what it alone knows it owns.
+/// The wire of one segment, shared by its parts: the nodes, the contending frames, the current errors, and when the
+/// current frame began. Internal to `sim`. Each part has a reference to it and owns its other state.
 #pragma once
 
 #include "berth/sim/bus.hpp"
@@ -22,14 +22,14 @@ struct Medium {
     bus.faults().count_start();
     ++statistics.starts;
   }
-  /// The node sends its head from the newest start on. It stays among the contenders meanwhile.
+  /// The node sends its head, beginning with the newest start. It stays among the contenders meanwhile.
   void begin_attempt(BusNode& node) noexcept {
     node.statistics.arbitration_losses += contenders.begin(node.slot);
     node.transmit.begin();
     ++node.statistics.attempts;
     if (node.transmit.head().tried) ++node.statistics.retransmissions;
   }
-  /// What the node offers may have changed: it contends (true), or does so no longer.
+  /// The node's offer may have changed: true if it contends.
   bool contend(BusNode& node) noexcept {
     const bool offers = node.offers();
     if (offers) {
@@ -40,14 +40,14 @@ struct Medium {
     return offers;
   }
   void withdraw(BusNode& node) noexcept { node.statistics.arbitration_losses += contenders.remove(node.slot); }
-  /// To every node that listens and does not send.
+  /// Delivers to every node that listens and does not send.
   void deliver(const can::Frame& frame, rt::Time at) noexcept;
-  /// `frame` ended well: counted, with its bits, and shown to the bus's taps.
+  /// `frame` ended without error: counts it and its bits, and shows it to the bus's taps.
   void count_good(const can::Frame& frame, unsigned bits, rt::Time at, int sender) noexcept {
     statistics.bits += bits;
     bus.good_frame(frame, at, sender);
   }
-  /// An error ended the frame under way: counted, and shown to the bus's taps.
+  /// An error ended the current frame: counts it, and shows it to the bus's taps.
   void count_error(const can::BusError& error, rt::Time at) noexcept {
     ++statistics.error_frames;
     for (std::size_t i = 0; i < bus.taps_.size(); ++i) bus.taps_[i]->error(error, at);
@@ -59,8 +59,8 @@ struct Medium {
   SegmentNodes nodes;
   Contenders contenders;
   Filters filters;
-  FrameFaults faults;  ///< of the frame under way
-  rt::Time sof{};      ///< start of the frame under way or to come
+  FrameFaults faults;  ///< of the current frame
+  rt::Time sof{};      ///< start of the current or next frame
   rt::Time free_at{};  ///< end of the last intermission
 };
 

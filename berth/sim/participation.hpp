@@ -12,7 +12,7 @@ namespace berth::sim {
 
 class Participation {
  public:
-  /// It has seen what it must see.
+  /// It has seen the required bits.
   [[nodiscard]] bool takes_part() const noexcept { return runs_left_ == 0; }
   /// It counts recessive bits.
   [[nodiscard]] bool integrating() const noexcept { return runs_left_ != 0 && runs_left_ != for_ever; }
@@ -29,7 +29,7 @@ class Participation {
 
   // While `integrating`
   [[nodiscard]] std::uint32_t runs_left() const noexcept { return runs_left_; }
-  /// The bits up to `until`, of the length `bit`, were recessive; true: that was the last run.
+  /// The bits up to `until`, of the length `bit`, were recessive; true if that was the last run.
   [[nodiscard]] bool count(rt::Time until, rt::Duration bit) noexcept {
     const auto run = 11 * bit;
     const auto seen = std::max<std::int64_t>(0, (until - recessive_since_) / run);
@@ -37,21 +37,21 @@ class Participation {
     recessive_since_ += seen * run;
     return runs_left_ == 0;
   }
-  /// When the last run is over if no bit is dominant until then.
+  /// When the last run ends if no bit is dominant until then.
   [[nodiscard]] rt::Time due(rt::Duration bit) const noexcept { return recessive_since_ + runs_left_ * 11 * bit; }
   /// A bit before `at` was dominant.
   void dominant_until(rt::Time at) noexcept { recessive_since_ = std::max(recessive_since_, at); }
-  /// Recessive bits of the run that is not over at `at`: 0 to 10.
+  /// Recessive bits of the unfinished run at `at`: 0 to 10.
   [[nodiscard]] unsigned bits_of_run(rt::Time at, rt::Duration bit) const noexcept {
     return static_cast<unsigned>(std::max<std::int64_t>(0, (at - recessive_since_) / bit) % 11);
   }
 
-  /// Suspend transmission: it begins no frame before `until`.
+  /// Suspend transmission: the node begins no frame before `until`.
   void suspend(rt::Time until) noexcept {
     suspends_ = true;
     not_before_ = until;
   }
-  /// True: it was suspended.
+  /// True if it was suspended.
   bool end_suspension() noexcept { return std::exchange(suspends_, false); }
   [[nodiscard]] bool suspends() const noexcept { return suspends_; }
   [[nodiscard]] bool suspended(rt::Time at) const noexcept { return suspends_ && not_before_ > at; }

@@ -1,8 +1,8 @@
-/// One stretch of wire and the nodes on it: what a `Bus` is made of. Internal to `sim`.
+/// One piece of wire and the nodes on it: a part of a `Bus`. Internal to `sim`.
 ///
-/// A frame with which nothing is wrong costs two jobs: `arbitrate` at the sample point of its start-of-frame bit and
-/// `finish` at the end of its end-of-frame. Whatever else happens is played bit by bit (`BitwisePlay`) until every node
-/// is idle again. The segment says which of the two it is; what its parts share is the `Medium`.
+/// A frame without errors costs two jobs: `arbitrate` at the sample point of its start-of-frame bit and `finish` at the
+/// end of its end-of-frame. Everything else is simulated bit by bit (`BitwisePlay`) until every node is idle again. The
+/// segment decides which of the two applies; its parts share the `Medium`.
 #pragma once
 
 #include <vector>
@@ -21,20 +21,20 @@ class Segment final : private rt::Job,
  public:
   explicit Segment(Bus& bus) noexcept;
 
-  /// A node joins, with what it has seen of recessive bits and the frames that it offers.
+  /// A node joins, with its count of recessive bits and its offered frames.
   void join(BusNode& node);
   void leave(BusNode& node) noexcept;
-  /// The node begins to count recessive bits anew.
+  /// The node starts counting recessive bits again.
   void integrate(BusNode& node, std::uint32_t runs) noexcept;
-  /// What the node offers may have changed.
+  /// The node's offer may have changed.
   void offer(BusNode& node) noexcept;
-  /// Power, bit rate or listen-only are about to change: the node no longer does what it did.
+  /// Power, bit rate or listen-only are about to change: the node ends its activity.
   void disturb(BusNode& node) noexcept;
   /// ... and have changed.
   void refresh() noexcept;
   /// The node's counters were set from outside.
   void counters_preset(BusNode& node) { play_.preset_counters(node); }
-  /// The node goes over to another segment with whatever it is doing.
+  /// The node moves to another segment and keeps its activity.
   void hand_over(BusNode& node, Segment& to);
 
   [[nodiscard]] bool idle() const noexcept { return state_ == State::quiet || state_ == State::starting; }
@@ -64,9 +64,9 @@ class Segment final : private rt::Job,
   State state_ = State::quiet;
   can::Frame frame_;  // under way
   unsigned frame_bits_ = 0;
-  rt::Duration frame_time_{};      // of them
-  bool unanswered_ = false;        // busy with the frame of a passive node that no node acknowledges
-  std::vector<BusNode*> senders_;  // of it
+  rt::Duration frame_time_{};      // of the senders
+  bool unanswered_ = false;        // busy with the unacknowledged frame of a passive node
+  std::vector<BusNode*> senders_;  // of the current frame
   Integration integration_;
   Deliveries deliveries_;
   BitwisePlay play_;

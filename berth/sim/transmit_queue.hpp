@@ -1,7 +1,7 @@
-/// Frames of one controller that wait to be sent, and the one that it offers to the bus: the head.
+/// The waiting frames of one controller, and the head: the one that it offers to the bus.
 ///
-/// The queue knows neither bus nor time. The head stays queued while it is on the wire (`sending`), so that an attempt
-/// that fails is repeated.
+/// The queue knows neither bus nor time. The head stays queued while it is on the wire (`sending`), so that a failed
+/// attempt is repeated.
 #pragma once
 
 #include <cstdint>
@@ -11,9 +11,9 @@
 
 namespace berth::sim {
 
-/// Which queued frame the controller offers to the bus.
+/// Selects the queued frame that the controller offers to the bus.
 enum class TxOrder : std::uint8_t {
-  in_order,  ///< the oldest: a low priority frame holds up what stands behind it (priority inversion)
+  in_order,  ///< the oldest: a low priority frame delays the ones behind it (priority inversion)
   priority,  ///< the one that would win arbitration; among equals the oldest
 };
 
@@ -28,7 +28,7 @@ enum class TxOrder : std::uint8_t {
 class TransmitQueue {
  public:
   struct Waiting {
-    can::PackedFrame frame;  ///< of an FD frame only the beginning
+    can::PackedFrame frame;  ///< only the beginning of an FD frame
     std::uint32_t arbitration = 0;
     std::uint32_t tag = 0;
     std::uint32_t next = 0;  ///< internal: the slot of the next younger one, or the next free slot
@@ -39,19 +39,19 @@ class TransmitQueue {
   TransmitQueue(TxOrder order, unsigned depth, bool fd);
 
   [[nodiscard]] bool full() const noexcept { return free_ == nothing; }
-  /// Frames that wait, the head included.
+  /// Number of waiting frames, with the head.
   [[nodiscard]] std::size_t size() const noexcept { return size_; }
-  /// True: it is the head now. Must not be `full`.
+  /// True if it is now the head. Must not be `full`.
   [[nodiscard]] bool push(const can::Frame& frame, std::uint32_t tag) noexcept;
-  /// Takes the frames of this tag out; one that is on the wire is sent all the same, and not repeated when that fails.
-  /// True: there is another head, or none any more.
+  /// Removes the frames with this tag; one that is on the wire is still sent, but not repeated if that fails. True: the
+  /// head has changed.
   [[nodiscard]] bool withdraw(std::uint32_t tag) noexcept;
-  /// All go. Not while `sending`.
+  /// Removes all. Not while `sending`.
   void clear() noexcept;
 
   [[nodiscard]] bool has_head() const noexcept { return head_ != nothing; }
   [[nodiscard]] const Waiting& head() const noexcept { return slots_[head_]; }
-  /// As it goes out now; an FD frame of a `passive` sender with ESI recessive.
+  /// The head as it is sent; an FD frame of a `passive` sender has ESI recessive.
   [[nodiscard]] can::Frame head_frame(bool passive) const noexcept {
     return head().frame.fd() ? head_fd_frame(passive) : head().frame.unpacked();
   }
@@ -59,13 +59,13 @@ class TransmitQueue {
   /// The head is on the wire.
   [[nodiscard]] bool sending() const noexcept { return sending_; }
   void begin() noexcept { sending_ = true; }
-  /// The node no longer does what it did: nothing of it is on the wire.
+  /// The node ends its activity: nothing of it is on the wire.
   void break_off() noexcept { sending_ = false; }
   /// An error ended the attempt.
   void mark_tried() noexcept { slots_[head_].tried = true; }
-  /// The attempt is over without success. The frame stays queued, unless it was withdrawn, and may give way to another.
+  /// The attempt failed. The frame stays queued, unless it was withdrawn, and another may become the head.
   void attempt_over() noexcept;
-  /// The head went out and is taken out; its tag.
+  /// The head was sent and is removed; returns its tag.
   std::uint32_t sent() noexcept;
 
  private:
@@ -76,13 +76,13 @@ class TransmitQueue {
   void take_out_head() noexcept;
 
   std::uint32_t head_ = nothing;    // slot of the frame offered
-  std::uint32_t oldest_ = nothing;  // from it on by `next`: the slots in use
+  std::uint32_t oldest_ = nothing;  // start of the used slots, linked by `next`
   std::uint32_t youngest_ = nothing;
-  std::uint32_t free_ = nothing;  // from it on by `next`: the others
+  std::uint32_t free_ = nothing;  // start of the free slots, linked by `next`
   std::uint32_t size_ = 0;
   TxOrder order_;
   bool sending_ = false;
-  bool abandoned_ = false;  // the head is on the wire and was withdrawn meanwhile: it is not repeated
+  bool abandoned_ = false;  // the head was withdrawn while on the wire: it is not repeated
   std::vector<Waiting> slots_;
   std::vector<can::Frame> fd_frames_;  // by slot; empty without FD
 };

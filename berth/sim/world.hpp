@@ -1,5 +1,5 @@
 /// A simulated world: its time, its buses, its one seed. Two worlds with one seed and the same use are identical to the
-/// bit, which `trace_hash` shows.
+/// bit; `trace_hash` shows this.
 ///
 ///     sim::World world(42);
 ///     sim::Bus& bus = world.add_bus("backbone", 50'000);
@@ -30,7 +30,7 @@ class World {
   World(const World&) = delete;
   World& operator=(const World&) = delete;
 
-  /// `bit_rate` in bit/s. The bus lives as long as the world. With a `data_bit_rate` it is an FD bus.
+  /// `bit_rate` in bit/s. The bus exists as long as the world. With a `data_bit_rate` it is an FD bus.
   Bus& add_bus(std::string name, std::uint32_t bit_rate, std::uint32_t data_bit_rate = 0);
   /// Null when there is none of that name.
   [[nodiscard]] Bus* find_bus(std::string_view name) noexcept;
@@ -39,14 +39,14 @@ class World {
   [[nodiscard]] rt::Executor& executor() noexcept { return executor_; }
   [[nodiscard]] rt::Time now() const noexcept { return executor_.now(); }
   [[nodiscard]] std::uint64_t seed() const noexcept { return seed_; }
-  /// Draws advance one common sequence: fork one per device where use may vary.
+  /// Draws advance one common sequence: fork one per device if its use may vary.
   [[nodiscard]] Random& random() noexcept { return random_; }
 
   // As fast as possible. Never from inside a job.
   void run_until(rt::Time until) noexcept { executor_.advance(until); }
   void run_for(rt::Duration duration) noexcept { executor_.advance(executor_.now() + duration); }
-  /// Runs instant by instant until `done()` is true, looked at after each instant, or nothing happens up to `limit`
-  /// from now; true when it is done. When it is not, `now()` is at the limit.
+  /// Runs instant by instant until `done()` is true, checked after each instant, or for at most `limit` from now; true
+  /// when it is done. Otherwise `now()` is at the limit.
   template <class Predicate>
   bool run_until(Predicate done, rt::Duration limit) {
     const rt::Time end = executor_.now() + limit;
@@ -69,7 +69,7 @@ class World {
   /// Runs the work of one instant, the earliest, if it is not after `until`.
   bool step(rt::Time until) noexcept { return executor_.step(until); }
 
-  /// Calls `action` once at `when`, in a job of its own. For plans of tests and plants, not for a frame's path.
+  /// Calls `action` once at `when`, in a job of its own. For plans of tests and plants, not for processing frames.
   void at(rt::Time when, std::function<void()> action);
   void after(rt::Duration delay, std::function<void()> action) { at(now() + delay, std::move(action)); }
 
@@ -83,14 +83,14 @@ class World {
     hash_ = (hash_ ^ word) * 0x9E37'79B9'7F4A'7C15ULL;
     hash_ ^= hash_ >> 29;
   }
-  /// What an FD frame has beyond a classic one.
+  /// Adds what an FD frame has beyond a classic one.
   [[gnu::cold]] void mix_fd(const can::Frame& frame) noexcept;
 
   rt::Executor executor_;
   std::uint64_t seed_;
   Random random_;
   std::uint64_t hash_ = 0;
-  Action* actions_ = nullptr;  // list of those that wait
+  Action* actions_ = nullptr;  // list of the waiting ones
   std::vector<std::unique_ptr<Bus>> buses_;
 };
 

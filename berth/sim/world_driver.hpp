@@ -11,7 +11,7 @@ class WorldDriver final : public rt::Driver {
   /// The world must stay.
   explicit WorldDriver(World& world) noexcept : Driver(world.executor()), world_(&world) {}
 
-  /// Asks after each instant. Not done, the world stands at `end`.
+  /// Calls `over` after each instant. If it stays false, the world is at `end`.
   bool run_until(const Predicate& over, rt::Time end) override { return world_->run_until(over, end - now()); }
 
  private:

@@ -1,4 +1,4 @@
-/// How much room a text takes on a terminal: an ideograph or an emoji is two columns wide, a combining mark none.
+/// The width of a text on a terminal: an ideograph or an emoji is two columns wide, a combining mark none.
 #pragma once
 
 #include <cstddef>
@@ -8,9 +8,9 @@
 
 namespace berth::text {
 
-/// Columns of a line of UTF-8 without control characters (`printable`). What is no UTF-8 counts one a byte.
+/// Columns of a line of UTF-8 without control characters (`printable`). Bytes that are not UTF-8 count one each.
 [[nodiscard]] std::size_t columns(std::string_view line);
-/// The longest beginning that is not wider than `most`.
+/// The longest beginning that is at most `most` columns wide.
 [[nodiscard]] std::string cut(std::string_view line, std::size_t most);
 /// The line with spaces after it up to `least` columns.
 [[nodiscard]] std::string padded(std::string_view line, std::size_t least);

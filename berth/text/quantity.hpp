@@ -1,4 +1,4 @@
-/// Small things that people write in files: durations with their unit, ranges of numbers, words out of a list.
+/// Small values in users' files: durations with their unit, ranges of numbers, words from a list.
 #pragma once
 
 #include <chrono>
@@ -18,8 +18,8 @@ using Duration = std::chrono::nanoseconds;
 /// `"0"` needs no unit. Exact: empty for anything finer than a nanosecond, and for more than 100 years.
 [[nodiscard]] std::optional<Duration> parse_duration(std::string_view text);
 
-/// Writes a duration that is not negative so that `parse_duration` gives it back: the largest unit that needs no
-/// decimals ("1500 ms", "2 s", "0 s").
+/// Writes a non-negative duration so that `parse_duration` reads it back: with the largest unit that needs no decimals
+/// ("1500 ms", "2 s", "0 s").
 [[nodiscard]] std::string write_duration(Duration duration);
 
 /// Reads `"1..60"`, `"7"` or `"1..10, 20, 30..32"`: ascending, every number at least `low` and at most `high`. Empty

@@ -1,6 +1,6 @@
-/// Which files a file may name (docs/security.md): those in its own folder, in the folders of that, and in its project,
-/// which is the nearest folder above with a file `berth-project.toml`. Machine, plant and library files come from
-/// others too, and what they name is opened with the rights of the person who uses them.
+/// Which files a file may name (docs/security.md): those in its own folder and its subfolders, and in its project,
+/// which is the nearest folder above with a file `berth-project.toml`. Machine, plant and library files may come from
+/// others, but the files that they name are opened with the user's rights.
 #pragma once
 
 #include <optional>
@@ -13,31 +13,31 @@
 
 namespace berth::text {
 
-/// What the names in one file reach. A link counts as what it leads to, as far as it leads somewhere.
+/// The files that names in one file can reach. A link counts as its target, as far as it has one.
 class Reach {
  public:
-  /// Marks the folder of a project. One that belongs to another user (not root) marks nothing.
+  /// Marks the folder of a project. A file of another user (not root) marks nothing.
   static constexpr const char* project_file = "berth-project.toml";
 
-  /// `file`: the one that names others; need not be there. `allowed`: folders that a person named besides
+  /// `file`: the one that names others; need not exist. `allowed`: further folders allowed by the user
   /// (`--allow-outside`).
   explicit Reach(const std::string& file, std::span<const std::string> allowed = {});
 
   /// Bytes of the longest name: the system opens no longer one.
   static constexpr std::size_t longest = 4096;
 
-  /// `name` as seen from the folder of the file; an absolute name stays. Empty: it leads elsewhere, or is longer. What
-  /// is named counts as read (`note_read`), though it may be opened much later.
+  /// `name` relative to the folder of the file; an absolute name stays. Empty: it is out of reach, or too long. A named
+  /// file counts as read (`note_read`), though it may be opened much later.
   [[nodiscard]] std::optional<std::string> path(const std::string& name) const;
-  /// Of so many names in one file that lead elsewhere the next are not followed: the file is refused as it is.
+  /// After so many names out of reach in one file, further ones are not followed: the file is refused anyway.
   static constexpr unsigned most_refused = 100;
 
-  /// The same for the value of `key`; what leads elsewhere is an error of the table, and empty. Behind `most_refused`
-  /// of them it is empty without another error.
+  /// The same for the value of `key`. A name out of reach is an error of the table, and empty. After `most_refused` of
+  /// them it is empty without another error.
   [[nodiscard]] std::string path(Table& table, std::string_view key, const std::string& name) const;
 
-  /// Whether the file at `path` (of this function above) is there; else an error of the table: "vlave.eds not found;
-  /// did you mean valve.eds?", by the names in its folder that end alike.
+  /// Whether the file at `path` (from the function above) exists; else an error of the table: "vlave.eds not found; did
+  /// you mean valve.eds?", chosen from the names in its folder with the same ending.
   [[nodiscard]] static bool there(Table& table, std::string_view key, const std::string& path);
 
   /// The folder of the project, or that of the file.
@@ -47,7 +47,7 @@ class Reach {
  private:
   std::string file_;
   std::vector<std::string> allowed_;
-  std::vector<std::string> folders_;  // real ones
+  std::vector<std::string> folders_;  // resolved folders
   mutable unsigned refused_ = 0;
 };
 

@@ -1,4 +1,4 @@
-/// A file that was given in place of another: a device description or a plant file where a machine file was asked for.
+/// Recognises a wrong kind of file: a device description or a plant file where a machine file was expected.
 #pragma once
 
 #include <cstdint>
@@ -12,8 +12,8 @@ namespace berth::text {
 
 enum class FileKind : std::uint8_t { machine, plant };
 
-/// What a text is that is not of the kind `wanted`, with what is done with it instead: told before any line of it is
-/// called wrong. Empty: it may be of that kind, or is nothing that is known here.
+/// The kind of a text that is not of the kind `wanted`, and what to do with it instead; reported before any of its
+/// lines is called wrong. Empty: it may be of that kind, or its kind is unknown.
 [[nodiscard]] std::optional<Finding> taken_for(FileKind wanted, std::string_view text, const std::string& file);
 
 }  // namespace berth::text

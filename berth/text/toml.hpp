@@ -1,8 +1,8 @@
-/// Files that people write, read so that every remark can name line and column.
+/// Reads files written by users, so that every remark can name line and column.
 ///
-/// A TOML text becomes a tree of `Value`s in the order of the file, each with the place where it stands. `Table` reads
-/// one table of it: it checks type and range, and at the end knows which keys were not asked for. Nothing here knows
-/// what a machine or a plant is. The parser is toml++ (TOML 1.0), seen by `toml.cpp` only.
+/// A TOML text becomes a tree of `Value`s in the order of the file, each with its place. `Table` reads one table of it:
+/// it checks type and range, and at the end knows which keys were not requested. Nothing here knows machines or plants.
+/// The parser is toml++ (TOML 1.0), used only by `toml.cpp`.
 #pragma once
 
 #include <cstdint>
@@ -27,7 +27,7 @@ struct Place {
 
 struct Member;
 
-/// One value. Only the field that belongs to `kind` means something.
+/// One value. Only the field of its `kind` is valid.
 struct Value {
   enum class Kind : std::uint8_t { string, integer, real, boolean, date, array, table };
   Kind kind = Kind::table;
@@ -41,7 +41,7 @@ struct Value {
   std::vector<Value> items;     ///< of an array
   std::vector<Member> members;  ///< of a table, in the order of the file
 
-  /// The member of this name, or null; null for everything but a table.
+  /// The member of this name, or null; null if it is not a table.
   [[nodiscard]] const Value* find(std::string_view key) const noexcept;
 };
 
@@ -51,7 +51,7 @@ struct Member {
   Value value;
 };
 
-/// Same content: places, the order of members and the way of writing do not count.
+/// True for the same content; ignores places, the order of members and the way of writing.
 [[nodiscard]] bool same(const Value& a, const Value& b) noexcept;
 
 /// "a string", "an integer", "a table", …
@@ -60,8 +60,8 @@ struct Member {
 /// Reads a whole file's text. A syntax error is one finding with its place, and the result is empty.
 [[nodiscard]] std::optional<Value> parse_toml(std::string_view text, const std::string& file, Findings& findings);
 
-/// The byte at which a place stands in `text`; `text.size()` for places after its end. A byte order mark at the
-/// beginning counts as no column.
+/// The byte offset of a place in `text`; `text.size()` for places after its end. A byte order mark at the beginning
+/// counts as no column.
 [[nodiscard]] std::size_t offset_of(std::string_view text, Place place) noexcept;
 
 /// Whole numbers allowed, both ends included.
@@ -71,26 +71,26 @@ struct Limits {
 };
 inline constexpr Limits any_u32{0, 0xFFFF'FFFF};
 
-/// Reads one table. Every reading call marks its key as known, and gives empty when the key is absent or wrong; what is
-/// wrong becomes a finding. Lives shorter than the `Value` it reads.
+/// Reads one table. Every reading call marks its key as known, and returns empty when the key is absent or wrong;
+/// errors become findings. Must not outlive the `Value` it reads.
 class Table {
  public:
-  /// `path` names the table for a person: "bus.backbone", "slot[2]"; empty for the file's root.
+  /// `path` names the table for the user: "bus.backbone", "slot[2]"; empty for the file's root.
   Table(const Value& table, std::string path, const std::string& file, Findings& findings)
       : table_(table), path_(std::move(path)), file_(file), findings_(findings) {}
 
   /// The raw value, null when absent.
   const Value* get(std::string_view key);
-  /// True when the key stands there, whatever its value.
+  /// True when the key exists, whatever its value.
   [[nodiscard]] bool has(std::string_view key);
 
   std::optional<std::string> string(std::string_view key);
   std::optional<std::int64_t> integer(std::string_view key, Limits limits);
   std::optional<std::uint32_t> u32(std::string_view key, Limits limits = any_u32);
   std::optional<bool> boolean(std::string_view key);
-  /// A string with a unit ("4 ms"), between the two ends, both included.
+  /// A string with a unit ("4 ms"), from `low` to `high`, both included.
   std::optional<Duration> duration(std::string_view key, Duration low, Duration high);
-  /// One of `words`; gives its index.
+  /// One of `words`; returns its index.
   std::optional<std::size_t> word(std::string_view key, std::span<const std::string_view> words);
   /// An array of strings.
   std::optional<std::vector<std::string>> strings(std::string_view key);
@@ -103,9 +103,9 @@ class Table {
   /// The members of a table of tables (`[key.NAME]`), in order: name and table.
   std::vector<std::pair<std::string, Table>> named_tables(std::string_view key);
 
-  /// Reports a key that must be there and is not; false then.
+  /// Reports a missing mandatory key; false then.
   bool require(std::string_view key, std::string_view fix);
-  /// Reports every key that was not asked for, with the nearest one that exists. Call it last.
+  /// Reports every key that was not requested, with the nearest known one. Call it last.
   void finish();
 
   /// A finding about the value of `key`, or about the table itself when `key` is empty or absent.
