@@ -1,4 +1,4 @@
-// As if other parts of the process had all file descriptors: while it lives, none can be opened.
+// Simulates that other code of the process has all file descriptors: while it exists, none can be opened.
 #pragma once
 
 #include <sys/resource.h>

@@ -64,9 +64,9 @@ class Analyzer {
     }
   }
 
-  // What waits in FIFOs makes others later, and so waits longer: from below to the least that fits together. What waits
-  // in no FIFO makes nobody later than its frame does: it is bounded once, after that. FIFOs that make each other
-  // later without end are given up sooner: what waits for ten of the longest periods has no bound.
+  // Waiting in FIFOs delays others, which then wait longer: iterates from below to the least consistent solution. A
+  // message in no FIFO delays others by its frame only, so it is bounded once, after that. FIFOs that delay each other
+  // without end are given up sooner: a wait of ten of the longest periods counts as no bound.
   void run() {
     fifos_ = all_fifos();
     find_senders();
@@ -109,7 +109,7 @@ class Analyzer {
     }
   }
 
-  // What this one takes is jitter of those that come after it. True: it is more than before.
+  // This message's response time is jitter of those triggered by it. True: it has grown.
   bool lets_go(std::size_t cause) {
     const Queue queue = line_.senders[tasks_[cause].sender].queue;
     Task& task = tasks_[cause];
@@ -136,7 +136,7 @@ class Analyzer {
     return more;
   }
 
-  // What is not known is a FIFO: to other senders that is the worse.
+  // An unknown queue is a FIFO: for other senders that is the worse one.
   [[nodiscard]] bool in_order(const Task& task) const noexcept {
     return line_.senders[task.sender].queue != Queue::priority;
   }
@@ -150,7 +150,7 @@ class Analyzer {
     return longer;
   }
 
-  // Within its own queue either may be the worse.
+  // Within its own queue either may be worse.
   static void take_worse(Task& task, const Task& other) noexcept {
     const bool bounded = task.worst != no_bound && other.worst != no_bound;
     task.queued = bounded ? std::max(task.queued, other.queued) : no_bound;
@@ -320,14 +320,14 @@ class Analyzer {
     task.chain = std::max(task.chain, chain_of(i, order, (before + 1) * task.worst));
   }
 
-  // What comes in the time of all of them can delay only one of them. `most`: each as late as one can be.
+  // Messages that come within the time of all of them can delay only one of them. `most`: each at its latest.
   [[nodiscard]] Ns chain_of(std::size_t i, const Order& order, Ns most) const noexcept {
     const Message& message = line_.messages[i];
     const Ns frames = message.frames_before + 1;
     const Ns pauses = message.before.count() + frames * bit_;
     const bool alone = order.own.size() == 1;
     const auto before = loads_before(order);
-    // The frame before the first may be the one that has begun: when it began, nothing stronger waited.
+    // The frame before the first may be one that has already begun: at its begin, nothing with higher priority waited.
     const Ns blocking = (frames - 1) * order.blocking + std::max(order.blocking, tasks_[i].c);
     for (Ns length = frames * tasks_[i].c; length <= most;) {
       const Ns window = length + pauses;
@@ -359,7 +359,7 @@ class Analyzer {
   std::vector<std::size_t> cause_;  // whose reception sends others
 };
 
-/// From the cause to where it counts.
+/// From the cause to the effect.
 std::optional<rt::Duration> arrival_of(const Message& message, const Response& response,
                                        const std::vector<Task>& tasks) {
   if (!response.worst) return std::nullopt;

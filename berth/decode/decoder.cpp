@@ -57,7 +57,7 @@ std::string meant(const ValueWords& words, ObjectRef object, od::DataType type, 
   return words.words(object, type, std::span(bytes).first(size));
 }
 
-// What the value of a transfer means, where all of it is there.
+// What the value of a transfer means, if it is complete.
 std::string meant(const ValueWords* words, const SdoRecord& record, od::DataType type,
                   std::span<const std::uint8_t> bytes) {
   const bool whole = !record.sized || record.bytes.size() == record.length;
@@ -259,7 +259,7 @@ void Decoder::add_pdo(Bus& bus, Node& node, std::uint8_t id, od::PdoKind kind, u
   const Route before = cob.key() <= can::base_mask        ? bus.base[cob.key()]
                        : bus.extended.contains(cob.key()) ? bus.extended[cob.key()]
                                                           : Route{};
-  // The sender names its signals; a receiver is asked when no sender is known.
+  // The sender names its signals; a receiver is used if no sender is known.
   if (before.kind != Route::Kind::none &&
       (before.kind != Route::Kind::pdo || !transmit || bus.pdos[before.index].transmit))
     return;
@@ -291,7 +291,7 @@ bool Decoder::taken(const Bus& bus, std::uint32_t key) {
   return bus.extended.contains(key);
 }
 
-// A transfer said what stands in an object that decides what frames mean.
+// A transfer has shown the value of an object that decides what frames mean.
 void Decoder::learn(Bus& bus, std::uint8_t id, ObjectRef object, std::span<const std::uint8_t> bytes) {
   const bool decides = object.index == 0x1000 || object.index == 0x1005 || object.index == 0x1014 ||
                        od::cia301::is_server(object.index) || od::is_pdo_record(object.index);
@@ -300,7 +300,7 @@ void Decoder::learn(Bus& bus, std::uint8_t id, ObjectRef object, std::span<const
   const auto before = values.bytes(object);
   if (std::equal(before.begin(), before.end(), bytes.begin(), bytes.end())) return;
   if (values.set_bytes(object, bytes) != od::AbortCode::none) return;
-  // All of them: which nodes receive what this one sends is known by other nodes' objects.
+  // All of them: other nodes' objects decide which nodes receive what this one sends.
   for (std::uint8_t each = 1; each < bus.nodes.size(); ++each) disconnect(bus, each);
   for (std::uint8_t each = 1; each < bus.nodes.size(); ++each) {
     if (bus.nodes[each] && bus.nodes[each]->values) connect(bus, each);
@@ -340,7 +340,7 @@ void Decoder::entry(const trace::Entry& entry) {
     case Route::Kind::response: return sdo(*bus.channels[route.index], route.kind == Route::Kind::request);
     case Route::Kind::emcy:
     case Route::Kind::sync: {
-      // As if it came on the identifier of the predefined connection set.
+      // As if on the identifier of the predefined connection set.
       can::Frame moved = frame;
       moved.extended = false;
       moved.id = route.kind == Route::Kind::sync ? co::sync_id : 0x80U + route.node;
@@ -362,7 +362,7 @@ void Decoder::entry(const trace::Entry& entry) {
   give(meaning);
 }
 
-// What an emergency code means is for the device's profile to say, as far as its 1000h is known.
+// The device's profile decides the meaning of an emergency code, if its 1000h is known.
 void Decoder::say_by_profile(const Bus& bus, Meaning meaning) {
   const can::Frame& frame = entry_->frame;
   const bool emcy = meaning.service == Service::emcy && frame.size == 8 && !frame.remote;
@@ -376,7 +376,7 @@ void Decoder::say_by_profile(const Bus& bus, Meaning meaning) {
   if (at != std::string::npos) words_.replace(at, general.size(), emcy_words(code, static_cast<std::uint16_t>(type)));
 }
 
-// What answers a remote frame is no heartbeat.
+// The answer to a remote frame is no heartbeat.
 void Decoder::heartbeat(Bus& bus) {
   const can::Frame& frame = entry_->frame;
   const std::uint8_t node = frame.id & 0x7FU;
@@ -384,7 +384,7 @@ void Decoder::heartbeat(Bus& bus) {
     bus.guarded.set(node);
     return;
   }
-  // 00h is a boot-up message whatever was asked before it: no node answers guarding while it initialises.
+  // 00h is always a boot-up message: no node answers guarding while it initialises.
   if (!bus.guarded.test(node) || frame.size != 1 || frame.data[0] == 0) return;
   bus.guarded.reset(node);
   const auto state = co::nmt_state(frame.data[0] & 0x7FU);
@@ -599,7 +599,7 @@ void Decoder::ended(const SdoRecord& record) {
   if (record.mode != SdoRecord::Mode::expedited)
     say(words_, " ({}, {} bytes, {} frames)", mode, record.length, record.frames);
   add_name(id);
-  // What did not end is told when another began, or never: its own last frame stands for it.
+  // A transfer that did not end is reported when another begins, or never: its own last frame stands for it.
   const Row row{.entry = record.end == End::unfinished ? &channel_->last : entry_,
                 .began = record.began,
                 .frames = record.frames,

@@ -182,7 +182,7 @@ void SdoTransfer::block_segment(const can::Frame& frame) {
   last_segment_ = (frame.data[0] & 0x80U) != 0;
 }
 
-// What was not acknowledged comes again in the next sub-block.
+// Segments that were not acknowledged come again in the next sub-block.
 void SdoTransfer::acknowledged(unsigned count) {
   if (count + 1U < next_) {
     cut_to(block_began_ + 7U * count);
@@ -194,7 +194,7 @@ void SdoTransfer::acknowledged(unsigned count) {
 }
 
 void SdoTransfer::stray(const can::Frame& frame, bool with_object, Listener& listener) {
-  // It must not disturb the transfer that is under way.
+  // It must not disturb the transfer in progress.
   SdoRecord lone;
   lone.object = with_object ? object_of(frame) : ObjectRef{};
   lone.has_object = with_object;

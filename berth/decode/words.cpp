@@ -26,7 +26,7 @@ constexpr std::array<std::string_view, services> service_names{"nmt",   "sync", 
                                                                "sdo",   "heartbeat",   "lss",   "rand", "and",
                                                                "claim", "negotiation", "error", "other"};
 
-// The frames that come a thousand times a second are not formatted.
+// Frames that come a thousand times a second are not formatted.
 void put(std::string& out, std::string_view before, unsigned number) {
   const fmt::format_int digits(number);
   out += before;

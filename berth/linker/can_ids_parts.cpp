@@ -59,7 +59,7 @@ class Numbering {
 
   void take(std::size_t bus, std::uint32_t can_id) { taken_[bus].insert(can_id); }
 
-  /// What others use: services, PDOs that stay, and everything predefined of devices of which nothing is known.
+  /// CAN-IDs used by others: services, PDOs that stay, and all predefined ones of unknown devices.
   void reserve() {
     for (std::size_t i = 0; i < network_.nodes.size(); ++i) {
       const Node& node = network_.nodes[i];
@@ -164,7 +164,7 @@ class Numbering {
     if (free_id(bus_of(bin), id)) give(bin, id);
   }
 
-  /// The device's RPDOs take the CAN-IDs of those that send to them; their own are free.
+  /// The device's RPDOs take the CAN-IDs of the TPDOs sent to them; their own become free.
   void give_own(Bin& bin) {
     for (unsigned number = predefined_pdos; number > 0 && waits(bin); --number) {
       const unsigned id = rpdo_id(number, network_.nodes[bin.producer].id);
@@ -172,7 +172,7 @@ class Numbering {
     }
   }
 
-  /// The weakest that is free; `uninhabited`: of node-IDs that nothing on the bus has.
+  /// The free one with the lowest priority; `uninhabited`: of node-IDs that no node on the bus has.
   void give_other(Bin& bin, bool uninhabited) {
     const auto try_id = [&](unsigned id) {
       if (waits(bin) && free_id(bus_of(bin), id)) give(bin, id);

@@ -102,7 +102,7 @@ class Crossing {
   std::vector<Route> run(Resolved& resolved) {
     take_what_is_there(resolved);
     std::vector<Signal> all;
-    // Those of the earlier plan keep their places; only then others take what is free.
+    // Signals of the earlier plan keep their places; then others take free ones.
     for (Signal& signal : resolved.signals) {
       if (!crosses(signal)) {
         all.push_back(std::move(signal));
@@ -218,7 +218,7 @@ class Crossing {
     return std::nullopt;
   }
 
-  /// Where the signal goes through this gateway; none: there is no room, which is told.
+  /// The place of the signal in this gateway; none: there is no room, with a finding.
   const Found* through(const Signal& signal, Hop hop) {
     const auto known = found_.find(key_of(signal, hop));
     if (known != found_.end()) return &known->second;
@@ -244,7 +244,7 @@ class Crossing {
     return &(found_[key_of(signal, hop)] = {*row, *source, *target});
   }
 
-  /// What of the deadline each bus has: the gateways' delays taken off, by the time that a bit takes there.
+  /// Each bus's part of the deadline: after subtracting the gateways' delays, in proportion to its bit time.
   [[nodiscard]] std::map<std::size_t, rt::Duration> shares(const Signal& signal) const {
     std::map<std::size_t, rt::Duration> all;
     for (const std::size_t link : signal.links) {
@@ -358,7 +358,7 @@ Brought brings(const Plan& plan, std::size_t node, ObjectRef object) {
   return {};
 }
 
-/// From a consumer back to where its value comes from; none: it does not cross a gateway, or ends in one.
+/// From a consumer back to the source of its value; none: it does not cross a gateway, or ends in one.
 std::optional<CrossingLink> whole_way(const LinkNetwork& network, const Plan& plan, const Pdo& last,
                                       const Receiver& receiver, const Received& got) {
   const bool ends_in_gateway = std::ranges::any_of(plan.routes, [&](const Route& each) {
@@ -465,7 +465,7 @@ std::vector<Route> cross(const LinkNetwork& network, Resolved& resolved, const E
 }
 
 void finish_crossings(const LinkNetwork& network, Plan& plan) {
-  // A link of which a PDO was refused has no whole way.
+  // A link with a refused PDO has no complete way.
   std::erase_if(plan.routes, [&](const Route& route) {
     return brings(plan, entry_node(network, route), route.source).pdo == nullptr;
   });

@@ -30,7 +30,7 @@ int deadline_class(const std::optional<rt::Duration>& deadline) noexcept {
   return static_cast<int>(std::bit_width(static_cast<std::uint64_t>(deadline->count())));
 }
 
-/// How often a PDO is sent a second at most, about.
+/// About how often a PDO is sent in a second, at most.
 double rate(const std::optional<rt::Duration>& deadline) noexcept {
   constexpr double otherwise = 0.02;
   const double seconds = deadline ? std::chrono::duration<double>(*deadline).count() : otherwise;
@@ -141,7 +141,7 @@ class Packer {
     return static_cast<std::size_t>(found - signals_.begin());
   }
 
-  /// What stood in a PDO stays there, in its order, as long as the receivers can still take it.
+  /// Objects stay in their PDO, in their order, as long as the receivers can still take it.
   void take_over(const EarlierPdo& pdo) {
     const auto node = std::ranges::find(network_.nodes, pdo.producer, &Node::name);
     if (node == network_.nodes.end()) return;
@@ -166,7 +166,7 @@ class Packer {
     if (!bin.items.empty()) bins_.push_back(std::move(bin));
   }
 
-  /// A device whose mappings are fixed sends what it sends: the PDO that has the object.
+  /// A device with fixed mappings: uses the PDO that has the object.
   void take_fixed(std::size_t signal) {
     const Signal& wanted = signals_[signal];
     if (placed_[signal] || room_[wanted.producer].tpdos > 0) return;
@@ -236,7 +236,7 @@ class Packer {
 
   // -- too few PDOs --
 
-  /// By how many PDOs the devices fall short, and which do.
+  /// The number of missing PDOs, and the devices that lack them.
   unsigned shortage(const std::vector<Bin>& bins, std::vector<bool>* who = nullptr) const {
     std::vector<std::pair<unsigned, unsigned>> need(network_.nodes.size());
     for (const Bin& bin : bins) {
@@ -262,8 +262,8 @@ class Packer {
            a_receiver * static_cast<double>(receivers_of(bin, signals_).size());
   }
 
-  /// The bins without this one, its signals in others of its producer; empty when they do not go in. `grown`: what that
-  /// costs.
+  /// The bins without this one, with its signals in others of its producer; empty if they do not fit. `grown`: the
+  /// cost.
   std::optional<std::vector<Bin>> without(std::size_t gone, double& grown) const {
     std::vector<Bin> bins = bins_;
     std::vector<Item> items = std::move(bins[gone].items);
@@ -312,7 +312,7 @@ class Packer {
     return true;
   }
 
-  /// Makes an MPDO of the PDO of a producer that falls short which is sent least often. One a producer.
+  /// For a producer that lacks PDOs: turns its least frequent PDO into an MPDO. At most one per producer.
   bool make_mpdo() {
     std::vector<bool> short_of(network_.nodes.size());
     (void)shortage(bins_, &short_of);
@@ -378,7 +378,7 @@ class Packer {
   std::vector<bool> placed_;
 };
 
-/// Dummies for a gap; false when the lengths that there are do not fill it.
+/// Dummies for a gap; false if the available lengths do not fill it.
 bool fill(std::vector<co::PdoEntry>& mapping, unsigned gap, const DevicePdos& device) {
   for (const unsigned type : device.dummies) {
     const unsigned bits = od::bit_length(static_cast<od::DataType>(type));

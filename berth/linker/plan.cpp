@@ -34,7 +34,7 @@ class LinkPlanMaker {
     refuse_without_sync();
     const Packed packed = pack(network_, devices_, signals_, earlier_);
     for (const std::size_t signal : packed.left) refuse_left(signal);
-    // The predefined CAN-IDs first; where they make a deadline missed, new PDOs take theirs in the order of deadlines.
+    // The predefined CAN-IDs first; if a deadline is missed with them, new PDOs get theirs in the order of deadlines.
     Findings late;
     if (!try_numbers(packed, false, late)) {
       Findings still;
@@ -91,7 +91,7 @@ class LinkPlanMaker {
     signals_ = std::move(kept);
   }
 
-  /// For which signal no PDO was found: whose PDOs are too few.
+  /// The signal without a PDO: whose PDOs are too few.
   void refuse_left(std::size_t at) {
     const Signal& signal = signals_[at];
     const Node& producer = network_.nodes[signal.producer];
@@ -153,7 +153,7 @@ class LinkPlanMaker {
     });
   }
 
-  /// FEh and FFh are one to a link: what the device has is left.
+  /// FEh and FFh are equal for a link: the device's value stays.
   void choose_types() {
     for (Pdo& pdo : made_.plan.pdos) {
       if (pdo.transmission >= sam_mpdo) {

@@ -100,7 +100,7 @@ class Resolver {
     const bool numbers = od::read_object(end.object).has_value();
     const bool dynamic_names = !node.file->dynamic_segments.empty() && !numbers;
     const auto object = od::find_object(description, end.object);
-    // Where any name may be that of a variable, one that only begins like an object's is none of that object.
+    // If any name may be a variable's, a name that only begins like an object's does not mean that object.
     if (object && (!dynamic_names || is_name_of(description, *object, end.object))) {
       const bool dynamic = is_dynamic(*node.file, object->index);
       const auto* const sub = dynamic && node.linked_before ? nullptr : description.find(*object);
@@ -261,7 +261,7 @@ class Resolver {
     for (std::size_t i = 0; i < to_[link].size(); ++i) place(to_[link][i], network_.links[link].to[i]);
   }
 
-  /// Two links may say the same of one object; no object takes its value from two.
+  /// Two links may have the same object as their source; no object may get its value from two.
   void add(std::size_t link, Resolved& made) {
     const Meant& from = *from_[link];
     const Source source{from.node, from.object};
@@ -296,7 +296,7 @@ class Resolver {
     }
   }
 
-  /// One device that two ends of one value lie on: an RPDO puts its bits into one object.
+  /// One device on which two ends of one value lie: an RPDO puts its bits into only one object.
   std::optional<std::size_t> received_twice(std::size_t link) const {
     const auto known =
         signals_.find({from_[link]->node, from_[link]->object, one_of_kind(network_.links[link].transmission)});
@@ -310,7 +310,7 @@ class Resolver {
     return std::nullopt;
   }
 
-  /// A value that runs in a circle is sent for ever.
+  /// A value in a loop would be sent for ever.
   void refuse_circles(const Resolved&) {
     std::map<Source, std::vector<std::pair<Source, std::size_t>>> next;
     for (const auto& [consumer, source] : sources_) {
@@ -318,7 +318,7 @@ class Resolver {
     }
     std::set<Source> done;
     for (const auto& [start, ignored] : next) {
-      // Each object has one source at most, so a circle is found by going back from it.
+      // Each object has at most one source, so a loop is found by going back from it.
       std::set<Source> seen;
       Source at_now = start;
       std::vector<std::size_t> links;

@@ -12,7 +12,7 @@ namespace {
 
 using od::DataType;
 
-// Words that IEC 61131-3 keeps for itself and that people would call a variable; the elementary types and operators.
+// Words reserved in IEC 61131-3 that users might choose for a variable; the elementary types and operators.
 constexpr std::array<std::string_view, 66> reserved{"action",
                                                     "and",
                                                     "any",
@@ -83,7 +83,7 @@ constexpr std::array<std::string_view, 66> reserved{"action",
 bool letter(char c) noexcept { return lower(c) >= 'a' && lower(c) <= 'z'; }
 bool digit(char c) noexcept { return c >= '0' && c <= '9'; }
 
-/// Without what would end a comment of structured text.
+/// Without characters that would end a comment of structured text.
 std::string in_comment(std::string text) {
   std::ranges::replace(text, '*', '+');
   return text;
@@ -161,7 +161,7 @@ std::string plcopen_xml(const LinkNetwork& network, const Plan& plan, std::size_
         markup(each.name), address.empty() ? "" : fmt::format(" address=\"{}\"", address), iec_type(each.type),
         markup(where(each)));
   }
-  // The schema wants a date; the same links give the same file.
+  // The schema requires a date; a fixed one, so that the same links give the same file.
   constexpr std::string_view head =
       "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n"
       "<project xmlns=\"http://www.plcopen.org/xml/tc6_0201\">\n"

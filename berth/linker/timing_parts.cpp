@@ -17,19 +17,19 @@ using analysis::Queue;
 using rt::Duration;
 
 constexpr unsigned most_ticks = 0xFFFF;
-// Of links without a deadline; the first with which the others are in time.
+// For links without a deadline; uses the first with which the others are in time.
 constexpr std::array<Duration, 9> idle_inhibits{10ms, 20ms, 50ms, 100ms, 200ms, 500ms, 1s, 2s, 5s};
 constexpr unsigned no_deadline_event_ms = 1000;
 constexpr unsigned least_event_ms = 100;
 constexpr unsigned event_in_deadlines = 10;
 constexpr unsigned missing_in_events = 3;
 
-/// What of a deadline the inhibit time takes at most; the rest is for the bus.
+/// The largest part of a deadline for the inhibit time; the rest is for the bus.
 struct Share {
   unsigned parts = 1;
   unsigned of = 2;
 };
-// A short one leaves changes room to follow each other, a long one leaves the bus to others.
+// A short inhibit time lets changes follow each other soon, a long one leaves the bus to others.
 constexpr std::array<Share, 5> shares{{{1, 2}, {2, 3}, {3, 4}, {7, 8}, {1, 1}}};
 
 double ms(Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
@@ -44,7 +44,7 @@ class Timing {
     bool good = true;
     plan_.buses.assign(network_.buses.size(), {});
     for (std::size_t bus = 0; bus < network_.buses.size(); ++bus) {
-      // So that everything on the bus is in time; if that cannot be, the links at least.
+      // Brings everything on the bus in time; if that is impossible, at least the links.
       all_ = true;
       bool kept = find_times(bus);
       all_ = false;
@@ -61,7 +61,7 @@ class Timing {
   }
 
  private:
-  /// What fits with short times fits with the longest too: where these do not, nothing does.
+  /// Anything that fits with short times also fits with the longest: if these do not fit, nothing does.
   bool find_times(std::size_t bus) {
     idle_ = idle_inhibits.front();
     if (try_share(bus, shares.front())) return true;
@@ -100,12 +100,12 @@ class Timing {
     }
   }
 
-  /// An MPDO carries one object at a time: the last of them waits for all others.
+  /// An MPDO carries one object at a time: the last one waits for all others.
   static std::int64_t objects_of(const Pdo& pdo) noexcept {
     return static_cast<std::int64_t>(pdo.mpdo ? pdo.carried.size() : 1);
   }
 
-  /// The longest that its links ask for.
+  /// The longest that its links permit.
   [[nodiscard]] std::optional<Duration> inhibit_of_links(const Pdo& pdo) const {
     std::optional<Duration> longest;
     for (const std::size_t link : pdo.links) {
@@ -185,8 +185,8 @@ class Timing {
     }
   }
 
-  /// The inhibit time of a PDO that is late by what the bus takes becomes as long as its deadline leaves. False: none
-  /// was shortened, or one cannot be short enough.
+  /// Shortens the inhibit time of a late PDO to what its deadline leaves after the bus's time. False: none was
+  /// shortened, or one cannot be short enough.
   bool shorten(Tried& tried, const analysis::Result& result) const {
     if (result.load > 1) return false;  // and a shorter one takes more
     bool shortened = false;
@@ -198,7 +198,7 @@ class Timing {
       if (*response.worst >= *pdo.deadline) return false;
       if (synchronous(pdo.transmission) || pdo.inhibit <= 1 || inhibit_of_links(pdo)) return false;
       const auto most = (*pdo.deadline - *response.worst) / objects_of(pdo) / inhibit_unit;
-      // By what the frames before it take: with a shorter one that is less, so half of the way.
+      // By the time of the frames before it: that decreases with a shorter inhibit time, so only half of the way.
       const auto waits = tried.line.messages[response.message].before;
       const auto now = (*pdo.deadline - *response.arrival + waits) / objects_of(pdo) / inhibit_unit;
       const auto ticks = pdo.inhibit > most ? most : (std::max<std::int64_t>(now, 0) + pdo.inhibit) / 2;
@@ -208,8 +208,8 @@ class Timing {
     return shortened;
   }
 
-  /// Inhibit times as long as they may be: a longer one leaves the bus to the others. So from above, until all fit or
-  /// one cannot be shorter.
+  /// Inhibit times as long as possible, because a longer one leaves the bus to the others. So from above, until all fit
+  /// or one cannot be shorter.
   bool try_share(std::size_t bus, Share share, bool shortens = true) {
     Tried tried = begin(bus, share);
     take_times(tried);
@@ -246,7 +246,7 @@ class Timing {
     }
   }
 
-  /// What may come at any time leaves no bound to anything after it.
+  /// A message that may come at any time leaves no bound for lower priorities.
   bool tell_endless(std::size_t bus, Findings& findings) {
     Tried tried = begin(bus, shares.front());
     take_times(tried);
@@ -269,7 +269,7 @@ class Timing {
                         std::move(message), std::move(fix)});
   }
 
-  /// Whether it is the queues that are not known, and nothing else.
+  /// Whether the unknown queues are the only reason.
   void tell_queue(std::size_t bus, Findings& findings) {
     std::vector<std::string> unknown;
     for (const auto& node : network_.nodes) {

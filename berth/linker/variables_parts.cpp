@@ -35,7 +35,7 @@ std::size_t Variables::of(std::size_t node, const std::string& name, bool input,
   auto& names = input ? inputs_ : outputs_;
   const auto [found, fresh] = names.try_emplace(Key{node, in_lower_case(name)}, list_.size());
   if (fresh) list_.push_back({{.node = node, .name = name, .input = input}, pinned});
-  // Which of two spellings counts does not depend on the order of the links.
+  // The choice between two spellings does not depend on the order of the links.
   auto& kept = list_[found->second].variable.name;
   kept = std::min(kept, name);
   return found->second;
@@ -105,7 +105,7 @@ void Variables::find_place(Each& each) {
       for (unsigned sub = 1; sub <= most_subs; ++sub) {
         const ObjectRef object{static_cast<std::uint16_t>(index), static_cast<std::uint8_t>(sub)};
         if (taken_.contains({each.variable.node, object})) continue;
-        // What the programming system made stays where it is.
+        // Variables made by the programming system stay in place.
         const bool there =
             file.description->find(object) != nullptr && !network_.nodes[each.variable.node].linked_before;
         if (!there && place(each, object)) return;

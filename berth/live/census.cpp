@@ -161,7 +161,7 @@ rt::Task<Result<std::string>> Census::text(NodeId id, std::uint16_t index, Censu
   co_return printable(value->bytes());
 }
 
-// What was heard has the jitter of two computers in it; the device knows (CiA 301, object 1017h).
+// A heard period has the jitter of two computers; the device knows the exact one (CiA 301, object 1017h).
 rt::Task<Result<void>> Census::ask_period(Node& node, CensusOptions options) {
   const ObjectRef period_object{0x1017, 0};
   const auto told = co_await number(node.seen.id, period_object, 2, options);
@@ -170,7 +170,7 @@ rt::Task<Result<void>> Census::ask_period(Node& node, CensusOptions options) {
   co_return Result<void>();
 }
 
-// A master may send nothing but its heartbeat: only its objects tell what it is (CiA 302-2: 1F80h bit 0, 1F81h).
+// A master may send only its heartbeat: then only its objects show what it is (CiA 302-2: 1F80h bit 0, 1F81h).
 rt::Task<Result<void>> Census::ask_whether_master(Node& node, CensusOptions options) {
   const ObjectRef startup_object{od::cia302::nmt_startup, 0};
   const auto startup = co_await number(node.seen.id, startup_object, 4, options);
@@ -218,7 +218,7 @@ rt::Task<Result<void>> Census::ask_stranger(NodeId id, CensusOptions options) {
   co_return Result<void>();
 }
 
-// A device that does not answer, or that another client takes, is left; only a port that takes no frame is an error.
+// Skips a device that does not answer, or that another client uses; only a port that takes no frame is an error.
 rt::Task<Result<void>> Census::ask_node(NodeId id, CensusOptions options) {
   Node& node = nodes_[id.value()];
   const ObjectRef type_object{0x1000, 0};

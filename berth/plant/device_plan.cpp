@@ -212,7 +212,7 @@ std::optional<Kept> parse_kept(std::string_view line) {
   return k;
 }
 
-/// Tells what a device has that its description lacks; empty where it lacks nothing.
+/// Names what a device has that its description lacks; empty if nothing.
 void warn_of_supplied(Findings& findings, const std::string& file, std::span<const ObjectRef> supplied) {
   if (supplied.empty()) return;
   std::string names;
@@ -307,7 +307,7 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
   if (plan.eds.empty()) o.name = plan.name;
   if (const auto heartbeat = co::whole_ms(plan.heartbeat); heartbeat > 0) o.presets.push_back({{0x1017, 0}, heartbeat});
   o.parameter_group = parameter_group_of(plan);
-  // A master that left operational for a slave that is lost (1029h:01) would leave all others alone.
+  // A master that left operational because one slave is lost (1029h:01) would leave all others alone.
   if (plan.does.master && !plan.does.master->flying) o.presets.push_back({{0x1029, 1}, 1});
   if (plan.does.master && plan.does.master->flying) preset_network_list(*plan.does.master, o);
   return o;
@@ -519,7 +519,7 @@ Result<std::optional<std::string>> read_state_file(const std::string& path) {
     if (!text) return fail(Errc::io, "cannot be read; is it a file?");
     state = std::move(text);
   }
-  // Better refused now than forgotten at the end; what is there is not touched before something is to be kept.
+  // Refuses now rather than losing the state at the end; does not touch the file before there is something to keep.
   const auto folder = std::filesystem::absolute(path, unknown).parent_path();
   if (::access(folder.c_str(), W_OK) != 0) return fail(Errc::io, "its folder is not there or cannot be written");
   return state;

@@ -213,7 +213,7 @@ class PlantReader {
     }
   }
 
-  /// Two devices with one LSS address on one bus are something to try, and something to mistype (S1.22).
+  /// Two devices with one LSS address on one bus may be a test or a typing error (S1.22).
   void note_clone(Table& table, const PlantDevice& device) {
     const auto [it, fresh] = addresses_.emplace(std::tuple(device.bus, device.eds_path, device.address), device.name);
     if (fresh) return;

@@ -1,4 +1,4 @@
-// What a `[[device]]` of a plant file says of its kind, key by key: docs/plant-file.md.
+// The properties in a `[[device]]` of a plant file, key by key: docs/plant-file.md.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -211,7 +211,7 @@ void read_script(Table& table, const text::Reach& reach, PlantDevice& device) {
   }
 }
 
-// Paper 3's number (docs/multilevel.md): of a description's own dictionary the description says it.
+// Paper 3's number (docs/multilevel.md); a description's own dictionary has its own.
 void read_hardware(Table& table, PlantDevice& device) {
   device.does.hardware = table.u32("hardware", {1, 0xFFFF'FFFF}).value_or(0);
   if (device.does.hardware != 0 && table.has("eds"))

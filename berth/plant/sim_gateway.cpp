@@ -11,7 +11,7 @@ namespace berth::plant {
 
 namespace {
 
-// Gateways one beneath the other, under this one; `left`: no more than there are, so that a ring of them ends.
+// Levels of gateways under this one; `left`: at most as many as there are, so that a ring of them ends.
 unsigned levels_beneath(const PlantFile& plant, const PlantGateway& gateway, std::size_t left) {
   unsigned deepest = 0;
   for (const auto& name : gateway.beneath) {
@@ -135,7 +135,7 @@ bool SimGateway::settled() const noexcept {
   return std::ranges::all_of(ports_, [](const auto& port) { return !port->boots_first() || port->bus.settled(); });
 }
 
-// One device: the ports beneath have power while the one above has, and it boots when they are done.
+// One device: the ports beneath have power while the one above has, and it boots after them.
 void SimGateway::look() noexcept {
   const bool reset = std::exchange(was_reset_, false);
   for (auto& port : ports_) {

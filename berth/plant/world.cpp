@@ -19,7 +19,7 @@ sim::ControllerOptions controller_of(const PlantDevice& plan, const sim::Bus& bu
   sim::ControllerOptions o;
   o.name = plan.name;
   o.queue = plan.controller.queue == QueueKind::priority ? sim::TxOrder::priority : sim::TxOrder::in_order;
-  // The receive buffer that counts is the host's (`device::TimedPort`): this one only carries frames there.
+  // The host's receive buffer (`device::TimedPort`) is the one simulated: this one only carries frames there.
   o.queue_depth = 8;
   o.rx_depth = 4;
   o.bit_rate = bit_rate_of(plan, bus);
@@ -54,8 +54,7 @@ void warn(Findings& findings, const PlantBus& bus, std::string message, std::str
   findings.back().severity = Finding::Severity::warning;
 }
 
-/// A bus of the plant that the machine has under another name, or with another bit rate: on wires nobody would hear
-/// anybody.
+/// A bus of the plant that has another name or bit rate in the machine: on real wires no node would hear another.
 void compare(const PlantBus& bus, std::span<const BusRate> rates, Findings& findings) {
   const auto same = std::ranges::find(rates, bus.name, &BusRate::name);
   if (same == rates.end()) {
@@ -82,7 +81,7 @@ std::vector<std::uint8_t> kept_image(const device::SimFlash& flash, const SimDev
 
 // --- SimDevice -------------------------------------------------------------------------------------------------------
 
-// A script's behaviour, and what it tells on the way to the world's observers.
+// A script's behaviour, and its messages to the world's observers.
 class SimDevice::Scripted final : private script::Behaviour::Listener {
  public:
   Scripted(SimDevice& device, script::Script script, Random random)
@@ -157,7 +156,7 @@ void SimDevice::switch_on() noexcept {
   }
   if (next_.node_id) {
     const auto rate = lss::bit_rate(device_.lss().persistent().bit_rate).value_or(0);
-    // A rate outside CiA's table is no stored value: it stays what the plan says.
+    // A bit rate outside CiA's table cannot be stored: the plan's stays.
     const bool stored = rate != 0 && lss::bit_rate_index(device_.options().bit_rate).has_value();
     device_.set_blank(*std::exchange(next_.node_id, std::nullopt), stored ? rate : device_.options().bit_rate);
     flash_.erase(device::parameters_at);  // what LSS stored; its parameters stay
@@ -186,7 +185,7 @@ void SimDevice::plug() noexcept {
 void SimDevice::unplug() noexcept {
   if (!plugged_) return;
   plugged_ = false;
-  // A controller without power is not there for the others: pulling its cable too would change nothing.
+  // An unpowered controller does not exist for the others: pulling its cable too would change nothing.
   switch_off();
   world_->tell(*this);
   world_->save();
@@ -210,7 +209,7 @@ void SimDevice::follow(const GatewaySide& above) noexcept {
 void SimDevice::reset() noexcept {
   if (!powered_) return;
   if (master_.manager) master_.manager->power_off();
-  // A microcontroller that starts anew sets its CAN controller up anew: what was queued is gone.
+  // A microcontroller that restarts also sets up its CAN controller: queued frames are lost.
   device_.power_off();
   if (scripted_) scripted_->stop();
   controller_->restart(controller_->bit_rate());

@@ -145,7 +145,7 @@ void Lua::count(lua_State* state, lua_Debug*) {
   lua_error(state);
 }
 
-// Where the script stands; what is undone after an error stands nowhere.
+// The present line of the script; what is undone after an error has none.
 void Lua::note_line() noexcept {
   const int line = current_line(state());
   if (line > 0) line_ = line;
@@ -161,7 +161,7 @@ int Lua::explain(lua_State* state) {
   return 1;
 }
 
-// What ends a call (instructions, memory) is nothing that a script may catch: it would go on for ever.
+// A script must not catch the end of a call (instructions, memory): it would go on for ever.
 int Lua::protect(lua_State* state) {
   luaL_checkany(state, 1);
   const int status = lua_pcall(state, lua_gettop(state) - 1, LUA_MULTRET, 0);

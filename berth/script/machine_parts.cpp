@@ -55,7 +55,7 @@ void Machine::forget() noexcept {
   lua_.reset();
 }
 
-// In a job of its own: the device may be in the middle of what it does, and boots yet when the script begins.
+// In its own job: the device may be in the middle of an operation, and is still booting when the script starts.
 void Machine::fail(Failure failure) noexcept {
   failed_ = true;
   failure_ = std::move(failure);

@@ -10,7 +10,7 @@
 namespace berth::script {
 namespace {
 
-// Of this thread: what other processes take of a busy machine is not the script's.
+// Of this thread only: the time of other processes is not the script's.
 std::chrono::nanoseconds processor_time() noexcept {
   timespec time{};
   ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
@@ -35,7 +35,7 @@ bool Meter::refuse(End why) noexcept {
   return false;
 }
 
-// A short call never asks for the time: the first look begins to count.
+// A short call never reads the clock: the first check starts the count.
 void Meter::ask_host() noexcept {
   const auto now = processor_time();
   if (began_.count() == 0) began_ = now;
@@ -90,7 +90,7 @@ void* Meter::allocate(void* old, std::size_t old_size, std::size_t size, bool te
   return fresh;
 }
 
-// Lua makes the larger stack, copies, and gives the smaller one back.
+// Lua makes the larger stack, copies, and frees the smaller one.
 void Meter::give_back(void* old, std::size_t size) noexcept {
   const bool stack = old != nullptr && (finding_stack_ || old == stack_);
   std::free(old);

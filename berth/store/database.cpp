@@ -18,7 +18,7 @@ using places::SlotId;
 using places::SlotName;
 using places::SlotRecord;
 
-// Each text stands once: the prepared statement is known by its address.
+// Each text occurs once: its address identifies the prepared statement.
 constexpr const char* find_slot_sql = "SELECT id FROM slots WHERE machine = ? AND bus = ? AND name = ?";
 constexpr const char* add_slot_sql = "INSERT INTO slots (machine, bus, name) VALUES (?, ?, ?)";
 constexpr const char* bus_of_slot_sql = "SELECT machine, bus FROM slots WHERE id = ?";
@@ -28,7 +28,7 @@ constexpr const char* load_sql =
 constexpr const char* load_slot_sql =
     "SELECT s.id, s.machine, s.bus, s.name, t.fact, t.vendor, t.product, t.revision, t.serial, t.apart, t.node_id "
     "FROM slots s LEFT JOIN seats t ON t.slot = s.id WHERE s.id = ? ORDER BY t.fact";
-// Where the device sits beside this slot, on the slot's bus. By the index of the addresses: the twins of one are few.
+// Where the device sits besides this slot, on the slot's bus. Uses the index of the addresses: a device has few twins.
 constexpr const char* other_seat_sql =
     "SELECT o.machine, o.bus, o.name FROM slots s CROSS JOIN seats t CROSS JOIN slots o WHERE t.vendor = ? AND "
     "t.product = ? AND t.revision = ? AND t.serial = ? AND t.apart = ? AND s.id = ? AND o.id = t.slot AND "
@@ -55,7 +55,7 @@ constexpr const char* put_blank_sql =
     "INSERT INTO blanks (vendor, product, revision, serial, apart, machine, bus, node_id) "
     "VALUES (?, ?, ?, ?, ?, ?, ?, ?) "
     "ON CONFLICT DO UPDATE SET node_id = excluded.node_id";
-// What names no bus is of any bus, and ends with the row of the bus on which it is written anew or ended.
+// A row without a bus applies to any bus, and ends with the row of the bus on which it is written anew or ended.
 constexpr const char* drop_blank_of_any_bus_sql =
     "DELETE FROM blanks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND apart = ? AND "
     "bus = ''";
@@ -67,7 +67,7 @@ constexpr const char* blanks_sql =
 constexpr const char* get_blank_sql =
     "SELECT node_id FROM blanks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND apart = ? AND "
     "(machine = ? AND bus = ? OR bus = '') ORDER BY id LIMIT 1";
-// Kept as the numbers of `places::Mark`, which are never given to another.
+// Stored as the numbers of `places::Mark`, which are never reused.
 constexpr const char* put_mark_sql =
     "INSERT OR REPLACE INTO marks (vendor, product, revision, serial, apart, machine, bus, mark, node_id) "
     "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)";
@@ -136,7 +136,7 @@ class Query {
     statement_.bind(next_++, std::string(value));
     return *this;
   }
-  /// Five parameters: the address, and what tells the device from others beside it (`apart`).
+  /// Five parameters: the address, and what distinguishes the device from others with it (`apart`).
   Query& operator<<(const Identity& device) {
     for (unsigned i = 0; i < 4; ++i) *this << static_cast<std::int64_t>(device.address.part(i));
     return *this << (std::int64_t{device.unknown} << 8 | device.at.value());

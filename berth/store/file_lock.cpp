@@ -15,7 +15,7 @@ namespace berth::store {
 
 namespace {
 
-/// The name still leads to the file that is open.
+/// The name still refers to the open file.
 bool is_at(int fd, const std::string& path) noexcept {
   struct stat open {};
   struct stat named {};
@@ -23,7 +23,7 @@ bool is_at(int fd, const std::string& path) noexcept {
          open.st_ino == named.st_ino;
 }
 
-// By the kernel's list of locks: what an earlier holder wrote into the file says nothing of this one. "" when the list
+// From the kernel's list of locks: what an earlier holder wrote into the file is not valid for this one. "" if the list
 // does not show it (another host's, another container's).
 std::string holder_of(int fd) {
   struct stat what {};
@@ -42,9 +42,9 @@ std::string holder_of(int fd) {
 
 }  // namespace
 
-// Two processes could own two files of one name: one that opened the file before it was removed, and one that made it
-// anew. So the file is removed only by who holds its lock, and a lock counts only if the file still has its name after
-// it was locked (`lock`).
+// Two processes could own two files with one name: one that opened the file before it was removed, and one that made it
+// again. So only the holder of its lock removes the file, and a lock counts only if the file still has its name after
+// locking (`lock`).
 FileLock::~FileLock() {
   if (fd_ < 0) return;
   if (!path_.empty() && is_at(fd_, path_)) ::unlink(path_.c_str());
@@ -52,11 +52,11 @@ FileLock::~FileLock() {
 }
 
 FileLock::Outcome FileLock::lock(const std::string& path) {
-  // Each turn another process has removed the file in between: it held the lock, and ended.
+  // Each time another process removed the file in between: it held the lock, and ended.
   for (;;) {
     fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, private_mode(path));
     if (fd_ < 0) return Outcome::failed;
-    // One that an earlier version made may be open to all.
+    // One made by an earlier version may be open to all.
     static_cast<void>(::fchmod(fd_, private_mode(path)));
     if (::flock(fd_, LOCK_EX | LOCK_NB) != 0) {
       if (errno != EWOULDBLOCK) return Outcome::failed;

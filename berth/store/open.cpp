@@ -1,4 +1,4 @@
-// Opening a store: one owner, and nothing is written before the file is known to be Berth's, whole and not newer.
+// Opens a store: one owner, and nothing is written before the file is known to be Berth's, whole and not newer.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -56,7 +56,7 @@ std::optional<OpenError> look_at(const std::string& path, const Header& header) 
   return verdict(path, classify(big_endian(68), version, true), version);
 }
 
-/// Looks at the bytes of a file that SQLite has nothing to finish in, so that not even SQLite touches a foreign file.
+/// Checks the bytes of a file in which SQLite has nothing to finish, so that not even SQLite changes a foreign file.
 std::optional<OpenError> look_at_header(const std::string& path) {
   if (!has_content(path) || has_content(path + "-wal") || has_content(path + "-journal")) return std::nullopt;
   Header header{};
@@ -115,12 +115,12 @@ std::optional<OpenError> look_inside(SQLite::Database& db, const std::string& pa
       .value();
 }
 
-/// Checks, and brings to today's schema.
+/// Checks the schema, and converts it to the present one.
 std::optional<OpenError> prepare(SQLite::Database& db, const std::string& path, bool has_log, bool sync) {
-  // Until the file is accepted, closing must not write what a crash left in the log back into it.
+  // Until the file is accepted, closing must not write the log left by a crash back into it.
   sqlite3_db_config(db.getHandle(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, has_log ? 1 : 0, nullptr);
   db.exec("PRAGMA locking_mode = EXCLUSIVE");
-  // EXTRA also syncs the folder when a rollback journal goes: the journal is in use only until the log is.
+  // EXTRA also syncs the folder when a rollback journal is removed: the journal is used only until the log is.
   db.exec(sync ? "PRAGMA synchronous = EXTRA" : "PRAGMA synchronous = OFF");
   const auto application = pragma(db, "application_id");
   const auto version = pragma(db, "user_version");
@@ -142,8 +142,8 @@ std::optional<OpenError> prepare(SQLite::Database& db, const std::string& path, 
   return std::nullopt;
 }
 
-/// What a file from elsewhere may not do: run functions from its schema, change the schema by writes, hold a value
-/// longer than any of Berth's, take longer than its user will wait. `ended` stays.
+/// Limits for a foreign file: no functions from its schema, no schema changes by writes, no value longer than any of
+/// Berth's, no longer time than its user will wait. `ended` still applies.
 void confine(SQLite::Database& db, std::function<bool()>& ended) {
   constexpr int longest_value = 1 << 20;
   constexpr int steps_between_questions = 100'000;  // some milliseconds
@@ -208,7 +208,7 @@ Database::Opened Database::open(const std::string& given, const OpenOptions& opt
     if (auto refused = prepare(*impl->db, path, has_log, options.sync))
       return tl::unexpected<OpenError>(std::move(*refused));
   } catch (const SQLite::Exception& error) {
-    // An end that was asked for is told as such, whatever else went wrong meanwhile.
+    // A requested end is reported as such, whatever else went wrong meanwhile.
     const bool ended = options.ended && options.ended();
     const int what = ended ? SQLITE_INTERRUPT : error.getExtendedErrorCode();
     return tl::unexpected<OpenError>(sqlite_error(path, what, error.what()));

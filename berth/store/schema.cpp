@@ -17,8 +17,8 @@
 namespace berth::store {
 namespace {
 
-// One text per version, each applied to what the versions before it left. Texts of versions that were in use are never
-// changed: a new table or column is a new version.
+// One text per version, each applied to the tables of the versions before. Texts of released versions never change: a
+// new table or column is a new version.
 constexpr std::array<const char*, schema_version> steps{
     // 1: slots by identities of their own, intention and confirmation as two facts, and the history.
     R"(
@@ -91,7 +91,7 @@ BEGIN
 END;
 CREATE INDEX history_of_slot ON history (slot);
 )",
-    // 3: how far the configuration of each slot's device has come.
+    // 3: progress of configuring each slot's device.
     R"(
 CREATE TABLE configurations (
   slot     INTEGER PRIMARY KEY REFERENCES slots (id),
@@ -104,8 +104,8 @@ CREATE TABLE configurations (
   ms       INTEGER NOT NULL CHECK (ms BETWEEN 0 AND 4294967295)
 ) STRICT;
 )",
-    // 4: what is remembered of a device beside its seat (the numbers of `places::Mark`), and a device's history by
-    // an index.
+    // 4: what is stored of a device besides its seat (the numbers of `places::Mark`), and a device's history by an
+    // index.
     R"(
 CREATE TABLE marks (
   vendor   INTEGER NOT NULL CHECK (vendor BETWEEN 0 AND 4294967295),
@@ -139,8 +139,8 @@ CREATE TABLE loans (
 INSERT INTO loans SELECT vendor, product, revision, serial, '', '', node_id FROM marks WHERE mark = 3;
 DELETE FROM marks WHERE mark = 3;
 )",
-    // 7: a device is known by machine, bus and LSS address. Tables whose keys change are made anew. What does not say
-    // its machine is of any bus; so are all older marks, and the lines of the history about a device without a slot.
+    // 7: machine, bus and LSS address identify a device. Tables whose keys change are made anew. A row without a
+    // machine applies to any bus; so do all older marks, and the lines of the history about a device without a slot.
     R"(
 CREATE TABLE seats_of_buses (
   slot     INTEGER NOT NULL REFERENCES slots (id),
@@ -202,9 +202,9 @@ ALTER TABLE loans_of_buses RENAME TO loans;
 ALTER TABLE history ADD COLUMN machine TEXT NOT NULL DEFAULT '';
 ALTER TABLE history ADD COLUMN bus TEXT NOT NULL DEFAULT '';
 )",
-    // 8: a device without a serial number is known by its node-ID, and what a device does not say is unknown. `apart`:
-    // 256 times the parts that are unknown (bit 0 vendor-ID to bit 3 serial number), and the node-ID that tells it from
-    // its equals, else 255. Before, what was unknown was 0; what is known of such a device stays where it was.
+    // 8: its node-ID identifies a device without a serial number, and what a device does not report is unknown.
+    // `apart`: 256 times the unknown parts (bit 0 vendor-ID to bit 3 serial number), plus the node-ID that
+    // distinguishes it from its equals, else 255. Before, unknown parts were 0; rows of such a device stay unchanged.
     R"(
 CREATE TABLE seats_of_devices (
   slot     INTEGER NOT NULL REFERENCES slots (id),
@@ -318,7 +318,7 @@ struct Made {
   auto operator<=>(const Made&) const = default;
 };
 
-// At most `most`: a schema from elsewhere may have millions.
+// At most `most`: a foreign schema may have millions.
 std::set<Made> schema_of(SQLite::Database& db, std::size_t most) {
   SQLite::Statement query(db, "SELECT type, name, coalesce(sql, '') FROM sqlite_master LIMIT ?");
   query.bind(1, static_cast<std::int64_t>(most));
@@ -331,7 +331,7 @@ std::set<Made> schema_of(SQLite::Database& db, std::size_t most) {
 constexpr std::size_t most_made = 100;    // more than any version has
 constexpr std::size_t longest_name = 64;  // of a foreign one, when told
 
-// The subqueries of step 2 would look through the whole history for each device.
+// The subqueries of step 2 would search the whole history for each device.
 constexpr const char* help_step_2 =
     "CREATE INDEX berth_passing ON history (vendor, product, revision, serial) WHERE vendor IS NOT NULL";
 

@@ -7,7 +7,7 @@
 namespace berth::trace {
 namespace {
 
-/// Any line begins as candump's do, however it goes on.
+/// Any line may begin like one of candump's.
 bool has_a_time(std::string_view text) noexcept {
   const auto first = text.find_first_not_of(" \t\r\n");
   if (first == std::string_view::npos) return true;
@@ -63,7 +63,7 @@ std::string AnyFile::begin(Sink& sink, bool whole_head) {
   const bool other = !format_ || *format_ == Format::candump;
   if (const auto kind = foreign(head_); other && !kind.empty()) return unreadable(fmt::format("this is {}", kind));
   if (!format_ && whole_head) {
-    // Without a word of its own a text is read as candump, whose errors say what is wrong with each line.
+    // A text without a characteristic word is read as candump, whose errors say what is wrong with each line.
     if (head_.find('\0') != std::string::npos || !has_a_time(head_))
       return unreadable("this is neither candump, pcapng, pcap, Vector ASC nor PEAK TRC; name it by --from");
     format_ = Format::candump;

@@ -217,7 +217,7 @@ void AscReader::flexible() {
   keep_on(*channel);
 }
 
-// Behind the data of a CANFD row stand how long it took, its bits, and flags in hex. None: the row is shorter.
+// After the data of a CANFD row: its duration, its bits, and flags in hex. None: the row is shorter.
 std::optional<std::uint32_t> AscReader::row_flags() {
   static_cast<void>(word());
   static_cast<void>(word());

@@ -141,7 +141,7 @@ std::size_t CandumpReader::quick_name(std::string_view text) {
       std::memcmp(text.data(), last_name_.data(), last_name_.size()) == 0)
     return last_name_.size() + 1;
   const auto name = text.substr(0, text.find_first_of(" \t"));
-  // A name is only taken from a line that is right as a whole.
+  // A name is only taken from a completely correct line.
   const auto known = name.empty() ? std::nullopt : known_bus(name);
   if (!known || name.size() == text.size() || text[name.size()] != ' ') return 0;
   last_name_ = name;
@@ -149,8 +149,7 @@ std::size_t CandumpReader::quick_name(std::string_view text) {
   return name.size() + 1;
 }
 
-// The lines that candump writes all day: false sends a line to `careful`, which knows everything and says what is
-// wrong.
+// Fast path for usual lines: false passes the line to `careful`, which knows everything and reports errors.
 bool CandumpReader::quick(std::string_view line) {
   const char* at = line.data();
   const char* const end = at + line.size();
@@ -242,7 +241,7 @@ void CandumpReader::careful() {
   const bool is_error = is_error_frame(*text);
   if (is_error && !error_frames_)
     return tell(Finding::Severity::warning, frame_column, "an error frame of SocketCAN: it is left out");
-  // What is left of an error frame's identifier is an extended one's, so that the same code reads it.
+  // The rest of an error frame's identifier is read as an extended one, by the same code.
   std::string plain(*text);
   if (has_raw_dlc(plain)) plain.resize(plain.size() - 2);
   if (is_error) plain[0] = plain[0] == '3' ? '1' : '0';

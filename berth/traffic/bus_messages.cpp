@@ -70,8 +70,8 @@ class Collector {
     return slot.queue == design::SendOrder::in_order ? analysis::Queue::in_order : analysis::Queue::priority;
   }
 
-  /// Berth gives its frames to the port in the order in which they came. A simulated port sends them so; a controller
-  /// with several transmit buffers may send those that it holds by identifier.
+  /// Berth gives its frames to the port in their order. A simulated port sends them in that order; a controller with
+  /// several transmit buffers may send the buffered ones by identifier.
   [[nodiscard]] analysis::Queue own_queue() const noexcept {
     const bool simulated = bus_.port.kind == can::PortKind::sim || bus_.port.kind == can::PortKind::plant;
     return simulated && bus_.own_port ? analysis::Queue::in_order : analysis::Queue::unknown;
@@ -110,7 +110,7 @@ class Collector {
     return static_cast<std::size_t>(&slot - machine_.slots.data());
   }
 
-  /// What the links that a TPDO carries make of it.
+  /// The effect of a TPDO's links on it.
   struct Linked {
     bool any = false;
     linker::Sending sending = {};
@@ -204,7 +204,7 @@ class Collector {
     return why == linker::Unsent::no;
   }
 
-  /// `said`: the least interval by the links that it carries, or by its slot; 0: none.
+  /// `said`: the least interval from the links that it carries, or from its slot; 0: none.
   rt::Duration period_of(const od::PdoParameters& pdo, const std::string& where, rt::Duration said) {
     const rt::Duration inhibit = 100us * pdo.inhibit;
     const auto period = linker::least_interval(pdo.type, inhibit, sync_, said);
@@ -239,11 +239,11 @@ class Collector {
           bus_.timing.heartbeat_period);
     }
     if (devices_.empty() || bus_.role == design::Role::observer) return;
-    // One request at a time: as if all were to the device with the strongest identifiers.
+    // One request at a time: as if all went to the device with the highest-priority identifiers.
     const Device& first =
         *std::ranges::min_element(devices_, {}, [](const auto& d) { return d.slot->spec.id.value(); });
     const unsigned id = first.slot->spec.id.value();
-    // Each comes before the next request, but how long after its own is the device's.
+    // Each comes before the next request; its time after its own request depends on the device.
     add("SDO response", first.sender, 0x580U + id, 8, assumed_.sdo, 0ns);
     line().messages.back().jitter = assumed_.sdo;
     add("SDO request", sender, 0x600U + id, 8, assumed_.sdo, 0ns);

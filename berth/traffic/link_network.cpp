@@ -55,7 +55,7 @@ class Builder {
     return made;
   }
 
-  // Once each: forty slots of one type have one description.
+  // Reads each once: forty slots of one type have one description.
   FilePtr read(const std::string& path) {
     const auto [known, fresh] = files_.try_emplace(path);
     if (!fresh) return known->second;
@@ -118,7 +118,7 @@ class Builder {
     return static_cast<std::size_t>(&slot - machine_.slots.data());
   }
 
-  // Behind the slots, a node for each gateway's own one on a bus where Berth has no port.
+  // After the slots, a node for each gateway's own one on a bus where Berth has no port.
   void add_gateway(const design::Bus& bus) {
     if (!bus.gateway) return;
     const auto* const above = machine_.slot(bus.gateway->bus, bus.gateway->slot);

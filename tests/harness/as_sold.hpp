@@ -1,5 +1,5 @@
-// Draws of a world with devices as shops sell them: equal ones with node-ID switches, such that tell a part of 1018h
-// only, and blank ones without serial numbers. Drawn by itself: worlds without stay as they are.
+// Draws a world with devices as sold in shops: equal ones with node-ID switches, ones that report only a part of 1018h,
+// and blank ones without serial numbers. Uses its own random numbers, so that worlds without them do not change.
 #pragma once
 
 #include <algorithm>

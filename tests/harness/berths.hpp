@@ -1,5 +1,5 @@
 /// Several Berths on one simulated bus (docs/flying-master.md): which of them works, what each sent, and whether a
-/// device that runs was started again.
+/// running device was started again.
 #pragma once
 
 #include <fmt/format.h>
@@ -13,10 +13,10 @@
 
 namespace berth::harness {
 
-// One bus, its devices, and Berths with a slot table of their own each.
+// One bus, its devices, and Berths, each with its own slot table.
 class Berths : private can::Tap, private plant::World::Observer {
  public:
-  // Not `flying`: one Berth, which is the only master of its bus.
+  // Not `flying`: one Berth, the only master of its bus.
   Berths(const design::Machine& machine, const plant::PlantFile& file, const std::vector<std::uint8_t>& priorities,
          bool flying = true) {
     Findings findings;
@@ -41,11 +41,11 @@ class Berths : private can::Tap, private plant::World::Observer {
   // As its next `begin` reads it.
   [[nodiscard]] design::Machine& machine(std::size_t i) { return berths_[i]->machine; }
 
-  // What stands between a Berth and its controller from its next `begin` on; it must stay until it is killed.
+  // A layer between a Berth and its controller, from its next `begin` on; it must exist until that Berth is killed.
   using Between = std::function<can::Port*(std::size_t, can::Port&)>;
   void put_between(Between between) { between_ = std::move(between); }
 
-  // What the machine's links want of the slots' devices, from the next `begin` on.
+  // The settings that the machine's links need in the slots' devices, from the next `begin` on.
   void settle(manager::SlotSettings settings) { settings_ = std::move(settings); }
 
   void begin(std::size_t i) {
@@ -59,7 +59,7 @@ class Berths : private can::Tap, private plant::World::Observer {
     if (!one.network->open(settings_)) std::abort();
     one.network->start();
   }
-  // It dies where it stands.
+  // It dies at once.
   void kill(std::size_t i) { kill(*berths_[i]); }
   [[nodiscard]] bool runs(std::size_t i) const { return berths_[i]->network != nullptr; }
   // This Berth, and every second device, on one side; the rest on the other.
@@ -139,8 +139,8 @@ class Berths : private can::Tap, private plant::World::Observer {
     if (frame.key() == 0) commands.push_back(can::to_string(frame));
     const bool start = frame.key() == 0 && frame.size == 2 && frame.data[0] == 1;
     if (!start) return;
-    // A bus that was joined has two active masters until one hears the other, and both may be about to start a device
-    // (docs/flying-master.md, "What remains possible"): that alone is not counted.
+    // After two parts of a bus are joined there are two active masters until one hears the other, and both may be about
+    // to start a device (docs/flying-master.md, "What remains possible"): only that is not counted.
     std::size_t leading = 0;
     for (std::size_t i = 0; i < berths_.size(); ++i) leading += leads(i) ? 1U : 0U;
     if (leading > 1) return;
@@ -156,7 +156,7 @@ class Berths : private can::Tap, private plant::World::Observer {
                       seconds(at), device->name(), id.value(), seconds(*since), sender);
     }
   }
-  // What is said to another device under its node-ID, which its slot was given to while it was away, is another story.
+  // A command to another device under its node-ID, which got its slot while it was away, does not count.
   [[nodiscard]] bool alone(const plant::SimDevice& device) const {
     return std::ranges::none_of(world_->devices(), [&](const auto& other) {
       return other.get() != &device && other->powered() && other->device().node_id() == device.device().node_id();
@@ -176,7 +176,7 @@ class Berths : private can::Tap, private plant::World::Observer {
   std::vector<std::unique_ptr<One>> berths_;
   std::map<int, std::map<std::uint32_t, unsigned>> sent_;
   std::string started_again_;  // for people
-  std::set<int> side_;         // of a cut bus; what is sent on the other one is not heard here
+  std::set<int> side_;         // of a cut bus; frames of the other side are not heard here
   std::map<const plant::SimDevice*, std::optional<rt::Time>> runs_since_;
 };
 

@@ -1,4 +1,4 @@
-// Is a device that runs in its slot as the slot's file wants it? Looked at whenever a device changes.
+// Checks that a device running in its slot is as the slot's file wants it, whenever a device changes.
 #pragma once
 
 #include <algorithm>
@@ -26,7 +26,7 @@ inline std::string wrong_configuration(const manager::Configuration& configurati
   return {};
 }
 
-// What each slot's device is to have: its file (`config =`), else what the machine's links want.
+// The wanted configuration of each slot's device: its file (`config =`), else the settings of the machine's links.
 class SlotConfigurations {
  public:
   explicit SlotConfigurations(const design::Machine& machine, const manager::SlotSettings& linked = {})
@@ -62,14 +62,14 @@ class ConfigWatch final : public plant::World::Observer {
   }
   ~ConfigWatch() { world_->remove_observer(*this); }
 
-  // Besides `config =`: what the machine's links want.
+  // Besides `config =`: the settings of the machine's links.
   void add(const manager::SlotSettings& settings) {
     if (wanted_.empty() && !settings.empty()) world_->add_observer(*this);
     wanted_.set_linked(settings);
   }
 
   [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
-  // The device is the slot's, and as its file wants it.
+  // Empty: the device is as its slot's file wants it.
   [[nodiscard]] std::string check(plant::SimDevice& device, const design::Slot& slot) const {
     return wanted_.check(device, slot);
   }
@@ -84,7 +84,7 @@ class ConfigWatch final : public plant::World::Observer {
     const auto wrong = check(*world_->find(t.name), *slot);
     if (!wrong.empty()) failure_ = t.name + " was started in slot " + slot->spec.name.name + ", and " + wrong;
   }
-  // Another device under the slot's node-ID is another story.
+  // Does not judge another device under the slot's node-ID.
   [[nodiscard]] bool sits_there(const plant::Truth& t, const design::Slot& slot) const {
     const auto records = store_->load(machine_->name);
     if (!records) return false;

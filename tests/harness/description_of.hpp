@@ -1,4 +1,4 @@
-// Descriptions of devices that tell a part of 1018h only, as files.
+// Description files of devices that report only a part of 1018h.
 #pragma once
 
 #include <unistd.h>
@@ -21,7 +21,7 @@ inline std::string description_of(TypeCode type, unsigned parts) {
                 parts);
   const auto folder = std::filesystem::temp_directory_path();
   const auto file = folder / name.data();
-  // Other processes may write it just now: whoever renames last has written the same.
+  // Other processes may be writing it: whoever renames last has written the same.
   const auto half = folder / (name.data() + std::string(".") + std::to_string(::getpid()));
   std::ofstream out(half);
   out << "[DeviceInfo]\nVendorNumber=" << type.vendor << "\nProductNumber=" << type.product << "\nLSS_Supported=0\n"

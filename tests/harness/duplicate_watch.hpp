@@ -1,9 +1,9 @@
-// Does Berth ever make two devices hold one node-ID, or make it unavoidable? Looked at from the first instant, by the
-// ground truth and by what was on the wire; docs/faults.md says what is promised. On every bus of the machine: beneath
-// a gateway it is the gateway's own master that gives node-IDs, and the same is promised of it. Below, "Berth" is the
-// master of the bus.
+// Checks that Berth never makes two devices hold one node-ID, or makes that unavoidable. It checks from the first
+// instant, by the ground truth and the frames on the wire; docs/faults.md has the guarantees. It covers every bus of
+// the machine: beneath a gateway the gateway's own master gives node-IDs, with the same guarantees. Below, "Berth" is
+// the master of the bus.
 //
-// Four ways to fail, each at the instant at which it happens:
+// Four failures, each reported at the instant at which it happens:
 //
 //   one request, two devices   a node-ID is pending, by Berth's 11h, in two devices at once
 //   owned                      a node-ID is given (11h), or stored (17h), while another device has it by Berth:
@@ -13,8 +13,8 @@
 //                              the question for it, uses it
 //   unblanked                  a device comes back with a node-ID that Berth has noted as taken away from it
 //
-// What a device has by Berth counts over any time without power and over any number of Berth's lives. It ends when the
-// device's memory has another node-ID or none, and in the cases of `given_up`.
+// A node-ID that a device has by Berth counts through any time without power and any number of Berth's lives. This ends
+// when the device's memory has another node-ID or none, and in the cases of `given_up`.
 #pragma once
 
 #include <algorithm>
@@ -39,7 +39,7 @@ namespace berth::harness {
 
 class DuplicateWatch final : public plant::World::Observer {
  public:
-  // `store`: read for what `replacement = "auto"` has cleared; may be null where no slot says that.
+  // `store`: read for slots cleared by `replacement = "auto"`; may be null if no slot has that.
   DuplicateWatch(plant::World& world, const design::Machine& machine, places::SlotStore* store)
       : world_(&world), machine_(&machine), store_(store) {
     for (const auto* const bus : machine.all_buses()) {
@@ -58,8 +58,7 @@ class DuplicateWatch final : public plant::World::Observer {
   DuplicateWatch(const DuplicateWatch&) = delete;
   DuplicateWatch& operator=(const DuplicateWatch&) = delete;
 
-  // A new Berth: what the one before it has asked proves nothing to this one, and counts for what that one brought into
-  // use.
+  // A new Berth: the earlier one's questions prove nothing to it, but count for what that one brought into use.
   void berth_began() {
     for (const auto& wire : wires_) {
       if (wire->master == nullptr) wire->master_began(now());
@@ -71,7 +70,7 @@ class DuplicateWatch final : public plant::World::Observer {
       if (wire->bus.name() == bus) wire->received(frame, at);
     }
   }
-  // A person said `berth replace` of the slot that this device has, or another of its address on its bus: the person
+  // The user gave `berth replace` for the slot of this device, or of another with its address on its bus: the user
   // cannot know which of them was there.
   void replaced_by_a_person(const std::string& device) {
     for (const auto& d : world_->devices()) {
@@ -84,23 +83,23 @@ class DuplicateWatch final : public plant::World::Observer {
   }
 
   [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
-  // The node-ID stands in its memory by a gateway's master, which has heard under that who it is, while no other device
+  // A gateway's master has written the node-ID into its memory and heard its identity under it, while no other device
   // used it: nothing keeps that master from confirming the device.
   [[nodiscard]] bool is_confirmed(const std::string& device) const {
     const auto it = lives_.find(device);
     return it != lives_.end() && it->second.confirmed;
   }
-  // The node-ID that stands in the device's memory by Berth; unconfigured: none.
+  // The node-ID that Berth put into the device's memory; unconfigured: none.
   [[nodiscard]] NodeId owned(const std::string& device) const {
     const auto it = lives_.find(device);
     return it == lives_.end() ? NodeId() : it->second.owned;
   }
-  // The slot of this node-ID was given away although the device has it by Berth, and rightly: a person did it, or the
-  // machine file says `replacement = "auto"` and the device was silent. Whether it really was, `held` judges.
+  // The slot of this node-ID was rightly given away although the device has the node-ID by Berth: the user did so, or
+  // the machine file says `replacement = "auto"` and the device was silent. `held` judges whether it really was.
   [[nodiscard]] bool given_up(const plant::Truth& t, NodeId id) const {
     return replaced_.contains(t.name) || cleared_automatically(t, id) || left_its_slot(t, id);
   }
-  // Powered, and what it uses no master has brought into use since it has power: it came with it from elsewhere, or its
+  // It has power and uses a node-ID that no master has activated since power-on: it came with it from elsewhere, or its
   // slot was given away while it was away. Nothing can be done about that before it boots.
   [[nodiscard]] bool came_by_itself(const plant::SimDevice& device) const {
     const auto it = lives_.find(device.name());

@@ -1,5 +1,5 @@
-// When nothing goes wrong any more: does every device sit where it must, and do Berth, its store and the devices'
-// memories say the same? See docs/faults.md.
+// The judgement after all faults have ended: does every device sit where it must, and do Berth, its store and the
+// devices' memories agree? See docs/faults.md.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@
 
 namespace berth::harness {
 
-// Which devices can sit in which free slots: `edges[slot][device]`.
+// Which devices fit which free slots: `edges[slot][device]`.
 struct Choice {
   std::vector<std::vector<bool>> edges;
 
@@ -53,7 +53,7 @@ class EndJudge {
   EndJudge(Rig& rig, const design::Machine& machine, const DuplicateWatch& watch, const ConfigWatch& configured)
       : rig_(&rig), machine_(&machine), watch_(&watch), configured_(&configured) {}
 
-  // What is not as it must be, on this bus or on all (""), the first of it; empty: all is well.
+  // The first thing wrong on this bus, or on all (""); empty: all is well.
   [[nodiscard]] std::string wrong(const std::string& bus = {}) {
     wrong_.clear();
     const auto counts = [&](const std::string& name) { return bus.empty() || name == bus; };
@@ -88,13 +88,13 @@ class EndJudge {
         truth_, [&](const plant::Truth& t) { return is_present(t) && t.bus == bus && t.is(device); });
     return it == truth_.end() ? nullptr : &*it;
   }
-  // Without serial numbers, and known by the node-IDs of their slots. LSS does not tell one that has another node-ID
-  // from them.
+  // Devices without serial numbers, known by the node-IDs of their slots. LSS cannot distinguish one with another
+  // node-ID from them.
   [[nodiscard]] bool told_apart(const plant::Truth& a, const plant::Truth& b) const {
     return a.address.serial == 0 && a.active != b.active && record_of(a) != nullptr && record_of(b) != nullptr;
   }
-  // Two devices with one LSS address on one bus cannot be told apart by anything that Berth may ask: told, and not
-  // judged. Twins on two buses are two devices like any others.
+  // Berth cannot distinguish two devices with one LSS address on one bus by any question: it reports them, and they are
+  // not judged. Twins on two buses are two devices like any others.
   [[nodiscard]] bool clones(const plant::Truth& t) const {
     return std::ranges::count_if(truth_, [&](const plant::Truth& o) {
              return is_present(o) && o.bus == t.bus && o.address == t.address && !told_apart(o, t);
@@ -167,14 +167,14 @@ class EndJudge {
       return say(who + " is there, and the slot is " + places::name(s.state) + ": " + s.reason);
   }
 
-  // Fastscan finds no device that has a node-ID: of one that came with it the address cannot be known where the machine
-  // file allows no other method, and so it cannot be told to leave. It is told to a person.
+  // Fastscan finds no device with a node-ID: if the machine file allows no other method, such a device's address cannot
+  // be known, so it cannot be told to leave. The user is told.
   [[nodiscard]] bool out_of_reach(const plant::Truth& t) const {
     const auto& method = machine_->bus(t.bus)->discovery;
     const bool fastscan = method.find("fastscan") != std::string::npos || method == "planner-feedback";
     return fastscan && t.active.configured() && watch_->owned(t.name) != t.active;
   }
-  // Its slot's node-ID is held by two devices of one address, which no master can tell apart: a person takes one off.
+  // Two devices with one address hold its slot's node-ID, and no master can distinguish them: the user takes one off.
   [[nodiscard]] bool waits_for_clones(const plant::Truth& t) const {
     return std::ranges::any_of(truth_, [&](const plant::Truth& clone) {
       const design::Slot* const slot = machine_->slot(t.bus, clone.active);
@@ -188,14 +188,14 @@ class EndJudge {
     });
   }
 
-  // It sat somewhere, and is used again when a person says so; meanwhile its switches keep it where it is.
+  // It sat in a slot before, and is used again when the user says so; meanwhile its switches keep it where it is.
   [[nodiscard]] bool waits_for_a_word(const plant::Truth& t) const {
     const auto lines = rig_->store().history_of({t.address, {machine_->name, t.bus}});
     const bool used = lines && record_of(t) == nullptr && places::former_seat(*lines).has_value();
     return used && rig_->device(t.name).plan().source == plant::NodeIdSource::switches;
   }
 
-  // Nobody but a person moves one of the two.
+  // Only the user can move one of the two.
   [[nodiscard]] bool shared_with_switches(const plant::Truth& t) const {
     const auto has_switches = [&](const plant::Truth& o) {
       return rig_->device(o.name).plan().source == plant::NodeIdSource::switches;
@@ -333,7 +333,7 @@ class EndJudge {
       // Which slot one with switches has a place in is said by its node-ID: `check_device`.
       const bool here = is_present(t) && t.bus == bus.name && !clones(t) && record_of(t) == nullptr;
       const bool counts = here && rig_->device(t.name).plan().source != plant::NodeIdSource::switches;
-      // Who sat in a slot before is used again when a person says so (docs/machine-file.md).
+      // A device that sat in a slot before is used again when the user says so (docs/machine-file.md).
       const auto lines = rig_->store().history_of({t.address, {machine_->name, t.bus}});
       const bool used = lines && places::former_seat(*lines).has_value();
       used_ = used_ || (here && used);
@@ -358,8 +358,8 @@ class EndJudge {
     for (std::size_t i = 0; i < slots.size(); ++i) check_group(i, slots, reports, devices);
   }
 
-  // Its node-ID was lent to a device that left before it gave it back: it has it as long as it has power, and only it
-  // or a person can end that.
+  // Its node-ID was lent to a device that left before giving it back: the device has it as long as it has power, and
+  // only it or the user can end that.
   [[nodiscard]] bool waits_for_a_borrower(const std::string& bus, const operate::SlotReport& s) const {
     const auto lent = rig_->store().lent();
     return lent && s.state == places::SlotState::empty && std::ranges::any_of(*lent, [&](const places::LentId& l) {

@@ -1,4 +1,4 @@
-// One such world from beginning to end. What must hold (docs/faults.md): no device is operational with anything but its
+// One such world from beginning to end. Requirements (docs/faults.md): no device is operational with anything but its
 // slot's program and configuration, none that runs is started again, and at the end all run, and the links carry.
 #pragma once
 
@@ -17,7 +17,7 @@
 
 namespace berth::harness {
 
-// Is a device that runs alone under a slot's node-ID as the slot wants it? Looked at whenever a device changes.
+// Checks that a device running alone under a slot's node-ID is as the slot wants it, whenever a device changes.
 class SlotWatch final : private plant::World::Observer {
  public:
   SlotWatch(plant::World& world, const design::Machine& machine, const manager::SlotSettings& linked)
@@ -46,7 +46,7 @@ class SlotWatch final : private plant::World::Observer {
     const bool runs = t.powered && t.state == NmtState::operational;
     const design::Slot* const slot = machine_->slot(t.bus, t.active);
     if (!runs || !failure_.empty() || slot == nullptr || slot->spec.type != t.address.type()) return;
-    // Another device under the slot's node-ID is another story.
+    // Does not judge another device under the slot's node-ID.
     const auto alone = std::ranges::count_if(
         world_->devices(), [&](const auto& d) { return d->powered() && d->device().node_id() == t.active; });
     if (alone != 1) return;

@@ -1,5 +1,5 @@
-// One machine, brought up by a Berth that dies at a chosen point, perhaps again while it recovers, and then once more
-// by one that lives: what must hold at the end, and on the way.
+// One machine, brought up by a Berth that dies at a chosen point, perhaps again while it recovers, and then by one that
+// lives: what must hold meanwhile and at the end.
 #pragma once
 
 #include <stdlib.h>
@@ -143,7 +143,7 @@ class KillWorld final {
   // Devices may stay away: then who sits where depends on when they left.
   [[nodiscard]] static bool departs(Scenario s) { return s == Scenario::away || s == Scenario::gone; }
 
-  // After a life that came to the end: what must be so. Empty: it is.
+  // The requirements after a life that came to its end. Empty: they hold.
   std::string check() {
     std::string wrong = judge_.wrong();
     if (wrong.empty() && departs(scenario_)) return check_rows();
@@ -461,7 +461,7 @@ class KillWorld final {
     return {};
   }
 
-  // What Berth believes, and what a next process would read, are one and true.
+  // Berth's state and what the next process would read are the same, and true.
   [[nodiscard]] std::string check_store() {
     const auto seats = expected();
     const auto before = store_.load("rig");

@@ -1,4 +1,4 @@
-// Is what Berth tells of a slot so? Looked at when it is told, by the ground truth:
+// Checks that what Berth reports about a slot is true, when it is reported, by the ground truth:
 //
 //   two devices    that a node-ID is held twice is told where two devices of that bus have used it at one time in this
 //                  world
@@ -30,7 +30,7 @@ class WordJudge final : private plant::World::Observer {
   WordJudge& operator=(const WordJudge&) = delete;
 
   void berth_began() { named_.clear(); }
-  // Nothing goes wrong any more: who has power can be heard.
+  // All faults have ended: a powered device can be heard.
   void all_is_quiet() noexcept { quiet_ = true; }
 
   void told(const operate::Event& event) {
@@ -62,7 +62,7 @@ class WordJudge final : private plant::World::Observer {
   void say(const std::string& text) {
     if (failure_.empty()) failure_ = text;
   }
-  // Without serial numbers: which of them was named is nobody's to say.
+  // Without serial numbers: nobody can say which of them was named.
   [[nodiscard]] bool has_equals(const plant::Truth& t) const {
     return t.address.serial == 0 && std::ranges::any_of(rig_->world().devices(), [&](const auto& d) {
              const auto o = d->truth();

@@ -1,4 +1,4 @@
-// Random machines, plants and faults from a seed, as explicit data: what a failed run is replayed and shrunk from.
+// Random machines, plants and faults from a seed, as explicit data for replaying and shrinking a failed run.
 #pragma once
 
 #include <algorithm>
@@ -60,7 +60,7 @@ inline constexpr places::Step aimed_steps[] = {
     places::Step::configure,     places::Step::store,     places::Step::release,      places::Step::reset,
     places::Step::await_boot_up, places::Step::identify,  places::Step::write_confirm};
 inline constexpr int steps = static_cast<int>(std::size(aimed_steps));
-// The identifier of the frame that is lost at a step; none: the step sends, or waits for, none at the device.
+// The identifier of the frame that is lost at a step; none: the step sends no frame to the device and waits for none.
 inline std::optional<std::uint32_t> frame_of(StepKind kind, places::Step step, NodeId id) {
   using places::Step;
   const bool lss = step == Step::select || step == Step::inquire || step == Step::configure || step == Step::store;
@@ -107,7 +107,7 @@ struct PlannedFault {
   std::size_t bus = 0;
 };
 
-// A fault that waits for this step, lets so many such steps pass, and then strikes `delay` behind its beginning.
+// A fault that waits for this step, skips so many such steps, and then strikes `delay` after its beginning.
 struct StepFault {
   StepKind kind = StepKind::power;
   int step = 0;  // of `aimed_steps`
@@ -140,7 +140,7 @@ struct WorldPlan {
   std::vector<plant::PlantEvent> later = {};  // devices that are plugged in at their time, whatever else happens
 };
 
-// Which worlds a seed means.
+// The kind of worlds that a seed gives.
 struct Draws {
   // Two or three buses, and devices on them that have the address of one on another bus: other worlds than those of the
   // same seeds without.
