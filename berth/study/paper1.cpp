@@ -157,7 +157,7 @@ Row rand(const times::Conditions& c, Figures& figures) {
 }
 
 // AND's own addresses are 48 bits of the LSS address: they show which devices were found.
-std::vector<std::string> differences_by_and(Stage& stage, const std::vector<nodeid::AndAddress>& found) {
+std::vector<std::string> differences_by_and(Stage& stage, const std::vector<research::AndAddress>& found) {
   std::vector<LssAddress> addresses;
   for (const auto& each : found) {
     LssAddress address;

@@ -15,9 +15,9 @@
 
 #include "../paths.hpp"
 #include "berth/operate/network.hpp"
+#include "berth/operate/slot_rows.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/plant/world.hpp"
-#include "berth/operate/slot_rows.hpp"
 #include "milestone.hpp"
 
 namespace berth::harness {
