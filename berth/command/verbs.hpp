@@ -66,7 +66,7 @@ struct Verb {
   [[nodiscard]] Effect effect() const noexcept { return role == Role::view ? Effect::asks : Effect::changes; }
 };
 
-/// In the order of the table above.
+/// In the order of the table in verbs.cpp.
 [[nodiscard]] std::span<const Verb> verbs() noexcept;
 /// Null: there is none of this name.
 [[nodiscard]] const Verb* verb(std::string_view name) noexcept;

@@ -19,7 +19,6 @@
 /// Each side owns its working copy; `publish` and `refresh`, `commit` and `take` pass whole images (exchange.hpp).
 /// Neither side ever waits, locks or uses the heap, and no image is torn: all variables are of one `publish`. Of
 /// several publications before a `refresh`, only the newest is seen.
-/// published twice before a `refresh` is seen once, the newest.
 #pragma once
 
 #include <memory>
