@@ -30,7 +30,6 @@
 
 namespace berth::decode {
 
-/// What is known of a device beyond the trace.
 /// An object that has its name from elsewhere than the device's description: a network variable of a link.
 struct NamedObject {
   ObjectRef object;
@@ -38,6 +37,7 @@ struct NamedObject {
   od::DataType type = od::DataType::none;
 };
 
+/// What is known of a device beyond the trace.
 struct Profile {
   std::string name;                                                         ///< the slot's; may be empty
   std::shared_ptr<const od::Description> description;                       ///< may be null
