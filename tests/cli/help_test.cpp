@@ -5,6 +5,7 @@
 #include <vector>
 
 #include <algorithm>
+#include <cstdlib>
 #include <map>
 #include <set>
 #include <sstream>
@@ -52,6 +53,19 @@ std::vector<std::string> listed(const std::vector<std::string>& lines, const std
   return words;
 }
 
+/// Until it ends, programs that are started look for no leaks: 0.06 s of a processor each, of 0.15 s in all, and these
+/// tests start hundreds. What the verbs do is looked through for leaks by the verbs' own tests.
+class WithoutLeakCheck {
+ public:
+  WithoutLeakCheck() { setenv("ASAN_OPTIONS", (before_ + ":detect_leaks=0").c_str(), 1); }
+  ~WithoutLeakCheck() { setenv("ASAN_OPTIONS", before_.c_str(), 1); }
+  WithoutLeakCheck(const WithoutLeakCheck&) = delete;
+  WithoutLeakCheck& operator=(const WithoutLeakCheck&) = delete;
+
+ private:
+  std::string before_ = std::getenv("ASAN_OPTIONS") == nullptr ? "" : std::getenv("ASAN_OPTIONS");
+};
+
 /// Those of a verb and all below it, as `berth VERB --help` has them.
 void read_pages(const Words& verb, std::vector<Page>& pages) {
   Words words = verb;
@@ -68,6 +82,7 @@ void read_pages(const Words& verb, std::vector<Page>& pages) {
 
 const std::vector<Page>& pages() {
   static const std::vector<Page> all = [] {
+    const WithoutLeakCheck quick;
     std::vector<Page> read;
     read_pages({}, read);
     return read;
@@ -89,6 +104,7 @@ TEST(Help, EveryPageHasAnExampleAndFits) {
 }
 
 TEST(Help, HelpVerbIsTheSamePage) {
+  const WithoutLeakCheck quick;
   for (const auto& page : pages()) {
     Words words = page.verb;
     words.insert(words.begin(), "help");
@@ -346,6 +362,7 @@ TEST_F(Taken, EveryOptionThatIsShown) {
                                               "studio --certificate",
                                               "studio --key"};
   const auto known = verbs();
+  const WithoutLeakCheck quick;
   for (const auto& page : pages()) {
     const bool group = !listed(page.lines, "Subcommands:").empty();
     if (group || page.name().starts_with("sim ") || page.name().starts_with("world ")) continue;
