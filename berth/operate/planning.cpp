@@ -346,8 +346,9 @@ void Planning::report_clone(const places::Oddity& oddity) {
     });
     const bool waits =
         !device && !another && seat->life != Life::question && places::fits(seat->slot.spec, oddity.device);
-    // LSS alone does not show the node-ID that both have.
-    const bool here = waits && seat->doubt.by_two;
+    // LSS alone does not show the node-ID that both have. A slot that shows this already goes on doing so: otherwise
+    // its reason would change at every round.
+    const bool here = (waits && seat->doubt.by_two) || (own && seat->reason == Duplicates::reason);
     if (own || waits) slots_.happened(*seat, SlotEvent::doubted, here ? Duplicates::reason : oddity.text);
   }
 }

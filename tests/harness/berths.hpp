@@ -135,6 +135,7 @@ class Berths : private can::Tap, private plant::World::Observer {
     one.port.reset();
   }
   void frame(const can::Frame& frame, rt::Time at, int sender) noexcept override {
+    const rt::Time before = std::exchange(last_frame_, at);
     ++sent_[sender][frame.key()];
     if (frame.key() == 0) commands.push_back(can::to_string(frame));
     const bool start = frame.key() == 0 && frame.size == 2 && frame.data[0] == 1;
@@ -149,7 +150,10 @@ class Berths : private can::Tap, private plant::World::Observer {
       const auto id = device->device().node_id();
       const bool hears = side_.contains(sender) == side_.contains(device->controller().number());
       const bool meant = hears && id.configured() && (frame.data[1] == 0 || frame.data[1] == id.value());
-      if (!meant || !since || *since >= at || !alone(*device)) continue;
+      // Nothing was on the bus between but this frame: its sender saw an error in the last bit of it and repeats it,
+      // and who has started meanwhile did so by the first time.
+      const bool by_this_frame = since && *since > before;
+      if (!meant || !since || by_this_frame || !alone(*device)) continue;
       ++second_starts;
       started_again_ +=
           fmt::format("{:.3f} s: {} (node-ID {}), operational since {:.3f} s, is started by controller {}\n",
@@ -170,6 +174,7 @@ class Berths : private can::Tap, private plant::World::Observer {
     if (runs && !since) since = world_->executor().now();
   }
 
+  rt::Time last_frame_{};
   std::unique_ptr<plant::World> world_;
   Between between_;
   manager::SlotSettings settings_;

@@ -368,6 +368,28 @@ TEST(Duplicates, TwoOfOneAddressHideNobodyElse) {
   EXPECT_EQ(rig.seats(), (Seats{{5, 9}}));
 }
 
+// Two rules see the two, one by their SDO answers and one by LSS. The slot shows one reason, and not each in turn.
+TEST(Duplicates, OfTwoOfOneAddressUnderOneNodeIdOneReasonIsShown) {
+  auto p = one_bus_plant(1);
+  for (const char* name : {"own", "clone"}) {
+    auto& d = stored(p, name, type_b, 7, 5);
+    d.lss.habit.reset();
+    d.speaks = {Speaks::lss, Speaks::rand};
+  }
+  p.devices.back().plugged = false;
+  Rig rig(slot_five(), p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  rig.device("clone").plug();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::duplicate; }, 30s)) << rig.log();
+  rig.run_for(120s);
+  EXPECT_EQ(rig.state(5), SlotState::duplicate);
+  const std::string log = rig.log();
+  std::size_t reasons = 0;
+  for (auto at = log.find(": duplicate: "); at != std::string::npos; at = log.find(": duplicate: ", at + 1)) ++reasons;
+  EXPECT_LE(reasons, 2U) << log;
+}
+
 // Three came with the node-ID of a slot, two of them with one address. The third is not bound there again and again:
 // the other slot is free.
 TEST(Duplicates, TheThirdUnderANodeIdThatTwoOfOneAddressKeepIsAskedAbout) {
