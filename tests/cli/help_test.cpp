@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "../paths.hpp"
+#include "environment.hpp"
 #include "machines.hpp"
 #include "process.hpp"
 
@@ -56,14 +57,11 @@ std::vector<std::string> listed(const std::vector<std::string>& lines, const std
 /// Until it ends, programs that are started look for no leaks: 0.06 s of a processor each, of 0.15 s in all, and these
 /// tests start hundreds. What the verbs do is looked through for leaks by the verbs' own tests.
 class WithoutLeakCheck {
- public:
-  WithoutLeakCheck() { setenv("ASAN_OPTIONS", (before_ + ":detect_leaks=0").c_str(), 1); }
-  ~WithoutLeakCheck() { setenv("ASAN_OPTIONS", before_.c_str(), 1); }
-  WithoutLeakCheck(const WithoutLeakCheck&) = delete;
-  WithoutLeakCheck& operator=(const WithoutLeakCheck&) = delete;
-
- private:
-  std::string before_ = std::getenv("ASAN_OPTIONS") == nullptr ? "" : std::getenv("ASAN_OPTIONS");
+  static std::string options() {
+    const char* const before = std::getenv("ASAN_OPTIONS");
+    return std::string(before == nullptr ? "" : before) + ":detect_leaks=0";
+  }
+  EnvironmentVariable variable_{"ASAN_OPTIONS", options()};
 };
 
 /// Those of a verb and all below it, as `berth VERB --help` has them.

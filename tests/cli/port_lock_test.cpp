@@ -5,10 +5,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <string>
 
+#include "environment.hpp"
 #include "process.hpp"
 
 namespace berth::cli {
@@ -19,26 +19,7 @@ can::PortSpec port(const std::string& word) { return *can::parse_port(word); }
 // Of this process, so that tests that run side by side have their own.
 std::string interface_name() { return "lk" + std::to_string(::getpid() % 10'000'000); }
 
-class Environment {
- public:
-  explicit Environment(const std::string& runtime) {
-    const char* const value = std::getenv("XDG_RUNTIME_DIR");
-    if (value != nullptr) before_ = value;
-    ::setenv("XDG_RUNTIME_DIR", runtime.c_str(), 1);
-  }
-  ~Environment() {
-    if (before_.empty()) {
-      ::unsetenv("XDG_RUNTIME_DIR");
-    } else {
-      ::setenv("XDG_RUNTIME_DIR", before_.c_str(), 1);
-    }
-  }
-  Environment(const Environment&) = delete;
-  Environment& operator=(const Environment&) = delete;
-
- private:
-  std::string before_;
-};
+constexpr const char* runtime_folder = "XDG_RUNTIME_DIR";
 
 TEST(PortLock, DoesNotDependOnTheEnvironmentAndLeavesNoFile) {
   const test::Folder one;
@@ -46,11 +27,11 @@ TEST(PortLock, DoesNotDependOnTheEnvironmentAndLeavesNoFile) {
   const std::string name = "socketcan:" + interface_name();
   {
     const auto lock = [&] {
-      const Environment here(one.file(""));
+      const test::EnvironmentVariable here(runtime_folder, one.file(""));
       return PortLock::take(port(name));
     }();
     ASSERT_TRUE(lock) << lock.error().message;
-    const Environment there(other.file(""));
+    const test::EnvironmentVariable there(runtime_folder, other.file(""));
     const auto again = PortLock::take(port(name));
     ASSERT_FALSE(again);
     EXPECT_EQ(again.error().status, 3);
