@@ -11,7 +11,7 @@
 namespace berth::command {
 namespace {
 
-// Of any verb: also where this one would not take it.
+// A personal argument of any verb, even if the requested verb does not take it.
 bool is_personal(std::string_view name) {
   return std::ranges::any_of(verbs(), [&](const Verb& each) {
     const Parameter* const parameter = each.parameter(name);
@@ -19,7 +19,8 @@ bool is_personal(std::string_view name) {
   });
 }
 
-// A file of this computer, and "yes". Behind a page sits a person, who confirms there what the page shows.
+// Finds a personal argument: a file of this computer, or "yes". The studio's pages may send "yes": there the user
+// confirms what the page shows.
 std::string personal_argument(Face face, const Request& request) {
   for (const auto& [name, value] : request.arguments) {
     if (!is_personal(name) || (face == Face::studio && name == "yes")) continue;
