@@ -111,7 +111,7 @@ Result<std::string> checked(std::string text, const Value& expected) {
   return text;
 }
 
-/// Behind the last character of the value and of all that is in it.
+/// The place after the last character of the value and of everything in it.
 Place end_of(const Value& value) noexcept {
   Place end = std::max(value.begin, value.end);
   for (const auto& item : value.items) end = std::max(end, end_of(item));
@@ -119,7 +119,7 @@ Place end_of(const Value& value) noexcept {
   return end;
 }
 
-/// The last member that stands in the table's own lines, not under a header of its own.
+/// The last member in the table's own lines, not under a header of its own.
 const Member* last_own_member(const Value& table) noexcept {
   const Member* last = nullptr;
   for (const auto& member : table.members) {
@@ -130,19 +130,19 @@ const Member* last_own_member(const Value& table) noexcept {
   return last;
 }
 
-/// Line ends as the file has them.
+/// The file's kind of line end.
 std::string_view newline_of(std::string_view text) noexcept {
   const auto at = text.find('\n');
   return at != std::string_view::npos && at > 0 && text[at - 1] == '\r' ? "\r\n" : "\n";
 }
 
-/// Behind the line break of the line that holds `at`; the end of the text when it has none.
+/// The place after the line break of the line that contains `at`; the end of the text if that line has none.
 std::size_t next_line(std::string_view text, std::size_t at) noexcept {
   const auto newline = text.find('\n', at);
   return newline == std::string_view::npos ? text.size() : newline + 1;
 }
 
-/// The blanks in front of a key, when nothing else is.
+/// The spaces and tabs before a key; "" if anything else is before it on the line.
 std::string indent_of(std::string_view text, std::size_t key) {
   const auto newline = key == 0 ? std::string_view::npos : text.rfind('\n', key - 1);
   const std::size_t line = newline == std::string_view::npos ? 0 : newline + 1;
@@ -150,7 +150,7 @@ std::string indent_of(std::string_view text, std::size_t key) {
   return before.find_first_not_of(" \t") == std::string_view::npos ? std::string(before) : std::string();
 }
 
-/// Inserts whole lines (each with its line break) at the line after `at`.
+/// Inserts whole lines (each with its line break) before the line after `at`.
 std::string with_lines(std::string_view text, std::size_t at, const std::string& lines) {
   const auto place = next_line(text, at);
   std::string out(text.substr(0, place));
