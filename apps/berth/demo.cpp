@@ -14,7 +14,7 @@ namespace berth::cli {
 
 namespace {
 
-/// Explains the first of each thing that happens.
+/// Explains each kind of event at its first occurrence.
 class Comments {
  public:
   std::string operator()(const operate::Event& event) {

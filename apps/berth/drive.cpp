@@ -29,10 +29,10 @@ Ending::Ending(MachineRun& run, std::string until) : run_(&run), until_(std::mov
   rt::Duration boot{0};
   for (const auto& device : run.plant().devices) boot = std::max(boot, device.boot);
   quiet_ += boot;
-  // A failed step is tried again when the whole bus is asked anew: every 8 looks, and asking takes time.
+  // A failed step is tried again at the next look at the whole bus: every 8th look, and asking takes time.
   patience_ = quiet_;
   for (const auto& bus : run.machine().buses) patience_ = std::max(patience_, quiet_ + 10 * bus.timing.probe_period);
-  // A bus beneath that does not come up in time is left to its gateway's master, and tried again after that time.
+  // If a bus beneath does not come up in time, Berth leaves it to its gateway's master and tries again after that time.
   for (const auto& bus : run.machine().beneath) {
     const rt::Duration time = std::max<rt::Duration>(bus.startup.boot_time, tree::Beneath::patience);
     patience_ = std::max(patience_, quiet_ + 2 * time);
@@ -42,7 +42,7 @@ Ending::Ending(MachineRun& run, std::string until) : run_(&run), until_(std::mov
   plan_behind(plant::After::start);
 }
 
-// A device without a place is found again and again; that is no change. Only the event's own bus is checked: a machine
+// A device without a slot is found again and again, which is no change. Only the event's own bus is checked: a machine
 // of a hundred buses has a hundred times the events.
 void Ending::event(const operate::Event& event) {
   look_ = true;
@@ -114,14 +114,14 @@ bool Ending::settled() {
 
 namespace {
 
-/// What is served beside the main job, in real time. A dry run has none of it.
+/// The services that run beside the main job, in real time. A dry run has none.
 struct Beside {
-  std::unique_ptr<const StudioHost*> ring = std::make_unique<const StudioHost*>();  // before who asks for it
-  std::unique_ptr<WorldTime> time;                                                  // before who asks for it
+  std::unique_ptr<const StudioHost*> ring = std::make_unique<const StudioHost*>();  // before `server`, which uses it
+  std::unique_ptr<WorldTime> time;                                                  // before those who use it
   std::unique_ptr<command::ControlServer> server;
   std::unique_ptr<GatewayHost> gateway;
   std::unique_ptr<StudioHost> studio;
-  std::unique_ptr<FirstSaves> saves;  // before who asks about them
+  std::unique_ptr<FirstSaves> saves;  // before `asker`, which uses it
   std::unique_ptr<Asker> asker;
   std::unique_ptr<LiveValues> values;
 };
@@ -138,7 +138,7 @@ void show_values(MachineRun& run, Screen& screen, Beside& beside) {
   });
 }
 
-// Nobody can distinguish a paused world from a bus on which nobody answers.
+// Says that the world is paused: otherwise it looks like a bus on which no device answers.
 void tell_standing(const WorldTime& time, const command::Request& request, command::Reply& reply) {
   const std::string standing = time.standing();
   if (standing.empty()) return;
@@ -171,7 +171,7 @@ command::Reply ring_of(const StudioHost* studio, const command::Request& request
                           "file (berth up --record FILE)");
 }
 
-// By the control socket: this account, or root.
+// Requests by the control socket come from this account, or from root.
 rt::Task<void> audited(MachineRun& run, WorldTime* time, const StudioHost* const* studio, const command::Request& asked,
                        command::Reply& reply) {
   command::Request request = asked;
@@ -244,7 +244,7 @@ tl::expected<Beside, Failure> serve_beside(MachineRun& run, Screen& screen, cons
   return beside;
 }
 
-/// Bus time that a run may take.
+/// The bus time that a run may take.
 rt::Duration allowed(const Ending& ending, const Options& options, bool real_time) {
   constexpr rt::Duration longest_dry_run = 10s;
   if (options.timeout) return *options.timeout;

@@ -1,4 +1,4 @@
-// The command line: every verb, in the order of the help. How one is added: docs/architecture.md.
+// The command line: all verbs, in the order of the help. docs/architecture.md says how to add one.
 #include "output.hpp"
 #include "verbs.hpp"
 

@@ -1,4 +1,4 @@
-// `berth up`, and what `berth demo` shares with it.
+// `berth up`, and the parts that `berth demo` shares with it.
 #include "up.hpp"
 
 #include <fmt/format.h>
@@ -23,7 +23,7 @@
 namespace berth::cli {
 namespace {
 
-// Why it is not operational, each reason once.
+// Why the machine is not operational, each reason once.
 Failure not_operational(tree::Session& session, Ended ended) {
   std::vector<operate::SlotReport> wanting;
   for (auto& s : session.slots()) {
@@ -42,8 +42,8 @@ Failure not_operational(tree::Session& session, Ended ended) {
   return failure_in_lines(Exit::no, lines);
 }
 
-// Where other commands reach this one. A process for one of several buses leaves the machine's name to the one that
-// runs them all.
+// The control socket, by which other commands reach this process. If it runs only one of several buses, the machine's
+// name is left to a process that runs them all.
 std::string control_of(MachineRun& run, const Options& options) {
   if (run.loop() == nullptr || options.dry_run) return {};
   if (!options.control.empty()) return options.control;
@@ -78,7 +78,7 @@ Failure unconfirmed(MachineRun& run) {
   return failure_in_lines(Exit::no, lines);
 }
 
-// Another master on a bus, or no consent of a person's: nothing is started.
+// Nothing is started if there is another master on a bus, or if the user does not confirm.
 std::optional<Failure> refusal(MachineRun& run, const Options& options) {
   if (const auto clear = run.strangers().listen_first(); !clear) return clear.error();
   if (!options.dry_run && !confirmed(run, options)) return unconfirmed(run);
@@ -86,7 +86,7 @@ std::optional<Failure> refusal(MachineRun& run, const Options& options) {
   return no_second_word(run, options);
 }
 
-// `table`: the slots were not on the screen all the time.
+// `table`: print the slot table, because it was not on the screen during the run.
 void print_outcome(MachineRun& run, const Options& options, const std::vector<Recorded>& sent, bool table) {
   if (options.dry_run) {
     print_dry_run(sent, nullptr, options.json);
@@ -150,7 +150,7 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
 
 namespace {
 
-// A machine whose buses are all simulated needs one: `berth init` writes NAME.plant.toml beside NAME.toml.
+// A machine whose buses are all simulated needs a plant file: `berth init` writes NAME.plant.toml beside NAME.toml.
 std::string plant_of(const Options& options) {
   if (!options.sim.plant.empty() || !options.ports.empty()) return options.sim.plant;
   const auto machine = machine_of(options);
@@ -174,7 +174,7 @@ std::string plant_of(const Options& options) {
 int run_up(const Options& options) {
   Options own = options;
   if (own.machine.empty()) {
-    Options here = options;  // neither a port nor a socket is a machine
+    Options here = options;  // neither a port nor a socket replaces the machine file
     here.ports.clear();
     here.control.clear();
     own.machine = default_machine(here);
@@ -197,7 +197,7 @@ int run_up(const Options& options) {
 
 namespace {
 
-// It needs real time.
+// Not with --fast: the gateway needs real time.
 void gateway_words(const Verb& up, Options& options, const Word& fast) {
   const auto take = [&options](const std::string& where) {
     options.offers.gateway.where = where, options.sim.pace = true;
@@ -212,7 +212,7 @@ void gateway_words(const Verb& up, Options& options, const Word& fast) {
 
 }  // namespace
 
-// It needs real time.
+// Not with --fast: the pages need real time.
 void studio_words(const Verb& verb, Options& options, const Word& fast) {
   verb.flag_or_value(
           "--studio", options.offers.studio.where,
