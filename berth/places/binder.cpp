@@ -243,8 +243,8 @@ rt::Task<Outcome> Binder::configure_alone(const Binding& binding) {
 // that node-ID, too, at the next `04 00`. Without the proof, all devices in configuration are told to have no node-ID,
 // and nothing is stored.
 //
-// With the proof, the reverted node-ID is stored in two cases. If two devices were told the new one, both may have
-// stored it; and a node-ID stored before the binding failed would come into use at the device's next reset.
+// Otherwise, the reverted node-ID is stored in two cases. If two devices were told the new one, both may have stored
+// it. And a node-ID stored before the binding failed would come into use at the device's next reset.
 //
 // If another device uses the new node-ID, this one may be in LSS waiting with that node-ID pending: Lely core's slaves
 // activate it only at the next reset of all nodes. So the device is selected again.
