@@ -139,7 +139,7 @@ rt::Task<void> MainJob::round(bool first) {
 
 namespace {
 
-// An earlier run told the slot's device its node-ID, or began to: the slot is kept for it.
+// An earlier run assigned the slot's device its node-ID, or began to: the slot is kept for it.
 bool is_kept(const Seat& seat) {
   const auto& record = seat.slot.record;
   const bool by_lss = seat.slot.spec.assign == Assign::lss;

@@ -444,7 +444,7 @@ rt::Task<bool> Seating::blank(Identity device, std::string reason) {
                          fmt::format("{} keeps its node-ID: {}", to_string(device),
                                      places::words_of(binding.why(), binder.store_said())));
   }
-  // It was never told anything, or takes no node-ID: nothing is left to finish.
+  // It never got a command, or takes no node-ID: nothing is left to finish.
   const bool unreached = binding.why() == places::Why::not_there && planning_.never_by_lss(device);
   const bool ends = binding.untouched() || binding.why() == places::Why::refused || unreached;
   if (!good && ends) {

@@ -142,7 +142,7 @@ void Lua::count(lua_State* state, lua_Debug*) {
   Lua& lua = of(state);
   if (lua.meter_.run(counted_at_once)) return;
   lua.note_line();
-  lua_pushnil(state);  // `failure` says why
+  lua_pushnil(state);  // `failure` has the reason
   lua_error(state);
 }
 
