@@ -353,7 +353,7 @@ void Seating::not_bound(Seat& seat, const Binding& binding, const std::optional<
   const Identity was = binding.assignment().device.with(binding.old_id());
   if (clone) found_.note({was, binding.old_id(), true});
   if (binding.why() == Why::not_there) found_.forget(was);
-  // It came with that node-ID, and so did another, which stays: a device that answers to one address with its clone.
+  // The device came with this node-ID, and another one stays at it: its clone, which answers to the same address.
   const bool shares = binding.why() == Why::occupied && found_.active_of(binding.assignment().device) == seat.id();
   if (shares) found_.note_shared(binding.assignment().device);
   // Nothing in the device can have changed: the slot is free again. Otherwise the slot keeps it until it is seen.
@@ -444,7 +444,7 @@ rt::Task<bool> Seating::blank(Identity device, std::string reason) {
                          fmt::format("{} keeps its node-ID: {}", to_string(device),
                                      places::words_of(binding.why(), binder.store_said())));
   }
-  // It was never told anything, or takes no node-ID: nothing is left to finish.
+  // It never got a command, or takes no node-ID: nothing is left to finish.
   const bool unreached = binding.why() == places::Why::not_there && planning_.never_by_lss(device);
   const bool ends = binding.untouched() || binding.why() == places::Why::refused || unreached;
   if (!good && ends) {
@@ -593,8 +593,8 @@ rt::Task<bool> Seating::answers_by_lss(Identity device) {
   co_return id || clone;
 }
 
-// It stored its node-ID and still uses another: telling it again would wear out its memory. Now and then it is told
-// again, in case a power cycle was not heard and had no effect.
+// It stored its node-ID and still uses another: telling it again would wear out its memory. It is told again at growing
+// intervals, in case a power cycle was not heard and had no effect.
 rt::Task<bool> Seating::waits_for_its_power_cycle(Seat& seat, bool& told_one) {
   if (!seat.power_cycle.binding || ErasedNodeIds::tells_again(seat.power_cycle.looked_at, told_one)) co_return false;
   const NodeId old = seat.power_cycle.binding->old_id();

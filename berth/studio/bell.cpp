@@ -11,7 +11,7 @@ Bell::~Bell() {
   if (fd_ >= 0) ::close(fd_);
 }
 
-// It cannot overflow: 2^64 rings.
+// The counter cannot overflow: it holds 2^64 rings.
 void Bell::ring() const noexcept { static_cast<void>(::eventfd_write(fd_, 1)); }
 
 void Bell::silence() const noexcept {

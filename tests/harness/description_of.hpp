@@ -13,7 +13,7 @@
 
 namespace berth::harness {
 
-// A description whose 1018h has the first `parts` of its four.
+// A description whose 1018h has only the first `parts` of its four parts.
 inline std::string description_of(TypeCode type, unsigned parts) {
   std::array<char, 64> name{};
   // Another user's file of this name could not be replaced.
@@ -21,7 +21,7 @@ inline std::string description_of(TypeCode type, unsigned parts) {
                 parts);
   const auto folder = std::filesystem::temp_directory_path();
   const auto file = folder / name.data();
-  // Other processes may be writing it: whoever renames last has written the same.
+  // Other processes may be writing it: the last rename wins, and all write the same.
   const auto half = folder / (name.data() + std::string(".") + std::to_string(::getpid()));
   std::ofstream out(half);
   out << "[DeviceInfo]\nVendorNumber=" << type.vendor << "\nProductNumber=" << type.product << "\nLSS_Supported=0\n"

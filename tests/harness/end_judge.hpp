@@ -53,7 +53,7 @@ class EndJudge {
   EndJudge(Rig& rig, const design::Machine& machine, const DuplicateWatch& watch, const ConfigWatch& configured)
       : rig_(&rig), machine_(&machine), watch_(&watch), configured_(&configured) {}
 
-  // The first thing wrong on this bus, or on all (""); empty: all is well.
+  // The first error on this bus, or on all buses (""); empty: none.
   [[nodiscard]] std::string wrong(const std::string& bus = {}) {
     wrong_.clear();
     const auto counts = [&](const std::string& name) { return bus.empty() || name == bus; };
@@ -113,7 +113,7 @@ class EndJudge {
     return it == records_.end() ? nullptr : &*it;
   }
 
-  // One without a serial number that uses another node-ID than its slot's: the row names it by what it has stored.
+  // For a device without a serial number that uses another node-ID than its slot's: the row has its stored one.
   [[nodiscard]] const places::SlotRecord* row_of_memory(const plant::Truth& t) const {
     const auto it = std::ranges::find_if(
         records_, [&](const auto& r) { return r.name.bus == t.bus && r.device() && t.is_or_will_be(*r.device()); });
@@ -127,7 +127,7 @@ class EndJudge {
     const design::Slot* const slot = machine_->slot(s.bus, s.id);
     const places::SlotRecord* const row = record_of(slot->spec.name);
     if (row == nullptr) return say("slot " + s.name + " has no row in the store");
-    // Where no device has power each try lasts a second, and the world may end in one.
+    // If no device has power, each attempt lasts a second, and the world may end during one.
     const bool dead = std::ranges::none_of(truth_, [&](const auto& t) { return t.bus == s.bus && t.powered; });
     if (s.state == SlotState::binding && dead) return;
     if (s.state == SlotState::unknown || s.state == SlotState::binding) {
@@ -148,10 +148,10 @@ class EndJudge {
     using places::SlotState;
     const std::string who = "slot " + s.name + ": its device " + t.name;
     if (s.state == SlotState::power_cycle) return;
-    // Somebody of one address twice, on the slot's node-ID too: nothing there is started.
+    // Two devices have one address, and one of them may use the slot's node-ID, too: nothing is started there.
     if (s.state == SlotState::duplicate && (any_clones() || shared_out_of_reach(t) || shared_with_switches(t))) return;
-    // Neither of two that have one address can be told to leave the slot's node-ID; and what one of them was told to
-    // save is asked of the other when that one is the only one there.
+    // If two devices have one address, neither can be made to leave the slot's node-ID. What one of them was to save is
+    // checked in the other when that is the only one there.
     const bool held = std::ranges::any_of(truth_, [&](const plant::Truth& o) {
       return is_present(o) && o.bus == t.bus && o.active == slot.spec.id && clones(o);
     });
@@ -160,21 +160,21 @@ class EndJudge {
     if (row.intended) return say(who + " is there, and what was asked of it is not confirmed");
     if (row.confirmed->id != slot.spec.id) return say(who + " is confirmed under another node-ID");
     if (t.active != slot.spec.id) return say(who + " uses node-ID " + std::to_string(t.active.value()));
-    // The other of its address, which is away, stored it; this one has the node-ID by a loan of the slot's own.
+    // The other device with its address, now absent, stored it; this one has the slot's own node-ID as a loan.
     if (t.persistent != slot.spec.id && !clone_has(t, slot.spec.id) && !cannot_be_addressed(t))
       return say(who + " is confirmed and has stored " + std::to_string(t.persistent.value()));
     if (s.state != SlotState::operational)
       return say(who + " is there, and the slot is " + places::name(s.state) + ": " + s.reason);
   }
 
-  // Fastscan finds no device with a node-ID: if the machine file allows no other method, such a device's address cannot
-  // be known, so it cannot be told to leave. The user is told.
+  // Fastscan finds no device with a node-ID: if the machine file allows no other method, Berth cannot know such a
+  // device's address, so it cannot make the device leave. It reports that to the user.
   [[nodiscard]] bool out_of_reach(const plant::Truth& t) const {
     const auto& method = machine_->bus(t.bus)->discovery;
     const bool fastscan = method.find("fastscan") != std::string::npos || method == "planner-feedback";
     return fastscan && t.active.configured() && watch_->owned(t.name) != t.active;
   }
-  // Two devices with one address hold its slot's node-ID, and no master can distinguish them: the user takes one off.
+  // Two devices with one address hold its slot's node-ID, and no master can distinguish them: the user must remove one.
   [[nodiscard]] bool waits_for_clones(const plant::Truth& t) const {
     return std::ranges::any_of(truth_, [&](const plant::Truth& clone) {
       const design::Slot* const slot = machine_->slot(t.bus, clone.active);
@@ -188,7 +188,7 @@ class EndJudge {
     });
   }
 
-  // It sat in a slot before, and is used again when the user says so; meanwhile its switches keep it where it is.
+  // The device sat in a slot before, and is used again when the user says so; meanwhile its switches keep its node-ID.
   [[nodiscard]] bool waits_for_a_word(const plant::Truth& t) const {
     const auto lines = rig_->store().history_of({t.address, {machine_->name, t.bus}});
     const bool used = lines && record_of(t) == nullptr && places::former_seat(*lines).has_value();
@@ -205,15 +205,15 @@ class EndJudge {
              (has_switches(o) || has_switches(t));
     });
   }
-  // Nor moves anybody who sits on another's node-ID by its switches.
+  // Only the user can move a device whose switches set another slot's node-ID.
   [[nodiscard]] std::ptrdiff_t held_by_switches(const design::Slot& slot) const {
     return std::ranges::count_if(truth_, [&](const plant::Truth& o) {
       return is_present(o) && o.bus == slot.spec.name.bus && o.active == slot.spec.id &&
              rig_->device(o.name).plan().source == plant::NodeIdSource::switches;
     });
   }
-  // Its switches say so, or the machine file does of its type: it is no master's to move, and where `replacement` is
-  // "ask" nobody takes it without a word.
+  // Its switches, or the machine file for its type, fix the node-ID: no master can change it. If `replacement` is
+  // "ask", no slot takes the device without the user's word.
   [[nodiscard]] bool a_hand_must(const plant::Truth& t) const {
     const design::Slot* const there = machine_->slot(t.bus, t.active);
     const auto* const row = there == nullptr ? nullptr : record_of(there->spec.name);
@@ -229,7 +229,7 @@ class EndJudge {
     }
     return all_fixed || rig_->device(t.name).plan().source == plant::NodeIdSource::switches;
   }
-  // An equal one on its bus and no serial number: LSS addresses both at once, and it stays with what it came with.
+  // It has no serial number, and an equal device is on its bus: LSS addresses both at once, so it keeps its node-ID.
   [[nodiscard]] bool cannot_be_addressed(const plant::Truth& t) const {
     return t.address.serial == 0 && std::ranges::any_of(truth_, [&](const plant::Truth& o) {
              return o.name != t.name && is_present(o) && o.bus == t.bus && o.address == t.address;
@@ -274,13 +274,13 @@ class EndJudge {
     if (there == nullptr || !there->device() || !t.is(*there->device()))
       say(t.name + " holds the node-ID of slot " + slot->spec.name.name + " and does not sit there");
   }
-  // The other device of this one's address has this in its memory: what was asked of the one was asked of both.
+  // Another device with this address has the node-ID in its memory: a request to one of them reached both.
   [[nodiscard]] bool clone_has(const plant::Truth& t, NodeId id) const {
     return std::ranges::any_of(truth_, [&](const plant::Truth& o) {
       return o.name != t.name && o.bus == t.bus && o.address == t.address && o.persistent == id;
     });
   }
-  // A node-ID that Berth wrote into a memory stays its device's in the store, there or away.
+  // In the store, a node-ID that Berth wrote into a memory stays that device's, present or absent.
   void check_owned(const plant::Truth& t, const places::SlotRecord* row) {
     const NodeId id = watch_->owned(t.name);
     if (!id.configured() || watch_->given_up(t, id)) return;
@@ -294,10 +294,10 @@ class EndJudge {
           ", and no slot of the store says so");
   }
 
-  // ---- what is free: is everybody seated who can be? ----
+  // ---- free slots: does every device sit that can? ----
 
-  // The published procedures wait 10 ms for an answer, frames included: a device that is slower may be missed for ever,
-  // and one that has such a device, or clones, in front of it is not reached. Auto and the planners have neither limit.
+  // The published procedures wait 10 ms for an answer, frames included: a slower device may be missed forever, and a
+  // device after such a one, or after clones, is not reached. Auto and the planners have neither limit.
   [[nodiscard]] static bool published(const std::string& method) {
     return method.starts_with("fastscan") || method == "and";
   }
@@ -306,7 +306,7 @@ class EndJudge {
     return plan.response.max > window || (plan.response.outlier_ppm > 0 && plan.response.outlier > window);
   }
 
-  // One that answers behind the window at some of the questions is not identified, and ends the search each time.
+  // A device that answers some questions after the window is not identified, and ends the search each time.
   [[nodiscard]] bool slow_in_front(const std::string& bus) const {
     return std::ranges::any_of(truth_, [&](const plant::Truth& t) {
       return is_present(t) && t.bus == bus && !t.active.configured() && too_slow(rig_->device(t.name).plan());
@@ -321,7 +321,7 @@ class EndJudge {
     if (method == "rand" || method == "planner-rand") return by_rand;
     if (method == "and") return plan.speaks.has(plant::Speaks::and_protocol);
     if (method == "identify") return plan.speaks.has(plant::Speaks::lss);
-    // Fastscan, with and without feedback, finds who has no node-ID (CiA 305).
+    // Fastscan, with and without feedback, finds devices without a node-ID (CiA 305).
     return plan.speaks.has(plant::Speaks::fastscan) && !t.active.configured();
   }
 
@@ -330,7 +330,7 @@ class EndJudge {
     std::vector<const plant::Truth*> devices;
     used_ = false;
     for (const auto& t : truth_) {
-      // Which slot one with switches has a place in is said by its node-ID: `check_device`.
+      // The node-ID of a device with switches shows its slot: `check_device`.
       const bool here = is_present(t) && t.bus == bus.name && !clones(t) && record_of(t) == nullptr;
       const bool counts = here && rig_->device(t.name).plan().source != plant::NodeIdSource::switches;
       // A device that sat in a slot before is used again when the user says so (docs/machine-file.md).
@@ -354,12 +354,12 @@ class EndJudge {
       slots.push_back(slot);
       reports.push_back(&s);
     }
-    // Slots of one type are one question: what one of them takes the others cannot.
+    // Slots of one type are judged together: a device in one of them is not available to the others.
     for (std::size_t i = 0; i < slots.size(); ++i) check_group(i, slots, reports, devices);
   }
 
-  // Its node-ID was lent to a device that left before giving it back: the device has it as long as it has power, and
-  // only it or the user can end that.
+  // The slot's node-ID was lent to a device that left before it gave it back. The device has it while it has power;
+  // only the device or the user can end the loan.
   [[nodiscard]] bool waits_for_a_borrower(const std::string& bus, const operate::SlotReport& s) const {
     const auto lent = rig_->store().lent();
     return lent && s.state == places::SlotState::empty && std::ranges::any_of(*lent, [&](const places::LentId& l) {
@@ -371,7 +371,7 @@ class EndJudge {
                    const std::vector<const operate::SlotReport*>& reports,
                    const std::vector<const plant::Truth*>& devices) {
     const TypeCode type = slots[at]->spec.type;
-    // Two devices of one address sit on the slot's node-ID: neither can be told to leave it.
+    // Two devices with one address use the slot's node-ID: neither can be made to leave it.
     if (std::ranges::any_of(truth_, [&](const auto& t) {
           return is_present(t) && clones(t) && t.bus == slots[at]->spec.name.bus && t.active == slots[at]->spec.id;
         }))
@@ -395,7 +395,7 @@ class EndJudge {
       if (asks && !used_ && !any_clones() && held_by_switches(*slots[at]) < 2) say(what + " and no device fits it");
       return;
     }
-    // Its device gets its node-ID at itself; another on that node-ID leaves by a hand.
+    // The slot's device has a fixed node-ID; only the user can take another device off it.
     if (slots[at]->spec.assign == places::Assign::fixed) return;
     const bool told = state == places::SlotState::failed || state == places::SlotState::duplicate ||
                       state == places::SlotState::wrong_type;
@@ -409,7 +409,7 @@ class EndJudge {
       auto& row = choice.edges.emplace_back();
       for (const auto* t : fitting) row.push_back(places::fits(slot->spec, t->address));
     }
-    // One that its bus's method cannot find may have been found before, or by its node-ID.
+    // A device that the bus's method cannot find may have been found before, or by its node-ID.
     const auto candidates = std::ranges::count_if(truth_, [&](const auto& t) {
       return is_present(t) && t.bus == slots[at]->spec.name.bus && record_of(t) == nullptr &&
              std::ranges::any_of(group, [&](const auto* slot) { return places::fits(slot->spec, t.address); });
@@ -430,7 +430,7 @@ class EndJudge {
   const ConfigWatch* configured_;
   std::vector<plant::Truth> truth_;
   std::vector<places::SlotRecord> records_;
-  bool used_ = false;  // a device that sat in a slot before is there, without a slot
+  bool used_ = false;  // a device that sat in a slot before is present without one
   std::string wrong_;
 };
 

@@ -1,6 +1,6 @@
-// The matrix: the main job at every size, with every kind of device, at every bit rate. One cell is one
-// machine and one plant of a seed of its own, from devices that are all there to operational. Needs no test library:
-// tests, ./run matrix and bench/matrix.cpp use it.
+// The matrix: the main job at every size, with every kind of device, at every bit rate. One cell is one machine and one
+// plant from a seed of its own, from all devices present to operational. Needs no test library: tests, ./run matrix and
+// bench/matrix.cpp use it.
 #pragma once
 
 #include <algorithm>
@@ -33,21 +33,21 @@ enum class Kind : std::uint8_t {
   feedback_29,  // and nothing else
   feedback_11,
   fixed,         // its slot's node-ID by switches, and its slot says so; every second one speaks LSS
-  fixed_unsaid,  // the same, and its slot says nothing of it
+  fixed_unsaid,  // the same, but its slot does not say so
   stored,        // a node-ID in its memory: its slot's, or that of another slot
   canopennode,   // Fastscan as CANopenNode does it
   lely,          // Fastscan as Lely core does it
-  mixed,         // one of the above each
-  // What a device may lack of LSS; all sizes and bit rates only where the kind is chosen by name.
+  mixed,         // each device one of the above
+  // Devices that lack parts of LSS; all sizes and bit rates only if the kind is chosen by name.
   no_identity,     // LSS without Fastscan and without 5Ah to 5Dh
   no_node_id,      // LSS without Fastscan and without 5Eh
-  no_inquiries,    // both
+  no_inquiries,    // LSS without Fastscan and without 5Ah to 5Eh
   bare,            // Fastscan, 40h to 43h, 11h, 17h, and nothing else
   fastscan_alone,  // Fastscan, 11h, 17h, and nothing else
   refuses_store,   // 17h is answered with error code 1
   short_answers,   // Fastscan, and answers without the zeros at their end
   stored_bare,     // LSS without Fastscan and inquiries, in its memory a node-ID that no slot has
-  partial,         // one of these or a whole one each
+  partial,         // each device one of these, or a complete one
   count
 };
 inline constexpr std::array<const char*, static_cast<std::size_t>(Kind::count)> kind_names{
@@ -80,7 +80,7 @@ struct Cell {
   std::string_view method = "auto";  // `[bus] discovery`; not part of the matrix
 };
 
-// The published methods that find all devices of this kind; none where only Berth's default does.
+// The published methods that find all devices of this kind; none if only Berth's default does.
 [[nodiscard]] inline std::span<const std::string_view> published(Kind kind) {
   static constexpr std::array<std::string_view, 4> words{"rand", "fastscan", "fastscan-feedback-29",
                                                          "fastscan-feedback-11"};
@@ -101,7 +101,7 @@ struct Cell {
          std::to_string(c.bit_rate / 1000) + " kbit/s, " + name(c.latency);
 }
 
-// Of the default run. What a device lacks of LSS is tried with few devices there.
+// A cell of the default run. Devices that lack parts of LSS are tried only in small numbers there.
 [[nodiscard]] inline bool is_usual(const Cell& c) {
   return c.kind <= Kind::mixed || (c.devices <= 5 && c.bit_rate == 125'000);
 }
@@ -109,15 +109,15 @@ struct Cell {
 // Why docs/limits.md excepts this cell; empty for the others.
 [[nodiscard]] inline std::optional<std::string_view> limit_of(const Cell&) { return std::nullopt; }
 
-// Bus time within which a cell must be operational: twice what its frames take when each device needs as many questions
-// as one whose serial number tells nothing about the others', and twice that where answers come late (docs/limits.md).
+// Bus time within which a cell must be operational: twice what its frames take if each device needs as many questions
+// as one whose serial number tells nothing about the others', and twice that if answers come late (docs/limits.md).
 [[nodiscard]] inline rt::Duration budget(const Cell& c) {
   const auto frame = rt::Duration(128LL * 1'000'000'000 / c.bit_rate);
   // Plain LSS asks in six frames, the others in one; 32 questions at most. Node-ID, check and start take forty more.
   const bool by_ranges = c.kind == Kind::lss || c.kind == Kind::stored || c.kind >= Kind::mixed;
   const std::int64_t frames = by_ranges ? 32 * 7 : 32 * 3;
   const rt::Duration one = (frames + 40) * frame + 300ms;
-  // CANopenNode's slaves answer ten times later once in fifty answers, Lely core's have to be gone round.
+  // CANopenNode's slaves delay one answer in fifty tenfold; Lely core's need a workaround.
   const bool known = c.kind == Kind::canopennode || c.kind == Kind::lely || c.kind == Kind::mixed;
   return (c.latency == Latency::outliers ? 2 : 1) * (known ? 4 : 2) * (15s + c.devices * one);
 }
@@ -226,7 +226,7 @@ struct Made {
 
   const auto types = static_cast<unsigned>(1 + random.below(std::min(6U, cell.devices)));
   const auto serial = serials(random, cell.devices);
-  // Stored node-IDs: each its slot's own, or all moved on by a few, so that some sit where another type belongs.
+  // Stored node-IDs: each that of its own slot, or all shifted by a few, so that some belong to a slot of another type.
   const auto moved = random.below(2) == 0 ? 0U : static_cast<unsigned>(random.below(cell.devices));
   for (unsigned i = 0; i < cell.devices; ++i) {
     const unsigned number = i + 1;
@@ -261,10 +261,10 @@ struct Made {
 
 enum class End : std::uint8_t {
   operational,
-  gave_up,  // nothing is going on any more, as `berth up` judges it
+  gave_up,  // nothing more happens, as `berth up` judges it
   late,     // not within its bus time
-  lost,     // operational, and not any more ten seconds later
-  wrong,    // told operational, and the devices say otherwise
+  lost,     // operational, but no longer ten seconds later
+  wrong,    // reported operational, but the devices are not
   busy,     // operational, and Berth sends more than `most_at_rest`
 };
 [[nodiscard]] inline const char* name(End end) {
@@ -277,7 +277,7 @@ struct Outcome {
   End end = End::late;
   rt::Duration bus_time{0};  // from Berth's first instant to operational, or to the end
   std::uint64_t frames = 0;
-  double at_rest = 0;        // frames of Berth's a second, its heartbeat among them
+  double at_rest = 0;        // Berth's frames per second, with its heartbeat
   unsigned operational = 0;  // slots
   std::array<char, 400> why{};
 
@@ -288,7 +288,7 @@ struct Outcome {
   }
 };
 
-// What Berth sends on a bus on which nothing happens.
+// Frames per second that Berth may send on a bus on which nothing happens.
 inline constexpr double most_at_rest = 5;
 
 class Sent final : private can::Tap {
@@ -306,10 +306,10 @@ class Sent final : private can::Tap {
 class Run final : private can::Tap {
  public:
   static constexpr std::size_t longest_reason = 110;
-  static constexpr rt::Duration there = 1s;     // every device has booted when Berth begins, and is not heard to
-  static constexpr rt::Duration holds = 10s;    // so long an operational machine is watched
-  static constexpr rt::Duration settles = 60s;  // one search among devices that answer Fastscan at work
-  static constexpr rt::Duration rests = 30s;    // and then what Berth sends is counted
+  static constexpr rt::Duration there = 1s;     // every device boots before Berth begins, unheard by it
+  static constexpr rt::Duration holds = 10s;    // how long an operational machine is watched
+  static constexpr rt::Duration settles = 60s;  // one search among operational devices that answer Fastscan
+  static constexpr rt::Duration rests = 30s;    // then Berth's frames are counted for so long
 
   explicit Run(const Cell& cell) : made_(make(cell)) {
     Findings findings;
@@ -318,7 +318,7 @@ class Run final : private can::Tap {
     world_ = plant::World::make(made_.plant, {&rate, 1}, findings);
   }
 
-  /// Prints every frame too, LSS in words.
+  /// Also prints every frame, LSS decoded.
   void show_frames() {
     if (world_) world_->bus("field")->add_tap(*this);
   }
@@ -371,7 +371,7 @@ class Run final : private can::Tap {
     return outcome_;
   }
 
-  // As apps/berth's `Ending::settled`: the table did not change for so long, and nobody works at it.
+  // As apps/berth's `Ending::settled`: the table has not changed for so long, and no work is under way.
   bool settled(tree::Session& session) {
     std::vector<std::pair<places::SlotState, bool>> table;
     bool busy = !session.idle();

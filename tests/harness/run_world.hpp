@@ -1,4 +1,4 @@
-// One seeded world from beginning to end, with its invariants looked at after every change (see docs/faults.md).
+// One seeded world from beginning to end, with its invariants checked after every change (see docs/faults.md).
 #pragma once
 
 #include <algorithm>
@@ -31,7 +31,7 @@ struct Outcome {
 
 class WorldRun final : private can::Tap {
  public:
-  // `frames`: the log has every frame too.
+  // `frames`: the log also has every frame.
   explicit WorldRun(const WorldPlan& plan, bool frames = false)
       : plan_(plan),
         frames_(frames),
@@ -61,8 +61,7 @@ class WorldRun final : private can::Tap {
     for (const auto& bus : plan_.machine.buses) rig_.world().bus(bus.name)->remove_tap(*this);
   }
 
-  // `without`: how long the start of this world takes when no device waits for its power cycle; of a calm one that has
-  // such devices.
+  // `without`: for a calm world with devices that wait for their power cycle: how long its start takes if none waits.
   Outcome go(std::optional<rt::Duration> without = {}) {
     for (const auto& e : plan_.later) plan_event(e);
     begin();
@@ -84,7 +83,7 @@ class WorldRun final : private can::Tap {
     return std::move(outcome_);
   }
 
-  // How long it takes until the slots are operational whose devices do not wait; none: some are not, in two minutes.
+  // The time until the slots whose devices do not wait are operational; none: not all are within two minutes.
   std::optional<rt::Duration> start() {
     begin();
     const rt::Time began = now();
@@ -95,7 +94,7 @@ class WorldRun final : private can::Tap {
  private:
   using Deed = std::function<void()>;
 
-  // With what Berth told before the frame, so that one reads both in the order of time.
+  // Logs Berth's earlier events before the frame, so that both are in the order of time.
   void frame(const can::Frame& frame, rt::Time at, int sender) noexcept override {
     for (; told_events_ < rig_.events().size(); ++told_events_)
       told_ += operate::to_line(rig_.events()[told_events_]) + "\n";
@@ -123,9 +122,9 @@ class WorldRun final : private can::Tap {
     due_.emplace(now() + for_so_long, [this] { begin(); });
   }
 
-  // ---- the time in which things go wrong ----
+  // ---- the time with faults ----
 
-  // Until every fault had its chance, at most 20 s of bus time, and everybody is back who comes back.
+  // Until every fault could strike, at most 20 s of bus time, and the devices that come back are back.
   void troubles() {
     const rt::Time limit = now() + 20s;
     std::vector<PlannedFault> waiting = plan_.faults;
@@ -227,7 +226,7 @@ class WorldRun final : private can::Tap {
     const auto* const step = std::ranges::find(aimed_steps, binding.step());
     if (step == std::end(aimed_steps) || !sound()) return;
     const int place = static_cast<int>(step - std::begin(aimed_steps));
-    // Of clones, and of what no device has, the first or none.
+    // Of clones, the first; none if no device has the address.
     const auto& devices = rig_.world().devices();
     const auto device = std::ranges::find_if(devices, [&](const auto& d) {
       return d->plan().bus == bus && d->truth().address == binding.assignment().device;
@@ -274,9 +273,9 @@ class WorldRun final : private can::Tap {
     perform_due();
   }
 
-  // ---- what a person does ----
+  // ---- the user ----
 
-  // A device left for long: a spare of its kind is brought, and the person may say so.
+  // A device left for long: the user brings a spare of its kind, and may give `berth replace`.
   void left(const std::string& who) {
     const auto* const gone = plan_.plant.device(who);
     for (const auto& d : plan_.plant.devices) {
@@ -291,7 +290,7 @@ class WorldRun final : private can::Tap {
     if (plan_.replaces) due_.emplace(now() + 8s, [this, who] { replace(who, 6); });
   }
 
-  // `berth replace`, of a slot that is shown as absent, when Berth has nothing to do.
+  // Gives `berth replace` for a slot that is shown as absent, while Berth has nothing to do.
   void replace(const std::string& who, int tries) {
     const auto t = rig_.device(who).truth();
     if (t.powered || tries == 0) return;
@@ -300,7 +299,7 @@ class WorldRun final : private can::Tap {
     for (std::size_t i = 0; i < rig_.networks(); ++i) {
       for (const auto& s : rig_.network(i).report()) {
         if (!s.device || !t.is(*s.device) || s.state != places::SlotState::absent || s.bus != t.bus) continue;
-        // From the instant on at which it is said; what the command says is judged elsewhere.
+        // It counts from the instant of the command; the command's answer is judged elsewhere.
         watch_.replaced_by_a_person(who);
         if (rig_.network(i).replace(s.name, std::nullopt)) return;
       }
@@ -310,7 +309,7 @@ class WorldRun final : private can::Tap {
 
   // ---- the end ----
 
-  // Nothing goes wrong any more: what can become operational does so in bounded bus time, and stays so.
+  // Without further faults, what can become operational does so in bounded bus time, and stays so.
   void ending() {
     const bool cycles =
         std::ranges::any_of(plan_.plant.devices, [](const auto& d) { return d.storing.power_cycle_after; }) ||
@@ -345,7 +344,7 @@ class WorldRun final : private can::Tap {
     return false;
   }
 
-  // What a person does who reads "power cycle needed". False: nothing says so.
+  // Does what a user does at "power cycle needed". False: no slot reports it.
   bool power_cycle() {
     bool any = false;
     std::vector<Identity> waiting;
@@ -356,7 +355,7 @@ class WorldRun final : private can::Tap {
     }
     for (const auto& d : rig_.world().devices()) {
       const auto t = d->truth();
-      // Devices that were to be blanked wait for power too, in no slot's name.
+      // Devices that were to be blanked also wait for power, though no slot names them.
       const bool waits = std::ranges::any_of(waiting, [&](const Identity& w) { return t.is(w); }) ||
                          (d->plan().storing.power_cycle_after && (t.active != t.persistent || t.active != t.pending));
       if (!waits || !t.powered) continue;
@@ -368,7 +367,7 @@ class WorldRun final : private can::Tap {
     return any;
   }
 
-  // Of this bus, or of all ("").
+  // For this bus, or for all ("").
   [[nodiscard]] std::string verdict(const std::string& bus = {}) {
     std::string wrong = judge_.wrong(bus);
     if (!wrong.empty() || !plan_.solvable) return wrong;
@@ -377,8 +376,8 @@ class WorldRun final : private can::Tap {
       for (const auto& s : rig_.network(i).report()) {
         const bool by_fastscan = rig_.network(i).bus().discovery.find("fastscan") != std::string::npos ||
                                  rig_.network(i).bus().discovery == "planner-feedback";
-        // A device that was given away and came back is used again when a person says so, and what of two slots is
-        // left for another device depends on the answer.
+        // A device whose slot was given away and that came back is used again when the user says so. Which of two slots
+        // is left for another device depends on the answer.
         const auto asks_for_used = [](const operate::SlotReport& r) {
           return r.state == places::SlotState::question && r.reason.find("--used") != std::string::npos;
         };
@@ -391,8 +390,8 @@ class WorldRun final : private can::Tap {
     return {};
   }
 
-  // A device that came with the node-ID of a slot that it fits was seated there, before one was found that fits no
-  // other: who sits is not moved.
+  // A device that came with the node-ID of a slot that it fits was seated there, before another device was found that
+  // fits no other slot: seated devices are not moved.
   [[nodiscard]] bool kept_elsewhere(const operate::SlotReport& empty) {
     const auto records = rig_.store().load(plan_.machine.name);
     const bool left = empty.state == places::SlotState::empty || empty.state == places::SlotState::question;
@@ -406,8 +405,8 @@ class WorldRun final : private can::Tap {
     });
   }
 
-  // On a bus on which nothing acknowledges, each question takes a second, and there is no end of asking: it is not
-  // waited for until that asks nothing.
+  // On a bus without acknowledgement each question takes a second, and Berth never stops asking: the judge does not
+  // wait until it does.
   [[nodiscard]] bool at_rest(std::size_t network) {
     const auto& bus = rig_.network(network).bus().name;
     const bool any = std::ranges::any_of(rig_.world().devices(), [&](const auto& d) {
@@ -417,14 +416,14 @@ class WorldRun final : private can::Tap {
     return (!any || rig_.network(network).idle()) && !any_boots(bus);
   }
 
-  // One that was told to reset just now is neither there nor away.
+  // A device that was just reset is neither present nor absent.
   [[nodiscard]] bool any_boots(const std::string& bus) {
     return std::ranges::any_of(rig_.world().devices(), [&](const auto& d) {
       const auto t = d->truth();
       return t.bus == bus && t.booting;
     });
   }
-  // A command that was sent just now has still to be obeyed.
+  // Devices still have to carry out a command that was just sent.
   [[nodiscard]] bool comes_to_rest(std::size_t network) {
     const rt::Time end = now() + 90s;
     while (now() < end) {
@@ -435,9 +434,9 @@ class WorldRun final : private can::Tap {
     return false;
   }
 
-  // A command takes a device as long to obey as a question to answer, up to 40 ms: what is wrong is so at each of three
-  // rests. Each bus has its own main job, and is looked at when that rests: where a device is missing, or a question is
-  // open, each looks again and again, and they may rest alternately for ever.
+  // A device needs as long for a command as for an answer, up to 40 ms: an error counts if it persists at each of three
+  // rests. Each bus has its own main job, and is judged when that rests. While a device is missing or a question is
+  // open, each job looks again and again, and they may never rest at the same time.
   [[nodiscard]] std::string verdict_that_stays(std::size_t network) {
     const std::string bus = rig_.network(network).bus().name;
     std::string wrong;
@@ -458,7 +457,7 @@ class WorldRun final : private can::Tap {
   }
 
   void check_end() {
-    // A device that came back just now has to be seen first.
+    // Berth first has to notice a device that came back just now.
     rt::Duration last{0};
     for (const auto& e : outcome_.events) last = std::max(last, rt::Duration(e.delay));
     const rt::Duration since = now() - rt::Time{} - last;
@@ -470,7 +469,7 @@ class WorldRun final : private can::Tap {
       rig_.run_for(15s);
       wrong = verdict_that_stays();
     }
-    // What is to be switched off and on may have shown since the first rest.
+    // Since the first rest, more devices may have shown that they need a power cycle.
     for (int round = 0; round < 3 && !wrong.empty() && power_cycle(); ++round) {
       rig_.run_for(15s);
       wrong = verdict_that_stays();
@@ -498,7 +497,7 @@ class WorldRun final : private can::Tap {
   Outcome outcome_;
 };
 
-// Without devices that take a node-ID at power-on only; none: its slots are not all operational then.
+// Without devices that take a node-ID only at power-on; none: not all slots become operational then.
 inline std::optional<rt::Duration> start_without_waiting(WorldPlan plan) {
   for (auto& d : plan.plant.devices) {
     const bool waits = std::ranges::find(plan.waiting, d.name) != plan.waiting.end();
@@ -509,7 +508,7 @@ inline std::optional<rt::Duration> start_without_waiting(WorldPlan plan) {
 
 inline Outcome run_world(const WorldPlan& plan, bool frames = false) {
   std::optional<rt::Duration> without;
-  // A slow device is found by Fastscan alone when it happens to answer in time.
+  // Fastscan alone finds a slow device only if it happens to answer in time.
   const bool by_chance = std::ranges::any_of(
       plan.machine.buses, [](const design::Bus& bus) { return bus.discovery.find("fastscan") != std::string::npos; });
   if (plan.calm && plan.solvable && !plan.waiting.empty() && !by_chance) without = start_without_waiting(plan);
