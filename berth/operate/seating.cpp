@@ -227,7 +227,7 @@ rt::Task<bool> Seating::bind_seat(Seat& seat, Identity device, std::string reaso
     const bool taken = co_await presence_.take_where_it_is(seat, seated);
     if (taken) co_return true;
   }
-  // A device that waits for its power cycle is told again for a rare case; the others on the bus wait meanwhile.
+  // A device that waits for its power cycle seldom needs to be told again, and the others on the bus wait meanwhile.
   const bool waits = seat.power_cycle.binding && found_.active_of(comes) == seat.power_cycle.binding->old_id();
   const unsigned tries = waits ? 1 : s_.bus.timing.tries;
   Binding binding(Binding::Kind::bind, {seated, seat.id()}, tries, resumed);
