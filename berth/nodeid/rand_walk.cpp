@@ -67,7 +67,7 @@ void RandWalk::note(std::uint16_t chunk, rt::Time at) noexcept {
   }
 }
 
-// How late an answer may still come. An answer that waited for others counts as late as it came, so many answers make
+// How late an answer may still come. The waiting time of an answer that waited for others counts, so many answers make
 // this longer and never shorter.
 rt::Duration RandWalk::response(const WalkOptions& o) const noexcept {
   if (answers_ < enough_heard) return o.longest;
