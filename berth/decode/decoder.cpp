@@ -30,7 +30,7 @@ void put_hex(std::span<const std::uint8_t> bytes, std::size_t most, std::string&
   if (bytes.size() > most) out += " ...";
 }
 
-// The entry's identifier as an object of a COB-ID says it; invalid when the value is none.
+// The COB-ID that the object holds; invalid if its value is none.
 co::CobId cob_id(const od::Values& values, ObjectRef ref) noexcept {
   const co::CobId id(values.get_or<std::uint32_t>(ref, co::CobId::invalid_bit));
   return id.well_formed() ? id : co::CobId();
@@ -48,7 +48,7 @@ std::string object_name(const od::Description& description, ObjectRef ref) {
   return name;
 }
 
-// What the value of a signal means; empty: nothing is known, or it is no value of its type.
+// What the value of a signal means. Empty: nothing is known, or it is no value of its type.
 std::string meant(const ValueWords& words, ObjectRef object, od::DataType type, unsigned bits, std::uint64_t raw) {
   std::array<std::uint8_t, 8> bytes{};
   const auto size = od::byte_size(type);
@@ -57,7 +57,7 @@ std::string meant(const ValueWords& words, ObjectRef object, od::DataType type, 
   return words.words(object, type, std::span(bytes).first(size));
 }
 
-// What the value of a transfer means, if it is complete.
+// What the value of a transfer means, if the whole value is known.
 std::string meant(const ValueWords* words, const SdoRecord& record, od::DataType type,
                   std::span<const std::uint8_t> bytes) {
   const bool whole = !record.sized || record.bytes.size() == record.length;
@@ -70,11 +70,11 @@ struct Decoder::Signal {
   std::string label;  // its name and " = "
   std::size_t name_size = 0;
   od::DataType type = od::DataType::none;
-  std::uint8_t at = 0;  // bit
+  std::uint8_t at = 0;  // position in bits
   std::uint8_t bits = 0;
   bool dummy = false;
   ObjectRef object{};
-  const ValueWords* words = nullptr;  // of the node; null: they know nothing of this object
+  const ValueWords* words = nullptr;  // of the node; null: they have no words for this object
 };
 
 struct Decoder::Pdo {
@@ -89,9 +89,9 @@ struct Decoder::Pdo {
 
 struct Decoder::Channel {
   std::uint8_t node = 0;
-  unsigned number = 1;  // of the server's channels
+  unsigned number = 1;  // which of the server's channels
   SdoTransfer transfer;
-  trace::Entry last;  // of the transfer that is under way
+  trace::Entry last;  // last frame of the transfer that is under way
 };
 
 struct Decoder::Node {
@@ -104,26 +104,26 @@ struct Decoder::Node {
     return it == named.end() ? nullptr : &*it;
   }
   [[nodiscard]] Signal signal(const od::PdoEntry& entry, unsigned at) const;
-  std::vector<std::uint16_t> givers;  // objects that give identifiers to further SDO channels and PDOs
-  std::vector<std::uint32_t> keys;    // whose routes are this node's own
+  std::vector<std::uint16_t> givers;  // objects that give the identifiers of further SDO channels and PDOs
+  std::vector<std::uint32_t> keys;    // identifiers whose routes belong to this node
 };
 
 struct Decoder::Route {
   enum class Kind : std::uint8_t { none, pdo, request, response, emcy, sync };
   Kind kind = Kind::none;
   std::uint8_t node = 0;
-  std::uint16_t index = 0;  // pdo: of `Bus::pdos`; request, response: of `Bus::channels`
+  std::uint16_t index = 0;  // pdo: index in `Bus::pdos`; request, response: index in `Bus::channels`
 };
 
 struct Decoder::Bus {
   std::uint16_t number = 0;
   Interpreter interpreter;
   std::array<std::unique_ptr<Node>, 128> nodes;
-  std::vector<Pdo> pdos;  // those of disconnected nodes have node 0 and are used again
+  std::vector<Pdo> pdos;  // PDOs of disconnected nodes have node 0 and are reused
   std::vector<std::unique_ptr<Channel>> channels;
   std::vector<Route> base = std::vector<Route>(can::base_mask + 1);
   std::unordered_map<std::uint32_t, Route> extended;
-  std::bitset<128> guarded;  // asked by a remote frame, not answered yet
+  std::bitset<128> guarded;  // asked by a remote frame and not answered yet
 
   std::uint16_t channel(std::uint8_t node, unsigned which) {
     const auto found = std::find_if(channels.begin(), channels.end(),
@@ -204,7 +204,7 @@ void Decoder::disconnect(Bus& bus, std::uint8_t id) {
   }
 }
 
-// Every identifier that the node's objects give.
+// Enters every identifier that the node's objects give.
 void Decoder::connect(Bus& bus, std::uint8_t id) {
   Node& node = *bus.nodes[id];
   const od::Values& values = *node.values;
@@ -259,7 +259,7 @@ void Decoder::add_pdo(Bus& bus, Node& node, std::uint8_t id, od::PdoKind kind, u
   const Route before = cob.key() <= can::base_mask        ? bus.base[cob.key()]
                        : bus.extended.contains(cob.key()) ? bus.extended[cob.key()]
                                                           : Route{};
-  // The sender names its signals; a receiver is used if no sender is known.
+  // The sender names the signals; a receiver names them only if no sender is known.
   if (before.kind != Route::Kind::none &&
       (before.kind != Route::Kind::pdo || !transmit || bus.pdos[before.index].transmit))
     return;
@@ -300,7 +300,7 @@ void Decoder::learn(Bus& bus, std::uint8_t id, ObjectRef object, std::span<const
   const auto before = values.bytes(object);
   if (std::equal(before.begin(), before.end(), bytes.begin(), bytes.end())) return;
   if (values.set_bytes(object, bytes) != od::AbortCode::none) return;
-  // All of them: other nodes' objects decide which nodes receive what this one sends.
+  // All nodes are connected anew: objects of other nodes decide which nodes receive what this one sends.
   for (std::uint8_t each = 1; each < bus.nodes.size(); ++each) disconnect(bus, each);
   for (std::uint8_t each = 1; each < bus.nodes.size(); ++each) {
     if (bus.nodes[each] && bus.nodes[each]->values) connect(bus, each);
@@ -340,7 +340,7 @@ void Decoder::entry(const trace::Entry& entry) {
     case Route::Kind::response: return sdo(*bus.channels[route.index], route.kind == Route::Kind::request);
     case Route::Kind::emcy:
     case Route::Kind::sync: {
-      // As if on the identifier of the predefined connection set.
+      // The frame is read as if it had the identifier of the predefined connection set.
       can::Frame moved = frame;
       moved.extended = false;
       moved.id = route.kind == Route::Kind::sync ? co::sync_id : 0x80U + route.node;
@@ -376,7 +376,7 @@ void Decoder::say_by_profile(const Bus& bus, Meaning meaning) {
   if (at != std::string::npos) words_.replace(at, general.size(), emcy_words(code, static_cast<std::uint16_t>(type)));
 }
 
-// The answer to a remote frame is no heartbeat.
+// A frame that answers a remote frame is no heartbeat.
 void Decoder::heartbeat(Bus& bus) {
   const can::Frame& frame = entry_->frame;
   const std::uint8_t node = frame.id & 0x7FU;
@@ -462,7 +462,7 @@ void Decoder::sdo(Channel& channel, bool request) {
   if (channel.transfer.busy()) channel.last = *entry_;
 }
 
-// One frame of a channel by itself.
+// One frame of a channel, without its transfer.
 void Decoder::sdo_frame(const Bus& bus, const Channel& channel, bool request) {
   can::Frame moved = entry_->frame;
   moved.extended = false;
@@ -490,7 +490,7 @@ void Decoder::sdo_frame(const Bus& bus, const Channel& channel, bool request) {
   give({Service::sdo, channel.node});
 }
 
-// A value in words: by its type, else as a number of its size, text, or bytes.
+// A value in words: by its type if the length fits, else as text or bytes.
 void Decoder::put_value(od::DataType type, std::span<const std::uint8_t> bytes, bool all) {
   constexpr std::size_t most_text = 80;
   constexpr std::size_t most_bytes = 16;
@@ -512,7 +512,7 @@ void Decoder::put_value(od::DataType type, std::span<const std::uint8_t> bytes, 
   put_hex(bytes, most_bytes, value_);
 }
 
-// Its words, its fields, and the type of its value.
+// Adds the object's words and fields; returns the type of its value.
 od::DataType Decoder::say_object(const Node* node, ObjectRef object) {
   od::DataType type = od::DataType::none;
   std::string name;
@@ -561,7 +561,7 @@ void Decoder::ended(const SdoRecord& record) {
   words_.clear();
   value_.clear();
   if (options_.fields) fields_.clear();
-  // An abort by itself may have refused either.
+  // A lone abort may have refused a read or a write.
   const bool nothing_known = record.end == End::stray || (record.frames == 1 && record.abort != 0);
   say(words_, "SDO {} node {}", nothing_known ? "of" : record.write ? "write" : "read", id);
   if (channel_->number > 1) say(words_, " (channel {})", channel_->number);
@@ -599,7 +599,7 @@ void Decoder::ended(const SdoRecord& record) {
   if (record.mode != SdoRecord::Mode::expedited)
     say(words_, " ({}, {} bytes, {} frames)", mode, record.length, record.frames);
   add_name(id);
-  // A transfer that did not end is reported when another begins, or never: its own last frame stands for it.
+  // A transfer that did not end is reported later, when another begins: the row shows its own last frame.
   const Row row{.entry = record.end == End::unfinished ? &channel_->last : entry_,
                 .began = record.began,
                 .frames = record.frames,
