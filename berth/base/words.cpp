@@ -27,7 +27,7 @@ std::size_t distance(std::string_view a, std::string_view b, std::size_t enough)
       if (swap) row[j] = std::min(row[j], above_that[j - 2] + 1);
       least = std::min(least, row[j]);
     }
-    // A swap reaches over one row.
+    // `>`, not `>=`: a swap begins two rows above, where the distance may be one less.
     if (least > enough) return enough;
   }
   return std::min(enough, rows[a.size() % 3][b.size()]);

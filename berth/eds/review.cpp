@@ -267,7 +267,7 @@ class Review {
     const auto [at, fresh] = ids_.try_emplace(cob.key(), use);
     if (fresh) return;
     const Use& other = at->second;
-    // Several RPDOs may take one frame, and an SDO client may be the server's own.
+    // Several RPDOs may take one frame.
     if (!use.sends && !other.sends) return;
     tell(Severity::warning, use.ref, false, values,
          fmt::format("{} has the CAN-ID {:X}h of {} ({:04X}h){}", use.what, cob.id(), other.what, other.ref.index,
