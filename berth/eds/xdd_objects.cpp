@@ -220,9 +220,9 @@ void ObjectList::read_sub_objects(Node object, const Facts& facts, od::ObjectCod
     if (!afford(each, 1, made.name.size() + made.initial.bytes.size())) return;
     builder_.sub(facts.index, made);
   }
-  for (const char* const name : {"defaultValue", "actualValue"}) {
-    if (attribute(object, name).empty() || ++own_values_ > most_told) continue;
-    warn(facts, object, name, no_own_value(code), "give it to a sub-object");
+  for (const char* const own : {"defaultValue", "actualValue"}) {
+    if (attribute(object, own).empty() || ++own_values_ > most_told) continue;
+    warn(facts, object, own, no_own_value(code), "give it to a sub-object");
   }
   const auto promised = source_.number(object, "subNumber", 0xFFFF, false, facts.key, Severity::warning);
   if (promised && *promised != present) {
