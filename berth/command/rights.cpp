@@ -28,7 +28,8 @@ std::string personal_argument(Face face, const Request& request) {
                ? fmt::format(
                      "{} works only on the command line: it names a file of this computer, or forgets all bindings",
                      text::quoted(name))
-               : fmt::format("only a user can command {}, not a node", text::quoted(name));
+               : fmt::format("only a user can command {}, not a {}", text::quoted(name),
+                             face == Face::mqtt ? "host at the broker" : "node");
   }
   return {};
 }
@@ -60,6 +61,9 @@ std::string why_refused(Face face, const Request& request, const Granted& grante
   if (face == Face::node && (granted.listed == nullptr || !granted.listed->allow(request.verb)))
     return fmt::format("no node of bus {} may command {}: [bus.{}.commands] does not list it",
                        text::quoted(granted.bus), text::quoted(request.verb), granted.bus);
+  if (face == Face::mqtt && (granted.listed == nullptr || !granted.listed->allow(request.verb)))
+    return fmt::format("no host may command {} by MQTT: `commands` of [mqtt] does not list it",
+                       text::quoted(request.verb));
   if (face == Face::gateway && changes(request) && !granted.changes)
     return fmt::format(
         "{} changes something, and on a real bus a client may only read and ask: allow it with --commands "

@@ -25,6 +25,11 @@ std::string rendered(const NewValue& value) {
   if (const auto* string = std::get_if<std::string>(&value)) return text::quoted(*string);
   if (const auto* number = std::get_if<std::int64_t>(&value)) return fmt::format("{}", *number);
   if (const auto* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
+  if (const auto* strings = std::get_if<std::vector<std::string>>(&value)) {
+    std::string list;
+    for (const auto& each : *strings) list += (list.empty() ? "" : ", ") + text::quoted(each);
+    return "[" + list + "]";
+  }
   const auto& type = std::get<TypeCode>(value);
   return fmt::format("{{ vendor = 0x{:08X}, product = 0x{:08X} }}", type.vendor, type.product);
 }
@@ -46,6 +51,12 @@ Value as_value(const NewValue& given) {
   } else if (const auto* flag = std::get_if<bool>(&given)) {
     value.kind = Value::Kind::boolean;
     value.boolean = *flag;
+  } else if (const auto* strings = std::get_if<std::vector<std::string>>(&given)) {
+    value.kind = Value::Kind::array;
+    for (const auto& each : *strings) {
+      value.items.emplace_back().kind = Value::Kind::string;
+      value.items.back().string = each;
+    }
   } else {
     const auto& type = std::get<TypeCode>(given);
     value.members.push_back({"vendor", {}, number(type.vendor)});
@@ -171,6 +182,24 @@ std::string insert_key(std::string_view text, const Value& slot, std::string_vie
   return with_lines(text, at, fmt::format("{}{} = {}{}", indent, key, value, newline_of(text)));
 }
 
+/// Sets a key of a table of `root`, whose text is `text`.
+Result<std::string> with_key(std::string_view text, const Value& root, Value& table, std::string_view key,
+                             const NewValue& value) {
+  const auto member = std::ranges::find(table.members, key, &Member::key);
+  if (member == table.members.end()) {
+    auto changed = insert_key(text, table, key, rendered(value));
+    table.members.push_back({std::string(key), {}, as_value(value)});
+    return checked(std::move(changed), root);
+  }
+  const bool own_header = member->value.kind == Value::Kind::table && !member->value.in_line;
+  if (own_header) return fail(Errc::unsupported, "the key is a table with a header of its own");
+  const auto begin = text::offset_of(text, member->value.begin);
+  const auto end = text::offset_of(text, member->value.end);
+  auto changed = fmt::format("{}{}{}", text.substr(0, begin), rendered(value), text.substr(end));
+  member->value = as_value(value);
+  return checked(std::move(changed), root);
+}
+
 bool taken(const Value& slot, const NewSlot& wanted) {
   const auto name = text_of(slot, "name");
   if ((slot.find("ids") == nullptr && name == wanted.name) || range_holds(slot, wanted.name)) return true;
@@ -193,19 +222,23 @@ Result<std::string> set_slot_key(std::string_view text, std::string_view slot_na
   if (!root) return fail(root.error());
   const auto slot = find_slot(*root, slot_name);
   if (!slot) return fail(slot.error());
-  const auto member = std::ranges::find((*slot)->members, key, &Member::key);
-  if (member == (*slot)->members.end()) {
-    auto changed = insert_key(text, **slot, key, rendered(value));
-    (*slot)->members.push_back({std::string(key), {}, as_value(value)});
-    return checked(std::move(changed), *root);
+  return with_key(text, *root, **slot, key, value);
+}
+
+Result<std::string> set_mqtt_key(std::string_view text, std::string_view key, const NewValue& value) {
+  if (!bare_key(key)) return fail(Errc::invalid, "this is not a key");
+  auto root = parse(text);
+  if (!root) return fail(root.error());
+  const auto table = std::ranges::find(root->members, std::string_view("mqtt"), &Member::key);
+  if (table != root->members.end()) {
+    if (table->value.kind != Value::Kind::table) return fail(Errc::unsupported, "mqtt is not a table");
+    return with_key(text, *root, table->value, key, value);
   }
-  const bool own_header = member->value.kind == Value::Kind::table && !member->value.in_line;
-  if (own_header) return fail(Errc::unsupported, "the key is a table with a header of its own");
-  const auto begin = text::offset_of(text, member->value.begin);
-  const auto end = text::offset_of(text, member->value.end);
-  auto changed = fmt::format("{}{}{}", text.substr(0, begin), rendered(value), text.substr(end));
-  member->value = as_value(value);
-  return checked(std::move(changed), *root);
+  const auto newline = newline_of(text);
+  root->members.push_back({"mqtt", {}, {}});
+  root->members.back().value.members.push_back({std::string(key), {}, as_value(value)});
+  const auto lines = fmt::format("{}[mqtt]{}{} = {}{}", newline, newline, key, rendered(value), newline);
+  return checked(with_lines(text, text.size(), lines), *root);
 }
 
 Result<std::string> remove_slot_key(std::string_view text, std::string_view slot_name, std::string_view key) {

@@ -62,6 +62,7 @@ class MachineReader {
     for (auto& channel : table.tables("channel")) read_channel(machine_, channel);
     for (auto& link : table.tables("link")) machine_.links.push_back(read_link(machine_, link));
     read_watched(machine_, table);
+    read_mqtt(machine_, table, reach_);
     table.finish();
     part_buses(machine_);
     if (machine_.buses.empty() && !machine_.beneath.empty())
@@ -246,6 +247,7 @@ class MachineReader {
     read_software(table, spec);
     read_watch(table, spec.watch);
     read_sending(table, slot);
+    read_publish(table, slot);
     const Bus* const bus = machine_.bus(spec.name.bus);
     if (bus != nullptr && !bus->own_port) refuse_watch(table, spec.watch);
     for (const char* const key : {"serial", "serials", "serial_number"}) {
