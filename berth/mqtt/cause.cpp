@@ -130,6 +130,16 @@ Cause of_return_code(unsigned code) {
   return {Why::refused_otherwise, fmt::format("the broker gives the return code {}", code)};
 }
 
+Cause of_close(bool answered) {
+  if (answered)
+    return {Why::closed,
+            "the broker closed the connection without a reason: look whether it still runs, and whether another client "
+            "uses the same client-ID"};
+  return {Why::closed,
+          "the broker closed the connection before it answered: look at its log, and whether this is its port for TLS "
+          "(mqtts://)"};
+}
+
 Cause of_system_error(int error) {
   switch (error) {
     case ECONNREFUSED:

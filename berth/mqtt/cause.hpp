@@ -47,6 +47,9 @@ struct Cause {
 [[nodiscard]] Cause of_reason_code(unsigned code);
 /// A return code of MQTT 3.1.1's CONNACK (§3.2.2.3).
 [[nodiscard]] Cause of_return_code(unsigned code);
+/// The connection was closed or reset, and nothing was said, as by MQTT 3.1.1 always, and by Mosquitto 2.0 also by 5.
+/// `answered`: the broker had accepted it.
+[[nodiscard]] Cause of_close(bool answered);
 /// An errno of a socket.
 [[nodiscard]] Cause of_system_error(int error);
 /// An error of getaddrinfo.

@@ -95,10 +95,10 @@ class Client {
   /// Accepted: `Handler::published` or `Handler::unpublished` will be told of this number, one of them, once. Messages
   /// of one thread keep their order.
   tl::expected<MessageId, Refusal> publish(Message message) noexcept;
-  /// What was accepted is still sent and acknowledged, within `Options::farewell`; then the client disconnects, and
-  /// connects no more. `Handler::disconnected` is told with `Why::ended`.
+  /// Nothing is accepted any more. What was is still sent and acknowledged, within `Options::farewell`; then the client
+  /// disconnects, and connects no more. `Handler::disconnected` is told with `Why::ended`.
   void end(Parting parting) noexcept;
-  /// It has, and will not call its handler any more.
+  /// It has: there is no connection, and will be none.
   [[nodiscard]] bool has_ended() const noexcept;
   [[nodiscard]] Counts counts() const noexcept;
 

@@ -123,7 +123,7 @@ std::optional<Cause> Connection::set_up(const Plan& plan) {
 }
 
 // Only the blocking call takes properties. Refused for its port, it keeps them, and the other call uses them
-// (test_mqtt:Wire.AClientOfMqtt5SaysWhatItTakes).
+// (test_mqtt:WireConnect.AClientOfMqtt5SaysWhatItTakes).
 std::optional<Cause> Connection::connect(const Plan& plan) {
   const int keep_alive = static_cast<int>(plan.options.keep_alive.count());
   if (v5_) {
@@ -168,6 +168,7 @@ void Connection::on_connect(mosquitto*, void* self, int code, int flags, const m
     connection.told_ = connection.v5_ && reason >= 128 ? of_reason_code(reason) : of_return_code(reason);
     return;
   }
+  connection.answered_ = true;
   Granted granted{.session_present = (flags & 1) != 0};
   mosquitto_property_read_int32(properties, MQTT_PROP_MAXIMUM_PACKET_SIZE, &granted.largest_packet, false);
   mosquitto_property_read_int16(properties, MQTT_PROP_RECEIVE_MAXIMUM, &granted.unacknowledged, false);
@@ -264,10 +265,12 @@ std::optional<Cause> Connection::judge(int result, int error, std::uint32_t even
     case MOSQ_ERR_MALFORMED_UTF8:
       return Cause{Why::protocol, "what came is not MQTT: look whether this is a broker's port"};
     case MOSQ_ERR_NOMEM: return of_system_error(ENOMEM);
-    case MOSQ_ERR_ERRNO: return tls_ && !last_error_.empty() ? of_tls(last_error_) : of_system_error(error);
-    default: return of_system_error(0);
+    case MOSQ_ERR_ERRNO:
+      if (tls_ && !last_error_.empty()) return of_tls(last_error_);
+      return error == 0 || error == ECONNRESET || error == EPIPE ? of_close(answered_) : of_system_error(error);
+    default: return of_close(answered_);
   }
-  if (mosquitto_socket(client_) < 0) return of_system_error(0);
+  if (mosquitto_socket(client_) < 0) return of_close(answered_);
   if (shaking && (events & (EPOLLHUP | EPOLLERR)) != 0) return of_tls(last_error_);
   if (is_flooded())
     return Cause{Why::packet_too_large, "the broker sends a packet that is larger than this client takes"};

@@ -106,7 +106,8 @@ class Connection {
   std::string last_error_{};     // libmosquitto's last line about TLS
   std::optional<Cause> told_{};  // by the broker: why it refuses or ends the connection
   bool v5_ = false;
-  bool reached_ = false;  // TCP is connected
+  bool reached_ = false;   // TCP is connected
+  bool answered_ = false;  // the broker has accepted the connection
   bool parting_ = false;
   std::size_t most_incoming_;
   std::uint64_t whole_ = 0;  // bytes received up to the last packet that was whole

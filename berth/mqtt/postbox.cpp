@@ -42,8 +42,8 @@ bool Postbox::take_room(std::size_t bytes, Need need) noexcept {
 
 tl::expected<Letter, Refusal> Postbox::accept(Message message) noexcept {
   if (!is_topic(message.topic)) return tl::unexpected(Refusal::wrong_topic);
-  if (message.connection == 0 || message.connection != open_.load(std::memory_order_acquire))
-    return tl::unexpected(Refusal::not_connected);
+  const bool open = message.connection != 0 && message.connection == open_.load(std::memory_order_acquire);
+  if (!open || asked_to_part()) return tl::unexpected(Refusal::not_connected);
   const std::size_t bytes = message.topic.size() + message.payload.size();
   if (bytes > largest_.load(std::memory_order_relaxed)) return tl::unexpected(Refusal::too_large);
   if (!take_room(bytes, message.need)) {

@@ -42,7 +42,6 @@ class Postbox {
   bool ask_to_part(Parting parting) noexcept;
   /// What was put before that is there to be taken.
   [[nodiscard]] std::optional<Parting> asked_to_part() const noexcept;
-  /// It has ended; nobody calls the handler any more.
   void set_ended() noexcept { ended_.store(true, std::memory_order_release); }
   [[nodiscard]] bool has_ended() const noexcept { return ended_.load(std::memory_order_acquire); }
   void set_gone() noexcept;
