@@ -97,11 +97,11 @@ struct Template {
 };
 
 struct Payload {
-  std::optional<Utc> at;  ///< when the message was sent
-  std::vector<Metric> metrics;
-  std::optional<std::uint64_t> seq;
-  std::optional<std::string> uuid;
-  std::optional<Bytes> body;
+  std::optional<Utc> at{};  ///< when the message was sent
+  std::vector<Metric> metrics{};
+  std::optional<std::uint64_t> seq{};
+  std::optional<std::string> uuid{};
+  std::optional<Bytes> body{};
   friend bool operator==(const Payload&, const Payload&) = default;
 };
 

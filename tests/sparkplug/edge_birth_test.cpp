@@ -70,8 +70,9 @@ TEST_F(EdgeBirth, BdSeqGoesOnAfterARestart) {
 }
 
 // SP.24, SP.102: topic. SP.25, SP.105, SP.106, SP.241, SP.242: QoS 0, not retained. SP.26, SP.107, SP.182, SP.237:
-// number 0. SP.27, SP.235: time. SP.31, SP.104, SP.238: bdSeq, an Int64. SP.34, SP.164, SP.166, SP.167, SP.240: Node
-// Control/Rebirth, a Boolean, false. SP.165: without an alias. SP.103: a payload of Sparkplug B.
+// number 0. SP.27, SP.235: time. SP.180: in UTC, which the owner gives. SP.31, SP.104, SP.238: bdSeq, an Int64. SP.34,
+// SP.164, SP.166, SP.167, SP.240: Node Control/Rebirth, a Boolean, false. SP.165: without an alias. SP.103: a payload
+// of Sparkplug B.
 TEST_F(EdgeBirth, NBirth) {
   connect();
   const auto births = all();
