@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "bench/tools/figures.hpp"
-#include "berth/command/execute.hpp"
 #include "berth/fleet/reporter.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/plant/world.hpp"
@@ -63,7 +62,7 @@ class Counter final : public sparkplug::Outbox {
   void publish(sparkplug::Publication message) override { add(message.topic.size() + message.bytes.size()); }
   void subscribe(const std::string&, std::uint8_t) override {}
   void probe(std::uint64_t mark) override {
-    add(std::strlen("berth/probe/berth/line-3"));
+    add(std::strlen("berth-probe/berth/line-3"));
     mark_ = mark;
   }
   void disconnect() override {}
@@ -108,12 +107,10 @@ class Line : private sparkplug::Application, private can::Tap {
     clock_ = std::make_unique<WorldClock>(world_->executor());
     node_ = std::make_unique<sparkplug::EdgeNode>(sparkplug::EdgeNodeOptions{.id = {"berth", "line-3"}}, counter_,
                                                   *this, backlog_);
-    reporter_ = std::make_unique<fleet::Reporter>(
-        *session_, fleet::plan_signals(machine_, nullptr).signals,
-        [this](const command::Request& request, command::Reply& reply) {
-          return command::execute(*session_, request, reply);
-        },
-        link_, *clock_, fleet::Reporter::Options{.version = "bench"}, [] {});
+    signals_ = fleet::plan_signals(machine_, nullptr).signals;
+    table_ = std::make_unique<fleet::SignalTable>(signals_, 1);
+    reporter_ = std::make_unique<fleet::Reporter>(*session_, signals_, *table_, link_, *clock_,
+                                                  fleet::Reporter::Options{.version = "bench"}, [] {});
     session_->on_event([this](const operate::Event&) { reporter_->event(); });
     world_->bus("field")->add_tap(*this);
     session_->start();
@@ -156,7 +153,7 @@ class Line : private sparkplug::Application, private can::Tap {
  private:
   void frame(const can::Frame& frame, rt::Time at, int) noexcept override {
     ++frames;
-    reporter_->frame(0, frame, at);
+    table_->frame(0, frame, at);
   }
   void error(const can::BusError&, rt::Time) noexcept override {}
   void command(const sparkplug::Command&) override {}
@@ -202,6 +199,8 @@ class Line : private sparkplug::Application, private can::Tap {
   sparkplug::MemoryBacklog backlog_;
   std::unique_ptr<sparkplug::EdgeNode> node_;
   fleet::Link link_;
+  std::vector<fleet::Signal> signals_;
+  std::unique_ptr<fleet::SignalTable> table_;
   std::unique_ptr<fleet::Reporter> reporter_;
 };
 

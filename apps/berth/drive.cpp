@@ -190,6 +190,17 @@ rt::Task<void> audited(MachineRun& run, WorldTime* time, const StudioHost* const
   audit.answered(reply);
 }
 
+tl::expected<void, Failure> publish_beside(MachineRun& run, Screen& screen, const Options& options,
+                                           const MqttHost::Carry& carry, Beside& beside) {
+  if (options.dry_run) return {};
+  auto host = MqttHost::start(run, options, carry);
+  if (!host) return tl::unexpected(host.error());
+  beside.mqtt = std::move(*host);
+  if (options.json || options.events.none) print_error(beside.mqtt->line());
+  screen.line(beside.mqtt->line());
+  return {};
+}
+
 tl::expected<Beside, Failure> serve_beside(MachineRun& run, Screen& screen, const Options& options,
                                            const std::string& control) {
   Beside beside;
@@ -235,12 +246,8 @@ tl::expected<Beside, Failure> serve_beside(MachineRun& run, Screen& screen, cons
       screen.line(line);
     }
   }
-  if (mqtt_wanted(run.machine(), options) && !options.dry_run) {
-    auto host = MqttHost::start(run, options, carry);
-    if (!host) return tl::unexpected(host.error());
-    beside.mqtt = std::move(*host);
-    if (options.json || options.events.none) print_error(beside.mqtt->line());
-    screen.line(beside.mqtt->line());
+  if (mqtt_wanted(run.machine(), options)) {
+    if (auto begun = publish_beside(run, screen, options, carry, beside); !begun) return tl::unexpected(begun.error());
   }
   if (types && beside.saves) {
     beside.asker = std::make_unique<Asker>(run.session(), *run.loop(), *beside.saves, say, screen.live());

@@ -68,7 +68,9 @@ class MachineRun {
   [[nodiscard]] Strangers& strangers() noexcept { return *strangers_; }
   [[nodiscard]] Record& record() noexcept { return record_; }
   /// `SlotTable::beside`.
-  [[nodiscard]] std::string beside_slot_table(const std::string& ending) const { return slot_table_->beside(ending); }
+  friend std::string beside_slot_table(const MachineRun& run, const std::string& ending) {
+    return run.slot_table_->beside(ending);
+  }
 
   /// Powers the simulated devices.
   void power_on();

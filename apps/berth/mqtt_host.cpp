@@ -34,15 +34,13 @@ class MqttHost::Impl {
 
   tl::expected<void, Failure> start(const Options& options, Carry carry) {
     std::random_device seed;
-    auto made = fleet::Fleet::start(run_->session(), std::move(carry), clock_, Random(std::uint64_t{seed()} << 32U | seed()),
-                                    {.broker = options.offers.mqtt,
-                                     .backlog_file = run_->beside_slot_table(".mqtt"),
-                                     .version = BERTH_VERSION});
+    auto made = fleet::Fleet::start(
+        run_->session(), std::move(carry), clock_, Random(std::uint64_t{seed()} << 32U | seed()),
+        {.broker = options.offers.mqtt, .backlog_file = beside_slot_table(*run_, ".mqtt"), .version = BERTH_VERSION});
     if (!made) return tl::unexpected(failure(Exit::usage, made.error()));
     fleet_ = std::move(*made);
-    run_->record().also_on_frame([this](const std::string& bus, const can::Frame& frame, rt::Time at, bool) {
-      fleet_->frame(bus, frame, at);
-    });
+    run_->record().also_on_frame(
+        [this](const std::string& bus, const can::Frame& frame, rt::Time at, bool) { fleet_->frame(bus, frame, at); });
     return {};
   }
   [[nodiscard]] fleet::Fleet& fleet() noexcept { return *fleet_; }
@@ -72,8 +70,9 @@ std::optional<Failure> mqtt_refused(const Options& options) {
 class MqttHost::Impl {};
 
 tl::expected<std::unique_ptr<MqttHost>, Failure> MqttHost::start(MachineRun&, const Options&, Carry) {
-  return tl::unexpected(failure(
-      Exit::usage, "the machine file has [mqtt], and this berth was built without MQTT (BERTH_MQTT=OFF): give --no-mqtt"));
+  return tl::unexpected(
+      failure(Exit::usage,
+              "the machine file has [mqtt], and this berth was built without MQTT (BERTH_MQTT=OFF): give --no-mqtt"));
 }
 
 std::string MqttHost::line() const { return {}; }

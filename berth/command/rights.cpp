@@ -34,6 +34,10 @@ std::string personal_argument(Face face, const Request& request) {
   return {};
 }
 
+bool is_listed(std::string_view verb, const Granted& granted) {
+  return granted.listed != nullptr && granted.listed->allow(verb);
+}
+
 }  // namespace
 
 Role role_needed(const Request& request) {
@@ -61,7 +65,7 @@ std::string why_refused(Face face, const Request& request, const Granted& grante
   if (face == Face::node && (granted.listed == nullptr || !granted.listed->allow(request.verb)))
     return fmt::format("no node of bus {} may command {}: [bus.{}.commands] does not list it",
                        text::quoted(granted.bus), text::quoted(request.verb), granted.bus);
-  if (face == Face::mqtt && (granted.listed == nullptr || !granted.listed->allow(request.verb)))
+  if (face == Face::mqtt && !is_listed(request.verb, granted))
     return fmt::format("no host may command {} by MQTT: `commands` of [mqtt] does not list it",
                        text::quoted(request.verb));
   if (face == Face::gateway && changes(request) && !granted.changes)

@@ -23,7 +23,7 @@ constexpr std::size_t most_waiting_messages = 2000;
 constexpr const char* backlog_metric = "Backlog/Waiting";
 
 // Where the session probes whether the broker has what it got. Nobody needs to hear it.
-std::string probe_topic(const sparkplug::EdgeNodeId& id) { return fmt::format("berth/probe/{}/{}", id.group, id.node); }
+std::string probe_topic(const sparkplug::EdgeNodeId& id) { return fmt::format("berth-probe/{}/{}", id.group, id.node); }
 
 std::vector<std::string> filters_of(const EdgeOptions& options) {
   std::vector<std::string> filters{sparkplug::make_topic(options.id, MessageType::ncmd),

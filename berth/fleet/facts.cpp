@@ -79,7 +79,7 @@ Facts facts_of_device(const operate::SlotReport& slot, const Wanted& wanted) {
   facts.push_back(word("Slot/State", places::name(slot.state)));
   facts.push_back(word("Slot/Reason", slot.reason));
   facts.push_back(word("Slot/Bus", slot.bus));
-  facts.push_back(number("Slot/Node ID", DataType::uint8, slot.id.value()));
+  facts.push_back(number("Slot/Node-ID", DataType::uint8, slot.id.value()));
   facts.push_back(word("Device/NMT state", slot.nmt ? name(*slot.nmt) : "unknown"));
   add_identity(facts, slot.device);
   facts.push_back(word("Device/Configuration", configuration_word(slot, wanted.configuration)));

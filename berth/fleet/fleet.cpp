@@ -6,6 +6,8 @@
 #include <optional>
 
 #include "berth/fleet/edge.hpp"
+#include "berth/fleet/poller.hpp"
+#include "berth/fleet/reporter.hpp"
 #include "berth/fleet/settings.hpp"
 #include "berth/mqtt/where.hpp"
 #include "berth/traffic/link_network.hpp"
@@ -26,19 +28,44 @@ tl::expected<std::vector<Signal>, std::string> signals_of(const design::Machine&
 
 }  // namespace
 
+/// In the order of need: later ones use those before.
 class Fleet::Impl {
  public:
+  Impl(std::vector<Signal> chosen, const design::Machine& machine)
+      : signals(std::move(chosen)), table(signals, machine.buses.size()) {
+    for (const auto& bus : machine.buses) buses.push_back(bus.name);
+  }
+
+  void begin(tree::Session& session, const Carry& carry, const Clock& clock, const std::string& version) {
+    design::BusCommands allowed;
+    if (session.machine().mqtt) allowed = session.machine().mqtt->commands;
+    reporter.emplace(session, signals, table, link, clock, Reporter::Options{version, allowed},
+                     [this] { edge->wake(); });
+    desk.emplace(session, signals, carry, link, clock, CommandDesk::Options{"mqtt, " + broker, allowed}, [this] {
+      reporter->event();
+      edge->wake();
+    });
+    poller.emplace(session, signals, table, carry);
+  }
+
+  std::vector<Signal> signals;
+  SignalTable table;
+  std::vector<std::string> buses;
+  std::string broker;
+  std::string where;
   Link link;
   std::unique_ptr<Thread> own_thread;
   std::unique_ptr<Edge> edge;
-  std::unique_ptr<Reporter> reporter;
-  std::vector<std::string> buses;
-  std::string where;
+  std::optional<Reporter> reporter;
+  std::optional<CommandDesk> desk;
+  std::optional<Poller> poller;
 };
 
 Fleet::Fleet(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
 
 Fleet::~Fleet() {
+  impl_->poller.reset();
+  impl_->desk.reset();
   impl_->reporter->look_now();
   impl_->reporter.reset();
   impl_->edge.reset();
@@ -51,7 +78,7 @@ tl::expected<std::unique_ptr<Fleet>, std::string> Fleet::start(tree::Session& se
   if (!settings) return tl::unexpected(settings.error());
   auto signals = signals_of(machine);
   if (!signals) return tl::unexpected(signals.error());
-  auto impl = std::make_unique<Impl>();
+  auto impl = std::make_unique<Impl>(std::move(*signals), machine);
   Thread* thread = options.thread;
   if (thread == nullptr) {
     auto own = Thread::start();
@@ -59,16 +86,12 @@ tl::expected<std::unique_ptr<Fleet>, std::string> Fleet::start(tree::Session& se
     impl->own_thread = std::move(*own);
     thread = impl->own_thread.get();
   }
-  const std::string broker = mqtt::to_string(settings->connection.where);
-  impl->where = fmt::format("{}, as {}/{}", broker, settings->id.group, settings->id.node);
+  impl->broker = mqtt::to_string(settings->connection.where);
+  impl->where = fmt::format("{}, as {}/{}", impl->broker, settings->id.group, settings->id.node);
   auto edge = Edge::start(*thread, std::move(*settings), impl->link, clock, random);
   if (!edge) return tl::unexpected(edge.error());
   impl->edge = std::move(*edge);
-  for (const auto& bus : machine.buses) impl->buses.push_back(bus.name);
-  Reporter::Options reporting{.version = options.version, .who = "mqtt, " + broker};
-  if (machine.mqtt) reporting.allowed = machine.mqtt->commands;
-  impl->reporter = std::make_unique<Reporter>(session, std::move(*signals), std::move(carry), impl->link, clock,
-                                              std::move(reporting), [edge = impl->edge.get()] { edge->wake(); });
+  impl->begin(session, carry, clock, options.version);
   return std::unique_ptr<Fleet>(new Fleet(std::move(impl)));
 }
 
@@ -81,11 +104,11 @@ std::optional<std::size_t> Fleet::bus(std::string_view name) const noexcept {
 }
 
 void Fleet::frame(std::size_t bus, const can::Frame& frame, rt::Time at) noexcept {
-  impl_->reporter->frame(bus, frame, at);
+  impl_->table.frame(bus, frame, at);
 }
 
 void Fleet::frame(std::string_view bus, const can::Frame& frame, rt::Time at) noexcept {
-  if (const auto number = this->bus(bus)) impl_->reporter->frame(*number, frame, at);
+  if (const auto number = this->bus(bus)) impl_->table.frame(*number, frame, at);
 }
 
 const std::string& Fleet::where() const noexcept { return impl_->where; }

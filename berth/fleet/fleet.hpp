@@ -14,7 +14,7 @@
 
 #include "berth/base/random.hpp"
 #include "berth/fleet/clock.hpp"
-#include "berth/fleet/reporter.hpp"
+#include "berth/fleet/command_desk.hpp"
 #include "berth/fleet/thread.hpp"
 #include "berth/tree/session.hpp"
 

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "berth/fleet/commands.hpp"
-#include "berth/fleet/reporter_parts.hpp"
 
 namespace berth::fleet {
 namespace {
@@ -20,30 +19,23 @@ using sparkplug::Value;
 
 }  // namespace
 
-Reporter::Reporter(tree::Session& session, std::vector<Signal> signals, Carry carry, Link& link, const Clock& clock,
-                   Options options, std::function<void()> wake)
+Reporter::Reporter(tree::Session& session, const std::vector<Signal>& signals, SignalTable& table, Link& link,
+                   const Clock& clock, Options options, std::function<void()> wake)
     : session_(&session),
-      signals_(std::move(signals)),
-      table_(signals_, session.machine().buses.size()),
-      carry_(std::move(carry)),
+      signals_(&signals),
+      table_(&table),
       link_(&link),
       clock_(&clock),
       options_(std::move(options)),
       wake_(std::move(wake)),
       slots_(session.machine().slots.size()),
-      told_(signals_.size()),
+      told_(signals.size()),
       loads_(session.machine().buses.size()),
-      refilled_(session.executor().now()),
-      tick_(*this, session.executor()),
-      done_(*this, session.executor()),
-      scope_(session.executor()) {
-  for (std::size_t i = 0; i < signals_.size(); ++i) slots_[signals_[i].slot].signals.push_back(i);
+      tick_(*this, session.executor()) {
+  for (std::size_t i = 0; i < signals.size(); ++i) slots_[signals[i].slot].signals.push_back(i);
   figures_at_ = session.executor().now();
   tick_.post();
-  if (std::ranges::any_of(signals_, &Signal::polled)) scope_.spawn(poll());
 }
-
-Reporter::~Reporter() = default;
 
 // ---- handing over
 
@@ -60,7 +52,6 @@ sparkplug::Utc Reporter::utc_of(rt::Time at) const {
 }
 
 void Reporter::tick() noexcept {
-  take_orders();
   look_now();
   tick_.arm(period);
 }
@@ -132,7 +123,7 @@ void Reporter::tell_buses() {
   figures_at_ = now;
   constexpr double coarse = 5;  // percent: less is no news
   for (std::size_t i = 0; i < loads_.size(); ++i) {
-    const auto bits = static_cast<double>(table_.take_bits(i));
+    const auto bits = static_cast<double>(table_->take_bits(i));
     const double load = 100 * bits / (seconds * session_->machine().buses[i].bitrate);
     if (std::abs(load - loads_[i]) >= coarse || load < 1) loads_[i] = load < 1 ? 0 : load;
   }
@@ -189,7 +180,7 @@ bool Reporter::tell_slot(std::size_t index, const operate::SlotReport& now) {
   if (told.born && (!there || another)) {
     if (!put({.kind = News::Kind::died, .device = name})) return false;
     told.born = false;
-    for (const auto signal : told.signals) table_.forget(signal);
+    for (const auto signal : told.signals) table_->forget(signal);
   }
   if (!there) return true;
   const auto& software = slot.spec.software;
@@ -215,15 +206,15 @@ bool Reporter::tell_birth(std::size_t index, const Facts& facts) {
 // ---- chosen values
 
 Value Reporter::value_of(std::size_t index) const {
-  const auto& state = table_.state(index);
+  const auto& state = table_->state(index);
   if (!state.known) return Null{};
-  if (signals_[index].data_type() == DataType::string) return state.text;
-  return signals_[index].value(state.raw);
+  if ((*signals_)[index].data_type() == DataType::string) return state.text;
+  return (*signals_)[index].value(state.raw);
 }
 
 Quality Reporter::quality_of(std::size_t index) const {
-  const auto& state = table_.state(index);
-  const auto& signal = signals_[index];
+  const auto& state = table_->state(index);
+  const auto& signal = (*signals_)[index];
   if (state.failed) return Quality::bad;
   if (!state.known) return Quality::stale;
   const auto& slot = slots_[signal.slot].slot;
@@ -235,8 +226,8 @@ Quality Reporter::quality_of(std::size_t index) const {
 std::vector<sparkplug::OwnMetric> Reporter::signal_metrics(std::size_t slot) {
   std::vector<sparkplug::OwnMetric> metrics;
   for (const auto index : slots_[slot].signals) {
-    const auto& signal = signals_[index];
-    const auto& state = table_.state(index);
+    const auto& signal = (*signals_)[index];
+    const auto& state = table_->state(index);
     sparkplug::OwnMetric metric{.name = signal.metric,
                                 .type = signal.data_type(),
                                 .value = value_of(index),
@@ -250,15 +241,15 @@ std::vector<sparkplug::OwnMetric> Reporter::signal_metrics(std::size_t slot) {
 }
 
 void Reporter::tell_signals() {
-  for (std::size_t i = 0; i < signals_.size(); ++i) {
-    if (slots_[signals_[i].slot].born && !tell_signal(i)) return;
+  for (std::size_t i = 0; i < signals_->size(); ++i) {
+    if (slots_[(*signals_)[i].slot].born && !tell_signal(i)) return;
   }
 }
 
 bool Reporter::tell_signal(std::size_t index) {
   const ToldValue& told = told_[index];
-  const auto& state = table_.state(index);
-  const auto& signal = signals_[index];
+  const auto& state = table_->state(index);
+  const auto& signal = (*signals_)[index];
   const Quality quality = quality_of(index);
   const bool changed = quality != told.quality;
   const bool early = session_->executor().now() - told.at < signal.wanted.every;
@@ -273,16 +264,12 @@ bool Reporter::tell_signal(std::size_t index) {
 }
 
 void Reporter::note_told(std::size_t signal) {
-  const auto& state = table_.state(signal);
+  const auto& state = table_->state(signal);
   told_[signal] = {.raw = state.raw,
                    .text = state.text,
                    .known = state.known,
                    .quality = quality_of(signal),
                    .at = session_->executor().now()};
-}
-
-void Reporter::say(operate::EventKind kind, const std::string& words) {
-  session_->tell(session_->machine().buses.front().name, kind, "mqtt: " + words);
 }
 
 }  // namespace berth::fleet

@@ -29,7 +29,7 @@ TEST(FleetMachine, IsBornWithItsDevicesAndSaysWhatTheyAre) {
   EXPECT_TRUE(view.is("left", "Slot/State", text("operational")));
   EXPECT_TRUE(view.is("", "Slots/left/State", text("operational")));
   EXPECT_TRUE(view.is("left", "Device/Vendor ID", std::uint64_t{1}));
-  EXPECT_TRUE(view.is("left", "Slot/Node ID", std::uint64_t{1}));
+  EXPECT_TRUE(view.is("left", "Slot/Node-ID", std::uint64_t{1}));
   const auto serial = rig.slot("left").device->address.serial;
   EXPECT_TRUE(view.is("left", "Device/Serial number", std::uint64_t{serial}));
   EXPECT_TRUE(view.is("", "Berth/Version", text("test")));

@@ -1,15 +1,14 @@
-// Hosts' commands, and values that are read by SDO.
+#include "berth/fleet/command_desk.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
+#include <utility>
 
+#include "berth/command/audit.hpp"
 #include "berth/command/rights.hpp"
 #include "berth/fleet/commands.hpp"
-#include "berth/fleet/reporter.hpp"
-#include "berth/fleet/reporter_parts.hpp"
-#include "berth/od/data_type.hpp"
-#include "berth/od/notation.hpp"
+#include "berth/rt/scope.hpp"
 #include "berth/text/printable.hpp"
 
 namespace berth::fleet {
@@ -29,7 +28,36 @@ std::string what_of(const sparkplug::Command& command) {
 
 }  // namespace
 
-void Reporter::take_orders() {
+/// A command under way.
+struct CommandDesk::Work {
+  Work(sparkplug::Command what, command::Request asked, tree::Session& session, const std::string& who)
+      : command(std::move(what)), request(std::move(asked)), audit(session, who, request), scope(session.executor()) {}
+  sparkplug::Command command;
+  command::Request request;
+  command::Audit audit;
+  command::Reply reply{};
+  bool done = false;
+  rt::Scope scope;  // last: its task uses the other members
+};
+
+CommandDesk::CommandDesk(tree::Session& session, const std::vector<Signal>& signals, Carry carry, Link& link,
+                         const Clock& clock, Options options, std::function<void()> ended)
+    : session_(&session),
+      signals_(&signals),
+      carry_(std::move(carry)),
+      link_(&link),
+      clock_(&clock),
+      options_(std::move(options)),
+      ended_(std::move(ended)),
+      refilled_(session.executor().now()),
+      tick_(*this, session.executor()),
+      done_(*this, session.executor()) {
+  tick_.post();
+}
+
+CommandDesk::~CommandDesk() = default;
+
+void CommandDesk::tick() noexcept {
   while (auto order = link_->orders.take()) {
     switch (order->kind) {
       case Order::Kind::command: begin(std::move(order->command)); break;
@@ -40,10 +68,11 @@ void Reporter::take_orders() {
       case Order::Kind::trouble: say(operate::EventKind::error, order->words); break;
     }
   }
+  tick_.arm(period);
 }
 
 // Each takes a line of the audit log, which is written to the disk.
-bool Reporter::may_go_on() {
+bool CommandDesk::may_go_on() {
   const rt::Time now = session_->executor().now();
   const auto more = static_cast<unsigned>(std::min<std::int64_t>((now - refilled_) / 1s, burst));
   if (more > 0) {
@@ -60,9 +89,9 @@ bool Reporter::may_go_on() {
   return true;
 }
 
-void Reporter::begin(sparkplug::Command command) {
+void CommandDesk::begin(sparkplug::Command command) {
   if (!may_go_on()) return;
-  const auto asked = request_of(command, session_->machine(), signals_);
+  const auto asked = request_of(command, session_->machine(), *signals_);
   if (!asked) return refuse(command, asked.error());
   const design::BusCommands the_write{{"sdo write"}};
   const auto refused = command::why_refused(command::Face::mqtt, asked->request,
@@ -75,21 +104,22 @@ void Reporter::begin(sparkplug::Command command) {
   work.scope.spawn(rt::told(carry_(work.request, work.reply), work.done, session_->executor(), done_));
 }
 
-void Reporter::refuse(const sparkplug::Command& command, const std::string& why) {
+void CommandDesk::refuse(const sparkplug::Command& command, const std::string& why) {
   command::audit(*session_, options_.who, what_of(command), "refused: " + why);
   end(refused_metric, command, why);
 }
 
-void Reporter::end(const char* metric, const sparkplug::Command& command, const std::string& answer) {
+void CommandDesk::end(const char* metric, const sparkplug::Command& command, const std::string& answer) {
   const auto at = clock_->now().utc;
   say(operate::EventKind::step, fmt::format("{}: {}", what_of(command), text::one_line(answer)));
   // If there is no room the log has it.
-  static_cast<void>(put({.metric = metric,
-                         .value = end_of(command.device, command.metric, words_of(command.value), answer, at),
-                         .at = at}));
+  News news{
+      .metric = metric, .value = end_of(command.device, command.metric, words_of(command.value), answer, at), .at = at};
+  static_cast<void>(link_->news.put(news));
+  ended_();
 }
 
-void Reporter::finish() noexcept {
+void CommandDesk::finish() noexcept {
   for (const auto& work : works_) {
     if (!work->done) continue;
     work->audit.answered(work->reply);
@@ -99,43 +129,10 @@ void Reporter::finish() noexcept {
         good || first.empty() ? command::word_of_status(work->reply.status) : first);
   }
   std::erase_if(works_, [](const auto& work) { return work->done; });
-  look_ = true;
 }
 
-// ---- values that no PDO carries
-
-// One after the other: no more than one request of this room is under way on all buses.
-rt::Task<void> Reporter::poll() {
-  std::vector<rt::Time> due(signals_.size(), session_->executor().now());
-  for (;;) {
-    for (std::size_t i = 0; i < signals_.size(); ++i) {
-      if (!signals_[i].polled() || session_->executor().now() < due[i]) continue;
-      const auto& slot = slots_[signals_[i].slot].slot;
-      if (!slot || slot->state != places::SlotState::operational) continue;
-      due[i] = session_->executor().now() + signals_[i].wanted.every;
-      co_await poll_one(i);
-    }
-    co_await rt::sleep_for(period);
-  }
-}
-
-rt::Task<void> Reporter::poll_one(std::size_t index) {
-  const auto& signal = signals_[index];
-  const auto& spec = session_->machine().slots[signal.slot].spec;
-  polled_request_ = {"sdo read",
-                     {{"node", spec.name.bus + "/" + spec.name.name}, {"object", od::write_object(signal.object)}}};
-  polled_ = {};
-  co_await carry_(polled_request_, polled_);
-  SignalTable::State state = table_.state(index);
-  state.failed = true;
-  const auto bytes = bytes_in(polled_.json);
-  const std::size_t size = od::byte_size(signal.type);
-  if (polled_.status == 0 && bytes && (size == 0 || bytes->size() == size)) {
-    state = {.at = session_->executor().now(), .known = true};
-    if (size == 0) state.text = text::one_line(std::string(bytes->begin(), bytes->end()));
-    if (size > 0) state.raw = od::load(signal.type, bytes->data());
-  }
-  table_.set(index, std::move(state));
+void CommandDesk::say(operate::EventKind kind, const std::string& words) {
+  session_->tell(session_->machine().buses.front().name, kind, "mqtt: " + words);
 }
 
 }  // namespace berth::fleet
