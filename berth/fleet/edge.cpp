@@ -4,6 +4,7 @@
 
 #include <map>
 #include <mutex>
+#include <utility>
 
 #include "berth/fleet/hub_parts.hpp"
 #include "berth/fleet/keeping.hpp"
@@ -84,10 +85,10 @@ class Edge::Core final : public Turner,
       take_news();
       publish();
       keep();
-      anew = broken_ && !ending_;
       const auto now = clock_.now();
+      anew = broken_ && !ending_ && now.steady >= anew_at_;
       if (const auto next = node_.next(now))
-        patience = std::max(*next - now.steady, milliseconds(is_held_up() ? 50 : 0));
+        patience = std::max(*next - now.steady, milliseconds(broken_ || is_held_up() ? 50 : 0));
     }
     if (anew) connect_anew();
     return patience;
@@ -117,7 +118,7 @@ class Edge::Core final : public Turner,
                                             refused.filter, refused.words));
     }
     take_news();
-    node_.connected(clock_.now());
+    begin_session();
     hub_.wake();
   }
 
@@ -125,6 +126,7 @@ class Edge::Core final : public Turner,
     const std::scoped_lock lock(mutex_);
     connection_ = 0;
     probes_.clear();
+    broken_ = false;  // the client connects again by itself, in its own pace
     node_.disconnected(clock_.now());
     if (over.why != mqtt::Why::ended) tell_loss(over);
     hub_.wake();
@@ -146,8 +148,8 @@ class Edge::Core final : public Turner,
 
   void unpublished(mqtt::MessageId, std::string_view) noexcept override {
     const std::scoped_lock lock(mutex_);
-    // The connection is over, or a message of this session is missing: hosts would miss a number of it.
-    if (connection_ != 0) broken_ = true;
+    // Either the connection is over, and that is told next; or a message of this session is missing.
+    if (connection_ != 0) give_up_connection(1s);
   }
 
   // ---- sparkplug::Outbox, within the calls of the node
@@ -158,7 +160,14 @@ class Edge::Core final : public Turner,
                       .payload = std::move(message.bytes),
                       .qos = message.qos == 0 ? mqtt::Qos::at_most_once : mqtt::Qos::at_least_once,
                       .retain = message.retain};
-    if (client_ && !client_->publish(std::move(out))) broken_ = true;
+    const std::size_t size = out.payload.size();
+    const auto accepted = client_ ? client_->publish(std::move(out)) : tl::unexpected(mqtt::Refusal::not_connected);
+    if (accepted || accepted.error() == mqtt::Refusal::not_connected) return;  // that it is over is told next
+    constexpr milliseconds pause = 30s;
+    if (!broken_)
+      say(Order::Kind::trouble, fmt::format("a message of {} bytes cannot be sent: {}; Berth connects anew in {} s",
+                                            size, mqtt::name(accepted.error()), pause / 1s));
+    give_up_connection(pause);
   }
   // The connection has made them already.
   void subscribe(const std::string&, std::uint8_t) override {}
@@ -169,8 +178,7 @@ class Edge::Core final : public Turner,
   }
   // The primary host has gone: by a new connection the machine waits for it.
   void disconnect() override {
-    if (ending_ || !client_) return;
-    broken_ = true;
+    if (!ending_) give_up_connection(0s);
   }
 
   // ---- sparkplug::Application, within the calls of the node
@@ -183,6 +191,18 @@ class Edge::Core final : public Turner,
   }
 
   // ----
+
+  // Not before the machine has said what it is: the first birth has all of it.
+  void begin_session() {
+    if (node_known_ && connection_ != 0) node_.connected(clock_.now());
+  }
+
+  // Hosts would miss a number of this session.
+  void give_up_connection(milliseconds pause) {
+    if (broken_) return;
+    broken_ = true;
+    anew_at_ = clock_.now().steady + pause;
+  }
 
   void put(Order order) {
     if (orders_lost_ > 0) {
@@ -220,6 +240,7 @@ class Edge::Core final : public Turner,
                                 .value = std::uint64_t{keeping_.size()},
                                 .at = now.utc});
         said = node_.set_metrics(std::move(news.metrics), now);
+        if (!std::exchange(node_known_, true)) begin_session();
         break;
       case News::Kind::born: said = node_.device_born(news.device, std::move(news.metrics), now); break;
       case News::Kind::died: node_.device_died(news.device, now); break;
@@ -227,7 +248,9 @@ class Edge::Core final : public Turner,
         said = node_.change(news.device, news.metric, std::move(news.value), news.at, news.quality);
         break;
     }
-    if (!said) say(Order::Kind::trouble, "this was not published: " + said.error());
+    if (said || said.error() == told_wrong_) return;
+    told_wrong_ = said.error();
+    say(Order::Kind::trouble, "this was not published: " + said.error());
   }
 
   bool is_held_up() const noexcept {
@@ -272,6 +295,7 @@ class Edge::Core final : public Turner,
     if (auto begun = begin(); !begun) {
       const std::scoped_lock lock(mutex_);
       say(Order::Kind::trouble, begun.error());
+      give_up_connection(30s);
     }
   }
 
@@ -287,10 +311,13 @@ class Edge::Core final : public Turner,
   mqtt::ConnectionNumber connection_ = 0;
   std::map<mqtt::MessageId, std::uint64_t> probes_;  // the node's mark of each
   std::string told_loss_;
+  std::string told_wrong_;
   std::uint64_t orders_lost_ = 0;
   milliseconds disk_again_{0};
   milliseconds tell_backlog_{0};
-  bool broken_ = false;  // the session needs a new connection
+  milliseconds anew_at_{0};
+  bool broken_ = false;  // the session needs a new connection, at that time
+  bool node_known_ = false;
   bool ending_ = false;
 };
 

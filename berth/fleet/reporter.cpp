@@ -133,7 +133,7 @@ void Reporter::tell_buses() {
 // False: the queue is full; the rest is told later.
 bool Reporter::tell_facts(const std::string& device, const Facts& now, Facts& told) {
   const auto at = clock_->now().utc;
-  for (std::size_t i = 0; i < now.size(); ++i) {
+  for (std::size_t i = 0; i < std::min(now.size(), told.size()); ++i) {
     if (sparkplug::same(now[i].value, told[i].value)) continue;
     if (!put({.device = device, .metric = now[i].name, .value = now[i].value, .at = at})) return false;
     told[i].value = now[i].value;

@@ -329,6 +329,8 @@ TEST_F(Taken, EveryOptionThatIsShown) {
                                               "demo --pace",
                                               "up --studio",
                                               "demo --studio",
+                                              "up --mqtt",
+                                              "demo --mqtt",
                                               "trace --to",
                                               "trace --stats",
                                               "trace --quiet",
