@@ -202,14 +202,14 @@ bool DiskBacklog::append(const Kept& change) {
   }
 }
 
-std::vector<sparkplug::Backlog::Entry> DiskBacklog::read(std::uint64_t after, std::size_t most) const {
+std::vector<sparkplug::Backlog::Entry> DiskBacklog::after(std::uint64_t id, std::size_t most) const {
   std::vector<Entry> entries;
   constexpr std::uint64_t last = 0x7FFF'FFFF'FFFF'FFFF;
-  if (after >= last) return entries;
+  if (id >= last) return entries;
   try {
     auto& next = *impl_->next;
     next.reset();
-    next.bind(1, static_cast<std::int64_t>(after));
+    next.bind(1, static_cast<std::int64_t>(id));
     next.bind(2, static_cast<std::int64_t>(most));
     while (next.executeStep()) {
       const auto cell = next.getColumn(2);

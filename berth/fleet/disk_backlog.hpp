@@ -28,7 +28,7 @@ class DiskBacklog final : public sparkplug::Backlog {
   DiskBacklog& operator=(const DiskBacklog&) = delete;
 
   [[nodiscard]] bool append(const sparkplug::Kept& change) override;
-  [[nodiscard]] std::vector<Entry> read(std::uint64_t after, std::size_t most) const override;
+  [[nodiscard]] std::vector<Entry> after(std::uint64_t id, std::size_t most) const override;
   void drop(std::span<const std::uint64_t> ids) override;
   [[nodiscard]] std::size_t size() const override;
   [[nodiscard]] std::uint64_t bytes() const noexcept;

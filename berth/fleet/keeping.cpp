@@ -39,12 +39,12 @@ void Keeping::disk_failed() {
   for (const auto& each : std::exchange(unsettled_, {})) static_cast<void>(memory_.append(each));
 }
 
-std::vector<sparkplug::Backlog::Entry> Keeping::read(std::uint64_t after, std::size_t most) const {
+std::vector<sparkplug::Backlog::Entry> Keeping::after(std::uint64_t id, std::size_t most) const {
   std::vector<Entry> entries;
-  if (disk_ && after < in_memory) entries = disk_->read(after, most);
+  if (disk_ && id < in_memory) entries = disk_->after(id, most);
   if (entries.size() >= most) return entries;
-  const std::uint64_t last = after < in_memory ? 0 : after - in_memory;
-  for (auto& entry : memory_.read(last, most - entries.size())) {
+  const std::uint64_t last = id < in_memory ? 0 : id - in_memory;
+  for (auto& entry : memory_.after(last, most - entries.size())) {
     entry.id += in_memory;
     entries.push_back(std::move(entry));
   }
@@ -72,7 +72,7 @@ void Keeping::settle() {
 void Keeping::try_disk_again() {
   if (!disk_ || !disk_fails_) return;
   std::vector<std::uint64_t> moved;
-  for (const auto& entry : memory_.read(0, memory_.size())) {
+  for (const auto& entry : memory_.after(0, memory_.size())) {
     if (!disk_->append(entry.kept)) break;
     moved.push_back(entry.id);
   }

@@ -15,7 +15,7 @@ class Keeping final : public sparkplug::Backlog {
   Keeping(const std::string& path, std::uint64_t most_bytes);
 
   [[nodiscard]] bool append(const sparkplug::Kept& change) override;
-  [[nodiscard]] std::vector<Entry> read(std::uint64_t after, std::size_t most) const override;
+  [[nodiscard]] std::vector<Entry> after(std::uint64_t id, std::size_t most) const override;
   void drop(std::span<const std::uint64_t> ids) override;
   [[nodiscard]] std::size_t size() const override;
 

@@ -25,7 +25,7 @@ Kept change(std::uint64_t number, const std::string& device = "left") {
 
 std::vector<Kept> all_of(const sparkplug::Backlog& backlog) {
   std::vector<Kept> kept;
-  for (const auto& entry : backlog.read(0, 100'000)) kept.push_back(entry.kept);
+  for (const auto& entry : backlog.after(0, 100'000)) kept.push_back(entry.kept);
   return kept;
 }
 
@@ -75,7 +75,7 @@ TEST(FleetBacklog, WhatIsDroppedStaysGoneAndNumbersAreNotUsedAgain) {
   {
     auto disk = DiskBacklog::open(file, plenty).value();
     for (std::uint64_t i = 0; i < 3; ++i) ASSERT_TRUE(disk->append(change(i)));
-    const auto entries = disk->read(0, 10);
+    const auto entries = disk->after(0, 10);
     last = entries.back().id;
     const std::vector<std::uint64_t> ids{entries[0].id, entries[2].id, 4711};
     disk->drop(ids);
@@ -84,16 +84,16 @@ TEST(FleetBacklog, WhatIsDroppedStaysGoneAndNumbersAreNotUsedAgain) {
   auto disk = DiskBacklog::open(file, plenty).value();
   ASSERT_TRUE(disk->append(change(9)));
   EXPECT_EQ(all_of(*disk), (std::vector<Kept>{change(1), change(9)}));
-  EXPECT_GT(disk->read(0, 10).back().id, last);
+  EXPECT_GT(disk->after(0, 10).back().id, last);
 }
 
 TEST(FleetBacklog, IsReadInPortions) {
   Folder folder;
   auto disk = DiskBacklog::open(folder.file("m"), plenty).value();
   for (std::uint64_t i = 0; i < 10; ++i) ASSERT_TRUE(disk->append(change(i)));
-  const auto first = disk->read(0, 4);
+  const auto first = disk->after(0, 4);
   ASSERT_EQ(first.size(), 4U);
-  const auto second = disk->read(first.back().id, 4);
+  const auto second = disk->after(first.back().id, 4);
   ASSERT_EQ(second.size(), 4U);
   EXPECT_EQ(second.front().kept, change(4));
 }
@@ -108,7 +108,7 @@ TEST(FleetBacklog, ItsBoundRefusesTheNewest) {
   EXPECT_LE(disk->bytes(), 2000U);
   EXPECT_EQ(disk->trouble(), "");
   EXPECT_EQ(all_of(*disk).front(), change(0)) << "what was promised stays";
-  const auto first = disk->read(0, 1).front().id;
+  const auto first = disk->after(0, 1).front().id;
   disk->drop(std::vector<std::uint64_t>{first});
   EXPECT_TRUE(disk->append(change(5000)));
 }
@@ -172,9 +172,9 @@ TEST(FleetBacklog, WhileTheDiskIsFullMemoryKeepsAndNothingIsLost) {
 TEST(FleetBacklog, EntriesOfMemoryAreDroppedToo) {
   Keeping keeping("", plenty);
   for (std::uint64_t i = 0; i < 3; ++i) ASSERT_TRUE(keeping.append(change(i)));
-  const auto entries = keeping.read(0, 10);
+  const auto entries = keeping.after(0, 10);
   ASSERT_EQ(entries.size(), 3U);
-  EXPECT_EQ(keeping.read(entries[0].id, 10).size(), 2U);
+  EXPECT_EQ(keeping.after(entries[0].id, 10).size(), 2U);
   keeping.drop(std::vector<std::uint64_t>{entries[1].id});
   EXPECT_EQ(all_of(keeping), (std::vector<Kept>{change(0), change(2)}));
 }
