@@ -10,6 +10,7 @@
 #include <bit>
 #include <cmath>
 
+#include "berth/base/random.hpp"
 #include "berth/can/length.hpp"
 #include "berth/fleet/told.hpp"
 #include "tests/paths.hpp"
