@@ -115,8 +115,9 @@ TEST(FleetBacklog, ItsBoundRefusesTheNewest) {
 
 TEST(FleetBacklog, ADamagedFileIsLeftAsItIsAndMemoryKeeps) {
   Folder folder;
-  for (const std::string content : {std::string("this is no database at all, whatever its name says"),
-                                    std::string("SQLite format 3\0 and then nothing that fits", 45)}) {
+  const std::vector<std::string> contents{"this is no database at all, whatever its name says",
+                                          std::string("SQLite format 3") + '\0' + " and then nothing that fits"};
+  for (const auto& content : contents) {
     const auto file = folder.write("m.db.mqtt", content);
     Keeping keeping(file, plenty);
     EXPECT_TRUE(keeping.append(change(1)));

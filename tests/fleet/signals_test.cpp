@@ -23,7 +23,7 @@ using sparkplug::DataType;
 using sparkplug::Value;
 
 design::Machine machine(const std::string& publish) {
-  const auto file = test::source_dir() + "/examples/fleet.toml";
+  const auto file = berth::test::source_dir() + "/examples/fleet.toml";
   auto read = design::read_machine(
       "[machine]\nname = \"m\"\n[bus.field]\nport = \"sim\"\nbitrate = 250_000\n[[slot]]\nbus = \"field\"\nid = 5\n"
       "name = \"left\"\neds = \"eds/sensor.eds\"\n" +
