@@ -60,7 +60,7 @@ class Handler {
   virtual void disconnected(const Disconnected& disconnected) noexcept = 0;
   /// Between `connected` and `disconnected`. `retained`: the broker had kept it.
   virtual void message(std::string_view topic, std::span<const std::uint8_t> payload, bool retained) noexcept = 0;
-  /// QoS 0: handed to the system. QoS 1: acknowledged by the broker.
+  /// QoS 0: on its way. QoS 1: acknowledged by the broker.
   virtual void published(MessageId id) noexcept = 0;
   /// The other end of an accepted message: nobody knows whether the broker got it. `why` in words.
   virtual void unpublished(MessageId id, std::string_view why) noexcept = 0;

@@ -45,13 +45,13 @@ Stage Core::stage() const noexcept {
   return connection_ && connection_->has_asked() ? Stage::asked : Stage::before_broker;
 }
 
-void Core::ready(std::uint32_t events, Time now) noexcept {
-  if (const auto cause = connection_->ready(events)) {
+void Core::ready(Time now) noexcept {
+  if (const auto cause = connection_->ready()) {
     over(*cause, now);
   } else {
     proceed(now);
   }
-  send();
+  send(now);
   settle();
 }
 
@@ -61,7 +61,7 @@ void Core::work(Time now) noexcept {
   if (state_ != State::ended && now >= times_.until) time_over(now);
   if (state_ == State::looking_up) look_up(now);
   tick(now);
-  send();
+  send(now);
   settle();
 }
 
@@ -136,8 +136,8 @@ std::optional<Cause> Core::connect(const std::vector<std::string>& addresses) no
     tls = std::move(*loaded);
   }
   const auto will = handler_->connecting();
-  auto opened =
-      Connection::open({options_, attempts_.version(), will, *login, attempts_.address(addresses), tls}, *this);
+  auto opened = Connection::open(
+      {options_, attempts_.version(), will, *login, attempts_.address(addresses), tls, hub_->dock()}, *this);
   if (!opened) return opened.error();
   connection_ = std::move(*opened);
   watched_ = connection_->events();
@@ -180,18 +180,25 @@ void Core::tick(Time now) noexcept {
   if (const auto cause = connection_->tick()) over(*cause, now);
 }
 
-void Core::send() noexcept {
-  if (state_ != State::connected) return;
-  const std::size_t window = std::min<std::size_t>(options_.limits.unacknowledged, answers_.granted->unacknowledged);
-  while (outbox_.may_send(window) && !connection_->is_writing()) {
+void Core::send(Time now) noexcept {
+  if (!connection_) return;
+  while (state_ == State::connected && outbox_.may_send(window()) && !connection_->is_writing()) {
     auto& sending = outbox_.send();
     if (const auto sent = connection_->publish(sending.letter.message, sending.packet); !sent)
       hand_back(outbox_.failed(), sent.error());
+    if (const auto cause = connection_->say()) return over(*cause, now);
   }
   const auto parting = postbox_.asked_to_part();
-  if (!parting || times_.until == Time::max() || !outbox_.is_empty() || connection_->is_writing()) return;
-  enter(State::parting, times_.until);
-  connection_->disconnect(*parting);
+  if (parting && state_ == State::connected && times_.until != Time::max() && outbox_.is_empty() &&
+      !connection_->is_writing()) {
+    enter(State::parting, times_.until);
+    connection_->disconnect(*parting);
+  }
+  if (const auto cause = connection_->say()) over(*cause, now);
+}
+
+std::size_t Core::window() const noexcept {
+  return std::min<std::size_t>(options_.limits.unacknowledged, answers_.granted->unacknowledged);
 }
 
 // Before the thread waits again: for what, and until when.

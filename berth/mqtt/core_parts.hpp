@@ -27,7 +27,7 @@ class Core final : private Ear {
 
   // The hub's thread.
   void add(Letter letter) noexcept { outbox_.add(std::move(letter)); }
-  void ready(std::uint32_t events, Time now) noexcept;
+  void ready(Time now) noexcept;
   void work(Time now) noexcept;
   [[nodiscard]] Time due() const noexcept { return times_.due; }
 
@@ -63,7 +63,8 @@ class Core final : private Ear {
   void begin_to_part(Time now) noexcept;
   void time_over(Time now) noexcept;
   void tick(Time now) noexcept;
-  void send() noexcept;
+  void send(Time now) noexcept;
+  [[nodiscard]] std::size_t window() const noexcept;
   void settle() noexcept;
   // Its end.
   void over(const Cause& cause, Time now) noexcept;

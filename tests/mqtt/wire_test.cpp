@@ -185,7 +185,7 @@ TEST(WireReasons, OfARefusal) {
     std::string connack;
     Why why;
   };
-  using std::string_literals::operator""s;
+  using namespace std::string_literals;
   for (const auto& [version, connack, why] : {Case{Version::v3_1_1, "\x20\x02\x00\x01"s, Why::version_refused},
                                               Case{Version::v3_1_1, "\x20\x02\x00\x02"s, Why::client_id_refused},
                                               Case{Version::v3_1_1, "\x20\x02\x00\x03"s, Why::unavailable},
