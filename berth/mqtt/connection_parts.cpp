@@ -58,6 +58,11 @@ Cause own_fault(int result) {
   return {Why::own_computer, fmt::format("this computer cannot begin a connection: {}", mosquitto_strerror(result))};
 }
 
+// MQTT 3.1.1 §3.4
+std::string puback(std::uint16_t id) {
+  return {'\x40', '\x02', static_cast<char>(id >> 8U), static_cast<char>(id & 0xFFU)};
+}
+
 Cause of_flaw(Gate::Flaw flaw) {
   if (flaw == Gate::Flaw::malformed) return not_mqtt();
   return {Why::packet_too_large, "the broker sends a packet that is larger than this client takes"};
@@ -206,6 +211,11 @@ std::optional<Cause> Connection::take_in(const Incoming& packet) noexcept {
   const bool is_connack = packet.type == PacketType::connack;
   if (is_connack == answered_) return not_mqtt();
   if (is_connack && v5_ && packet.body.size() == 2) return of_return_code(static_cast<unsigned char>(packet.body[1]));
+  if (packet.skipped) {
+    ear_->skipped();
+    if (packet.id != 0) acknowledgements_ += puback(packet.id);
+    return std::nullopt;
+  }
   std::string_view rest = packet.whole;
   while (!rest.empty()) {
     const auto sent = ::send(inner_, rest.data(), rest.size(), MSG_NOSIGNAL);
@@ -231,7 +241,11 @@ std::optional<Cause> Connection::say() noexcept {
       if (cause) return why_not(std::move(*cause));
       continue;
     }
-    if (got < 0) break;
+    if (got < 0 && (acknowledgements_.empty() || mosquitto_want_write(client_))) break;
+    if (got < 0) {  // between two packets of libmosquitto's
+      if (auto cause = line_->write(std::exchange(acknowledgements_, {}))) return why_not(std::move(*cause));
+      continue;
+    }
     finished_ = true;  // libmosquitto has closed its end behind DISCONNECT
     line_->finish();
   }

@@ -40,6 +40,8 @@ class Ear {
   /// One code for each subscription: 0 and 1 are QoS, from 128 on it was refused.
   virtual void subscribed(std::span<const int> codes) noexcept = 0;
   virtual void message(std::string_view topic, std::span<const std::uint8_t> payload, bool retained) noexcept = 0;
+  /// One came that was too large to take.
+  virtual void skipped() noexcept = 0;
   /// QoS 0: it is on its way. QoS 1: the broker has answered; `code` as in MQTT 5.0 §3.4.2.1.
   virtual void out(int packet, unsigned code) noexcept = 0;
 
@@ -115,8 +117,9 @@ class Connection {
   bool v5_;
   bool answered_ = false;  // the broker has accepted the connection
   bool parting_ = false;
-  bool finished_ = false;  // nothing more will be written
-  unsigned owed_ = 0;      // acknowledgements since the output was last empty
+  bool finished_ = false;           // nothing more will be written
+  std::string acknowledgements_{};  // PUBACKs of what the gate has skipped
+  unsigned owed_ = 0;               // acknowledgements since the output was last empty
 };
 
 }  // namespace berth::mqtt

@@ -182,7 +182,9 @@ void Core::tick(Time now) noexcept {
 
 void Core::send(Time now) noexcept {
   if (!connection_) return;
-  while (state_ == State::connected && outbox_.may_send(window()) && !connection_->is_writing()) {
+  const std::size_t window =
+      answers_.granted ? std::min<std::size_t>(options_.limits.unacknowledged, answers_.granted->unacknowledged) : 0;
+  while (state_ == State::connected && outbox_.may_send(window) && !connection_->is_writing()) {
     auto& sending = outbox_.send();
     if (const auto sent = connection_->publish(sending.letter.message, sending.packet); !sent)
       hand_back(outbox_.failed(), sent.error());
@@ -195,10 +197,6 @@ void Core::send(Time now) noexcept {
     connection_->disconnect(*parting);
   }
   if (const auto cause = connection_->say()) over(*cause, now);
-}
-
-std::size_t Core::window() const noexcept {
-  return std::min<std::size_t>(options_.limits.unacknowledged, answers_.granted->unacknowledged);
 }
 
 // Before the thread waits again: for what, and until when.
@@ -221,6 +219,7 @@ void Core::over(const Cause& cause, Time now) noexcept {
   answers_ = {};
   early_.clear();
   while (const auto letter = outbox_.take_any()) hand_back(*letter, cause.words);
+  while (const auto letter = postbox_.take()) hand_back(*letter, cause.words);
   Disconnected told{.why = cause.why,
                     .words = fmt::format("{}: {}", to_string(options_.where), cause.words),
                     .was_connected = reached == Stage::connected};
@@ -246,9 +245,7 @@ void Core::subscribed(std::span<const int> codes) noexcept {
 }
 
 void Core::message(std::string_view topic, std::span<const std::uint8_t> payload, bool retained) noexcept {
-  if (topic.size() + payload.size() > options_.limits.incoming) {
-    postbox_.dropped_incoming();
-  } else if (state_ == State::connected) {
+  if (state_ == State::connected) {
     handler_->message(topic, payload, retained);
   } else if (state_ != State::parting && !early_.keep(topic, payload, retained)) {
     postbox_.dropped_incoming();

@@ -64,7 +64,6 @@ class Core final : private Ear {
   void time_over(Time now) noexcept;
   void tick(Time now) noexcept;
   void send(Time now) noexcept;
-  [[nodiscard]] std::size_t window() const noexcept;
   void settle() noexcept;
   // Its end.
   void over(const Cause& cause, Time now) noexcept;
@@ -74,6 +73,7 @@ class Core final : private Ear {
   void granted(const Granted& granted) noexcept override { answers_.granted = granted; }
   void subscribed(std::span<const int> codes) noexcept override;
   void message(std::string_view topic, std::span<const std::uint8_t> payload, bool retained) noexcept override;
+  void skipped() noexcept override { postbox_.dropped_incoming(); }
   void out(int packet, unsigned code) noexcept override;
 
   Hub* hub_;

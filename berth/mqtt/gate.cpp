@@ -1,5 +1,7 @@
 #include "berth/mqtt/gate.hpp"
 
+#include <algorithm>
+
 namespace berth::mqtt {
 namespace {
 
@@ -99,12 +101,11 @@ bool is_connack(Body& body, bool v5) noexcept {
   return body.is_at_end();
 }
 
-bool is_publish(Body& body, unsigned flags, bool v5) noexcept {
-  const unsigned qos = flags >> 1U & 3U;
+bool is_publish(Body& body, unsigned qos, bool v5) noexcept {
   body.skip_string();
   if (qos == 1 && body.number(2) == 0) body.fail();
   if (v5) skip_properties(body);
-  return qos <= 1 && body.good();
+  return body.good();
 }
 
 bool is_suback(Body& body, bool v5) noexcept {
@@ -113,19 +114,32 @@ bool is_suback(Body& body, bool v5) noexcept {
   return body.good() && !body.is_at_end();
 }
 
-bool is_allowed(unsigned head, std::string_view bytes, bool v5) noexcept {
+unsigned flags_of(unsigned head) noexcept { return head & 15U; }
+unsigned qos_of(unsigned head) noexcept { return head >> 1U & 3U; }
+PacketType type_of(unsigned head) noexcept { return static_cast<PacketType>(head >> 4U); }
+
+/// The first byte of a packet.
+bool is_head(unsigned head, bool v5) noexcept {
+  switch (type_of(head)) {
+    case PacketType::publish: return qos_of(head) <= 1;
+    case PacketType::connack:
+    case PacketType::puback:
+    case PacketType::suback:
+    case PacketType::pingresp: return flags_of(head) == 0;
+    case PacketType::disconnect: return v5 && flags_of(head) == 0;
+  }
+  return false;
+}
+
+bool is_body(unsigned head, std::string_view bytes, bool v5) noexcept {
   Body body(bytes);
-  const unsigned flags = head & 15U;
-  const auto type = static_cast<PacketType>(head >> 4U);
-  if (type == PacketType::publish) return is_publish(body, flags, v5);
-  if (flags != 0) return false;
-  switch (type) {
+  switch (type_of(head)) {
     case PacketType::connack: return is_connack(body, v5);
+    case PacketType::publish: return is_publish(body, qos_of(head), v5);
     case PacketType::puback: body.skip(2); return body.good() && is_code_and_properties(body, v5);
     case PacketType::suback: return is_suback(body, v5);
     case PacketType::pingresp: return body.is_at_end();
-    case PacketType::disconnect: return v5 && is_code_and_properties(body, v5);
-    case PacketType::publish: break;
+    case PacketType::disconnect: return is_code_and_properties(body, v5);
   }
   return false;
 }
@@ -133,28 +147,53 @@ bool is_allowed(unsigned head, std::string_view bytes, bool v5) noexcept {
 }  // namespace
 
 void Gate::put(std::string_view bytes) {
+  const std::size_t skipped = std::min(skip_, bytes.size());
+  bytes.remove_prefix(skipped);
+  skip_ -= skipped;
   bytes_.erase(0, taken_);
   taken_ = 0;
   bytes_ += bytes;
 }
 
-tl::expected<std::optional<Incoming>, Gate::Flaw> Gate::next() {
+// Of QoS 1, the packet identifier behind the topic is waited for.
+Gate::Next Gate::skip(std::string_view rest, std::size_t head, std::size_t length) {
+  const auto first = static_cast<unsigned char>(rest.front());
+  if (v5_ || type_of(first) != PacketType::publish) return tl::unexpected(Flaw::too_large);
+  Incoming packet{.type = PacketType::publish, .skipped = true};
+  if (qos_of(first) == 1) {
+    Body body(rest.substr(head));
+    const std::size_t topic = body.number(2);
+    if (body.good() && 2 + topic + 2 > length) return tl::unexpected(Flaw::malformed);
+    body.skip(topic);
+    packet.id = static_cast<std::uint16_t>(body.number(2));
+    if (!body.good()) return std::nullopt;
+    if (packet.id == 0) return tl::unexpected(Flaw::malformed);
+  }
+  const std::size_t there = std::min(rest.size(), head + length);
+  taken_ += there;
+  skip_ = head + length - there;
+  return packet;
+}
+
+Gate::Next Gate::next() {
   const auto rest = std::string_view(bytes_).substr(taken_);
-  if (rest.size() < 2) return std::nullopt;
+  if (rest.empty()) return std::nullopt;
+  const auto first = static_cast<unsigned char>(rest.front());
+  if (!is_head(first, v5_)) return tl::unexpected(Flaw::malformed);
   std::size_t length = 0, head = 1;
-  for (;;) {
+  for (;; ++head) {
     if (head > 4) return tl::unexpected(Flaw::malformed);
     if (head == rest.size()) return std::nullopt;
     const auto byte = static_cast<unsigned char>(rest[head]);
     length |= std::size_t{byte & 127U} << 7U * (head - 1);
-    ++head;
     if (byte < 128) break;
   }
-  if (head + length > most_) return tl::unexpected(Flaw::too_large);
+  ++head;
+  if (head + length > most_) return skip(rest, head, length);
   if (rest.size() < head + length) return std::nullopt;
-  const auto first = static_cast<unsigned char>(rest.front());
-  const Incoming packet{static_cast<PacketType>(first >> 4U), rest.substr(0, head + length), rest.substr(head, length)};
-  if (!is_allowed(first, packet.body, v5_)) return tl::unexpected(Flaw::malformed);
+  const Incoming packet{
+      .type = type_of(first), .whole = rest.substr(0, head + length), .body = rest.substr(head, length)};
+  if (!is_body(first, packet.body, v5_)) return tl::unexpected(Flaw::malformed);
   taken_ += packet.whole.size();
   return packet;
 }

@@ -28,16 +28,19 @@ struct Incoming {
   PacketType type = PacketType::connack;
   std::string_view whole{};  ///< as it came
   std::string_view body{};   ///< without its fixed header
+  bool skipped = false;      ///< a PUBLISH beyond the limit: nothing of it is kept
+  std::uint16_t id = 0;      ///< of a skipped one of QoS 1, which is to be acknowledged; else 0
 };
 
 class Gate {
  public:
   enum class Flaw : std::uint8_t {
-    too_large,  ///< a packet beyond the limit
+    too_large,  ///< a packet beyond the limit, which no broker should send
     malformed   ///< no packet that a broker may send here
   };
 
-  /// `most`: bytes of a packet. `v5`: packets have properties; else they are those of 3.1.1.
+  /// `most`: bytes of a packet. `v5`: packets have properties, and the broker knows `most`; else they are those of
+  /// 3.1.1, and a larger PUBLISH is skipped.
   Gate(bool v5, std::size_t most) noexcept : v5_(v5), most_(most) {}
 
   void put(std::string_view bytes);
@@ -46,10 +49,14 @@ class Gate {
   [[nodiscard]] tl::expected<std::optional<Incoming>, Flaw> next();
 
  private:
+  using Next = tl::expected<std::optional<Incoming>, Flaw>;
+  [[nodiscard]] Next skip(std::string_view rest, std::size_t head, std::size_t length);
+
   bool v5_;
   std::size_t most_;
   std::string bytes_;
   std::size_t taken_ = 0;  // of bytes_
+  std::size_t skip_ = 0;   // bytes still to come of a skipped packet
 };
 
 }  // namespace berth::mqtt

@@ -140,11 +140,51 @@ TEST(MqttGate, Properties) {
 }
 
 TEST(MqttGate, TheLimitIsLookedAtBeforeThePacketHasCome) {
-  const auto packet = "\x30\x80\x01\x00\x01t" + std::string(125, 'x');  // 131 bytes
-  EXPECT_EQ(passed(packet, false, 1, 131).packets.size(), 1U);
-  EXPECT_EQ(passed(packet.substr(0, 2), false, 1, 130).flaw, std::nullopt);
-  EXPECT_EQ(passed(packet.substr(0, 3), false, 1, 130).flaw, Flaw::too_large);
-  EXPECT_EQ(passed("\x30\xFF\xFF\xFF\x7F"s, false).flaw, Flaw::too_large);
+  const auto packet = "\x30\x80\x01\x00\x01t\x00"s + std::string(124, 'x');  // 131 bytes
+  EXPECT_EQ(passed(packet, true, 1, 131).packets.size(), 1U);
+  EXPECT_EQ(passed(packet.substr(0, 2), true, 1, 130).flaw, std::nullopt);
+  EXPECT_EQ(passed(packet.substr(0, 3), true, 1, 130).flaw, Flaw::too_large);
+  EXPECT_EQ(passed("\x30\xFF\xFF\xFF\x7F"s, true).flaw, Flaw::too_large);
+  EXPECT_EQ(passed("\x90\xFF\xFF\xFF\x7F"s, false).flaw, Flaw::too_large) << "only messages are skipped";
+}
+
+// A broker of 3.1.1 does not know the limit: a larger message is passed over, and the next packet is found behind it.
+TEST(MqttGate, ALargerMessageIsSkipped) {
+  const auto length = static_cast<char>(0x80 | (1'000 & 127));
+  const auto large = [&](char first, const std::string& begin) {
+    return first + std::string(1, length) + "\x07" + begin + std::string(1'000 - begin.size(), '\xD0');
+  };
+  for (const std::size_t piece : {1U, 7U, 2'000U}) {
+    for (const auto& [packet, id] :
+         {std::pair(large('\x30', "\x00\x01t"s), 0), std::pair(large('\x3B', "\x00\x01t\x12\x34"s), 0x1234)}) {
+      Gate gate(false, 100);
+      std::vector<Incoming> came;
+      const auto all = packet + "\xD0\x00"s + packet + "\x40\x02\x00\x01"s;
+      for (std::size_t at = 0; at < all.size(); at += piece) {
+        gate.put(std::string_view(all).substr(at, piece));
+        for (;;) {
+          const auto next = gate.next();
+          ASSERT_TRUE(next);
+          if (!*next) break;
+          came.push_back(**next);
+        }
+      }
+      ASSERT_EQ(came.size(), 4U);
+      for (const std::size_t i : {0U, 2U}) {
+        EXPECT_TRUE(came[i].skipped);
+        EXPECT_EQ(came[i].id, id);
+      }
+      EXPECT_EQ(came[1].type, PacketType::pingresp);
+      EXPECT_EQ(came[3].type, PacketType::puback);
+    }
+  }
+  EXPECT_EQ(passed(large('\x32', "\x00\x01t\x00\x00"s), false, 1, 100).flaw, Flaw::malformed);
+}
+
+// Something else than a broker is noticed by its first byte, and not when it has said enough.
+TEST(MqttGate, TheFirstByteIsLookedAtByItself) {
+  for (const auto& other : {"HTTP/1.1 400"s, "SSH-2.0-"s, "\x15\x03\x01"s, "* OK"s})
+    EXPECT_EQ(passed(other.substr(0, 1), true).flaw, Flaw::malformed) << other;
 }
 
 RC_GTEST_PROP(MqttGate, TheSizeOfPiecesDoesNotMatter, ()) {

@@ -146,7 +146,7 @@ TEST_F(MqttTls, TheNameIsAskedFor) {
   const std::string accept = "127.0.0.1:" + std::to_string(port);
   test::Process server(
       {"openssl", "s_server", "-accept", accept, "-cert", made->file("other.crt"), "-key", made->file("other.key"),
-       "-servername", "localhost", "-cert2", made->file("good.crt"), "-key2", made->file("good.key"), "-quiet"},
+       "-servername", "localhost", "-cert2", made->file("good.crt"), "-key2", made->file("good.key"), "-www"},
       made->file("server.log"));
   const auto end = std::chrono::steady_clock::now() + test::patience;
   while (!test::listens(port) && std::chrono::steady_clock::now() < end) std::this_thread::sleep_for(10ms);
@@ -173,7 +173,7 @@ TEST_F(MqttTls, FilesThatCannotBeUsedAreRefusedWithTheReason) {
             std::string::npos);
   EXPECT_EQ(why({"", made->file("client.crt"), made->file("good.key")}),
             made->file("good.key") + ": this is the key of another certificate than " + made->file("client.crt"));
-  EXPECT_NE(why({"", made->file("client.crt"), made->file("client.crt")}).find("give a private key in PEM"),
+  EXPECT_NE(why({"", made->file("client.crt"), folder.write("no.key", "nonsense")}).find("give a private key in PEM"),
             std::string::npos);
   made->openssl("pkey -in client.key -aes256 -passout pass:secret -out locked.key");
   EXPECT_NE(why({"", made->file("client.crt"), made->file("locked.key")}).find("has a passphrase; remove it"),
