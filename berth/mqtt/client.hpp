@@ -52,7 +52,7 @@ struct Disconnected {
 /// May call `Client::publish` and `Client::end`.
 class Handler {
  public:
-  /// Before each CONNECT: the will of this connection; empty: none.
+  /// The broker is reached, and CONNECT follows: the will of this connection; empty: none.
   virtual std::optional<Will> connecting() noexcept = 0;
   /// The broker has accepted the connection and answered the subscriptions. Nothing was published on it.
   virtual void connected(const Connected& connected) noexcept = 0;

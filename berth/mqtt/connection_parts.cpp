@@ -78,22 +78,20 @@ Connection::~Connection() {
   if (inner_ >= 0) ::close(inner_);
 }
 
-tl::expected<std::unique_ptr<Connection>, Cause> Connection::open(const Plan& plan, Ear& ear) {
-  std::call_once(library_ready, [] { mosquitto_lib_init(); });
-  auto line = Line::open(plan.address, plan.options.where.port, plan.tls);
+tl::expected<std::unique_ptr<Connection>, Cause> Connection::open(const Options& options, Version version,
+                                                                  const std::string& address, std::shared_ptr<Tls> tls,
+                                                                  Ear& ear) {
+  auto line = Line::open(address, options.where.port, std::move(tls));
   if (!line) return tl::unexpected(std::move(line.error()));
-  std::unique_ptr<Connection> made(
-      new Connection(ear, std::move(*line), plan.version == Version::v5, plan.options.limits.incoming));
-  auto wrong = made->set_up(plan);
-  if (!wrong) wrong = made->connect(plan);
-  if (wrong) return tl::unexpected(std::move(*wrong));
-  return made;
+  return std::unique_ptr<Connection>(
+      new Connection(ear, std::move(*line), version == Version::v5, options.limits.incoming));
 }
 
-std::optional<Cause> Connection::set_up(const Plan& plan) {
+std::optional<Cause> Connection::set_up(const Options& options, const std::optional<Will>& will, const Login& login) {
+  std::call_once(library_ready, [] { mosquitto_lib_init(); });
   {
     const KeptSigpipe kept;
-    client_ = mosquitto_new(plan.options.client_id.c_str(), true, this);
+    client_ = mosquitto_new(options.client_id.c_str(), true, this);
   }
   if (client_ == nullptr)
     return errno == ENOMEM ? of_system_error(ENOMEM)
@@ -101,12 +99,11 @@ std::optional<Cause> Connection::set_up(const Plan& plan) {
   mosquitto_int_option(client_, MOSQ_OPT_PROTOCOL_VERSION, v5_ ? MQTT_PROTOCOL_V5 : MQTT_PROTOCOL_V311);
   mosquitto_threaded_set(client_, true);  // it writes when `say` tells it to, and not before
   int result = MOSQ_ERR_SUCCESS;
-  if (!plan.login.user.empty())
-    result = mosquitto_username_pw_set(client_, plan.login.user.c_str(), plan.login.password.c_str());
+  if (!login.user.empty()) result = mosquitto_username_pw_set(client_, login.user.c_str(), login.password.c_str());
   if (result != MOSQ_ERR_SUCCESS) return Cause{Why::bad_login, "the user's name is too long or not in UTF-8"};
-  if (plan.will)
-    result = mosquitto_will_set(client_, plan.will->topic.c_str(), static_cast<int>(plan.will->payload.size()),
-                                plan.will->payload.data(), static_cast<int>(plan.will->qos), plan.will->retain);
+  if (will)
+    result = mosquitto_will_set(client_, will->topic.c_str(), static_cast<int>(will->payload.size()),
+                                will->payload.data(), static_cast<int>(will->qos), will->retain);
   if (result != MOSQ_ERR_SUCCESS)
     return Cause{Why::protocol, fmt::format("the will cannot be sent: {}", mosquitto_strerror(result))};
   set_callbacks();
@@ -115,19 +112,21 @@ std::optional<Cause> Connection::set_up(const Plan& plan) {
 
 // Only the blocking call takes properties. Refused for its port, it keeps them, and the other call uses them
 // (test_mqtt:WireConnect.AClientOfMqtt5SaysWhatItTakes).
-std::optional<Cause> Connection::connect(const Plan& plan) {
-  constexpr const char* dock = "127.0.0.1";
-  const int keep_alive = static_cast<int>(plan.options.keep_alive.count());
+std::optional<Cause> Connection::ask(const Options& options, const std::optional<Will>& will, const Login& login,
+                                     const Dock& dock) {
+  if (auto wrong = set_up(options, will, login)) return wrong;
+  constexpr const char* host = "127.0.0.1";
+  const int keep_alive = static_cast<int>(options.keep_alive.count());
   if (v5_) {
     Properties properties;
-    properties.add(MQTT_PROP_MAXIMUM_PACKET_SIZE, static_cast<std::uint32_t>(plan.options.limits.incoming));
-    mosquitto_connect_bind_v5(client_, dock, -1, keep_alive, nullptr, properties.get());
+    properties.add(MQTT_PROP_MAXIMUM_PACKET_SIZE, static_cast<std::uint32_t>(options.limits.incoming));
+    mosquitto_connect_bind_v5(client_, host, -1, keep_alive, nullptr, properties.get());
   }
   errno = 0;
-  const int result = mosquitto_connect_async(client_, dock, plan.dock.port(), keep_alive);
+  const int result = mosquitto_connect_async(client_, host, dock.port(), keep_alive);
   if (result == MOSQ_ERR_ERRNO && errno != 0) return of_system_error(errno);
   if (result != MOSQ_ERR_SUCCESS) return own_fault(result);
-  inner_ = plan.dock.replace(mosquitto_socket(client_));
+  inner_ = dock.replace(mosquitto_socket(client_));
   if (inner_ < 0) return of_system_error(errno);
   return std::nullopt;
 }
@@ -176,11 +175,13 @@ std::uint32_t Connection::events() const noexcept {
   return waits_for_broker ? std::uint32_t{EPOLLOUT} : line_->events();
 }
 
-bool Connection::is_writing() const noexcept { return line_->is_writing() || mosquitto_want_write(client_); }
+bool Connection::is_writing() const noexcept {
+  return line_->is_writing() || (has_asked() && mosquitto_want_write(client_));
+}
 
 std::optional<Cause> Connection::ready() noexcept {
   if (auto cause = line_->go_on()) return closed(*cause);
-  if (!line_->is_open()) return std::nullopt;
+  if (!has_asked()) return std::nullopt;
   if (parting_) return part();
   if (auto cause = hear()) return cause;
   return say();
@@ -228,7 +229,7 @@ std::optional<Cause> Connection::take_in(const Incoming& packet) noexcept {
 
 std::optional<Cause> Connection::say() noexcept {
   std::array<char, piece> buffer;
-  while (line_->is_open() && !line_->is_writing() && !finished_) {
+  while (has_asked() && !line_->is_writing() && !finished_) {
     if (mosquitto_want_write(client_)) {
       const int result = mosquitto_loop_write(client_, 1);
       if (!parting_) {

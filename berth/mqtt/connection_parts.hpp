@@ -51,25 +51,20 @@ class Ear {
 
 class Connection {
  public:
-  struct Plan {
-    const Options& options;
-    Version version;  ///< not `automatic`
-    const std::optional<Will>& will;
-    const Login& login;
-    std::string address;       ///< of the host
-    std::shared_ptr<Tls> tls;  ///< null: without
-    const Dock& dock;
-  };
-  /// Begins to connect.
-  [[nodiscard]] static tl::expected<std::unique_ptr<Connection>, Cause> open(const Plan& plan, Ear& ear);
+  /// Begins to reach `address`, one of the host's. `version` is not `automatic`; `tls` null: without.
+  [[nodiscard]] static tl::expected<std::unique_ptr<Connection>, Cause> open(const Options& options, Version version,
+                                                                             const std::string& address,
+                                                                             std::shared_ptr<Tls> tls, Ear& ear);
   ~Connection();
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
 
   /// TCP is connected.
   [[nodiscard]] bool has_reached() const noexcept { return line_->has_reached(); }
-  /// And TLS is set up: CONNECT is on its way.
-  [[nodiscard]] bool has_asked() const noexcept { return line_->is_open(); }
+  /// And TLS is set up: `ask` can be called.
+  [[nodiscard]] bool is_open() const noexcept { return line_->is_open(); }
+  /// CONNECT is on its way.
+  [[nodiscard]] bool has_asked() const noexcept { return client_ != nullptr; }
   /// To be watched for `events` (epoll(7)); belongs to this object.
   [[nodiscard]] int descriptor() const noexcept { return line_->descriptor(); }
   [[nodiscard]] std::uint32_t events() const noexcept;
@@ -78,6 +73,9 @@ class Connection {
 
   /// `descriptor` has events.
   [[nodiscard]] std::optional<Cause> ready() noexcept;
+  /// CONNECT, once; the answer is `Ear::granted`. Nothing of the arguments is kept.
+  [[nodiscard]] std::optional<Cause> ask(const Options& options, const std::optional<Will>& will, const Login& login,
+                                         const Dock& dock);
   /// Once a second: keep-alive.
   [[nodiscard]] std::optional<Cause> tick() noexcept;
   /// The answer is `Ear::subscribed`.
@@ -94,8 +92,8 @@ class Connection {
 
  private:
   Connection(Ear& ear, std::unique_ptr<Line> line, bool v5, std::size_t most_incoming) noexcept;
-  [[nodiscard]] std::optional<Cause> set_up(const Plan& plan);
-  [[nodiscard]] std::optional<Cause> connect(const Plan& plan);
+  [[nodiscard]] std::optional<Cause> set_up(const Options& options, const std::optional<Will>& will,
+                                            const Login& login);
   void set_callbacks() noexcept;
   [[nodiscard]] std::optional<Cause> hear() noexcept;
   [[nodiscard]] std::optional<Cause> take_in(const Incoming& packet) noexcept;
@@ -111,7 +109,7 @@ class Connection {
   Ear* ear_;
   std::unique_ptr<Line> line_;
   Gate gate_;
-  mosquitto* client_ = nullptr;
+  mosquitto* client_ = nullptr;  // from `ask` on
   int inner_ = -1;               // our end of the pair
   std::optional<Cause> told_{};  // by the broker: why it refuses or ends the connection
   bool v5_;

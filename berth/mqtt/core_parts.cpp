@@ -18,10 +18,6 @@ Milliseconds since(Time begin, Time now) noexcept { return std::chrono::duration
 
 std::string seconds(Milliseconds time) { return fmt::format("{:g} s", static_cast<double>(time.count()) / 1000); }
 
-tl::expected<Login, std::string> login_of(const Options& options) {
-  return options.login_file.empty() ? Login() : read_login(options.login_file);
-}
-
 // All clients look at their keep-alive in one wake of the thread.
 Time next_second(Time now) noexcept { return std::chrono::floor<std::chrono::seconds>(now) + std::chrono::seconds(1); }
 
@@ -60,7 +56,10 @@ void Core::work(Time now) noexcept {
   take_posts();
   if (state_ != State::ended && now >= times_.until) time_over(now);
   if (state_ == State::looking_up) look_up(now);
-  tick(now);
+  if (state_ == State::connected && now >= times_.tick) {
+    times_.tick = next_second(now);
+    if (const auto cause = connection_->tick()) over(*cause, now);
+  }
   send(now);
   settle();
 }
@@ -127,17 +126,13 @@ void Core::look_up(Time now) noexcept {
 }
 
 std::optional<Cause> Core::connect(const std::vector<std::string>& addresses) noexcept {
-  const auto login = login_of(options_);
-  if (!login) return Cause{Why::own_computer, login.error()};
   std::shared_ptr<Tls> tls;
   if (options_.where.tls) {
     auto loaded = hub_->tls().get(options_.tls, options_.where.host);
     if (!loaded) return Cause{Why::own_computer, loaded.error()};
     tls = std::move(*loaded);
   }
-  const auto will = handler_->connecting();
-  auto opened = Connection::open(
-      {options_, attempts_.version(), will, *login, attempts_.address(addresses), tls, hub_->dock()}, *this);
+  auto opened = Connection::open(options_, attempts_.version(), attempts_.address(addresses), std::move(tls), *this);
   if (!opened) return opened.error();
   connection_ = std::move(*opened);
   watched_ = connection_->events();
@@ -146,14 +141,22 @@ std::optional<Cause> Core::connect(const std::vector<std::string>& addresses) no
   return std::nullopt;
 }
 
+std::optional<Cause> Core::ask() noexcept {
+  const auto login = options_.login_file.empty() ? Login() : read_login(options_.login_file);
+  if (!login) return Cause{Why::own_computer, login.error()};
+  return connection_->ask(options_, handler_->connecting(), *login, hub_->dock());
+}
+
 void Core::proceed(Time now) noexcept {
-  if (state_ == State::connecting && answers_.granted) {
-    if (options_.subscriptions.empty()) return tell_connected(now);
+  std::optional<Cause> cause;
+  if (state_ == State::connecting && connection_->is_open() && !connection_->has_asked()) cause = ask();
+  if (state_ == State::connecting && answers_.granted && !options_.subscriptions.empty()) {
     enter(State::subscribing, times_.until);
-    if (const auto cause = connection_->subscribe(options_.subscriptions, options_.subscription_qos))
-      return over(*cause, now);
+    cause = connection_->subscribe(options_.subscriptions, options_.subscription_qos);
   }
-  if (state_ == State::subscribing && answers_.subscriptions) tell_connected(now);
+  if (cause) return over(*cause, now);
+  const bool all_answered = answers_.granted && (options_.subscriptions.empty() || answers_.subscriptions);
+  if (all_answered && state_ != State::connected && state_ != State::parting) tell_connected(now);
 }
 
 void Core::tell_connected(Time now) noexcept {
@@ -172,12 +175,6 @@ void Core::tell_connected(Time now) noexcept {
   postbox_.open(number_, largest - packet_head);
   handler_->connected(told);
   early_.tell(*handler_);
-}
-
-void Core::tick(Time now) noexcept {
-  if (state_ != State::connected || now < times_.tick) return;
-  times_.tick = next_second(now);
-  if (const auto cause = connection_->tick()) over(*cause, now);
 }
 
 void Core::send(Time now) noexcept {

@@ -55,6 +55,7 @@ class Core final : private Ear {
   // The way to a connection.
   void look_up(Time now) noexcept;
   [[nodiscard]] std::optional<Cause> connect(const std::vector<std::string>& addresses) noexcept;
+  [[nodiscard]] std::optional<Cause> ask() noexcept;
   void proceed(Time now) noexcept;
   void tell_connected(Time now) noexcept;
   [[nodiscard]] Stage stage() const noexcept;
@@ -62,7 +63,6 @@ class Core final : private Ear {
   void take_posts() noexcept;
   void begin_to_part(Time now) noexcept;
   void time_over(Time now) noexcept;
-  void tick(Time now) noexcept;
   void send(Time now) noexcept;
   void settle() noexcept;
   // Its end.

@@ -34,6 +34,9 @@ int Dock::replace(int fd) const noexcept {
   ::close(pair[0]);
   for (int came = 0; came >= 0;) {
     came = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
+    // Reset: an end in order would keep the port of each attempt for a minute.
+    const linger at_once{.l_onoff = 1, .l_linger = 0};
+    if (came >= 0) ::setsockopt(came, SOL_SOCKET, SO_LINGER, &at_once, sizeof at_once);
     if (came >= 0) ::close(came);
   }
   if (replaced) return pair[1];
