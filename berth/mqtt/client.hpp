@@ -52,7 +52,7 @@ struct Disconnected {
 /// May call `Client::publish` and `Client::end`.
 class Handler {
  public:
-  /// Before each CONNECT: the will of this connection; empty: none.
+  /// The broker is reached, and CONNECT follows: the will of this connection; empty: none.
   virtual std::optional<Will> connecting() noexcept = 0;
   /// The broker has accepted the connection and answered the subscriptions. Nothing was published on it.
   virtual void connected(const Connected& connected) noexcept = 0;
@@ -60,7 +60,7 @@ class Handler {
   virtual void disconnected(const Disconnected& disconnected) noexcept = 0;
   /// Between `connected` and `disconnected`. `retained`: the broker had kept it.
   virtual void message(std::string_view topic, std::span<const std::uint8_t> payload, bool retained) noexcept = 0;
-  /// QoS 0: handed to the system. QoS 1: acknowledged by the broker.
+  /// QoS 0: on its way. QoS 1: acknowledged by the broker.
   virtual void published(MessageId id) noexcept = 0;
   /// The other end of an accepted message: nobody knows whether the broker got it. `why` in words.
   virtual void unpublished(MessageId id, std::string_view why) noexcept = 0;

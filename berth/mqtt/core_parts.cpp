@@ -18,10 +18,6 @@ Milliseconds since(Time begin, Time now) noexcept { return std::chrono::duration
 
 std::string seconds(Milliseconds time) { return fmt::format("{:g} s", static_cast<double>(time.count()) / 1000); }
 
-tl::expected<Login, std::string> login_of(const Options& options) {
-  return options.login_file.empty() ? Login() : read_login(options.login_file);
-}
-
 // All clients look at their keep-alive in one wake of the thread.
 Time next_second(Time now) noexcept { return std::chrono::floor<std::chrono::seconds>(now) + std::chrono::seconds(1); }
 
@@ -45,13 +41,13 @@ Stage Core::stage() const noexcept {
   return connection_ && connection_->has_asked() ? Stage::asked : Stage::before_broker;
 }
 
-void Core::ready(std::uint32_t events, Time now) noexcept {
-  if (const auto cause = connection_->ready(events)) {
+void Core::ready(Time now) noexcept {
+  if (const auto cause = connection_->ready()) {
     over(*cause, now);
   } else {
     proceed(now);
   }
-  send();
+  send(now);
   settle();
 }
 
@@ -60,8 +56,11 @@ void Core::work(Time now) noexcept {
   take_posts();
   if (state_ != State::ended && now >= times_.until) time_over(now);
   if (state_ == State::looking_up) look_up(now);
-  tick(now);
-  send();
+  if (state_ == State::connected && now >= times_.tick) {
+    times_.tick = next_second(now);
+    if (const auto cause = connection_->tick()) over(*cause, now);
+  }
+  send(now);
   settle();
 }
 
@@ -127,17 +126,13 @@ void Core::look_up(Time now) noexcept {
 }
 
 std::optional<Cause> Core::connect(const std::vector<std::string>& addresses) noexcept {
-  const auto login = login_of(options_);
-  if (!login) return Cause{Why::own_computer, login.error()};
   std::shared_ptr<Tls> tls;
   if (options_.where.tls) {
     auto loaded = hub_->tls().get(options_.tls, options_.where.host);
     if (!loaded) return Cause{Why::own_computer, loaded.error()};
     tls = std::move(*loaded);
   }
-  const auto will = handler_->connecting();
-  auto opened =
-      Connection::open({options_, attempts_.version(), will, *login, attempts_.address(addresses), tls}, *this);
+  auto opened = Connection::open(options_, attempts_.version(), attempts_.address(addresses), std::move(tls), *this);
   if (!opened) return opened.error();
   connection_ = std::move(*opened);
   watched_ = connection_->events();
@@ -146,14 +141,22 @@ std::optional<Cause> Core::connect(const std::vector<std::string>& addresses) no
   return std::nullopt;
 }
 
+std::optional<Cause> Core::ask() noexcept {
+  const auto login = options_.login_file.empty() ? Login() : read_login(options_.login_file);
+  if (!login) return Cause{Why::own_computer, login.error()};
+  return connection_->ask(options_, handler_->connecting(), *login, hub_->dock());
+}
+
 void Core::proceed(Time now) noexcept {
-  if (state_ == State::connecting && answers_.granted) {
-    if (options_.subscriptions.empty()) return tell_connected(now);
+  std::optional<Cause> cause;
+  if (state_ == State::connecting && connection_->is_open() && !connection_->has_asked()) cause = ask();
+  if (state_ == State::connecting && answers_.granted && !options_.subscriptions.empty()) {
     enter(State::subscribing, times_.until);
-    if (const auto cause = connection_->subscribe(options_.subscriptions, options_.subscription_qos))
-      return over(*cause, now);
+    cause = connection_->subscribe(options_.subscriptions, options_.subscription_qos);
   }
-  if (state_ == State::subscribing && answers_.subscriptions) tell_connected(now);
+  if (cause) return over(*cause, now);
+  const bool all_answered = answers_.granted && (options_.subscriptions.empty() || answers_.subscriptions);
+  if (all_answered && state_ != State::connected && state_ != State::parting) tell_connected(now);
 }
 
 void Core::tell_connected(Time now) noexcept {
@@ -174,24 +177,23 @@ void Core::tell_connected(Time now) noexcept {
   early_.tell(*handler_);
 }
 
-void Core::tick(Time now) noexcept {
-  if (state_ != State::connected || now < times_.tick) return;
-  times_.tick = next_second(now);
-  if (const auto cause = connection_->tick()) over(*cause, now);
-}
-
-void Core::send() noexcept {
-  if (state_ != State::connected) return;
-  const std::size_t window = std::min<std::size_t>(options_.limits.unacknowledged, answers_.granted->unacknowledged);
-  while (outbox_.may_send(window) && !connection_->is_writing()) {
+void Core::send(Time now) noexcept {
+  if (!connection_) return;
+  const std::size_t window =
+      answers_.granted ? std::min<std::size_t>(options_.limits.unacknowledged, answers_.granted->unacknowledged) : 0;
+  while (state_ == State::connected && outbox_.may_send(window) && !connection_->is_writing()) {
     auto& sending = outbox_.send();
     if (const auto sent = connection_->publish(sending.letter.message, sending.packet); !sent)
       hand_back(outbox_.failed(), sent.error());
+    if (const auto cause = connection_->say()) return over(*cause, now);
   }
   const auto parting = postbox_.asked_to_part();
-  if (!parting || times_.until == Time::max() || !outbox_.is_empty() || connection_->is_writing()) return;
-  enter(State::parting, times_.until);
-  connection_->disconnect(*parting);
+  if (parting && state_ == State::connected && times_.until != Time::max() && outbox_.is_empty() &&
+      !connection_->is_writing()) {
+    enter(State::parting, times_.until);
+    connection_->disconnect(*parting);
+  }
+  if (const auto cause = connection_->say()) over(*cause, now);
 }
 
 // Before the thread waits again: for what, and until when.
@@ -214,6 +216,7 @@ void Core::over(const Cause& cause, Time now) noexcept {
   answers_ = {};
   early_.clear();
   while (const auto letter = outbox_.take_any()) hand_back(*letter, cause.words);
+  while (const auto letter = postbox_.take()) hand_back(*letter, cause.words);
   Disconnected told{.why = cause.why,
                     .words = fmt::format("{}: {}", to_string(options_.where), cause.words),
                     .was_connected = reached == Stage::connected};
@@ -239,9 +242,7 @@ void Core::subscribed(std::span<const int> codes) noexcept {
 }
 
 void Core::message(std::string_view topic, std::span<const std::uint8_t> payload, bool retained) noexcept {
-  if (topic.size() + payload.size() > options_.limits.incoming) {
-    postbox_.dropped_incoming();
-  } else if (state_ == State::connected) {
+  if (state_ == State::connected) {
     handler_->message(topic, payload, retained);
   } else if (state_ != State::parting && !early_.keep(topic, payload, retained)) {
     postbox_.dropped_incoming();

@@ -27,7 +27,7 @@ class Core final : private Ear {
 
   // The hub's thread.
   void add(Letter letter) noexcept { outbox_.add(std::move(letter)); }
-  void ready(std::uint32_t events, Time now) noexcept;
+  void ready(Time now) noexcept;
   void work(Time now) noexcept;
   [[nodiscard]] Time due() const noexcept { return times_.due; }
 
@@ -55,6 +55,7 @@ class Core final : private Ear {
   // The way to a connection.
   void look_up(Time now) noexcept;
   [[nodiscard]] std::optional<Cause> connect(const std::vector<std::string>& addresses) noexcept;
+  [[nodiscard]] std::optional<Cause> ask() noexcept;
   void proceed(Time now) noexcept;
   void tell_connected(Time now) noexcept;
   [[nodiscard]] Stage stage() const noexcept;
@@ -62,8 +63,7 @@ class Core final : private Ear {
   void take_posts() noexcept;
   void begin_to_part(Time now) noexcept;
   void time_over(Time now) noexcept;
-  void tick(Time now) noexcept;
-  void send() noexcept;
+  void send(Time now) noexcept;
   void settle() noexcept;
   // Its end.
   void over(const Cause& cause, Time now) noexcept;
@@ -73,6 +73,7 @@ class Core final : private Ear {
   void granted(const Granted& granted) noexcept override { answers_.granted = granted; }
   void subscribed(std::span<const int> codes) noexcept override;
   void message(std::string_view topic, std::span<const std::uint8_t> payload, bool retained) noexcept override;
+  void skipped() noexcept override { postbox_.dropped_incoming(); }
   void out(int packet, unsigned code) noexcept override;
 
   Hub* hub_;

@@ -30,8 +30,8 @@ struct TlsFiles {
 };
 
 struct Limits {
-  /// Bytes of an incoming packet; MQTT 5 tells the broker (Maximum Packet Size, §3.1.2.11.4). A larger message is
-  /// dropped and counted; a packet that goes on beyond it ends the connection.
+  /// Bytes of an incoming packet. By MQTT 5 the broker is told (Maximum Packet Size, §3.1.2.11.4) and sends none that
+  /// are larger; by 3.1.1 a larger message is dropped and counted.
   std::size_t incoming = std::size_t{256} << 10U;
   /// Messages and bytes (topic and payload) that wait to be sent or acknowledged. Messages that `may` be sent get three
   /// quarters of it.

@@ -28,7 +28,8 @@ bool Hub::start() noexcept {
   epoll_event event{};
   event.events = EPOLLIN;
   event.data.ptr = nullptr;
-  if (epoll_ < 0 || !bell_->good() || ::epoll_ctl(epoll_, EPOLL_CTL_ADD, bell_->descriptor(), &event) != 0)
+  if (epoll_ < 0 || !bell_->good() || !dock_.good() ||
+      ::epoll_ctl(epoll_, EPOLL_CTL_ADD, bell_->descriptor(), &event) != 0)
     return false;
   sigset_t all{}, before{};
   ::sigfillset(&all);
@@ -100,7 +101,7 @@ void Hub::run() noexcept {
       const epoll_event& event = events[static_cast<std::size_t>(i)];
       auto* const core = static_cast<Core*>(event.data.ptr);
       rung = rung || core == nullptr;
-      if (core != nullptr) core->ready(event.events, now);
+      if (core != nullptr) core->ready(now);
     }
     if (rung) answer_bell(now);
     if (now >= next_due_) work_due(now);

@@ -6,8 +6,8 @@
 /// It waits by epoll for all of its clients, and no client makes another wait: libmosquitto is used without blocking,
 /// names are looked up elsewhere, and each client gets one turn after another. It blocks all signals.
 ///
-/// A client takes four file descriptors while it is connected (its socket twice, and a pair that libmosquitto makes and
-/// does not need) and, in the kernel, up to 208 KiB behind that pair.
+/// A client takes five file descriptors while it is connected: its socket, a pair between it and libmosquitto, and
+/// another pair that libmosquitto makes, does not need here, and fills with up to 208 KiB in the kernel.
 #pragma once
 
 #include <memory>

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "berth/base/bell.hpp"
+#include "berth/mqtt/dock.hpp"
 #include "berth/mqtt/names.hpp"
 #include "berth/mqtt/tls_cache.hpp"
 
@@ -50,6 +51,7 @@ class Hub {
   void await_name() noexcept { awaits_name_ = true; }
   [[nodiscard]] Names& names() noexcept { return names_; }
   [[nodiscard]] TlsCache& tls() noexcept { return tls_; }
+  [[nodiscard]] const Dock& dock() const noexcept { return dock_; }
 
  private:
   void run() noexcept;
@@ -64,6 +66,7 @@ class Hub {
   std::shared_ptr<Bell> bell_;
   Names names_;
   TlsCache tls_;
+  Dock dock_;
   bool awaits_name_ = false;
   std::vector<std::shared_ptr<Core>> cores_;
   std::vector<std::shared_ptr<Core>> going_;  // of cores_: their clients are being destroyed

@@ -35,25 +35,13 @@ int no_passphrase(char*, int, int, void* asked) {
   return -1;
 }
 
-const Tls& owner(const SSL* ssl) noexcept {
-  return *static_cast<const Tls*>(SSL_CTX_get_app_data(SSL_get_SSL_CTX(ssl)));
-}
-
 TlsNews* news_of(const SSL* ssl) noexcept { return static_cast<TlsNews*>(SSL_get_app_data(ssl)); }
 
-// libmosquitto is given an address, since looking a name up would block it, and would ask for the certificate of that
-// address: the name to ask for (SNI, RFC 6066 §3) is set before the first message is made.
 void informed(const SSL* ssl, int where, int value) {
-  if ((where & SSL_CB_HANDSHAKE_START) != 0) {
-    std::string host = owner(ssl).host();
-    SSL_ctrl(const_cast<SSL*>(ssl), SSL_CTRL_SET_TLSEXT_HOSTNAME, TLSEXT_NAMETYPE_host_name,
-             is_address(host) ? nullptr : host.data());
-  }
   TlsNews* const news = news_of(ssl);
-  if (news != nullptr && (where & SSL_CB_READ_ALERT) == SSL_CB_READ_ALERT) {
-    const int alert = value & 0xFF;
-    if (alert != SSL_AD_CLOSE_NOTIFY) news->alert = alert;
-  }
+  if (news == nullptr || (where & SSL_CB_READ_ALERT) != SSL_CB_READ_ALERT) return;
+  const int alert = value & 0xFF;
+  if (alert != SSL_AD_CLOSE_NOTIFY) news->alert = alert;
 }
 
 int verify(X509_STORE_CTX* chain, void*) {
@@ -72,12 +60,12 @@ int verify(X509_STORE_CTX* chain, void*) {
 
 Tls::Tls(std::string host) : context_(SSL_CTX_new(TLS_client_method())), host_(std::move(host)) {
   if (context_ == nullptr) return;
-  SSL_CTX_set_app_data(context_, this);
   SSL_CTX_set_min_proto_version(context_, TLS1_2_VERSION);
   SSL_CTX_set_options(context_, SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_COMPRESSION);
   SSL_CTX_set_cipher_list(context_, "ECDHE+AESGCM:ECDHE+CHACHA20");  // of TLS 1.2; those of 1.3 are all good
   SSL_CTX_set_session_cache_mode(context_, SSL_SESS_CACHE_OFF);
-  SSL_CTX_set_mode(context_, SSL_MODE_RELEASE_BUFFERS);
+  SSL_CTX_set_mode(context_,
+                   SSL_MODE_RELEASE_BUFFERS | SSL_MODE_ENABLE_PARTIAL_WRITE | SSL_MODE_ACCEPT_MOVING_WRITE_BUFFER);
   SSL_CTX_set_verify(context_, SSL_VERIFY_PEER, nullptr);
   SSL_CTX_set_cert_verify_callback(context_, verify, nullptr);
   SSL_CTX_set_info_callback(context_, informed);
@@ -138,12 +126,16 @@ tl::expected<std::shared_ptr<Tls>, std::string> Tls::load(const TlsFiles& files,
   return made;
 }
 
-void tell(ssl_st* ssl, TlsNews& news) noexcept {
-  if (ssl != nullptr) SSL_set_app_data(ssl, &news);
+// The name is asked for (SNI, RFC 6066 §3), as a broker of many names has a certificate for each.
+ssl_st* Tls::begin(int fd, TlsNews& news) const noexcept {
+  SSL* const ssl = SSL_new(context_);
+  if (ssl == nullptr) return nullptr;
+  SSL_set_app_data(ssl, &news);
+  std::string name = host_;
+  if (!is_address(host_)) SSL_ctrl(ssl, SSL_CTRL_SET_TLSEXT_HOSTNAME, TLSEXT_NAMETYPE_host_name, name.data());
+  if (SSL_set_fd(ssl, fd) == 1) return ssl;
+  SSL_free(ssl);
+  return nullptr;
 }
-
-bool is_shaking_hands(const ssl_st* ssl) noexcept { return ssl != nullptr && SSL_is_init_finished(ssl) == 0; }
-
-bool wants_to_write(const ssl_st* ssl) noexcept { return ssl != nullptr && SSL_want(ssl) == SSL_WRITING; }
 
 }  // namespace berth::mqtt

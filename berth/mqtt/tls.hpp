@@ -1,7 +1,6 @@
 /// TLS of a client: what it trusts and shows, and what its handshakes tell. Internal to room `mqtt`.
 ///
-/// libmosquitto could set TLS up by itself, but reports every fault of it as one and the same. So the context is made
-/// here: the broker's name is always verified, TLS is 1.2 or 1.3, and `TlsNews` gets what was found.
+/// The broker's name is always verified; TLS is 1.2 or 1.3.
 #pragma once
 
 #include <memory>
@@ -32,7 +31,9 @@ class Tls {
   Tls(const Tls&) = delete;
   Tls& operator=(const Tls&) = delete;
 
-  [[nodiscard]] ssl_ctx_st* context() const noexcept { return context_; }
+  /// TLS over a connected socket, which stays the caller's; a new object of the caller's (SSL_free). `news` is told
+  /// while it lives. Null: no memory.
+  [[nodiscard]] ssl_st* begin(int fd, TlsNews& news) const noexcept;
   [[nodiscard]] const std::string& host() const noexcept { return host_; }
 
  private:
@@ -44,13 +45,5 @@ class Tls {
   ssl_ctx_st* context_;
   std::string host_;
 };
-
-/// One connection's handshake, of a context of `Tls`; `ssl` null: there is no TLS.
-/// From now on `news` is told; it must stay as long as the connection.
-void tell(ssl_st* ssl, TlsNews& news) noexcept;
-/// Not done yet.
-[[nodiscard]] bool is_shaking_hands(const ssl_st* ssl) noexcept;
-/// It waits until it can write.
-[[nodiscard]] bool wants_to_write(const ssl_st* ssl) noexcept;
 
 }  // namespace berth::mqtt

@@ -119,9 +119,7 @@ TEST_P(Mqtt, TheWillOfAKilledProcessIsThatOfItsLastConnection) {
   ASSERT_TRUE(watcher.heard.until([](const Story& s) { return s.has("will"); }));
   const auto story = watcher.heard.story();
   const auto will = std::ranges::find(story.messages, "will", &test::Arrived::topic);
-  // Attempts while the broker was away come between.
-  EXPECT_NE(will->payload, "attempt 1");
-  EXPECT_TRUE(will->payload.starts_with("attempt ")) << will->payload;
+  EXPECT_EQ(will->payload, "attempt 2");
 }
 
 TEST_P(Mqtt, ARestartedBrokerIsFoundAgain) {
@@ -431,6 +429,8 @@ TEST_P(Mqtt, WhatTheRightsForbidIsSaid) {
   }
 }
 
+// By MQTT 5 the broker knows the limit, and does not send what is larger. By 3.1.1 it is dropped here, and
+// acknowledged: the broker would stop after twenty that were not.
 TEST_P(Mqtt, AMessageThatIsTooLargeToTakeIsDroppedAndCounted) {
   NEEDS_BROKER();
   const Broker broker;
@@ -439,12 +439,15 @@ TEST_P(Mqtt, AMessageThatIsTooLargeToTakeIsDroppedAndCounted) {
   chosen.limits.incoming = 2'000;
   Station reader(chosen);
   ASSERT_TRUE(writer.heard.until(is_up) && reader.heard.until(is_up));
-  ASSERT_TRUE(writer.publish("large", std::string(2'001, 'x')));
+  // Mosquitto 2.0 counts what it does not send as on its way, and stops after twenty.
+  const int acknowledged = GetParam() == Version::v5 ? 10 : 25;
+  for (int i = 0; i < 5 + acknowledged; ++i)
+    ASSERT_TRUE(writer.publish("large", std::string(20'000, 'x'), i < 5 ? Qos::at_most_once : Qos::at_least_once));
   ASSERT_TRUE(writer.publish("small", std::string(1'900, 'x')));
   ASSERT_TRUE(reader.heard.until([](const Story& s) { return s.has("small"); }));
   EXPECT_FALSE(reader.heard.story().has("large"));
-  // By MQTT 5 the broker knows the limit, and does not send it.
-  EXPECT_EQ(reader.client->counts().incoming_dropped, GetParam() == Version::v5 ? 0U : 1U);
+  EXPECT_TRUE(reader.heard.story().disconnected.empty());
+  EXPECT_EQ(reader.client->counts().incoming_dropped, GetParam() == Version::v5 ? 0U : 30U);
 }
 
 TEST(MqttLargest, WhatIsTooLargeForTheBrokerIsRefused) {
