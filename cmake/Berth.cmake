@@ -165,16 +165,18 @@ std::span<const BuiltPage> built_pages() noexcept { return std::span(all).first(
   target_sources(${target} PRIVATE ${out}/pages_built.cpp)
 endfunction()
 
-# The wire types of Sparkplug, generated into the build folder. They are no code of ours: compiled without our warnings,
-# and seen by the sources of the room only.
+# The wire types of Sparkplug, generated into the build folder: at configuration, as ./run lint reads sources and builds
+# nothing. They are no code of ours: compiled without our warnings, and seen by the sources of the room only.
 function(berth_protobuf target name)
   find_package(Protobuf REQUIRED)
   set(out ${PROJECT_BINARY_DIR}/protobuf)
-  set(proto ${PROJECT_SOURCE_DIR}/berth/sparkplug/${name}.proto)
+  set(folder ${PROJECT_SOURCE_DIR}/berth/sparkplug)
+  set_property(DIRECTORY ${PROJECT_SOURCE_DIR} APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${folder}/${name}.proto)
   file(MAKE_DIRECTORY ${out})
-  add_custom_command(OUTPUT ${out}/${name}.pb.cc ${out}/${name}.pb.h
-    COMMAND ${Protobuf_PROTOC_EXECUTABLE} --cpp_out=${out} --proto_path=${PROJECT_SOURCE_DIR}/berth/sparkplug ${proto}
-    DEPENDS ${proto} VERBATIM)
+  if(${folder}/${name}.proto IS_NEWER_THAN ${out}/${name}.pb.cc)
+    execute_process(COMMAND ${Protobuf_PROTOC_EXECUTABLE} --cpp_out=${out} --proto_path=${folder} ${name}.proto
+      COMMAND_ERROR_IS_FATAL ANY)
+  endif()
   set_source_files_properties(${out}/${name}.pb.cc PROPERTIES COMPILE_OPTIONS -w SKIP_UNITY_BUILD_INCLUSION ON
     SKIP_PRECOMPILE_HEADERS ON)
   target_sources(${target} PRIVATE ${out}/${name}.pb.cc)

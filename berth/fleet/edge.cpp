@@ -17,6 +17,8 @@ using namespace std::chrono_literals;
 using sparkplug::MessageType;
 using std::chrono::milliseconds;
 
+constexpr milliseconds short_life = 60s;  // a connection that ends before that was not a good one
+constexpr unsigned most_short_lives = 3;  // in a row, before Berth says no more of it
 constexpr milliseconds disk_pause = 30s;  // until a disk that refused is tried again
 // While so much waits to be sent, nothing more is handed to the connection.
 constexpr std::size_t most_waiting_bytes = 4U << 20U;
@@ -110,8 +112,10 @@ class Edge::Core final : public Turner,
   void connected(const mqtt::Connected& connected) noexcept override {
     const std::scoped_lock lock(mutex_);
     connection_ = connected.connection;
-    say(Order::Kind::said, fmt::format("connected to {} as {}/{}", mqtt::to_string(options_.connection.where),
-                                       options_.id.group, options_.id.node));
+    connected_at_ = clock_.now().steady;
+    if (short_lives_ < most_short_lives)
+      say(Order::Kind::said, fmt::format("connected to {} as {}/{}", mqtt::to_string(options_.connection.where),
+                                         options_.id.group, options_.id.node));
     for (const auto& refused : connected.refused) {
       say(Order::Kind::trouble, fmt::format("the broker refuses the subscription {}: {}; no host can command this "
                                             "machine, or its primary host is not heard",
@@ -216,14 +220,20 @@ class Edge::Core final : public Turner,
   }
   void say(Order::Kind kind, std::string words) { put({.kind = kind, .words = std::move(words)}); }
 
-  // Once for each kind of loss: a broker that is away for a night is one line.
+  // Once for each kind of loss: a broker that is away for a night is one line, and a connection that ends again and
+  // again a few.
   void tell_loss(const mqtt::Disconnected& over) {
-    if (told_loss_ == over.words && !over.was_connected) return;
+    if (over.was_connected) {
+      const bool lasted = clock_.now().steady - connected_at_ >= short_life;
+      short_lives_ = lasted ? 0 : short_lives_ + 1;
+    }
+    const bool again = over.was_connected ? short_lives_ > most_short_lives : told_loss_ == over.words;
+    if (again) return;
     told_loss_ = over.words;
-    const char* const taken = over.why == mqtt::Why::taken_over
-                                  ? "; perhaps the same machine runs twice: give one another node = in [mqtt]"
-                                  : "";
-    say(Order::Kind::trouble, fmt::format("{}{}; Berth tries again, and keeps what changes", over.words, taken));
+    const bool twice = over.why == mqtt::Why::taken_over || short_lives_ == most_short_lives;
+    say(Order::Kind::trouble,
+        fmt::format("{}; Berth tries again, and keeps what changes{}", over.words,
+                    twice ? "; perhaps this machine runs twice: give one of them another node = in [mqtt]" : ""));
   }
 
   void take_news() {
@@ -313,6 +323,8 @@ class Edge::Core final : public Turner,
   std::string told_loss_;
   std::string told_wrong_;
   std::uint64_t orders_lost_ = 0;
+  milliseconds connected_at_{0};
+  unsigned short_lives_ = 0;  // connections in a row that ended soon
   milliseconds disk_again_{0};
   milliseconds tell_backlog_{0};
   milliseconds anew_at_{0};

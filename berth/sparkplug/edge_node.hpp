@@ -47,7 +47,8 @@ class Application {
   /// Carry it out. The new value is reported by `EdgeNode::change` once it is so.
   virtual void command(const Command& command) = 0;
   /// A command, or a message, that was not carried out, with the reason, for a log and a metric. `metric` is empty when
-  /// the whole message was refused. Names come from outside: escape them before they are shown.
+  /// the whole message was refused. Names come from outside: escape them before they are shown. It comes as often as
+  /// somebody publishes: bound what is made of it.
   virtual void refused(const std::string& device, const std::string& metric, const std::string& reason) = 0;
 
  protected:

@@ -6,6 +6,7 @@ namespace berth::sparkplug {
 namespace {
 
 constexpr std::size_t read_at_once = 1000;
+constexpr int most_reads = 10;
 
 }  // namespace
 
@@ -20,16 +21,18 @@ void Forwarder::keep(const Kept& change) {
 std::vector<Backlog::Entry> Forwarder::portion(std::size_t most, const Judge& judge) {
   std::vector<Backlog::Entry> out;
   std::vector<std::uint64_t> gone;
-  // One read a call: a long row of entries that wait is passed over in several.
-  auto entries = backlog_->after(cursor_, std::max(most, read_at_once));
-  more_ = !entries.empty();
-  for (auto& entry : entries) {
-    if (out.size() == most) break;
-    cursor_ = entry.id;
-    if (in_flight_.contains(entry.id)) continue;
-    const auto fate = judge(entry.kept);
-    if (fate == Fate::send) out.push_back(std::move(entry));
-    if (fate == Fate::never) gone.push_back(entry.id);
+  // A long row of entries that wait is passed over in several calls.
+  for (int reads = 0; reads < most_reads && out.size() < most; ++reads) {
+    auto entries = backlog_->after(cursor_, most - out.size());
+    more_ = !entries.empty();
+    if (!more_) break;
+    for (auto& entry : entries) {
+      cursor_ = entry.id;
+      if (in_flight_.contains(entry.id)) continue;
+      const auto fate = judge(entry.kept);
+      if (fate == Fate::send) out.push_back(std::move(entry));
+      if (fate == Fate::never) gone.push_back(entry.id);
+    }
   }
   lost_ += gone.size();
   backlog_->drop(gone);

@@ -40,7 +40,7 @@ class HostEvents {
 
 struct HostOptions {
   std::string id;                   ///< must pass `check_id`; unique among all hosts
-  std::vector<std::string> groups;  ///< those that it sees; empty: all
+  std::vector<std::string> groups;  ///< those that it sees, each by `check_id`; empty: all
   Fleet::Limits limits{};
   /// How long a message may come after one that was sent later (§5.11). 0: the broker keeps the order over all topics.
   std::chrono::milliseconds reorder_timeout{2000};

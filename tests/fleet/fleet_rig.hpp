@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <functional>
 #include <map>
@@ -56,6 +57,27 @@ inline design::Machine machine_of(const std::string& text) {
   return read.machine ? std::move(*read.machine) : design::Machine{};
 }
 
+/// UTC follows the world, which is turned quicker than the clock.
+class RigClock final : public Clock {
+ public:
+  explicit RigClock(rt::Executor& executor) : executor_(&executor) {}
+  [[nodiscard]] sparkplug::Now now() const noexcept override {
+    if (std::this_thread::get_id() == owner_) {
+      const auto since = std::chrono::duration_cast<std::chrono::milliseconds>(executor_->now().time_since_epoch());
+      world_ms_ = since.count();
+    }
+    auto now = SystemClock().now();
+    now.utc.ms = begin_ms + static_cast<std::uint64_t>(world_ms_.load());
+    return now;
+  }
+  static constexpr std::uint64_t begin_ms = 1'767'225'600'000;  // 2026-01-01
+
+ private:
+  rt::Executor* executor_;
+  std::thread::id owner_ = std::this_thread::get_id();
+  mutable std::atomic<std::int64_t> world_ms_{0};
+};
+
 /// The machine, its world and Berth.
 class Rig : private can::Tap {
  public:
@@ -68,6 +90,7 @@ class Rig : private can::Tap {
     for (const auto& each : findings) ADD_FAILURE() << to_string(each);
     port_ = world_->attach_master("field");
     world_->start();
+    clock_.emplace(world_->executor());
     session_ = std::make_unique<tree::Session>(world_->executor(), machine_, store_);
     EXPECT_TRUE(session_->connect("field", *port_));
     EXPECT_TRUE(session_->open());
@@ -92,7 +115,7 @@ class Rig : private can::Tap {
       requests.push_back(request);
       return command::execute(*session_, request, reply);
     };
-    auto made = Fleet::start(*session_, carry, clock_, Random(5), options);
+    auto made = Fleet::start(*session_, carry, *clock_, Random(5), options);
     if (!made) return made.error();
     fleet = std::move(*made);
     return {};
@@ -170,8 +193,8 @@ class Rig : private can::Tap {
 
   design::Machine machine_;
   places::MemoryStore store_;
-  SystemClock clock_;
   std::unique_ptr<plant::World> world_;
+  std::optional<RigClock> clock_;
   std::unique_ptr<sim::Controller> port_;
   std::unique_ptr<tree::Session> session_;
 };

@@ -55,6 +55,7 @@ class Judge {
   void connection() {
     born_ = false;
     names_.clear();
+    all_.clear();  // aliases are those of a session
   }
   void message(const Publication& message) {
     const auto topic = parse_topic(message.topic);
@@ -86,10 +87,10 @@ class Judge {
     if (birth) {
       names.clear();
       for (const auto& each : payload.metrics) {
-        if (each.alias)
-          RC_ASSERT(all_.try_emplace(*each.alias, topic.device + "|" + *each.name).first->second ==
-                    topic.device + "|" + *each.name);
-        if (each.alias) names.insert(*each.alias);
+        if (!each.alias) continue;
+        const auto full = topic.device + "|" + *each.name;
+        RC_ASSERT(all_.try_emplace(*each.alias, full).first->second == full);
+        names.insert(*each.alias);
       }
     }
     if (topic.type == MessageType::ddeath) {
@@ -97,7 +98,7 @@ class Judge {
       names.clear();
     }
     for (const auto& each : payload.metrics) {
-      if (!birth) RC_ASSERT(names.contains(each.alias.value_or(0)));
+      RC_ASSERT(birth || names.contains(each.alias.value_or(0)));
       const auto value = interpret(DataType::int64, each.value);
       if (const auto* number = std::get_if<std::int64_t>(&value)) received.insert(*number);
     }
@@ -291,17 +292,21 @@ class World {
   /// Up to `most` items of each queue go on.
   void pump(std::size_t most) {
     for (std::size_t i = 0; i < most; ++i) {
+      bool idle = true;
       for (auto* line : {&node_line_, &host_line_}) {
         if (line->up && !line->to_broker.empty()) {
           auto item = std::move(line->to_broker.front());
           line->to_broker.pop_front();
+          idle = false;
           take(*line, std::move(item));
         }
         if (!line->up || line->to_client.empty()) continue;
         const auto item = std::move(line->to_client.front());
         line->to_client.pop_front();
+        idle = false;
         hand(*line, item);
       }
+      if (idle) return;
     }
   }
   void hand(Line& line, const Line::Item& item) {
