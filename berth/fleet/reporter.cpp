@@ -254,8 +254,9 @@ bool Reporter::tell_signal(std::size_t index) {
   const bool changed = quality != told.quality;
   const bool early = session_->executor().now() - told.at < signal.wanted.every;
   if (!changed && (early || !has_moved(told, state, signal))) return true;
-  // A value that becomes stale does so now; else it has the time at which it was on the bus.
-  const auto at = changed || !state.known ? clock_->now().utc : utc_of(state.at);
+  // A value has the time at which it was on the bus; that it is stale, or good again, has the time of now.
+  const bool fresh = quality == Quality::good && state.at >= told.at;
+  const auto at = fresh ? utc_of(state.at) : clock_->now().utc;
   const auto& name = session_->machine().slots[signal.slot].spec.name.name;
   if (!put({.device = name, .metric = signal.metric, .value = value_of(index), .at = at, .quality = quality}))
     return false;
