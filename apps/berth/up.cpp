@@ -15,6 +15,7 @@
 #include "drive.hpp"
 #include "gateway.hpp"
 #include "machine_file.hpp"
+#include "mqtt_host.hpp"
 #include "ports.hpp"
 #include "second_word.hpp"
 #include "studio_host.hpp"

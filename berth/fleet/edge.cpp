@@ -6,6 +6,7 @@
 #include <mutex>
 #include <utility>
 
+#include "berth/fleet/connection_words.hpp"
 #include "berth/fleet/hub_parts.hpp"
 #include "berth/fleet/keeping.hpp"
 #include "berth/mqtt/client.hpp"
@@ -17,8 +18,6 @@ using namespace std::chrono_literals;
 using sparkplug::MessageType;
 using std::chrono::milliseconds;
 
-constexpr milliseconds short_life = 60s;  // a connection that ends before that was not a good one
-constexpr unsigned most_short_lives = 3;  // in a row, before Berth says no more of it
 constexpr milliseconds disk_pause = 30s;  // until a disk that refused is tried again
 // While so much waits to be sent, nothing more is handed to the connection.
 constexpr std::size_t most_waiting_bytes = 4U << 20U;
@@ -77,8 +76,6 @@ class Edge::Core final : public Turner,
     keeping_.try_disk_again();
   }
 
-  Hub& hub() noexcept { return hub_; }
-
   milliseconds turn() noexcept override {
     bool anew = false;
     milliseconds patience{1000};
@@ -112,10 +109,9 @@ class Edge::Core final : public Turner,
   void connected(const mqtt::Connected& connected) noexcept override {
     const std::scoped_lock lock(mutex_);
     connection_ = connected.connection;
-    connected_at_ = clock_.now().steady;
-    if (short_lives_ < most_short_lives)
-      say(Order::Kind::said, fmt::format("connected to {} as {}/{}", mqtt::to_string(options_.connection.where),
-                                         options_.id.group, options_.id.node));
+    const auto where =
+        fmt::format("{} as {}/{}", mqtt::to_string(options_.connection.where), options_.id.group, options_.id.node);
+    if (auto words = words_.connected(where, clock_.now().steady)) say(Order::Kind::said, std::move(*words));
     for (const auto& refused : connected.refused) {
       say(Order::Kind::trouble, fmt::format("the broker refuses the subscription {}: {}; no host can command this "
                                             "machine, or its primary host is not heard",
@@ -132,7 +128,7 @@ class Edge::Core final : public Turner,
     probes_.clear();
     broken_ = false;  // the client connects again by itself, in its own pace
     node_.disconnected(clock_.now());
-    if (over.why != mqtt::Why::ended) tell_loss(over);
+    if (auto words = words_.lost(over, clock_.now().steady)) say(Order::Kind::trouble, std::move(*words));
     hub_.wake();
   }
 
@@ -220,22 +216,6 @@ class Edge::Core final : public Turner,
   }
   void say(Order::Kind kind, std::string words) { put({.kind = kind, .words = std::move(words)}); }
 
-  // Once for each kind of loss: a broker that is away for a night is one line, and a connection that ends again and
-  // again a few.
-  void tell_loss(const mqtt::Disconnected& over) {
-    if (over.was_connected) {
-      const bool lasted = clock_.now().steady - connected_at_ >= short_life;
-      short_lives_ = lasted ? 0 : short_lives_ + 1;
-    }
-    const bool again = over.was_connected ? short_lives_ > most_short_lives : told_loss_ == over.words;
-    if (again) return;
-    told_loss_ = over.words;
-    const bool twice = over.why == mqtt::Why::taken_over || short_lives_ == most_short_lives;
-    say(Order::Kind::trouble,
-        fmt::format("{}; Berth tries again, and keeps what changes{}", over.words,
-                    twice ? "; perhaps this machine runs twice: give one of them another node = in [mqtt]" : ""));
-  }
-
   void take_news() {
     const auto now = clock_.now();
     while (auto news = link_.news.take()) take(std::move(*news), now);
@@ -320,11 +300,9 @@ class Edge::Core final : public Turner,
   std::unique_ptr<mqtt::Client> client_;
   mqtt::ConnectionNumber connection_ = 0;
   std::map<mqtt::MessageId, std::uint64_t> probes_;  // the node's mark of each
-  std::string told_loss_;
+  ConnectionWords words_;
   std::string told_wrong_;
   std::uint64_t orders_lost_ = 0;
-  milliseconds connected_at_{0};
-  unsigned short_lives_ = 0;  // connections in a row that ended soon
   milliseconds disk_again_{0};
   milliseconds tell_backlog_{0};
   milliseconds anew_at_{0};
@@ -333,14 +311,14 @@ class Edge::Core final : public Turner,
   bool ending_ = false;
 };
 
-Edge::Edge(std::unique_ptr<Core> core) noexcept : core_(std::move(core)) {}
+Edge::Edge(Hub& hub, std::unique_ptr<Core> core) noexcept : hub_(&hub), core_(std::move(core)) {}
 
 Edge::~Edge() {
-  core_->hub().leave(*core_);
+  hub_->leave(*core_);
   core_->end();
 }
 
-void Edge::wake() const noexcept { core_->hub().wake(); }
+void Edge::wake() const noexcept { hub_->wake(); }
 
 tl::expected<std::unique_ptr<Edge>, std::string> Edge::start(Thread& thread, EdgeOptions options, Link& link,
                                                              const Clock& clock, Random random) {
@@ -349,7 +327,7 @@ tl::expected<std::unique_ptr<Edge>, std::string> Edge::start(Thread& thread, Edg
   auto core = std::make_unique<Core>(thread.hub(), std::move(options), link, clock, random);
   if (auto begun = core->begin(); !begun) return tl::unexpected(begun.error());
   thread.hub().join(*core);
-  return std::unique_ptr<Edge>(new Edge(std::move(core)));
+  return std::unique_ptr<Edge>(new Edge(thread.hub(), std::move(core)));
 }
 
 }  // namespace berth::fleet

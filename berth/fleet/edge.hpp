@@ -39,7 +39,8 @@ class Edge {
 
  private:
   class Core;
-  explicit Edge(std::unique_ptr<Core> core) noexcept;
+  Edge(Hub& hub, std::unique_ptr<Core> core) noexcept;
+  Hub* hub_;
   std::unique_ptr<Core> core_;
 };
 
