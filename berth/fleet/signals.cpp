@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstring>
 
 #include "berth/command/objects.hpp"
 #include "berth/document/bus_signals.hpp"
@@ -149,6 +150,17 @@ class Planner {
   SignalPlan plan_;
 };
 
+// Bit 0 of byte 0 is bit 0 (CiA 301 §7.1.4). Bytes beyond the frame's size are anything.
+std::uint64_t first_eight(const can::Frame& frame) noexcept {
+  std::uint64_t all = 0;
+  if constexpr (std::endian::native == std::endian::little) {
+    std::memcpy(&all, frame.data.data(), sizeof all);
+  } else {
+    for (unsigned i = 0; i < sizeof all; ++i) all |= std::uint64_t{frame.data[i]} << (8U * i);
+  }
+  return all;
+}
+
 DataType integer_type(od::DataType type) noexcept {
   const unsigned bytes = od::byte_size(type) <= 2   ? static_cast<unsigned>(od::byte_size(type))
                          : od::byte_size(type) <= 4 ? 4U
@@ -250,8 +262,7 @@ void SignalTable::frame(std::size_t bus, const can::Frame& frame, rt::Time at) n
 
 void SignalTable::hear(const Range& range, const can::Frame& frame, rt::Time at) noexcept {
   if (range.count == 0) return;
-  std::uint64_t all = 0;
-  for (unsigned i = 0; i < frame.size; ++i) all |= std::uint64_t{frame.data[i]} << (8U * i);
+  const std::uint64_t all = first_eight(frame);
   for (std::uint32_t i = 0; i < range.count; ++i) {
     const Part& part = parts_[range.first + i];
     if (part.at + part.bits > 8U * frame.size) continue;  // a shorter PDO than it should be
