@@ -180,7 +180,7 @@ bool Connection::is_writing() const noexcept {
 }
 
 std::optional<Cause> Connection::ready() noexcept {
-  if (auto cause = line_->go_on()) return closed(*cause);
+  if (auto cause = line_->go_on()) return has_asked() && !parting_ ? why_not(*cause) : closed(*cause);
   if (!has_asked()) return std::nullopt;
   if (parting_) return part();
   if (auto cause = hear()) return cause;
@@ -239,12 +239,12 @@ std::optional<Cause> Connection::say() noexcept {
     const auto got = ::recv(inner_, buffer.data(), buffer.size(), 0);
     if (got > 0) {
       auto cause = line_->write(std::string_view(buffer.data(), static_cast<std::size_t>(got)));
-      if (cause) return why_not(std::move(*cause));
+      if (cause) return why_not(*cause);
       continue;
     }
     if (got < 0 && (acknowledgements_.empty() || mosquitto_want_write(client_))) break;
     if (got < 0) {  // between two packets of libmosquitto's
-      if (auto cause = line_->write(std::exchange(acknowledgements_, {}))) return why_not(std::move(*cause));
+      if (auto cause = line_->write(std::exchange(acknowledgements_, {}))) return why_not(*cause);
       continue;
     }
     finished_ = true;  // libmosquitto has closed its end behind DISCONNECT
@@ -266,16 +266,19 @@ std::optional<Cause> Connection::part() noexcept {
   }
 }
 
-// Writing failed. What the peer said before may tell why: an alert of TLS, after this client's certificate was refused.
-Cause Connection::why_not(Cause cause) noexcept {
-  std::array<char, 1> any{};
-  const auto got = line_->read(any);
-  return closed(!got && got.error().why != Why::closed ? got.error() : std::move(cause));
+// Writing failed. What the broker said before may tell why: DISCONNECT, or an alert of TLS after it refused this
+// client's certificate.
+Cause Connection::why_not(const Cause& cause) noexcept {
+  constexpr int pieces = 16;
+  for (int i = 0; i < pieces && !parting_; ++i) {
+    if (auto said = hear()) return *said;
+  }
+  return closed(cause);
 }
 
 // The line knows how it was closed, and not what that means.
-Cause Connection::closed(Cause cause) const {
-  return told_ ? *told_ : cause.why == Why::closed ? of_close(answered_) : std::move(cause);
+Cause Connection::closed(const Cause& cause) const {
+  return told_ ? *told_ : cause.why == Why::closed ? of_close(answered_) : cause;
 }
 
 std::optional<Cause> Connection::judge(int result) const {
@@ -299,7 +302,7 @@ std::optional<Cause> Connection::subscribe(const std::vector<std::string>& filte
     const int result = mosquitto_sub_topic_check(filter.c_str());
     if (result != MOSQ_ERR_SUCCESS)
       return Cause{Why::refused_otherwise,
-                   fmt::format("{} is no topic filter: {}", quoted(filter), mosquitto_strerror(result))};
+                   fmt::format("{} is no topic filter: {}", berth::quoted(filter), mosquitto_strerror(result))};
     all.push_back(const_cast<char*>(filter.c_str()));  // libmosquitto's type; it only reads them
   }
   return judge(mosquitto_subscribe_multiple(client_, nullptr, static_cast<int>(all.size()), all.data(),

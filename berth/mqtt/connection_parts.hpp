@@ -22,7 +22,7 @@
 
 // libmosquitto's.
 struct mosquitto;
-struct mqtt5__property;
+struct mqtt5__property;  // NOLINT(bugprone-reserved-identifier): its name there
 
 namespace berth::mqtt {
 
@@ -99,8 +99,8 @@ class Connection {
   [[nodiscard]] std::optional<Cause> take_in(const Incoming& packet) noexcept;
   [[nodiscard]] std::optional<Cause> part() noexcept;
   [[nodiscard]] std::optional<Cause> judge(int result) const;
-  [[nodiscard]] Cause why_not(Cause cause) noexcept;
-  [[nodiscard]] Cause closed(Cause cause) const;
+  [[nodiscard]] Cause why_not(const Cause& cause) noexcept;
+  [[nodiscard]] Cause closed(const Cause& cause) const;
 
   // libmosquitto's callbacks; `self` is a Connection.
   static void on_connect(mosquitto*, void* self, int code, int flags, const mqtt5__property* properties);

@@ -18,15 +18,14 @@ constexpr std::size_t longest_label = 63;
 
 using Read = tl::expected<Where, std::string>;
 
-bool is_ipv4(const std::string& host) noexcept {
-  in_addr address{};
-  return ::inet_pton(AF_INET, host.c_str(), &address) == 1;
+// The system reads up to a NUL.
+bool is_of(int family, const std::string& host) noexcept {
+  in6_addr address{};  // the larger one
+  return host.find('\0') == std::string::npos && ::inet_pton(family, host.c_str(), &address) == 1;
 }
 
-bool is_ipv6(const std::string& host) noexcept {
-  in6_addr address{};
-  return ::inet_pton(AF_INET6, host.c_str(), &address) == 1;
-}
+bool is_ipv4(const std::string& host) noexcept { return is_of(AF_INET, host); }
+bool is_ipv6(const std::string& host) noexcept { return is_of(AF_INET6, host); }
 
 bool is_digit(char c) noexcept { return c >= '0' && c <= '9'; }
 
@@ -60,7 +59,7 @@ std::optional<std::uint16_t> parse_port(std::string_view text) noexcept {
 }
 
 tl::unexpected<std::string> refuse(std::string_view text, std::string_view why) {
-  return tl::unexpected(fmt::format("{}: {}", quoted(text), why));
+  return tl::unexpected(fmt::format("{}: {}", berth::quoted(text), why));
 }
 
 Read with_port(Where where, std::string_view text, std::optional<std::string_view> port) {
@@ -89,7 +88,7 @@ Read with_name(Where where, std::string_view text, std::string_view rest) {
   where.host = rest.substr(0, colon);
   if (where.host.empty()) return refuse(text, "the host is missing: mqtt://HOST or mqtt://HOST:PORT");
   if (!is_ipv4(where.host) && !is_name(where.host))
-    return refuse(text, fmt::format("{} is neither a host's name nor an address", quoted(where.host)));
+    return refuse(text, fmt::format("{} is neither a host's name nor an address", berth::quoted(where.host)));
   if (colon == std::string_view::npos) return where;
   return with_port(std::move(where), text, rest.substr(colon + 1));
 }

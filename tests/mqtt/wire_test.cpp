@@ -233,6 +233,26 @@ TEST(WireReasons, OfAnEnd) {
   }
 }
 
+// The broker says why it ends the connection, and reads nothing of what is on its way to it.
+TEST(WireReasons, IsHeardAlsoWhileMuchWaitsToBeSent) {
+  const RawBroker broker;
+  auto options = quick(broker.where(), "one", Version::v5);
+  options.limits.outgoing_bytes = 100'000'000;
+  Station station(options);
+  {
+    const auto client = broker.accept();
+    ASSERT_TRUE(client.packet());
+    client.say(test::connack_5);
+    ASSERT_TRUE(station.heard.until(is_up));
+    for (int i = 0; i < 40; ++i) ASSERT_TRUE(station.publish("a", std::string(1'000'000, 'x'), Qos::at_most_once));
+    client.say("\xE0\x01\x97"sv);
+    ASSERT_TRUE(station.heard.until([](const Story& s) { return !s.disconnected.empty(); }));
+  }
+  EXPECT_NE(station.heard.story().disconnected[0].words.find("a quota of the broker is used up"), std::string::npos)
+      << station.heard.story().disconnected[0].words;
+  EXPECT_EQ(station.heard.story().published.size() + station.heard.story().unpublished.size(), 40U);
+}
+
 TEST_P(Wire, WhatIsNotMqttIsSaidToBe) {
   const RawBroker broker;
   Station station(quick(broker.where(), "one", GetParam()));
