@@ -165,6 +165,25 @@ std::span<const BuiltPage> built_pages() noexcept { return std::span(all).first(
   target_sources(${target} PRIVATE ${out}/pages_built.cpp)
 endfunction()
 
+# The wire types of Sparkplug, generated into the build folder: at configuration, as ./run lint reads sources and builds
+# nothing. They are no code of ours: compiled without our warnings, and seen by the sources of the room only.
+function(berth_protobuf target name)
+  find_package(Protobuf REQUIRED)
+  set(out ${PROJECT_BINARY_DIR}/protobuf)
+  set(folder ${PROJECT_SOURCE_DIR}/berth/sparkplug)
+  set_property(DIRECTORY ${PROJECT_SOURCE_DIR} APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${folder}/${name}.proto)
+  file(MAKE_DIRECTORY ${out})
+  if(${folder}/${name}.proto IS_NEWER_THAN ${out}/${name}.pb.cc)
+    execute_process(COMMAND ${Protobuf_PROTOC_EXECUTABLE} --cpp_out=${out} --proto_path=${folder} ${name}.proto
+      COMMAND_ERROR_IS_FATAL ANY)
+  endif()
+  set_source_files_properties(${out}/${name}.pb.cc PROPERTIES COMPILE_OPTIONS -w SKIP_UNITY_BUILD_INCLUSION ON
+    SKIP_PRECOMPILE_HEADERS ON)
+  target_sources(${target} PRIVATE ${out}/${name}.pb.cc)
+  target_include_directories(${target} SYSTEM PRIVATE ${out} ${Protobuf_INCLUDE_DIRS})
+  target_link_libraries(${target} PRIVATE protobuf::libprotobuf-lite)
+endfunction()
+
 function(berth_rooms)
   file(STRINGS ${PROJECT_SOURCE_DIR}/berth/floors.txt lines REGEX "^[0-9]")
   set(rooms "")
@@ -223,6 +242,8 @@ function(berth_rooms)
   target_link_libraries(berth_operate PRIVATE nlohmann_json::nlohmann_json)
   target_link_libraries(berth_command PRIVATE nlohmann_json::nlohmann_json)
   target_link_libraries(berth_document PRIVATE nlohmann_json::nlohmann_json)
+  berth_protobuf(berth_sparkplug sparkplug_b)
+  target_link_libraries(berth_sparkplug PRIVATE nlohmann_json::nlohmann_json)
   if(BERTH_STUDIO)
     # Headers only, and in sources only: whoever uses the room needs no Boost.
     find_path(BERTH_BOOST boost/beast.hpp REQUIRED)
