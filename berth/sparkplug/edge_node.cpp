@@ -152,12 +152,12 @@ void EdgeNode::Parts::birth_of(const EdgeNodeId& id, const std::string& name, De
 
 Said EdgeNode::set_metrics(std::vector<OwnMetric> metrics, const Now& now) {
   for (const auto& each : metrics) {
-    if (reserved(each.name)) return refuse("metric " + quoted(each.name) + ": the edge node makes it itself");
+    if (reserved(each.name)) return refuse("metric " + berth::quoted(each.name) + ": the edge node makes it itself");
   }
   const auto definitions = definitions_of(metrics);
   for (const auto& [name, device] : parts_->devices) {
     if (auto fine = device.table.agrees(definitions); !fine)
-      return refuse("device " + quoted(name) + ": " + fine.error());
+      return refuse("device " + berth::quoted(name) + ": " + fine.error());
   }
   auto all = standard_metrics(bd_seq_, parts_->told_lost, now.utc);
   for (auto& each : metrics) all.push_back(std::move(each));
@@ -168,15 +168,17 @@ Said EdgeNode::set_metrics(std::vector<OwnMetric> metrics, const Now& now) {
 }
 
 Said EdgeNode::device_born(const std::string& name, std::vector<OwnMetric> metrics, const Now& now) {
-  if (const auto legal = check_id(name); !legal) return refuse("device " + quoted(name) + ": " + legal.error().text);
+  if (const auto legal = check_id(name); !legal)
+    return refuse("device " + berth::quoted(name) + ": " + legal.error().text);
   const auto clash = std::ranges::find_if(
       parts_->devices, [&](const auto& other) { return other.first != name && same_word(other.first, name); });
   if (clash != parts_->devices.end()) {
-    return refuse("device " + quoted(name) + ": " + quoted(clash->first) + " differs from it in case only");
+    return refuse("device " + berth::quoted(name) + ": " + berth::quoted(clash->first) +
+                  " differs from it in case only");
   }
   for (const auto& each : metrics) {
     if (definition_of(each.value) != nullptr) {
-      return refuse("metric " + quoted(each.name) + ": only the node's own metrics may define templates");
+      return refuse("metric " + berth::quoted(each.name) + ": only the node's own metrics may define templates");
     }
   }
   if (born_ && !rebirth_) publish_pending(now);
@@ -209,15 +211,16 @@ void EdgeNode::device_removed(const std::string& name, const Now& now) {
 
 Said EdgeNode::change(const std::string& device, const std::string& metric, Value value, Utc at, Quality quality) {
   auto* table = parts_->table(device);
-  if (table == nullptr) return refuse("device " + quoted(device) + " is not there");
+  if (table == nullptr) return refuse("device " + berth::quoted(device) + " is not there");
   auto* row = table->find(metric);
-  if (row == nullptr || (device.empty() && reserved(metric))) return refuse("there is no metric " + quoted(metric));
+  if (row == nullptr || (device.empty() && reserved(metric)))
+    return refuse("there is no metric " + berth::quoted(metric));
   if (definition_of(value) != nullptr || definition_of(row->metric.value) != nullptr) {
-    return refuse("metric " + quoted(metric) + ": a template's definition stands in births only");
+    return refuse("metric " + berth::quoted(metric) + ": a template's definition stands in births only");
   }
   const auto members = std::holds_alternative<Null>(row->metric.value) ? Members::all : Members::some;
   if (const auto legal = check(row->metric.type, value, parts_->node.definitions(), members); !legal) {
-    return refuse("metric " + quoted(metric) + ": " + legal.error().text);
+    return refuse("metric " + berth::quoted(metric) + ": " + legal.error().text);
   }
   auto whole = merged(row->metric.value, value);
   if (same(row->metric.value, whole) && row->metric.quality == quality) return {};

@@ -15,7 +15,7 @@ std::string lower_case(const std::string& text) {
 }
 
 tl::unexpected<std::string> refuse(const std::string& metric, const char* why) {
-  return tl::unexpected<std::string>("metric " + quoted(metric) + ": " + why);
+  return tl::unexpected<std::string>("metric " + berth::quoted(metric) + ": " + why);
 }
 
 Result<void> check_metric(const OwnMetric& metric, const Definitions& definitions) {
