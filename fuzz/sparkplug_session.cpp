@@ -69,7 +69,8 @@ class Input {
     return out;
   }
   std::span<const std::uint8_t> some() {
-    const auto size = std::min<std::size_t>(byte(), bytes_.size());
+    const std::size_t wanted = byte();
+    const auto size = std::min(wanted, bytes_.size());
     const auto out = bytes_.first(size);
     bytes_ = bytes_.subspan(size);
     return out;

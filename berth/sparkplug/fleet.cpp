@@ -138,6 +138,7 @@ FleetMetric* Fleet::metric(FleetDevice& device, const Metric& wanted) {
 
 void Fleet::set(FleetMetric& metric, const Metric& data) {
   bytes_ -= size_of(metric);
+  metric.value = Null{};  // a shorter text would stay in the memory of a longer one
   metric.value = kept(interpret(metric.type, data.value));
   metric.quality = sparkplug::quality(data).value_or(Quality::bad);
   if (data.at) metric.at = *data.at;
