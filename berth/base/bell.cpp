@@ -1,9 +1,9 @@
-#include "berth/studio/bell.hpp"
+#include "berth/base/bell.hpp"
 
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-namespace berth::studio {
+namespace berth {
 
 Bell::Bell() noexcept : fd_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {}
 
@@ -19,4 +19,4 @@ void Bell::silence() const noexcept {
   static_cast<void>(::eventfd_read(fd_, &count));
 }
 
-}  // namespace berth::studio
+}  // namespace berth
