@@ -299,7 +299,7 @@ std::optional<Cause> Connection::subscribe(const std::vector<std::string>& filte
     const int result = mosquitto_sub_topic_check(filter.c_str());
     if (result != MOSQ_ERR_SUCCESS)
       return Cause{Why::refused_otherwise,
-                   fmt::format("{} is no topic filter: {}", quoted(filter), mosquitto_strerror(result))};
+                   fmt::format("{} is no topic filter: {}", berth::quoted(filter), mosquitto_strerror(result))};
     all.push_back(const_cast<char*>(filter.c_str()));  // libmosquitto's type; it only reads them
   }
   return judge(mosquitto_subscribe_multiple(client_, nullptr, static_cast<int>(all.size()), all.data(),

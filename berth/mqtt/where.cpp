@@ -60,7 +60,7 @@ std::optional<std::uint16_t> parse_port(std::string_view text) noexcept {
 }
 
 tl::unexpected<std::string> refuse(std::string_view text, std::string_view why) {
-  return tl::unexpected(fmt::format("{}: {}", quoted(text), why));
+  return tl::unexpected(fmt::format("{}: {}", berth::quoted(text), why));
 }
 
 Read with_port(Where where, std::string_view text, std::optional<std::string_view> port) {
@@ -89,7 +89,7 @@ Read with_name(Where where, std::string_view text, std::string_view rest) {
   where.host = rest.substr(0, colon);
   if (where.host.empty()) return refuse(text, "the host is missing: mqtt://HOST or mqtt://HOST:PORT");
   if (!is_ipv4(where.host) && !is_name(where.host))
-    return refuse(text, fmt::format("{} is neither a host's name nor an address", quoted(where.host)));
+    return refuse(text, fmt::format("{} is neither a host's name nor an address", berth::quoted(where.host)));
   if (colon == std::string_view::npos) return where;
   return with_port(std::move(where), text, rest.substr(colon + 1));
 }
