@@ -18,15 +18,14 @@ constexpr std::size_t longest_label = 63;
 
 using Read = tl::expected<Where, std::string>;
 
-bool is_ipv4(const std::string& host) noexcept {
-  in_addr address{};
-  return ::inet_pton(AF_INET, host.c_str(), &address) == 1;
+// The system reads up to a NUL.
+bool is_of(int family, const std::string& host) noexcept {
+  in6_addr address{};  // the larger one
+  return host.find('\0') == std::string::npos && ::inet_pton(family, host.c_str(), &address) == 1;
 }
 
-bool is_ipv6(const std::string& host) noexcept {
-  in6_addr address{};
-  return ::inet_pton(AF_INET6, host.c_str(), &address) == 1;
-}
+bool is_ipv4(const std::string& host) noexcept { return is_of(AF_INET, host); }
+bool is_ipv6(const std::string& host) noexcept { return is_of(AF_INET6, host); }
 
 bool is_digit(char c) noexcept { return c >= '0' && c <= '9'; }
 

@@ -40,6 +40,8 @@ TEST(MqttWhere, WhatIsNoneIsRefusedInWords) {
   EXPECT_EQ(why("mqtt://broker?x"), "\"mqtt://broker?x\": nothing follows the host and the port");
   for (const std::string host : {"a b", "a..b", "10.0.0.300", "10.1", "4711", "bröker", "a\nb", ".", "-%"})
     EXPECT_NE(why("mqtt://" + host).find("is neither a host's name nor an address"), std::string::npos) << host;
+  EXPECT_FALSE(parse_where(std::string_view("mqtt://10.0.0.7\0x", 17)));
+  EXPECT_FALSE(parse_where(std::string_view("mqtt://[::1\0x]", 14)));
   EXPECT_FALSE(parse_where("mqtt://" + std::string(64, 'a')));
   EXPECT_TRUE(parse_where("mqtt://" + std::string(63, 'a')));
 }
