@@ -2,9 +2,10 @@
 # Sourced by ./run.
 
 build_packages=(g++ cmake ninja-build libexpected-dev libcli11-dev libfmt-dev nlohmann-json3-dev libtomlplusplus-dev
-  libpugixml-dev libsqlitecpp-dev libsqlite3-dev liblua5.4-dev zlib1g-dev libboost-dev libssl-dev libmosquitto-dev
-  libprotobuf-dev protobuf-compiler)
-test_packages=(ccache mold python3 python3-jsonschema python3-protobuf libgtest-dev librapidcheck-dev libbenchmark-dev valgrind openssl curl)
+  libpugixml-dev libsqlitecpp-dev libsqlite3-dev liblua5.4-dev zlib1g-dev libboost-dev libssl-dev libprotobuf-dev
+  protobuf-compiler libmosquitto-dev)
+test_packages=(ccache mold python3 python3-jsonschema python3-protobuf libgtest-dev librapidcheck-dev libbenchmark-dev
+  valgrind openssl curl)
 # What ./run vm and the tests in it need; Ubuntu packs its kernel with zstd.
 vm_packages=(python3 qemu-system-x86 busybox-static iproute2 can-utils zstd)
 # What the pages of Studio are built with. Some makers' nodejs brings npm along, and Debian's npm clashes with it.

@@ -108,11 +108,16 @@ rt::Task<bool> Unfinished::waits_for_its_power_cycle(Seat& seat, bool& told_one)
 rt::Task<void> Unfinished::reset_who_may_be_its_device(Seat& seat) {
   const auto ids = who_may_be_its_device(s_, slots_, found_, seat);
   if (ids.empty() || !s_.may_command() || seat.last.resets == most_resets) co_return;
-  // A single-slot receive buffer would lose this after the `04 00` just sent.
-  co_await rt::sleep_for(asking_.binder_options().slow_inhibit);
+  // A single-slot receive buffer would lose this right after a `04 00`: the one just sent, or the next one.
+  const auto pause = asking_.binder_options().slow_inhibit;
+  co_await rt::sleep_for(pause);
   if (!seat.last.reset) seat.last.reset = s_.executor.now();
-  for (const NodeId id : ids) s_.nmt.queue(co::NmtCommand::reset_node, id);
+  for (const NodeId id : ids) {
+    const auto sent = co_await s_.nmt.send(co::NmtCommand::reset_node, id);
+    if (!sent) co_return;
+  }
   ++seat.last.resets;
+  co_await rt::sleep_for(pause);
 }
 
 void Unfinished::keep(Seat& seat) {
