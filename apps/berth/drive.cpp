@@ -12,6 +12,7 @@
 #include "berth/command/verbs.hpp"
 #include "gateway.hpp"
 #include "live_values.hpp"
+#include "mqtt_host.hpp"
 #include "plant_commands.hpp"
 #include "studio_host.hpp"
 #include "world_time.hpp"
@@ -121,6 +122,7 @@ struct Beside {
   std::unique_ptr<command::ControlServer> server;
   std::unique_ptr<GatewayHost> gateway;
   std::unique_ptr<StudioHost> studio;
+  std::unique_ptr<MqttHost> mqtt;
   std::unique_ptr<FirstSaves> saves;  // before `asker`, which uses it
   std::unique_ptr<Asker> asker;
   std::unique_ptr<LiveValues> values;
@@ -233,6 +235,13 @@ tl::expected<Beside, Failure> serve_beside(MachineRun& run, Screen& screen, cons
       screen.line(line);
     }
   }
+  if (mqtt_wanted(run.machine(), options) && !options.dry_run) {
+    auto host = MqttHost::start(run, options, carry);
+    if (!host) return tl::unexpected(host.error());
+    beside.mqtt = std::move(*host);
+    if (options.json || options.events.none) print_error(beside.mqtt->line());
+    screen.line(beside.mqtt->line());
+  }
   if (types && beside.saves) {
     beside.asker = std::make_unique<Asker>(run.session(), *run.loop(), *beside.saves, say, screen.live());
     if (beside.studio) beside.asker->also_helps(beside.studio->lines());
@@ -264,6 +273,7 @@ tl::expected<Ended, Failure> drive(MachineRun& run, Ending& ending, Screen& scre
     ending.event(event);
     screen.event(event);
     if (beside->studio) beside->studio->event(event);
+    if (beside->mqtt) beside->mqtt->event();
     if (beside->saves) beside->saves->event(event);
     if (beside->asker) beside->asker->event(event);
   });

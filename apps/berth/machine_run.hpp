@@ -67,6 +67,8 @@ class MachineRun {
   [[nodiscard]] Guards& guards() noexcept { return guards_; }
   [[nodiscard]] Strangers& strangers() noexcept { return *strangers_; }
   [[nodiscard]] Record& record() noexcept { return record_; }
+  /// `SlotTable::beside`.
+  [[nodiscard]] std::string beside_slot_table(const std::string& ending) const { return slot_table_->beside(ending); }
 
   /// Powers the simulated devices.
   void power_on();

@@ -71,6 +71,7 @@ void Record::follow(std::function<bool()> wanted, std::function<void(const std::
 void Record::frame(const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master) {
   ++seen_;
   if (frames_) frames_(bus, frame, at, by_master);
+  if (more_frames_) more_frames_(bus, frame, at, by_master);
   if (own_ && by_master) own_(bus, frame, at, by_master);
   const bool followed = wanted_ && wanted_();
   const bool sent = sent_ != nullptr && by_master;

@@ -109,6 +109,7 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
     return tell(failure(Exit::usage, "--events are lines of JSON: give --json too"), options.json);
   }
   if (const auto no = studio_refused(options)) return tell(*no, options.json);
+  if (const auto no = mqtt_refused(options)) return tell(*no, options.json);
   const bool studio = options.offers.studio.offered();
   const bool watched = on_terminal() && !options.json && !options.dry_run;
   options.sim.pace = (options.sim.pace || watched || studio) && !options.sim.fast && !options.dry_run;
@@ -222,6 +223,17 @@ void studio_words(const Verb& verb, Options& options, const Word& fast) {
   studio_door_words(verb, options, "--studio-");
 }
 
+// Not with --fast: hosts have the time of the clock.
+void mqtt_words(const Verb& verb, Options& options, const Word& fast) {
+  const auto take = [&options](const std::string& where) { options.offers.mqtt = where, options.sim.pace = true; };
+  verb.word("--mqtt", take,
+            "the machine is a Sparkplug B edge node at this broker, such as mqtts://broker:8883 (default: as [mqtt] of "
+            "the machine file)")
+      .shown("URL")
+      .excludes(fast);
+  verb.flag("--no-mqtt", options.offers.no_mqtt, "no broker, even if the machine file names one");
+}
+
 void studio_door_words(const Verb& verb, Options& options, const std::string& prefix) {
   StudioOptions& studio = options.offers.studio;
   verb.word(prefix + "role", studio.roles,
@@ -265,6 +277,7 @@ void add_up(Verb& berth, Options& options) {
       .one_of(std::vector<std::string>{"leave", "preop", "stop"});
   gateway_words(up, options, fast);
   studio_words(up, options, fast);
+  mqtt_words(up, options, fast);
   up.word("--master-id", options.master.id, "Berth's own node-ID (default: as the machine file)").from_to(1, 127);
   up.word("--priority", options.master.priority,
           "among several masters of a bus: 0 high to 2 low (default: as the machine file)")

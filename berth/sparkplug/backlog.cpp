@@ -17,9 +17,9 @@ bool MemoryBacklog::append(const Kept& change) {
   return true;
 }
 
-std::vector<Backlog::Entry> MemoryBacklog::read(std::uint64_t after, std::size_t most) const {
+std::vector<Backlog::Entry> MemoryBacklog::after(std::uint64_t id, std::size_t most) const {
   std::vector<Entry> out;
-  for (auto at = entries_.upper_bound(after); at != entries_.end() && out.size() < most; ++at) {
+  for (auto at = entries_.upper_bound(id); at != entries_.end() && out.size() < most; ++at) {
     out.push_back({at->first, at->second});
   }
   return out;

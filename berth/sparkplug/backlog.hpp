@@ -32,9 +32,9 @@ class Backlog {
   /// False: full, or the disk is. The change is then not promised; `EdgeNode` counts it. The newest is refused rather
   /// than the oldest thrown out, which was promised; the metric's current value is in the next birth anyway.
   [[nodiscard]] virtual bool append(const Kept& change) = 0;
-  /// At most `most` entries with an ID above `after` (IDs are above 0), in the order of appending, which is that of
+  /// At most `most` entries with an ID above `id` (IDs are above 0), in the order of appending, which is that of
   /// IDs.
-  [[nodiscard]] virtual std::vector<Entry> read(std::uint64_t after, std::size_t most) const = 0;
+  [[nodiscard]] virtual std::vector<Entry> after(std::uint64_t id, std::size_t most) const = 0;
   /// They are delivered. IDs that are not there are ignored.
   virtual void drop(std::span<const std::uint64_t> ids) = 0;
   [[nodiscard]] virtual std::size_t size() const = 0;
@@ -53,7 +53,7 @@ class MemoryBacklog final : public Backlog {
   MemoryBacklog() = default;
   explicit MemoryBacklog(const Limits& limits) : limits_(limits) {}
   [[nodiscard]] bool append(const Kept& change) override;
-  [[nodiscard]] std::vector<Entry> read(std::uint64_t after, std::size_t most) const override;
+  [[nodiscard]] std::vector<Entry> after(std::uint64_t id, std::size_t most) const override;
   void drop(std::span<const std::uint64_t> ids) override;
   [[nodiscard]] std::size_t size() const override { return entries_.size(); }
 

@@ -121,7 +121,7 @@ void EdgeNode::births(const Now& now) {
   parts.speaker.begin();
   parts.speaker.say(MessageType::nbirth, "", parts.node.birth(), now.utc);
   for (auto& [name, device] : parts.devices) {
-    if (device.there) birth_of(name, device, now);
+    if (device.there) parts.birth_of(options_.id, name, device, now);
   }
   // The births have the values of now. Those that came before them would set a host's view back: they are history.
   const auto waited = std::exchange(parts.pending, {});
@@ -140,14 +140,14 @@ void EdgeNode::births(const Now& now) {
   next_portion_ = now.steady + options_.portion_pace;
 }
 
-void EdgeNode::birth_of(const std::string& name, Device& device, const Now& now) {
+void EdgeNode::Parts::birth_of(const EdgeNodeId& id, const std::string& name, Device& device, const Now& now) {
   if (device.table.any_writable() && !device.subscribed) {
-    parts_->outbox.subscribe(make_topic(options_.id, MessageType::dcmd, name), command_qos);
+    outbox.subscribe(make_topic(id, MessageType::dcmd, name), command_qos);
     device.subscribed = true;
   }
-  parts_->speaker.say(MessageType::dbirth, name, device.table.birth(), now.utc);
+  speaker.say(MessageType::dbirth, name, device.table.birth(), now.utc);
   device.born = true;
-  parts_->forwarder.rewind();
+  forwarder.rewind();
 }
 
 Said EdgeNode::set_metrics(std::vector<OwnMetric> metrics, const Now& now) {
@@ -188,7 +188,7 @@ Said EdgeNode::device_born(const std::string& name, std::vector<OwnMetric> metri
   }
   device.there = true;
   // While a rebirth is due nothing but it is sent; it has this device too.
-  if (born_ && !rebirth_) birth_of(name, device, now);
+  if (born_ && !rebirth_) parts_->birth_of(options_.id, name, device, now);
   return {};
 }
 

@@ -128,10 +128,8 @@ class EdgeNode {
   enum class Link : std::uint8_t { down, connecting, up };
 
   void births(const Now& now);
-  void birth_of(const std::string& name, Device& device, const Now& now);
   void publish_pending(const Now& now);
   void forward(const Now& now);
-  void probe(const Now& now);
   void end_session();
   void leave(const Now& now);
   void state(const Topic& topic, const Incoming& message, const Now& now);

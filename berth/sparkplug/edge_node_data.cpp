@@ -56,7 +56,9 @@ void EdgeNode::tick(const Now& now) {
   }
   publish_pending(now);
   forward(now);
-  probe(now);
+  if (!parts_->forwarder.unproven() || now.steady < next_probe_) return;
+  next_probe_ = now.steady + options_.probe_pace;
+  parts_->outbox.probe(parts_->speaker.mark());
 }
 
 std::optional<std::chrono::milliseconds> EdgeNode::next(const Now& now) const {
@@ -113,12 +115,6 @@ void EdgeNode::forward(const Now& now) {
     const auto mark = parts.speaker.say(data_type_of(device), device, std::move(metrics), now.utc);
     for (const auto* entry : entries) parts.forwarder.sent(mark, entry->id);
   }
-}
-
-void EdgeNode::probe(const Now& now) {
-  if (!parts_->forwarder.unproven() || now.steady < next_probe_) return;
-  next_probe_ = now.steady + options_.probe_pace;
-  parts_->outbox.probe(parts_->speaker.mark());
 }
 
 void EdgeNode::answered(std::uint64_t mark) {

@@ -83,6 +83,7 @@ struct EdgeNode::Parts {
         next_alias(options.aliases ? 1 : 0) {}
   /// The table of a device, or of the node for an empty name; null for one that is not there.
   [[nodiscard]] MetricTable* table(const std::string& device);
+  void birth_of(const EdgeNodeId& id, const std::string& name, Device& device, const Now& now);
   /// Whether a change can be published in this session.
   [[nodiscard]] Forwarder::Fate fate(const Kept& change);
 

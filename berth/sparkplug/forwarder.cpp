@@ -21,7 +21,7 @@ std::vector<Backlog::Entry> Forwarder::portion(std::size_t most, const Judge& ju
   std::vector<Backlog::Entry> out;
   std::vector<std::uint64_t> gone;
   // One read a call: a long row of entries that wait is passed over in several.
-  auto entries = backlog_->read(cursor_, std::max(most, read_at_once));
+  auto entries = backlog_->after(cursor_, std::max(most, read_at_once));
   more_ = !entries.empty();
   for (auto& entry : entries) {
     if (out.size() == most) break;
@@ -72,8 +72,8 @@ void Forwarder::broken() {
 void Forwarder::give_up(const std::string& device) {
   std::erase_if(live_, [&](const Live& each) { return each.change.device == device; });
   std::uint64_t after = 0;
-  for (auto entries = backlog_->read(after, read_at_once); !entries.empty();
-       entries = backlog_->read(after, read_at_once)) {
+  for (auto entries = backlog_->after(after, read_at_once); !entries.empty();
+       entries = backlog_->after(after, read_at_once)) {
     std::vector<std::uint64_t> gone;
     for (const auto& entry : entries) {
       after = entry.id;

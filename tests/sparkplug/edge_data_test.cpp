@@ -385,14 +385,14 @@ TEST(SparkplugBacklog, HasLimitsOfEntriesAndBytes) {
   EXPECT_TRUE(few.append(change));
   EXPECT_TRUE(few.append(change));
   EXPECT_FALSE(few.append(change));
-  const auto entries = few.read(0, 10);
+  const auto entries = few.after(0, 10);
   ASSERT_EQ(entries.size(), 2U);
-  EXPECT_EQ(few.read(entries[0].id, 10).size(), 1U);
-  EXPECT_EQ(few.read(0, 1).size(), 1U);
+  EXPECT_EQ(few.after(entries[0].id, 10).size(), 1U);
+  EXPECT_EQ(few.after(0, 1).size(), 1U);
   few.drop(std::vector<std::uint64_t>{entries[0].id, 99});
   EXPECT_EQ(few.size(), 1U);
   EXPECT_TRUE(few.append(change));
-  EXPECT_GT(few.read(0, 10).back().id, entries[1].id) << "an ID is never given twice";
+  EXPECT_GT(few.after(0, 10).back().id, entries[1].id) << "an ID is never given twice";
 
   MemoryBacklog small({.entries = 100, .bytes = 10'000});
   auto large = change;

@@ -20,13 +20,13 @@ class Line final : public Outbox {
  public:
   struct Item {
     enum class Kind : std::uint8_t { publish, subscribe, ping, disconnect } kind = Kind::publish;
-    Publication message;
+    Publication message{};
     std::uint64_t mark = 0;
     bool retained = false;
   };
   void publish(Publication message) override { to_broker.push_back({Item::Kind::publish, std::move(message)}); }
   void subscribe(const std::string& filter, std::uint8_t) override {
-    to_broker.push_back({Item::Kind::subscribe, {.topic = filter}});
+    to_broker.push_back({Item::Kind::subscribe, {filter, {}, 0, false}});
   }
   void probe(std::uint64_t mark) override { to_broker.push_back({.kind = Item::Kind::ping, .mark = mark}); }
   void disconnect() override { to_broker.push_back({.kind = Item::Kind::disconnect}); }
@@ -245,7 +245,7 @@ class World {
     if (node_line_.up) lose(node_line_);
     options_.bd_seq = node_->next_bd_seq();
     std::set<std::int64_t> kept;
-    for (const auto& entry : backlog_.read(0, 1'000'000)) kept.insert(std::get<std::int64_t>(entry.kept.value));
+    for (const auto& entry : backlog_.after(0, 1'000'000)) kept.insert(std::get<std::int64_t>(entry.kept.value));
     std::erase_if(must_, [&](std::int64_t each) { return !kept.contains(each) && !judge_.received.contains(each); });
     start_node();
   }
