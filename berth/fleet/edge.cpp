@@ -10,6 +10,8 @@
 #include "berth/fleet/hub_parts.hpp"
 #include "berth/fleet/keeping.hpp"
 #include "berth/mqtt/client.hpp"
+#include "berth/sparkplug/state.hpp"
+#include "berth/sparkplug/topic.hpp"
 
 namespace berth::fleet {
 namespace {
@@ -29,9 +31,16 @@ std::string probe_topic(const sparkplug::EdgeNodeId& id) { return fmt::format("b
 
 std::vector<std::string> filters_of(const EdgeOptions& options) {
   std::vector<std::string> filters{sparkplug::make_topic(options.id, MessageType::ncmd),
-                                   sparkplug::make_topic(options.id, MessageType::dcmd, "+")};
-  if (options.primary_host) filters.push_back(sparkplug::state_topic(*options.primary_host));
+                                   sparkplug::make_topic(options.id, MessageType::dcmd, "+"),
+                                   sparkplug::state_topic("+")};
   return filters;
+}
+
+bool is_host_online(std::string_view topic, std::span<const std::uint8_t> payload) {
+  const auto parsed = sparkplug::parse_topic(topic);
+  if (!parsed || parsed->type != MessageType::state) return false;
+  const auto state = sparkplug::decode_state(payload);
+  return state && state->online;
 }
 
 }  // namespace
@@ -82,12 +91,14 @@ class Edge::Core final : public Turner,
     {
       const std::scoped_lock lock(mutex_);
       take_news();
+      introduce();
       publish();
       keep();
       const auto now = clock_.now();
       anew = broken_ && !ending_ && now.steady >= anew_at_;
       if (const auto next = node_.next(now))
         patience = std::max(*next - now.steady, milliseconds(broken_ || is_held_up() ? 50 : 0));
+      if (introduce_at_) patience = std::min(patience, std::max(*introduce_at_ - now.steady, milliseconds(0)));
     }
     if (anew) connect_anew();
     return patience;
@@ -135,6 +146,7 @@ class Edge::Core final : public Turner,
   void message(std::string_view topic, std::span<const std::uint8_t> payload, bool retained) noexcept override {
     const std::scoped_lock lock(mutex_);
     node_.message({topic, payload, retained}, clock_.now());
+    if (!retained && is_host_online(topic, payload)) hear_of_host();
     hub_.wake();
   }
 
@@ -243,6 +255,18 @@ class Edge::Core final : public Turner,
     say(Order::Kind::trouble, "this was not published: " + said.error());
   }
 
+  void hear_of_host() {
+    if (introduce_at_) return;
+    introduce_at_ = clock_.now().steady + milliseconds(random_.between(0, births_within.count()));
+  }
+
+  void introduce() {
+    const auto now = clock_.now();
+    if (!introduce_at_ || now.steady < *introduce_at_) return;
+    introduce_at_.reset();
+    if (node_.in_session()) node_.ask_rebirth(now);
+  }
+
   bool is_held_up() const noexcept {
     if (!client_) return true;
     const auto counts = client_->counts();
@@ -306,6 +330,7 @@ class Edge::Core final : public Turner,
   milliseconds disk_again_{0};
   milliseconds tell_backlog_{0};
   milliseconds anew_at_{0};
+  std::optional<milliseconds> introduce_at_;  // to a host that came online
   bool broken_ = false;  // the session needs a new connection, at that time
   bool node_known_ = false;
   bool ending_ = false;

@@ -15,6 +15,11 @@
 
 namespace berth::fleet {
 
+/// After a host came online, the births are given again within this time, at a random instant, so that thousands of
+/// machines do not do it at once. A broker keeps no births: without them the host would know nothing of a machine in
+/// which nothing changes.
+inline constexpr std::chrono::milliseconds births_within{3000};
+
 struct EdgeOptions {
   sparkplug::EdgeNodeId id{};
   std::optional<std::string> primary_host{};

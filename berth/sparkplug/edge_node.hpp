@@ -114,6 +114,8 @@ class EdgeNode {
   Said change(const std::string& device, const std::string& metric, Value value, Utc at,
               Quality quality = Quality::good);
 
+  /// Gives all births again, in the pace of those that hosts ask for (`EdgeNodeOptions::rebirth_pace`).
+  void ask_rebirth(const Now& now);
   /// NBIRTH was published, and the session is not over.
   [[nodiscard]] bool in_session() const noexcept { return born_; }
   /// Changes that were not kept, or whose metric was gone when they could be sent.
@@ -133,7 +135,6 @@ class EdgeNode {
   void leave(const Now& now);
   void state(const Topic& topic, const Incoming& message, const Now& now);
   void commands(const Topic& topic, const Incoming& message, const Now& now);
-  void ask_rebirth(const Now& now);
 
   EdgeNodeOptions options_;
   std::unique_ptr<Parts> parts_;
