@@ -1,5 +1,7 @@
 #include "fleet_rows.hpp"
 
+#if BERTH_MQTT
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -180,3 +182,5 @@ MachineView machine_of_json(const Json& json) {
 }
 
 }  // namespace berth::cli
+
+#endif
