@@ -46,19 +46,25 @@ std::string append(const std::string& path, const std::string& line) {
 
 }  // namespace
 
+tl::expected<RollOutJournal, std::string> RollOutJournal::begin(std::string path, const What& what) {
+  auto problem = append(path, json_of(what).dump());
+  if (!problem.empty()) return tl::unexpected(std::move(problem));
+  sync_folder_of(path);
+  return RollOutJournal(std::move(path), {});
+}
+
 tl::expected<RollOutJournal, std::string> RollOutJournal::open(std::string path, const What& what) {
   std::error_code none;
-  // An empty one: a crash came before the first line.
-  if (!std::filesystem::exists(path, none) || std::filesystem::is_empty(path, none)) {
-    auto problem = append(path, json_of(what).dump());
-    if (!problem.empty()) return tl::unexpected(std::move(problem));
-    sync_folder_of(path);
-    return RollOutJournal(std::move(path), {});
-  }
+  if (!std::filesystem::exists(path, none)) return begin(std::move(path), what);
   const auto size = std::filesystem::file_size(path, none);
   std::ifstream file(path, std::ios::binary);
   if (none || !file || size > longest) return tl::unexpected(path + ": it cannot be read, or is no journal");
   const std::string content{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  // A crash cut the first line off.
+  if (json_of(what).dump().starts_with(content)) {
+    std::filesystem::resize_file(path, 0, none);
+    return begin(std::move(path), what);
+  }
   std::istringstream lines(content);
   std::string line;
   std::getline(lines, line);

@@ -31,6 +31,7 @@ class RollOutJournal {
   [[nodiscard]] const std::string& path() const noexcept { return path_; }
 
  private:
+  [[nodiscard]] static tl::expected<RollOutJournal, std::string> begin(std::string path, const What& what);
   RollOutJournal(std::string path, std::vector<sparkplug::EdgeNodeId> done) noexcept
       : path_(std::move(path)), done_(std::move(done)) {}
   std::string path_;
