@@ -87,9 +87,7 @@ class RollingOut {
     return std::ranges::equal(a, b, [](char x, char y) { return std::tolower(x) == std::tolower(y); });
   }
 
-  [[nodiscard]] const char* metric() const {
-    return configures_ ? fleet::configure_metric : fleet::program_metric;
-  }
+  [[nodiscard]] const char* metric() const { return configures_ ? fleet::configure_metric : fleet::program_metric; }
   [[nodiscard]] const char* command() const { return configures_ ? "configure" : "program download"; }
   [[nodiscard]] fleet::RollOutJournal::What what() const {
     return {.command = command(), .slot = how_.slot, .crc = crc32(value_)};
@@ -122,12 +120,11 @@ class RollingOut {
   }
 
   int show_plan() {
-    const std::string does = configures_ ? "gets this configuration and is restarted to take it"
-                                         : "is stopped, and gets this program";
-    const std::string plan =
-        fmt::format("{}: the device in slot {} of {} machine{} {}, {} at once{}", how_.file, how_.slot,
-                    chosen_.size(), chosen_.size() == 1 ? "" : "s", does, how_.at_most,
-                    how_.stop_on_failure ? "; stops at the first failure" : "");
+    const std::string does =
+        configures_ ? "gets this configuration and is restarted to take it" : "is stopped, and gets this program";
+    const std::string plan = fmt::format("{}: the device in slot {} of {} machine{} {}, {} at once{}", how_.file,
+                                         how_.slot, chosen_.size(), chosen_.size() == 1 ? "" : "s", does, how_.at_most,
+                                         how_.stop_on_failure ? "; stops at the first failure" : "");
     if (options_.json) {
       Json json{{"result", "plan"}, {"plan", plan}, {"machines", Json::array()}};
       for (const auto& id : chosen_) json["machines"].push_back(name_of(id));
@@ -143,8 +140,7 @@ class RollingOut {
 
   [[nodiscard]] fleet::RollOutView see(const EdgeNodeId& id) {
     fleet::RollOutView view;
-    host_.watch().look(
-        [&](const sparkplug::Fleet& fleet) { view = fleet::see(fleet, id, how_.slot, metric()); });
+    host_.watch().look([&](const sparkplug::Fleet& fleet) { view = fleet::see(fleet, id, how_.slot, metric()); });
     return view;
   }
 

@@ -117,7 +117,8 @@ std::string read_wish(Session& session, const Request& request, Wish& wish) {
   if (!given) return given.error();
   wish.given = std::move(*given);
   if ((wish.given || wish.restart) && !arguments.has("slot")) return "which slot? --from and --restart are about one";
-  if ((wish.given || wish.restart) && !wish.write) return "--check changes nothing: leave it out, or --from and --restart";
+  if ((wish.given || wish.restart) && !wish.write)
+    return "--check changes nothing: leave it out, or --from and --restart";
   const std::string bus = arguments.text("bus");
   const std::string slot = arguments.text("slot");
   if (!slot.empty()) {
@@ -190,8 +191,8 @@ rt::Task<void> configure(Session& session, const Request& request, Reply& reply)
   if (wish.given) {
     const auto& content = wish.given->content;
     const std::vector<std::uint8_t> bytes(content.begin(), content.end());
-    const auto given = operate::give_configuration(*wish.networks.front(), wish.slot, form_of(content), bytes,
-                                                   wish.given->file);
+    const auto given =
+        operate::give_configuration(*wish.networks.front(), wish.slot, form_of(content), bytes, wish.given->file);
     if (!given) co_return refuse(reply, 1, given.error());
     reply.tell(*given);
   }

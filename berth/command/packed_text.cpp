@@ -10,7 +10,9 @@
 namespace berth::command {
 namespace {
 
-tl::unexpected<std::string> no_stream() { return tl::unexpected<std::string>("dcf is a zlib stream in hexadecimal digits"); }
+tl::unexpected<std::string> no_stream() {
+  return tl::unexpected<std::string>("dcf is a zlib stream in hexadecimal digits");
+}
 
 int nibble(char c) {
   return c >= '0' && c <= '9'   ? c - '0'

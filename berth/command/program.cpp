@@ -273,6 +273,17 @@ const char* advice_of(const Error& error) noexcept {
              : "the device stays in its boot loader; `berth program status` says more";
 }
 
+// Returns the problem as text for the user.
+std::string keep_image(const Download& download) {
+  if (download.kept_as.empty()) return {};
+  const int error = operate::replace_program(download.kept_as, download.images.front().bytes);
+  if (error == 0) return {};
+  return fmt::format(
+      "the program runs, but {} cannot be replaced ({}): at its next boot-up the device gets the program "
+      "of that file again",
+      text::quoted(download.kept_as), std::strerror(error));
+}
+
 std::string progress_line(const ProgramRequest& wanted, const ProgramProgress& p) {
   const std::string whose = fmt::format("node {}: {} program {}", wanted.node.text(), name(p.stage), p.number);
   if (p.stage != ProgramStage::downloading || p.done == 0) return whose;
@@ -322,14 +333,8 @@ rt::Task<void> program_download(Session& session, const Request& request, Reply&
                         advice_of(done.error()));
   }
   // While the turn is held: the main job, which boots the device next, must expect this program.
-  const int unkept =
-      download.kept_as.empty() ? 0 : operate::replace_program(download.kept_as, download.images.front().bytes);
-  if (unkept != 0) {
-    co_return refuse(reply, 3,
-                     fmt::format("the program runs, but {} cannot be replaced ({}): at its next boot the device gets "
-                                 "the program of that file again",
-                                 text::quoted(download.kept_as), std::strerror(unkept)));
-  }
+  const auto unkept = keep_image(download);
+  if (!unkept.empty()) co_return refuse(reply, 3, unkept);
   Json json = head_of(*wanted);
   if (!download.kept_as.empty()) json["kept"] = download.kept_as;
   json["bytes"] = report.bytes;

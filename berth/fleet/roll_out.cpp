@@ -21,7 +21,8 @@ std::string text_of(const sparkplug::Fleet& fleet, const sparkplug::FleetDevice&
 std::optional<CommandEnd> end_in(const sparkplug::Fleet& fleet, const sparkplug::FleetNode& node, const char* metric,
                                  const std::string& slot, const std::string& command) {
   const auto* const found = fleet.find(node.self, metric);
-  const auto* const table = found == nullptr ? nullptr : std::get_if<sparkplug::Boxed<sparkplug::DataSet>>(&found->value);
+  const auto* const table =
+      found == nullptr ? nullptr : std::get_if<sparkplug::Boxed<sparkplug::DataSet>>(&found->value);
   if (table == nullptr || (*table)->rows.empty()) return std::nullopt;
   const auto& row = (*table)->rows.front();
   const auto text = [&](std::string_view name) -> std::string {
@@ -63,17 +64,16 @@ RollOut::RollOut(Options options, std::vector<sparkplug::EdgeNodeId> machines) :
 }
 
 bool RollOut::over() const noexcept {
-  return std::ranges::none_of(rows_, [this](const Row& row) {
-    return is_under_way(row.stage) || (row.stage == Stage::waiting && !stopped_);
-  });
+  return std::ranges::none_of(
+      rows_, [this](const Row& row) { return is_under_way(row.stage) || (row.stage == Stage::waiting && !stopped_); });
 }
 
 std::string RollOut::obstacle(const RollOutView& view) const {
   if (!view.known) return "nothing was heard of it at this broker";
   if (!view.online) return "it is offline";
   if (!view.has_slot) return fmt::format("it has no slot {}", options_.slot);
-  if (!view.device_there) return fmt::format("slot {} is {}{}{}", options_.slot, view.state,
-                                             view.reason.empty() ? "" : ": ", view.reason);
+  if (!view.device_there)
+    return fmt::format("slot {} is {}{}{}", options_.slot, view.state, view.reason.empty() ? "" : ": ", view.reason);
   if (!view.allows)
     return fmt::format("its machine file does not allow it: commands = [\"{}\"] in [mqtt]", options_.command);
   return {};

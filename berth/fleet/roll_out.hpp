@@ -46,8 +46,8 @@ class RollOut {
   using Time = std::chrono::milliseconds;
   struct Options {
     std::string slot{};
-    std::string command{};   ///< as machine files allow it: "configure"
-    std::string value{};     ///< of the command, in words
+    std::string command{};    ///< as machine files allow it: "configure"
+    std::string value{};      ///< of the command, in words
     std::size_t at_most = 1;  ///< machines of a wave
     bool stop_on_failure = false;
     Time patience{300'000};  ///< from sending until the slot is operational

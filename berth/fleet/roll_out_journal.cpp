@@ -92,10 +92,8 @@ tl::expected<RollOutJournal, std::string> RollOutJournal::open(std::string path,
 
 std::string RollOutJournal::add(const sparkplug::EdgeNodeId& machine, bool done, const std::string& words) {
   if (done) done_.push_back(machine);
-  const Json json{{"group", machine.group},
-                  {"machine", machine.node},
-                  {"result", done ? "done" : "failed"},
-                  {"words", words}};
+  const Json json{
+      {"group", machine.group}, {"machine", machine.node}, {"result", done ? "done" : "failed"}, {"words", words}};
   return append(path_, json.dump(-1, ' ', false, Json::error_handler_t::replace));
 }
 

@@ -107,10 +107,9 @@ std::string ConfigurationIntake::name_of(const Given& given) {
 }
 
 ConfigurationIntake::Answer ConfigurationIntake::refuse(const Seat& seat, const Given& given, const Refusal& refusal) {
-  const std::string what =
-      given.file.empty()
-          ? fmt::format("what an SDO client wrote to {}:{:02X}", object_of(given.form), seat.id().value())
-          : "the configuration from " + berth::quoted(given.file);
+  const std::string what = given.file.empty() ? fmt::format("what an SDO client wrote to {}:{:02X}",
+                                                            object_of(given.form), seat.id().value())
+                                              : "the configuration from " + berth::quoted(given.file);
   std::string words = fmt::format("{} is refused, and nothing has changed: {}", what, refusal.why);
   slots_.events().tell(EventKind::error, seat.name(), words);
   return {refusal.code, std::move(words)};
@@ -165,19 +164,17 @@ ConfigurationIntake::Answer ConfigurationIntake::take_away(Seat& seat, const Giv
   if (!dropped) return refuse(seat, given, {AbortCode::not_stored, describe(dropped.error())});
   configuring_.load(seat);
   not_configured_yet(seat);
-  return tell(seat,
-              fmt::format("{} removed what was written to {}; {} applies from the next configuration on",
-                          given.file.empty() ? "an SDO client" : "a user", object_of(given.form),
-                          mine.any() ? mine.file : std::string("no configuration")));
+  return tell(seat, fmt::format("{} removed what was written to {}; {} applies from the next configuration on",
+                                given.file.empty() ? "an SDO client" : "a user", object_of(given.form),
+                                mine.any() ? mine.file : std::string("no configuration")));
 }
 
 ConfigurationIntake::Answer ConfigurationIntake::take(Seat& seat, Form form, std::span<const std::uint8_t> bytes,
                                                       const std::string& file) {
   const Given given{form, file};
   if (is_empty(form, bytes)) return take_away(seat, given);
-  auto loaded = form == Form::dcf
-                    ? manager::read_configuration(std::string(bytes.begin(), bytes.end()), name_of(given))
-                    : manager::read_concise_configuration(bytes, name_of(given));
+  auto loaded = form == Form::dcf ? manager::read_configuration(std::string(bytes.begin(), bytes.end()), name_of(given))
+                                  : manager::read_concise_configuration(bytes, name_of(given));
   Refusal refusal = judge(seat, loaded);
   if (refusal.code == AbortCode::none && form == Form::concise) refusal = judge_objects(seat, bytes);
   if (refusal.code != AbortCode::none) return refuse(seat, given, refusal);
@@ -188,10 +185,10 @@ ConfigurationIntake::Answer ConfigurationIntake::take(Seat& seat, Form form, std
   const char* const what = form == Form::dcf ? "a DCF" : "a concise DCF";
   const std::string came = file.empty() ? fmt::format("an SDO client wrote {} to {}", what, object_of(form))
                                         : fmt::format("a user gave {} ({})", what, berth::quoted(file));
-  const std::string text = fmt::format(
-      "{}: {} apply from the next configuration on (at its next boot-up, or by {}){}", came,
-      counted(configuration.settings.size(), "value"), file.empty() ? "1F25h" : "`berth configure`",
-      counted_by_berth(seat, configuration));
+  const std::string text =
+      fmt::format("{}: {} apply from the next configuration on (at its next boot-up, or by {}){}", came,
+                  counted(configuration.settings.size(), "value"), file.empty() ? "1F25h" : "`berth configure`",
+                  counted_by_berth(seat, configuration));
   configuring_.begin_with(seat, std::move(configuration), *kept);
   SeatConfiguration& mine = seat.configuration;
   mine.written = form;

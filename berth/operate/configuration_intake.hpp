@@ -1,6 +1,6 @@
-/// An SDO client can write a DCF or a concise DCF to 1F20h or 1F22h of the manager (paper 5 §2; docs/manager-objects.md),
-/// and a user can give one by `berth configure --from`. It becomes the configuration of its slot and replaces
-/// `config =`.
+/// An SDO client can write a DCF or a concise DCF to 1F20h or 1F22h of the manager (paper 5 §2;
+/// docs/manager-objects.md), and a user can give one by `berth configure --from`. It becomes the configuration of its
+/// slot and replaces `config =`.
 #pragma once
 
 #include <span>

@@ -72,8 +72,8 @@ int write_in_place(const std::string& path, std::string_view bytes) {
 int replace_program(const std::string& file, std::span<const std::uint8_t> bytes) {
   const auto before = load_program(file);
   if (before) {
-    const int error = write_in_place(file + ".before", {reinterpret_cast<const char*>(before->bytes.data()),
-                                                        before->bytes.size()});
+    const int error =
+        write_in_place(file + ".before", {reinterpret_cast<const char*>(before->bytes.data()), before->bytes.size()});
     if (error != 0) return error;
   }
   return write_in_place(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});

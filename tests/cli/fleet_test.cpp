@@ -32,21 +32,20 @@ class Fleets : public ::testing::Test {
   /// Of its bus: the slots, and the plant's devices.
   void begin(const std::string& name, const std::string& slots, const std::string& devices,
              const std::string& commands = "\"configure\"") {
-    const auto machine = folder.write(
-        name + ".toml", fmt::format("[machine]\nname = \"{}\"\n[mqtt]\nbroker = \"{}\"\ngroup = \"hall\"\n"
-                                    "commands = [{}]\n[bus.field]\nport = \"sim\"\nbitrate = 250_000\n{}",
-                                    name, mqtt::to_string(broker->where()), commands, slots));
+    const auto machine =
+        folder.write(name + ".toml", fmt::format("[machine]\nname = \"{}\"\n[mqtt]\nbroker = \"{}\"\ngroup = \"hall\"\n"
+                                                 "commands = [{}]\n[bus.field]\nport = \"sim\"\nbitrate = 250_000\n{}",
+                                                 name, mqtt::to_string(broker->where()), commands, slots));
     const auto plant = folder.write(name + ".plant.toml", "[plant]\nseed = 3\n[bus.field]\n" + devices);
-    machines.push_back(std::make_unique<Background>(
-        Words{"up", machine, "--sim", plant, "--pace", "--store", folder.file(name + ".db"), "--control",
-              folder.file(name + ".control")}));
+    machines.push_back(
+        std::make_unique<Background>(Words{"up", machine, "--sim", plant, "--pace", "--store",
+                                           folder.file(name + ".db"), "--control", folder.file(name + ".control")}));
   }
   static std::string slot(int id, const std::string& name) {
     return fmt::format("[[slot]]\nbus = \"field\"\nid = {}\nname = \"{}\"\neds = \"eds/sensor.eds\"\n", id, name);
   }
   static std::string device(int serial, const std::string& eds = "eds/sensor.eds") {
-    return fmt::format("[[device]]\nbus = \"field\"\nname = \"d{}\"\neds = \"{}\"\nserial = {}\n", serial, eds,
-                       serial);
+    return fmt::format("[[device]]\nbus = \"field\"\nname = \"d{}\"\neds = \"{}\"\nserial = {}\n", serial, eds, serial);
   }
   [[nodiscard]] std::string url() const { return mqtt::to_string(broker->where()); }
   [[nodiscard]] Json fleet(int status) const {
@@ -72,7 +71,8 @@ TEST_F(Fleets, ThreeMachinesOfWhichOneLostADrive) {
   static_cast<void>(folder.bring("eds/sensor.eds"));
   begin("press-1", slot(1, "left"), device(1));
   begin("press-2", slot(1, "left") + slot(2, "drive"),
-        device(1) + device(2) + "[[event]]\nafter = \"operational\"\ndelay = \"1 s\"\naction = \"unplug\"\ndevice = \"d2\"\n");
+        device(1) + device(2) +
+            "[[event]]\nafter = \"operational\"\ndelay = \"1 s\"\naction = \"unplug\"\ndevice = \"d2\"\n");
   begin("press-3", slot(1, "left"), device(1));
   ASSERT_TRUE(eventually([&] {
     const auto text = berth({"fleet", url()}).out;
@@ -115,8 +115,8 @@ TEST_F(Fleets, ARollOutToTenStopsAtTheOneThatFailsAndGoesOn) {
     begin(fmt::format("m{}", i), slot(1, "s"), device(1, i == 4 ? "eds/narrow.eds" : "eds/sensor.eds"));
   ASSERT_TRUE(all_are_up(10));
   const auto file = folder.write("new.cdcf", concise_dcf());
-  Words words{"fleet", "roll-out", file, "--slot", "s", "--group", "hall", "--at-most", "3", "--stop-on-failure",
-              "--timeout", "60 s", "--broker", url()};
+  Words words{"fleet", "roll-out",          file,        "--slot", "s",        "--group", "hall", "--at-most",
+              "3",     "--stop-on-failure", "--timeout", "60 s",   "--broker", url()};
   const auto plan = berth(words);
   EXPECT_EQ(plan.status, 1) << "nobody confirmed it";
   EXPECT_NE(plan.err.find("--yes"), std::string::npos) << plan.err;
@@ -137,8 +137,8 @@ TEST_F(Fleets, ARollOutToTenStopsAtTheOneThatFailsAndGoesOn) {
   ASSERT_EQ(second.at("machines").size(), 5U) << "those that have it are left alone";
   EXPECT_EQ(second["machines"][0]["machine"], "m4");
   // What the device holds, by SDO.
-  const auto held = berth({"sdo", "read", "s", "2000h", "--control", folder.file("m7.control"), "-m",
-                           folder.file("m7.toml")});
+  const auto held =
+      berth({"sdo", "read", "s", "2000h", "--control", folder.file("m7.control"), "-m", folder.file("m7.toml")});
   EXPECT_NE(held.out.find("20"), std::string::npos) << held.out << held.err;
 }
 

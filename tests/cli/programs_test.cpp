@@ -151,7 +151,8 @@ TEST_F(ProgramCommand, ARefusedProgramIsNotWrittenAgain) {
   EXPECT_NE(up.out.find("c2: failed: I: "), std::string::npos) << up.out;
 }
 
-// What a user downloaded to stay is the slot's program from then on: else its next boot-up would bring the old one back.
+// What a user downloaded to stay is the slot's program from then on: else its next boot-up would bring the old one
+// back.
 TEST_F(ProgramCommand, AKeptProgramIsTheSlots) {
   const Folder folder;
   const std::string kept = folder.bring("programs/controller-2.bprg");
@@ -163,10 +164,10 @@ TEST_F(ProgramCommand, AKeptProgramIsTheSlots) {
                    "type = { vendor = 0x0000_0001, product = 0x0000_0060 }\nprograms = [{ file = \"" +
                        kept + "\" }]\n");
   const std::string image = folder.file("new.bprg");
-  ASSERT_EQ(berth({"program", "image", folder.write("p.bin", "version three"), image, "--vendor", "1", "--product",
-                   "96"})
-                .status,
-            0);
+  ASSERT_EQ(
+      berth({"program", "image", folder.write("p.bin", "version three"), image, "--vendor", "1", "--product", "96"})
+          .status,
+      0);
   const std::string socket = folder.file("control");
   const Background up({"up", file, "--sim", plant, "--pace", "--store", folder.file("a.db"), "--control", socket});
   const auto ask = [&](Words words) {

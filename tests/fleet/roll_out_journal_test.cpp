@@ -67,9 +67,9 @@ TEST(FleetRollOutJournal, AnothersIsRefused) {
   const Folder folder;
   const auto path = folder.file("j");
   ASSERT_TRUE(RollOutJournal::open(path, the_dcf));
-  for (const RollOutJournal::What& other :
-       {RollOutJournal::What{"configure", "drive", 1}, {"configure", "pump", 0x1234},
-        {"program download", "drive", 0x1234}}) {
+  for (const RollOutJournal::What& other : {RollOutJournal::What{"configure", "drive", 1},
+                                            {"configure", "pump", 0x1234},
+                                            {"program download", "drive", 0x1234}}) {
     const auto opened = RollOutJournal::open(path, other);
     ASSERT_FALSE(opened);
     EXPECT_NE(opened.error().find("another roll-out"), std::string::npos) << opened.error();

@@ -15,8 +15,8 @@ using Stage = RollOut::Stage;
 constexpr const char* the_value = "13 bytes, CRC-32 00000001";
 
 RollOutView ready() {
-  return {.known = true, .online = true, .has_slot = true, .device_there = true, .allows = true,
-          .state = "operational"};
+  return {
+      .known = true, .online = true, .has_slot = true, .device_there = true, .allows = true, .state = "operational"};
 }
 
 /// Machines a, b, c, ... of group g, and what is seen of them.
