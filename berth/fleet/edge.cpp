@@ -107,6 +107,7 @@ class Edge::Core final : public Turner,
       take_news();
       node_.stop(clock_.now());
       ending_ = true;
+      if (client_) client_->end(mqtt::Parting::with_will);
     }
     // Its handler may be waiting for the mutex.
     client_.reset();
@@ -324,6 +325,8 @@ class Edge::Core final : public Turner,
       node_.disconnected(clock_.now());
       old = std::move(client_);
     }
+    // By MQTT 5 the broker tells hosts that this session is over, also if NDEATH was not sent (Sparkplug 3.0 §6.4.24).
+    if (old) old->end(mqtt::Parting::with_will);
     old.reset();
     if (auto begun = begin(); !begun) {
       const std::scoped_lock lock(mutex_);
