@@ -29,7 +29,7 @@ struct MachineView {
   bool operational = false;
   std::string version{};                   ///< of Berth
   std::string studio{};                    ///< address of its Studio; empty: it has none
-  sparkplug::Utc since{};                  ///< of its birth or its death
+  sparkplug::Utc since{};                  ///< when it became operational or ceased to be, or when it died
   std::vector<SlotView> slots{};           ///< by name
   std::vector<std::string> bus_trouble{};  ///< "bus line is bus-off"
   friend bool operator==(const MachineView&, const MachineView&) = default;
