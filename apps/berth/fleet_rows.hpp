@@ -1,15 +1,18 @@
-/// Machines of a fleet as rows for people and as JSON for programs. Pure.
+/// Machines of a fleet as rows for people. Pure.
 #pragma once
 
 #include <cstdint>
-#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
 #include "berth/fleet/machines.hpp"
+#include "berth/fleet/machines_json.hpp"
 #include "board.hpp"
 
 namespace berth::cli {
+
+using fleet::machine_json;
+using fleet::machine_of_json;
 
 /// "2 of 3 machines need somebody", or "all 3 machines are operational".
 [[nodiscard]] std::string fleet_headline(const std::vector<fleet::MachineView>& machines);
@@ -19,9 +22,5 @@ namespace berth::cli {
                                                  std::size_t columns);
 /// One machine with all its slots.
 [[nodiscard]] std::vector<std::string> machine_lines(const fleet::MachineView& machine, std::uint64_t now_ms);
-
-[[nodiscard]] nlohmann::ordered_json machine_json(const fleet::MachineView& machine);
-/// Back from `machine_json`. Members that are missing or of another kind are empty.
-[[nodiscard]] fleet::MachineView machine_of_json(const nlohmann::ordered_json& json);
 
 }  // namespace berth::cli

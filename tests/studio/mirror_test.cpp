@@ -51,7 +51,7 @@ TEST(StudioMirror, EachStartIsAnother) {
 TEST(StudioMirror, AVerbTellsHowTheCommandLineSpellsAnArgument) {
   design::Machine machine;
   machine.buses.emplace_back().name = "field";
-  const auto verbs = Json::parse(Mirror(machine, true).snapshot(0, command::Role::view))["verbs"];
+  const auto verbs = Json::parse(Mirror(machine, {.simulated = true}).snapshot(0, command::Role::view))["verbs"];
   std::string spelled;
   bool for_a_person = false;
   for (const auto& verb : verbs) {
