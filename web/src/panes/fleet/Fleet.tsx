@@ -147,7 +147,7 @@ function Tile({ machine, at, of, now, open }: TileProps) {
           <span className={`tone-${toneOf(mark)}`}>{visible(word)}</span>
           <span className="quiet" title={new Date(machine.sinceMs).toLocaleString()}>
             {" "}
-            {machine.online ? "· up" : "·"} since {ageWords(now, machine.sinceMs)}
+            · for {ageWords(now, machine.sinceMs)}
           </span>
         </span>
         <span className="quiet">{facts.filter(Boolean).join(" · ")}</span>
