@@ -1,5 +1,7 @@
 #include "fleet_rows.hpp"
 
+#if BERTH_MQTT
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -112,3 +114,5 @@ std::vector<std::string> machine_lines(const MachineView& machine, std::uint64_t
 }
 
 }  // namespace berth::cli
+
+#endif

@@ -63,9 +63,22 @@ void add_poll(Verb& berth, Options& options) {
   poll.footer("Examples:\n  berth poll left --stop\n  berth poll left");
 }
 
+namespace {
+
+// Another process may carry out the request in another folder.
+std::string absolute_from(command::Request& request) {
+  const auto file = request.arguments.find("from");
+  if (file != request.arguments.end()) file->second = std::filesystem::absolute(file->second).string();
+  return {};
+}
+
+}  // namespace
+
 void add_configure(Verb& berth, Options& options) {
-  const RequestVerb configure(berth, options, "configure", "configure", {}, {.alone = false});
-  configure.footer("Examples:\n  berth configure --check\n  berth configure left machine.toml");
+  const RequestVerb configure(berth, options, "configure", "configure", absolute_from, {.alone = false});
+  configure.footer(
+      "Examples:\n  berth configure --check\n  berth configure left machine.toml\n"
+      "  berth configure left --from new.dcf --restart");
 }
 
 namespace {

@@ -8,13 +8,13 @@
 #include "berth/base/counted.hpp"
 #include "berth/command/differences.hpp"
 #include "berth/command/objects.hpp"
+#include "berth/command/packed_text.hpp"
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
 #include "berth/command/values.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/manager/configuration_upload.hpp"
-#include "berth/manager/stored_dcf.hpp"
 #include "berth/od/notation.hpp"
 #include "berth/operate/timing_options.hpp"
 #include "berth/text/quantity.hpp"
@@ -123,13 +123,6 @@ rt::Task<void> save_one(Session& session, Saved& saved) {
   saved.problem = misfit("its description", made.configuration.type, told->type);
 }
 
-std::string hex_digits(std::span<const std::uint8_t> bytes) {
-  std::string text;
-  text.reserve(2 * bytes.size());
-  for (const auto byte : bytes) text += fmt::format("{:02X}", byte);
-  return text;
-}
-
 Json json_of(const Saved& saved) {
   Json json{{"bus", saved.bus}, {"node", saved.node.node.value()}};
   if (!saved.slot.empty()) json["slot"] = saved.slot;
@@ -146,7 +139,7 @@ Json json_of(const Saved& saved) {
   json["left_out"] = Json::array();
   for (const auto& object : saved.uploaded.left_out) json["left_out"].push_back(od::write_object(object));
   json["bytes"] = saved.uploaded.dcf.size();
-  json["dcf"] = hex_digits(manager::pack_stored(saved.uploaded.dcf));
+  json["dcf"] = packed(saved.uploaded.dcf);
   return json;
 }
 
@@ -212,26 +205,6 @@ rt::Task<void> backup_save(Session& session, const Request& request, Reply& repl
 // ---- a DCF and a device ----
 
 namespace {
-
-// A zlib stream in hex digits, as `backup save` writes it.
-Checked<std::string> unpacked(const std::string& digits) {
-  const auto nibble = [](char c) {
-    return c >= '0' && c <= '9'   ? c - '0'
-           : c >= 'A' && c <= 'F' ? c - 'A' + 10
-           : c >= 'a' && c <= 'f' ? c - 'a' + 10
-                                  : -1;
-  };
-  std::vector<std::uint8_t> bytes;
-  for (std::size_t i = 0; i + 1 < digits.size(); i += 2) {
-    const int high = nibble(digits[i]);
-    const int low = nibble(digits[i + 1]);
-    if (high < 0 || low < 0) return tl::unexpected(std::string("dcf is a zlib stream in hexadecimal digits"));
-    bytes.push_back(static_cast<std::uint8_t>(high * 16 + low));
-  }
-  auto text = manager::unpack_stored(manager::stored_format::zlib, bytes);
-  if (!text || digits.size() % 2 != 0) return tl::unexpected(std::string("dcf is a zlib stream in hexadecimal digits"));
-  return std::move(*text);
-}
 
 Checked<LoadedConfiguration> load(Arguments& arguments) {
   const std::string file = arguments.text("file");

@@ -1,4 +1,5 @@
-// `berth configure`: compares devices with their configuration files, and writes what differs.
+// `berth configure`: compares devices with their configuration files, and writes what differs. With --from: a slot gets
+// another configuration first.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -7,9 +8,13 @@
 #include "berth/base/counted.hpp"
 #include "berth/command/arguments.hpp"
 #include "berth/command/differences.hpp"
+#include "berth/command/packed_text.hpp"
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
+#include "berth/command/slot_wait.hpp"
+#include "berth/eds/context.hpp"
+#include "berth/manager/stored_dcf.hpp"
 #include "berth/text/quantity.hpp"
 
 namespace berth::command {
@@ -17,10 +22,18 @@ namespace {
 
 using operate::SlotConfiguration;
 
+// A configuration that replaces `config =` of one slot.
+struct Given {
+  std::string file;  // where it came from, for messages
+  std::string content;
+};
+
 struct Wish {
   std::vector<Network*> networks;
   std::string slot;  // empty: all slots that have a configuration
+  std::optional<Given> given;
   bool write = true;
+  bool restart = false;
 };
 
 const char* result_of(const SlotConfiguration& c, bool write) {
@@ -74,11 +87,38 @@ void give_result(Reply& reply, const std::vector<SlotConfiguration>& slots, bool
   }
 }
 
+Checked<std::optional<Given>> read_given(const Arguments& arguments) {
+  const std::string file = arguments.text("from");
+  if (!file.empty()) {
+    auto content = eds::read_text_file(file, manager::longest_stored_text);
+    if (!content) return tl::unexpected(fmt::format("{}: {}", file, content.error()));
+    if (content->size() > manager::longest_stored_text) return tl::unexpected(file + ": it is longer than 4 MiB");
+    return Given{file, std::move(*content)};
+  }
+  if (!arguments.has("dcf")) return std::optional<Given>{};
+  auto content = unpacked(arguments.text("dcf"));
+  if (!content) return tl::unexpected(content.error());
+  return Given{"the configuration that was sent", std::move(*content)};
+}
+
+// A concise DCF begins with its number of entries, of which a byte is 0.
+operate::WrittenFiles::Form form_of(const std::string& content) {
+  const bool is_text = content.substr(0, 4).find('\0') == std::string::npos;
+  return is_text ? operate::WrittenFiles::Form::dcf : operate::WrittenFiles::Form::concise;
+}
+
 // The networks to configure. Returns the problem as text for the user.
 std::string read_wish(Session& session, const Request& request, Wish& wish) {
   Arguments arguments(request);
   if (!arguments.good()) return arguments.problem();
   wish.write = !arguments.has("check");
+  wish.restart = arguments.has("restart");
+  auto given = read_given(arguments);
+  if (!given) return given.error();
+  wish.given = std::move(*given);
+  if ((wish.given || wish.restart) && !arguments.has("slot")) return "which slot? --from and --restart are about one";
+  if ((wish.given || wish.restart) && !wish.write)
+    return "--check changes nothing: leave it out, or --from and --restart";
   const std::string bus = arguments.text("bus");
   const std::string slot = arguments.text("slot");
   if (!slot.empty()) {
@@ -95,9 +135,10 @@ std::string read_wish(Session& session, const Request& request, Wish& wish) {
     for (const auto& network : session.networks()) wish.networks.push_back(network.get());
   }
   for (const Network* const network : wish.networks) {
-    const auto usable = network_for(session, network->bus().name, Use::send);
+    const auto usable = network_for(session, network->bus().name, wish.restart ? Use::command : Use::send);
     if (!usable) return usable.error();
   }
+  if (wish.given) return {};
   const auto has_config = [&](const design::Slot& s) {
     const auto& name = s.spec.name;
     const bool here = std::ranges::any_of(wish.networks, [&](const Network* n) { return n->bus().name == name.bus; });
@@ -108,12 +149,54 @@ std::string read_wish(Session& session, const Request& request, Wish& wish) {
                            : fmt::format("slot {} has no configuration; give it config = \"FILE.dcf\"", wish.slot);
 }
 
+// A reset lets the device boot, and Berth writes what differs before it starts it.
+rt::Task<void> restart(Network& network, const std::string& name, Reply& reply) {
+  const auto before = slot_of(network, name);
+  const auto fact = [&] { return fmt::format("bus {}, slot {}", network.bus().name, text::quoted(name)); };
+  if (!before || !(before->nmt || before->state == places::SlotState::operational)) {
+    co_return refuse(reply, 1, fact() + ": no device is there to be restarted",
+                     "its configuration is written when one comes");
+  }
+  const co::NmtTarget target(before->id);
+  const auto boot_ups = network.services().boots.boot_ups(before->id);
+  const auto sent = co_await network.services().nmt.send(co::NmtCommand::reset_node, target);
+  if (!sent) co_return fail_with(reply, sent.error(), fact() + ", NMT reset node");
+  network.commanded(co::NmtCommand::reset_node, target);
+  reply.tell(fmt::format("{} is reset; waiting until it is operational", name));
+  co_await await_restart(network, name, boot_ups);
+  const auto after = slot_of(network, name);
+  const bool good = after && after->state == places::SlotState::operational;
+  Json json;
+  json["bus"] = network.bus().name;
+  json["id"] = before->id.value();
+  json["slot"] = name;
+  json["result"] = good ? "configured" : "failed";
+  json["state"] = after ? std::string(places::name(after->state)) : "";
+  json["reason"] = after ? after->reason : "";
+  const std::string state = after ? std::string(places::name(after->state)) : "gone";
+  give(reply, Json{{"slots", Json::array({std::move(json)})}, {"wrong", good ? 0 : 1}},
+       {fmt::format("{}  {:>3}  {}: restarted, {}", network.bus().name, before->id.value(), name, state)});
+  if (good) co_return;
+  reply.status = 1;
+  reply.error = error_line(fmt::format("{}: after the restart it is {}{}{}", fact(), state,
+                                       after && !after->reason.empty() ? ": " : "", after ? after->reason : ""));
+}
+
 }  // namespace
 
 rt::Task<void> configure(Session& session, const Request& request, Reply& reply) {
   Wish wish;
   const std::string problem = read_wish(session, request, wish);
   if (!problem.empty()) co_return refuse(reply, 2, problem);
+  if (wish.given) {
+    const auto& content = wish.given->content;
+    const std::vector<std::uint8_t> bytes(content.begin(), content.end());
+    const auto given =
+        operate::give_configuration(*wish.networks.front(), wish.slot, form_of(content), bytes, wish.given->file);
+    if (!given) co_return refuse(reply, 1, given.error());
+    reply.tell(*given);
+  }
+  if (wish.restart && session.started()) co_return co_await restart(*wish.networks.front(), wish.slot, reply);
   std::vector<SlotConfiguration> slots;
   for (Network* const network : wish.networks) {
     if (!session.started()) {

@@ -128,6 +128,18 @@ Disturbed by_program(Session& session, const Request& request) {
   return disturbed;
 }
 
+Disturbed by_configure(Session& session, const Request& request) {
+  if (!request.arguments.contains("restart")) return {};
+  Arguments arguments(request);
+  const auto slot = own_slot(session, arguments.text("bus"), arguments.text("slot"), "");
+  if (!arguments.good() || !slot) return {};
+  const auto slots = slot->network->report();
+  const auto mine = std::ranges::find(slots, slot->name, &SlotReport::name);
+  if (mine == slots.end()) return {};
+  return disturbed_at(session, *slot->network, {}, mine->id,
+                      "boots and leaves operational: its outputs go to their fault values");
+}
+
 // A doctor that asks disturbs devices; one that only listens does not.
 Disturbed by_doctor(Session& session, const Request& request) {
   Arguments arguments(request);
@@ -163,6 +175,7 @@ Disturbed by_boot(Session& session, const Request& request) {
 Disturbed disturbed_by(Session& session, const Request& request) {
   if (request.verb == "nmt") return by_nmt(session, request);
   if (request.verb == "boot") return by_boot(session, request);
+  if (request.verb == "configure") return by_configure(session, request);
   if (request.verb == "sdo write") return by_sdo(session, request);
   if (request.verb == "store" || request.verb == "restore") return by_memory(session, request);
   if (request.verb.starts_with("program ")) return by_program(session, request);

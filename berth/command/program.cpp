@@ -2,10 +2,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstring>
 #include <nlohmann/json.hpp>
 
 #include "berth/co/sdo_access.hpp"
 #include "berth/command/objects.hpp"
+#include "berth/command/packed_text.hpp"
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
@@ -28,7 +30,9 @@ struct ProgramRequest {
   const design::Slot* slot = nullptr;
   std::optional<std::uint8_t> number;
   std::string file;
+  std::string image;  // packed
   std::optional<std::uint32_t> identification;
+  bool keep = false;
 
   [[nodiscard]] std::uint8_t one() const noexcept { return number.value_or(1); }
 };
@@ -39,6 +43,8 @@ tl::expected<ProgramRequest, std::string> read_program_request(Session& session,
   wanted.node = node_argument(arguments, session.machine());
   if (arguments.has("number")) wanted.number = static_cast<std::uint8_t>(arguments.number("number", 1, 254));
   wanted.file = arguments.text("file");
+  wanted.image = arguments.text("image");
+  wanted.keep = arguments.has("keep");
   if (arguments.has("identification")) wanted.identification = arguments.number("identification", 1, 0xFFFF'FFFF);
   if (!arguments.good()) return tl::unexpected(arguments.problem());
   const auto network = node_network(session, wanted.node, Place::beneath_too);
@@ -210,13 +216,20 @@ namespace {
 struct Download {
   std::vector<operate::ProgramImage> images;
   std::vector<manager::ProgramWish> wishes;
+  std::string kept_as;  // the file of the slot's program; empty: it stays as it is
 };
+
+Result<operate::ProgramImage> unpacked_image(const std::string& digits) {
+  const auto content = unpacked(digits);
+  if (!content) return fail(Errc::invalid, "image is a zlib stream of at most 4 MiB, in hexadecimal digits");
+  return operate::program_of({content->begin(), content->end()});
+}
 
 // Returns the problem as text for the user.
 std::string read_images(const ProgramRequest& wanted, Download& download) {
   std::vector<places::SlotProgram> programs;
-  if (!wanted.file.empty()) {
-    programs.push_back({wanted.one(), wanted.file, wanted.identification});
+  if (!wanted.file.empty() || !wanted.image.empty()) {
+    programs.push_back({wanted.one(), wanted.file.empty() ? "the image" : wanted.file, wanted.identification});
   } else if (wanted.slot != nullptr) {
     for (const auto& each : wanted.slot->spec.software.programs) {
       if (!wanted.number || *wanted.number == each.number) programs.push_back(each);
@@ -229,8 +242,17 @@ std::string read_images(const ProgramRequest& wanted, Download& download) {
   if (programs.empty()) {
     return "it is not known which program: name its image by --file, or by programs = [{ file = \"…\" }] in its slot";
   }
+  if (wanted.keep && (programs.size() != 1 || wanted.file.empty() == wanted.image.empty())) {
+    return "--keep is for one program, whose image is given by --file";
+  }
+  if (wanted.keep) {
+    const auto* const named = slot_program(wanted, programs.front().number);
+    if (named == nullptr) return "the slot names no such program, so there is no file to be replaced: leave out --keep";
+    if (named->identification) return "the machine file names its identification: change both there";
+    download.kept_as = named->file;
+  }
   for (const auto& program : programs) {
-    auto image = operate::load_program(program.file);
+    auto image = wanted.image.empty() ? operate::load_program(program.file) : unpacked_image(wanted.image);
     if (!image) return fmt::format("{}: {}", text::quoted(program.file), image.error().text);
     download.images.push_back(*std::move(image));
   }
@@ -249,6 +271,17 @@ const char* advice_of(const Error& error) noexcept {
              ? "the device stays in its boot loader; give it an image as its maker builds it: for a device of Berth's "
                "`berth program image` makes one of a binary"
              : "the device stays in its boot loader; `berth program status` says more";
+}
+
+// Returns the problem as text for the user.
+std::string keep_image(const Download& download) {
+  if (download.kept_as.empty()) return {};
+  const int error = operate::replace_program(download.kept_as, download.images.front().bytes);
+  if (error == 0) return {};
+  return fmt::format(
+      "the program runs, but {} cannot be replaced ({}): at its next boot-up the device gets the program "
+      "of that file again",
+      text::quoted(download.kept_as), std::strerror(error));
 }
 
 std::string progress_line(const ProgramRequest& wanted, const ProgramProgress& p) {
@@ -299,7 +332,11 @@ rt::Task<void> program_download(Session& session, const Request& request, Reply&
                         fmt::format("{}, program {}, {}", where(*wanted), report.number, name(report.stage)),
                         advice_of(done.error()));
   }
+  // While the turn is held: the main job, which boots the device next, must expect this program.
+  const auto unkept = keep_image(download);
+  if (!unkept.empty()) co_return refuse(reply, 3, unkept);
   Json json = head_of(*wanted);
+  if (!download.kept_as.empty()) json["kept"] = download.kept_as;
   json["bytes"] = report.bytes;
   json["tries"] = report.tries;
   json["programs"] = Json::array();

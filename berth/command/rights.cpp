@@ -20,10 +20,12 @@ bool is_personal(std::string_view name) {
 }
 
 // Finds a personal argument: a file of this computer, or "yes". The studio's pages may send "yes": there the user
-// confirms what the page shows.
+// confirms what the page shows. By MQTT it comes only with a command whose permission says that it disturbs devices
+// (fleet/commands.hpp).
 std::string personal_argument(Face face, const Request& request) {
   for (const auto& [name, value] : request.arguments) {
-    if (!is_personal(name) || (face == Face::studio && name == "yes")) continue;
+    const bool may_confirm = face == Face::studio || face == Face::mqtt;
+    if (!is_personal(name) || (may_confirm && name == "yes")) continue;
     return face == Face::studio
                ? fmt::format(
                      "{} works only on the command line: it names a file of this computer, or forgets all bindings",

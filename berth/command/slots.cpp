@@ -11,6 +11,7 @@
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
+#include "berth/command/slot_wait.hpp"
 #include "berth/operate/slot_rows.hpp"
 #include "berth/text/quantity.hpp"
 
@@ -88,46 +89,11 @@ rt::Task<void> bind(Session& session, const Request& request, Reply& reply) {
 
 namespace {
 
-// The wait for the slot's new device is over; in the other states, the slot may still get one.
-bool settled(SlotState state) {
-  switch (state) {
-    case SlotState::operational:
-    case SlotState::question:
-    case SlotState::power_cycle:
-    case SlotState::failed:
-    case SlotState::duplicate:
-    case SlotState::wrong_type: return true;
-    default: return false;
-  }
-}
-
-std::optional<SlotReport> slot_of(const Network& network, const std::string& name) {
-  const auto slots = network.report();
-  const auto it = std::ranges::find(slots, name, &SlotReport::name);
-  return it == slots.end() ? std::nullopt : std::optional<SlotReport>(*it);
-}
-
-rt::Duration longest_wait(const Network& network) noexcept {
-  const auto& timing = network.bus().timing;
-  return 3 * timing.probe_period + timing.boot_timeout;
-}
-
 // "valve-b released (heartbeat lost)". Leaves out the reason's advice: the user has followed it.
 std::string released(const SlotReport& before) {
   const std::string fact = before.reason.substr(0, before.reason.find(';'));
   return before.state == SlotState::absent ? fmt::format("{} released ({})", before.name, fact)
                                            : fmt::format("{} released", before.name);
-}
-
-// Waits for the main job, which binds the device. If no device comes, the slot stays empty.
-rt::Task<void> await_slot(Network& network, const std::string& name) {
-  const auto& timing = network.bus().timing;
-  const rt::Time deadline = network.services().executor.now() + longest_wait(network);
-  while (network.services().executor.now() < deadline) {
-    co_await rt::sleep_for(timing.heartbeat_period / 8 + std::chrono::milliseconds(1));
-    const auto slot = slot_of(network, name);
-    if (slot && settled(slot->state)) co_return;
-  }
 }
 
 }  // namespace

@@ -64,8 +64,14 @@ constexpr std::array of_locate{of_bus, word_of("target", "slot, LSS address or n
                                option_of("seconds", "N", "seconds to flicker (1 to 600, default 10)"),
                                flag_of("anyway", "also when it is operational")};
 constexpr std::array of_configure{
-    of_bus, word_of("slot", "its name, BUS/NAME or node-ID (default: every slot with a configuration)", false),
-    flag_of("check", "compare only, and say what differs")};
+    of_bus,
+    word_of("slot", "its name, BUS/NAME or node-ID (default: every slot with a configuration)", false),
+    flag_of("check", "compare only, and say what differs"),
+    personal(option_of("from", "FILE",
+                       "first, this DCF, XDC or concise DCF replaces `config =` of the slot, until its "
+                       "kept copy is deleted")),
+    own_of("dcf", "instead of from: the content as a zlib stream, in hexadecimal digits"),
+    flag_of("restart", "also resets the device, so that it takes the configuration though it runs")};
 constexpr std::array of_upload{of_bus, word_of("slot", a_slot), own_of("dcf", "the whole DCF in the answer")};
 constexpr auto an_object = own_of("object", "1018h:04, 0x1018:4, 1018sub4, or its name", true);
 constexpr auto a_sub = own_of("sub", "the sub-index, where object is the index alone");
@@ -103,9 +109,13 @@ constexpr std::array of_comparison{of_bus, word_of("node", a_node),
                                    own_of("dcf", "instead of a file: the DCF as a zlib stream, in hexadecimal digits")};
 constexpr std::array of_program{of_bus, word_of("node", a_node), a_program};
 constexpr std::array of_program_download{
-    of_bus, word_of("node", a_node), a_program,
+    of_bus,
+    word_of("node", a_node),
+    a_program,
     personal(option_of("file", "FILE", "its image (default: the programs of its slot)")),
-    option_of("identification", "NUMBER", "what 1F56h reports then (default: the CRC-32 of the content)")};
+    own_of("image", "instead of file: the image as a zlib stream, in hexadecimal digits"),
+    option_of("identification", "NUMBER", "what 1F56h reports then (default: the CRC-32 of the content)"),
+    flag_of("keep", "once it runs, it also replaces the file of the slot's program (earlier content: FILE.before)")};
 constexpr std::array of_emcy{
     of_bus, word_of("node", "node-ID or slot's name: its error register (1001h) and history (1003h)", false),
     own_of("listen", "instead: show the messages that come during this many seconds")};

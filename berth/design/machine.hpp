@@ -197,7 +197,8 @@ enum class MqttVersion : std::uint8_t { automatic, v5, v3_1_1 };
 /// `[mqtt]`: the machine is an edge node of Sparkplug B at a broker (docs/fleet.md).
 struct Mqtt {
   /// What hosts may command, if the machine file allows it: verbs of berth/command/verbs.hpp.
-  static constexpr std::array<std::string_view, 3> command_words{"replace", "locate", "nmt"};
+  static constexpr std::array<std::string_view, 5> command_words{"replace", "locate", "nmt", "configure",
+                                                                 "program download"};
 
   std::string broker;           ///< "mqtts://broker:8883"; checked by room mqtt
   std::string group = "berth";  ///< group and node name the machine at the broker

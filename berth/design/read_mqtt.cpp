@@ -113,8 +113,9 @@ void read_allowed(Table& table, Mqtt& mqtt) {
   for (const auto& word : *words) {
     const bool known = std::ranges::find(Mqtt::command_words, word) != Mqtt::command_words.end();
     if (!known) {
-      table.error("commands", fmt::format("{} cannot be commanded by MQTT", text::quoted(word)),
-                  R"(of "replace", "locate" and "nmt"; an object is allowed by writable = true in its slot's publish)");
+      table.error(
+          "commands", fmt::format("{} cannot be commanded by MQTT", text::quoted(word)),
+          R"(of "replace", "locate", "nmt", "configure" and "program download"; an object is allowed by writable = true in its slot's publish)");
     }
     if (known && !mqtt.commands.allow(word)) mqtt.commands.verbs.push_back(word);
   }

@@ -91,8 +91,11 @@ bool CommandDesk::may_go_on() {
 
 void CommandDesk::begin(sparkplug::Command command) {
   if (!may_go_on()) return;
-  const auto asked = request_of(command, session_->machine(), *signals_);
+  auto asked = request_of(command, session_->machine(), *signals_);
   if (!asked) return refuse(command, asked.error());
+  const auto* const confirmed = command.properties.find(confirmed_key);
+  if (asked->takes_yes && confirmed != nullptr && confirmed->value == sparkplug::Value(true))
+    asked->request.arguments["yes"] = "";
   const design::BusCommands the_write{{"sdo write"}};
   const auto refused = command::why_refused(command::Face::mqtt, asked->request,
                                             {.listed = asked->writes_signal ? &the_write : &options_.allowed});

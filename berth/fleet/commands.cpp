@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <string_view>
 
+#include "berth/base/crc.hpp"
+#include "berth/command/packed_text.hpp"
 #include "berth/od/data_type.hpp"
 #include "berth/od/notation.hpp"
 #include "berth/text/printable.hpp"
@@ -67,6 +69,30 @@ tl::expected<Asked, std::string> locate(const design::Slot& slot, const sparkplu
   return Asked{{"locate", {{"target", place_of(slot)}, {"seconds", fmt::format("{}", *seconds)}}}};
 }
 
+// A file within a value, packed as a request has it; empty: there is none.
+std::string packed_file(const sparkplug::Value& value) {
+  const auto* const bytes = std::get_if<sparkplug::Bytes>(&value);
+  if (bytes == nullptr || bytes->empty()) return {};
+  const std::string content(bytes->begin(), bytes->end());
+  constexpr std::uint8_t zlib = 0x78;  // RFC 1950: deflate, a window of 32 KiB
+  const auto digits = command::digits_of(content);
+  return bytes->front() == zlib && command::unpacked(digits) ? digits : command::packed(content);
+}
+
+tl::expected<Asked, std::string> configure(const design::Slot& slot, const sparkplug::Value& value) {
+  auto file = packed_file(value);
+  if (file.empty()) return refuse("write a DCF, an XDC or a concise DCF, or a zlib stream of it");
+  return Asked{.request = {"configure", {{"slot", place_of(slot)}, {"dcf", std::move(file)}, {"restart", ""}}},
+               .takes_yes = true};
+}
+
+tl::expected<Asked, std::string> program(const design::Slot& slot, const sparkplug::Value& value) {
+  auto file = packed_file(value);
+  if (file.empty()) return refuse("write a program's image, or a zlib stream of it");
+  return Asked{.request = {"program download", {{"node", place_of(slot)}, {"image", std::move(file)}, {"keep", ""}}},
+               .takes_yes = true};
+}
+
 tl::expected<Asked, std::string> write(const Signal& signal, const design::Slot& slot, const sparkplug::Value& value) {
   const auto text = signal.text_for(value);
   if (!text || text->size() > longest) return refuse("the object cannot have this value");
@@ -96,6 +122,8 @@ std::vector<OwnMetric> device_commands(const design::BusCommands& allowed, spark
   std::vector<OwnMetric> metrics;
   if (allowed.allow("locate")) metrics.push_back(writable(std::string(locate_metric), DataType::uint32, at));
   if (allowed.allow("nmt")) metrics.push_back(writable(std::string(nmt_metric), DataType::string, at));
+  if (allowed.allow("configure")) metrics.push_back(writable(configure_metric, DataType::bytes, at));
+  if (allowed.allow("program download")) metrics.push_back(writable(program_metric, DataType::bytes, at));
   return metrics;
 }
 
@@ -112,6 +140,8 @@ tl::expected<Asked, std::string> request_of(const sparkplug::Command& command, c
   if (slot == nullptr) return refuse("the machine has no such slot");
   if (metric == locate_metric) return locate(*slot, command.value);
   if (metric == nmt_metric) return nmt("", place_of(*slot), command.value);
+  if (metric == configure_metric) return configure(*slot, command.value);
+  if (metric == program_metric) return program(*slot, command.value);
   const auto signal = std::ranges::find_if(signals, [&](const Signal& each) {
     return each.metric == metric && &machine.slots[each.slot] == slot && each.wanted.writable;
   });
@@ -143,6 +173,8 @@ std::string words_of(const sparkplug::Value& value) {
   if (const auto* whole = std::get_if<std::uint64_t>(&value)) return fmt::format("{}", *whole);
   if (const auto* real = std::get_if<float>(&value)) return fmt::format("{}", *real);
   if (const auto* real = std::get_if<double>(&value)) return fmt::format("{}", *real);
+  if (const auto* bytes = std::get_if<sparkplug::Bytes>(&value))
+    return fmt::format("{} bytes, CRC-32 {:08X}", bytes->size(), crc32(*bytes));
   return "";
 }
 

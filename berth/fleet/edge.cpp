@@ -43,6 +43,36 @@ bool is_host_online(std::string_view topic, std::span<const std::uint8_t> payloa
   return state && state->online;
 }
 
+/// What is told to the executor; bounded.
+class Orders {
+ public:
+  explicit Orders(Handover<Order>& to) noexcept : to_(&to) {}
+
+  void put(Order order) {
+    if (lost_ > 0) {
+      Order lost{.kind = Order::Kind::trouble,
+                 .words = fmt::format("{} commands and messages came faster than they could be looked at, and were "
+                                      "dropped",
+                                      lost_)};
+      if (to_->put(lost)) lost_ = 0;
+    }
+    if (!to_->put(order)) ++lost_;
+  }
+  void say(std::string words) { put({.kind = Order::Kind::said, .words = std::move(words)}); }
+  void complain(std::string words) { put({.kind = Order::Kind::trouble, .words = std::move(words)}); }
+  /// `why` a value was not published; not again while it stays the same.
+  void not_published(const std::string& why) {
+    if (why == not_published_) return;
+    not_published_ = why;
+    complain("this was not published: " + why);
+  }
+
+ private:
+  Handover<Order>* to_;
+  std::string not_published_;
+  std::uint64_t lost_ = 0;
+};
+
 }  // namespace
 
 /// `mutex_` guards all of it: MQTT's thread calls the handler, the hub's thread `turn`. The executor takes it only
@@ -77,6 +107,7 @@ class Edge::Core final : public Turner,
       take_news();
       node_.stop(clock_.now());
       ending_ = true;
+      if (client_) client_->end(mqtt::Parting::with_will);
     }
     // Its handler may be waiting for the mutex.
     client_.reset();
@@ -122,11 +153,12 @@ class Edge::Core final : public Turner,
     connection_ = connected.connection;
     const auto where =
         fmt::format("{} as {}/{}", mqtt::to_string(options_.connection.where), options_.id.group, options_.id.node);
-    if (auto words = words_.connected(where, clock_.now().steady)) say(Order::Kind::said, std::move(*words));
+    if (auto words = words_.connected(where, clock_.now().steady)) orders_.say(std::move(*words));
     for (const auto& refused : connected.refused) {
-      say(Order::Kind::trouble, fmt::format("the broker refuses the subscription {}: {}; no host can command this "
-                                            "machine, or its primary host is not heard",
-                                            refused.filter, refused.words));
+      orders_.complain(
+          fmt::format("the broker refuses the subscription {}: {}; no host can command this "
+                      "machine, or its primary host is not heard",
+                      refused.filter, refused.words));
     }
     take_news();
     begin_session();
@@ -139,7 +171,7 @@ class Edge::Core final : public Turner,
     probes_.clear();
     broken_ = false;  // the client connects again by itself, in its own pace
     node_.disconnected(clock_.now());
-    if (auto words = words_.lost(over, clock_.now().steady)) say(Order::Kind::trouble, std::move(*words));
+    if (auto words = words_.lost(over, clock_.now().steady)) orders_.complain(std::move(*words));
     hub_.wake();
   }
 
@@ -177,8 +209,8 @@ class Edge::Core final : public Turner,
     if (accepted || accepted.error() == mqtt::Refusal::not_connected) return;  // that it is over is told next
     constexpr milliseconds pause = 30s;
     if (!broken_)
-      say(Order::Kind::trouble, fmt::format("a message of {} bytes cannot be sent: {}; Berth connects anew in {} s",
-                                            size, mqtt::name(accepted.error()), pause / 1s));
+      orders_.complain(fmt::format("a message of {} bytes cannot be sent: {}; Berth connects anew in {} s", size,
+                                   mqtt::name(accepted.error()), pause / 1s));
     give_up_connection(pause);
   }
   // The connection has made them already.
@@ -195,11 +227,13 @@ class Edge::Core final : public Turner,
 
   // ---- sparkplug::Application, within the calls of the node
 
-  void command(const sparkplug::Command& command) override { put({.kind = Order::Kind::command, .command = command}); }
+  void command(const sparkplug::Command& command) override {
+    orders_.put({.kind = Order::Kind::command, .command = command});
+  }
   void refused(const std::string& device, const std::string& metric, const std::string& reason) override {
-    put({.kind = Order::Kind::refused,
-         .command = {.device = device, .metric = metric, .value = {}, .at = {}},
-         .words = reason});
+    orders_.put({.kind = Order::Kind::refused,
+                 .command = {.device = device, .metric = metric, .value = {}, .at = {}},
+                 .words = reason});
   }
 
   // ----
@@ -215,18 +249,6 @@ class Edge::Core final : public Turner,
     broken_ = true;
     anew_at_ = clock_.now().steady + pause;
   }
-
-  void put(Order order) {
-    if (orders_lost_ > 0) {
-      Order lost{.kind = Order::Kind::trouble,
-                 .words = fmt::format("{} commands and messages came faster than they could be looked at, and were "
-                                      "dropped",
-                                      orders_lost_)};
-      if (link_.orders.put(lost)) orders_lost_ = 0;
-    }
-    if (!link_.orders.put(order)) ++orders_lost_;
-  }
-  void say(Order::Kind kind, std::string words) { put({.kind = kind, .words = std::move(words)}); }
 
   void take_news() {
     const auto now = clock_.now();
@@ -250,9 +272,7 @@ class Edge::Core final : public Turner,
         said = node_.change(news.device, news.metric, std::move(news.value), news.at, news.quality);
         break;
     }
-    if (said || said.error() == told_wrong_) return;
-    told_wrong_ = said.error();
-    say(Order::Kind::trouble, "this was not published: " + said.error());
+    if (!said) orders_.not_published(said.error());
   }
 
   void hear_of_host() {
@@ -291,7 +311,7 @@ class Edge::Core final : public Turner,
       disk_again_ = now + disk_pause;
       keeping_.try_disk_again();
     }
-    if (auto trouble = keeping_.take_trouble(); !trouble.empty()) say(Order::Kind::trouble, std::move(trouble));
+    if (auto trouble = keeping_.take_trouble(); !trouble.empty()) orders_.complain(std::move(trouble));
   }
 
   // On the hub's thread, without the mutex: the client's end waits for its handler.
@@ -305,10 +325,12 @@ class Edge::Core final : public Turner,
       node_.disconnected(clock_.now());
       old = std::move(client_);
     }
+    // By MQTT 5 the broker tells hosts that this session is over, also if NDEATH was not sent (Sparkplug 3.0 §6.4.24).
+    if (old) old->end(mqtt::Parting::with_will);
     old.reset();
     if (auto begun = begin(); !begun) {
       const std::scoped_lock lock(mutex_);
-      say(Order::Kind::trouble, begun.error());
+      orders_.complain(begun.error());
       give_up_connection(30s);
     }
   }
@@ -325,13 +347,12 @@ class Edge::Core final : public Turner,
   mqtt::ConnectionNumber connection_ = 0;
   std::map<mqtt::MessageId, std::uint64_t> probes_;  // the node's mark of each
   ConnectionWords words_;
-  std::string told_wrong_;
-  std::uint64_t orders_lost_ = 0;
+  Orders orders_{link_.orders};
   milliseconds disk_again_{0};
   milliseconds tell_backlog_{0};
   milliseconds anew_at_{0};
   std::optional<milliseconds> introduce_at_;  // to a host that came online
-  bool broken_ = false;  // the session needs a new connection, at that time
+  bool broken_ = false;                       // the session needs a new connection, at that time
   bool node_known_ = false;
   bool ending_ = false;
 };

@@ -5,6 +5,7 @@
 #include <optional>
 #include <utility>
 
+#include "berth/fleet/commands.hpp"
 #include "berth/fleet/hub_parts.hpp"
 #include "berth/mqtt/client.hpp"
 #include "berth/sparkplug/host.hpp"
@@ -89,9 +90,11 @@ class Watch::Core final : public Turner,
     see(host_.fleet());
   }
   Result<void> write(const sparkplug::EdgeNodeId& node, const std::string& device, const std::string& metric,
-                     sparkplug::Value value) {
+                     sparkplug::Value value, bool confirmed) {
+    sparkplug::PropertySet properties;
+    if (confirmed) properties.properties.push_back({confirmed_key, sparkplug::DataType::boolean, true});
     const std::scoped_lock lock(mutex_);
-    return host_.write(node, device, metric, std::move(value), clock_.now());
+    return host_.write(node, device, metric, std::move(value), clock_.now(), std::move(properties));
   }
 
  private:
@@ -200,8 +203,8 @@ Watch::~Watch() {
 Watch::Status Watch::status() const { return core_->status(); }
 void Watch::look(const std::function<void(const sparkplug::Fleet&)>& see) const { core_->look(see); }
 Result<void> Watch::write(const sparkplug::EdgeNodeId& node, const std::string& device, const std::string& metric,
-                          sparkplug::Value value) {
-  return core_->write(node, device, metric, std::move(value));
+                          sparkplug::Value value, bool confirmed) {
+  return core_->write(node, device, metric, std::move(value), confirmed);
 }
 
 tl::expected<std::unique_ptr<Watch>, std::string> Watch::start(Thread& thread, WatchOptions options, const Clock& clock,

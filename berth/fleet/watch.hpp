@@ -52,9 +52,9 @@ class Watch {
   [[nodiscard]] Status status() const;
   /// Calls `see` once, before it returns. Messages wait meanwhile.
   void look(const std::function<void(const sparkplug::Fleet&)>& see) const;
-  /// `sparkplug::Host::write`.
+  /// `sparkplug::Host::write`. `confirmed`: a user confirmed that it may disturb operational devices (commands.hpp).
   Result<void> write(const sparkplug::EdgeNodeId& node, const std::string& device, const std::string& metric,
-                     sparkplug::Value value);
+                     sparkplug::Value value, bool confirmed = false);
 
  private:
   class Core;

@@ -61,8 +61,8 @@ void tell_written(SlotTable& slots, const WrittenFiles& files) {
     if (!mine.written || named) continue;
     slots.events().tell(
         EventKind::step, seat->name(),
-        fmt::format("the configuration that an SDO client wrote to {} applies{}; without its file, {} applies",
-                    mine.written == WrittenFiles::Form::dcf ? "1F20h" : "1F22h", where_it_is(files, *seat),
+        fmt::format("the {} that was given while Berth ran applies{}; without its file, {} applies",
+                    mine.written == WrittenFiles::Form::dcf ? "DCF" : "concise DCF", where_it_is(files, *seat),
                     seat->slot.spec.config.empty() ? "nothing" : "config ="));
   }
 }
@@ -101,11 +101,23 @@ ConfigurationIntake::Refusal ConfigurationIntake::judge_objects(const Seat& seat
   return {AbortCode::none, {}};
 }
 
-AbortCode ConfigurationIntake::refuse(const Seat& seat, Form form, const Refusal& refusal) {
-  slots_.events().tell(EventKind::error, seat.name(),
-                       fmt::format("what an SDO client wrote to {}:{:02X} is refused, and nothing has changed: {}",
-                                   object_of(form), seat.id().value(), refusal.why));
-  return refusal.code;
+// In messages about its content.
+std::string ConfigurationIntake::name_of(const Given& given) {
+  return given.file.empty() ? object_of(given.form) : given.file;
+}
+
+ConfigurationIntake::Answer ConfigurationIntake::refuse(const Seat& seat, const Given& given, const Refusal& refusal) {
+  const std::string what = given.file.empty() ? fmt::format("what an SDO client wrote to {}:{:02X}",
+                                                            object_of(given.form), seat.id().value())
+                                              : "the configuration from " + berth::quoted(given.file);
+  std::string words = fmt::format("{} is refused, and nothing has changed: {}", what, refusal.why);
+  slots_.events().tell(EventKind::error, seat.name(), words);
+  return {refusal.code, std::move(words)};
+}
+
+ConfigurationIntake::Answer ConfigurationIntake::tell(const Seat& seat, std::string words) {
+  slots_.events().tell(EventKind::step, seat.name(), words);
+  return {AbortCode::none, std::move(words)};
 }
 
 // Where both differ, the machine file takes precedence (`Configuring::add_links`, 1017h).
@@ -137,51 +149,52 @@ void ConfigurationIntake::not_configured_yet(Seat& seat) {
   seat.slot.record.configured = fact;
 }
 
-AbortCode ConfigurationIntake::take_away(Seat& seat, Form form) {
+ConfigurationIntake::Answer ConfigurationIntake::take_away(Seat& seat, const Given& given) {
   SeatConfiguration& mine = seat.configuration;
-  if (mine.written != form) return AbortCode::none;
+  if (mine.written != given.form) return {};
   const WrittenFiles& files = configuring_.written();
   const std::string kept = files.of(seat.slot.spec.name);
   std::error_code none;
   if (!kept.empty() && std::filesystem::equivalent(kept, seat.slot.spec.config, none)) {
-    return refuse(seat, form,
+    return refuse(seat, given,
                   {AbortCode::local_control,
                    fmt::format("config = of the machine file names {}; leave it out there first", kept)});
   }
   const auto dropped = files.drop(seat.slot.spec.name);
-  if (!dropped) return refuse(seat, form, {AbortCode::not_stored, describe(dropped.error())});
+  if (!dropped) return refuse(seat, given, {AbortCode::not_stored, describe(dropped.error())});
   configuring_.load(seat);
   not_configured_yet(seat);
-  slots_.events().tell(
-      EventKind::step, seat.name(),
-      fmt::format("an SDO client removed what was written to {}; {} applies from the next configuration on",
-                  object_of(form), mine.any() ? mine.file : std::string("no configuration")));
-  return AbortCode::none;
+  return tell(seat, fmt::format("{} removed what was written to {}; {} applies from the next configuration on",
+                                given.file.empty() ? "an SDO client" : "a user", object_of(given.form),
+                                mine.any() ? mine.file : std::string("no configuration")));
 }
 
-AbortCode ConfigurationIntake::take(Seat& seat, Form form, std::span<const std::uint8_t> bytes) {
-  if (is_empty(form, bytes)) return take_away(seat, form);
-  auto loaded = form == Form::dcf
-                    ? manager::read_configuration(std::string(bytes.begin(), bytes.end()), object_of(form))
-                    : manager::read_concise_configuration(bytes, object_of(form));
+ConfigurationIntake::Answer ConfigurationIntake::take(Seat& seat, Form form, std::span<const std::uint8_t> bytes,
+                                                      const std::string& file) {
+  const Given given{form, file};
+  if (is_empty(form, bytes)) return take_away(seat, given);
+  auto loaded = form == Form::dcf ? manager::read_configuration(std::string(bytes.begin(), bytes.end()), name_of(given))
+                                  : manager::read_concise_configuration(bytes, name_of(given));
   Refusal refusal = judge(seat, loaded);
   if (refusal.code == AbortCode::none && form == Form::concise) refusal = judge_objects(seat, bytes);
-  if (refusal.code != AbortCode::none) return refuse(seat, form, refusal);
+  if (refusal.code != AbortCode::none) return refuse(seat, given, refusal);
   const auto kept = configuring_.written().keep(seat.slot.spec.name, form, bytes);
-  if (!kept) return refuse(seat, form, {AbortCode::not_stored, describe(kept.error())});
+  if (!kept) return refuse(seat, given, {AbortCode::not_stored, describe(kept.error())});
   auto& configuration = loaded.configuration;
   if (!kept->empty()) configuration.file = *kept;
-  const std::string text = fmt::format(
-      "an SDO client wrote {} to {}: {} apply from the next configuration on (at its next boot-up, or by 1F25h){}",
-      form == Form::dcf ? "a DCF" : "a concise DCF", object_of(form), counted(configuration.settings.size(), "value"),
-      counted_by_berth(seat, configuration));
+  const char* const what = form == Form::dcf ? "a DCF" : "a concise DCF";
+  const std::string came = file.empty() ? fmt::format("an SDO client wrote {} to {}", what, object_of(form))
+                                        : fmt::format("a user gave {} ({})", what, berth::quoted(file));
+  const std::string text =
+      fmt::format("{}: {} apply from the next configuration on (at its next boot-up, or by {}){}", came,
+                  counted(configuration.settings.size(), "value"), file.empty() ? "1F25h" : "`berth configure`",
+                  counted_by_berth(seat, configuration));
   configuring_.begin_with(seat, std::move(configuration), *kept);
   SeatConfiguration& mine = seat.configuration;
   mine.written = form;
   if (kept->empty() && form == Form::dcf) mine.uploaded.assign(bytes.begin(), bytes.end());
   not_configured_yet(seat);
-  slots_.events().tell(EventKind::step, seat.name(), text + where_it_is(configuring_.written(), seat));
-  return AbortCode::none;
+  return tell(seat, text + where_it_is(configuring_.written(), seat));
 }
 
 }  // namespace berth::operate

@@ -54,7 +54,7 @@ class Network::Asked final : public ManagerObjects::Requests {
   }
   od::AbortCode store(NodeId node, WrittenFiles::Form form, std::span<const std::uint8_t> bytes) override {
     ConfigurationIntake intake(network_.parts_.slots, network_.parts_.configuring);
-    return intake.take(*network_.parts_.slots.at(node), form, bytes);
+    return intake.take(*network_.parts_.slots.at(node), form, bytes).code;
   }
   bool command(std::string text) override {
     if (!carry_out_) return false;
@@ -243,6 +243,18 @@ rt::Task<Result<std::vector<SlotConfiguration>>> Network::configure(std::string 
 bool is_configured(const Network& network, const std::string& slot) {
   const Seat* const seat = network.parts_.slots.named(slot);
   return seat != nullptr && seat->configuration.any();
+}
+
+tl::expected<std::string, std::string> give_configuration(Network& network, const std::string& slot,
+                                                          WrittenFiles::Form form, std::span<const std::uint8_t> bytes,
+                                                          const std::string& file) {
+  NetworkParts& parts = network.parts_;
+  Seat* const seat = parts.slots.named(slot);
+  if (seat == nullptr) return tl::unexpected<std::string>("no slot of this name on this bus");
+  ConfigurationIntake intake(parts.slots, parts.configuring);
+  auto answer = intake.take(*seat, form, bytes, file);
+  if (answer.code != od::AbortCode::none) return tl::unexpected(std::move(answer.words));
+  return std::move(answer.words);
 }
 
 rt::Task<Result<SlotUpload>> upload_slot(Network& network, std::string slot) {

@@ -20,7 +20,9 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
+#include <tl/expected.hpp>
 #include <vector>
 
 #include "berth/operate/main_job.hpp"
@@ -132,6 +134,10 @@ class Network final : private PortHealth::Owner {
   friend rt::Task<Result<SlotUpload>> upload_slot(Network& network, std::string slot);
   friend Result<void> poll_slot(Network& network, const std::string& slot, bool on);
   friend bool is_configured(const Network& network, const std::string& slot);
+  friend tl::expected<std::string, std::string> give_configuration(Network& network, const std::string& slot,
+                                                                   WrittenFiles::Form form,
+                                                                   std::span<const std::uint8_t> bytes,
+                                                                   const std::string& file);
 
  private:
   class Asked;
@@ -160,7 +166,15 @@ class Network final : private PortHealth::Owner {
 /// Errors: `not_found` no such slot; `invalid` to stop it: the slot is not optional, or its device is there.
 Result<void> poll_slot(Network& network, const std::string& slot, bool on);
 
-/// The slot's device is to be configured: by `config =`, by links, or by what an SDO client wrote.
+/// The slot's device is to be configured: by `config =`, by links, or by what was given while Berth ran.
 [[nodiscard]] bool is_configured(const Network& network, const std::string& slot);
+
+/// A user gives the slot this configuration, which replaces `config =` from its next configuration on and is kept as
+/// one that an SDO client writes (ConfigurationIntake). `file` is where it came from, for messages. Returns what the
+/// slot's event says. The error says why it is refused.
+[[nodiscard]] tl::expected<std::string, std::string> give_configuration(Network& network, const std::string& slot,
+                                                                        WrittenFiles::Form form,
+                                                                        std::span<const std::uint8_t> bytes,
+                                                                        const std::string& file);
 
 }  // namespace berth::operate

@@ -7,6 +7,7 @@
 #include <iterator>
 
 #include "berth/base/crc.hpp"
+#include "berth/base/part_file.hpp"
 #include "berth/base/read_files.hpp"
 #include "berth/device/program_image.hpp"
 #include "berth/od/cia302.hpp"
@@ -35,14 +36,18 @@ std::string progress_text(const manager::ProgramProgress& p) {
 Result<ProgramImage> load_program(const std::string& file) {
   note_read(file);
   std::ifstream in(file, std::ios::binary);
-  ProgramImage image;
   std::error_code unknown;
   const bool regular = std::filesystem::is_regular_file(file, unknown);
   if (!std::filesystem::exists(file, unknown)) return fail(Errc::io, "there is no such file");
   if (!in || !regular) return fail(Errc::io, "its program's file cannot be read");
   const auto size = std::filesystem::file_size(file, unknown);
   if (unknown || size > longest_program) return fail(Errc::invalid, "its program's file is longer than 16 MiB");
-  image.bytes.assign(std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>());
+  return program_of({std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()});
+}
+
+Result<ProgramImage> program_of(std::vector<std::uint8_t> bytes) {
+  ProgramImage image;
+  image.bytes = std::move(bytes);
   if (image.bytes.empty()) return fail(Errc::invalid, "its program's file is empty");
   const auto head = device::read_program_head(image.bytes);
   image.identification = head ? head->crc : crc32(image.bytes);
@@ -51,6 +56,27 @@ Result<ProgramImage> load_program(const std::string& file) {
   if (head && (head->length != content.size() || head->crc != crc32(content)))
     return fail(Errc::invalid, "its program's file is damaged: length or checksum is not as its head says");
   return image;
+}
+
+namespace {
+
+int write_in_place(const std::string& path, std::string_view bytes) {
+  PartFile part(path);
+  part.keep_permissions();
+  const int error = part.write(bytes);
+  return error != 0 ? error : part.replace();
+}
+
+}  // namespace
+
+int replace_program(const std::string& file, std::span<const std::uint8_t> bytes) {
+  const auto before = load_program(file);
+  if (before) {
+    const int error =
+        write_in_place(file + ".before", {reinterpret_cast<const char*>(before->bytes.data()), before->bytes.size()});
+    if (error != 0) return error;
+  }
+  return write_in_place(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
 rt::Task<Result<void>> suits(const ProgramImage& image, co::SdoAccess& device) {

@@ -4,6 +4,7 @@
 
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,10 @@ struct ProgramImage {
 };
 /// Errc::io: it cannot be read. Errc::invalid: it is empty, or longer than 16 MiB.
 [[nodiscard]] Result<ProgramImage> load_program(const std::string& file);
+/// The same of a file's content.
+[[nodiscard]] Result<ProgramImage> program_of(std::vector<std::uint8_t> bytes);
+/// Replaces a program's file, atomically; its earlier content is in FILE.before then. 0, or an errno.
+[[nodiscard]] int replace_program(const std::string& file, std::span<const std::uint8_t> bytes);
 
 /// Whether the device answers and is of the product that the image names. Asked before its program is stopped and
 /// cleared, because a device that refuses the image afterwards has no program left. Errc::mismatch: another vendor-ID

@@ -37,7 +37,7 @@ enum class Uploading : std::uint8_t { none, under_way, done, failed };
 struct SeatConfiguration {
   std::string file;                                      ///< its origin, as messages name it
   std::string path;                                      ///< path of its file; empty: it is in none
-  std::optional<WrittenFiles::Form> written;             ///< an SDO client wrote it, instead of `config =`
+  std::optional<WrittenFiles::Form> written;             ///< it was given while Berth ran, instead of `config =`
   std::shared_ptr<const manager::Configuration> wanted;  ///< null: nothing, or unreadable
   std::string unreadable;                                ///< why the file of `config =` could not be read
   std::string eds;                                       ///< path of its description; empty: not known

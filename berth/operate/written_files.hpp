@@ -1,4 +1,4 @@
-/// Configurations that SDO clients wrote to the manager (1F20h, 1F22h; docs/manager-objects.md), kept after Berth ends:
+/// Configurations that were given while Berth ran (by 1F20h, 1F22h or `berth configure --from`), kept after Berth ends:
 /// one file per slot, in a folder beside the slot table. The file's name shows its form: `.dcf` is a DCF, `.cdcf` a
 /// concise one, as `config =` accepts them.
 ///

@@ -39,6 +39,7 @@ struct Command {
   std::string metric;
   Value value;
   std::optional<Utc> at;  ///< the host's time, if it said one
+  PropertySet properties{};
 };
 
 /// What an edge node says to its application. Implemented by the owner; must not call back from within.

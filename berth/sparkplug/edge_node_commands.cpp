@@ -86,7 +86,8 @@ void EdgeNode::commands(const Topic& topic, const Incoming& message, const Now& 
       refuse(row->metric.name, value.error());
       continue;
     }
-    parts_->application.command({topic.device, row->metric.name, *value, metric.at});
+    parts_->application.command(
+        {topic.device, row->metric.name, *value, metric.at, metric.properties.value_or(PropertySet{})});
   }
   if (rebirth) ask_rebirth(now);
 }

@@ -289,7 +289,7 @@ void Host::forget(const EdgeNodeId& id) {
 }
 
 Result<void> Host::write(const EdgeNodeId& id, const std::string& device, const std::string& metric, Value value,
-                         const Now& now) {
+                         const Now& now, PropertySet properties) {
   if (!online_) return fail(Errc::bus, "there is no connection");
   const auto* node = fleet_.find(id);
   const auto* target = node != nullptr ? fleet_.find(*node, device) : nullptr;
@@ -308,6 +308,7 @@ Result<void> Host::write(const EdgeNodeId& id, const std::string& device, const 
   out.at = now.utc;
   out.type = known->type;
   out.value = std::move(value);
+  if (!properties.properties.empty()) out.properties = std::move(properties);
   Payload payload;
   payload.at = now.utc;
   payload.metrics.push_back(std::move(out));

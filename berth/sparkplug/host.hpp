@@ -74,7 +74,7 @@ class Host {
   /// metric's type, or the node is not online; `bus` there is no connection. That it was published does not say that it
   /// is carried out: the metric's value says so.
   Result<void> write(const EdgeNodeId& node, const std::string& device, const std::string& metric, Value value,
-                     const Now& now);
+                     const Now& now, PropertySet properties = {});
   /// Asks the node for a rebirth, in the pace of all.
   void ask_rebirth(const EdgeNodeId& node, const Now& now);
 

@@ -234,6 +234,55 @@ TEST_F(Configure, S5_22_ARunningNetworkIsScannedVerifiedAndControlled) {
   ask({"lss", "identify-unconfigured"}, 1);  // each has its node-ID
 }
 
+// A user's file replaces `config =`: the running device is left alone until it is restarted, and the next `berth up`
+// knows it.
+TEST_F(Configure, AnotherConfigurationFromAFile) {
+  const Folder folder;
+  std::string text = contents(example("eds/pump.dcf"));
+  const std::string old = "ParameterValue=500";
+  ASSERT_NE(text.find(old), std::string::npos);
+  text.replace(text.find(old), old.size(), "ParameterValue=640");
+  const std::string dcf = folder.write("new.dcf", text);
+  const std::string socket = folder.file("control");
+  const Words up{"up", machine, "--sim", plant, "--pace", "--store", folder.file("a.db"), "--control", socket};
+  const auto ask = [&](Words words) {
+    words.insert(words.end(), {"--control", socket, "--json"});
+    return berth(words);
+  };
+  const auto runs = [&] {
+    return eventually([&] {
+      const Json told = Json::parse(ask({"status", "pump 1"}).out, nullptr, false);
+      return told.is_object() && told.value("state", "") == "operational";
+    });
+  };
+  const auto limit = [&] { return Json::parse(ask({"sdo", "read", "pump 1", "2000h:01"}).out).at("value"); };
+  {
+    const Background running(up);
+    ASSERT_TRUE(runs());
+    const Outcome unfit = ask({"configure", "pump 1", "--from", example("eds/booster.dcf")});
+    EXPECT_EQ(unfit.status, 1);
+    EXPECT_NE(unfit.err.find("nothing has changed"), std::string::npos) << unfit.err;
+    EXPECT_EQ(ask({"configure", "--from", dcf}).status, 2) << "of which slot?";
+    EXPECT_EQ(ask({"configure", "pump 1", "--from", dcf, "--check"}).status, 2);
+    EXPECT_EQ(ask({"configure", "pump 1", "--from", folder.file("none.dcf")}).status, 2);
+    EXPECT_EQ(limit(), 500);
+    const Outcome kept = ask({"configure", "pump 1", "--from", dcf});
+    EXPECT_EQ(kept.status, 1) << "the device runs and is left alone";
+    EXPECT_EQ(limit(), 500);
+    const Outcome restarted = ask({"configure", "pump 1", "--restart"});
+    EXPECT_EQ(restarted.status, 0) << restarted.out << restarted.err;
+    EXPECT_EQ(Json::parse(restarted.out).at("slots").at(0).at("result"), "configured");
+    EXPECT_EQ(limit(), 640);
+    EXPECT_EQ(Json::parse(ask({"sdo", "read", "pump 2", "2000h:01"}).out).at("value"), 500);
+  }
+  const Background again(up);
+  ASSERT_TRUE(runs());
+  EXPECT_EQ(limit(), 640) << "kept beside the slot table";
+  const Outcome restarted = ask({"configure", "pump 1", "--from", example("eds/pump.dcf"), "--restart"});
+  EXPECT_EQ(restarted.status, 0) << restarted.out << restarted.err;
+  EXPECT_EQ(limit(), 500);
+}
+
 TEST_F(Configure, AnUploadThatCannotBeSaysWhy) {
   const Outcome nobody = berth({"upload", "nobody", "--machine", machine, "--sim", plant, "--up"});
   EXPECT_EQ(nobody.status, 2);

@@ -231,6 +231,8 @@ class Taken : public ::testing::Test {
         {"import", {folder.file("none"), folder.file("imported")}},
         {"device", {plant, "--port", "plant:" + folder.file("none"), "--for", "1 ms"}},
         {"plant", {plant, "--for", "1 s", "-m", machine}},
+        {"fleet show", {"line", "--broker", "mqtt://127.0.0.1:1"}},
+        {"fleet roll-out", {drive, "--slot", "s", "--broker", "mqtt://127.0.0.1:1"}},
         {"version", {}},
     };
   }
@@ -299,7 +301,8 @@ class Taken : public ::testing::Test {
                                                            {"--sdo-timeout", "500"},
                                                            {"--part", "serial"},
                                                            {"--lease", "1 min"},
-                                                           {"--master", "126"}};
+                                                           {"--master", "126"},
+                                                           {"--at-most", "3"}};
     const auto known = values.find(option);
     if (option == "--output") return folder.file("out.log");
     if (option == "--plan") return folder.write("plan-before.toml", "format = 1\n");
@@ -359,6 +362,14 @@ TEST_F(Taken, EveryOptionThatIsShown) {
                                               "demo --studio-tokens",
                                               "demo --studio-certificate",
                                               "demo --studio-key",
+                                              "fleet show --login",
+                                              "fleet show --ca",
+                                              "fleet show --certificate",
+                                              "fleet show --key",
+                                              "fleet roll-out --login",
+                                              "fleet roll-out --ca",
+                                              "fleet roll-out --certificate",
+                                              "fleet roll-out --key",
                                               "studio --certificate",
                                               "studio --key"};
   const auto known = verbs();

@@ -151,6 +151,49 @@ TEST_F(ProgramCommand, ARefusedProgramIsNotWrittenAgain) {
   EXPECT_NE(up.out.find("c2: failed: I: "), std::string::npos) << up.out;
 }
 
+// What a user downloaded to stay is the slot's program from then on: else its next boot-up would bring the old one
+// back.
+TEST_F(ProgramCommand, AKeptProgramIsTheSlots) {
+  const Folder folder;
+  const std::string kept = folder.bring("programs/controller-2.bprg");
+  const std::string old = contents(kept);
+  const std::string file =
+      folder.write("own.toml",
+                   "[machine]\nname = \"m\"\n[bus.line]\nport = \"sim\"\nbitrate = 250_000\nmaster_id = 127\n"
+                   "[[slot]]\nbus = \"line\"\nids = \"1..3\"\nname = \"c{id}\"\n"
+                   "type = { vendor = 0x0000_0001, product = 0x0000_0060 }\nprograms = [{ file = \"" +
+                       kept + "\" }]\n");
+  const std::string image = folder.file("new.bprg");
+  ASSERT_EQ(
+      berth({"program", "image", folder.write("p.bin", "version three"), image, "--vendor", "1", "--product", "96"})
+          .status,
+      0);
+  const std::string socket = folder.file("control");
+  const Background up({"up", file, "--sim", plant, "--pace", "--store", folder.file("a.db"), "--control", socket});
+  const auto ask = [&](Words words) {
+    words.insert(words.end(), {"--control", socket, "--json"});
+    return berth(words);
+  };
+  ASSERT_TRUE(eventually([&] { return ask({"status"}).status == 0; }));
+  EXPECT_EQ(ask({"program", "download", "c3", "--keep"}).status, 2) << "what?";
+  EXPECT_EQ(ask({"program", "download", "c3", "--program", "2", "--file", image, "--keep"}).status, 2)
+      << "the slot has no program 2";
+  EXPECT_EQ(contents(kept), old);
+  const Outcome done = ask({"program", "download", "c3", "--file", image, "--keep"});
+  ASSERT_EQ(done.status, 0) << done.out << done.err;
+  EXPECT_EQ(contents(kept), contents(image));
+  EXPECT_EQ(contents(kept + ".before"), old);
+  const auto status = [&] { return Json::parse(ask({"program", "status", "c3"}).out, nullptr, false); };
+  ASSERT_TRUE(eventually([&] { return ask({"status", "c3"}).status == 0; }));
+  const auto program = status().at("programs").at(0);
+  EXPECT_EQ(program.at("identification"), program.at("expected"));
+  EXPECT_NE(program.at("identification"), right_one);
+  // It boots, and keeps it.
+  ASSERT_EQ(ask({"nmt", "reset-node", "c3"}).status, 0);
+  ASSERT_TRUE(eventually([&] { return ask({"status", "c3"}).status == 0; }));
+  EXPECT_EQ(status().at("programs").at(0).at("identification"), program.at("identification"));
+}
+
 // A device that refuses an image has no program any more: what can be known before is asked before.
 TEST_F(ProgramCommand, AnImageOfAnotherProductLeavesTheProgramAlone) {
   const Folder folder;

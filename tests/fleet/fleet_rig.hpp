@@ -255,10 +255,15 @@ class View {
     const auto* const text = std::get_if<std::string>(&(*set)->rows.at(0).at(column));
     return text == nullptr ? std::string() : *text;
   }
+  /// `confirmed`: as `berth fleet roll-out` sends it after a person said yes.
   void command(const std::string& device, const std::string& metric, sparkplug::DataType type, Value value,
-               const std::string& node = "line") {
+               const std::string& node = "line", bool confirmed = false) {
     sparkplug::Metric written;
     written.name = metric;
+    if (confirmed) {
+      written.properties.emplace();
+      written.properties->properties.push_back({"confirmed", sparkplug::DataType::boolean, true});
+    }
     written.type = type;
     written.value = std::move(value);
     Payload payload;

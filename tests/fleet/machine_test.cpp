@@ -285,6 +285,71 @@ TEST(FleetMachine, WritesWhatIsMarkedAndReadsWhatNoPdoCarries) {
   EXPECT_EQ(rig.value_in(rig.device_in("left").name(), {0x2000, 0}), 250U);
 }
 
+// A concise DCF (CiA 302-3): one entry, Filter time (2000h:00, UNSIGNED16) = 20.
+Value filter_time_20() { return sparkplug::Bytes{1, 0, 0, 0, 0x00, 0x20, 0, 2, 0, 0, 0, 20, 0}; }
+
+// `configure` restarts the device: on a real bus a person confirms that, and the host says so.
+TEST(FleetMachine, TakesAConfigurationThatAPersonConfirmed) {
+  NEEDS_BROKER();
+  Broker broker;
+  View view(broker);
+  Rig rig(machine_text("[mqtt]\nbroker = \"mqtt://127.0.0.1\"\ncommands = [\"configure\"]\n", publishes));
+  ASSERT_EQ(rig.publish(to(broker)), "");
+  ASSERT_TRUE(rig.up());
+  rig.session().set_careful(true);
+  ASSERT_TRUE(rig.until([&] { return born(view, "left") && born(view, "right"); }));
+  const auto device = rig.device_in("left").name();
+  view.command("left", "Commands/Configure", sparkplug::DataType::bytes, filter_time_20());
+  ASSERT_TRUE(rig.until([&] { return view.cell("Commands/Refused", 2) == "Commands/Configure"; }));
+  EXPECT_NE(view.cell("Commands/Refused", 4).find("operational"), std::string::npos);
+  EXPECT_EQ(rig.value_in(device, {0x2000, 0}), 10U);
+  view.command("left", "Commands/Configure", sparkplug::DataType::bytes, filter_time_20(), "line", true);
+  ASSERT_TRUE(rig.until([&] { return view.cell("Commands/Done", 2) == "Commands/Configure"; }));
+  EXPECT_EQ(view.cell("Commands/Done", 1), "left");
+  // The CRC-32 of the thirteen bytes by another program: Python's zlib.crc32.
+  EXPECT_EQ(view.cell("Commands/Done", 3), "13 bytes, CRC-32 48F28B0F");
+  EXPECT_EQ(rig.value_in(device, {0x2000, 0}), 20U);
+  EXPECT_EQ(rig.slot("left").state, places::SlotState::operational);
+  EXPECT_EQ(rig.value_in(rig.device_in("right").name(), {0x2000, 0}), 10U) << "the other slot keeps its own";
+  EXPECT_EQ(rig.told_of("a user gave a concise DCF"), 1U) << rig.told();
+  EXPECT_EQ(rig.audited("configure").size(), 4U) << "begun and no, begun and done";
+}
+
+// A confirmation by MQTT is for what its permission says: NMT is not.
+TEST(FleetMachine, AConfirmationIsNoneForOtherCommands) {
+  NEEDS_BROKER();
+  Broker broker;
+  View view(broker);
+  Rig rig(machine_text(allows, publishes));
+  ASSERT_EQ(rig.publish(to(broker)), "");
+  ASSERT_TRUE(rig.up());
+  rig.session().set_careful(true);
+  ASSERT_TRUE(rig.until([&] { return born(view, "left"); }));
+  view.command("left", "Commands/NMT", sparkplug::DataType::string, text("reset-node"), "line", true);
+  ASSERT_TRUE(rig.until([&] { return view.cell("Commands/Refused", 3) == "reset-node"; }));
+  EXPECT_EQ(rig.slot("left").state, places::SlotState::operational);
+}
+
+// Nothing changes if the file is none for this device.
+TEST(FleetMachine, AConfigurationThatDoesNotFitIsRefusedInWords) {
+  NEEDS_BROKER();
+  Broker broker;
+  View view(broker);
+  Rig rig(machine_text("[mqtt]\nbroker = \"mqtt://127.0.0.1\"\ncommands = [\"configure\"]\n", publishes));
+  ASSERT_EQ(rig.publish(to(broker)), "");
+  ASSERT_TRUE(rig.up());
+  ASSERT_TRUE(rig.until([&] { return born(view, "left"); }));
+  const sparkplug::Bytes unknown_object{1, 0, 0, 0, 0x77, 0x77, 0, 2, 0, 0, 0, 20, 0};
+  view.command("left", "Commands/Configure", sparkplug::DataType::bytes, unknown_object);
+  ASSERT_TRUE(rig.until([&] { return view.cell("Commands/Refused", 2) == "Commands/Configure"; }));
+  EXPECT_NE(view.cell("Commands/Refused", 4).find("7777"), std::string::npos) << view.cell("Commands/Refused", 4);
+  const auto boots = rig.told_of("boot");
+  view.command("left", "Commands/Configure", sparkplug::DataType::bytes, sparkplug::Bytes{});
+  ASSERT_TRUE(rig.until([&] { return view.cell("Commands/Refused", 4).find("zlib") != std::string::npos; }));
+  EXPECT_EQ(rig.told_of("boot"), boots);
+  EXPECT_EQ(rig.slot("left").state, places::SlotState::operational);
+}
+
 TEST(FleetMachine, AFloodOfCommandsDoesNotFloodTheLog) {
   NEEDS_BROKER();
   Broker broker;

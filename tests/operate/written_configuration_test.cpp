@@ -166,7 +166,7 @@ TEST_F(WrittenConfigurations, ItIsKeptOverARestart) {
   stranger_.reset();
   rig_->kill();
   begin();
-  EXPECT_TRUE(told("the configuration that an SDO client wrote to 1F20h applies; it is kept in ")) << rig_->log();
+  EXPECT_TRUE(told("the DCF that was given while Berth ran applies; it is kept in ")) << rig_->log();
   EXPECT_EQ(stranger_->text(store_dcf, 1), dcf);
   EXPECT_EQ(stranger_->read<std::uint8_t>(0x5F04, 1), 1) << "not yet, still";
   boot(1);
@@ -316,7 +316,7 @@ TEST_F(WrittenConfigurations, WhatTheMachineFileNamesStays) {
   rig_.reset();
   machine_.slots[0].spec.config = (folder_ / "kept" / "rig.backbone.s1.dcf").string();
   begin();
-  EXPECT_FALSE(told("that an SDO client wrote")) << rig_->log();
+  EXPECT_FALSE(told("that was given while Berth ran")) << rig_->log();
   EXPECT_EQ(stranger_->write(store_dcf, 1, {}), 0x0800'0021U);
   EXPECT_TRUE(told("leave it out there first")) << rig_->log();
   EXPECT_EQ(kept().size(), 1U);
