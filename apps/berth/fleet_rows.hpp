@@ -6,13 +6,9 @@
 #include <vector>
 
 #include "berth/fleet/machines.hpp"
-#include "berth/fleet/machines_json.hpp"
 #include "board.hpp"
 
 namespace berth::cli {
-
-using fleet::machine_json;
-using fleet::machine_of_json;
 
 /// "2 of 3 machines need somebody", or "all 3 machines are operational".
 [[nodiscard]] std::string fleet_headline(const std::vector<fleet::MachineView>& machines);

@@ -128,6 +128,15 @@ export async function startHall() {
     second,
     alone,
     broker,
+    /** As soon as all run. */
+    async loseDrive() {
+      for (let look = 0; look < 600; look++) {
+        const { reply } = await first.request("fleet");
+        if (reply.machines?.filter((machine) => machine.operational).length === 3) return alone.sim("unplug", "drive");
+        await rest(200);
+      }
+      throw new Error("the three machines are not operational");
+    },
     async close() {
       for (const each of [first, second]) await each.close();
       await alone.end();
