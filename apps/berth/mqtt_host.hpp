@@ -27,7 +27,7 @@ class MqttHost {
   /// The machine run must outlive it. `studio`: address of its pages, without a token; empty: it has none.
   [[nodiscard]] static tl::expected<std::unique_ptr<MqttHost>, Failure> start(MachineRun& run, const Options& options,
                                                                               const std::string& studio, Carry carry);
-  /// Says goodbye to the broker: two seconds at most.
+  /// Says goodbye to the broker: two seconds at most, and as long if somebody looks at the fleet.
   ~MqttHost();
   MqttHost(const MqttHost&) = delete;
   MqttHost& operator=(const MqttHost&) = delete;
