@@ -135,7 +135,9 @@ interface TileProps {
 function Tile({ machine, at, of, now, open }: TileProps) {
   const own = useData((state) => state.data.machine.fleet === machineKey(machine));
   const { word, mark } = stateOf(machine);
-  const facts = [slotsWords(machine), machine.version && `Berth ${visible(machine.version)}`];
+  const before = machine.online ? "" : "last ";
+  const counted = slotsWords(machine);
+  const facts = [counted && before + counted, machine.version && `Berth ${visible(machine.version)}`];
   return (
     <div className={`tile ${machine.needs ? "needs" : ""}`} role="listitem" aria-setsize={of} aria-posinset={at + 1}>
       <Press machine={machine} at={at} own={own} open={open}>
@@ -186,8 +188,8 @@ function Press({
       className="tile-press"
       data-at={at}
       aria-expanded={own || !more ? undefined : open}
-      disabled={!own && !more}
-      onClick={press}
+      aria-disabled={!own && !more}
+      onClick={own || more ? press : undefined}
     >
       {children}
       {own && <span className="leads">Its slots</span>}
