@@ -115,10 +115,17 @@ bool Ending::settled() {
 
 namespace {
 
+/// Those of the services below that answer requests themselves; null: not there.
+struct Answering {
+  WorldTime* time = nullptr;
+  const StudioHost* studio = nullptr;
+  MqttHost* mqtt = nullptr;
+};
+
 /// The services that run beside the main job, in real time. A dry run has none.
 struct Beside {
-  std::unique_ptr<const StudioHost*> ring = std::make_unique<const StudioHost*>();  // before `server`, which uses it
-  std::unique_ptr<WorldTime> time;                                                  // before those who use it
+  std::unique_ptr<Answering> answering = std::make_unique<Answering>();  // before those who use it
+  std::unique_ptr<WorldTime> time;                                       // the same
   std::unique_ptr<command::ControlServer> server;
   std::unique_ptr<GatewayHost> gateway;
   std::unique_ptr<StudioHost> studio;
@@ -154,8 +161,20 @@ void tell_standing(const WorldTime& time, const command::Request& request, comma
   reply.json = json.dump();
 }
 
-rt::Task<void> answer(MachineRun& run, WorldTime* time, const command::Request& request, command::Reply& reply) {
+command::Reply fleet_of(MqttHost* mqtt, const command::Request& request) {
+  if (mqtt != nullptr) return mqtt->fleet(request);
+  return command::refusal(Exit::no,
+                          "this machine is at no MQTT broker, where it would see others: start it with --mqtt, or with "
+                          "[mqtt] in its machine file");
+}
+
+rt::Task<void> answer(MachineRun& run, const Answering& own, const command::Request& request, command::Reply& reply) {
+  WorldTime* const time = own.time;
   if (time != nullptr && WorldTime::is_its(request)) co_return co_await time->carry_out(request, reply);
+  if (request.verb == command::fleet_verb) {
+    reply = fleet_of(own.mqtt, request);
+    co_return;
+  }
   if (request.verb != plant_verb) {
     if (time != nullptr && request.verb != "report") tell_standing(*time, request, reply);
     const WorldTime::Waiting waiting(time, reply);
@@ -174,28 +193,28 @@ command::Reply ring_of(const StudioHost* studio, const command::Request& request
 }
 
 // Requests by the control socket come from this account, or from root.
-rt::Task<void> audited(MachineRun& run, WorldTime* time, const StudioHost* const* studio, const command::Request& asked,
-                       command::Reply& reply) {
+rt::Task<void> audited(MachineRun& run, const Answering& own, const command::Request& asked, command::Reply& reply) {
   command::Request request = asked;
   if (auto other = other_machine(request, run.session().machine().file)) {
     reply = std::move(*other);
     co_return;
   }
   if (request.verb == ring_verb) {
-    reply = ring_of(*studio, request);
+    reply = ring_of(own.studio, request);
     co_return;
   }
   command::Audit audit(run.session(), "control socket", request);
-  co_await answer(run, time, request, reply);
+  co_await answer(run, own, request, reply);
   audit.answered(reply);
 }
 
 tl::expected<void, Failure> publish_beside(MachineRun& run, Screen& screen, const Options& options,
                                            const MqttHost::Carry& carry, Beside& beside) {
   if (options.dry_run) return {};
-  auto host = MqttHost::start(run, options, carry);
+  auto host = MqttHost::start(run, options, beside.studio ? beside.studio->page() : std::string(), carry);
   if (!host) return tl::unexpected(host.error());
   beside.mqtt = std::move(*host);
+  beside.answering->mqtt = beside.mqtt.get();
   if (options.json || options.events.none) print_error(beside.mqtt->line());
   screen.line(beside.mqtt->line());
   return {};
@@ -211,16 +230,16 @@ tl::expected<Beside, Failure> serve_beside(MachineRun& run, Screen& screen, cons
   }
   if (run.loop() == nullptr) return beside;
   beside.time = std::make_unique<WorldTime>(run);
+  beside.answering->time = beside.time.get();
   screen.show_time([time = beside.time.get()] { return time->standing(); });
-  const auto carry = [&run, time = beside.time.get()](const command::Request& request, command::Reply& reply) {
-    return answer(run, time, request, reply);
+  const auto carry = [&run, &own = *beside.answering](const command::Request& request, command::Reply& reply) {
+    return answer(run, own, request, reply);
   };
   if (!control.empty()) {
-    auto listening = command::ControlServer::listen(control, *run.loop(),
-                                                    [&run, time = beside.time.get(), ring = beside.ring.get()](
-                                                        const command::Request& request, command::Reply& reply) {
-                                                      return audited(run, time, ring, request, reply);
-                                                    });
+    auto listening = command::ControlServer::listen(
+        control, *run.loop(), [&run, &own = *beside.answering](const command::Request& request, command::Reply& reply) {
+          return audited(run, own, request, reply);
+        });
     if (!listening) return tl::unexpected(failure(Exit::failed, listening.error()));
     beside.server = std::move(*listening);
     auto* const server = beside.server.get();
@@ -237,10 +256,10 @@ tl::expected<Beside, Failure> serve_beside(MachineRun& run, Screen& screen, cons
     screen.line("CiA 309-3 gateway at " + beside.gateway->where());
   }
   if (options.offers.studio.offered() && !options.dry_run) {
-    auto host = StudioHost::start(run, options, control, carry);
+    auto host = StudioHost::start(run, options, control, mqtt_name(run.machine(), options), carry);
     if (!host) return tl::unexpected(host.error());
     beside.studio = std::move(*host);
-    *beside.ring = beside.studio.get();
+    beside.answering->studio = beside.studio.get();
     for (const auto& line : beside.studio->lines()) {
       if (options.json || options.events.none) print_error(line);
       screen.line(line);
@@ -320,9 +339,10 @@ tl::expected<Ended, Failure> drive(MachineRun& run, Ending& ending, Screen& scre
 }
 
 tl::expected<void, Failure> serve_bench(MachineRun& run, const Options& options) {
+  const Answering nobody;
   auto host = StudioHost::start(
-      run, options, options.control,
-      [&run](const command::Request& request, command::Reply& reply) { return answer(run, nullptr, request, reply); });
+      run, options, options.control, {},
+      [&](const command::Request& request, command::Reply& reply) { return answer(run, nobody, request, reply); });
   if (!host) return tl::unexpected(host.error());
   run.session().on_event([&](const operate::Event& event) {
     (*host)->event(event);

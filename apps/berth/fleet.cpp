@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "berth/fleet/machines_json.hpp"
 #include "berth/text/columns.hpp"
 #include "fleet_host.hpp"
 #include "fleet_roll_out.hpp"
@@ -55,7 +56,7 @@ class Look {
     if (!file || !json.is_object() || machines == json.end() || !machines->is_array())
       return failure(Exit::usage, fmt::format("--since {}: it is no output of `berth fleet --json`", how_.since));
     for (const auto& each : *machines) {
-      if (each.is_object()) earlier_.push_back(machine_of_json(each));
+      if (each.is_object()) earlier_.push_back(fleet::machine_of_json(each));
     }
     return std::nullopt;
   }
@@ -64,7 +65,7 @@ class Look {
     const auto seen = host_.machines();
     if (options_.json) {
       Json json{{"machines", Json::array()}};
-      for (const auto& machine : seen) json["machines"].push_back(machine_json(machine));
+      for (const auto& machine : seen) json["machines"].push_back(fleet::machine_json(machine));
       if (!how_.since.empty()) json["changes"] = Json::array();
       for (const auto& change : how_.since.empty() ? std::vector<Change>{} : changes(seen))
         json["changes"].push_back(
@@ -114,7 +115,7 @@ class Look {
     const auto machine = machine_named(host_.machines(), how_.machine);
     if (!machine) return tell(machine.error(), options_.json);
     if (options_.json) {
-      print_text(machine_json(*machine).dump(2, ' ', false, Json::error_handler_t::replace));
+      print_text(fleet::machine_json(*machine).dump(2, ' ', false, Json::error_handler_t::replace));
     } else {
       print_lines(machine_lines(*machine, host_.now_ms()));
     }

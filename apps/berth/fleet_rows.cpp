@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
 #include "berth/text/columns.hpp"
 #include "berth/text/printable.hpp"
@@ -14,8 +13,6 @@ namespace berth::cli {
 namespace {
 
 using fleet::MachineView;
-using fleet::SlotView;
-using Json = nlohmann::ordered_json;
 
 // "3 min", the largest unit alone.
 std::string age(std::uint64_t now_ms, std::uint64_t then_ms) {
@@ -68,29 +65,6 @@ std::string row(const Widths& widths, const std::string& group, const std::strin
          cell(version, widths.version) + since;
 }
 
-template <class T>
-T member(const Json& json, const char* key) {
-  const auto found = json.find(key);
-  if (found == json.end()) return {};
-  if constexpr (std::is_same_v<T, bool>) {
-    return found->is_boolean() && found->template get<bool>();
-  } else if constexpr (std::is_same_v<T, std::string>) {
-    return found->is_string() ? found->template get<std::string>() : std::string();
-  } else {
-    return found->is_number_unsigned() ? found->template get<T>() : T{};
-  }
-}
-
-Json slot_json(const SlotView& slot) {
-  return {{"name", slot.name},
-          {"state", slot.state},
-          {"reason", slot.reason},
-          {"emcy", slot.emcy},
-          {"configuration", slot.configuration},
-          {"program", slot.program},
-          {"needs_somebody", slot.needs}};
-}
-
 }  // namespace
 
 std::string fleet_headline(const std::vector<MachineView>& machines) {
@@ -137,48 +111,6 @@ std::vector<std::string> machine_lines(const MachineView& machine, std::uint64_t
     lines.push_back(std::move(line));
   }
   return lines;
-}
-
-Json machine_json(const MachineView& machine) {
-  Json slots = Json::array();
-  for (const auto& slot : machine.slots) slots.push_back(slot_json(slot));
-  return {
-      {"group", machine.id.group},         {"machine", machine.id.node},           {"online", machine.online},
-      {"in_doubt", machine.in_doubt},      {"is_berth", machine.is_berth},         {"operational", machine.operational},
-      {"needs_somebody", machine.needs()}, {"reason", fleet::trouble_of(machine)}, {"version", machine.version},
-      {"studio", machine.studio},          {"since_ms", machine.since.ms},         {"bus_trouble", machine.bus_trouble},
-      {"slots", std::move(slots)}};
-}
-
-MachineView machine_of_json(const Json& json) {
-  MachineView machine;
-  machine.id = {member<std::string>(json, "group"), member<std::string>(json, "machine")};
-  machine.online = member<bool>(json, "online");
-  machine.in_doubt = member<bool>(json, "in_doubt");
-  machine.is_berth = member<bool>(json, "is_berth");
-  machine.operational = member<bool>(json, "operational");
-  machine.version = member<std::string>(json, "version");
-  machine.studio = member<std::string>(json, "studio");
-  machine.since.ms = member<std::uint64_t>(json, "since_ms");
-  const auto trouble = json.find("bus_trouble");
-  if (trouble != json.end() && trouble->is_array()) {
-    for (const auto& each : *trouble) {
-      if (each.is_string()) machine.bus_trouble.push_back(each.get<std::string>());
-    }
-  }
-  const auto slots = json.find("slots");
-  if (slots == json.end() || !slots->is_array()) return machine;
-  for (const auto& each : *slots) {
-    if (!each.is_object()) continue;
-    machine.slots.push_back({.name = member<std::string>(each, "name"),
-                             .state = member<std::string>(each, "state"),
-                             .reason = member<std::string>(each, "reason"),
-                             .emcy = member<std::string>(each, "emcy"),
-                             .configuration = member<std::string>(each, "configuration"),
-                             .program = member<std::string>(each, "program"),
-                             .needs = member<bool>(each, "needs_somebody")});
-  }
-  return machine;
 }
 
 }  // namespace berth::cli

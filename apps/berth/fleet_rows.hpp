@@ -1,8 +1,7 @@
-/// Machines of a fleet as rows for people and as JSON for programs. Pure.
+/// Machines of a fleet as rows for people. Pure.
 #pragma once
 
 #include <cstdint>
-#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -19,9 +18,5 @@ namespace berth::cli {
                                                  std::size_t columns);
 /// One machine with all its slots.
 [[nodiscard]] std::vector<std::string> machine_lines(const fleet::MachineView& machine, std::uint64_t now_ms);
-
-[[nodiscard]] nlohmann::ordered_json machine_json(const fleet::MachineView& machine);
-/// Back from `machine_json`. Members that are missing or of another kind are empty.
-[[nodiscard]] fleet::MachineView machine_of_json(const nlohmann::ordered_json& json);
 
 }  // namespace berth::cli

@@ -17,20 +17,25 @@ namespace berth::cli {
 /// `--mqtt` or the machine file names a broker.
 [[nodiscard]] bool mqtt_wanted(const design::Machine& machine, const Options& options);
 
+/// "GROUP/NAME" of the machine at its broker; empty: it is at none.
+[[nodiscard]] std::string mqtt_name(const design::Machine& machine, const Options& options);
+
 /// The edge node of a machine run in real time.
 class MqttHost {
  public:
   using Carry = std::function<rt::Task<void>(const command::Request& request, command::Reply& reply)>;
-  /// The machine run must outlive it.
+  /// The machine run must outlive it. `studio`: address of its pages, without a token; empty: it has none.
   [[nodiscard]] static tl::expected<std::unique_ptr<MqttHost>, Failure> start(MachineRun& run, const Options& options,
-                                                                              Carry carry);
-  /// Says goodbye to the broker: two seconds at most.
+                                                                              const std::string& studio, Carry carry);
+  /// Says goodbye to the broker: two seconds at most, and as long if somebody looks at the fleet.
   ~MqttHost();
   MqttHost(const MqttHost&) = delete;
   MqttHost& operator=(const MqttHost&) = delete;
   /// "MQTT: mqtts://broker:8883, as berth/line-3".
   [[nodiscard]] std::string line() const;
   void event() noexcept;
+  /// The request "fleet": the machines of its group (fleet/group_watch.hpp).
+  [[nodiscard]] command::Reply fleet(const command::Request& request);
 
  private:
   class Impl;

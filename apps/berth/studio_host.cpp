@@ -82,7 +82,8 @@ class StudioHost::Impl {
 };
 
 tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(MachineRun& run, const Options& options,
-                                                                     const std::string& control, Carry carry) {
+                                                                     const std::string& control,
+                                                                     const std::string& fleet, Carry carry) {
   studio::Options wanted;
   if (options.offers.studio.named())
     wanted.where = *io::parse_endpoint(options.offers.studio.where, studio::default_port);
@@ -92,6 +93,7 @@ tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(MachineRun&
   wanted.certificate = options.offers.studio.certificate;
   wanted.key = options.offers.studio.key;
   wanted.simulated = run.world() != nullptr;
+  wanted.fleet = fleet;
   wanted.signals = signals_of(run.machine());
   auto server = studio::Studio::start(*run.loop(), run.session(), std::move(carry), wanted);
   if (!server) return tl::unexpected(failure(Exit::failed, "--studio: " + server.error()));
@@ -116,6 +118,7 @@ std::vector<std::string> StudioHost::lines() const {
   }
   return lines;
 }
+std::string StudioHost::page() const { return impl_->server().page(); }
 void StudioHost::event(const operate::Event& event) { impl_->server().event(event); }
 void StudioHost::look() { impl_->server().look(); }
 
@@ -151,12 +154,13 @@ std::optional<Failure> studio_refused(const Options& options) {
 class StudioHost::Impl {};
 
 tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(MachineRun&, const Options& options,
-                                                                     const std::string&, Carry) {
+                                                                     const std::string&, const std::string&, Carry) {
   return tl::unexpected(*studio_refused(options));
 }
 
 bool StudioHost::has_pages() noexcept { return false; }
 std::vector<std::string> StudioHost::lines() const { return {}; }
+std::string StudioHost::page() const { return {}; }
 void StudioHost::event(const operate::Event&) {}
 void StudioHost::look() {}
 command::Reply StudioHost::ring(const command::Request&) const {

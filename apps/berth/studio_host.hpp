@@ -25,9 +25,10 @@ class StudioHost {
  public:
   using Carry = std::function<rt::Task<void>(const command::Request& request, command::Reply& reply)>;
   /// The machine run must outlive it and have a loop. `control`: the control socket, beside which the token is kept.
+  /// `fleet`: as in `studio::Options`.
   [[nodiscard]] static tl::expected<std::unique_ptr<StudioHost>, Failure> start(MachineRun& run, const Options& options,
                                                                                 const std::string& control,
-                                                                                Carry carry);
+                                                                                const std::string& fleet, Carry carry);
   ~StudioHost();
   StudioHost(const StudioHost&) = delete;
   StudioHost& operator=(const StudioHost&) = delete;
@@ -35,6 +36,8 @@ class StudioHost {
   [[nodiscard]] static bool has_pages() noexcept;
   /// "Berth Studio at http://...", and a line for each requested role.
   [[nodiscard]] std::vector<std::string> lines() const;
+  /// Its address without a token.
+  [[nodiscard]] std::string page() const;
   void event(const operate::Event& event);
   /// Call it between two turns of the loop.
   void look();

@@ -31,6 +31,7 @@ bool changes(const Request& request) {
     };
     return known->effect() == Effect::changes || std::ranges::any_of(known->parameters, makes_it);
   }
+  if (request.verb == fleet_verb) return false;
   const auto action = request.arguments.find("action");
   return action == request.arguments.end() || action->second != "devices";
 }

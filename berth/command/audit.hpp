@@ -19,7 +19,7 @@ namespace berth::command {
 inline constexpr std::string_view audit_event = "audit";
 
 /// Whether carrying it out changes something: by the table of verbs, and by arguments that say so. A verb that is not
-/// in the table is the process's own ("sim"), and changes the simulated plant, except for its list of devices.
+/// in the table is the process's own: "fleet" asks; "sim" changes the simulated plant, except for its list of devices.
 [[nodiscard]] bool changes(const Request& request);
 /// "sdo write node=5 object=1017h value=500": for users, at most about 200 bytes, in one line.
 [[nodiscard]] std::string words_of(const Request& request);

@@ -34,7 +34,7 @@ struct Granted {
 };
 
 /// The role that a request needs: that of the table, and at least operate if an argument makes the verb change
-/// something. The process's own verbs ("sim") need operate if they change the plant.
+/// something. The process's own: "fleet" view; "sim" operate, if it changes the plant.
 [[nodiscard]] Role role_needed(const Request& request);
 /// Empty: `has` is enough. Else the message: `what` needs another role.
 [[nodiscard]] std::string why_role_refused(std::string_view what, Role needed, Role has);

@@ -66,6 +66,10 @@ struct Verb {
   [[nodiscard]] Effect effect() const noexcept { return role == Role::view ? Effect::asks : Effect::changes; }
 };
 
+/// A request that is not in the table: the machines of a running machine's group at its broker (docs/api.md §The
+/// fleet). It asks; the process that runs the machine answers it.
+inline constexpr std::string_view fleet_verb = "fleet";
+
 /// In the order of the table in verbs.cpp.
 [[nodiscard]] std::span<const Verb> verbs() noexcept;
 /// Null: there is none of this name.

@@ -36,10 +36,10 @@ class Fleet::Impl {
     for (const auto& bus : machine.buses) buses.push_back(bus.name);
   }
 
-  void begin(tree::Session& session, const Carry& carry, const Clock& clock, const std::string& version) {
+  void begin(tree::Session& session, const Carry& carry, const Clock& clock, const Options& options) {
     design::BusCommands allowed;
     if (session.machine().mqtt) allowed = session.machine().mqtt->commands;
-    reporter.emplace(session, signals, table, link, clock, Reporter::Options{version, allowed},
+    reporter.emplace(session, signals, table, link, clock, Reporter::Options{options.version, options.studio, allowed},
                      [this] { edge->wake(); });
     desk.emplace(session, signals, carry, link, clock, CommandDesk::Options{"mqtt, " + broker, allowed}, [this] {
       reporter->event();
@@ -91,7 +91,7 @@ tl::expected<std::unique_ptr<Fleet>, std::string> Fleet::start(tree::Session& se
   auto edge = Edge::start(*thread, std::move(*settings), impl->link, clock, random);
   if (!edge) return tl::unexpected(edge.error());
   impl->edge = std::move(*edge);
-  impl->begin(session, carry, clock, options.version);
+  impl->begin(session, carry, clock, options);
   return std::unique_ptr<Fleet>(new Fleet(std::move(impl)));
 }
 

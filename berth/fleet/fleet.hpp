@@ -24,6 +24,7 @@ struct Options {
   std::string broker{};        ///< instead of the machine file's
   std::string backlog_file{};  ///< what hosts have not got is kept there; empty: in memory
   std::string version{};       ///< of Berth
+  std::string studio{};        ///< address of its Studio, without a token; empty: it has none
   Thread* thread = nullptr;    ///< shared with other machines of this process; null: its own
 };
 

@@ -33,8 +33,8 @@ class Reader {
     const auto* const operational = fleet_->find(node.self, "Machine/Operational");
     const auto* const yes = operational == nullptr ? nullptr : std::get_if<bool>(&operational->value);
     machine.operational = yes != nullptr && *yes;
-    // Births are given again for each host that comes, so their time says nothing of the machine.
-    if (machine.online && yes != nullptr) machine.since = operational->at;
+    // A birth is given again for each host; the value keeps its time.
+    if (machine.online && yes != nullptr && operational->at.ms != 0) machine.since = operational->at;
     for (const auto& metric : node.self.metrics) add(machine, node, fleet_->name(metric));
     std::ranges::sort(machine.slots, {}, &SlotView::name);
     std::ranges::sort(machine.bus_trouble);

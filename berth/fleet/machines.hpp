@@ -27,10 +27,10 @@ struct MachineView {
   bool in_doubt = false;  ///< something was missed: the values are older ones
   bool is_berth = false;  ///< another maker's edge node has only `id`, `online` and `since`
   bool operational = false;
-  std::string version{};                   ///< of Berth
-  std::string studio{};                    ///< address of its Studio; empty: it has none
-  sparkplug::Utc since{};                  ///< when it became operational or ceased to be, or when it died
-  std::vector<SlotView> slots{};           ///< by name
+  std::string version{};          ///< of Berth
+  std::string studio{};           ///< address of its Studio; empty: it has none
+  sparkplug::Utc since{};         ///< online: became (not) operational; offline: died; another maker's node: born
+  std::vector<SlotView> slots{};  ///< by name
   std::vector<std::string> bus_trouble{};  ///< "bus line is bus-off"
   friend bool operator==(const MachineView&, const MachineView&) = default;
 

@@ -100,6 +100,8 @@ void Reporter::tell_node() {
   Facts facts = node_facts();
   News news{.kind = News::Kind::node};
   news.metrics.push_back({.name = "Berth/Version", .type = DataType::string, .value = options_.version, .at = at});
+  if (!options_.studio.empty())
+    news.metrics.push_back({.name = "Berth/Studio", .type = DataType::string, .value = options_.studio, .at = at});
   news.metrics.push_back({.name = done_metric, .type = DataType::data_set, .value = Null{}, .at = at});
   news.metrics.push_back({.name = refused_metric, .type = DataType::data_set, .value = Null{}, .at = at});
   const auto add = [&](std::vector<sparkplug::OwnMetric> metrics) {

@@ -24,6 +24,7 @@ class Reporter {
 
   struct Options {
     std::string version{};  ///< of Berth
+    std::string studio{};   ///< address of its pages; empty: it has none
     design::BusCommands allowed{};
   };
   /// All must outlive it. `wake`: news were put.

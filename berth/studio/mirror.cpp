@@ -89,17 +89,21 @@ std::string lock_json(const Lock& lock) {
 
 }  // namespace
 
-Mirror::Mirror(const design::Machine& machine, bool simulated, std::string token_file, std::string signals)
-    : verbs_(verbs_json()), simulated_(simulated), token_file_(std::move(token_file)), signals_(std::move(signals)) {
+Mirror::Mirror(const design::Machine& machine, Has has, std::string token_file, std::string signals)
+    : verbs_(verbs_json()),
+      simulated_(has.simulated),
+      token_file_(std::move(token_file)),
+      signals_(std::move(signals)) {
   Json buses = Json::array();
   for (const auto* const bus : machine.all_buses()) {
     buses.push_back(bus_json(machine, *bus));
     buses_.push_back(bus->name);
     bit_rates_.push_back(bus->bitrate);
   }
-  head_ =
-      fmt::format(R"("start":"{:08x}{:08x}","machine":{},"buses":{})", std::random_device{}(), std::random_device{}(),
-                  dump(Json{{"name", machine.name}, {"simulated", simulated}, {"file", machine.file}}), dump(buses));
+  head_ = fmt::format(
+      R"("start":"{:08x}{:08x}","machine":{},"buses":{})", std::random_device{}(), std::random_device{}(),
+      dump(Json{{"name", machine.name}, {"simulated", has.simulated}, {"fleet", has.fleet}, {"file", machine.file}}),
+      dump(buses));
 }
 
 std::string Mirror::take(const News& news) {

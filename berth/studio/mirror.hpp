@@ -20,8 +20,13 @@ class Mirror {
   static constexpr std::size_t most_events = 1000;
   static constexpr std::size_t most_event_bytes = std::size_t{1} << 20U;  ///< of all: a device's texts may be long
 
+  /// As in `Options`.
+  struct Has {
+    bool simulated = false;
+    std::string fleet{};
+  };
   /// `token_file`: as in `TokenFiles`; empty: there is none. `signals`: as in `Options`.
-  Mirror(const design::Machine& machine, bool simulated, std::string token_file = {}, std::string signals = {});
+  Mirror(const design::Machine& machine, Has has, std::string token_file = {}, std::string signals = {});
 
   /// The message for all clients; empty: it is an answer and changes nothing.
   [[nodiscard]] std::string take(const News& news);

@@ -65,7 +65,8 @@ class Studio::Impl {
         link_(options.frames),
         shown_{host_of(options.where, where_, tls.get()), where_.port},
         hall_(listener, where_.host.find(':') != std::string::npos, where_.port, std::move(tls), std::move(tokens),
-              Mirror(session.machine(), options.simulated, options.token_file, options.signals), link_),
+              Mirror(session.machine(), {options.simulated, options.fleet}, options.token_file, options.signals),
+              link_),
         desk_(loop, session, std::move(carry), link_),
         thread_([this] { hall_.run(); }) {}
   ~Impl() {
@@ -132,6 +133,7 @@ Studio::~Studio() = default;
 std::string Studio::address(command::Role role) const {
   return fmt::format("{}#token={}", impl_->page(), impl_->tokens().of(role));
 }
+std::string Studio::page() const { return impl_->page(); }
 const io::Endpoint& Studio::where() const noexcept { return impl_->where(); }
 const Tokens& Studio::tokens() const noexcept { return impl_->tokens(); }
 void Studio::event(const operate::Event& event) { impl_->desk().event(event); }

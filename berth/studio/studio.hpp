@@ -37,6 +37,7 @@ struct Options {
   std::string key{};
   std::string tokens_kept{};  ///< file with the tokens to use: `Tokens::keep`; empty: new ones
   bool simulated = false;     ///< for the pages
+  std::string fleet{};        ///< GROUP/NAME of the machine at its broker; empty: it does not answer "fleet"
   std::size_t frames = FrameRing::standard;
   std::string signals = R"({"buses":[]})";  ///< JSON: the answer to `GET /api/v1/signals`
 };
@@ -61,6 +62,8 @@ class Studio {
 
   /// To be opened in a browser; it contains the role's token.
   [[nodiscard]] std::string address(command::Role role) const;
+  /// The same without a token: it opens nothing.
+  [[nodiscard]] std::string page() const;
   /// Where it listens, and the tokens of this start.
   [[nodiscard]] const io::Endpoint& where() const noexcept;
   [[nodiscard]] const Tokens& tokens() const noexcept;

@@ -3,10 +3,12 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "../mqtt/heard.hpp"
 #include "../pch.hpp"
+#include "berth/command/control.hpp"
 #include "machines.hpp"
 #include "process.hpp"
 
@@ -53,6 +55,52 @@ TEST(MqttCommand, TheDemoIsBornAndDies) {
   EXPECT_NE(end.out.find("mqtt: connected to mqtt://127.0.0.1"), std::string::npos) << end.out;
   ASSERT_TRUE(host.heard.until([](const auto& s) { return s.has("spBv1.0/berth/NDEATH/five slaves"); }));
   EXPECT_EQ(host.heard.story().messages.front().topic, "spBv1.0/berth/NBIRTH/five slaves");
+}
+
+// What a page of Studio asks for: the machines of the group, and the way to their own Studio.
+TEST(MqttCommand, TheProcessAnswersFleet) {
+  NEEDS_BROKER();
+  mqtt::test::Broker broker;
+  const Folder folder;
+  const auto socket = folder.file("control");
+  Background demo({"demo", "--studio=127.0.0.1:0", "--mqtt", mqtt::to_string(broker.where()), "--control", socket});
+  ASSERT_TRUE(demo.says("/#token="));
+  const auto ask = [&](const std::string& since) {
+    constexpr int patience_ms = 60'000;
+    return command::control_call(socket, {"fleet", {{"since", since}}}, patience_ms).value_or(command::Reply{});
+  };
+  nlohmann::json machine;
+  nlohmann::json answer;
+  ASSERT_TRUE(eventually([&] {
+    answer = nlohmann::json::parse(ask("0").json, nullptr, false);
+    if (!answer.is_object() || !answer.contains("machines") || answer["machines"].empty()) return false;
+    machine = answer["machines"][0];
+    return machine.at("operational") == true;
+  }));
+  EXPECT_EQ(answer.at("connected"), true);
+  EXPECT_EQ(machine.at("group"), "berth");
+  EXPECT_EQ(machine.at("machine"), "five slaves");
+  EXPECT_EQ(machine.at("slots").size(), 5U);
+  const auto said = demo.said();
+  const auto address = said.substr(said.find("http://"), said.find("#token=") - said.find("http://"));
+  EXPECT_EQ(machine.at("studio"), address) << "without the token";
+  EXPECT_EQ(ask("yesterday").status, 2);
+  const auto audit = berth({"history", "--audit", "--control", socket, "--json"});
+  EXPECT_EQ(audit.out.find("fleet"), std::string::npos) << audit.out;
+  demo.signal(SIGTERM);
+  static_cast<void>(demo.end());
+}
+
+TEST(MqttCommand, WithoutABrokerThereIsNoFleet) {
+  const Folder folder;
+  const auto socket = folder.file("control");
+  Background demo({"demo", "--pace", "--control", socket});
+  ASSERT_TRUE(eventually([&] { return command::control_answers(socket); }));
+  const auto reply = command::control_call(socket, {"fleet", {}}, 60'000).value_or(command::Reply{});
+  EXPECT_EQ(reply.status, 1);
+  EXPECT_NE(reply.error.find("start it with --mqtt"), std::string::npos) << reply.error;
+  demo.signal(SIGTERM);
+  static_cast<void>(demo.end());
 }
 
 // A broker that is not there does not keep a machine from running.

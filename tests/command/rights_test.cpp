@@ -108,6 +108,14 @@ TEST(Rights, EveryVerbByEveryRole) {
   EXPECT_FALSE(parse_role("owner"));
 }
 
+// The machines of a fleet are read, by every role.
+TEST(Rights, TheFleetIsReadByEveryRole) {
+  const Request fleet{"fleet", {{"since", "17"}}};
+  EXPECT_EQ(role_needed(fleet), Role::view);
+  EXPECT_TRUE(why_refused(Face::studio, fleet, {.role = Role::view}).empty()) << "real buses need not be unlocked";
+  EXPECT_TRUE(why_refused(Face::person, fleet, {}).empty());
+}
+
 // What the process itself carries out (the plant's "sim") is not in the table.
 TEST(Rights, AVerbOutsideOfTheTableChangesThePlantAndIsForRoleOperate) {
   const Granted viewer{.changes = true, .role = Role::view};

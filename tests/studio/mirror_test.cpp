@@ -15,7 +15,7 @@ using Json = nlohmann::json;
 TEST(StudioMirror, OpenQuestionsAreInTheSnapshotAndInTheChangeThatChangesThem) {
   design::Machine machine;
   machine.buses.emplace_back().name = "field";
-  Mirror mirror(machine, true);
+  Mirror mirror(machine, {.simulated = true});
   EXPECT_TRUE(Json::parse(mirror.snapshot(0, command::Role::view))["questions"].empty());
   operate::Event question{{}, "field", operate::EventKind::question, {}, "which one?"};
   question.slots = {"left", "right"};
@@ -39,8 +39,8 @@ TEST(StudioMirror, OpenQuestionsAreInTheSnapshotAndInTheChangeThatChangesThem) {
 TEST(StudioMirror, EachStartIsAnother) {
   design::Machine machine;
   machine.buses.emplace_back().name = "field";
-  const Mirror one(machine, true);
-  const Mirror other(machine, true);
+  const Mirror one(machine, {.simulated = true});
+  const Mirror other(machine, {.simulated = true});
   const auto start = [](const Mirror& mirror) {
     return Json::parse(mirror.snapshot(0, command::Role::view)).at("start").get<std::string>();
   };
@@ -51,7 +51,7 @@ TEST(StudioMirror, EachStartIsAnother) {
 TEST(StudioMirror, AVerbTellsHowTheCommandLineSpellsAnArgument) {
   design::Machine machine;
   machine.buses.emplace_back().name = "field";
-  const auto verbs = Json::parse(Mirror(machine, true).snapshot(0, command::Role::view))["verbs"];
+  const auto verbs = Json::parse(Mirror(machine, {.simulated = true}).snapshot(0, command::Role::view))["verbs"];
   std::string spelled;
   bool for_a_person = false;
   for (const auto& verb : verbs) {

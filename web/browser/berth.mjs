@@ -6,7 +6,7 @@ import { join, resolve as absolute } from "node:path";
 import { fileURLToPath } from "node:url";
 
 export const root = fileURLToPath(new URL("../../", import.meta.url));
-const binary = process.env.BERTH_BINARY ?? join(root, "build/test/berth");
+export const binary = process.env.BERTH_BINARY ?? join(root, "build/test/berth");
 
 /** Paths of machine and plant begin at the repository's root. `where`: the address; else any free port. */
 export async function startBerth(machine, plant, more = [], where = "127.0.0.1:0") {

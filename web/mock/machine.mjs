@@ -1,4 +1,5 @@
 /** A machine that does again what was recorded, and a little of what it is asked for. No sockets here. */
+import { MockFleet } from "./fleet.mjs";
 import { dump, recorded, verbs } from "./recorded.mjs";
 
 const RING = 200_000;
@@ -8,7 +9,10 @@ const machines = {
 };
 
 export class MockMachine {
-  /** rate: frames a second in all, over `buses` buses; `done`: begins where the recording ends */
+  /**
+   * rate: frames a second in all, over `buses` buses; `done`: begins where the recording ends; `fleet`: so many
+   * machines at its broker
+   */
   constructor({
     example = "conveyor",
     buses = 1,
@@ -17,6 +21,7 @@ export class MockMachine {
     real = false,
     role = "configure",
     odd = false,
+    fleet = 0,
   } = {}) {
     const data = recorded(example);
     this.about = machines[example];
@@ -25,6 +30,7 @@ export class MockMachine {
     this.final = new Map(data.slots.map((slot) => [slot.name, slot]));
     this.rate = rate;
     this.role = role;
+    this.fleet = new MockFleet(fleet);
     this.lock = { real, unlocked_until_s: null };
     this.buses = Array.from({ length: buses }, (_, i) => ({
       name: i === 0 ? "field" : `bus ${i + 1}`,
@@ -144,7 +150,12 @@ export class MockMachine {
       type: "snapshot",
       start: "mock",
       seq,
-      machine: { name: this.about.name, simulated: !this.lock.real, file: this.about.file },
+      machine: {
+        name: this.about.name,
+        simulated: !this.lock.real,
+        fleet: this.fleet.machines.length ? "hall-2/line 1" : "",
+        file: this.about.file,
+      },
       buses: this.buses,
       slots: this.slots,
       events: this.events.slice(-1000),
@@ -223,6 +234,9 @@ export class MockMachine {
 
   /** The reply to a request: { status, reply, lines, error }. */
   request(verb, values) {
+    if (verb === "fleet") {
+      return this.fleet.machines.length ? done(this.fleet.answer(values)) : refused(1, "it is at no MQTT broker");
+    }
     const entry =
       verb === "sim" ? { changes: true, role: "operate" } : verbs.find((candidate) => candidate.name === verb);
     if (!entry) return refused(2, `there is no command "${verb}"`);

@@ -1,6 +1,7 @@
 /**
  * A server for development and tests that speaks the contract and needs no Berth:
  *   node mock/server.mjs --example conveyor --token test --rate 500 --buses 1 [--done] [--real] [--role view] [--odd]
+ *   [--fleet 100]
  */
 import { createServer } from "node:http";
 import { readFile } from "node:fs/promises";
@@ -200,6 +201,7 @@ if (process.argv[1] === fileURLToPath(import.meta.url)) {
     done: process.argv.includes("--done"),
     real: process.argv.includes("--real"),
     odd: process.argv.includes("--odd"),
+    fleet: Number(option("fleet", 0)),
   });
   console.log(mock.url);
 }

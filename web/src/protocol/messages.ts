@@ -3,6 +3,8 @@
 export interface Machine {
   name: string;
   simulated: boolean;
+  /** "GROUP/NAME" at its MQTT broker; empty: it is at none, and the server does not answer "fleet". */
+  fleet?: string;
   file: string;
 }
 

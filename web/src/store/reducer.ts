@@ -1,5 +1,6 @@
 import { dictionaryReducer, firstDictionary } from "../panes/dictionary/reducer";
 import { doctorReducer, firstDoctor } from "../panes/doctor/reducer";
+import { firstFleet, fleetReducer } from "../panes/fleet/reducer";
 import { firstMachine, machineReducer } from "../panes/machine/reducer";
 import { firstNetwork, networkReducer } from "../panes/network/reducer";
 import { firstPlots, plotsReducer } from "../panes/plots/reducer";
@@ -56,6 +57,7 @@ export const firstState: State = {
   signals: firstSignals,
   doctor: firstDoctor,
   world: firstWorld,
+  fleet: firstFleet,
 };
 
 export function reducer(state: State, action: Action): State {
@@ -71,6 +73,7 @@ export function reducer(state: State, action: Action): State {
     signals: signalsReducer(next.signals, action, next),
     doctor: doctorReducer(next.doctor, action),
     world: worldReducer(next.world, action, next),
+    fleet: fleetReducer(next.fleet, action, next),
   };
 }
 
@@ -110,17 +113,18 @@ function messageReducer(state: State, message: ServerMessage, now: number): Stat
   }
 }
 
-/** After another start of the server, frames are numbered anew: those of before and what was measured on them go. */
+/** After another start of the server, frames and changes are numbered anew: those of before, and what was measured on frames, go. */
 function withSnapshot(state: State, data: Data): State {
   const next = { ...state, connection: { phase: "open" as const }, data };
   if (state.data.seq < 0 || data.start === state.data.start) return next;
-  const { trace, plots, view } = state;
+  const { trace, plots, fleet, view } = state;
   return {
     ...next,
     rates: null,
     loads: [],
     trace: { ...firstTrace, filter: trace.filter, file: trace.file },
     plots: { ...firstPlots, every: plots.every },
+    fleet: { ...firstFleet, search: fleet.search },
     view: { ...view, frame: null, marks: [], zero: null },
   };
 }

@@ -13,6 +13,7 @@ import type {
 } from "../protocol/messages";
 import type { DictionaryAction, DictionaryState } from "../panes/dictionary/reducer";
 import type { DoctorAction, DoctorState } from "../panes/doctor/reducer";
+import type { FleetAction, FleetState } from "../panes/fleet/reducer";
 import type { MachineAction, MachineState } from "../panes/machine/reducer";
 import type { NetworkAction, NetworkState } from "../panes/network/reducer";
 import type { PlotsAction, PlotsState } from "../panes/plots/reducer";
@@ -108,6 +109,7 @@ export interface State {
   signals: SignalsState;
   doctor: DoctorState;
   world: WorldState;
+  fleet: FleetState;
 }
 
 export type Action =
@@ -126,4 +128,5 @@ export type Action =
   | PlotsAction
   | SignalsAction
   | DoctorAction
-  | WorldAction;
+  | WorldAction
+  | FleetAction;

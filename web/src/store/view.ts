@@ -1,6 +1,16 @@
 /** What one looks at. It lives in the fragment of the address, so that a link shows a colleague the same. */
 
-export const panes = ["slots", "trace", "machine", "dictionary", "network", "plots", "doctor", "world"] as const;
+export const panes = [
+  "slots",
+  "trace",
+  "machine",
+  "dictionary",
+  "network",
+  "plots",
+  "doctor",
+  "world",
+  "fleet",
+] as const;
 export type Pane = (typeof panes)[number];
 
 const traceModes = ["chronological", "folded", "latest"] as const;

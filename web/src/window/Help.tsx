@@ -16,7 +16,7 @@ const around: [string, string][] = [
 const keys: [string, string][] = [
   ["?", "this help"],
   ["Ctrl K", "Find or do: panes, slots, devices, objects that were read, acts"],
-  ["Alt 1 to Alt 8", "the panes, from left to right"],
+  ["Alt 1 to Alt 9", "the panes, from left to right"],
   ["/", "the pane's search or filter"],
   ["P", "pause the trace or the plots, or go on"],
   ["M", "set a marker on the selected frame, or take it away"],

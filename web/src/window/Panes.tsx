@@ -1,6 +1,7 @@
 import { useMemo, type ComponentType, type KeyboardEvent } from "react";
 import { Dictionary } from "../panes/dictionary/Dictionary";
 import { Doctor } from "../panes/doctor/Doctor";
+import { Fleet } from "../panes/fleet/Fleet";
 import { Machine } from "../panes/machine/Machine";
 import { Network } from "../panes/network/Network";
 import { Plots } from "../panes/plots/Plots";
@@ -90,6 +91,14 @@ const table: PaneEntry[] = [
     words: "simulation plug unplug power fault cable cut time pause step speed",
     component: World,
     there: (data) => data.machine.simulated,
+  },
+  {
+    name: "fleet",
+    title: "Fleet",
+    about: "The machines of this one's group at its MQTT broker: which need somebody, and why.",
+    words: "mqtt sparkplug broker machines group hall plant others",
+    component: Fleet,
+    there: (data) => Boolean(data.machine.fleet),
   },
 ];
 
