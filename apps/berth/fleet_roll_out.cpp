@@ -284,7 +284,8 @@ void add_roll_out(const Verb& fleet, Options& options) {
   fleet_connection_words(verb, how->connection);
   json_flag(verb, options);
   verb.footer(
-      "Example:\n  berth fleet roll-out drive-2.dcf --slot drive --group hall-2 --at-most 3 --stop-on-failure --yes");
+      "Examples:\n  berth fleet roll-out drive-2.dcf --slot drive --dry-run\n"
+      "  berth fleet roll-out drive-2.dcf --slot drive --at-most 3 --stop-on-failure");
 }
 
 }  // namespace berth::cli

@@ -66,8 +66,8 @@ void add_poll(Verb& berth, Options& options) {
 namespace {
 
 // Another process may carry out the request in another folder.
-std::string absolute_from(command::Request& request) {
-  const auto file = request.arguments.find("from");
+std::string absolute_configuration(command::Request& request) {
+  const auto file = request.arguments.find("file");
   if (file != request.arguments.end()) file->second = std::filesystem::absolute(file->second).string();
   return {};
 }
@@ -75,7 +75,7 @@ std::string absolute_from(command::Request& request) {
 }  // namespace
 
 void add_configure(Verb& berth, Options& options) {
-  const RequestVerb configure(berth, options, "configure", "configure", absolute_from, {.alone = false});
+  const RequestVerb configure(berth, options, "configure", "configure", absolute_configuration, {.alone = false});
   configure.footer(
       "Examples:\n  berth configure --check\n  berth configure left machine.toml\n"
       "  berth configure left --from new.dcf --restart");

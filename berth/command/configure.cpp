@@ -88,7 +88,7 @@ void give_result(Reply& reply, const std::vector<SlotConfiguration>& slots, bool
 }
 
 Checked<std::optional<Given>> read_given(const Arguments& arguments) {
-  const std::string file = arguments.text("from");
+  const std::string file = arguments.text("file");
   if (!file.empty()) {
     auto content = eds::read_text_file(file, manager::longest_stored_text);
     if (!content) return tl::unexpected(fmt::format("{}: {}", file, content.error()));

@@ -67,10 +67,11 @@ constexpr std::array of_configure{
     of_bus,
     word_of("slot", "its name, BUS/NAME or node-ID (default: every slot with a configuration)", false),
     flag_of("check", "compare only, and say what differs"),
-    personal(option_of("from", "FILE",
-                       "first, this DCF, XDC or concise DCF replaces `config =` of the slot, until its "
-                       "kept copy is deleted")),
-    own_of("dcf", "instead of from: the content as a zlib stream, in hexadecimal digits"),
+    personal(option_of("file", "FILE",
+                       "first, this DCF, XDC or concise DCF replaces `config =` of the slot, until its kept copy is "
+                       "deleted",
+                       "--from")),
+    own_of("dcf", "instead of file: the content as a zlib stream, in hexadecimal digits"),
     flag_of("restart", "also resets the device, so that it takes the configuration though it runs")};
 constexpr std::array of_upload{of_bus, word_of("slot", a_slot), own_of("dcf", "the whole DCF in the answer")};
 constexpr auto an_object = own_of("object", "1018h:04, 0x1018:4, 1018sub4, or its name", true);

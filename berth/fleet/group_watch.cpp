@@ -143,9 +143,10 @@ class GroupWatch::Impl {
   }
 
   void end(const std::string& trouble) {
+    // First: the end of a connection takes a while, and who asks meanwhile must not get what was.
+    tell(false, trouble, lister_.forget());
     watch_.reset();
     connections_.reset();
-    tell(false, trouble, lister_.forget());
   }
 
   /// `list`: null: as before.

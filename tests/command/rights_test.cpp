@@ -145,7 +145,7 @@ TEST(Rights, WhatIsAPersonsToSay) {
       EXPECT_EQ(may(Face::studio, verb, {.changes = true}, name), !parameter->personal || name == "yes") << name;
     }
   }
-  EXPECT_EQ(personal, (std::set<std::string>{"file", "from", "from-scratch", "yes"}));
+  EXPECT_EQ(personal, (std::set<std::string>{"file", "from-scratch", "yes"}));
 }
 
 }  // namespace berth::command
