@@ -196,7 +196,7 @@ void add_fleet(Verb& berth, Options& options) {
                                [&options, how] { return run_fleet(*how, options); });
   fleet.word("broker", how->connection.broker, "mqtt://HOST[:PORT] or mqtts://HOST[:PORT] (default: $BERTH_BROKER)")
       .shown("URL");
-  fleet.word("group", how->connection.group, "only machines of this group");
+  fleet.word("group", how->connection.group, "only machines of this group").shown("GROUP");
   fleet.flag("--watch", how->watch, "stay, and draw the table again when something changes");
   fleet.word("--since", how->since, "also what has changed since then: the output of an earlier `berth fleet --json`")
       .shown("FILE");

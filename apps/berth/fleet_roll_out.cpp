@@ -134,7 +134,7 @@ class RollingOut {
       for (const auto& id : chosen_) print_line("  " + name_of(id) + obstacle_of(id));
     }
     if (how_.dry_run) return Exit::done;
-    print_errors("berth: nothing was sent; confirm it with --yes");
+    print_errors("nothing was sent; confirm it with --yes");
     return Exit::no;
   }
 

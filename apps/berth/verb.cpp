@@ -72,7 +72,10 @@ Verb Verb::sub(const std::string& name, CLI::App* made) const {
 Verb Verb::add(const std::string& name, const std::string& help, Action does) const {
   if (app_ == nullptr) return *this;
   CLI::App* const made = app_->add_subcommand(name, help);
-  made->callback([action = action_, does = std::move(does)] { *action = does; });
+  // One that has verbs of its own is called after them.
+  made->callback([made, action = action_, does = std::move(does)] {
+    if (made->get_subcommands().empty()) *action = does;
+  });
   return sub(name, made);
 }
 

@@ -151,7 +151,7 @@ std::string read_wish(Session& session, const Request& request, Wish& wish) {
 
 // A reset lets the device boot, and Berth writes what differs before it starts it.
 rt::Task<void> restart(Network& network, const std::string& name, Reply& reply) {
-  const auto before = slot_of(network, name);
+  const auto before = slot_report(network, name);
   const auto fact = [&] { return fmt::format("bus {}, slot {}", network.bus().name, text::quoted(name)); };
   if (!before || !(before->nmt || before->state == places::SlotState::operational)) {
     co_return refuse(reply, 1, fact() + ": no device is there to be restarted",
@@ -164,7 +164,7 @@ rt::Task<void> restart(Network& network, const std::string& name, Reply& reply) 
   network.commanded(co::NmtCommand::reset_node, target);
   reply.tell(fmt::format("{} is reset; waiting until it is operational", name));
   co_await await_restart(network, name, boot_ups);
-  const auto after = slot_of(network, name);
+  const auto after = slot_report(network, name);
   const bool good = after && after->state == places::SlotState::operational;
   Json json;
   json["bus"] = network.bus().name;

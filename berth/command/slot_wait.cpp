@@ -30,7 +30,7 @@ rt::Duration pause_of(const Network& network) noexcept {
 
 }  // namespace
 
-std::optional<SlotReport> slot_of(const Network& network, const std::string& name) {
+std::optional<SlotReport> slot_report(const Network& network, const std::string& name) {
   const auto slots = network.report();
   const auto it = std::ranges::find(slots, name, &SlotReport::name);
   return it == slots.end() ? std::nullopt : std::optional<SlotReport>(*it);
@@ -45,7 +45,7 @@ rt::Task<void> await_slot(Network& network, const std::string& name) {
   const rt::Time deadline = network.services().executor.now() + longest_wait(network);
   while (network.services().executor.now() < deadline) {
     co_await rt::sleep_for(pause_of(network));
-    const auto slot = slot_of(network, name);
+    const auto slot = slot_report(network, name);
     if (slot && settled(slot->state)) co_return;
   }
 }
@@ -55,7 +55,7 @@ rt::Task<void> await_restart(Network& network, const std::string& name, std::uin
   rt::Time deadline = services.executor.now() + longest_wait(network);
   while (services.executor.now() < deadline) {
     co_await rt::sleep_for(pause_of(network));
-    const auto slot = slot_of(network, name);
+    const auto slot = slot_report(network, name);
     if (!slot) co_return;
     // The state before the boot-up is that of the time before the reset.
     const bool booted = services.boots.boot_ups(slot->id) != boot_ups;

@@ -10,7 +10,7 @@
 namespace berth::command {
 
 /// The slot as it is now; empty: there is none of this name.
-[[nodiscard]] std::optional<operate::SlotReport> slot_of(const operate::Network& network, const std::string& name);
+[[nodiscard]] std::optional<operate::SlotReport> slot_report(const operate::Network& network, const std::string& name);
 
 /// How long a device that is there may take until its slot is settled; also, for a device that is put in now.
 [[nodiscard]] rt::Duration longest_wait(const operate::Network& network) noexcept;

@@ -117,7 +117,7 @@ rt::Task<void> replace(Session& session, const Request& request, Reply& reply) {
     if (!looked && looked.error().code == Errc::bus)
       co_return fail_with(reply, looked.error(), "looking which devices are there");
   }
-  const auto before = slot_of(*network, name);
+  const auto before = slot_report(*network, name);
   Result<void> cleared;
   {
     co_await network->services().turn.take();
@@ -133,7 +133,7 @@ rt::Task<void> replace(Session& session, const Request& request, Reply& reply) {
     const auto bound = co_await network->bind_once();
     if (!bound && bound.error().code == Errc::bus) co_return fail_with(reply, bound.error(), "binding");
   }
-  const auto slot = slot_of(*network, name);
+  const auto slot = slot_report(*network, name);
   const bool seated = slot && (slot->state == SlotState::operational || slot->state == SlotState::present);
   reply.json = slot ? to_json(*slot) : "{}";
   reply.lines = operate::to_table(slot ? std::vector<SlotReport>{*slot} : std::vector<SlotReport>{});

@@ -58,6 +58,7 @@ CommandDesk::CommandDesk(tree::Session& session, const std::vector<Signal>& sign
 CommandDesk::~CommandDesk() = default;
 
 void CommandDesk::tick() noexcept {
+  refill();
   while (auto order = link_->orders.take()) {
     switch (order->kind) {
       case Order::Kind::command: begin(std::move(order->command)); break;
@@ -73,20 +74,22 @@ void CommandDesk::tick() noexcept {
 
 // Each takes a line of the audit log, which is written to the disk.
 bool CommandDesk::may_go_on() {
-  const rt::Time now = session_->executor().now();
-  const auto more = static_cast<unsigned>(std::min<std::int64_t>((now - refilled_) / 1s, burst));
-  if (more > 0) {
-    left_ = std::min(left_ + more, burst);
-    refilled_ = now;
-  }
   if (left_ == 0) {
     ++left_out_;
     return false;
   }
   --left_;
+  return true;
+}
+
+void CommandDesk::refill() {
+  const rt::Time now = session_->executor().now();
+  const auto more = static_cast<unsigned>(std::min<std::int64_t>((now - refilled_) / 1s, burst));
+  if (more == 0) return;
+  left_ = std::min(left_ + more, burst);
+  refilled_ = now;
   if (const auto count = std::exchange(left_out_, 0); count > 0)
     say(operate::EventKind::error, fmt::format("{} commands of hosts came too quickly and were dropped", count));
-  return true;
 }
 
 void CommandDesk::begin(sparkplug::Command command) {

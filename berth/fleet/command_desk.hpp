@@ -46,6 +46,8 @@ class CommandDesk {
   void refuse(const sparkplug::Command& command, const std::string& why);
   void end(const char* metric, const sparkplug::Command& command, const std::string& answer);
   [[nodiscard]] bool may_go_on();
+  /// One more command a second; says how many were dropped.
+  void refill();
   void say(operate::EventKind kind, const std::string& words);
 
   tree::Session* session_;

@@ -571,7 +571,7 @@ rt::Task<void> Configuring::compare(Seat& seat, bool write, SlotConfiguration& i
   Configurator configurator(values, values, *wanted, options);
   co_await configurator.run(into.report);
   if (write && into.report.good() && !into.report.differences.empty()) {
-    into.problem = fmt::format("it runs and is left alone; `berth nmt preop {}` first", id.value());
+    into.problem = fmt::format("it runs and is left alone; give --restart, or `berth nmt preop {}` first", id.value());
   }
 }
 

@@ -87,7 +87,7 @@ TEST(FleetReader, AnotherReaderSeesTheSameMachine) {
   ASSERT_TRUE(rig.until([&] { return view.is("", "Slots/right/State", std::string("absent")); }));
   ASSERT_TRUE(rig.until([&] { return view.count(MessageType::ddeath, "right") == 1; }));
   rig.fleet.reset();
-  ASSERT_TRUE(rig.until([&] { return view.count(MessageType::ndeath) == 1; }));
+  ASSERT_TRUE(rig.until([&] { return view.count(MessageType::ndeath) > 0; }));
   std::string input;
   for (const auto& each : view.said) input += hex(each.bytes) + "\n";
   folder.write("in", input);

@@ -265,6 +265,8 @@ TEST(Configurator, RefusalsAreToldAndTheOthersWritten) {
   EXPECT_EQ(d.saved.at(gain), u8(7));
   EXPECT_FALSE(r.dated);
   EXPECT_EQ(d.value({0x1020, 1}), u32(0));
+  const auto dates = [](const auto& write) { return write.first.index == 0x1020 && write.second != u32(0); };
+  EXPECT_TRUE(std::ranges::none_of(d.writes, dates)) << "not for a moment: a crash would leave it there";
   d.silent = {gain};
   EXPECT_FALSE(configure(d, w, options).good()) << "silence is no refusal";
 }
