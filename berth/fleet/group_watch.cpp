@@ -95,6 +95,7 @@ class GroupWatch::Impl {
         pause = look();
       } else {
         end({});
+        again_at_ = {};
       }
       lock.lock();
       if (wanted) bell_.wait_for(lock, pause, [this] { return stop_; });
@@ -142,8 +143,8 @@ class GroupWatch::Impl {
     looked_at_ = 0;
   }
 
+  // Told first: who asks meanwhile must not take the old list for how things are.
   void end(const std::string& trouble) {
-    // First: the end of a connection takes a while, and who asks meanwhile must not get what was.
     tell(false, trouble, lister_.forget());
     watch_.reset();
     connections_.reset();
