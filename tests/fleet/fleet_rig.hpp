@@ -67,15 +67,18 @@ class RigClock final : public Clock {
       world_ms_ = since.count();
     }
     auto now = SystemClock().now();
-    now.utc.ms = begin_ms + static_cast<std::uint64_t>(world_ms_.load());
+    now.utc.ms = begin_ms + static_cast<std::uint64_t>(world_ms_.load() + set_by_ms_.load());
     return now;
   }
+  /// As somebody sets the computer's clock, also back.
+  void set_by(std::chrono::milliseconds time) { set_by_ms_ += time.count(); }
   static constexpr std::uint64_t begin_ms = 1'767'225'600'000;  // 2026-01-01
 
  private:
   rt::Executor* executor_;
   std::thread::id owner_ = std::this_thread::get_id();
   mutable std::atomic<std::int64_t> world_ms_{0};
+  std::atomic<std::int64_t> set_by_ms_{0};
 };
 
 /// The machine, its world and Berth.
@@ -180,6 +183,7 @@ class Rig : private can::Tap {
     return found;
   }
   tree::Session& session() { return *session_; }
+  RigClock& clock() { return *clock_; }
   plant::World& world() { return *world_; }
 
   std::vector<std::string> lines;
