@@ -77,8 +77,9 @@ struct Naive {
 class Machine : public sparkplug::Application {
  public:
   explicit Machine(unsigned slots) : line_(slots) {
-    node_ = std::make_unique<sparkplug::EdgeNode>(sparkplug::EdgeNodeOptions{.id = {"berth", "line-3"}}, counter_,
-                                                  *this, backlog_);
+    sparkplug::EdgeNodeOptions options;
+    options.id = {"berth", "line-3"};
+    node_ = std::make_unique<sparkplug::EdgeNode>(std::move(options), counter_, *this, backlog_);
     static_cast<void>(node_->connecting(line_.clock().now()));
     node_->connected(line_.clock().now());
   }

@@ -276,6 +276,10 @@ class Edge::Core final : public Turner,
   void publish() {
     if (broken_ || is_held_up()) return;
     const auto now = clock_.now();
+    if (options_.primary_host && connection_ != 0 && node_known_) {
+      if (auto words = words_.host(*options_.primary_host, node_.in_session(), now.steady))
+        say(node_.in_session() ? Order::Kind::said : Order::Kind::trouble, std::move(*words));
+    }
     constexpr milliseconds pace = 10s;
     if (now.steady >= tell_backlog_ && node_.in_session()) {
       tell_backlog_ = now.steady + pace;
@@ -331,7 +335,7 @@ class Edge::Core final : public Turner,
   milliseconds tell_backlog_{0};
   milliseconds anew_at_{0};
   std::optional<milliseconds> introduce_at_;  // to a host that came online
-  bool broken_ = false;  // the session needs a new connection, at that time
+  bool broken_ = false;                       // the session needs a new connection, at that time
   bool node_known_ = false;
   bool ending_ = false;
 };
