@@ -37,8 +37,10 @@ void flood(View& view, const std::string& topic, const std::string& bytes, int c
 
 /// A command of a host that is allowed, repeated until it is done: a flood before it may have used the pace up.
 testing::AssertionResult obeys_again(Rig& rig, View& view) {
+  unsigned looks = 0;
   return rig.until([&] {
-    view.command("left", "Commands/NMT", sparkplug::DataType::string, std::string("preop"));
+    constexpr unsigned between = 25;
+    if (looks++ % between == 0) view.command("left", "Commands/NMT", sparkplug::DataType::string, std::string("preop"));
     return view.cell("Commands/Done", 2) == "Commands/NMT";
   });
 }
@@ -209,13 +211,13 @@ TEST(FleetBadInput, AFloodOfRebirthsAndOfHostsThatComeOnlineIsFewBirths) {
   ASSERT_TRUE(rig.up());
   ASSERT_TRUE(rig.until([&] { return view.count(MessageType::dbirth, "left") > 0; }));
   const auto rebirth = written("Node Control/Rebirth", sparkplug::DataType::boolean, true);
-  for (int i = 0; i < 1000; ++i) {
+  for (int i = 0; i < 300; ++i) {
     flood(view, "spBv1.0/berth/NCMD/line", rebirth, 1);
     flood(view, "spBv1.0/STATE/host-" + std::to_string(i), R"({"online":true,"timestamp":1})", 1);
     rig.run(20ms);
   }
   EXPECT_TRUE(obeys_again(rig, view));
-  EXPECT_LT(view.count(MessageType::nbirth), 200U);
+  EXPECT_LT(view.count(MessageType::nbirth), 150U);
 }
 
 // ---- what a host hears
