@@ -1,5 +1,12 @@
 #include "berth/fleet/connection_words.hpp"
 
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "berth/base/words.hpp"
+#include "berth/sparkplug/topic.hpp"
+
 namespace berth::fleet {
 
 std::optional<std::string> ConnectionWords::connected(const std::string& where, Steady now) {
@@ -19,6 +26,21 @@ std::optional<std::string> ConnectionWords::lost(const mqtt::Disconnected& over,
   const bool twice = over.why == mqtt::Why::taken_over || short_lives_ == most_short_lives;
   if (twice) words += "; perhaps this machine runs twice: give one of them another node = in [mqtt]";
   return words;
+}
+
+std::optional<std::string> ConnectionWords::host(const std::string& id, bool in_session, Steady now) {
+  if (in_session) {
+    waits_since_.reset();
+    if (!std::exchange(told_wait_, false)) return std::nullopt;
+    return fmt::format("the primary host {} is online", berth::quoted(id));
+  }
+  if (!waits_since_) waits_since_ = now;
+  if (told_wait_ || now - *waits_since_ < host_patience) return std::nullopt;
+  told_wait_ = true;
+  return fmt::format(
+      "the primary host {} has not said that it is online (topic {}): nothing is published before it does, and what "
+      "changes is kept",
+      berth::quoted(id), berth::quoted(sparkplug::state_topic(id)));
 }
 
 }  // namespace berth::fleet

@@ -21,10 +21,17 @@ class ConnectionWords {
   [[nodiscard]] std::optional<std::string> connected(const std::string& where, Steady now);
   [[nodiscard]] std::optional<std::string> lost(const mqtt::Disconnected& over, Steady now);
 
+  /// So long a primary host may need after the connection before the wait for it is said.
+  static constexpr Steady host_patience{5'000};
+  /// Asked again and again while there is a connection. `in_session`: the host is online.
+  [[nodiscard]] std::optional<std::string> host(const std::string& id, bool in_session, Steady now);
+
  private:
   std::string told_;  // of the last loss
   Steady connected_at_{0};
   unsigned short_lives_ = 0;
+  std::optional<Steady> waits_since_{};  // for the primary host
+  bool told_wait_ = false;
 };
 
 }  // namespace berth::fleet

@@ -162,7 +162,7 @@ class Edge::Core final : public Turner,
     }
     take_news();
     begin_session();
-    hub_.wake();
+    hub_.wake(*this);
   }
 
   void disconnected(const mqtt::Disconnected& over) noexcept override {
@@ -172,14 +172,14 @@ class Edge::Core final : public Turner,
     broken_ = false;  // the client connects again by itself, in its own pace
     node_.disconnected(clock_.now());
     if (auto words = words_.lost(over, clock_.now().steady)) orders_.complain(std::move(*words));
-    hub_.wake();
+    hub_.wake(*this);
   }
 
   void message(std::string_view topic, std::span<const std::uint8_t> payload, bool retained) noexcept override {
     const std::scoped_lock lock(mutex_);
     node_.message({topic, payload, retained}, clock_.now());
     if (!retained && is_host_online(topic, payload)) hear_of_host();
-    hub_.wake();
+    hub_.wake(*this);
   }
 
   void published(mqtt::MessageId id) noexcept override {
@@ -296,6 +296,11 @@ class Edge::Core final : public Turner,
   void publish() {
     if (broken_ || is_held_up()) return;
     const auto now = clock_.now();
+    if (options_.primary_host && connection_ != 0 && node_known_) {
+      if (auto words = words_.host(*options_.primary_host, node_.in_session(), now.steady))
+        orders_.put(
+            {.kind = node_.in_session() ? Order::Kind::said : Order::Kind::trouble, .words = std::move(*words)});
+    }
     constexpr milliseconds pace = 10s;
     if (now.steady >= tell_backlog_ && node_.in_session()) {
       tell_backlog_ = now.steady + pace;
@@ -364,7 +369,7 @@ Edge::~Edge() {
   core_->end();
 }
 
-void Edge::wake() const noexcept { hub_->wake(); }
+void Edge::wake() const noexcept { hub_->wake(*core_); }
 
 tl::expected<std::unique_ptr<Edge>, std::string> Edge::start(Thread& thread, EdgeOptions options, Link& link,
                                                              const Clock& clock, Random random) {

@@ -21,6 +21,11 @@ class Turner {
 
  protected:
   ~Turner() = default;
+
+ private:
+  friend class Hub;
+  std::atomic<bool> woken_{true};
+  std::chrono::steady_clock::time_point due_{};  // for the hub's thread
 };
 
 class Hub {
@@ -35,8 +40,11 @@ class Hub {
   void join(Turner& turner);
   /// It is not called any more when this returns. Not from within `turn`.
   void leave(Turner& turner);
-  /// All are called soon. Never waits.
-  void wake() const noexcept { bell_.ring(); }
+  /// It is called soon. Never waits.
+  void wake(Turner& turner) const noexcept {
+    turner.woken_.store(true, std::memory_order_release);
+    bell_.ring();
+  }
   [[nodiscard]] mqtt::Thread& connections() noexcept { return *connections_; }
 
  private:

@@ -44,17 +44,25 @@ void Hub::leave(Turner& turner) {
   std::erase(turners_, &turner);
 }
 
+// A thousand edge nodes on one thread: only those that have something to do are asked.
 void Hub::run() noexcept {
+  using Steady = std::chrono::steady_clock;
   constexpr std::chrono::milliseconds longest{1000};
   while (!stop_.load(std::memory_order_relaxed)) {
-    auto patience = longest;
     bell_.silence();
+    const auto now = Steady::now();
+    auto next = now + longest;
     {
       const std::scoped_lock lock(door_);
-      for (Turner* const each : turners_) patience = std::min(patience, each->turn());
+      for (Turner* const each : turners_) {
+        const bool woken = each->woken_.exchange(false, std::memory_order_acquire);
+        if (woken || each->due_ <= now) each->due_ = now + std::min(each->turn(), longest);
+        next = std::min(next, each->due_);
+      }
     }
+    const auto patience = std::chrono::ceil<std::chrono::milliseconds>(next - Steady::now()).count();
     pollfd waits{.fd = bell_.descriptor(), .events = POLLIN, .revents = 0};
-    ::poll(&waits, 1, static_cast<int>(std::max<std::int64_t>(patience.count(), 0)));
+    ::poll(&waits, 1, static_cast<int>(std::max<std::int64_t>(patience, 0)));
   }
 }
 

@@ -112,7 +112,7 @@ class Watch::Core final : public Turner,
     for (const auto& refused : connected.refused)
       status_.trouble = "the broker refuses the subscription " + refused.filter + ": " + refused.words;
     host_.connected(clock_.now());
-    hub_.wake();
+    hub_.wake(*this);
   }
   void disconnected(const mqtt::Disconnected& over) noexcept override {
     const std::scoped_lock lock(mutex_);
@@ -122,13 +122,13 @@ class Watch::Core final : public Turner,
     status_.gave_up = !over.retry_in.has_value();
     host_.disconnected(clock_.now());
     ++status_.changes;
-    hub_.wake();
+    hub_.wake(*this);
   }
   void message(std::string_view topic, std::span<const std::uint8_t> payload, bool retained) noexcept override {
     const std::scoped_lock lock(mutex_);
     host_.message({topic, payload, retained}, clock_.now());
     ++status_.changes;
-    hub_.wake();
+    hub_.wake(*this);
   }
   void published(mqtt::MessageId) noexcept override {}
   void unpublished(mqtt::MessageId, std::string_view) noexcept override {

@@ -1,11 +1,10 @@
 // What is kept on the disk: over a restart, a full disk, a damaged file.
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 
-#include <csignal>
 #include <fstream>
 
 #include "berth/fleet/keeping.hpp"
+#include "full_disk.hpp"
 #include "tests/mqtt/folder.hpp"
 
 namespace berth::fleet {
@@ -16,6 +15,7 @@ using sparkplug::DataType;
 using sparkplug::Kept;
 using sparkplug::Quality;
 using sparkplug::Value;
+using test::FullDisk;
 
 constexpr std::uint64_t plenty = 1U << 20U;
 
@@ -28,23 +28,6 @@ std::vector<Kept> all_of(const sparkplug::Backlog& backlog) {
   for (const auto& entry : backlog.after(0, 100'000)) kept.push_back(entry.kept);
   return kept;
 }
-
-/// While it lives, files of this process grow to so many bytes only, as on a full disk.
-class FullDisk {
- public:
-  explicit FullDisk(rlim_t bytes) {
-    std::signal(SIGXFSZ, SIG_IGN);
-    ::getrlimit(RLIMIT_FSIZE, &before_);
-    const rlimit small{bytes, before_.rlim_max};
-    ::setrlimit(RLIMIT_FSIZE, &small);
-  }
-  ~FullDisk() { ::setrlimit(RLIMIT_FSIZE, &before_); }
-  FullDisk(const FullDisk&) = delete;
-  FullDisk& operator=(const FullDisk&) = delete;
-
- private:
-  rlimit before_{};
-};
 
 }  // namespace
 

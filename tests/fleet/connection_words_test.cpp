@@ -57,4 +57,21 @@ TEST(FleetConnectionWords, ConnectionsThatEndAgainAndAgainAreFewLines) {
   EXPECT_TRUE(words.connected("here", now + 3min));
 }
 
+TEST(FleetConnectionWords, APrimaryHostThatDoesNotComeIsSaidOnceAndThatItCame) {
+  ConnectionWords words;
+  const auto said = [&](bool in_session, ConnectionWords::Steady now) {
+    return words.host("scada", in_session, now).value_or("");
+  };
+  EXPECT_EQ(said(false, 10s), "");
+  EXPECT_EQ(said(false, 14s), "") << "its retained STATE may be on its way";
+  EXPECT_NE(said(false, 15s).find("\"spBv1.0/STATE/scada\""), std::string::npos);
+  for (auto now = 16s; now < 100s; ++now) EXPECT_EQ(said(false, now), "");
+  EXPECT_EQ(said(true, 100s), "the primary host \"scada\" is online");
+  EXPECT_EQ(said(true, 101s), "");
+  EXPECT_EQ(said(false, 200s), "") << "it has just gone";
+  EXPECT_EQ(said(true, 203s), "") << "and is back";
+  EXPECT_EQ(said(false, 300s), "");
+  EXPECT_NE(said(false, 305s), "");
+}
+
 }  // namespace berth::fleet

@@ -67,15 +67,18 @@ class RigClock final : public Clock {
       world_ms_ = since.count();
     }
     auto now = SystemClock().now();
-    now.utc.ms = begin_ms + static_cast<std::uint64_t>(world_ms_.load());
+    now.utc.ms = begin_ms + static_cast<std::uint64_t>(world_ms_.load() + set_by_ms_.load());
     return now;
   }
+  /// As somebody sets the computer's clock, also back.
+  void set_by(std::chrono::milliseconds time) { set_by_ms_ += time.count(); }
   static constexpr std::uint64_t begin_ms = 1'767'225'600'000;  // 2026-01-01
 
  private:
   rt::Executor* executor_;
   std::thread::id owner_ = std::this_thread::get_id();
   mutable std::atomic<std::int64_t> world_ms_{0};
+  std::atomic<std::int64_t> set_by_ms_{0};
 };
 
 /// The machine, its world and Berth.
@@ -180,6 +183,7 @@ class Rig : private can::Tap {
     return found;
   }
   tree::Session& session() { return *session_; }
+  RigClock& clock() { return *clock_; }
   plant::World& world() { return *world_; }
 
   std::vector<std::string> lines;
@@ -277,6 +281,7 @@ class View {
 
   std::vector<Said> said;
   std::vector<Change> changes;
+  bool hears_strangers = false;  ///< somebody else publishes in the machine's name, too, and rubbish
 
  private:
   static mqtt::Options subscribing(mqtt::Options options) {
@@ -290,6 +295,7 @@ class View {
       return;
     const std::vector<std::uint8_t> bytes(message.payload.begin(), message.payload.end());
     const auto payload = sparkplug::decode(bytes);
+    if (!payload && hears_strangers) return;
     ASSERT_TRUE(payload) << message.topic;
     said.push_back({topic->type, topic->device, *payload, message.payload});
     const bool birth = topic->type == MessageType::nbirth || topic->type == MessageType::dbirth;

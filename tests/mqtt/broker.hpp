@@ -87,7 +87,8 @@ class Broker {
   void start() {
     std::string text = fmt::format("listener {} 127.0.0.1\n", port_);
     if (listener_.find("allow_anonymous") == std::string::npos) text += "allow_anonymous true\n";
-    text += listener_ + "\npersistence false\nlog_type all\nlog_dest stderr\nmax_queued_messages 10000\n";
+    if (listener_.find("persistence") == std::string::npos) text += "persistence false\n";
+    text += listener_ + "\nlog_type all\nlog_dest stderr\nmax_queued_messages 10000\n";
     if (::geteuid() == 0) text += "user root\n";  // another user could not read the folder
     const auto config = folder_.write("broker.conf", text);
     process_ = Process({program(), "-c", config}, folder_.file("log"));
