@@ -16,7 +16,7 @@ namespace berth::fleet {
 /// The machines at one time; it does not change. Copies share the texts.
 class MachineList {
  public:
-  static constexpr std::size_t most_bytes = std::size_t{512} << 10U;
+  static constexpr std::size_t most_bytes = std::size_t{128} << 10U;
 
   struct Part {
     std::uint64_t changes = 0;  ///< the number to ask with next

@@ -44,7 +44,7 @@ function machine(number, now) {
   };
 }
 
-const MOST = 500;
+const MOST = 100;
 
 export class MockFleet {
   constructor(count) {

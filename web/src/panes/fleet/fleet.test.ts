@@ -100,6 +100,8 @@ describe("the fleet", () => {
     expect(answered(firstState, reply, { verb: "report" }).fleet.machines).toEqual({});
     const refused = answered(firstState, { error: {} }, { status: 1, error: "at no MQTT broker" });
     expect(refused.fleet).toMatchObject({ connected: false, trouble: "at no MQTT broker" });
+    const broken = answered(answered(firstState, { ...reply, more: true }), {}, { status: 3, error: "too busy" });
+    expect(broken.fleet.more).toBe(false);
     const odd = answered(firstState, { changes: 1, connected: true, whole: true, machines: [5, { slots: [{}, 7] }] });
     expect(ordered(odd.fleet.machines)).toMatchObject([{ name: "", online: false, slots: [{ name: "" }] }]);
   });

@@ -3,6 +3,7 @@ import { useStudio } from "../../window/context";
 
 const EVERY_MS = 2000;
 const STEP_MS = 250;
+const OWNER = "look:fleet";
 
 /** Asks for what changed of the machines, one request under way at a time, while the pane is seen. */
 export function useLooking(): void {
@@ -10,17 +11,25 @@ export function useLooking(): void {
   useEffect(() => {
     let asked = "";
     let due = 0;
+    let busy = false;
     const look = () => {
       const { connection, requests, fleet } = store.get();
-      if (document.hidden || connection.phase !== "open") return;
+      if (busy || document.hidden || connection.phase !== "open") return;
       if (requests.some((sent) => sent.id === asked && !sent.done)) return;
       if (!fleet.more && performance.now() < due) return;
       due = performance.now() + EVERY_MS;
-      asked = socket.request("fleet", { since: String(fleet.changes) }, "look:fleet");
+      busy = true;
+      asked = socket.request("fleet", { since: String(fleet.changes) }, OWNER);
+      busy = false;
     };
     look();
     const timer = setInterval(look, STEP_MS);
-    return () => clearInterval(timer);
+    // The rest of a long list comes at once, one part after the other.
+    const forget = store.subscribe(() => store.get().fleet.more && look());
+    return () => {
+      clearInterval(timer);
+      forget();
+    };
   }, [store, socket]);
 }
 

@@ -63,7 +63,7 @@ export function fleetReducer(state: FleetState, action: Action, { requests }: Pi
   if (action.type !== "message" || action.message.type !== "reply") return state;
   const { id, status, reply, error } = action.message;
   if (requests.find((sent) => sent.id === id)?.verb !== "fleet") return state;
-  return status === 0 ? withAnswer(state, reply) : { ...state, connected: false, trouble: error };
+  return status === 0 ? withAnswer(state, reply) : { ...state, more: false, connected: false, trouble: error };
 }
 
 function withAnswer(state: FleetState, reply: unknown): FleetState {
