@@ -9,6 +9,7 @@
 
 #include "berth/fleet/machines_json.hpp"
 #include "berth/text/columns.hpp"
+#include "berth/text/printable.hpp"
 #include "fleet_host.hpp"
 #include "fleet_roll_out.hpp"
 #include "fleet_rows.hpp"
@@ -67,6 +68,7 @@ class Look {
       Json json{{"machines", Json::array()}};
       for (const auto& machine : seen) json["machines"].push_back(fleet::machine_json(machine));
       if (!how_.since.empty()) json["changes"] = Json::array();
+      if (const auto left_out = host_.watch().status().left_out; !left_out.empty()) json["left_out"] = left_out;
       for (const auto& change : how_.since.empty() ? std::vector<Change>{} : changes(seen))
         json["changes"].push_back(
             {{"group", change.machine.group}, {"machine", change.machine.node}, {"what", change.what}});
@@ -74,6 +76,8 @@ class Look {
     } else {
       for (const auto& line : fleet_lines(seen, host_.now_ms(), terminal_size().columns)) print_line(line.text);
       print_line(fleet_headline(seen));
+      if (const auto left_out = host_.watch().status().left_out; !left_out.empty())
+        print_line("not all is shown: " + text::one_line(left_out));
       print_changes(seen);
     }
     const bool good = !seen.empty() && std::ranges::none_of(seen, &MachineView::needs);

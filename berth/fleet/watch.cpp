@@ -44,7 +44,7 @@ class Watch::Core final : public Turner,
         options_(std::move(options)),
         clock_(clock),
         random_(random),
-        host_({.id = options_.host, .groups = options_.groups}, *this, *this) {}
+        host_({.id = options_.host, .groups = options_.groups, .limits = options_.limits}, *this, *this) {}
 
   tl::expected<void, std::string> begin() {
     // The handler is called soon, and needs the client.
@@ -160,6 +160,9 @@ class Watch::Core final : public Turner,
   void value(const sparkplug::EdgeNodeId&, const std::string&, const std::string&, const sparkplug::Metric&) override {}
   void trouble(const sparkplug::EdgeNodeId& node, const char* why) override {
     if (node.node.empty()) status_.trouble = why;
+  }
+  void left_out(const sparkplug::EdgeNodeId& node, const char* why) override {
+    status_.left_out = node.group + "/" + node.node + ": " + why;
   }
 
   // On the hub's thread, without the mutex: the client's end waits for its handler.

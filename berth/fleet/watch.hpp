@@ -28,6 +28,7 @@ struct WatchOptions {
   mqtt::Options connection{};         ///< its subscriptions are made of `groups`
   std::string host{};                 ///< the host ID: unique at the broker
   std::vector<std::string> groups{};  ///< empty: all
+  sparkplug::Fleet::Limits limits{};
 };
 
 class Watch {
@@ -37,6 +38,7 @@ class Watch {
     std::string trouble{};      ///< why it is not connected, in words
     bool gave_up = false;       ///< it will not try again by itself
     std::uint64_t changes = 0;  ///< counts what came
+    std::string left_out{};     ///< a limit kept something out of the fleet: of which machine, and which limit
   };
 
   /// Begins to connect. `thread` and `clock` must outlive it. Errors in words: a name, an option, a file.

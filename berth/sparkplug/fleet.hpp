@@ -71,7 +71,7 @@ struct FleetNode {
 class Fleet {
  public:
   struct Limits {
-    std::size_t nodes = 2'000;
+    std::size_t nodes = 10'000;
     std::size_t devices = 256;        ///< of one node
     std::size_t metrics = 10'000;     ///< of one node with its devices
     std::size_t value_bytes = 4'096;  ///< on the heap; a larger value is `Unsupported`

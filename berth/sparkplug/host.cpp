@@ -109,12 +109,12 @@ void Host::nbirth(const Topic& topic, Payload payload, const Now& now) {
     return doubt(topic.edge, "an NBIRTH has no bdSeq, or no sequence number of 0 to 255", now);
   }
   auto node = fleet_.node(topic.edge);
-  if (!node) return events_->trouble(topic.edge, node.error().text);
+  if (!node) return events_->left_out(topic.edge, node.error().text);
   // Its devices are stale until they are born in this session, too.
   Fleet::died(**node, now.utc);
   const auto at = payload.at.value_or(now.utc);
   if (const auto kept = fleet_.born(**node, "", std::move(payload.metrics), at); !kept) {
-    return events_->trouble(topic.edge, kept.error().text);
+    return events_->left_out(topic.edge, kept.error().text);
   }
   (*node)->bd_seq = bd_seq;
   auto& session = sessions_[topic.edge];
@@ -176,7 +176,7 @@ void Host::apply(FleetNode& node, const Topic& topic, Payload& payload, const No
   const auto at = payload.at.value_or(now.utc);
   if (topic.type == MessageType::dbirth) {
     const auto kept = fleet_.born(node, topic.device, std::move(payload.metrics), at);
-    if (!kept) return events_->trouble(topic.edge, kept.error().text);
+    if (!kept) return events_->left_out(topic.edge, kept.error().text);
     return events_->born(topic.edge, topic.device);
   }
   if (topic.type != MessageType::ddeath) return data(node, topic, payload, now);
@@ -204,7 +204,7 @@ void Host::data(FleetNode& node, const Topic& topic, const Payload& payload, con
 void Host::doubt(const EdgeNodeId& id, const char* why, const Now& now) {
   events_->trouble(id, why);
   auto node = fleet_.node(id);
-  if (!node) return events_->trouble(id, node.error().text);
+  if (!node) return events_->left_out(id, node.error().text);
   (*node)->in_doubt = true;
   auto& session = sessions_[id];
   session.held.clear();

@@ -33,6 +33,8 @@ class HostEvents {
                      const Metric& data) = 0;
   /// Something is wrong with what came, in words; without a node (both names empty) with this host's own session.
   virtual void trouble(const EdgeNodeId& node, const char* why) = 0;
+  /// A limit (`Fleet::Limits`) keeps this node, or a part of it, out of the fleet: what is seen is not all.
+  virtual void left_out(const EdgeNodeId& node, const char* why) { trouble(node, why); }
 
  protected:
   ~HostEvents() = default;

@@ -48,9 +48,11 @@ testing::AssertionResult obeys_again(Rig& rig, View& view) {
 /// A host as `berth fleet` is one.
 class Onlooker {
  public:
-  explicit Onlooker(const Broker& broker) : thread_(Thread::start().value()) {
+  explicit Onlooker(const Broker& broker, const sparkplug::Fleet::Limits& limits = {})
+      : thread_(Thread::start().value()) {
     WatchOptions options{.connection = mqtt::test::quick(broker.where(), "onlooker"), .host = "onlooker", .groups = {}};
     options.groups = {"berth"};
+    options.limits = limits;
     watch_ = Watch::start(*thread_, std::move(options), clock_, Random(8)).value();
   }
   /// The machine and this device are online, and nothing was missed.
@@ -264,6 +266,22 @@ TEST(FleetBadInput, AHostThatHearsRubbishAsksAndSeesAgain) {
                             "spBv1.0/berth/NDEATH/line", "spBv1.0/STATE/onlooker"})
     flood(view, topic, std::string(100, '\xFF'), 20);
   ASSERT_TRUE(rig.until([&] { return view.count(MessageType::nbirth) > births && host.sees("left"); }));
+}
+
+// What a host keeps is bounded. Whoever looks is told that it is not all.
+TEST(FleetBadInput, AHostOfTooManyMachinesSaysThatSomeAreLeftOut) {
+  NEEDS_BROKER();
+  Broker broker;
+  Onlooker host(broker, {.nodes = 1});
+  Rig one(machine_text("", "", "one"));
+  ASSERT_EQ(one.publish(to(broker)), "");
+  ASSERT_TRUE(one.until([&] { return host.sees("left", "one"); }));
+  EXPECT_EQ(host.watch().status().left_out, "");
+  Rig two(machine_text("", "", "two"));
+  ASSERT_EQ(two.publish(to(broker)), "");
+  ASSERT_TRUE(two.until([&] { return !host.watch().status().left_out.empty(); }));
+  EXPECT_EQ(host.watch().status().left_out, "berth/two: there are more edge nodes than this host keeps");
+  EXPECT_TRUE(host.sees("left", "one"));
 }
 
 // ---- clocks and disks
