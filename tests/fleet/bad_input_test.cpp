@@ -236,7 +236,7 @@ TEST(FleetBadInput, AWillThatComesAfterTheNewBirthChangesNothing) {
   ASSERT_TRUE(rig.up());
   ASSERT_TRUE(rig.until([&] { return host.sees("left"); }));
   rig.fleet.reset();
-  ASSERT_TRUE(rig.until([&] { return view.count(MessageType::ndeath) == 1 && !host.sees("left"); }));
+  ASSERT_TRUE(rig.until([&] { return view.count(MessageType::ndeath) > 0 && !host.sees("left"); }));
   const auto death = std::ranges::find(view.said, MessageType::ndeath, &View::Said::type)->bytes;
   ASSERT_EQ(rig.publish(options), "");
   ASSERT_TRUE(rig.until([&] { return host.sees("left"); }));
