@@ -7,7 +7,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <string>
+#include <thread>
 #include <vector>
 
 namespace berth::mqtt::test {
@@ -42,17 +44,21 @@ class Process {
   void signal(int number) const {
     if (pid_ > 0) ::kill(pid_, number);
   }
-  /// Waits until it is gone.
+  /// Waits until it is gone. The signal is sent again and again: Mosquitto 2.0.11 forgets one that comes between the
+  /// set-up of its handlers and its main loop, when it listens already.
   void end(int number) {
     if (pid_ <= 0) return;
-    signal(number);
-    signal(SIGCONT);
-    ::waitpid(pid_, nullptr, 0);
-    pid_ = -1;
+    for (unsigned looks = 0; is_running(); ++looks) {
+      if (looks % 50 == 0) {
+        signal(number);
+        signal(SIGCONT);
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
   }
   [[nodiscard]] bool is_running() {
     if (pid_ <= 0) return false;
-    if (::waitpid(pid_, nullptr, WNOHANG) != pid_) return true;
+    if (::waitpid(pid_, nullptr, WNOHANG) == 0) return true;
     pid_ = -1;
     return false;
   }
