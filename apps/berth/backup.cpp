@@ -103,12 +103,8 @@ int run_save(const Options& options, const SaveOptions& wanted) {
   return reply->status;
 }
 
-// An absolute path, since another process may carry out the request in another folder.
-std::string absolute_file(command::Request& request) {
-  const auto file = request.arguments.find("file");
-  if (file == request.arguments.end()) return "which DCF? Name its file";
-  file->second = fs::absolute(file->second).string();
-  return {};
+std::string needs_file(command::Request& request) {
+  return request.arguments.contains("file") ? "" : "which DCF? Name its file";
 }
 
 void add_save(const Verb& backup, Options& options) {
@@ -132,9 +128,9 @@ void add_backup(Verb& berth, Options& options) {
       "backups/drive-2026-11-28-1605.dcf\n"
       "  berth backup restore drive backups/drive-2026-11-28-1605.dcf");
   add_save(backup, options);
-  const RequestVerb compare(backup, options, "compare", "backup compare", absolute_file);
+  const RequestVerb compare(backup, options, "compare", "backup compare", needs_file);
   compare.footer("Example:\n  berth backup compare drive drive-2026-11-28-1605.dcf");
-  const RequestVerb restore(backup, options, "restore", "backup restore", absolute_file);
+  const RequestVerb restore(backup, options, "restore", "backup restore", needs_file);
   restore.footer(
       "Example:\n  berth backup restore drive drive-2026-11-28-1605.dcf\nVendor-ID and product code must be the "
       "file's, the serial number need not.");

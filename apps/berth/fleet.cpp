@@ -2,11 +2,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
+#include "berth/eds/context.hpp"
 #include "berth/fleet/machines_json.hpp"
 #include "berth/text/columns.hpp"
 #include "berth/text/printable.hpp"
@@ -33,6 +32,8 @@ struct FleetOptions {
 
 #if BERTH_MQTT
 
+constexpr std::size_t longest_look = std::size_t{256} << 20U;  // as much as a host keeps of a fleet
+
 // One look at a fleet: connects, waits, shows.
 class Look {
  public:
@@ -49,12 +50,10 @@ class Look {
  private:
   std::optional<Failure> read_earlier() {
     if (how_.since.empty()) return std::nullopt;
-    std::ifstream file(how_.since);
-    std::ostringstream text;
-    text << file.rdbuf();
-    const auto json = Json::parse(text.str(), nullptr, false);
+    const auto text = eds::read_text_file(how_.since, longest_look);
+    const auto json = text ? Json::parse(*text, nullptr, false) : Json();
     const auto machines = json.is_object() ? json.find("machines") : json.end();
-    if (!file || !json.is_object() || machines == json.end() || !machines->is_array())
+    if (!json.is_object() || machines == json.end() || !machines->is_array())
       return failure(Exit::usage, fmt::format("--since {}: it is no output of `berth fleet --json`", how_.since));
     for (const auto& each : *machines) {
       if (each.is_object()) earlier_.push_back(fleet::machine_of_json(each));
@@ -185,8 +184,7 @@ void add_show(const Verb& fleet, Options& options) {
   const Verb show = fleet.add("show", "one machine with all its slots, as it last reported",
                               [&options, how] { return run_fleet(*how, options); });
   show.word("machine", how->machine, "NAME or GROUP/NAME").required().shown("MACHINE");
-  show.word("--broker", how->connection.broker, "mqtt://HOST[:PORT] or mqtts://HOST[:PORT] (default: $BERTH_BROKER)")
-      .shown("URL");
+  show.word("--broker", how->connection.broker, broker_help).shown("URL");
   fleet_connection_words(show, how->connection);
   json_flag(show, options);
   show.footer("Example:\n  berth fleet show hall-2/press-3 --broker mqtts://broker:8883");
@@ -198,8 +196,7 @@ void add_fleet(Verb& berth, Options& options) {
   const auto how = std::make_shared<FleetOptions>();
   const Verb fleet = berth.add("fleet", "the machines at an MQTT broker, and which of them need somebody",
                                [&options, how] { return run_fleet(*how, options); });
-  fleet.word("broker", how->connection.broker, "mqtt://HOST[:PORT] or mqtts://HOST[:PORT] (default: $BERTH_BROKER)")
-      .shown("URL");
+  fleet.word("broker", how->connection.broker, broker_help).shown("URL");
   fleet.word("group", how->connection.group, "only machines of this group").shown("GROUP");
   fleet.flag("--watch", how->watch, "stay, and draw the table again when something changes");
   fleet.word("--since", how->since, "also what has changed since then: the output of an earlier `berth fleet --json`")

@@ -7,10 +7,10 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <random>
 
 #include "berth/fleet/edge.hpp"
 #include "berth/mqtt/where.hpp"
+#include "system_random.hpp"
 
 namespace berth::cli {
 namespace {
@@ -36,8 +36,7 @@ std::optional<Failure> FleetHost::start() {
   auto thread = fleet::Thread::start();
   if (!thread) return failure(Exit::failed, thread.error());
   thread_ = std::move(*thread);
-  std::random_device seed;
-  Random random(std::uint64_t{seed()} << 32U | seed());
+  auto random = system_random();
   fleet::WatchOptions wanted;
   wanted.connection.where = *where;
   wanted.connection.login_file = how_.login;

@@ -23,6 +23,7 @@ struct FleetConnection {
   std::string login, ca, certificate, key;
   std::optional<std::chrono::nanoseconds> listen;  ///< for this long; empty: until all have answered
 };
+inline constexpr const char* broker_help = "mqtt://HOST[:PORT] or mqtts://HOST[:PORT] (default: $BERTH_BROKER)";
 /// --login, --ca, --certificate, --key, --for.
 void fleet_connection_words(const Verb& verb, FleetConnection& how);
 

@@ -1,13 +1,13 @@
 #include "fleet_roll_out.hpp"
 
 #include <fmt/format.h>
+#include <strings.h>
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "fleet_host.hpp"
 #include "output.hpp"
@@ -15,6 +15,7 @@
 
 #if BERTH_MQTT
 #include "berth/base/crc.hpp"
+#include "berth/eds/context.hpp"
 #include "berth/fleet/commands.hpp"
 #include "berth/fleet/roll_out.hpp"
 #include "berth/fleet/roll_out_journal.hpp"
@@ -66,25 +67,18 @@ class RollingOut {
 
  private:
   std::optional<Failure> read_file() {
-    std::error_code none;
-    const auto size = std::filesystem::file_size(how_.file, none);
-    std::ifstream file(how_.file, std::ios::binary);
-    if (none || !file) return failure(Exit::usage, how_.file + ": it cannot be read");
-    if (size == 0) return failure(Exit::usage, how_.file + ": it is empty");
-    if (size > manager::longest_stored_text) return failure(Exit::usage, how_.file + ": it is longer than 4 MiB");
-    const std::string content{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-    value_ = manager::pack_stored(content);
+    const auto content = eds::read_text_file(how_.file, manager::longest_stored_text);
+    if (!content) return failure(Exit::usage, how_.file + ": it cannot be read");
+    if (content->empty()) return failure(Exit::usage, how_.file + ": it is empty");
+    if (content->size() > manager::longest_stored_text)
+      return failure(Exit::usage, how_.file + ": it is longer than 4 MiB");
+    value_ = manager::pack_stored(*content);
     if (value_.size() > longest_value)
       return failure(Exit::usage, fmt::format("{}: packed it has {} bytes, and a message holds {}", how_.file,
                                               value_.size(), longest_value));
-    const auto extension = std::filesystem::path(how_.file).extension().string();
-    for (const char* const each : {".dcf", ".cdcf", ".xdc", ".xdd", ".eds"})
-      configures_ = configures_ || text_equal(extension, each);
+    const auto extension = std::filesystem::path(how_.file).extension();
+    configures_ = manager::is_description(how_.file) || ::strcasecmp(extension.c_str(), ".cdcf") == 0;
     return std::nullopt;
-  }
-
-  static bool text_equal(const std::string& a, const std::string& b) {
-    return std::ranges::equal(a, b, [](char x, char y) { return std::tolower(x) == std::tolower(y); });
   }
 
   [[nodiscard]] const char* metric() const { return configures_ ? fleet::configure_metric : fleet::program_metric; }
@@ -145,7 +139,7 @@ class RollingOut {
   }
 
   std::string obstacle_of(const EdgeNodeId& id) {
-    const auto no = RollOut(roll_out_options(), {}).obstacle(see(id));
+    const auto no = fleet::obstacle(see(id), how_.slot, command());
     return no.empty() ? "" : ": would fail: " + no;
   }
 
@@ -173,8 +167,8 @@ class RollingOut {
       }
       if (auto no = report(roll_out, journal)) return tell(*no, options_.json);
       if (host_.ended()) {
+        if (!std::exchange(stopped_, true)) say("no machine is begun any more; those under way are awaited");
         roll_out.stop();
-        if (++endings_ == 1) say("no machine is begun any more; those under way are awaited");
       }
       host_.rest();
     }
@@ -245,7 +239,7 @@ class RollingOut {
   std::vector<EdgeNodeId> chosen_;
   std::vector<RollOut::Stage> told_;
   std::size_t before_ = 0;
-  unsigned endings_ = 0;
+  bool stopped_ = false;
   bool configures_ = false;
 };
 
@@ -279,8 +273,7 @@ void add_roll_out(const Verb& fleet, Options& options) {
   verb.word("--journal", how->journal, "what is done already (default: FILE.roll-out.jsonl)").shown("FILE");
   verb.flag("--dry-run", how->dry_run, "only say what would be done");
   verb.flag("--yes", how->yes, "do it: devices leave operational");
-  verb.word("--broker", how->connection.broker, "mqtt://HOST[:PORT] or mqtts://HOST[:PORT] (default: $BERTH_BROKER)")
-      .shown("URL");
+  verb.word("--broker", how->connection.broker, broker_help).shown("URL");
   fleet_connection_words(verb, how->connection);
   json_flag(verb, options);
   verb.footer(

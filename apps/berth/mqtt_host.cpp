@@ -1,10 +1,10 @@
 #include "mqtt_host.hpp"
 
 #include <charconv>
-#include <random>
 #include <utility>
 
 #include "options.hpp"
+#include "system_random.hpp"
 
 #if BERTH_MQTT
 #include "berth/fleet/fleet.hpp"
@@ -42,8 +42,7 @@ class MqttHost::Impl {
   Impl& operator=(const Impl&) = delete;
 
   tl::expected<void, Failure> start(const Options& options, const std::string& studio, Carry carry) {
-    std::random_device seed;
-    Random random(std::uint64_t{seed()} << 32U | seed());
+    auto random = system_random();
     auto made = fleet::Fleet::start(run_->session(), std::move(carry), clock_, random.fork(),
                                     {.broker = options.offers.mqtt,
                                      .backlog_file = beside_slot_table(*run_, ".mqtt"),

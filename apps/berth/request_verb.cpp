@@ -1,5 +1,7 @@
 #include "request_verb.hpp"
 
+#include <filesystem>
+
 #include "adopt.hpp"
 #include "berth/command/verbs.hpp"
 #include "output.hpp"
@@ -17,6 +19,9 @@ int run_request(const Options& options, command::Request request, const RequestV
   // A session needs a bit rate to begin with, so it cannot search for it.
   if (request.arguments.contains("bitrate")) return run_bit_rate(options);
   if (options.yes) request.arguments["yes"] = "1";
+  // Another process may carry out the request in another folder.
+  const auto file = request.arguments.find("file");
+  if (file != request.arguments.end()) file->second = std::filesystem::absolute(file->second).string();
   return run_single(options, std::move(request));
 }
 

@@ -8,6 +8,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "berth/command/packed_text.hpp"
 #include "berth/text/file.hpp"
 #include "output.hpp"
 #include "outputs.hpp"
@@ -27,12 +28,6 @@ std::vector<std::uint8_t> bytes_of(const std::string& hex) {
 }
 
 namespace {
-
-std::string hex_of(const std::string& bytes) {
-  std::string hex;
-  for (const char c : bytes) hex += fmt::format("{:02X}", static_cast<unsigned char>(c));
-  return hex;
-}
 
 using Words = std::vector<std::string>;
 
@@ -145,7 +140,7 @@ int run_write(const Options& options, const SdoWords& wanted) {
     const auto text = text::read_file(wanted.file, findings);
     if (!text) return tell(failure(findings), options.json);
     take_objects(wanted.words, *wanted.request);
-    wanted.request->arguments["value"] = hex_of(*text);
+    wanted.request->arguments["value"] = command::digits_of(*text);
     wanted.request->arguments["type"] = "d";  // the file's bytes unchanged, whatever the object's type
   } else {
     const std::string wrong = take_objects_and_values(wanted.words, *wanted.request);

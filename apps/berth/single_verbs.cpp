@@ -63,19 +63,8 @@ void add_poll(Verb& berth, Options& options) {
   poll.footer("Examples:\n  berth poll left --stop\n  berth poll left");
 }
 
-namespace {
-
-// Another process may carry out the request in another folder.
-std::string absolute_configuration(command::Request& request) {
-  const auto file = request.arguments.find("file");
-  if (file != request.arguments.end()) file->second = std::filesystem::absolute(file->second).string();
-  return {};
-}
-
-}  // namespace
-
 void add_configure(Verb& berth, Options& options) {
-  const RequestVerb configure(berth, options, "configure", "configure", absolute_configuration, {.alone = false});
+  const RequestVerb configure(berth, options, "configure", "configure", {}, {.alone = false});
   configure.footer(
       "Examples:\n  berth configure --check\n  berth configure left machine.toml\n"
       "  berth configure left --from new.dcf --restart");
@@ -83,8 +72,8 @@ void add_configure(Verb& berth, Options& options) {
 
 namespace {
 
-void program_verb(const Verb& program, Options& options, const std::string& name, RequestVerb::Finish finish = {}) {
-  const RequestVerb verb(program, options, name, "program " + name, std::move(finish));
+void program_verb(const Verb& program, Options& options, const std::string& name) {
+  const RequestVerb verb(program, options, name, "program " + name);
   verb.footer("Example:\n  berth program " + name + " drive machine.toml");
 }
 
@@ -96,13 +85,7 @@ void add_program(Verb& berth, Options& options) {
       "Examples:\n  berth program status drive\n  berth program download drive --file drive.bprg\n"
       "docs/programs.md has what an image is.");
   program_verb(program, options, "status");
-  // Another process may carry out the request in another folder.
-  const auto absolute = [](command::Request& request) {
-    const auto file = request.arguments.find("file");
-    if (file != request.arguments.end()) file->second = std::filesystem::absolute(file->second).string();
-    return std::string();
-  };
-  program_verb(program, options, "download", absolute);
+  program_verb(program, options, "download");
   program_verb(program, options, "start");
   program_verb(program, options, "stop");
   program_verb(program, options, "clear");

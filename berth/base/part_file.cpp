@@ -61,6 +61,13 @@ void PartFile::placed() noexcept {
   sync_folder_of(path_);
 }
 
+int replace_user_file(const std::string& path, std::string_view bytes) {
+  PartFile part(path);
+  part.keep_permissions();
+  const int error = part.write(bytes);
+  return error != 0 ? error : part.replace();
+}
+
 void sync_folder_of(const std::string& path) noexcept {
   const auto slash = path.rfind('/');
   const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);

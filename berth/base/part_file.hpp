@@ -43,4 +43,7 @@ class PartFile {
   bool keeps_permissions_ = false;
 };
 
+/// Replaces a file of a user; it keeps its permissions. 0, or an errno.
+[[nodiscard]] int replace_user_file(const std::string& path, std::string_view bytes);
+
 }  // namespace berth

@@ -171,9 +171,9 @@ rt::Task<void> restart(Network& network, const std::string& name, Reply& reply) 
   json["id"] = before->id.value();
   json["slot"] = name;
   json["result"] = good ? "configured" : "failed";
-  json["state"] = after ? std::string(places::name(after->state)) : "";
+  const std::string state = after ? places::name(after->state) : "gone";
+  json["state"] = after ? state : std::string();
   json["reason"] = after ? after->reason : "";
-  const std::string state = after ? std::string(places::name(after->state)) : "gone";
   give(reply, Json{{"slots", Json::array({std::move(json)})}, {"wrong", good ? 0 : 1}},
        {fmt::format("{}  {:>3}  {}: restarted, {}", network.bus().name, before->id.value(), name, state)});
   if (good) co_return;

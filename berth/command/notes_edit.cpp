@@ -242,10 +242,7 @@ Checked<void> write_note(const std::string& file, ObjectRef object, const Note& 
   if (!problem.empty()) return tl::unexpected(problem + "; nothing was written");
   auto made = with_note(before, file, object, note);
   if (!made) return tl::unexpected(made.error());
-  PartFile part(file);
-  part.keep_permissions();
-  int error = part.write(*made);
-  if (error == 0) error = part.replace();
+  const int error = replace_user_file(file, *made);
   if (error == 0) return {};
   return tl::unexpected(fmt::format("{}: {}; the notes are unchanged", file, std::strerror(error)));
 }

@@ -9,6 +9,7 @@
 #include "berth/fleet/connection_words.hpp"
 #include "berth/fleet/hub_parts.hpp"
 #include "berth/fleet/keeping.hpp"
+#include "berth/fleet/publication_parts.hpp"
 #include "berth/mqtt/client.hpp"
 #include "berth/sparkplug/state.hpp"
 #include "berth/sparkplug/topic.hpp"
@@ -30,10 +31,8 @@ constexpr const char* backlog_metric = "Backlog/Waiting";
 std::string probe_topic(const sparkplug::EdgeNodeId& id) { return fmt::format("berth-probe/{}/{}", id.group, id.node); }
 
 std::vector<std::string> filters_of(const EdgeOptions& options) {
-  std::vector<std::string> filters{sparkplug::make_topic(options.id, MessageType::ncmd),
-                                   sparkplug::make_topic(options.id, MessageType::dcmd, "+"),
-                                   sparkplug::state_topic("+")};
-  return filters;
+  return {sparkplug::make_topic(options.id, MessageType::ncmd),
+          sparkplug::make_topic(options.id, MessageType::dcmd, "+"), sparkplug::state_topic("+")};
 }
 
 bool is_host_online(std::string_view topic, std::span<const std::uint8_t> payload) {
@@ -142,10 +141,7 @@ class Edge::Core final : public Turner,
     const std::scoped_lock lock(mutex_);
     auto death = node_.connecting(clock_.now());
     keeping_.keep_bd_seq(node_.next_bd_seq());
-    return mqtt::Will{.topic = std::move(death.topic),
-                      .payload = std::move(death.bytes),
-                      .qos = death.qos == 0 ? mqtt::Qos::at_most_once : mqtt::Qos::at_least_once,
-                      .retain = death.retain};
+    return will_of(std::move(death));
   }
 
   void connected(const mqtt::Connected& connected) noexcept override {
@@ -199,11 +195,7 @@ class Edge::Core final : public Turner,
   // ---- sparkplug::Outbox, within the calls of the node
 
   void publish(sparkplug::Publication message) override {
-    mqtt::Message out{.connection = connection_,
-                      .topic = std::move(message.topic),
-                      .payload = std::move(message.bytes),
-                      .qos = message.qos == 0 ? mqtt::Qos::at_most_once : mqtt::Qos::at_least_once,
-                      .retain = message.retain};
+    auto out = message_of(std::move(message), connection_);
     const std::size_t size = out.payload.size();
     const auto accepted = client_ ? client_->publish(std::move(out)) : tl::unexpected(mqtt::Refusal::not_connected);
     if (accepted || accepted.error() == mqtt::Refusal::not_connected) return;  // that it is over is told next

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "berth/fleet/machines.hpp"
+
 namespace berth::fleet {
 namespace {
 
@@ -89,7 +91,7 @@ Facts facts_of_device(const operate::SlotReport& slot, const Wanted& wanted) {
 }
 
 Facts facts_of_slot(const operate::SlotReport& slot) {
-  const std::string path = "Slots/" + slot.name;
+  const std::string path = slot_path(slot.name);
   return {word(path + "/State", places::name(slot.state)), word(path + "/Reason", slot.reason)};
 }
 

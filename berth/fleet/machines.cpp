@@ -18,11 +18,8 @@ class Reader {
  public:
   explicit Reader(const sparkplug::Fleet& fleet) : fleet_(&fleet) {}
 
-  // Empty: there is no such metric, or it is no text.
   [[nodiscard]] std::string text(const FleetDevice& device, const std::string& metric) const {
-    const auto* const found = fleet_->find(device, metric);
-    const auto* const words = found == nullptr ? nullptr : std::get_if<std::string>(&found->value);
-    return words == nullptr ? std::string() : *words;
+    return text_of(*fleet_, device, metric);
   }
 
   [[nodiscard]] MachineView view(const FleetNode& node) const {
@@ -54,7 +51,7 @@ class Reader {
   }
 
   void add_slot(MachineView& machine, const FleetNode& node, std::string name) const {
-    const std::string path = std::string(slots_path) + name;
+    const std::string path = slot_path(name);
     SlotView slot{.state = text(node.self, path + "/State"), .reason = text(node.self, path + "/Reason")};
     const auto* const device = fleet_->find(node, name);
     if (device != nullptr && device->online) {
@@ -90,6 +87,14 @@ void add_change(std::vector<std::string>& lines, const std::string& what, const 
 }
 
 }  // namespace
+
+std::string text_of(const sparkplug::Fleet& fleet, const FleetDevice& device, const std::string& metric) {
+  const auto* const found = fleet.find(device, metric);
+  const auto* const words = found == nullptr ? nullptr : std::get_if<std::string>(&found->value);
+  return words == nullptr ? std::string() : *words;
+}
+
+std::string slot_path(const std::string& slot) { return std::string(slots_path) + slot; }
 
 std::vector<MachineView> machines_of(const sparkplug::Fleet& fleet) {
   const Reader reader(fleet);

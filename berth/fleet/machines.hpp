@@ -38,6 +38,12 @@ struct MachineView {
   [[nodiscard]] bool needs() const noexcept { return !online || (is_berth && (!operational || !bus_trouble.empty())); }
 };
 
+/// The last text of a metric. Empty: there is no such metric, or it is no text.
+[[nodiscard]] std::string text_of(const sparkplug::Fleet& fleet, const sparkplug::FleetDevice& device,
+                                  const std::string& metric);
+/// Of a slot: "Slots/NAME/State" and "Slots/NAME/Reason" are metrics of its machine's node.
+[[nodiscard]] std::string slot_path(const std::string& slot);
+
 /// By group and name.
 [[nodiscard]] std::vector<MachineView> machines_of(const sparkplug::Fleet& fleet);
 

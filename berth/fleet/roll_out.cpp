@@ -5,17 +5,12 @@
 #include <algorithm>
 
 #include "berth/fleet/commands.hpp"
+#include "berth/fleet/machines.hpp"
 
 namespace berth::fleet {
 namespace {
 
 constexpr std::string_view operational = "operational";
-
-std::string text_of(const sparkplug::Fleet& fleet, const sparkplug::FleetDevice& device, const std::string& metric) {
-  const auto* const found = fleet.find(device, metric);
-  const auto* const words = found == nullptr ? nullptr : std::get_if<std::string>(&found->value);
-  return words == nullptr ? std::string() : *words;
-}
 
 // A row as `end_of` makes it, if it is of this command.
 std::optional<CommandEnd> end_in(const sparkplug::Fleet& fleet, const sparkplug::FleetNode& node, const char* metric,
@@ -36,6 +31,11 @@ std::optional<CommandEnd> end_in(const sparkplug::Fleet& fleet, const sparkplug:
   return CommandEnd{time == nullptr ? 0 : *time, text("Value"), text("Answer")};
 }
 
+// "slot drive is absent: heartbeat lost".
+std::string state_words(const std::string& slot, const RollOutView& view) {
+  return fmt::format("slot {} is {}{}{}", slot, view.state, view.reason.empty() ? "" : ": ", view.reason);
+}
+
 bool is_under_way(RollOut::Stage stage) noexcept {
   return stage == RollOut::Stage::sent || stage == RollOut::Stage::carried_out;
 }
@@ -46,7 +46,7 @@ RollOutView see(const sparkplug::Fleet& fleet, const sparkplug::EdgeNodeId& mach
                 const std::string& command) {
   const auto* const node = fleet.find(machine);
   if (node == nullptr) return {};
-  const std::string path = "Slots/" + slot;
+  const std::string path = slot_path(slot);
   RollOutView view{.known = true, .online = node->self.online};
   view.has_slot = fleet.find(node->self, path + "/State") != nullptr;
   view.state = text_of(fleet, node->self, path + "/State");
@@ -59,6 +59,15 @@ RollOutView see(const sparkplug::Fleet& fleet, const sparkplug::EdgeNodeId& mach
   return view;
 }
 
+std::string obstacle(const RollOutView& view, const std::string& slot, const std::string& command) {
+  if (!view.known) return "nothing was heard of it at this broker";
+  if (!view.online) return "it is offline";
+  if (!view.has_slot) return fmt::format("it has no slot {}", slot);
+  if (!view.device_there) return state_words(slot, view);
+  if (!view.allows) return fmt::format("its machine file does not allow it: commands = [\"{}\"] in [mqtt]", command);
+  return {};
+}
+
 RollOut::RollOut(Options options, std::vector<sparkplug::EdgeNodeId> machines) : options_(std::move(options)) {
   for (auto& machine : machines) rows_.push_back({.machine = std::move(machine)});
 }
@@ -66,17 +75,6 @@ RollOut::RollOut(Options options, std::vector<sparkplug::EdgeNodeId> machines) :
 bool RollOut::over() const noexcept {
   return std::ranges::none_of(
       rows_, [this](const Row& row) { return is_under_way(row.stage) || (row.stage == Stage::waiting && !stopped_); });
-}
-
-std::string RollOut::obstacle(const RollOutView& view) const {
-  if (!view.known) return "nothing was heard of it at this broker";
-  if (!view.online) return "it is offline";
-  if (!view.has_slot) return fmt::format("it has no slot {}", options_.slot);
-  if (!view.device_there)
-    return fmt::format("slot {} is {}{}{}", options_.slot, view.state, view.reason.empty() ? "" : ": ", view.reason);
-  if (!view.allows)
-    return fmt::format("its machine file does not allow it: commands = [\"{}\"] in [mqtt]", options_.command);
-  return {};
 }
 
 void RollOut::fail(Row& row, std::string why) {
@@ -106,9 +104,7 @@ void RollOut::look(Row& row, const RollOutView& view, Time now) {
   if (row.stage == Stage::carried_out) settle(row, view, now);
   if (row.stage == Stage::done || now - row.since < options_.patience) return;
   const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(options_.patience).count();
-  const std::string state = view.online ? fmt::format("slot {} is {}{}{}", options_.slot, view.state,
-                                                      view.reason.empty() ? "" : ": ", view.reason)
-                                        : "it is offline";
+  const std::string state = view.online ? state_words(options_.slot, view) : "it is offline";
   fail(row, row.stage == Stage::sent ? fmt::format("no answer within {} s; {}", seconds, state)
                                      : fmt::format("not operational within {} s; {}", seconds, state));
 }
@@ -123,7 +119,7 @@ std::vector<sparkplug::EdgeNodeId> RollOut::turn(const See& see, Time now) {
     if (stopped_ || begun.size() >= options_.at_most) break;
     if (row.stage != Stage::waiting) continue;
     const auto view = see(row.machine);
-    auto no = obstacle(view);
+    auto no = obstacle(view, options_.slot, options_.command);
     if (!no.empty()) {
       fail(row, std::move(no));
       continue;

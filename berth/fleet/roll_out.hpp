@@ -41,12 +41,15 @@ struct RollOutView {
 [[nodiscard]] RollOutView see(const sparkplug::Fleet& fleet, const sparkplug::EdgeNodeId& machine,
                               const std::string& slot, const std::string& command);
 
+/// Why a machine cannot get it now; empty: it can. `command`: as machine files allow it, "configure".
+[[nodiscard]] std::string obstacle(const RollOutView& view, const std::string& slot, const std::string& command);
+
 class RollOut {
  public:
   using Time = std::chrono::milliseconds;
   struct Options {
     std::string slot{};
-    std::string command{};    ///< as machine files allow it: "configure"
+    std::string command{};    ///< as machine files allow it
     std::string value{};      ///< of the command, in words
     std::size_t at_most = 1;  ///< machines of a wave
     bool stop_on_failure = false;
@@ -74,8 +77,6 @@ class RollOut {
   /// No machine is begun any more; those that were sent to are awaited.
   void stop() noexcept { stopped_ = true; }
 
-  /// Why a machine cannot get it now; empty: it can.
-  [[nodiscard]] std::string obstacle(const RollOutView& view) const;
   [[nodiscard]] const std::vector<Row>& rows() const noexcept { return rows_; }
   [[nodiscard]] bool over() const noexcept;
 

@@ -7,6 +7,7 @@
 
 #include "berth/fleet/commands.hpp"
 #include "berth/fleet/hub_parts.hpp"
+#include "berth/fleet/publication_parts.hpp"
 #include "berth/mqtt/client.hpp"
 #include "berth/sparkplug/host.hpp"
 #include "berth/sparkplug/topic.hpp"
@@ -22,13 +23,6 @@ std::vector<std::string> filters_of(const WatchOptions& options) {
   std::vector<std::string> filters{sparkplug::state_topic(options.host)};
   for (const auto& group : options.groups) filters.push_back(root + "/" + group + "/#");
   return filters;
-}
-
-mqtt::Will will_of(sparkplug::Publication message) {
-  return {.topic = std::move(message.topic),
-          .payload = std::move(message.bytes),
-          .qos = message.qos == 0 ? mqtt::Qos::at_most_once : mqtt::Qos::at_least_once,
-          .retain = message.retain};
 }
 
 }  // namespace
@@ -139,13 +133,7 @@ class Watch::Core final : public Turner,
   // ---- sparkplug::Outbox, within the calls of the host
 
   void publish(sparkplug::Publication message) override {
-    auto will = will_of(std::move(message));
-    mqtt::Message out{.connection = connection_,
-                      .topic = std::move(will.topic),
-                      .payload = std::move(will.payload),
-                      .qos = will.qos,
-                      .retain = will.retain};
-    if (client_ && !client_->publish(std::move(out))) broken_ = true;
+    if (client_ && !client_->publish(message_of(std::move(message), connection_))) broken_ = true;
   }
   // The connection has made them already.
   void subscribe(const std::string&, std::uint8_t) override {}

@@ -65,10 +65,7 @@ class Loader {
   explicit Loader(const std::filesystem::path& path) : path_(path) { result_.configuration.file = path.string(); }
 
   LoadedConfiguration load() {
-    auto extension = path_.extension().string();
-    std::ranges::transform(extension, extension.begin(), [](unsigned char c) { return std::tolower(c); });
-    const bool described = extension == ".dcf" || extension == ".eds" || extension == ".xdc" || extension == ".xdd";
-    if (described) {
+    if (is_description(path_)) {
       description(eds::read_any_file(path_));
     } else {
       concise_file();
@@ -280,6 +277,12 @@ std::string to_string(const ConfigurationDate& date) {
   return fmt::format("{:04}-{:02}-{:02} {:02}:{:02}:{:02}.{:03}", static_cast<int>(day.year()),
                      static_cast<unsigned>(day.month()), static_cast<unsigned>(day.day()), time.hours().count(),
                      time.minutes().count(), time.seconds().count(), time.subseconds().count());
+}
+
+bool is_description(const std::filesystem::path& path) {
+  auto extension = path.extension().string();
+  std::ranges::transform(extension, extension.begin(), [](unsigned char c) { return std::tolower(c); });
+  return extension == ".dcf" || extension == ".eds" || extension == ".xdc" || extension == ".xdd";
 }
 
 LoadedConfiguration load_configuration(const std::filesystem::path& path) { return Loader(path).load(); }

@@ -69,6 +69,8 @@ struct LoadedConfiguration {
 /// not its COB-ID, the COB-ID is set to the file's default: this switches on again what an interrupted configuration
 /// switched off. Findings: those of the file's reader (errors and warnings), and an error if the file sets nothing.
 [[nodiscard]] LoadedConfiguration load_configuration(const std::filesystem::path& path);
+/// `.dcf`, `.eds`, `.xdc`, `.xdd`, in any case.
+[[nodiscard]] bool is_description(const std::filesystem::path& path);
 /// The same from the text of a DCF or XDC (1F20h), and from a concise DCF (1F22h). `name` is for the findings and
 /// messages. A DownloadFile is an error, because there is no folder.
 [[nodiscard]] LoadedConfiguration read_configuration(std::string text, const std::string& name);

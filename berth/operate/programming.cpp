@@ -58,25 +58,14 @@ Result<ProgramImage> program_of(std::vector<std::uint8_t> bytes) {
   return image;
 }
 
-namespace {
-
-int write_in_place(const std::string& path, std::string_view bytes) {
-  PartFile part(path);
-  part.keep_permissions();
-  const int error = part.write(bytes);
-  return error != 0 ? error : part.replace();
-}
-
-}  // namespace
-
 int replace_program(const std::string& file, std::span<const std::uint8_t> bytes) {
   const auto before = load_program(file);
   if (before) {
-    const int error =
-        write_in_place(file + ".before", {reinterpret_cast<const char*>(before->bytes.data()), before->bytes.size()});
+    const int error = replace_user_file(file + ".before",
+                                        {reinterpret_cast<const char*>(before->bytes.data()), before->bytes.size()});
     if (error != 0) return error;
   }
-  return write_in_place(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  return replace_user_file(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
 rt::Task<Result<void>> suits(const ProgramImage& image, co::SdoAccess& device) {

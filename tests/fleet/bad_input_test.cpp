@@ -173,12 +173,13 @@ TEST_P(FleetBadInputOf, AMegabyteIsNotTaken) {
   ASSERT_EQ(rig.publish(to(broker)), "");
   ASSERT_TRUE(rig.up());
   ASSERT_TRUE(rig.until([&] { return view.count(MessageType::dbirth, "left") > 0; }));
-  const auto large = written("Commands/NMT", sparkplug::DataType::string, std::string(1'000'000, 'x'));
+  const std::string content(1'000'000, 'x');
+  const auto large = written("Commands/NMT", sparkplug::DataType::string, content);
   flood(view, "spBv1.0/berth/DCMD/line/left", large, 5);
   flood(view, "spBv1.0/berth/NCMD/line", large, 5);
   EXPECT_TRUE(obeys_again(rig, view));
   EXPECT_EQ(rig.told_of("connected to"), 1U) << rig.told();
-  EXPECT_EQ(rig.audited("xxx").size(), 0U);
+  EXPECT_EQ(rig.audited(content.substr(0, 3)).size(), 0U);
 }
 
 TEST(FleetBadInput, RubbishFromStrangersChangesNothing) {
