@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "../harness/milestone.hpp"
+#include "berth/harness/milestone.hpp"
 #include "../paths.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/places/slot_store.hpp"

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "berth/discovery/auto.hpp"
-#include "tests/harness/world_plan.hpp"
+#include "berth/harness/world_plan.hpp"
 
 namespace berth::harness {
 

@@ -1,6 +1,6 @@
 // The telling cells of the matrix: those at which a method, a bit rate or a size was once too much for the
 // main job. All cells: ./run matrix.
-#include "tests/harness/matrix.hpp"
+#include "berth/harness/matrix.hpp"
 
 #include <gtest/gtest.h>
 #include <algorithm>

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "tests/harness/as_sold.hpp"
-#include "tests/harness/run_world.hpp"
+#include "berth/harness/run_world.hpp"
 
 namespace berth::harness {
 namespace {

@@ -1,33 +1,19 @@
-// One seeded world from beginning to end, with its invariants looked at after every change (see docs/faults.md).
-#pragma once
+#include "berth/harness/run_world.hpp"
 
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <cstdint>
 #include <map>
-#include <optional>
+#include <memory>
 #include <set>
-#include <string>
-#include <vector>
+#include <utility>
 
-#include "tests/harness/end_judge.hpp"
-#include "tests/harness/start_watch.hpp"
-#include "tests/harness/waiting_judge.hpp"
-#include "tests/harness/word_judge.hpp"
-#include "tests/harness/world_plan.hpp"
+#include "berth/harness/start_watch.hpp"
+#include "berth/harness/waiting_judge.hpp"
+#include "berth/harness/world_ending.hpp"
 
 namespace berth::harness {
-
-struct Outcome {
-  std::string failure;  // empty: good
-  std::uint64_t hash = 0;
-  rt::Duration bus_time{0};
-  std::array<std::array<unsigned, columns>, world_fault_kinds> hits{};
-  std::array<std::array<unsigned, steps>, step_kinds> step_hits{};
-  std::vector<plant::PlantEvent> events;  // what happened, when: replays this run
-  std::string log;
-};
+namespace {
 
 class WorldRun final : private can::Tap {
  public:
@@ -79,6 +65,7 @@ class WorldRun final : private can::Tap {
     if (!watch_.failure().empty()) outcome_.failure = watch_.failure();
     outcome_.hash = rig_.world().sim().trace_hash();
     outcome_.bus_time = rig_.now().time_since_epoch();
+    count();
     outcome_.log = rig_.log();
     if (frames_) outcome_.log = told_ + outcome_.log;
     return std::move(outcome_);
@@ -121,6 +108,17 @@ class WorldRun final : private can::Tap {
     if (!rig_.runs()) return;
     rig_.kill();
     due_.emplace(now() + for_so_long, [this] { begin(); });
+  }
+
+  void ending() {
+    WorldEnding end(plan_, rig_, judge_, words_, [this] { return sound(); });
+    outcome_.failure = end.judge(outcome_.events);
+  }
+
+  void count() {
+    outcome_.operational = rig_.first_operational;
+    for (const auto& bus : plan_.machine.buses) outcome_.frames += rig_.world().bus(bus.name)->statistics().frames;
+    for (const auto& d : rig_.world().devices()) outcome_.lost += d->controller().statistics().overruns;
   }
 
   // ---- the time in which things go wrong ----
@@ -308,176 +306,6 @@ class WorldRun final : private can::Tap {
     again();
   }
 
-  // ---- the end ----
-
-  // Nothing goes wrong any more: what can become operational does so in bounded bus time, and stays so.
-  void ending() {
-    const bool cycles =
-        std::ranges::any_of(plan_.plant.devices, [](const auto& d) { return d.storing.power_cycle_after; }) ||
-        std::ranges::any_of(plan_.machine.slots,
-                            [](const auto& s) { return s.spec.configuring.activate == places::Activate::power_cycle; });
-    for (int round = 0; round < 6; ++round) {
-      if (comes_to_rest(15s) || !sound()) break;
-      look_at_words();
-      if (cycles) static_cast<void>(power_cycle());
-    }
-    if (!sound()) return;
-    rig_.run_for(3s);
-    if (!sound()) return;
-    comes_to_rest(20s);
-    if (sound()) check_end();
-  }
-
-  void look_at_words() {
-    for (std::size_t i = 0; i < rig_.networks(); ++i) {
-      if (!rig_.network(i).idle()) continue;
-      for (const auto& s : rig_.network(i).report()) words_.look(s);
-    }
-  }
-
-  // Everything is as it must be, within this time.
-  bool comes_to_rest(rt::Duration limit) {
-    const rt::Time deadline = now() + limit;
-    while (now() < deadline && sound()) {
-      if (rig_.idle() && verdict().empty()) return true;
-      rig_.run_for(100ms);
-    }
-    return false;
-  }
-
-  // What a person does who reads "power cycle needed". False: nothing says so.
-  bool power_cycle() {
-    bool any = false;
-    std::vector<Identity> waiting;
-    for (std::size_t i = 0; i < rig_.networks(); ++i) {
-      for (const auto& s : rig_.network(i).report()) {
-        if (s.state == places::SlotState::power_cycle && s.device) waiting.push_back(*s.device);
-      }
-    }
-    for (const auto& d : rig_.world().devices()) {
-      const auto t = d->truth();
-      // Devices that were to be blanked wait for power too, in no slot's name.
-      const bool waits = std::ranges::any_of(waiting, [&](const Identity& w) { return t.is(w); }) ||
-                         (d->plan().storing.power_cycle_after && (t.active != t.persistent || t.active != t.pending));
-      if (!waits || !t.powered) continue;
-      any = true;
-      d->power(false);
-      rig_.run_for(100ms);
-      d->power(true);
-    }
-    return any;
-  }
-
-  // Of this bus, or of all ("").
-  [[nodiscard]] std::string verdict(const std::string& bus = {}) {
-    std::string wrong = judge_.wrong(bus);
-    if (!wrong.empty() || !plan_.solvable) return wrong;
-    for (std::size_t i = 0; i < rig_.networks(); ++i) {
-      if (!bus.empty() && rig_.network(i).bus().name != bus) continue;
-      for (const auto& s : rig_.network(i).report()) {
-        const bool by_fastscan = rig_.network(i).bus().discovery.find("fastscan") != std::string::npos ||
-                                 rig_.network(i).bus().discovery == "planner-feedback";
-        // A device that was given away and came back is used again when a person says so, and what of two slots is
-        // left for another device depends on the answer.
-        const auto asks_for_used = [](const operate::SlotReport& r) {
-          return r.state == places::SlotState::question && r.reason.find("--used") != std::string::npos;
-        };
-        const bool persons =
-            s.state == places::SlotState::question && std::ranges::any_of(rig_.network(i).report(), asks_for_used);
-        if (s.state != places::SlotState::operational && !by_fastscan && !persons && !kept_elsewhere(s))
-          return "slot " + s.name + " is " + places::name(s.state) + ": " + s.reason;
-      }
-    }
-    return {};
-  }
-
-  // A device that came with the node-ID of a slot that it fits was seated there, before one was found that fits no
-  // other: who sits is not moved.
-  [[nodiscard]] bool kept_elsewhere(const operate::SlotReport& empty) {
-    const auto records = rig_.store().load(plan_.machine.name);
-    const bool left = empty.state == places::SlotState::empty || empty.state == places::SlotState::question;
-    if (!records || !left) return false;
-    const design::Slot* const slot = plan_.machine.slot(empty.bus, empty.id);
-    return std::ranges::any_of(plan_.plant.devices, [&](const plant::PlantDevice& d) {
-      return slot != nullptr && d.node_id.configured() && places::fits(slot->spec, d.address) &&
-             std::ranges::any_of(*records, [&](const places::SlotRecord& r) {
-               return r.confirmed && r.confirmed->device == d.address && r.confirmed->id == d.node_id;
-             });
-    });
-  }
-
-  // On a bus on which nothing acknowledges, each question takes a second, and there is no end of asking: it is not
-  // waited for until that asks nothing.
-  [[nodiscard]] bool at_rest(std::size_t network) {
-    const auto& bus = rig_.network(network).bus().name;
-    const bool any = std::ranges::any_of(rig_.world().devices(), [&](const auto& d) {
-      const auto t = d->truth();
-      return t.bus == bus && t.powered;
-    });
-    return (!any || rig_.network(network).idle()) && !any_boots(bus);
-  }
-
-  // One that was told to reset just now is neither there nor away.
-  [[nodiscard]] bool any_boots(const std::string& bus) {
-    return std::ranges::any_of(rig_.world().devices(), [&](const auto& d) {
-      const auto t = d->truth();
-      return t.bus == bus && t.booting;
-    });
-  }
-  // A command that was sent just now has still to be obeyed.
-  [[nodiscard]] bool comes_to_rest(std::size_t network) {
-    const rt::Time end = now() + 90s;
-    while (now() < end) {
-      if (!rig_.run_until([&] { return at_rest(network); }, end - now())) return false;
-      rig_.run_for(5ms);
-      if (!any_boots(rig_.network(network).bus().name)) return true;
-    }
-    return false;
-  }
-
-  // A command takes a device as long to obey as a question to answer, up to 40 ms: what is wrong is so at each of three
-  // rests. Each bus has its own main job, and is looked at when that rests: where a device is missing, or a question is
-  // open, each looks again and again, and they may rest alternately for ever.
-  [[nodiscard]] std::string verdict_that_stays(std::size_t network) {
-    const std::string bus = rig_.network(network).bus().name;
-    std::string wrong;
-    for (int look = 0; look < 3; ++look) {
-      if (!comes_to_rest(network)) return "the main job does not come to rest";
-      wrong = verdict(bus);
-      if (wrong.empty()) break;
-      rig_.run_for(50ms);
-    }
-    return wrong;
-  }
-  [[nodiscard]] std::string verdict_that_stays() {
-    for (std::size_t i = 0; i < rig_.networks(); ++i) {
-      std::string wrong = verdict_that_stays(i);
-      if (!wrong.empty()) return wrong;
-    }
-    return {};
-  }
-
-  void check_end() {
-    // A device that came back just now has to be seen first.
-    rt::Duration last{0};
-    for (const auto& e : outcome_.events) last = std::max(last, rt::Duration(e.delay));
-    const rt::Duration since = now() - rt::Time{} - last;
-    if (since < 15s) rig_.run_for(15s - std::max(since, rt::Duration{0}));
-    // A long search: it pauses between the frames of each question when a small receive buffer may be there.
-    std::string wrong = verdict_that_stays();
-    // What failed is tried again after eight probe periods, and may have become possible just now.
-    if (!wrong.empty()) {
-      rig_.run_for(15s);
-      wrong = verdict_that_stays();
-    }
-    // What is to be switched off and on may have shown since the first rest.
-    for (int round = 0; round < 3 && !wrong.empty() && power_cycle(); ++round) {
-      rig_.run_for(15s);
-      wrong = verdict_that_stays();
-    }
-    if (!wrong.empty() && outcome_.failure.empty()) outcome_.failure = wrong;
-  }
-
   const WorldPlan& plan_;
   bool frames_;
   std::string told_;
@@ -499,7 +327,7 @@ class WorldRun final : private can::Tap {
 };
 
 // Without devices that take a node-ID at power-on only; none: its slots are not all operational then.
-inline std::optional<rt::Duration> start_without_waiting(WorldPlan plan) {
+std::optional<rt::Duration> start_without_waiting(WorldPlan plan) {
   for (auto& d : plan.plant.devices) {
     const bool waits = std::ranges::find(plan.waiting, d.name) != plan.waiting.end();
     if (waits) d.storing.power_cycle_after = false;
@@ -507,7 +335,9 @@ inline std::optional<rt::Duration> start_without_waiting(WorldPlan plan) {
   return WorldRun(plan).start();
 }
 
-inline Outcome run_world(const WorldPlan& plan, bool frames = false) {
+}  // namespace
+
+Outcome run_world(const WorldPlan& plan, bool frames) {
   std::optional<rt::Duration> without;
   // A slow device is found by Fastscan alone when it happens to answer in time.
   const bool by_chance = std::ranges::any_of(
