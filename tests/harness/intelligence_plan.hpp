@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "berth/harness/world_plan.hpp"
+#include "tests/harness/rig.hpp"
 
 namespace berth::harness {
 

@@ -19,6 +19,7 @@
 #include "berth/traffic/link_network.hpp"
 #include "tests/harness/mortal.hpp"
 #include "tests/harness/program_watch.hpp"
+#include "tests/harness/rig.hpp"
 
 namespace berth::harness {
 

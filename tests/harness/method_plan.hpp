@@ -9,6 +9,7 @@
 
 #include "berth/discovery/auto.hpp"
 #include "berth/harness/world_plan.hpp"
+#include "tests/harness/rig.hpp"
 
 namespace berth::harness {
 

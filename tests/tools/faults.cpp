@@ -21,12 +21,12 @@
 #include <fstream>
 #include <sstream>
 
+#include "berth/harness/run_world.hpp"
+#include "berth/harness/tree_world.hpp"
 #include "tests/harness/as_sold.hpp"
 #include "tests/harness/intelligence_world.hpp"
 #include "tests/harness/method_world.hpp"
-#include "berth/harness/run_world.hpp"
 #include "tests/harness/tree_as_sold.hpp"
-#include "berth/harness/tree_world.hpp"
 
 using namespace berth;
 using namespace berth::harness;
