@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <string>
 
+#include "berth/operate/report.hpp"
+
 using namespace berth;
 using namespace berth::harness::matrix;
 
