@@ -127,7 +127,7 @@ Made plant_buses(const Options& options, const ServeOptions& serve) {
 }
 
 /// What a port's bus is called when it is not said: as its interface, or as on its server.
-std::string name_of(const can::PortSpec& spec) {
+std::string name_of_bus(const can::PortSpec& spec) {
   if (spec.kind == can::PortKind::socketcan) return spec.address;
   if (spec.kind == can::PortKind::socketcand) return spec.address.substr(spec.address.find('/') + 1);
   return "can0";
@@ -139,7 +139,7 @@ Done add_port(PortBuses& buses, const std::string& written, const ServeOptions& 
   if (spec) equals = std::string::npos;  // a device's path may have one
   if (!spec && equals != std::string::npos) spec = port_of_word(written.substr(equals + 1));
   if (!spec) return tl::unexpected(failure(Exit::usage, spec.error()));
-  const auto name = equals == std::string::npos ? name_of(*spec) : written.substr(0, equals);
+  const auto name = equals == std::string::npos ? name_of_bus(*spec) : written.substr(0, equals);
   return buses.add(name, *spec, {.bit_rate = serve.bit_rate, .listen_only = serve.listen_only, .bus = name});
 }
 
