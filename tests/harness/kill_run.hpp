@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "berth/harness/end_judge.hpp"
 #include "berth/harness/run_world.hpp"
 #include "berth/traffic/link_network.hpp"
 #include "tests/harness/mortal.hpp"
