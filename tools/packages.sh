@@ -2,8 +2,10 @@
 # Sourced by ./run.
 
 build_packages=(g++ cmake ninja-build libexpected-dev libcli11-dev libfmt-dev nlohmann-json3-dev libtomlplusplus-dev
-  libpugixml-dev libsqlitecpp-dev libsqlite3-dev liblua5.4-dev zlib1g-dev libboost-dev libssl-dev)
-test_packages=(ccache python3 python3-jsonschema libgtest-dev librapidcheck-dev libbenchmark-dev valgrind openssl curl)
+  libpugixml-dev libsqlitecpp-dev libsqlite3-dev liblua5.4-dev zlib1g-dev libboost-dev libssl-dev libprotobuf-dev
+  protobuf-compiler libmosquitto-dev)
+test_packages=(ccache mold python3 python3-jsonschema python3-protobuf libgtest-dev librapidcheck-dev libbenchmark-dev
+  valgrind openssl curl)
 # What ./run vm and the tests in it need; Ubuntu packs its kernel with zstd.
 vm_packages=(python3 qemu-system-x86 busybox-static iproute2 can-utils zstd)
 # What the pages of Studio are built with. Some makers' nodejs brings npm along, and Debian's npm clashes with it.
@@ -14,6 +16,8 @@ browser_packages=("${page_packages[@]}")
 command -v "${CHROMIUM:-chromium}" >/dev/null || browser_packages+=(chromium)
 # Software that others wrote, for tests/peers.
 peer_packages=(tshark can-utils python3-can python3-canmatrix "${page_packages[@]}")
+# A broker, for the tests of MQTT; they start and end it themselves.
+mqtt_packages=(mosquitto)
 bench_packages=(libbenchmark-dev valgrind)
 clang_packages=(clang-16 libclang-rt-16-dev)
 lint_packages=(clang-format-16 clang-tidy-16)

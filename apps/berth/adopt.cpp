@@ -1,4 +1,4 @@
-// `berth adopt`: the machine file and the bindings of a machine that runs, without disturbing it.
+// `berth adopt`: makes the machine file and the bindings of a running machine, without disturbing it.
 #include "adopt.hpp"
 
 #include <fmt/format.h>
@@ -60,7 +60,7 @@ std::string remarks(const live::NodeSeen& node) {
   return text;
 }
 
-// The slots' heartbeat, if they agree within a tenth; else the default.
+// The slots' heartbeat period, if all agree within a tenth; else none, so that the default applies.
 std::optional<std::chrono::milliseconds> common_period(const std::vector<live::NodeSeen>& nodes, NodeId master) {
   std::vector<rt::Duration> periods;
   for (const auto& node : nodes) {
@@ -73,7 +73,7 @@ std::optional<std::chrono::milliseconds> common_period(const std::vector<live::N
   return period;
 }
 
-// Also how it gets its node-ID: only that distinguishes a device without a serial number from its equals.
+// Adds `assign = "fixed"` for a device without a serial number: only its node-ID distinguishes it from its equals.
 std::string type_of(const Identity& device) {
   if (!device.knows(0)) return "type = \"any\"\n";
   std::string text = fmt::format("type = {{ vendor = 0x{:08X}", device.address.vendor);
@@ -148,7 +148,7 @@ rt::Task<void> ask_all(live::Census& census, live::CensusOptions options, std::s
   over = true;
 }
 
-// While we listen, a master that sends only its heartbeat commands no node: ask its objects.
+// A master may send only its heartbeat, and command no node, while Berth listens: only its objects show it.
 void name_quiet_master(Learnt& learnt) {
   for (const auto& node : learnt.nodes) {
     if (!node.nmt_master || learnt.master_id.configured()) continue;
@@ -239,7 +239,7 @@ std::string seed_machine(const Options& options, const AdoptOptions& adopt) {
                      adopt.name, options.bus, adopt.bitrate);
 }
 
-// It is new; left behind, it would block the next adoption.
+// Removes the new files: left behind, they would block the next adoption.
 void take_back(const std::string& file, const std::string& store) {
   std::error_code ignored;
   for (const auto& path : {file, store, store + "-wal"}) fs::remove(path, ignored);

@@ -1,4 +1,4 @@
-// What may be written after `berth adopt`, `berth export` and `berth import`.
+// The words and options of `berth adopt`, `berth export` and `berth import`.
 #include <memory>
 
 #include "adopt.hpp"

@@ -1,4 +1,4 @@
-// `berth analyze`: how late the messages of a machine's buses can be, from its files alone.
+// `berth analyze`: the largest delays of the messages on a machine's buses, from its files alone.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -93,7 +93,7 @@ tl::expected<std::string, Failure> sender_of(const design::Machine& machine, con
                                machine.file, node.text, node.bus->name)));
 }
 
-// --fifo: names of senders, of slots by any name that they have.
+// --fifo: names of senders; for slots, any of their names.
 tl::expected<std::vector<std::string>, Failure> fifo_senders(const design::Machine& machine, const Options& options,
                                                              const std::vector<std::string>& words) {
   std::vector<std::string> senders;
@@ -111,7 +111,7 @@ tl::expected<std::vector<std::string>, Failure> fifo_senders(const design::Machi
   return senders;
 }
 
-/// What is shown: whole buses, or of some nodes alone.
+/// The buses, or the nodes alone, that are shown.
 class Shown {
  public:
   static tl::expected<Shown, Failure> of(const design::Machine& machine, const Options& options,
@@ -131,7 +131,7 @@ class Shown {
     if (senders_.empty()) return only_.empty() || bus.name == only_;
     return std::ranges::find(senders_, &bus, &Sender::first) != senders_.end();
   }
-  /// Only the messages of what is shown are judged.
+  /// Removes all other messages: only those shown are judged.
   void cut(const design::Bus& bus, const analysis::Line& line, analysis::Result& result) const {
     if (senders_.empty()) return;
     std::erase_if(result.responses, [&](const auto& r) {
@@ -146,7 +146,7 @@ class Shown {
   std::vector<Sender> senders_;
 };
 
-/// What is drawn when all buses are analysed.
+/// The plot, drawn after all buses are analysed.
 class Picture {
  public:
   void add(const design::Bus& bus, const analysis::Line& line, const analysis::Result& result) {
@@ -158,11 +158,11 @@ class Picture {
   [[nodiscard]] std::string svg() const { return analysis::plot(buses_); }
 
  private:
-  std::deque<std::pair<analysis::Line, analysis::Result>> kept_;  // stay where they are
+  std::deque<std::pair<analysis::Line, analysis::Result>> kept_;  // a deque: `buses_` points to the elements
   std::vector<analysis::PlottedBus> buses_;
 };
 
-/// How late the TPDOs of all buses are, and with them the links across gateways.
+/// The delays of the TPDOs on all buses, and so those of the links across gateways.
 class Ends {
  public:
   void add(const design::Bus& bus, const analysis::Line& line, const analysis::Result& result) {
@@ -189,7 +189,7 @@ class Ends {
   std::map<std::tuple<std::string, std::string, std::string>, rt::Duration> responses_;
 };
 
-/// What the linker says of the links: printed, or for --json.
+/// The linker's findings about the links: printed, or for --json.
 Json told(const Findings& findings, bool json) {
   Json all = Json::array();
   for (const auto& each : findings) {
@@ -215,7 +215,7 @@ int analyze(const Options& options, const AnalyzeOptions& how) {
   if (!machine->links.empty()) links = traffic::plan_links(*machine);
   traffic::Assumptions assumed = how.assumed;
   assumed.fifo = *fifo;
-  // Also of links that cannot be: which messages are late, and by how much.
+  // Also for links with errors: the analysis shows which messages are late, and by how much.
   if (links.plan.linked.size() == links.network.nodes.size() && !machine->links.empty()) assumed.links = &links;
   bool good = !has_errors(links.findings);
   Ends ends;
@@ -244,7 +244,7 @@ int analyze(const Options& options, const AnalyzeOptions& how) {
   if (!how.plot.empty()) {
     if (const auto bad = write_output(how.plot, picture.svg())) return tell(*bad, options.json);
   }
-  // For a part of the buses no way is complete.
+  // With only some of the buses, no path across gateways is complete.
   Json crossings = Json::array();
   const bool whole = options.bus.empty() && how.nodes.empty() && assumed.links != nullptr;
   const Json wrong = told(links.findings, options.json);

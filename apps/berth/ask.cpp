@@ -26,7 +26,7 @@ bool someone_types() noexcept { return ::isatty(STDIN_FILENO) == 1; }
 
 namespace {
 
-// Of a terminal, which gives a whole line at once. Nothing: its end, or a signal came.
+// Reads from a terminal, which gives a whole line at once. Nothing: the input ended, or a signal came.
 std::optional<std::string> typed_line(Interrupt& interrupt) {
   if (interrupt.came()) return std::nullopt;
   std::array<pollfd, 2> wait{pollfd{STDIN_FILENO, POLLIN, 0}, pollfd{interrupt.descriptor(), POLLIN, 0}};
@@ -65,7 +65,7 @@ std::vector<std::string> lines_of(const Event& question) {
 
 namespace {
 
-// A slot by its name, or by its node-ID: every command takes both.
+// The user may name the slot by its name or its node-ID, as in every command.
 std::string slot_typed(const Event& question, const std::string& word, const design::Machine& machine) {
   const auto asked = [&](const std::string& name) {
     return std::ranges::find(question.slots, name) != question.slots.end();
@@ -107,7 +107,7 @@ command::Request answer_of(const Event& question, const std::string& line, const
   return {"replace", {{"bus", question.bus}, {"slot", slot}, {"device", question.devices[number->front() - 1]}}};
 }
 
-// ---- beside a run ----
+// ---- during a run ----
 
 struct Asker::Answer {
   command::Request request;
@@ -205,7 +205,7 @@ bool Asker::take(char key) {
   return ends;
 }
 
-// ---- in a world that stands still ----
+// ---- in a paused world ----
 
 void ask_here(MachineRun& run, rt::Duration limit) {
   for (;;) {

@@ -26,7 +26,7 @@ struct SaveOptions {
   std::string folder = ".";
 };
 
-// "left-drive-2026-11-28-1605.dcf": no characters that a file system does not take.
+// "left-drive-2026-11-28-1605.dcf": only characters that every file system accepts.
 std::string file_name(const Json& backup, bool several_buses) {
   std::string name = backup.contains("slot") ? backup.at("slot").get<std::string>()
                                              : fmt::format("node-{}", backup.at("node").get<unsigned>());
@@ -103,7 +103,7 @@ int run_save(const Options& options, const SaveOptions& wanted) {
   return reply->status;
 }
 
-// Another process may carry it out, in another folder.
+// An absolute path, since another process may carry out the request in another folder.
 std::string absolute_file(command::Request& request) {
   const auto file = request.arguments.find("file");
   if (file == request.arguments.end()) return "which DCF? Name its file";

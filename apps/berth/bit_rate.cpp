@@ -26,7 +26,7 @@ class Counter final : public can::Listener {
   std::uint32_t frames = 0;
 };
 
-/// Why the question makes no sense on this port; empty: it does.
+/// Why the bit rate cannot be searched for on this port; empty: it can.
 std::string no_rate(const can::PortSpec& port) {
   switch (port.kind) {
     case can::PortKind::sim:
@@ -36,7 +36,7 @@ std::string no_rate(const can::PortSpec& port) {
   }
 }
 
-// Long enough for a heartbeat each second; ends as soon as the rate is clear.
+// Listens long enough for a heartbeat per second; ends as soon as the rate is clear.
 live::RateHeard listen_at(io::LoopDriver& driver, const can::PortSpec& spec, std::uint32_t rate, Interrupt& interrupt,
                           rt::Duration time, bool& label) {
   live::RateHeard heard;

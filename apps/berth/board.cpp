@@ -19,7 +19,7 @@ using places::SlotState;
 
 constexpr std::size_t widest_name = 24;  // longer ones are cut, so that the state stays in view
 
-/// What needs a person first, then what is under way, then what is well.
+/// First the slots that need the user, then those in progress, then those that are well.
 int rank(const BoardSlot& s) noexcept {
   if (needs_a_person(s)) return 0;
   const bool well = s.slot.state == SlotState::operational || s.slot.state == SlotState::empty;
@@ -34,7 +34,7 @@ std::string summary(const std::string& name, const std::vector<const BoardSlot*>
   return fmt::format("{}: {}{}", name, counted(slots.size(), "slot"), states);
 }
 
-/// A line for each bus, or one for all when there are many.
+/// One line per bus; a single line for all if there are more than `most`.
 std::vector<std::string> summaries(const BoardContent& content, std::size_t most) {
   std::map<std::string, std::vector<const BoardSlot*>> of_bus;
   std::vector<const BoardSlot*> all;
@@ -56,7 +56,7 @@ void add_wrapped(std::vector<BoardLine>& lines, const std::string& text, std::si
   }
 }
 
-/// Slots that need a person, and the reasons; then the others.
+/// The slots that need the user, with the reasons; then the others.
 std::vector<BoardLine> body(const BoardContent& content, std::size_t width) {
   std::vector<BoardLine> lines;
   for (const auto& question : content.questions) add_wrapped(lines, question, width);
@@ -86,7 +86,7 @@ bool needs_a_person(const BoardSlot& s) noexcept {
     case SlotState::present:
     case SlotState::binding:
     case SlotState::configuring: return false;
-    case SlotState::unknown: return !s.slot.reason.empty();  // its port takes no frame
+    case SlotState::unknown: return !s.slot.reason.empty();  // with a reason: its port sends no frames
     case SlotState::empty: return !s.optional;
     default: return true;
   }

@@ -1,4 +1,4 @@
-// `berth compare`: every method on the same devices and the same bus.
+// `berth compare`: runs every discovery method on the same devices and the same bus.
 #include <fmt/format.h>
 
 #include <cerrno>
@@ -41,7 +41,7 @@ std::optional<unsigned> number(const std::string& text, unsigned least, unsigned
   return value;
 }
 
-/// Reads a list with `read`, word by word; says which word is wrong.
+/// Reads a list word by word with `read`; a failure names the wrong word.
 template <class T, class Read>
 std::optional<Failure> read_list(const std::string& list, std::vector<T>& into, const char* option,
                                  const std::string& use, const Read& read) {

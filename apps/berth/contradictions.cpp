@@ -13,7 +13,7 @@ const plant::PlantDevice* device_of(const plant::PlantFile& plant, std::string_v
   return it == plant.devices.end() ? nullptr : &*it;
 }
 
-// The plant's gateway device that is its node on this bus beneath; null: none.
+// The plant's device that is a gateway's own node on this bus beneath; null: none.
 const plant::PlantDevice* own_node_on(const plant::PlantFile& plant, const design::Bus& bus) {
   for (const auto& gateway : plant.gateways) {
     for (const auto& name : gateway.beneath) {
@@ -44,7 +44,7 @@ class Contradictions {
     found_.push_back({Finding::Severity::warning, file_, 0, 0, what, std::move(message), std::move(fix)});
   }
 
-  // Its own master runs a bus beneath: only this node must be there before Berth can do anything.
+  // A bus beneath has its own master, so Berth needs only the gateway's own node there.
   void own_node(const design::Bus& bus) {
     const auto* const device = own_node_on(plant_, bus);
     if (device == nullptr) {
@@ -82,7 +82,7 @@ class Contradictions {
     });
   }
 
-  // Built-in devices of a gateway have as many places for signals as it says.
+  // A built-in gateway device has only as many places for signals as the plant file says.
   void signals(const plant::PlantGateway& gateway) {
     const auto* const above = device_of(plant_, gateway.above);
     if (above == nullptr || gateway.signals > 0 || !above->eds_path.empty()) return;

@@ -14,7 +14,7 @@ namespace berth::cli {
 
 namespace {
 
-/// Explains the first of each thing that happens.
+/// Explains each kind of event at its first occurrence.
 class Comments {
  public:
   std::string operator()(const operate::Event& event) {
@@ -66,8 +66,10 @@ void add_demo(Verb& berth, Options& options) {
   world_words(demo, options);
   const Word fast = drive_words(demo, options);
   studio_words(demo, options, fast);
+  mqtt_words(demo, options, fast);
   demo.footer(
       "Examples:\n  berth demo\n  berth demo --fast --until replaced --json\n  berth demo --studio\n"
+      "  berth demo --mqtt mqtt://localhost\n"
       "A machine of your own: berth help init, berth help up.");
 }
 

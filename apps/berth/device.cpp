@@ -1,4 +1,4 @@
-// `berth device`: devices of a plant file in real time on real ports, each a node of its own there.
+// `berth device`: runs devices of a plant file in real time on real ports, each as its own node.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -30,15 +30,15 @@ using Done = tl::expected<void, Failure>;
 
 struct DeviceOptions {
   std::vector<std::string> ports;   ///< "PORT" or "BUS=PORT"
-  std::vector<std::string> names;   ///< devices; empty: all that are plugged in
-  std::vector<std::string> others;  ///< but these
+  std::vector<std::string> names;   ///< devices to run; empty: all that are plugged in
+  std::vector<std::string> others;  ///< devices not to run
   std::optional<std::chrono::nanoseconds> duration;
   std::uint32_t bit_rate = 0;
 };
 
 constexpr rt::Duration port_check = 200ms;
 
-/// The port of each bus: of the only one when none is named.
+/// The port of each bus. If the user names no bus, the port belongs to the only one.
 using Ports = std::map<std::string, can::PortSpec>;
 
 tl::expected<Ports, Failure> read_ports(const plant::PlantFile& plant, const Options& options,
@@ -68,8 +68,8 @@ tl::expected<Ports, Failure> read_ports(const plant::PlantFile& plant, const Opt
   return ports;
 }
 
-/// The devices of the plant to run here. A gateway is named by its device above; those beneath come with it, or not at
-/// all.
+/// The plant's devices to run here. The user names a gateway by its device above; its devices beneath are chosen only
+/// together with that one.
 class Choice {
  public:
   Choice(const plant::PlantFile& plant, const Ports& ports) : plant_(plant), ports_(ports) {}
@@ -93,7 +93,7 @@ class Choice {
   }
 
  private:
-  /// The gateway to which this device belongs as a port beneath; null: none.
+  /// The gateway of which this device is a port beneath; null: none.
   const plant::PlantGateway* above(const std::string& name) const {
     const auto has = [&](const auto& gateway) { return std::ranges::count(gateway.beneath, name) > 0; };
     const auto it = std::ranges::find_if(plant_.gateways, has);
@@ -140,7 +140,7 @@ class Choice {
   std::set<std::string> chosen_;
 };
 
-/// Ports of one bus, one for each device. A serial line or a connection is one for all of them.
+/// The ports of one bus, one per device. A serial line or a network connection is shared by all devices.
 class BusPorts {
  public:
   BusPorts(io::Loop& loop, can::PortSpec spec, io::PortOptions options)
@@ -164,7 +164,7 @@ class BusPorts {
   std::unique_ptr<serve::Hub> hub_;
 };
 
-/// What it says, a line each: for people or as JSON.
+/// Prints one line per event, as text or as JSON.
 class Voice final : public plant::PortDevices::Observer {
  public:
   Voice(const rt::Executor& executor, bool json) : executor_(&executor), json_(json) {}
@@ -262,7 +262,7 @@ class Voice final : public plant::PortDevices::Observer {
  private:
   struct Seen {
     bool powered = false;
-    bool waiting = false;  // a gateway, for the buses beneath
+    bool waiting = false;  // a gateway waits for its buses beneath
     bool booting = false;
     NodeId id;
     NmtState state = NmtState::initialising;
@@ -283,7 +283,7 @@ class Voice final : public plant::PortDevices::Observer {
   std::map<std::string, Seen> seen_;
 };
 
-/// Tells when a port goes down or comes back.
+/// Reports when a port goes down or comes back.
 class PortWatch {
  public:
   PortWatch(const plant::PortDevices& devices, const std::map<std::string, std::unique_ptr<BusPorts>>& ports,
@@ -331,7 +331,7 @@ Done fill(Household& house, const plant::PlantFile& plant, const Ports& ports, c
   Random seeds(plant.seed);
   Findings findings;
   for (const auto& plan : plant.devices) {
-    const auto random = seeds.fork();  // the same for a device whatever others are chosen
+    const auto random = seeds.fork();  // taken for every device, so that the choice does not change it
     if (!chosen.contains(plan.name)) continue;
     auto port = house.ports.at(plan.bus)->next();
     if (!port) return tl::unexpected(port.error());

@@ -1,4 +1,4 @@
-// emcy, store, restore, send, history, status: one request each.
+// emcy, store, restore, send, history, status: each makes one request.
 #include <memory>
 
 #include "request_verb.hpp"
@@ -52,7 +52,7 @@ void add_send(Verb& berth, Options& options) {
 }
 
 namespace {
-// No frame needs the user's consent, or is known in advance.
+// For verbs whose frames need no consent of the user and are not known in advance.
 constexpr RequestWords tells{.alone = false, .machine = {.confirms = false, .sends = false}};
 }  // namespace
 

@@ -33,23 +33,23 @@ using Json = nlohmann::ordered_json;
 struct DoctorOptions {
   std::optional<std::chrono::nanoseconds> listen;  ///< empty: five heartbeat times of the slowest bus, 5 s at least
   bool active = false;                             ///< LSS questions
-  bool intrusive = false;                          ///< SDO questions too
+  bool intrusive = false;                          ///< also SDO questions
   std::string conformance;                         ///< this node is examined instead (docs/doctor.md); empty: none
-  NodeId node{};                                   ///< the same, when it is known on which bus
-  std::string eds;                                 ///< its description; empty: its slot's
+  NodeId node{};                                   ///< that node; set as soon as its bus is known
+  std::string eds;                                 ///< file of that node's description; empty: its slot's
 };
 
 /// How long simulated devices have run before the doctor starts: it does not see them boot, as on a running machine.
 constexpr rt::Duration settled = 1s;
 
-/// One bus and its ear.
+/// One bus, and what the doctor hears on it.
 struct Patient {
   const design::Bus* bus = nullptr;
   std::unique_ptr<can::Port> port{};  // a node of the doctor's own, on a simulated bus
   std::unique_ptr<can::Dispatcher> own{};
-  can::Dispatcher* dispatcher = nullptr;  // that, or the session's
+  can::Dispatcher* dispatcher = nullptr;  // `own`, or the session's
   std::unique_ptr<doctor::Ear> ear{};
-  doctor::Heard heard{};  // before any question: questions cause collisions themselves
+  doctor::Heard heard{};  // until the first question: questions cause collisions themselves
   doctor::Expected expected{};
   doctor::QuestionOptions questions{};
   doctor::Answers answers{};
@@ -57,15 +57,15 @@ struct Patient {
   std::string problem{};  // why questions could not be asked, or nothing was heard
 };
 
-// On a simulated bus, a node of its own.
+// The doctor's own node on a simulated bus.
 tl::expected<std::unique_ptr<can::Port>, Failure> node_on(MachineRun& run, const design::Bus& bus) {
   auto port = run.world()->attach_master(bus.name);
   if (port) return std::unique_ptr<can::Port>(std::move(port));
   return tl::unexpected(failure(Exit::failed, fmt::format("the simulated world has no bus \"{}\"", bus.name)));
 }
 
-// A simulated machine: devices boot, and with --up it is brought up first. What the plant file plans after
-// "operational" does not happen: the machine is examined as it is.
+// Prepares a simulated machine: devices boot; with --up, the machine is brought up first. Events that the plant file
+// plans after "operational" are not run: the doctor examines the machine as it is.
 void prepare(MachineRun& run, const Options& options) {
   if (options.single.bring_up && run.loop() == nullptr) {
     run.power_on();
@@ -110,7 +110,7 @@ Patient patient_of(const design::Machine& machine, const design::Bus& bus, const
   return p;
 }
 
-// It hears what a port hears; a simulated bus gives a port to any node.
+// The doctor hears only what a port hears. On a simulated bus, every node gets a port.
 Failure cannot_hear(const design::Machine& machine, const design::Bus& bus) {
   return no_port(
       bus, "the doctor needs a port to listen and to ask",
@@ -165,7 +165,7 @@ std::optional<Failure> settle_bus(const design::Machine& machine, bool simulates
   return std::nullopt;
 }
 
-// Buses without findings.
+// The buses on which the doctor cannot listen.
 std::vector<std::string> not_heard(const design::Machine& machine, bool simulates, const Options& options) {
   std::vector<std::string> names;
   if (simulates || !options.bus.empty()) return names;
@@ -180,7 +180,7 @@ rt::Duration listening_time(const std::vector<Patient>& patients, const DoctorOp
   return longest;
 }
 
-// How long to listen. A port that was down all the time shows nothing of its bus.
+// Listens, and returns for how long. A port that was down all the time shows nothing of its bus.
 rt::Duration listen(MachineRun& run, std::vector<Patient>& patients, const DoctorOptions& wanted) {
   const auto began = run.now();
   wait_for(run.driver(), run.interrupt(), listening_time(patients, wanted));
@@ -237,7 +237,7 @@ int report(std::vector<Patient>& patients, rt::Duration listened, const Options&
 
 // --- Conformance -----------------------------------------------------------------------------------------------------
 
-// What the node is described by: --eds, else its slot's; null when neither is there.
+// The node's description: --eds, else its slot's; null if it has neither.
 tl::expected<std::shared_ptr<const od::Description>, Failure> description_of(const MachineRun& run,
                                                                              const Patient& patient,
                                                                              const DoctorOptions& wanted) {
@@ -293,16 +293,18 @@ int run_conformance(MachineRun& run, std::vector<Patient>& patients, const Optio
   return report_conformance(report, patient, wanted.node, options);
 }
 
-// --- Beside a simulated machine that runs ----------------------------------------------------------------------------
+// --- Of a simulated machine that runs --------------------------------------------------------------------------------
 
-// Its control socket; empty: the buses are real, in a world of this process, or no process runs the machine.
+// The control socket of the process that simulates the machine. Empty: the buses are real, or in a world of this
+// process, or no process runs the machine.
 std::string running_world(const Options& options, const design::Machine& machine) {
   const bool here =
       options.machine.empty() || !options.sim.plant.empty() || !options.ports.empty() || all_elsewhere(machine);
   return here ? std::string() : running_control(options, machine);
 }
 
-// A paused world is as silent as a bus with a disconnected cable: nothing can be found there. Empty: it runs.
+// Why the world stands still; empty: it runs. A paused world is as silent as a bus with a disconnected cable, so the
+// doctor can find nothing there.
 std::string standing(const std::string& path) {
   constexpr int patience_ms = 2000;
   const auto reply = command::control_call(path, {"report", {}}, patience_ms);

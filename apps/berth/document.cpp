@@ -1,4 +1,4 @@
-// `berth document`: a machine as HTML pages, and its buses as DBC files.
+// `berth document`: writes a machine as HTML pages, and its buses as DBC files.
 #include "berth/document/machine_document.hpp"
 
 #include <fmt/format.h>

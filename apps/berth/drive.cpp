@@ -12,6 +12,7 @@
 #include "berth/command/verbs.hpp"
 #include "gateway.hpp"
 #include "live_values.hpp"
+#include "mqtt_host.hpp"
 #include "plant_commands.hpp"
 #include "studio_host.hpp"
 #include "world_time.hpp"
@@ -29,10 +30,10 @@ Ending::Ending(MachineRun& run, std::string until) : run_(&run), until_(std::mov
   rt::Duration boot{0};
   for (const auto& device : run.plant().devices) boot = std::max(boot, device.boot);
   quiet_ += boot;
-  // A failed step is tried again when the whole bus is asked anew: every 8 looks, and asking takes time.
+  // A failed step is tried again at the next look at the whole bus: every 8th look, and asking takes time.
   patience_ = quiet_;
   for (const auto& bus : run.machine().buses) patience_ = std::max(patience_, quiet_ + 10 * bus.timing.probe_period);
-  // A bus beneath that does not come up in time is left to its gateway's master, and tried again after that time.
+  // If a bus beneath does not come up in time, Berth leaves it to its gateway's master and tries again after that time.
   for (const auto& bus : run.machine().beneath) {
     const rt::Duration time = std::max<rt::Duration>(bus.startup.boot_time, tree::Beneath::patience);
     patience_ = std::max(patience_, quiet_ + 2 * time);
@@ -42,7 +43,7 @@ Ending::Ending(MachineRun& run, std::string until) : run_(&run), until_(std::mov
   plan_behind(plant::After::start);
 }
 
-// A device without a place is found again and again; that is no change. Only the event's own bus is checked: a machine
+// A device without a slot is found again and again, which is no change. Only the event's own bus is checked: a machine
 // of a hundred buses has a hundred times the events.
 void Ending::event(const operate::Event& event) {
   look_ = true;
@@ -114,14 +115,15 @@ bool Ending::settled() {
 
 namespace {
 
-/// What is served beside the main job, in real time. A dry run has none of it.
+/// The services that run beside the main job, in real time. A dry run has none.
 struct Beside {
-  std::unique_ptr<const StudioHost*> ring = std::make_unique<const StudioHost*>();  // before who asks for it
-  std::unique_ptr<WorldTime> time;                                                  // before who asks for it
+  std::unique_ptr<const StudioHost*> ring = std::make_unique<const StudioHost*>();  // before `server`, which uses it
+  std::unique_ptr<WorldTime> time;                                                  // before those who use it
   std::unique_ptr<command::ControlServer> server;
   std::unique_ptr<GatewayHost> gateway;
   std::unique_ptr<StudioHost> studio;
-  std::unique_ptr<FirstSaves> saves;  // before who asks about them
+  std::unique_ptr<MqttHost> mqtt;
+  std::unique_ptr<FirstSaves> saves;  // before `asker`, which uses it
   std::unique_ptr<Asker> asker;
   std::unique_ptr<LiveValues> values;
 };
@@ -138,7 +140,7 @@ void show_values(MachineRun& run, Screen& screen, Beside& beside) {
   });
 }
 
-// Nobody can distinguish a paused world from a bus on which nobody answers.
+// Says that the world is paused: otherwise it looks like a bus on which no device answers.
 void tell_standing(const WorldTime& time, const command::Request& request, command::Reply& reply) {
   const std::string standing = time.standing();
   if (standing.empty()) return;
@@ -171,7 +173,7 @@ command::Reply ring_of(const StudioHost* studio, const command::Request& request
                           "file (berth up --record FILE)");
 }
 
-// By the control socket: this account, or root.
+// Requests by the control socket come from this account, or from root.
 rt::Task<void> audited(MachineRun& run, WorldTime* time, const StudioHost* const* studio, const command::Request& asked,
                        command::Reply& reply) {
   command::Request request = asked;
@@ -186,6 +188,17 @@ rt::Task<void> audited(MachineRun& run, WorldTime* time, const StudioHost* const
   command::Audit audit(run.session(), "control socket", request);
   co_await answer(run, time, request, reply);
   audit.answered(reply);
+}
+
+tl::expected<void, Failure> publish_beside(MachineRun& run, Screen& screen, const Options& options,
+                                           const MqttHost::Carry& carry, Beside& beside) {
+  if (options.dry_run) return {};
+  auto host = MqttHost::start(run, options, carry);
+  if (!host) return tl::unexpected(host.error());
+  beside.mqtt = std::move(*host);
+  if (options.json || options.events.none) print_error(beside.mqtt->line());
+  screen.line(beside.mqtt->line());
+  return {};
 }
 
 tl::expected<Beside, Failure> serve_beside(MachineRun& run, Screen& screen, const Options& options,
@@ -233,6 +246,9 @@ tl::expected<Beside, Failure> serve_beside(MachineRun& run, Screen& screen, cons
       screen.line(line);
     }
   }
+  if (mqtt_wanted(run.machine(), options)) {
+    if (auto begun = publish_beside(run, screen, options, carry, beside); !begun) return tl::unexpected(begun.error());
+  }
   if (types && beside.saves) {
     beside.asker = std::make_unique<Asker>(run.session(), *run.loop(), *beside.saves, say, screen.live());
     if (beside.studio) beside.asker->also_helps(beside.studio->lines());
@@ -244,7 +260,7 @@ tl::expected<Beside, Failure> serve_beside(MachineRun& run, Screen& screen, cons
   return beside;
 }
 
-/// Bus time that a run may take.
+/// The bus time that a run may take.
 rt::Duration allowed(const Ending& ending, const Options& options, bool real_time) {
   constexpr rt::Duration longest_dry_run = 10s;
   if (options.timeout) return *options.timeout;
@@ -264,6 +280,7 @@ tl::expected<Ended, Failure> drive(MachineRun& run, Ending& ending, Screen& scre
     ending.event(event);
     screen.event(event);
     if (beside->studio) beside->studio->event(event);
+    if (beside->mqtt) beside->mqtt->event();
     if (beside->saves) beside->saves->event(event);
     if (beside->asker) beside->asker->event(event);
   });

@@ -52,7 +52,7 @@ std::size_t count(const Findings& findings, Severity severity) {
 
 std::string plural(std::size_t number, const char* what) { return counted(number, what); }
 
-// What a file is, in a line: "EDS of Demo device (vendor 00000000h, product 00000001h), 47 objects".
+// A file in one line: "EDS of Demo device (vendor 00000000h, product 00000001h), 47 objects".
 std::string summary(const Described& file) {
   const eds::File& read = file.reading.file;
   const TypeCode type = read.type_code();
@@ -72,7 +72,7 @@ Json json_of(const Finding& finding) {
   return json;
 }
 
-// The reader's findings and the review's, by line; what both say of one place once.
+// The findings of the reader and of the review, by line; if both report the same of one place, once.
 Findings all_findings(const Described& file) {
   Findings findings = file.reading.findings;
   if (file.readable()) {
@@ -89,14 +89,14 @@ Findings all_findings(const Described& file) {
 
 namespace {
 
-/// What `check` says of one file.
+/// The result of `check` for one file.
 struct Checked {
   std::string name;
   bool readable = false;
-  std::string summary;  ///< what it is, in a line
-  Json json;            ///< the same
+  std::string summary;  ///< the file in one line
+  Json json;            ///< the summary as JSON
   Findings findings;
-  std::vector<std::string> further;  ///< of a project: the files of its nodes
+  std::vector<std::string> further;  ///< for a project: the files of its nodes
 };
 
 Checked check_description(const std::string& name) {
@@ -109,7 +109,7 @@ Checked check_description(const std::string& name) {
   return made;
 }
 
-// A nodelist project (CiA 306-3): itself, and the DCF of each node that is there.
+// Checks a nodelist project (CiA 306-3), and lists the DCF of each node that is present.
 Checked check_project(const std::string& name) {
   const eds::ProjectReading reading = eds::read_cpj_file(name);
   Checked made{name, !reading.project.topologies.empty(), "no nodelist project", {}, reading.findings, {}};
@@ -201,14 +201,14 @@ int run_eds_check(const Options& options, const EdsOptions& asked) {
 
 namespace {
 
-/// Everything that is said about one value, as text; "" = nothing.
+/// All that the file says about one value, as text; "" = nothing.
 struct Row {
   ObjectRef ref;
   std::string name;
   std::string type;
   std::string access;
   std::string mapping;
-  std::string value;    ///< what the file sets
+  std::string value;    ///< the value that the file sets
   std::string initial;  ///< the default
   std::string low;
   std::string high;
@@ -262,7 +262,7 @@ Json json_of(const Row& row) {
   return json;
 }
 
-// Bytes of a character sequence that a terminal shows as one each: UTF-8 by its lead bytes.
+// Cuts text to `width` characters as a terminal shows them: in UTF-8, one per lead byte.
 std::string fitted_text(const std::string& text, std::size_t width) {
   std::string out;
   std::size_t used = 0;
@@ -318,7 +318,7 @@ std::string lower_word(std::string_view text) {
   return out;
 }
 
-// By a part of a name, its own or a sub-object's.
+// The objects with this part in their name, or in a sub-object's name.
 std::vector<const od::Object*> named_like(const od::Description& description, const std::string& word) {
   std::vector<const od::Object*> found;
   for (const od::Object& object : description.objects()) {

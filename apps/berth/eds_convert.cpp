@@ -1,4 +1,4 @@
-// `berth eds convert`: from one form of description to another, and what the other cannot hold.
+// `berth eds convert`: converts a description into another form, and reports what that form cannot hold.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -88,7 +88,7 @@ class Converter {
   }
 
  private:
-  /// A description that may be used.
+  /// Reads a description; fails if it is not usable.
   tl::expected<Described, Failure> read(const std::string& name) const {
     Described file = describe_file(name);
     if (!file.readable() || !file.reading.usable()) return tl::unexpected(unusable(file));
@@ -108,7 +108,7 @@ class Converter {
     return made;
   }
 
-  /// Content for which the reader has no place is in no rewritten form.
+  /// Reports content that the reader does not keep, and that no written form therefore has.
   static void tell_dropped(const Described& source, Findings& findings) {
     const auto drops = [](const Finding& each) { return each.message.ends_with("own: left out"); };
     std::ranges::copy_if(source.reading.findings, std::back_inserter(findings), drops);
@@ -130,7 +130,7 @@ class Converter {
           if (each.line != 0) each.file = source.name;
         }
         for (const Finding& each : source.reading.findings) {
-          // What an XDD says and an EDS cannot.
+          // Content of an XDD that an EDS cannot hold.
           if (each.message.starts_with("read over")) made.findings.push_back(each);
         }
         return made;
@@ -138,7 +138,7 @@ class Converter {
     }
   }
 
-  /// Unconfigured if it is not given; that suffices until a value needs it.
+  /// The given node-ID, else the file's; unconfigured suffices until a value needs it.
   NodeId node_of(const eds::File& file) const {
     if (asked_.node) return NodeId(static_cast<std::uint8_t>(*asked_.node));
     return file.commissioning ? file.commissioning->node_id.value_or(NodeId()) : NodeId();
@@ -217,7 +217,7 @@ class Converter {
     if (!device.commissioning) device.commissioning.emplace();
     if (node.configured()) device.commissioning->node_id = node;
     device.info.last_eds = fs::path(asked_.eds).filename().string();
-    // With comments and order as the EDS has them.
+    // Keeps the comments and the order of the EDS.
     if (to_ == Format::dcf && !device.document.sections().empty()) {
       const auto text = eds::make_dcf(device, {.commissioning = device.commissioning,
                                                .parameters = *values,

@@ -1,4 +1,4 @@
-// `berth eds diff`: two descriptions, or a description and the device itself.
+// `berth eds diff`: compares two descriptions, or a description with the device itself.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -48,7 +48,7 @@ int show(const std::vector<Difference>& differences, const std::string& first, c
 
 // ---- the device itself ----
 
-// "1000:0,1018:0-4"
+// Requests such as "1000:0,1018:0-4", each not longer than `longest`.
 std::vector<std::string> requests(const std::vector<ObjectRef>& refs, std::size_t longest) {
   std::vector<std::string> made(1);
   for (std::size_t i = 0; i < refs.size();) {
@@ -85,7 +85,8 @@ int against_device(const Options& options, const EdsOptions& asked, const Descri
   const eds::LiveOptions live{.values = asked.values};
   const NodeId node(static_cast<std::uint8_t>(*asked.node));
   const auto refs = eds::to_read(file.reading.file, live);
-  // A running `berth up` takes requests up to a length; a world of our own is made anew for each.
+  // A running `berth up` limits the length of a request. A world of this process has one request only, since each one
+  // would need a new world.
   const std::size_t longest = options.sim.plant.empty() ? 32 * 1024 : std::string::npos / 2;
   std::vector<eds::LiveAnswer> answers;
   for (const std::string& objects : requests(refs, longest)) {

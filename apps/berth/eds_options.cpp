@@ -1,4 +1,4 @@
-// What may be written after `berth eds`.
+// The words and options of `berth eds`.
 #include <memory>
 
 #include "eds.hpp"

@@ -41,8 +41,8 @@ tl::expected<std::string, Failure> bytes_of_file(const std::string& path) {
   return std::move(*text);
 }
 
-// A name that stays beneath the folder it is put into, and is what it looks like: no hidden file (a shell or a tool
-// might read it), no characters that a terminal would not show.
+// Does the name stay beneath its folder, and is it what it looks like? No hidden file (a shell or a tool might read
+// it), and no characters that a terminal does not show.
 bool is_safe(const std::string& name) {
   constexpr std::size_t longest = 200;
   const fs::path path(name);
@@ -52,7 +52,7 @@ bool is_safe(const std::string& name) {
   return std::ranges::none_of(path, [](const fs::path& part) { return part.empty() || part.native().front() == '.'; });
 }
 
-/// The files that a machine file names, and the notes beside them, itself first, as seen from its folder.
+/// The machine file, the files that it names, and the notes beside them; paths relative to the machine file's folder.
 tl::expected<std::vector<std::string>, Failure> files_of(const design::Machine& machine) {
   const fs::path folder = fs::path(machine.file).parent_path();
   std::vector<std::string> names{fs::path(machine.file).filename().string()};
@@ -68,7 +68,7 @@ tl::expected<std::vector<std::string>, Failure> files_of(const design::Machine& 
   seen.erase("");
   for (const std::string& path : std::set(seen)) {
     std::error_code none;
-    const std::string notes = command::notes_file(path);  // beside it, where a person wrote some
+    const std::string notes = command::notes_file(path);  // the user's notes on it, if there are any
     if (fs::is_regular_file(notes, none)) seen.insert(notes);
   }
   for (const auto& path : seen) {
@@ -84,8 +84,8 @@ tl::expected<std::vector<std::string>, Failure> files_of(const design::Machine& 
   return names;
 }
 
-// SQLite's files are one only when no process has them open: opening takes the store's lock and closing folds the log
-// in.
+// SQLite's data is in one file only if no process has the store open. So open it, which takes its lock, and close it,
+// which writes the write-ahead log into the file.
 tl::expected<std::string, Failure> store_bytes(const std::string& path) {
   {
     const Interrupt interrupt;
@@ -99,7 +99,7 @@ tl::expected<std::string, Failure> store_bytes(const std::string& path) {
   return bytes_of_file(path);
 }
 
-/// What an export holds, decoded.
+/// A file of an export, decoded.
 struct Content {
   std::string name;
   std::string bytes;
@@ -119,7 +119,7 @@ tl::expected<Content, Failure> content_of(const Json& entry, const std::string& 
   return Content{name, std::string(bytes->begin(), bytes->end())};
 }
 
-// Text with deeper nesting or more values than any export: a JSON reader would need a hundred times its size.
+// Finds text with deeper nesting or more values than any export has: a JSON reader would need a hundred times its size.
 std::optional<std::size_t> beyond_an_export(std::string_view text) {
   constexpr unsigned deepest = 8;
   constexpr unsigned most_values = 100'000;
@@ -182,7 +182,7 @@ tl::expected<std::vector<Content>, Failure> contents_of(const std::string& text,
   return all;
 }
 
-/// The files made by an import so far. Those that are not kept are removed, and nothing else.
+/// The files that an import has made so far. If they are not kept, they are removed, and nothing else is.
 class Written {
  public:
   Written() = default;
@@ -214,7 +214,8 @@ class Written {
   bool kept_ = false;
 };
 
-// What is in the way of a name beneath a folder: itself, or a part of it that is no folder (a link may lead elsewhere).
+// What prevents making this name beneath the folder: the file exists, or a part of its path is no folder (a link may
+// lead elsewhere).
 std::string in_the_way(const fs::path& base, const std::string& name) {
   fs::path path = base;
   for (const auto& part : fs::path(name)) {

@@ -12,7 +12,7 @@
 
 namespace berth::cli {
 
-/// One bus.
+/// The port of one followed bus.
 class FollowedBuses::Port final : public can::Port {
  public:
   Port(const FollowedBuses& all, std::uint32_t bit_rate) : all_(&all), bit_rate_(bit_rate) {}
@@ -94,7 +94,7 @@ void FollowedBuses::feed(std::string_view bytes) {
   rest_.erase(0, from);
 }
 
-// The other process's clock runs as this one's, from another zero.
+// The other process's clock runs as fast as this one's, but has another zero.
 void FollowedBuses::entry(const trace::Entry& entry) {
   const auto& buses = reader_.buses();
   if (entry.bus >= buses.size()) return;

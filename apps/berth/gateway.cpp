@@ -91,7 +91,7 @@ int run_gateway(const Options& wanted, const GatewayOptions& gateway) {
   Options options = wanted;
   options.sim.pace = true;
   if (options.machine.empty()) {
-    Options here = wanted;  // a port is no machine
+    Options here = wanted;  // a port does not replace the machine file
     here.ports.clear();
     options.machine = default_machine(here);
   }

@@ -11,14 +11,15 @@ can::Port& Guards::add(rt::Executor& executor, const design::Bus& bus, can::Port
   executor_ = &executor;
   live::GateOptions wanted;
   const bool observes = options.outside.observe || bus.role == live::Role::observer;
-  // For a node beneath gateways, a reader needs more than SDO uploads from the gateway.
+  // To read a node beneath gateways, Berth needs more than SDO uploads from the gateway, which is all that a reader
+  // may.
   const bool reads = options.outside.read_only && machine_->beneath.empty();
   wanted.role = observes ? live::Role::observer : reads ? live::Role::reader : bus.role;
   wanted.listen = bus.timing.listen;
   wanted.watch.own = bus.master;
   wanted.watch.tolerated = bus.tolerate;
   if (bus.flying && options.master.takes_part) {
-    // The masters agree behind the gate on which of them commands. Another node under Berth's own node-ID is still a
+    // The masters themselves agree on which of them is active. Another node with Berth's own node-ID is still a
     // problem.
     wanted.watch.tolerated.set();
     wanted.watch.tolerated.reset(static_cast<std::size_t>(live::Sign::heartbeat));
@@ -90,7 +91,7 @@ bool Guards::shut_out() const noexcept {
 }
 
 bool Guards::dry_run_over() const noexcept {
-  constexpr rt::Duration patience = std::chrono::milliseconds(900);  // what goes out beside the first question
+  constexpr rt::Duration patience = std::chrono::milliseconds(900);  // for frames sent along with the first question
   return question_at_ != rt::never && executor_->now() >= question_at_ + patience;
 }
 

@@ -1,4 +1,4 @@
-// `berth init`: plans, checks what it would write, writes both files or none, and says what comes next.
+// `berth init`: plans, checks what it would write, writes both files or none, and tells the user the next step.
 #include "init.hpp"
 
 #include <fmt/format.h>
@@ -31,7 +31,7 @@ Failure wrong_name(const char* option, const std::string& name) {
   return failure(Exit::usage, fmt::format("{} \"{}\": this is not a name; {}", option, name, design::name_fix));
 }
 
-// Refuses what the two readers would refuse, before anything is asked or read.
+// Refuses early what the readers of both files would refuse: before anything is asked or read.
 tl::expected<void, Failure> check_names(const Options& options, const InitOptions& init) {
   if (!init.name.empty() && !design::good_name(init.name)) return tl::unexpected(wrong_name("--name", init.name));
   if (!options.bus.empty() && !design::good_name(options.bus)) return tl::unexpected(wrong_name("--bus", options.bus));
@@ -57,8 +57,8 @@ tl::expected<void, Failure> check_files(const Options& options, const InitOption
   return {};
 }
 
-// Reads the files as Berth will, with the descriptions at their present places: nothing that it would not run is
-// written.
+// Reads the new files as Berth will, with the descriptions at their present places: so no file is written that Berth
+// would not run.
 tl::expected<void, Failure> check_texts(const InitPlan& plan, const InitOptions& init, const Options& options,
                                         const std::vector<std::string>& allowed) {
   const std::string machine = machine_text(plan, init.file, init.plant);
@@ -69,7 +69,7 @@ tl::expected<void, Failure> check_texts(const InitPlan& plan, const InitOptions&
   std::vector<plant::BusRate> rates;
   for (const auto& bus : read.machine->buses) rates.push_back({bus.name, bus.bitrate});
   Options quiet = options;
-  quiet.json = true;  // what a description lacks is told when the plant runs
+  quiet.json = true;  // a run of the plant reports what descriptions lack
   quiet.sim.state.clear();
   const auto world = make_world(*devices.plant, rates, init.plant, quiet);
   if (!world) return tl::unexpected(world.error());
@@ -121,7 +121,7 @@ std::vector<WholeFile> files_of(const std::vector<InitCopy>& copies) {
   return files;
 }
 
-// The folders that the machine file may name files in, and those of the descriptions that will come along.
+// The folders in which the machine file may name files, and those of the descriptions that will be copied.
 std::vector<std::string> folders_of(const std::vector<InitCopy>& copies, const Options& options) {
   std::vector<std::string> folders = options.files.allow_outside;
   for (const auto& copy : copies) folders.push_back(fs::absolute(copy.from).parent_path().string());

@@ -1,4 +1,5 @@
-// `berth init`: descriptions from elsewhere come along, as machine and plant files name files of their own folder only.
+// `berth init`: copies descriptions from other folders, since machine and plant files name only files of their own
+// folder.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -27,7 +28,7 @@ Failure in_the_way(const InitCopy& copy, const std::string& what) {
                              copy.from, copy.to, what));
 }
 
-// Its bytes; and whether they are there already. Another file there is left alone, but by --force.
+// Reads the description, and checks whether the copy exists already. Only --force replaces a different file there.
 tl::expected<void, Failure> look(InitCopy& copy, bool force) {
   auto bytes = content_of(copy.from);
   if (!bytes) return tl::unexpected(bytes.error());

@@ -1,4 +1,4 @@
-// `berth init` on a terminal: what a person is asked.
+// `berth init` on a terminal: the questions to the user.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -19,14 +19,14 @@ namespace fs = std::filesystem;
 
 Failure nothing_written() { return failure(Exit::no, "nothing was written"); }
 
-/// What was typed, or `usual` for Enter alone; asked again until `wrong` has nothing against it.
-// "~/drive.eds", as a shell would have it.
+// Expands "~/drive.eds" as a shell does.
 std::string at_home(const std::string& word) {
   const char* const home = std::getenv("HOME");
   const bool named = word.starts_with("~/") && home != nullptr && *home != '\0';
   return named ? home + word.substr(1) : word;
 }
 
+/// The user's answer, or `usual` for Enter alone. Asks again while `wrong` returns a problem.
 tl::expected<std::string, Failure> answer(Interrupt& interrupt, const std::string& question, const std::string& usual,
                                           const std::function<std::string(const std::string&)>& wrong) {
   for (;;) {
@@ -74,7 +74,7 @@ void tell_descriptions_here() {
   if (left_out > 0) print_line(fmt::format("  and {} more", left_out));
 }
 
-// Told now rather than when all is asked; the whole list is `berth eds check`'s.
+// Reported at once, not after all questions. `berth eds check` has the whole list.
 std::string unusable(const std::string& file) {
   const auto reading = eds::read_any_file(file);
   if (reading.usable()) return {};
@@ -134,7 +134,7 @@ tl::expected<void, Failure> ask_sources(Options& options, InitOptions& init, Int
   }
 }
 
-// One "yes" is for all that would go.
+// One "yes" permits replacing all existing files.
 tl::expected<void, Failure> ask_to_replace(const Options& options, InitOptions& init, Interrupt& interrupt) {
   if (init.force || options.dry_run) return {};
   std::vector<std::string> there;

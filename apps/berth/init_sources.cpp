@@ -1,4 +1,4 @@
-// `berth init`: what the machine is made from, device descriptions or a bus that is there.
+// `berth init`: the sources of a machine, which are device descriptions or an existing bus.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -39,7 +39,7 @@ using Descriptions = std::vector<DeviceKind>;
 
 Failure misuse(const std::string& text) { return failure(Exit::usage, text); }
 
-/// "drive.eds:4", unless there is a file of just that name.
+/// Reads "drive.eds:4" as four devices, unless a file has just that name.
 tl::expected<DeviceKind, Failure> counted(const std::string& word) {
   DeviceKind all{word, 1, {}};
   std::error_code none;
@@ -106,10 +106,10 @@ tl::expected<Descriptions, Failure> read_all(const std::vector<std::string>& wor
   return all;
 }
 
-/// A device that already has a node-ID cannot be recognised as one of these.
+/// The description does not identify a type, so a device that has a node-ID already cannot be recognised by it.
 bool is_any(const DeviceKind& d) { return d.file.type_code() == TypeCode{}; }
 
-/// What it is, for a comment.
+/// The kind of device, for a comment.
 std::string remark_of(const DeviceKind& d) {
   const auto type = d.file.type_code();
   std::string text = d.file.device.product_name;
@@ -124,7 +124,7 @@ std::string base_name(const DeviceKind& d) {
   return name_from(product.empty() ? fs::path(d.path).stem().string() : product);
 }
 
-/// The file says explicitly that there is none; if it says nothing, LSS is tried.
+/// Only if the file says so explicitly; if it says nothing, LSS is tried.
 bool has_no_lss(const eds::File& file) {
   const auto* const section = file.document.find("DeviceInfo");
   return section != nullptr && file.document.find(*section, "LSS_Supported") != nullptr && !file.device.lss;
@@ -231,7 +231,7 @@ tl::expected<InitPlan, Failure> plan_of_descriptions(const Options& options, con
 
 namespace {
 
-/// Puts one request to whatever has the bus.
+/// Sends one request to whatever has the bus: this process, or a running one.
 using Ask = std::function<tl::expected<Json, Failure>(const command::Request&)>;
 
 tl::expected<Json, Failure> json_of(const command::Reply& reply) {
@@ -241,10 +241,10 @@ tl::expected<Json, Failure> json_of(const command::Reply& reply) {
   return tl::unexpected(failure(reply.status == 0 ? Exit::failed : reply.status, reply.error));
 }
 
-/// One device that was found.
+/// A found device.
 struct Found {
   std::string bus;
-  unsigned id = 0;  ///< 0: none
+  unsigned id = 0;  ///< 0: no node-ID
   std::optional<Identity> device;
   std::string name;
   bool duplicate = false;
@@ -265,7 +265,7 @@ std::string name_of(const Ask& ask, const Found& found) {
   return read->at("value").get<std::string>();
 }
 
-// LSS reports the address of one of several devices without a serial number.
+// Without a serial number, several devices share the address that LSS reports.
 bool is_same(const Identity& known, const Identity& by_lss) {
   return known == by_lss || (!by_lss.has_serial() && known.agrees(by_lss));
 }
@@ -280,7 +280,7 @@ tl::expected<std::vector<Found>, Failure> look(const Ask& ask, const std::string
     buses.insert(all.back().bus);
     if (all.back().name.empty() && all.back().id != 0) all.back().name = name_of(ask, all.back());
   }
-  // Devices without a node-ID that speak LSS and not RAND are not in a scan.
+  // A scan does not show devices without a node-ID that know LSS but not RAND.
   buses.erase("");
   for (const auto& bus : buses) {
     const auto more = ask({"lss find", {{"bus", bus}}});
@@ -305,7 +305,7 @@ const DeviceKind* description_of(const Descriptions& all, const Identity& device
   return fits == all.end() ? nullptr : &*fits;
 }
 
-/// Node-IDs of one bus: those that devices have, Berth's own, and those that are free.
+/// The node-IDs of one bus: the devices', Berth's own, and the free ones.
 class Ids {
  public:
   explicit Ids(const std::vector<Found>& all, const std::string& bus) {
@@ -378,7 +378,7 @@ void tell_equals_apart(InitBus& bus) {
   }
 }
 
-/// Every bus in the order in which it was seen.
+/// All buses, in the order in which they were seen.
 tl::expected<std::vector<InitBus>, Failure> buses_of(const std::vector<Found>& all, const Descriptions& descriptions) {
   std::vector<InitBus> buses;
   for (const auto& found : all) {
@@ -426,7 +426,7 @@ tl::expected<InitPlan, Failure> plan_of(const Ask& ask, const Options& options, 
 
 tl::expected<InitPlan, Failure> plan_of_port(const Options& options, const InitOptions& init) {
   Options own = options;
-  own.dry_run = false;  // of the files alone
+  own.dry_run = false;  // --dry-run applies only to the files
   own.machine.clear();
   if (own.bus.empty()) own.bus = "field";
   auto made = MachineRun::make(own, {});
@@ -449,7 +449,7 @@ tl::expected<InitPlan, Failure> plan_of_port(const Options& options, const InitO
   return plan;
 }
 
-// It knows its ports and does not report them.
+// The running process knows its ports, but does not report them.
 tl::expected<InitPlan, Failure> plan_of_running(const Options& options, const InitOptions& init) {
   Options own = options;
   own.control = options.ports.front();

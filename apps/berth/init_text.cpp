@@ -1,4 +1,4 @@
-// `berth init`: how the machine file and the plant file are written.
+// `berth init`: the text of the machine file and of the plant file.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A comment ends with its line.
+// For a comment, which ends with its line.
 std::string one_line(const std::string& text) {
   std::string line = text::printable(text);
   std::ranges::replace_if(
@@ -24,7 +24,7 @@ std::string one_line(const std::string& text) {
   return line;
 }
 
-// As the shell takes it back.
+// Quoted for a shell, if necessary.
 std::string word(const std::string& text) {
   const auto plain = [](unsigned char c) { return std::isalnum(c) != 0 || c >= 0x80 || std::strchr("._-/+,:=@%", c); };
   if (!text.empty() && std::ranges::all_of(text, plain)) return text;
@@ -38,7 +38,8 @@ fs::path folder_of(const std::string& file) {
   return folder.empty() ? fs::path(".") : folder;
 }
 
-// As seen from the folder in which `file` will lie. The folders may be links, the description's own name stays.
+// The description's path, relative to the folder in which `file` will be. Links of folders are resolved; the
+// description's own name stays.
 std::string seen_from(const std::string& file, const std::string& eds) {
   const fs::path path(eds);
   std::error_code error;

@@ -15,7 +15,7 @@ using Clock = std::chrono::steady_clock;
 
 namespace {
 
-// Those by which a person, a supervisor or a terminal that is closed ends a program.
+// The signals by which a user, a supervisor or a closing terminal ends a program.
 constexpr std::array<int, 3> ending{SIGINT, SIGTERM, SIGHUP};
 
 sigset_t ending_signals() noexcept {
@@ -34,7 +34,7 @@ Interrupt::Interrupt(io::Loop* loop) : loop_(loop) {
   if (loop_ != nullptr) loop_->watch(fd_, *this, EPOLLIN);
 }
 
-// Discards a signal that nothing has checked since: what it was to end is over.
+// Discards a signal that nobody has read: the work that it should end is over.
 Interrupt::~Interrupt() {
   signalfd_siginfo info{};
   while (::read(fd_, &info, sizeof info) == static_cast<ssize_t>(sizeof info)) continue;
@@ -51,7 +51,7 @@ bool Interrupt::came() noexcept {
 
 void Interrupt::ready(std::uint32_t) noexcept { static_cast<void>(came()); }
 
-// A loop tells of a signal by itself.
+// With a loop, the loop reports a signal. Without one, look only now and then, at every 256th call.
 bool Interrupt::noticed() noexcept {
   constexpr unsigned seldom = 256;
   const bool looks = loop_ == nullptr && ++asked_ % seldom == 0;

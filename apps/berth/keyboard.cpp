@@ -13,10 +13,10 @@ constexpr char escape = '\x1b';
 constexpr std::size_t longest_line = 512;
 
 struct Sequence {
-  std::string_view bytes;  // after ESC
+  std::string_view bytes;  // those after ESC
   Key key;
 };
-// xterm's, in both of its modes, and the Linux console's.
+// The sequences of xterm, in both of its modes, and of the Linux console.
 constexpr std::array<Sequence, 12> sequences{{{"[A", Key::up},
                                               {"[B", Key::down},
                                               {"OA", Key::up},
@@ -50,7 +50,7 @@ Keyboard::~Keyboard() {
   if (set_ && in_foreground()) ::tcsetattr(STDIN_FILENO, TCSANOW, &before_);
 }
 
-// A process in the background that sets the terminal is stopped by it.
+// The system stops a background process that changes the terminal.
 void Keyboard::set() noexcept {
   if (!in_foreground() || ::tcgetattr(STDIN_FILENO, &before_) != 0) return;
   termios mine = before_;
@@ -94,7 +94,7 @@ void Keyboard::take(char byte) {
   }
 }
 
-// False: it belongs to no key.
+// False: the byte belongs to no key.
 bool Keyboard::take_escape(char byte) {
   if (byte == escape) {
     escape_ = byte;
@@ -110,7 +110,7 @@ bool Keyboard::take_escape(char byte) {
   }
   const bool begins = bytes == "[" || bytes == "O" || (bytes.front() == '[' && byte >= '0' && byte <= '?');
   if (begins && escape_.size() < 16) return true;
-  const bool unknown_key = bytes.size() > 1;  // a whole one, that means nothing here
+  const bool unknown_key = bytes.size() > 1;  // a complete sequence without a meaning here
   escape_.clear();
   return unknown_key;
 }

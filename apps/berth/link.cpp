@@ -1,4 +1,4 @@
-// `berth link`: the links of a machine file become PDOs, network variables and files.
+// `berth link`: makes PDOs, network variables and files from the links of a machine file.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -31,10 +31,10 @@ using linker::Plan;
 
 struct LinkOptions {
   std::string output;   ///< folder; empty: no files
-  std::string earlier;  ///< plan file; empty: that of the output folder
+  std::string earlier;  ///< the earlier plan's file; empty: that in the output folder
   bool anew = false;
   bool links = false;
-  std::vector<std::string> nodes;  ///< shown alone, by their PDOs; empty: all
+  std::vector<std::string> nodes;  ///< only these are shown, with their PDOs; empty: all
 };
 
 constexpr std::size_t name_width = 18;
@@ -82,13 +82,13 @@ void print_bus(const LinkNetwork& network, const Plan& plan, std::size_t bus) {
   }
 }
 
-/// A long name may go on in the next line.
+/// Wraps: long names may need a second line.
 void print_wrapped(const std::string& line) {
   constexpr std::size_t width = 80;
   print_lines(text::wrapped(line, width));
 }
 
-/// Which link goes where.
+/// Prints the PDO of each link.
 void print_links(const LinkNetwork& network, const Plan& plan) {
   for (const auto& each : plan.variables) {
     print_wrapped(fmt::format("{}/{}: {} {}, {}, byte {} of the image", network.nodes[each.node].name, each.name,
@@ -109,7 +109,7 @@ void print_links(const LinkNetwork& network, const Plan& plan) {
   }
 }
 
-/// What goes through gateways, and how.
+/// Prints the links through gateways, and with `routes` their routing.
 void print_crossings(const LinkNetwork& network, const Plan& plan, bool routes) {
   for (const auto& each : plan.crossings) print_wrapped(CrossingShown{network, each, each.worst}.text());
   for (const auto& each : plan.routes) {
@@ -209,7 +209,7 @@ Json json_of(const LinkNetwork& network, const linker::Planned& planned) {
           {"findings", findings}};
 }
 
-/// The plan that this one goes on from.
+/// The plan that the new one continues.
 tl::expected<linker::Earlier, Failure> earlier_plan(const design::Machine& machine, const LinkOptions& how) {
   if (how.anew) return linker::Earlier{};
   std::string path = how.earlier;
@@ -264,8 +264,8 @@ std::optional<Failure> write_files(const std::vector<linker::MadeFile>& files, c
   return whole.empty() ? std::nullopt : write_whole(whole, true);
 }
 
-/// The assumptions of a good plan's bounds, and the messages on buses with links that have no bound or are too late:
-/// the same messages as in `berth analyze`.
+/// For a good plan, adds the assumptions of its bounds, and reports messages on buses with links that have no bound or
+/// are too late. Judges as `berth analyze` does.
 void judge_buses(const design::Machine& machine, const LinkNetwork& network, linker::Planned& planned) {
   if (!planned.good()) return;
   constexpr std::size_t most = 3;
@@ -301,10 +301,10 @@ void judge_buses(const design::Machine& machine, const LinkNetwork& network, lin
   }
 }
 
-// What the plan has of these nodes alone, as producers or consumers. The indices are the machine's slots.
+// The part of the plan in which these nodes are producers or consumers. A node's index is its slot's in the machine.
 linker::Plan of_nodes(const design::Machine& machine, linker::Plan plan, const std::vector<MeantNode>& nodes) {
   const auto meant = [&](std::size_t node) {
-    if (node >= machine.slots.size()) return false;  // a gateway's own node beneath it
+    if (node >= machine.slots.size()) return false;  // a gateway's own node on a bus beneath
     const auto* const slot = &machine.slots[node];
     return std::ranges::find(nodes, slot, &MeantNode::slot) != nodes.end();
   };
@@ -312,7 +312,7 @@ linker::Plan of_nodes(const design::Machine& machine, linker::Plan plan, const s
   for (auto& pdo : plan.pdos) {
     if (!meant(pdo.producer)) std::erase_if(pdo.receivers, [&](const auto& each) { return !meant(each.node); });
   }
-  plan.crossings.clear();  // they name PDOs of all
+  plan.crossings.clear();  // they refer to PDOs of all nodes
   std::erase_if(plan.routes, [&](const auto& each) { return !meant(each.node) && !meant(each.producer); });
   std::erase_if(plan.pdos, [&](const auto& pdo) { return !meant(pdo.producer) && pdo.receivers.empty(); });
   for (auto& bus : plan.buses) bus.objects = 0;

@@ -19,7 +19,7 @@ LiveValues::LiveValues(tree::Session& session, Watched watched, rt::Duration eve
   scope_.spawn(run());
 }
 
-// Empty: it may be asked.
+// Why the node is not asked now; empty: it may be asked.
 std::string LiveValues::why_not(std::size_t request) const {
   const auto& [bus, node] = watched_.where(request);
   for (const auto& slot : session_->slots()) {

@@ -36,7 +36,7 @@ namespace {
 
 constexpr const char* usual_name = "berth.toml";
 
-// Of a folder with very many files, none.
+// The machine files of this folder; none if the folder has very many files.
 std::vector<std::string> found_here() {
   if (std::error_code none; fs::is_regular_file(usual_name, none)) return {usual_name};
   constexpr std::size_t most_files = 200;
@@ -81,7 +81,7 @@ tl::expected<std::string, Failure> ad_hoc_machine(const Options& options) {
                                          "or find it out by `berth scan --bitrate auto --port {}`",
                                          can::to_string(*port), can::to_string(*port))));
   }
-  constexpr unsigned any_rate = 125'000;  // until the port says at which it runs
+  constexpr unsigned any_rate = 125'000;  // until the port reports its own rate
   return fmt::format("[machine]\nname = \"a bus by itself\"\n[bus.{}]\nport = {}\nbitrate = {}\n",
                      text::quoted(options.bus.empty() ? "bus" : options.bus), text::quoted(can::to_string(*port)),
                      options.bit_rate.value_or(any_rate));

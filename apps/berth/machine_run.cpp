@@ -20,7 +20,7 @@ MachineRun::Made MachineRun::make(const Options& options, const Sources& sources
   run->interrupt_.emplace(run->loop_);
   const auto ports = run->attach_all(options);
   if (!ports) return tl::unexpected(ports.error());
-  // Behind the ports: where one cannot be opened no slot table is made.
+  // After the ports: if one cannot be opened, no slot table is made.
   auto table = SlotTable::open(run->machine_, options);
   if (!table) return tl::unexpected(table.error());
   run->slot_table_ = std::move(*table);
@@ -50,7 +50,7 @@ design::MachineResult MachineRun::read_machine(const Options& options, const Sou
 
 namespace {
 
-// Which of the masters of a bus Berth is.
+// Sets Berth's own node-ID and its priority as flying master.
 tl::expected<void, Failure> settle_masters(design::Machine& machine, const Options& options) {
   for (auto& bus : machine.buses) {
     if (options.master.id) bus.master = NodeId(static_cast<std::uint8_t>(*options.master.id));
@@ -92,7 +92,7 @@ tl::expected<void, Failure> MachineRun::read(const Options& options, const Sourc
   return settle_ports(options, simulate);
 }
 
-// --sim is stronger than what the file says, --port stronger than --sim.
+// --sim overrides the file's ports, and --port overrides --sim.
 tl::expected<void, Failure> MachineRun::settle_ports(const Options& options, bool simulate) {
   if (!options.bus.empty() && machine_.bus(options.bus) == nullptr) {
     return tl::unexpected(no_such_bus(machine_, options.bus));
@@ -141,7 +141,7 @@ tl::expected<void, Failure> MachineRun::build_world(const Options& options) {
   return {};
 }
 
-// Berth's own node on one bus.
+// Attaches Berth's own node to one bus.
 tl::expected<can::Port*, Failure> MachineRun::attach(const design::Bus& bus, const Options& options) {
   if (!simulated(bus)) {
     const auto outside = outside_->open(bus, options);
@@ -257,7 +257,7 @@ void MachineRun::leave(const Options& options) {
     auto* const network = session_->network(bus.name);
     if (wish == design::OnExit::leave || bus.role != design::Role::master || network == nullptr) continue;
     const auto command = wish == design::OnExit::stop ? co::NmtCommand::stop : co::NmtCommand::enter_pre_operational;
-    session_->stop();  // the main job would start again what it sees pre-operational
+    session_->stop();  // else the main job would restart the pre-operational devices
     const bool goes =
         network->services().dispatcher.send(co::to_frame({command, co::NmtTarget::all()})) == can::Queued::yes;
     if (goes) network->commanded(command, co::NmtTarget::all());

@@ -67,6 +67,10 @@ class MachineRun {
   [[nodiscard]] Guards& guards() noexcept { return guards_; }
   [[nodiscard]] Strangers& strangers() noexcept { return *strangers_; }
   [[nodiscard]] Record& record() noexcept { return record_; }
+  /// `SlotTable::beside`.
+  friend std::string beside_slot_table(const MachineRun& run, const std::string& ending) {
+    return run.slot_table_->beside(ending);
+  }
 
   /// Powers the simulated devices.
   void power_on();

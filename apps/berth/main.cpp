@@ -1,4 +1,4 @@
-// The command line: every verb, in the order of the help. How one is added: docs/architecture.md.
+// The command line: all verbs, in the order of the help. docs/architecture.md says how to add one.
 #include "output.hpp"
 #include "verbs.hpp"
 
@@ -12,5 +12,5 @@ int main(int argc, char** argv) {
        add_backup,   add_program,   add_boot,    add_sdo,     add_note,   add_nmt,     add_lss,       add_emcy,
        add_store,    add_restore,   add_send,    add_eds,     add_doctor, add_trace,   add_analyze,   add_link,
        add_document, add_reproduce, add_compare, add_study,   add_serve,  add_gateway, add_adopt,     add_export,
-       add_import,   add_device,    add_sim,     add_world,   add_plant,  add_version}));
+       add_import,   add_device,    add_sim,     add_world,   add_plant,  add_fleet,   add_version}));
 }

@@ -1,4 +1,4 @@
-// `berth note`: what is known of an object, and what a person writes about it.
+// `berth note`: what is known of an object, and the user's notes about it.
 #include <memory>
 
 #include "request_verb.hpp"

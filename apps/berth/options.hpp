@@ -49,6 +49,8 @@ struct StudioOptions {
 struct Offers {
   Cia309 gateway;
   StudioOptions studio;
+  std::string mqtt;      ///< address of a broker, instead of the machine file's; empty: the file's
+  bool no_mqtt = false;  ///< not even the file's
 };
 
 /// A plant file in place of ports, and how its world runs.

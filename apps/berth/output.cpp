@@ -23,7 +23,7 @@ using Json = nlohmann::ordered_json;
 
 namespace {
 
-constexpr std::size_t most_told = 100;  // errors of one file, and warnings
+constexpr std::size_t most_told = 100;  // errors of one file, and as many warnings
 
 int broken_by = 0;  // errno of the first write that failed
 bool run_ended = false;
@@ -106,7 +106,7 @@ bool run_must_end() noexcept { return run_ended || output_broken(); }
 int with_output(int status) {
   if (std::fflush(stdout) != 0 && broken_by == 0) broken_by = errno;
   if (broken_by == 0) return run_ended ? int{Exit::failed} : status;
-  // The reader that closed the pipe knows.
+  // EPIPE is not reported: the reader itself closed the pipe.
   if (broken_by != EPIPE) print_error(std::string("standard output: ") + std::strerror(broken_by));
   return Exit::failed;
 }
@@ -131,7 +131,7 @@ namespace {
 
 ErrorLines::Take error_lines;  // empty: standard error
 
-// Filtered already.
+// The lines are filtered already.
 void write_errors(const std::string& lines) {
   if (!error_lines) {
     std::fflush(stdout);

@@ -23,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Claimed {
-  std::string path;  // without links
+  std::string path;  // with links resolved
   std::string option;
 };
 
@@ -37,7 +37,7 @@ std::string name_of(const std::string& path) {
   return real.empty() ? path : real.string();
 }
 
-// The option that has named it, which is perhaps not there yet; null: none.
+// The option that has named this file, which need not exist yet; null: none.
 const std::string* claimed_by(const std::string& path) {
   const auto it = std::ranges::find(all_claimed(), name_of(path), &Claimed::path);
   return it == all_claimed().end() ? nullptr : &it->option;
@@ -100,7 +100,7 @@ std::optional<Failure> write_output(const std::string& path, std::string_view by
 }
 
 std::optional<Failure> may_keep(const std::string& path, const char* option) {
-  if (has_claimed(path, option)) return std::nullopt;  // it has been read as its own since
+  if (has_claimed(path, option)) return std::nullopt;  // claimed by this option already, and read since as its own file
   if (auto input = is_input(path, option)) return input;
   return claim(path, option);
 }

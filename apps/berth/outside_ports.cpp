@@ -21,7 +21,7 @@ tl::expected<std::unique_ptr<can::Port>, Failure> OutsidePorts::open_one(const d
                                         bus.place.line, bus.name, bus.bitrate, can::to_string(bus.port), rate)));
 }
 
-// Other kinds come back by themselves.
+// Opens the port again after it is lost; the other kinds of ports do that themselves.
 std::unique_ptr<can::Port> OutsidePorts::reopening(const design::Bus& bus, std::unique_ptr<can::Port> port) {
   const auto open = [this, &bus]() -> std::unique_ptr<can::Port> {
     auto again = open_one(bus);

@@ -1,5 +1,5 @@
-// `berth plant`: a simulated plant in a process of its own: in real time, its buses offered to others (`--listen`), or
-// by itself for some time of its own (`--for`), which is what a plant without a master needs (paper 2; S2.31).
+// `berth plant`: a simulated plant in a process of its own. It runs in real time and offers its buses to other
+// processes (`--listen`), or alone for some simulated time (`--for`), for plants without a master (paper 2; S2.31).
 #include <fmt/format.h>
 
 #include <cstdio>
@@ -29,7 +29,7 @@ using Json = nlohmann::ordered_json;
 
 double seconds(rt::Time at) { return std::chrono::duration<double>(at.time_since_epoch()).count(); }
 
-/// Why it has no node-ID; empty: it has one.
+/// Why the device has no node-ID; empty: it has one.
 std::string reason(const plant::SimDevice& device) {
   const auto truth = device.truth();
   if (!truth.plugged) return "not plugged in";
@@ -42,13 +42,13 @@ std::string reason(const plant::SimDevice& device) {
   return fmt::format("negotiates: {}", research::name(negotiator->state()));
 }
 
-/// Which device took which node-ID when, and which lost it why.
+/// Records when each device took or lost its node-ID, and why.
 class NodeIds final : public plant::World::Observer {
  public:
   struct Event {
     double at_s;
     std::string device;
-    NodeId node_id;  ///< unconfigured: lost
+    NodeId node_id;  ///< unconfigured: the device lost it
     std::string why;
   };
   explicit NodeIds(plant::World& world) : world_(&world) { world.add_observer(*this); }
@@ -84,7 +84,7 @@ class NodeIds final : public plant::World::Observer {
     script::Message told;
   };
   std::vector<Event> events;
-  std::vector<Script> scripts;  ///< what scripts printed, and how they failed
+  std::vector<Script> scripts;  ///< what the scripts printed, and their errors
 
  private:
   plant::World* world_;
@@ -123,7 +123,7 @@ void print_alone(const NodeIds& ids, const Json& report) {
   }
 }
 
-// The plant by itself, as fast as possible. Status 1: a device that has power has no node-ID of its own, or a script
+// Runs the plant alone, as fast as possible. Status 1: a device with power has no node-ID, or shares it, or a script
 // failed.
 int run_alone(plant::World& world, const Options& options) {
   Record record;
@@ -131,7 +131,7 @@ int run_alone(plant::World& world, const Options& options) {
     if (const auto good = record.write_to(options.files.record, options.files.force); !good)
       return tell(good.error(), options.json);
   }
-  constexpr int nobody = -1;  // there is no master of Berth's
+  constexpr int nobody = -1;  // there is no node of Berth's
   std::vector<std::unique_ptr<BusTap>> taps;
   for (const auto& bus : world.sim().buses()) taps.push_back(std::make_unique<BusTap>(record, *bus, nobody));
   NodeIds ids(world);
@@ -173,7 +173,7 @@ int run_alone(plant::World& world, const Options& options) {
   return record.finish(good ? Exit::done : Exit::no);
 }
 
-// `berth sim` from another process. Nothing is known of slots here.
+// Answers `berth sim` from another process. This process knows no slots.
 rt::Task<void> answer(plant::World& world, const plant::PlantFile& plant, const command::Request& request,
                       command::Reply& reply) {
   reply = request.verb == plant_verb

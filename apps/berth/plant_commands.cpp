@@ -26,10 +26,10 @@ using command::Request;
 using plant::Action;
 using Json = nlohmann::ordered_json;
 
-/// A device that a word may mean.
+/// A device that the user's word may mean.
 struct Meant {
   plant::SimDevice* device = nullptr;
-  std::string slot;  ///< "line/left", by which it was named; empty: by its own name
+  std::string slot;  ///< the slot that the user named, "line/left"; empty: the device's own name
 };
 
 std::string words_of(const Meant& meant) {
@@ -42,7 +42,7 @@ bool acts_on_device(Action action) noexcept {
          action != Action::overrun;
 }
 
-// The state in which the action changes a device.
+// Is the device in a state that the action changes?
 bool fits(Action action, const plant::SimDevice& device) noexcept {
   switch (action) {
     case Action::plug: return !device.plugged();
@@ -69,7 +69,8 @@ class Finder {
  public:
   Finder(const RunningPlant& running, std::string bus) : running_(&running), bus_(std::move(bus)) {}
 
-  /// By its name, by the slot in which it sits or last sat, by node-ID. Of several, the only one that `action` changes.
+  /// Finds a device by its name, by the slot in which it sits or last sat, or by its node-ID. If several match, the
+  /// only one that `action` changes.
   Checked<plant::SimDevice*> find(std::string word, Action action) {
     const bool only_device = word.starts_with("device:");
     const bool only_slot = word.starts_with("slot:");
@@ -126,7 +127,7 @@ class Finder {
     }
   }
 
-  // The device that sat there last, as the history has it.
+  // The device that sat in the slot last, by the history.
   [[nodiscard]] std::optional<Identity> last_device(const operate::SlotReport& slot) const {
     auto& session = *running_->session;
     const auto records = session.store().load(session.machine().name);
@@ -187,7 +188,7 @@ bool is_number(const std::string& value) {
          (std::isdigit(static_cast<unsigned char>(value.front())) != 0 || value.front() == '-');
 }
 
-// As the plant file has it: numbers and truth values are bare, `nodes` is a list, and the rest texts.
+// The value as a plant file writes it: numbers, true and false are bare, `nodes` is a list, all others are texts.
 std::string toml_value(const std::string& key, const std::string& value) {
   if (key == "nodes") {
     std::string list;
@@ -198,7 +199,7 @@ std::string toml_value(const std::string& key, const std::string& value) {
   return !text && (is_number(value) || value == "true" || value == "false") ? value : text::quoted(value);
 }
 
-// The reader's finding, without a place: the user wrote no lines.
+// The reader's errors without their places: the user wrote no lines.
 std::string words_of(const Findings& findings) {
   std::string words;
   for (const auto& finding : findings) {
@@ -250,7 +251,7 @@ Reply not_here(const RunningPlant& running) {
                                                 buses));
 }
 
-/// The slot in which it sits, or sat last; null: in none.
+/// The slot in which the device sits, or sat last; null: none.
 Json slot_of(const RunningPlant& running, const plant::Truth& truth) {
   if (running.session == nullptr) return nullptr;
   for (const auto& slot : running.session->slots()) {
@@ -269,7 +270,7 @@ bool is_unplugged(const plant::World& world, const sim::Controller& node) {
                              [&](const auto& device) { return !device->plugged() && &device->controller() == &node; });
 }
 
-/// The pieces of each bus's cable: the names of the nodes on each, "master" is Berth's own.
+/// Lists the pieces of each bus's cable, with the names of the nodes on each; "master" is Berth's own node.
 void list_cables(const RunningPlant& running, const std::string& only, Json& json, std::vector<std::string>& lines) {
   json = Json::array();
   for (const auto& planned : running.plant->buses) {
@@ -291,10 +292,10 @@ void list_cables(const RunningPlant& running, const std::string& only, Json& jso
   }
 }
 
-// A row fits 80 columns, whatever its name: an LSS address takes 35 of them.
+// Keeps a row within 80 columns, of which an LSS address takes 35.
 constexpr std::size_t widest_name = 22;
 
-// Without its middle where it is too long: names often differ at their end alone ("... hall 1").
+// Cuts the middle out of a name that is too long: names often differ only at their ends ("... hall 1").
 std::string fitted_name(const std::string& name, std::size_t width) {
   constexpr std::size_t end = 6;
   if (text::columns(name) <= width || width <= 2 * end) return text::cut(name, width);
@@ -327,7 +328,7 @@ Json device_json(const RunningPlant& running, const plant::Truth& truth) {
           {"lss_address", to_string(truth.address)}};
 }
 
-// Bus by bus, as the plant file has them; a bus beneath which nothing else stands is not named.
+// Lists the devices bus by bus, in the order of the plant file. If there is only one bus, its name is left out.
 Reply list_devices(const RunningPlant& running, const std::string& bus) {
   Reply reply;
   Json all = Json::array();
@@ -354,7 +355,7 @@ Reply list_devices(const RunningPlant& running, const std::string& bus) {
   return reply;
 }
 
-// A node of an event may be named by its slot, too; "" when all is well.
+// Lets the user name a node of an event also by its slot. Returns the problem; "": none.
 std::string name_nodes(Request& request, const RunningPlant& running, Action action) {
   Finder finder(running, request.arguments.contains("bus") ? request.arguments["bus"] : "");
   for (const char* const key : {"nodes", "sender"}) {
@@ -375,7 +376,7 @@ std::string name_nodes(Request& request, const RunningPlant& running, Action act
   return {};
 }
 
-// The only bus needs no name.
+// Adds the bus if there is only one: the user need not name it.
 void complete(Request& request, const RunningPlant& running, Action action) {
   if (acts_on_device(action)) {
     request.arguments.erase("bus");
@@ -397,7 +398,7 @@ Checked<plant::PlantEvent> event_of(const RunningPlant& running, const Request& 
   return std::move(*read.event);
 }
 
-/// Gives an input of a device a value, as its hardware would. TPDOs that map it are sent.
+/// Gives a device's input a value, as its hardware would. TPDOs that map it are sent.
 Reply set_object(const RunningPlant& running, plant::SimDevice& device, const Request& request) {
   const auto argument = [&](const char* key) {
     const auto given = request.arguments.find(key);

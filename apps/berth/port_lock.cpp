@@ -24,14 +24,14 @@ struct Address {
   socklen_t size = 0;
 };
 
-// Two words for one serial device are one port.
+// Resolves links, since two paths of one serial device are the same port.
 std::string name_of(const can::PortSpec& port) {
   std::error_code error;
   const auto canonical = port.kind == can::PortKind::slcan ? std::filesystem::canonical(port.address, error) : "";
   return canonical.empty() ? can::to_string(port) : "slcan:" + canonical.string();
 }
 
-// A first byte of 0 makes it a name of the kernel's, and no file.
+// A first byte of 0 makes it an abstract socket: a name in the kernel, not a file.
 Address address_of(std::string name) {
   name = "berth-port-" + name;
   Address address;
@@ -54,7 +54,7 @@ const sockaddr* plain(const Address& address) noexcept {
 
 int make_socket() noexcept { return ::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0); }
 
-// By the kernel: who listened there. Empty: it does not say, because too many have asked.
+// The process that listens there, from the kernel. Empty: too many processes have asked, and the kernel refuses.
 std::optional<ucred> holder_of(const Address& address) noexcept {
   const int fd = make_socket();
   if (fd < 0) return std::nullopt;
@@ -70,14 +70,14 @@ bool other_users(const std::optional<ucred>& holder) noexcept {
   return holder && holder->uid != ::geteuid() && holder->uid != 0;
 }
 
-// A process of another container has no number here.
+// A process in another container has no process id here.
 std::string words_of(const std::optional<ucred>& holder) {
   if (!holder || holder->pid == 0) return "another process of Berth";
   return other_users(holder) ? fmt::format("process {} of user {}", holder->pid, holder->uid)
                              : fmt::format("process {}", holder->pid);
 }
 
-// Refused processes wait there until the owner ends: their connections are never accepted.
+// Length of the queue: connections of refused processes are never accepted, and stay in it until the owner ends.
 constexpr int most_refused = 4096;
 
 }  // namespace

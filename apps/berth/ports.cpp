@@ -27,7 +27,8 @@ Failure wrong_port(const std::string& written, const std::string& why) {
 
 namespace {
 
-// What a word is when it has no kind before it: a serial device and a plant's socket are files, a server has a colon.
+// Guesses the kind of port from a word without one: a serial device and a plant's socket are files, a server's address
+// has a colon.
 std::optional<can::PortSpec> guessed(const std::string& word) {
   if (word.find('=') != std::string::npos) return std::nullopt;  // BUS=PORT with another machine's bus
   std::error_code none;
@@ -96,7 +97,7 @@ tl::expected<void, Failure> override_ports(design::Machine& machine, const Optio
 void restrict_to(design::Machine& machine, const std::string& bus) {
   const design::Machine whole = machine;
   const auto way = tree::way_to(whole, bus);
-  // Of a bus without a port: what is on the way to it. Of one with a port: all that it leads to.
+  // For a bus without a port, the buses on the way to it stay; for a bus with a port, all buses beneath it.
   const auto stays = [&](const std::string& name) {
     const auto to = tree::way_to(whole, name);
     const std::size_t common = std::min(to.gateways.size(), way.gateways.size());

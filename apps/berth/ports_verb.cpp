@@ -1,4 +1,4 @@
-// `berth ports`: what is plugged in.
+// `berth ports`: lists the CAN ports of this computer.
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>

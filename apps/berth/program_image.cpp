@@ -1,4 +1,4 @@
-// `berth program image`: a program's image, with the head that Berth's devices want (docs/programs.md).
+// `berth program image`: makes a program's image, with the header that Berth's devices expect (docs/programs.md).
 #include <fmt/format.h>
 
 #include <memory>

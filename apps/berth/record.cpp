@@ -71,6 +71,7 @@ void Record::follow(std::function<bool()> wanted, std::function<void(const std::
 void Record::frame(const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master) {
   ++seen_;
   if (frames_) frames_(bus, frame, at, by_master);
+  if (more_frames_) more_frames_(bus, frame, at, by_master);
   if (own_ && by_master) own_(bus, frame, at, by_master);
   const bool followed = wanted_ && wanted_();
   const bool sent = sent_ != nullptr && by_master;
@@ -114,7 +115,7 @@ int Record::finish(int status) {
   return Exit::failed;
 }
 
-// Bytes that the file took.
+// Writes; returns the number of bytes written.
 std::size_t Record::put() noexcept {
   error_ = 0;
   std::size_t done = 0;
@@ -131,13 +132,13 @@ std::size_t Record::put() noexcept {
   return done;
 }
 
-// False: what is no plain file (a pipe) keeps what it got.
+// False: not a regular file; a pipe cannot be shortened.
 bool Record::take_back(std::size_t bytes) const noexcept {
   const off_t end = ::lseek(log_, 0, SEEK_CUR) - static_cast<off_t>(bytes);
   return end >= 0 && ::ftruncate(log_, end) == 0 && ::lseek(log_, end, SEEK_SET) == end;
 }
 
-// Whole lines or none: a line cut off by a full disk is removed, and written when there is room.
+// Writes only whole lines: a line that a full disk cut off is removed, and written again when there is room.
 void Record::write_out() {
   if (log_ < 0 || lines_.empty()) return;
   written_ = std::chrono::steady_clock::now();

@@ -52,6 +52,8 @@ class Record {
   /// Gives each frame to `take` as well; empty ends that.
   using Take = std::function<void(const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master)>;
   void on_frame(Take take) { frames_ = std::move(take); }
+  /// The same for a second one.
+  void also_on_frame(Take take) { more_frames_ = std::move(take); }
   /// Gives each frame that Berth sends to `take`.
   void on_sent(Take take) { own_ = std::move(take); }
   void frame(const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master);
@@ -85,6 +87,7 @@ class Record {
   std::function<void(const std::string&)> take_;
   std::function<void(const std::string&)> tell_;
   Take frames_;
+  Take more_frames_;
   Take own_;
   TakeError errors_;
   std::uint64_t seen_ = 0;

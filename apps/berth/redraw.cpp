@@ -21,11 +21,11 @@ std::string_view variable(const char* name) noexcept {
   return value == nullptr ? std::string_view() : std::string_view(value);
 }
 
-// Broken at its spaces: a terminal breaks anywhere.
+// Wraps at spaces, since a terminal itself wraps anywhere.
 std::string broken_at_spaces(const std::string& line, std::size_t width) {
   constexpr std::size_t indent = 4;
   if (width <= 2 * indent || text::columns(line) <= width) return line + "\n";
-  // An address that is wider than the terminal is left to it, so that it can be copied whole.
+  // A word wider than the terminal, such as an address, is not wrapped here, so that it can be copied whole.
   std::istringstream words(line);
   for (std::string word; words >> word;) {
     if (text::columns(word) > width - indent) return line + "\n";
@@ -44,7 +44,7 @@ BoardSize terminal_size() noexcept {
   return known ? BoardSize{size.ws_col, size.ws_row} : BoardSize{};
 }
 
-// A terminal that is not the one of this session has no foreground that could be told.
+// False also for a terminal of another session, whose foreground process the system does not report.
 bool in_background() noexcept {
   const pid_t foreground = ::tcgetpgrp(STDOUT_FILENO);
   return foreground > 0 && foreground != ::getpgrp();
@@ -73,7 +73,7 @@ void Redraw::erase() {
   write_text(out);
 }
 
-// As many lines as before: each that differs is written over.
+// For as many lines as before: overwrites each line that differs.
 void Redraw::draw_changes(std::string& out, std::vector<BoardLine> lines) {
   for (std::size_t i = 0; i < lines.size(); ++i) {
     if (lines[i] == drawn_[i]) continue;

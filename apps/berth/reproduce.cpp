@@ -1,4 +1,4 @@
-// `berth reproduce`: the figures that the papers print, and their traces.
+// `berth reproduce`: makes the papers' figures again, and their traces.
 #include "berth/study/reproduce.hpp"
 
 #include <fmt/format.h>
@@ -45,7 +45,7 @@ std::string cell(const std::optional<double>& value, const study::Row& row) {
   return *value < 1 ? fmt::format("{:.1f} ms", *value * 1000) : fmt::format("{:.3f} s", *value);
 }
 
-/// Words of up to `width` characters a line.
+/// Wraps text into lines of up to `width` characters.
 std::vector<std::string> wrapped(const std::string& text, std::size_t width) {
   std::vector<std::string> lines(1);
   std::size_t at = 0;
@@ -89,7 +89,7 @@ std::optional<Failure> write_traces(const study::Figures& figures, const std::st
   return std::nullopt;
 }
 
-/// A run whose devices are not as it was to make them does not count, which is printed.
+/// A run counts only if its devices end up as intended; else the differences are printed.
 int verdict(const std::vector<std::string>& wrong) {
   for (const auto& line : wrong) fmt::print(stderr, "wrong: {}\n", line);
   return wrong.empty() ? Exit::done : Exit::failed;

@@ -14,13 +14,13 @@ int run_request(const Options& options, command::Request request, const RequestV
       return tell(failure(Exit::usage, wrong), options.json);
     }
   }
-  // No session can search for the bit rate: it would need one to begin with.
+  // A session needs a bit rate to begin with, so it cannot search for it.
   if (request.arguments.contains("bitrate")) return run_bit_rate(options);
   if (options.yes) request.arguments["yes"] = "1";
   return run_single(options, std::move(request));
 }
 
-// "--save" for store, "--serial-low" for serial-low.
+// The spelling on the command line: "--save" for store, "--serial-low" for serial-low.
 std::string spelled(const command::Parameter& parameter) {
   const std::string name(parameter.name);
   if (parameter.form == command::Form::word) return name;

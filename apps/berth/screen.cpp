@@ -17,7 +17,7 @@ using Clock = std::chrono::steady_clock;
 
 namespace {
 
-/// Some lines above the table stay in view, and the cursor's own is below it.
+/// Leaves room for some lines above the table, and for the cursor's line below it.
 BoardSize room_in(BoardSize terminal) noexcept {
   const std::size_t above = terminal.rows / 4;
   return {terminal.columns, terminal.rows - std::min(terminal.rows, above + 1)};
@@ -106,7 +106,7 @@ std::vector<BoardLine> Screen::drawing(BoardSize size) {
   if (values_) now.values = values_(size.columns);
   auto lines = board_.draw(now, room);
   if (types) {
-    // The end of a long one is what is being typed.
+    // Of a long line, the end is shown, where the user is typing.
     std::string typed = text::one_line(keyboard_->typed());
     while (text::columns(typed) + 3 > size.columns && !typed.empty()) typed.erase(0, 1);
     lines.push_back({text::cut("> " + typed + "_", size.columns), false});
@@ -121,14 +121,14 @@ void Screen::refresh(bool now) {
   if (!now && since < (dirty_ ? 100ms : 1000ms)) return;
   last_ = Clock::now();
   dirty_ = false;
-  // The terminal is the shell's meanwhile (Ctrl-Z, `bg`): lines, and no table over its prompt.
+  // In the background (Ctrl-Z, `bg`), the shell uses the terminal: print only lines, no table over its prompt.
   if (in_background()) {
     redraw_.keep();
     print_lines(std::exchange(waiting_, {}));
     return;
   }
   const BoardSize size = terminal_size();
-  // After Ctrl-Z the shell has written below it.
+  // After Ctrl-Z, the shell has written below the table.
   if (keyboard_ != nullptr && keyboard_->take_again()) redraw_.keep();
   redraw_.draw(std::exchange(waiting_, {}), drawing(size), size);
 }

@@ -36,7 +36,7 @@ std::string hex_of(const std::string& bytes) {
 
 using Words = std::vector<std::string>;
 
-// "4", "0x1F", "1Fh": what stands after an object is its sub-index, as an object is never so short.
+// "4", "0x1F", "1Fh": such a word after an object is its sub-index, since no object is so short.
 bool like_sub_index(const std::string& word) {
   const bool marked = word.starts_with("0x") || word.starts_with("0X");
   const bool h = !marked && (word.ends_with('h') || word.ends_with('H'));
@@ -62,7 +62,8 @@ void take_objects(const Words& words, command::Request& request) {
   }
 }
 
-// "1017h 3 s": a number and its unit as two words at the end. What to write instead; empty: there is none.
+// Finds a number and its unit as two words at the end, as in "1017h 3 s". Returns what to write instead; empty: there
+// is no such pair.
 std::string split_quantity(const Words& words) {
   constexpr std::array<std::string_view, 8> units{"ns", "us", "µs", "ms", "s", "min", "h", "°C"};
   if (words.size() < 3 || std::ranges::find(units, words.back()) == units.end()) return {};
@@ -74,7 +75,7 @@ std::string split_quantity(const Words& words) {
   return text;
 }
 
-// OBJECT VALUE, OBJECT SUB VALUE, or OBJECT=VALUE... What is wrong, for people.
+// OBJECT VALUE, OBJECT SUB VALUE, or OBJECT=VALUE... Returns the problem as text for the user.
 std::string take_objects_and_values(const Words& words, command::Request& request) {
   const bool pairs = std::ranges::all_of(words, [](const auto& w) { return w.find('=', 1) != std::string::npos; });
   if (pairs) {
@@ -99,14 +100,14 @@ std::string take_objects_and_values(const Words& words, command::Request& reques
   return {};
 }
 
-/// `sdo read` and `sdo write` as they are written.
+/// The words of `sdo read` and `sdo write`.
 struct SdoWords {
   Words words;
   std::string file;
   std::shared_ptr<command::Request> request;
 };
 
-// The bytes of the one object that was read, as they are.
+// Writes the bytes of the single object into the file, unchanged.
 int read_into_file(const Options& options, const SdoWords& wanted) {
   if (const auto bad = may_write(wanted.file, "--file", options.files.force)) return tell(*bad, options.json);
   const auto reply = carry_out(options, *wanted.request);
@@ -145,7 +146,7 @@ int run_write(const Options& options, const SdoWords& wanted) {
     if (!text) return tell(failure(findings), options.json);
     take_objects(wanted.words, *wanted.request);
     wanted.request->arguments["value"] = hex_of(*text);
-    wanted.request->arguments["type"] = "d";  // as it stands, whatever the object's type
+    wanted.request->arguments["type"] = "d";  // the file's bytes unchanged, whatever the object's type
   } else {
     const std::string wrong = take_objects_and_values(wanted.words, *wanted.request);
     if (!wrong.empty()) return tell(failure(Exit::usage, wrong), options.json);
@@ -154,7 +155,7 @@ int run_write(const Options& options, const SdoWords& wanted) {
   return run_single(options, *wanted.request);
 }
 
-// The words of both.
+// The words that `sdo read` and `sdo write` share.
 void sdo_words(const Verb& verb, const std::shared_ptr<SdoWords>& wanted, const std::string& objects_help,
                const std::string& objects_shown, const std::string& file_help) {
   verb.word("object", wanted->words, objects_help).required().shown(objects_shown);

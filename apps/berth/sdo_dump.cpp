@@ -1,4 +1,4 @@
-// `berth sdo dump`: everything that can be read of a device, as a table, JSON or a DCF.
+// `berth sdo dump`: writes all readable objects of a device as a table, JSON or a DCF.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -28,7 +28,7 @@ struct DumpOptions {
   std::string output;
 };
 
-// The file of what the node is like: --eds of it, its slot's, --eds of all.
+// The node's description: --eds for this node, else its slot's, else --eds for all nodes.
 std::string description_file(const Options& options, const design::Machine& machine,
                              const command::NodeArgument& node) {
   const std::string own = fmt::format("{}=", node.node.value());
@@ -45,7 +45,7 @@ std::string description_file(const Options& options, const design::Machine& mach
   return any == options.eds.end() ? std::string() : *any;
 }
 
-// 1003h and before are what happened, 1010h and 1011h are commands.
+// 1003h is the error history, and 1010h and 1011h are commands.
 bool is_setting(std::uint16_t index, const od::SubObject& sub) {
   return od::writable(sub.access) && index != 0x1003 && index != 0x1010 && index != 0x1011 && sub.sub != 0xFF;
 }
@@ -68,7 +68,7 @@ std::vector<eds::Parameter> settings(const Json& objects, const od::Description&
   return parameters;
 }
 
-// What a file cannot carry (a text with line breaks) is left out, and said.
+// Leaves out values that a DCF cannot hold, such as a text with line breaks, and reports them.
 tl::expected<std::string, Failure> dcf_text(const eds::File& file, eds::Configuration wanted, bool json) {
   while (true) {
     auto text = eds::make_dcf(file, wanted);

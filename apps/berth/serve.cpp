@@ -1,5 +1,5 @@
-// `berth serve`: the buses of a simulated plant in real time, of a machine file, or single ports, offered to other
-// programs by socketcand over TCP.
+// `berth serve`: offers buses to other programs by socketcand over TCP: those of a simulated plant in real time, those
+// of a machine file, or single ports.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -39,7 +39,7 @@ struct ServeOptions {
   bool listen_only = false;
 };
 
-/// "can1", "vcan1" mean the second bus: what socketcand's clients like to ask for.
+/// "can1" and "vcan1" mean the second bus: socketcand's clients often ask for such names.
 std::optional<std::size_t> number_of(std::string_view name) {
   if (name.starts_with('v')) name.remove_prefix(1);
   if (!name.starts_with("can")) return std::nullopt;
@@ -50,11 +50,11 @@ std::optional<std::size_t> number_of(std::string_view name) {
   return number;
 }
 
-/// The buses that are offered, and a node on one for each client.
+/// The offered buses. Each client gets a node on the bus that it asks for.
 class Buses {
  public:
   virtual ~Buses() = default;
-  /// In order; no name twice.
+  /// In the order of their numbers; no name occurs twice.
   [[nodiscard]] const std::vector<std::string>& names() const noexcept { return names_; }
   [[nodiscard]] io::LoopDriver& driver() noexcept { return *driver_; }
   virtual void start() {}
@@ -126,8 +126,8 @@ Made plant_buses(const Options& options, const ServeOptions& serve) {
   return std::make_unique<PlantBuses>(std::move(*world), serve.listen_only);
 }
 
-/// What a port's bus is called when it is not said: as its interface, or as on its server.
-std::string name_of_bus(const can::PortSpec& spec) {
+/// The default name of a port's bus: its interface, or its name on its server.
+std::string bus_name_of(const can::PortSpec& spec) {
   if (spec.kind == can::PortKind::socketcan) return spec.address;
   if (spec.kind == can::PortKind::socketcand) return spec.address.substr(spec.address.find('/') + 1);
   return "can0";
@@ -136,10 +136,10 @@ std::string name_of_bus(const can::PortSpec& spec) {
 Done add_port(PortBuses& buses, const std::string& written, const ServeOptions& serve) {
   auto equals = written.find('=');
   auto spec = port_of_word(written);
-  if (spec) equals = std::string::npos;  // a device's path may have one
+  if (spec) equals = std::string::npos;  // the "=" belongs to the port, such as a device's path
   if (!spec && equals != std::string::npos) spec = port_of_word(written.substr(equals + 1));
   if (!spec) return tl::unexpected(failure(Exit::usage, spec.error()));
-  const auto name = equals == std::string::npos ? name_of_bus(*spec) : written.substr(0, equals);
+  const auto name = equals == std::string::npos ? bus_name_of(*spec) : written.substr(0, equals);
   return buses.add(name, *spec, {.bit_rate = serve.bit_rate, .listen_only = serve.listen_only, .bus = name});
 }
 
@@ -193,7 +193,7 @@ void tell_counters(const serve::ServerCounters& c, bool json) {
   if (c.malformed > 0) print_line(fmt::format("{} commands with wrong arguments", c.malformed));
 }
 
-/// The machine of the folder where nothing is named; and a machine file by itself is no plant.
+/// If the user names nothing, the folder's machine file is used. A machine file named as the plant is one, too.
 void complete(Options& options, ServeOptions& serve) {
   if (serve.plant.empty() && serve.ports.empty()) options.machine = default_machine(options);
   if (options.machine.empty() && is_machine_file(serve.plant)) std::swap(options.machine, serve.plant);

@@ -1,6 +1,6 @@
-// `berth sim`: what is done to a running plant (sim_running.cpp); and
-// `berth sim two-with-one-id`, `again-with-one-id`, `wrong-bit-rate`, `lone-node`: fault confinement, step by step
-// (docs/protocols/can-frames.md §Arbitration, §Fault confinement).
+// `berth sim`: actions in a running plant (sim_running.cpp); and `berth sim two-with-one-id`, `again-with-one-id`,
+// `wrong-bit-rate`, `lone-node`: fault confinement, step by step (docs/protocols/can-frames.md §Arbitration, §Fault
+// confinement).
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
@@ -13,7 +13,7 @@ namespace berth::cli {
 namespace {
 
 int run_scenario(const Options& options, const std::string& scenario) {
-  constexpr unsigned until_bus_off = 30;  // coincidences: more than it takes
+  constexpr unsigned until_bus_off = 30;  // coincidences: more than bus-off needs
   const auto steps = scenario == "lone-node"           ? sim::lone_node()
                      : scenario == "wrong-bit-rate"    ? sim::wrong_bit_rate()
                      : scenario == "again-with-one-id" ? sim::two_with_one_id(until_bus_off)

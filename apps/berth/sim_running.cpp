@@ -1,5 +1,5 @@
-// `berth sim plug`, `unplug`, `power`, `reset`, `fault`, `devices`: what a person does to a simulated machine that
-// another process runs, asked of that process by its control socket. And `berth world`.
+// `berth sim plug`, `unplug`, `power`, `reset`, `fault`, `devices`: the user's actions in a simulated machine that
+// another process runs, requested by that process's control socket. Also `berth world`.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -21,7 +21,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 using Paths = tl::expected<std::vector<std::string>, Failure>;
 
-// A plant of another process first, since the `berth up` that uses it cannot do it.
+// First the process of a plant: the `berth up` that uses the plant cannot act in it.
 Paths where_it_may_run(const Options& options, const design::Machine& machine) {
   std::vector<std::string> paths;
   for (const auto& bus : machine.buses) {
@@ -74,7 +74,7 @@ int ask_plant(const Options& options, command::Request request) {
   if (!options.bus.empty()) request.arguments["bus"] = options.bus;
   const auto path = running_plant(options);
   if (!path) return tell(path.error(), options.json);
-  if (!path->ends_with(".control")) name_machine(request, options);  // a plant has no machine
+  if (!path->ends_with(".control")) name_machine(request, options);  // a plant by itself has no machine file
   const auto reply = command::control_call(*path, request, patience_ms);
   if (!reply) return tell(failure(Exit::failed, reply.error()), options.json);
   if (options.json) {
@@ -86,7 +86,7 @@ int ask_plant(const Options& options, command::Request request) {
   return reply->status;
 }
 
-/// What stands after each of these verbs: the machine, and the process that runs it.
+/// The words that all these verbs have: the machine, and the process that runs it.
 void running_words(const Verb& verb, Options& options) {
   json_flag(verb, options);
   verb.word("--machine,-m", options.machine, "machine file (default: berth.toml, or the only one of the folder)");
@@ -98,7 +98,7 @@ void running_words(const Verb& verb, Options& options) {
   control_word(verb, options);
 }
 
-/// "KEY=VALUE" as in an [[event]] of a plant file; the word without "=" is its device.
+/// Reads "KEY=VALUE" as in an [[event]] of a plant file; the word without "=" is the device.
 std::string read_fault(command::Request& request, const std::vector<std::string>& words) {
   for (const auto& word : words) {
     const auto equals = word.find('=');
@@ -184,7 +184,7 @@ void add_fault(const Verb& sim, Options& options) {
       "  berth sim fault disturb id=0x705 bit_from_end=0 kind=dominant nodes=master");
 }
 
-/// The word that the table has for it, if any; it is not required, or it is the verb's only one.
+/// Adds the words and options that the table of verbs has for it. A word there is optional, or the verb's only one.
 void add_world_verb(const Verb& world, Options& options, const std::string& name, const std::string& example) {
   const std::string verb = "world " + name;
   const auto request = std::make_shared<command::Request>(command::Request{verb, {}});

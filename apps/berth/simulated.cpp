@@ -24,7 +24,7 @@ bool is_there(const fs::path& path) {
   return fs::is_regular_file(path, none);
 }
 
-// Empty: none.
+// A plant file with a similar name; empty: there is none.
 std::string plant_file_like(const std::string& file, const std::string& machine) {
   std::vector<fs::path> named{file + std::string(plant_ending)};
   for (const auto& path : {fs::path(file), fs::path(machine)}) {

@@ -1,5 +1,5 @@
-// scan, bind, replace, sdo, nmt, lss, status: one request, carried out in a world of its own (`--sim`) or by a running
-// `berth up`.
+// scan, bind, replace, sdo, nmt, lss, status: one request, carried out in its own simulated world (`--sim`), by a
+// running `berth up`, or by this process on the machine's ports.
 #include <fmt/format.h>
 #include <poll.h>
 
@@ -31,7 +31,7 @@ namespace {
 using namespace std::chrono_literals;
 using Json = nlohmann::ordered_json;
 
-// A reply that asks for a person's confirmation.
+// Does the reply ask for the user's confirmation?
 bool wants_yes(const command::Reply& reply) {
   const auto json = Json::parse(reply.json, nullptr, false);
   return reply.status == Exit::no && json.is_object() && json.value("result", "") == "unconfirmed";
@@ -39,14 +39,14 @@ bool wants_yes(const command::Reply& reply) {
 
 bool may_ask(const Options& options) { return !options.json && !options.yes && someone_types(); }
 
-// The state of a slot that somebody has to do something about.
+// A state of a slot in which the user has to do something.
 bool is_trouble(const std::string& state) {
   using enum places::SlotState;
   return std::ranges::any_of(std::array{absent, failed, question, duplicate, wrong_type, power_cycle},
                              [&](places::SlotState one) { return state == places::name(one); });
 }
 
-// Of the slot table, a heading and a row for each slot, those in trouble are urgent.
+// The reply's lines. In a slot table (a heading, then one row per slot), rows of slots in trouble are urgent.
 std::vector<BoardLine> drawn_lines(const command::Reply& reply) {
   const auto json = Json::parse(reply.json, nullptr, false);
   const auto slots = json.is_object() ? json.find("slots") : json.end();
@@ -67,7 +67,7 @@ void print_reply(const command::Reply& reply) {
   }
 }
 
-// A watched reply is one line.
+// With --watch, JSON takes one line per reply.
 int show(const command::Reply& reply, const Options& options) {
   if (options.json) {
     print_text(Json::parse(reply.json).dump(options.single.watch ? -1 : 2));
@@ -95,7 +95,7 @@ tl::expected<void, Failure> prepare_rig(MachineRun& run, const Options& options)
 }
 
 using Replied = tl::expected<command::Reply, Failure>;
-/// Takes each reply that another follows; empty: the request is made once.
+/// Gets each reply except the last; empty: the request is made once.
 using Repeat = std::function<void(const command::Reply&)>;
 
 // A scan of heard nodes sends only SDO upload requests: also permitted on a bus with another master.
@@ -103,7 +103,7 @@ bool only_looks(const command::Request& request) {
   return request.verb == "scan" && !request.arguments.contains("all");
 }
 
-// Makes a slot table only where one is written for the first time.
+// Only `bind` and `replace` may make a slot table: they are the first to write one.
 Options own_options(const Options& options, const command::Request& request) {
   Options own = options;
   own.store.made = request.verb == "bind" || request.verb == "replace";
@@ -111,13 +111,13 @@ Options own_options(const Options& options, const command::Request& request) {
   return own;
 }
 
-// It searches for devices by LSS and RAND, which only a master may do.
+// The request searches for devices by LSS and RAND, which only a master may do.
 bool takes_bus(const command::Request& request) {
   const bool searches = request.verb == "scan" && !only_looks(request);
   return searches || request.verb == "bind" || request.verb == "replace";
 }
 
-// Other masters on the examined bus.
+// Adds the other masters on the examined buses to the reply.
 void add_masters(MachineRun& run, command::Reply& reply) {
   for (const auto& bus : run.machine().buses) {
     const auto* const gate = run.guards().gate(bus.name);
@@ -126,7 +126,7 @@ void add_masters(MachineRun& run, command::Reply& reply) {
   }
 }
 
-// What binding a machine that never ran would do.
+// Says what binding would do to a machine that never ran.
 command::Reply unconfirmed_binding() {
   auto reply = command::refusal(Exit::no,
                                 "no slot of this machine has a device yet: binding searches for devices by LSS and "
@@ -136,7 +136,7 @@ command::Reply unconfirmed_binding() {
   return reply;
 }
 
-// Binding in a simulated world, which can pause: asks the user which device sits where.
+// After binding in a simulated world, which can wait: asks the user which device sits where.
 void ask_where_devices_sit(MachineRun& run, command::Reply& reply, rt::Duration limit) {
   print_lines(reply.lines);
   ask_here(run, limit);
@@ -153,17 +153,17 @@ void ask_where_devices_sit(MachineRun& run, command::Reply& reply, rt::Duration 
   reply.error.clear();
 }
 
-// Until a signal comes, the time of --timeout is over, or no device answers any more.
+// Repeats the request until a signal comes, the time of --timeout is over, or the request fails.
 command::Reply repeated(MachineRun& run, const command::Request& request, command::Reply reply, const Options& options,
                         const Repeat& repeat) {
   const rt::Time end = run.now() + options.timeout.value_or(24h * 365);
   while (reply.status <= Exit::no && run.now() + *options.single.watch < end) {
     repeat(reply);
-    if (run_must_end()) break;  // nobody reads it any more
+    if (run_must_end()) break;  // nobody reads the output any more
     wait_for(run.driver(), run.interrupt(), *options.single.watch);
     command::Reply next;
     if (run.interrupt().came() || !execute_in(run, request, next, end - run.now())) {
-      reply.lines.clear();  // it is shown already
+      reply.lines.clear();  // the reply has been shown already
       break;
     }
     reply = std::move(next);
@@ -171,7 +171,7 @@ command::Reply repeated(MachineRun& run, const command::Request& request, comman
   return reply;
 }
 
-// What takes long is told on the way, where no program reads the answer.
+// A request that takes long reports its progress, unless a program reads the answer.
 bool tells_progress(const Options& options) { return !options.json && !options.dry_run; }
 
 void tell_progress(MachineRun& run, const command::Request& request, const Options& options) {
@@ -182,7 +182,7 @@ void tell_progress(MachineRun& run, const command::Request& request, const Optio
   });
 }
 
-// `seats`: devices get node-IDs.
+// `seats`: the request gives devices node-IDs.
 tl::expected<void, Failure> takes_alone(MachineRun& run, const Options& options, bool seats = true) {
   const bool first = seats && run.first_start();
   if (auto alone = run.strangers().ask(first); !alone) return alone;
@@ -190,8 +190,8 @@ tl::expected<void, Failure> takes_alone(MachineRun& run, const Options& options,
   return {};
 }
 
-// Buses that are outside this process are listened to before anything is sent, and asked for other masters before a
-// master's right is used.
+// Listens on buses outside this process before anything is sent, and asks for other masters before the request uses a
+// master's rights.
 Replied done_in(MachineRun& run, const Options& options, const command::Request& request, std::vector<Recorded>& sent,
                 const Repeat& repeat) {
   Strangers& strangers = run.strangers();
@@ -240,7 +240,7 @@ Replied reply_of_own_world(const Options& options, const command::Request& reque
   return reply;
 }
 
-// Nothing leaves this world, so the user is not asked.
+// Nothing leaves the simulated world, so no confirmation is needed.
 int dry_in_own_world(const Options& options, command::Request request) {
   request.arguments["yes"] = "1";
   std::vector<Recorded> sent;
@@ -289,7 +289,7 @@ Replied ask_running_up(const Options& options, const command::Request& request, 
                                  machine)}));
 }
 
-// --watch, by a running `berth up`.
+// --watch, answered by a running `berth up`.
 Replied ask_again(const Options& options, const command::Request& request, const std::string& path,
                   const Repeat& repeat) {
   auto reply = ask_running_up(options, request, path);
@@ -343,7 +343,7 @@ tl::expected<int, Failure> converse_by_control(const Options& options, const std
   rt::Executor executor;
   io::LoopDriver driver(executor);
   Interrupt interrupt(&driver.loop());
-  // The call waits by itself: the loop turns beside it, for the keys.
+  // The call blocks while it waits, so the loop is turned from within it, for the keys.
   return talk({[&](const command::Request& request, const std::function<bool()>& goes_on) {
                  return ask_running_up(options, request, path, [&] {
                    driver.loop().turn(rt::Duration{0});
@@ -351,7 +351,7 @@ tl::expected<int, Failure> converse_by_control(const Options& options, const std
                  });
                },
                [&](std::chrono::nanoseconds time) {
-                 driver.loop().turn(rt::Duration{0});  // keys count where no time is left, too
+                 driver.loop().turn(rt::Duration{0});  // reads keys even if no time is left
                  wait_for(driver, interrupt, time);
                  return !interrupt.came();
                },
@@ -360,7 +360,7 @@ tl::expected<int, Failure> converse_by_control(const Options& options, const std
 
 // ---- from the slot table ----
 
-// Its port is left alone. A simulated machine has a slot table only where one is named, or is beside its file.
+// The machine's port is not used. A simulated machine has a slot table only if one is named, or lies beside its file.
 bool by_slot_table(const design::Machine& machine, const Options& options, const command::Request& request) {
   const bool asks = request.verb == "report" || request.verb == "history";
   const bool kept = !options.store.file.empty() || std::filesystem::exists(default_store(machine.file));
@@ -384,8 +384,8 @@ Replied reply_of_slot_table(const design::Machine& machine, const Options& optio
   return reply;
 }
 
-// What carries it out: first a running `berth up`, since one process owns a port; else this process on the machine's
-// ports; else nothing, and the failure says so. What is in the slot table needs neither.
+// Carries the request out by a running `berth up`, since one process owns a port; else by this process on the machine's
+// ports; else not at all, and the failure says so. Requests about the slot table need neither.
 Replied reply_outside(const Options& options, const command::Request& request, std::vector<Recorded>& sent,
                       const Repeat& repeat) {
   const bool bus_alone = options.machine.empty() && !options.ports.empty();
@@ -407,7 +407,7 @@ Replied reply_outside(const Options& options, const command::Request& request, s
   return ask_running_up(options, request, control_paths(options, machine).front());
 }
 
-// What is asked of a bus alone: none of these needs to know slots.
+// Other requests can go to a bus without a machine file.
 bool needs_slots(const command::Request& request) {
   static constexpr std::array<std::string_view, 12> verbs{"report",  "bind",      "replace",    "forget",
                                                           "poll",    "configure", "upload",     "boot",
@@ -415,8 +415,8 @@ bool needs_slots(const command::Request& request) {
   return std::ranges::find(verbs, request.verb) != verbs.end();
 }
 
-// Without a discardable world: the frames that are sent whatever the answers; or, on the machine's own ports, the
-// frames up to the first question.
+// A dry run without a simulated world: the frames that are sent whatever the answers are; or, on the machine's own
+// ports, the frames up to the first question.
 int dry_outside(const Options& options, const command::Request& request) {
   if (options.machine.empty() && options.ports.empty()) return foreseen(options, request, design::Machine());
   auto loaded = machine_of(options);
@@ -436,7 +436,7 @@ tl::expected<void, Failure> complete(Options& options, command::Request& request
   if (!options.machine.empty() || (!options.control.empty() && options.sim.plant.empty())) return {};
   const bool bus_alone = !options.ports.empty() && options.sim.plant.empty();
   if (bus_alone && !needs_slots(request)) {
-    request.arguments.erase("bus");  // it is the only one, whatever it is called
+    request.arguments.erase("bus");  // there is only one bus, whatever its name
     return {};
   }
   const std::string wanted = bus_alone ? "this command needs slots: name the machine file, --machine FILE"
@@ -450,12 +450,12 @@ Replied carry_out_again(const Options& options, const command::Request& request,
                                    : reply_of_own_world(options, request, sent, repeat);
 }
 
-// --watch: every reply but the last, which the caller shows.
+// --watch: shows every reply except the last, which the caller shows.
 Repeat watching(const Options& options) {
   if (!options.single.watch) return {};
   const auto plain = [&options](const command::Reply& reply) { static_cast<void>(show(reply, options)); };
   if (options.json || !can_draw()) return plain;
-  // In place, as long as all of it fits.
+  // Redraws in place as long as all lines fit.
   return [plain, redraw = std::make_shared<Redraw>()](const command::Reply& reply) {
     const BoardSize size = terminal_size();
     std::vector<BoardLine> lines;
@@ -491,7 +491,7 @@ int run_single(const Options& given, command::Request request) {
   return reply ? show(*reply, options) : tell(reply.error(), options.json);
 }
 
-// As `reply_outside`: a running `berth up` before all.
+// As in `reply_outside`, a running `berth up` comes first.
 tl::expected<int, Failure> converse(const Options& given, const command::Request& kind, const Talk& talk) {
   Options options = given;
   command::Request request = kind;

@@ -1,4 +1,4 @@
-// The verbs that are one request, and examples of each. What may stand after them is the table's
+// The verbs that make one request, with examples. Their words and options are in the table of verbs
 // (berth/command/verbs.cpp).
 #include <filesystem>
 #include <memory>
@@ -83,7 +83,7 @@ void add_program(Verb& berth, Options& options) {
       "Examples:\n  berth program status drive\n  berth program download drive --file drive.bprg\n"
       "docs/programs.md has what an image is.");
   program_verb(program, options, "status");
-  // Another process may carry it out, in another folder.
+  // Another process may carry out the request in another folder.
   const auto absolute = [](command::Request& request) {
     const auto file = request.arguments.find("file");
     if (file != request.arguments.end()) file->second = std::filesystem::absolute(file->second).string();
@@ -104,7 +104,7 @@ void add_boot(Verb& berth, Options& options) {
 }
 
 void add_nmt(Verb& berth, Options& options) {
-  // Before anything is asked whether a process runs the machine.
+  // Checks the command before looking for a process that runs the machine.
   const RequestVerb nmt(berth, options, "nmt", "nmt", [](command::Request& request) {
     const auto word = request.arguments.find("command");
     return word == request.arguments.end() ? std::string() : command::no_nmt_command(word->second);

@@ -31,7 +31,7 @@ SlotTable::~SlotTable() {
 
 namespace {
 
-// Of the store and of what is written beside it.
+// The times of the last writes to the store and to its write-ahead log.
 std::array<fs::file_time_type, 2> written_at(const std::string& path) {
   std::error_code none;
   return {fs::last_write_time(path, none), fs::last_write_time(path + "-wal", none)};
@@ -39,8 +39,8 @@ std::array<fs::file_time_type, 2> written_at(const std::string& path) {
 
 }  // namespace
 
-// Copies into a folder that exists as long as the object. The store may be in use: a copy is repeated if the store
-// changed meanwhile.
+// Copies the store into a folder that exists as long as the object. The store may be in use: if it changed meanwhile,
+// it is copied again.
 tl::expected<std::string, Failure> SlotTable::copied(const std::string& path) {
   std::string pattern = (fs::temp_directory_path() / "berth-copy-XXXXXX").string();
   if (::mkdtemp(pattern.data()) == nullptr)

@@ -29,6 +29,10 @@ class SlotTable {
   SlotTable& operator=(const SlotTable&) = delete;
 
   [[nodiscard]] places::SlotStore& store() noexcept { return *store_; }
+  /// A file beside the slot table: "conveyor.db" -> "conveyor.db.mqtt" for ".mqtt". Empty: it is in memory, or a copy.
+  [[nodiscard]] std::string beside(const std::string& ending) const {
+    return path_.empty() || !throw_away_.empty() ? std::string() : path_ + ending;
+  }
   /// The folder of configurations that SDO clients write to the manager: beside the slot table, "conveyor.db" ->
   /// "conveyor.db-written". For a copy: the folder of the original, which stays unchanged.
   [[nodiscard]] operate::WrittenFiles::Place written(const std::string& machine_file) const;

@@ -16,7 +16,7 @@ tl::expected<void, Failure> Strangers::listen_first() {
     if (bus.role != design::Role::master || guards_->gate(bus.name) == nullptr) continue;
     heard_[bus.name] = std::make_unique<live::Census>(session_->network(bus.name)->services().dispatcher);
   }
-  constexpr rt::Duration slack = std::chrono::seconds(1);  // a port that was just opened comes up
+  constexpr rt::Duration slack = std::chrono::seconds(1);  // for a port that was just opened to come up
   wait_until(
       *driver_, *interrupt_, [&] { return guards_->decided(); }, longest + slack);
   if (auto goes_on = not_ended(); !goes_on) return goes_on;
@@ -32,7 +32,7 @@ namespace {
 
 rt::Task<void> ask_whether_masters(live::Census& census, live::CensusOptions options, bool& over) {
   const auto asked = co_await census.ask(options);
-  static_cast<void>(asked);  // a port that takes no frame is the session's to report
+  static_cast<void>(asked);  // the session reports a port that sends no frames
   over = true;
 }
 
@@ -51,14 +51,15 @@ std::vector<std::string> quiet_masters(const design::Bus& bus, const std::vector
   return lines;
 }
 
-// A slot without a type takes what is at its node-ID, and nothing else.
+// A slot without a type takes only the device at its node-ID.
 bool takes(const places::SlotSpec& spec, const live::NodeSeen& node) {
   constexpr std::uint8_t any_type = 3;
   if (spec.asks.unasked == any_type) return spec.id == node.id;
   return node.identity && places::fits(spec, *node.identity);
 }
 
-// Only its heartbeat is known. A node that is not operational and answers no SDO is a stopped device.
+// A node that no slot takes may be a master, even if only its heartbeat was heard. A node that is not operational and
+// answers no SDO is a stopped device.
 bool may_be_master(const live::NodeSeen& node, const std::vector<places::SlotSpec>& specs) {
   const bool told = node.identity || node.state == NmtState::operational;
   return node.beats > 0 && !node.nmt_master && told &&

@@ -1,5 +1,5 @@
-// `berth studio`: a machine in the browser, as `berth up --studio`; with `--port` alone the devices of one bus, without
-// a machine file and without the main job.
+// `berth studio`: shows a machine in the browser, like `berth up --studio`. With only `--port`: the devices of one bus,
+// without a machine file and without the main job.
 #include <fmt/format.h>
 
 #include "drive.hpp"
@@ -11,7 +11,7 @@
 namespace berth::cli {
 namespace {
 
-// One bus by itself: only the page's requests are sent, and it is read-only until the user unlocks it there.
+// One bus without a machine: Berth sends only the page's requests, and only reads until the user unlocks it there.
 int run_bench(const Options& options) {
   if (const auto no = studio_refused(options)) return tell(*no, options.json);
   auto made = MachineRun::make(options, {});

@@ -44,7 +44,7 @@ std::optional<Failure> studio_refused(const Options& options) {
 
 namespace {
 
-// A machine whose links are wrong has told so already.
+// Wrong links have been reported already.
 std::string signals_of(const design::Machine& machine) {
   std::optional<traffic::LinkPlan> links;
   if (!machine.links.empty()) links = traffic::plan_links(machine);
@@ -78,7 +78,7 @@ class StudioHost::Impl {
   MachineRun* run_;
   std::unique_ptr<studio::Studio> server_;
   std::vector<std::string> roles_;
-  bool named_;  // a person named the address
+  bool named_;  // the user named the address
 };
 
 tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(MachineRun& run, const Options& options,

@@ -1,4 +1,4 @@
-// What may be written after `berth reproduce` and `berth compare`.
+// The words and options of `berth reproduce` and `berth compare`.
 #include "study.hpp"
 
 #include <fmt/format.h>

@@ -1,4 +1,4 @@
-// `berth trace`: entries from a source through filters to words, numbers or another file. Constant memory.
+// `berth trace`: takes entries from a source through filters to words, numbers or another file, in constant memory.
 #include "trace.hpp"
 
 #include <fmt/format.h>
@@ -29,7 +29,7 @@ std::string key_word(std::uint32_t key) {
   return key == id ? fmt::format("{:03X}", id) : fmt::format("{:08X}", id);
 }
 
-// In either case; a slash stands for the dot between an object and its sub-object.
+// Ignores case; a slash counts as the dot between an object and its sub-object.
 bool begins_so(std::string_view name, std::string_view wanted) {
   const auto plain = [](char c) {
     return c == '/' ? '.' : static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
@@ -44,7 +44,7 @@ bool contains_word(std::string_view text, std::string_view word) {
   return std::search(text.begin(), text.end(), word.begin(), word.end(), same) != text.end();
 }
 
-/// Everything between a source and what is printed or written.
+/// All steps between the source and the output.
 class Pipeline final : public trace::Sink, private decode::Rows {
  public:
   Pipeline(const Options& options, const TraceOptions& trace, const KnownNodes& known, std::vector<NodeView> nodes)
@@ -98,7 +98,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
     rows_.remark(finding);
   }
 
-  /// After each turn: what came is seen now, and recorded.
+  /// Called after each turn: prints and records what has come.
   void settle() {
     if (!live_) return;
     rows_.settle(decoder_.pending(), read_ != settled_);
@@ -155,7 +155,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
            (!trace_.time.before || at <= point(*trace_.time.before));
   }
 
-  // Looked at once for each bus; the decoder is told which nodes are on it.
+  // Decided once per bus; the decoder then learns which nodes are on it.
   [[nodiscard]] bool wanted_bus(std::uint16_t bus) {
     while (wanted_.size() <= bus) {
       const auto number = static_cast<std::uint16_t>(wanted_.size());
@@ -205,7 +205,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
     if (rows_.many()) rows_.release(decoder_.pending());
   }
 
-  // An entry that passed every filter.
+  // Counts and writes an entry that has passed every filter.
   void take(const trace::Entry& entry) {
     ++taken_;
     if (trace_.stats) {
@@ -357,7 +357,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
   std::unique_ptr<trace::Writer> writer_;
   Outlet file_;
   RowPrinter rows_;
-  std::uint64_t settled_ = 0;  // of those read
+  std::uint64_t settled_ = 0;  // entries read at the last `settle`
   std::vector<bool> wanted_;   // by bus
   std::vector<trace::Counter> counters_;
   std::optional<rt::Duration> first_;
@@ -371,7 +371,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
   } findings_;
 };
 
-// The formats that the names of files tell.
+// Takes the format from the name of the output file.
 std::optional<Failure> complete(TraceOptions& trace) {
   if (trace.to || trace.output.empty()) return std::nullopt;
   trace.to = trace.output == "-" ? trace::Format::candump : trace::format_of_path(trace.output);

@@ -11,7 +11,7 @@
 namespace berth::cli {
 namespace {
 
-/// The words in parts, in turn: what stays, and a name that may be cut; the last is what stays.
+/// The words in alternating parts: fixed text, then a name that may be shortened, and so on; fixed text comes last.
 struct Parts {
   std::vector<std::string> fixed;
   std::vector<std::string> names;
@@ -24,7 +24,7 @@ struct Parts {
   [[nodiscard]] std::size_t columns() const { return text::columns(text()); }
 };
 
-// Where the name begins that ends at `end`: after the object ("1018h:01 "), or what parts the signals of a PDO.
+// Where the name that ends at `end` begins: after the object ("1018h:01 "), or after the separator of a PDO's signals.
 std::size_t name_begin(std::string_view words, std::size_t from, std::size_t end) {
   constexpr std::string_view digits = "0123456789ABCDEF";
   std::size_t begin = from;
@@ -67,7 +67,7 @@ void drop_first_part(std::string& name) {
   if (dot != name.npos && dot + 1 < name.size()) name.erase(0, dot + 1);
 }
 
-// `words` for so many columns, as far as names can give way.
+// Shortens `words` to `room` columns, as far as the names can be shortened.
 std::string narrowed(std::string_view words, std::size_t room) {
   constexpr std::size_t shortest = 4;
   Parts parts = parts_of(words);

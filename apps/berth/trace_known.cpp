@@ -38,7 +38,7 @@ std::shared_ptr<const decode::ValueWords> words_of(const std::shared_ptr<const o
   return std::make_shared<command::NoteWords>(std::move(notes));
 }
 
-// What the device is given besides its defaults.
+// The values that the device gets in addition to its defaults.
 void add_settings(decode::Profile& profile, const manager::Configuration& configuration, NodeId node) {
   const auto wanted = manager::wanted(configuration, node);
   if (!wanted) return;
@@ -83,7 +83,7 @@ std::optional<Failure> KnownNodes::add_machine(const Options& options) {
       known.profile.description = found.description;
       known.profile.words = found.words;
     } else {
-      known.profile.description = slot.description;  // the library's
+      known.profile.description = slot.description;  // the library's description
     }
     if (!slot.spec.config.empty() && known.profile.description) {
       const auto configuration = manager::load_configuration(slot.spec.config);
@@ -109,7 +109,7 @@ void KnownNodes::add_links() {
     if (known == nodes_.end()) continue;
     add_settings(known->profile, *configuration, known->node);
   }
-  // Network variables by the names that the links give them.
+  // Names network variables as the links do.
   for (const auto& variable : linker::earlier_of(planned.network, planned.plan).variables) {
     const auto known = std::ranges::find(nodes_, variable.node, [](const Known& each) { return each.profile.name; });
     if (known != nodes_.end()) known->profile.named.push_back({variable.object, variable.name, variable.type});
@@ -151,7 +151,7 @@ bool NodeView::has(const std::string& machine_bus, unsigned node, const std::opt
                                          &multilevel::Hop::gateway);
 }
 
-// On each bus of the way: the rest of the path.
+// For each bus on the way: the rest of the path.
 std::vector<NodeView> KnownNodes::views_from(const design::Bus& top, const multilevel::Path& path) const {
   std::vector<NodeView> all;
   const design::Bus* at = &top;

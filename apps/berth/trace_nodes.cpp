@@ -4,7 +4,7 @@
 
 namespace berth::cli {
 
-// Its gateways are the machine's, and what `--node` says to be one.
+// The bus's gateways are those of the machine file, and those that `--node` names as such.
 void TraceNodes::add_bus(const std::string& machine_bus) {
   auto gateways = known_->gateways(machine_bus);
   for (const auto& view : wanted_) {

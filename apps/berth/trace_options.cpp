@@ -1,4 +1,4 @@
-// What may be written after `berth trace`.
+// The words and options of `berth trace`.
 #include <fmt/format.h>
 
 #include <charconv>
@@ -11,7 +11,7 @@
 namespace berth::cli {
 namespace {
 
-// "1436509052.25": as the log counts; "+2.5": from its first frame. Seconds.
+// In seconds: "1436509052.25" by the log's clock, "+2.5" from its first frame.
 std::optional<TracePoint> parse_point(std::string text) {
   TracePoint point;
   point.from_first = text.starts_with('+');

@@ -29,7 +29,7 @@ std::optional<Failure> Outlet::open(const std::string& path, bool grows, bool fo
   if (path == "-") return std::nullopt;
   if (auto bad = may_write(path, "--output", force)) return bad;
   struct stat what {};
-  // What is no plain file (a pipe, a terminal) cannot be replaced.
+  // Only a regular file can be replaced, not a pipe or a terminal.
   const bool plain = ::stat(path.c_str(), &what) != 0 || S_ISREG(what.st_mode);
   if (!grows && plain) temporary_ = fmt::format("{}.{}.part", path, ::getpid());
   const std::string& name = temporary_.empty() ? path : temporary_;
@@ -112,7 +112,8 @@ void put_json(std::string& out, const Finding& finding) {
 
 namespace {
 
-// Names of objects and devices are in it. `flush` filters the rest, but a row's line feed looks like any other there.
+// The words have names of objects and devices in them, which may contain a line feed. `flush` filters other control
+// characters, but cannot distinguish that line feed from a row's own.
 void put_line(std::string& out, std::string_view words) {
   if (words.find('\n') == std::string_view::npos) {
     out += words;
@@ -127,7 +128,7 @@ void RowText::words(std::string& out, const decode::Row& row, const std::string&
   constexpr std::size_t width = 60;
   const std::size_t begin = out.size();
   writer_.write(*row.entry, bus, out);
-  out.pop_back();  // the end of its line
+  out.pop_back();  // the line end
   const std::size_t used = out.size() - begin;
   out.append(used < width ? width - used : 2, ' ');
   put_line(out, row.words);
@@ -153,7 +154,7 @@ void RowText::json(std::string& out, const decode::Row& row, const std::string& 
   line_.clear();
   writer_.write(*row.entry, bus, line_);
   line_.pop_back();
-  // "(time) bus frame R": what stands after the second blank, without the direction.
+  // "(time) bus frame R": the text after the second space, without the direction.
   auto frame = std::string_view(line_).substr(line_.find(' ', line_.find(' ') + 1) + 1);
   frame = frame.substr(0, frame.find(' '));
   out += ",\"frame\":";

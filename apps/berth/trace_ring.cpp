@@ -43,7 +43,7 @@ class RingSource final : public TraceSource {
   std::string filter_;
   trace::CandumpReader reader_;
   std::uint64_t at_ = 0;
-  std::optional<std::uint64_t> end_;  // after the last that is wanted
+  std::optional<std::uint64_t> end_;  // after the last wanted entry
 };
 
 }  // namespace

@@ -12,11 +12,11 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// How far the times of a file's lines may go back, and how long a transfer may hold back the rows after it.
+// Slack: how far a file's times may go back. Patience: how long a transfer may hold back the rows after it.
 constexpr rt::Duration file_slack = 5s;
 constexpr rt::Duration file_patience = 60s;
 constexpr rt::Duration live_patience = 1s;
-// Before a line that stands out, until it is printed: no text of a row begins so.
+// Marks a line in red until it is printed; no row's text begins with this character.
 constexpr char red_mark = '\x01';
 
 }  // namespace
@@ -36,7 +36,7 @@ void RowPrinter::begin(rt::Duration first, std::size_t buses) {
   if (brief_) brief_->bus = buses > 1;
 }
 
-// With the time that is shown; `entry` has it.
+// The row with the time to be shown, which is put into `entry`.
 decode::Row RowPrinter::timed(const decode::Row& row, trace::Entry& entry) const {
   decode::Row shown = row;
   if (!relative_ || !first_) return shown;
@@ -101,7 +101,7 @@ void RowPrinter::settle(const std::optional<rt::Duration>& pending, bool more) {
   screen_.flush();
 }
 
-// A line in its place. Both streams may go to one.
+// Prints a line in its order. Standard output and standard error may go to the same terminal.
 void RowPrinter::print(std::string_view line, RowQueue::Kind kind) {
   if (kind == RowQueue::Kind::remark && form_ != Form::json) {
     screen_.flush();

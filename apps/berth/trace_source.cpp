@@ -31,9 +31,9 @@ using State = TraceSource::State;
 using Turned = tl::expected<State, Failure>;
 using Opened = tl::expected<std::unique_ptr<TraceSource>, Failure>;
 
-constexpr auto look_again = 50ms;  // at a file that may have grown
+constexpr auto look_again = 50ms;  // interval of looking at a file that may have grown
 
-/// A file or standard input, perhaps one that grows.
+/// A file, which may still grow, or standard input.
 class FileSource final : public TraceSource {
  public:
   FileSource(int fd, std::string name, const TraceOptions& options)
@@ -91,7 +91,7 @@ class FileSource final : public TraceSource {
   std::vector<char> buffer_ = std::vector<char>(std::size_t{1} << 18U);
 };
 
-/// A live bus, listened to only.
+/// A live bus, only heard.
 class PortSource final : public TraceSource, private can::Listener {
  public:
   explicit PortSource(std::string bus, std::string name)
@@ -107,7 +107,7 @@ class PortSource final : public TraceSource, private can::Listener {
     auto port = io::open_port(loop_, spec, options);
     if (!port) return failure(Exit::failed, port.error());
     port_ = std::move(*port);
-    // The port's clock counts from the loop's beginning, a log from 1970.
+    // The port's clock starts with the loop; a log counts from 1970.
     since_1970_ = std::chrono::duration_cast<rt::Duration>(std::chrono::system_clock::now().time_since_epoch()) -
                   loop_.clock().time_since_epoch();
     const std::array ranges{can::all_base, can::all_extended};
@@ -215,7 +215,7 @@ class ControlSource final : public TraceSource {
   std::string path_;
   trace::CandumpReader reader_;
   Interrupt interrupt_;
-  std::string rest_;  // of a line that is not whole yet
+  std::string rest_;  // the beginning of an incomplete line
   std::vector<char> buffer_ = std::vector<char>(std::size_t{1} << 16U);
 };
 
@@ -247,7 +247,7 @@ Opened open_live(const TraceOptions& trace, const KnownNodes& known) {
 
 }  // namespace
 
-// Of a machine's live frames there are those of the buses with a port.
+// Live frames of a machine come only from its buses with a port.
 std::optional<Failure> heard_nowhere(const TraceOptions& trace, const KnownNodes& known) {
   if (!known.machine() || !trace.file.empty() || !trace.port.empty()) return std::nullopt;
   for (const auto& name : trace.buses) {

@@ -1,4 +1,4 @@
-// `berth up`, and what `berth demo` shares with it.
+// `berth up`, and the parts that `berth demo` shares with it.
 #include "up.hpp"
 
 #include <fmt/format.h>
@@ -15,6 +15,7 @@
 #include "drive.hpp"
 #include "gateway.hpp"
 #include "machine_file.hpp"
+#include "mqtt_host.hpp"
 #include "ports.hpp"
 #include "second_word.hpp"
 #include "studio_host.hpp"
@@ -23,7 +24,7 @@
 namespace berth::cli {
 namespace {
 
-// Why it is not operational, each reason once.
+// Why the machine is not operational, each reason once.
 Failure not_operational(tree::Session& session, Ended ended) {
   std::vector<operate::SlotReport> wanting;
   for (auto& s : session.slots()) {
@@ -42,8 +43,8 @@ Failure not_operational(tree::Session& session, Ended ended) {
   return failure_in_lines(Exit::no, lines);
 }
 
-// Where other commands reach this one. A process for one of several buses leaves the machine's name to the one that
-// runs them all.
+// The control socket, by which other commands reach this process. If it runs only one of several buses, the machine's
+// name is left to a process that runs them all.
 std::string control_of(MachineRun& run, const Options& options) {
   if (run.loop() == nullptr || options.dry_run) return {};
   if (!options.control.empty()) return options.control;
@@ -78,7 +79,7 @@ Failure unconfirmed(MachineRun& run) {
   return failure_in_lines(Exit::no, lines);
 }
 
-// Another master on a bus, or no consent of a person's: nothing is started.
+// Nothing is started if there is another master on a bus, or if the user does not confirm.
 std::optional<Failure> refusal(MachineRun& run, const Options& options) {
   if (const auto clear = run.strangers().listen_first(); !clear) return clear.error();
   if (!options.dry_run && !confirmed(run, options)) return unconfirmed(run);
@@ -86,7 +87,7 @@ std::optional<Failure> refusal(MachineRun& run, const Options& options) {
   return no_second_word(run, options);
 }
 
-// `table`: the slots were not on the screen all the time.
+// `table`: print the slot table, because it was not on the screen during the run.
 void print_outcome(MachineRun& run, const Options& options, const std::vector<Recorded>& sent, bool table) {
   if (options.dry_run) {
     print_dry_run(sent, nullptr, options.json);
@@ -109,6 +110,7 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
     return tell(failure(Exit::usage, "--events are lines of JSON: give --json too"), options.json);
   }
   if (const auto no = studio_refused(options)) return tell(*no, options.json);
+  if (const auto no = mqtt_refused(options)) return tell(*no, options.json);
   const bool studio = options.offers.studio.offered();
   const bool watched = on_terminal() && !options.json && !options.dry_run;
   options.sim.pace = (options.sim.pace || watched || studio) && !options.sim.fast && !options.dry_run;
@@ -150,7 +152,7 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
 
 namespace {
 
-// A machine whose buses are all simulated needs one: `berth init` writes NAME.plant.toml beside NAME.toml.
+// A machine whose buses are all simulated needs a plant file: `berth init` writes NAME.plant.toml beside NAME.toml.
 std::string plant_of(const Options& options) {
   if (!options.sim.plant.empty() || !options.ports.empty()) return options.sim.plant;
   const auto machine = machine_of(options);
@@ -174,7 +176,7 @@ std::string plant_of(const Options& options) {
 int run_up(const Options& options) {
   Options own = options;
   if (own.machine.empty()) {
-    Options here = options;  // neither a port nor a socket is a machine
+    Options here = options;  // neither a port nor a socket replaces the machine file
     here.ports.clear();
     here.control.clear();
     own.machine = default_machine(here);
@@ -197,7 +199,7 @@ int run_up(const Options& options) {
 
 namespace {
 
-// It needs real time.
+// Not with --fast: the gateway needs real time.
 void gateway_words(const Verb& up, Options& options, const Word& fast) {
   const auto take = [&options](const std::string& where) {
     options.offers.gateway.where = where, options.sim.pace = true;
@@ -212,7 +214,7 @@ void gateway_words(const Verb& up, Options& options, const Word& fast) {
 
 }  // namespace
 
-// It needs real time.
+// Not with --fast: the pages need real time.
 void studio_words(const Verb& verb, Options& options, const Word& fast) {
   verb.flag_or_value(
           "--studio", options.offers.studio.where,
@@ -220,6 +222,17 @@ void studio_words(const Verb& verb, Options& options, const Word& fast) {
           "(default 127.0.0.1, the first free port from 8302; other computers with --studio-certificate)")
       .excludes(fast);
   studio_door_words(verb, options, "--studio-");
+}
+
+// Not with --fast: hosts have the time of the clock.
+void mqtt_words(const Verb& verb, Options& options, const Word& fast) {
+  const auto take = [&options](const std::string& where) { options.offers.mqtt = where, options.sim.pace = true; };
+  verb.word("--mqtt", take,
+            "the machine is a Sparkplug B edge node at this broker, such as mqtts://broker:8883 (default: as [mqtt] of "
+            "the machine file)")
+      .shown("URL")
+      .excludes(fast);
+  verb.flag("--no-mqtt", options.offers.no_mqtt, "no broker, even if the machine file names one");
 }
 
 void studio_door_words(const Verb& verb, Options& options, const std::string& prefix) {
@@ -265,6 +278,7 @@ void add_up(Verb& berth, Options& options) {
       .one_of(std::vector<std::string>{"leave", "preop", "stop"});
   gateway_words(up, options, fast);
   studio_words(up, options, fast);
+  mqtt_words(up, options, fast);
   up.word("--master-id", options.master.id, "Berth's own node-ID (default: as the machine file)").from_to(1, 127);
   up.word("--priority", options.master.priority,
           "among several masters of a bus: 0 high to 2 low (default: as the machine file)")

@@ -23,6 +23,8 @@ int run_up(const Options& options);
 Word drive_words(const Verb& verb, Options& options);
 /// --studio and its options; `fast`: what `drive_words` returned.
 void studio_words(const Verb& verb, Options& options, const Word& fast);
+/// --mqtt, --no-mqtt; `fast` as above.
+void mqtt_words(const Verb& verb, Options& options, const Word& fast);
 /// Access to Studio; `prefix`: "--studio-" after `berth up`, "--" after `berth studio`.
 void studio_door_words(const Verb& verb, Options& options, const std::string& prefix);
 

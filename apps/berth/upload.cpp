@@ -1,4 +1,4 @@
-// `berth upload`: the configuration of a slot's device becomes the file of its slot, so that a replacement gets it.
+// `berth upload`: reads the configuration of a slot's device into the slot's file, so that a replacement gets it.
 #include <fmt/format.h>
 
 #include <filesystem>
@@ -25,7 +25,7 @@ struct UploadOptions {
   bool dry_run = false;
 };
 
-// The file that is meant: --output, else that of `config =`.
+// The file to write: --output, else that of `config =`.
 tl::expected<std::string, Failure> target_of(const Options& options, const UploadOptions& wanted, const Json& reply) {
   if (!wanted.output.empty()) return wanted.output;
   const auto machine = machine_of(options);

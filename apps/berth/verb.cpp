@@ -106,7 +106,7 @@ Word Verb::word(const std::string& names, std::optional<unsigned>& into, const s
   return Word(app_ == nullptr ? nullptr : app_->add_option(names, into, help));
 }
 
-// CLI11 takes "-3" for a very large number.
+// CLI11 would read "-3" as a very large number.
 Word Verb::seed(const std::string& names, std::optional<std::uint64_t>& into, const std::string& help) const {
   const auto is_seed = [](const std::string& text) {
     return text.empty() || text.front() == '-' ? fmt::format("\"{}\" is not a seed; write a number from 0", text)
@@ -121,7 +121,7 @@ Word Verb::word(const std::string& names, const std::function<void(const std::st
   return Word(app_ == nullptr ? nullptr : app_->add_option_function<std::string>(names, take, help));
 }
 
-// The check takes the value: one that is wrong is then told as every wrong value is.
+// The check itself takes the value, so that a wrong one is reported like every wrong value.
 Word Verb::read(const std::string& names, const std::string& kind, const Read& read, const std::string& help) const {
   if (app_ == nullptr) return Word(nullptr);
   const auto nothing = [](const std::string&) {};
@@ -182,7 +182,7 @@ void Verb::exactly_one(const std::function<void(const Verb&)>& add) const {
 
 namespace {
 
-/// The command whose words were wrong: the deepest that was named.
+/// The command with the wrong words: the deepest one named.
 const CLI::App& deepest(const CLI::App& app) {
   const CLI::App* at = &app;
   while (!at->get_subcommands().empty()) at = at->get_subcommands().front();
@@ -194,7 +194,7 @@ std::string path_of(const CLI::App& app) {
   return parent == nullptr || parent->get_name().empty() ? app.get_name() : path_of(*parent) + " " + app.get_name();
 }
 
-/// "; did you mean --bitrate?" of a word that the command does not know; empty: nothing is like it.
+/// "; did you mean --bitrate?" for a word that the command does not know; empty: no word is similar.
 std::string did_you_mean(const CLI::App& app, const std::string& word) {
   std::vector<std::string> names;
   if (word.starts_with("-")) {
@@ -216,7 +216,7 @@ std::string did_you_mean(const CLI::App& app, const std::string& word) {
   return meant.empty() ? std::string() : fmt::format("; did you mean {}?", meant);
 }
 
-/// The same for the first word after the command that it does not know.
+/// The same for the first unknown word after the command.
 std::string suggestion(const CLI::App& command, int argc, char** argv) {
   const auto names = command.get_subcommands([](const CLI::App*) { return true; });
   for (int i = 1; i < argc; ++i) {
@@ -260,9 +260,9 @@ int wrong_use(const CLI::App& app, const CLI::ParseError& error, int argc, char*
 
 namespace {
 
-/// A command line's words as CLI11 understands them. It does not understand two things that users may write: the
-/// machine file alone among the words of a verb that has others (it ends in ".toml", unlike any slot, node or object; a
-/// plant file does too), and a negative number, which it takes for an option.
+/// Rewrites a command line's words for CLI11, which does not understand two things that users may write. One is a
+/// machine file without `--machine` among a verb's other words. Its ending ".toml" shows it: no slot, node or object
+/// has that ending, but a plant file has. The other is a negative number, which CLI11 takes for an option.
 class CommandLine {
  public:
   CommandLine(const CLI::App& app, int argc, char** argv) : at_(&app), words_(argv + 1, argv + argc) {}
@@ -270,7 +270,7 @@ class CommandLine {
   std::vector<std::string> made() {
     for (next_ = 0; next_ < words_.size(); ++next_) take(words_[next_]);
     if (!negative_) return std::move(words_);
-    // Behind "--" nothing is an option.
+    // After "--", no word is an option.
     named_.emplace_back("--");
     named_.insert(named_.end(), plain_.begin(), plain_.end());
     return std::move(named_);
@@ -299,7 +299,7 @@ class CommandLine {
       rest_is_plain_ = true;
       return;
     }
-    // Its time may be left out, and what stands after it is no time then.
+    // The time of --watch may be left out: then the next word does not begin with a digit.
     const bool last = next_ + 1 == words_.size();
     const bool timed = !last && std::isdigit(static_cast<unsigned char>(words_[next_ + 1].front())) != 0;
     if (word == "--watch" && !timed) word = "--watch=1 s";
@@ -322,7 +322,7 @@ class CommandLine {
   std::vector<std::string> words_;
   std::size_t next_ = 0;
   std::vector<std::string> named_;  // verbs, options and their values
-  std::vector<std::string> plain_;  // the others
+  std::vector<std::string> plain_;  // the other words
   bool rest_is_plain_ = false;
   bool negative_ = false;
 };
@@ -369,7 +369,7 @@ int run_command_line(int argc, char** argv, const std::vector<AddVerb>& verbs) {
 // ---- words that several verbs have ----
 
 namespace {
-constexpr std::array<std::string_view, 3> colour_words{"auto", "always", "never"};  // as `Colour`
+constexpr std::array<std::string_view, 3> colour_words{"auto", "always", "never"};  // in the order of `Colour`
 }
 
 void json_flag(const Verb& verb, Options& options, const char* help) { verb.flag("--json", options.json, help); }

@@ -55,6 +55,7 @@ void add_sim(Verb& berth, Options& options);
 void add_running_plant(const Verb& sim, Options& options);
 void add_world(Verb& berth, Options& options);
 void add_plant(Verb& berth, Options& options);
+void add_fleet(Verb& berth, Options& options);
 void add_version(Verb& berth, Options& options);
 
 }  // namespace berth::cli

@@ -1,4 +1,4 @@
-// `berth watch`: values by name, with their age and a small plot, read again and again by SDO.
+// `berth watch`: reads values by SDO again and again, and shows them by name, with their age and a small plot.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -29,21 +29,21 @@ using namespace std::chrono_literals;
 struct WatchOptions {
   std::vector<std::string> words;
   std::chrono::nanoseconds every = 1s;
-  unsigned count = 0;  // 0: until it is ended
+  unsigned count = 0;  // 0: until the user ends it
 };
 
-/// What is read goes out by this.
+/// The output of the readings.
 class Shown {
  public:
   virtual ~Shown() = default;
   virtual void reading(const Reading& reading, rt::Time since_begin) = 0;
-  /// Also between two rounds.
+  /// Called between two rounds, too.
   virtual void draw(rt::Time) {}
   /// The user has ended it by a key.
   [[nodiscard]] virtual bool ended() const { return false; }
 };
 
-/// A line for each reading: for people, or as JSON.
+/// One line per reading, as text or as JSON.
 class Lines final : public Shown {
  public:
   Lines(const Watched& watched, bool json) : watched_(watched), json_(json) {}
@@ -64,7 +64,7 @@ class Lines final : public Shown {
   bool json_;
 };
 
-/// The table, drawn anew in place.
+/// A table that is redrawn in place.
 class Table final : public Shown {
  public:
   Table(const Watched& watched, std::string headline, io::Loop& loop)
@@ -88,7 +88,7 @@ class Table final : public Shown {
     std::vector<BoardLine> lines{{text::cut(text::one_line(headline_), size.columns), false}};
     lines.push_back(rows.front());
     rows.erase(rows.begin());
-    const std::size_t room = size.rows > 4 ? size.rows - 4 : 1;  // the headings, the cursor's line, and what is cut
+    const std::size_t room = size.rows > 4 ? size.rows - 4 : 1;  // without headings, cursor, and "rows … of …"
     const bool partial = rows.size() > room;
     first_ = partial ? std::clamp<std::ptrdiff_t>(first_, 0, static_cast<std::ptrdiff_t>(rows.size() - room)) : 0;
     const std::size_t shown = std::min(rows.size(), room);
@@ -115,7 +115,7 @@ class Table final : public Shown {
       case Key::end: first_ = static_cast<std::ptrdiff_t>(watched_.rows().size()); break;
     }
   }
-  // Every key: no line is typed here.
+  // Takes every key, since the user types no lines here.
   bool take(char key) {
     if (key == 'q') ended_ = true;
     if (key == '?') {
@@ -133,7 +133,7 @@ class Table final : public Shown {
   std::ptrdiff_t first_ = 0;
   bool ended_ = false;
   std::unique_ptr<Keyboard> keyboard_;
-  std::optional<ErrorLines> errors_;  // they stand above the table
+  std::optional<ErrorLines> errors_;  // error lines are shown above the table
 };
 
 /// One watch: rounds, and the time between them.
@@ -155,7 +155,7 @@ class Watch {
   }
 
  private:
-  // The exit status, where it cannot go on.
+  // Makes one round; returns the exit status if the watch cannot go on.
   std::optional<int> round() {
     const auto& requests = watched_.requests();
     for (std::size_t i = 0; i < requests.size() && !over(); ++i) {
@@ -175,7 +175,7 @@ class Watch {
     const bool late = options_.timeout && talk_.now() - begin_ >= *options_.timeout;
     return late || run_must_end() || shown_.ended();
   }
-  // While an answer is awaited: ages are drawn, and keys are taken.
+  // Called while an answer is awaited: draws the ages and takes keys.
   [[nodiscard]] bool goes_on() {
     if (talk_.now() >= drawn_ + draw_period) draw();
     return !over();
@@ -184,7 +184,7 @@ class Watch {
     drawn_ = talk_.now();
     shown_.draw(drawn_);
   }
-  // False: it is over. The age of values is drawn meanwhile, and keys are taken.
+  // Waits until the next round; meanwhile draws the ages and takes keys. False: the watch is over.
   bool rest(rt::Time until) {
     do {
       const rt::Duration left = std::max<rt::Duration>(until - talk_.now(), 0ns);
@@ -204,7 +204,7 @@ class Watch {
   rt::Time drawn_ = begin_;
 };
 
-// A machine of another process that only its socket names has no names here.
+// If the user names only another process's socket, this process does not know the machine's names.
 tl::expected<design::Machine, Failure> known_machine(const Options& options) {
   const bool named = !options.machine.empty() || !options.ports.empty();
   return named ? machine_of(options) : design::Machine();

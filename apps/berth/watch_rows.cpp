@@ -28,8 +28,8 @@ struct Widths {
   std::size_t slot = 4;
   std::size_t object = 6;
   std::size_t value = 8;
-  std::size_t age = age_width;      // 0: given up
-  std::size_t plot = longest_plot;  // 0: given up
+  std::size_t age = age_width;      // 0: left out
+  std::size_t plot = longest_plot;  // 0: left out
   [[nodiscard]] std::size_t all() const noexcept {
     std::size_t sum = slot + gap + object + gap + value;
     for (const std::size_t column : {age, plot}) sum += column == 0 ? 0 : gap + column;
@@ -37,7 +37,7 @@ struct Widths {
   }
 };
 
-// Takes from `column` what the rows are too wide, but leaves it `least`.
+// Narrows `column` by the excess width of the rows, but not below `least`.
 void shrink(Widths& widths, std::size_t& column, std::size_t least, std::size_t width) {
   if (widths.all() <= width || column <= least) return;
   column -= std::min(column - least, widths.all() - width);
@@ -71,7 +71,7 @@ std::string to_right(const std::string& words, std::size_t width) {
 
 std::string line_of(const WatchRow& row, const Widths& widths, rt::Time now, bool utf8) {
   const bool failed = !row.trouble.empty();
-  // What is wrong stands in the plot's place, or in the value's.
+  // The problem is shown in place of the plot; if there is no room, in place of the value.
   const bool no_room = failed && (widths.plot == 0 || row.value.empty());
   std::string line = text::padded(fitted(row.slot, widths.slot), widths.slot + gap) +
                      text::padded(fitted(row.object, widths.object), widths.object + gap);

@@ -16,15 +16,15 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// A word taken apart.
+/// The parts of a word.
 struct Named {
   command::NodeArgument node;
   std::string node_word;
   command::KnownObject object;
 };
 
-// Nodes and objects both may have a slash ("line/left", "3/5", "Identity object/Serial number"): the first slash at
-// which both sides are known counts.
+// Names of nodes and objects may both have a slash ("line/left", "3/5", "Identity object/Serial number"). The first
+// slash counts at which both sides are known.
 tl::expected<Named, std::string> named(const design::Machine& machine, const std::string& bus,
                                        const std::string& word) {
   std::string wrong;
@@ -74,7 +74,7 @@ std::optional<double> number_of(const Json& json) {
   return bad == std::errc{} && end == text.data() + text.size() ? std::optional(number) : std::nullopt;
 }
 
-// In a few words: the row has little room.
+// The problem in a few words: the row has little room.
 std::string trouble_of(const Json& json) {
   const auto error = json.find("error");
   if (error == json.end()) return {};
@@ -155,7 +155,7 @@ std::vector<Reading> Watched::take(std::size_t request, const command::Reply& re
   }
   std::vector<Reading> readings;
   for (std::size_t i = 0; i < mine.size(); ++i) {
-    // After a missing answer the node is asked no more.
+    // After a missing answer, the node is not asked further: the rest has the same problem.
     const Json& one = objects.empty() ? unread : objects[std::min(i, objects.size() - 1)];
     WatchRow& row = rows_[mine[i]];
     row.trouble = trouble_of(one);
@@ -176,7 +176,7 @@ std::vector<Reading> Watched::take(std::size_t request, const command::Reply& re
 void Watched::pass_over(std::size_t request, const std::string& why) {
   for (const std::size_t row : rows_of_[request]) {
     rows_[row].trouble = why;
-    if (rows_[row].past.empty()) continue;  // there is nothing that a gap could be in
+    if (rows_[row].past.empty()) continue;  // no plot yet, so no gap in it
     rows_[row].past.emplace_back();
     if (rows_[row].past.size() > most_past) rows_[row].past.pop_front();
   }

@@ -21,7 +21,7 @@ Failure wrong(const std::string& path, int error) {
                  path + ": " + (error == EEXIST ? "is there already" : std::strerror(error)));
 }
 
-/// One of several files. What is not kept is taken away, and what was there before is there again.
+/// One of several files. If it is not kept, it is removed, and the earlier file is restored.
 class Placing {
  public:
   explicit Placing(const std::string& path)
@@ -34,7 +34,7 @@ class Placing {
   Placing(const Placing&) = delete;
   Placing& operator=(const Placing&) = delete;
 
-  /// 0, or what went wrong.
+  /// 0, or an errno.
   [[nodiscard]] int write(std::string_view bytes) { return part_.write(bytes); }
   [[nodiscard]] int place(bool replace) {
     if (replace && ::link(path_.c_str(), before_.c_str()) == 0) saved_ = true;

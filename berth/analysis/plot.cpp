@@ -11,11 +11,11 @@ namespace berth::analysis {
 namespace {
 
 constexpr double row_height = 14, left = 330, width = 560, right = 60, title_height = 50, foot = 30, top = 50;
-constexpr int row_size = 10;  // of words
+constexpr int row_size = 10;  // font size of the words
 
 double ms(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
 
-/// Whole decades around all times of all buses, in ms.
+/// A logarithmic axis of whole decades, in ms, that covers all times of all buses.
 class Scale {
  public:
   explicit Scale(std::span<const PlottedBus> buses) {

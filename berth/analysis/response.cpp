@@ -22,29 +22,29 @@ constexpr Ns ceil_div(Ns a, Ns b) noexcept { return a <= 0 ? 0 : (a + b - 1) / b
 struct Task {
   std::uint32_t key;
   std::size_t sender;
-  Ns c;                  // frame
+  Ns c;                  // length of the frame
   Ns t;                  // period; 0: it may come at any time
   Ns j;                  // jitter
-  Ns f = 0;              // waits so long in a FIFO before arbitration sees it, at most
-  bool endless = false;  // or for ever
-  bool never = false;    // what sends it has no bound
-  Ns queued{};           // bound from the queue to the end of the frame
-  Ns worst{};            // and from the event
-  Ns chain = 0;          // and what it and those that it waits for take together
+  Ns f = 0;              // longest wait in a FIFO before the frame takes part in arbitration
+  bool endless = false;  // that wait has no bound
+  bool never = false;    // the message that triggers it has no bound
+  Ns queued{};           // bound from entering the queue to the end of the frame
+  Ns worst{};            // bound from the event to the end of the frame
+  Ns chain = 0;          // bound for this frame and those that it waits for, together
 };
 
-/// The frames that leave in one order, those of a FIFO or one message's, and what is before them. What it found is
-/// where it goes on when others wait longer: no bound becomes shorter by that.
+/// The frames that are sent in one order, those of a FIFO or of one message, and what can be sent before them. The
+/// results stay: if other messages wait longer, the search continues from them, because no bound becomes shorter.
 struct Order {
   std::vector<std::size_t> own = {};
-  std::vector<std::size_t> before = {};  // others, that win against the lowest of `own`
+  std::vector<std::size_t> before = {};  // other messages, which win arbitration against the lowest of `own`
   Ns blocking = 0;
   Ns resent = 0;  // the longest frame that an error can destroy
-  Ns busy = 0;    // the longest time in which the bus has work of this priority without a pause
+  Ns busy = 0;    // the longest time without a pause in which the bus has work of this priority
   struct Instant {
-    Ns at;         // one more frame can be in the queue then
-    Ns own_work;   // the frames that are in it from the begin up to then
-    Ns start = 0;  // of the last of them, that is `longest` long, at worst
+    Ns at;         // one more frame can be queued at this time
+    Ns own_work;   // length of all frames that can be queued from the beginning up to `at`
+    Ns start = 0;  // latest start of the last of them, whose length is the first of the pair
   };
   /// Ascending, within `busy`, for each length of a frame in `own`.
   std::vector<std::pair<Ns, std::vector<Instant>>> instants = {};
@@ -64,9 +64,9 @@ class Analyzer {
     }
   }
 
-  // Waiting in FIFOs delays others, which then wait longer: iterates from below to the least consistent solution. A
-  // message in no FIFO delays others by its frame only, so it is bounded once, after that. FIFOs that delay each other
-  // without end are given up sooner: a wait of ten of the longest periods counts as no bound.
+  // Waiting in a FIFO delays other messages, which then wait longer. This iterates from below to the least consistent
+  // solution. A message that is in no FIFO delays others by its frame only, so it is bounded once, after that. FIFOs
+  // that delay each other without end are given up sooner: a wait of ten of the longest periods counts as no bound.
   void run() {
     fifos_ = all_fifos();
     find_senders();
@@ -98,7 +98,7 @@ class Analyzer {
   [[nodiscard]] const std::vector<Task>& tasks() const noexcept { return tasks_; }
 
  private:
-  // The messages whose reception sends others.
+  // The messages whose reception triggers others.
   void find_senders() {
     std::vector<std::uint32_t> keys;
     for (const Message& m : line_.messages) {
@@ -109,7 +109,7 @@ class Analyzer {
     }
   }
 
-  // This message's response time is jitter of those triggered by it. True: it has grown.
+  // The response time of this message is jitter of the messages that it triggers. True: that jitter has grown.
   bool lets_go(std::size_t cause) {
     const Queue queue = line_.senders[tasks_[cause].sender].queue;
     Task& task = tasks_[cause];
@@ -136,7 +136,7 @@ class Analyzer {
     return more;
   }
 
-  // An unknown queue is a FIFO: for other senders that is the worse one.
+  // An unknown queue counts as a FIFO here, which is worse for the other senders.
   [[nodiscard]] bool in_order(const Task& task) const noexcept {
     return line_.senders[task.sender].queue != Queue::priority;
   }
@@ -150,7 +150,7 @@ class Analyzer {
     return longer;
   }
 
-  // Within its own queue either may be worse.
+  // For the messages of the queue itself, either order may be the worse one.
   static void take_worse(Task& task, const Task& other) noexcept {
     const bool bounded = task.worst != no_bound && other.worst != no_bound;
     task.queued = bounded ? std::max(task.queued, other.queued) : no_bound;
@@ -191,7 +191,7 @@ class Analyzer {
     return order;
   }
 
-  // One of them may come at any time, or waits for ever before it comes.
+  // One of them may come at any time, or its wait before it comes has no bound.
   [[nodiscard]] bool endless(const Order& order) const {
     const auto of_another = [&](const Task& each) { return each.sender != tasks_[order.own.front()].sender; };
     return std::ranges::any_of(order.own, [&](std::size_t i) { return tasks_[i].t == 0 || tasks_[i].never; }) ||
@@ -200,11 +200,11 @@ class Analyzer {
            });
   }
 
-  /// What is before an order, in numbers side by side: it is added up again and again.
+  /// The messages before an order. Their numbers lie side by side because they are added up again and again.
   struct Load {
     Ns c;
     Ns t;
-    Ns late;  // its jitter, and what it waits
+    Ns late;  // jitter, and the wait in a FIFO
   };
   [[nodiscard]] std::vector<Load> loads_before(const Order& order) const {
     std::vector<Load> loads;
@@ -212,7 +212,7 @@ class Analyzer {
     const std::size_t sender = tasks_[order.own.front()].sender;
     for (const std::size_t i : order.before) {
       const Task& each = tasks_[i];
-      // The sender's own are in one order with this one.
+      // The sender's own messages are sent in one order with this one: their wait in the queue does not count.
       loads.push_back({each.c, each.t, each.j + (each.sender == sender ? 0 : each.f)});
     }
     return loads;
@@ -231,7 +231,7 @@ class Analyzer {
     return (burst - 1 + ceil_div(time, interval)) * (error_bits * bit_ + order.resent);
   }
 
-  // The frames of the order that can be queued in a window that begins with all of them, up to and at `x`.
+  // The work of the order's frames that can be queued up to and at `x`, in a window that begins with all of them.
   [[nodiscard]] Ns own_until(Ns x, const Order& order) const noexcept {
     Ns sum = 0;
     for (const std::size_t i : order.own) sum += ((x + tasks_[i].j) / tasks_[i].t + 1) * tasks_[i].c;
@@ -244,7 +244,7 @@ class Analyzer {
     return sum;
   }
 
-  // False: it never ends.
+  // False: the busy period never ends.
   [[nodiscard]] bool find_busy(Order& order, const std::vector<Load>& before) const noexcept {
     if (load_of(order.own) + load_of(order.before) > 1) return false;
     for (Ns length = std::max(order.busy, order.blocking + 1); length <= longest_;) {
@@ -257,7 +257,8 @@ class Analyzer {
     return false;
   }
 
-  // From the window's begin to the start of the last frame, of length `last`, that was queued up to the instant.
+  // Finds when the last frame that was queued up to the instant starts, from the beginning of the window. `last` is the
+  // length of that frame.
   [[nodiscard]] bool find_start(Order::Instant& instant, Ns last, const Order& order,
                                 const std::vector<Load>& before) const noexcept {
     const Ns least = order.blocking + instant.own_work - last;
@@ -270,7 +271,7 @@ class Analyzer {
     return false;
   }
 
-  // The instants at which one more frame can be in the queue, ascending, after those that are known.
+  // The instants at which one more frame can be queued, ascending. Known instants stay.
   void find_instants(Order& order) const {
     std::vector<Ns> all{0};
     for (const std::size_t i : order.own) {
@@ -289,7 +290,6 @@ class Analyzer {
     }
   }
 
-  // All messages of an order.
   void bound(Order& order) {
     for (const std::size_t i : order.own) tasks_[i].queued = tasks_[i].worst = no_bound;
     if (endless(order)) return;
@@ -312,7 +312,8 @@ class Analyzer {
     return *std::ranges::find_if(fifos_, [i](const Order& each) { return std::ranges::count(each.own, i) > 0; });
   }
 
-  // It, and those of its frames after whose ends it waits; the longest of the orders in which it may be.
+  // The message together with those of its frames whose ends it waits for. The longest result of all orders in which it
+  // may be sent counts.
   void find_chain(std::size_t i, const Order& order) {
     Task& task = tasks_[i];
     const unsigned before = line_.messages[i].frames_before;
@@ -320,14 +321,15 @@ class Analyzer {
     task.chain = std::max(task.chain, chain_of(i, order, (before + 1) * task.worst));
   }
 
-  // Messages that come within the time of all of them can delay only one of them. `most`: each at its latest.
+  // The frames count together: a message that comes once in their whole time delays only one of them. `most`: each
+  // frame is as late as possible.
   [[nodiscard]] Ns chain_of(std::size_t i, const Order& order, Ns most) const noexcept {
     const Message& message = line_.messages[i];
     const Ns frames = message.frames_before + 1;
     const Ns pauses = message.before.count() + frames * bit_;
     const bool alone = order.own.size() == 1;
     const auto before = loads_before(order);
-    // The frame before the first may be one that has already begun: at its begin, nothing with higher priority waited.
+    // The frame before the first one may have begun already. When it began, nothing with higher priority waited.
     const Ns blocking = (frames - 1) * order.blocking + std::max(order.blocking, tasks_[i].c);
     for (Ns length = frames * tasks_[i].c; length <= most;) {
       const Ns window = length + pauses;
@@ -342,8 +344,8 @@ class Analyzer {
   static void take(Task& task, const std::vector<Order::Instant>& instants) noexcept {
     task.queued = task.worst = 0;
     for (const auto& [x, work, start] : instants) {
-      // The event of the frame that is queued at x: its jitter before x at most, and a period after the one before.
-      // With a jitter of a period and more they may have overtaken each other.
+      // The event of the frame that is queued at x was before x, at most by the jitter, and a period after the previous
+      // event. If the jitter is a period or more, frames may have overtaken each other.
       const Ns in_order = std::max((x + task.j) / task.t * task.t, x) - task.j;
       const Ns event = task.j >= task.t ? x - task.j : in_order;
       task.queued = std::max(task.queued, start + task.c - x);
@@ -356,10 +358,10 @@ class Analyzer {
   Ns longest_ = 0;
   std::vector<Task> tasks_;
   std::vector<Order> fifos_;
-  std::vector<std::size_t> cause_;  // whose reception sends others
+  std::vector<std::size_t> cause_;  // messages whose reception triggers others
 };
 
-/// From the cause to the effect.
+/// From the cause to its effect.
 std::optional<rt::Duration> arrival_of(const Message& message, const Response& response,
                                        const std::vector<Task>& tasks) {
   if (!response.worst) return std::nullopt;

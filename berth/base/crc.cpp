@@ -8,7 +8,7 @@
 namespace berth {
 namespace {
 
-// Table k: what a byte gives that has k bytes after it, so that eight bytes are one step ("slicing by 8").
+// Table k holds the CRC of a byte with k bytes after it, so that eight bytes are one step ("slicing by 8").
 constexpr std::size_t slices = 8;
 constexpr auto crc16_tables = [] {
   std::array<std::array<std::uint16_t, 256>, slices> tables{};

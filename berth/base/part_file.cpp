@@ -29,7 +29,7 @@ PartFile::~PartFile() {
 }
 
 int PartFile::write(std::string_view bytes, mode_t mode) {
-  ::unlink(part_.c_str());  // a crash's, of a process with this one's number
+  ::unlink(part_.c_str());  // left by a crashed process with the same process ID
   const int fd = ::open(part_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, mode);
   if (fd < 0) return errno;
   made_ = true;
@@ -51,7 +51,7 @@ int PartFile::place_new() {
     placed();
     return 0;
   }
-  // A file system that cannot say so may have links; never over a file that came meanwhile.
+  // The file system may lack RENAME_NOREPLACE but have links. Neither replaces a file that appeared meanwhile.
   if (errno != EINVAL && errno != ENOSYS) return errno;
   return ::link(part_.c_str(), path_.c_str()) == 0 ? 0 : errno;
 }

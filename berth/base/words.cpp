@@ -9,8 +9,8 @@ namespace {
 
 constexpr std::size_t longest_word = 64;
 
-/// Insertions, deletions, substitutions and swaps of neighbours that turn one word into the other, both of at most
-/// `longest_word` and a few characters; `enough` for that many and more.
+/// The number of insertions, deletions, substitutions and swaps of neighbours that turn one word into the other;
+/// `enough` for that many or more. Both words have at most `longest_word` and a few characters.
 std::size_t distance(std::string_view a, std::string_view b, std::size_t enough) {
   using Row = std::array<std::size_t, longest_word + 4>;
   std::array<Row, 3> rows{};
@@ -27,7 +27,7 @@ std::size_t distance(std::string_view a, std::string_view b, std::size_t enough)
       if (swap) row[j] = std::min(row[j], above_that[j - 2] + 1);
       least = std::min(least, row[j]);
     }
-    // A swap reaches over one row.
+    // `>`, not `>=`: a swap begins two rows above, where the distance may be one less.
     if (least > enough) return enough;
   }
   return std::min(enough, rows[a.size() % 3][b.size()]);
@@ -37,7 +37,7 @@ std::size_t distance(std::string_view a, std::string_view b, std::size_t enough)
 
 bool same_word(std::string_view a, std::string_view b) noexcept {
   if (a.size() != b.size()) return false;
-  if (a.empty() || std::memcmp(a.data(), b.data(), a.size()) == 0) return true;  // as nearly all files spell them
+  if (a.empty() || std::memcmp(a.data(), b.data(), a.size()) == 0) return true;  // nearly all files use this spelling
   for (std::size_t i = 0; i < a.size(); ++i) {
     if (lower(a[i]) != lower(b[i])) return false;
   }

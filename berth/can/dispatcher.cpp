@@ -7,8 +7,8 @@
 namespace berth::can {
 namespace {
 
-// The last of the sorted `firsts` that is `key` or less; the first when none is. Without branches: which way it goes
-// cannot be predicted.
+// The last of the sorted `firsts` that is `key` or less, or the first one if all are greater. It has no branches: the
+// processor could not predict them.
 inline std::size_t last_from(const std::vector<std::uint32_t>& firsts, std::uint32_t key) noexcept {
   const std::uint32_t* base = firsts.data();
   std::size_t length = firsts.size();
@@ -26,7 +26,7 @@ Handler::~Handler() {
   if (dispatcher_ != nullptr) dispatcher_->remove(*this);
 }
 
-// Takes the one that `place` leads to out of the list.
+// `place` is the link of the list that leads to the confirmation.
 inline void Dispatcher::forget(Confirmation*& place) noexcept {
   Confirmation& confirmation = *place;
   place = confirmation.next_;
@@ -67,7 +67,8 @@ void Dispatcher::remove(Handler& handler) noexcept {
   refresh();
 }
 
-// The orders of those added later move up, and with them the place of a frame that is being dealt with.
+// Handlers that were added later move up in the order. `heard_` and `end_` move with them: a frame may be on its way
+// through the handlers.
 void Dispatcher::erase(std::size_t i) noexcept {
   const std::uint32_t gone = entries_[i].order;
   entries_.erase(entries_.begin() + static_cast<std::ptrdiff_t>(i));

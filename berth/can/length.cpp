@@ -5,14 +5,15 @@
 namespace berth::can {
 namespace {
 
-// The stuffed part of a frame is worked through byte by byte. Its head (start of frame to DLC) is put right in whole
-// bytes, so that the data bytes stand whole after it; leading bits that are missing are filled up by alternating ones.
+// The stuffed part of a frame is processed byte by byte. The head (start of frame to DLC) is aligned to the end of
+// whole bytes, so that the data bytes after it are whole. Alternating bits fill the unused bits in front.
 constexpr unsigned base_head = 19;      // SOF, 11, RTR, IDE, r0, DLC: in 3 bytes
 constexpr unsigned extended_head = 39;  // SOF, 11, SRR, IDE, 18, RTR, r1, r0, DLC: in 5 bytes
 constexpr unsigned longest = 5 + 8;     // bytes of head and data
 
 struct Tables {
-  // The CRC is linear: that of a message is the sum of those of its bytes, each followed by as many zero bytes.
+  // The CRC is linear: the CRC of a message is the sum of the CRCs of its bytes, each followed by as many zero bytes as
+  // bytes follow it.
   std::uint16_t crc[longest][256];
   // For each run state (value of the last bit, run length 1..4) and byte: next state << 8 | stuff bits.
   std::uint16_t run[8 * 256];
@@ -60,7 +61,7 @@ struct Head {
   unsigned bytes;
 };
 
-// Start of frame to DLC, in the last bits of so many bytes.
+// Start of frame to DLC, in the last bits of that many bytes.
 inline Head head_of(const Frame& f) noexcept {
   const std::uint64_t rtr = f.remote ? 1U : 0U;
   const std::uint64_t size = f.size < 8 ? f.size : 8U;
@@ -84,22 +85,22 @@ std::uint16_t crc15(const Frame& frame) noexcept {
 
 namespace {
 
-// CRC, and stuff bits up to the byte that was taken last.
+// The CRC, and the number of stuff bits up to the byte that was taken last.
 struct Counter {
   unsigned crc = 0;
-  unsigned state = 0;  // << 8
-  unsigned sum = 0;    // of entries: the stuff bits are in its low byte, for there are at most 2 in each of 15
+  unsigned state = 0;  // shifted left by 8
+  unsigned sum = 0;    // of entries: the low byte counts the stuff bits, at most 2 in each of 15 entries
   void stuff(unsigned byte) noexcept {
     const unsigned entry = tables.run[state | byte];
     state = entry & 0x700U;
     sum += entry;
   }
-  // `column`: the table for as many zero bytes as follow.
+  // `column`: the table for the number of zero bytes that follow.
   void take(unsigned byte, const std::uint16_t (*column)[256]) noexcept {
     crc ^= (*column)[byte];
     stuff(byte);
   }
-  // These without a loop, which would cost a third more.
+  // These have no loop: it would cost a third more.
   template <std::size_t... i>
   void take_head(const Head& head, std::uint64_t fillers, unsigned data, std::index_sequence<i...>) noexcept {
     const auto place = [](std::size_t nth) { return 8 * (sizeof...(i) - 1 - nth); };
@@ -119,7 +120,7 @@ unsigned exact_bits(const Frame& frame) noexcept {
   const Head head = head_of(frame);
   const unsigned data = data_bytes(frame);
   Counter counter;
-  // Fillers in front, which the CRC must not see: 10101 or 1, so that the run before start of frame has length 1.
+  // Fill bits in front, which are not part of the CRC: 10101 or 1, so that the run before start of frame has length 1.
   if (frame.extended) {
     counter.take_head(head, 1ULL << 39, data, std::make_index_sequence<5>());
   } else {
@@ -130,7 +131,7 @@ unsigned exact_bits(const Frame& frame) noexcept {
   } else {
     for (unsigned i = 0; i < data; ++i) counter.take(frame.data[i], tables.crc + (data - 1 - i));
   }
-  // One filler after the CRC: the opposite of its last bit never completes a run of five.
+  // One fill bit after the CRC: the opposite of the last CRC bit never completes a run of five.
   const unsigned crc = counter.crc;
   counter.stuff(crc >> 7);
   counter.stuff((crc << 1 | (~crc & 1U)) & 0xFFU);
@@ -152,7 +153,7 @@ unsigned reachable_most_bits(bool extended, unsigned data_bytes) noexcept {
 
 namespace {
 
-// Counts bits and the stuff bits they need, up to the end of the data field.
+// Counts bits and their stuff bits, up to the end of the data field.
 struct FdCounter {
   unsigned count = 0;
   unsigned run = 0;
@@ -160,7 +161,7 @@ struct FdCounter {
   void put(std::uint32_t value, unsigned bits) noexcept {
     while (bits-- > 0) {
       const unsigned bit = value >> bits & 1U;
-      if (run == 5) {  // only now: after the last bit of data the fixed stuff bit stands instead
+      if (run == 5) {  // not sooner: after the last data bit, the fixed stuff bit comes instead
         ++count;
         last ^= 1U;
         run = 1;

@@ -8,7 +8,7 @@ namespace berth::client {
 
 namespace {
 
-/// CiA's way to write an abort code: "0601 0002".
+/// CiA's notation of an abort code: "0601 0002".
 std::string code_text(std::uint32_t code) { return fmt::format("{:04X} {:04X}", code >> 16, code & 0xFFFFU); }
 
 std::string happened(const Error& error) {

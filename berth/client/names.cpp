@@ -28,7 +28,7 @@ Names::Names(std::shared_ptr<const od::Description> description) : description_(
   }
 }
 
-// Of several objects of one name none is kept: `od::find_object` says which they are.
+// A name that several objects have leads to none of them: `od::find_object` reports which objects have it.
 void Names::add(std::string name, ObjectRef ref) {
   if (od::read_object(name) || od::read_object(name).error().kind == od::NoObject::Kind::bare) return;
   const auto [it, fresh] = objects_.emplace(std::move(name), ref);

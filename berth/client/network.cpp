@@ -17,7 +17,7 @@ Network::~Network() {
 
 void Network::add(RemoteNode& node) {
   nodes_.push_back(&node);
-  // Without a time of its own a node's states are reported all the same, and it is never lost.
+  // A node without a heartbeat time is never lost, but its states are reported.
   const bool limited = node.options_.heartbeat > rt::Duration::zero();
   const auto time = limited ? node.options_.heartbeat : co::HeartbeatConsumer::unlimited;
   if (node.id().configured()) heartbeats_.supervise(node.id(), time);
@@ -34,7 +34,7 @@ void Network::remove(RemoteNode& node) noexcept {
 void Network::heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept {
   const bool mine = std::ranges::any_of(nodes_, [&](const RemoteNode* node) { return node->id() == event.node; });
   if (!mine) return;
-  // Whatever the device was asked before, it will not answer now.
+  // A device that boots does not answer earlier requests any more.
   if (event.kind == co::HeartbeatEvent::Kind::boot_up) sdo_.cancel(event.node);
   for (RemoteNode* node : nodes_) {
     if (node->id() == event.node) node->heard(event, at);

@@ -5,7 +5,7 @@
 namespace berth::client {
 namespace {
 
-/// 1014h as described, else the predefined one.
+/// The value of 1014h in the description, or else the predefined identifier.
 co::CobId emcy_cob_id(const od::Description& description, NodeId id) noexcept {
   const auto* sub = description.find(ObjectRef{0x1014, 0});
   if (sub != nullptr && sub->type == od::DataType::unsigned32 && sub->has_default) {

@@ -48,7 +48,7 @@ std::string utf8_of(std::span<const std::uint8_t> utf16) {
   return out;
 }
 
-/// The code point that begins at `at`, which moves after it; empty: no UTF-8.
+/// Reads the code point at `at` and moves `at` after it. False: this is not UTF-8.
 bool take_utf8(std::string_view text, std::size_t& at, char32_t& c) noexcept {
   const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
   const unsigned first = byte(at++);

@@ -6,8 +6,8 @@
 namespace berth::co {
 namespace {
 
-constexpr can::IdRange outranked{0x680, 0x7FF};  // by the requests of SDO, 600h to 67Fh
-constexpr unsigned quiet_part = 4;               // of the free time: about two frames after 127 segments
+constexpr can::IdRange outranked{0x680, 0x7FF};  // SDO requests, 600h to 67Fh, have priority over these
+constexpr unsigned quiet_part = 4;               // a quarter of the free time: about two frames after 127 segments
 
 }  // namespace
 

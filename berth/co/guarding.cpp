@@ -124,7 +124,7 @@ GuardingMaster::Node* GuardingMaster::first_due(rt::Time now) noexcept {
 }
 
 void GuardingMaster::run() noexcept {
-  // One by one and searched anew: an observer may add and end nodes meanwhile.
+  // The search begins anew after each node: an observer may add or remove nodes meanwhile.
   while (Node* node = first_due(dispatcher_->executor().now())) due(*node);
   arm();
 }
@@ -147,7 +147,7 @@ void GuardingMaster::received(const can::Frame& frame, rt::Time at) noexcept {
   Node* node = find(NodeId(static_cast<std::uint8_t>(frame.id & 0x7FU)));
   if (node == nullptr || !state) return;
   if (*state != NmtState::initialising) return answered(*node, frame.data[0], *state, at);
-  if ((frame.data[0] & toggle_bit) != 0) return;  // no state that a node could be asked in
+  if ((frame.data[0] & toggle_bit) != 0) return;  // no answer to guarding: an initialising node does not answer
   node->waits = false;
   node->seen = false;
   node->missed = 0;

@@ -28,7 +28,7 @@ void HeartbeatProducer::set_period(rt::Duration period) noexcept {
 }
 
 void HeartbeatProducer::run() noexcept {
-  // From the time it was due, so that late jobs do not make the period drift.
+  // The period counts from the time when the frame was due, so that late jobs do not make it drift.
   next_ += period_;
   dispatcher_->executor().at(next_, *this);
   const can::Frame frame = can::Frame::base(error_control_id(node_), {static_cast<std::uint8_t>(state_)});
@@ -54,7 +54,7 @@ constexpr bool entry_used(std::uint32_t value) noexcept {
   return (value & 0xFFFFU) != 0 && entry_node(value) >= 1 && entry_node(value) <= 127;
 }
 constexpr std::uint8_t made_by_supervise = 0;
-// Up to so many nodes are heard by their own identifiers; above it the whole range is cheaper to filter.
+// Up to this number of nodes, each identifier is filtered by itself; above it, filtering the whole range costs less.
 constexpr unsigned few = 8;
 }  // namespace
 
@@ -155,7 +155,7 @@ void HeartbeatConsumer::listen() noexcept {
   for (const Node& node : nodes_) dispatcher_->add(can::only(error_control_id(NodeId(node.number))), *this);
 }
 
-// The timer stands at or before the earliest deadline: heartbeats only move deadlines later and leave it alone.
+// The timer never fires after the earliest deadline. Heartbeats only move deadlines later and do not touch the timer.
 void HeartbeatConsumer::arm(rt::Time deadline) noexcept {
   if (deadline == rt::never || (timed() && due() <= deadline)) return;
   dispatcher_->executor().at(deadline, *this);
@@ -205,7 +205,7 @@ void HeartbeatConsumer::booted(std::uint8_t number, rt::Time at) noexcept {
 
 void HeartbeatConsumer::run() noexcept {
   const auto now = dispatcher_->executor().now();
-  // By number, looked up anew each time: an observer may end or begin supervision.
+  // Each number is looked up anew: an observer may end or begin supervision.
   for (unsigned number = 1; number < places_.size(); ++number) {
     Node* found = find(number);
     if (found == nullptr || found->deadline > now) continue;

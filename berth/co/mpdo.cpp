@@ -24,7 +24,7 @@ can::Frame make(std::uint32_t key, std::uint8_t address, ObjectRef object,
   return frame;
 }
 
-/// A block of consecutive sub-indices, as both lists have it.
+/// A block of consecutive sub-indices, as both lists contain it.
 struct Block {
   ObjectRef first;
   std::uint8_t size = 0;
@@ -37,7 +37,7 @@ Block scanner_entry(std::uint32_t raw) noexcept {
   return {{static_cast<std::uint16_t>(raw >> 8), static_cast<std::uint8_t>(raw)}, static_cast<std::uint8_t>(raw >> 24)};
 }
 
-/// Calls `visit(value)` for the entries of the lists `first`..`last` until it returns true.
+/// Calls `visit(value)` for the entries of the list objects `first`..`last` until it returns true.
 template <class T, class Visit>
 bool any_entry(const od::Values& values, std::uint16_t first, std::uint16_t last, const Visit& visit) noexcept {
   const auto objects = values.description().objects();
@@ -50,7 +50,7 @@ bool any_entry(const od::Values& values, std::uint16_t first, std::uint16_t last
   return false;
 }
 
-/// An object of this device that an MPDO may write.
+/// The object of this device, if an MPDO may write it.
 const od::SubObject* destination(const od::Description& description, ObjectRef object) noexcept {
   const od::SubObject* const sub = description.find(object);
   if (sub == nullptr || object.index < 0x1000 || od::byte_size(sub->type) > mpdo::most_data) return nullptr;

@@ -30,7 +30,7 @@ void NmtSlave::send_boot_up() noexcept {
   switch (dispatcher_->send(can::Frame::base(error_control_id(node_id_), {0x00}))) {
     case can::Queued::yes: enter(NmtState::pre_operational); break;
     case can::Queued::full: dispatcher_->executor().after(boot_up_retry_, *this); break;
-    default: dispatcher_->executor().after(100 * boot_up_retry_, *this);  // bus-off, cable: no hurry
+    default: dispatcher_->executor().after(100 * boot_up_retry_, *this);  // bus-off or a cut cable: there is no hurry
   }
 }
 

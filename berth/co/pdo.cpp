@@ -16,7 +16,8 @@ template <class Pdo>
   return found != pdos.end() && found->number() == number ? &*found : nullptr;
 }
 
-// Most devices number their PDOs without gaps; else they still ascend. Apart, so that this stands in its callers.
+// Most devices number their PDOs without gaps; otherwise the numbers still ascend. `search` is a function of its own,
+// so that the compiler inlines this one.
 template <class Pdo>
 Pdo* find(std::span<Pdo> pdos, unsigned number) noexcept {
   if (number - 1 < pdos.size() && pdos[number - 1].number() == number) return &pdos[number - 1];
@@ -107,7 +108,7 @@ void Pdos::refresh() noexcept {
   if (running_) configure();
 }
 
-// Hears the identifiers of its own TPDOs: for remote frames, and for others that send with them.
+// Hears the identifiers of the own TPDOs: for remote frames, and for other devices that send with them.
 void Pdos::listen() noexcept {
   context_.dispatcher->remove(*this);
   const auto all = tpdos();
@@ -196,13 +197,13 @@ od::AbortCode Pdos::writing(const od::Values& values, ObjectRef ref, std::span<c
   const PdoRecord record = PdoRecord::of(ref.index);
   std::uint64_t raw = 0;
   for (std::size_t i = 0; i < value.size() && i < 8; ++i) raw |= std::uint64_t{value[i]} << (8 * i);
-  if (raw > 0xFFFF'FFFFU) return od::AbortCode::invalid_value;  // described with another type than CiA 301's
+  if (raw > 0xFFFF'FFFFU) return od::AbortCode::invalid_value;  // the description has another type than CiA 301
   const auto number = static_cast<std::uint32_t>(raw);
   const PdoRecords records(values, record.kind, record.number);
   return record.mapping ? records.writing_mapping(ref.sub, number) : records.writing_communication(ref.sub, number);
 }
 
-// Only what may change while a PDO is valid, or what makes it valid or invalid, has an effect now.
+// Only what may change while a PDO is valid, or makes it valid or invalid, takes effect now.
 void Pdos::written(od::Values& values, ObjectRef ref) noexcept {
   const PdoRecord record = PdoRecord::of(ref.index);
   const bool configures = ref.sub == pdo_sub::cob_id || ref.sub == pdo_sub::type;

@@ -63,7 +63,7 @@ od::AbortCode PdoMapping::resolve(const od::Description& description, std::span<
   return od::AbortCode::none;
 }
 
-// Objects that are neighbours in the PDO and in memory become one field.
+// Objects that are neighbours both in the PDO and in memory become one field.
 void PdoMapping::join() noexcept {
   unsigned last = 0;
   for (unsigned i = 1; i < count_; ++i) {

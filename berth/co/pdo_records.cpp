@@ -7,7 +7,7 @@ namespace {
 
 constexpr std::uint32_t most_sync_counter = 240;
 
-// FCh and FDh are sent on remote frames alone, which bit 30 of the COB-ID forbids.
+// PDOs of types FCh and FDh are sent only on a remote frame, which bit 30 of the COB-ID forbids.
 bool contradicts(PdoKind kind, CobId cob, std::uint8_t type) noexcept {
   const bool on_request = type == rtr_sampled_at_sync || type == rtr_only;
   return kind == PdoKind::tpdo && on_request && cob.valid() && (cob.raw() & CobId::second_bit) != 0;

@@ -10,7 +10,7 @@ void Rpdo::set_up(PdoContext& context, std::uint16_t number, std::span<PdoField>
   mapping_ = PdoMapping(room);
 }
 
-// Event-driven, without a deadline and without errors: what fits needs no look at anything else.
+// Event-driven, without deadline and without errors: a frame of the right size needs no further check.
 void Rpdo::choose_way() noexcept {
   const bool quick = active_ && mode_ == PdoMode::mapped && !synchronous(type_) && deadline_ == 0 && faults_ == 0;
   quick_size_ = quick ? static_cast<std::uint8_t>(mapping_.size()) : no_size;

@@ -17,7 +17,7 @@ void BlockSender::sub_block(unsigned size, std::span<const std::uint8_t> window)
   window_ = window.data();
   available_ = window.size();
   size_ = static_cast<std::uint8_t>(size);
-  // Data of no bytes is one segment that is empty.
+  // No data at all is one empty segment.
   const auto segments = window.empty() ? 1 : (window.size() + segment_bytes - 1) / segment_bytes;
   count_ = static_cast<std::uint8_t>(std::min<std::size_t>(size, segments));
   ends_ = segments <= size;
@@ -35,8 +35,8 @@ void BlockSender::segment(can::Frame& frame) const noexcept {
 }
 
 BlockSender::Heard BlockSender::acknowledge(unsigned number, unsigned next_size) noexcept {
-  // A receiver may end a sub-block by its own time-out while the rest still waits for the wire. Anything else that
-  // comes before the whole sub-block is out belongs to the one before.
+  // A receiver may end a sub-block by its own time-out while the rest still waits to be sent. Any other acknowledgement
+  // that comes before the whole sub-block was sent belongs to the previous sub-block.
   if (!all_out() && number > confirmed_) return Heard::stale;
   if (number > count_) {
     code_ = AbortCode::sequence_number;
@@ -89,7 +89,7 @@ BlockReceiver::Heard BlockReceiver::take_other(const can::Frame& frame) noexcept
   if (!heard_ && repeats_last(frame)) return Heard::more;
   if (number > size_) return Heard::invalid;
   heard_ = true;
-  if (number <= good_) return Heard::more;  // once more
+  if (number <= good_) return Heard::more;  // repeated
   if (number == size_ || (frame.data[0] & 0x80U) != 0) return end(frame);
   return Heard::more;
 }
@@ -124,8 +124,8 @@ void BlockPump::stop() noexcept {
   sender_ = nullptr;
 }
 
-// The confirmation is on the first frame of a burst, so that the others keep the queue busy meanwhile. The last frame
-// of all goes alone, as it must have one, too.
+// The first frame of a burst has the confirmation, so that the other frames keep the queue busy until it comes. The
+// last frame of all is sent by itself, because it needs a confirmation, too.
 void BlockPump::push() noexcept {
   can::Frame frame;
   address(frame, id_);

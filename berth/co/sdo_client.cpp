@@ -18,7 +18,7 @@ std::uint64_t bit_of(ObjectRef ref) noexcept {
   return std::uint64_t{1} << ((ref.index ^ ref.index >> 6U ^ ref.sub * 7U) % 64U);
 }
 
-// CiA 301 §7.2.4.3.17 has these codes for downloads alone.
+// CiA 301 §7.2.4.3.17 has these codes for downloads only.
 bool refuses_download(const can::Frame& frame) noexcept {
   if (static_cast<Scs>(sdo::specifier(frame.data[0])) != Scs::abort) return false;
   const auto code = sdo::abort_code(frame);
@@ -42,7 +42,7 @@ bool wants_block(const SdoOptions& options, const SdoClientData& data) noexcept 
   return !size || *size >= options.block_from;
 }
 
-// Of a transfer that is no block transfer.
+// For all transfers but block transfers.
 inline void put_initiate(can::Frame& request, ObjectRef ref, SdoClientData& data) noexcept {
   if (!data.is_download()) return sdo::put(request, 0x40, ref);
   const auto size = data.size();
@@ -124,7 +124,7 @@ void SdoTransfer::attempt() noexcept {
   send();
 }
 
-// Sends the request, to which so many answers may come.
+// Up to `answers` frames may answer the request.
 void SdoTransfer::send(unsigned answers) noexcept {
   request_.answers = static_cast<std::uint8_t>(answers);
   request_.give_up = line_->executor().now() + options_.send_timeout;
@@ -168,8 +168,8 @@ void SdoTransfer::sent(rt::Time at) noexcept {
     extra_->block.request_sent(at);
     patience /= sdo::block_gap_part;
   }
-  // Else each attempt would be lost after a frame of the same period: the master's own heartbeat, say, in a server
-  // that has a receive buffer of one frame.
+  // Otherwise each attempt could be lost after a frame of the same period, such as the master's own heartbeat, in a
+  // server with a receive buffer of one frame.
   if (attempts_ > 1) [[unlikely]]
     patience += patience * (attempts_ - 1) / 16;
   wait_until(at + patience);
@@ -190,7 +190,7 @@ void SdoTransfer::run() noexcept {
 
 void SdoTransfer::timed_out() noexcept {
   const bool again = attempts_ <= options_.retries;
-  // A server that collects a sub-block takes everything but an abort for a segment.
+  // While a server collects a sub-block, it takes every frame but an abort for a segment.
   if (block_ || (options_.abort_on_timeout && !again)) send_abort(AbortCode::timeout);
   if (again) return attempt();
   fail_with(Errc::timeout, 0, "no answer to the SDO request");
@@ -222,14 +222,14 @@ inline bool SdoTransfer::answer(const can::Frame& frame) noexcept {
   if (aborts) return take_abort(frame);
   if (state_ == State::initiate) return initiate_answer(frame);
   if (state_ != State::segments) return false;
-  // A second answer to the initiate (two nodes, one node-ID; a late one): not ours.
+  // A second answer to the initiate (two nodes with one node-ID, or a late answer) does not belong to this transfer.
   const auto command = static_cast<Scs>(sdo::specifier(frame.data[0]));
   if (command == Scs::upload || command == Scs::download) return false;
   follow(segments_.answered(frame, data_));
   return true;
 }
 
-// The most frequent of all: an expedited answer that says its length, to an upload into a value.
+// The most frequent answer: expedited, with its length, to an upload into a value.
 inline bool SdoTransfer::awaits(const can::Frame& frame) const noexcept {
   return request_.on_wire && (load_le<std::uint32_t>(frame.data.data()) & 0xFFFF'FFE3U) == quick_;
 }
@@ -241,7 +241,7 @@ inline void SdoTransfer::take_expedited(const can::Frame& frame) noexcept {
 
 bool SdoTransfer::take_abort(const can::Frame& frame) noexcept {
   const auto object = sdo::multiplexer(frame);
-  // Servers that lost the transfer (a restart) do not know the object any more.
+  // A server that lost the transfer (it restarted) no longer knows the object.
   if (object != ref_ && (state_ == State::initiate || object != ObjectRef{})) return false;
   const auto code = sdo::abort_code(frame);
   if (block_ && state_ == State::initiate && code == AbortCode::command_specifier && options_.fall_back) {
@@ -250,7 +250,7 @@ bool SdoTransfer::take_abort(const can::Frame& frame) noexcept {
     attempt();
     return true;
   }
-  // The server's patience ended before ours: no refusal.
+  // The server's time-out came before ours: this is no refusal.
   if (code == AbortCode::timeout && attempts_ <= options_.retries) {
     attempt();
     return true;
@@ -266,7 +266,7 @@ bool SdoTransfer::initiate_answer(const can::Frame& frame) noexcept {
   if (sdo::multiplexer(frame) != ref_) return false;
   quick_ = not_quick;
   if (block_ && command == (download ? Scs::block_download : Scs::block_upload)) {
-    // Bits 1..0 (download) and 0 (upload) tell an initiate from an acknowledgement or an end.
+    // Bits 1..0 (download) and 0 (upload) distinguish an initiate from an acknowledgement or an end.
     if ((frame.data[0] & (download ? 0x03U : 0x01U)) != 0) return false;
     extra_->block.initiated(frame);
     return true;
@@ -304,7 +304,7 @@ void SdoTransfer::take_initiate(const can::Frame& frame) noexcept {
 }
 
 void SdoTransfer::next_segment() noexcept {
-  // What `lingers` asks first, without a call.
+  // The first check of `lingers`, done here without a call.
   if (line_->executor().now() > began_ + most_lingering && lingers()) return;
   if (segments_.quick_request(request_.frame, data_)) [[likely]]
     return send();
@@ -384,7 +384,7 @@ void SdoLine::enqueue(SdoTransfer& transfer) noexcept {
   *end = &transfer;
 }
 
-// What the newest request was not answered is late from now on. Each silence has its own time: requests after it that
+// From now on, missing answers to the newest request count as late. Each silence has its own time: later requests that
 // are answered do not prolong it.
 void SdoLine::give_up_open(rt::Time at) noexcept {
   if (at > owed_until_) {
@@ -398,7 +398,7 @@ void SdoLine::give_up_open(rt::Time at) noexcept {
   open_ = 0;
 }
 
-// Not in the line: it would make each answer's way to its line longer.
+// It is not kept in the line: finding the line of each answer would take longer.
 rt::Time* SdoLine::owed_since() const noexcept {
   return settings_->learnt == nullptr ? nullptr : &settings_->learnt->owed_since[request_.key() & 0x7FU];
 }
@@ -410,8 +410,8 @@ void SdoLine::owe(std::uint32_t answers) noexcept {
   owed_until_ = open_until_;
 }
 
-// Answers come in the order of the requests, so the first late one belongs to the first request. Which request a later
-// one belongs to is not known.
+// Answers come in the order of the requests, so the first late one belongs to the first request. To which request a
+// later one belongs is not known.
 void SdoLine::learn(NodeId node, const can::Frame& frame, rt::Time at) noexcept {
   if (settings_->learnt == nullptr) return;
   const rt::Time since = std::exchange(settings_->learnt->owed_since[node.value() & 0x7FU], rt::Time{});
@@ -422,7 +422,7 @@ void SdoLine::learn(NodeId node, const can::Frame& frame, rt::Time at) noexcept 
   patience = std::max(patience, std::min<rt::Duration>(took + took / 4, settings_->learnt->most));
 }
 
-// A device that boots answers nothing that was asked before.
+// A device that boots answers no earlier request.
 void SdoLine::booted() noexcept {
   owed_ = 0;
   if (rt::Time* const since = owed_since()) *since = {};
@@ -438,7 +438,7 @@ bool SdoLine::may_be_owed(const can::Frame& frame) const noexcept {
   return !names_object || (silent_ & bit_of(sdo::multiplexer(frame))) != 0;
 }
 
-// One answer to each request; to a block upload as many as a sub-block has segments.
+// A node owes one answer to each request, and to a block upload as many as a sub-block has segments.
 void OtherClientRequests::asked(const can::Frame& request, rt::Time at, rt::Duration patience) noexcept {
   constexpr std::uint32_t most = 128;
   const auto ccs = static_cast<sdo::Ccs>(sdo::specifier(request.data[0]));
@@ -460,8 +460,8 @@ bool OtherClientRequests::take(const can::Frame& answer, rt::Time at) noexcept {
   return true;
 }
 
-// Before anybody has asked, as far as was heard, what a node answers is meant for a client that was here before this
-// one: a master that died a moment ago, say.
+// If nobody was heard to ask this node, its answer is for a client that was there before this one: for example, a
+// master that ended a moment ago.
 bool SdoLine::is_for_another(NodeId node, const can::Frame& answer, rt::Time at) noexcept {
   if (settings_->other_clients == nullptr) return false;
   OtherClientRequests& another = settings_->other_clients[node.value() & 0x7FU];
@@ -482,7 +482,7 @@ void SdoLine::received_other(NodeId node, const can::Frame& frame, rt::Time at) 
   const bool on_wire = first_ != nullptr && first_->request_.on_wire;
   if (!on_wire) give_up_open(at);
   const bool owed = owed_ > 0 && at <= owed_until_ && may_be_owed(frame);
-  // A slow device refuses a download that was sent twice once more while the object is read after it.
+  // If a download was sent twice, a slow device refuses it again while the object is already read.
   const bool belated = owed && first_ != nullptr && !first_->data_.is_download() && refuses_download(frame);
   if (!belated && first_ != nullptr && first_->answer(frame)) {
     if (open_ > 0) --open_;
@@ -493,7 +493,7 @@ void SdoLine::received_other(NodeId node, const can::Frame& frame, rt::Time at) 
   } else if (is_for_another(node, frame, at)) {
     return;
   } else if (static_cast<Scs>(sdo::specifier(frame.data[0])) != Scs::abort ||
-             sdo::abort_code(frame) != AbortCode::timeout) {  // a server may give up by itself
+             sdo::abort_code(frame) != AbortCode::timeout) {  // a server may end a transfer by its own time-out
     ++surplus_;
     if (settings_->observer != nullptr) settings_->observer->surplus(node, frame, at);
   }

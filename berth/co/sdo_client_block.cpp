@@ -1,4 +1,4 @@
-// The SDO client's block transfers (CiA 301 §7.2.4.3.9 to §7.2.4.3.14), and its waiting for streams.
+// The SDO client's block transfers (CiA 301 §7.2.4.3.9 to §7.2.4.3.14), and how it waits for streams.
 #include <algorithm>
 
 #include "berth/co/sdo_client_parts.hpp"
@@ -82,7 +82,7 @@ void SdoTransfer::Block::initiated(const can::Frame& frame) noexcept {
 }
 
 bool SdoTransfer::Block::answer(const can::Frame& frame) noexcept {
-  // Sub-blocks: what is received is segments, and what is sent may be acknowledged before all of it is out.
+  // In sub-blocks, received frames are segments, and a sub-block may be acknowledged before all of it was sent.
   if (phase_ == Phase::sub_blocks) {
     if (!collecting()) return acknowledged(frame);
     if (transfer_->request_.on_wire && frame.data[0] != 0x80) return segment(frame);
@@ -102,13 +102,12 @@ void SdoTransfer::Block::send_sub_block(unsigned size) noexcept {
   if (!bytes) return transfer_->refuse(bytes.error(), "the source gave no more bytes");
   transfer_->state_ = State::block;
   transfer_->request_.on_wire = false;
-  transfer_->request_.deadline = rt::never;  // the pump has its own
+  transfer_->request_.deadline = rt::never;  // the pump has its own time-out
   sender_.sub_block(size, *bytes);
   auto* const pace = transfer_->options_.pace;
   if (pace == nullptr || pace->take(*this)) turn();
 }
 
-// The sub-block goes out.
 void SdoTransfer::Block::turn() noexcept {
   pump_.start(sender_, transfer_->line_->request_, transfer_->options_.send_timeout);
 }
@@ -167,7 +166,7 @@ void SdoTransfer::Block::begin_sub_block(unsigned size) {
 bool SdoTransfer::Block::segment(const can::Frame& frame) noexcept {
   auto& answers = transfer_->request_.answers;
   heard_ = transfer_->line_->executor().now();
-  // What `lingers` asks first, without a call.
+  // The first check of `lingers`, done here without a call.
   if (heard_ > transfer_->began_ + most_lingering && transfer_->lingers()) return true;
   switch (receiver_.take(frame)) {
     case sdo::BlockReceiver::Heard::more:
@@ -179,7 +178,7 @@ bool SdoTransfer::Block::segment(const can::Frame& frame) noexcept {
   return true;
 }
 
-// A sub-block is over: `count` bytes of it are the object's, and so many after them are not (yet).
+// A sub-block is over. `count` of its bytes belong to the object; the next `unused` bytes do not (yet).
 AbortCode SdoTransfer::Block::keep(std::size_t count, std::size_t unused) noexcept {
   const auto bytes = transfer_->data_.filled(count, unused);
   if (crc_used_) crc_ = crc16(bytes, crc_);
@@ -187,7 +186,7 @@ AbortCode SdoTransfer::Block::keep(std::size_t count, std::size_t unused) noexce
 }
 
 void SdoTransfer::Block::acknowledge() noexcept {
-  // What was not heard of the sub-block will not come any more.
+  // Segments of the sub-block that were not heard will not come any more.
   const unsigned answers = transfer_->request_.answers;
   auto& owed = transfer_->line_->owed_;
   owed -= std::min<unsigned>(owed, answers > 0 ? answers - 1U : 0U);
@@ -226,7 +225,7 @@ bool SdoTransfer::Block::end_upload(const can::Frame& frame) noexcept {
   const std::size_t count = sdo::segment_bytes - ((frame.data[0] >> 2U) & 0x07U);
   std::ranges::copy(tail_, transfer_->data_.extend(sdo::segment_bytes));
   auto code = keep(count, sdo::segment_bytes - count);
-  if (code == AbortCode::pending) code = AbortCode::none;  // there is no more
+  if (code == AbortCode::pending) code = AbortCode::none;  // nothing follows that would have to wait
   if (code != AbortCode::none) {
     transfer_->refuse(code, "more bytes than indicated, or than allowed");
   } else if (transfer_->data_.too_few()) {

@@ -35,9 +35,9 @@ AbortCode expedited_download(const can::Frame& request, od::Values& values) noex
 
 }  // namespace
 
-// What frames mean otherwise than by their command. False: look no further.
+// Handles frames whose meaning is not given by their command. False: the frame is done with.
 bool SdoServer::respond_in_block(const can::Frame& request, can::Frame& answer, bool& has_answer) noexcept {
-  // In a sub-block every first byte but the abort's is a segment number.
+  // In a sub-block, the first byte of each frame but an abort is a segment number.
   if (state_ == State::block_download) {
     using Heard = sdo::BlockReceiver::Heard;
     if (request.data[0] == 0x80) {
@@ -63,7 +63,7 @@ inline bool SdoServer::respond(const can::Frame& request, can::Frame& answer) no
   }
   const auto command = static_cast<Ccs>(sdo::specifier(request.data[0]));
   if (command == Ccs::upload) [[likely]] {
-    // By value: what is written meanwhile might be `ref_`, for all that the compiler knows.
+    // A copy: the compiler must assume that a write in between changes `ref_`.
     const ObjectRef ref = sdo::multiplexer(request);
     ref_ = ref;
     state_ = State::idle;
@@ -96,7 +96,7 @@ bool SdoServer::handle(const can::Frame& request, can::Frame& answer) noexcept {
 bool SdoServer::Deferred::ended_by(const can::Frame& frame) const noexcept {
   if (std::ranges::equal(request, frame.bytes())) return false;
   const auto byte = frame.data[0];
-  // Between two sub-blocks a frame is a segment that comes late, whatever it looks like.
+  // Between two sub-blocks, a frame is a late segment, whatever it looks like.
   if (way == Way::confirm && answer[0] == sdo::sub_block_confirmed) return byte == 0x80;
   switch (static_cast<Ccs>(sdo::specifier(byte))) {
     case Ccs::abort:
@@ -108,8 +108,8 @@ bool SdoServer::Deferred::ended_by(const can::Frame& frame) const noexcept {
   }
 }
 
-// The outcome of something that may be pending: then the server waits, and does by `way` what is to be done when the
-// access is answered (`complete`). Otherwise the answer is what confirms it.
+// Takes the outcome of an access. If it is pending, the server waits; when the access is answered, `complete` goes on
+// as `way` says. Otherwise `answer` is sent: the confirmation, or an abort.
 bool SdoServer::settle(const can::Frame& request, can::Frame& answer, AbortCode code, State then,
                        Deferred::Way way) noexcept {
   if (code == AbortCode::none) {
@@ -163,7 +163,7 @@ bool SdoServer::abort(can::Frame& answer, AbortCode code) noexcept {
 
 bool SdoServer::refuse_unknown(const can::Frame& request, can::Frame& answer) noexcept {
   if (!busy()) ref_ = {};
-  // An initiate that is unknown only by its low bits names its object.
+  // An initiate that is unknown only because of its low bits still names its object.
   if (static_cast<Ccs>(sdo::specifier(request.data[0])) == Ccs::block_download && (request.data[0] & 0x01U) == 0) {
     ref_ = sdo::multiplexer(request);
   }
@@ -232,7 +232,7 @@ bool SdoServer::open_upload(const can::Frame& request, can::Frame& answer) noexc
   return true;
 }
 
-// The object is open: expedited when it fits, else the first of a segmented transfer.
+// The object is open: the answer is expedited if the value fits, else it begins a segmented transfer.
 bool SdoServer::answer_upload(can::Frame& answer) noexcept {
   const auto size = data_.size();
   if (size && *size >= 1 && *size <= 4) {
@@ -253,8 +253,8 @@ bool SdoServer::block_upload(const can::Frame& request, can::Frame& answer) noex
   const auto command = request.data[0] & 0x03U;
   if (command == 0) return begin_block_upload(request, answer);
   if (command == 3 && state_ == State::block_upload_start) return send_block(answer);
-  if (command == 3 && state_ == State::block_upload) return false;      // once more
-  if (command == 2 && state_ == State::block_upload_end) return false;  // once more
+  if (command == 3 && state_ == State::block_upload) return false;      // repeated
+  if (command == 2 && state_ == State::block_upload_end) return false;  // repeated
   if (command == 1 && state_ == State::block_upload_end) {
     data_.close_read();
     state_ = State::idle;
@@ -286,7 +286,7 @@ bool SdoServer::begin_block_upload(const can::Frame& request, can::Frame& answer
   return true;
 }
 
-// The segments follow by `sending`; `answer` is only for a refusal.
+// The segments follow by `sending`; `answer` is used only for a refusal.
 bool SdoServer::send_block(can::Frame& answer) noexcept {
   const auto code = block_.next_sub_block(data_);
   if (code != AbortCode::none) return settle(answer, answer, code, state_, Deferred::Way::sub_block);

@@ -23,7 +23,7 @@ AbortCode SdoServerBlock::begin_download(const can::Frame& request, can::Frame& 
   return placed != AbortCode::none ? placed : code;
 }
 
-// The sub-block that is asked for next: as large as the buffer allows.
+// Asks for the next sub-block, as large as the buffer allows.
 AbortCode SdoServerBlock::ask_for_next(SdoServerData& data) noexcept {
   const auto size = data.segments(receiver_.next_size());
   const auto place = data.place(size * sdo::segment_bytes);
@@ -32,7 +32,7 @@ AbortCode SdoServerBlock::ask_for_next(SdoServerData& data) noexcept {
   return AbortCode::none;
 }
 
-// Of the last segment it is not known yet how much of it counts.
+// How many bytes of the last segment count is not known yet.
 AbortCode SdoServerBlock::commit(SdoServerData& data) noexcept {
   const std::size_t count = (receiver_.good() - (receiver_.complete() ? 1U : 0U)) * sdo::segment_bytes;
   const auto code = data.commit(count);

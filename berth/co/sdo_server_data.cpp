@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::size_t no_limit = std::numeric_limits<std::size_t>::max();
 
-// Whether some object may have to be moved piece by piece.
+// True: some object may have to be moved piece by piece.
 bool has_long_values(const od::Description& description, std::size_t buffer) noexcept {
   return std::ranges::any_of(description.subs(), [buffer](const od::SubObject& sub) {
     return sub.type == od::DataType::domain || (sub.variable_length() && sub.capacity > buffer);
@@ -19,7 +19,7 @@ bool has_long_values(const od::Description& description, std::size_t buffer) noe
 
 }  // namespace
 
-// A last segment is put whole, however few of its bytes count.
+// The buffer has room for one segment more: the last segment is stored whole, however few of its bytes count.
 SdoServerData::SdoServerData(od::Values& values, std::size_t buffer, std::uint8_t channel)
     : values_(&values),
       capacity_(buffer),
@@ -86,7 +86,7 @@ od::Answer<std::span<const std::uint8_t>> SdoServerData::far_window(std::size_t 
   auto bytes =
       ahead_.want(wanted, stream_.ready(), [this](std::span<std::uint8_t> into) { return stream_.read(into); });
   if (!bytes || !sized_) return bytes;
-  // A stream that promised a size keeps it.
+  // A stream that announced a size must give that many bytes.
   if (bytes->size() < wanted) return od::refuse(AbortCode::device_state);
   return bytes->first(std::min(bytes->size(), size_ - offset_));
 }

@@ -22,7 +22,7 @@ SdoChannel channel_of(const od::Values& values, std::uint16_t index) noexcept {
   return usable ? channel : SdoChannel{};
 }
 
-// CiA 301 §7.5.2.33: bits 29..0 stand while the channel is valid.
+// CiA 301 §7.5.2.33: bits 29..0 must not change while the channel is valid.
 AbortCode check_cob_id(CobId before, CobId after) noexcept {
   if (!after.well_formed()) return AbortCode::invalid_value;
   if (!after.valid()) return AbortCode::none;
@@ -153,7 +153,7 @@ AbortCode SdoServers::reading(const od::Values&, ObjectRef ref, std::span<const 
 AbortCode SdoServers::writing(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
   if (ref.sub == request_sub || ref.sub == response_sub) {
     if (ref.index == default_server) return AbortCode::read_only;
-    if (value.size() != 4) return AbortCode::none;  // described with another type than CiA 301's: without effect
+    if (value.size() != 4) return AbortCode::none;  // the description has another type than CiA 301: no effect
     return check_cob_id(cob_id(values, ref), CobId(load_le<std::uint32_t>(value.data())));
   }
   const bool bad_node = ref.sub == node_sub && value.size() == 1 && (value[0] < 1 || value[0] > highest_node);

@@ -1,4 +1,4 @@
-// An SDO channel bound to a port.
+// An SDO server's channel on a port.
 #include <algorithm>
 
 #include "berth/co/sdo_server.hpp"
@@ -41,7 +41,7 @@ void SdoServerService::received(const can::Frame& frame, rt::Time at) noexcept {
   const bool pumping = pump_.running();
   const bool has_reply = server_.handle(frame, reply);
   heard_ = at;
-  unsent_.reset();  // a client that asks anew has given up the answer before
+  unsent_.reset();  // a client that asks anew no longer waits for the earlier answer
   if (has_reply) {
     if (pumping) pump_.stop();
     return answer(reply);
@@ -89,7 +89,7 @@ bool SdoServerService::complete(ObjectRef object, AbortCode code, ObjectRef name
   return true;
 }
 
-// A timer that is already set is left alone: it looks itself how long it is since the client was heard.
+// A timer that fires sooner is left alone: `run` checks how long ago the client was heard.
 void SdoServerService::arm() noexcept {
   if (!server_.busy() || server_.pending() || timeout_ <= rt::Duration::zero()) return cancel_timer();
   const auto due = dispatcher_->executor().now() + patience();

@@ -45,7 +45,7 @@ bool Sync::producer() const noexcept {
          values_->get_or<std::uint32_t>(period_object, 0) != 0;
 }
 
-// Reads everything; the period begins now.
+// Reads all objects; the period begins now.
 void Sync::apply() noexcept {
   cob_id_ = CobId(values_->get_or<std::uint32_t>(sync_object, sync_id));
   read_window();
@@ -57,7 +57,7 @@ void Sync::apply() noexcept {
   period_ = owner_->in_world(std::chrono::microseconds(values_->get_or<std::uint32_t>(period_object, 0)));
   produces_ = producer();
   set_missing(false, dispatcher_->executor().now());
-  if (!cob_id_.allowed()) return;  // a faulty default
+  if (!cob_id_.allowed()) return;  // the default value is faulty
   dispatcher_->add(can::only(cob_id_.key()), *this);
   if (!produces_) return;
   next_ = dispatcher_->executor().now() + period_;
@@ -74,7 +74,7 @@ void Sync::run() noexcept {
 }
 
 void Sync::produce() noexcept {
-  // From the time it was due, so that late jobs do not make the period drift.
+  // The period counts from the time when the frame was due, so that late jobs do not make it drift.
   next_ += period_;
   dispatcher_->executor().at(next_, *this);
   can::Frame frame;

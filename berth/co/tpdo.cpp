@@ -6,7 +6,7 @@
 namespace berth::co {
 namespace {
 
-// A frame that the port has had for so long is taken to be lost: a port that was restarted forgets its queue.
+// A frame that the port has had for this long counts as lost: a port that was restarted forgets its queue.
 constexpr auto lost_after = std::chrono::seconds(1);
 constexpr ObjectRef time_stamp{0x1013, 0};
 
@@ -18,7 +18,7 @@ can::Frame empty_frame(std::uint32_t key, unsigned size) noexcept {
   return frame;
 }
 
-// 1013h is a value like any other; a device that transmits it does so with the time of sampling.
+// 1013h is an ordinary value. A device that transmits it sends the time of sampling.
 void stamp(const PdoContext& context) noexcept {
   const auto since = std::chrono::duration_cast<std::chrono::microseconds>(context.now().time_since_epoch()).count();
   context.values->set(time_stamp, static_cast<std::uint32_t>(since));
@@ -101,7 +101,7 @@ void Tpdo::attempt() noexcept {
   if (event_time_ != 0) restart_event_timer();
 }
 
-// Not while the PDO before it waits in the port, and not within the inhibit time after that.
+// The previous PDO must have left the port, and the inhibit time after it must be over.
 bool Tpdo::may_go() noexcept {
   if (free_at_ <= context_->now()) return true;
   waiting_ = true;
@@ -112,7 +112,7 @@ bool Tpdo::may_go() noexcept {
 can::Queued Tpdo::submit(const can::Frame& frame) noexcept {
   if (inhibit_ == 0) return context_->dispatcher->send(frame);
   const can::Queued queued = context_->dispatcher->send(frame, *this);
-  if (queued == can::Queued::yes) free_at_ = context_->now() + lost_after;  // until `sent` knows better
+  if (queued == can::Queued::yes) free_at_ = context_->now() + lost_after;  // until `sent` sets the right time
   return queued;
 }
 
@@ -128,7 +128,7 @@ void Tpdo::sent(rt::Time at) noexcept {
     if (waiting_) context_->arm(free_at_);
     return;
   }
-  for (Tpdo& each : std::span(context_->tpdos, context_->tpdo_count)) {  // there is room in the port again
+  for (Tpdo& each : std::span(context_->tpdos, context_->tpdo_count)) {  // the port has room again
     if (each.waiting_ && synchronous(each.type_)) return each.send_sample();
   }
 }
@@ -149,7 +149,7 @@ void Tpdo::run(rt::Time now) noexcept {
 }
 
 void Tpdo::restart_event_timer() noexcept {
-  // Event-driven, without times and time stamp: an event is a frame.
+  // Event-driven, without times and time stamp: each event is one frame.
   quick_ = active_ && mode_ == PdoMode::mapped && event_driven(type_) && inhibit_ == 0 && event_time_ == 0 && !stamped_;
   due_ = rt::never;
   if (event_time_ == 0 || mode_ != PdoMode::mapped) return;
@@ -211,7 +211,7 @@ void Tpdo::sample() noexcept {
   sampled_ = true;
 }
 
-// With a confirmation, so that it can be taken back when the window closes.
+// It has a confirmation, so that it can be withdrawn when the window closes.
 void Tpdo::send_sample() noexcept {
   can::Frame frame = empty_frame(key_, mapping_.size());
   std::memcpy(frame.data.data(), data_.data(), data_.size());

@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::size_t longest_words = 200;
 
-// One field: the fields of a line are parted by tabulators.
+// One field of a line; tabs separate the fields.
 std::string field(std::string_view text) {
   std::string out(text.substr(0, longest_words));
   if (text.size() > longest_words) out += "…";
@@ -37,7 +37,7 @@ bool changes(const Request& request) {
 
 std::string words_of(const Request& request) {
   std::string words = request.verb;
-  constexpr std::size_t longest_value = 100;  // what stands after a long one is to be read, too
+  constexpr std::size_t longest_value = 100;  // so that what follows a long value can be read, too
   for (const auto& [name, value] : request.arguments) {
     words += fmt::format(" {}={}{}", name, std::string_view(value).substr(0, longest_value),
                          value.size() > longest_value ? "…" : "");

@@ -1,4 +1,5 @@
-// backup save, compare, restore: what devices hold, as DCFs; a DCF beside a device; a DCF into a device.
+// backup save, compare, restore: save the content of devices as DCFs; compare a DCF with a device; write a DCF into a
+// device.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -25,7 +26,7 @@ using manager::LoadedConfiguration;
 
 constexpr const char* conforms = "`berth scan` shows which devices answer";
 
-/// 1018h, as far as the device tells.
+/// 1018h; a part that the device does not have is 0.
 struct DeviceIdentity {
   TypeCode type;
   std::uint32_t revision = 0;
@@ -38,7 +39,7 @@ rt::Task<Result<DeviceIdentity>> identity_of(co::SdoAccess& device) {
   const auto vendor = co_await device.read_u32(identity, 1);
   if (!vendor) co_return fail(vendor.error());
   told.type.vendor = *vendor;
-  for (std::uint8_t sub = 2; sub <= 4; ++sub) {  // optional, but for the vendor-ID
+  for (std::uint8_t sub = 2; sub <= 4; ++sub) {  // optional; only the vendor-ID is mandatory
     const auto value = co_await device.read_u32(identity, sub);
     if (!value && value.error().code == Errc::timeout) co_return fail(value.error());
     (sub == 2 ? told.type.product : sub == 3 ? told.revision : told.serial) = value ? *value : 0;
@@ -50,7 +51,7 @@ std::string words_of(TypeCode type) {
   return fmt::format("vendor-ID {:X}h, product code {:X}h", type.vendor, type.product);
 }
 
-// A file that names no type is for any.
+// A file that names no type fits every device.
 std::string misfit(const std::string& file, TypeCode of_file, TypeCode of_device) {
   const bool vendor_fits = of_file.vendor == 0 || of_file.vendor == of_device.vendor;
   const bool product_fits = of_file.product == 0 || of_file.product == of_device.product;
@@ -67,14 +68,14 @@ const design::Slot* slot_of(const design::Machine& machine, const NodeArgument& 
 /// One device of a backup.
 struct Saved {
   NodeArgument node;
-  std::string bus;   ///< that it is on
-  std::string slot;  ///< empty: it has none
+  std::string bus;   ///< the device's bus
+  std::string slot;  ///< empty: the device is in no slot
   DeviceIdentity told;
   manager::UploadedConfiguration uploaded;
   std::string problem;  ///< why there is no DCF
 };
 
-// Its description: of its slot, else the one that it keeps itself.
+// The device's description: its slot's, else the one stored in the device.
 rt::Task<void> read_description(co::SdoAccess& device, const design::Slot* slot, eds::Reading& into, Saved& saved) {
   if (slot != nullptr && !slot->eds_path.empty()) {
     into = eds::read_any_file(slot->eds_path);
@@ -156,7 +157,7 @@ std::string line_of(const Saved& saved) {
                      saved.uploaded.refused, saved.uploaded.left_out.size());
 }
 
-// Those that are named, one a line, else every slot's.
+// The devices named, one per line; if none is named, the device of every slot.
 Checked<std::vector<Saved>> devices_of(Session& session, const std::string& bus, const std::string& nodes) {
   std::vector<std::string> words;
   if (!nodes.empty()) {
@@ -199,7 +200,7 @@ rt::Task<void> backup_save(Session& session, const Request& request, Reply& repl
     if (!saved.problem.empty()) ++failed;
     json["backups"].push_back(json_of(saved));
     lines.push_back(line_of(saved));
-    saved.uploaded = {};  // of a hundred devices only what is in the answer
+    saved.uploaded = {};  // saves memory: of a hundred devices, only the answer is kept
   }
   json["failed"] = failed;
   give(reply, json, std::move(lines));
@@ -212,7 +213,7 @@ rt::Task<void> backup_save(Session& session, const Request& request, Reply& repl
 
 namespace {
 
-// The digits of a zlib stream, as `backup save` gives it.
+// A zlib stream in hex digits, as `backup save` writes it.
 Checked<std::string> unpacked(const std::string& digits) {
   const auto nibble = [](char c) {
     return c >= '0' && c <= '9'   ? c - '0'
@@ -249,7 +250,7 @@ Checked<LoadedConfiguration> load(Arguments& arguments) {
   return loaded;
 }
 
-/// A DCF beside a device.
+/// The comparison of a DCF with a device.
 struct Comparison {
   NodeArgument node;
   std::string bus;
@@ -280,7 +281,7 @@ Json json_of(const Comparison& c, bool write) {
   return json;
 }
 
-// After a restore the old value is history, not what differs.
+// After a restore, the old value no longer differs: the line gives it as the value before.
 std::string restored_line(const manager::Difference& d) {
   return fmt::format("    {}{}: {}, was {}", od::write_object(d.object), d.name.empty() ? "" : " \"" + d.name + '"',
                      manager::print_value(d.type, d.wanted),
@@ -344,7 +345,7 @@ rt::Task<void> beside(Session& session, const Request& request, Reply& reply, bo
   if (!wanted) co_return fail_with(reply, wanted.error(), loaded->configuration.file);
   c.wanted = std::move(*wanted);
   rt::Turn& turn = (*network)->services().turn;
-  co_await turn.take();  // the main job changes nothing of the device meanwhile
+  co_await turn.take();  // so that the main job changes nothing in the device meanwhile
   const rt::Held held(turn);
   std::optional<co::NodeAccess> direct;
   const co::SdoOptions how = (*network)->services().sdo.options();

@@ -1,4 +1,4 @@
-// `berth lss move-bit-rate`: a whole network to another bit rate.
+// `berth lss move-bit-rate`: switches a whole network to another bit rate.
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
@@ -51,7 +51,7 @@ std::string problems(const BitRateReport& report) {
   return text;
 }
 
-// What a person must do when not all were heard again.
+// What the user must do if not all devices were heard again.
 std::string way_out(const BitRateReport& report) {
   const std::string cycle = "switch the power of every device of this bus off and on: ";
   std::string kept;

@@ -1,4 +1,4 @@
-// boot: the devices of a bus's slots through the NMT startup of CiA 302-2, once, each with the letter of its end.
+// boot: runs the NMT startup of CiA 302-2 once for the devices in a bus's slots, and reports each one's error letter.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -22,10 +22,11 @@ using manager::BootStatus;
 using network::NetworkBoot;
 using network::SlavePhase;
 
-// What a slot's device gets before its start: `config =`, else the heartbeat of its bus.
+// What is written to a slot's device before its start: its configuration (`config =`), else the heartbeat time of its
+// bus.
 class SlotSource final : public network::BootSource {
  public:
-  /// `configures`: it has `config =`, or links.
+  /// `configures`: the slot has `config =`, or links.
   SlotSource(Network& network, const design::Slot& slot, bool configures) noexcept
       : network_(network), slot_(slot), configures_(configures) {}
 
@@ -41,7 +42,7 @@ class SlotSource final : public network::BootSource {
   [[nodiscard]] const std::string& why() const noexcept { return why_; }
 
  private:
-  // A device without a heartbeat is guarded, as `berth up` does.
+  // A device without a heartbeat is guarded, as by `berth up`.
   rt::Task<Result<void>> set_heartbeat(network::BootTarget& target, manager::SlaveRules& rules) {
     const design::Timing& timing = network_.bus().timing;
     const auto period = co::whole_ms(timing.heartbeat_period);
@@ -60,7 +61,7 @@ class SlotSource final : public network::BootSource {
   std::string why_;
 };
 
-// One bus: its slots as a network list, and what became of them.
+// The startup of one bus: its slots as a network list, and their results.
 class BusBoot {
  public:
   BusBoot(Network& network, Session& session)
@@ -81,13 +82,13 @@ class BusBoot {
     }
   }
 
-  /// Until each has ended, well or not, or `limit` is over.
+  /// Runs until each slave has started or failed, or until `limit` has passed.
   rt::Task<Result<void>> run(rt::Duration limit) {
     const auto begun = boot_.begin(plan_);
     if (!begun) co_return begun;
     const rt::Time deadline = executor_.now() + limit;
     while (!over() && executor_.now() < deadline) co_await rt::sleep_for(std::chrono::milliseconds(5));
-    // What was started tells with its next heartbeat that it is operational.
+    // A started device reports with its next heartbeat that it is operational.
     const rt::Time told = executor_.now() + network_.bus().timing.heartbeat_timeout;
     while (!all_told() && executor_.now() < told) co_await rt::sleep_for(std::chrono::milliseconds(5));
     co_return Result<void>{};
@@ -151,7 +152,7 @@ class BusBoot {
   [[nodiscard]] bool answered_twice(std::size_t i) const noexcept {
     return network_.services().sdo.surplus(slots_[i]->spec.id) != surplus_[i];
   }
-  // Before the startup has begun there is none.
+  // Before the startup begins, `boot_` has no status yet.
   [[nodiscard]] network::SlaveStatus status(const design::Slot& slot) const {
     const network::SlaveStatus* const found = boot_.find(slot.spec.id);
     return found == nullptr ? network::SlaveStatus{} : *found;
@@ -170,7 +171,7 @@ class BusBoot {
     });
   }
 
-  // One that never answered is asked until the end: B.
+  // A slave that never answered is asked until the end; its letter is B.
   [[nodiscard]] static char letter_of(const network::SlaveStatus& slave) {
     const bool silent = slave.phase == SlavePhase::idle || slave.phase == SlavePhase::booting;
     return manager::letter(silent ? BootStatus::b : slave.result.status);
@@ -195,7 +196,7 @@ class BusBoot {
   network::NetworkPlan plan_;
   std::vector<std::unique_ptr<SlotSource>> sources_;
   std::vector<const design::Slot*> slots_;
-  std::vector<std::uint32_t> surplus_;  // second answers of each before
+  std::vector<std::uint32_t> surplus_;  // second answers of each slave, before the startup
   std::vector<std::string> events_;
 };
 

@@ -1,5 +1,5 @@
-// sdo connect, sdo release, sdo channels: the SDO manager of a bus (CiA 302-5; docs/sdo-manager.md). Berth's own, or
-// another one, whose 1F00h, 1F01h and 1F10h are written and read.
+// sdo connect, sdo release, sdo channels: the SDO manager of a bus (CiA 302-5; docs/sdo-manager.md). It is Berth's own
+// or another device's; Berth writes and reads the latter's 1F00h, 1F01h and 1F10h.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -26,13 +26,13 @@ using od::cia302::release_sdo;
 using od::cia302::request_sdo;
 constexpr std::uint32_t longest_lease_s = 0xFFFF;
 
-/// What a command is about.
+/// The request of a command.
 struct ChannelWish {
   Network* network = nullptr;
   NodeId client;
   NodeId server;
   std::uint32_t lease_s = 0;  ///< 0: the manager's default
-  NodeId manager;             ///< of another manager; unconfigured: Berth's own
+  NodeId manager;             ///< another manager's node-ID; unconfigured: Berth's own manager
 };
 
 Checked<NodeId> party(const design::Machine& machine, const std::string& word, std::string& bus) {
@@ -100,7 +100,7 @@ std::string channel_line(const SdoConnection& c, double left_s) {
   return channel_line(c, fmt::format("{:.0f} s left", left_s));
 }
 
-// Those of the machine file: no manager gives or takes them.
+// The channels of the machine file: no SDO manager connects or releases them.
 Json planned_channels(const design::Bus& bus, std::vector<std::string>& lines) {
   Json all = Json::array();
   for (const auto& each : bus.channels) {

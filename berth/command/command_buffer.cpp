@@ -50,7 +50,7 @@ RemoteCommands::~RemoteCommands() { session_.on_command({}); }
 
 namespace {
 
-// Empty: a node of this bus may have it done.
+// Empty: a node of this bus may command it.
 std::string why_not(const design::Machine& machine, const std::string& bus, const Request& request) {
   const auto it = std::ranges::find(machine.buses, bus, &design::Bus::name);
   return why_refused(Face::node, request, {.bus = bus, .listed = it == machine.buses.end() ? nullptr : &it->commands});

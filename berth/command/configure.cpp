@@ -1,4 +1,4 @@
-// `berth configure`: what devices have and what their files want.
+// `berth configure`: compares devices with their configuration files, and writes what differs.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -19,7 +19,7 @@ using operate::SlotConfiguration;
 
 struct Wish {
   std::vector<Network*> networks;
-  std::string slot;  // empty: all that have a configuration
+  std::string slot;  // empty: all slots that have a configuration
   bool write = true;
 };
 
@@ -74,7 +74,7 @@ void give_result(Reply& reply, const std::vector<SlotConfiguration>& slots, bool
   }
 }
 
-// Which networks; the problem is for people.
+// The networks to configure. Returns the problem as text for the user.
 std::string read_wish(Session& session, const Request& request, Wish& wish) {
   Arguments arguments(request);
   if (!arguments.good()) return arguments.problem();

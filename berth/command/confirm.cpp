@@ -39,11 +39,11 @@ struct Disturbed {
   Network* network = nullptr;
   std::vector<NodeId> nodes{};
   std::string how{};
-  const tree::Beneath* beneath = nullptr;  ///< the bus of the nodes, where Berth has no port there
+  const tree::Beneath* beneath = nullptr;  ///< the bus of the nodes, if Berth has no port on it
 };
 
-// Nodes of this bus, or of the one beneath that these gateways lead to. There the slots tell; a node without one may
-// run.
+// Nodes of this bus, or of the bus beneath that these gateways lead to. On a bus beneath, only slots show which nodes
+// are operational: a node without a slot may be operational unnoticed.
 Disturbed disturbed_at(Session& session, Network& network, const std::vector<multilevel::Hop>& gateways,
                        co::NmtTarget target, std::string how) {
   if (gateways.empty()) return {&network, operational_of(network, target), std::move(how)};
@@ -92,7 +92,7 @@ Disturbed by_lss(Session& session, const Request& request) {
   const auto network = network_for(session, wanted.bus, Use::look);
   const std::string& service = wanted.service;
   if (!problem.empty() || !network || service == "find" || service.starts_with("identify")) return {};
-  // Without an address it is asked of who is in configuration state already.
+  // Without an address, the service asks the device that is in configuration state already.
   const bool harmless =
       (service == "global" && wanted.state == lss::State::waiting) || (service == "inquire" && !wanted.device);
   if (harmless) return {};
@@ -104,7 +104,7 @@ Disturbed by_lss(Session& session, const Request& request) {
   return {*network, operational_of(**network, co::NmtTarget(slot->id)), how};
 }
 
-// Nobody knows what a frame of a person's does.
+// The effect of a frame that the user writes is unknown.
 Disturbed by_frame(Session& session, const Request& request) {
   const auto bus = request.arguments.find("bus");
   const auto network = network_for(session, bus == request.arguments.end() ? "" : bus->second, Use::look);
@@ -128,7 +128,7 @@ Disturbed by_program(Session& session, const Request& request) {
   return disturbed;
 }
 
-// What a doctor asks; who only listens disturbs nobody.
+// A doctor that asks disturbs devices; one that only listens does not.
 Disturbed by_doctor(Session& session, const Request& request) {
   Arguments arguments(request);
   const std::string bus = arguments.text("bus");
@@ -195,7 +195,8 @@ std::string whom(const std::vector<SlotReport>& slots, const std::vector<NodeId>
   return text;
 }
 
-// Every device of these buses loses its node-ID, on a simulated bus as well: what was bound is gone.
+// Every device of these buses loses its node-ID, and all bindings are lost: so a simulated bus needs a confirmation,
+// too.
 bool confirmed_from_scratch(Session& session, const Request& request, Reply& reply) {
   if (request.arguments.contains("yes")) return true;
   Arguments arguments(request);

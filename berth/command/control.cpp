@@ -52,7 +52,7 @@ bool address_of(const std::string& path, sockaddr_un& address) {
   return true;
 }
 
-// What the socket functions take.
+// The type that the socket functions take.
 const sockaddr* plain(const sockaddr_un& address) noexcept { return reinterpret_cast<const sockaddr*>(&address); }
 
 std::string too_long(const std::string& path) {
@@ -60,7 +60,7 @@ std::string too_long(const std::string& path) {
                      sizeof(sockaddr_un::sun_path) - 1);
 }
 
-/// Of the other end of a connection; empty: the system does not say.
+/// The process at the other end of a connection; empty if the system does not report it.
 std::optional<ucred> peer_of(int fd) {
   ucred who{};
   socklen_t size = sizeof who;
@@ -68,15 +68,15 @@ std::optional<ucred> peer_of(int fd) {
   return who;
 }
 
-/// A process of this user, or of root, which can do everything in any case.
+/// A process of this user, or of root: root can do everything anyway.
 bool trusted(const std::optional<ucred>& peer) noexcept { return peer && (peer->uid == ::geteuid() || peer->uid == 0); }
 
-/// Never waits: EAGAIN when a listener takes no more.
+/// Never waits: EAGAIN if the listener's queue is full.
 bool connects(int fd, const sockaddr_un& address) noexcept {
   return ::connect(fd, plain(address), sizeof address) == 0;
 }
 
-/// The process that listens at a path; 0 when none does. -1: one does, and its identity is not told.
+/// The process that listens at a path; 0: none; -1: a process listens, but the system does not report which.
 pid_t listener_of(const sockaddr_un& address) {
   const Descriptor fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (fd.get() < 0) return 0;
@@ -85,8 +85,8 @@ pid_t listener_of(const sockaddr_un& address) {
   return who ? who->pid : -1;
 }
 
-// A user that can write into the folder could put another socket in place of ours. Where the folder is not there,
-// no process listens in it.
+// A user who can write into the folder could replace our socket by another. A missing folder is no problem: no process
+// listens in it.
 std::string untrusted_folder(const std::string& path) {
   const auto slash = path.rfind('/');
   const std::string folder = slash == std::string::npos ? std::string() : path.substr(0, slash);
@@ -103,7 +103,7 @@ std::string make_folder(const std::string& path) {
   if (slash == std::string::npos || slash == 0) return {};
   const std::string folder = path.substr(0, slash);
   struct stat status {};
-  // A folder that a person named is the person's to make.
+  // If the user names a folder, the user must make it.
   const bool ours = folder == fmt::format("/tmp/berth-{}", ::getuid());
   if (!ours && (::stat(folder.c_str(), &status) != 0 || !S_ISDIR(status.st_mode))) {
     return fmt::format("{}: there is no such folder for the control socket", folder);
@@ -130,7 +130,7 @@ std::string control_path(const std::string& machine) {
                 : fmt::format("/tmp/berth-{}/{}.sock", ::getuid(), name);
 }
 
-// ---- the asking side ----
+// ---- the client ----
 
 namespace {
 
@@ -148,7 +148,7 @@ bool ready(int fd, short events, Deadline end) {
   }
 }
 
-/// Empty when all of it went.
+/// Sends the line; empty: all of it was sent.
 std::string give(int fd, const std::string& line, Deadline end) {
   for (std::size_t done = 0; done < line.size();) {
     const auto n = ::send(fd, line.data() + done, line.size() - done, MSG_NOSIGNAL);
@@ -172,7 +172,7 @@ bool control_answers(const std::string& path) {
 
 namespace {
 
-/// A connection to the process that listens at `path`, when it is one to be trusted.
+/// A connection to the process that listens at `path`, if that process is trusted.
 tl::expected<int, std::string> connected_to(const std::string& path) {
   sockaddr_un address{};
   if (!address_of(path, address)) return tl::unexpected(too_long(path));
@@ -203,7 +203,8 @@ tl::expected<int, std::string> control_follow(const std::string& path) {
 
 namespace {
 
-/// Whether a process is stopped, as by Ctrl-Z. The state stands after the name, which may hold anything.
+/// Whether a process is stopped, as by Ctrl-Z. In the file, the state follows the process's name, which may contain any
+/// character.
 bool is_stopped(pid_t process) {
   std::ifstream file(fmt::format("/proc/{}/stat", process));
   const std::string text((std::istreambuf_iterator<char>(file)), {});
@@ -255,7 +256,7 @@ class Answers {
  private:
   using Clock = std::chrono::steady_clock;
   [[nodiscard]] bool await() const {
-    constexpr auto to_stopped = std::chrono::milliseconds(500);  // at whether the process is stopped
+    constexpr auto to_stopped = std::chrono::milliseconds(500);  // between two looks whether the process is stopped
     constexpr auto to_goes_on = std::chrono::milliseconds(50);
     return ready(fd_, POLLIN, std::min(end_, Clock::now() + (goes_on_ ? to_goes_on : to_stopped)));
   }
@@ -282,7 +283,7 @@ tl::expected<Reply, std::string> control_call(const std::string& path, const Req
   const Descriptor fd(*made);
   Answers answers(fd.get(), path, timeout_ms, goes_on);
   const auto problem = give(fd.get(), to_json(request) + "\n", answers.end());
-  if (!problem.empty() && problem != reason(EPIPE))  // one that has hung up may have said why
+  if (!problem.empty() && problem != reason(EPIPE))  // a server that hung up may have sent the reason
     return tl::unexpected(fmt::format("{}: the request could not be sent: {}", path, problem));
   for (;;) {
     const auto line = answers.next();
@@ -293,9 +294,9 @@ tl::expected<Reply, std::string> control_call(const std::string& path, const Req
   }
 }
 
-// ---- the serving side ----
+// ---- the server ----
 
-/// One connection: one request at a time; the next is read when the answer is out.
+/// One connection, with one request at a time: the next begins after the answer has been sent.
 struct ControlServer::Client final : private io::Seat::Sitter {
   Client(int descriptor, io::Loop& its_loop, io::Seats& seats, rt::Job& its_end)
       : loop(&its_loop), end(&its_end), fd(descriptor), seat(seats, *this, {}), scope(its_loop.executor()) {}
@@ -311,18 +312,18 @@ struct ControlServer::Client final : private io::Seat::Sitter {
   rt::Job* end;
   Descriptor fd;
   io::Seat seat;
-  std::uint64_t taken = 0;    // bytes of `out`, ever
-  bool lost = false;          // its seat
-  std::uint32_t watched = 0;  // events
+  std::uint64_t taken = 0;    // total bytes of `out` that were sent
+  bool lost = false;          // the seat was lost
+  std::uint32_t watched = 0;  // the events that the loop watches for
   std::string in;
   std::string out;
   Request request;
   Reply reply;
   bool busy = false;
   bool answered = false;
-  bool follows = false;       // every frame
-  std::uint64_t dropped = 0;  // lines since the last that went out
-  rt::Scope scope;            // last: its task uses the rest
+  bool follows = false;       // it gets every frame
+  std::uint64_t dropped = 0;  // lines omitted since the last one put into `out`
+  rt::Scope scope;            // last member: its task uses the others
 };
 
 tl::expected<std::unique_ptr<ControlServer>, std::string> ControlServer::listen(const std::string& path, io::Loop& loop,
@@ -371,7 +372,7 @@ ControlServer::~ControlServer() {
 
 void ControlServer::ready(std::uint32_t) noexcept { serve(); }
 
-// All of them, whichever it was: there are few, and none of them blocks.
+// Serves all clients, not only the one that is ready: they are few, and none blocks.
 void ControlServer::serve() noexcept {
   std::erase_if(clients_, [&](const auto& client) {
     if (client->lost || !read_from(*client) || !write_to(*client)) return true;
@@ -401,14 +402,14 @@ bool ControlServer::read_from(Client& client) {
   for (;;) {
     char buffer[4096];
     const auto n = ::recv(client.fd.get(), buffer, sizeof buffer, 0);
-    if (n == 0) return false;  // it left: what it asked for ends with it
+    if (n == 0) return false;  // the client closed the connection, which also cancels its request
     if (n < 0 && errno == EINTR) continue;
     if (n < 0 && errno != EAGAIN && errno != EWOULDBLOCK) return false;
     if (n < 0) break;
     if (client.in.size() + static_cast<std::size_t>(n) > longest_request) return false;
     client.in.append(buffer, static_cast<std::size_t>(n));
   }
-  // A client that takes no answer gets no more of them.
+  // A client that does not read its answer gets no further one.
   if (!client.busy && client.out.empty()) begin(client);
   return true;
 }
@@ -473,7 +474,7 @@ bool ControlServer::write_to(Client& client) {
     client.out.erase(0, static_cast<std::size_t>(n));
     client.taken += static_cast<std::uint64_t>(n);
   }
-  if (!client.busy) begin(client);  // what came while the answer was on its way
+  if (!client.busy) begin(client);  // a request received while the answer was being sent
   return true;
 }
 

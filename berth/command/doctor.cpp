@@ -1,5 +1,5 @@
-// doctor: what is wrong on the buses of a machine that runs, by listening beside the main job, and by asking when a
-// person wants it.
+// doctor: what is wrong on the buses of a running machine. It listens while the main job runs, and asks only if the
+// user wants it.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -20,13 +20,13 @@ namespace {
 
 constexpr std::uint32_t longest_listening = 600;  // s
 
-/// What is asked beside listening.
+/// What the doctor asks in addition to listening.
 struct Questions {
   bool active = false;
   bool intrusive = false;
 };
 
-/// One bus and its ear: what others send comes by the dispatcher, what Berth sends by `OwnFrames`.
+/// One bus and what is heard on it: others' frames from the dispatcher, Berth's own from `OwnFrames`.
 class Patient final : private tree::OwnFrames::Listener {
  public:
   Patient(Session& session, Network& network)
@@ -37,14 +37,14 @@ class Patient final : private tree::OwnFrames::Listener {
 
   [[nodiscard]] const design::Bus& bus() const noexcept { return network_->bus(); }
 
-  /// Before anything is asked: questions make collisions of their own.
+  /// Called before anything is asked: the questions themselves cause collisions.
   void end_listening() {
     heard_ = ear_.heard();
     deaf_ = !network_->services().port.status().up && heard_.listened().count() <= 0;
     if (deaf_) problem_ = fmt::format("bus {}: {} is down: nothing was heard", bus().name, can::to_string(bus().port));
   }
 
-  /// By LSS as who has the turn: the main job binds nobody meanwhile.
+  /// Holds the turn, since it uses LSS: the main job binds nothing meanwhile.
   rt::Task<void> ask(bool intrusive) {
     operate::BusServices& services = network_->services();
     co_await services.turn.take();
@@ -100,7 +100,7 @@ rt::Task<void> examine(Session& session, Arguments& arguments, Reply& reply) {
   reply.error = error_line(problem);
 }
 
-// The buses that are meant and can be heard; the problem is for people.
+// The buses meant that can be heard. The problem is text for the user.
 Checked<std::vector<Network*>> heard_buses(Session& session, const std::string& bus, const Questions& questions) {
   auto networks = networks_for(session, bus, Use::look);
   if (!networks || !questions.active) return networks;
@@ -142,7 +142,7 @@ rt::Task<void> doctor_command(Session& session, const Request& request, Reply& r
   if (arguments.has("conformance")) co_return co_await examine(session, arguments, reply);
   const auto networks = heard_buses(session, bus, questions);
   if (!networks) co_return refuse(reply, 2, networks.error());
-  std::list<Patient> patients;  // they stay where they are: others hold on to them
+  std::list<Patient> patients;  // a list, since others hold references to the elements
   rt::Duration time = std::chrono::seconds(seconds);
   for (Network* const network : *networks) {
     patients.emplace_back(session, *network);

@@ -1,5 +1,5 @@
-// sdo dump: every object of a device that can be read, one after the other. What the device refuses is an answer like
-// any other.
+// sdo dump: reads every readable object of a device, one after the other. A refusal by the device is an answer like any
+// other.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -29,7 +29,8 @@ bool kept_back(const od::Object& object, const od::SubObject& sub) {
   return ((object.obj_flags | sub.obj_flags) & od::refuse_read_on_scan) != 0;
 }
 
-// What a scan may read: not what its description keeps back, and no DOMAIN, which can be a whole program.
+// The objects that a scan may read: none that the description excludes from scans, and no DOMAIN, which can be a whole
+// program.
 std::vector<ObjectRef> described_objects(const od::Description& description) {
   std::vector<ObjectRef> refs;
   for (const od::Object& object : description.objects()) {
@@ -41,7 +42,8 @@ std::vector<ObjectRef> described_objects(const od::Description& description) {
   return refs;
 }
 
-/// Without a description: CiA 301's objects, and of a record as many sub-indices as it says.
+/// The objects to be read. Without a description: CiA 301's objects, and as many sub-indices of a record as its
+/// sub-index 0 says.
 class Walk {
  public:
   explicit Walk(const od::Description* description) : described_(description != nullptr) {
@@ -63,7 +65,7 @@ class Walk {
     return ref;
   }
 
-  // What is there leads to more: the sub-indices of a record, and the next of its kind.
+  // An object that exists adds further ones: the sub-indices of its record, and the next object of the same kind.
   void was_read(ObjectRef ref, std::span<const std::uint8_t> bytes) {
     if (described_ || ref.sub != 0) return;
     const bool of_many = ref.index >= 0x1200 && ref.index < 0x1C00;
@@ -79,12 +81,12 @@ class Walk {
   }
 
   bool described_;
-  std::vector<ObjectRef> left_;  // the next one last
+  std::vector<ObjectRef> left_;  // the next one is the last element
 };
 
 using Bytes = std::vector<std::uint8_t>;
 
-/// What a device's settings are by default, and as its slot's file (`config =`) wants them.
+/// The values of a device's settings by default, and by its slot's file (`config =`).
 class Expectation {
  public:
   Expectation(const design::Machine& machine, const NodeArgument& node)
@@ -98,8 +100,8 @@ class Expectation {
     for (auto& entry : wanted->entries) configured_[entry.object] = std::move(entry.bytes);
   }
 
-  /// Adds "default", "configured", and of a setting "differs": it is not as configured, or not as by default where no
-  /// file says more. For people: what it should be then.
+  /// Adds "default", "configured" and, for a setting, "differs": its value is not the configured one, or not the
+  /// default if no file configures it. Returns text for the user: the value that it should have.
   [[nodiscard]] std::string put(Json& json, const KnownObject& object, std::span<const std::uint8_t> bytes) const {
     const auto* const holder = description_ == nullptr ? nullptr : description_->find(object.ref.index);
     if (holder == nullptr || object.described == nullptr) return {};
@@ -129,7 +131,7 @@ class Expectation {
   std::map<ObjectRef, Bytes> configured_;
 };
 
-/// What was heard, as JSON and as a table.
+/// The device's answers, as JSON and as a table.
 struct Dump {
   const Expectation& expected;
   const NoteBook& notes;

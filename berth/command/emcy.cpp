@@ -1,4 +1,4 @@
-// emcy: what a device says is wrong with it, now (1001h), before (1003h) and as it happens, in words.
+// emcy: a device's errors in words: the present ones (1001h), earlier ones (1003h), and EMCY messages as they arrive.
 #include "berth/co/emcy.hpp"
 
 #include <fmt/format.h>
@@ -29,7 +29,7 @@ struct HistoryReply {
   std::vector<std::string> lines{};
 };
 
-// Sub-index 0 says how many there are, 1 is the newest (CiA 301 §7.5.2.4).
+// Sub-index 0 is the number of entries, sub-index 1 the newest entry (CiA 301 §7.5.2.4).
 rt::Task<Result<void>> read_history(co::SdoAccess& node, std::uint16_t profile, HistoryReply& told) {
   const auto count = co_await node.read(0x1003, 0);
   if (!count) co_return tl::unexpected(count.error());
@@ -48,7 +48,7 @@ rt::Task<Result<void>> read_history(co::SdoAccess& node, std::uint16_t profile, 
   co_return Result<void>{};
 }
 
-/// The messages of a bus, or of one node of it, as they come.
+/// Collects the EMCY messages of a bus, or of one of its nodes, as they arrive.
 class Ear final : private co::EmcyConsumer::Observer {
  public:
   Ear(Network& bus, NodeId only, std::uint16_t profile)
@@ -82,7 +82,7 @@ class Ear final : private co::EmcyConsumer::Observer {
   co::EmcyConsumer consumer_;
 };
 
-// The device profile is the lower word of 1000h (CiA 301 §7.5.2.1); 0 = none, or the device does not tell.
+// The device profile is the lower word of 1000h (CiA 301 §7.5.2.1); 0: none, or it cannot be read.
 rt::Task<std::uint16_t> profile_of(co::SdoAccess& node) {
   const auto type = co_await node.read(0x1000, 0);
   co_return type ? static_cast<std::uint16_t>(number(*type)) : std::uint16_t{0};

@@ -1,4 +1,4 @@
-// What a command sends, without a bus.
+// The frames that a command sends, made without a bus.
 #include <algorithm>
 
 #include "berth/co/sdo.hpp"

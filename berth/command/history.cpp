@@ -1,4 +1,4 @@
-// history, and the report of a machine that no process runs: what the slot table tells.
+// history, and the report of a machine that no process runs: both from the slot table.
 #include "berth/command/stored.hpp"
 
 #include <fmt/format.h>
@@ -21,7 +21,8 @@
 namespace berth::command {
 namespace {
 
-// Unix time on a real bus; on a simulated one milliseconds since its world began, which no real clock shows.
+// On a real bus, the stamp is Unix time; on a simulated one, milliseconds since its world began: too small for a real
+// clock.
 std::string when(std::int64_t stamp_ms) {
   constexpr std::int64_t real = 1'000'000'000'000;  // September 2001
   if (stamp_ms < real) return fmt::format("{:9.3f} s", static_cast<double>(stamp_ms) / 1000);
@@ -34,7 +35,7 @@ std::string when(std::int64_t stamp_ms) {
 
 struct Chosen {
   std::optional<places::SlotId> slot;
-  std::map<places::SlotId, std::string> names;  // of this machine
+  std::map<places::SlotId, std::string> names;  // only slots of this machine
 };
 
 Checked<Chosen> chosen(places::SlotStore& store, const design::Machine& machine, const Request& request) {
@@ -69,7 +70,7 @@ Checked<Chosen> chosen(places::SlotStore& store, const design::Machine& machine,
 
 namespace {
 
-// "WHO<tab>WHAT<tab>ANSWER": berth/command/audit.hpp.
+// "WHO<tab>WHAT<tab>ANSWER", see berth/command/audit.hpp.
 std::array<std::string, 3> parts_of(const std::string& line) {
   const auto first = line.find('\t');
   const auto second = first == std::string::npos ? first : line.find('\t', first + 1);
@@ -115,7 +116,7 @@ void tell_history(places::SlotStore& store, const design::Machine& machine, cons
     const auto name = entry.slot ? wanted->names.find(*entry.slot) : wanted->names.end();
     const bool ours =
         entry.slot ? name != wanted->names.end() : entry.on.bus.empty() || entry.on.machine == machine.name;
-    if (!ours) continue;  // another machine of the same store
+    if (!ours) continue;  // the line is about another machine of the same store
     const std::string where = name == wanted->names.end() ? entry.on.bus : name->second;
     Json line;
     line["stamp_ms"] = entry.stamp_ms;
@@ -157,7 +158,7 @@ void tell_report(places::SlotStore& store, const design::Machine& machine, const
   if (arguments.has("slot")) {
     const auto slot = wanted_slot(machine, request);
     if (!slot) return refuse(reply, 2, slot.error());
-    const auto index = static_cast<std::size_t>(*slot - machine.slots.data());  // in the same order
+    const auto index = static_cast<std::size_t>(*slot - machine.slots.data());  // same order in the report
     tell_slot(report, report.slots[index], {}, machine, store, std::nullopt, reply);
   } else {
     reply.json = to_json(report, -1);

@@ -1,4 +1,4 @@
-// locate: which of the boxes is it?
+// locate: shows the user which physical device it is.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -16,8 +16,8 @@ namespace {
 struct Target {
   Network* network = nullptr;
   std::optional<Identity> device;
-  NodeId id;            // to be asked for its identity
-  std::string problem;  // why there is none
+  NodeId id;            // if configured: ask this node for its identity
+  std::string problem;  // why there is no target
 };
 
 std::optional<Identity> device_of(const Network& network, const std::string& slot) {
@@ -26,7 +26,7 @@ std::optional<Identity> device_of(const Network& network, const std::string& slo
   return it == slots.end() ? std::nullopt : it->device;
 }
 
-// An LSS address, else a slot, else a node-ID.
+// `word` is an LSS address, else a slot, else a node-ID.
 Target target_of(Session& session, const std::string& bus, const std::string& word) {
   Target target;
   if (const auto address = parse_identity(word)) {

@@ -1,4 +1,4 @@
-// The services of CiA 305, one at a time, by hand.
+// lss: the user calls one service of CiA 305 at a time.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -18,7 +18,7 @@
 namespace berth::command {
 namespace {
 
-// What a service's error code means depends on the service (CiA 305; lss/frames.hpp).
+// The meaning of an error code depends on the service (CiA 305; lss/frames.hpp).
 std::string refusal_text(std::uint32_t detail, const char* code1) {
   const unsigned code = detail & 0xFFU;
   if (code == 1) return code1;
@@ -54,7 +54,8 @@ std::string named(const std::optional<LssAddress>& device) {
   return device ? to_string(*device) : std::string("the device in configuration state");
 }
 
-// One device in configuration state, every other in waiting. Without an address: the devices that are there.
+// Switches one device to configuration state, every other to waiting. Without an address it changes nothing: the
+// service goes to the devices that are in configuration state already.
 rt::Task<Result<void>> select(Network& network, std::optional<LssAddress> device) {
   if (!device) co_return Result<void>();
   const LssAddress address = *device;
@@ -73,7 +74,7 @@ rt::Task<Result<void>> select(Network& network, std::optional<LssAddress> device
 rt::Task<void> release(Network& network, std::optional<LssAddress> device) {
   if (!device) co_return;
   const auto released = co_await network.services().lss.switch_global(lss::State::waiting);
-  static_cast<void>(released);  // what was asked for is done
+  static_cast<void>(released);  // the service itself is done already
 }
 
 rt::Task<void> global(Network& network, lss::State state, Reply& reply) {
@@ -129,7 +130,7 @@ rt::Task<void> inquire(Network& network, std::optional<LssAddress> device, Reply
   give(reply, json, std::move(lines));
 }
 
-// One of its answers is the whole reply. `part` is one of the words that `lss_arguments` takes.
+// One answer of the device is the whole reply. `part` is one of the words that `lss_arguments` takes.
 rt::Task<void> inquire_selected(Network& network, const std::string& part, Reply& reply) {
   const std::string doing = fmt::format("inquire {} of {}", part, named({}));
   lss::Master& lss = network.services().lss;
@@ -163,7 +164,7 @@ rt::Task<void> inquire_part(Network& network, std::optional<LssAddress> device, 
   co_await release(network, device);
 }
 
-// Does another device hold this node-ID? Asked by SDO, then by guarding: either answer is one.
+// Does another device have this node-ID? Asks by SDO, then by node guarding: an answer to either means yes.
 rt::Task<Result<bool>> is_taken(Network& network, NodeId id) {
   co::SdoOptions patience = network.services().sdo.options();
   patience.timeout = network.bus().timing.guard_timeout;
@@ -178,12 +179,12 @@ rt::Task<Result<bool>> is_taken(Network& network, NodeId id) {
 }
 
 struct NewId {
-  std::optional<LssAddress> device;  // none: the one in configuration state
+  std::optional<LssAddress> device;  // none: the device in configuration state
   NodeId id;
   bool store = false;
 };
 
-// Gives the node-ID to the device that is selected already; `old` is the one in use.
+// Gives the node-ID to the device that is selected already; `old` is its active node-ID.
 rt::Task<void> configure_node_id(Network& network, const NewId& wanted, NodeId old, Reply& reply) {
   const std::string doing = fmt::format("set node-ID {} of {}", wanted.id.value(), named(wanted.device));
   if (wanted.id.configured() && wanted.id != old) {
@@ -261,7 +262,7 @@ rt::Task<void> bit_timing(Network& network, std::uint32_t rate, std::optional<Ls
                     named(device), rate == 0 ? "the bit rate that it finds" : fmt::format("{} bit/s", rate))});
 }
 
-// CiA 305: each device is silent for one delay, changes, and is silent for another.
+// CiA 305: each device is silent for one delay, switches its bit rate, and is silent for another delay.
 rt::Task<void> activate(Network& network, std::uint16_t delay_ms, std::uint32_t rate, Reply& reply) {
   const auto sent = co_await network.services().lss.activate_bit_timing(delay_ms);
   if (!sent) co_return lss_failed(reply, network, sent.error(), "activate bit timing");
@@ -311,7 +312,7 @@ rt::Task<void> identify_unconfigured(Network& network, Reply& reply) {
                {"at least one device has no node-ID", "no device without a node-ID answers"}, reply);
 }
 
-// A device that is found is left "unknown" as before when no slot knows it, so that a running main job finds it too.
+// A found device that sits in no slot is made "unknown" again, so that a running main job finds it, too.
 rt::Task<void> find(Network& network, Reply& reply) {
   const auto blank = co_await network.services().lss.identify_non_configured();
   if (!blank) co_return lss_failed(reply, network, blank.error(), "identify non-configured slaves");
@@ -333,7 +334,7 @@ rt::Task<void> find(Network& network, Reply& reply) {
     if (seated) continue;
     const LssAddress stranger = d.address;
     const auto told = co_await network.services().rand.switch_selective(stranger, nodeid::Identification::unknown);
-    static_cast<void>(told);  // the next discovery asks all anew
+    static_cast<void>(told);  // a failure does no harm: the next discovery asks all devices anew
   }
   lines.push_back(fmt::format("{} found; {} device without a node-ID answers LSS", report->found.size(),
                               blank->answers > 0 ? "at least one" : "no"));
@@ -386,7 +387,7 @@ LssArguments lss_arguments(const Request& request, std::string& problem) {
 
 namespace {
 
-// The network that a service is for. Null: the reply says why there is none, or what is wrong with the request.
+// The network for the service. Null: the reply says why there is none, or what is wrong with the request.
 Network* network_of(Session& session, const LssArguments& wanted, const std::string& problem, Reply& reply) {
   if (!problem.empty()) {
     refuse(reply, 2, problem);

@@ -16,14 +16,14 @@ namespace {
 
 constexpr std::size_t most_digits = 18;
 
-/// digits times 10 to the power of `exponent`.
+/// `digits` times 10 to the power of `exponent`.
 struct Decimal {
   bool negative = false;
   std::uint64_t digits = 0;
   int exponent = 0;
 };
 
-// "23.5", "-7"; empty for anything else.
+// Parses "23.5" or "-7"; empty for anything else.
 std::optional<Decimal> decimal(std::string_view text) {
   Decimal made;
   if (text.starts_with('-') || text.starts_with('+')) {
@@ -60,7 +60,7 @@ double scale_of(const od::Meaning& meaning) {
   return static_cast<double>(meaning.number) * std::pow(10.0, meaning.exponent);
 }
 
-/// A number and what stands after it.
+/// A number and the text after it.
 struct Quantity {
   std::string_view number;
   std::string_view unit;
@@ -74,7 +74,7 @@ Quantity split(std::string_view text) {
   return parts;
 }
 
-// Whole counts: the unit's decimals that a count has not are refused rather than rounded.
+// A whole number of counts. A value between two counts is refused, not rounded.
 std::optional<std::uint64_t> counts_of(const od::Meaning& meaning, const Decimal& value) {
   std::uint64_t digits = value.digits;
   for (int e = value.exponent - meaning.exponent; e != 0 && digits != 0; e += e < 0 ? 1 : -1) {
@@ -129,7 +129,7 @@ std::vector<const od::NamedValue*> all_of(const od::Meaning& meaning) {
   return all;
 }
 
-// As names of objects: the exact name, else the name in either case, else those that begin so.
+// Matches like names of objects: the exact name; else the same name in any case; else all names with this beginning.
 std::vector<const od::NamedValue*> named(const od::Meaning& meaning, std::string_view word) {
   std::vector<const od::NamedValue*> exact;
   std::vector<const od::NamedValue*> same;
@@ -143,7 +143,7 @@ std::vector<const od::NamedValue*> named(const od::Meaning& meaning, std::string
   return !exact.empty() ? exact : !same.empty() ? same : begins;
 }
 
-// A name such as "9600", which is another value's number, too.
+// Refuses a name such as "9600" that is also the number of another value.
 Checked<std::uint64_t> number_or_name(const KnownObject& object, const od::NamedValue& named, const std::string& text) {
   const auto parsed = od::parse(object.type, text);
   const bool other = parsed && parsed->value.present() && parsed->value.raw != named.raw;
@@ -207,7 +207,7 @@ std::optional<Checked<std::uint64_t>> raw_meant(const KnownObject& object, const
   const Quantity parts = split(text);
   if (number && !parts.unit.empty() && !meaning.unit.empty()) {
     if (same_word(parts.unit, meaning.unit)) return raw_of_quantity(object, parts, text, node);
-    if (od::parse(object.type, text)) return std::nullopt;  // "0x1F", "1e3"
+    if (od::parse(object.type, text)) return std::nullopt;  // a number with letters, such as "0x1F" or "1e3"
     return Answer(tl::unexpected(fmt::format("value {}: the unit of {} is {}; write that unit, or the number alone",
                                              text::quoted(text), od::write_object(object.ref), one_count(meaning))));
   }

@@ -1,4 +1,4 @@
-// store, restore: a device's own memory of its parameters (1010h, 1011h).
+// store, restore: parameters in a device's non-volatile memory (1010h, 1011h).
 #include <fmt/format.h>
 
 #include <array>
@@ -15,7 +15,7 @@
 namespace berth::command {
 namespace {
 
-/// CiA 301 §7.5.2.13 and .14: what is written to the sub-index of a group.
+/// CiA 301 §7.5.2.13 and .14: the signature written to the sub-index of a group.
 struct Service {
   std::uint16_t index;
   std::array<std::uint8_t, 4> signature;
@@ -24,7 +24,7 @@ struct Service {
 constexpr Service saves{0x1010, {'s', 'a', 'v', 'e'}, "stored"};
 constexpr Service loads{0x1011, {'l', 'o', 'a', 'd'}, "restored: in use after a reset (`berth nmt reset-node`)"};
 
-// Sub-index by the group's name.
+// The sub-index of a group of parameters.
 std::uint8_t group_of(Arguments& arguments) {
   const std::string word = arguments.text("group");
   if (word.empty() || word == "all") return 1;
@@ -61,7 +61,7 @@ rt::Task<void> device_memory(Session& session, const Request& request, Reply& re
   const Service& service = request.verb == "store" ? saves : loads;
   co::SdoOptions options = bus.services().sdo.options();
   options.timeout = bus.bus().timing.save_timeout;
-  options.retries = 0;  // a device that is slow to answer writes its memory: it is not told twice
+  options.retries = 0;  // no answer for long: the device may be writing its memory, so the command is not repeated
   std::optional<co::NodeAccess> direct;
   co::SdoAccess& device = objects_of(session, bus, node, options, direct);
   const std::span<const std::uint8_t> signature(service.signature);

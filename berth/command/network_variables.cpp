@@ -20,7 +20,7 @@ bool named_by_a_link(const design::Machine& machine, const std::string& slot, co
       machine.links, [&](const design::Link& link) { return is_it(link.from) || std::ranges::any_of(link.to, is_it); });
 }
 
-// The plan's file is read where there is one: to plan anew takes longer.
+// Reads the file of the plan if there is one: planning anew takes longer.
 std::vector<linker::EarlierVariable> variables_of(const design::Machine& machine) {
   Findings ignored;
   auto earlier = traffic::earlier_plan(machine, ignored);

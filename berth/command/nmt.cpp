@@ -1,4 +1,4 @@
-// nmt: one NMT command.
+// nmt: sends one NMT command.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -19,7 +19,7 @@ namespace {
 
 struct NmtWord {
   std::string_view word;
-  std::string_view also;  ///< the state that it leads to, or the short word
+  std::string_view also;  ///< the state that the command leads to, or its short form
   co::NmtCommand command;
 };
 constexpr std::array nmt_words{NmtWord{"start", "operational", co::NmtCommand::start},
@@ -69,8 +69,8 @@ std::uint8_t NmtArguments::request_value() const noexcept { return network::requ
 
 namespace {
 
-// NMT has no answer: what the next heartbeat tells is one, and who asks for the slots after this is told what they are
-// now. A node that stays silent or does not follow is no failure of the command.
+// NMT has no answer, so the next heartbeat serves as one: a report asked for after this command then has the new
+// states. A node that stays silent or does not change its state is no failure of the command.
 rt::Task<void> wait_for_heartbeats(Network& bus, const NmtArguments& nmt) {
   const NmtState wanted = co::state_after(nmt.command);
   if (wanted == NmtState::initialising) co_return;
@@ -103,7 +103,7 @@ Json json_of(const Network& bus, const NmtArguments& nmt) {
   return json;
 }
 
-// By another master of the bus, or of one beneath: its 1F82h is written.
+// Another master of the bus, or the master of a bus beneath, sends the command: its 1F82h is written.
 rt::Task<void> request_of(Session& session, Network& bus, const NmtArguments& nmt, Reply& reply) {
   const std::array<std::uint8_t, 1> value{nmt.request_value()};
   const NodeArgument master{bus.bus().name, nmt.requested_of, nullptr, nmt.gateways};
@@ -120,7 +120,7 @@ rt::Task<void> request_of(Session& session, Network& bus, const NmtArguments& nm
                         "a node that is not an NMT master, or is not in its network list (1F81h), is refused",
                         master.path());
   }
-  // The master beneath was told, and sends it now; who asks for the slots after this is told what they are then.
+  // The master beneath sends the command now. Waiting a little gives a report asked for afterwards the new states.
   const auto* const line = bus_of(session.machine(), master);
   tree::Beneath* const beneath = line == nullptr ? nullptr : session.tree().bus(line->name);
   if (beneath != nullptr && session.started()) {
@@ -133,7 +133,7 @@ rt::Task<void> request_of(Session& session, Network& bus, const NmtArguments& nm
        {fmt::format("node {} was asked for NMT {} to {} (1F82h)", master.text(), co::name(nmt.command), whom(nmt))});
 }
 
-// NMT ends at a gateway: the master of the bus beneath it sends the command.
+// A gateway does not forward NMT: the master of the bus beneath it must send the command.
 NodeId master_beneath(const design::Machine& machine, const std::string& bus, const NmtArguments& nmt) {
   for (const auto& beneath : machine.beneath) {
     if (tree::way_to(machine, beneath.name) == tree::Way{bus, nmt.gateways}) return beneath.master;

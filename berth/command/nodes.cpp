@@ -12,7 +12,7 @@ namespace {
 
 std::string path_of(const design::Slot& slot) { return slot.spec.name.bus + "/" + slot.spec.name.name; }
 
-// What begins as a path and is none.
+// Text that looks like a path.
 bool like_a_path(std::string_view word) {
   return word.find('/') != std::string_view::npos && word.find_first_not_of("0123456789./") == std::string_view::npos;
 }
@@ -43,7 +43,7 @@ std::string no_slot(const design::Machine& machine, const std::string& word) {
                      some_of(shown));
 }
 
-// "3/5": node 5 beneath gateway 3; by Berth's own port where that bus, or one on the way, has one.
+// "3/5" is node 5 beneath gateway 3. If Berth has a port on that bus, or on one on the way, the way begins there.
 NodeArgument by_path(const design::Machine& machine, const std::string& bus, const multilevel::Path& path) {
   const auto* const top = bus.empty() ? machine.top() : machine.bus(bus);
   const auto* const on = top == nullptr ? nullptr : tree::bus_at(machine, {top->name, path.gateways});

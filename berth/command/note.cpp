@@ -1,5 +1,5 @@
-// note read, note write, note remove: what is known of an object, and what a person writes about it into the file
-// beside the description. No device is asked.
+// note read, note write, note remove: what is known of an object, and the user's note about it in the file beside the
+// description. No device is asked.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -17,15 +17,15 @@
 namespace berth::command {
 namespace {
 
-/// What a request is about.
+/// The arguments of a request, resolved.
 struct NoteArguments {
   NodeArgument node;
-  std::string bus;          ///< that it is on
-  std::string description;  ///< its file; empty: its slot has none, or it is in no slot
+  std::string bus;          ///< the node's bus
+  std::string description;  ///< file of the node's description; empty: its slot has none, or it is in no slot
   KnownObject object;
 };
 
-// What is wrong is kept by `arguments`.
+// `arguments` keeps the problem, if there is one.
 std::optional<NoteArguments> note_arguments(Arguments& arguments, const design::Machine& machine) {
   NoteArguments wanted;
   wanted.node = node_argument(arguments, machine);
@@ -46,7 +46,7 @@ std::optional<NoteArguments> note_arguments(Arguments& arguments, const design::
 
 constexpr std::size_t longest_text = 1000;
 
-// What a line of a page, or of a terminal, can show.
+// Accepts only text that one line of a page or a terminal can show.
 Checked<std::string> word_of(const std::string& what, const std::string& text) {
   if (text.size() > longest_text) {
     return tl::unexpected(fmt::format("{} has more than {} bytes: a note is one sentence", what, longest_text));
@@ -74,7 +74,7 @@ Checked<double> scale_of(const std::string& text) {
                   text::quoted(text)));
 }
 
-// Of "3=fault" the number and the name; an empty name takes it away.
+// Takes number and name from "3=fault"; an empty name removes the number.
 template <class Map>
 Checked<void> take_names(const std::string& what, const std::string& lines, std::int64_t low, std::int64_t high,
                          Map& into) {
@@ -98,7 +98,7 @@ Checked<void> take_names(const std::string& what, const std::string& lines, std:
   return {};
 }
 
-// `note` with what the request says of it.
+// `note` with the request's changes.
 Checked<Note> changed(Note note, const Arguments& arguments) {
   if (arguments.has("anew")) note = {};
   for (const auto& [key, into] : {std::pair("text", &note.text), std::pair("unit", &note.unit)}) {

@@ -22,7 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 constexpr std::size_t longest_word = 1000;
 
-/// One table of the file.
+/// Reads one table of the file.
 class Reader {
  public:
   Reader(const text::Value& value, const std::string& path, const std::string& file, Findings& findings)
@@ -158,7 +158,7 @@ std::string description_file(const design::Machine& machine, const NodeArgument&
   return slot == nullptr ? std::string() : slot->eds_path;
 }
 
-// What `over` says counts.
+// What `over` says replaces what `note` says.
 void lay_over(Note& note, const Note& over) {
   if (!over.text.empty()) note.text = over.text;
   if (!over.unit.empty()) note.unit = over.unit, note.scale = over.scale;
@@ -210,7 +210,7 @@ KnownObject NoteBook::shown(const KnownObject& object) const {
   return made;
 }
 
-// ---- what a note makes of a value ----
+// ---- a value, as its note explains it ----
 
 namespace {
 
@@ -256,9 +256,9 @@ std::string names_text(const Map& names, const char* before) {
   return text;
 }
 
-/// A scale as a description has it: a whole number and a power of ten; empty: it has none so large or so small.
+/// A scale as in a description: a whole number and a power of ten; empty: too large, too small, or too many digits.
 std::optional<std::pair<std::int64_t, std::int8_t>> decimal_of(double scale) {
-  const std::string text = fmt::format("{}", scale);  // the shortest that is this number: "0.1", "2.5e-05"
+  const std::string text = fmt::format("{}", scale);  // the shortest text of this number: "0.1", "2.5e-05"
   const auto e = text.find('e');
   int exponent = e == std::string::npos ? 0 : std::stoi(text.substr(e + 1));
   std::string digits;
@@ -300,7 +300,7 @@ void put_note(Json& json, const Note& note, od::DataType type, std::span<const s
 std::string note_text(const Note& note, const KnownObject& object, std::span<const std::uint8_t> bytes) {
   if (!says_of(note, object.type, bytes)) return {};
   std::string text;
-  // Times of communication objects have their unit already ("500 ms").
+  // The value's text may have a unit already, as times of communication objects do ("500 ms").
   const bool has_quantity = !unit_text(object, bytes).empty() || !quantity_text(object, bytes).empty();
   const std::string quantity = has_quantity ? std::string() : quantity_of(note, object.type, bytes);
   const std::string meaning = value_name(object, bytes).empty() ? meaning_of(note, object.type, bytes) : std::string();

@@ -31,7 +31,7 @@ std::string table_of(const Map& names) {
   return made.empty() ? made : made + " }";
 }
 
-// As TOML has it; empty: the note has none.
+// The key's value in TOML; empty: the note has none.
 std::string rendered(const Note& note, std::string_view key) {
   if (key == "text") return note.text.empty() ? std::string() : text::quoted(note.text);
   if (key == "unit") return note.unit.empty() ? std::string() : text::quoted(note.unit);
@@ -39,7 +39,7 @@ std::string rendered(const Note& note, std::string_view key) {
   return key == "values" ? table_of(note.values) : table_of(note.bits);
 }
 
-/// Bytes that give way to others.
+/// Replaces a range of bytes by other bytes.
 struct Change {
   std::size_t begin = 0;
   std::size_t end = 0;
@@ -47,12 +47,12 @@ struct Change {
 };
 
 std::string changed(std::string_view text, std::vector<Change> changes) {
-  // What is put in at a place comes before what goes there.
+  // An insertion comes before a replacement that begins at the same place.
   std::ranges::stable_sort(changes, {}, [](const Change& c) { return std::pair(c.begin, c.end); });
   std::string made;
   std::size_t at = 0;
   for (const Change& change : changes) {
-    if (change.begin < at) return {};  // one within another: nothing that a person would write
+    if (change.begin < at) return {};  // overlap: only in a file that no person would write
     made += text.substr(at, change.begin - at);
     made += change.bytes;
     at = change.end;
@@ -71,7 +71,7 @@ std::size_t next_line(std::string_view text, std::size_t at) noexcept {
   return newline == std::string_view::npos ? text.size() : newline + 1;
 }
 
-/// Behind the last character of the value and of all that is in it.
+/// The place after the last character of the value and of everything in it.
 text::Place end_of(const Value& value) noexcept {
   text::Place end = std::max(value.begin, value.end);
   for (const auto& item : value.items) end = std::max(end, end_of(item));
@@ -79,7 +79,7 @@ text::Place end_of(const Value& value) noexcept {
   return end;
 }
 
-/// The edit of one file.
+/// Edits one file.
 class Edit {
  public:
   Edit(std::string_view text, ObjectRef object, const Note& before, const Note& note)
@@ -125,7 +125,7 @@ class Edit {
     return made + " }";
   }
 
-  // With the whole of their lines, where nothing else but a comment is on them.
+  // Erases whole lines if nothing else but a comment is on them.
   void erase_lines(text::Place from, text::Place to) {
     std::size_t begin = at(from);
     std::size_t end = at(to);
@@ -154,7 +154,7 @@ class Edit {
     if (!value.empty()) fresh_ += fmt::format("{} = {}{}", key, value, newline_of(text_));
   }
 
-  // Behind the last line of the table's own, before those with a header of their own.
+  // Inserts after the last line of the table itself, before its sub-tables with headers.
   void insert(const Value& table) {
     if (fresh_.empty()) return;
     text::Place last = table.begin;
@@ -175,7 +175,7 @@ class Edit {
   std::string fresh_;
 };
 
-// The last one counts, as for who reads the file.
+// The last one counts, as when the file is read.
 const Member* table_of_object(const Value& root, ObjectRef object) noexcept {
   const Member* found = nullptr;
   for (const auto& member : root.members) {
@@ -185,7 +185,7 @@ const Member* table_of_object(const Value& root, ObjectRef object) noexcept {
   return found;
 }
 
-// What else stands in the file stands there now.
+// Everything else in the file is still there, unchanged.
 bool others_stay(const Value& before, const Value& after, ObjectRef object) {
   const auto others = [&](const Value& root) {
     std::vector<const Member*> all;

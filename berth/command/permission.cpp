@@ -37,7 +37,7 @@ tl::expected<Network*, std::string> network_for(Session& session, const std::str
                     "or reset there",
                     network->bus().name));
   }
-  // Every frame would be refused by its port, and a binding that is cleared meanwhile would be lost.
+  // The port would refuse every frame, and a binding cleared meanwhile would be lost.
   const std::string& shut_by = network->services().shut_by;
   if (use != Use::look && !shut_by.empty())
     return tl::unexpected(fmt::format("bus {}: {}; Berth sends nothing there", network->bus().name, shut_by));

@@ -1,5 +1,5 @@
-// sdo probe: many objects of one device read one after the other, for comparing a device with its description. What the
-// device refuses is an answer like any other.
+// sdo probe: reads many objects of one device, one after the other, to compare the device with its description. A
+// refusal by the device is an answer like any other.
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>

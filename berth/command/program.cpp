@@ -212,7 +212,7 @@ struct Download {
   std::vector<manager::ProgramWish> wishes;
 };
 
-// The problem is for people.
+// Returns the problem as text for the user.
 std::string read_images(const ProgramRequest& wanted, Download& download) {
   std::vector<places::SlotProgram> programs;
   if (!wanted.file.empty()) {

@@ -11,7 +11,7 @@
 namespace berth::command {
 namespace {
 
-// Of any verb: also where this one would not take it.
+// A personal argument of any verb, even if the requested verb does not take it.
 bool is_personal(std::string_view name) {
   return std::ranges::any_of(verbs(), [&](const Verb& each) {
     const Parameter* const parameter = each.parameter(name);
@@ -19,7 +19,8 @@ bool is_personal(std::string_view name) {
   });
 }
 
-// A file of this computer, and "yes". Behind a page sits a person, who confirms there what the page shows.
+// Finds a personal argument: a file of this computer, or "yes". The studio's pages may send "yes": there the user
+// confirms what the page shows.
 std::string personal_argument(Face face, const Request& request) {
   for (const auto& [name, value] : request.arguments) {
     if (!is_personal(name) || (face == Face::studio && name == "yes")) continue;
@@ -27,9 +28,14 @@ std::string personal_argument(Face face, const Request& request) {
                ? fmt::format(
                      "{} works only on the command line: it names a file of this computer, or forgets all bindings",
                      text::quoted(name))
-               : fmt::format("only a user can command {}, not a node", text::quoted(name));
+               : fmt::format("only a user can command {}, not a {}", text::quoted(name),
+                             face == Face::mqtt ? "host at the broker" : "node");
   }
   return {};
+}
+
+bool is_listed(std::string_view verb, const Granted& granted) {
+  return granted.listed != nullptr && granted.listed->allow(verb);
 }
 
 }  // namespace
@@ -59,6 +65,9 @@ std::string why_refused(Face face, const Request& request, const Granted& grante
   if (face == Face::node && (granted.listed == nullptr || !granted.listed->allow(request.verb)))
     return fmt::format("no node of bus {} may command {}: [bus.{}.commands] does not list it",
                        text::quoted(granted.bus), text::quoted(request.verb), granted.bus);
+  if (face == Face::mqtt && !is_listed(request.verb, granted))
+    return fmt::format("no host may command {} by MQTT: `commands` of [mqtt] does not list it",
+                       text::quoted(request.verb));
   if (face == Face::gateway && changes(request) && !granted.changes)
     return fmt::format(
         "{} changes something, and on a real bus a client may only read and ask: allow it with --commands "

@@ -18,13 +18,16 @@ enum class Face : std::uint8_t {
   program,  ///< the command buffer of the library: the application itself
   gateway,  ///< a client of CiA 309-3: anyone who reaches its port
   node,     ///< a node of the bus, by the objects of Berth's own device (1023h)
-  studio    ///< a page of `berth up --studio`: whoever has the token; its confirmation is "yes"
+  studio,   ///< a page of `berth up --studio`: whoever has the token; its confirmation is "yes"
+  mqtt      ///< a host application at the MQTT broker: whoever may publish commands there
 };
 
 /// Rights granted to a face, in addition to its own.
 struct Granted {
-  std::string_view bus{};                       ///< node: for the answer
-  const design::BusCommands* listed = nullptr;  ///< node: `[bus.NAME.commands]` of its bus; null: nothing
+  std::string_view bus{};  ///< node: for the answer
+  /// node: `[bus.NAME.commands]` of its bus; mqtt: `commands` of `[mqtt]`, or the write of an object that is marked
+  /// writable; null: nothing
+  const design::BusCommands* listed = nullptr;
   /// gateway: `--commands`, or no real bus is touched; studio: unlocked by a user, or no real bus is touched
   bool changes = false;
   Role role = Role::configure;  ///< studio: that of the token

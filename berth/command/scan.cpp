@@ -42,7 +42,8 @@ std::string line_of(const operate::Seen& seen, const std::string& bus) {
                      seen.duplicate ? "  DUPLICATE: two devices answer here; take one of them off the bus" : "");
 }
 
-// RAND has found them: they are "identified" and would not answer a running main job's question for new devices.
+// The scan's RAND has left these devices "identified": they would not answer when a running main job looks for new
+// devices.
 rt::Task<void> make_unknown_again(Network& network, const std::vector<operate::Seen>& seen) {
   co_await network.services().turn.take();
   const rt::Held held(network.services().turn);
@@ -59,7 +60,7 @@ rt::Task<void> make_unknown_again(Network& network, const std::vector<operate::S
 
 namespace {
 
-// A bus beneath whose gateway, or a gateway above that, does not answer.
+// A bus beneath, whose gateway does not answer, or a gateway above that one.
 struct Unreached {
   std::string bus;
   std::string why;
@@ -80,7 +81,7 @@ std::string totals(std::size_t all, std::size_t unconfigured, std::size_t duplic
                      counted(all, "device"), duplicates, rest);
 }
 
-// The gateway's slot as people name it, on the bus above.
+// The gateway's slot on the bus above, for the user.
 std::string gateway_of(const design::Machine& machine, const design::Bus& bus) {
   const auto* const slot = machine.slot(bus.gateway->bus, bus.gateway->slot);
   return slot == nullptr ? fmt::format("gateway {} of bus {}", bus.gateway->slot.value(), bus.gateway->bus)
@@ -94,7 +95,7 @@ std::string why_unreached(const Session& session, const design::Bus& bus, const 
   return fmt::format("{}: {}", gateway, describe(error));
 }
 
-// What to do: a gateway is reached when its bus above was brought up.
+// The problem and what to do: a gateway answers after the bus above has been brought up.
 std::string not_reached(const std::vector<Unreached>& all) {
   std::string text;
   for (const auto& each : all) text += fmt::format("bus {} was not asked: {}; ", each.bus, each.why);
@@ -107,7 +108,7 @@ std::string not_reached(const std::vector<Unreached>& all) {
 
 namespace {
 
-// What is told of all buses.
+// The reply about all buses.
 struct ScanReply {
   Json json;
   std::vector<std::string> lines;
@@ -122,7 +123,7 @@ struct ScanReply {
   }
 };
 
-// Where Berth has no port, the gateway's master tells whom it knows.
+// On a bus without a port of Berth's, the gateway's master reports the nodes that it knows.
 rt::Task<void> ask_beneath(Session& session, std::string only, ScanReply& told) {
   auto& unreached = told.unreached;
   for (const auto& each : session.tree().buses()) {

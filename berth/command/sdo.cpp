@@ -20,7 +20,7 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-// By block transfer when it is wanted, and then by nothing else, unless it is left to the device.
+// The request may demand block transfer; only with "auto" does it fall back to other transfers if the device refuses.
 co::SdoOptions transfer_options(Network& bus, Arguments& arguments) {
   co::SdoOptions options = bus.services().sdo.options();
   if (arguments.has("sdo-timeout")) {
@@ -54,7 +54,7 @@ std::string object_line(const NodeArgument& node, const KnownObject& object, con
                      object.name.empty() ? "" : "  " + object.name);
 }
 
-/// The reply about one object or several: one alone is the whole reply, several stand in "objects".
+/// The reply about one object or several: a single one is the whole reply, several are in "objects".
 class Answers {
  public:
   Answers(Reply& reply, Network& network, const ObjectArguments& wanted, const char* what)
@@ -101,7 +101,7 @@ class Answers {
   }
 
  private:
-  // Its sensor sets it, and a test has none.
+  // A sensor sets an input; a simulated device has no sensor.
   [[nodiscard]] std::string input_fix(const KnownObject& object) const {
     return fmt::format("of a simulated device `berth sim set {} {} VALUE` sets it, as its sensor would",
                        wanted_.node.text(), od::write_object(object.ref));
@@ -138,10 +138,10 @@ class Answers {
   std::vector<std::string> lines_;
 };
 
-// After these no other object of the node is asked for.
+// After such an error, no further object of the node is asked for.
 bool hopeless(const Error& error) { return error.code != Errc::aborted && error.code != Errc::mismatch; }
 
-// One line of a description's type that the device does not keep to.
+// For the line of an object: the type in the description, if the device's value does not fit it.
 std::string misfit(const KnownObject& object, std::span<const std::uint8_t> bytes) {
   if (object.type == od::DataType::none || fits(object.type, bytes)) return {};
   return fmt::format("  (the description says {}, {} bytes)", od::name(object.type), od::byte_size(object.type));
@@ -190,7 +190,7 @@ rt::Task<void> sdo_read(Session& session, const Request& request, Reply& reply) 
 
 namespace {
 
-// One value for each object: a line each when there are several, else the whole text.
+// One value per object: one line each if there are several objects, else the whole text.
 Checked<std::vector<Bytes>> values_of(const Arguments& arguments, const ObjectArguments& wanted) {
   const bool anyway = arguments.has("anyway");
   std::string rest = arguments.text("value");
@@ -241,7 +241,7 @@ rt::Task<void> sdo_write(Session& session, const Request& request, Reply& reply)
     const auto written = co_await device.write(object.ref.index, object.ref.sub, data);
     if (!written) {
       answers.failed(object, written.error());
-      break;  // what follows may rest on it
+      break;  // later objects may depend on this one
     }
     Json json;
     const KnownObject shown = notes.shown(object);

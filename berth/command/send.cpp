@@ -1,4 +1,4 @@
-// send: frames as a person writes them, through the same gate as every other.
+// send: frames as the user writes them, through the same gate as all others.
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>

@@ -17,13 +17,13 @@
 namespace berth::command {
 namespace {
 
-constexpr std::size_t last_ones = 5;  // events, and lines of the history
+constexpr std::size_t last_ones = 5;  // of the events, and of the lines of the history
 
 std::string ago(rt::Time now, rt::Time then) {
   return fmt::format("{:.1f} s ago", std::chrono::duration<double>(std::max(rt::Duration{}, now - then)).count());
 }
 
-/// The reply in the making: facts in JSON, and a labelled line for each.
+/// Builds the reply: facts in JSON, and a labelled line for each.
 class Facts {
  public:
   Facts(const SlotReport& slot, std::optional<rt::Time> now)
@@ -45,7 +45,7 @@ class Facts {
     if (slot_.boot == manager::BootStatus::booted) return;
     json_["boot_text"] = manager::text(slot_.boot);
     std::string line = fmt::format("{}: {}", manager::letter(slot_.boot), manager::text(slot_.boot));
-    // A reason that says what to do knows more than its letter.
+    // A reason with advice is more specific than the advice for the letter.
     const bool advised = slot_.reason.find("; ") != std::string::npos;
     if (!manager::is_ready(slot_.boot) && !advised) line += fmt::format("; {}", manager::advice(slot_.boot));
     add("boot-up", line);
@@ -100,7 +100,7 @@ class Facts {
   void history(places::SlotStore& store, const design::Machine& machine) {
     Reply told;
     tell_history(store, machine, {"history", {{"slot", slot_.bus + "/" + slot_.name}}}, told);
-    if (told.status != 0) return;  // a gateway's own master keeps it
+    if (told.status != 0) return;  // the gateway's own master keeps that history
     const Json all = Json::parse(told.json).at("history");
     json_["history"] = Json::array();
     for (std::size_t i = all.size() - std::min(all.size(), last_ones); i < all.size(); ++i) {
@@ -114,12 +114,12 @@ class Facts {
   void give_to(Reply& reply) { give(reply, json_, std::move(lines_)); }
 
  private:
-  // What the page says already.
+  // Removes what other lines say already.
   static void leave_out(std::string& line, const std::string& words) {
     const auto at = line.find(words);
     if (at != std::string::npos) line.erase(at, words.size());
   }
-  // A label that is the last line's is not said again.
+  // A label equal to the last line's is not repeated.
   void add(const std::string& label, const std::string& words) {
     constexpr std::size_t width = 15;
     constexpr std::size_t columns = 80;
@@ -170,7 +170,7 @@ namespace {
 constexpr std::array<std::pair<std::uint16_t, std::string DeviceWords::*>, 3> own_words{
     {{0x1008, &DeviceWords::name}, {0x1009, &DeviceWords::hardware}, {0x100A, &DeviceWords::software}}};
 
-// What it does not have, or does not answer, is left out.
+// Objects that the device does not have, or does not answer for, are left out.
 rt::Task<void> ask_device(Session& session, const design::Slot& slot, DeviceWords& says) {
   const std::string word = slot.spec.name.bus + "/" + slot.spec.name.name;
   const auto node = find_node(session.machine(), {}, word);

@@ -1,4 +1,4 @@
-// The slot table and its changes by a person: report, bind, replace, forget, poll.
+// The slot table, and the user's changes to it: report, bind, replace, forget, poll.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -88,7 +88,7 @@ rt::Task<void> bind(Session& session, const Request& request, Reply& reply) {
 
 namespace {
 
-// The new device's place is decided; an empty or silent slot may still get one.
+// The wait for the slot's new device is over; in the other states, the slot may still get one.
 bool settled(SlotState state) {
   switch (state) {
     case SlotState::operational:
@@ -112,14 +112,14 @@ rt::Duration longest_wait(const Network& network) noexcept {
   return 3 * timing.probe_period + timing.boot_timeout;
 }
 
-// "valve-b released (heartbeat lost)". What its reason says to do is done.
+// "valve-b released (heartbeat lost)". Leaves out the reason's advice: the user has followed it.
 std::string released(const SlotReport& before) {
   const std::string fact = before.reason.substr(0, before.reason.find(';'));
   return before.state == SlotState::absent ? fmt::format("{} released ({})", before.name, fact)
                                            : fmt::format("{} released", before.name);
 }
 
-// The main job does the work in its own time; a slot for which no device comes stays empty.
+// Waits for the main job, which binds the device. If no device comes, the slot stays empty.
 rt::Task<void> await_slot(Network& network, const std::string& name) {
   const auto& timing = network.bus().timing;
   const rt::Time deadline = network.services().executor.now() + longest_wait(network);
@@ -145,7 +145,7 @@ rt::Task<void> replace(Session& session, const Request& request, Reply& reply) {
   const auto& [network, name] = *slot_meant;
   const auto usable = network_for(session, network->bus().name, Use::send);
   if (!usable) co_return refuse(reply, 2, usable.error());
-  // Whether the slot's device is there is known only after a look, which the main job has taken already.
+  // Whether the slot's device is on the bus is known only after a look; a running main job has looked already.
   if (!session.started()) {
     const auto looked = co_await network->bind_once();
     if (!looked && looked.error().code == Errc::bus)
@@ -176,7 +176,7 @@ rt::Task<void> replace(Session& session, const Request& request, Reply& reply) {
     reply.lines.insert(reply.lines.begin(), released(*before));
   if (seated) co_return;
   reply.status = 1;
-  // Who is on the bus and does not fit: that may be what the person plugged in.
+  // Devices on the bus that do not fit: the user may have plugged in one of them.
   for (const auto& oddity : network->planning().plan().oddities) reply.lines.push_back(oddity.text);
   reply.error =
       error_line(fmt::format("slot {} has no new device yet; its binding is cleared, and {}", name,
@@ -186,7 +186,7 @@ rt::Task<void> replace(Session& session, const Request& request, Reply& reply) {
 
 namespace {
 
-// The buses on which the device is waited for, when they are several: a twin on each, or one device that was moved.
+// The buses whose slots wait for this device. Several: each has a twin, or one device was moved.
 std::vector<std::string> waiting_buses(const std::vector<Network*>& networks, const Identity& device) {
   std::vector<std::string> buses;
   for (const Network* const network : networks) {

@@ -1,5 +1,5 @@
-// The notes that are built in: CiA 301, 302, 401 and 402, as public descriptions and stacks have them. A sub-index of
-// 255 stands for each but 0.
+// The built-in notes: CiA 301, 302, 401 and 402, as in public descriptions and stacks. Sub-index 255 means every
+// sub-index except 0.
 #include <algorithm>
 #include <array>
 #include <span>

@@ -33,7 +33,7 @@ std::optional<std::uint32_t> ThreadCommands::put(Request request) {
     waiting_.emplace_back(number, std::move(request));
   }
   const std::uint64_t one = 1;
-  // Refused only when it would exceed 2^64 - 2: the loop is woken already.
+  // The write fails only if the counter would exceed 2^64 - 2; the loop has been woken by then.
   static_cast<void>(!::write(wake_, &one, sizeof(one)));
   return number;
 }
@@ -65,7 +65,7 @@ void ThreadCommands::ready(std::uint32_t) noexcept {
     const std::lock_guard hold(lock_);
     came.swap(waiting_);
   }
-  // There is room: no more than the buffer takes were put and not taken.
+  // The buffer has room: `put` accepts no more requests than it holds until their confirmations are taken.
   for (auto& [number, request] : came) {
     if (const auto its = buffer_.put(std::move(request))) numbers_.emplace(*its, number);
   }

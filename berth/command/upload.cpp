@@ -1,4 +1,4 @@
-// upload: the configuration that a slot's device has, as a DCF.
+// upload: reads the configuration of a slot's device into a DCF.
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
@@ -69,7 +69,7 @@ rt::Task<void> upload(Session& session, const Request& request, Reply& reply) {
     json["changes"].push_back(change_json(d));
     lines.push_back(change_line(d));
   }
-  // A description may be in Windows-1252, and JSON is UTF-8: the bytes, as `sdo read` gives those of a value.
+  // A description may be in Windows-1252, but JSON is UTF-8: so the DCF goes out as bytes, like a value in `sdo read`.
   const std::vector<std::uint8_t> bytes(done->uploaded.dcf.begin(), done->uploaded.dcf.end());
   if (whole) json["dcf"] = hex_bytes(bytes);
   give(reply, json, std::move(lines));

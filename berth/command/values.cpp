@@ -27,7 +27,7 @@ bool fits(DataType type, std::span<const std::uint8_t> bytes) noexcept {
 
 namespace {
 
-/// The time that 1 is in the communication objects that count time (CiA 301 §7.5.2); 0: the object counts none.
+/// The time unit of a communication object that holds a time (CiA 301 §7.5.2); 0: it holds none.
 text::Duration tick(ObjectRef ref) {
   using namespace std::chrono_literals;
   const bool pdo = od::is_pdo_communication(ref.index);
@@ -58,7 +58,7 @@ std::string unit_text(const KnownObject& object, std::span<const std::uint8_t> b
   return text::write_duration(one * static_cast<std::int64_t>(od::load(object.type, bytes.data())));
 }
 
-// ---- to a person ----
+// ---- output for the user ----
 
 std::string value_text(const KnownObject& object, std::span<const std::uint8_t> bytes) {
   const DataType type = object.type;
@@ -83,7 +83,7 @@ std::string value_text(const KnownObject& object, std::span<const std::uint8_t> 
 
 namespace {
 
-// Numbers that JSON's readers keep exact go out as numbers.
+// Only numbers that JSON readers keep exactly are written as numbers.
 void put_typed(nlohmann::ordered_json& json, const KnownObject& object, std::span<const std::uint8_t> bytes) {
   const DataType type = object.type;
   if (type == DataType::none || !fits(type, bytes)) return;
@@ -109,13 +109,13 @@ void put_value(nlohmann::ordered_json& json, const KnownObject& object, std::spa
   if (const auto name = value_name(object, bytes); !name.empty()) json["meaning"] = name;
 }
 
-// ---- from a person ----
+// ---- input from the user ----
 
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-// "F4 01": two digits a byte, with blanks between.
+// "F4 01": two digits per byte, with spaces between.
 bool is_row_of_bytes(const std::string& text) {
   const auto is_hex = [](char c) { return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f') || (c >= 'A' && c <= 'F'); };
   if (text.size() % 3 != 2 || text.size() < 5) return false;
@@ -137,7 +137,7 @@ Checked<Bytes> untyped(const std::string& text) {
                   text::quoted(text)));
 }
 
-// "500 ms": what is behind the number, and before it a number in decimal.
+// "500 ms": a decimal number, then a unit.
 bool has_unit(const std::string& text) {
   const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c & 0x80) != 0; };
   const auto last_digit = text.find_last_of("0123456789");

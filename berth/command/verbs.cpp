@@ -171,7 +171,7 @@ constexpr std::array of_world_damage{
     of_bus, word_of("frames", "1 to 10000 (default 1)", false),
     option_of("from", "DEVICE", "only frames that it sends: its name in the plant file, its slot's name or node-ID")};
 
-// What each verb does at most, and with it the role that may have it carried out.
+// The strongest effect of each verb, and so the role that it needs.
 constexpr auto asks = Role::view;
 constexpr auto operates = Role::operate;
 constexpr auto changes = Role::configure;

@@ -1,5 +1,5 @@
-// world: only the process that simulates the machine holds its time (apps/berth), and takes these before they come
-// here.
+// world: only the process that simulates the machine controls its time. That process (apps/berth) answers these
+// requests before they get here.
 #include "berth/command/arguments.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"

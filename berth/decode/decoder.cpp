@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <bitset>
 #include <iterator>
 
 #include "berth/base/bytes.hpp"
@@ -11,6 +10,7 @@
 #include "berth/co/emcy.hpp"
 #include "berth/co/nmt.hpp"
 #include "berth/decode/emcy_words.hpp"
+#include "berth/decode/known_bus.hpp"
 #include "berth/decode/say_parts.hpp"
 #include "berth/decode/standard_objects.hpp"
 #include "berth/od/abort_code.hpp"
@@ -30,25 +30,7 @@ void put_hex(std::span<const std::uint8_t> bytes, std::size_t most, std::string&
   if (bytes.size() > most) out += " ...";
 }
 
-// The entry's identifier as an object of a COB-ID says it; invalid when the value is none.
-co::CobId cob_id(const od::Values& values, ObjectRef ref) noexcept {
-  const co::CobId id(values.get_or<std::uint32_t>(ref, co::CobId::invalid_bit));
-  return id.well_formed() ? id : co::CobId();
-}
-
-// "Identity object.Vendor-ID"; the object alone when it is a VAR; empty when it is not described.
-std::string object_name(const od::Description& description, ObjectRef ref) {
-  const auto* const object = description.find(ref.index);
-  if (object == nullptr) return {};
-  std::string name(description.name(*object));
-  const auto* const sub = description.find(*object, ref.sub);
-  if (sub == nullptr || object->code == od::ObjectCode::var) return name;
-  const auto own = description.name(*sub);
-  if (!own.empty() && own != name) say(name, ".{}", own);
-  return name;
-}
-
-// What the value of a signal means; empty: nothing is known, or it is no value of its type.
+// What the value of a signal means. Empty: nothing is known, or it is no value of its type.
 std::string meant(const ValueWords& words, ObjectRef object, od::DataType type, unsigned bits, std::uint64_t raw) {
   std::array<std::uint8_t, 8> bytes{};
   const auto size = od::byte_size(type);
@@ -57,7 +39,7 @@ std::string meant(const ValueWords& words, ObjectRef object, od::DataType type, 
   return words.words(object, type, std::span(bytes).first(size));
 }
 
-// What the value of a transfer means, if it is complete.
+// What the value of a transfer means, if the whole value is known.
 std::string meant(const ValueWords* words, const SdoRecord& record, od::DataType type,
                   std::span<const std::uint8_t> bytes) {
   const bool whole = !record.sized || record.bytes.size() == record.length;
@@ -66,245 +48,17 @@ std::string meant(const ValueWords* words, const SdoRecord& record, od::DataType
 
 }  // namespace
 
-struct Decoder::Signal {
-  std::string label;  // its name and " = "
-  std::size_t name_size = 0;
-  od::DataType type = od::DataType::none;
-  std::uint8_t at = 0;  // bit
-  std::uint8_t bits = 0;
-  bool dummy = false;
-  ObjectRef object{};
-  const ValueWords* words = nullptr;  // of the node; null: they know nothing of this object
-};
-
-struct Decoder::Pdo {
-  std::string head;  // "TPDO 1 of node 5 [left sensor]"
-  std::uint8_t node = 0;
-  bool transmit = false;
-  unsigned number = 1;
-  bool is_mpdo = false;
-  unsigned bits = 0;
-  std::vector<Signal> signals;
-};
-
-struct Decoder::Channel {
-  std::uint8_t node = 0;
-  unsigned number = 1;  // of the server's channels
-  SdoTransfer transfer;
-  trace::Entry last;  // of the transfer that is under way
-};
-
-struct Decoder::Node {
-  std::string name;
-  std::unique_ptr<od::Values> values;  // null: no description
-  std::shared_ptr<const ValueWords> words;
-  std::vector<NamedObject> named;
-  [[nodiscard]] const NamedObject* named_of(ObjectRef object) const noexcept {
-    const auto it = std::ranges::find(named, object, &NamedObject::object);
-    return it == named.end() ? nullptr : &*it;
-  }
-  [[nodiscard]] Signal signal(const od::PdoEntry& entry, unsigned at) const;
-  std::vector<std::uint16_t> givers;  // objects that give identifiers to further SDO channels and PDOs
-  std::vector<std::uint32_t> keys;    // whose routes are this node's own
-};
-
-struct Decoder::Route {
-  enum class Kind : std::uint8_t { none, pdo, request, response, emcy, sync };
-  Kind kind = Kind::none;
-  std::uint8_t node = 0;
-  std::uint16_t index = 0;  // pdo: of `Bus::pdos`; request, response: of `Bus::channels`
-};
-
-struct Decoder::Bus {
-  std::uint16_t number = 0;
-  Interpreter interpreter;
-  std::array<std::unique_ptr<Node>, 128> nodes;
-  std::vector<Pdo> pdos;  // those of disconnected nodes have node 0 and are used again
-  std::vector<std::unique_ptr<Channel>> channels;
-  std::vector<Route> base = std::vector<Route>(can::base_mask + 1);
-  std::unordered_map<std::uint32_t, Route> extended;
-  std::bitset<128> guarded;  // asked by a remote frame, not answered yet
-
-  std::uint16_t channel(std::uint8_t node, unsigned which) {
-    const auto found = std::find_if(channels.begin(), channels.end(),
-                                    [&](const auto& c) { return c->node == node && c->number == which; });
-    if (found != channels.end()) return static_cast<std::uint16_t>(found - channels.begin());
-    channels.push_back(std::make_unique<Channel>());
-    channels.back()->node = node;
-    channels.back()->number = which;
-    return static_cast<std::uint16_t>(channels.size() - 1);
-  }
-};
-
 Decoder::Decoder(Rows& rows, DecodeOptions options) : rows_(&rows), options_(options) {}
 Decoder::~Decoder() = default;
 
-Decoder::Bus& Decoder::bus(std::uint16_t number) {
+KnownBus& Decoder::bus(std::uint16_t number) {
   if (number >= buses_.size()) buses_.resize(number + std::size_t{1});
-  if (!buses_[number]) {
-    buses_[number] = std::make_unique<Bus>();
-    Bus& made = *buses_[number];
-    made.number = number;
-    for (std::uint8_t node = 1; node <= 127; ++node) {
-      const auto channel = made.channel(node, 1);
-      made.base[0x600U + node] = {Route::Kind::request, node, channel};
-      made.base[0x580U + node] = {Route::Kind::response, node, channel};
-    }
-  }
+  if (!buses_[number]) buses_[number] = std::make_unique<KnownBus>();
   return *buses_[number];
 }
 
-Decoder::Route Decoder::route(const Bus& bus, std::uint32_t key) const noexcept {
-  if (key <= can::base_mask) return bus.base[key];
-  if (bus.extended.empty()) return {};
-  const auto found = bus.extended.find(key);
-  return found == bus.extended.end() ? Route{} : found->second;
-}
-
-void Decoder::set_route(Bus& bus, std::uint32_t key, Route route) {
-  if (key <= can::base_mask) {
-    bus.base[key] = route;
-  } else if (route.kind == Route::Kind::none) {
-    bus.extended.erase(key);
-  } else {
-    bus.extended[key] = route;
-  }
-}
-
 void Decoder::know(std::uint16_t number, NodeId node, Profile profile) {
-  if (!node.configured()) return;
-  Bus& bus = this->bus(number);
-  disconnect(bus, node.value());
-  auto& known = bus.nodes[node.value()];
-  known = std::make_unique<Node>();
-  known->name = std::move(profile.name);
-  known->words = std::move(profile.words);
-  known->named = std::move(profile.named);
-  if (!profile.description) return;
-  known->values = std::make_unique<od::Values>(std::move(profile.description), node);
-  for (const auto& [object, bytes] : profile.settings) (void)known->values->set_bytes(object, bytes);
-  for (const auto& object : known->values->description().objects()) {
-    const bool gives = od::within(object.index, od::cia301::first_server, od::cia301::last_server) ||
-                       od::is_pdo_communication(object.index);
-    if (gives) known->givers.push_back(object.index);
-  }
-  connect(bus, node.value());
-}
-
-void Decoder::disconnect(Bus& bus, std::uint8_t id) {
-  if (!bus.nodes[id]) return;
-  for (const auto key : bus.nodes[id]->keys) {
-    const bool own =
-        key <= can::base_mask ? bus.base[key].node == id : bus.extended.contains(key) && bus.extended[key].node == id;
-    if (own) set_route(bus, key, {});
-  }
-  bus.nodes[id]->keys.clear();
-  for (auto& pdo : bus.pdos) {
-    if (pdo.node == id) pdo = Pdo{};
-  }
-}
-
-// Every identifier that the node's objects give.
-void Decoder::connect(Bus& bus, std::uint8_t id) {
-  Node& node = *bus.nodes[id];
-  const od::Values& values = *node.values;
-  const auto own = [&](co::CobId cob, Route route) {
-    if (!cob.valid() || taken(bus, cob.key())) return;
-    set_route(bus, cob.key(), route);
-    node.keys.push_back(cob.key());
-  };
-  const auto emcy = cob_id(values, {0x1014, 0});
-  if (emcy.key() != 0x80U + id) own(emcy, {Route::Kind::emcy, id, 0});
-  if (values.get<std::uint32_t>({0x1005, 0})) {
-    const co::CobId sync(values.get_or<std::uint32_t>({0x1005, 0}, 0x80) & ~co::CobId::invalid_bit);
-    if (sync.key() != co::sync_id) own(sync, {Route::Kind::sync, 0, 0});
-  }
-  for (const auto index : node.givers) {
-    if (od::is_pdo_record(index)) {
-      const auto record = od::PdoRecord::of(index);
-      add_pdo(bus, node, id, record.kind, record.number);
-    } else {
-      const auto channel = bus.channel(id, index - unsigned{od::cia301::default_server} + 1);
-      own(cob_id(values, {index, 1}), {Route::Kind::request, id, channel});
-      own(cob_id(values, {index, 2}), {Route::Kind::response, id, channel});
-    }
-  }
-}
-
-Decoder::Signal Decoder::Node::signal(const od::PdoEntry& entry, unsigned at) const {
-  const auto& description = values->description();
-  Signal signal;
-  signal.at = static_cast<std::uint8_t>(at);
-  signal.bits = entry.bits;
-  signal.dummy = entry.dummy();
-  const NamedObject* const variable = named_of(entry.object);
-  signal.label = variable != nullptr ? variable->name : object_name(description, entry.object);
-  if (signal.label.empty()) signal.label = od::write_object(entry.object);
-  signal.name_size = signal.label.size();
-  signal.label += " = ";
-  const auto* const described = description.find(entry.object);
-  if (described != nullptr) signal.type = described->type;
-  if (variable != nullptr) signal.type = variable->type;
-  signal.object = entry.object;
-  if (words && words->knows(entry.object)) signal.words = words.get();
-  return signal;
-}
-
-void Decoder::add_pdo(Bus& bus, Node& node, std::uint8_t id, od::PdoKind kind, unsigned number) {
-  const od::Values& values = *node.values;
-  const bool transmit = kind == od::PdoKind::tpdo;
-  const auto parameters = od::read_pdo(values, kind, number);
-  const co::CobId cob = parameters.cob_id;
-  if (!cob.valid() || !cob.well_formed()) return;
-  const Route before = cob.key() <= can::base_mask        ? bus.base[cob.key()]
-                       : bus.extended.contains(cob.key()) ? bus.extended[cob.key()]
-                                                          : Route{};
-  // The sender names its signals; a receiver is used if no sender is known.
-  if (before.kind != Route::Kind::none &&
-      (before.kind != Route::Kind::pdo || !transmit || bus.pdos[before.index].transmit))
-    return;
-  Pdo pdo{.head = fmt::format("{} {} of node {}", transmit ? "TPDO" : "RPDO", number, id),
-          .node = id,
-          .transmit = transmit,
-          .number = number,
-          .signals = {}};
-  if (!node.name.empty()) say(pdo.head, " [{}]", node.name);
-  pdo.is_mpdo = parameters.is_mpdo();
-  for (const auto& entry : parameters.entries) {
-    if (entry.bits == 0 || pdo.bits + entry.bits > od::most_pdo_bits) break;
-    pdo.signals.push_back(node.signal(entry, pdo.bits));
-    pdo.bits += entry.bits;
-  }
-  auto free = std::find_if(bus.pdos.begin(), bus.pdos.end(), [](const Pdo& p) { return p.node == 0; });
-  const auto index = static_cast<std::uint16_t>(free - bus.pdos.begin());
-  if (free == bus.pdos.end()) {
-    bus.pdos.push_back(std::move(pdo));
-  } else {
-    *free = std::move(pdo);
-  }
-  set_route(bus, cob.key(), {Route::Kind::pdo, id, index});
-  node.keys.push_back(cob.key());
-}
-
-bool Decoder::taken(const Bus& bus, std::uint32_t key) {
-  if (key <= can::base_mask) return bus.base[key].kind != Route::Kind::none;
-  return bus.extended.contains(key);
-}
-
-// A transfer has shown the value of an object that decides what frames mean.
-void Decoder::learn(Bus& bus, std::uint8_t id, ObjectRef object, std::span<const std::uint8_t> bytes) {
-  const bool decides = object.index == 0x1000 || object.index == 0x1005 || object.index == 0x1014 ||
-                       od::cia301::is_server(object.index) || od::is_pdo_record(object.index);
-  if (!decides || !bus.nodes[id] || !bus.nodes[id]->values) return;
-  od::Values& values = *bus.nodes[id]->values;
-  const auto before = values.bytes(object);
-  if (std::equal(before.begin(), before.end(), bytes.begin(), bytes.end())) return;
-  if (values.set_bytes(object, bytes) != od::AbortCode::none) return;
-  // All of them: other nodes' objects decide which nodes receive what this one sends.
-  for (std::uint8_t each = 1; each < bus.nodes.size(); ++each) disconnect(bus, each);
-  for (std::uint8_t each = 1; each < bus.nodes.size(); ++each) {
-    if (bus.nodes[each] && bus.nodes[each]->values) connect(bus, each);
-  }
+  if (node.configured()) bus(number).know(node, std::move(profile));
 }
 
 void Decoder::field(Field::Kind kind, std::string_view key, std::string value) {
@@ -324,7 +78,7 @@ void Decoder::give(Meaning meaning) {
 
 void Decoder::entry(const trace::Entry& entry) {
   entry_ = &entry;
-  Bus& bus = this->bus(entry.bus);
+  KnownBus& bus = this->bus(entry.bus);
   bus_ = &bus;
   words_.clear();
   if (options_.fields) fields_.clear();
@@ -333,14 +87,14 @@ void Decoder::entry(const trace::Entry& entry) {
     error_words(frame, words_);
     return give({Service::error, 0});
   }
-  const Route route = frame.fd ? Route{} : this->route(bus, frame.key());
+  const Route route = frame.fd ? Route{} : bus.route(frame.key());
   switch (route.kind) {
     case Route::Kind::pdo: return pdo(bus, route.index, frame);
     case Route::Kind::request:
     case Route::Kind::response: return sdo(*bus.channels[route.index], route.kind == Route::Kind::request);
     case Route::Kind::emcy:
     case Route::Kind::sync: {
-      // As if on the identifier of the predefined connection set.
+      // The frame is read as if it had the identifier of the predefined connection set.
       can::Frame moved = frame;
       moved.extended = false;
       moved.id = route.kind == Route::Kind::sync ? co::sync_id : 0x80U + route.node;
@@ -363,11 +117,11 @@ void Decoder::entry(const trace::Entry& entry) {
 }
 
 // The device's profile decides the meaning of an emergency code, if its 1000h is known.
-void Decoder::say_by_profile(const Bus& bus, Meaning meaning) {
+void Decoder::say_by_profile(const KnownBus& bus, Meaning meaning) {
   const can::Frame& frame = entry_->frame;
   const bool emcy = meaning.service == Service::emcy && frame.size == 8 && !frame.remote;
   if (!emcy || meaning.node >= std::size(bus.nodes) || bus.nodes[meaning.node] == nullptr) return;
-  const Node& node = *bus.nodes[meaning.node];
+  const KnownNode& node = *bus.nodes[meaning.node];
   if (node.values == nullptr) return;
   const auto code = load_le<std::uint16_t>(frame.data.data());
   const auto type = node.values->get_or<std::uint32_t>({0x1000, 0}, 0);
@@ -376,8 +130,8 @@ void Decoder::say_by_profile(const Bus& bus, Meaning meaning) {
   if (at != std::string::npos) words_.replace(at, general.size(), emcy_words(code, static_cast<std::uint16_t>(type)));
 }
 
-// The answer to a remote frame is no heartbeat.
-void Decoder::heartbeat(Bus& bus) {
+// A frame that answers a remote frame is no heartbeat.
+void Decoder::heartbeat(KnownBus& bus) {
   const can::Frame& frame = entry_->frame;
   const std::uint8_t node = frame.id & 0x7FU;
   if (frame.remote) {
@@ -393,8 +147,8 @@ void Decoder::heartbeat(Bus& bus) {
   say(words_, "Node guarding answer of node {}: {}, toggle {}", node, berth::name(*state), frame.data[0] >> 7);
 }
 
-void Decoder::pdo(const Bus& bus, unsigned index, const can::Frame& frame) {
-  const Pdo& pdo = bus.pdos[index];
+void Decoder::pdo(const KnownBus& bus, unsigned index, const can::Frame& frame) {
+  const KnownPdo& pdo = bus.pdos[index];
   words_ = pdo.head;
   if (options_.fields) {
     field(Field::Kind::text, "kind", pdo.transmit ? "tpdo" : "rpdo");
@@ -416,7 +170,7 @@ void Decoder::pdo(const Bus& bus, unsigned index, const can::Frame& frame) {
   give({Service::pdo, pdo.node});
 }
 
-void Decoder::signals(const Pdo& pdo, const can::Frame& frame) {
+void Decoder::signals(const KnownPdo& pdo, const can::Frame& frame) {
   std::uint64_t all = 0;
   for (unsigned i = frame.size; i-- > 0;) all = all << 8 | frame.data[i];
   const char* between = ": ";
@@ -462,15 +216,15 @@ void Decoder::sdo(Channel& channel, bool request) {
   if (channel.transfer.busy()) channel.last = *entry_;
 }
 
-// One frame of a channel by itself.
-void Decoder::sdo_frame(const Bus& bus, const Channel& channel, bool request) {
+// One frame of a channel, without its transfer.
+void Decoder::sdo_frame(const KnownBus& bus, const Channel& channel, bool request) {
   can::Frame moved = entry_->frame;
   moved.extended = false;
   moved.id = (request ? 0x600U : 0x580U) + channel.node;
   Interpreter plain;
   plain.words(moved, words_);
   const unsigned specifier = moved.data[0] >> 5;
-  const Node* const node = bus.nodes[channel.node].get();
+  const KnownNode* const node = bus.nodes[channel.node].get();
   const bool with_object =
       moved.size == 8 && !moved.remote && (specifier == 2 || specifier == 4 || specifier == (request ? 1U : 3U));
   if (with_object) {
@@ -490,7 +244,7 @@ void Decoder::sdo_frame(const Bus& bus, const Channel& channel, bool request) {
   give({Service::sdo, channel.node});
 }
 
-// A value in words: by its type, else as a number of its size, text, or bytes.
+// A value in words: by its type if the length fits, else as text or bytes.
 void Decoder::put_value(od::DataType type, std::span<const std::uint8_t> bytes, bool all) {
   constexpr std::size_t most_text = 80;
   constexpr std::size_t most_bytes = 16;
@@ -512,8 +266,8 @@ void Decoder::put_value(od::DataType type, std::span<const std::uint8_t> bytes, 
   put_hex(bytes, most_bytes, value_);
 }
 
-// Its words, its fields, and the type of its value.
-od::DataType Decoder::say_object(const Node* node, ObjectRef object) {
+// Adds the object's words and fields; returns the type of its value.
+od::DataType Decoder::say_object(const KnownNode* node, ObjectRef object) {
   od::DataType type = od::DataType::none;
   std::string name;
   if (node != nullptr && node->values) {
@@ -561,7 +315,7 @@ void Decoder::ended(const SdoRecord& record) {
   words_.clear();
   value_.clear();
   if (options_.fields) fields_.clear();
-  // An abort by itself may have refused either.
+  // A lone abort may have refused a read or a write.
   const bool nothing_known = record.end == End::stray || (record.frames == 1 && record.abort != 0);
   say(words_, "SDO {} node {}", nothing_known ? "of" : record.write ? "write" : "read", id);
   if (channel_->number > 1) say(words_, " (channel {})", channel_->number);
@@ -573,7 +327,7 @@ void Decoder::ended(const SdoRecord& record) {
     put_value(type, bytes, record.bytes.size() == record.length);
     say(words_, " = {}", value_);
   }
-  const Node* const node = bus_->nodes[id].get();
+  const KnownNode* const node = bus_->nodes[id].get();
   std::string means = has_value && node != nullptr ? meant(node->words.get(), record, type, bytes) : std::string();
   if (has_value && means.empty() && record.has_object) means = od::mapping_text(record.object, bytes);
   if (!means.empty()) say(words_, " = {}", means);
@@ -599,7 +353,7 @@ void Decoder::ended(const SdoRecord& record) {
   if (record.mode != SdoRecord::Mode::expedited)
     say(words_, " ({}, {} bytes, {} frames)", mode, record.length, record.frames);
   add_name(id);
-  // A transfer that did not end is reported when another begins, or never: its own last frame stands for it.
+  // A transfer that did not end is reported later, when another begins: the row shows its own last frame.
   const Row row{.entry = record.end == End::unfinished ? &channel_->last : entry_,
                 .began = record.began,
                 .frames = record.frames,
@@ -607,7 +361,7 @@ void Decoder::ended(const SdoRecord& record) {
                 .words = words_,
                 .fields = fields_};
   rows_->row(row);
-  if (record.end == End::done && record.bytes.size() == record.length) learn(*bus_, id, record.object, bytes);
+  if (record.end == End::done && record.bytes.size() == record.length) bus_->learn(id, record.object, bytes);
 }
 
 void Decoder::finish() {

@@ -21,30 +21,14 @@
 #include <utility>
 #include <vector>
 
+#include "berth/decode/profile.hpp"
 #include "berth/decode/sdo_transfer.hpp"
-#include "berth/decode/value_words.hpp"
 #include "berth/decode/words.hpp"
 #include "berth/od/pdo_objects.hpp"
 #include "berth/od/values.hpp"
 #include "berth/trace/trace.hpp"
 
 namespace berth::decode {
-
-/// An object that has its name from elsewhere than the device's description: a network variable of a link.
-struct NamedObject {
-  ObjectRef object;
-  std::string name;
-  od::DataType type = od::DataType::none;
-};
-
-/// What is known of a device beyond the trace.
-struct Profile {
-  std::string name;                                                         ///< the slot's; may be empty
-  std::shared_ptr<const od::Description> description;                       ///< may be null
-  std::vector<std::pair<ObjectRef, std::vector<std::uint8_t>>> settings{};  ///< in place of the defaults
-  std::shared_ptr<const ValueWords> words{};                                ///< meaning of values; may be null
-  std::vector<NamedObject> named{};                                         ///< preferred to the description's names
-};
 
 /// One part of a row, for programs. Valid during the call only.
 struct Field {
@@ -65,6 +49,11 @@ struct Row {
   std::span<const Field>
       fields;  ///< object, name, value, meaning, bytes, mode, abort, result; code; kind, number, signals
 };
+
+class KnownBus;
+struct KnownNode;
+struct KnownPdo;
+struct Channel;
 
 class Rows {
  public:
@@ -96,41 +85,27 @@ class Decoder final : private SdoTransfer::Listener {
   [[nodiscard]] std::optional<rt::Duration> pending() const noexcept;
 
  private:
-  struct Signal;
-  struct Pdo;
-  struct Channel;
-  struct Node;
-  struct Bus;
-  struct Route;
-
-  Bus& bus(std::uint16_t number);
-  [[nodiscard]] Route route(const Bus& bus, std::uint32_t key) const noexcept;
-  void learn(Bus& bus, std::uint8_t node, ObjectRef object, std::span<const std::uint8_t> bytes);
-  static void connect(Bus& bus, std::uint8_t node);
-  static void disconnect(Bus& bus, std::uint8_t node);
-  static void set_route(Bus& bus, std::uint32_t key, Route route);
-  static void add_pdo(Bus& bus, Node& node, std::uint8_t id, od::PdoKind kind, unsigned number);
-  static bool taken(const Bus& bus, std::uint32_t key);
-  void pdo(const Bus& bus, unsigned index, const can::Frame& frame);
-  void signals(const Pdo& pdo, const can::Frame& frame);
+  KnownBus& bus(std::uint16_t number);
+  void pdo(const KnownBus& bus, unsigned index, const can::Frame& frame);
+  void signals(const KnownPdo& pdo, const can::Frame& frame);
   void sdo(Channel& channel, bool request);
-  void sdo_frame(const Bus& bus, const Channel& channel, bool request);
+  void sdo_frame(const KnownBus& bus, const Channel& channel, bool request);
   void ended(const SdoRecord& record) override;
-  void heartbeat(Bus& bus);
-  void say_by_profile(const Bus& bus, Meaning meaning);
+  void heartbeat(KnownBus& bus);
+  void say_by_profile(const KnownBus& bus, Meaning meaning);
   void give(Meaning meaning);
   void add_name(std::uint8_t node);
   void put_value(od::DataType type, std::span<const std::uint8_t> bytes, bool all);
-  od::DataType say_object(const Node* node, ObjectRef object);
+  od::DataType say_object(const KnownNode* node, ObjectRef object);
   void say_end(const SdoRecord& record);
   void field(Field::Kind kind, std::string_view key, std::string value);
 
   Rows* rows_;
   DecodeOptions options_;
-  std::vector<std::unique_ptr<Bus>> buses_;
+  std::vector<std::unique_ptr<KnownBus>> buses_;
   // For the present entry.
   const trace::Entry* entry_ = nullptr;
-  Bus* bus_ = nullptr;
+  KnownBus* bus_ = nullptr;
   Channel* channel_ = nullptr;
   std::string words_;
   std::string value_;

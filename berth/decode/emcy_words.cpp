@@ -14,8 +14,8 @@ struct CodeWords {
   const char* words;
 };
 
-// Drives, as IEC 61800-7-201 has them: the list of Beckhoff's EtherCAT slave stack (cia402appl.h), which public
-// repositories of drives carry; those that makers define themselves are not in it.
+// The codes of drives, as in IEC 61800-7-201. The source is the list of Beckhoff's EtherCAT slave stack (cia402appl.h),
+// which public repositories of drives contain. It has no codes that manufacturers define themselves.
 constexpr CodeWords of_402[] = {
     {0x2110, "short circuit or earth leakage at the input"},
     {0x2120, "earth leakage at the input"},
@@ -162,7 +162,7 @@ constexpr CodeWords of_402[] = {
     {0xF003, "stroke operation"},
 };
 
-// Inclinometers: two makers give the codes alike, ifm (manual of the JN2101) and SICK (manual of the TMM61).
+// Inclinometers: two manufacturers list the same codes, ifm (manual of the JN2101) and SICK (manual of the TMM61).
 constexpr CodeWords of_410[] = {
     {0x5010, "sensor of the X axis"},
     {0x5020, "sensor of the Y axis"},

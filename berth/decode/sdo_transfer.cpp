@@ -20,7 +20,7 @@ ObjectRef object_of(const can::Frame& frame) noexcept {
 
 void SdoTransfer::frame(const can::Frame& frame, bool request, rt::Duration at, Listener& listener) {
   at_ = at;
-  const bool sends = record_.write == request;  // whether this side sends the data
+  const bool sends = record_.write == request;  // this side sends the data
   if (stage_ == Stage::block_data && sends && frame.data[0] != abort_specifier) return block_segment(frame);
   if (frame.data[0] >> 5 == 4) return abort(frame, request, listener);
   if (request) {
@@ -62,7 +62,7 @@ void SdoTransfer::client(const can::Frame& frame, Listener& listener) {
       break;
     default: return stray(frame, false, listener);
   }
-  // The client's part of a block transfer.
+  // The client's frames within a block transfer.
   if (stage_ == Stage::idle || record_.mode != Mode::block) return stray(frame, false, listener);
   ++record_.frames;
   record_.last = at_;
@@ -103,7 +103,7 @@ void SdoTransfer::server(const can::Frame& frame, Listener& listener) {
   }
 }
 
-// The server's answer to what the client began.
+// The server's answer to the client's initiate.
 void SdoTransfer::initiated(const can::Frame& frame, Listener& listener) {
   const std::uint8_t command = frame.data[0];
   const bool to_write = command >> 5 == 3 || command >> 5 == 5;
@@ -163,7 +163,7 @@ void SdoTransfer::abort(const can::Frame& frame, bool request, Listener& listene
   end(request ? End::aborted_by_client : End::aborted_by_server, listener);
 }
 
-// A repeated segment has the toggle bit of the one before.
+// A repeated segment has the same toggle bit as the one before.
 void SdoTransfer::segment(const can::Frame& frame) {
   ++record_.frames;
   record_.last = at_;
@@ -176,13 +176,13 @@ void SdoTransfer::segment(const can::Frame& frame) {
 void SdoTransfer::block_segment(const can::Frame& frame) {
   ++record_.frames;
   record_.last = at_;
-  if ((frame.data[0] & 0x7FU) != next_) return;  // one is missing: it comes again
+  if ((frame.data[0] & 0x7FU) != next_) return;  // one is missing: it will be sent again
   ++next_;
   append(frame.data.data() + 1, 7);
   last_segment_ = (frame.data[0] & 0x80U) != 0;
 }
 
-// Segments that were not acknowledged come again in the next sub-block.
+// Segments that were not acknowledged are sent again in the next sub-block.
 void SdoTransfer::acknowledged(unsigned count) {
   if (count + 1U < next_) {
     cut_to(block_began_ + 7U * count);
@@ -194,7 +194,7 @@ void SdoTransfer::acknowledged(unsigned count) {
 }
 
 void SdoTransfer::stray(const can::Frame& frame, bool with_object, Listener& listener) {
-  // It must not disturb the transfer in progress.
+  // It gets a record of its own, so that it does not disturb the transfer in progress.
   SdoRecord lone;
   lone.object = with_object ? object_of(frame) : ObjectRef{};
   lone.has_object = with_object;

@@ -39,8 +39,8 @@ constexpr Var variables[]{
 struct List {
   std::uint16_t first, last;
   std::string_view name;
-  DataType type;                  // of the sub-indices from 1 on
-  std::string_view subs[6] = {};  // their names, where they have one
+  DataType type;                  // of sub-indices 1 and above
+  std::string_view subs[6] = {};  // their names, if they have any
 };
 constexpr List lists[]{
     {0x1003, 0x1003, "Pre-defined error field", DataType::unsigned32},
@@ -83,7 +83,7 @@ constexpr List lists[]{
     {0x1A00, 0x1BFF, "TPDO mapping parameter", DataType::unsigned32},
 };
 
-// 1400h.. and 1800h.. have a type for each sub-index.
+// Each sub-index of 1400h.. and 1800h.. has a type of its own.
 DataType of_pdo(std::uint8_t sub) {
   switch (sub) {
     case 1: return DataType::unsigned32;

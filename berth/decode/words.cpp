@@ -26,7 +26,7 @@ constexpr std::array<std::string_view, services> service_names{"nmt",   "sync", 
                                                                "sdo",   "heartbeat",   "lss",   "rand", "and",
                                                                "claim", "negotiation", "error", "other"};
 
-// Frames that come a thousand times a second are not formatted.
+// Quicker than a format string, for frames that come a thousand times a second.
 void put(std::string& out, std::string_view before, unsigned number) {
   const fmt::format_int digits(number);
   out += before;
@@ -162,7 +162,7 @@ void of_sdo(const can::Frame& frame, unsigned node, bool request, std::string& o
       out += ": upload segment";
       return;
     case 4: {
-      // Else the last segment of a block: bit 7, and its number.
+      // Any other value: the last segment of a block, with bit 7 and its number.
       if (frame.data[0] != 0x80) break;
       const auto code = load_le<std::uint32_t>(frame.data.data() + 4);
       with_object(": abort ");

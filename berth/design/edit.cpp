@@ -25,6 +25,11 @@ std::string rendered(const NewValue& value) {
   if (const auto* string = std::get_if<std::string>(&value)) return text::quoted(*string);
   if (const auto* number = std::get_if<std::int64_t>(&value)) return fmt::format("{}", *number);
   if (const auto* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
+  if (const auto* strings = std::get_if<std::vector<std::string>>(&value)) {
+    std::string list;
+    for (const auto& each : *strings) list += (list.empty() ? "" : ", ") + text::quoted(each);
+    return "[" + list + "]";
+  }
   const auto& type = std::get<TypeCode>(value);
   return fmt::format("{{ vendor = 0x{:08X}, product = 0x{:08X} }}", type.vendor, type.product);
 }
@@ -46,6 +51,12 @@ Value as_value(const NewValue& given) {
   } else if (const auto* flag = std::get_if<bool>(&given)) {
     value.kind = Value::Kind::boolean;
     value.boolean = *flag;
+  } else if (const auto* strings = std::get_if<std::vector<std::string>>(&given)) {
+    value.kind = Value::Kind::array;
+    for (const auto& each : *strings) {
+      value.items.emplace_back().kind = Value::Kind::string;
+      value.items.back().string = each;
+    }
   } else {
     const auto& type = std::get<TypeCode>(given);
     value.members.push_back({"vendor", {}, number(type.vendor)});
@@ -111,7 +122,7 @@ Result<std::string> checked(std::string text, const Value& expected) {
   return text;
 }
 
-/// Behind the last character of the value and of all that is in it.
+/// The place after the last character of the value and of everything in it.
 Place end_of(const Value& value) noexcept {
   Place end = std::max(value.begin, value.end);
   for (const auto& item : value.items) end = std::max(end, end_of(item));
@@ -119,7 +130,7 @@ Place end_of(const Value& value) noexcept {
   return end;
 }
 
-/// The last member that stands in the table's own lines, not under a header of its own.
+/// The last member in the table's own lines, not under a header of its own.
 const Member* last_own_member(const Value& table) noexcept {
   const Member* last = nullptr;
   for (const auto& member : table.members) {
@@ -130,19 +141,19 @@ const Member* last_own_member(const Value& table) noexcept {
   return last;
 }
 
-/// Line ends as the file has them.
+/// The file's kind of line end.
 std::string_view newline_of(std::string_view text) noexcept {
   const auto at = text.find('\n');
   return at != std::string_view::npos && at > 0 && text[at - 1] == '\r' ? "\r\n" : "\n";
 }
 
-/// Behind the line break of the line that holds `at`; the end of the text when it has none.
+/// The place after the line break of the line that contains `at`; the end of the text if that line has none.
 std::size_t next_line(std::string_view text, std::size_t at) noexcept {
   const auto newline = text.find('\n', at);
   return newline == std::string_view::npos ? text.size() : newline + 1;
 }
 
-/// The blanks in front of a key, when nothing else is.
+/// The spaces and tabs before a key; "" if anything else is before it on the line.
 std::string indent_of(std::string_view text, std::size_t key) {
   const auto newline = key == 0 ? std::string_view::npos : text.rfind('\n', key - 1);
   const std::size_t line = newline == std::string_view::npos ? 0 : newline + 1;
@@ -150,7 +161,7 @@ std::string indent_of(std::string_view text, std::size_t key) {
   return before.find_first_not_of(" \t") == std::string_view::npos ? std::string(before) : std::string();
 }
 
-/// Inserts whole lines (each with its line break) at the line after `at`.
+/// Inserts whole lines (each with its line break) before the line after `at`.
 std::string with_lines(std::string_view text, std::size_t at, const std::string& lines) {
   const auto place = next_line(text, at);
   std::string out(text.substr(0, place));
@@ -169,6 +180,24 @@ std::string insert_key(std::string_view text, const Value& slot, std::string_vie
   const auto at = text::offset_of(text, last == nullptr ? slot.begin : last->value.end);
   const auto indent = last == nullptr ? std::string() : indent_of(text, text::offset_of(text, last->place));
   return with_lines(text, at, fmt::format("{}{} = {}{}", indent, key, value, newline_of(text)));
+}
+
+/// Sets a key of a table of `root`, whose text is `text`.
+Result<std::string> with_key(std::string_view text, const Value& root, Value& table, std::string_view key,
+                             const NewValue& value) {
+  const auto member = std::ranges::find(table.members, key, &Member::key);
+  if (member == table.members.end()) {
+    auto changed = insert_key(text, table, key, rendered(value));
+    table.members.push_back({std::string(key), {}, as_value(value)});
+    return checked(std::move(changed), root);
+  }
+  const bool own_header = member->value.kind == Value::Kind::table && !member->value.in_line;
+  if (own_header) return fail(Errc::unsupported, "the key is a table with a header of its own");
+  const auto begin = text::offset_of(text, member->value.begin);
+  const auto end = text::offset_of(text, member->value.end);
+  auto changed = fmt::format("{}{}{}", text.substr(0, begin), rendered(value), text.substr(end));
+  member->value = as_value(value);
+  return checked(std::move(changed), root);
 }
 
 bool taken(const Value& slot, const NewSlot& wanted) {
@@ -193,19 +222,23 @@ Result<std::string> set_slot_key(std::string_view text, std::string_view slot_na
   if (!root) return fail(root.error());
   const auto slot = find_slot(*root, slot_name);
   if (!slot) return fail(slot.error());
-  const auto member = std::ranges::find((*slot)->members, key, &Member::key);
-  if (member == (*slot)->members.end()) {
-    auto changed = insert_key(text, **slot, key, rendered(value));
-    (*slot)->members.push_back({std::string(key), {}, as_value(value)});
-    return checked(std::move(changed), *root);
+  return with_key(text, *root, **slot, key, value);
+}
+
+Result<std::string> set_mqtt_key(std::string_view text, std::string_view key, const NewValue& value) {
+  if (!bare_key(key)) return fail(Errc::invalid, "this is not a key");
+  auto root = parse(text);
+  if (!root) return fail(root.error());
+  const auto table = std::ranges::find(root->members, std::string_view("mqtt"), &Member::key);
+  if (table != root->members.end()) {
+    if (table->value.kind != Value::Kind::table) return fail(Errc::unsupported, "mqtt is not a table");
+    return with_key(text, *root, table->value, key, value);
   }
-  const bool own_header = member->value.kind == Value::Kind::table && !member->value.in_line;
-  if (own_header) return fail(Errc::unsupported, "the key is a table with a header of its own");
-  const auto begin = text::offset_of(text, member->value.begin);
-  const auto end = text::offset_of(text, member->value.end);
-  auto changed = fmt::format("{}{}{}", text.substr(0, begin), rendered(value), text.substr(end));
-  member->value = as_value(value);
-  return checked(std::move(changed), *root);
+  const auto newline = newline_of(text);
+  root->members.push_back({"mqtt", {}, {}});
+  root->members.back().value.members.push_back({std::string(key), {}, as_value(value)});
+  const auto lines = fmt::format("{}[mqtt]{}{} = {}{}", newline, newline, key, rendered(value), newline);
+  return checked(with_lines(text, text.size(), lines), *root);
 }
 
 Result<std::string> remove_slot_key(std::string_view text, std::string_view slot_name, std::string_view key) {

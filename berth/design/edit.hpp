@@ -21,7 +21,7 @@
 namespace berth::design {
 
 /// A value to write. A `TypeCode` becomes `{ vendor = 0x…, product = 0x… }`; numbers are written as decimals.
-using NewValue = std::variant<std::string, std::int64_t, bool, TypeCode>;
+using NewValue = std::variant<std::string, std::int64_t, bool, TypeCode, std::vector<std::string>>;
 
 /// Sets `key` of the slot `slot` (its name in the file), or adds it. Returns the new text.
 [[nodiscard]] Result<std::string> set_slot_key(std::string_view text, std::string_view slot, std::string_view key,
@@ -29,6 +29,9 @@ using NewValue = std::variant<std::string, std::int64_t, bool, TypeCode>;
 
 /// Removes `key` of a slot, and its line if it is alone on it.
 [[nodiscard]] Result<std::string> remove_slot_key(std::string_view text, std::string_view slot, std::string_view key);
+
+/// Sets `key` of `[mqtt]`, or adds it; a file without the table gets it at its end.
+[[nodiscard]] Result<std::string> set_mqtt_key(std::string_view text, std::string_view key, const NewValue& value);
 
 /// A slot to add.
 struct NewSlot {

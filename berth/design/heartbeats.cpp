@@ -1,4 +1,4 @@
-// How often a bus can carry the heartbeats that Berth asks its devices for.
+// The heartbeat period that a bus can carry.
 #include <algorithm>
 
 #include "berth/design/machine.hpp"

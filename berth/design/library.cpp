@@ -132,7 +132,7 @@ class LibraryReader {
     return true;
   }
 
-  // A text is its bytes in their order ("save" is 65766173h), as signatures are.
+  // A text becomes its bytes in their order ("save" is 65766173h), as in signatures.
   static void read_value(Table& table, Recipe::Write& write, std::optional<std::int64_t> size) {
     const Value* value = table.get("value");
     if (value->kind == Value::Kind::integer) {

@@ -1,4 +1,4 @@
-// Where the machine file meets the disk and the device descriptions.
+// Loads a machine file from the disk, with the device descriptions that it names.
 #include <algorithm>
 
 #include "berth/design/machine.hpp"
@@ -13,7 +13,7 @@ TypeLoader eds_loader() {
     const auto reading = eds::read_any_file(path);
     findings.insert(findings.end(), reading.findings.begin(), reading.findings.end());
     if (!reading.usable()) return std::nullopt;
-    // Descriptions give revision 0 where it was not filled in.
+    // Revision 0 in a description means that it was not filled in.
     const auto revision = reading.file.revision();
     DeviceType type{reading.file.type_code(), revision == 0 ? std::nullopt : std::optional(revision),
                     reading.file.description, 0};

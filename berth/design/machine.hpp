@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -164,6 +165,18 @@ enum class SendOrder : std::uint8_t {
   priority,  ///< by identifier
 };
 
+/// A value of a slot's device that hosts at an MQTT broker get: an item of `publish =`.
+struct Publish {
+  std::string object;                        ///< as written; an object's name or number, or a network variable
+  double deadband = 0;                       ///< in the value's unit: a smaller change is not published
+  Duration every = std::chrono::seconds(1);  ///< shortest interval of its publications; polled: from read to read
+  std::optional<Duration> timeout{};         ///< an older value is stale; empty: by its PDO's event timer, if any
+  bool poll = false;                         ///< read by SDO, because no PDO carries it
+  bool writable = false;                     ///< hosts may write it
+  text::Place place{};
+  friend bool operator==(const Publish&, const Publish&) = default;
+};
+
 struct Slot {
   places::SlotSpec spec;   ///< the data for binding; `spec.name.machine` is the machine's name
   std::string device;      ///< the library's name for its type, as written; empty if the slot gives the type itself
@@ -175,6 +188,31 @@ struct Slot {
   SendOrder queue = SendOrder::unknown;
   /// Shortest interval of a PDO that is sent on change and has no inhibit time; empty: not given.
   std::optional<Duration> inhibit{};
+  std::vector<Publish> publish{};  ///< in the order of the file
+};
+
+/// The version of MQTT: 5.0, else 3.1.1 if the broker has no other; or one of them.
+enum class MqttVersion : std::uint8_t { automatic, v5, v3_1_1 };
+
+/// `[mqtt]`: the machine is an edge node of Sparkplug B at a broker (docs/fleet.md).
+struct Mqtt {
+  /// What hosts may command, if the machine file allows it: verbs of berth/command/verbs.hpp.
+  static constexpr std::array<std::string_view, 3> command_words{"replace", "locate", "nmt"};
+
+  std::string broker;           ///< "mqtts://broker:8883"; checked by room mqtt
+  std::string group = "berth";  ///< group and node name the machine at the broker
+  std::string node;             ///< empty: the machine's name
+  std::string primary_host{};   ///< nothing is published before this host is online; empty: none
+  std::string client_id{};      ///< empty: made of group and node
+  MqttVersion version = MqttVersion::automatic;
+  std::string ca{};  ///< files, relative to the machine file's folder; empty: none
+  std::string certificate{};
+  std::string key{};
+  std::string login{};                   ///< file with user and password
+  std::uint64_t backlog = 16ULL << 20U;  ///< bytes of changes kept while nobody gets them
+  BusCommands commands{};                ///< of `command_words`
+  text::Place place{};                   ///< of the table; of `broker` below
+  text::Place broker_place{};
 };
 
 /// One object of one slot: "left sensor/Position", "left sensor/6004h:00", or by its path "3/5/Position".
@@ -209,6 +247,7 @@ struct Machine {
   std::vector<Link> links;
   std::string link_plan;            ///< path of the plan that links are based on; empty: none
   std::vector<LinkEnd> watch = {};  ///< values shown by the live table of `berth up`, and by `berth watch`
+  std::optional<Mqtt> mqtt{};       ///< empty: no broker, unless the command line names one
   Library library;                  ///< of the file itself and of `devices =`
   /// Descriptions of devices in no slot: not from the file, but given separately (`--eds`).
   std::vector<Described> described;

@@ -15,8 +15,8 @@ using std::string_view;
 using text::Table;
 
 constexpr std::array<string_view, 3> role_words{"master", "commissioner", "observer"};
-constexpr std::array roles{Role::master, Role::commissioner, Role::observer};  // a reader is of no machine file
-// As `discovery::name` has them; rooms of this floor do not link that one.
+constexpr std::array roles{Role::master, Role::commissioner, Role::observer};  // a machine file cannot choose reader
+// The same names as `discovery::name`'s: a room of this floor may not link that room.
 constexpr std::array<string_view, 10> discovery_words{"auto",
                                                       "rand",
                                                       "and",
@@ -86,7 +86,7 @@ void read_bitrate(Table& table, Bus& bus) {
                 "125_000, 250_000, 500_000, 800_000 or 1_000_000");
 }
 
-// What links across it need.
+// Reads the keys that links across the gateway need.
 void read_gateway_node(Table& entry, const Bus& bus, Gateway& gateway) {
   gateway.eds = entry.string("eds").value_or("");
   if (const auto id = entry.integer("node", node_ids)) gateway.node = NodeId(static_cast<std::uint8_t>(*id));
@@ -121,7 +121,7 @@ void read_gateway(Table& table, Bus& bus) {
   bus.gateway = std::move(gateway);
 }
 
-// CiA 302-2: 1F80h, 1F89h in ms, 102Ah in 100 us.
+// Limits by CiA 302-2: 1F80h; 1F89h counts ms, 102Ah counts 100 us.
 void read_startup(Table& table, Bus& bus) {
   auto entry = table.table("startup");
   if (!entry) return;
@@ -147,7 +147,7 @@ void read_startup(Table& table, Bus& bus) {
   entry->finish();
 }
 
-// CiA 301 §7.5.2.6: 1006h counts in us, in 32 bits.
+// CiA 301 §7.5.2.6: 1006h counts us in 32 bits.
 void read_sync(Table& table, Bus& bus) {
   auto entry = table.table("sync");
   if (!entry) return;
@@ -172,7 +172,7 @@ void read_sync(Table& table, Bus& bus) {
   bus.sync = sync;
 }
 
-// CiA 302-2: 1F90h counts in ms, in 16 bits.
+// CiA 302-2: 1F90h counts ms in 16 bits.
 void read_flying(Table& table, Bus& bus) {
   auto entry = table.table("flying_master");
   if (!entry) return;
@@ -257,7 +257,7 @@ void read_timing(text::Table& parent, Timing& timing) {
 
 namespace {
 
-// RAND's frames, and what slaves answer to Fastscan with feedback-29, have 29-bit identifiers.
+// RAND's frames, and slaves' answers to Fastscan with feedback-29, have 29-bit identifiers.
 void read_extended_frames(Table& table, Bus& bus) {
   bus.extended_frames = table.boolean("extended_frames").value_or(true);
   constexpr std::array<string_view, 4> with_29_bits{"rand", "planner-rand", "fastscan-feedback-29", "planner-feedback"};

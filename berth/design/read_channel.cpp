@@ -35,7 +35,7 @@ const Slot* read_party(const Machine& machine, Table& table, const char* key) {
   return nullptr;
 }
 
-// Of a device of which a description is there: it has this channel.
+// If the device has a description, it must have this channel.
 void check_object(Table& table, const char* key, const Slot& slot, std::uint16_t object, const char* what) {
   if (!slot.description) return;
   const auto* const id = slot.description->find(ObjectRef{object, 1});
@@ -71,7 +71,7 @@ void read_channel(Machine& machine, Table& table) {
                        "a channel is between two devices of one bus");
   }
   const auto bus = std::ranges::find(machine.buses, on, &Bus::name);
-  if (bus == machine.buses.end()) return;  // the slot's own mistake
+  if (bus == machine.buses.end()) return;  // the slot names no such bus, which is reported there
   auto& channels = bus->channels;
   Channel channel{.client = client->spec.id, .server = server->spec.id};
   const auto is_same = [&](const Channel& c) { return c.client == channel.client && c.server == channel.server; };

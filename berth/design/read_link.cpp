@@ -1,4 +1,4 @@
-// `[[link]]` of the machine file, and `watch` of [machine], which names objects alike: docs/machine-file.md.
+// `[[link]]` of the machine file, and `watch` of [machine], which names objects in the same way: docs/machine-file.md.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -19,7 +19,7 @@ using text::Table;
 constexpr Duration least_inhibit = 100us;
 constexpr Duration most_inhibit = 6'553'500us;
 
-// A node-ID, and after a dot a gateway's port.
+// A node-ID, optionally with a dot and a gateway's port.
 struct PathStep {
   unsigned node = 0;
   unsigned port = 1;
@@ -35,7 +35,7 @@ std::optional<PathStep> path_step(string_view text) {
   return step.node == 0 || step.port == 0 ? std::nullopt : std::optional(step);
 }
 
-// "3/5/Position": the node is named by its path.
+// "3/5/Position": a path names the node.
 std::optional<LinkEnd> end_by_path(const Machine& machine, string_view text) {
   const Bus* at = machine.top();
   std::optional<PathStep> before;
@@ -53,7 +53,7 @@ std::optional<LinkEnd> end_by_path(const Machine& machine, string_view text) {
   return LinkEnd{slot->spec.name.name, std::string(text)};
 }
 
-// "3/5" of "3/5/Position"; empty: it does not begin with a path.
+// "3/5" of "3/5/Position"; empty: the text does not begin with a path.
 std::string path_of(string_view text) {
   std::string path;
   for (auto slash = text.find('/'); slash != string_view::npos && path_step(text.substr(0, slash));
@@ -113,7 +113,7 @@ struct TransmissionWord {
 };
 constexpr std::array<TransmissionWord, 3> transmission_words{{{"event", 255}, {"sync", 1}, {"sync-acyclic", 0}}};
 
-/// A word, or the transmission type itself.
+/// The value is a word, or the number of the transmission type.
 void read_transmission(Table& table, Link& link) {
   const auto* const value = table.get("transmission");
   if (value == nullptr) return;

@@ -1,5 +1,5 @@
-// The machine file's grammar, key by key (docs/machine-file.md): [machine] and [[slot]]; what a slot says by itself is
-// read_slot.cpp's, [bus.NAME] read_bus.cpp's, [[link]] read_link.cpp's.
+// The machine file's grammar, key by key (docs/machine-file.md): [machine] and [[slot]]. Keys that need only their slot
+// are in read_slot.cpp, [bus.NAME] in read_bus.cpp, [[link]] in read_link.cpp.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -62,6 +62,7 @@ class MachineReader {
     for (auto& channel : table.tables("channel")) read_channel(machine_, channel);
     for (auto& link : table.tables("link")) machine_.links.push_back(read_link(machine_, link));
     read_watched(machine_, table);
+    read_mqtt(machine_, table, reach_);
     table.finish();
     part_buses(machine_);
     if (machine_.buses.empty() && !machine_.beneath.empty())
@@ -75,7 +76,7 @@ class MachineReader {
                          std::move(fix)});
   }
 
-  /// A period that the bus cannot carry would starve everything else on it.
+  /// Refuses a period that is too short for the bus: heartbeats would crowd out everything else on it.
   void check_heartbeats() {
     constexpr double most = 0.5;
     for (const auto& bus : machine_.buses) {
@@ -92,7 +93,7 @@ class MachineReader {
     }
   }
 
-  /// What waits for mandatory slots needs one.
+  /// A startup that waits for mandatory slots needs at least one.
   void check_startups() {
     for (const auto& bus : machine_.buses) {
       const manager::Startup& rules = bus.startup.rules;
@@ -120,7 +121,7 @@ class MachineReader {
       if (plan->empty()) head->error("link_plan", "the file name is empty", "name a plan.toml, or leave the key out");
       machine_.link_plan = plan->empty() ? std::string() : reach_.path(*head, "link_plan", *plan);
     }
-    static_cast<void>(head->has("watch"));  // read when the slots are known
+    static_cast<void>(head->has("watch"));  // read later, when the slots are known
     head->finish();
   }
 
@@ -135,7 +136,7 @@ class MachineReader {
       return head.error("devices", fmt::format("{} cannot be read", text::quoted(path)),
                         "name a file of [[device-type]] tables");
     }
-    library_file_ = path;  // findings keep a reference to no temporary
+    library_file_ = path;  // a member: findings keep a reference to it
     machine_.library = read_library(*text, library_file_, loader_, reach_.allowed(), findings_);
   }
 
@@ -172,7 +173,7 @@ class MachineReader {
     return true;
   }
 
-  // Which of two buses would a path mean?
+  // With two buses beneath one port of a gateway, a path would be ambiguous.
   void check_gateway_port(const Bus& bus) {
     for (const auto& other : machine_.buses) {
       if (&other == &bus) return;
@@ -246,6 +247,7 @@ class MachineReader {
     read_software(table, spec);
     read_watch(table, spec.watch);
     read_sending(table, slot);
+    read_publish(table, slot);
     const Bus* const bus = machine_.bus(spec.name.bus);
     if (bus != nullptr && !bus->own_port) refuse_watch(table, spec.watch);
     for (const char* const key : {"serial", "serials", "serial_number"}) {
@@ -321,7 +323,7 @@ class MachineReader {
     }
   }
 
-  // By the slot's own `device`, else by its type.
+  // Finds it by the slot's own `device`, else by its type.
   void find_recipe(Table& table, Slot& slot) {
     const auto& library = machine_.library;
     auto it = std::ranges::find(library, slot.device, &KnownDevice::name);
@@ -355,7 +357,7 @@ class MachineReader {
     if (configs_ && !spec.config.empty()) check_config(table, slot, ids);
   }
 
-  // `programs = [{ file = "…" }, …]`: the first is program 1, and so on, unless they say their numbers.
+  // `programs = [{ file = "…" }, …]`: numbered from 1 in this order, unless an entry gives its number.
   void read_software(Table& table, places::SlotSpec& spec) {
     auto& software = spec.software;
     software.version = table.string("software_version").value_or("");
@@ -371,8 +373,8 @@ class MachineReader {
         const auto file = entry.string("file");
         if (file && file->empty()) entry.error("file", "the file name is empty", "name the image of a program");
         if (file && !file->empty()) program.file = reach_.path(entry, "file", *file);
-        // Where files are read at all: told now, with its place, and again when a device wants it. The other slots go
-        // on.
+        // If files are read here: report a missing one now, with its place in the machine file. It is reported again
+        // when a device needs it. A warning only: the other slots can still run.
         std::error_code none;
         if (configs_ && !program.file.empty() && !std::filesystem::is_regular_file(program.file, none)) {
           entry.warning("file", fmt::format("{}: there is no such file", text::quoted(*file)),
@@ -473,7 +475,7 @@ class MachineReader {
     if (slot.eds_path.empty()) return;
     const auto type = load_type(slot.eds_path);
     if (!type && loader_ && !text::Reach::there(table, "eds", slot.eds_path)) {
-      std::erase_if(findings_, [&](const Finding& f) { return f.file == slot.eds_path; });  // that it cannot be opened
+      std::erase_if(findings_, [&](const Finding& f) { return f.file == slot.eds_path; });  // reported already
       return;
     }
     if (!type) {
@@ -497,7 +499,7 @@ class MachineReader {
     if (it != types_.end()) return it->second;
     Findings said;
     const auto type = loader_ ? loader_(path, said) : std::nullopt;
-    // What the description has to say beside its type is for `berth eds check`, not for every start of a machine.
+    // Only errors: the description's other findings belong to `berth eds check`, not to every start of a machine.
     std::ranges::copy_if(said, std::back_inserter(findings_),
                          [](const Finding& f) { return f.severity == Finding::Severity::error; });
     return types_[path] = type;

@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "berth/design/machine.hpp"
+#include "berth/text/reach.hpp"
 #include "berth/text/toml.hpp"
 
 namespace berth::design {
@@ -51,6 +52,10 @@ void refuse_watch(text::Table& slot, const places::SlotWatch& watch);
 /// slots are already there, has no such slot.
 [[nodiscard]] std::optional<LinkEnd> read_end(const Machine& machine, text::Table& table, std::string_view key,
                                               const std::string& text);
+/// `publish` of a `[[slot]]`.
+void read_publish(text::Table& table, Slot& slot);
+/// [mqtt]; the slots are there already, and their names must be possible at a broker. `reach`: of the machine file.
+void read_mqtt(Machine& machine, text::Table& root, const text::Reach& reach);
 /// `watch` of [machine]; the slots are there already.
 void read_watched(Machine& machine, text::Table& root);
 /// One `[[link]]`; its ends are slots of `machine`, which has them already.

@@ -1,4 +1,4 @@
-// What a `[[slot]]` of a machine file says by itself, key by key: node-IDs, name, type, probe, assignment.
+// The keys of a `[[slot]]` that need nothing else of the machine file: node-IDs, name, type, probe, assignment.
 #include <fmt/format.h>
 
 #include <array>
@@ -13,7 +13,7 @@ using std::string_view;
 using text::Table;
 
 constexpr std::array<string_view, 3> assign_words{"lss", "fixed", "recipe"};
-constexpr std::uint8_t product_unasked = 2;  // `places::SlotAsks::unasked`
+constexpr std::uint8_t product_unasked = 2;  // a bit of `places::SlotAsks::unasked`
 
 void read_probe_object(Table& table, const std::string& word, places::Probe& probe) {
   const auto object = od::read_object(word);

@@ -60,7 +60,7 @@ void read_watch(Table& table, SlotWatch& watch) {
     table.error("guard_time", "a device uses node guarding or heartbeat, not both (CiA 301 §7.2.8.3.2)",
                 "leave heartbeat_period out, or guard_time");
   }
-  // Who writes a guard time wants guarding.
+  // A guard time means that the user wants node guarding.
   const bool means_guarding = watch.by == SlotWatch::By::automatic && watch.guard_time.count() > 0;
   if (means_guarding) watch.by = SlotWatch::By::guarding;
 }

@@ -9,14 +9,14 @@
 namespace berth::device {
 
 void WriteWatch::add(od::Values& values, ObjectRef ref, std::function<void()> call) {
-  // Once per index: a hook that is attached twice is called twice.
+  // Attached once per index: a hook that is attached twice is called twice.
   const auto first = calls_.lower_bound({ref.index, 0});
   const bool known = first != calls_.end() && first->first.index == ref.index;
   calls_.emplace(ref, std::move(call));
   if (!known) values.attach(*this, ref.index);
 }
 
-// A callback may add others.
+// A callback may add others meanwhile.
 WriteWatch::Calls::const_iterator WriteWatch::call_from(Calls::const_iterator at, ObjectRef ref) const noexcept {
   for (; at != calls_.end() && at->first == ref; ++at) at->second();
   return at;
@@ -26,7 +26,7 @@ void WriteWatch::one(ObjectRef ref) const noexcept { call_from(calls_.lower_boun
 
 void WriteWatch::written(od::Values&, ObjectRef ref) noexcept { one(ref); }
 
-// Neighbours in an RPDO are mostly neighbours in the dictionary.
+// Objects that are neighbours in an RPDO are mostly neighbours in the dictionary.
 void WriteWatch::mapped(const od::Values& values, std::uint16_t mapping) const noexcept {
   const auto& description = values.description();
   const auto* const object = description.find(mapping);

@@ -23,7 +23,7 @@ void add_text(DescriptionBuilder& b, std::uint16_t index, std::string_view name,
                      .capacity = 64});
 }
 
-/// `offset` by number 1..4; the others are not valid. Bit 30 set: no remote frames.
+/// PDOs 1 to 4 get their predefined COB-ID from `offset`; the others are not valid. Bit 30 set: no remote frames.
 void add_cob_id(DescriptionBuilder& b, std::uint16_t index, unsigned number, std::uint32_t offset) {
   const bool predefined = number <= 4;
   b.sub(index, {.sub = 1,

@@ -9,7 +9,7 @@ constexpr std::uint16_t guard_time = 0x100C;
 constexpr std::uint16_t life_time_factor = 0x100D;
 constexpr std::uint16_t consumer_times = 0x1016;
 constexpr std::uint16_t producer_time = 0x1017;
-constexpr std::size_t bytes_of_a_node = 28;  // of what a consumer takes for each
+constexpr std::size_t bytes_of_a_node = 28;  // memory that a consumer takes for each node
 
 }  // namespace
 
@@ -54,7 +54,7 @@ void ErrorControl::stop() noexcept {
   if (consumer_) consumer_->clear();
 }
 
-// --- What is told ----------------------------------------------------------------------------------------------------
+// --- Reports ---------------------------------------------------------------------------------------------------------
 
 void ErrorControl::life_guarding(bool lost, rt::Time) noexcept {
   if (!lost) {
@@ -77,7 +77,7 @@ void ErrorControl::heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexc
   observer_->heartbeat(event, at);
 }
 
-/// 1016h was written: a node that is not supervised any more is not missed any more.
+/// 1016h was written: a node that is no longer supervised has no error any more.
 void ErrorControl::forget_errors() noexcept {
   for (std::uint8_t node = 1; node <= 127; ++node) {
     if (!consumer_->lost(NodeId(node))) errors_->clear(co::emcy_code::life_guard_or_heartbeat, {node}, node);

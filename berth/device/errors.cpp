@@ -12,7 +12,7 @@ constexpr std::uint16_t field_object = 0x1003;
 constexpr std::uint16_t cob_id_object = 0x1014;
 constexpr std::uint16_t inhibit_object = 0x1015;
 
-// The identifier may change only while the object is not valid before or after; bit 30 is reserved (CiA 301 §7.5.2.17).
+// The identifier must not change if the object is valid before and after; bit 30 is reserved (CiA 301 §7.5.2.17).
 od::AbortCode writing_emcy_id(const od::Values& values, std::uint32_t value) noexcept {
   const co::CobId now(values.get_or<std::uint32_t>({cob_id_object, 0}, co::CobId::invalid_bit));
   const co::CobId next(value);

@@ -126,7 +126,7 @@ void Lifecycle::state_changed(NmtState from, NmtState to, rt::Time) noexcept {
   changed();
 }
 
-// 1F80h of a device that is no master (bit 0 = 0): bit 3 "may start itself", bit 2 "waits to be started"
+// 1F80h of a device that is not NMT master (bit 0 = 0): bit 3 = 1 "may start itself", bit 2 = 1 "waits to be started"
 // (docs/protocols/cia301.md §NMT).
 void Lifecycle::self_start() noexcept {
   if (values_->description().find(od::cia302::nmt_startup) == nullptr) return;
@@ -134,7 +134,7 @@ void Lifecycle::self_start() noexcept {
     nmt_.apply(co::NmtCommand::start);
 }
 
-// Its program reads the memory when it starts, and NMT reset communication does not start it anew.
+// The device's program reads the memory only when it starts, and NMT reset communication does not restart it.
 void Lifecycle::check_memory(Reset what) noexcept {
   if (!parts_.host.timing().needs_first_save || what == Reset::communication) return;
   unsaved_ = !parts_.stored.saved_once();
@@ -148,7 +148,7 @@ void Lifecycle::start_services() noexcept {
   parts_.errors.start();
   parts_.error_control.start(nmt_.node_id(), nmt_.state());
   set_services({}, nmt_.services());
-  constexpr Errors::Info memory_error{0x2F, 0x04};  // CO_EM_NON_VOLATILE_MEMORY, and which entry of 1010h it is
+  constexpr Errors::Info memory_error{0x2F, 0x04};  // CO_EM_NON_VOLATILE_MEMORY, and the entry of 1010h
   if (unsaved_) parts_.errors.raise(0x5000, co::error_register::generic, memory_error);
 }
 

@@ -9,7 +9,7 @@ can::Frame switch_selective(unsigned part, std::uint32_t value) noexcept {
   return lss::request32(static_cast<Command>(static_cast<unsigned>(Command::select_vendor) + part), value);
 }
 
-/// The slave changes its state by its own services only.
+/// Uses the slave's own services, the only way to change its state.
 void put_in_configuration(lss::Slave& slave) noexcept {
   for (unsigned part = 0; part < 4; ++part) slave.handle(switch_selective(part, slave.address().part(part)));
 }

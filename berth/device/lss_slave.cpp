@@ -8,14 +8,14 @@
 namespace berth::device {
 namespace {
 
-constexpr std::size_t record_size = 4;  // node-ID, bit rate index, two bytes for later
+constexpr std::size_t record_size = 4;  // node-ID, bit rate index, two bytes in reserve
 static_assert(NvRecord::footprint(record_size) <= LssSlave::memory_size);
 
 lss::BitRateMask bit_rates(const Options& options) noexcept {
   return lss::bit_rate_index(options.bit_rate) ? lss::all_fixed_bit_rates : lss::BitRateMask{0};
 }
 
-// What `record` holds, or stands for blank memory.
+// The settings in `record`; if the memory is blank, those of the options.
 lss::Settings load(const Options& options, std::optional<NvRecord>& record) noexcept {
   lss::Settings settings{options.node_id, lss::bit_rate_index(options.bit_rate).value_or(lss::BitRateIndex::kbit_125)};
   std::array<std::uint8_t, record_size> raw{};
@@ -55,7 +55,7 @@ LssSlave::LssSlave(can::Dispatcher& dispatcher, const Options& options, NvMemory
 }
 
 LssSlave::~LssSlave() {
-  if (storing()) record_->forget();  // it would call what is gone
+  if (storing()) record_->forget();  // it would call an object that no longer exists
 }
 
 // --- Power and resets ------------------------------------------------------------------------------------------------
@@ -79,7 +79,7 @@ void LssSlave::power_off() noexcept {
   powered_ = false;
   waits_ = nullptr;
   resetting();
-  if (record_) record_->forget();  // stops the memory, whatever it writes for
+  if (record_) record_->forget();  // stops the memory, whoever writes
   stored_ = load(*options_, record_);
   slave_->power_on(stored_);
 }
@@ -117,7 +117,7 @@ void LssSlave::assign(NodeId id) noexcept {
 bool LssSlave::keep(NodeId id, NvMemory::Done& done) noexcept {
   lss::Settings settings = slave_->pending();
   settings.node_id = id;
-  if (store(settings)) return false;  // answered at once: it was refused
+  if (store(settings)) return false;  // a result at once is a refusal
   slave_->set_pending(id);
   waits_ = &done;
   return true;
@@ -137,7 +137,7 @@ void LssSlave::received(const can::Frame& frame, rt::Time) noexcept {
   }
 }
 
-// As a stack does that takes 255 for its node-ID until it has another.
+// For a stack that uses 255 as its node-ID until it has another.
 void LssSlave::boot_by_nmt(const can::Frame& frame) noexcept {
   const bool reset = frame.size == 2 && (frame.data[0] == 0x81 || frame.data[0] == 0x82);
   const bool mine = frame.data[1] == 0 || frame.data[1] == NodeId::unconfigured_value;
@@ -171,7 +171,7 @@ void LssSlave::switch_bit_rate(lss::BitRateIndex index) noexcept {
 
 lss::Settings LssSlave::persistent() const noexcept {
   if (powered_) return stored_;
-  auto record = record_;  // finding the valid slot is no change of this one
+  auto record = record_;  // a copy: finding the valid slot must not change this one
   return load(*options_, record);
 }
 
@@ -191,7 +191,7 @@ void LssSlave::written(bool ok) noexcept {
     stored_ = being_stored_;
     if (options_->source == NodeIdSource::fixed) stored_.node_id = options_->node_id;
   }
-  // Without an answer when a reset came in between: no master waits any more.
+  // No answer if a reset came in between: no master waits for it any more.
   const auto answer = as_sent(options_->lss, slave_->stored({ok ? lss::error::ok : lss::error::storage, 0}));
   if (answer) dispatcher_->send(*answer);
   owner_->changed();

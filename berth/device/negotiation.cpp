@@ -63,7 +63,7 @@ void Negotiation::ready(NodeId id) noexcept {
 void Negotiation::listen(bool all) {
   dispatcher_->remove(*this);
   if (!all) return dispatcher_->add(research::negotiation_control, *this);
-  dispatcher_->add(can::all_base, *this);  // the bus load
+  dispatcher_->add(can::all_base, *this);  // to measure the bus load
   dispatcher_->add(can::all_extended, *this);
 }
 
@@ -91,7 +91,6 @@ void Negotiation::node_id_lost(NodeId id, research::IdLoss why) noexcept {
 }
 
 // --- Memory
-// -----------------------------------------------------------------------------------------------------------
 
 bool Negotiation::stored() noexcept {
   std::array<std::uint8_t, 1> raw{};
@@ -101,10 +100,10 @@ bool Negotiation::stored() noexcept {
 void Negotiation::keep() noexcept {
   if (!record_ || record_->busy() || stored()) return;
   const std::array<std::uint8_t, 1> raw{last_.value()};
-  if (!record_->save(raw, *this)) dispatcher_->executor().after(memory_busy, *this);  // others write
+  if (!record_->save(raw, *this)) dispatcher_->executor().after(memory_busy, *this);  // something else is being written
 }
 
-// What cannot be written is forgotten with the power; another may have been taken meanwhile.
+// A node-ID that could not be written is lost when the power goes. Another one may have been taken meanwhile.
 void Negotiation::written(bool ok) noexcept {
   if (ok) keep();
 }

@@ -37,7 +37,7 @@ od::AbortCode NodeIdObject::sign(ObjectRef ref, std::span<const std::uint8_t> va
   return id && id->configured() ? keep(ref, *id) : od::AbortCode::not_stored;
 }
 
-// Answered when it is in memory: what uses the node-ID from the next reset on has it for good.
+// The answer comes when the node-ID is in memory: a node-ID that is used after the next reset is then kept for good.
 od::AbortCode NodeIdObject::keep(ObjectRef ref, NodeId id) noexcept {
   if (!lss_->keep(id, static_cast<NvMemory::Done&>(*this))) return od::AbortCode::hardware;
   awaited_ = ref;

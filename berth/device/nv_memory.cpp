@@ -29,7 +29,7 @@ bool NvRecord::load(std::span<std::uint8_t> into) noexcept {
   sequence_ = 0;
   slot_ = 1;
   if (!has_first && !has_second) return false;
-  // Newer by distance, so that the number may wrap.
+  // The difference shows which is newer, so that the number may wrap.
   const bool take_second = has_second && (!has_first || static_cast<std::int32_t>(second - first) > 0);
   if (take_second) std::copy_n(other.begin(), std::min<std::size_t>(into.size(), payload_), into.begin());
   slot_ = take_second ? 1 : 0;
@@ -44,7 +44,7 @@ bool NvRecord::save(std::span<const std::uint8_t> payload, NvMemory::Done& done)
   std::copy(payload.begin(), payload.end(), buffer_.begin() + 5);
   const std::span body(buffer_.data(), payload_ + 5);
   store_le<std::uint32_t>(buffer_.data() + body.size(), crc32(body));
-  done_ = &done;  // before the write: power may go while it begins, and `forget` must find it
+  done_ = &done;  // set before the write: power may fail when it begins, and `forget` must find it
   if (memory_->write(at_ + (1 - slot_) * slot_size(), std::span(buffer_.data(), slot_size()), *this)) return true;
   done_ = nullptr;
   return false;

@@ -6,10 +6,10 @@
 namespace berth::device {
 namespace {
 
-// What is longer than this needs an `od::Stream`.
+// An object that is longer needs an `od::Stream`.
 constexpr std::size_t longest_buffer = 65536;
 
-// A download must fit the server's buffer whole: as long as the longest thing that can be written here.
+// A download must fit into the server's buffer: it is as long as the longest object that can be written.
 std::size_t sdo_buffer(const od::Description& description) noexcept {
   std::size_t longest = 32;
   for (const auto& sub : description.subs()) {

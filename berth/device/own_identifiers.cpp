@@ -8,7 +8,7 @@
 namespace berth::device {
 namespace {
 
-constexpr std::array<std::uint16_t, 2> produced_objects{0x1005, 0x1012};  // SYNC, TIME: bit 30 = this node sends it
+constexpr std::array<std::uint16_t, 2> produced_objects{0x1005, 0x1012};  // SYNC, TIME: bit 30 = 1: this node sends it
 constexpr std::uint16_t emcy_object = 0x1014;
 using od::cia301::first_server, od::cia301::last_server;
 

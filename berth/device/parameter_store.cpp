@@ -13,7 +13,7 @@ bool within(std::uint16_t index, std::uint16_t first, std::uint16_t last) noexce
   return index >= first && index <= last;
 }
 
-/// Commands, measurements and histories: nothing that a device should wake up with.
+/// Commands, measured values and histories: no device restores them at power-on.
 bool is_passing(std::uint16_t index) noexcept {
   return within(index, 0x1001, 0x1003) || within(index, 0x1010, 0x1011) || index == 0x1013 ||
          within(index, 0x1023, 0x1026) || within(index, 0x1F50, 0x1F5F) || within(index, 0x1F82, 0x1F83);
@@ -112,7 +112,7 @@ bool ParameterStore::load() noexcept {
   const bool second = read_slot(1, sequence[1], length[1]);
   image_.loaded = first || second;
   if (!image_.loaded) return false;
-  // Newer by distance, so that the number may wrap.
+  // The difference shows which is newer, so that the number may wrap.
   image_.slot = second && (!first || static_cast<std::int32_t>(sequence[1] - sequence[0]) > 0) ? 1 : 0;
   image_.sequence = sequence[image_.slot];
   image_.length = length[image_.slot];
@@ -198,7 +198,7 @@ bool ParameterStore::write_header() noexcept {
   return memory_->write(slot_at(1 - image_.slot), std::span(chunk_).first(header_size), *this);
 }
 
-/// Whole entries only, so that no value is torn by what the application does between two writes.
+/// Only whole entries: the application may change a value between two writes.
 std::size_t ParameterStore::fill() noexcept {
   const auto& description = values_->description();
   const auto objects = description.objects();
@@ -212,7 +212,7 @@ std::size_t ParameterStore::fill() noexcept {
   return used;
 }
 
-/// False: the chunk is full, this one comes next.
+/// False: the chunk is full, and this entry is the first of the next one.
 bool ParameterStore::put(const od::Object& object, const od::SubObject& sub, std::size_t& used) noexcept {
   const ObjectRef ref{object.index, sub.sub};
   if (sub.capacity > room()) return true;
@@ -271,7 +271,7 @@ void ParameterStore::end(bool ok) noexcept {
 void ParameterStore::abandon() noexcept {
   if (values_ == nullptr) return;
   values_ = nullptr;
-  ending_ = true;  // a header on its way may still make the new image valid: it is whole
+  ending_ = true;  // a header that is being written may still make the new image valid: that image is whole
 }
 
 void ParameterStore::forget() noexcept {

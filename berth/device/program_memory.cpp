@@ -45,7 +45,7 @@ std::size_t ProgramMemory::slot_at(std::uint8_t number, unsigned slot) const noe
   return ((number - 1U) * layout_.images + slot) * slot_size();
 }
 
-// ---- what is there
+// ---- programs in memory
 
 void ProgramMemory::load() noexcept {
   forget();
@@ -111,7 +111,7 @@ bool ProgramMemory::clear(std::uint8_t number) noexcept {
   number_ = number;
   work_ = Work::clearing;
   erased_ = 0;
-  // The newer one last: a power loss in between does not bring the older program back.
+  // The newer one last: if the power fails in between, the older program does not come back.
   const unsigned last = program(number).valid ? program(number).slot : 0;
   if (erase(layout_.images == 1 ? 0 : 1 - last)) return true;
   work_ = Work::none;
@@ -175,7 +175,7 @@ void ProgramMemory::abandon() noexcept {
   if (work_ == Work::writing || work_ == Work::making_room) forget();
 }
 
-// Behind all the content: before it is whole, there is no program here.
+// The head is written after all the content: until the head is whole, there is no program here.
 void ProgramMemory::write_head() noexcept {
   work_ = Work::head;
   auto& head = pieces_[0];
@@ -188,7 +188,7 @@ void ProgramMemory::write_head() noexcept {
   if (!writes_) finish(false);
 }
 
-// ---- the memory tells
+// ---- end of a write
 
 void ProgramMemory::written(bool ok) noexcept {
   writes_ = false;

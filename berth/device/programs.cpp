@@ -15,7 +15,7 @@ using od::AbortCode;
 using od::Access;
 using od::DataType;
 
-// Commands of 1F51h, and what is read there.
+// The commands of 1F51h, and the values that are read from it.
 constexpr std::uint8_t stopped = 0, running = 1, to_reset = 2, cleared = 3;
 
 struct ArrayOf {
@@ -223,7 +223,7 @@ AbortCode Programs::take_content(std::span<const std::uint8_t> bytes) noexcept {
   return refuse(FlashError::write, AbortCode::hardware);
 }
 
-// The flash memory goes on after the answer: 1F57h says until when.
+// The device writes its flash memory on after the answer: 1F57h reports until when.
 AbortCode Programs::close(ObjectRef, bool complete) noexcept {
   open_ = false;
   awaited_ = {};

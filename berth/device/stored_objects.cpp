@@ -37,7 +37,7 @@ StoredObjects::StoredObjects(od::Values& values, co::SdoServers& sdo, NvMemory* 
 }
 
 StoredObjects::~StoredObjects() {
-  if (parameters_ && parameters_->busy()) memory_->forget();  // it would call what is gone
+  if (parameters_ && parameters_->busy()) memory_->forget();  // it would call an object that no longer exists
 }
 
 void StoredObjects::power_on() noexcept { saved_ = parameters_ && parameters_->load(); }
@@ -70,7 +70,7 @@ od::AbortCode StoredObjects::reading(const od::Values&, ObjectRef ref, std::span
   if (ref.index == eds_object) {
     if (!options_->eds.empty()) value = options_->eds;
   } else if (ref.sub != 0 && value.size() == shown_.size()) {
-    shown_ = {};  // bit 0: on command; bit 1: by itself. Whatever the description says
+    shown_ = {};  // bit 0: on command; bit 1: by itself; the description's value does not count
     shown_[0] = parameters_ ? 1 : 0;
     value = shown_;
   }
@@ -95,7 +95,7 @@ od::AbortCode StoredObjects::writing(const od::Values&, ObjectRef ref, std::span
 void StoredObjects::parameters_written(bool ok) noexcept {
   saved_ = saved_ || ok;
   host_->storing(false);
-  // Without an answer when the client gave up or a state without SDO came in between.
+  // No answer if the client gave up, or if the device was in a state without SDO meanwhile.
   sdo_->complete(storing_, ok ? od::AbortCode::none : od::AbortCode::hardware);
 }
 

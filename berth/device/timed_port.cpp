@@ -5,7 +5,7 @@
 namespace berth::device {
 namespace {
 
-constexpr std::size_t usual_depth = 4;  // most devices never have more than a few frames before them
+constexpr std::size_t usual_depth = 4;  // most devices never have more than a few frames waiting
 
 }  // namespace
 
@@ -73,7 +73,7 @@ void TimedPort::received(const can::Frame& frame, rt::Time at) noexcept {
 
 bool TimedPort::put_by(const can::Frame& frame, rt::Time at) noexcept {
   const bool waits = timing_->in_world(timing_->response_min) > rt::Duration::zero() && extra_ >= rt::Duration::zero();
-  if (!waits || timing_->outlier_per_million != 0) return false;  // it may be the device's turn at once
+  if (!waits || timing_->outlier_per_million != 0) return false;  // the device may have to take it at once
   received(frame, at);
   return true;
 }

@@ -7,9 +7,9 @@
 
 namespace berth::discovery {
 namespace {
-constexpr rt::Duration default_window = std::chrono::milliseconds(10);  // paper 4's
+constexpr rt::Duration default_window = std::chrono::milliseconds(10);  // as in paper 4
 constexpr rt::Duration send_timeout = std::chrono::seconds(1);
-constexpr std::int64_t answer_bits = 126;  // 4Fh and seven zeros, with the space after it
+constexpr std::int64_t answer_bits = 126;  // 4Fh and seven zeros, with intermission
 constexpr std::size_t most_feedback = 256;
 }  // namespace
 
@@ -60,8 +60,8 @@ void Question::sent(rt::Time at) noexcept {
   const Options& o = *a.options_;
   const rt::Duration longest = a.longest() - a.frame_ - o.blocking;
   const rt::Duration bound = a.patient_ ? a.patience_.response(o.shortest, longest) : longest;
-  // A late answer of a single device is noticed within a few questions; with several devices that happens at every
-  // other question.
+  // With a single device, a late answer is noticed within a few questions. With several devices, late answers come at
+  // every other question.
   const bool patient = a.patient_ && !(alone_ && wait_ == Wait::quick);
   const rt::Duration learnt = patient ? bound : a.latency_.response(o.shortest, bound);
   a.asked_patiently_ = patient;
@@ -74,7 +74,7 @@ void Question::sent(rt::Time at) noexcept {
 
 void Question::answered(rt::Time at, bool whole) noexcept {
   if (step_ == Step::listening) {
-    // Others may be queued behind the first answer: they are sent while we wait, or before the next request.
+    // Other answers may wait behind the first one. They are sent during this wait, or before the next request.
     executor().at(alone_ && whole ? at : std::max(at, ready_by_), *this);
   } else if (step_ == Step::sending || step_ == Step::inhibited) {
     late(at);
@@ -82,10 +82,10 @@ void Question::answered(rt::Time at, bool whole) noexcept {
 }
 
 void Question::late(rt::Time at) noexcept {
-  if (asker_->signs_ != 1) return;  // it was answered in its time
+  if (asker_->signs_ != 1) return;  // the question was answered in time
   heard_.late = true;
-  // A frame heard at this instant was on the wire until now, so ours was not. A port that reports later than it hears
-  // cannot show this; there the request is not taken back.
+  // A frame that was heard at this instant occupied the bus until now, so this request was not sent. A port that
+  // reports frames later than it hears them cannot show this: with it, no request is taken back.
   const bool surely_queued = step_ == Step::inhibited || at == executor().now();
   if (!surely_queued) {
     asker_->takes_back_ = false;
@@ -190,7 +190,7 @@ void Asker::received(const can::Frame& frame, rt::Time at) noexcept {
   if (!lss::is_answer(frame) || lss::command(frame) != lss::Command::identified) return;
   ++answers_;
   last_ = at;
-  const int left_out = 8 - frame.size;  // nine bits each, with their stuff bits
+  const int left_out = 8 - frame.size;  // nine bits each, stuff bits included
   sign(frame_ * (answer_bits - 9 * left_out) / answer_bits, at, true);
 }
 
@@ -199,7 +199,7 @@ void Asker::sign(rt::Duration own, rt::Time at, bool whole) noexcept {
   if (current_ != nullptr) current_->answered(at, whole);
 }
 
-// The first answer may come from the fastest of many devices; the last one waited for at most one frame after it was
+// The first answer may come from the fastest of many devices. The last answer waited for at most one frame after it was
 // ready.
 void Asker::learn() noexcept {
   if (signs_ == 0) return;

@@ -44,21 +44,21 @@ Discovery& Auto::of(Method method) {
 struct Auto::Run {
   const Known& given;
   const Options& options;
-  Known known = given;  // and who was found since
-  Options part;         // for one scheme: as many devices as are still wanted
+  Known known = given;  // with the devices found since
+  Options part;         // for one scheme: with the number of devices still wanted
   Report report{};
 
   [[nodiscard]] bool over() const {
     return report.end == Report::End::more || report.found.size() >= options.most_devices;
   }
-  // Each walk finds equal devices that keep answering.
+  // Every walk finds equal devices again, because they keep answering.
   [[nodiscard]] bool none_is_new() const {
     return std::ranges::all_of(report.found, [this](const Found& f) {
       const auto is_it = [&f](const LssAddress& one) { return one == f.address; };
       return std::ranges::any_of(given.registered, is_it) || std::ranges::any_of(given.equals, is_it);
     });
   }
-  // Devices that have no node-ID after all schemes were run: the non-configured question means them too.
+  // A device that has no node-ID after all schemes were run answers the non-configured question, too.
   [[nodiscard]] bool all_assigned() const {
     return std::ranges::all_of(report.found,
                                [](const Found& f) { return f.assigned.configured() || f.active.configured(); });
@@ -68,13 +68,13 @@ struct Auto::Run {
 void Auto::OpenRanges::broken_off(Report::End schemes_end) { open_ = schemes_end; }
 
 std::optional<Report::End> Auto::OpenRanges::go_on(const Options& options) {
-  constexpr unsigned most = 4;  // then a device may have come that speaks a scheme
+  constexpr unsigned most = 4;  // then the schemes are tried again: a device may have come that speaks one
   const std::optional<Report::End> open = std::exchange(open_, std::nullopt);
   times_ = open && options.slice == 0 && times_ < most ? times_ + 1 : 0;
   return times_ > 0 ? open : std::nullopt;
 }
 
-// One scheme. It knows devices found earlier, and does not report them again.
+// Searches by one scheme, which knows the devices found earlier and does not report them again.
 rt::Task<Result<void>> Auto::part(Run& run, Method method) {
   Discovery& discovery = of(method);
   last_ = method;
@@ -98,11 +98,11 @@ rt::Task<Result<void>> Auto::part(Run& run, Method method) {
   co_return Result<void>{};
 }
 
-// Those that answer no search: LSS without Fastscan and without 46h to 4Ch.
+// For devices that answer no search: LSS without Fastscan and without 46h to 4Ch.
 rt::Task<Result<void>> Auto::by_name(Run& run) {
   constexpr std::size_t most = 8;
   const std::vector<LssAddress> expected = run.known.expected;
-  // Every second time with pauses: a small receive buffer loses consecutive frames.
+  // Every second time there are pauses between frames: a small receive buffer loses consecutive frames.
   Pauses pauses(services_.lss);
   if (!expected.empty() && named_ / expected.size() % 2 == 1) pauses.slow_down();
   for (std::size_t i = 0; i < std::min(most, expected.size()) && !run.over(); ++i) {
@@ -150,7 +150,7 @@ rt::Task<Result<Report>> Auto::find(const Known& known, const Options& options) 
 
 rt::Task<Result<void>> Auto::by_schemes(Run& run) {
   spoken_ = {};
-  // Each planner's first question is the probe.
+  // The first question of each planner shows whether a device speaks its scheme.
   constexpr std::array<Method, 3> schemes{Method::planner_feedback, Method::planner_rand, Method::and_protocol};
   const std::array<bool, 3> wanted{options_.fastscan, options_.rand, options_.and_protocol};
   std::array<bool*, 3> spoken{&spoken_.fastscan, &spoken_.rand, &spoken_.and_protocol};
@@ -173,7 +173,7 @@ rt::Task<Result<void>> Auto::by_schemes(Run& run) {
 
 rt::Task<Result<void>> Auto::by_the_rest(Run& run, bool goes_on) {
   const Known& known = run.known;
-  // A device found by Fastscan has no node-ID; only ranges find those that have one.
+  // A device found by Fastscan has no node-ID; only ranges find devices that have one.
   bool look = options_.configured || goes_on || run.report.end == Report::End::held;
   run.part.configured = options_.configured;
   if (options_.identify && run.all_assigned() && !run.over()) {
@@ -183,7 +183,7 @@ rt::Task<Result<void>> Auto::by_the_rest(Run& run, bool goes_on) {
     spoken_.non_configured = *blank;
     look = look || *blank;
   }
-  // Before the ranges: on a slow bus they are broken off again and again, and a name is one question.
+  // This comes before the ranges: on a slow bus they are broken off again and again, and a name costs one question.
   if (options_.configured && !run.over()) {
     const auto named = co_await by_name(run);
     if (!named) co_return fail(named.error());
@@ -193,7 +193,8 @@ rt::Task<Result<void>> Auto::by_the_rest(Run& run, bool goes_on) {
     const bool none_is_new = run.none_is_new();
     const auto done = co_await part(run, Method::identify);
     if (!done) co_return fail(done.error());
-    const bool walked = spoken_.fastscan || spoken_.rand || spoken_.and_protocol;  // else a scheme costs one question
+    // Otherwise trying a scheme costs only one question.
+    const bool walked = spoken_.fastscan || spoken_.rand || spoken_.and_protocol;
     if (run.report.end == Report::End::more && none_is_new && walked) ranges_.broken_off(schemes_end);
   }
   co_return Result<void>{};

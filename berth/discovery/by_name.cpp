@@ -17,7 +17,7 @@ lss::PartMask parts_that_tell(const LssAddress& device, const Known& known, cons
   for (const Found& f : report.found) others.push_back(f.address);
   others.insert(others.end(), known.registered.begin(), known.registered.end());
   others.insert(others.end(), known.expected.begin(), known.expected.end());
-  // One of another kind may have the same serial number.
+  // A device of another kind may have the same serial number.
   for (const Kind& k : known.kinds) {
     others.push_back({k.type.vendor, k.type.product, k.revision.value_or(device.revision), device.serial});
   }

@@ -17,13 +17,14 @@ rt::Task<Result<bool>> Identify::ask(Run& run, const Cursor& cursor, Box box, Wi
   const bool wary = window == Window::quick && run.care != Run::Care::none && !alone;
   if (wary) window = Window::patient;
   if (run.slow) window = Window::bound;
-  // Later answers still belong to no range of the next question: six frames are between.
+  // An answer after the window counts for no range of the next question: the six frames of that question come in
+  // between.
   const lss::ServiceOptions service{.timeout = window_of(run, window), .retries = 0, .full_window = !alone};
   ++run.report.requests;
   const auto reply = co_await services_.lss.identify_remote(ranges, service);
   if (!reply) co_return fail(reply.error());
   if (reply->answers > 0) {
-    // Fast devices met earlier are no measure for it: all its halves would be taken as empty.
+    // Fast devices that were met earlier do not show how slow this one is: all its halves would seem empty.
     const rt::Duration took = reply->heard_at[0] - reply->sent;
     run.slow = run.slow || (window == Window::bound && took > window_of(run, Window::patient));
     latency_.note(took);
@@ -36,7 +37,7 @@ rt::Task<Result<bool>> Identify::ask(Run& run, const Cursor& cursor, Box box, Wi
   co_return reply->answers > 0;
 }
 
-// A sample holds the answer's frame.
+// A sample includes the frame of the answer.
 rt::Duration Identify::window_of(const Run& run, Window window) const {
   const rt::Duration shortest = run.options.shortest;
   const rt::Duration longest = run.longest();
@@ -65,14 +66,14 @@ rt::Task<Result<bool>> Identify::blank_left(Run& run) {
 
 // ---- one device -------------------------------------------------------------------------------------------------
 
-// The device that is left must answer for itself.
+// The device that is left must prove its address itself.
 rt::Task<Result<Identify::Sweep>> Identify::proven(Run& run, Cursor& cursor, LssAddress device, bool guess) {
   lss::AloneOptions how{
       .parts = parts_that_tell(device, run.known, run.report), .longest = run.longest(), .guess = guess};
   how.followed = !services_.lss.lacks().has(device, lss::Lackable::inquire_node_id);
   auto alone = co_await lss::select_alone(services_.lss, device, how);
   if (alone && *alone == lss::Selection::not_alone) {
-    // A device left in configuration has been sent to waiting by then.
+    // By now, any device that was left in configuration is back in waiting.
     how.guess = false;
     alone = co_await lss::select_alone(services_.lss, device, how);
   }
@@ -100,12 +101,12 @@ rt::Task<Result<Identify::Sweep>> Identify::proven(Run& run, Cursor& cursor, Lss
   co_return Sweep::found;
 }
 
-// It tells its node-ID, gets one when it has none, and goes back to waiting.
+// The device reports its node-ID, gets one if it has none, and goes back to waiting.
 rt::Task<Result<void>> Identify::settle(Run& run, Found& found, const lss::AloneOptions& how) {
   const lss::ServiceOptions service{
       .timeout = run.longest(), .retries = 1, .full_window = false, .listen = lss::window_of(services_.lss, how)};
   const auto told = co_await lss::ask_node_id(services_.lss, found.address, service);
-  // A device in configuration that missed the proof may have heard this, and would hear the 11h.
+  // A device in configuration that missed the proof may have heard this question, and would hear the 11h.
   const bool others = told && told->has_value() && lss::suspicious(**told);
   if (others) services_.lss.suspect_strangers();
   const bool tells = told && told->has_value() && !others;
@@ -127,7 +128,7 @@ rt::Task<Result<void>> Identify::settle(Run& run, Found& found, const lss::Alone
   co_return Result<void>{};
 }
 
-// Those that were found, the last one first, and those of the devices that are known.
+// The revisions of the devices that were found, the last one first, then those of known devices.
 std::vector<std::uint32_t> Identify::likely_revisions(const Run& run, const Cursor& cursor) {
   std::vector<std::uint32_t> seen = cursor.revisions;
   for (const LssAddress& a : run.known.registered) {
@@ -137,7 +138,7 @@ std::vector<std::uint32_t> Identify::likely_revisions(const Run& run, const Curs
   return seen;
 }
 
-// One serial number is left; its revision may be open: those that were seen are likely.
+// One serial number is left, but its revision may be open: revisions that were seen are likely.
 rt::Task<Result<Identify::Sweep>> Identify::device_in(Run& run, Cursor& cursor, Box box) {
   const TypeCode type = cursor.kind.type;
   if (!box.single()) {
@@ -174,16 +175,16 @@ std::vector<Identify::Cursor> Identify::begin(const Known& known) {
     if (kind.revision) cursor.revisions = {*kind.revision};
     cursors.push_back(cursor);
   }
-  // The rest of a search that was broken off, as long as the same is wanted.
+  // The rest of a search that was broken off is used as long as the wanted kinds are the same.
   const bool same = std::ranges::equal(cursors, cursors_, {}, &Cursor::kind, &Cursor::kind);
   if (!same) {
-    latency_.forget();  // of other devices: those that come now may be slower
+    latency_.forget();  // measured on other devices: those that come now may be slower
     patience_ = {};
   }
   return same ? std::exchange(cursors_, {}) : cursors;
 }
 
-// One kind. False: it did not become quiet.
+// Searches one kind. False: it did not become quiet.
 rt::Task<Result<bool>> Identify::one_kind(Run& run, Cursor& cursor, Pauses& pace) {
   if (cursor.next == 0 && run.known_of(cursor.kind).empty()) {
     const Box all = box_of(cursor.kind, 0, all_serials);
@@ -219,7 +220,7 @@ rt::Task<Result<bool>> Identify::one_kind(Run& run, Cursor& cursor, Pauses& pace
   co_return !run.untrusted;
 }
 
-// False: one of them did not become quiet.
+// False: one kind did not become quiet.
 rt::Task<Result<bool>> Identify::all_kinds(Run& run, std::vector<Cursor>& cursors, Pauses& pace) {
   bool quiet = true;
   for (std::size_t k = 0; k < cursors.size(); ++k) {
@@ -237,7 +238,8 @@ rt::Task<Result<bool>> Identify::all_kinds(Run& run, std::vector<Cursor>& cursor
   co_return quiet;
 }
 
-// A device with a receive buffer of one frame answers 4Ch, which is a single frame, but not six consecutive ones.
+// A device with a receive buffer of one frame answers 4Ch, which is one frame, but no request of six consecutive
+// frames.
 rt::Task<Result<bool>> Identify::slowly(Run& run, std::vector<Cursor>& cursors, Pauses& pace) {
   const auto left = co_await blank_left(run);
   if (!left) co_return fail(left.error());

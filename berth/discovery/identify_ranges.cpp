@@ -1,14 +1,16 @@
-// The way through the ranges: down to the lowest device, on to the next, and every gap asked again.
+// The search through the ranges: down to the lowest device, then on to the next one. At the end every gap is asked
+// again.
 #include "berth/discovery/identify_parts.hpp"
 
 namespace berth::discovery {
 
-// The half that answers, with only one device in it: its silence may be lateness, so the other half must answer then.
+// Finds the half that answers, if one device is in the box. Its half may seem silent because it answers late, so the
+// other half counts only if it answers.
 rt::Task<Result<std::optional<Box>>> Identify::surely(Run& run, const Cursor& cursor, Box box) {
   const std::array<Box, 2> halves{box.lower(), box.upper()};
   std::optional<Box> result;
   for (const Window window : {Window::quick, Window::patient}) {
-    // The late answer belongs to one of both, and says nothing.
+    // A late answer belongs to one of the two halves and does not show to which.
     const bool again = window == Window::patient && !result;
     if (again) co_await rt::sleep_for(window_of(run, Window::patient));
     for (std::size_t i = 0; i < halves.size() && !result && !run.stopped; ++i) {
@@ -21,9 +23,9 @@ rt::Task<Result<std::optional<Box>>> Identify::surely(Run& run, const Cursor& cu
   co_return result;
 }
 
-// A device is in the box: finds the lowest one, down to one serial number, or to one revision if the serial number is
-// known. If the descent ends in silence, it goes back to the last answered range: from the top, a device that loses one
-// question in twenty would never be reached. Empty: no device is there any more, or none ever was.
+// A device is in the box. This finds the lowest one, down to one serial number, or to one revision if the serial number
+// is known. If the descent ends in silence, it goes back to the last range that answered: from the top, a device that
+// loses one question in twenty would never be reached. Empty: no device is there any more, or none ever was.
 rt::Task<Result<std::optional<Box>>> Identify::descend(Run& run, const Cursor& cursor, Box box) {
   const bool by_serial = box.serial_low != box.serial_high;
   run.alone = by_serial ? 0 : enough_alone;
@@ -58,7 +60,7 @@ rt::Task<Result<bool>> Identify::step(Run& run, const Cursor& cursor, Descent& w
   const auto heard = co_await ask(run, cursor, asked, window);
   if (!heard) co_return fail(heard.error());
   if (run.stopped) co_return true;
-  if (run.late_yes && way.silent) {  // it was not empty, only slow
+  if (run.late_yes && way.silent) {  // the range was not empty, its device was only slow
     way.box = *std::exchange(way.silent, std::nullopt);
     way.assumed = 0;
     co_return true;
@@ -85,7 +87,8 @@ rt::Task<Result<void>> Identify::lowest_in(Run& run, Cursor& cursor, Box box) {
   if (!*left) {
     run.more_care();
     if (before != Run::Care::none) patience_.renew();
-    // Asks again, with more patience; afterwards the closing questions find what is there.
+    // The range is asked again, with more patience. After the most careful attempt, the closing questions find the
+    // rest.
     if (before == Run::Care::most) cursor.next = std::uint64_t{box.serial_high} + 1;
     co_return Result<void>{};
   }
@@ -99,7 +102,7 @@ rt::Task<Result<void>> Identify::lowest_in(Run& run, Cursor& cursor, Box box) {
   const std::uint64_t apart = one.serial_low - std::uint64_t{cursor.last};
   if (cursor.any) {
     cursor.apart = cursor.apart == 0 ? apart : (cursor.apart + apart) / 2;
-    // A hole in a row does not end it.
+    // A hole in a row does not end the row.
     const bool hole = cursor.row >= 2 && apart % cursor.stride == 0;
     if (!hole) cursor.row = 0;
     if (!hole) cursor.stride = static_cast<std::uint32_t>(apart);
@@ -113,7 +116,7 @@ rt::Task<Result<void>> Identify::lowest_in(Run& run, Cursor& cursor, Box box) {
   co_return Result<void>{};
 }
 
-// The next of a row is asked for by name. True: it is there, or is known.
+// Asks for the next device of a row by name. True: it is there, or is known.
 rt::Task<Result<bool>> Identify::guess(Run& run, Cursor& cursor) {
   const std::uint64_t serial = std::uint64_t{cursor.last} + cursor.stride;
   cursor.guesses = false;
@@ -186,7 +189,7 @@ rt::Task<Result<bool>> Identify::close(Run& run, Cursor& cursor) {
   for (std::size_t i = 0; i < open.size() && !run.over(); ++i) {
     const Box box = open[i];
     if (std::ranges::find(cursor.quiet, box) != cursor.quiet.end()) continue;
-    // Hasty questions may still fill the receive buffer of a device that was late.
+    // Earlier quick questions may still fill the receive buffer of a late device.
     co_await rt::sleep_until(run.haste_until);
     const auto heard = co_await ask(run, cursor, box, Window::bound);
     if (!heard) co_return fail(heard.error());

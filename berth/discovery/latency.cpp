@@ -14,7 +14,7 @@ void Latency::note(rt::Duration sample) noexcept {
   count_ = std::min(count_ + 1, kept);
 }
 
-// For n samples spread evenly over [a, b] the largest lies (b - a) / (n + 1) below b on average; six times that is
+// The largest of n samples spread evenly over [a, b] is (b - a) / (n + 1) below b on average. Six times that margin is
 // exceeded once in 400 times.
 rt::Duration Latency::response(rt::Duration shortest, rt::Duration longest) const noexcept {
   if (count_ == 0) return std::max(shortest, longest);

@@ -42,7 +42,7 @@ class PlannerRand final : public Discovery, private nodeid::WalkObserver {
     co_return report;
   }
 
-  // With the longest window that an answer can need, not the paper's.
+  // Uses the longest window that an answer can need, not the paper's window.
   [[nodiscard]] rt::Task<Result<bool>> anybody(const Options& options) override {
     nodeid::DiscoveryOptions how = rand_options(options);
     how.collect = options.window.count() > 0 ? options.window : nodeid::WalkOptions{}.longest;

@@ -21,7 +21,7 @@ class And final : public Discovery, private research::AndObserver {
   [[nodiscard]] Method method() const noexcept override { return Method::and_protocol; }
 
   [[nodiscard]] rt::Task<Result<Report>> find(const Known& known, const Options& options) override {
-    // A master that was ended has left its devices identified, and they would stay silent for ever.
+    // A master that ended has left its devices identified: without this they would stay silent for ever.
     const auto everybody = co_await and_.switch_global(nodeid::Identification::unknown);
     if (!everybody) co_return fail(everybody.error());
     for (std::size_t i = 0; i < known.registered.size(); ++i) {

@@ -19,7 +19,7 @@ Report::End end_of(lss::FastscanReport::End end) noexcept {
   return Report::End::gave_up;
 }
 
-// Registered, with its node-ID, and answers on.
+// The device is registered, has its node-ID, and keeps answering.
 bool seated(const Known& known, const lss::FastscanDevice& device) noexcept {
   const bool registered = std::ranges::find(known.registered, device.address) != known.registered.end();
   return registered && device.active.configured();
@@ -101,7 +101,7 @@ class PublishedFastscan final : public Discovery {
             .by = method()};
   }
 
-  // The sixteen identifiers are ours to choose when they are not configured.
+  // If the sixteen identifiers are not configured, this method chooses them.
   void listen() {
     if (feedback_ != lss::Feedback::base || services_.lss.options().feedback_base != 0) return;
     lss::MasterOptions options = services_.lss.options();

@@ -7,7 +7,7 @@
 
 namespace berth::discovery {
 
-// One search: rounds until none answers.
+// One search: rounds until no device answers.
 class Walker::Search {
  public:
   Search(Walker& walker, const Known& known, const Options& options);
@@ -25,7 +25,7 @@ class Walker::Search {
   walk::Route route_;
   walk::Aside aside_;
   Haste haste_;
-  bool patient_ = false;  // haste has led nowhere
+  bool patient_ = false;  // haste did not pay
 };
 
 Walker::Walker(const Services& services, bool feedback)
@@ -91,7 +91,7 @@ rt::Task<Result<Report>> Walker::Search::run() {
   for (;;) {
     Heard anybody = co_await q_.start();
     if (!anybody.yes() && !q_.is_broken()) {
-      // `04 00` preceded: a device with a receive buffer of one frame has lost the question after it.
+      // A device with a receive buffer of one frame has lost the question that came right after `04 00`.
       co_await rt::sleep_for(breath);
       anybody = co_await q_.start();
     }
@@ -101,7 +101,7 @@ rt::Task<Result<Report>> Walker::Search::run() {
     if (devices_.aside().all().empty()) {
       co_await route_.round();
     } else {
-      q_.go_by_bits(true);  // feedback of those put aside says nothing
+      q_.go_by_bits(true);  // feedback of devices put aside shows nothing new
       co_await aside_.round();
     }
     const auto found_now = report_.found.size() - found;
@@ -109,7 +109,7 @@ rt::Task<Result<Report>> Walker::Search::run() {
     const bool one_more_aside = devices_.aside().in_this_round();
     devices_.aside().begin_round();
     if (devices_.over() || aside_.exhausted()) break;
-    // A known part that no device has was tried: this happens once for each and is not a restart.
+    // A round that tried a known part which no device has is not a restart: this happens once for each such part.
     const bool restart = found_now == 0 && paths_.absent() == marks && !one_more_aside;
     if (restart) ++report_.restarts;
     fruitless = restart ? fruitless + 1 : found_now > 0 ? 0 : fruitless;
@@ -118,7 +118,7 @@ rt::Task<Result<Report>> Walker::Search::run() {
     const bool judged = !patient_ && (restart || found_now > 0);
     if (judged) haste_.note(!restart);
     patient_ = fruitless > 0 || !haste_.pays();
-    // A device's late answer counts for the next question: with feedback, a wrong way down.
+    // A device's late answer counts for the next question; with feedback it leads the wrong way down.
     const bool wholly = fruitless > 1;
     q_.go_by_bits(wholly);
     q_.be_patient(patient_, wholly);
@@ -126,7 +126,7 @@ rt::Task<Result<Report>> Walker::Search::run() {
   const bool failed = q_.is_broken() && !q_.stopped();
   if (failed) co_return fail(q_.error());
   if (devices_.held()) co_await devices_.release();
-  // Another scheme comes next, and its answers have our feedback's identifiers (S1.24).
+  // Another scheme may come next, and its answers have the identifiers of our feedback (S1.24).
   co_await rt::sleep_until(q_.asker().settled());
   if (q_.stopped()) {
     report_.end = Report::End::more;

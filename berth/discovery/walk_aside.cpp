@@ -6,7 +6,7 @@ namespace berth::discovery::walk {
 
 namespace {
 
-// The largest places in `at` that hold none of `numbers`.
+// The largest places in `at` that contain none of `numbers`.
 void without(Prefix at, const std::vector<std::uint32_t>& numbers, std::vector<Prefix>& to) {
   const bool holds = std::ranges::any_of(numbers, [&](std::uint32_t n) { return at.contains(n); });
   if (!holds) {
@@ -21,7 +21,7 @@ void without(Prefix at, const std::vector<std::uint32_t>& numbers, std::vector<P
 
 rt::Task<void> Aside::round() {
   std::vector<Place> places;
-  for (unsigned parts = 4; parts-- > 0;) {  // the others are most likely of the same type
+  for (unsigned parts = 4; parts-- > 0;) {  // from the longest: the other devices are most likely of the same type
     for (const LssAddress& a : devices_.aside().all()) {
       Place place{.part = {}, .parts = parts};
       for (unsigned i = 0; i < parts; ++i) place.part[i] = a.part(i);
@@ -44,8 +44,8 @@ bool Aside::is_vacant(const Place& place) const {
   });
 }
 
-// A device that was put aside may have left the search with its node-ID after all: then no device is found by it,
-// twice.
+// A device that was put aside may have left the search with its node-ID after all. If no device enters its place twice
+// in a row, the place is vacant.
 rt::Task<Aside::Stand> Aside::stand_at(Place place) {
   Place silent;
   for (int tries = 0; tries < 2; ++tries) {
@@ -63,7 +63,7 @@ rt::Task<Aside::Stand> Aside::stand_at(Place place) {
   co_return Stand::vacant;
 }
 
-// True: a device answered beside them, or none answers at all; the round is over.
+// True: the round is over, because a device answered beside them or none answers at all.
 rt::Task<bool> Aside::ask_beside(Place place) {
   std::vector<std::uint32_t> numbers;
   for (const LssAddress& a : devices_.aside().all()) {
@@ -79,8 +79,8 @@ rt::Task<bool> Aside::ask_beside(Place place) {
   if (open.empty() || is_vacant(place)) co_return false;
   const Stand stand = co_await stand_at(place);
   if (stand != Stand::there) co_return stand == Stand::nobody;
-  q_.children().clear();  // theirs
-  // A late answer of theirs would count for the first question.
+  q_.children().clear();  // feedback of the devices put aside
+  // A late answer of a device put aside would count for the first question.
   if (q_.entered_answers() < numbers.size()) co_await rt::sleep_until(q_.asker().settled());
   const bool others = q_.entered_answers() > numbers.size();
   const bool names = q_.is_in_slices() && place.parts == 3;
@@ -99,19 +99,20 @@ rt::Task<bool> Aside::ask_beside(Place place) {
     const bool doubted =
         std::ranges::any_of(memory_.doubted, [&](const Silent& s) { return s.place == place && s.at == at; });
     q_.be_patient_where(doubted);
-    // No question follows for which a late answer could count.
+    // After the last question no other follows for which a late answer could count.
     const bool last = (others && i + 1 == open.size()) || q_.is_last_of_slice();
     const Wait wait = last ? Wait::closing : Wait::learnt;
     const Heard heard = co_await q_.ask_once(at, q_.way().sub, wait);
     q_.be_patient_where(true);
-    const bool before = heard.late && i > 0;  // the place asked before this one was answered
+    const bool before = heard.late && i > 0;  // the answer is to the place asked before this one
     if (before || heard.yes()) {
       if (before) memory_.silent.pop_back();
       const Prefix there = before ? open[i - 1] : at;
       const auto found = report_.found.size();
       co_await below(there);
       const bool led_astray = report_.found.size() == found && !devices_.aside().in_this_round();
-      // A slow one there may have answered to the first question below: there it is waited for, next time.
+      // A slow device there may have answered only during the first question below: next time, this place is asked with
+      // more patience.
       if (led_astray) memory_.doubted.push_back({place, there, heard.at});
       if (led_astray) forget_silence(heard.at);
       co_return true;
@@ -123,7 +124,7 @@ rt::Task<bool> Aside::ask_beside(Place place) {
   co_return false;
 }
 
-// The answer may belong to any of the last few questions: they are asked again, patiently.
+// The answer may belong to any of the last few questions: they are asked again, with patience.
 void Aside::forget_silence(rt::Time answered) {
   std::erase_if(memory_.silent, [&](const Silent& s) {
     const bool lately = s.asked + q_.asker().longest() >= answered;

@@ -3,8 +3,8 @@
 namespace berth::discovery::walk {
 
 namespace {
-constexpr unsigned check_after = 6;  // conclusions from silence in a row
-constexpr unsigned most_backs = 6;   // for one device
+constexpr unsigned check_after = 6;  // halves inferred from silence, in a row
+constexpr unsigned most_backs = 6;   // returns to an earlier place, for one device
 }  // namespace
 
 void Descent::begin(Prefix at) {
@@ -61,7 +61,7 @@ rt::Task<bool> Descent::down(Prefix at, unsigned answers) {
   co_return !q_.is_broken();
 }
 
-// Where we turned to the upper half, a device in the lower one had answered too late.
+// When the walk turned to the upper half, a device in the lower half had answered too late.
 void Descent::step_aside(Prefix& at) {
   if (!q_.one_only()) q_.frontier().open(at, Open::Why::maybe);
   at = at.brother();
@@ -69,13 +69,13 @@ void Descent::step_aside(Prefix& at) {
   q_.children().clear();
 }
 
-// One step by feedback; the lowest first, the others are kept.
+// One step by feedback, to the lowest value that was heard. The others are kept for later.
 rt::Task<bool> Descent::down_feedback(Prefix& at) {
   const auto children = q_.children();
   for (auto it = children.rbegin(); it != children.rend(); ++it) q_.frontier().open(*it, Open::Why::heard);
   q_.children().clear();
   const bool open = q_.frontier().remove(children.front());
-  if (!open) co_return false;  // it was heard and dealt with before
+  if (!open) co_return false;  // it was handled when it was heard before
   at = children.front();
   if (at.bit == 0) co_return true;
   Heard heard = co_await q_.ask(at, q_.way().sub, Wait::learnt);
@@ -91,8 +91,8 @@ rt::Task<bool> Descent::back() {
   const bool anchored = anchors_.size() > 1;
   while (!anchors_.empty() && !q_.is_broken()) {
     const Prefix at = anchors_.back();
-    // Nothing below was ever answered: no device moved on to this part, and a late answer stood for the one that
-    // should.
+    // Nothing below was ever answered: no device moved on to this part. A late answer was taken for the answer of a
+    // device that did.
     if (at.bit == 32) co_return anchored;
     const Heard heard = co_await q_.ask(at, q_.way().sub, Wait::bound);
     if (heard.yes()) co_return true;
@@ -101,7 +101,7 @@ rt::Task<bool> Descent::back() {
   co_return false;
 }
 
-// Where the lowest bit was 0 after all, the question for it was answered too late, and no device has moved on yet.
+// If the question for the lowest bit was answered too late, that bit is 0, and no device has moved on yet.
 rt::Task<bool> Descent::enter_leaf() {
   const std::uint32_t value = leaf_.value;
   bool entered = co_await q_.enter(value);

@@ -40,12 +40,12 @@ rt::Task<Outcome> Devices::settle(std::uint32_t serial) {
   const Prefix whole{serial, 0};
   const Heard heard = co_await q_.ask_once(whole, 0, Wait::bound);
   if (q_.is_broken()) co_return Outcome::nobody;
-  if (!heard.sent) {  // so no device was selected, and a `04 00` would make some slaves forget their part
+  if (!heard.sent) {  // no device was selected then, and `04 00` would make some slaves forget their part
     held_ = held;
     co_return Outcome::late;
   }
   if (!heard.yes()) {
-    // It may be there and have been slow, or its answer lost.
+    // A device may be there: it was slow, or its answer was lost.
     services_.lss.suspect_strangers();
     co_await release();
     co_return heard.late ? Outcome::late : Outcome::nobody;
@@ -53,7 +53,7 @@ rt::Task<Outcome> Devices::settle(std::uint32_t serial) {
   co_return co_await selected(device);
 }
 
-// A device that missed an 80h may stand at the serial number of another type.
+// A device that missed an 80h may be at the serial number of another type.
 lss::AloneOptions Devices::alone_options() const noexcept {
   lss::PartMask parts = lss::serial_part;
   for (unsigned part = 0; part < 3; ++part) {
@@ -62,12 +62,12 @@ lss::AloneOptions Devices::alone_options() const noexcept {
   return {.parts = parts, .longest = q_.asker().longest()};
 }
 
-// The selected device tells its LSS address itself, and that it is alone; then it gets its node-ID.
+// The selected device reports its LSS address itself and is proven to be alone. Then it gets its node-ID.
 rt::Task<Outcome> Devices::selected(LssAddress device) {
   rt::Executor& executor = services_.dispatcher.executor();
   Found found{.address = device, .at = executor.now(), .active = {}, .assigned = {}, .by = by_};
   lss::AloneOptions how = alone_options();
-  // By 40h to 43h its equals would be selected with it. They have their node-IDs, and this one answers Fastscan.
+  // 40h to 43h would select its equals, too. They have their node-IDs; this device answers Fastscan.
   how.without_node_id = std::ranges::find(known_.equals, device) != known_.equals.end();
   how.followed = !services_.lss.lacks().has(device, lss::Lackable::inquire_node_id);
   const rt::Duration window = lss::window_of(services_.lss, how);
@@ -110,13 +110,14 @@ rt::Task<Outcome> Devices::selected(LssAddress device) {
   }
   if (q_.is_broken()) co_return Outcome::nobody;
   keep(found);
-  // If some stay, this one may stay too: the walk goes round it, which costs time only if it does not stay.
+  // If some devices stay in the search, this one may stay, too. The walk goes round it; that only costs time if it
+  // leaves.
   if (!found.assigned.configured() || memory_.some_stay) memory_.aside.put(device, found.assigned.configured());
   co_return Outcome::found;
 }
 
-// Lely core's slaves answer Fastscan whatever node-ID they have; who does not tell one (5Eh) has none. It is the last
-// question before the 11h: a device in configuration that heard none of the proof may hear this one.
+// Lely core's slaves answer Fastscan with a node-ID, too. A device that does not report one (5Eh) has none. 5Eh is the
+// last question before the 11h: a device in configuration that heard none of the proof may hear it.
 rt::Task<Devices::ActiveId> Devices::active_id(LssAddress device, rt::Duration window) {
   const lss::ServiceOptions service{
       .timeout = q_.asker().longest(), .retries = 0, .full_window = false, .listen = window};
@@ -128,11 +129,11 @@ rt::Task<Devices::ActiveId> Devices::active_id(LssAddress device, rt::Duration w
   if (others) services_.lss.suspect_strangers();
   if (told) co_return ActiveId{NodeId::make((*told)->byte()).value_or(NodeId()), others};
   if (told.error().code == Errc::bus || told.error().code == Errc::cancelled) q_.broken(told.error());
-  services_.lss.suspect_strangers();  // its answer may come to the next question
+  services_.lss.suspect_strangers();  // its answer may come during the next question
   co_return ActiveId{};
 }
 
-// It was proven alone, and it has no node-ID from us that would take it out of the search. Meeting it again does not
+// The device was proven alone and has no node-ID from this search that would end its answers. Meeting it again does not
 // make it a clone.
 rt::Task<Outcome> Devices::stays(const Found& device, bool told) {
   if (q_.is_broken()) co_return Outcome::nobody;
@@ -144,7 +145,7 @@ rt::Task<Outcome> Devices::stays(const Found& device, bool told) {
   }
   memory_.aside.put(device.address, device.active.configured());
   if (!told) co_return Outcome::found;
-  // The others of its type stay too.
+  // The other devices of its type will stay, too.
   for (const Found& f : report_.found) {
     if (f.address.type() == device.address.type())
       memory_.aside.put(f.address, f.assigned.configured() || f.active.configured());

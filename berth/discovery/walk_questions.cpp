@@ -13,7 +13,7 @@ void Questions::broken(Error error) noexcept {
   broken_ = true;
 }
 
-// What is on its way down to a device begins again: none was selected yet.
+// The observer may end the walk here. No device is selected yet: the way down to one begins again in the next search.
 bool Questions::stops() noexcept {
   const bool now = !broken_ && observer_ != nullptr && !observer_->goes_on();
   if (now) broken_ = stopped_ = true;
@@ -93,8 +93,8 @@ rt::Task<bool> Questions::enter(std::uint32_t value) {
   co_return true;
 }
 
-// One answer to each of several nested questions: one device. `before` is set after everything for the question before
-// has been heard.
+// One answer to each of several nested questions means one device. `before` is set when everything for the question
+// before has been heard.
 void Questions::count(const Heard& heard) noexcept {
   if (below_ && heard.before > 0) alone_ = heard.before == 1 ? alone_ + 1 : 0;
   below_ = true;

@@ -6,7 +6,7 @@
 namespace berth::discovery::walk {
 
 namespace {
-constexpr unsigned neighbourhood = 8;  // bits
+constexpr unsigned neighbourhood = 8;  // width in bits
 }  // namespace
 
 rt::Task<void> Serials::all() {
@@ -40,7 +40,8 @@ rt::Task<void> Serials::all() {
   }
 }
 
-// Slaves that forget their part are led to it once more. Others were there when this one was: one answers, or forgot.
+// Slaves that forget their part are led to it once more. The test: other devices were here when this one was found, so
+// one of them answers, or they forgot.
 rt::Task<bool> Serials::again_at_serials() {
   const bool test = !forgets_ && q_.entered_answers() > 1 && !std::exchange(remembering_tested_, true);
   if (test) {
@@ -63,10 +64,10 @@ rt::Task<bool> Serials::lead_to_serials() {
   co_return true;
 }
 
-// A device that is expected is asked for by name.
+// Asks for expected devices by name.
 rt::Task<void> Serials::by_name() {
   const auto children = q_.children();
-  unsigned patient = 4;  // so many are worth the longest window
+  unsigned patient = 4;  // this many questions get the longest window
   for (const LssAddress& a : known_.expected) {
     if (a != q_.way().address(a.serial) || devices_.is_found(a) || devices_.over()) continue;
     const bool unheard = std::ranges::none_of(children, [&](Prefix p) { return p.contains(a.serial); });
@@ -104,7 +105,8 @@ rt::Task<void> Serials::registered_by_name() {
   }
 }
 
-// The next of a row, the next serial number, then the neighbourhood; each only while it has been worth it.
+// Asks for the next of a row, then the next serial number, then the neighbourhood, each only while it has been worth
+// it.
 rt::Task<void> Serials::around() {
   while (!devices_.over()) {
     const std::uint32_t last = report_.found.back().address.serial;
@@ -152,7 +154,7 @@ std::optional<std::uint32_t> Serials::next_of_row(std::uint32_t serial, bool up)
   return std::nullopt;
 }
 
-// `late`: one answered there, but not when it was selected.
+// `late`: a device answered there, but not when it was to be selected.
 rt::Task<Outcome> Serials::guess(std::uint64_t serial, Worth& worth) {
   const auto value = static_cast<std::uint32_t>(serial);
   if (serial > 0xFFFF'FFFF || !worth.ask()) co_return Outcome::nobody;
@@ -173,7 +175,7 @@ rt::Task<bool> Serials::anybody_left() {
   co_return half.has_value();
 }
 
-// The half of the serial numbers that one is in.
+// The half of the serial numbers in which a device answers.
 rt::Task<std::optional<Prefix>> Serials::others_left() {
   for (const Prefix half : {Prefix{}.zero(), Prefix{}.one()}) {
     q_.elsewhere();
@@ -183,13 +185,13 @@ rt::Task<std::optional<Prefix>> Serials::others_left() {
   co_return std::nullopt;
 }
 
-// After a serial number that no device has: those that forgot their parts would answer nothing on the way back.
+// After a serial number that no device has, devices that forgot their parts would not answer on the way back.
 rt::Task<void> Serials::lead_who_forgot() {
   if (devices_.take_released()) co_await lead_to_serials();
 }
 
-// Descends from one place and takes the device that it leads to. A device that answers but is not found may answer for
-// ever: after so many such places in a row the round ends, and the search counts it.
+// Descends from one place and takes the device that it finds there. A device that answers but is never found may answer
+// for ever: after `retries` such places in a row the round ends, and the search counts it.
 rt::Task<bool> Serials::place(Open place) {
   unsigned answers = place.at.bit == 32 ? q_.entered_answers() : 2;
   if (place.at.bit != 32 && place.why != Open::Why::answered) q_.elsewhere();
@@ -227,7 +229,7 @@ rt::Task<bool> Serials::place(Open place) {
   co_return false;
 }
 
-// The next of the row that ends with the last one found.
+// Asks for the next device of the row that ends with the last one found.
 rt::Task<bool> Serials::next_of_last() {
   const LssAddress last = report_.found.back().address;
   if (last != q_.way().address(last.serial)) co_return false;

@@ -146,7 +146,7 @@ bool Described::leaves_out(std::uint16_t index, std::uint8_t sub, const AccessRe
   return missing && description_ != nullptr && find(index, sub) == nullptr;
 }
 
-// Reserved in the layout of the object dictionary.
+// An index that the object dictionary's layout reserves.
 std::uint16_t Described::absent() const noexcept {
   std::uint16_t index = 0x0FFF;
   while (has(index)) --index;

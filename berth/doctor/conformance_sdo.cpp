@@ -164,7 +164,7 @@ rt::Task<void> SdoChecks::block_transfer(std::uint16_t index, std::uint8_t sub) 
   report_.refused(abort_codes, "a block download to 1018h:01", to_identity, codes::read_only);
 }
 
-// The second segment's toggle bit on the first: nothing is written.
+// The first segment gets the second one's toggle bit: nothing is written.
 rt::Task<void> SdoChecks::download_toggle() {
   if (!described_.settable(0x1017, 0, 2)) {
     report_.skip(download_segments, {0x1017, 0}, "the toggle bit of a segmented download",

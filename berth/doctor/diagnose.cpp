@@ -71,7 +71,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// Builds up one patient's findings.
+/// Collects the findings about one bus.
 class Consultation {
  public:
   Consultation(const Heard& heard, const Expected& expected, const Answers& answers)
@@ -117,7 +117,7 @@ class Consultation {
     return nodes;
   }
 
-  /// Only this node complains, and around every long run: then its own wire is the cause, not another node.
+  /// Only this node reports errors, around every long run: its own wire is the cause, not another node.
   [[nodiscard]] bool explained_by(NodeId id) const {
     const auto& node = heard_.node(id);
     const auto near = [](const Count& c, const ErrorRun& run) {
@@ -128,8 +128,8 @@ class Consultation {
     });
   }
 
-  // A node at another bit rate: dozens of attempts in a row destroyed, again and again, or errors all the time while
-  // several nodes complain; its own frames are never heard (docs/protocols/can-frames.md §Fault confinement).
+  // A node at another bit rate destroys dozens of attempts in a row, again and again, or causes errors all the time
+  // while several nodes report them. Its own frames are never heard (docs/protocols/can-frames.md §Fault confinement).
   void find_strangers_rate() {
     const auto runs = heard_.long_runs();
     const auto loud = complaining();
@@ -194,7 +194,7 @@ class Consultation {
     const auto note = [&](Certainty c, std::string text) { signs.note(c, std::move(text)); };
     Count seen;
     if (node.flips.count >= 3) {
-      // A missed command or boot-up would explain it.
+      // A missed command or boot-up would also explain it.
       note(node.flips.count >= 6 && heard_.complete() ? Certainty::certain : Certainty::likely,
            fmt::format("its heartbeats report two NMT states alternately, without a command between: {}",
                        times(node.flips)));
@@ -238,7 +238,7 @@ class Consultation {
                          id.value());
   }
 
-  // From the answers: how many devices have this node-ID. Returns those that LSS identified.
+  // Notes signs from the answers that several devices have this node-ID. Returns those that LSS identified.
   std::vector<LssAddress> asked_twice(NodeId id, Signs& signs) const {
     std::vector<LssAddress> devices;
     for (const auto& p : answers_.present) {
@@ -354,7 +354,7 @@ class Consultation {
         "Berth reads them; other LSS masters may not (CiA 305 has 8 bytes): ask the device's maker for new firmware";
   }
 
-  // Another LSS master's questions showed it, and it may have given the device a node-ID since.
+  // Another LSS master's questions showed the blank device; that master may have given it a node-ID since.
   [[nodiscard]] bool had_one() const { return heard_.given.count > 0 && heard_.given.last > heard_.blank.all.last; }
   [[nodiscard]] bool denied() const { return answers_.asked && !answers_.blank; }
 
@@ -371,7 +371,7 @@ class Consultation {
     return all;
   }
 
-  // All are known, and none may sit in one of these slots.
+  // All devices are known, and none fits one of these slots.
   [[nodiscard]] bool fit_nowhere(const std::vector<LssAddress>& devices, const std::vector<NodeId>& candidates) const {
     return !devices.empty() && !candidates.empty() && std::ranges::none_of(devices, [&](const LssAddress& device) {
       return std::ranges::any_of(candidates, [&](NodeId id) { return places::fits(*expected_.slot(id), device); });
@@ -432,7 +432,7 @@ class Consultation {
   // ---- error states, load ----
 
   void passive() {
-    if (jammed_) return;  // reported there as evidence: a jammer does this to the others
+    if (jammed_) return;  // already reported as evidence: the jamming node causes it
     for (const auto id : complaining()) {
       const auto& node = heard_.node(id);
       auto& d = add(Kind::error_passive, Certainty::certain, id);
@@ -455,7 +455,7 @@ class Consultation {
   }
 
   void overload() {
-    if (jammed_) return;  // EMCYs and repetitions
+    if (jammed_) return;  // EMCYs and repetitions cause the load
     const auto load = heard_.load(expected_.bit_rate);
     const auto worst = heard_.worst_load(expected_.bit_rate);
     const auto stretched = stretched_nodes();

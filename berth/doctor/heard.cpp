@@ -134,7 +134,7 @@ void Ear::received(const can::Frame& frame, rt::Time at) noexcept {
     behind_run_.reset();
     if (is_long) behind_run_ = frame;
   } else if (behind_run_) {
-    // A node in trouble sends several EMCYs.
+    // A node with errors sends several EMCYs.
     const bool emergency = !frame.extended && frame.id > 0x080 && frame.id <= 0x0FF;
     if (behind_run_->key() == frame.key() && !frame.remote && !emergency && !(*behind_run_ == frame))
       heard_.collided[frame.key()].add(at);

@@ -33,7 +33,7 @@ bool single(const lss::IdentifyRanges& r) noexcept {
   return r.serial_low == r.serial_high && r.revision_low == r.revision_high;
 }
 
-// First the serial number, then the revision.
+// Halves the serial number first, then the revision.
 std::pair<lss::IdentifyRanges, lss::IdentifyRanges> halves(const lss::IdentifyRanges& whole) noexcept {
   auto lower = whole;
   auto upper = whole;
@@ -52,7 +52,7 @@ std::pair<lss::IdentifyRanges, lss::IdentifyRanges> halves(const lss::IdentifyRa
 rt::Task<Result<void>> enumerate(lss::Master& master, TypeCode type, unsigned most, std::vector<LssAddress>& found) {
   std::vector<Open> open;
   open.push_back({{type.vendor, type.product, 1, top, 0, top}, false});
-  open.push_back({{type.vendor, type.product, 0, 0, 0, top}, false});  // the usual revision, by itself
+  open.push_back({{type.vendor, type.product, 0, 0, 0, top}, false});  // the usual revision, separately
   unsigned count = 0;
   while (!open.empty() && count < most) {
     const Open next = open.back();
@@ -79,7 +79,7 @@ rt::Task<Result<void>> enumerate(lss::Master& master, TypeCode type, unsigned mo
   co_return Result<void>();
 }
 
-// Its node-ID in use. All devices are in waiting state before and after.
+// Reads its active node-ID. All devices are in waiting state before and after.
 rt::Task<Result<void>> node_id_of(lss::Master& master, Answers::Present& device) {
   const auto selected = co_await master.switch_selective(device.device);
   if (selected) {

@@ -30,7 +30,7 @@ void Silence::weigh(Diagnosis& diagnosis, Certainty most) const {
   if (heard_.lost > 0) diagnosis.evidence.push_back("this port lost " + counted(heard_.lost, "frame"));
 }
 
-// ---- a bus on which nothing is said ----
+// ---- a silent bus ----
 
 std::optional<Diagnosis> Silence::of_bus() const {
   const bool anybody = answers_.frames > 0 || answers_.blank || !answers_.present.empty() || !answers_.serials.empty();
@@ -59,7 +59,7 @@ std::optional<Diagnosis> Silence::of_bus() const {
   return d;
 }
 
-// It is then unknown whether a slot's node is there.
+// Whether a slot's node is there is then unknown.
 Diagnosis Silence::only_errors() const {
   auto d = finding(expected_, Kind::wrong_bit_rate, Certainty::possible);
   d.count = heard_.errors;
@@ -143,7 +143,7 @@ std::optional<Diagnosis> Silence::irregular(NodeId id) const {
   return d;
 }
 
-// A node of no slot: judged by its own rhythm.
+// A node without a slot is judged by its own period.
 std::optional<Diagnosis> Silence::stopped(NodeId id) const {
   const auto& node = heard_.node(id);
   if (node.beats.size() < 6 || node.beat.count != node.beats.size()) return std::nullopt;

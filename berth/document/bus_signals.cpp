@@ -51,7 +51,7 @@ std::vector<Signal> mapped(const DescribedSlot& device, const std::vector<od::Pd
   return signals;
 }
 
-// Those that are valid, of one kind.
+// The valid PDOs of one kind.
 std::vector<Pdo> pdos_of(const DescribedSlot& device, od::PdoKind kind) {
   std::vector<Pdo> pdos;
   od::for_each_communication(device.values->description(), kind, [&](unsigned number) {
@@ -90,7 +90,7 @@ class Collector {
   }
 
  private:
-  // The first that is said of an identifier stands.
+  // The first message added for an identifier counts.
   Message& add(std::uint32_t key, std::string name, const std::string& sender, unsigned bytes) {
     const auto [it, added] = messages_.try_emplace(key);
     if (added) it->second = {.key = key, .name = std::move(name), .sender = sender, .bytes = bytes};
@@ -126,13 +126,13 @@ class Collector {
       const std::string name = fmt::format("TPDO {}", pdo.number);
       Message& message = add(pdo.key, name, device.slot->spec.name.name, bytes_of(pdo));
       const bool ours = message.name == name && message.sender == device.slot->spec.name.name;
-      if (!ours) continue;  // two send with one identifier
+      if (!ours) continue;  // two devices send with one identifier
       if (pdo.timer > rt::Duration{0}) message.period = pdo.timer;
       message.signals = std::move(pdo.signals);
     }
   }
 
-  // By its own mapping, bit for bit: what it skips it does not receive.
+  // Follows the RPDO's own mapping bit by bit: the device does not receive bits that the mapping skips.
   void add_rpdos(const DescribedSlot& device) {
     if (!device.values) return;
     for (Pdo& pdo : pdos_of(device, od::PdoKind::rpdo)) {

@@ -15,7 +15,7 @@ constexpr std::size_t longest_name = 32;
 constexpr std::uint32_t dbc_extended = 0x8000'0000;
 constexpr const char* nobody = "Vector__XXX";
 
-/// Names of one scope.
+/// Unique names in one scope.
 class Names {
  public:
   std::string of(std::string_view text) {
@@ -40,7 +40,7 @@ class Names {
   std::set<std::string> taken_;
 };
 
-// Of UTF-8. 80h to 9Fh of Windows-1252 are other characters than those of Unicode, and left out but for the euro sign.
+// Converts UTF-8. Windows-1252 differs from Unicode in 80h to 9Fh: these characters become "?", except the euro sign.
 std::string windows_1252(std::string_view text) {
   std::string made;
   for (std::size_t i = 0; i < text.size();) {
@@ -55,7 +55,7 @@ std::string windows_1252(std::string_view text) {
   return made;
 }
 
-// Between quotes, which it has no way to write.
+// DBC has no way to write a quotation mark within quotes.
 std::string in_quotes(std::string_view text) {
   std::string made = "\"";
   for (const char c : text) made += c == '"' || c == '\\' ? '\'' : static_cast<unsigned char>(c) < ' ' ? ' ' : c;

@@ -44,7 +44,7 @@ std::string unit_of(const command::Note& note) {
   return fmt::format("{} {}", note.scale, note.unit);
 }
 
-// Its text, and the names of its values and bits; the unit has a column of its own.
+// The note's text, and the names of its values and bits. The unit has its own column.
 std::string words_of(command::Note note) {
   note.unit.clear();
   return command::line_of(note);

@@ -7,7 +7,7 @@
 namespace berth::document {
 namespace {
 
-// Light and dark, on a screen and on paper.
+// For light and dark screens, and for paper.
 constexpr const char* style = R"(
 :root{color-scheme:light dark;--line:#c8ccd2;--soft:#f2f4f7;--link:#0b57d0}
 @media(prefers-color-scheme:dark){:root{--line:#454b54;--soft:#23272e;--link:#8ab4f8}}

@@ -38,7 +38,7 @@ const char* words(places::Assign assign) {
   return "";
 }
 
-// What CiA 302-2's startup does on this bus, in a sentence each.
+// The rules of CiA 302-2's startup on this bus, one sentence each.
 std::vector<std::string> startup_words(const design::Bus& bus) {
   const auto& rules = bus.startup.rules;
   std::vector<std::string> all;

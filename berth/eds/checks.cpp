@@ -1,4 +1,4 @@
-// What concerns several objects at once: value lists, PDOs that exist without a section, counts and duties.
+// Checks that concern several objects: value lists, PDOs without a section, counts and mandatory objects.
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -191,7 +191,7 @@ class Sorter {
     give(count);
     const auto value = number(cob_id);
     if (value && (*value & off) != 0) {
-      values_.erase(cob_id);  // said already
+      values_.erase(cob_id);  // `switch_off` has written it already
     } else {
       give(cob_id);
     }
@@ -233,8 +233,8 @@ class Sorter {
   ConciseDcf made_;
 };
 
-/// A PDO's mapping can be changed only while its COB-ID says that it does not exist: where the parameters set the
-/// mapping alone, the description's COB-ID goes with it.
+/// A PDO's mapping can be changed only while its COB-ID says that it does not exist. If the parameters set only the
+/// mapping, this adds the description's COB-ID.
 void add_cob_ids(const od::Description& description, std::vector<Parameter>& parameters) {
   std::set<ObjectRef> there;
   for (const Parameter& each : parameters) there.insert(each.object);

@@ -118,7 +118,7 @@ ProjectReading refused_project(std::string_view file_name, std::string message) 
   return reading;
 }
 
-/// A path inside of the project's folder; empty when it may lead out.
+/// A path inside the project's folder; empty if it may lead out of it.
 std::optional<std::filesystem::path> inner_path(std::string text) {
   std::ranges::replace(text, '\\', '/');
   const bool odd = std::ranges::any_of(text, [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == ':'; });

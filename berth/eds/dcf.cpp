@@ -25,7 +25,7 @@ Result<void> with_object(Result<void> result, ObjectRef object) {
   return about(object, result.error().code, result.error().text);
 }
 
-/// Why a value cannot stand in a file as one of this type; null when it can.
+/// Why a file cannot hold a value as one of this type; null if it can.
 const char* misfit(const od::Literal& value, od::DataType type) noexcept {
   using Kind = od::Literal::Kind;
   const bool scalar = od::byte_size(type) != 0;
@@ -88,7 +88,7 @@ class DcfMaker {
     return {};
   }
 
-  /// Leaves a number that means the same as it is written.
+  /// Keeps the present text if it means the same number.
   Result<void> set_number(std::string_view section, std::string_view key, std::uint64_t value,
                           const std::string& text) {
     const auto present = od::parse_number(editor_.value(section, key).value_or(""));
@@ -126,7 +126,7 @@ class DcfMaker {
     return done;
   }
 
-  /// The section where the keys of a sub-object stand; "" when it has none of its own.
+  /// The section that holds the keys of a sub-object; "" if it has none of its own.
   Result<std::string> section_of(ObjectRef ref) {
     const od::Object* const object = eds_.description->find(ref.index);
     if (object == nullptr || eds_.description->find(*object, ref.sub) == nullptr) {
@@ -143,7 +143,7 @@ class DcfMaker {
     return std::string();
   }
 
-  /// Sections for an object that only CompactPDO describes.
+  /// Adds sections for an object that only CompactPDO describes.
   Result<void> describe(const od::Object& object) {
     od::DescriptionBuilder builder;
     copy_object(*eds_.description, object, builder);
@@ -173,14 +173,15 @@ class DcfMaker {
     return editor_.set(section, std::to_string(count + 1), value);
   }
 
-  /// The name of [xxxxValue] or [xxxxDenotation] of an object, as it is written or as it is to be.
+  /// The name of the object's section [xxxxValue] or [xxxxDenotation], as in the file; otherwise the name to be
+  /// written.
   std::string list_name(const std::map<std::uint16_t, std::string>& names, std::uint16_t index,
                         const char* word) const {
     const auto found = names.find(index);
     return found != names.end() ? found->second : fmt::format("{:04X}{}", index, word);
   }
 
-  /// Sets or takes out a number's entry in a list with NrOfEntries; its section goes when nothing is left.
+  /// Sets or removes the entry of a number in a list with NrOfEntries.
   Result<void> list_entry(const std::string& section, std::uint16_t index, std::uint8_t sub,
                           const std::optional<std::string>& value, bool raw) {
     const std::string key = std::to_string(sub);
@@ -205,7 +206,7 @@ class DcfMaker {
     return set_number(section, "NrOfEntries", count, std::to_string(count));
   }
 
-  /// The text of a value, in the way in which the file writes this object's numbers.
+  /// The text of a value, in the notation that the file uses for this object.
   std::string value_text(ObjectRef ref, const od::Literal& value, od::DataType type, const std::string& section) const {
     const auto main = objects_.find({ref.index, 0});
     const std::string& from = !section.empty() || main == objects_.end() ? section : main->second;
@@ -238,7 +239,7 @@ class DcfMaker {
     }
     if (const char* const why = misfit(wanted.value, type)) return about(ref, Errc::invalid, why);
     const std::string text = value_text(ref, wanted.value, type, *section);
-    // A value list speaks after the object's own section.
+    // A value list comes after the object's own section and overrides it.
     const bool in_list = section->empty() || editor_.value(list, std::to_string(ref.sub)).has_value();
     const std::string key = in_list ? std::to_string(ref.sub) : "ParameterValue";
     const std::string& place = in_list ? list : *section;
@@ -278,7 +279,7 @@ class DcfMaker {
   const File& eds_;
   const Document& document_;
   Editor editor_;
-  std::set<std::uint16_t> indices_;  ///< of objects that have a section
+  std::set<std::uint16_t> indices_;  ///< indices of objects that have a section
   std::map<ObjectRef, std::string> objects_;
   std::map<ObjectRef, std::string> subs_;
   std::map<std::uint16_t, std::string> values_;

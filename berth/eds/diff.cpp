@@ -35,8 +35,8 @@ const T* of(const std::vector<T>& list, ObjectRef ref) noexcept {
   return found == list.end() || found->object != ref ? nullptr : &*found;
 }
 
-/// The default, also of an object whose initial value is the ParameterValue. A sub-index 0 that is read only and has
-/// none means the highest sub-index (CiA 301 §7.4.5).
+/// The default, even if the object's initial value is its ParameterValue. If a read-only sub-index 0 has none, it means
+/// the highest sub-index (CiA 301 §7.4.5).
 od::Literal default_of(const File& file, ObjectRef ref, const od::SubObject& sub) {
   if (of(file.parameters, ref) == nullptr) {
     const od::Object& object = *file.description->find(ref.index);
@@ -58,7 +58,7 @@ od::Literal value_of(const File& file, ObjectRef ref) {
   return given == nullptr ? od::Literal{} : given->value;
 }
 
-/// An empty string as default is the same as none.
+/// An empty string as default counts as no default.
 bool same(const od::Literal& a, const od::Literal& b) noexcept {
   const auto nothing = [](const od::Literal& each) {
     return !each.present() || (each.kind == od::Literal::Kind::bytes && each.bytes.empty());
@@ -155,7 +155,7 @@ class Comparison {
     const auto subs_a = first_.description->subs(a);
     const auto subs_b = second_.description->subs(b);
     add(Aspect::object_type, ref, true, {}, std::string(od::name(a.code)), std::string(od::name(b.code)));
-    // The name of a VAR is its value's.
+    // The name of a VAR is the name of its value.
     const bool single = subs_a.size() == 1 && subs_b.size() == 1 && a.code == b.code && a.code == od::ObjectCode::var;
     if (!single) {
       add(Aspect::name, ref, true, {}, std::string(first_.description->name(a)),
@@ -254,7 +254,7 @@ std::vector<Difference> diff(const File& first, const File& second) { return Com
 std::vector<ObjectRef> to_read(const File& file, const LiveOptions& options) {
   std::vector<ObjectRef> refs;
   for (const od::Object& object : file.description->objects()) {
-    // Data types (0001h to 0FFFh) need not be there to be read.
+    // Data types (0001h to 0FFFh) need not be readable.
     if (object.index < 0x1000) continue;
     const bool kept_back = (object.obj_flags & od::refuse_read_on_scan) != 0;
     for (const od::SubObject& sub : file.description->subs(object)) {
@@ -329,7 +329,7 @@ class LiveComparison {
     const std::uint32_t serial = file_.commissioning ? file_.commissioning->lss_serial_number.value_or(0) : 0;
     for (const Item& item : {Item{1, "vendor-ID", type.vendor}, Item{2, "product code", type.product},
                              Item{3, "revision number", file_.revision()}, Item{4, "serial number", serial}}) {
-      // 0 = the file does not say.
+      // 0: the file gives no number.
       if (answer.object.sub != item.sub || item.described == 0 || item.described == *live) continue;
       found_.push_back({Aspect::identity, answer.object, false, item.field, hex32(item.described), hex32(live)});
     }

@@ -14,7 +14,7 @@ namespace {
 
 using Severity = Finding::Severity;
 
-/// Windows-1252's characters 80h..9Fh; the five that are not defined stay what they are.
+/// The characters 80h..9Fh of Windows-1252; the five that are not defined keep their numbers.
 constexpr std::array<std::uint16_t, 32> windows_1252{0x20AC, 0x81,   0x201A, 0x0192, 0x201E, 0x2026, 0x2020, 0x2021,
                                                      0x02C6, 0x2030, 0x0160, 0x2039, 0x0152, 0x8D,   0x017D, 0x8F,
                                                      0x90,   0x2018, 0x2019, 0x201C, 0x201D, 0x2022, 0x2013, 0x2014,
@@ -93,7 +93,7 @@ void Report::add(Severity severity, std::uint32_t line, std::uint32_t column, st
                  std::string fix) {
   const bool first_error = severity == Severity::error && !error_;
   error_ = error_ || severity == Severity::error;
-  // The first error is always told: it is why the file is refused.
+  // The first error is always reported: it is the reason why the file is refused.
   if (findings_.size() >= most_ && !first_error) {
     ++dropped_;
     return;
@@ -113,7 +113,7 @@ Findings Report::take() {
   return std::move(findings_);
 }
 
-/// Goes through the text once, line by line.
+/// Reads the text once, line by line.
 class LineReader {
  public:
   LineReader(Document& document, Report& report) : document_(document), report_(report), text_(document.text_) {}
@@ -131,7 +131,7 @@ class LineReader {
   }
 
  private:
-  /// Lines by LF; a CR inside one (not at its end) ends a line too.
+  /// An LF ends a line; a CR inside one (not at its end) ends a line, too.
   std::size_t physical_line(std::size_t begin) {
     const std::size_t found = text_.find('\n', begin);
     const std::size_t next = found == std::string_view::npos ? text_.size() : found + 1;
@@ -220,7 +220,7 @@ class LineReader {
         {u32(key_begin), u32(key_end - key_begin), u32(value_begin), u32(value_end - value_begin), line_});
   }
 
-  /// A ; after a blank (or in place of the value) begins a comment; inside a word it is text.
+  /// A ; after a blank, or in place of the value, begins a comment; inside a word it is text.
   std::size_t without_comment(std::size_t begin, std::size_t end) {
     const std::string_view line = text_.substr(0, end);
     for (std::size_t at = line.find(';', begin); at != std::string_view::npos; at = line.find(';', at + 1)) {
@@ -251,7 +251,7 @@ class LineReader {
   std::string_view text_;
   std::uint32_t line_ = 0;
   bool open_ = false;
-  // The line where something was seen first; 0 = never.
+  // The line where each of these was seen first; 0 = never.
   std::uint32_t lone_cr_ = 0;
   std::uint32_t hash_ = 0;
   std::uint32_t inline_comment_ = 0;

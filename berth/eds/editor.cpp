@@ -1,4 +1,4 @@
-// Changes of single keys: kept apart from the text and spliced in when it is asked for.
+// Changes of single keys. They are kept apart from the text and inserted when the text is asked for.
 #include <algorithm>
 
 #include "berth/eds/lines_parts.hpp"
@@ -28,13 +28,13 @@ class Lines {
     const std::size_t start = found == std::string_view::npos ? 0 : found + 1;
     return start == 0 && text_.starts_with("\xEF\xBB\xBF") ? 3 : start;
   }
-  /// Behind the line's end.
+  /// After the line's end.
   [[nodiscard]] std::size_t next(std::size_t at) const noexcept {
     const std::size_t found = text_.find_first_of("\r\n", at);
     if (found == std::string_view::npos) return text_.size();
     return text_.substr(found).starts_with("\r\n") ? found + 2 : found + 1;
   }
-  /// How the line at `at` ends; that of the first line when it does not; LF when there is none.
+  /// How the line at `at` ends. If it has no end, the first line's counts; if there is none, LF.
   [[nodiscard]] std::string_view end_of(std::size_t at) const noexcept {
     for (const std::size_t from : {at, std::size_t{0}}) {
       const std::size_t found = text_.find_first_of("\r\n", from);
@@ -136,7 +136,7 @@ Result<void> Editor::put(std::string_view section, std::string_view key, std::st
     if (!is(entries[i], key)) continue;
     const auto position = static_cast<std::uint32_t>(i);
     const auto changed = changes.changed.find(position);
-    if (changed != changes.changed.end() && !changed->second) continue;  // taken out before
+    if (changed != changes.changed.end() && !changed->second) continue;  // removed before
     if (document_.value(entries[i]) == value) {
       changes.changed.erase(position);
     } else {
@@ -223,7 +223,7 @@ bool Editor::has_section(std::string_view section) const { return last(section) 
 
 namespace {
 
-/// Replaces stretches of a text; they come in ascending order and do not overlap.
+/// Replaces parts of a text, which come in ascending order and do not overlap.
 class Weaver {
  public:
   explicit Weaver(std::string_view text) : text_(text) {}
@@ -233,12 +233,12 @@ class Weaver {
     done_ = std::max(done_, end);
   }
   void insert(std::size_t at, std::string_view what) { replace(at, at, what); }
-  /// Ends the last line so that another can follow.
+  /// Ends the last line, so that another line can follow.
   void end_line(std::size_t at, std::string_view line_end) {
     insert(at, "");
     if (!empty() && !line_break(out_.back())) out_.append(line_end);
   }
-  /// Nothing but a byte order mark so far.
+  /// The text so far is empty but for a byte order mark.
   [[nodiscard]] bool empty() const noexcept { return out_.empty() || out_ == "\xEF\xBB\xBF"; }
   std::string finish() {
     replace(text_.size(), text_.size(), "");

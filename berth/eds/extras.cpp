@@ -48,8 +48,8 @@ void tell_too_many(Context& context, const Section& section, const char* what, s
                fmt::format("{} {}, and {} can be counted: the rest is left out", found, what, most_numbered));
 }
 
-/// The data types of the network variables' index ranges (CiA 302-4): 64 indices each, in this order, for what the
-/// device produces from A000h and for what it consumes from A480h on.
+/// The data types of the index ranges of network variables (CiA 302-4), 64 indices each, in this order: from A000h on
+/// for what the device produces, and from A480h on for what it consumes.
 constexpr std::array<od::DataType, 18> variable_types{
     od::DataType::integer8,   od::DataType::unsigned8,  od::DataType::boolean,    od::DataType::integer16,
     od::DataType::unsigned16, od::DataType::integer24,  od::DataType::unsigned24, od::DataType::integer32,

@@ -31,12 +31,12 @@ bool is_time(std::string_view text) noexcept {
          (same_word(text.substr(5), "AM") || same_word(text.substr(5), "PM"));
 }
 
-/// One section: calls `set` for each entry, warns of keys that stand twice and of unknown keys.
+/// The keys of one section. Warns of keys that appear twice and of unknown keys.
 class SectionKeys {
  public:
   SectionKeys(Context& context, const Section& section) : context_(context), section_(section) {}
 
-  /// The last entry of this key; null when there is none.
+  /// The last entry with this key; null if there is none.
   const Entry* take(std::string_view key) {
     const Entry* found = nullptr;
     for (const Entry& each : context_.document().entries(section_)) {
@@ -75,7 +75,7 @@ constexpr std::array<std::string_view, 35> device_keys{
     "BaudRate_20", "BaudRate_50", "BaudRate_125", "BaudRate_250", "BaudRate_500", "BaudRate_800", "BaudRate_1000",
     "SimpleBootUpMaster", "SimpleBootUpSlave", "Granularity", "DynamicChannelsSupported", "GroupMessaging", "NrOfRXPDO",
     "NrOfTXPDO", "LSS_Supported", "CompactPDO",
-    // Reserved by CiA 306 for older editions, and of its edition 1.4.
+    // Keys that CiA 306 reserves for older editions, and keys of its edition 1.4.
     "ProductVersion", "ProductRevision", "LMT_ManufacturerName", "LMT_ProductName", "ExtendedBootUpMaster",
     "ExtendedBootUpSlave", "NG_Slave", "NG_Master", "NrOfNG_MonitoredNodes", "LSS_Type", "BaudRate_Auto",
     "NodeGuarding"};

@@ -17,7 +17,7 @@ constexpr std::array<std::string_view, static_cast<std::size_t>(Key::count)> key
     "SubNumber",     "LowLimit",     "HighLimit",  "ObjFlags",   "CompactSubObj", "ParameterValue",
     "UploadFile",    "DownloadFile", "Denotation", "ParamRefd"};
 
-/// A key's place in `Key` by its length and two letters, which tell the words apart.
+/// Finds a key's place in `Key` by its length and two letters, which distinguish the words.
 class KeySlots {
  public:
   static constexpr std::uint8_t none = 0xFF;
@@ -188,7 +188,7 @@ od::SubSpec KeyReader::spec(const ObjectGroup& group, const Section& section, co
   return made;
 }
 
-// One odd value refuses no description: it is taken in its plain sense, or left out.
+// One odd value does not make the description unusable: it is taken in its plain sense, or left out.
 std::optional<od::Literal> KeyReader::literal(const Section& section, const Entry* entry, od::DataType type,
                                               Severity wrong) {
   const std::string_view raw = context_.raw(entry);
@@ -224,7 +224,7 @@ od::Literal KeyReader::limit(const Section& section, const Entry* entry, od::Dat
     return {};
   }
   const auto parsed = od::parse(type, raw);
-  // Taken by its bits, -1 as the lower limit of an UNSIGNED32 would refuse every value.
+  // If -1 were taken by its bits, as the lower limit of an UNSIGNED32 it would refuse every value.
   if (parsed && parsed->notes.has(od::Note::wrapped)) {
     context_.warn(
         section, entry,
@@ -268,7 +268,7 @@ void KeyReader::initial(ObjectRef ref, const Section& section, const Keys& keys,
     check_limits(section, default_key, spec, *value);
     spec.initial = std::move(*value);
   }
-  // What a configuration is to write is not left out.
+  // A value that a configuration is to write is not left out: if it is wrong, that is an error.
   if (auto value = literal(section, set_key, spec.type)) {
     check_limits(section, set_key, spec, *value);
     values_.parameters.push_back({ref, spec.type, *value, set_key->line});

@@ -1,4 +1,4 @@
-// A modular device with its modules plugged in.
+// A modular device with the modules that are plugged in.
 #include "berth/eds/modules.hpp"
 
 #include <fmt/format.h>
@@ -42,7 +42,7 @@ class Expander {
   /// Where the next sub-index of an extended object goes.
   struct Place {
     std::uint16_t index = 0;
-    unsigned free_bits = 0;  ///< of the newest sub-index, when it is shared
+    unsigned free_bits = 0;  ///< left in the newest sub-index, if it is shared
     std::uint16_t further = 0;
   };
 
@@ -50,7 +50,7 @@ class Expander {
     made_.findings.push_back({Finding::Severity::warning, "", 0, 0, "[ConnectedModules]", std::move(message), ""});
   }
 
-  /// A sub-index 0 that the file gives a value counts the new sub-indices too.
+  /// If the file gives sub-index 0 a value, the new sub-indices count in it, too.
   void count(std::uint16_t index, std::uint8_t highest) {
     const od::SubObject* const sub = file_.description->find(ObjectRef{index, 0});
     if (sub == nullptr || !sub->has_default || !od::is_integer(sub->type)) return;
@@ -134,7 +134,7 @@ class Expander {
   od::DescriptionBuilder builder_;
   std::map<std::uint16_t, Place> places_;
   std::map<std::uint16_t, std::uint8_t> highest_;
-  std::set<std::uint16_t> told_;  ///< indices of which a lack was told; 0: of all
+  std::set<std::uint16_t> told_;  ///< indices that were reported as full; 0: the limit for all was reported
   std::size_t added_ = 0;
   Expansion made_;
 };

@@ -15,7 +15,7 @@ using Severity = Finding::Severity;
 
 constexpr std::array<std::string_view, 2> extension_words{"Count", "ObjExtend"};
 
-/// "6423" and "6423sub1" of a fixed object.
+/// Reads "6423" and "6423sub1", the names of a fixed object.
 bool fixed_name(std::string_view rest, ModuleSection& found) noexcept {
   const auto index = hex_word(rest.substr(0, 4));
   if (!index || rest.size() < 4) return false;

@@ -75,7 +75,7 @@ void ObjectLists::missing_sections() {
     context_.warn(*each.section, each.entry,
                   fmt::format("{:04X}h is listed and has no section [{:04X}]; left out", each.index, each.index),
                   "describe it, or take it off the list");
-    (*described_)[each.index / 64] |= bit(each.index);  // told once
+    (*described_)[each.index / 64] |= bit(each.index);  // so that it is reported once
   }
 }
 

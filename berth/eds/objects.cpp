@@ -21,7 +21,7 @@ int hex_digit(char c) noexcept {
   return -1;
 }
 
-/// Ascending by object; of several entries for one the last (or first) stays.
+/// Sorts by object; of several entries for one object the last (or first) stays.
 template <bool KeepLast, class T>
 void by_object(std::vector<T>& list) {
   if (std::ranges::is_sorted(list, std::ranges::less_equal{}, &T::object)) return;
@@ -99,7 +99,7 @@ void ObjectReader::run(File& file, std::uint32_t dummies) {
   hand_over(file);
 }
 
-// What was left out has no values either.
+// An object that was left out has no values either.
 void ObjectReader::hand_over(File& file) {
   if (budget_.spent()) {
     const auto left_out = [&file](const auto& each) { return file.description->find(each.object) == nullptr; };
@@ -109,7 +109,7 @@ void ObjectReader::hand_over(File& file) {
     std::erase_if(values_.param_refs, left_out);
     std::erase_if(values_.file_references, left_out);
   }
-  // [xxxxValue] and ParameterValue may both speak of one sub-object: the builder kept the last one, so does this list.
+  // [xxxxValue] and ParameterValue may both set one sub-object. The builder kept the last value, and so does this list.
   by_object<true>(values_.parameters);
   by_object<false>(values_.defaults);
   by_object<true>(values_.denotations);
@@ -141,7 +141,7 @@ void ObjectReader::classify() {
       continue;
     }
     if (module_section(name)) continue;
-    // At most a dozen names: a hostile file may repeat them, not multiply them.
+    // These are a dozen names at most: a hostile file can repeat them, but not invent more.
     if (std::ranges::any_of(others, [name](std::string_view each) { return same_word(each, name); })) {
       context_.warn(section, nullptr, "the section appears twice; the last one is used");
     } else if (others.size() < 64) {
@@ -258,7 +258,7 @@ void ObjectReader::read_complex(const ObjectGroup& group, od::ObjectCode code) {
   if (group.main != nullptr) check_sub_number(group, compact != 0);
 }
 
-// Beside CompactSubObj it would be that of every element (CiA 306-1 §4.6.3).
+// Beside CompactSubObj, such a value would be that of every element (CiA 306-1 §4.6.3).
 void ObjectReader::tell_own_values(const ObjectGroup& group, od::ObjectCode code) {
   for (const Key key : {Key::default_value, Key::parameter_value}) {
     if (!keys_.given(group.keys, key) || ++own_values_ > most_told) continue;

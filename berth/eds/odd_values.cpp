@@ -22,7 +22,7 @@ std::string_view without_blanks(std::string_view text) noexcept {
 
 bool is_suffix(char c) noexcept { return c == 'u' || c == 'U' || c == 'l' || c == 'L'; }
 
-// "0x12ULL", "100L", "08": one number without a sign. Empty: it is none.
+// "0x12ULL", "100L", "08": one number without a sign. Empty: this is no number.
 std::optional<std::uint64_t> term(std::string_view text) {
   while (!text.empty() && is_suffix(text.back())) text.remove_suffix(1);
   const bool hex = text.starts_with("0x") || text.starts_with("0X");
@@ -33,7 +33,7 @@ std::optional<std::uint64_t> term(std::string_view text) {
   return value;
 }
 
-// "0x180+1", after $NODEID or alone.
+// A sum such as "0x180+1", after $NODEID or alone.
 std::optional<std::uint64_t> sum_of(std::string_view text) {
   std::uint64_t sum = 0;
   while (!text.empty()) {
@@ -51,7 +51,7 @@ std::optional<std::string> whole_number(std::string_view text) {
   double value = 0;
   const auto [end, bad] = std::from_chars(text.data(), text.data() + text.size(), value);
   const bool read = bad == std::errc{} && end == text.data() + text.size();
-  constexpr double most = 9e15;  // each whole number up to here is a double of its own
+  constexpr double most = 9e15;  // up to here a double holds each whole number exactly
   if (!read || std::trunc(value) != value || std::abs(value) > most) return std::nullopt;
   return fmt::format("{}", static_cast<std::int64_t>(value));
 }

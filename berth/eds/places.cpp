@@ -13,7 +13,7 @@ namespace {
 constexpr std::uint32_t object_key(std::uint16_t index) noexcept { return static_cast<std::uint32_t>(index) << 16U; }
 constexpr std::uint32_t sub_key(ObjectRef ref) noexcept { return object_key(ref.index) | (ref.sub + 1U); }
 
-/// Calls `each` for the words between the bars; ends when it says true.
+/// Calls `each` for the words between the bars, until it returns true.
 template <class F>
 void for_words(std::string_view words, F&& each) {
   while (!words.empty()) {

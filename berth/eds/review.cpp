@@ -1,4 +1,4 @@
-// Does this description describe a device that works? One member function a question.
+// Does this description describe a device that works? Each question is one member function.
 #include "berth/eds/review.hpp"
 
 #include <fmt/format.h>
@@ -24,7 +24,7 @@ using Severity = Finding::Severity;
 
 constexpr std::size_t most_findings = 1000;
 
-/// Types that CiA 301 §7.5.2 gives its objects. `sub` 0xFF: every sub-index but 0.
+/// The types of the objects in CiA 301 §7.5.2. `sub` 0xFF: every sub-index but 0.
 struct Expected {
   std::uint16_t first;
   std::uint16_t last;
@@ -53,7 +53,7 @@ constexpr std::array<Expected, 40> expected_types{
      {0x1800, 0x19FF, 5, DataType::unsigned16},    {0x1800, 0x19FF, 6, DataType::unsigned8},
      {0x1A00, 0x1BFF, 0xFF, DataType::unsigned32}, {0x1FA0, 0x1FCF, 0xFF, DataType::unsigned32}}};
 
-// One of the 512 records of a kind.
+// True: this is one of the 512 records of a kind.
 bool range(std::uint16_t index, std::uint16_t first) noexcept {
   return index >= first && index < first + od::most_pdos;
 }
@@ -90,7 +90,7 @@ class Review {
   }
 
  private:
-  /// A hostile file is not to make more findings than can be read.
+  /// A hostile file must not produce more findings than a person can read.
   bool room() noexcept {
     if (findings_.size() < most_findings) return true;
     ++dropped_;
@@ -112,7 +112,7 @@ class Review {
 
   static constexpr std::string_view values = "ParameterValue|DefaultValue|actualValue|defaultValue";
 
-  /// The node-ID that formulas are worked out with.
+  /// The node-ID for which formulas are computed.
   std::uint8_t node() const noexcept { return configured_ ? file_.commissioning->node_id->value() : std::uint8_t{5}; }
   std::optional<std::uint64_t> value(ObjectRef ref) const {
     const od::SubObject* const sub = description_.find(ref);
@@ -226,7 +226,7 @@ class Review {
     ObjectRef ref;
     std::string what;
     bool sends = false;
-    bool free = false;  ///< configurable: the restricted CAN-IDs are not allowed
+    bool free = false;  ///< configurable: restricted CAN-IDs are not allowed
   };
 
   void cob_ids() {
@@ -240,7 +240,7 @@ class Review {
         cob_id({{index, 0}, "TIME", (value({index, 0}).value_or(0) & CobId::second_bit) != 0, true}, false);
       if (index == 0x1014) cob_id({{index, 0}, "EMCY", true, true}, true);
       if (od::cia301::is_server(index)) {
-        // The default SDO is where it is; the others keep off the restricted CAN-IDs.
+        // The default SDO has fixed CAN-IDs; the others must avoid the restricted ones.
         cob_id({{index, 1}, "SDO request", false, index != od::cia301::default_server}, true);
         cob_id({{index, 2}, "SDO response", true, index != od::cia301::default_server}, true);
       }
@@ -252,7 +252,7 @@ class Review {
     }
   }
 
-  /// `valid_bit`: bit 31 says that the object is not in use.
+  /// `valid_bit`: bit 31 means that the object is not in use.
   void cob_id(Use use, bool valid_bit) {
     const auto raw = value(use.ref);
     if (!raw || description_.find(use.ref)->type != DataType::unsigned32) return;
@@ -267,7 +267,7 @@ class Review {
     const auto [at, fresh] = ids_.try_emplace(cob.key(), use);
     if (fresh) return;
     const Use& other = at->second;
-    // Several RPDOs may take one frame, and an SDO client may be the server's own.
+    // Several RPDOs may take one frame.
     if (!use.sends && !other.sends) return;
     tell(Severity::warning, use.ref, false, values,
          fmt::format("{} has the CAN-ID {:X}h of {} ({:04X}h){}", use.what, cob.id(), other.what, other.ref.index,
@@ -332,7 +332,7 @@ class Review {
     }
   }
 
-  /// Checks one entry; gives its length in bits.
+  /// Checks one entry; returns its length in bits.
   unsigned mapped(ObjectRef entry, const std::string& what, bool receive) {
     const auto raw = value(entry);
     if (!raw || *raw == 0) {
@@ -389,7 +389,7 @@ class Review {
   }
 
   void counts() {
-    // Of an EDS the reader has said so.
+    // For an EDS, the reader has reported this.
     if (file_.document.sections().empty()) {
       const std::size_t receive = count(0x1400);
       const std::size_t transmit = count(0x1800);

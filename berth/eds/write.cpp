@@ -42,14 +42,14 @@ bool usually_hex(ObjectRef object, od::DataType type) noexcept {
 
 namespace {
 
-/// The entry of an object in a list that is ascending by object.
+/// The entry of an object in a list that is sorted by object.
 template <class List>
 const typename List::value_type* of(const List& list, ObjectRef object) {
   const auto found = std::ranges::lower_bound(list, object, {}, &List::value_type::object);
   return found != list.end() && found->object == object ? &*found : nullptr;
 }
 
-/// Bytes of a VISIBLE_STRING go into the file as they are: one that is no UTF-8 makes it a Windows-1252 file.
+/// Bytes of a VISIBLE_STRING are written as they are: one that is not UTF-8 makes the file a Windows-1252 file.
 Encoding needed_encoding(const File& file) {
   const auto no_utf8 = [](const od::Literal& value) {
     return encoding_of({reinterpret_cast<const char*>(value.bytes.data()), value.bytes.size()}) ==
@@ -67,7 +67,8 @@ Encoding needed_encoding(const File& file) {
   return Encoding::utf8;
 }
 
-/// Sub-index 0 counts by itself when the description gives no value: written out, for readers that do not know this.
+/// If the description gives no value, sub-index 0 means the count. The count is written out for readers that do not
+/// know this.
 std::optional<std::uint8_t> implied_count(const od::Object& object, std::span<const od::SubObject> subs) {
   if (!takes_subs(object.code) || subs.empty() || subs.front().sub != 0) return std::nullopt;
   const od::SubObject& count = subs.front();
@@ -129,8 +130,8 @@ class EdsWriter {
 
   void device_info() {
     const DeviceInfo& device = file_.device;
-    // CiA 306 wants all keys; but a reader that wants a number of an empty one fails (python-canopen), and an empty
-    // text is one.
+    // CiA 306 wants all keys. But a reader that expects a number fails on an empty one (python-canopen); an empty text
+    // is valid.
     const auto number = [this](std::string_view key, const std::optional<std::uint32_t>& value) {
       if (value) out_.plain(key, fmt::format("0x{:08X}", *value));
     };
@@ -170,7 +171,7 @@ class EdsWriter {
   }
 
   void dummies() {
-    constexpr std::uint16_t always = 7;  ///< Dummy0001 to Dummy0007 always stand there
+    constexpr std::uint16_t always = 7;  ///< Dummy0001 to Dummy0007 are always written
     out_.section("DummyUsage");
     for (const od::DataType type : od::all_data_types()) {
       const auto index = static_cast<std::uint16_t>(type);
@@ -252,10 +253,10 @@ class EdsWriter {
       value(object, subs.front(), object.code, std::nullopt);
     } else {
       parameter_name(description_.name(object), name);
-      // Their sub-objects have a DataType each; beside ObjectType it is for CompactSubObj only (CiA 306-1 §4.6.3), and
-      // the npm package canopen takes no file that has it there.
+      // The sub-objects have a DataType each. Beside ObjectType it is for CompactSubObj only (CiA 306-1 §4.6.3), and
+      // the npm package canopen refuses a file that has it there.
       out_.plain("ObjectType", fmt::format("0x{:X}", static_cast<unsigned>(object.code)));
-      // An ARRAY's is that of its elements.
+      // The type of an ARRAY is the type of its elements.
       if (object.type != od::DataType::none && object.code != od::ObjectCode::array) data_type_left_out(name);
       flags(object.obj_flags);
       out_.number("SubNumber", static_cast<std::uint64_t>(std::ranges::count_if(
@@ -323,7 +324,7 @@ class EdsWriter {
     type == od::DataType::visible_string ? out_.raw(key, text) : out_.plain(key, text);
   }
 
-  /// The value that the device has by itself, as against the one that the file sets.
+  /// The device's own default, as opposed to the value that the file sets.
   od::Literal default_value(ObjectRef ref, const od::SubObject& sub, const Parameter* set) const {
     if (const Parameter* const given = of(file_.defaults, ref)) return given->value;
     od::Literal value = description_.default_of(sub);
@@ -431,7 +432,7 @@ class EdsWriter {
   const od::Description& description_;
   const bool dcf_;
   TextBuilder out_;
-  Findings lost_;  ///< with their lines in the file that was read
+  Findings lost_;  ///< with line numbers of the file that was read
   std::size_t types_left_out_ = 0;
 };
 

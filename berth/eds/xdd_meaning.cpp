@@ -1,4 +1,4 @@
-// What the numbers of an object stand for (CiA 311: `unit`, `allowedValues`, enumerated data types of parameters).
+// The meaning of an object's numbers (CiA 311: `unit`, `allowedValues`, enumerated data types of parameters).
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -20,7 +20,7 @@ struct Scale {
   int exponent = 0;
 };
 
-// "0.1", "10", "2.5E-3": exactly, as a whole number and a power of ten.
+// Reads "0.1", "10", "2.5E-3" exactly, as a whole number and a power of ten.
 std::optional<Scale> scale_of(std::string_view text) {
   Scale scale;
   if (text.empty()) return scale;
@@ -67,9 +67,9 @@ Node enumeration(Node holder, const NodesById& by_id) {
   return {};
 }
 
-constexpr std::size_t longest_text = 1000;  // bytes of what is said of an object
+constexpr std::size_t longest_text = 1000;  // bytes of the text about an object
 
-// A text of several lines as one.
+// Joins the lines of a text.
 std::string one_line(std::string_view text) {
   std::string line;
   bool gap = false;
@@ -89,7 +89,7 @@ std::string one_line(std::string_view text) {
   return line;
 }
 
-// Of the parameter, else of its template: a description, else a label that says more than the object's own name.
+// The description of the parameter or of its template; else a label that says more than the object's own name.
 std::string text_of(std::span<const Node> holders, std::string_view name) {
   for (const Node holder : holders) {
     std::string text = one_line(words_in_english(holder, "description"));
@@ -104,7 +104,7 @@ std::string text_of(std::span<const Node> holders, std::string_view name) {
 
 enum class UnitIs : std::uint8_t { absent, taken, without_a_name, of_a_scaled_value, unreadable };
 
-// A parameter that is itself scaled (its `multiplier` and `offset`) has a unit that does not belong to the bare value.
+// If the parameter itself is scaled (its `multiplier` and `offset`), its unit does not apply to the bare value.
 UnitIs read_unit(Node holder, od::Meaning& meaning) {
   const Node given = child(holder, "unit");
   if (!given) return UnitIs::absent;
@@ -170,7 +170,7 @@ void ObjectList::meaning(const Facts& facts, const od::SubSpec& spec) {
     take(allowed, "value");
     if (made.values.empty()) take(enumeration(holder, by_id_), "enumValue");
   }
-  // Of two names of one value the first counts.
+  // If one value has two names, the first counts.
   std::ranges::stable_sort(made.values, {}, &od::NamedValue::raw);
   const auto rest = std::ranges::unique(made.values, {}, &od::NamedValue::raw);
   made.values.erase(rest.begin(), rest.end());

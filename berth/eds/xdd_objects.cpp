@@ -18,7 +18,7 @@ struct Named {
   std::string_view word;
   DataType type;
 };
-/// CiA 311's names of IEC 61131 types.
+/// CiA 311's names for IEC 61131 types.
 constexpr std::array<Named, 19> iec_types{{{"BOOL", DataType::boolean},
                                            {"BYTE", DataType::unsigned8},
                                            {"CHAR", DataType::unsigned8},
@@ -59,7 +59,7 @@ constexpr std::array<Word, 13> accesses{{{"const", Access::constant},
 
 bool known_code(std::uint64_t code) noexcept { return code == 0 || code == 2 || (code >= 5 && code <= 9); }
 
-/// An object that the editor of CANopenNode keeps in its file and out of the device.
+/// An object that the editor of CANopenNode keeps in its file but not in the device.
 bool disabled(Node parameter) noexcept {
   return std::ranges::any_of(parameter.children(), [](const Node& each) {
     return local(each) == "property" && attribute(each, "name") == "CO_disabled" && attribute(each, "value") == "true";
@@ -193,7 +193,7 @@ void ObjectList::read_sub_objects(Node object, const Facts& facts, od::ObjectCod
   }
   if (!afford(object, 1, 0)) return;
   const std::string name = object_name(facts);
-  // The element type of a referred array is no data type that the object itself gives.
+  // The element type of a referred array is not a data type of the object itself.
   builder_.object(facts.index, code, name, attribute(object, "dataType").empty() ? DataType::none : type, flags(facts));
   std::size_t present = 0;
   std::array<bool, 256> seen{};
@@ -220,9 +220,9 @@ void ObjectList::read_sub_objects(Node object, const Facts& facts, od::ObjectCod
     if (!afford(each, 1, made.name.size() + made.initial.bytes.size())) return;
     builder_.sub(facts.index, made);
   }
-  for (const char* const name : {"defaultValue", "actualValue"}) {
-    if (attribute(object, name).empty() || ++own_values_ > most_told) continue;
-    warn(facts, object, name, no_own_value(code), "give it to a sub-object");
+  for (const char* const own : {"defaultValue", "actualValue"}) {
+    if (attribute(object, own).empty() || ++own_values_ > most_told) continue;
+    warn(facts, object, own, no_own_value(code), "give it to a sub-object");
   }
   const auto promised = source_.number(object, "subNumber", 0xFFFF, false, facts.key, Severity::warning);
   if (promised && *promised != present) {
@@ -275,7 +275,7 @@ DataType ObjectList::iec_type(Node holder, bool elements) {
     Node next;
     for (const Node each : at.children()) {
       const std::string_view word = local(each);
-      // Of an array or struct the type in it is its elements'.
+      // The type inside an array or struct is the type of its elements.
       const bool inner = local(at) == "array" || local(at) == "struct";
       for (const Named& known : iec_types) {
         if (word == known.word && (!inner || elements)) return known.type;
@@ -340,7 +340,7 @@ Access ObjectList::access(const Facts& facts, DataType type) {
   return taken;
 }
 
-/// An EDS says in the access type whether rw is an input or an output of the process, CiA 311 in the mapping.
+/// Whether rw is an input or an output of the process: an EDS gives this in the access type, CiA 311 in the mapping.
 void ObjectList::mapping(const Facts& facts, od::SubSpec& spec) {
   const std::string_view value = attribute(facts.own, "PDOmapping");
   if (value.empty() || same_word(value, "no")) return;

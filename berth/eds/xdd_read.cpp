@@ -27,7 +27,7 @@ Reading refused(std::string_view file_name, std::uint32_t line, std::string mess
   return reading;
 }
 
-/// An element costs the parser far more than its text: `<a/>` sixteen times as much.
+/// An element costs the parser far more than its text: `<a/>` costs sixteen times as much.
 bool too_many_elements(std::string_view text, std::size_t most) noexcept {
   const auto opened = std::ranges::count(text, '<');
   const auto equals = std::ranges::count(text, '=');
@@ -44,7 +44,7 @@ class Reader {
     for (const Node profile : root.children()) {
       if (local(profile) == "ISO15745Profile") bodies.push_back(child(profile, "ProfileBody"));
     }
-    // The objects refer to parameters of the device profile, wherever that stands.
+    // The objects refer to parameters of the device profile, which may be in any of these bodies.
     for (const Node body : bodies) {
       for (const Node each : body.children()) {
         if (local(each) == "ApplicationProcess") objects_.learn(each);
@@ -158,7 +158,7 @@ class Reader {
     file.info.description = xml::words(child(identity, "productText"), "description");
   }
 
-  /// Facts that CiA 311 has no place for, as our writer puts them.
+  /// Reads facts that CiA 311 has no place for, in the form that our writer gives them.
   void read_characteristics(Node function, File& file) {
     const Node list = child(child(function, "capabilities"), "characteristicsList");
     if (!list) ++objects_.left_out()["DeviceFunction"];
@@ -335,7 +335,7 @@ class Reader {
   bool network_ = false;
 };
 
-/// What a root that is no ISO 15745 container is, for people.
+/// What a root is that is no ISO 15745 container, in words for the user.
 std::string other_root(Node root) {
   const std::string_view name = local(root);
   if (!root) return "the file has no element";
@@ -388,7 +388,7 @@ Reading read_xdd(std::string_view text, std::string_view file_name, const ReadOp
 
 bool is_xml(std::string_view text) noexcept {
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
-  // UTF-16, either way round.
+  // UTF-16, in either byte order.
   if (text.size() >= 4 && (text.starts_with("\xFF\xFE<") || text.substr(0, 4) == std::string_view("\xFE\xFF\0<", 4)))
     return true;
   const auto first = text.find_first_not_of(" \t\r\n");

@@ -58,7 +58,7 @@ Source::Source(std::string_view text, bool places, Report& report) : text_(text)
   }
 }
 
-/// The parser keeps an element's place and no attribute's; so that is looked up in the tag.
+/// The parser keeps the place of an element, but not of its attributes: those are looked up in the tag.
 std::size_t Source::offset(Node node, std::string_view wanted) const noexcept {
   if (!places_ || !node) return std::string_view::npos;
   const std::ptrdiff_t found = node.offset_debug();
@@ -103,7 +103,7 @@ std::optional<std::uint64_t> Source::number(Node node, std::string_view name, st
   const bool prefixed = value.size() > 1 && value[0] == '0' && (value[1] == 'x' || value[1] == 'X');
   std::string digits(value);
   if (hex && !prefixed) digits.insert(0, "0x");
-  // xsd numbers know no octal: 010 is ten.
+  // xsd numbers have no octal form: 010 is ten.
   if (!hex && !prefixed) digits.erase(0, std::min(digits.find_first_not_of('0'), digits.size() - 1));
   const auto parsed = od::parse_number(digits);
   if (!parsed || parsed->node_id || parsed->negative || parsed->magnitude > most) {

@@ -39,7 +39,7 @@ std::string eds_time(std::string_view xml) {
   return fmt::format("{:02}:{}{}", hour % 12 == 0 ? 12 : hour % 12, time.substr(3, 2), hour < 12 ? "AM" : "PM");
 }
 
-// Also with an hour of one digit, as many files have it.
+// Accepts an hour of one digit, too, as many files have it.
 std::string xml_time(std::string_view eds) {
   if (eds.size() == 6) return xml_time("0" + std::string(eds));
   const bool afternoon = eds.size() == 7 && same_word(eds.substr(5), "PM");

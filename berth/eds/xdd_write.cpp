@@ -1,4 +1,4 @@
-// Writing XDD and XDC. Elements stand in the order of the schema (CiA 311 v1.1); what its schema qualifies has the
+// Writes XDD and XDC. Elements come in the order of the schema (CiA 311 v1.1); those that the schema qualifies have the
 // prefix co.
 #include <fmt/format.h>
 
@@ -23,7 +23,7 @@ constexpr const char* boolean(bool value) noexcept { return value ? "true" : "fa
 void set(Node node, const char* name, const char* value) { node.append_attribute(name) = value; }
 void set(Node node, const char* name, const std::string& value) { node.append_attribute(name) = value.c_str(); }
 
-/// rwr and rww of an object that is not mappable: only a parameter's access has words for that.
+/// rwr and rww of an object that is not mappable: only the access of a parameter can express them.
 bool needs_parameter(const od::SubObject& sub) noexcept {
   return (sub.access == Access::rwr || sub.access == Access::rww) && !sub.mappable;
 }
@@ -106,7 +106,7 @@ class XddWriter {
     findings_.push_back({severity, {}, 0, 0, std::move(key), std::move(message), std::move(fix)});
   }
 
-  /// XML carries no control characters but three, and its text is UTF-8.
+  /// XML allows only three control characters, and its text is UTF-8.
   std::string clean(std::string_view text, const std::string& key) {
     std::string out;
     bool lost = false;
@@ -223,7 +223,7 @@ class XddWriter {
       text(xml::node_refd, given.node_refd);
       text(xml::net_refd, given.net_refd);
     }
-    // The schema wants at least one.
+    // The schema requires at least one.
     if (!list.first_child()) add(xml::written_by, {"Berth"});
   }
 
@@ -254,7 +254,7 @@ class XddWriter {
         set(value, "value", text(ref, od::Literal::number(each.raw), sub.type));
         if (!each.name.empty()) label(value, "label", each.name, ref_text(ref));
       }
-      // Beside the values of the list others are allowed; which is for the object's limits to say.
+      // Other values are allowed, too; the object's limits say which.
       if (!meaning.only_these) allowed.append_child("co:range");
     }
     if (meaning.unit.empty()) return;
@@ -345,7 +345,7 @@ class XddWriter {
 
   void dummies(Node layers) {
     Node usage = layers.append_child("dummyUsage");
-    // The schema has words for the first seven types only.
+    // The schema has names for the first seven types only.
     for (std::uint16_t type = 1; type <= 7; ++type) {
       set(usage.append_child("dummy"), "entry",
           fmt::format("Dummy{:04X}={}", type, description_.dummy_mappable(type) ? 1 : 0));
@@ -405,7 +405,7 @@ class XddWriter {
     set(commissioning, "CANopenManager", boolean(given.canopen_manager));
   }
 
-  /// What has no place in CiA 311.
+  /// Reports what has no place in CiA 311.
   void tell_left_out() {
     const auto count = [&](std::size_t number, const char* key, const char* what) {
       if (number != 0)

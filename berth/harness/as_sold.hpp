@@ -41,7 +41,7 @@ class AsSold {
       if (s.spec.name.bus == bus_) slots.push_back(&s);
     }
     const TypeCode type = slots[random_.below(slots.size())]->spec.type;
-    // Those of the type that are not meant stay: blank ones beside equals with their node-IDs.
+    // Other devices of the type stay as they are: blank devices beside equal ones with node-IDs.
     std::vector<std::vector<plant::PlantDevice*>> owners;
     for (auto* const slot : slots) owners.push_back(fitting(slot->spec));
     const auto how = random_.below(4);
@@ -65,14 +65,14 @@ class AsSold {
       for (auto* const d : owners[i]) {
         if (std::ranges::find(taken_, d) != taken_.end()) continue;
         if (was && was_revision && d->address.revision != *was_revision) continue;
-        // Its device and, of those that are not plugged, its spare.
+        // The slot's device, and its spare among those that are not plugged in.
         if (!first && d->plugged) continue;
         first = false;
         taken_.push_back(d);
         set_switches(*d, spec, type, with_serial, with_lss, parts);
       }
     }
-    // A device that came with a node-ID of theirs, a clone, one too many: a story of its own.
+    // A device may have come with one of their node-IDs, be a clone, or be one too many: the end is not determined.
     plan_->solvable = false;
   }
 
@@ -102,7 +102,7 @@ class AsSold {
     for (auto* const slot : slots) {
       if (slot->spec.type == spec.type && one_by_one) slot->spec.when_ambiguous = places::WhenAmbiguous::one_at_a_time;
     }
-    // AND does not tell the revision number.
+    // AND does not report the revision number.
     const auto one_revision = spec.revision.value_or(0);
     bool first = true;
     for (auto* const d : fitting(spec)) {

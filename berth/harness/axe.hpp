@@ -1,7 +1,7 @@
-/// Berth that can die at any point: its port, counted and cut off.
+/// A Berth that can die at any point: its port is counted and cut off.
 ///
-/// An `Axe` counts the points of one life and falls at a chosen one. From there on nothing that Berth does reaches
-/// anything, and nothing reaches Berth; whoever drives the world ends the life after the instant.
+/// An `Axe` counts the points of one run of Berth and falls at a chosen one. From then on nothing that Berth does has
+/// an effect, and nothing reaches Berth; the driver of the world ends the run after the instant.
 #pragma once
 
 #include <cstdint>
@@ -21,9 +21,9 @@ enum class PointKind : std::uint8_t {
   send_before,     // a frame is given to the controller
   send_after,      // it was acknowledged on the wire, and Berth does not yet know
   receive_before,  // a frame has come, and Berth does not yet know
-  receive_after,   // Berth did what it does at that frame
+  receive_after,   // Berth has handled that frame
   memory_begin,    // a device begins to write its memory
-  memory_end,      // it is written, and the device has not told yet
+  memory_end,      // it is written, and the device has not reported it yet
   disk,            // a write, truncation, sync or deletion of the store's file
   memory_torn,     // one byte of a device's memory
   lost_by_device,  // a device loses a frame that Berth sent
@@ -45,14 +45,14 @@ class Axe {
  public:
   // What happens at the chosen point instead of Berth's death.
   enum class Instead : std::uint8_t { nothing, lives, loses_frame };
-  // A new life; the axe falls at its point `k`, from 0, unless `instead` says otherwise.
+  // A new run of Berth; the axe falls at its point `k`, from 0, unless `instead` says otherwise.
   void life(std::optional<std::uint64_t> k, std::function<Instead()> instead = {}) {
     trace_.clear();
     at_ = k;
     fallen_ = loses_ = false;
     instead_ = std::move(instead);
   }
-  // One point; true when Berth is dead now. Memory points do not kill by themselves.
+  // One point; true if Berth is dead now. Memory points do not kill by themselves.
   bool point(PointKind kind) noexcept {
     if (fallen_) return true;
     if (!hit(kind)) return false;
@@ -63,7 +63,7 @@ class Axe {
   }
   // The frame that has just come is lost.
   [[nodiscard]] bool loses() noexcept { return std::exchange(loses_, false); }
-  // Counts one point; true when it is the chosen one.
+  // Counts one point; true if it is the chosen one.
   bool hit(PointKind kind) noexcept {
     trace_.push_back(kind);
     return at_ && trace_.size() == *at_ + 1;
@@ -80,8 +80,8 @@ class Axe {
   bool loses_ = false;
 };
 
-// Berth's port, between it and its controller. What Berth gave to the controller before it died is sent, as a driver
-// would, until the controller goes too.
+// Berth's port, between it and its controller. Frames that Berth gave to the controller before it died are sent, as by
+// a driver, until the controller ends, too.
 class MortalPort final : public can::Port, private can::Listener {
  public:
   MortalPort(Axe& axe, can::Port& beneath) : axe_(&axe), beneath_(&beneath) {}

@@ -17,7 +17,7 @@ inline std::string wrong_configuration(const manager::Configuration& configurati
   const auto wanted = manager::wanted(configuration, d.node_id());
   if (!wanted) return "the configuration cannot be had";
   for (const auto& entry : wanted->entries) {
-    if (entry.object.index == 0x1017) continue;  // the machine file's
+    if (entry.object.index == 0x1017) continue;  // the machine file sets it
     const auto held = d.values().bytes(entry.object);
     if (std::ranges::equal(held, entry.bytes)) continue;
     return entry.name + " is " + manager::print_value(entry.type, held) + " instead of " +
@@ -40,7 +40,7 @@ class SlotConfigurations {
   }
   void set_linked(const manager::SlotSettings& linked) { linked_ = linked; }
   [[nodiscard]] bool empty() const noexcept { return files_.empty() && linked_.empty(); }
-  // What the device lacks of it, in words; empty: nothing.
+  // What the device lacks of its configuration, in words; empty: nothing.
   [[nodiscard]] std::string check(plant::SimDevice& device, const design::Slot& slot) const {
     const auto file = files_.find(slot.spec.config);
     if (file != files_.end()) return wrong_configuration(file->second, device);
@@ -62,7 +62,7 @@ class ConfigWatch final : public plant::World::Observer {
   }
   ~ConfigWatch() { world_->remove_observer(*this); }
 
-  // Besides `config =`: the settings of the machine's links.
+  // Adds the settings of the machine's links to `config =`.
   void add(const manager::SlotSettings& settings) {
     if (wanted_.empty() && !settings.empty()) world_->add_observer(*this);
     wanted_.set_linked(settings);

@@ -13,14 +13,14 @@
 
 namespace berth::harness {
 
-// Writes, into this folder, a description whose 1018h has the first `parts` of its four; gives its path.
+// Writes, into this folder, a description whose 1018h has only the first `parts` of its four parts; gives its path.
 inline std::string description_of(const std::filesystem::path& folder, TypeCode type, unsigned parts) {
   std::array<char, 64> name{};
   // Another user's file of this name could not be replaced.
   std::snprintf(name.data(), name.size(), "berth-as-sold-%u-%08x-%08x-%u.eds", ::getuid(), type.vendor, type.product,
                 parts);
   const auto file = folder / name.data();
-  // Other processes may be writing it: whoever renames last has written the same.
+  // Other processes may be writing it: the last rename wins, and all write the same.
   const auto half = folder / (name.data() + std::string(".") + std::to_string(::getpid()));
   std::ofstream out(half);
   out << "[DeviceInfo]\nVendorNumber=" << type.vendor << "\nProductNumber=" << type.product << "\nLSS_Supported=0\n"

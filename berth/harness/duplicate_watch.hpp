@@ -1,19 +1,18 @@
 // Checks that Berth never makes two devices hold one node-ID, or makes that unavoidable. It checks from the first
 // instant, by the ground truth and the frames on the wire; docs/faults.md has the guarantees. It covers every bus of
-// the machine: beneath a gateway the gateway's own master gives node-IDs, with the same guarantees. Below, "Berth" is
-// the master of the bus.
+// the machine: beneath a gateway, its own master assigns node-IDs, with the same guarantees. Below, "Berth" is the
+// master of the bus.
 //
 // Four failures, each reported at the instant at which it happens:
 //
-//   one request, two devices   a node-ID is pending, by Berth's 11h, in two devices at once
-//   owned                      a node-ID is given (11h), or stored (17h), while another device has it by Berth:
-//   pending,
+//   one request, two devices   by Berth's 11h, a node-ID is pending in two devices at once
+//   owned                      a node-ID is given (11h) or stored (17h) while another device has it by Berth: pending,
 //                              or written into its memory
-//   held                       a node-ID that Berth gave comes into use while a device that was heard under it, behind
-//                              the question for it, uses it
+//   held                       a node-ID that Berth gave becomes active while another device uses it, which was heard
+//                              under it after Berth's question for it
 //   unblanked                  a device comes back with a node-ID that Berth has noted as taken away from it
 //
-// A node-ID that a device has by Berth counts through any time without power and any number of Berth's lives. This ends
+// A node-ID that a device has by Berth counts through any time without power and any number of runs of Berth. This ends
 // when the device's memory has another node-ID or none, and in the cases of `given_up`.
 #pragma once
 
@@ -58,13 +57,13 @@ class DuplicateWatch final : public plant::World::Observer {
   DuplicateWatch(const DuplicateWatch&) = delete;
   DuplicateWatch& operator=(const DuplicateWatch&) = delete;
 
-  // A new Berth: the earlier one's questions prove nothing to it, but count for what that one brought into use.
+  // A new Berth begins. The earlier one's questions prove nothing to it, but count for what that one brought into use.
   void berth_began() {
     for (const auto& wire : wires_) {
       if (wire->master == nullptr) wire->master_began(now());
     }
   }
-  // Berth's controller handed this frame on.
+  // Berth's controller delivered this frame.
   void berth_heard(const std::string& bus, const can::Frame& frame, rt::Time at) noexcept {
     for (const auto& wire : wires_) {
       if (wire->bus.name() == bus) wire->received(frame, at);
@@ -83,8 +82,8 @@ class DuplicateWatch final : public plant::World::Observer {
   }
 
   [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
-  // A gateway's master has written the node-ID into its memory and heard its identity under it, while no other device
-  // used it: nothing keeps that master from confirming the device.
+  // A gateway's master has written the node-ID into the device's memory and read the device's identity under it, while
+  // no other device used it: nothing prevents that master from confirming the device.
   [[nodiscard]] bool is_confirmed(const std::string& device) const {
     const auto it = lives_.find(device);
     return it != lives_.end() && it->second.confirmed;
@@ -95,12 +94,12 @@ class DuplicateWatch final : public plant::World::Observer {
     return it == lives_.end() ? NodeId() : it->second.owned;
   }
   // The slot of this node-ID was rightly given away although the device has the node-ID by Berth: the user did so, or
-  // the machine file says `replacement = "auto"` and the device was silent. `held` judges whether it really was.
+  // the machine file has `replacement = "auto"` and the device was silent. `held` judges whether it really was.
   [[nodiscard]] bool given_up(const plant::Truth& t, NodeId id) const {
     return replaced_.contains(t.name) || cleared_automatically(t, id) || left_its_slot(t, id);
   }
-  // It has power and uses a node-ID that no master has activated since power-on: it came with it from elsewhere, or its
-  // slot was given away while it was away. Nothing can be done about that before it boots.
+  // The device has power and uses a node-ID that no master has activated since power-on: it came with it from
+  // elsewhere, or its slot was given away during its absence. No master can prevent that before the device boots.
   [[nodiscard]] bool came_by_itself(const plant::SimDevice& device) const {
     const auto it = lives_.find(device.name());
     if (it == lives_.end()) return false;
@@ -123,24 +122,24 @@ class DuplicateWatch final : public plant::World::Observer {
     NodeId given;  // pending by Berth's 11h
     NodeId persistent;
     NodeId owned;         // in memory by Berth's 17h
-    bool seated = false;  // a gateway's master heard under that node-ID who it is
+    bool seated = false;  // a gateway's master read its identity under that node-ID
     rt::Time seated_at{};
-    bool confirmed = false;    // and no other device used it
-    std::uint64_t writes = 0;  // ended
+    bool confirmed = false;    // `seated`, and no other device used it
+    std::uint64_t writes = 0;  // completed
   };
 
-  // What passes on one bus that counts as a question for a node-ID, or as a device's voice under it.
+  // The frames on one bus that count as a question to a node-ID, or as a device's message under it.
   struct Wire final : can::Tap, private can::Handler {
     struct Asked {
       rt::Time first{}, last{};
-      rt::Time identity{};  // 1018h:01, the first that is asked of who was given a node-ID
-      bool over = false;    // by guarding, which is asked when 1000h stayed silent
+      rt::Time identity{};  // 1018h:01, the first question to a device that got a node-ID
+      bool over = false;    // ended by guarding, which follows when 1000h stays unanswered
     };
     struct Said {
       std::uint32_t key = 0;
       rt::Time at{};
       std::string who;
-      bool identifies = false;  // tells 1018h:04, the last that is asked of who was given a node-ID
+      bool identifies = false;  // reports 1018h:04, the last question to a device that got a node-ID
     };
     Wire(DuplicateWatch& watch, sim::Bus& on, const design::Bus& described) : watch_(&watch), bus(on), plan(described) {
       for (const auto& d : watch.world_->devices()) {
@@ -149,12 +148,12 @@ class DuplicateWatch final : public plant::World::Observer {
         if (!described.own_port && d->plan().does.master) master = d.get();
       }
       if (master == nullptr) return;
-      // Identifiers that it hears for itself: nothing more waits in its receive buffer for being listened to.
+      // Identifiers that the master receives anyway: listening to them adds no frame to its receive buffer.
       auto& ears = *static_cast<plant::GatewaySide&>(*master).inside().dispatcher;
       for (const std::uint32_t function : {0x080U, 0x580U, 0x700U})
         ears.add(can::IdRange{function + 1, function + 127}, *this);
     }
-    // A new life of the bus's master.
+    // The bus's master begins anew.
     void master_began(rt::Time now) {
       asked_before = std::exchange(asked, {});
       began = now;
@@ -195,7 +194,7 @@ class DuplicateWatch final : public plant::World::Observer {
         note_heard(said, at);
       }
     }
-    // Berth's own ear; or that of a gateway's master, whose firmware gets to a frame when it has time.
+    // Berth's own reception, or that of a gateway's master, whose firmware handles a frame when it has time.
     void received(const can::Frame& frame, rt::Time at) noexcept override {
       if (master != nullptr) {
         const auto it =
@@ -216,20 +215,21 @@ class DuplicateWatch final : public plant::World::Observer {
       watch_->answered_beside(*this, what.who, id);
       if (what.identifies) watch_->seated(*this, what.who, id);
     }
-    // Berth asks for 1000h; a gateway's master is its bus's only client, and whatever it reads asks who is there.
+    // Berth asks for 1000h. A gateway's master is the only SDO client of its bus: each of its uploads asks who is
+    // there.
     [[nodiscard]] bool asks(const can::Frame& frame, int sender) const noexcept {
       if ((frame.key() & ~0x7FU) != 0x600 || frame.data[0] != 0x40) return false;
       if (master != nullptr) return master->controller().number() == sender;
       return frame.data[1] == 0x00 && frame.data[2] == 0x10;
     }
-    // Between two questions of one row.
+    // The longest time between two questions of one series.
     [[nodiscard]] rt::Duration longest_wait() const noexcept {
       constexpr auto of_a_gateway = std::chrono::milliseconds(100);  // `NodeIdAssigner::sdo_timeout`
       const rt::Duration timeout =
           master != nullptr ? rt::Duration(of_a_gateway) : rt::Duration(plan.timing.sdo_timeout);
       return timeout + std::chrono::milliseconds(100);
     }
-    // Whether a device heard anything at all between Berth's last `04 00` and its `11h`.
+    // Notes the devices that received no frame between Berth's last `04 00` and its `11h`.
     void note_hearing(const can::Frame& frame) noexcept {
       if (frame.data[0] == static_cast<std::uint8_t>(lss::Command::configure_node_id)) {
         deaf.clear();
@@ -254,14 +254,14 @@ class DuplicateWatch final : public plant::World::Observer {
       }
       return {};
     }
-    // When who sent a frame at `when` asked for this node-ID, in a row that ended last; none: it did not.
+    // When the sender of a frame at `when` asked for this node-ID, in its last series of questions; null: it did not.
     [[nodiscard]] const Asked* asked_by(rt::Time when, NodeId id) const {
       const auto& questions = when < began ? asked_before : asked;
       const auto it = questions.find(id.value());
       return it == questions.end() ? nullptr : &it->second;
     }
-    // What Berth hears this long before a frame of its own is on the wire, it may have heard after it gave the frame to
-    // its controller: two of the longest frames.
+    // A frame that Berth receives this long before its own frame is on the wire may still have come after Berth gave
+    // that to its controller: two of the longest frames.
     [[nodiscard]] rt::Duration margin() const {
       return rt::Duration(320 * std::int64_t{1'000'000'000} / plan.bitrate) + std::chrono::milliseconds(1);
     }
@@ -272,15 +272,15 @@ class DuplicateWatch final : public plant::World::Observer {
     std::vector<plant::SimDevice*> devices{};
     plant::SimDevice* master = nullptr;  // the gateway's own node; null: Berth has a port here
     static constexpr std::size_t most_on_the_way = 256;
-    std::deque<Said> on_the_way;             // to the gateway's master
-    std::map<unsigned, Asked> asked;         // 1000h of this node-ID, this Berth: the last questions in a row
-    std::map<unsigned, Asked> asked_before;  // and the Berth before it
-    rt::Time began{};                        // this Berth
+    std::deque<Said> on_the_way;             // frames to the gateway's master
+    std::map<unsigned, Asked> asked;         // by node-ID: this Berth's last series of questions
+    std::map<unsigned, Asked> asked_before;  // those of the Berth before it
+    rt::Time began{};                        // of this Berth
     static constexpr std::size_t most_voices = 512;
-    std::map<std::pair<std::string, unsigned>, std::vector<rt::Time>> voices;  // device, node-ID: what reached Berth
+    std::map<std::pair<std::string, unsigned>, std::vector<rt::Time>> voices;  // by device, node-ID: what reached Berth
     std::vector<rt::Time> moved;
     std::map<std::string, std::uint64_t> received_at_waiting, received_last;
-    std::set<std::string> deaf;  // heard nothing of the proof before the last 11h
+    std::set<std::string> deaf;  // received nothing of the proof before the last 11h
     unsigned configured = 0;
     rt::Time configured_at{};
     std::array<rt::Time, 256> told_at{};  // by node-ID: the last 11h with it
@@ -295,16 +295,16 @@ class DuplicateWatch final : public plant::World::Observer {
     }
     return nullptr;
   }
-  // A gateway's own master among them: it has no say about who is there.
+  // Empty also for a gateway's own master: its frames do not show who is there.
   [[nodiscard]] static std::string name_of(const Wire& wire, int sender) {
     for (auto* const d : wire.devices) {
       if (d != wire.master && d->controller().number() == sender) return d->name();
     }
     return {};
   }
-  // A gateway's master heard under this node-ID that it is this device. When another answered the same questions, the
-  // master cannot know whom it heard, and goes on waiting for the device that it told. Of one that is bus-off, or whose
-  // answers no master gets, it cannot know.
+  // A gateway's master read this device's identity under this node-ID. If another device answered the same questions,
+  // the master cannot know which one it heard, and keeps waiting for the device that it assigned the node-ID. It knows
+  // nothing of another device that is bus-off, or whose answers do not reach it.
   void seated(const Wire& wire, const std::string& device, NodeId id) {
     Life& life = lives_[device];
     if (life.owned != id) return;
@@ -321,8 +321,8 @@ class DuplicateWatch final : public plant::World::Observer {
     });
     life.confirmed = life.confirmed || only;
   }
-  // An answer that comes behind that of the device that was identified, and before any other question, is a second
-  // answer to the last one.
+  // An answer after that of the identified device, and before any other question, is a second answer to the last
+  // question.
   void answered_beside(const Wire& wire, const std::string& device, NodeId id) {
     const auto* const asked = wire.asked_by(now(), id);
     for (const auto* const other : wire.devices) {
@@ -363,16 +363,16 @@ class DuplicateWatch final : public plant::World::Observer {
     }
     if (on) life.came_with = t.persistent;
     if (on) life.on_since = now();
-    // A memory written anew under the device's own node-ID is Berth's work too, LSS or configuration.
-    // One that a reset or a loss of power cuts off leaves what was there.
+    // A memory rewritten with the device's own node-ID is Berth's work too, by LSS or configuration. A write that a
+    // reset or a loss of power interrupts leaves the old content.
     const bool storing = device.device().stored().storing();
     const bool written = t.persistent != life.persistent || (t.memory_written != life.writes && !storing);
-    // One that comes with the node-ID of a slot while the slot's device saves its configuration (1010h) hears that,
-    // too, and saves what it came with: no 11h told that node-ID to any device since it is on, and nothing was given to
-    // it.
+    // A device that comes with a slot's node-ID while the slot's device saves its configuration (1010h) receives that
+    // command, too, and saves the node-ID that it came with. Since its power-on no 11h had that node-ID, so Berth gave
+    // it nothing.
     const bool as_it_came = t.persistent == life.came_with && wire->told_at[t.persistent.value()] < life.on_since;
-    // What was being written when the power went says nothing: a blanking that was cut off leaves what was there.
-    // What its switches say is nobody's to give.
+    // A write that was under way when the power went says nothing: an interrupted blanking leaves the old content. No
+    // master gives what the switches set.
     const bool gets = written && !as_it_came && !has_switches(t) && !off && t.persistent.configured() &&
                       t.pending == t.persistent && life.owned != t.persistent;
     if (t.persistent != life.persistent) life.owned = NodeId();
@@ -398,8 +398,8 @@ class DuplicateWatch final : public plant::World::Observer {
     if (t.active.configured()) life.last_used = t.active;
   }
 
-  // Devices with one LSS address are one to Berth until they answer at once: those states are judged at the end. One
-  // with a node-ID that nobody can change is known by that.
+  // Berth takes devices with one LSS address for one device until they answer at once: those states are judged at the
+  // end. A device with a node-ID that nobody can change is known by that.
   [[nodiscard]] bool others(const plant::Truth& a, const plant::Truth& b) const {
     const bool apart = a.address != b.address || has_switches(a) != has_switches(b);
     return a.name != b.name && a.bus == b.bus && apart;
@@ -410,15 +410,16 @@ class DuplicateWatch final : public plant::World::Observer {
 
   void given(const plant::Truth& t, NodeId id, const Wire& wire) {
     const std::string what = "Berth gave node-ID " + std::to_string(id.value()) + " to " + t.name;
-    // Its own, which a memory write that was cut off left as it was, is no gift.
+    // Its own node-ID, left in place by an interrupted memory write, was not given.
     if (id == wire.plan.master && id != lives_[t.name].came_with) fail_with(what + ", and it is the master's");
     for (const auto& other : world_->devices()) {
       const auto o = other->truth();
       if (!others(t, o)) continue;
       const Life& life = lives_[o.name];
-      // One that takes a node-ID at power-on only never uses what is pending: it is gone with the power, unless stored.
+      // A device that takes a node-ID only at power-on never uses a pending one: the power-off clears that, unless it
+      // is stored.
       const bool comes = !other->plan().storing.power_cycle_after;
-      // What was stored is pending too, until the next power-on: then its slot may have been given away.
+      // A stored node-ID is also pending until the next power-on; its slot may have been given away by then.
       const bool kept_rightly = life.owned == id && given_up(o, id);
       const bool unheard = wire.deaf.contains(o.name) || wire.deaf.contains(t.name);
       if (comes && o.powered && life.given == id && o.pending == id && !kept_rightly && !unheard) {
@@ -432,7 +433,7 @@ class DuplicateWatch final : public plant::World::Observer {
 
   void in_use(const plant::Truth& t, const Life& life, const Wire& wire) {
     const NodeId id = t.active;
-    // It booted again under what it uses: who came to this node-ID meanwhile was looked at then.
+    // The device booted again with the node-ID that it used: devices that took this node-ID meanwhile were judged then.
     if (life.last_used == id) return;
     const bool brought = life.came_with == id && life.given != id;
     const bool clone = std::ranges::count_if(world_->devices(), [&](const auto& d) {
@@ -441,8 +442,8 @@ class DuplicateWatch final : public plant::World::Observer {
     if (brought && life.owned != id && !clone && was_blanked(t)) {
       fail_with(t.name + " came back with node-ID " + std::to_string(id.value()) + ", which Berth took away from it");
     }
-    // It came from elsewhere with it, was off when Berth asked for it, and Berth never touched it; or it has it by
-    // Berth and its slot was given away, which `given` has judged. What it does now is the end's to judge.
+    // The device came with it from elsewhere, was off when Berth asked for it, and Berth never changed it; or it has it
+    // by Berth and its slot was given away, which `given` has judged. `EndJudge` judges the rest.
     if (brought) return;
     for (const auto& other : world_->devices()) {
       const auto o = other->truth();
@@ -455,13 +456,14 @@ class DuplicateWatch final : public plant::World::Observer {
         fail_with(what + " holds it, and did not ask who has it");
         continue;
       }
-      // The holder came from elsewhere, or sat here and was given up, and nothing of it reached Berth between its
-      // question for the node-ID and the frame that brought it into use: off, cut off, deaf, or its frames were lost.
+      // The holder came from elsewhere, or sat here and was given up. It is excused if nothing of it reached Berth
+      // between the question for the node-ID and the frame that activated it: off, cut off, deaf, or its frames were
+      // lost.
       if (wire.heard(o.name, id, asked->first, moved - wire.margin())) fail_with(what + " was heard to have it");
     }
   }
 
-  // Its memory still has what the store says was taken away from it, and nothing was asked of it since.
+  // The device's memory still has the node-ID that the store notes as taken away, and nothing was asked of it since.
   [[nodiscard]] bool was_blanked(const plant::Truth& t) const {
     if (store_ == nullptr) return false;
     const auto lines = store_->history_of({Identity(t.address).with(t.active), {machine_->name, t.bus}});
@@ -484,15 +486,15 @@ class DuplicateWatch final : public plant::World::Observer {
     for (const auto& line : *lines) {
       if (line.event == "confirmed") confirmed = line.id == id;
       if (line.event == "asked" && line.id == id) cleared = false;
-      // Only who was confirmed there can be missed there; an intention is no seat.
+      // Only a device that was confirmed in the slot can be missed there; an intention is no seat.
       if (line.event == "cleared") cleared = confirmed;
     }
     return cleared;
   }
 
-  // Beneath a gateway no person gives slots away: a device that told its master who it is, under the node-ID that it
-  // had from it, and that is silent, is one whose slot a replacement gets. One that was told a node-ID and did not get
-  // so far is none: that master still waits for it.
+  // Beneath a gateway no user gives slots away. If a device identified itself to its master under the node-ID from that
+  // master, and is silent now, a replacement gets its slot. A device that got a node-ID and did not come that far keeps
+  // its slot: the master still waits for it.
   [[nodiscard]] bool left_its_slot(const plant::Truth& t, NodeId id) const {
     const Wire* const wire = wire_of(t.bus);
     const auto it = lives_.find(t.name);
@@ -509,7 +511,7 @@ class DuplicateWatch final : public plant::World::Observer {
   std::string failure_;
 };
 
-// Between Berth and its controller: tells the watch what Berth really heard.
+// Between Berth and its controller: reports to the watch what Berth really received.
 class HeardPort final : public can::Port, private can::Listener {
  public:
   HeardPort(DuplicateWatch& watch, std::string bus, can::Port& beneath)

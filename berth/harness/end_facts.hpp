@@ -57,21 +57,21 @@ class EndFacts {
     return it == records_.end() ? nullptr : &*it;
   }
 
-  // One without a serial number that uses another node-ID than its slot's: the row names it by what it has stored.
+  // For a device without a serial number that uses another node-ID than its slot's: the row has its stored one.
   [[nodiscard]] const places::SlotRecord* row_of_memory(const plant::Truth& t) const {
     const auto it = std::ranges::find_if(
         records_, [&](const auto& r) { return r.name.bus == t.bus && r.device() && t.is_or_will_be(*r.device()); });
     return it == records_.end() ? nullptr : &*it;
   }
 
-  // Fastscan finds no device with a node-ID: if the machine file allows no other method, such a device's address cannot
-  // be known, so it cannot be told to leave. The user is told.
+  // Fastscan finds no device with a node-ID: if the machine file allows no other method, Berth cannot know such a
+  // device's address, so it cannot make the device leave. It reports that to the user.
   [[nodiscard]] bool out_of_reach(const plant::Truth& t) const {
     const auto& method = machine_->bus(t.bus)->discovery;
     const bool fastscan = method.find("fastscan") != std::string::npos || method == "planner-feedback";
     return fastscan && t.active.configured() && watch_->owned(t.name) != t.active;
   }
-  // Two devices with one address hold its slot's node-ID, and no master can distinguish them: the user takes one off.
+  // Two devices with one address hold its slot's node-ID, and no master can distinguish them: the user must remove one.
   [[nodiscard]] bool waits_for_clones(const plant::Truth& t) const {
     return std::ranges::any_of(truth_, [&](const plant::Truth& clone) {
       const design::Slot* const slot = machine_->slot(t.bus, clone.active);
@@ -85,7 +85,7 @@ class EndFacts {
     });
   }
 
-  // It sat in a slot before, and is used again when the user says so; meanwhile its switches keep it where it is.
+  // The device sat in a slot before, and is used again when the user says so; meanwhile its switches keep its node-ID.
   [[nodiscard]] bool waits_for_a_word(const plant::Truth& t) const {
     const auto lines = rig_->store().history_of({t.address, {machine_->name, t.bus}});
     const bool used = lines && record_of(t) == nullptr && places::former_seat(*lines).has_value();
@@ -102,15 +102,15 @@ class EndFacts {
              (has_switches(o) || has_switches(t));
     });
   }
-  // Nor moves anybody who sits on another's node-ID by its switches.
+  // Only the user can move a device whose switches set another slot's node-ID.
   [[nodiscard]] std::ptrdiff_t held_by_switches(const design::Slot& slot) const {
     return std::ranges::count_if(truth_, [&](const plant::Truth& o) {
       return is_present(o) && o.bus == slot.spec.name.bus && o.active == slot.spec.id &&
              rig_->device(o.name).plan().source == plant::NodeIdSource::switches;
     });
   }
-  // Its switches say so, or the machine file does of its type: it is no master's to move, and where `replacement` is
-  // "ask" nobody takes it without a word.
+  // Its switches, or the machine file for its type, fix the node-ID: no master can change it. If `replacement` is
+  // "ask", no slot takes the device without the user's word.
   [[nodiscard]] bool a_hand_must(const plant::Truth& t) const {
     const design::Slot* const there = machine_->slot(t.bus, t.active);
     const auto* const row = there == nullptr ? nullptr : record_of(there->spec.name);
@@ -126,14 +126,14 @@ class EndFacts {
     }
     return all_fixed || rig_->device(t.name).plan().source == plant::NodeIdSource::switches;
   }
-  // An equal one on its bus and no serial number: LSS addresses both at once, and it stays with what it came with.
+  // It has no serial number, and an equal device is on its bus: LSS addresses both at once, so it keeps its node-ID.
   [[nodiscard]] bool cannot_be_addressed(const plant::Truth& t) const {
     return t.address.serial == 0 && std::ranges::any_of(truth_, [&](const plant::Truth& o) {
              return o.name != t.name && is_present(o) && o.bus == t.bus && o.address == t.address;
            });
   }
 
-  // The other device of this one's address has this in its memory: what was asked of the one was asked of both.
+  // Another device with this address has the node-ID in its memory: a request to one of them reached both.
   [[nodiscard]] bool clone_has(const plant::Truth& t, NodeId id) const {
     return std::ranges::any_of(truth_, [&](const plant::Truth& o) {
       return o.name != t.name && o.bus == t.bus && o.address == t.address && o.persistent == id;

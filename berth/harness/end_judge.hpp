@@ -52,7 +52,7 @@ class EndJudge final : private EndFacts {
   EndJudge(Rig& rig, const design::Machine& machine, const DuplicateWatch& watch, const ConfigWatch& configured)
       : EndFacts(rig, machine, watch), configured_(&configured) {}
 
-  // The first thing wrong on this bus, or on all (""); empty: all is well.
+  // The first error on this bus, or on all buses (""); empty: none.
   [[nodiscard]] std::string wrong(const std::string& bus = {}) {
     wrong_.clear();
     const auto counts = [&](const std::string& name) { return bus.empty() || name == bus; };
@@ -85,7 +85,7 @@ class EndJudge final : private EndFacts {
     const design::Slot* const slot = machine_->slot(s.bus, s.id);
     const places::SlotRecord* const row = record_of(slot->spec.name);
     if (row == nullptr) return say("slot " + s.name + " has no row in the store");
-    // Where no device has power each try lasts a second, and the world may end in one.
+    // If no device has power, each attempt lasts a second, and the world may end during one.
     const bool dead = std::ranges::none_of(truth_, [&](const auto& t) { return t.bus == s.bus && t.powered; });
     if (s.state == SlotState::binding && dead) return;
     if (s.state == SlotState::unknown || s.state == SlotState::binding) {
@@ -106,10 +106,10 @@ class EndJudge final : private EndFacts {
     using places::SlotState;
     const std::string who = "slot " + s.name + ": its device " + t.name;
     if (s.state == SlotState::power_cycle) return;
-    // Somebody of one address twice, on the slot's node-ID too: nothing there is started.
+    // Two devices have one address, and one of them may use the slot's node-ID, too: nothing is started there.
     if (s.state == SlotState::duplicate && (any_clones() || shared_out_of_reach(t) || shared_with_switches(t))) return;
-    // Neither of two that have one address can be told to leave the slot's node-ID; and what one of them was told to
-    // save is asked of the other when that one is the only one there.
+    // If two devices have one address, neither can be made to leave the slot's node-ID. What one of them was to save is
+    // checked in the other when that is the only one there.
     const bool held = std::ranges::any_of(truth_, [&](const plant::Truth& o) {
       return is_present(o) && o.bus == t.bus && o.active == slot.spec.id && clones(o);
     });
@@ -118,7 +118,7 @@ class EndJudge final : private EndFacts {
     if (row.intended) return say(who + " is there, and what was asked of it is not confirmed");
     if (row.confirmed->id != slot.spec.id) return say(who + " is confirmed under another node-ID");
     if (t.active != slot.spec.id) return say(who + " uses node-ID " + std::to_string(t.active.value()));
-    // The other of its address, which is away, stored it; this one has the node-ID by a loan of the slot's own.
+    // The other device with its address, now absent, stored it; this one has the slot's own node-ID as a loan.
     if (t.persistent != slot.spec.id && !clone_has(t, slot.spec.id) && !cannot_be_addressed(t))
       return say(who + " is confirmed and has stored " + std::to_string(t.persistent.value()));
     if (s.state != SlotState::operational)
@@ -163,7 +163,7 @@ class EndJudge final : private EndFacts {
     if (there == nullptr || !there->device() || !t.is(*there->device()))
       say(t.name + " holds the node-ID of slot " + slot->spec.name.name + " and does not sit there");
   }
-  // A node-ID that Berth wrote into a memory stays its device's in the store, there or away.
+  // In the store, a node-ID that Berth wrote into a memory stays that device's, present or absent.
   void check_owned(const plant::Truth& t, const places::SlotRecord* row) {
     const NodeId id = watch_->owned(t.name);
     if (!id.configured() || watch_->given_up(t, id)) return;
@@ -177,10 +177,10 @@ class EndJudge final : private EndFacts {
           ", and no slot of the store says so");
   }
 
-  // ---- what is free: is everybody seated who can be? ----
+  // ---- free slots: does every device sit that can? ----
 
-  // The published procedures wait 10 ms for an answer, frames included: a device that is slower may be missed for ever,
-  // and one that has such a device, or clones, in front of it is not reached. Auto and the planners have neither limit.
+  // The published procedures wait 10 ms for an answer, frames included: a slower device may be missed forever, and a
+  // device after such a one, or after clones, is not reached. Auto and the planners have neither limit.
   [[nodiscard]] static bool published(const std::string& method) {
     return method.starts_with("fastscan") || method == "and";
   }
@@ -189,7 +189,7 @@ class EndJudge final : private EndFacts {
     return plan.response.max > window || (plan.response.outlier_ppm > 0 && plan.response.outlier > window);
   }
 
-  // One that answers behind the window at some of the questions is not identified, and ends the search each time.
+  // A device that answers some questions after the window is not identified, and ends the search each time.
   [[nodiscard]] bool slow_in_front(const std::string& bus) const {
     return std::ranges::any_of(truth_, [&](const plant::Truth& t) {
       return is_present(t) && t.bus == bus && !t.active.configured() && too_slow(rig_->device(t.name).plan());
@@ -204,7 +204,7 @@ class EndJudge final : private EndFacts {
     if (method == "rand" || method == "planner-rand") return by_rand;
     if (method == "and") return plan.speaks.has(plant::Speaks::and_protocol);
     if (method == "identify") return plan.speaks.has(plant::Speaks::lss);
-    // Fastscan, with and without feedback, finds who has no node-ID (CiA 305).
+    // Fastscan, with and without feedback, finds devices without a node-ID (CiA 305).
     return plan.speaks.has(plant::Speaks::fastscan) && !t.active.configured();
   }
 
@@ -213,7 +213,7 @@ class EndJudge final : private EndFacts {
     std::vector<const plant::Truth*> devices;
     used_ = false;
     for (const auto& t : truth_) {
-      // Which slot one with switches has a place in is said by its node-ID: `check_device`.
+      // The node-ID of a device with switches shows its slot: `check_device`.
       const bool here = is_present(t) && t.bus == bus.name && !clones(t) && record_of(t) == nullptr;
       const bool counts = here && rig_->device(t.name).plan().source != plant::NodeIdSource::switches;
       // A device that sat in a slot before is used again when the user says so (docs/machine-file.md).
@@ -237,12 +237,12 @@ class EndJudge final : private EndFacts {
       slots.push_back(slot);
       reports.push_back(&s);
     }
-    // Slots of one type are one question: what one of them takes the others cannot.
+    // Slots of one type are judged together: a device in one of them is not available to the others.
     for (std::size_t i = 0; i < slots.size(); ++i) check_group(i, slots, reports, devices);
   }
 
-  // Its node-ID was lent to a device that left before giving it back: the device has it as long as it has power, and
-  // only it or the user can end that.
+  // The slot's node-ID was lent to a device that left before it gave it back. The device has it while it has power;
+  // only the device or the user can end the loan.
   [[nodiscard]] bool waits_for_a_borrower(const std::string& bus, const operate::SlotReport& s) const {
     const auto lent = rig_->store().lent();
     return lent && s.state == places::SlotState::empty && std::ranges::any_of(*lent, [&](const places::LentId& l) {
@@ -254,7 +254,7 @@ class EndJudge final : private EndFacts {
                    const std::vector<const operate::SlotReport*>& reports,
                    const std::vector<const plant::Truth*>& devices) {
     const TypeCode type = slots[at]->spec.type;
-    // Two devices of one address sit on the slot's node-ID: neither can be told to leave it.
+    // Two devices with one address use the slot's node-ID: neither can be made to leave it.
     if (std::ranges::any_of(truth_, [&](const auto& t) {
           return is_present(t) && clones(t) && t.bus == slots[at]->spec.name.bus && t.active == slots[at]->spec.id;
         }))
@@ -278,7 +278,7 @@ class EndJudge final : private EndFacts {
       if (asks && !used_ && !any_clones() && held_by_switches(*slots[at]) < 2) say(what + " and no device fits it");
       return;
     }
-    // Its device gets its node-ID at itself; another on that node-ID leaves by a hand.
+    // The slot's device has a fixed node-ID; only the user can take another device off it.
     if (slots[at]->spec.assign == places::Assign::fixed) return;
     const bool told = state == places::SlotState::failed || state == places::SlotState::duplicate ||
                       state == places::SlotState::wrong_type;
@@ -292,7 +292,7 @@ class EndJudge final : private EndFacts {
       auto& row = choice.edges.emplace_back();
       for (const auto* t : fitting) row.push_back(places::fits(slot->spec, t->address));
     }
-    // One that its bus's method cannot find may have been found before, or by its node-ID.
+    // A device that the bus's method cannot find may have been found before, or by its node-ID.
     const auto candidates = std::ranges::count_if(truth_, [&](const auto& t) {
       return is_present(t) && t.bus == slots[at]->spec.name.bus && record_of(t) == nullptr &&
              std::ranges::any_of(group, [&](const auto* slot) { return places::fits(slot->spec, t.address); });
@@ -308,7 +308,7 @@ class EndJudge final : private EndFacts {
   }
 
   const ConfigWatch* configured_;
-  bool used_ = false;  // a device that sat in a slot before is there, without a slot
+  bool used_ = false;  // a device that sat in a slot before is present without one
   std::string wrong_;
 };
 

@@ -120,7 +120,7 @@ Made make(const Cell& cell) {
 
   const auto types = static_cast<unsigned>(1 + random.below(std::min(6U, cell.devices)));
   const auto serial = serials(random, cell.devices);
-  // Stored node-IDs: each its slot's own, or all moved on by a few, so that some sit where another type belongs.
+  // Stored node-IDs: each that of its own slot, or all shifted by a few, so that some belong to a slot of another type.
   const auto moved = random.below(2) == 0 ? 0U : static_cast<unsigned>(random.below(cell.devices));
   for (unsigned i = 0; i < cell.devices; ++i) {
     const unsigned number = i + 1;
@@ -168,10 +168,10 @@ class Sent final : private can::Tap {
 class Run final : private can::Tap {
  public:
   static constexpr std::size_t longest_reason = 110;
-  static constexpr rt::Duration there = 1s;     // every device has booted when Berth begins, and is not heard to
-  static constexpr rt::Duration holds = 10s;    // so long an operational machine is watched
-  static constexpr rt::Duration settles = 60s;  // one search among devices that answer Fastscan at work
-  static constexpr rt::Duration rests = 30s;    // and then what Berth sends is counted
+  static constexpr rt::Duration there = 1s;     // every device boots before Berth begins, unheard by it
+  static constexpr rt::Duration holds = 10s;    // how long an operational machine is watched
+  static constexpr rt::Duration settles = 60s;  // one search among operational devices that answer Fastscan
+  static constexpr rt::Duration rests = 30s;    // then Berth's frames are counted for so long
 
   Run(const Cell& cell, Show show) : made_(make(cell)), show_(std::move(show)) {
     Findings findings;
@@ -180,7 +180,7 @@ class Run final : private can::Tap {
     world_ = plant::World::make(made_.plant, {&rate, 1}, findings);
   }
 
-  /// Prints every frame too, LSS in words.
+  /// Also prints every frame, LSS decoded.
   void show_frames() {
     if (world_) world_->bus("field")->add_tap(*this);
   }
@@ -235,7 +235,7 @@ class Run final : private can::Tap {
     return outcome_;
   }
 
-  // As apps/berth's `Ending::settled`: the table did not change for so long, and nobody works at it.
+  // As apps/berth's `Ending::settled`: the table has not changed for so long, and no work is under way.
   bool settled(tree::Session& session) {
     std::vector<std::pair<places::SlotState, bool>> table;
     bool busy = !session.idle();

@@ -1,6 +1,6 @@
 /// The matrix: the main job at every size, with every kind of device, at every bit rate. One cell is one machine and
-/// one plant of a seed of its own, from devices that are all there to operational. Tests, ./run matrix,
-/// bench/matrix.cpp and `berth study` use it.
+/// one plant from a seed of its own, from all devices present to operational. Needs no test library: tests, ./run
+/// matrix, bench/matrix.cpp and `berth study` use it.
 #pragma once
 
 #include <algorithm>
@@ -28,21 +28,21 @@ enum class Kind : std::uint8_t {
   feedback_29,  // and nothing else
   feedback_11,
   fixed,         // its slot's node-ID by switches, and its slot says so; every second one speaks LSS
-  fixed_unsaid,  // the same, and its slot says nothing of it
+  fixed_unsaid,  // the same, but its slot does not say so
   stored,        // a node-ID in its memory: its slot's, or that of another slot
   canopennode,   // Fastscan as CANopenNode does it
   lely,          // Fastscan as Lely core does it
-  mixed,         // one of the above each
-  // What a device may lack of LSS; all sizes and bit rates only where the kind is chosen by name.
+  mixed,         // each device one of the above
+  // Devices that lack parts of LSS; all sizes and bit rates only if the kind is chosen by name.
   no_identity,     // LSS without Fastscan and without 5Ah to 5Dh
   no_node_id,      // LSS without Fastscan and without 5Eh
-  no_inquiries,    // both
+  no_inquiries,    // LSS without Fastscan and without 5Ah to 5Eh
   bare,            // Fastscan, 40h to 43h, 11h, 17h, and nothing else
   fastscan_alone,  // Fastscan, 11h, 17h, and nothing else
   refuses_store,   // 17h is answered with error code 1
   short_answers,   // Fastscan, and answers without the zeros at their end
   stored_bare,     // LSS without Fastscan and inquiries, in its memory a node-ID that no slot has
-  partial,         // one of these or a whole one each
+  partial,         // each device one of these, or a complete one
   count
 };
 inline constexpr std::array<const char*, static_cast<std::size_t>(Kind::count)> kind_names{
@@ -76,7 +76,7 @@ struct Cell {
   std::uint64_t round = 0;           // another one: the same cell with other serial numbers and answers
 };
 
-// The published methods that find all devices of this kind; none where only Berth's default does.
+// The published methods that find all devices of this kind; none if only Berth's default does.
 [[nodiscard]] inline std::span<const std::string_view> published(Kind kind) {
   static constexpr std::array<std::string_view, 4> words{"rand", "fastscan", "fastscan-feedback-29",
                                                          "fastscan-feedback-11"};
@@ -97,7 +97,7 @@ struct Cell {
          std::to_string(c.bit_rate / 1000) + " kbit/s, " + name(c.latency);
 }
 
-// Of the default run. What a device lacks of LSS is tried with few devices there.
+// A cell of the default run. Devices that lack parts of LSS are tried only in small numbers there.
 [[nodiscard]] inline bool is_usual(const Cell& c) {
   return c.kind <= Kind::mixed || (c.devices <= 5 && c.bit_rate == 125'000);
 }
@@ -105,25 +105,25 @@ struct Cell {
 // Why docs/limits.md excepts this cell; empty for the others.
 [[nodiscard]] inline std::optional<std::string_view> limit_of(const Cell&) { return std::nullopt; }
 
-// Bus time within which a cell must be operational: twice what its frames take when each device needs as many questions
-// as one whose serial number tells nothing about the others', and twice that where answers come late (docs/limits.md).
+// Bus time within which a cell must be operational: twice what its frames take if each device needs as many questions
+// as one whose serial number tells nothing about the others', and twice that if answers come late (docs/limits.md).
 [[nodiscard]] inline rt::Duration budget(const Cell& c) {
   const auto frame = rt::Duration(128LL * 1'000'000'000 / c.bit_rate);
   // Plain LSS asks in six frames, the others in one; 32 questions at most. Node-ID, check and start take forty more.
   const bool by_ranges = c.kind == Kind::lss || c.kind == Kind::stored || c.kind >= Kind::mixed;
   const std::int64_t frames = by_ranges ? 32 * 7 : 32 * 3;
   const rt::Duration one = (frames + 40) * frame + 300ms;
-  // CANopenNode's slaves answer ten times later once in fifty answers, Lely core's have to be gone round.
+  // CANopenNode's slaves delay one answer in fifty tenfold; Lely core's need a workaround.
   const bool known = c.kind == Kind::canopennode || c.kind == Kind::lely || c.kind == Kind::mixed;
   return (c.latency == Latency::outliers ? 2 : 1) * (known ? 4 : 2) * (15s + c.devices * one);
 }
 
 enum class End : std::uint8_t {
   operational,
-  gave_up,  // nothing is going on any more, as `berth up` judges it
+  gave_up,  // nothing more happens, as `berth up` judges it
   late,     // not within its bus time
-  lost,     // operational, and not any more ten seconds later
-  wrong,    // told operational, and the devices say otherwise
+  lost,     // operational, but no longer ten seconds later
+  wrong,    // reported operational, but the devices are not
   busy,     // operational, and Berth sends more than `most_at_rest`
 };
 [[nodiscard]] inline const char* name(End end) {
@@ -138,7 +138,7 @@ struct Outcome {
   std::uint64_t frames = 0;
   std::uint64_t lost = 0;    // receptions that devices lost: overrun, or deaf
   std::uint64_t hash = 0;    // of everything that happened on the bus
-  double at_rest = 0;        // frames of Berth's a second, its heartbeat among them
+  double at_rest = 0;        // Berth's frames per second, with its heartbeat
   unsigned operational = 0;  // slots
   std::array<char, 400> why{};
 
@@ -149,7 +149,7 @@ struct Outcome {
   }
 };
 
-// What Berth sends on a bus on which nothing happens.
+// Frames per second that Berth may send on a bus on which nothing happens.
 inline constexpr double most_at_rest = 5;
 
 /// Takes each line of what is shown of a run.

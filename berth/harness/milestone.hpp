@@ -1,4 +1,4 @@
-// What a plant plans behind a milestone, as `berth up` has it.
+// The plant's events after a milestone, as in `berth up`.
 #pragma once
 
 #include "berth/operate/report.hpp"

@@ -1,5 +1,5 @@
-// A machine, a plant, and Berth between them, for tests and for the programs that try many worlds. One bus,
-// unless the machine has more: then `begin` makes one network for each, and what names none means the first.
+// A machine, a plant, and Berth between them, for tests and for the programs that try many worlds. One bus, unless the
+// machine has more: then `begin` makes one network for each, and calls that name no bus mean the first.
 #pragma once
 
 #include <algorithm>
@@ -85,23 +85,23 @@ class Rig {
   // Bus time at which every bus was operational for the first time.
   std::optional<rt::Duration> first_operational;
 
-  // What stands between Berth and its controller of this bus from the next `begin` on; it must stay until `kill`.
+  // A layer between Berth and its controller of this bus, from the next `begin` on; it must exist until `kill`.
   using Between = std::function<can::Port*(can::Port&, const std::string& bus)>;
   void put_between(Between between) { between_ = std::move(between); }
   // Before each step of a binding, from the next `begin` on. Must not end Berth.
   using OnStep = std::function<void(const std::string& bus, const places::Binding&)>;
   void on_step(OnStep on_step) { on_step_ = std::move(on_step); }
 
-  // Every event, as it is told.
+  // Called with every event.
   void on_event(std::function<void(const operate::Event&)> on_event) { on_event_ = std::move(on_event); }
 
-  // What the machine's links want of the slots' devices, from the next `begin` on.
+  // The settings that the machine's links need in the slots' devices, from the next `begin` on.
   void settle(manager::SlotSettings settings) { settings_ = std::move(settings); }
 
-  // Where what SDO clients write to 1F20h and 1F22h is kept, from the next `begin` on.
+  // The place for what SDO clients write to 1F20h and 1F22h, from the next `begin` on.
   void keep_written(operate::WrittenFiles::Place place) { written_ = std::move(place); }
 
-  // Berth begins, as a new process would: nothing but the store and the bus.
+  // Begins a Berth that knows only the store and the bus, as a new process would.
   void begin() {
     if (!try_begin()) std::abort();
   }
@@ -134,7 +134,7 @@ class Rig {
     }
     return true;
   }
-  // Berth dies where it stands.
+  // Ends Berth at once, as a crash does.
   void kill() {
     for (auto& master : masters_) master->network.reset();
     masters_.clear();

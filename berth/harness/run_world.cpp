@@ -17,7 +17,7 @@ namespace {
 
 class WorldRun final : private can::Tap {
  public:
-  // `frames`: the log has every frame too.
+  // `frames`: the log also has every frame.
   explicit WorldRun(const WorldPlan& plan, bool frames = false)
       : plan_(plan),
         frames_(frames),
@@ -47,8 +47,7 @@ class WorldRun final : private can::Tap {
     for (const auto& bus : plan_.machine.buses) rig_.world().bus(bus.name)->remove_tap(*this);
   }
 
-  // `without`: how long the start of this world takes when no device waits for its power cycle; of a calm one that has
-  // such devices.
+  // `without`: for a calm world with devices that wait for their power cycle: how long its start takes if none waits.
   Outcome go(std::optional<rt::Duration> without = {}) {
     for (const auto& e : plan_.later) plan_event(e);
     begin();
@@ -71,7 +70,7 @@ class WorldRun final : private can::Tap {
     return std::move(outcome_);
   }
 
-  // How long it takes until the slots are operational whose devices do not wait; none: some are not, in two minutes.
+  // The time until the slots whose devices do not wait are operational; none: not all are within two minutes.
   std::optional<rt::Duration> start() {
     begin();
     const rt::Time began = now();
@@ -82,7 +81,7 @@ class WorldRun final : private can::Tap {
  private:
   using Deed = std::function<void()>;
 
-  // With what Berth told before the frame, so that one reads both in the order of time.
+  // Logs Berth's earlier events before the frame, so that both are in the order of time.
   void frame(const can::Frame& frame, rt::Time at, int sender) noexcept override {
     for (; told_events_ < rig_.events().size(); ++told_events_)
       told_ += operate::to_line(rig_.events()[told_events_]) + "\n";
@@ -121,9 +120,9 @@ class WorldRun final : private can::Tap {
     for (const auto& d : rig_.world().devices()) outcome_.lost += d->controller().statistics().overruns;
   }
 
-  // ---- the time in which things go wrong ----
+  // ---- the time with faults ----
 
-  // Until every fault had its chance, at most 20 s of bus time, and everybody is back who comes back.
+  // Until every fault could strike, at most 20 s of bus time, and the devices that come back are back.
   void troubles() {
     const rt::Time limit = now() + 20s;
     std::vector<PlannedFault> waiting = plan_.faults;
@@ -225,7 +224,7 @@ class WorldRun final : private can::Tap {
     const auto* const step = std::ranges::find(aimed_steps, binding.step());
     if (step == std::end(aimed_steps) || !sound()) return;
     const int place = static_cast<int>(step - std::begin(aimed_steps));
-    // Of clones, and of what no device has, the first or none.
+    // Of clones, the first; none if no device has the address.
     const auto& devices = rig_.world().devices();
     const auto device = std::ranges::find_if(devices, [&](const auto& d) {
       return d->plan().bus == bus && d->truth().address == binding.assignment().device;
@@ -272,9 +271,9 @@ class WorldRun final : private can::Tap {
     perform_due();
   }
 
-  // ---- what a person does ----
+  // ---- the user ----
 
-  // A device left for long: a spare of its kind is brought, and the person may say so.
+  // A device left for long: the user brings a spare of its kind, and may give `berth replace`.
   void left(const std::string& who) {
     const auto* const gone = plan_.plant.device(who);
     for (const auto& d : plan_.plant.devices) {
@@ -289,7 +288,7 @@ class WorldRun final : private can::Tap {
     if (plan_.replaces) due_.emplace(now() + 8s, [this, who] { replace(who, 6); });
   }
 
-  // `berth replace`, of a slot that is shown as absent, when Berth has nothing to do.
+  // Gives `berth replace` for a slot that is shown as absent, while Berth has nothing to do.
   void replace(const std::string& who, int tries) {
     const auto t = rig_.device(who).truth();
     if (t.powered || tries == 0) return;
@@ -298,7 +297,7 @@ class WorldRun final : private can::Tap {
     for (std::size_t i = 0; i < rig_.networks(); ++i) {
       for (const auto& s : rig_.network(i).report()) {
         if (!s.device || !t.is(*s.device) || s.state != places::SlotState::absent || s.bus != t.bus) continue;
-        // From the instant on at which it is said; what the command says is judged elsewhere.
+        // It counts from the instant of the command; the command's answer is judged elsewhere.
         watch_.replaced_by_a_person(who);
         if (rig_.network(i).replace(s.name, std::nullopt)) return;
       }
@@ -326,7 +325,7 @@ class WorldRun final : private can::Tap {
   Outcome outcome_;
 };
 
-// Without devices that take a node-ID at power-on only; none: its slots are not all operational then.
+// Without devices that take a node-ID only at power-on; none: not all slots become operational then.
 std::optional<rt::Duration> start_without_waiting(WorldPlan plan) {
   for (auto& d : plan.plant.devices) {
     const bool waits = std::ranges::find(plan.waiting, d.name) != plan.waiting.end();
@@ -339,7 +338,7 @@ std::optional<rt::Duration> start_without_waiting(WorldPlan plan) {
 
 Outcome run_world(const WorldPlan& plan, bool frames) {
   std::optional<rt::Duration> without;
-  // A slow device is found by Fastscan alone when it happens to answer in time.
+  // Fastscan alone finds a slow device only if it happens to answer in time.
   const bool by_chance = std::ranges::any_of(
       plan.machine.buses, [](const design::Bus& bus) { return bus.discovery.find("fastscan") != std::string::npos; });
   if (plan.calm && plan.solvable && !plan.waiting.empty() && !by_chance) without = start_without_waiting(plan);

@@ -1,4 +1,4 @@
-/// One seeded world from beginning to end, with its invariants looked at after every change (docs/faults.md).
+/// One seeded world from beginning to end, with its invariants checked after every change (docs/faults.md).
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// Does Berth ever start a device that is not its slot's? By the ground truth, whatever the device tells.
+// Does Berth ever start a device that is not its slot's? By the ground truth, whatever the device reports.
 #pragma once
 
 #include <algorithm>
@@ -34,7 +34,7 @@ class StartWatch final : public plant::World::Observer {
       failure_ = what + ", and does not fit slot " + slot->spec.name.name;
     }
   }
-  // NMT knows devices by their node-ID: what is sent to one reaches all that have it.
+  // NMT addresses node-IDs: a command reaches all devices with that node-ID.
   [[nodiscard]] bool shares(const plant::Truth& t) const {
     return std::ranges::any_of(world_->devices(), [&](const auto& d) {
       const auto o = d->truth();

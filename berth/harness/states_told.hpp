@@ -20,7 +20,7 @@ class StatesTold {
     if (event.kind == operate::EventKind::state) states_.emplace_back(event.slot, event.text);
   }
   void clear() { states_.clear(); }
-  // How often each slot was told to be so since `clear`.
+  // How often each slot was reported in this state since `clear`.
   [[nodiscard]] std::map<std::string, unsigned> told(std::string_view state) const {
     std::map<std::string, unsigned> count;
     for (const auto& [slot, text] : states_) {

@@ -1,15 +1,15 @@
-// Is a slot beneath gateways told anything that was not asked or heard of that slot? Looked at on the buses, by the
-// frames that reach each gateway from above, and not in Berth:
+// Checks that Berth reports nothing about a slot beneath gateways that was not asked or heard of that slot. It reads
+// the frames that reach each gateway from above, on the buses and not in Berth:
 //
 //   asked   1F82h of the master of the slot's own bus, through the gateway above it (5F30h to 5F32h of that port); the
-//           last answer must say what is told
-//   heard   EMCY 8130h on the bus at the top, of a path that leads to this slot alone; where that is a gateway's, the
-//           loss must be its own: that of a node beneath it the layout may have cut down to this path. Any other
-//           emergency that is told of the slot has been sent by its own node, on its own bus
-//   silent  a gateway on the way: an access to one was aborted, or ended by its time-out, since the slot's last answer;
-//           or Berth itself is off the bus: no frame of its own was on it for longer than its heartbeat's period
+//           last answer must show what is reported
+//   heard   EMCY 8130h on the bus at the top, with a path that leads to this slot alone. If the slot is a gateway's,
+//           the loss must be its own: the layout may have cut the path of a node beneath it down to this one. Any other
+//           EMCY reported of the slot was sent by its own node, on its own bus
+//   silent  a gateway on the way: an access to one was aborted, or timed out, since the slot's last answer; or Berth
+//           itself is off the bus: it sent no frame for longer than its heartbeat's period
 //
-// That a slot's node-ID is held twice is told where two devices have used it at one time.
+// A duplicate node-ID of a slot is reported only if two devices have used it at one time.
 #pragma once
 
 #include <algorithm>
@@ -38,7 +38,7 @@ namespace berth::harness {
 
 class ToldWatch final : private plant::World::Observer {
  public:
-  // Both must stay.
+  // Both must outlive this.
   ToldWatch(plant::World& world, const design::Machine& machine) : world_(&world), machine_(&machine) {
     for (const auto* const bus : machine.all_buses()) {
       sim::Bus* const on = world.bus(bus->name);
@@ -58,12 +58,12 @@ class ToldWatch final : private plant::World::Observer {
   ToldWatch(const ToldWatch&) = delete;
   ToldWatch& operator=(const ToldWatch&) = delete;
 
-  // What one Berth knew the next has to ask.
+  // The next Berth must ask for everything that the earlier one knew.
   void berth_began() {
     known_.clear();
     troubled_.clear();
   }
-  // Berth tells it now. What is wrong with it; empty: nothing.
+  // Judges an event that Berth reports now. Empty: nothing is wrong.
   [[nodiscard]] std::string judge(const operate::Event& event) const {
     const design::Slot* const slot = machine_->slot(event.slot);
     const design::Bus* const bus = slot == nullptr ? nullptr : machine_->bus(slot->spec.name.bus);
@@ -78,14 +78,14 @@ class ToldWatch final : private plant::World::Observer {
  private:
   using Node = std::pair<std::string, unsigned>;  // bus, node-ID
 
-  // What 1F82h of the bus's master said. Berth asks for several reasons at a time, and says what it heard when it has
-  // asked for the next slot, too.
+  // The answers of the bus's master to 1F82h. Berth asks for several reasons at a time, and may report an answer only
+  // after it has asked for the next slot, too.
   struct Known {
     struct Answer {
       std::uint8_t state = 0;
       rt::Time at{};
     };
-    std::deque<Answer> answers{};  // those of a second, and the last one
+    std::deque<Answer> answers{};  // those of the last second, and the last one
     rt::Time lost{};               // EMCY 8130h
     [[nodiscard]] rt::Time at() const { return answers.empty() ? rt::Time{} : answers.back().at; }
     void note(Answer answer) {
@@ -99,7 +99,7 @@ class ToldWatch final : private plant::World::Observer {
     [[nodiscard]] bool is_lost() const { return lost != rt::Time{} && lost >= at(); }
   };
 
-  // The accesses through a gateway's ports, as they stand on the bus above it.
+  // The accesses through a gateway's ports, as seen on the bus above it.
   struct Port {
     unsigned node = 0;                   // 5F30h
     std::optional<unsigned> asked_of{};  // sub-index of 1F82h
@@ -175,7 +175,7 @@ class ToldWatch final : private plant::World::Observer {
     if (its_own) known_[{buses.front(), node}].lost = at;
   }
 
-  // By the gateway's own master of this bus.
+  // True: the gateway's own master of this bus misses the node.
   [[nodiscard]] bool is_missed(const std::string& bus, unsigned node) const {
     for (const auto& d : world_->devices()) {
       auto* const manager = static_cast<plant::GatewaySide&>(*d).inside().manager;
@@ -188,7 +188,7 @@ class ToldWatch final : private plant::World::Observer {
   [[nodiscard]] bool has_slot(const std::string& bus, unsigned node) const {
     return machine_->slot(bus, NodeId(static_cast<std::uint8_t>(node & 0x7FU))) != nullptr;
   }
-  // Beneath the gateways with this node-ID on those buses.
+  // The buses beneath the gateways with this node-ID on those buses.
   [[nodiscard]] std::vector<std::string> beneath_of(const std::vector<std::string>& above, unsigned node) const {
     std::vector<std::string> buses;
     for (const auto& line : machine_->beneath) {
@@ -213,7 +213,7 @@ class ToldWatch final : private plant::World::Observer {
     }
   }
 
-  // ---- what is told
+  // ---- what is reported ----
 
   [[nodiscard]] std::string wrong_state(const design::Bus& bus, NodeId id, const std::string& text) const {
     const auto it = known_.find({bus.name, id.value()});
@@ -246,7 +246,7 @@ class ToldWatch final : private plant::World::Observer {
     return std::chrono::duration<double>(at.time_since_epoch()).count();
   }
 
-  // An access to one of the gateways on the way failed since then.
+  // Has an access to one of the gateways on the way failed since then?
   [[nodiscard]] bool silent(const design::Bus& bus, rt::Time since) const {
     const design::Bus* at = &bus;
     for (; at != nullptr && !at->own_port; at = machine_->bus(at->gateway->bus)) {
@@ -272,8 +272,8 @@ class ToldWatch final : private plant::World::Observer {
   plant::World* world_;
   const design::Machine* machine_;
   std::vector<std::unique_ptr<Wire>> wires_;
-  std::map<std::pair<Node, unsigned>, Port> ports_;  // gateway, port
-  std::map<Node, Known> known_;                      // of the slot with this node-ID
+  std::map<std::pair<Node, unsigned>, Port> ports_;  // by gateway and port
+  std::map<Node, Known> known_;                      // by the slot's node-ID
   std::map<Node, rt::Time> troubled_;                // gateways
   std::set<std::pair<Node, unsigned>> sent_;         // EMCYs
   std::set<Node> doubled_;

@@ -1,5 +1,5 @@
-// Draws of a tree of buses (tree_plan.hpp) with devices as shops sell them beneath its gateways: a third of those buses
-// have some. By a `Random` of its own behind all others: trees without stay those of their seeds.
+// Draws, for a tree of buses (tree_plan.hpp), devices as sold in shops beneath its gateways: a third of those buses
+// have some. Uses its own random numbers after all others, so that trees without them do not change.
 #pragma once
 
 #include <algorithm>
@@ -41,7 +41,7 @@ class TreeAsSold {
     const auto it = std::ranges::find(plan_.spares, worn, &TreePlan::Spare::worn);
     return it == plan_.spares.end() ? nullptr : &*it;
   }
-  // Of two that come for one slot, equal or with one setting of their switches, nothing tells the one from the other.
+  // Two devices for one slot that are equal, or have the same switch setting, cannot be distinguished.
   void one_spare(const std::string& worn) {
     auto* const spare = spare_of(worn);
     if (spare == nullptr || spare->second.empty()) return;
@@ -58,7 +58,8 @@ class TreeAsSold {
     return slots;
   }
 
-  // One to all of them are of one type, each with its slot's node-ID on its switches, and so is what replaces it.
+  // One to all of these slots are for one type. Each device, and its replacement, has its slot's node-ID on its
+  // switches.
   void switched_ones(const std::string& bus) {
     const auto slots = plain_slots(bus);
     if (slots.empty()) return;

@@ -16,7 +16,7 @@ namespace berth::harness {
 
 class TreeFacts {
  public:
-  // Both must stay.
+  // Both must outlive this.
   TreeFacts(const TreePlan& plan, plant::World& world) : plan_(&plan), world_(&world) {}
 
   [[nodiscard]] bool all_seats_are_right() const {
@@ -53,7 +53,7 @@ class TreeFacts {
     }
     return text;
   }
-  // Slots that a device takes away with it: its own, and all beneath it.
+  // The slots that are lost with a device: its own, and all beneath it.
   [[nodiscard]] std::set<std::string> taken_by(const design::Slot& slot) const {
     std::set<std::string> names{slot.spec.name.name};
     std::vector<std::string> buses;

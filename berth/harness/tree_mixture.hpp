@@ -1,7 +1,7 @@
-// What a tree of buses (tree_plan.hpp) is besides: sister buses beneath one gateway with equal node-IDs, so that one
+// Adds variety to a tree of buses (tree_plan.hpp): sister buses beneath one gateway with equal node-IDs, so that one
 // path means two devices; spares that come blank or used, one or two for a slot; devices of every kind that is searched
-// for; slow ones beside quick ones; gateways whose emergencies the gateway above does not hand on as they are. All of
-// it is drawn by a `Random` of its own behind the tree: the trees themselves stay those of their seeds.
+// for; slow devices beside quick ones; gateways whose EMCYs the gateway above does not forward unchanged. All of it is
+// drawn with its own random numbers after the tree: the trees themselves do not change.
 #pragma once
 
 #include <algorithm>
@@ -41,7 +41,7 @@ class TreeMixer {
   Device& device(const std::string& name) { return *std::ranges::find(plan_.plant.devices, name, &Device::name); }
   [[nodiscard]] bool is_part_of_gateway(const std::string& name) const { return plan_.plant.gateway_part(name).any; }
 
-  // ---- sister buses
+  // ---- sister buses ----
 
   void sister() {
     auto& gateways = plan_.plant.gateways;
@@ -54,7 +54,7 @@ class TreeMixer {
     line.gateway->mandatory = one_in(2);
     add_bus(line);
     gateways[at].beneath.push_back(name + " port");
-    // The node-IDs of the first bus, of one at least.
+    // Takes node-IDs of the first bus, at least one.
     bool any = false;
     for (const auto& slot : plan_.machine.specs(first)) {
       if (any && one_in(3)) continue;
@@ -71,7 +71,7 @@ class TreeMixer {
   // The same path elsewhere: a gateway of this node-ID on the sister bus, and beneath it a node-ID of the bus `like`.
   void add_gateway(const std::string& bus, NodeId id, std::size_t above, const std::string& like) {
     const std::string name = bus + " bus" + std::to_string(id.value());
-    // A type of its own: nobody could tell which of two equal gateways this bus is beneath.
+    // A type of its own: otherwise it would be unknown which of two equal gateways this bus is beneath.
     add_slot(bus, id, {1, 0x8058 + 0x100U * id.value()});
     const std::string upper = plan_.machine.slots.back().spec.name.name;
     auto line = *plan_.machine.bus(bus);
@@ -125,7 +125,7 @@ class TreeMixer {
     return plan_.plant.devices.back();
   }
 
-  // The bus beneath this gateway; empty: it is none.
+  // The bus beneath this gateway; empty: it is no gateway.
   [[nodiscard]] std::string beneath_of(const std::string& bus, NodeId id) const {
     for (const auto& line : plan_.machine.beneath) {
       if (line.gateway->bus == bus && line.gateway->slot == id) return line.name;
@@ -133,16 +133,16 @@ class TreeMixer {
     return {};
   }
 
-  // The gateway above takes them for plain devices: what they tell of nodes beneath them it tells of them.
+  // The gateway above takes some gateways for plain devices: it reports their EMCYs about nodes beneath as their own.
   void forget_layouts() {
     for (auto& gateway : plan_.plant.gateways) {
       std::erase_if(gateway.speaks_layout, [&](std::uint8_t) { return one_in(2); });
     }
   }
 
-  // ---- spares
+  // ---- spares ----
 
-  // What is the only device of its type on its bus can be exchanged.
+  // A device can be exchanged if it is the only one of its type on its bus.
   void more_spares() {
     for (const auto& line : plan_.machine.beneath) {
       const auto specs = plan_.machine.specs(line.name);
@@ -199,7 +199,7 @@ class TreeMixer {
     spare.node_id = ids[random_.below(ids.size())];
   }
 
-  // ---- devices
+  // ---- devices ----
 
   template <class Act>
   void each_device(const std::string& bus, const Act& act) {
@@ -228,7 +228,7 @@ class TreeMixer {
     const auto way = random_.below(3);
     if (way == 0) return;
     each_device(bus, [&](Device& d) {
-      // In the third way nothing but what is brought later is slow.
+      // In the third way, only devices that are brought later are slow.
       const bool slow = way == 1 ? one_in(2) : !d.plugged;
       d.response = {200us, 200us, 0, {}};
       if (slow) d.response.min = way == 1 ? between(200us, 9ms) : between(2ms, 9ms);

@@ -17,15 +17,15 @@ struct TreePlan {
   std::uint64_t seed = 0;
   design::Machine machine;
   plant::PlantFile plant;
-  // A device of the plant and the one on the shelf that takes its place.
+  // A device of the plant, and the spare that takes its place.
   struct Spare {
     std::string worn;
     std::string fresh;
-    std::string second = {};  // comes too, so long behind it; empty: none
+    std::string second = {};  // comes too, `later` after the first; empty: none
     std::chrono::milliseconds later{};
   };
   std::vector<Spare> spares;
-  bool calm = false;   // nothing but exchanges goes wrong
+  bool calm = false;   // exchanges are the only troubles
   bool mixed = false;  // `mix` has drawn more (tree_mixture.hpp)
 };
 
@@ -87,14 +87,14 @@ class TreePlanner {
     const std::string name = "bus" + std::to_string(number + 1);
     const std::string gateway = name + " gateway", port = name + " port";
     const bool mandatory = random_.below(2) == 0;
-    // Beneath a gateway each is the only one of its type, as what can be exchanged is: which of two is which, their
-    // master could only guess while one of them is away.
+    // Beneath a gateway, each gateway is the only one of its type, like every device that can be exchanged: their
+    // master could only guess which of two equal ones is away.
     const auto product =
         levels_[at].depth == 0 || equal_gateways_ ? gateway_type.product : gateway_type.product + 0x1000 * (1 + number);
     const TypeCode type{gateway_type.vendor, static_cast<std::uint32_t>(product)};
     const NodeId id = add_slot(levels_[at], type, gateway, mandatory);
     add_device(levels_[at], type, gateway);
-    // What it tells of nodes beneath it, the gateway above must know to hand on as it is.
+    // The gateway above must know it, to forward its EMCYs about nodes beneath it unchanged.
     for (auto& above_it : plan_.plant.gateways) {
       if (above_it.beneath.front() == levels_[at].bus + " port") above_it.speaks_layout.push_back(id.value());
     }
@@ -115,8 +115,8 @@ class TreePlanner {
   void add_devices(Level& level) {
     const auto slots = 1 + random_.below(4);
     for (std::uint64_t i = 0; i < slots; ++i) {
-      // What can be exchanged is the only device of its type: which of two that are missing a new one replaces, the
-      // gateway's master could only guess.
+      // A device that can be exchanged is the only one of its type: if two are missing, the gateway's master could only
+      // guess which one a new device replaces.
       const bool exchanged = level.depth > 0 && random_.below(3) == 0;
       const TypeCode type{1, exchanged ? 0x100 + level.next_serial : static_cast<std::uint32_t>(1 + random_.below(3))};
       const std::string name = level.bus + " s" + std::to_string(level.next_id);
@@ -157,7 +157,7 @@ class TreePlanner {
   std::vector<Level> levels_;
 };
 
-// `equal_gateways`: those on one bus beneath are of one type, and told apart by their serial numbers.
+// `equal_gateways`: those on one bus beneath are of one type, and distinguished by their serial numbers.
 inline TreePlan tree_plan(std::uint64_t seed, bool equal_gateways = false) {
   return TreePlanner(seed, equal_gateways).run();
 }

@@ -62,7 +62,7 @@ class TreeTroubles {
   }
   [[nodiscard]] const std::vector<TreePlan::Spare>& exchanged() const noexcept { return exchanged_; }
 
-  // A person takes away who has no slot: it would get that of a device which is without power.
+  // The user removes devices without a slot: they would get the slot of a device that is without power.
   void clear_away() {
     for (const auto& device : world_->devices()) {
       const auto* const slot = plan_->machine.slot(device->bus().name(), device->device().node_id());
@@ -84,7 +84,7 @@ class TreeTroubles {
     return *all[random_->below(all.size())];
   }
 
-  // The master of the bus hears nobody: Berth's own cable, or that of the gateway's port.
+  // The master of the bus hears nothing: Berth's own cable is cut, or that of the gateway's port.
   void cut(const design::Bus& bus) {
     if (cut_.contains(bus.name)) return;
     plant::PlantEvent event;
@@ -110,7 +110,7 @@ class TreeTroubles {
     note_("exchange " + at->worn);
     exchanged_.push_back(*at);
     world_->find(at->worn)->unplug();
-    // At once, or when the worn one is missed.
+    // At once, or when the worn device is missed.
     const auto pause = std::chrono::milliseconds(plan_->mixed ? random_->below(6000) : 0);
     bring(at->fresh, pause);
     if (!at->second.empty()) bring(at->second, pause + at->later);

@@ -1,12 +1,11 @@
 // One random machine of many buses from blank devices through troubles to its end (docs/faults.md): cables cut beside
-// gateways, gateways and devices without power or reset, devices exchanged, frames lost, Berth killed. Judged:
-//   - no master of any bus makes two devices hold one node-ID (duplicate_watch.hpp), and no two powered devices of a
-//   bus
-//     use one, ever, but where one of them came with it by itself;
-//   - no slot is told anything that was not asked or heard of that slot (told_watch.hpp);
+// gateways, gateways and devices without power or reset, devices exchanged, frames lost, Berth killed. Requirements:
+//   - no master of any bus makes two devices hold one node-ID (duplicate_watch.hpp), and two powered devices of a bus
+//     never use one node-ID, unless one of them came with it by itself;
+//   - nothing is reported about a slot that was not asked or heard of that slot (told_watch.hpp);
 //   - when the troubles are over every slot has its device, alone under its node-ID and operational, by itself, and
 //     every gateway has in its dictionary which bus beneath it is mandatory (5F00h);
-//   - then a loss is told once, of each slot that it takes away and of no other, and its end is told once.
+//   - then a loss is reported once, for each slot that it takes away and for no other, and its end is reported once.
 #pragma once
 
 #include <fmt/format.h>
@@ -37,7 +36,7 @@ inline constexpr int troubles_of_a_tree = 8;
 
 class TreeWorld final : private plant::World::Observer, private can::Tap {
  public:
-  // `frames`: the log has every frame of this bus, too.
+  // `frames`: the log also has every frame of this bus.
   explicit TreeWorld(TreePlan plan, const std::string& frames = {})
       : plan_(std::move(plan)), random_(plan_.seed ^ 0x7EE5) {
     Findings findings;
@@ -73,8 +72,8 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
     if (world_) world_->remove_observer(*this);
   }
 
-  // Berth begins, as a new process would: nothing but the store and the bus. It dies at point `k` of its port.
-  // `instead`: what happens there in its place.
+  // Begins a Berth that knows only the store and the bus, as a new process would. It dies at point `k` of its port.
+  // `instead`: what happens there instead.
   void begin(std::optional<std::uint64_t> k = {}, std::function<Axe::Instead()> instead = {}) {
     axe_.life(k, std::move(instead));
     watch_->berth_began();
@@ -97,7 +96,7 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
   [[nodiscard]] const std::vector<PointKind>& trace() const noexcept { return axe_.trace(); }
   [[nodiscard]] bool died() const noexcept { return axe_.fallen(); }
 
-  // From blank through so many troubles; what is wrong at the end.
+  // From blank devices through so many troubles. Returns what is wrong at the end.
   [[nodiscard]] std::string go(int troubles) {
     if (!failure_.empty()) return failure_;
     begin();
@@ -115,7 +114,7 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
     return failure_;
   }
 
-  // Berth dies at point `k` while it brings the machine up, and another one goes on.
+  // Berth dies at point `k` while it brings the machine up, and another one continues.
   [[nodiscard]] std::string kill_at(std::uint64_t k) {
     if (!failure_.empty()) return failure_;
     begin(k);
@@ -149,13 +148,13 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
     return failure_;
   }
 
-  // A device was taken away for good while it was told its node-ID: its slot waits for it, and says so. A person brings
-  // it back; not one that its master heard under its node-ID while no other device used it (`is_confirmed`): that one
-  // is to be given up. Beside another its master may go on waiting. False: there is none.
+  // A device was removed for good while it was assigned its node-ID: its slot waits for it, and reports that. The user
+  // brings it back, unless its master heard it under its node-ID while no other device used it (`is_confirmed`): that
+  // one is given up. Beside another device its master may keep waiting. False: there is none.
   bool bring_back() {
     bool any = false;
-    // Two that boot under one node-ID at the same instant send one frame together: with nobody else on the bus there is
-    // no acknowledgement, and they repeat it together for ever; or they drive each other to bus-off, and stay there.
+    // Two devices that boot under one node-ID at the same instant send one frame together. Without another node there
+    // is no acknowledgement, and they repeat it together forever; or they drive each other to bus-off, and stay there.
     for (const auto& device : world_->devices()) {
       const auto status = device->controller().status();
       if (!device->powered() || !(status.bus_off || status.tec > 127)) continue;
@@ -178,7 +177,7 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
     return any;
   }
 
-  // Everything runs, and goes on to. False: `failure` says so.
+  // Everything becomes operational, and stays so. False: see `failure`.
   bool settle() {
     bool good = false;
     unsigned fell = 0;
@@ -186,8 +185,8 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
       good = run_until([this] { return all_good() || !failure_.empty(); }, person);
       if (good) run_for(std::chrono::seconds(10));
       // A spare that came with the node-ID runs under it until its master has searched the bus, and takes it away: for
-      // the device that it waits for, or for the spare of the lower serial number. That is not the end; a second time
-      // is.
+      // the device that it waits for, or for the spare with the lower serial number. This may happen once, but not
+      // twice.
       const bool brought = !all_good() && bring_back();
       if (good && !brought && (all_good() || ++fell > 1 || !plan_.mixed)) break;
     }
@@ -217,7 +216,7 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
 
  private:
   static constexpr rt::Duration limit = std::chrono::minutes(10);
-  static constexpr rt::Duration person = std::chrono::minutes(1);  // looks so often
+  static constexpr rt::Duration person = std::chrono::minutes(1);  // how often the user looks
 
   void run_for(rt::Duration time) { world_->sim().run_for(time); }
   bool run_until(const std::function<bool()>& done, rt::Duration most) { return world_->sim().run_until(done, most); }
@@ -230,13 +229,13 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
     note(fmt::format("{:>3} {}", sender, can::to_string(frame)));
   }
   void take(const operate::Event& event) {
-    if (died()) return;  // its process is gone, and nobody reads what it would have told
+    if (died()) return;  // its process is gone: nobody reads its reports
     log_ += operate::to_line(event) + "\n";
     states_.take(event);
     const std::string wrong = told_watch_->judge(event);
     if (!wrong.empty()) fail_with(fmt::format("{:.3f} s: {}", seconds(), wrong));
   }
-  // The first of its kind: what follows from it is no news.
+  // Keeps the first failure: others may follow from it.
   void fail_with(const std::string& text) {
     if (failure_.empty()) failure_ = text;
   }
@@ -252,8 +251,8 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
     }
   }
 
-  // A gateway's own node beneath it is the NMT master there, and starts itself or not. Of two spares for one slot one
-  // is left over.
+  // A gateway's own node beneath it is the NMT master there: whether it starts itself is not judged. Of two spares for
+  // one slot one is left over.
   [[nodiscard]] bool all_good() const {
     const auto runs = [](const auto& slot) { return slot.state == places::SlotState::operational; };
     return session_ && session_->operational() && facts_->all_seats_are_right() &&

@@ -1,4 +1,4 @@
-// A device that takes a node-ID at power-on only waits for a person. It waits by itself: does any other device notice?
+// A device that takes a node-ID only at power-on waits for the user. Checks that no other device is affected.
 #pragma once
 
 #include <algorithm>
@@ -13,11 +13,11 @@ namespace berth::harness {
 
 class WaitingJudge {
  public:
-  // Both must stay.
+  // Both must outlive this.
   WaitingJudge(Rig& rig, const WorldPlan& plan) noexcept : rig_(&rig), plan_(&plan) {}
   [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
 
-  // All slots but those whose devices wait, or whose configuration does.
+  // All slots are operational except those whose devices, or whose configurations, wait.
   [[nodiscard]] bool others_run() {
     for (std::size_t i = 0; i < rig_->networks(); ++i) {
       for (const auto& s : rig_->network(i).report()) {
@@ -26,17 +26,17 @@ class WaitingJudge {
     }
     return true;
   }
-  // The start of a world: `without` is how long it takes when nobody waits.
+  // Judges the start of a world. `without`: how long it takes if no device waits.
   void start(rt::Duration without, const std::function<bool()>& unsound) {
-    // Twice: a search that misses a slow device is repeated, with other luck than without who waits.
+    // Twice: a search that misses a slow device is repeated, and that may happen more often with the waiting device.
     const rt::Duration limit = 2 * without + cost_of_waiting();
     if (rig_->run_until([&] { return others_run() || unsound(); }, limit)) return;
     failure_ = "beside a device that waits for its power cycle the others are not operational in " + text(limit) +
                ", and without it in " + text(without);
   }
 
-  // Each of the others may lose its power for a moment. No search goes on, no slot but those of who waits misses its
-  // device.
+  // Each of the other devices may lose its power for a moment. No search is under way, and only the slots of waiting
+  // devices miss theirs.
   void lose(Random& random, const std::function<bool()>& unsound) {
     for (int i = 0; i < 6; ++i) {
       rig_->run_for(rt::Duration(random.between(0, rt::Duration(8s).count())));
@@ -82,7 +82,8 @@ class WaitingJudge {
     if (by_power(slot)) return true;
     const auto* const device = device_of(s);
     if (device != nullptr) return waits(device->name());
-    // One that was to give a node-ID up first gets a slot behind its power cycle, and keeps that of another as long.
+    // A device that must first give a node-ID up gets its slot after its power cycle, and keeps another's node-ID until
+    // then.
     const bool waiting = s.state == places::SlotState::power_cycle || s.state == places::SlotState::binding;
     return waiting && std::ranges::any_of(rig_->world().devices(), [&](const auto& d) {
              const auto t = d->truth();
@@ -90,10 +91,10 @@ class WaitingJudge {
              return t.bus == s.bus && t.powered && waits(t.name) && concerned;
            });
   }
-  // What a device that waits may cost the others, once: it is told to store, and is awaited as long as a device may
-  // need to boot, since one that has not booted by then cannot be told from one that is slow; one without a node-ID is
-  // then told again, in case it missed the first. Three seconds for its identity, asked under the new node-ID behind
-  // each. Never again: its slot says that it waits.
+  // What a waiting device may cost the others, once: it is told to store, and awaited as long as a device may need to
+  // boot, since Berth cannot distinguish one that has not booted from a slow one; without a node-ID it is then told
+  // again, in case it missed the first command. Three seconds for its identity, read under the new node-ID after each.
+  // Never again: its slot reports that it waits.
   [[nodiscard]] rt::Duration cost_of_waiting() const {
     const auto& timing = plan_->machine.buses.front().timing;
     const auto many = static_cast<int>(plan_->waiting.size());
@@ -106,9 +107,10 @@ class WaitingJudge {
     const auto report = slot == nullptr ? std::nullopt : report_of(slot->spec.name.name);
     return report && report->state == places::SlotState::operational && t.state == NmtState::operational;
   }
-  // Two seconds for a look round the bus that has just begun; three for its boot-up (200 ms at most), its identity and
-  // its configuration, NMT start and the heartbeat behind that; and as long as each that waits on its bus may take LSS
-  // just then, since a power cycle may not have been heard: it stores, and restarts.
+  // The time until a device is back: two seconds for a look round the bus that has just begun; three for its boot-up
+  // (200 ms at most), identity, configuration, NMT start and the heartbeat after that; and for each waiting device on
+  // its bus as long as that may occupy LSS just then, since a power cycle may not have been heard: it stores, and
+  // restarts.
   [[nodiscard]] rt::Duration back_in(const std::string& bus) const {
     const auto many = std::ranges::count_if(plan_->plant.devices,
                                             [&](const auto& d) { return d.bus == bus && d.storing.power_cycle_after; });
@@ -120,7 +122,8 @@ class WaitingJudge {
       for (const auto& s : rig_->network(i).report()) {
         auto* const device = device_of(s);
         const design::Slot& slot = *plan_->machine.slot(s.bus, s.id);
-        // One that is silent for long leaves a slot of `replacement = "auto"`, and is looked for as a new one is.
+        // A device that is silent for long loses a slot with `replacement = "auto"`, and is searched for like a new
+        // one.
         const bool keeps = slot.spec.replacement != places::Replacement::automatic && !by_power(slot);
         const bool good = device != nullptr && s.state == places::SlotState::operational && !waits(device->name());
         if (!good || !keeps) continue;

@@ -1,10 +1,10 @@
-// Checks that what Berth reports about a slot is true, when it is reported, by the ground truth:
+// Checks by the ground truth that what Berth reports about a slot is true when it is reported:
 //
-//   two devices    that a node-ID is held twice is told where two devices of that bus have used it at one time in this
+//   two devices    Berth reports a duplicate node-ID only if two devices of that bus have used it at one time in this
 //                  world
-//   not found      that no device of its type was found is not told of a slot while a device of its type is there that
-//                  an event has named since it has power and that sits in no other slot, and as many of them are there
-//                  as slots without a device: which of more slots stay empty is nobody's to say
+//   not found      Berth does not report of a slot that no device of its type was found if a device of its type is
+//                  there that an event has named since its power-on and that sits in no other slot, and as many of them
+//                  are there as slots without a device: nothing decides which of more slots stay empty
 #pragma once
 
 #include <algorithm>
@@ -48,7 +48,7 @@ class WordJudge final : private plant::World::Observer {
     if (doubled) judge_double(event, slot == machine_->slots.end() ? 0U : slot->spec.id.value());
     if (event.kind == EventKind::state && slot != machine_->slots.end()) judge_not_found(slot->spec, event.text);
   }
-  // What a slot shows for long is no news, and has to be so all the same when its bus is at rest.
+  // A state that a slot shows for long is no news, but must still be true when its bus is at rest.
   void look(const operate::SlotReport& report) {
     quiet_since_ = rig_->now() - std::chrono::seconds(2);
     const auto* const slot = machine_->slot(report.bus, report.id);
@@ -62,7 +62,7 @@ class WordJudge final : private plant::World::Observer {
   void say(const std::string& text) {
     if (failure_.empty()) failure_ = text;
   }
-  // Without serial numbers: nobody can say which of them was named.
+  // Without serial numbers it is unknown which of them was named.
   [[nodiscard]] bool has_equals(const plant::Truth& t) const {
     return t.address.serial == 0 && std::ranges::any_of(rig_->world().devices(), [&](const auto& d) {
              const auto o = d->truth();
@@ -113,10 +113,10 @@ class WordJudge final : private plant::World::Observer {
 
   Rig* rig_;
   const design::Machine* machine_;
-  std::map<std::string, rt::Time> named_;              // devices: first, since they have power
+  std::map<std::string, rt::Time> named_;              // by device: first named since its power-on
   std::set<std::pair<std::string, unsigned>> shared_;  // bus, node-ID: two have used it
   bool quiet_ = false;
-  rt::Time quiet_since_ = rt::never;  // who was named before
+  rt::Time quiet_since_ = rt::never;  // devices named before it count
   std::string failure_;
 };
 

@@ -1,5 +1,5 @@
-/// The end of a world of `run_world`: nothing goes wrong any more, and what can become operational does so in bounded
-/// bus time, and stays so. What is judged: docs/faults.md.
+/// The end of a world of `run_world`: without further faults, what can become operational does so in bounded bus time,
+/// and stays so. What is judged: docs/faults.md.
 #pragma once
 
 #include <algorithm>
@@ -56,7 +56,7 @@ class WorldEnding {
     return false;
   }
 
-  // What a person does who reads "power cycle needed". False: nothing says so.
+  // Does what a user does at "power cycle needed". False: no slot reports it.
   bool power_cycle() {
     bool any = false;
     std::vector<Identity> waiting;
@@ -67,7 +67,7 @@ class WorldEnding {
     }
     for (const auto& d : rig_->world().devices()) {
       const auto t = d->truth();
-      // Devices that were to be blanked wait for power too, in no slot's name.
+      // Devices that were to be blanked also wait for power, though no slot names them.
       const bool waits = std::ranges::any_of(waiting, [&](const Identity& w) { return t.is(w); }) ||
                          (d->plan().storing.power_cycle_after && (t.active != t.persistent || t.active != t.pending));
       if (!waits || !t.powered) continue;
@@ -79,7 +79,7 @@ class WorldEnding {
     return any;
   }
 
-  // Of this bus, or of all ("").
+  // For this bus, or for all ("").
   [[nodiscard]] std::string verdict(const std::string& bus = {}) {
     std::string wrong = judge_->wrong(bus);
     if (!wrong.empty() || !plan_->solvable) return wrong;
@@ -88,8 +88,8 @@ class WorldEnding {
       for (const auto& s : rig_->network(i).report()) {
         const bool by_fastscan = rig_->network(i).bus().discovery.find("fastscan") != std::string::npos ||
                                  rig_->network(i).bus().discovery == "planner-feedback";
-        // A device that was given away and came back is used again when a person says so, and what of two slots is
-        // left for another device depends on the answer.
+        // A device whose slot was given away and that came back is used again when the user says so. Which of two slots
+        // is left for another device depends on the answer.
         const auto asks_for_used = [](const operate::SlotReport& r) {
           return r.state == places::SlotState::question && r.reason.find("--used") != std::string::npos;
         };
@@ -102,8 +102,8 @@ class WorldEnding {
     return {};
   }
 
-  // A device that came with the node-ID of a slot that it fits was seated there, before one was found that fits no
-  // other: who sits is not moved.
+  // A device that came with the node-ID of a slot that it fits was seated there, before another device was found that
+  // fits no other slot: seated devices are not moved.
   [[nodiscard]] bool kept_elsewhere(const operate::SlotReport& empty) {
     const auto records = rig_->store().load(plan_->machine.name);
     const bool left = empty.state == places::SlotState::empty || empty.state == places::SlotState::question;
@@ -117,8 +117,8 @@ class WorldEnding {
     });
   }
 
-  // On a bus on which nothing acknowledges, each question takes a second, and there is no end of asking: it is not
-  // waited for until that asks nothing.
+  // On a bus without acknowledgement each question takes a second, and Berth never stops asking: the judge does not
+  // wait until it does.
   [[nodiscard]] bool at_rest(std::size_t network) {
     const auto& bus = rig_->network(network).bus().name;
     const bool any = std::ranges::any_of(rig_->world().devices(), [&](const auto& d) {
@@ -128,14 +128,14 @@ class WorldEnding {
     return (!any || rig_->network(network).idle()) && !any_boots(bus);
   }
 
-  // One that was told to reset just now is neither there nor away.
+  // A device that was just reset is neither present nor absent.
   [[nodiscard]] bool any_boots(const std::string& bus) {
     return std::ranges::any_of(rig_->world().devices(), [&](const auto& d) {
       const auto t = d->truth();
       return t.bus == bus && t.booting;
     });
   }
-  // A command that was sent just now has still to be obeyed.
+  // Devices still have to carry out a command that was just sent.
   [[nodiscard]] bool comes_to_rest(std::size_t network) {
     const rt::Time end = rig_->now() + 90s;
     while (rig_->now() < end) {
@@ -146,9 +146,9 @@ class WorldEnding {
     return false;
   }
 
-  // A command takes a device as long to obey as a question to answer, up to 40 ms: what is wrong is so at each of three
-  // rests. Each bus has its own main job, and is looked at when that rests: where a device is missing, or a question is
-  // open, each looks again and again, and they may rest alternately for ever.
+  // A device needs as long for a command as for an answer, up to 40 ms: an error counts if it persists at each of three
+  // rests. Each bus has its own main job, and is judged when that rests. While a device is missing or a question is
+  // open, each job looks again and again, and they may never rest at the same time.
   [[nodiscard]] std::string verdict_that_stays(std::size_t network) {
     const std::string bus = rig_->network(network).bus().name;
     std::string wrong;
@@ -169,7 +169,7 @@ class WorldEnding {
   }
 
   [[nodiscard]] std::string end(const std::vector<plant::PlantEvent>& events) {
-    // A device that came back just now has to be seen first.
+    // Berth first has to notice a device that came back just now.
     rt::Duration last{0};
     for (const auto& e : events) last = std::max(last, rt::Duration(e.delay));
     const rt::Duration since = rig_->now() - rt::Time{} - last;
@@ -181,7 +181,7 @@ class WorldEnding {
       rig_->run_for(15s);
       wrong = verdict_that_stays();
     }
-    // What is to be switched off and on may have shown since the first rest.
+    // Since the first rest, more devices may have shown that they need a power cycle.
     for (int round = 0; round < 3 && !wrong.empty() && power_cycle(); ++round) {
       rig_->run_for(15s);
       wrong = verdict_that_stays();

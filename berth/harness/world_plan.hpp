@@ -30,7 +30,7 @@ enum class FaultKind : std::uint8_t {
   cut,
   waiting_lost,  // one device loses the next `04 00`
   away,          // a device leaves for 30 to 90 s
-  gone,          // a device leaves for ever
+  gone,          // a device leaves forever
   count
 };
 inline const char* name(FaultKind k) {
@@ -40,7 +40,7 @@ inline const char* name(FaultKind k) {
   return names[static_cast<int>(k)];
 }
 inline constexpr int world_fault_kinds = static_cast<int>(FaultKind::count);
-// Those that a single search is tried with too.
+// A single search is tried with these, too.
 inline constexpr int fault_kinds = static_cast<int>(FaultKind::away);
 
 // A fault that waits for a step of a binding and strikes before it, at this device.
@@ -108,13 +108,13 @@ struct PlannedFault {
   std::size_t bus = 0;
 };
 
-// A fault that waits for this step, skips so many such steps, and then strikes `delay` after its beginning.
+// A fault that waits for this step, skips `skip` such steps, and then strikes `delay` after its beginning.
 struct StepFault {
   StepKind kind = StepKind::power;
   int step = 0;  // of `aimed_steps`
   unsigned skip = 0;
   rt::Duration delay{0};
-  std::optional<rt::Duration> back = 300ms;  // of who loses power, or of Berth; none: for ever
+  std::optional<rt::Duration> back = 300ms;  // how long the device, or Berth, is away; none: forever
 };
 
 // The cable of the device in this slot is cut for 30 s, `delay` after the slot was operational.
@@ -132,21 +132,21 @@ struct WorldPlan {
   bool solvable = true;   // every slot has exactly one device that fits: the end must be operational
   bool restarts = false;  // Berth is ended and begun again in the middle
   rt::Duration restart_at{0};
-  bool replaces = false;   // a person says `berth replace` of a slot whose device left for long
-  bool perturbed = false;  // jobs of one instant in a drawn order
+  bool replaces = false;   // the user gives `berth replace` for a slot whose device left for long
+  bool perturbed = false;  // jobs of one instant in random order
   std::vector<LongCut> long_cuts;
-  std::vector<std::string> waiting;  // devices of which `waits` has made that they take a node-ID at power-on only
-  bool calm = false;                 // no faults but the long cuts: who waits delays no other device
-  bool words = false;                // what is told is judged (word_judge.hpp)
-  std::vector<plant::PlantEvent> later = {};  // devices that are plugged in at their time, whatever else happens
+  std::vector<std::string> waiting;           // devices that `waits` has made take a node-ID only at power-on
+  bool calm = false;                          // no faults but the long cuts: waiting devices delay no other
+  bool words = false;                         // reports are judged (word_judge.hpp)
+  std::vector<plant::PlantEvent> later = {};  // devices that are plugged in at their times in any case
 };
 
 // The kind of worlds that a seed gives.
 struct Draws {
-  // Two or three buses, and devices on them that have the address of one on another bus: other worlds than those of the
-  // same seeds without.
+  // Two or three buses, with devices that have the address of one on another bus: other worlds than those of the same
+  // seeds without this.
   bool twins = false;
-  // With what `waits` draws, and `WordJudge`; without, the worlds are those of before there were these.
+  // With what `waits` draws, and `WordJudge`; without, the worlds are those from before these existed.
   bool waits = true;
   // With what `AsSold` draws (as_sold.hpp).
   bool as_sold = false;
@@ -245,7 +245,7 @@ class Planner {
 
   [[nodiscard]] std::string method_of(const std::string& bus) const { return plan_.machine.bus(bus)->discovery; }
 
-  // What the bus's one method finds; where all are tried, mostly RAND.
+  // Protocols that the bus's one method finds; if all methods are tried, mostly RAND.
   plant::SpeaksSet speaks(const std::string& bus) {
     using enum plant::Speaks;
     const auto method = discovery::method(method_of(bus));
@@ -271,8 +271,8 @@ class Planner {
     return {lss, rand};
   }
 
-  // Stacks that speak Fastscan only, each in its way, where Berth looks for such. Drawn by themselves: worlds without
-  // them stay as they are.
+  // Stacks that support only Fastscan, each in its way, on buses where Berth searches for such. Drawn separately:
+  // worlds without them do not change.
   void habits() {
     Random random(plan_.seed ^ 0x4A81);
     for (auto& d : plan_.plant.devices) {
@@ -284,7 +284,8 @@ class Planner {
     }
   }
 
-  // Who waits for a person, and whose cable is off for long. Drawn by itself: worlds without stay as they are.
+  // Devices that wait for the user, and cables that are off for long. Drawn separately: worlds without them do not
+  // change.
   void waits() {
     Random random(plan_.seed ^ 0xD15C);
     const bool power = random.below(4) == 0, cuts = random.below(4) == 0;
@@ -297,7 +298,8 @@ class Planner {
     plan_.restarts = plan_.replaces = false;
   }
 
-  // One device or two take a node-ID at power-on only; what they come with is mostly not what they are to have.
+  // One device or two take a node-ID only at power-on; the one that they come with is mostly not the one that they
+  // should have.
   void wait_for_power(Random& random) {
     auto& devices = plan_.plant.devices;
     const auto many = 1 + random.below(2);
@@ -309,7 +311,7 @@ class Planner {
       const auto story = random.below(4);
       if (story == 3) continue;
       d.source = plant::NodeIdSource::nonvolatile;
-      // No slot's: those are 1 to 12.
+      // No slot's node-ID: those are 1 to 12.
       d.node_id =
           story == 0 ? plan_.machine.bus(d.bus)->master : NodeId(static_cast<std::uint8_t>(random.between(20, 120)));
     }
@@ -327,8 +329,8 @@ class Planner {
     }
   }
 
-  // An address is one device's on its bus only: devices of one type, on two buses, get one address (most real ones have
-  // no serial number). Clones on one bus are `strangers`' to draw, and AND does not tell the revision number.
+  // An address is unique only on its bus: devices of one type on two buses get one address (most real ones have no
+  // serial number). `strangers` draws clones on one bus; and AND does not report the revision number.
   void twins() {
     Random random(plan_.seed ^ 0x7317);
     auto& devices = plan_.plant.devices;
@@ -338,14 +340,14 @@ class Planner {
       });
       if (other == devices.end() || random.below(4) == 0) continue;
       LssAddress address = other->address;
-      address.revision = d.address.revision;  // which slots may ask for
+      address.revision = d.address.revision;  // a slot may ask for it
       const bool taken = std::ranges::any_of(
           devices, [&](const auto& o) { return &o != &d && o.bus == d.bus && o.address.serial == address.serial; });
       if (!taken) d.address = address;
     }
   }
 
-  // One that fits the slot.
+  // A device that fits the slot.
   plant::PlantDevice& device(const places::SlotSpec& spec) {
     auto& d = device(spec.type, spec.name.bus);
     if (spec.revision) d.address.revision = *spec.revision;
@@ -365,7 +367,7 @@ class Planner {
     d.speaks = speaks(bus);
     d.response.min = between(0us, 3ms);
     d.response.max = d.response.min + between(0us, 5ms);
-    // The published windows are fixed: who answers behind them is not found, as published (see "missed").
+    // The published windows are fixed: devices that answer after them are not found, as published (see "missed").
     const bool published = method_of(bus) != "auto" && !method_of(bus).starts_with("planner");
     if (random_.below(4) == 0 && !published) {
       d.response.outlier_ppm = 10'000;
@@ -378,7 +380,7 @@ class Planner {
     d.storing.deaf = random_.below(3) == 0;
     d.storing.power_cycle_after = random_.below(16) == 0;
     d.controller.queue = random_.below(2) == 0 ? plant::QueueKind::in_order : plant::QueueKind::priority;
-    // What RAND sends leaves a small receive buffer time, and `auto` pauses between the frames of LSS where it must;
+    // RAND's frames leave time to a small receive buffer, and `auto` pauses between the frames of LSS where it must;
     // the other searches send 40h to 4Bh back to back.
     const auto way = method_of(bus);
     const bool by_rand = d.speaks.has(plant::Speaks::rand) && way == "rand";
@@ -417,7 +419,7 @@ class Planner {
     for (std::uint64_t i = 0; i < count; ++i) {
       PlannedFault f;
       f.kind = static_cast<FaultKind>(random_.below(world_fault_kinds));
-      // These make a world last, and there are enough of them.
+      // These make a world long, and there are enough of them.
       const bool leaves = f.kind == FaultKind::away || f.kind == FaultKind::gone;
       if (leaves && random_.below(2) == 0) f.kind = static_cast<FaultKind>(random_.below(fault_kinds));
       f.column = static_cast<Column>(random_.below(columns));
@@ -427,7 +429,7 @@ class Planner {
       f.bus = random_.below(plan_.machine.buses.size());
       plan_.faults.push_back(f);
     }
-    // A search by one method gives node-IDs by name at its end, one `04 00` each.
+    // A search by one method assigns node-IDs by address at its end, with one `04 00` each.
     for (std::size_t i = 0; i < plan_.machine.buses.size(); ++i) {
       if (plan_.machine.buses[i].discovery == "auto" || random_.below(3) != 0) continue;
       plan_.faults.push_back({FaultKind::waiting_lost, Column::discovery, between(0us, 1500ms), i});
@@ -436,7 +438,7 @@ class Planner {
     for (std::uint64_t i = 0; i < aimed; ++i) step_fault();
     plan_.restarts = random_.below(2) == 0 ||
                      std::ranges::any_of(plan_.faults, [](const auto& f) { return f.column == Column::preparation; });
-    // Preparation is for what an earlier run has bound.
+    // Preparation concerns what an earlier run has bound.
     const bool prepares =
         std::ranges::any_of(plan_.faults, [](const auto& f) { return f.column == Column::preparation; });
     plan_.restart_at = prepares ? between(4s, 9s) : between(500ms, 6s);
@@ -450,7 +452,7 @@ class Planner {
       f.step = static_cast<int>(random_.below(steps));
     } while (!can_strike(f.kind, aimed_steps[f.step]));
     f.skip = static_cast<unsigned>(random_.below(3));
-    // Half of them exactly between two steps: behind the 17h's answer and before the `04 00`, say.
+    // Half of them exactly between two steps: for example after the answer to 17h and before the `04 00`.
     if (random_.below(2) == 0) f.delay = between(0us, 4ms);
     const auto lasts = random_.below(8);
     f.back = between(1ms, 2500ms);
@@ -459,7 +461,7 @@ class Planner {
     plan_.step_faults.push_back(f);
   }
 
-  // What a person brings when a device stays away; it comes with a story of its own.
+  // Spares that the user brings when a device stays away; each has a history of its own.
   void spares() {
     const auto departs = [](const auto& f) { return f.kind == FaultKind::away || f.kind == FaultKind::gone; };
     const auto stays_away = [](const auto& f) { return !f.back || *f.back > 10s; };
@@ -492,7 +494,7 @@ class Planner {
   bool waits_ = false;
 };
 
-// Does this device lose the next `04 00` of its bus? Then `hit` is told, with the number of the frame.
+// This device loses the next `04 00` of its bus; then `hit` is called with the number of the frame.
 inline void lose_next_waiting(plant::World& world, const std::string& who, std::function<void(std::uint64_t)> hit) {
   plant::SimDevice* const device = world.find(who);
   if (device == nullptr) return;
@@ -508,7 +510,7 @@ inline void lose_next_waiting(plant::World& world, const std::string& who, std::
   device->bus().inject(std::move(fault));
 }
 
-// Whom a fault strikes: a device of this bus, or of any where that is empty.
+// The device that a fault strikes: of this bus, or of any if that is empty.
 inline std::string victim(const plant::PlantFile& plant, const std::string& bus, Random& random) {
   std::vector<std::string> all;
   for (const auto& d : plant.devices) {
@@ -524,7 +526,7 @@ inline void spoil_bits(plant::PlantEvent& e, const std::string& who, Random& ran
   if (random.below(2) == 0) e.nodes = {who};
 }
 
-// Only the sender sees the last bit of end-of-frame wrong: everybody else has the frame, and gets it again.
+// Only the sender sees the last bit of end-of-frame wrong: all others have the frame, and get it again.
 inline void spoil_last_bit(plant::PlantEvent& e, const std::string& who, Random& random) {
   e.strike.kind = plant::Disturbance::dominant;
   e.strike.from_end = true;
@@ -534,7 +536,7 @@ inline void spoil_last_bit(plant::PlantEvent& e, const std::string& who, Random&
   e.strike.times = 2;
 }
 
-// The fault as an event of the plant, now: explicit, so that it can be written down and replayed.
+// The fault as plant events that happen now: explicit, so that they can be written down and replayed.
 inline std::vector<plant::PlantEvent> events_of(FaultKind kind, const std::string& who, const std::string& bus,
                                                 rt::Duration now, Random& random) {
   using plant::Action;

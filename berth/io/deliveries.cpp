@@ -35,7 +35,7 @@ Deliveries::Event& Deliveries::add(What what, rt::Time at) noexcept {
   return event;
 }
 
-// Delivered strictly after its time: a comparison shows that it was heard later than it was on the wire.
+// Delivered just after its time, so that a comparison shows that it was heard later than it was on the wire.
 void Deliveries::wait_for_next() noexcept {
   const rt::Time at = events_.front().at;
   if (at > executor_->now()) {
@@ -48,7 +48,7 @@ void Deliveries::wait_for_next() noexcept {
 void Deliveries::run() noexcept {
   while (!events_.empty()) {
     if (events_.front().at > executor_->now()) return wait_for_next();
-    const Event event = events_.front();  // the listener may add some
+    const Event event = events_.front();  // a copy: the listener may add events
     events_.pop();
     if (listener_ == nullptr) continue;
     if (event.what == What::received && !can::contains(accept_, event.frame.key())) continue;

@@ -9,8 +9,8 @@ namespace berth::io {
 using namespace std::chrono_literals;
 
 can::Queued KernelQueue::push(const can::Frame& frame, std::uint32_t tag) noexcept {
-  // Written when the job that sends is over: a service that says "I am here" has then also said what it wants to
-  // hear, and the answer passes the kernel's filter.
+  // Frames are written when the job that sends them is over. By then, a service that announces itself has also said
+  // what it wants to hear, and the answer passes the kernel's filter.
   if (waiting_.empty()) write_.post();
   if (waiting_.size() >= depth_ && !stuck_) flush();
   if (waiting_.size() >= depth_) return can::Queued::full;
@@ -39,7 +39,7 @@ void KernelQueue::try_when_writable(bool on) noexcept {
 }
 
 void KernelQueue::flush() noexcept {
-  stuck_ = true;  // unless all is written
+  stuck_ = true;  // false again when all is written
   while (!waiting_.empty() && status_->now().up && !status_->now().bus_off) {
     KernelFrame bytes;
     const std::size_t size = encode_frame(waiting_.front().frame, bytes);

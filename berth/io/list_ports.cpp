@@ -13,7 +13,7 @@ namespace fs = std::filesystem;
 constexpr std::size_t longest_attribute = 256;
 constexpr std::size_t most_entries = 4096;
 
-// One line of a sysfs attribute; empty when there is none.
+// The first line of a sysfs attribute; empty if there is none.
 std::string attribute(const fs::path& file) {
   std::ifstream in(file);
   std::string text(longest_attribute, '\0');
@@ -33,7 +33,7 @@ std::vector<std::string> entries(const fs::path& folder) {
   return names;
 }
 
-// The device or one that it hangs on.
+// The identity of the device, or of the device that it is attached to.
 std::optional<UsbIdentity> usb_identity(const fs::path& device) {
   std::error_code error;
   fs::path at = fs::canonical(device, error);

@@ -12,7 +12,7 @@ using Clock = std::chrono::steady_clock;
 
 namespace {
 
-// At 1, as ever, to the nanosecond.
+// With factor 1 the time stays exact, to the nanosecond.
 rt::Duration scaled(rt::Duration time, double factor) noexcept {
   return factor == 1 ? time : rt::Duration(static_cast<std::int64_t>(static_cast<double>(time.count()) * factor));
 }
@@ -61,7 +61,7 @@ void Loop::pause(bool on) noexcept {
   paused_ = on;
 }
 
-// A world that cannot be computed as fast as it is to run loses time, instead of computing ever more at once.
+// A world that cannot be computed at the wanted speed loses time, instead of computing more and more at once.
 void Loop::keep_up() noexcept {
   constexpr rt::Duration most_at_once = std::chrono::milliseconds(100);
   if (paused_ || speed_ <= 1) return;
@@ -94,8 +94,7 @@ Watcher* Loop::watcher_of(int fd) const noexcept {
   return it == watched_.end() ? nullptr : it->watcher;
 }
 
-// The alarm is left as it is when it comes early enough: what wakes in vain costs less than a system call for each
-// wait.
+// An alarm that comes early enough is left as it is: waking in vain costs less than a system call for each wait.
 void Loop::set_alarm(rt::Time at) noexcept {
   if (alarm_at_ > woke_ && alarm_at_ <= at) return;
   arm(at == rt::never ? rt::Duration{0} : real_.time_since_epoch() + scaled(at - began_, 1 / speed_));
@@ -111,19 +110,19 @@ void Loop::arm(std::chrono::nanoseconds since_boot) noexcept {
 }
 
 int Loop::collect(int patience_ms) noexcept {
-  events_.resize(watched_.size() + 1);  // all that is ready, and the alarm
+  events_.resize(watched_.size() + 1);  // room for every descriptor and for the alarm
   return ::epoll_wait(epoll_, events_.data(), static_cast<int>(events_.size()), patience_ms);
 }
 
-// One batch; a watcher that an earlier one of the batch made forgotten is not called. False: only the alarm, or
+// Handles one batch. A watcher that an earlier one of the batch removed is not called. False: only the alarm came, or
 // nothing.
 bool Loop::wait(bool sleep) noexcept {
   int count = sleep ? collect(-1) : 0;
   const bool interrupted = count < 0;
   woke_ = clock();
   keep_up();
-  // Behind the wait the process may have been held up, by a SIGSTOP for seconds: the clock stands later than what the
-  // wait reports. Before a timer runs, all that came until then is known.
+  // After the wait the process may have been stopped (by SIGSTOP, for seconds). Then the clock is later than what the
+  // wait reported. So all that arrived until then is read before a timer runs.
   const auto next = executor_->next();
   if (!sleep || (next && *next <= woke_)) count = collect(0);
   bool came = interrupted || count < 0;
@@ -140,7 +139,7 @@ bool Loop::wait(bool sleep) noexcept {
   return came;
 }
 
-// No instant comes by itself: only descriptors, and what they make ready.
+// Time does not pass: only descriptors are handled, and the jobs that they make ready.
 void Loop::stand(rt::Duration most) {
   const auto next = executor_->next();
   const bool sleep = most > rt::Duration{0} && (!next || *next > woke_);
@@ -169,7 +168,8 @@ void Loop::turn(rt::Duration most) {
   advance(std::min(woke_, std::exchange(held_, rt::never)));
 }
 
-// Not further than the instant of a job that holds the world: whoever asked for that is told this time.
+// Goes no further than the instant of a job that pauses the world: that time is reported to whoever asked for the
+// pause.
 void Loop::advance(rt::Time until) noexcept {
   const bool stood = paused_;
   while (paused_ == stood && executor_->step(until)) {

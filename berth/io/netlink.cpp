@@ -31,7 +31,7 @@ struct Attribute {
   Bytes value;
 };
 
-// The attributes of a nest; ends at the first that does not fit.
+// The attributes inside another one; ends at the first that does not fit.
 class Attributes {
  public:
   explicit Attributes(Bytes bytes) noexcept : rest_(bytes) {}
@@ -48,7 +48,7 @@ class Attributes {
   Bytes rest_;
 };
 
-// Up to the NUL, if there is one.
+// The text up to the NUL, if there is one.
 std::string text_of(Bytes bytes) { return {bytes.begin(), std::ranges::find(bytes, std::uint8_t{0})}; }
 
 void read_controller(Bytes data, Link& link) {
@@ -56,7 +56,7 @@ void read_controller(Bytes data, Link& link) {
   while (const auto a = attributes.next()) {
     const std::uint32_t number = read<std::uint32_t>(a->value).value_or(0);
     switch (a->type) {
-      case IFLA_CAN_BITTIMING:  // the struct begins with it; slcan adapters that were not told have "unknown"
+      case IFLA_CAN_BITTIMING:  // the struct begins with it; slcan adapters without a bit rate report "unknown"
         link.bit_rate = number == 0xFFFF'FFFFU ? 0 : number;
         break;
       case IFLA_CAN_DATA_BITTIMING: link.data_bit_rate = number; break;
@@ -82,7 +82,7 @@ void read_controller(Bytes data, Link& link) {
   }
 }
 
-// The kind may stand after the data, which only it explains.
+// The kind may come after the data, but it is needed to read them.
 void read_info(Bytes info, Link& link) {
   Bytes data;
   Attributes attributes(info);
@@ -115,7 +115,7 @@ std::optional<Link> link_of(Bytes body) {
   return link;
 }
 
-// The code, the request it is about (only its header when capped), the kernel's words.
+// Reads the code, the request that it is about (only its header when capped), and the kernel's text.
 bool read_reply(Bytes body, unsigned flags, LinkNotice& notice) {
   const auto code = read<std::int32_t>(body);
   if (!code || body.size() < sizeof(nlmsgerr) || *code > 0 || *code < -4095) return false;

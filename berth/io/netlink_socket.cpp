@@ -35,7 +35,7 @@ bool send_to_kernel(int fd, const std::vector<std::uint8_t>& request) noexcept {
   return !request.empty() && ::send(fd, request.data(), request.size(), 0) == static_cast<ssize_t>(request.size());
 }
 
-// -1 with EAGAIN when there is nothing. Only the kernel has port 0: others could send, too.
+// -1 with EAGAIN if there is nothing. Only the kernel has port 0; other processes could send, too.
 ssize_t receive_from_kernel(int fd, std::vector<std::uint8_t>& buffer) noexcept {
   for (;;) {
     sockaddr_nl from{};

@@ -14,7 +14,7 @@
 
 namespace berth::io {
 
-/// Messages are taken from the socket between jobs, and delivered one per job.
+/// Takes messages from the socket between jobs, and delivers one per job.
 class PlantPort::Impl final : private Watcher, private rt::Job {
  public:
   Impl(Loop& loop, int fd, const can::Status& status)
@@ -33,7 +33,7 @@ class PlantPort::Impl final : private Watcher, private rt::Job {
     given_.push_back({m.tag, tag});
     return can::Queued::yes;
   }
-  // It is still asked for: the plant tells by its silence that the frame was taken back, so it counts as gone here.
+  // The plant is asked to take the frame back, and does not confirm that it did: the frame counts as gone here.
   void withdraw(std::uint32_t tag) noexcept {
     const auto it = std::ranges::find(given_, tag, &Given::theirs);
     if (tag == 0 || it == given_.end()) return;
@@ -114,7 +114,7 @@ class PlantPort::Impl final : private Watcher, private rt::Job {
       case MessageKind::sent:
       case MessageKind::not_sent: {
         const auto it = std::ranges::find(given_, m.tag, &Given::own);
-        if (it == given_.end()) break;  // withdrawn, and on the wire all the same
+        if (it == given_.end()) break;  // withdrawn, but on the wire all the same
         const std::uint32_t tag = it->theirs;
         given_.erase(it);
         if (m.kind == MessageKind::sent && tag != 0 && listener_ != nullptr) listener_->sent(tag, at);
@@ -125,7 +125,7 @@ class PlantPort::Impl final : private Watcher, private rt::Job {
         if (!status_.up) given_.clear();
         if (listener_ != nullptr) listener_->changed(status(), at);
         break;
-      default: break;  // nothing that a server says after its welcome
+      default: break;  // a server sends nothing else after its welcome
     }
   }
 
@@ -142,7 +142,7 @@ namespace {
 
 std::string reason() { return std::strerror(errno); }
 
-// The welcome, or why not.
+// The status in the welcome, or why there is none.
 tl::expected<can::Status, std::string> greet(int fd, std::string_view bus, rt::Duration timeout) {
   Message hello{.kind = MessageKind::hello};
   hello.text = bus;

@@ -54,7 +54,7 @@ class PlantServer::Impl final {
     void ready(std::uint32_t events) noexcept override {
       if ((events & EPOLLOUT) != 0) socket_.flush();
       seat_.output(socket_.taken(), socket_.waiting());
-      // So many at a time, that a client which writes without end holds up no other.
+      // At most this many at a time: a client that writes without end must not hold up the others.
       for (unsigned i = 0; i < PlantSocket::most_at_once; ++i) {
         const auto message = socket_.receive();
         if (!message) break;
@@ -62,7 +62,7 @@ class PlantServer::Impl final {
       }
       if (over()) server_->reap();  // destroys this
     }
-    // False: it is not to say this, or not now.
+    // False: the client must not send this, or not now.
     bool act(const Message& m) noexcept {
       if (!port_) return m.kind == MessageKind::hello && enter(m.text);
       switch (m.kind) {
@@ -102,7 +102,7 @@ class PlantServer::Impl final {
       told_ = status;
       say(m);
     }
-    // Counters move without a word of the port's.
+    // The port does not report changes of its counters.
     void run() noexcept override {
       const auto now = port_->status();
       if (now.errors != told_.errors || now.tec != told_.tec || now.rec != told_.rec)
@@ -153,7 +153,7 @@ class PlantServer::Impl final {
   std::string path_;
   Factory factory_;
   Reaper reaper_{*this};
-  Seats seats_{loop_->executor(), {.most = most_clients + 1}};  // one that is told that there is no room
+  Seats seats_{loop_->executor(), {.most = most_clients + 1}};  // one more, which is told that there is no room
   std::vector<std::unique_ptr<Client>> clients_;
   Acceptor acceptor_;
 };

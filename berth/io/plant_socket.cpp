@@ -32,7 +32,7 @@ void PlantSocket::close() noexcept {
   closing_ = true;
 }
 
-// The descriptor stays, shut, so that the loop tells the owner outside of jobs.
+// The descriptor stays, shut down, so that the loop informs the owner outside of jobs.
 void PlantSocket::give_up() noexcept {
   closing_ = true;
   waiting_.clear();
@@ -74,7 +74,7 @@ bool PlantSocket::flush() {
 }
 
 std::optional<Message> PlantSocket::receive() {
-  std::array<std::uint8_t, longest_message + 1> buffer;  // one more, so that a longer packet is seen to be longer
+  std::array<std::uint8_t, longest_message + 1> buffer;  // one byte more shows that a packet is too long
   while (fd_ >= 0 && !closing_) {
     const auto n = ::recv(fd_, buffer.data(), buffer.size(), MSG_DONTWAIT);
     if (n < 0 && errno == EINTR) continue;

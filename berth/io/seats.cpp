@@ -28,7 +28,7 @@ void Seat::whole_request() noexcept {
   begun_.reset();
 }
 
-// What has begun stays begun since then, also when more of it comes: a trickle is no request.
+// The start time of a request does not move when more of it arrives: a trickle of bytes is no request.
 void Seat::begun(bool is) noexcept {
   if (over_ || (!asked_ && !is)) return;
   if (!is) return begun_.reset();
@@ -54,7 +54,7 @@ std::optional<rt::Time> Seat::deadline() const noexcept {
   return first == rt::never ? std::nullopt : std::optional(first);
 }
 
-// An alarm that comes too early is set anew then: deadlines mostly move away.
+// An alarm that comes too early sets itself again: deadlines mostly move away.
 void Seat::arm() noexcept {
   const auto due = deadline();
   if (due && (!timed() || this->due() > *due)) seats_->executor_->at(*due, *this);

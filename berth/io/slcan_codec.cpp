@@ -21,7 +21,7 @@ bool read_hex(std::string_view digits, T& value) {
   return !digits.empty() && error == std::errc{} && end == digits.data() + digits.size();
 }
 
-// What stands after the letter; `time` what stands after the data.
+// Reads what follows the letter; `time` is what follows the data.
 bool read_frame(std::string_view line, can::Frame& frame, std::optional<std::uint32_t>& time) {
   const char letter = line[0];
   const char small = static_cast<char>(letter | 0x20);
@@ -85,7 +85,7 @@ SlcanLine parse_slcan(std::string_view line) {
   parsed.text = line;
   if (first == 'V' && line.size() == 5) return is(Kind::version);
   if (first == 'N' && line.size() == 5) return is(Kind::serial);
-  // Letters and digits alone are what is left of frames.
+  // Letters and digits alone are the rest of a frame.
   const bool words = std::ranges::any_of(line, [](char c) { return std::isalnum(static_cast<unsigned char>(c)) == 0; });
   return is(words ? Kind::text : Kind::garbage);
 }
@@ -114,13 +114,13 @@ std::string slcan_rate(std::uint32_t bit_rate) {
   if (it != rates.end()) return fmt::format("S{}\r", it - rates.begin());
   constexpr std::uint32_t clock = 8'000'000;
   if (bit_rate == 0 || bit_rate > 1'000'000) return {};
-  // Of the ways to divide the clock, the one with the sample point nearest to CiA's 87.5 %.
+  // Of all ways to divide the clock, takes the one whose sample point is nearest to CiA's 87.5 %.
   std::string best;
   double best_off = 1;
   for (std::uint32_t prescaler = 1; prescaler <= 64; ++prescaler) {
     const std::uint32_t quanta = (clock + prescaler * bit_rate / 2) / (prescaler * bit_rate);
     if (quanta < 8 || quanta > 25) continue;
-    // 33 333 bit/s are met with a third more; what a crystal may be off by is no other bit rate.
+    // 33 333 bit/s becomes 33 333 1/3: a deviation that a crystal may have is no other bit rate.
     const double error = std::abs(static_cast<double>(quanta * prescaler) * bit_rate / clock - 1);
     if (error > 0.001) continue;
     const auto after = std::max<std::uint32_t>(1, (quanta + 4) / 8);  // quanta after the sample point
@@ -151,14 +151,14 @@ std::optional<SlcanReader::Line> SlcanReader::next() {
   Line line{std::string_view(buffer_).substr(head_, end - head_), broken_at_.has_value(), before_ + head_};
   if (broken_at_) line.at = *broken_at_;
   broken_at_.reset();
-  // Some adapters end their words with CR LF.
+  // Some adapters end their lines with CR LF.
   if (line.text.starts_with('\n')) line.text.remove_prefix(1);
   if (buffer_[end] == '\a' && line.text.empty() && !line.broken) {
     line.text = std::string_view(buffer_).substr(end, 1);
     head_ = end + 1;
     return line;
   }
-  // A BEL after other bytes: those are broken off, the BEL is the next line.
+  // A BEL after other bytes: those are a broken line, and the BEL is the next line.
   head_ = buffer_[end] == '\a' ? end : end + 1;
   line.broken = line.broken || line.text.size() > longest || buffer_[end] == '\a' ||
                 std::ranges::any_of(line.text, [](char c) { return c < ' ' || c > '~'; });

@@ -29,13 +29,13 @@ using namespace std::chrono_literals;
 
 namespace {
 
-constexpr rt::Duration quiet_time = 300ms;   // an adapter that says nothing for so long says nothing ever
-constexpr rt::Duration answer_time = 1s;     // to a command or a frame
-constexpr rt::Duration refused_pause = 2ms;  // before a refused frame is given again
+constexpr rt::Duration quiet_time = 300ms;   // an adapter that is silent for so long never answers
+constexpr rt::Duration answer_time = 1s;     // for the answer to a command or a frame
+constexpr rt::Duration refused_pause = 2ms;  // before a refused frame is sent again
 constexpr rt::Duration flags_period = 1s;
 constexpr rt::Duration reopen_pause = 500ms;
 constexpr std::size_t most_waiting = 1U << 16U;
-constexpr std::size_t events_kept = 8192;  // more than one reading can bring
+constexpr std::size_t events_kept = 8192;  // more than one read can bring
 
 struct Speed {
   std::uint32_t bits;
@@ -72,7 +72,7 @@ std::string shown(std::string_view bytes) {
   return text;
 }
 
-// A raw line, locked; negative and `why` in words.
+// Opens a raw, locked line. Negative: `why` says why not.
 int open_line(const Device& device, std::string& why) {
   const int fd = ::open(device.path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
   if (fd < 0) {
@@ -106,20 +106,20 @@ int open_line(const Device& device, std::string& why) {
 
 }  // namespace
 
-/// Lines are taken between jobs; what they say is delivered one per job.
+/// Reads lines between jobs, and delivers what they say, one per job.
 class SlcanPort::Impl final : private Watcher {
  public:
   Impl(Loop& loop, Device device, const SlcanOptions& options)
       : loop_(&loop), device_(std::move(device)), options_(options), bit_rate_(options.bit_rate) {}
   ~Impl() {
     if (!stream_ || state_ == State::down) return;
-    stream_->put("C\r");  // the adapter shall not fill a line that is not read
+    stream_->put("C\r");  // the adapter must not fill a line that nobody reads
     stream_->flush();
   }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
-  // The first time, waited for. Empty: it is up.
+  // Opens the port the first time, and waits until it is up. Empty: it is up.
   std::optional<std::string> open_now() {
     begin();
     const auto end = std::chrono::steady_clock::now() + options_.timeout;
@@ -307,7 +307,7 @@ class SlcanPort::Impl final : private Watcher {
       asked_ = Asked::nothing;
       if (refused) {
         ++errors_;
-        if (queue_.refused()) {  // its queue is full, mostly
+        if (queue_.refused()) {  // usually because the adapter's queue is full
           retry_at_ = executor().now() + refused_pause;
           wait_for(refused_pause);
         }
@@ -371,7 +371,7 @@ class SlcanPort::Impl final : private Watcher {
 
   void lost(const std::string& why) noexcept {
     const bool was_up = state_ == State::up;
-    if (was_up && reader_.kept() > 0) ++lost_;  // in the middle of a line
+    if (was_up && reader_.kept() > 0) ++lost_;  // a line was broken off
     state_ = State::down;
     faults_ = {faults_.count + 1, faults_.at, why};
     drop();

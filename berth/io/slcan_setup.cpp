@@ -4,7 +4,7 @@
 
 namespace berth::io {
 
-// The first C may be the end of a line that was broken off.
+// The first C may only end a line that was broken off.
 std::string_view SlcanSetup::begin(std::uint32_t bit_rate, const SlcanOptions& options) {
   bit_rate_ = bit_rate;
   data_bit_rate_ = options.data_bit_rate;
@@ -31,7 +31,7 @@ SlcanSetup::Turn SlcanSetup::silence() {
   return open();
 }
 
-// Known now: does it answer?
+// By now it is known whether the adapter answers.
 SlcanSetup::Turn SlcanSetup::open() {
   opens_ = true;
   steps_.clear();
@@ -47,7 +47,7 @@ SlcanSetup::Turn SlcanSetup::open() {
     for (const auto& step : steps_) turn.say += step.command;
     return turn;
   }
-  steps_.push_back({"z0003\r", {}});  // frames received and frames sent are reported
+  steps_.push_back({"z0003\r", {}});  // the adapter reports received frames and sent frames
   steps_.push_back(
       {listen_only_ ? "L\r" : "O\r", listen_only_ ? "it cannot listen only" : "it does not open its channel"});
   return {.say = steps_.front().command};

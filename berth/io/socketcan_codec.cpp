@@ -73,14 +73,14 @@ std::optional<BusReport> decode_error(std::span<const std::uint8_t> bytes) noexc
   if ((id & CAN_ERR_FLAG) == 0) return std::nullopt;
   const auto data = bytes.subspan<offsetof(can_frame, data), CAN_MAX_DLEN>();
   BusReport r;
-  // An overload frame is in order, and its class is that of the errors.
+  // An overload frame is no error, although its class is that of the errors.
   const bool overload = (id & CAN_ERR_PROT) != 0 && data[2] == CAN_ERR_PROT_OVERLOAD;
   r.error = (id & (CAN_ERR_BUSERROR | CAN_ERR_ACK)) != 0 || ((id & CAN_ERR_PROT) != 0 && !overload);
   r.bus_off = (id & CAN_ERR_BUSOFF) != 0;
   r.restarted = (id & CAN_ERR_RESTARTED) != 0;
   const unsigned controller = (id & CAN_ERR_CRTL) != 0 ? data[1] : 0U;
   r.overflow = (controller & CAN_ERR_CRTL_RX_OVERFLOW) != 0;
-  // Before CAN_ERR_CNT (Linux 6.0) drivers put the counters there without saying so.
+  // Before CAN_ERR_CNT (Linux 6.0), drivers wrote the counters without a flag that says so.
   r.counts = (id & CAN_ERR_CNT) != 0 || (controller != 0 && (data[6] != 0 || data[7] != 0));
   if (r.counts) {
     r.tec = data[6];
@@ -113,17 +113,17 @@ can::Frame error_frame(std::span<const std::uint8_t> bytes) noexcept {
 
 namespace {
 
-constexpr std::uint32_t few = 8;  // identifiers of a block that stand singly
+constexpr std::uint32_t few = 8;  // blocks of up to this many identifiers are listed singly
 
 struct Filters {
   std::vector<KernelFilter> singles;
   std::vector<KernelFilter> blocks;
   [[nodiscard]] std::size_t size() const noexcept {
-    return singles.size() + blocks.size() + (singles.empty() ? 0 : 1);  // one for remote frames
+    return singles.size() + blocks.size() + (singles.empty() ? 0 : 1);  // one more, for remote frames
   }
 };
 
-// A range of one format as aligned blocks of powers of two.
+// Splits a range of one format into aligned blocks of powers of two.
 void add_blocks(can::IdRange range, Filters& to) {
   const bool extended = (range.first & CAN_EFF_FLAG) != 0;
   const std::uint32_t id_mask = extended ? CAN_EFF_MASK : CAN_SFF_MASK;
@@ -144,7 +144,7 @@ void add_blocks(can::IdRange range, Filters& to) {
   }
 }
 
-// Whether it came to at most `most`.
+// False: it would take more than `most`.
 bool add_all(std::span<const can::IdRange> ranges, bool extended, std::size_t most, Filters& to) {
   Filters these;
   for (const auto& r : ranges) {
@@ -163,7 +163,7 @@ std::vector<KernelFilter> kernel_filters(std::span<const can::IdRange> ranges, s
   const auto wanted = can::normalised(ranges);
   Filters filters;
   if (!add_all(wanted, false, most - 2, filters)) filters.blocks.push_back({0, CAN_EFF_FLAG});
-  // One may be needed for all extended frames, and one for remote frames.
+  // One filter may be needed for all extended frames, and one for remote frames.
   const std::size_t used = filters.size() + 1;
   if (!add_all(wanted, true, most > used ? most - used : 0, filters))
     filters.blocks.push_back({CAN_EFF_FLAG, CAN_EFF_FLAG});
@@ -176,8 +176,8 @@ std::vector<KernelFilter> kernel_filters(std::span<const can::IdRange> ranges, s
 // ---- times ----
 
 namespace {
-// Two clocks read one after the other differ by little, unless one was set between this batch and the last. A smaller
-// step moves times by as much.
+// Two clocks that are read one after the other differ little, unless one was set between this batch and the last. A
+// smaller step shifts the times by as much.
 constexpr std::int64_t step = 20'000'000;  // ns
 constexpr rt::Duration offset_holds = std::chrono::milliseconds(100);
 }  // namespace

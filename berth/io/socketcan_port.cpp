@@ -25,8 +25,8 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::size_t most_events = 1024;   // read and not yet delivered; the rest stays in the kernel's buffer
-constexpr rt::Duration look_again = 1s;     // a controller's counters, and whether an interface is back
-constexpr rt::Duration open_patience = 2s;  // for a controller to be running
+constexpr rt::Duration look_again = 1s;     // until counters, and whether an interface is back, are asked again
+constexpr rt::Duration open_patience = 2s;  // until a controller must be running
 constexpr rt::Duration restart_patience = 250ms;
 
 bool changes_for_listening(const Link& link, const Steps& steps, const Wanted& wanted) noexcept {
@@ -38,10 +38,10 @@ Link down(Link link) {
   return link;
 }
 
-/// Frames that the receive buffers of this and of earlier sockets lost.
+/// Frames that the receive buffers of this socket and of earlier ones lost.
 class Losses {
  public:
-  /// The status is asked for: the kernel is asked, not too often.
+  /// For each status that is asked for: asks the kernel, but not too often.
   void ask(CanSocket& socket, rt::Time now) noexcept {
     if (now - asked_ < 100ms) return;
     asked_ = now;
@@ -57,7 +57,7 @@ class Losses {
 
 }  // namespace
 
-/// Frames are read between jobs, and delivered one per job.
+/// Reads frames between jobs, and delivers one per job.
 class SocketCanPort::Impl final : private Watcher, private LinkNews::Owner, private KernelQueue::Owner {
  public:
   Impl(Loop& loop, std::string name, const Wanted& wanted)
@@ -77,7 +77,7 @@ class SocketCanPort::Impl final : private Watcher, private LinkNews::Owner, priv
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
-  // False: errno says why. `before`: what is to be put back at the end.
+  // `before`: the state to restore at the end. False: errno says why.
   bool start(const Link& link, std::optional<Link> before) {
     put_back_ = std::move(before);
     if (!news_.open()) return false;
@@ -96,7 +96,7 @@ class SocketCanPort::Impl final : private Watcher, private LinkNews::Owner, priv
     if (now.listen_only) return can::Queued::listen_only;
     if (now.bus_off) return can::Queued::bus_off;
     if (tag != 0) {
-      // A user that never asks when a frame was sent is spared the reading of it.
+      // For a user that never asks when a frame was sent, own frames need not be read.
       if (!hears_own_ && there_) hears_own_ = socket_.hear_own();
       if (filter_.expect(frame.key())) install();
     }
@@ -174,7 +174,7 @@ class SocketCanPort::Impl final : private Watcher, private LinkNews::Owner, priv
     there_ = false;
   }
 
-  // How the interface is now; tells the listener what that changes.
+  // Takes the present state of the interface, and reports the changes to the listener.
   void learn(const Link& link) {
     const bool was_up = status_.now().up;
     link_ = link;
@@ -197,7 +197,7 @@ class SocketCanPort::Impl final : private Watcher, private LinkNews::Owner, priv
 
   void vanishes() {
     if (!there_ && !status_.now().up) return;
-    read_all();  // what came before
+    read_all();  // frames that came before
     drop_queue();
     unbind();
     trouble_ = name_ + ": there is no such interface any more";
@@ -207,7 +207,7 @@ class SocketCanPort::Impl final : private Watcher, private LinkNews::Owner, priv
   void answered(const LinkNotice& notice) override {
     if (notice.kind == LinkNotice::Kind::reply && notice.error != 0) return vanishes();
     if (notice.kind != LinkNotice::Kind::link || notice.link.name != name_) return;
-    if (there_ && notice.link.index != link_.index) vanishes();  // and another of the same name is there
+    if (there_ && notice.link.index != link_.index) vanishes();  // another interface of the same name is there
     if (!there_) {
       if (!notice.link.can) return;
       link_ = notice.link;
@@ -226,7 +226,7 @@ class SocketCanPort::Impl final : private Watcher, private LinkNews::Owner, priv
   }
 
   bool out_of_bus_off() {
-    if (link_.restart_ms != 0) return true;  // the kernel does it by itself, and no other may
+    if (link_.restart_ms != 0) return true;  // the kernel restarts it by itself, and nobody else may
     const auto done = apply(link_.index, {.restart = true});
     if (!done) {
       trouble_ = name_ + ": the controller is bus-off and cannot be started again: " + done.error().text +
@@ -241,7 +241,7 @@ class SocketCanPort::Impl final : private Watcher, private LinkNews::Owner, priv
     return true;
   }
 
-  // After this port set the interface up, or tried to: that it went down in between is not told.
+  // This port set the interface up, or tried to. That the interface went down in between is not reported.
   bool settle(const tl::expected<Link, std::string>& now) {
     int error = 0;
     socklen_t size = sizeof error;
@@ -259,7 +259,7 @@ class SocketCanPort::Impl final : private Watcher, private LinkNews::Owner, priv
 
   // ---- out ----
 
-  // Only what passes the filter comes back.
+  // Only frames that pass the filter come back.
   void wrote(const can::Frame& frame, std::uint32_t tag) noexcept override {
     if (hears_own_ && filter_.passes(frame.key())) written_.add(frame, tag);
   }

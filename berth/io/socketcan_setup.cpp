@@ -43,7 +43,7 @@ Steps steps_to(const Link& link, const Wanted& wanted, bool strictly) {
 
 namespace {
 
-// A controller that has just been opened takes a moment to be told running, and loses what is sent before.
+// A controller that was just opened is reported as running after a moment, and loses frames that are sent before.
 tl::expected<Link, std::string> when_running(const Link& link, rt::Duration patience) {
   const auto until = std::chrono::steady_clock::now() + patience;
   for (;;) {

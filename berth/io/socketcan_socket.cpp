@@ -15,9 +15,9 @@
 namespace berth::io {
 namespace {
 
-// A second of a full bus: 18,000 short frames at 1 Mbit/s, for each of which the kernel counts some 800 bytes.
+// A second of a full bus: 18,000 short frames at 1 Mbit/s, each of which takes about 800 bytes in the kernel's count.
 constexpr int receive_buffer = 8 << 20;
-// All that this port understands: losing arbitration is no error, and comes often.
+// All errors that this port understands. Losing arbitration is no error, and comes often.
 constexpr can_err_mask_t errors_heard =
     CAN_ERR_CRTL | CAN_ERR_PROT | CAN_ERR_ACK | CAN_ERR_BUSOFF | CAN_ERR_BUSERROR | CAN_ERR_RESTARTED | CAN_ERR_CNT;
 
@@ -50,8 +50,8 @@ bool CanSocket::open(int index) noexcept {
   return false;
 }
 
-// A port that hears its own frames must know which of them the receive buffer lost; others ask for the sum when they
-// need it, and are spared the counter that comes with each frame.
+// A port that hears its own frames must know which of them the receive buffer lost. Other ports ask for the sum when
+// they need it, and save the counter that comes with each frame.
 bool CanSocket::hear_own() noexcept {
   const int on = 1;
   set(fd_, SOL_SOCKET, SO_RXQ_OVFL, on);
@@ -115,7 +115,7 @@ void CanSocket::take(const msghdr& head, Received& to) noexcept {
   }
 }
 
-// As recvmmsg of one, and cheaper.
+// The same as recvmmsg of one message, and cheaper.
 int CanSocket::read_one() noexcept {
   const auto n = ::recvmsg(fd_, &heads_[0].msg_hdr, MSG_DONTWAIT);
   if (n < 0) return -1;

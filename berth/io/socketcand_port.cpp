@@ -25,23 +25,23 @@ namespace {
 
 constexpr rt::Duration handshake_time = 3s;  // from the beginning of a connection to raw mode
 constexpr rt::Duration tick_time = 1s;
-constexpr rt::Duration idle_time = 2s;  // without a word to the server; then it is asked
-constexpr rt::Duration echo_time = 5s;  // of an echo
+constexpr rt::Duration idle_time = 2s;  // without a message to the server; then it is asked
+constexpr rt::Duration echo_time = 5s;  // for an echo
 constexpr rt::Duration least_pause = 250ms;
 constexpr rt::Duration most_pause = 4s;
 constexpr std::size_t most_unsent = 1U << 18U;
-constexpr std::size_t messages_kept = 8192;  // more than one reading can bring
+constexpr std::size_t messages_kept = 8192;  // more than one read can bring
 
 }  // namespace
 
-/// Bytes are taken from the socket between jobs; what they say is delivered one per job.
+/// Reads bytes between jobs, and delivers what they say, one per job.
 class SocketcandPort::Impl final : private Watcher {
  public:
   Impl(Loop& loop, std::vector<SocketAddress> addresses, std::string bus, const SocketcandOptions& options)
       : loop_(&loop), addresses_(std::move(addresses)), bus_(std::move(bus)), options_(options) {}
   ~Impl() = default;
 
-  // The first connection, waited for; every address is tried. Empty: it stands.
+  // Makes the first connection and waits for it; tries every address. Empty: it stands.
   std::optional<std::string> connect_now() {
     for (std::size_t i = 0; i < addresses_.size(); ++i) {
       begin();
@@ -169,7 +169,7 @@ class SocketcandPort::Impl final : private Watcher {
     ++connections_;
     pause_ = least_pause;
     deliveries_.changed(status(), executor().now());
-    ask({}, 0);  // a Berth server holds frames back until the first word
+    ask({}, 0);  // a Berth server holds frames back until the client's first message
     timer_.arm(tick_time);
   }
 
@@ -197,7 +197,7 @@ class SocketcandPort::Impl final : private Watcher {
     }
   }
 
-  // Says it, and asks for an echo after it.
+  // Sends the text, and asks for an echo after it.
   void ask(std::string_view text, std::uint32_t tag) {
     given_.push_back({tag, executor().now()});
     asked_ = executor().now();

@@ -19,7 +19,7 @@ std::string_view trimmed(std::string_view text) noexcept {
   return text.substr(first, text.find_last_not_of(blanks) - first + 1);
 }
 
-/// The words of an element; of what has more than any element may have, the first.
+/// The words of an element. If there are more than any element may have, the first ones.
 class Words {
  public:
   explicit Words(std::string_view text) {
@@ -53,7 +53,7 @@ bool read_id(std::string_view word, can::Frame& frame) {
   return read(word, frame.id, 16) && frame.id <= (frame.extended ? can::extended_mask : can::base_mask);
 }
 
-// Identifier, length, and exactly so many bytes.
+// Reads the identifier, the length, and exactly that many bytes.
 bool read_frame(const Words& words, std::size_t at, can::Frame& frame) {
   if (!read_id(words[at], frame) || !read(words[at + 1], frame.size, 10)) return false;
   if (frame.size > 8 || words.size() != at + 2 + frame.size) return false;
@@ -98,7 +98,7 @@ Kind with_words(const Words& words, SocketcandCommand& command, Kind kind) {
   return good ? kind : Kind::malformed;
 }
 
-// Data of a frame: pairs of digits, with or without blanks between.
+// Reads the data of a frame: pairs of digits, with or without blanks between them.
 bool read_data(const Words& words, std::size_t at, can::Frame& frame) {
   frame.size = 0;
   for (std::size_t w = at; w < words.size(); ++w) {
@@ -145,7 +145,7 @@ void ElementReader::fault(std::size_t at) noexcept {
 
 void ElementReader::skip_to_bracket() noexcept {
   for (; head_ < buffer_.size() && buffer_[head_] != '<'; ++head_) {
-    if (!blank(buffer_[head_]) && buffer_[head_] != '\0') fault(head_);  // some send their strings' end, too
+    if (!blank(buffer_[head_]) && buffer_[head_] != '\0') fault(head_);  // some send the NUL of their strings, too
   }
 }
 
@@ -167,7 +167,7 @@ std::optional<std::string_view> ElementReader::next() {
       in_fault_ = false;
       return trimmed(inside);
     }
-    // Too long; a later bracket may be the beginning of something better.
+    // The element is too long. A later bracket may begin a better one.
     fault(head_);
     head_ = beyond - longest_element;
   }

@@ -180,7 +180,7 @@ int connect_error(int fd) noexcept {
   socklen_t size = sizeof error;
   if (::getsockopt(fd, SOL_SOCKET, SO_ERROR, &error, &size) != 0) return errno;
   if (error != 0) return error;
-  // A process that connects again and again to a port of its own machine without a listener may meet itself.
+  // A process that connects again and again to a port of its own machine where nobody listens may connect to itself.
   sockaddr_storage here{};
   sockaddr_storage there{};
   socklen_t here_size = sizeof here;
@@ -202,7 +202,8 @@ Stream::~Stream() { close(); }
 void Stream::close() noexcept {
   if (fd_ < 0) return;
   loop_->forget(fd_);
-  // Exclusive use outlives the descriptor while anybody else has the line open: the next program would be refused.
+  // Exclusive use outlives the descriptor while anybody else has the line open: without this, the next program would be
+  // refused.
   if (kind_ == Kind::line) ::ioctl(fd_, TIOCNXCL);
   ::close(fd_);
   fd_ = -1;

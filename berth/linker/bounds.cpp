@@ -33,7 +33,7 @@ void set_sending(analysis::Message& message, const Sending& sending, bool linked
   message.deadline = deadline.value_or(rt::Duration(0));
   if (!linked) return;
   message.before = waiting(sending);
-  // A device may count its inhibit time from the end of the frame before (Berth's do).
+  // A device may count its inhibit time from the end of the previous frame (Berth's devices do).
   if (!at_sync && message.before > rt::Duration(0)) message.frames_before = sending.objects;
   if (!at_sync) return;
   message.before -= sending.sync;

@@ -12,14 +12,14 @@ using co::PdoKind;
 
 constexpr unsigned first_pool = 0x181;
 constexpr unsigned last_pool = 0x57F;
-constexpr unsigned first_low = 0x680;  // after the SDO channels; free but for a few (CiA 301 §7.3.5)
+constexpr unsigned first_low = 0x680;  // after the SDO channels; most are free (CiA 301 §7.3.5)
 constexpr unsigned last_low = 0x6DF;
 constexpr unsigned predefined_pdos = 4;
 
 constexpr unsigned tpdo_id(unsigned number, NodeId id) noexcept { return 0x80U + number * 0x100U + id.value(); }
 constexpr unsigned rpdo_id(unsigned number, NodeId id) noexcept { return 0x100U + number * 0x100U + id.value(); }
 
-/// A CAN-ID that a PDO may have, and that is no other service's by CiA 301 §7.3.5.
+/// A CAN-ID that a PDO may have, and that CiA 301 §7.3.5 gives to no other service.
 constexpr bool for_pdos(unsigned id) noexcept {
   return (id >= first_pool && id <= last_pool && (id & 0x7FU) != 0) || (id >= first_low && id <= last_low);
 }
@@ -137,7 +137,7 @@ class Numbering {
     for (Bin* const bin : order) give_other(*bin, false);
   }
 
-  /// Those that cannot be changed, and those of the earlier plan.
+  /// Keeps the CAN-IDs that cannot be changed, and those of the earlier plan.
   void keep_ids() {
     for (Bin& bin : bins_) {
       const DevicePdo* const pdo = devices_[bin.producer].find(PdoKind::tpdo, bin.tpdo);
@@ -172,7 +172,7 @@ class Numbering {
     }
   }
 
-  /// The free one with the lowest priority; `uninhabited`: of node-IDs that no node on the bus has.
+  /// Gives the free CAN-ID with the lowest priority. `uninhabited`: only one of a node-ID that no node on the bus has.
   void give_other(Bin& bin, bool uninhabited) {
     const auto try_id = [&](unsigned id) {
       if (waits(bin) && free_id(bus_of(bin), id)) give(bin, id);

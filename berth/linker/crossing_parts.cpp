@@ -51,7 +51,7 @@ std::vector<std::size_t> buses_of(const LinkNetwork& network, std::size_t first,
   return buses;
 }
 
-// An SRDO's mapping by default, or as the configuration sets it.
+// Is the object in an SRDO's mapping, by default or by the configuration?
 bool safety_relevant(const Node& node, ObjectRef object) {
   constexpr std::uint16_t first_mapping = 0x1381, last_mapping = 0x13C0;
   if (multilevel::is_safety_relevant(*node.file->description, object)) return true;
@@ -135,7 +135,7 @@ class Crossing {
     return *way(network_, bus_of(signal.producer), bus_of(node));
   }
 
-  /// Places that links name themselves, and rows that a gateway's own configuration sets.
+  /// Takes the places that links name themselves, and the rows that a gateway's own configuration sets.
   void take_what_is_there(const Resolved& resolved) {
     for (const Signal& signal : resolved.signals) {
       places_[signal.producer].insert(signal.object);
@@ -175,7 +175,7 @@ class Crossing {
     return hops;
   }
 
-  // Its rows of the earlier plan, where they are free.
+  // Reserves the signal's rows of the earlier plan if they are free.
   void reserve(const Signal& signal) {
     for (const Hop hop : hops_of(signal)) {
       const std::size_t above = network_.gateways[hop.gateway].above;

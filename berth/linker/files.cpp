@@ -26,7 +26,7 @@ using eds::Parameter;
 
 constexpr std::uint32_t no_rtr = 0x4000'0000;
 
-/// What one node shall have, object by object.
+/// The settings of one node, object by object.
 class Settings {
  public:
   Settings(const LinkNetwork& network, const Plan& plan, std::size_t node)
@@ -107,7 +107,7 @@ class Settings {
     }
   }
 
-  /// Every PDO that no link uses, so that what an earlier plan switched on is off.
+  /// Switches off every PDO that no link uses: an earlier plan may have switched it on.
   void switch_off(PdoKind kind) {
     for (const DevicePdo& pdo : device_.of(kind)) {
       if (pdo.kept || pdo.fixed_id || done_.contains({kind, pdo.number})) continue;
@@ -119,7 +119,7 @@ class Settings {
     }
   }
 
-  /// The rows up to the last one that counts; those of its own configuration stay.
+  /// Writes the rows up to the last one in use. Rows of the node's own configuration stay.
   void fill_routes() {
     using Objects = multilevel::RoutingObjects;
     std::map<unsigned, const Route*> rows;
@@ -159,7 +159,7 @@ class Settings {
     fill_list(od::cia301::first_scanner_list, scanner_);
     fill_list(od::cia301::first_dispatching_list, dispatching_);
   }
-  /// The entries in order over the sub-indices that are there; 0 after them.
+  /// Puts the entries in order into the sub-indices that exist, and 0 after them.
   template <class Entries>
   void fill_list(std::uint16_t first, const Entries& entries) {
     std::size_t next = 0;

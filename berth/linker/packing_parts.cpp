@@ -101,7 +101,7 @@ class Packer {
     return count;
   }
 
-  /// All receivers can take it as it is.
+  /// All receivers can take the PDO as it is.
   bool feasible(const Bin& bin) const {
     if (bin.mpdo) return true;
     if (bits_of(bin) > most_bits) return false;
@@ -112,7 +112,7 @@ class Packer {
     });
   }
 
-  /// In a gateway's TPDO all comes from one device.
+  /// All objects in a gateway's TPDO come from one device.
   bool same_origin(const Bin& bin, const Signal& wanted) const {
     return std::ranges::all_of(bin.items, [&](const Item& item) {
       if (!item.signal) return true;
@@ -141,7 +141,7 @@ class Packer {
     return static_cast<std::size_t>(found - signals_.begin());
   }
 
-  /// Objects stay in their PDO, in their order, as long as the receivers can still take it.
+  /// Objects stay in their PDO and in their order while the receivers can still take it.
   void take_over(const EarlierPdo& pdo) {
     const auto node = std::ranges::find(network_.nodes, pdo.producer, &Node::name);
     if (node == network_.nodes.end()) return;
@@ -346,7 +346,7 @@ class Packer {
     give_up();
   }
 
-  /// Takes out new PDOs, those with the longest deadlines first, until the rest has room.
+  /// Removes new PDOs, those with the longest deadlines first, until the rest has room.
   void give_up() {
     std::vector<bool> short_of(network_.nodes.size());
     while (shortage(bins_, &short_of) > 0) {

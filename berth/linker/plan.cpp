@@ -91,7 +91,7 @@ class LinkPlanMaker {
     signals_ = std::move(kept);
   }
 
-  /// The signal without a PDO: whose PDOs are too few.
+  /// Reports whose PDOs are too few for a signal.
   void refuse_left(std::size_t at) {
     const Signal& signal = signals_[at];
     const Node& producer = network_.nodes[signal.producer];
@@ -153,7 +153,7 @@ class LinkPlanMaker {
     });
   }
 
-  /// FEh and FFh are equal for a link: the device's value stays.
+  /// For a link, FEh and FFh are equivalent: the device's value stays.
   void choose_types() {
     for (Pdo& pdo : made_.plan.pdos) {
       if (pdo.transmission >= sam_mpdo) {

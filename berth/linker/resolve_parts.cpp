@@ -310,7 +310,7 @@ class Resolver {
     return std::nullopt;
   }
 
-  /// A value in a loop would be sent for ever.
+  /// A value in a loop would be sent forever.
   void refuse_circles(const Resolved&) {
     std::map<Source, std::vector<std::pair<Source, std::size_t>>> next;
     for (const auto& [consumer, source] : sources_) {

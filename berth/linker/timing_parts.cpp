@@ -17,7 +17,7 @@ using analysis::Queue;
 using rt::Duration;
 
 constexpr unsigned most_ticks = 0xFFFF;
-// For links without a deadline; uses the first with which the others are in time.
+// For links without a deadline: the first with which the others are in time is used.
 constexpr std::array<Duration, 9> idle_inhibits{10ms, 20ms, 50ms, 100ms, 200ms, 500ms, 1s, 2s, 5s};
 constexpr unsigned no_deadline_event_ms = 1000;
 constexpr unsigned least_event_ms = 100;
@@ -105,7 +105,7 @@ class Timing {
     return static_cast<std::int64_t>(pdo.mpdo ? pdo.carried.size() : 1);
   }
 
-  /// The longest that its links permit.
+  /// The longest inhibit time that the PDO's links give.
   [[nodiscard]] std::optional<Duration> inhibit_of_links(const Pdo& pdo) const {
     std::optional<Duration> longest;
     for (const std::size_t link : pdo.links) {
@@ -126,7 +126,7 @@ class Timing {
     return line.senders.size() - 1;
   }
 
-  /// PDOs that no link made: of devices that no link knows, and those that were configured.
+  /// Adds the PDOs that no link made: those of devices without links, and configured ones.
   void add_kept(analysis::Line& line, std::size_t bus) const {
     for (std::size_t node = 0; node < network_.nodes.size(); ++node) {
       if (network_.nodes[node].bus != bus || !network_.nodes[node].file) continue;
@@ -149,7 +149,7 @@ class Timing {
     }
   }
 
-  /// The PDOs of a bus that is tried, and their messages after the others.
+  /// One trial on a bus: its PDOs, and their messages after the others.
   struct Tried {
     analysis::Line line;
     std::size_t first = 0;
@@ -188,7 +188,7 @@ class Timing {
   /// Shortens the inhibit time of a late PDO to what its deadline leaves after the bus's time. False: none was
   /// shortened, or one cannot be short enough.
   bool shorten(Tried& tried, const analysis::Result& result) const {
-    if (result.load > 1) return false;  // and a shorter one takes more
+    if (result.load > 1) return false;  // a shorter inhibit time would raise the load
     bool shortened = false;
     for (const auto& response : result.responses) {
       if (response.message < tried.first) continue;
@@ -198,7 +198,7 @@ class Timing {
       if (*response.worst >= *pdo.deadline) return false;
       if (synchronous(pdo.transmission) || pdo.inhibit <= 1 || inhibit_of_links(pdo)) return false;
       const auto most = (*pdo.deadline - *response.worst) / objects_of(pdo) / inhibit_unit;
-      // By the time of the frames before it: that decreases with a shorter inhibit time, so only half of the way.
+      // The time of the frames before it also decreases with a shorter inhibit time, so go only half of the way.
       const auto waits = tried.line.messages[response.message].before;
       const auto now = (*pdo.deadline - *response.arrival + waits) / objects_of(pdo) / inhibit_unit;
       const auto ticks = pdo.inhibit > most ? most : (std::max<std::int64_t>(now, 0) + pdo.inhibit) / 2;
@@ -208,8 +208,8 @@ class Timing {
     return shortened;
   }
 
-  /// Inhibit times as long as possible, because a longer one leaves the bus to the others. So from above, until all fit
-  /// or one cannot be shorter.
+  /// Makes inhibit times as long as possible, because a longer one leaves the bus to the others. Begins with the
+  /// longest, and shortens until all fit or one cannot be shorter.
   bool try_share(std::size_t bus, Share share, bool shortens = true) {
     Tried tried = begin(bus, share);
     take_times(tried);
@@ -269,7 +269,7 @@ class Timing {
                         std::move(message), std::move(fix)});
   }
 
-  /// Whether the unknown queues are the only reason.
+  /// Reports whether the unknown queues are the only reason.
   void tell_queue(std::size_t bus, Findings& findings) {
     std::vector<std::string> unknown;
     for (const auto& node : network_.nodes) {
@@ -294,7 +294,7 @@ class Timing {
     }
   }
 
-  /// What takes most of a bus.
+  /// The messages that take most of a bus.
   static std::string most_of(const analysis::Line& line, const analysis::Result& result) {
     constexpr std::size_t most = 3;
     auto all = result.responses;
@@ -333,7 +333,7 @@ class Timing {
           "raise the bit rate, give the links longer deadlines, or link fewer objects");
   }
 
-  /// What of the deadline of a link across gateways is for the bus of this PDO.
+  /// The part of the deadline of a link across gateways that this PDO's bus may use.
   std::optional<Duration> share_of(const Pdo& pdo, std::size_t link) const {
     std::optional<Duration> share;
     for (const Signal& signal : signals_) {
@@ -382,8 +382,8 @@ class Timing {
   const std::vector<bool>& linked_;
   Plan& plan_;
   Duration idle_ = idle_inhibits.front();
-  std::optional<Queue> meant_{};  // of the queues that are not known
-  bool all_ = false;              // all messages have to be in time, not the links' alone
+  std::optional<Queue> meant_{};  // for queues that are not known
+  bool all_ = false;              // all messages have to be in time, not only the links'
 };
 
 }  // namespace

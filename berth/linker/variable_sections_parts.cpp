@@ -32,7 +32,7 @@ class SectionWriter {
  public:
   explicit SectionWriter(const eds::File& file) : file_(file), editor_(file.document) {}
 
-  /// Takes out what an earlier run of the linker made.
+  /// Removes the sections that an earlier run of the linker made.
   void clear() {
     for (const auto& section : file_.document.sections()) {
       const std::string name(file_.document.name(section));
@@ -124,7 +124,7 @@ tl::expected<eds::File, std::string> read_again(std::string text, const Node& no
   return tl::unexpected(to_string(*error));
 }
 
-/// One empty line where there are several: what is taken out leaves its own behind.
+/// Reduces several empty lines to one: removed sections leave theirs.
 std::string with_single_gaps(const std::string& text) {
   std::string made;
   unsigned ends = 0;

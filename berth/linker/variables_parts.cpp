@@ -50,7 +50,7 @@ std::optional<std::size_t> Variables::other_direction(std::size_t variable) cons
 }
 
 void Variables::infer(const std::vector<std::size_t>& order, const Ends& ends) {
-  // Those of a pinned place have the type of its segment.
+  // A variable with a pinned place has the type of its segment.
   for (Each& each : list_) {
     if (!each.pinned) continue;
     for (const auto& segment : network_.nodes[each.variable.node].file->dynamic_segments) {

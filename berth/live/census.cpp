@@ -13,7 +13,7 @@ namespace {
 
 constexpr can::IdRange every_base_frame{0, can::base_mask};
 constexpr std::size_t gaps_kept = 16;
-constexpr std::size_t longest_number = 8;  // of another size than the standard's, perhaps
+constexpr std::size_t longest_number = 8;  // perhaps of another size than in the standard
 constexpr std::size_t longest_text = 256;  // 1008h to 100Ah
 
 rt::Duration median(std::vector<rt::Duration> gaps) {
@@ -23,7 +23,7 @@ rt::Duration median(std::vector<rt::Duration> gaps) {
   return *middle;
 }
 
-// What people can read; the rest of a name that a device gives is left out.
+// Keeps printable characters; the rest of a name that a device gives is left out.
 std::string printable(std::span<const std::uint8_t> bytes) {
   std::string text;
   for (const auto byte : bytes) {
@@ -41,7 +41,7 @@ Census::Census(can::Dispatcher& dispatcher) : dispatcher_(&dispatcher), sdo_(dis
   dispatcher.add(every_base_frame, *this);
 }
 
-// ---- what is heard ----
+// ---- received frames ----
 
 // Own frames never come in, so every SDO request here is another client's.
 void Census::received(const can::Frame& frame, rt::Time at) noexcept {
@@ -70,7 +70,7 @@ void Census::beat(Node& node, const can::Frame& frame, rt::Time at) {
   const auto state = co::nmt_state(frame.data[0]);
   if (!state) return;
   node.heard = true;
-  // Behind its boot-up message a device is pre-operational (CiA 301 §7.3.2.2.2).
+  // After its boot-up message a device is pre-operational (CiA 301 §7.3.2.2.2).
   node.seen.state = *state == NmtState::initialising ? NmtState::pre_operational : *state;
   if (*state == NmtState::initialising) {
     node.last_beat.reset();
@@ -94,7 +94,7 @@ std::vector<NodeSeen> Census::nodes() const {
   return all;
 }
 
-// ---- what is asked ----
+// ---- questions ----
 
 bool Census::may_ask(const Node& node, const CensusOptions& options) const noexcept {
   return !node.foreign || dispatcher_->executor().now() - *node.foreign > options.client_gone;
@@ -136,7 +136,7 @@ rt::Task<Result<co::SdoValue>> Census::upload(NodeId id, ObjectRef ref, std::siz
   co_return value;
 }
 
-// Empty: the device has no such object, or another `size` of it than the standard says.
+// Empty: the device has no such object, or one of another `size` than in the standard.
 rt::Task<Result<std::optional<std::uint32_t>>> Census::number(NodeId id, ObjectRef ref, std::size_t size,
                                                               CensusOptions options) {
   const auto value = co_await upload(id, ref, longest_number, options);
@@ -184,7 +184,7 @@ rt::Task<Result<void>> Census::ask_whether_master(Node& node, CensusOptions opti
   co_return Result<void>();
 }
 
-// Vendor-ID and product code. What it does not tell stays unknown.
+// Vendor-ID and product code. A part that the device does not report stays unknown.
 rt::Task<void> Census::ask_type(Node& node, CensusOptions options) {
   const NodeId id = node.seen.id;
   std::array<std::optional<std::uint32_t>, 2> parts{};

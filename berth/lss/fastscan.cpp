@@ -36,7 +36,7 @@ rt::Task<Result<FastscanReport>> Fastscan::discover(FastscanOwner& owner) {
     const auto waiting = co_await master_->switch_global(State::waiting);
     if (!waiting) co_return fail(waiting.error());
   }
-  unsigned streak = 0;  // of devices that were found and took no node-ID
+  unsigned streak = 0;  // devices in a row that were found and took no node-ID
   for (bool more = true; more;) {
     const auto found = co_await scan();
     if (!found && found.error().code != Errc::timeout) co_return fail(found.error());
@@ -65,7 +65,7 @@ rt::Task<Result<FastscanReport>> Fastscan::discover(FastscanOwner& owner) {
   co_return std::move(report);
 }
 
-// It was found and given a node-ID before, and answers on: a further one would not end that either.
+// The device was found and got a node-ID before, but keeps answering: another node-ID would not end that either.
 rt::Task<Result<FastscanReport::End>> Fastscan::leave(FastscanReport& report) {
   const auto waiting = co_await master_->switch_global(State::waiting);
   if (!waiting) co_return fail(waiting.error());
@@ -74,7 +74,7 @@ rt::Task<Result<FastscanReport::End>> Fastscan::leave(FastscanReport& report) {
   co_return FastscanReport::End::stuck;
 }
 
-// Empty: a device in configuration that heard none of the proof answered, too, and would hear the 11h.
+// Empty: a device in configuration that missed the proof answered, too, and would hear the 11h.
 rt::Task<Result<std::optional<NodeId>>> Fastscan::active_id() {
   const ServiceOptions service{
       .timeout = options_.window, .retries = 0, .full_window = false, .listen = window_of(*master_)};
@@ -86,12 +86,12 @@ rt::Task<Result<std::optional<NodeId>>> Fastscan::active_id() {
   if (told) id = NodeId::make(told->byte()).value_or(NodeId());
   if (told) co_return id;
   if (told.error().code != Errc::timeout) co_return fail(told.error());
-  master_->suspect_strangers();  // its answer may come to the next question
+  master_->suspect_strangers();  // its answer may come during the next question
   id = NodeId();
   co_return id;
 }
 
-// The one in configuration gets a node-ID and goes back to waiting, where it takes it and boots (S4.18).
+// The device in configuration gets a node-ID and goes back to waiting; there it takes the node-ID and boots (S4.18).
 rt::Task<Result<FastscanReport::End>> Fastscan::give(FastscanReport& report, FastscanOwner& owner) {
   using End = FastscanReport::End;
   // Two devices with one address would take one node-ID; `prove_alone` has sent them back to waiting.
@@ -157,20 +157,21 @@ rt::Task<Result<std::optional<FastscanDevice>>> Fastscan::scan() {
       co_return found;
     }
     ++restarts_;
-    // A device may be in configuration, unheard: then 80h would never find it.
+    // A device may be in configuration unheard: 80h would then never find it.
     const auto waiting = co_await master_->switch_global(State::waiting);
     if (!waiting) co_return fail(waiting.error());
   }
   co_return fail(Errc::timeout, "a device answers LSS Fastscan and cannot be identified");
 }
 
-// CiA 305: is a device there? Then its vendor-ID, product code, revision number and serial number.
+// As in CiA 305: asks whether a device is there, then for its vendor-ID, product code, revision number and serial
+// number.
 rt::Task<Result<Fastscan::Outcome>> Fastscan::once() {
   device_ = {};
   const unsigned before = requests_;
   const FastscanRequest start;
   auto anybody = co_await ask(start);
-  // Feedback goes before the answer, which other frames may delay past the window.
+  // Feedback is sent before the answer, which other frames may delay beyond the window.
   const bool late = anybody && !*anybody && heard_.count > 0;
   if (late) anybody = co_await ask(start);
   if (!anybody) co_return fail(anybody.error());
@@ -192,10 +193,11 @@ rt::Task<Result<Fastscan::Outcome>> Fastscan::once() {
   co_return *confirmation ? Outcome::found : Outcome::lost;
 }
 
-// One part: by feedback as long as there is any, then bit by bit. True: confirmed whole, and the next part is asked.
+// One part: by feedback as long as there is any, then bit by bit. True: it was confirmed as a whole, and the next part
+// was asked for.
 rt::Task<Result<bool>> Fastscan::part(std::uint8_t sub) {
   id_ = 0;
-  unsigned unknown = 32;  // bits
+  unsigned unknown = 32;  // in bits
   while (unknown > 0 && heard_.count > 0) {
     unknown -= width_of(options_.feedback);
     const auto found = co_await chunk(sub, unknown);
@@ -217,12 +219,13 @@ rt::Task<Result<bool>> Fastscan::part(std::uint8_t sub) {
     if (*zero && last) co_return true;
     if (!*zero) id_ |= one;
   }
-  // Bits that are 1 were never said: silence has only been taken for it.
+  // The bits that are 1 were never confirmed: they were inferred from silence.
   const std::uint8_t next = after(sub);
   co_return co_await ask(sub, 0, next);
 }
 
-// Paper 4: the lowest value that was heard, in one message; silence: it was no device's, or is none's any more.
+// Paper 4: asks for the lowest value that was heard, in one message. Silence: no device has this value, or none has it
+// any more.
 rt::Task<Result<bool>> Fastscan::chunk(std::uint8_t sub, unsigned shift) {
   const Heard heard = heard_;
   const std::uint32_t before = id_;
@@ -251,8 +254,8 @@ rt::Task<Result<bool>> Fastscan::ask(FastscanRequest request) {
   co_return reply->answers > 0;
 }
 
-// The match has brought it into configuration, where it says its address itself, and 40h to 43h are not served. One
-// that has lost a `04 00` is there too and would take the same node-ID.
+// The match brought the device into configuration. There it reports its address itself, and 40h to 43h are not served.
+// A device that lost a `04 00` is in configuration, too, and would take the same node-ID.
 rt::Task<Result<bool>> Fastscan::confirmed() {
   const AloneOptions followed{.followed = true};
   const auto selection = co_await prove_alone(*master_, device_.address, followed);
@@ -266,7 +269,8 @@ std::uint8_t Fastscan::after(std::uint8_t sub) const noexcept {
   return options_.form == FastscanForm::literal ? FastscanRequest::after_last : std::uint8_t{0};
 }
 
-// Values of the half that was asked for stand before others: those are late, or of a slave that toggles in its own way.
+// Values of the half that was asked for come before others, which are late, or come from a slave that toggles in its
+// own way.
 void Fastscan::keep(const Reply& reply, bool lower) noexcept {
   heard_ = {.answers = reply.answers};
   for (const bool fitting : {true, false}) {

@@ -20,7 +20,7 @@ can::Frame frame32(std::uint32_t cob_id, Command command, std::uint32_t value) n
   return f;
 }
 
-// Bytes of an answer that say something.
+// The bytes of an answer that carry information.
 std::uint8_t telling_bytes(Command answer) noexcept {
   switch (answer) {
     case Command::selected:
@@ -69,7 +69,7 @@ std::optional<Lackable> lackable(Command request) noexcept {
   }
 }
 
-// What 11h, 13h and 17h say in byte 2 is a manufacturer's code, after 255 alone.
+// Byte 2 of the answers to 11h, 13h and 17h is a manufacturer's code, and only after error 255.
 bool is_answer(const can::Frame& frame) noexcept {
   if (is_lss(frame, slave_cob_id)) return true;
   const bool classic = frame.id == slave_cob_id && !frame.extended && !frame.remote && !frame.fd;

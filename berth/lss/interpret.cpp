@@ -17,7 +17,7 @@ std::string hex0x(std::uint32_t value, unsigned digits) { return "0x" + hex(valu
 
 std::string part(unsigned i) { return std::string(parts[i & 3U]); }
 
-// Which part 40h..43h, 46h..4Bh and 5Ah..5Dh are about.
+// The part of the address that 40h..43h, 46h..4Bh and 5Ah..5Dh are about.
 unsigned part_of(Command command) noexcept {
   switch (command) {
     case Command::select_product:

@@ -32,7 +32,7 @@ bool Exchange::start() noexcept {
   return true;
 }
 
-// Begins an attempt, after the inhibit time.
+// Begins an attempt when the inhibit time is over.
 void Exchange::take_turn() noexcept {
   ++reply_.attempts;
   next_frame_ = 0;
@@ -100,7 +100,7 @@ void Exchange::heard(const can::Frame& frame, rt::Time at) noexcept {
   if (reply_.answers == 1) executor().at(until, *this);
 }
 
-// The one job: the pause before a frame, the wait for its confirmation, and the window share it.
+// The job's timer serves the pause before a frame, the wait for its confirmation, and the window.
 void Exchange::run() noexcept {
   switch (step_) {
     case Step::queued: take_turn(); break;
@@ -249,7 +249,7 @@ void Master::leave(Exchange& exchange) noexcept {
     break;
   }
   exchange.next_ = nullptr;
-  // Through the queue, so that the next service never starts inside the call that ended this one.
+  // Posted, so that the next service never starts inside the call that ended this one.
   if (was_first && first_ != nullptr) dispatcher_->executor().post(*first_);
 }
 

@@ -7,7 +7,7 @@ namespace {
 
 constexpr rt::Duration shortest_window = std::chrono::milliseconds(5);
 constexpr unsigned most_looks = 3;      // at one part that stays silent, or is answered twice
-constexpr unsigned most_rows = 4;       // of questions
+constexpr unsigned most_rows = 4;       // rows of questions
 constexpr unsigned enough_answers = 4;  // to know how slow a bus is
 constexpr unsigned serial = 3;          // the last part
 constexpr Lackable identity = Lackable::inquire_identity;
@@ -18,7 +18,7 @@ rt::Duration longest_of(const Master& master, const AloneOptions& options) noexc
   return options.longest.count() > 0 ? options.longest : master.options().service.timeout;
 }
 
-// What a row of questions said. Woken: a device that hears again may be in configuration too.
+// The result of a row of questions. Woken: a device that receives again may be in configuration, too.
 enum class Seen : std::uint8_t { alone, absent, not_alone, clones, woken };
 
 Selection doubted(Seen seen) noexcept {
@@ -26,7 +26,7 @@ Selection doubted(Seen seen) noexcept {
   return seen == Seen::clones ? Selection::clones : Selection::not_alone;
 }
 
-// One part, until it is answered by one. Not `whole`: the next question follows at its first answer.
+// Asks for one part until exactly one device answers. Not `whole`: the next question follows the first answer.
 rt::Task<Result<Seen>> look(Master& master, LssAddress device, unsigned part, bool whole, AloneOptions options) {
   unsigned doubled = 0;
   unsigned silent = 0;
@@ -49,8 +49,8 @@ rt::Task<Result<Seen>> look(Master& master, LssAddress device, unsigned part, bo
   co_return Seen::absent;
 }
 
-// A part was told by two, again and again: by two devices of this address when the others are, too. What is told by
-// none is told by two at once that differ there.
+// One part was answered twice, again and again. If the other parts are the device's, two devices have this address. If
+// a part has no answer, two devices answer at the same instant and differ there.
 rt::Task<Result<Seen>> look_at_the_others(Master& master, LssAddress device, unsigned parts, unsigned doubled,
                                           AloneOptions options) {
   for (unsigned part = 0; part <= serial; ++part) {
@@ -62,14 +62,14 @@ rt::Task<Result<Seen>> look_at_the_others(Master& master, LssAddress device, uns
   co_return Seen::clones;
 }
 
-// A device that is deaf while it stores tells 17h when it hears again: what was listened for as long as the questions
-// one by one would take need not be listened for in them.
+// A device that is deaf while it stores answers 17h when it receives again. If the master has listened for as long as
+// the questions one by one would take, the questions need not wait for that.
 bool calm(const Master& master, const AloneOptions& options) noexcept {
   return master.now() - master.answer_times().calm_since >= 4 * longest_of(master, options);
 }
 
-// One after the other, the serial number last: a late answer to any of them comes within its window, or that of the
-// question which the caller asks at once.
+// One question after the other, the serial number last. A late answer to any of them comes within the window of the
+// last one, or of the question that the caller asks at once.
 rt::Task<Result<Seen>> look_in_a_row(Master& master, LssAddress device, unsigned parts, AloneOptions options) {
   const rt::Time calm_since = master.answer_times().calm_since;
   for (unsigned part = 0; part <= serial; ++part) {
@@ -142,8 +142,8 @@ PartMask parts_to_ask(const LssAddress& device, std::span<const LssAddress> othe
 
 namespace {
 
-// A frame that no question asked for is that of a device which hears again, and did not hear the questions before: all
-// parts once more, from the first, as the part that was just asked may be the same in both.
+// A frame that no question asked for comes from a device that receives again and missed the questions before. So all
+// parts are asked once more, from the first: the part that was just asked may be the same in both devices.
 rt::Task<Result<Seen>> look_in_rows(Master& master, LssAddress device, AloneOptions options) {
   for (unsigned row = 0; row < most_rows; ++row) {
     const bool in_a_row = row == 0 && calm(master, options);
@@ -194,7 +194,8 @@ rt::Task<Result<bool>> any_without_node_id(Master& master, LssAddress device) {
   if (!matched && of_the_bus(matched.error())) co_return fail(matched.error());
   bool any = matched.has_value();
   if (any) {
-    // Lely core's slaves answer Fastscan with a node-ID, too. Who does not tell it is believed.
+    // Lely core's slaves answer Fastscan with a node-ID, too. A device that does not report one is believed to have
+    // none.
     const ServiceOptions whole{.timeout = service.timeout, .retries = 0, .full_window = true};
     const auto told = co_await master.inquire_node_id(whole);
     if (!told && of_the_bus(told.error())) co_return fail(told.error());
@@ -234,7 +235,8 @@ rt::Task<Result<bool>> nobody_configures(Master& master, AloneOptions options) {
   co_return true;
 }
 
-// A device that does not say who it is: nobody is in configuration before it is selected, so nobody is there beside it.
+// For a device that does not report its address: no device is in configuration before it is selected, so none is there
+// beside it.
 rt::Task<Result<Selection>> select_from_nobody(Master& master, LssAddress device, AloneOptions options) {
   unsigned occupied = 0;
   unsigned silent = 0;
@@ -269,7 +271,7 @@ rt::Task<Result<Selection>> select_from_nobody(Master& master, LssAddress device
   co_return Selection::alone;
 }
 
-// Once more; an inquiry of the address counts as answered when every part is told.
+// Asks once more. An inquiry of the address counts as answered if every part is answered.
 rt::Task<Result<bool>> tells(Master& master, Lackable inquiry) {
   const ServiceOptions service{.timeout = master.options().service.timeout, .retries = 0, .full_window = false};
   const unsigned inquiries = inquiry == identity ? 4 : 1;
@@ -286,8 +288,9 @@ rt::Task<Result<bool>> tells(Master& master, Lackable inquiry) {
   co_return true;
 }
 
-// Whether the device in configuration lacks an inquiry that it has not answered: it answers what every slave does, and
-// the inquiry between two such answers is silent again. Another of its type is believed sooner.
+// Does the device in configuration lack an inquiry that it did not answer? It answers a service that every slave has,
+// and the inquiry between two such answers stays silent again. If another device of its type lacks the inquiry, one
+// such answer suffices.
 rt::Task<Result<bool>> learn_lack(Master& master, LssAddress device, Lackable inquiry) {
   const ServiceOptions service{.timeout = master.options().service.timeout, .retries = 1, .full_window = false};
   const unsigned looks = master.lacks().likely(device, inquiry) ? 1 : 2;
@@ -359,7 +362,7 @@ rt::Task<Result<Selection>> select_alone(Master& master, LssAddress device, Alon
     const auto selected = co_await select(master, device, once, options.without_node_id);
     if (selected) co_return co_await prove(master, device, options);
     if (of_the_bus(selected.error())) co_return fail(selected.error());
-    if (!options.guess) master.suspect_strangers();  // it may have been selected unheard
+    if (!options.guess) master.suspect_strangers();  // a device may have been selected unheard
   }
   const auto left = co_await master.switch_global(State::waiting);
   if (!left) co_return fail(left.error());
@@ -408,8 +411,8 @@ rt::Task<Result<Given>> configure_alone(Master& master, LssAddress device, NodeI
     const auto back = co_await master.configure_node_id(none, service);
     if (!back && of_the_bus(back.error())) co_return fail(back.error());
   }
-  // Twice: one that misses it stays in configuration, takes the next device's node-ID too, and is not there in time to
-  // the questions when it is slow.
+  // Twice: a device that misses it stays in configuration and takes the next device's node-ID, too. If it is slow, it
+  // does not answer the questions in time.
   for (int time = 0; time < 2; ++time) {
     const auto waiting = co_await master.switch_global(State::waiting);
     if (!waiting) co_return fail(waiting.error());

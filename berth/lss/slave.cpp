@@ -28,7 +28,7 @@ void Slave::reset_communication() noexcept { active_ = pending_; }
 Answers Slave::handle(const can::Frame& frame) noexcept {
   if (!is_lss(frame, master_cob_id) || silent()) return {};
   const auto cs = frame.data[0];
-  // The frames of one sequence must follow each other: any other request breaks it.
+  // The frames of one sequence must follow each other: any other request breaks the sequence.
   if (cs < 0x40 || cs > 0x43) selected_ = 0;
   if (cs < 0x46 || cs > 0x4B) identified_ = 0;
   switch (command(frame)) {
@@ -63,7 +63,7 @@ Slave::Answer Slave::switch_global(std::uint8_t mode) noexcept {
   return std::nullopt;
 }
 
-// CiA 305 serves it in waiting only: a slave in configuration stays there, and silent.
+// CiA 305 serves this in waiting only: a slave in configuration stays there and does not answer.
 Slave::Answer Slave::select(unsigned i, std::uint32_t value) noexcept {
   if (state_ != State::waiting) return std::nullopt;
   if (i == 0) selected_ = 0;
@@ -113,7 +113,7 @@ Answers Slave::fastscan(const can::Frame& frame) noexcept {
 std::optional<FeedbackValue> Slave::feedback_after(const FastscanRequest& request) const noexcept {
   if (options_.feedback == Feedback::none || state_ != State::waiting) return std::nullopt;
   const unsigned width = options_.feedback == Feedback::extended ? 16 : 4;
-  const bool first = request.starts() || request.bit_checked == 0;  // of the part that comes next
+  const bool first = request.starts() || request.bit_checked == 0;  // the feedback is then about the next part
   if (!first && request.bit_checked % width != 0) return std::nullopt;
   const unsigned part = first ? part_ : request.sub;
   if (part > 3) return std::nullopt;
@@ -177,7 +177,7 @@ void Slave::run() noexcept {
 
 Slave::Answer Slave::store() noexcept {
   if (!options_.can_store) return answer(Command::store, error::not_supported);
-  if (storing_) return std::nullopt;  // one service at a time; the running one's answer is still to come
+  if (storing_) return std::nullopt;  // one service at a time; the answer to the running one is still to come
   storing_ = true;
   being_stored_ = pending_;
   const auto result = owner_->store(being_stored_);

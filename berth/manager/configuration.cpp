@@ -35,7 +35,7 @@ std::string name_of(const od::Description& description, ObjectRef ref) {
   const auto* const sub = object != nullptr ? description.find(*object, ref.sub) : nullptr;
   if (sub == nullptr) return {};
   const std::string own(description.name(*sub));
-  // "Consumer heartbeat time 1" says what "Consumer heartbeat time" says.
+  // The name "Consumer heartbeat time 1" contains the object's name already.
   if (object->count == 1 || own.starts_with(description.name(*object))) return own;
   return fmt::format("{}: {}", description.name(*object), own);
 }
@@ -128,7 +128,7 @@ class Loader {
     const bool refused = (sub->obj_flags & od::refuse_write_on_download) != 0 ||
                          ((description.find(object.index)->obj_flags & od::refuse_write_on_download) != 0);
     const bool compare_only = refused || !od::writable(sub->access);
-    // A measured value differs from the one that was read into the file.
+    // A measured value need not be equal to the one that was read into the file.
     if (compare_only && !is_communication(object.index) && sub->access != od::Access::constant && sub->mappable) return;
     // The serial number is the device's own, and the rest of the identity was checked before.
     if (object.index == identity_object) return;
@@ -161,9 +161,9 @@ class Loader {
            result_.configuration.settings.end();
   }
 
-  // Adds COB-IDs that a configuration switches off on its way.
+  // Adds COB-IDs that must be switched off while a configuration is written.
   void complete(const od::Description& description) {
-    std::map<ObjectRef, std::uint32_t> ids;  // with the line of what needs them
+    std::map<ObjectRef, std::uint32_t> ids;  // with the line of the setting that needs them
     for (const auto& s : result_.configuration.settings) {
       if (s.compare_only) continue;
       const std::uint16_t index = s.object.index;
@@ -300,7 +300,7 @@ Configuration joined(const Configuration& base, const Configuration& over) {
     return std::ranges::binary_search(over.settings, each.object, {}, &Setting::object);
   });
   for (Setting each : over.settings) {
-    each.line = 0;  // of another file
+    each.line = 0;  // the line is one of another file
     all.settings.push_back(std::move(each));
   }
   std::ranges::sort(all.settings, {}, &Setting::object);
@@ -347,7 +347,7 @@ std::string print_value(od::DataType type, std::span<const std::uint8_t> bytes) 
     const auto raw = od::load(type, bytes.data());
     const bool small = raw < 10 || od::is_signed(type) || type == od::DataType::boolean;
     if (small) return text;
-    // COB-IDs and mapping entries are unreadable in decimal.
+    // In decimal, COB-IDs and mapping entries are unreadable.
     return raw > 0xFF'FFFF ? fmt::format("0x{:X}", raw) : fmt::format("{} (0x{:X})", text, raw);
   }
   const bool text = type == od::DataType::visible_string;

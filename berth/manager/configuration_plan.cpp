@@ -245,7 +245,7 @@ class ConfigurationPlanMaker {
   }
   void pdo_on(std::uint16_t pdo) { switch_on({pdo, 1}, cause_of_pdo(pdo)); }
 
-  /// The COB-ID that changes, or the one that was switched off.
+  /// Writes the COB-ID that changes, or restores the one that was switched off.
   void switch_on(ObjectRef id, std::size_t why) {
     const auto entry = changed(id);
     const bool off = off_.contains(id);

@@ -25,7 +25,7 @@ od::Literal literal_of(const od::Description& description, const od::SubObject& 
   return relative.resolve(sub.type, node.value()) == raw ? relative : od::Literal::number(raw);
 }
 
-// Outputs: the process determines their values.
+// Leaves out outputs: the process determines their values.
 void leave_out_outputs(std::vector<eds::Parameter>& parameters) {
   std::set<ObjectRef> outputs;
   for (const auto& each : parameters) {

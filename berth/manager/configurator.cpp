@@ -468,8 +468,8 @@ rt::Task<bool> Configurator::check_saved(ConfigurationReport& report) {
   co_return false;
 }
 
-// It may still be storing and not answer meanwhile, or it restarted. It is not told to save again before it was heard;
-// and a question could make some devices drop the pending answer.
+// The device may still be storing and not answer meanwhile, or it restarted. It is not told to save again before it was
+// heard; and a question could make some devices drop the pending answer.
 rt::Task<bool> Configurator::ask_after_saving(ConfigurationReport& report, Error unanswered) {
   for (unsigned wait = 0; options_->answered_late && wait < options_->asks; ++wait) {
     co_await rt::sleep_for(options_->ask_pause);

@@ -186,7 +186,7 @@ rt::Task<void> NodeIdSeating::ask_one(NodeId id) {
   static_cast<void>(answers);
 }
 
-// It is in its place: nothing to tell it.
+// The device is in its place: it needs no command.
 bool NodeIdSeating::adopt(ListSlot& slot, const Identity& device) {
   const places::Assignment seat{device, slot.id()};
   const auto number = slot.slot.record.slot;
@@ -255,7 +255,7 @@ void NodeIdSeating::ended(ListSlot& slot, const Binding& binding, bool fresh) {
   if (blank_equals) slot.trouble = NodeIdTrouble::equals;
   if (binding.why() == Why::not_there) {
     bus_.found.forget(was);
-    // It left before it could be told: the node-ID is kept for it, as for a device that was not found.
+    // The device left before it could be told: the node-ID is kept for it, as for a device that was not found.
     if (slot.slot.record.intended && !(fresh && binding.untouched())) slot.trouble = NodeIdTrouble::kept;
   }
   auto* const f = bus_.found.one_for(device);

@@ -8,7 +8,7 @@ namespace berth::manager {
 namespace {
 
 constexpr std::uint64_t frame_bits = 135;  // of eight bytes, with the stuff bits of a program
-constexpr std::size_t fewest = 2;          // else the bus is idle while a device writes its flash memory
+constexpr std::size_t fewest = 2;          // with fewer, the bus is idle while a device writes its flash memory
 
 }  // namespace
 

@@ -165,7 +165,7 @@ rt::Task<Result<void>> SdoManager::write_end(ChannelEnd end) {
   co_return co_await sdo_->write<std::uint32_t>(end.node, end.object, response_sub, end.ids.response);
 }
 
-// Whatever of it could not be taken out stays held for the node.
+// A COB-ID that could not be invalidated stays held for the node.
 rt::Task<bool> SdoManager::clear_end(ChannelEnd end) {
   const std::uint32_t request = end.ids.request | co::CobId::invalid_bit;
   const std::uint32_t response = end.ids.response | co::CobId::invalid_bit;
@@ -180,7 +180,7 @@ rt::Task<bool> SdoManager::clear_end(ChannelEnd end) {
 
 // ---- nodes ----------------------------------------------------------------------------------------------------------
 
-// Its ends with identifiers of the pool. False: it did not answer.
+// The node's ends with identifiers of the pool. False: it did not answer.
 rt::Task<bool> SdoManager::read_node(NodeId node, std::vector<ChannelEnd>& ends) {
   const std::pair<std::uint16_t, std::uint16_t> ranges[] = {{first_server, last_server}, {first_client, last_client}};
   for (const auto& [first, last] : ranges) {
@@ -195,7 +195,7 @@ rt::Task<bool> SdoManager::read_node(NodeId node, std::vector<ChannelEnd>& ends)
   co_return true;
 }
 
-// Takes out of a node what belongs to no connection.
+// Invalidates the channels of a node that belong to no connection.
 rt::Task<Result<void>> SdoManager::clean(NodeId node) {
   std::vector<ChannelEnd> ends;
   const bool answers = co_await read_node(node, ends);
@@ -304,7 +304,7 @@ rt::Task<Result<void>> SdoManager::disconnect(NodeId client, NodeId server) {
   co_return Result<void>{};
 }
 
-// The client first, so that it asks nobody who does not listen any more.
+// The client first, so that it does not ask a server that no longer listens.
 rt::Task<void> SdoManager::take_back(SdoConnection connection) {
   const ChannelEnd client = client_end(connection);
   const ChannelEnd server = server_end(connection);
@@ -315,7 +315,7 @@ rt::Task<void> SdoManager::take_back(SdoConnection connection) {
   tell();
 }
 
-// It was lost, it booted, or it is heard again.
+// The node was lost, it booted, or it is heard again.
 rt::Task<void> SdoManager::look_at(NodeId node, bool lost) {
   const std::vector<SdoConnection> all(connections_.all().begin(), connections_.all().end());
   for (const auto& each : all) {

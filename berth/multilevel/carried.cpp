@@ -126,7 +126,7 @@ std::optional<Path> Carried::access(Gateway& gateway, const Path& at, ObjectRef 
   return below;
 }
 
-// To a node beneath, which may be a gateway.
+// The command goes to a node beneath, which may be a gateway.
 std::optional<Path> Carried::command(Port& port, const Path& at, std::span<const std::uint8_t> value) {
   const ObjectRef object{load_le<std::uint16_t>(value.data() + 1), value[3]};
   if (!SdoGatewayObjects::contain(object)) return at;

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::uint8_t own_register = co::error_register::generic | co::error_register::manufacturer;
 
-// A TPDO is ended or begun by its COB-ID, as from the network; that is no change of the configuration (1020h).
+// Switches a TPDO off or on by its COB-ID, as the network would. This is no change of the configuration (1020h).
 void silence(od::Values& values, ObjectRef object, bool on) noexcept {
   const auto record = tpdo_record_of(values, object);
   if (!record) return;
@@ -60,7 +60,7 @@ std::vector<SignalProblem> DeviceSignals::set_table(std::vector<Signal> table) {
   return found;
 }
 
-// A device's callbacks stay: each object has one, for whatever table there is.
+// A device's callbacks stay: each object has one, for every later table.
 void DeviceSignals::watch(std::uint8_t side, ObjectRef object) {
   if (!watched_.emplace(side, object).second) return;
   sides_[side].device->on_write(object, [this, side, object] { written(side, object); });

@@ -29,8 +29,8 @@ void EmcyGateway::emergency(NodeId node, const co::Emcy& message, rt::Time) noex
   put(node, converted(node, message));
 }
 
-// A plain device: only its code and register are general. It reports the end of its one error by 0000h; which error it
-// was, only a listener knows.
+// A plain device: only its code and register are general. It reports the end of its one error by 0000h; only a listener
+// knows which error that was.
 co::Emcy EmcyGateway::converted(NodeId node, const co::Emcy& message) noexcept {
   const auto number = node.value();
   if (options_.routed.test(number)) return routed(message, node, options_.network, above_->error_register());
@@ -79,7 +79,7 @@ void EmcyGateway::tell(EmcyTrouble::Kind kind, NodeId node, std::bitset<128>& to
   co::Emcy message{.code = kind == EmcyTrouble::Kind::lost ? gateway_code::emcy_lost : gateway_code::too_deep,
                    .error_register = co::error_register::manufacturer | co::error_register::generic};
   if (node.configured()) static_cast<void>(insert_sub_net(options_.layout, message, node));
-  put(NodeId(), message);  // not among the node's own, which it would push out, and which push out
+  put(NodeId(), message);  // not queued with the node's own: either would push out the other
   if (trouble_) trouble_({kind, node});
 }
 

@@ -47,7 +47,7 @@ void EventLog::emergency(NodeId node, const co::Emcy& message, rt::Time at) noex
   LoggedEmcy entry{.at = at, .reading = read_emcy(layout_, node, message)};
   const auto profile = profiles_.find(entry.reading.path);
   if (profile != profiles_.end()) entry.profile = profile->second;
-  // Figure 7 has no place for what is gone: of one error that is pending 0000h says it all the same.
+  // Figure 7 has no field for the error that is gone. If one error is pending, 0000h means that one.
   const auto pending_now = pending(entry.reading.path);
   const bool all_gone = entry.reading.code == 0 && entry.reading.exiting == 0;
   if (all_gone && !has_exit(layout_) && pending_now.size() == 1) entry.reading.exiting = pending_now.front();

@@ -11,14 +11,14 @@ constexpr std::uint8_t upload = 0x40;
 constexpr std::uint8_t segmented_download = 0x20;
 constexpr std::uint8_t block_download = 0xC4;  // with CRC
 constexpr auto no_node = static_cast<std::uint32_t>(od::AbortCode::device_state);
-constexpr unsigned most_again = 3;  // each time another gateway on the way may be found that was reset
+constexpr unsigned most_again = 3;  // each time, another gateway that was reset may be found on the way
 constexpr auto no_answer = static_cast<std::uint32_t>(od::AbortCode::timeout);
 constexpr auto no_data = static_cast<std::uint32_t>(od::AbortCode::no_data);
 constexpr const char* gateway_silent = "no answer of the gateway";
 constexpr const char* no_gateway = "no gateway to that bus: it has no object for it (5F30h to 5F4Fh)";
 
-// For an access that the gateway answers by itself. A gateway beneath another is also silent when the upper one waits
-// in vain. A node without the objects is another device.
+// For an access that the gateway answers by itself. A gateway beneath another also seems silent while the upper one
+// waits without success. A node without the objects is another device.
 Result<void> by_itself(Result<void> done) noexcept {
   if (done) return done;
   Error& error = done.error();
@@ -35,11 +35,11 @@ Result<void> by_itself(Result<void> done) noexcept {
 
 }  // namespace
 
-// ---- one access
+// ---- one access ----
 
 Error GatewayAccess::about(const Error& error, ObjectRef object) const noexcept {
   Error told = error;
-  if (error.text == no_gateway) return told;  // of that node on the way
+  if (error.text == no_gateway) return told;  // it is about that node on the way
   told.node = node_.value();
   told.index = object.index;
   told.sub = object.sub;
@@ -53,9 +53,9 @@ Error GatewayAccess::about(const Error& error, ObjectRef object) const noexcept 
   return told;
 }
 
-// A reset of a gateway on the way has lost what this client wrote: of this gateway, or of one beneath it, whose abort
-// code comes through this one. So no gateway is assumed to know its node-ID any more, and only the access to the node
-// itself is repeated, from its beginning. The same after a time-out.
+// A gateway on the way was reset, and lost what this client wrote: this gateway, or one beneath it whose abort code
+// comes through this one. So no gateway is assumed to know its node-ID any more. Only the access to the node itself is
+// repeated, from its beginning; also after a time-out.
 bool GatewayAccess::try_again(const Error& error, ObjectRef object, Attempts& made) noexcept {
   const bool aborted = error.code == Errc::aborted;
   const bool lost = aborted && (error.detail == no_node || error.detail == no_data);
@@ -144,12 +144,12 @@ rt::Task<Result<void>> GatewayAccess::write(std::uint16_t index, std::uint8_t su
   }
 }
 
-// ---- all of them
+// ---- all accesses ----
 
 co::SdoAccess& Routes::access(const Path& path) { return reach(path, path.depth()); }
 
-// A gateway waits once for a node beneath, and for a gateway there as often as there are levels beneath itself; from
-// the path's length this client knows a minimum.
+// A gateway waits one timeout for a node beneath it; for a gateway there it waits one for each level beneath itself.
+// The path's length tells this client the minimum of levels.
 rt::Duration Routes::timeout_at(std::size_t depth) const noexcept {
   if (depth == 0) return options_.timeout;
   const std::size_t waits = depth == 1 ? 1 : std::max(depth, gateways_.levels);

@@ -23,7 +23,7 @@ void add_gateway_objects(od::DescriptionBuilder& builder, unsigned ports) {
   for (unsigned port = 1; port <= ports; ++port) add_sdo_gateway(builder, port);
 }
 
-// ---- one bus beneath
+// ---- one bus beneath ----
 
 GatewayDevice::Bus::Bus(GatewayDevice& owner, can::Port& port, unsigned number, const BusOptions& options)
     : port_(*owner.executor_, port),
@@ -54,7 +54,7 @@ void GatewayDevice::Bus::use(co::SdoClient& client) noexcept {
   client_.reset();
 }
 
-// ---- the whole
+// ---- the whole gateway ----
 
 GatewayDevice::GatewayDevice(rt::Executor& executor, can::Port& above, const GatewayOptions& options)
     : executor_(&executor),
@@ -130,7 +130,7 @@ void GatewayDevice::look() noexcept {
   if (signals_) signals_->look();
 }
 
-// ---- signals
+// ---- signals ----
 
 void GatewayDevice::make_signals() {
   std::vector<DeviceSignals::Side> sides{{&upper_, &port_}};

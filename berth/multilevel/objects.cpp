@@ -7,8 +7,8 @@ namespace berth::multilevel {
 using od::DataType;
 using od::Literal;
 
-// Commands, not settings: no configuration sets them, none is stored, and what goes through the gateway is no change of
-// its own configuration (1020h).
+// These objects are commands, not settings: no configuration sets them, none is stored, and accesses through the
+// gateway do not change its own configuration (1020h).
 void add_sdo_gateway(od::DescriptionBuilder& builder, unsigned port) {
   const auto objects = SdoGatewayObjects::of(port);
   builder.variable(objects.node.index, {.name = "Downstream node-ID",

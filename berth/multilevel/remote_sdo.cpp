@@ -24,7 +24,7 @@ can::Frame frame_to(std::uint32_t id, od::ChannelBytes bytes) noexcept {
 
 }  // namespace
 
-// One transfer on its way.
+// One transfer through the router.
 class RemoteSdo::Way final : private can::Handler, private rt::Job {
  public:
   Way(RemoteSdo& owner, std::uint8_t channel) noexcept : owner_(&owner), channel_(channel) {}
@@ -45,7 +45,7 @@ class RemoteSdo::Way final : private can::Handler, private rt::Job {
   }
   [[nodiscard]] bool open() const noexcept { return beneath_ != nullptr; }
 
-  // A frame of the client's.
+  // A frame from the client.
   void down(od::ChannelBytes bytes) noexcept {
     const auto command = static_cast<Ccs>(co::sdo::specifier(bytes[0]));
     if (kind_ == Kind::nothing) {
@@ -72,7 +72,7 @@ class RemoteSdo::Way final : private can::Handler, private rt::Job {
       default: return Kind::nothing;
     }
   }
-  // A frame of the server's.
+  // A frame from the server.
   void received(const can::Frame& frame, rt::Time) noexcept override {
     if (!co::sdo::well_formed(frame)) return;
     const auto bytes = std::span(frame.data).first<8>();
@@ -95,7 +95,7 @@ class RemoteSdo::Way final : private can::Handler, private rt::Job {
     }
   }
   void arm() noexcept { owner_->executor().after(owner_->timeout_, *this); }
-  // Silence on both sides.
+  // Neither side sent a frame in time.
   void run() noexcept override {
     can::Frame abort;
     co::sdo::put_abort(abort, object_, AbortCode::timeout);
@@ -111,7 +111,7 @@ class RemoteSdo::Way final : private can::Handler, private rt::Job {
   std::uint8_t channel_;
   Kind kind_ = Kind::nothing;
   ObjectRef object_;
-  bool last_ = false;   // the answer to what was sent last ends it
+  bool last_ = false;   // the next answer ends the transfer
   bool begun_ = false;  // the server has answered
 };
 
@@ -178,7 +178,7 @@ void RemoteSdo::indicated(std::uint8_t channel, od::ChannelBytes bytes) noexcept
   }
 }
 
-// ---- the client
+// ---- the client ----
 
 namespace {
 

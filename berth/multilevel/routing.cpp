@@ -78,7 +78,7 @@ class Check {
       }
     }
   }
-  // Does any way lead from its target back to its source? Reported for the first signal of a loop.
+  // Does a path lead from its target back to its source? Reported for the first signal of a loop.
   void loops(std::size_t i) {
     std::vector<bool> seen(table_->size());
     const std::function<bool(std::size_t)> leads_back = [&](std::size_t from) {
@@ -102,7 +102,7 @@ class Check {
 
 }  // namespace
 
-// A default of an SRDO's mapping names the object.
+// An SRDO's mapping may name the object by default.
 bool is_safety_relevant(const od::Description& description, ObjectRef ref) {
   if (ref.index >= first_srdo && ref.index <= last_srdo) return true;
   const auto wanted = static_cast<std::uint32_t>(ref.index) << 16U | static_cast<std::uint32_t>(ref.sub) << 8U;

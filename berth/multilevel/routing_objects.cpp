@@ -120,7 +120,7 @@ std::vector<Signal> read_routes(const od::Values& upstream) {
     const auto raw = upstream.get_or<std::uint64_t>({RoutingObjects::routes, at}, std::uint64_t{0});
     if (raw == 0) continue;
     const auto entry = RouteEntry::of(raw);
-    // Of the sizes only those of the places are known here; another object's is the table's affair.
+    // Only the sizes of the signal places are known here; the table deals with those of other objects.
     std::size_t bytes = 8;
     for (const unsigned size : {1U, 2U, 4U}) {
       if (signal_places(size) == entry.target.index) bytes = size;

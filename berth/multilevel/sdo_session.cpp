@@ -11,11 +11,11 @@ namespace {
 
 using od::AbortCode;
 
-// More than one sub-block is in transit between the two buses only while the slower one takes the one before.
+// More than one sub-block is in transit between the two buses only while the slower bus takes the previous one.
 constexpr std::size_t crowd = 2 * co::sdo::block_window;
-// What is handed on by gateway after gateway comes to each in sub-blocks of the one above it: while a long one is
-// collected the next server would wait longer for its next frame than it is patient, on a slow bus, and then the client
-// for the end of all that is on its way still.
+// In a chain of gateways, each gets the data in sub-blocks from the one above it. While a gateway collects a long
+// sub-block on a slow bus, the next server would wait for its next frame longer than its timeout, and then the client
+// for the end of all that is still on its way.
 constexpr std::size_t passed_sub_block = std::size_t{16} * co::sdo::segment_bytes;
 constexpr std::size_t passed_crowd = 2 * passed_sub_block;
 
@@ -78,7 +78,7 @@ SdoSession::SdoSession(SdoGateway& gateway, std::uint8_t channel) noexcept
       client_left_(*this, *gateway.executor_),
       scope_(*gateway.executor_) {}
 
-// ---- what the client above writes
+// ---- what the client above writes ----
 
 AbortCode SdoSession::select(std::uint8_t node) noexcept {
   if (node < 1 || node > 127) return AbortCode::invalid_value;
@@ -120,7 +120,7 @@ AbortCode SdoSession::begin_sending() noexcept {
     const bool armed = state_ == State::armed;
     cancel();
     if (code != AbortCode::pending) return code;
-    if (armed) return AbortCode::none;  // its data was written after its command: there is no second answer to hold
+    if (armed) return AbortCode::none;  // its data came after its command: there is no second answer to delay
     state_ = State::sending;
     finished_ = false;
     saves_ = true;
@@ -172,7 +172,7 @@ void SdoSession::reset() noexcept {
   command_bytes_ = {};
 }
 
-// ---- the access beneath
+// ---- the access beneath ----
 
 rt::Task<void> SdoSession::upload() {
   const NodeId node = this->node();
@@ -245,7 +245,7 @@ od::Answer<std::size_t> SdoSession::Source::read(std::span<std::uint8_t> into) n
   return count;
 }
 
-// ---- the client above is answered
+// ---- answers to the client above ----
 
 void SdoSession::wake() noexcept {
   auto& channels = gateway_->upper_->channels();
@@ -277,13 +277,13 @@ void SdoSession::client_left() noexcept {
   if (std::exchange(saves_, false)) wake_.post();
 }
 
-// ---- the client above reads the data
+// ---- the client above reads the data ----
 
 od::Answer<std::optional<std::size_t>> SdoSession::open_read(ObjectRef) noexcept {
   if (state_ != State::uploading) return od::refuse(AbortCode::no_data);
   if (finished_ && failure_ != AbortCode::none) return od::refuse(failure_);
   if (!begun_) return od::refuse(AbortCode::pending);
-  if (!queue_.again()) return od::refuse(AbortCode::no_data);  // it was read before, and has gone
+  if (!queue_.again()) return od::refuse(AbortCode::no_data);  // it was read before, and is no longer kept
   const bool expedited = size_ && *size_ >= 1 && *size_ <= 4;
   if (expedited && queue_.size() < *size_) return od::refuse(AbortCode::pending);
   return size_;
@@ -309,7 +309,7 @@ ObjectRef SdoSession::named(ObjectRef ref) const noexcept {
   return gateway_->options_.literal && state_ == State::uploading ? command_.object : ref;
 }
 
-// ---- the client above writes the data
+// ---- the client above writes the data ----
 
 AbortCode SdoSession::open_write(ObjectRef, std::optional<std::size_t> size) noexcept {
   if (state_ != State::armed || gateway_->own(node()) != nullptr) {
@@ -340,7 +340,7 @@ AbortCode SdoSession::write(std::span<const std::uint8_t> bytes) noexcept {
   }
   if (finished_) return failure_ == AbortCode::none ? AbortCode::general : failure_;
   queue_.put(bytes);
-  if (waits_) start(State::passing);  // with the first bytes: the server beneath is not kept waiting for them
+  if (waits_) start(State::passing);  // only with the first bytes, so that the server beneath need not wait for them
   source_.go_on();
   if (queue_.size() <= passed_crowd) return AbortCode::none;
   crowded_ = true;
@@ -360,7 +360,7 @@ AbortCode SdoSession::close(ObjectRef, bool complete) noexcept {
   }
   if (waits_) start(State::passing);
   all_in_ = true;
-  crowded_ = false;  // from now on only the end is waited for
+  crowded_ = false;  // only the end is awaited from now on
   source_.go_on();
   if (!finished_) return AbortCode::pending;
   const AbortCode code = failure_;

@@ -62,7 +62,7 @@ void SignalGateway::resolve(std::size_t signal) {
   row.target = to.scalar(*to.description().find(what.target));
 }
 
-// ---- when
+// ---- when a signal is forwarded ----
 
 bool SignalGateway::may_go(std::size_t signal) const noexcept {
   const Signal& what = table_[signal];
@@ -84,7 +84,7 @@ void SignalGateway::set_safe(bool safe) {
 
 void SignalGateway::set_mode(unsigned mode) {
   mode_ = mode & 31U;
-  // What ends first: a target may change its source.
+  // Signals that end come first: a target may get another source.
   for (std::size_t i = 0; i < rows_.size(); ++i) {
     if (!may_go(i)) open_or_close(i, false);
   }
@@ -116,7 +116,7 @@ void SignalGateway::close(std::size_t signal) {
   Row& row = rows_[signal];
   row.waiting = row.under_way = rt::never;
   set_late(signal, false);
-  // Another signal has the target in this mode.
+  // Another signal writes the target in this mode.
   for (std::size_t k = 0; k < rows_.size(); ++k) {
     if (k != signal && table_[k].to == what.to && table_[k].target == what.target && may_go(k)) return;
   }
@@ -124,7 +124,7 @@ void SignalGateway::close(std::size_t signal) {
   if (what.stopped == Signal::Stopped::silent && side.silence) side.silence(what.target, true);
 }
 
-// ---- the way of a value
+// ---- a value from source to target ----
 
 void SignalGateway::received(std::size_t signal) {
   Row& row = rows_[signal];
@@ -149,7 +149,7 @@ void SignalGateway::put(std::size_t signal, std::span<const std::uint8_t> value,
   if (event && sides_[what.to].changed) sides_[what.to].changed(what.target);
 }
 
-// ---- how late
+// ---- lateness ----
 
 void SignalGateway::Meter::submitted(std::uint32_t key, rt::Time) noexcept {
   auto& gateway = *gateway_;
@@ -182,7 +182,7 @@ void SignalGateway::set_late(std::size_t signal, bool late) {
   if (late_call_) late_call_(signal, late);
 }
 
-// The next time at which a signal is too late, or not fresh any more.
+// Sets the next time at which a signal is too late, or not fresh any more.
 void SignalGateway::watch() noexcept {
   rt::Time next = rt::never;
   for (std::size_t i = 0; i < rows_.size(); ++i) {

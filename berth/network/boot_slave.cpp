@@ -87,7 +87,7 @@ rt::Task<BootSlave::Verdict> BootSlave::check_identity() {
   found_ = options_.identified;
   if (options_.identified && options_.typed && rules_.device_type == 0) co_return co_await check_hardware();
   const auto type = co_await device_type();
-  // A slave that answers, and has no device type to tell, is there; it is of no type that can be expected.
+  // A slave that refuses 1000h is on the bus, but its type is unknown and so matches no expected one.
   const bool refused = !type && type.error().code == Errc::aborted;
   if (!type && !refused) {
     result_.detail = describe(type.error());
@@ -144,7 +144,7 @@ bool BootSlave::asks_on() const noexcept { return rules_.mandatory || source_->p
 rt::Task<Result<std::uint32_t>> BootSlave::device_type() {
   for (;;) {
     auto type = co_await target_->objects().read_u32(boot_device_type, 0);
-    // A request that no other node acknowledges is silence too: perhaps no device has been switched on yet.
+    // A request that no node acknowledges counts as silence, too: perhaps no device has been switched on yet.
     const bool silent = !type && type.error().code != Errc::aborted && type.error().code != Errc::cancelled;
     if (!silent) co_return type;
     if (executor_->now() + options_.pause > options_.give_up || !asks_on()) co_return type;
@@ -155,8 +155,9 @@ rt::Task<Result<std::uint32_t>> BootSlave::device_type() {
 
 rt::Task<bool> BootSlave::is_as(Expected expected) {
   const auto is = co_await target_->objects().read_u32(boot_identity, expected.sub);
-  // CiA 301 makes the vendor-ID alone mandatory, and sold devices lack that too: what a slave does not say is unknown
-  // and not compared. One certain device (1F88h) has to say that it is it.
+  // In CiA 301, only the vendor-ID is mandatory, and some devices on the market lack even that. So a part that the
+  // slave does not have is unknown and not compared. But if the serial number is expected (1F88h), the slave must
+  // report it.
   const bool unknown = !is && expected.sub != 4 && says_it_has_none(is.error());
   if (unknown) co_return true;
   if (!is) {
@@ -202,7 +203,7 @@ rt::Task<BootSlave::Verdict> BootSlave::check_software(bool& begin_again) {
     co_return co_await run_program(begin_again);
   }
   if (!rules_.may_update || rules_.keep_alive) co_return manager::BootStatus::h;
-  if (result_.updated) co_return manager::BootStatus::i;  // it took the program, and has other software all the same
+  if (result_.updated) co_return manager::BootStatus::i;  // it took the program, but still reports other software
   const auto updated = co_await source_->update(*target_, rules_);
   if (!updated) {
     result_.detail = describe(updated.error());
@@ -242,7 +243,7 @@ rt::Task<BootSlave::Software> BootSlave::compare_software() {
   co_return Software::other;
 }
 
-// As DSP 302 version 3 and paper 5 have it.
+// By date and time, as in DSP 302 version 3 and paper 5.
 rt::Task<BootSlave::Software> BootSlave::compare_software_date() {
   const auto date = co_await target_->objects().read_u32(od::cia302::program_date, 1);
   if (!date) {
@@ -260,11 +261,11 @@ rt::Task<BootSlave::Software> BootSlave::compare_software_date() {
   co_return Software::other;
 }
 
-// A download that stopped after its last byte leaves the right program, and the device in its boot loader.
+// A download that was interrupted after its last byte leaves the right program, but the device in its boot loader.
 rt::Task<BootSlave::Verdict> BootSlave::run_program(bool& begin_again) {
   const bool stopped = co_await manager::is_stopped(target_->objects(), 1);
   if (!stopped || rules_.keep_alive) co_return Verdict{};
-  if (ran_) co_return manager::BootStatus::i;  // it was started, and has stopped
+  if (ran_) co_return manager::BootStatus::i;  // it was started before, and stopped again
   manager::ProgramOptions options;
   options.expects_boot_up = [this] { target_->expect_boot_up(); };
   const auto started = co_await start_program(target_->objects(), 1, options);

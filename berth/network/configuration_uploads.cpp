@@ -71,7 +71,7 @@ Result<void> ConfigurationUploads::store(NodeId node, const std::string& dcf) {
     if (stored != AbortCode::none) return fail(Errc::mismatch, "1F20h has no room for its DCF");
   }
   static_cast<void>(values_->set({cia302::dcf_format, sub}, format));
-  // The objects that this manager does not have refuse, and that is as good.
+  // Writes to objects that this manager does not have fail, which does no harm.
   constexpr std::array<std::uint8_t, 4> empty{};
   static_cast<void>(values_->set_bytes({cia302::concise_dcf, sub}, empty));
   const manager::ConfigurationDate& date = loaded.configuration.date;

@@ -34,7 +34,7 @@ void add_array(od::DescriptionBuilder& builder, const ArraySpec& spec, std::uint
   }
 }
 
-// Sub-index 128 is all nodes; those between that and `most` are not there.
+// Sub-index 128 is all nodes; the sub-indices between `most` and 128 do not exist.
 void add_requests(od::DescriptionBuilder& builder, const ArraySpec& spec, std::uint8_t most) {
   add_array(builder, spec, most);
   builder.sub(spec.index, {.sub = cia302::all_nodes, .name = "All nodes", .type = spec.type, .access = spec.access});
@@ -184,7 +184,7 @@ Result<void> DictionaryManager::begin(NodeId own) {
                        [this](NodeId master) { return manager::master_heartbeat_of(*values_, master); });
 }
 
-// What LSS cannot do at one time it can at another: a device that is plugged in later, a bus that was cut.
+// Runs LSS again and again: it may succeed later, for a device plugged in later or after an interruption of the bus.
 rt::Task<void> DictionaryManager::assign_and_lead() {
   std::bitset<128> there;
   const auto first = co_await node_ids_->run(there);
@@ -207,8 +207,8 @@ rt::Task<void> DictionaryManager::assign_and_lead() {
   }
 }
 
-// Neither their boot-up message nor a heartbeat came here, as of one that was reset while the bus was cut, or silent
-// for a while: they are there, and wait to be booted.
+// Resets slaves that LSS reaches, but of which neither a boot-up message nor a heartbeat was heard: perhaps they were
+// reset while the bus was cut, or were silent for a while. They are on the bus and wait to be booted.
 void DictionaryManager::reset_unheard(std::bitset<128> answered) {
   for (const auto& slave : network_.plan().slaves) {
     const auto* const status = network_.find(slave.node);

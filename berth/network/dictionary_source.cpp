@@ -56,7 +56,7 @@ rt::Task<Result<void>> DictionarySource::configure(BootTarget& target, manager::
   const auto same = co_await is_for(target, wanted->type);
   if (!same) co_return same;
   manager::ConfiguratorOptions options;
-  options.trust_date = false;  // step 7 has looked at it: without an expected date every value is compared
+  options.trust_date = false;  // step 7 has checked the date: without an expected one, every value is compared
   manager::Configurator configurator(target.objects(), target.objects(), *wanted, options);
   manager::ConfigurationReport report;
   co_await configurator.run(report);
@@ -64,7 +64,7 @@ rt::Task<Result<void>> DictionarySource::configure(BootTarget& target, manager::
   co_return Result<void>{};
 }
 
-// A DCF says what it is for; 0 in a part says nothing.
+// Is the device of the type that the DCF names? 0 in a part of the type fits every device.
 rt::Task<Result<void>> DictionarySource::is_for(BootTarget& target, TypeCode type) {
   constexpr std::uint16_t identity = 0x1018;
   for (const auto& [sub, expected] :
@@ -101,7 +101,7 @@ rt::Task<Result<void>> DictionarySource::restore(BootTarget& target, std::uint8_
   constexpr std::uint32_t load = 0x6461'6F6C;  // "load"
   const auto told = co_await target.objects().write_u32(0x1011, sub, load);
   if (!told) co_return told;
-  // 1011h:02 is about communication parameters; all others need the whole device to start anew.
+  // 1011h:02 restores only communication parameters; the other sub-indices need a reset of the whole device.
   const auto command = sub == 2 ? co::NmtCommand::reset_communication : co::NmtCommand::reset_node;
   const auto sent = co_await target.command(command);
   if (!sent) co_return fail(sent.error());

@@ -32,7 +32,7 @@ void ErrorEvents::back(NodeId node) noexcept {
   auto* const slave = boots_->find(node);
   if (network_->is_off() || slave == nullptr) return;
   network_->tell({.kind = Kind::slave_back, .node = node});
-  // The reset that it was sent has not reached it: it was cut off.
+  // The slave was cut off from the bus when it was to be reset, so it missed the reset.
   const bool unreset = slave->status.phase == SlavePhase::awaited && !startup_->is(Phase::stopped);
   if (unreset) network_->command(NmtCommand::reset_node, node, false);
 }
@@ -59,7 +59,7 @@ void ErrorEvents::overheard(const co::NmtRequest& request) noexcept {
 void ErrorEvents::act(Slave& slave, bool rebooted) noexcept {
   const NodeId node = slave.what.node;
   network_->tell({.kind = rebooted ? Kind::slave_rebooted : Kind::slave_lost, .node = node});
-  if (network_->is_off()) return;  // the callback has ended it
+  if (network_->is_off()) return;  // the callback has ended the network boot
   const auto what = startup_->on_error(slave);
   if (!what) return;
   if (*what != StartupPhase::OnError::one) {

@@ -128,7 +128,7 @@ BootTarget& ManagedBus::target(NodeId node) {
 rt::Task<Result<rt::Time>> ManagedBus::command(co::NmtCommand command, co::NmtTarget target) {
   const bool resets = command == co::NmtCommand::reset_node || command == co::NmtCommand::reset_communication;
   const auto sent = co_await nmt_.send(command, target);
-  // A device needs longer for its boot-up message than this task for its next step.
+  // Noted only after sending, which is soon enough: a device's boot-up takes longer than this task's next step.
   if (sent && resets && target.node != 0) reset_.set(target.node);
   if (sent && resets && target.node == 0) reset_.set();
   co_return sent;
@@ -188,7 +188,7 @@ void ManagedBus::supervise(NodeId node, const manager::SlaveRules& rules) {
   lost_.reset(node.value());
   const bool by_heartbeat = rules.heartbeat.count() > 0;
   const bool by_guarding = !by_heartbeat && rules.guard_time.count() > 0;
-  // One that dies between the heartbeat that ended its boot-up and the next is missed too.
+  // Also reports a device that fails between the heartbeat that ended its boot-up and the next one.
   longest_ = std::max(longest_, rules.heartbeat);
   heartbeats_.set_never_seen_time(longest_);
   heartbeats_.supervise(node, rules.heartbeat);

@@ -51,7 +51,7 @@ Result<void> NetworkBoot::begin(NetworkPlan plan) {
   if (!good) return good;
   std::erase_if(plan.slaves, [&](const auto& slave) { return !slave.rules.assigned || slave.node == plan.own; });
   plan_ = std::move(plan);
-  startup_.begin({.rules = plan_.startup});  // its slaves are not there yet
+  startup_.begin({.rules = plan_.startup});  // without slaves: they are added later
   next_ = Next::begin;
   act_.post();
   return {};
@@ -110,7 +110,7 @@ rt::Task<void> NetworkBoot::reset_and_boot() {
   go(startup_.look());
 }
 
-// Called in a task, so it ends none.
+// Called within a slave's task, so this must not end any task.
 void NetworkBoot::ended(Slave& slave) noexcept {
   const SlaveStatus& status = slave.status;
   const auto kind = status.ready() ? Kind::slave_ready : Kind::slave_failed;
@@ -159,7 +159,7 @@ void NetworkBoot::apply(NmtCommand command) noexcept {
 void NetworkBoot::go(NetworkStartup::Go what) noexcept {
   using Go = NetworkStartup::Go;
   if (what == Go::nothing) return;
-  // Of a network that was taken over, only what does not run.
+  // In a network that was taken over, only slaves that are not operational are started.
   if (what == Go::all && !plan_.taken_over) return command(NmtCommand::start, NmtTarget::all());
   for (const auto& slave : boots_.all()) {
     if (slave->waits_for_start() && startup_.starts(*slave)) command(NmtCommand::start, slave->what.node);
@@ -169,7 +169,7 @@ void NetworkBoot::go(NetworkStartup::Go what) noexcept {
 // ---- commands -------------------------------------------------------------------------------------------------------
 
 void NetworkBoot::command(NmtCommand command, NmtTarget target, bool with_master) {
-  // Later: who asks may be in the middle of a write to the dictionary that a reset loads anew.
+  // Done later, in a task: the caller may be in the middle of a write to the dictionary, which a reset reloads.
   if (target.node != 0 && plan_.own == NodeId(target.node)) return commands_.spawn(apply_to(*bus_, command));
   commands_.spawn(send(command, target, with_master));
 }
@@ -178,7 +178,7 @@ rt::Task<void> NetworkBoot::send(NmtCommand command, NmtTarget target, bool with
   auto* const known = target.node == 0 ? nullptr : boots_.find(NodeId(target.node));
   rt::Task<Result<rt::Time>> sending;
   if (known != nullptr) {
-    sending = known->what.target->command(command);  // it may be beneath a gateway
+    sending = known->what.target->command(command);  // by its own target: it may be beneath a gateway
   } else {
     sending = bus_->command(command, target);
   }
@@ -194,7 +194,7 @@ rt::Task<void> NetworkBoot::send(NmtCommand command, NmtTarget target, bool with
   if (with_master) bus_->apply(command);
 }
 
-// A command went out to it.
+// The NMT command was sent to this slave.
 void NetworkBoot::commanded(Slave& slave, NmtCommand command, rt::Time at) noexcept {
   auto& status = slave.status;
   if (resets(command)) {

@@ -11,7 +11,7 @@ using co::NmtCommand;
 using co::NmtTarget;
 using od::AbortCode;
 
-constexpr std::uint8_t without_master = 0x80;  // bit 7 of a request
+constexpr std::uint8_t without_master = 0x80;  // bit 7 of a request: not to the master
 
 struct RequestValue {
   std::uint8_t value;
@@ -27,7 +27,7 @@ std::optional<NmtCommand> requested(std::uint8_t value) noexcept {
   return it == request_values.end() ? std::nullopt : std::optional(it->command);
 }
 
-// 84h to 87h; 8Fh is "all enter pre-operational", as 7Fh with bit 7 would be no value of its own (FFh).
+// 84h to 87h, and 8Fh for pre-operational: 7Fh with bit 7 set would be FFh, which is not a request.
 std::optional<NmtCommand> requested_of_others(std::uint8_t value) noexcept {
   if (value == 0x8F) return NmtCommand::enter_pre_operational;
   const bool in_range = value >= 0x84 && value <= 0x87;

@@ -49,7 +49,7 @@ NetworkStartup::Go NetworkStartup::look() noexcept {
   if (!phase_.all_ready()) return Go::nothing;
   late_.cancel();
   owner_->heard(News::all_ready, nullptr);
-  if (!phase_.is(Phase::ready)) return Go::nothing;  // who was told went on by itself
+  if (!phase_.is(Phase::ready)) return Go::nothing;  // the owner, just notified, has continued the startup itself
   const bool awaits = plan_.awaits_all && !has_mandatory();
   if (!master_operational_ && phase_.operates_itself() && !awaits) make_operational();
   if (master_operational_) return go();
@@ -57,7 +57,7 @@ NetworkStartup::Go NetworkStartup::look() noexcept {
 }
 
 void NetworkStartup::make_operational() noexcept {
-  master_operational_ = true;  // before its device tells so, which is no news then
+  master_operational_ = true;  // set before the master's device reports it, so that the report is no news
   owner_->apply(co::NmtCommand::start);
 }
 
@@ -85,7 +85,7 @@ NetworkStartup::Go NetworkStartup::own_state(NmtState state) noexcept {
   return phase_.is(Phase::ready) || phase_.is(Phase::operational) ? go() : Go::nothing;
 }
 
-// The master is operational, and all mandatory slaves are ready.
+// Called when the master is operational and all mandatory slaves are ready.
 NetworkStartup::Go NetworkStartup::go() noexcept {
   if (phase_.operate()) owner_->heard(News::operational, nullptr);
   if (phase_.application_starts()) return Go::nothing;

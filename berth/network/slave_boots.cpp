@@ -46,7 +46,8 @@ void SlaveBoots::boot(Slave& slave, rt::Time since) noexcept {
 
 void SlaveBoots::booted_while_booting(Slave& slave, bool expected) noexcept {
   if (slave.again || slave.waits) return;
-  // Its own steps reset it, and go on; but before it has answered it only can be asked too late.
+  // An expected boot-up comes from a reset by the slave's own boot steps, which go on. But if the slave has not
+  // answered those steps yet, they would ask it again only late: so the boot begins again.
   const bool of_its_steps = expected && slave.boot && slave.boot->found();
   if (!of_its_steps) boot(slave);
 }
@@ -109,7 +110,7 @@ rt::Task<void> SlaveBoots::run(Slave& slave, BootOptions options) {
   if (runs) slave.status.state = NmtState::operational;
   if (!good) slave.status.phase = SlavePhase::failed;
   slave.status.supervised = good && (rules.heartbeat.count() > 0 || rules.guard_time.count() > 0);
-  // Decided before the network goes on by this slave: else it were started alone and with all.
+  // Decided before `ended`, after which the network may start all slaves: else this one would be started twice.
   slave.starting = good && !runs && owner_->starts(slave);
   owner_->ended(slave);
   const bool starts = slave.starting && slave.status.ready();
@@ -120,7 +121,7 @@ rt::Task<void> SlaveBoots::run(Slave& slave, BootOptions options) {
 rt::Task<void> SlaveBoots::start(Slave& slave) {
   slave.starting = true;
   const bool runs = co_await slave.what.target->runs();
-  // That may have taken a heartbeat period, and the slave may have booted anew meanwhile.
+  // The question may have taken a heartbeat period; meanwhile the slave may have booted again.
   if (!runs && !owner_->starts(slave)) {
     slave.starting = false;
     co_return;

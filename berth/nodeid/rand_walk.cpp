@@ -67,7 +67,7 @@ void RandWalk::note(std::uint16_t chunk, rt::Time at) noexcept {
   }
 }
 
-// How late an answer may still come. An answer that waited for others counts as late as it came, so many answers make
+// How late an answer may still come. The waiting time of an answer that waited for others counts, so many answers make
 // this longer and never shorter.
 rt::Duration RandWalk::response(const WalkOptions& o) const noexcept {
   if (answers_ < enough_heard) return o.longest;
@@ -226,7 +226,7 @@ rt::Task<Result<void>> RandWalk::descend(Run& run, bool root_heard) {
       if (now() < fence) co_await rt::sleep_until(fence);
     }
     const auto frame = iurs(phase, phase == 0 ? std::uint16_t{0} : p.chunks[phase - 1]);
-    // Through parts walked before, without a pause: the answers are known.
+    // Parts that were walked before need no pause: their answers are known.
     const bool hurry = run.hurry && early && was == State::visited;
     hurried |= hurry;
     const Wait wait{.first = hurry ? rt::Duration{0} : run.longest(), .early = early};
@@ -309,7 +309,7 @@ bool RandWalk::expect(Run& run, const Prefix& prefix) {
   });
 }
 
-// Phase 7 was answered: whole addresses.
+// The answers to phase 7 give whole addresses.
 rt::Task<Result<void>> RandWalk::leaf(Run& run, const Prefix& prefix) {
   run.prune(prefix);
   run.report.known = now();

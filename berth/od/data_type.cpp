@@ -136,7 +136,7 @@ tl::expected<void, TextError> signed_part(Cursor& in, Number& number) noexcept {
   return {};
 }
 
-/// The raw of a number, or why the type cannot hold it.
+/// The raw value of a number, or why the type cannot hold it.
 tl::expected<std::uint64_t, TextError> fit(DataType type, const Number& number, Notes& notes) noexcept {
   const unsigned bits = bit_length(type);
   const std::uint64_t half = 1ULL << (bits - 1);
@@ -147,7 +147,7 @@ tl::expected<std::uint64_t, TextError> fit(DataType type, const Number& number, 
   if (!number.negative && number.magnitude > mask(bits)) return wrong("too high for the data type", 0);
   const bool by_width =
       is_signed(type) ? !number.negative && number.magnitude >= half : number.negative && number.magnitude != 0;
-  // 0x80000000 is how files have the lowest INTEGER32; decimal digits beyond the range are a slip.
+  // Files write the lowest INTEGER32 as 0x80000000; a decimal number beyond the range is a mistake.
   if (by_width && !(is_signed(type) && number.hex)) notes.set(Note::wrapped);
   return wrap(type, number.negative ? 0 - number.magnitude : number.magnitude);
 }
@@ -173,7 +173,7 @@ tl::expected<double, TextError> decimal_real(DataType type, std::string_view tex
   const auto at = static_cast<std::size_t>(result.ptr - text.data());
   if (result.ec == std::errc::result_out_of_range) return wrong("out of the range of a REAL", 0);
   if (result.ec != std::errc{} || result.ptr != end) return wrong("not a number", at);
-  // REAL32 is read as such: rounding twice can differ in the last bit.
+  // A REAL32 is read directly: rounding twice can change the last bit.
   if (type == DataType::real32) {
     float single = 0;
     const auto narrow = std::from_chars(begin, end, single);
@@ -225,7 +225,7 @@ tl::expected<Parsed, TextError> parse_time(DataType type, std::string_view text)
   return parsed;
 }
 
-/// Hex digits in pairs, blanks between bytes allowed; empty when the text is something else.
+/// Reads hex digits in pairs, with or without blanks between bytes; empty if the text is something else.
 std::optional<std::vector<std::uint8_t>> hex_bytes(std::string_view text) {
   std::vector<std::uint8_t> bytes;
   bytes.reserve(text.size() / 2);
@@ -248,7 +248,7 @@ void push_utf16(std::vector<std::uint8_t>& out, std::uint32_t unit) {
   out.push_back(static_cast<std::uint8_t>(unit >> 8U));
 }
 
-/// UTF-8 to UTF-16LE; a byte that is no UTF-8 counts as Latin-1, so nothing is ever lost or refused.
+/// UTF-8 to UTF-16LE. A byte that is not UTF-8 counts as Latin-1, so that nothing is lost or refused.
 std::vector<std::uint8_t> utf16_of(std::string_view text) {
   std::vector<std::uint8_t> out;
   out.reserve(text.size() * 2);

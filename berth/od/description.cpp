@@ -11,7 +11,7 @@
 namespace berth::od {
 namespace {
 
-// For values whose description gives no length, as no EDS does.
+// For values whose description gives no length; an EDS never gives one.
 constexpr std::uint32_t usual_capacity = 64;
 constexpr std::uint32_t roomy_string = 250;  // the longest that 1010h can store
 constexpr std::uint32_t roomy_domain = 16U << 10U;
@@ -49,7 +49,7 @@ std::string_view name(Access access) noexcept {
   return "unknown";
 }
 
-// At most half full, so that a search ends soon, and ends.
+// At most half full, so that every search ends, and ends soon.
 void Description::index_objects() {
   const auto size = std::bit_ceil(std::max<std::size_t>(2, objects_.size() * 2));
   places_.assign(size, 0);
@@ -62,7 +62,7 @@ void Description::index_objects() {
   }
 }
 
-// With gaps among the sub-indices.
+// For objects with gaps among their sub-indices.
 const SubObject* Description::search(const Object& object, std::uint8_t sub) const noexcept {
   const auto all = subs(object);
   const auto found = std::ranges::lower_bound(all, sub, {}, &SubObject::sub);
@@ -106,12 +106,13 @@ std::size_t Description::memory() const noexcept {
 
 // ---------------------------------------------------------------------------------------------------------------------
 
-/// Small and trivial: a big description has tens of thousands. `sub.limits_at` is a position in `State::limits` + 1.
+/// Small and trivial: a big description has tens of thousands of these. `sub.limits_at` is a position in
+/// `State::limits` + 1.
 struct PendingSub {
   std::uint16_t index = 0;
   Literal::Kind kind = Literal::Kind::none;
   std::uint32_t bytes_at = 0;  ///< kind bytes: position in `State::bytes`
-  std::uint64_t raw = 0;       ///< of the default value; kind bytes: how many
+  std::uint64_t raw = 0;       ///< default value; kind bytes: their number
   SubObject sub;
   [[nodiscard]] std::uint32_t key() const noexcept { return (static_cast<std::uint32_t>(index) << 8U) | sub.sub; }
 };
@@ -126,13 +127,13 @@ struct DescriptionBuilder::State {
   std::vector<PendingSub> subs;
   std::vector<Limits> limits;
   std::vector<std::uint8_t> bytes;  ///< of defaults of variable length
-  /// Position in `objects` + 1 by index, in pages of 256 that are made when the first of their indices comes.
+  /// Position in `objects` + 1 by index, in pages of 256. A page is made when the first of its indices comes.
   using Page = std::array<std::uint32_t, 256>;
   std::array<std::unique_ptr<Page>, 256> pages;
   std::string names;
   std::map<ObjectRef, Meaning> meanings;
   std::uint32_t dummies = 0;
-  std::size_t room = 0;  ///< given beyond the usual
+  std::size_t room = 0;  ///< beyond the usual
 
   std::uint32_t room_for(const SubSpec& spec);
   std::uint32_t add_name(std::string_view name) {
@@ -157,7 +158,7 @@ struct DescriptionBuilder::State {
     object.name_at = add_name(name);
     object.name_length = static_cast<std::uint16_t>(std::min<std::size_t>(name.size(), 0xFFFF));
   }
-  /// The newest definition; nullptr when there is none.
+  /// The newest definition; nullptr if there is none.
   PendingSub* find(ObjectRef ref) {
     const std::uint32_t key = (static_cast<std::uint32_t>(ref.index) << 8U) | ref.sub;
     const auto found = std::find_if(subs.rbegin(), subs.rend(), [key](const auto& each) { return each.key() == key; });
@@ -227,10 +228,10 @@ void DescriptionBuilder::State::add_counts() {
 }
 
 void DescriptionBuilder::State::sort_subs() {
-  // Readers add in order: then there is nothing to move.
+  // Readers add in ascending order: then nothing has to move.
   if (std::ranges::is_sorted(subs, std::ranges::less_equal{}, &PendingSub::key)) return;
   std::ranges::stable_sort(subs, {}, &PendingSub::key);
-  // Of several definitions the last one counts: reversed, it is the first of its run.
+  // Of several definitions the last one counts. After the reversal it is the first of its group.
   std::ranges::reverse(subs);
   const auto rest = std::ranges::unique(subs, {}, &PendingSub::key);
   subs.erase(rest.begin(), rest.end());
@@ -318,7 +319,7 @@ std::uint8_t highest_sub(std::span<const SubObject> subs) noexcept {
   return highest;
 }
 
-/// `raw` of a scalar for the node-ID 0, `bytes` of a value of variable length.
+/// `raw`: a scalar for node-ID 0; `bytes`: a value of variable length.
 void put_default(std::vector<std::uint8_t>& image, const SubObject& sub, std::uint64_t raw,
                  std::span<const std::uint8_t> bytes) {
   std::uint8_t* const at = image.data() + sub.offset;

@@ -10,7 +10,7 @@
 namespace berth::od {
 namespace {
 
-/// How well a name is met, best first.
+/// How well a name matches, best first.
 enum class Met : std::uint8_t { exactly, in_either_case, as_prefix, not_at_all };
 
 Met met(std::string_view name, std::string_view wanted) noexcept {
@@ -39,7 +39,7 @@ class Search {
   }
 
  private:
-  // By its own name, and by the name with the object's before it. Names have slashes and dots of their own.
+  // Compares the sub-object's own name, and its name after the object's name. Names may contain slashes and dots.
   void look_at(const Object& object, const SubObject& sub) {
     Met best = met(description_.name(sub), name_);
     for (auto at = name_.find_first_of("/."); at != std::string_view::npos; at = name_.find_first_of("/.", at + 1)) {
@@ -69,7 +69,7 @@ std::string candidate(const Description& description, const NamedObject& object)
   return fmt::format("{:04X}h {}", object.index, whole == nullptr ? "" : description.name(*whole));
 }
 
-// Names that have the word somewhere else than at their begin, each with its object.
+// Names that contain the word, each with its object.
 std::vector<std::string> containing(const Description& description, std::string_view word) {
   constexpr std::size_t shortest = 3;
   std::vector<std::string> found;
@@ -82,7 +82,7 @@ std::vector<std::string> containing(const Description& description, std::string_
   return found;
 }
 
-// "Write output 8 bit/1": the object is there, and that is no name of a part. Empty: it is not of that kind.
+// "Write output 8 bit/1": the object exists, but has no part of this name. Empty: the word is not of this kind.
 std::string parts_of(const Description& description, std::string_view word) {
   const auto cut = word.find_last_of("/.");
   if (cut == word.npos || cut == 0) return {};

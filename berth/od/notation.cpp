@@ -21,7 +21,7 @@ std::optional<unsigned> digits(std::string_view word, int base, std::size_t most
 bool starts_with_0x(std::string_view word) noexcept { return word.starts_with("0x") || word.starts_with("0X"); }
 bool ends_with_h(std::string_view word) noexcept { return word.ends_with('h') || word.ends_with('H'); }
 
-// A hexadecimal number, and whether it says that it is one.
+// A hexadecimal number, and whether it is marked as one.
 struct Hex {
   std::optional<unsigned> value;
   bool marked = false;
@@ -37,7 +37,7 @@ Hex hex(std::string_view word, std::size_t most) {
   return {digits(word, 16, most), marked};
 }
 
-/// "1018h:04" in its parts.
+/// The parts of "1018h:04".
 struct Parts {
   std::string_view index;
   std::optional<std::string_view> sub;

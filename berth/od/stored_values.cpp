@@ -21,7 +21,7 @@ bool StoredValues::absent(const SubObject& sub) const noexcept {
 std::size_t StoredValues::slot_of(std::uint32_t index) const noexcept {
   const auto& objects = description_->objects_;
   auto at = std::ranges::lower_bound(objects, index, {}, &Object::index);
-  // An object without sub-objects has no values: look further.
+  // An object without sub-objects has no values: the search goes on.
   while (at != objects.end() && at->count == 0) ++at;
   return at == objects.end() ? data_.size() : description_->subs_[at->first].offset;
 }
@@ -60,7 +60,7 @@ void StoredValues::put(const SubObject& sub, std::span<const std::uint8_t> value
     store_le(at, static_cast<std::uint32_t>(value.size()));
     at += 4;
   }
-  // memmove: a caller may write back what `bytes` showed it.
+  // memmove: a caller may write back the bytes that `bytes` returned.
   if (!value.empty()) std::memmove(at, value.data(), value.size());
 }
 

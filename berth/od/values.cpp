@@ -205,11 +205,11 @@ Stream* Values::find_stream(ObjectRef ref) const noexcept {
 AbortCode Values::write_whole(Stream& stream, ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
   StreamUse use;
   const AbortCode opened = use.open_write(stream, ref, value.size());
-  // A stream that must wait before the first byte cannot be served at one go.
+  // A stream that must wait before the first byte cannot be served in one call.
   if (opened == AbortCode::pending) return AbortCode::device_state;
   if (opened != AbortCode::none) return opened;
   if (!value.empty()) {
-    const AbortCode code = use.write(value);  // all that there is: no more has to wait
+    const AbortCode code = use.write(value);  // these are all the bytes: nothing has to wait
     if (code != AbortCode::none && code != AbortCode::pending) return code;
   }
   return use.close(true);
@@ -220,7 +220,7 @@ Answer<std::size_t> Values::read_whole(Stream& stream, ObjectRef ref, std::span<
   const auto size = use.open_read(stream, ref);
   if (!size) return refuse(size.error());
   if (*size && **size > into.size()) return refuse(AbortCode::out_of_memory);
-  if (use.ready() < into.size()) return refuse(AbortCode::device_state);  // it would have to wait
+  if (use.ready() < into.size()) return refuse(AbortCode::device_state);  // the read would have to wait
   const auto count = use.read(into);
   if (!count) return refuse(count.error());
   if (*size && **size != *count) return refuse(AbortCode::device_state);

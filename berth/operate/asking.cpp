@@ -27,7 +27,7 @@ co::SdoOptions Asking::first_patience() const {
 
 std::size_t Asking::most_first_at_once() const noexcept {
   if (s_.bus.timing.at_once != 0) return s_.bus.timing.at_once;
-  constexpr double question_bits = 300;  // as much again for the answers
+  constexpr double question_bits = 300;  // the answers take as much again
   const double timeout = std::chrono::duration<double>(first_patience().timeout).count();
   return std::max<std::size_t>(2, static_cast<std::size_t>(timeout * s_.bus.bitrate / question_bits));
 }

@@ -46,7 +46,7 @@ rt::Task<void> ConfiguredFinder::ask_slots_own() {
   }
 }
 
-// Side by side.
+// Asks all nodes side by side.
 rt::Task<std::vector<places::Found>> ConfiguredFinder::identities(std::vector<NodeId> ids) {
   std::vector<places::Found> answered;
   rt::Scope asked(s_.executor, asking_.most_at_once());
@@ -201,7 +201,7 @@ rt::Task<void> ConfiguredFinder::ask_everywhere() {
       everywhere_at_ = s_.executor.now() + 2 * s_.bus.timing.probe_period;
       break;
     }
-    co_await rt::sleep_for(s_.bus.timing.rand_response);  // a single receive buffer loses its question behind another's
+    co_await rt::sleep_for(s_.bus.timing.rand_response);  // a single receive buffer loses a question after another one
     asked.spawn(knock(id));
   }
   co_await asked.join();

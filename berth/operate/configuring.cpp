@@ -32,12 +32,12 @@ bool has_agreed(const places::SlotRecord& record, const Wanted& wanted) noexcept
          record.configured->days == wanted.date.days && record.configured->ms == wanted.date.ms;
 }
 
-/// In this stage, for the device that sits there and for what is wanted now.
+/// In this stage, for the slot's device and the configuration wanted now.
 bool is_in(const places::SlotRecord& record, Configured::Stage stage, const Wanted& wanted) noexcept {
   return has_agreed(record, wanted) && record.configured->stage == stage;
 }
 
-/// Begun for the device that sits there, with whatever file.
+/// Begun for the slot's device, with any file.
 bool was_begun(const places::SlotRecord& record) noexcept {
   return record.configured && record.confirmed && record.configured->device == record.confirmed->device &&
          record.configured->stage == Configured::Stage::writing;
@@ -339,7 +339,7 @@ rt::Task<Configuring::Next> Configuring::take_into_use(Seat& seat, Attempt& atte
   co_return Next::again;
 }
 
-// After its power cycle it does not have the saved values. The next boot-up, or a user, starts anew.
+// The device lost the saved values in the power cycle. Its next boot-up, or a user, starts anew.
 void Configuring::forgot(Seat& seat, const ConfigurationReport& report, const Wanted& wanted) {
   seat.configuration.stuck = true;
   (void)note(seat, Configured::Stage::writing, wanted);

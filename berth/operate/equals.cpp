@@ -4,8 +4,8 @@
 
 namespace berth::operate {
 
-// A device without a serial number and node-ID may be the missing one of its kind or a replacement: nobody can tell. If
-// several are missing, it may be any of them.
+// A device without a serial number and node-ID may be the missing one of its kind or a replacement; Berth cannot
+// determine which. If several are missing, it may be any of them.
 void Equals::seat_again() {
   for (const auto& f : found_.all()) {
     const bool comes =

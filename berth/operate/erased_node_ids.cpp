@@ -21,7 +21,7 @@ bool ErasedNodeIds::rests(const Identity& device, NodeId active, bool& told_one)
 bool ErasedNodeIds::tells_again(unsigned& looks, bool& told_one) noexcept {
   const bool due = is_time(looks + 1);
   const bool tells = due && !told_one;
-  if (!due || tells) ++looks;  // else it is told in the next round
+  if (!due || tells) ++looks;  // otherwise it is told in the next round
   told_one = told_one || tells;
   return tells;
 }

@@ -1,4 +1,4 @@
-// A device shows itself (CiA 303-3): in LSS configuration state both indicators flicker, in turn.
+// Makes a device show itself (CiA 303-3): in LSS configuration state both indicators flicker alternately.
 #include "berth/co/guarding.hpp"
 #include "berth/lss/frames.hpp"
 #include "berth/operate/network.hpp"

@@ -110,7 +110,8 @@ namespace {
 // A device booted and may be the one that a slot waits for.
 bool waits_for_an_answer(const NetworkParts& p) { return p.agenda.comes.any() && !p.bus.only_observes(); }
 
-// The search was interrupted for it. Seating the devices found so far takes long: this one is seated with them.
+// The search was interrupted for this device. Seating the found devices takes long: it is asked now and seated with
+// them.
 rt::Task<void> ask_who_came(NetworkParts& p) {
   if (!p.agenda.search_open || !waits_for_an_answer(p)) co_return;
   const bool all = false;
@@ -138,7 +139,7 @@ rt::Task<void> MainJob::round(bool first) {
 
 namespace {
 
-// An earlier run told the slot's device its node-ID, or began to: the slot is kept for it.
+// An earlier run assigned the slot's device its node-ID, or began to: the slot is kept for it.
 bool is_kept(const Seat& seat) {
   const auto& record = seat.slot.record;
   const bool by_lss = seat.slot.spec.assign == Assign::lss;
@@ -183,7 +184,7 @@ std::string who_is_known(const NetworkParts& p, const Seat& seat) {
                      to_string(equal->device));
 }
 
-// Of those that booted and were recently heard: one that left again is no reason to wait.
+// A node that booted and was recently heard. One that left again is no reason to wait.
 bool one_is_asked_next(const NetworkParts& p) {
   if (!waits_for_an_answer(p)) return false;
   for (std::uint8_t i = 1; i <= 127; ++i) {
@@ -204,7 +205,7 @@ void tell_nobody(NetworkParts& p, Seat& seat, bool news) {
   if (were_two && ++seat.doubt.in_vain < rounds_in_vain) return;
   seat.misses_one = !why.empty();
   if (were_two) why = "two devices were found for it, and none answers now: Berth looks for them";
-  // What a device of its own address may lack, no search can find.
+  // A device may lack the services of every search; then it only answers to its full address.
   if (why.empty())
     why = "no device of its type was found; one that answers no search needs its slot's `spares` and `revision`";
   if (p.bus.only_observes()) why = "an observer sends nothing, and the slot table has no device for this slot";
@@ -332,7 +333,7 @@ bool lacks_one(const Seat& seat) {
 // It waits for a device that was never seen.
 bool waits_for_one(const Seat& seat) { return !seat.slot.spec.optional && lacks_one(seat); }
 
-// What was tried without success.
+// Something was tried for the slot without success.
 bool is_troubled(const Seat& seat) {
   const bool asked = seat.slot.record.intended.has_value();
   const bool silent = seat.life == Life::absent && seat.slot.record.confirmed;
@@ -471,7 +472,7 @@ bool MainJob::retry_due() {
 
 namespace {
 
-// Also if the command is interrupted.
+// Resets the agenda, also if the command is interrupted.
 class Once {
  public:
   Once(Agenda& agenda, std::string method) : agenda_(agenda) {

@@ -336,7 +336,7 @@ void Planning::report_mismatch(const places::Oddity& oddity) {
   }
 }
 
-// A question about a slot names more devices than the two with one address.
+// A slot with an open question keeps that reason: it names more devices than the two with one address.
 void Planning::report_clone(const places::Oddity& oddity) {
   for (auto& seat : slots_.seats()) {
     const auto device = seat->slot.record.device();

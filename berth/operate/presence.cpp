@@ -155,7 +155,7 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
     // Stopped devices have no SDO; only their error control identifies them (the paper's figure).
     const bool stopped = state == NmtState::stopped;
     if (!stopped) {
-      // A vain question about an absent device is no news; how it left is the better reason.
+      // An unanswered question to an absent device is no news; how it left is the better reason.
       const auto heard = s_.boots.heard(id);
       const bool away = seat.life == Life::absent && !seat.absence.empty() && (!heard || *heard <= seat.since);
       if (!away) slots_.set_absent(seat, "its identity cannot be read: " + describe(who.error()));
@@ -337,7 +337,7 @@ rt::Task<void> Presence::adopt_all_fixed() {
   for (const auto& seat : slots_.seats()) {
     const bool fixed = seat->slot.spec.assign == places::Assign::fixed && !seat->slot.record.confirmed;
     if (!fixed || !seat->polled) continue;
-    // A single receive buffer loses the question to its device behind one to another.
+    // A device with a single receive buffer loses a question that follows one to another device.
     if (adopted.running() > 0) co_await rt::sleep_for(s_.bus.timing.rand_response);
     adopted.spawn(adopt_fixed(*seat));
   }

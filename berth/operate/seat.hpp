@@ -95,6 +95,7 @@ struct LastHeard {
   unsigned leaves = 0;                        ///< in a row, each soon after the previous one
   std::optional<places::SlotState> failed{};  ///< how the binding that is tried again ended before
   std::optional<rt::Time> reset{};            ///< when equals were reset, to see which node-IDs they have stored
+  unsigned resets = 0;                        ///< how often, until each had booted
 };
 
 struct Seat {

@@ -57,32 +57,13 @@ bool may_be_known(const FoundDevices& found, const Identity& device) {
   });
 }
 
-// A device without a serial number may be one that uses a node-ID of no slot: its next boot-up shows what it stored.
-void reset_who_may_be_its_device(BusServices& s, const SlotTable& slots, const FoundDevices& found, Seat& seat) {
-  const Identity& device = seat.slot.record.intended->device;
-  if (device.has_serial() || !s.may_command() || seat.last.reset) return;
-  for (const auto& f : found.all()) {
-    const bool on_its_own = f.active.configured() && f.active != s.bus.master && slots.at(f.active) == nullptr;
-    const bool may_be = on_its_own && !f.lent && !f.clone && f.device.agrees(device);
-    if (!may_be) continue;
-    s.nmt.queue(co::NmtCommand::reset_node, f.active);
-    seat.last.reset = s.executor.now();
-  }
-}
-
-// If one of its kind boots under its former node-ID after a reset, it has not stored the slot's.
-bool kept_its_former(const BusServices& s, const FoundDevices& found, const Seat& seat, const Identity& device) {
-  const Identity one = found.one_for(device);
-  return seat.last.reset && one != device && s.boots.booted_since(found.active_of(one), *seat.last.reset);
-}
-
 }  // namespace
 
 rt::Task<void> Seating::carry_out() {
   agenda_.phase = Phase::binding;
   avoid_.clear();
   bool inquired_all = false;
-  co_await look_for_unfinished();
+  co_await unfinished_.look(avoid_);
   planning_.make(places_.readings());
   if (!found_.empty()) {
     co_await inquire_found(false);
@@ -227,7 +208,7 @@ rt::Task<bool> Seating::bind_seat(Seat& seat, Identity device, std::string reaso
     const bool taken = co_await presence_.take_where_it_is(seat, seated);
     if (taken) co_return true;
   }
-  // A device that waits for its power cycle is told again for a rare case; the others on the bus wait meanwhile.
+  // A device that waits for its power cycle seldom needs to be told again, and the others on the bus wait meanwhile.
   const bool waits = seat.power_cycle.binding && found_.active_of(comes) == seat.power_cycle.binding->old_id();
   const unsigned tries = waits ? 1 : s_.bus.timing.tries;
   Binding binding(Binding::Kind::bind, {seated, seat.id()}, tries, resumed);
@@ -295,24 +276,11 @@ rt::Task<void> Seating::go_on_after_power_cycle(Seat& seat) {
   ended(seat, binding, binder.store_said());
 }
 
-// The device that used its node-ID, and left it now, may have answered in place of the slot's device, which seemed to
-// refuse or to fail a store.
-void Seating::left_node_id(NodeId id) {
-  if (!id.configured()) return;
-  for (const auto& seat : slots_.seats()) {
-    if (seat->id() != id) continue;
-    const bool again = seat->configuration.stuck;
-    seat->configuration.stuck = false;
-    seat->configuration.failed_savings = 0;
-    if (again) slots_.happened(*seat, SlotEvent::tried_again, "trying again: another device has left its node-ID");
-  }
-}
-
 void Seating::bound(Seat& seat, const Binding& binding) {
-  if (binding.old_id() != seat.id()) left_node_id(binding.old_id());
-  left_node_id(erased_.forget(binding.assignment().device));
+  if (binding.old_id() != seat.id()) left_node_id(slots_, binding.old_id());
+  left_node_id(slots_, erased_.forget(binding.assignment().device));
   if (seat.power_cycle.binding && seat.power_cycle.binding->old_id() != seat.id())
-    left_node_id(seat.power_cycle.binding->old_id());
+    left_node_id(slots_, seat.power_cycle.binding->old_id());
   for (const Identity& device : names_of(binding)) {
     lending_.end(device);
     loans_.bound(device);
@@ -353,7 +321,7 @@ void Seating::not_bound(Seat& seat, const Binding& binding, const std::optional<
   const Identity was = binding.assignment().device.with(binding.old_id());
   if (clone) found_.note({was, binding.old_id(), true});
   if (binding.why() == Why::not_there) found_.forget(was);
-  // It came with that node-ID, and so did another, which stays: a device that answers to one address with its clone.
+  // The device came with this node-ID, and another one stays at it: its clone, which answers to the same address.
   const bool shares = binding.why() == Why::occupied && found_.active_of(binding.assignment().device) == seat.id();
   if (shares) found_.note_shared(binding.assignment().device);
   // Nothing in the device can have changed: the slot is free again. Otherwise the slot keeps it until it is seen.
@@ -365,7 +333,7 @@ void Seating::not_bound(Seat& seat, const Binding& binding, const std::optional<
                            "the slot table cannot be written: " + describe(cleared.error()));
     slots_.refresh(seat);
   }
-  if (binding.why() == Why::not_there && seat.slot.record.intended) return keep_for_its_device(seat);
+  if (binding.why() == Why::not_there && seat.slot.record.intended) return unfinished_.keep(seat);
   const std::string reason =
       fmt::format("{}: {}", to_string(binding.assignment().device), places::words_of(binding.why(), store_said));
   if (clone || binding.why() == Why::other_device) {
@@ -422,8 +390,8 @@ rt::Task<bool> Seating::blank(Identity device, std::string reason) {
                     to_string(device), binding.old_id().value()));
   } else if (good) {
     places::gave_up(s_.boots, s_.vacancy, binding.old_id());
-    left_node_id(binding.old_id());
-    left_node_id(used);
+    left_node_id(slots_, binding.old_id());
+    left_node_id(slots_, used);
     lending_.end(device);
     const auto it = found_.of(device);
     if (it != nullptr && device.has_serial()) it->active = NodeId();
@@ -444,7 +412,7 @@ rt::Task<bool> Seating::blank(Identity device, std::string reason) {
                          fmt::format("{} keeps its node-ID: {}", to_string(device),
                                      places::words_of(binding.why(), binder.store_said())));
   }
-  // It was never told anything, or takes no node-ID: nothing is left to finish.
+  // It never got a command, or takes no node-ID: nothing is left to finish.
   const bool unreached = binding.why() == places::Why::not_there && planning_.never_by_lss(device);
   const bool ends = binding.untouched() || binding.why() == places::Why::refused || unreached;
   if (!good && ends) {
@@ -545,72 +513,6 @@ rt::Task<void> Seating::take_back(const places::Found& found) {
   seat->last.taken_back = s_.executor.now();
   if (!known) co_await presence_.ask_seat(*seat);
   if (seat->there()) found_.forget(device);
-}
-
-// One question for each instead of a whole binding at every look: a device can be absent forever.
-rt::Task<void> Seating::look_for_unfinished() {
-  bool told_one = false;
-  for (auto& seat : slots_.seats()) {
-    const bool by_lss = seat->slot.spec.assign == places::Assign::lss && seat->slot.record.intended.has_value();
-    if (!by_lss) continue;
-    const Identity device = seat->slot.record.intended->device;
-    if (seat->life == Life::waits) {
-      const bool waits = co_await waits_for_its_power_cycle(*seat, told_one);
-      if (waits) avoid_.push_back(device);
-      continue;
-    }
-    const bool answers = co_await answers_by_lss(device);
-    if (answers || kept_its_former(s_, found_, *seat, device)) continue;
-    avoid_.push_back(device);
-    keep_for_its_device(*seat);
-  }
-  for (const auto& blank : slots_.unfinished_here()) {
-    const Identity device = blank.device;
-    if (equals_.came_without(device)) {
-      left_node_id(erased_.forget(device));
-      continue;
-    }
-    const bool answers = co_await answers_by_lss(device);
-    if (!answers) {
-      left_node_id(erased_.forget(device));
-      continue;
-    }
-    const auto found = found_.of(device);
-    // A device that used a loan before had no node-ID when it was found: it was switched off and on.
-    const auto* const loan = loans_.of(device);
-    const bool lent = found != nullptr && loan != nullptr && loan->id == found->active;
-    const bool rests = found != nullptr && !lent && erased_.rests(device, found->active, told_one);
-    if (rests) avoid_.push_back(device);
-  }
-}
-
-rt::Task<bool> Seating::answers_by_lss(Identity device) {
-  const bool known = found_.of(device) != nullptr || found_.of(device.with(NodeId())) != nullptr;
-  if (known) co_return true;
-  const auto id = co_await asking_.active_id(device);
-  const bool clone = !id && id.error().code == Errc::duplicate;
-  if (id || clone) found_.note({device, id ? *id : NodeId(), clone});
-  co_return id || clone;
-}
-
-// It stored its node-ID and still uses another: telling it again would wear out its memory. Now and then it is told
-// again, in case a power cycle was not heard and had no effect.
-rt::Task<bool> Seating::waits_for_its_power_cycle(Seat& seat, bool& told_one) {
-  if (!seat.power_cycle.binding || ErasedNodeIds::tells_again(seat.power_cycle.looked_at, told_one)) co_return false;
-  const NodeId old = seat.power_cycle.binding->old_id();
-  const auto booted = old.configured() ? s_.boots.boot_up(old) : std::nullopt;
-  if (booted && *booted > seat.since) co_return false;
-  const auto id = co_await asking_.active_id(seat.power_cycle.binding->assignment().device);
-  co_return !id || *id == old;
-}
-
-void Seating::keep_for_its_device(Seat& seat) {
-  reset_who_may_be_its_device(s_, slots_, found_, seat);
-  slots_.happened(
-      seat, SlotEvent::gone,
-      fmt::format("{} may have node-ID {} in its memory and does not answer: the node-ID is reserved for "
-                  "it; switch it on, or release the slot with `berth replace {}`",
-                  to_string(seat.slot.record.intended->device), seat.id().value(), shell_word(seat.name())));
 }
 
 }  // namespace berth::operate

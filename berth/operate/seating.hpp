@@ -8,6 +8,7 @@
 #include "berth/operate/erased_node_ids.hpp"
 #include "berth/operate/planning.hpp"
 #include "berth/operate/presence.hpp"
+#include "berth/operate/unfinished.hpp"
 #include "berth/rt/scope.hpp"
 
 namespace berth::operate {
@@ -37,7 +38,8 @@ class Seating {
         presence_(presence),
         planning_(planning),
         erased_(erased),
-        equals_(services, slots, found, planning) {}
+        equals_(services, slots, found, planning),
+        unfinished_(services, slots, found, loans, asking, equals_, erased) {}
 
   /// Call it before the first `carry_out`. `starter` must outlive this.
   void set_starter(EarlyStarter& starter) noexcept { starter_ = &starter; }
@@ -64,18 +66,12 @@ class Seating {
   rt::Task<bool> bind_seat(Seat& seat, Identity device, std::string reason);
   // `store_said`: `Binder::store_said`.
   void ended(Seat& seat, const places::Binding& binding, const std::optional<Error>& store_said);
-  void left_node_id(NodeId id);
   void bound(Seat& seat, const places::Binding& binding);
   void not_bound(Seat& seat, const places::Binding& binding, const std::optional<Error>& store_said);
   void learn_fixed(const places::Binding& binding);
   rt::Task<void> take_back(const places::Found& found);
   void free_absent_slots();
   void free_for_spares();
-  // What an earlier run or attempt left unfinished (S1.29, S1.53).
-  rt::Task<void> look_for_unfinished();
-  rt::Task<bool> answers_by_lss(Identity device);
-  rt::Task<bool> waits_for_its_power_cycle(Seat& seat, bool& told_one);
-  void keep_for_its_device(Seat& seat);
 
   BusServices& s_;
   SlotTable& slots_;
@@ -89,6 +85,7 @@ class Seating {
   Planning& planning_;
   ErasedNodeIds& erased_;
   Equals equals_;
+  Unfinished unfinished_;
   EarlyStarter* starter_ = nullptr;
   std::vector<Identity> avoid_;  // devices whose action failed in this round
   unsigned blanks_ = 0;

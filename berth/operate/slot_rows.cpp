@@ -99,7 +99,7 @@ SlotRows::SlotRows(const std::vector<SlotReport>& slots, const SlotRowOptions& o
     if (!kept || (widest == 0 && !slots.empty())) continue;
     constexpr std::size_t usual_state = 11;  // most slots are "operational" in the end
     constexpr std::size_t usual_id = 3;
-    constexpr std::size_t usual_since = 10;  // "9999.999 s": rows stay where they are while time goes on
+    constexpr std::size_t usual_since = 10;  // "9999.999 s": the width stays the same while time passes
     if (kind == Kind::since) widest = std::max(widest, usual_since);
     if (kind == Kind::state) widest = std::max(widest, usual_state);
     if (kind == Kind::id) widest = std::max(widest, usual_id);

@@ -68,7 +68,7 @@ SlotStartup::Go SlotStartup::goes_on() {
   return go;
 }
 
-// Why a device waits changes while it does.
+// The reason why a device waits may change.
 void SlotStartup::tell_the_waiting() {
   for (const auto& seat : slots_.seats()) {
     if (seat->slave.waits_for_start() && seat->there()) tell_why_waiting(*seat);
@@ -129,7 +129,7 @@ void SlotStartup::stop_all(const std::string& why) {
   }
 }
 
-// What was known of them belongs to the life before.
+// What is known of the devices dates from before the reset.
 void SlotStartup::await_all(const std::string& why) {
   begin();
   for (const auto& seat : slots_.seats()) {
@@ -147,7 +147,7 @@ void SlotStartup::commanded(NmtCommand command, co::NmtTarget target) {
   }
   const bool resets = command == NmtCommand::reset_node || command == NmtCommand::reset_communication;
   for (const auto& seat : slots_.seats()) {
-    // Its boot-up is no error then.
+    // The boot-up after this command is no error.
     if (resets && target.includes(seat->id()) && seat->is_booted()) seat->slave.status.phase = SlavePhase::awaited;
   }
   if (!starts) return;

@@ -18,7 +18,7 @@ using places::UnfinishedBlank;
 
 namespace {
 
-constexpr rt::Duration former_pause = std::chrono::seconds(10);  // until who sat in a slot is asked for again
+constexpr rt::Duration former_pause = std::chrono::seconds(10);  // before a slot's former device is asked for again
 
 }  // namespace
 
@@ -46,7 +46,7 @@ Result<void> SlotTable::open() {
   return {};
 }
 
-// A device without a serial number is known by its node-ID: with another one the slot has another device.
+// A device without a serial number is identified by its node-ID: another node-ID means another device.
 Result<void> SlotTable::forget_who_had_switches(Seat& seat) {
   const auto device = seat.slot.record.device();
   const bool other =
@@ -83,7 +83,7 @@ std::vector<SlotReport> SlotTable::report() const {
   for (const auto& seat : seats_) {
     SlotReport slot{s_.bus.name,         seat->id(),  seat->name(), seat->slot.spec.type, seat->slot.record.device(),
                     seat->shown_state(), seat->since, seat->reason, seat->letter(),       seat->slot.spec.asks.unasked};
-    // It asks nobody, so it never learns which device that is.
+    // An observer sends nothing, so it never learns which device this is.
     if (s_.only_observes() && slot.state == SlotState::empty && s_.boots.heard(seat->id())) {
       slot.state = SlotState::unknown;
       slot.reason = "a device sends under this node-ID; an observer asks nobody which one it is";
@@ -92,7 +92,7 @@ std::vector<SlotReport> SlotTable::report() const {
       slot.reason += slot.reason.empty() ? "" : "; ";
       slot.reason += "it is not asked for until it is heard: polling was stopped";
     }
-    // What was heard of a device that is gone is no state of the slot.
+    // The last message of a device that has left is no state of the slot.
     if (slot.state != SlotState::empty) slot.heard = s_.boots.heard(seat->id());
     if (slot.heard && slot.state != SlotState::absent) slot.nmt = s_.boots.state(seat->id());
     if (const auto& error = seat->last.emergency) {
@@ -122,7 +122,7 @@ bool SlotTable::happened(Seat& seat, SlotEvent event, std::string reason, std::o
   const bool failed = seat.life == Life::unbound || seat.life == Life::doubled;
   if (!happened_silently(seat, event)) return false;
   if (letter) seat.set_letter(*letter);
-  if (failed && event == SlotEvent::binds) {  // it is told when it ends otherwise
+  if (failed && event == SlotEvent::binds) {  // reported if it ends differently
     seat.last.failed = before;
     return true;
   }

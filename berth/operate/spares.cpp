@@ -11,12 +11,12 @@ using places::Mark;
 namespace {
 
 constexpr std::uint32_t load_signature = 0x6461'6F6C;  // "load", CiA 301 §7.5.2.14
-constexpr std::size_t most_formers = 4;                // of one slot that are looked for
+constexpr std::size_t most_formers = 4;                // of one slot; others are not looked for
 
 }  // namespace
 
 // The devices that may have this slot's node-ID in their memory and sit nowhere now, newest first: they sat here, were
-// told it once and never heard under it, or were to give it up.
+// assigned it and never heard under it, or were to give it up.
 std::vector<Identity> Spares::formers_of(const Seat& seat) const {
   std::vector<Identity> devices;
   const auto lines = slots_.store().history(seat.slot.record.slot);
@@ -36,7 +36,7 @@ std::vector<Identity> Spares::formers_of(const Seat& seat) const {
 rt::Task<bool> Spares::isolate_former(Seat& seat) {
   if (s_.only_observes() || !seat.slot.record.confirmed) co_return false;
   const Formers formers = co_await isolate(seat, formers_of(seat));
-  // What spoke here may have been one that did not hear the question: it is asked for twice more.
+  // The device that was heard here may have missed the question: it is asked for twice more.
   seat.doubt.suspect = formers.silent && !formers.isolated && ++seat.doubt.suspected < 3;
   if (!seat.doubt.suspect) seat.doubt.suspected = 0;
   if (seat.doubt.suspect) agenda_.look_anew = true;
@@ -65,7 +65,7 @@ rt::Task<bool> Spares::look_for_formers() {
 rt::Task<Spares::Formers> Spares::isolate(Seat& seat, std::vector<Identity> formers) {
   Formers result;
   for (const auto& device : formers) {
-    if (erased_.uses(device, seat.id())) continue;  // it has given it up already
+    if (erased_.uses(device, seat.id())) continue;  // it gave the node-ID up already
     Result<NodeId> id = co_await asking_.active_id_once(device);
     const bool slowly = !id && seat.doubt.suspected > 0;
     if (slowly) id = co_await asking_.active_id(device);
@@ -75,19 +75,19 @@ rt::Task<Spares::Formers> Spares::isolate(Seat& seat, std::vector<Identity> form
     const std::string text =
         sat ? planning_.text_of_return(device, *sat)
             : fmt::format("a device that sat in slot {} is back: {}", seat.name(), to_string(device));
-    if (planning_.never_by_lss(device)) {  // it was told, and refused: nothing but a hand takes it off
+    if (planning_.never_by_lss(device)) {  // it refused: only a user can remove it
       slots_.events().tell_once(EventKind::returned, text);
       planning_.returned(device, *id, text);
       continue;
     }
     slots_.events().tell(EventKind::returned, seat.name(), text);
     const std::string reason = "its slot was given to another device";
-    // The reset reaches the slot's own device too: its boot-up is no error.
+    // The reset also reaches the slot's own device; its boot-up then is no error.
     if (seat.is_booted()) seat.slave.status.phase = network::SlavePhase::awaited;
     const bool gone = co_await seating_.blank(device, reason);
     planning_.returned(device, gone ? NodeId() : *id, text);
     result.isolated = true;
-    agenda_.look_anew = true;  // the plan knows of it, too, then
+    agenda_.look_anew = true;  // so that the plan includes this device
   }
   co_return result;
 }
@@ -151,7 +151,7 @@ rt::Task<Result<bool>> Spares::foreign_date(Seat& seat) {
   co_return has != wanted->date;
 }
 
-// 1011h:01 "load", then a reset: the device has its factory settings, perhaps no node-ID, and then is bound again.
+// 1011h:01 "load", then a reset. The device then has its factory settings, perhaps no node-ID, and is bound again.
 rt::Task<bool> Spares::restore_seat(Seat& seat) {
   const NodeId id = seat.id();
   const Identity device = seat.slot.record.confirmed->device;

@@ -17,7 +17,7 @@ namespace berth::operate {
 
 namespace {
 
-// CANopenNode's CO_EM_NON_VOLATILE_MEMORY (301/CO_Emergency.h): its programs report it while there are no storage
+// CANopenNode's CO_EM_NON_VOLATILE_MEMORY (301/CO_Emergency.h): its programs report it while they have no storage
 // files.
 bool lacks_first_save(const co::Emcy& message) noexcept {
   constexpr std::uint16_t hardware = 0x5000;
@@ -33,7 +33,7 @@ std::string text_of_first_save(NodeId id) {
       id.value());
 }
 
-// Not at once: it is the person's device, and its program may end at NMT reset node instead of starting anew.
+// Asks the user first: the device is theirs, and its program may end at NMT reset node instead of restarting.
 void offer_first_save(const BusServices& services, SlotTable& slots, const Seat& seat) {
   const std::string text = fmt::format(
       "{}: its memory holds nothing that was saved, and it stays pre-operational (EMCY 5000h): save its parameters "
@@ -47,7 +47,7 @@ void offer_first_save(const BusServices& services, SlotTable& slots, const Seat&
 
 }  // namespace
 
-// How the boot-up reaches a slot's device, and what is done around its start.
+// A slot's device as the boot-up sees it, and what is done around its start.
 class Starter::Target final : public SeatTarget {
  public:
   Target(Starter& starter, Seat& seat) noexcept : SeatTarget(starter.s_, seat), starter_(starter), seat_(seat) {}
@@ -61,7 +61,7 @@ class Starter::Target final : public SeatTarget {
   Seat& seat_;
 };
 
-// What `config =` wants, or the heartbeat alone: what is brought into a device before it is started.
+// What the boot-up writes to a device before its start: `config =`, or only the heartbeat time.
 class Starter::Source final : public network::BootSource {
  public:
   Source(Starter& starter, Seat& seat) noexcept : starter_(starter), seat_(seat) {}
@@ -118,8 +118,8 @@ bool Starter::is_due() const noexcept {
   return startup_.released() || std::ranges::any_of(slots_.seats(), [](const auto& s) { return s->is_to_boot(); });
 }
 
-// The transfers of a configuration would fill a receive buffer of one frame: its device would lose the `04 00` of the
-// bindings beside it, and the questions that prove that it is not in LSS configuration.
+// The transfers of a configuration would occupy a single receive buffer: the device would lose the `04 00` of the
+// bindings beside it, and the questions that show that it is not in LSS configuration.
 rt::Task<void> Starter::start_early(Seat& seat) {
   const bool configures = seat.configuration.any() || !seat.slot.spec.software.programs.empty();
   const bool waits = slots_.events().beneath().of(seat.id());
@@ -154,15 +154,15 @@ rt::Task<void> Starter::boot(Seat& seat) {
   const auto booted = s_.boots.boot_up(seat.id());
   const bool typed = seat.last.typed != rt::Time{} && (!booted || *booted < seat.last.typed);
   co_await boots_.boot_found(seat.slave, typed);
-  // Another master starts it: whether it runs is asked of one without a heartbeat.
+  // Another master starts the device. Without a heartbeat, it is asked whether it runs.
   const bool guards = !s_.may_command() && seat.guarded && seat.slave.status.ready();
   if (guards) co_await control_.watch_running(seat);
 }
 
-// Another master started it, or a former run of Berth whose store is lost: it is left as it is, and not asked again.
+// Another master started it, or an earlier run of Berth whose store is lost: it is left as it is, and not asked again.
 rt::Task<bool> Starter::takes_running(Seat& seat) {
   const NodeId id = seat.id();
-  // One that booted before Berth's eyes and started itself is configured all the same, where Berth is the master.
+  // If Berth is the master, it also configures a device that booted while Berth ran, and started itself.
   const bool before_us = !s_.boots.boot_up(id);
   const bool may_run = s_.boots.state(id) == NmtState::operational && (before_us || !s_.may_command());
   if (!may_run) co_return false;
@@ -172,12 +172,12 @@ rt::Task<bool> Starter::takes_running(Seat& seat) {
   co_return true;
 }
 
-// Whether it is the right device is settled before: what booted here, and nothing that shares its node-ID.
+// Settles first whether this is the right device: which one booted, and whether another shares its node-ID.
 rt::Task<bool> Starter::may_boot(Seat& seat) {
-  if (configuring_.rebooted(seat)) co_return false;  // which device booted is asked first
+  if (configuring_.rebooted(seat)) co_return false;  // first ask which device booted
   const bool shares = presence_.waits_beside_another(seat);
   if (shares) co_return false;
-  // A second answer was heard under it: before anything is written and saved there, they are told apart once.
+  // A second answer was heard under its node-ID: before anything is written or saved, the two are separated once.
   if (seat.doubt.shared >= Duplicates::most_tries && !s_.only_observes()) {
     agenda_.look_anew = true;
     co_return false;
@@ -198,7 +198,7 @@ void Starter::ended(network::Slave& slave) noexcept {
   } else if (configuring_.rebooted(seat)) {
     seat.boot_again();
   } else if (!s_.may_command() && s_.watched_state(seat.id()) == NmtState::operational) {
-    // It told so while it was looked at: its next heartbeat is no news.
+    // It reported operational while it was checked: its next heartbeat is no news.
     slave.status.phase = network::SlavePhase::started;
     slots_.happened(seat, SlotEvent::operational);
   } else if (slave.starting) {
@@ -217,7 +217,7 @@ void Starter::started(network::Slave& slave, const Result<bool>& ran) noexcept {
   slots_.happened(seat, SlotEvent::boot_failed, "NMT start could not be sent: " + describe(ran.error()));
 }
 
-// True: the letter is that of its boot-up. Else it is another device's, or of the life before.
+// True: the letter is that of this boot-up. Otherwise it is that of another device or of an earlier boot-up.
 bool Starter::boot_failed(Seat& seat, const network::BootResult& result) {
   using Status = manager::BootStatus;
   const bool unwritten = result.status == Status::i && seat.life == Life::present;
@@ -239,7 +239,7 @@ bool Starter::boot_failed(Seat& seat, const network::BootResult& result) {
       const bool counts =
           slots_.happened(seat, SlotEvent::boot_failed, unreadable.empty() ? result.text() : unreadable);
       if (!counts) return false;
-      // Its flash memory is not written again before it boots, or a person says so.
+      // Its flash memory is not written again before it boots, or a user asks for it.
       if (result.status == Status::i) seat.configuration.stuck = true;
       return true;
     }
@@ -248,17 +248,17 @@ bool Starter::boot_failed(Seat& seat, const network::BootResult& result) {
   }
 }
 
-// It restarts into its boot loader and out of it; what answers then must be the same device.
+// It restarts into its boot loader and out of it; the device that answers afterwards must be the same.
 rt::Task<Result<void>> Starter::update(Seat& seat, network::BootTarget& target) {
   if (configuring_.rebooted(seat)) co_return fail(Errc::mismatch, "another device may have booted here");
   const auto updated = co_await programming_.update(seat, target);
-  // Its restarts are not those of another device, and no reason to write its flash memory again.
+  // Its restarts do not mean another device, and are no reason to write its flash memory again.
   const rt::Time asked = s_.executor.now();
   const auto who = co_await places::read_identity(s_.sdo, seat.id());
   const bool same = who && seat.sits(*who);
   if (same) seat.checked = asked;
   if (same && updated) slots_.happened(seat, SlotEvent::prepared, "it has its programs");
-  // On a bus that nothing acknowledges it is away, too.
+  // A device on a bus without acknowledgement is away, too.
   const bool silent = !who && (who.error().code == Errc::timeout || who.error().code == Errc::bus);
   if (silent) {
     slots_.set_absent(seat, "it fell silent while it was programmed");
@@ -266,7 +266,7 @@ rt::Task<Result<void>> Starter::update(Seat& seat, network::BootTarget& target) 
   co_return updated;
 }
 
-// The slot's state says what failed.
+// The slot's state shows what failed.
 rt::Task<Result<void>> Starter::configure(Seat& seat) {
   bool ready = false;
   if (seat.configuration.any() && !s_.only_observes()) {
@@ -289,17 +289,17 @@ rt::Task<Result<void>> Starter::bring_up_beneath(Seat& seat) {
   co_return done;
 }
 
-// Another master has started it, or it was out of reach and ran on, and the slot does not know: no second start.
+// Another master has started it, or it ran on while out of reach, and the slot does not know: no second start.
 rt::Task<bool> Starter::runs_already(Seat& seat) {
   const NodeId id = seat.id();
-  // A bus with one master is asked only where the last word of the device was that it runs.
+  // On a bus with one master, only a device that last reported operational is asked.
   const bool alone = !s_.bus.flying;
   if (alone && (seat.guarded || s_.boots.state(id) != NmtState::operational)) co_return false;
   if (seat.guarded) {
     const auto guarded = co_await co::guard_once(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
     co_return guarded && guarded->state == NmtState::operational;
   }
-  // One that was out of reach answers questions before its next heartbeat tells its state.
+  // A device that was out of reach answers questions before its next heartbeat reports its state.
   const rt::Time asked = s_.executor.now();
   const auto told = [&] { return beats(seat) && (!alone || *s_.boots.heard(id) > asked); };
   const rt::Duration period = heartbeat_period(s_.bus.timing, seat);
@@ -314,7 +314,7 @@ bool Starter::beats(const Seat& seat) const noexcept {
   return s_.heard_within(seat.id(), heartbeat_timeout(s_.bus.timing, seat));
 }
 
-// All mandatory devices are ready, or a person said so.
+// All mandatory devices are ready, or a user asked for the start.
 rt::Task<void> Starter::start_waiting() {
   rt::Scope starts(s_.executor, asking_.most_at_once());
   for (auto& seat : slots_.seats()) {
@@ -352,9 +352,9 @@ rt::Task<std::string> Starter::stopped_program(NodeId id) {
   co_return fmt::format("; its program 1 does not run (1F51h:01){}", cure);
 }
 
-// Operational is what the device says in its heartbeat, not what it was told.
+// The device's heartbeat decides whether it is operational, not the command that it got.
 rt::Task<void> Starter::await_operational() {
-  // One that boots again is asked anew.
+  // A device that boots again is asked anew.
   const auto waits = [this](const Seat* s) {
     return s->slave.status.phase == network::SlavePhase::started && s->life == Life::present &&
            !configuring_.rebooted(*s);
@@ -390,15 +390,15 @@ rt::Task<void> Starter::await_operational() {
     if (unsaved) why = text_of_first_save(seat->id());
     seat->set_letter(manager::BootStatus::k);
     slots_.happened(*seat, SlotEvent::boot_failed, why);
-    // Nothing changes before it boots, a heartbeat comes, or a person says so.
+    // Nothing changes before it boots, sends a heartbeat, or a user acts.
     seat->configuration.stuck = unsaved || watched;
     if (unsaved) offer_first_save(s_, slots_, *seat);
   }
 }
 
-// NMT commands have no answer, and every device hears those of all: a slow one's receive buffer overruns when a hundred
-// come back to back. A device that tells that it is not operational yet is told again, one after the other at a pace
-// that any device follows. One that tells nothing may run.
+// NMT commands have no answer, and every device receives the commands for all others: a hundred frames back to back
+// overrun a slow device's receive buffer. A device that reports that it is not operational yet is commanded again, one
+// after the other, at a pace that any device follows. A silent device may run.
 rt::Task<void> Starter::start_again(rt::Time since) {
   const std::vector<Seat*> all = awaited_;
   for (Seat* const seat : all) {

@@ -12,12 +12,12 @@ namespace berth::operate {
 
 namespace {
 
-// Why a slot stays as it is: a person's command did it.
+// Why a slot keeps its state: a user's command caused it.
 std::string made(NmtState state, NodeId id) {
   return fmt::format("NMT {} by command; `berth nmt start {}` starts it", berth::name(state), id.value());
 }
 
-// Stopped is what it was told to be; pre-operational may be its answer to an error, and is started again.
+// Stopped was commanded. Pre-operational may be the device's reaction to an error: it is started again.
 bool stays(const Seat& seat, NmtState state) noexcept { return seat.held || state == NmtState::stopped; }
 
 const char* silence_of(const Seat& seat) noexcept {
@@ -34,7 +34,7 @@ std::string text_of_leaving(const Seat& seat, NmtState state) {
 
 }  // namespace
 
-// What a slot's device tells shows at once; what has to be asked first waits for the turn.
+// Shows at once what a slot's device reports. What must be asked first waits for the turn.
 void Supervision::show(Seat& seat, const Wake& wake, NmtState state) {
   if (seat.life != Life::operational) return;
   if (wake.kind == Wake::Kind::lost) {
@@ -72,7 +72,7 @@ void Supervision::heartbeat(const co::HeartbeatEvent& event, rt::Time at) {
     return;
   }
   if (seat != nullptr) show(*seat, wake, event.state);
-  // A search is broken off for it.
+  // Such a boot-up interrupts a search.
   const bool boots = wake.kind == Wake::Kind::boot_up;
   const bool ours = boots && loans_.of_ours(event.node, at);
   const bool sits = seat != nullptr && seat->slot.record.confirmed;
@@ -82,8 +82,8 @@ void Supervision::heartbeat(const co::HeartbeatEvent& event, rt::Time at) {
   agenda_.wakes.push(wake);
 }
 
-// A slot may wait for it. One that boots again and again, and is not taken, ends no search each time, and what is told
-// of a slot does not wait for it. What Berth gives its node-ID at this moment is known.
+// A slot may wait for this device. If it boots again and again and is not taken, it does not interrupt the search each
+// time, and a slot's report does not wait for it. A device that Berth gives its node-ID at this moment is known.
 bool Supervision::comes_anew(NodeId node, const Seat* seat, rt::Time at) noexcept {
   if (seat != nullptr && seat->life == Life::binding) return false;
   const bool waits = std::ranges::any_of(slots_.seats(), [](const auto& s) { return !s->slot.record.device(); });
@@ -94,7 +94,7 @@ bool Supervision::comes_anew(NodeId node, const Seat* seat, rt::Time at) noexcep
   return !lately;
 }
 
-// As what a heartbeat tells. Boot-ups are heard of all nodes.
+// Treated like the report of a heartbeat. Boot-ups are received from all nodes.
 void Supervision::guarding(const co::GuardingEvent& event, rt::Time at) {
   using Guard = co::GuardingEvent::Kind;
   using Beat = co::HeartbeatEvent::Kind;
@@ -115,7 +115,7 @@ void Supervision::check_rates() {
     const auto beats = s_.boots.beats(seat->id());
     const auto elapsed = s_.executor.now() - seat->rate.at;
     const auto period = heartbeat_period(s_.bus.timing, *seat);
-    if (seat->guarded || seat->life == Life::unfit) continue;  // when it is asked next is for `ask_the_unwatched`
+    if (seat->guarded || seat->life == Life::unfit) continue;  // `ask_the_unwatched` decides when it is asked next
     if (seat->life != Life::operational || period.count() == 0 || elapsed < 4 * period) {
       if (seat->life != Life::operational) {
         seat->rate.beats = beats;
@@ -133,7 +133,7 @@ void Supervision::check_rates() {
   }
 }
 
-// Two devices answer each question twice; one that beats at a period of its own is alone.
+// Two devices answer each question twice. A device with a steady heartbeat period of its own is alone.
 rt::Task<bool> Supervision::beats_alone(Seat& seat) {
   const bool steady = s_.boots.steady(seat.id()).has_value();
   if (!steady || s_.only_observes()) co_return false;
@@ -167,14 +167,14 @@ void Supervision::commanded(co::NmtCommand command, co::NmtTarget target, bool l
     if (!target.includes(seat->id())) continue;
     const bool stops = command == co::NmtCommand::stop;
     seat->held = stops || command == co::NmtCommand::enter_pre_operational;
-    // Its heartbeat tells what it is. Without one, or when nothing listens any more, it is what it was told.
+    // Its heartbeat reports its state. Without one, or if nothing listens any more, the commanded state counts.
     const bool unheard = seat->there() && (seat->guarded || !listens);
     if (!unheard) continue;
     if (seat->held && seat->life == Life::operational) {
       const NmtState state = stops ? NmtState::stopped : NmtState::pre_operational;
       slots_.happened(*seat, SlotEvent::pauses, made(state, seat->id()));
     } else if (command == co::NmtCommand::start && seat->life == Life::present) {
-      seat->boot_again();  // it is started as any other, and asked by guarding
+      seat->boot_again();  // it is started like any other, and asked by guarding
     }
   }
 }
@@ -185,16 +185,16 @@ rt::Task<void> Supervision::handle(Wake wake) {
   const bool of_ours = booted_so && loans_.of_ours(wake.node, wake.at);
   if (of_ours && seat != nullptr && !seat->slot.record.confirmed) co_return;
   if (seat == nullptr) {
-    // A boot-up under a node-ID of no slot here, or under the master's own: look what it is.
+    // A boot-up under a node-ID without a slot, or under the master's own: find out which device it is.
     if (booted_so && !of_ours) agenda_.look_anew = true;
     co_return;
   }
   switch (wake.kind) {
     case Wake::Kind::boot_up: co_return co_await booted(*seat, wake.at);
     case Wake::Kind::lost:
-      // It was asked since, and there or not; or no heartbeat is waited for any more.
+      // It was asked meanwhile, with or without success; or no heartbeat is expected any more.
       if (wake.at <= seat->checked || seat->rate.by_sdo) co_return;
-      // One that booted may send no heartbeat before it is configured; its boot-up tells whether it is there.
+      // A device that booted may send no heartbeat before it is configured; its boot-up shows whether it is there.
       if (!seat->is_to_boot()) lost(*seat);
       co_return;
     case Wake::Kind::recovered: {
@@ -203,7 +203,7 @@ rt::Task<void> Supervision::handle(Wake wake) {
       if (seldom) ErrorControl(s_, slots_).take_period(*seat, *steady);
       const bool back = !seat->there() && wake.at > seat->checked;
       if (back) co_await came_back(*seat, wake.at);
-      // It came back before its loss was dealt with; what it tells now may be another state than before.
+      // It came back before its loss was handled; it may now report another state than before.
       co_return co_await told_state(*seat);
     }
     case Wake::Kind::state: co_return co_await told_state(*seat);
@@ -217,7 +217,7 @@ rt::Task<void> Supervision::booted(Seat& seat, rt::Time at) {
     if (waits && s_.watched_state(seat.id()) != NmtState::operational) seat.boot_again();
     co_return;
   }
-  // It was at work a moment ago: what booted may be a second device, which sends no heartbeat and is not heard again.
+  // It ran a moment ago: a second device may have booted, which sends no heartbeat and is not heard again.
   const bool was_there = seat.there() || seat.life == Life::asked;
   if (was_there && seat.slave.status.ready()) startup_.error_event(seat, "it booted by itself");
   if (was_there && seat.is_booted()) seat.doubt.shared = std::max(seat.doubt.shared, 1U);
@@ -235,7 +235,7 @@ void Supervision::lost(Seat& seat) {
   make_free(seat);
 }
 
-// The first heartbeat of a device that was letter K says what it is. How often they come is not known yet.
+// The first heartbeat of a device with letter K shows its state. Its period is not known yet.
 bool Supervision::hears_at_last(Seat& seat) {
   const auto heard = s_.boots.heard(seat.id());
   const bool beats = seat.is_unheard() && heard && *heard > seat.since;
@@ -260,13 +260,13 @@ rt::Task<void> Supervision::ask_the_unwatched() {
     const auto steady = s_.boots.steady(seat->id());
     const bool beats = seat->rate.by_sdo && seat->life == Life::operational && steady;
     if (beats) ErrorControl(s_, slots_).take_period(*seat, *steady);
-    // A device of another type was not told to send a heartbeat.
+    // A device of another type was not configured to send heartbeats.
     const bool unfit = seat->life == Life::unfit && !s_.only_observes() && !s_.heard_within(seat->id(), pause);
     const bool watched = (seat->rate.by_sdo && seat->life == Life::operational) || seat->is_unheard() || unfit;
     if (!watched || s_.executor.now() < seat->rate.at + pause) continue;
     const auto type = co_await s_.sdo.read<std::uint32_t>(seat->id(), 0x1000, 0);
     seat->rate.at = s_.executor.now();
-    // On a bus that nothing acknowledges it is away, too.
+    // A device on a bus without acknowledgement is away, too.
     const bool silent = !type && (type.error().code == Errc::timeout || type.error().code == Errc::bus);
     if (silent && (seat->rate.by_sdo || unfit)) lost(*seat);
   }
@@ -292,7 +292,7 @@ void Supervision::look_at_voices() {
   }
 }
 
-// With `replacement = "auto"` its slot is for the next device of its type.
+// With `replacement = "auto"` its slot is free for the next device of its type.
 void Supervision::make_free(Seat& seat) {
   const bool automatic = seat.slot.spec.replacement == places::Replacement::automatic;
   if (!automatic || !seat.slot.record.device()) return;
@@ -301,11 +301,11 @@ void Supervision::make_free(Seat& seat) {
   agenda_.look_anew = true;
   agenda_.anew_at = s_.executor.now();  // a device that waited for the slot is seated
   seat.last.hurried = {};
-  // A replacement that comes now is heard at once; the long search for devices with a node-ID would be in its way.
+  // A replacement that comes now is heard at once; the long search for devices with a node-ID would delay it.
   agenda_.rest_at = std::max(agenda_.rest_at, s_.executor.now() + 8 * s_.bus.timing.probe_period);
 }
 
-// Two voices, one that was started and one that was not, look like one device that leaves operational at each
+// Two devices under one node-ID, one started and one not, look like one device that leaves operational at each
 // heartbeat.
 void Supervision::doubt_who_leaves(Seat& seat) {
   constexpr unsigned often = 3;
@@ -320,17 +320,17 @@ void Supervision::doubt_who_leaves(Seat& seat) {
 
 rt::Task<void> Supervision::told_state(Seat& seat) {
   const auto state = s_.watched_state(seat.id());
-  // Now it answers SDO, and can be asked what it is.
+  // It answers SDO now, and can be identified.
   const bool answers = seat.life == Life::stopped && state && *state != NmtState::stopped;
   if (answers) co_return co_await presence_.ask_seat(seat);
   const bool left = seat.life == Life::left && state && *state != NmtState::operational;
   if (!left) {
-    // From stopped to pre-operational, say, as it was told.
+    // For example from stopped to pre-operational, as commanded.
     const bool made_else = seat.held && seat.life == Life::present && state;
     if (made_else) slots_.happened(seat, SlotEvent::pauses, made(*state, seat.id()));
     co_return;
   }
-  // A second device under this node-ID tells its own state.
+  // A second device under this node-ID reports its own state.
   const rt::Time told = s_.executor.now();
   const bool other = co_await spares_.isolate_former(seat);
   if (other) co_return co_await came_back(seat, told);
@@ -338,7 +338,7 @@ rt::Task<void> Supervision::told_state(Seat& seat) {
   slots_.happened(seat, SlotEvent::pauses, text_of_leaving(seat, *state));
 }
 
-// A device that boots again and again, and is not taken, does not keep the bus busy.
+// A device that boots again and again, and is not taken, must not keep the bus busy.
 void Supervision::hurry(Seat& seat) {
   const rt::Time now = s_.executor.now();
   const bool lately = seat.last.hurried != rt::Time{} && now < seat.last.hurried + 8 * s_.bus.timing.probe_period;
@@ -347,7 +347,7 @@ void Supervision::hurry(Seat& seat) {
   agenda_.anew_at = std::min(agenda_.anew_at, now);
 }
 
-// A device booted, or spoke again, under the slot's node-ID: is it the slot's device?
+// A device booted, or was heard again, under the slot's node-ID: is it the slot's device?
 rt::Task<void> Supervision::came_back(Seat& seat, rt::Time booted) {
   const bool told = std::exchange(seat.last.heard_again, s_.executor.now()) == s_.executor.now();
   if (!told)
@@ -369,7 +369,7 @@ rt::Task<void> Supervision::came_back(Seat& seat, rt::Time booted) {
     co_return;
   }
   co_await presence_.ask_seat(seat);
-  // Identified before it booted again: what was read belongs to the life before.
+  // It was identified before it booted again: what was read is outdated.
   if (s_.boots.boot_up(seat.id()) && *s_.boots.boot_up(seat.id()) > booted) seat.checked = booted;
   if (restarts < most_restarts || seat.life != Life::present) co_return;
   seat.configuration.restarts = 0;

@@ -36,7 +36,7 @@ places::Binder::Options binder_options(const design::Timing& t) {
   return o;
 }
 
-// A device that did not answer the saving is asked for as long again as the saving was allowed to take.
+// A device that did not answer the save command is asked for as long again as the save may take.
 manager::ConfiguratorOptions configurator_options(const design::Timing& t) {
   manager::ConfiguratorOptions o;
   o.tries = t.tries;

@@ -22,7 +22,7 @@ constexpr std::size_t longest_name = 200;
 
 const char* extension(WrittenFiles::Form form) noexcept { return form == WrittenFiles::Form::dcf ? ".dcf" : ".cdcf"; }
 
-// Names are a person's: what a file name may not have, or a program may take for something else, stands as %2F.
+// Users choose the names: characters that a file name cannot have, or that a program may misread, are written like %2F.
 std::string escaped(std::string_view name, bool dots) {
   std::string made;
   for (const char c : name) {

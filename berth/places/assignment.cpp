@@ -8,7 +8,8 @@ namespace {
 
 constexpr std::size_t none = static_cast<std::size_t>(-1);
 
-/// A matching, enlarged path by path (Berge's theorem). With at most 127 slots nothing faster is needed.
+/// A maximum matching, enlarged by augmenting paths (Berge's theorem). With at most 127 slots, nothing faster is
+/// needed.
 class Matching {
  public:
   explicit Matching(const FitGraph& graph)
@@ -84,7 +85,7 @@ bool all_placed(const FitGraph& graph) {
   return true;
 }
 
-// The device fits this slot only, and the slot takes no other.
+// The graph in which the device fits only this slot, and the slot takes no other device.
 FitGraph with_pair(const FitGraph& graph, std::size_t device, std::size_t slot) {
   FitGraph paired = graph;
   for (auto& fits : paired.fits) std::erase(fits, slot);

@@ -14,12 +14,12 @@ using namespace std::chrono_literals;
 
 constexpr std::uint8_t store_unsupported = 1;  // CiA 305, error code of 17h
 
-// From the selection, or a blanking's row, to the release: a run that ends in between has told one device of one
-// node-ID at most.
+// The binding holds LSS from the selection (a blanking: from its row in the store) to the release. So a run that ends
+// in between has told at most one device a node-ID.
 //
-// One without a node-ID that hears `04 00` leaves LSS configuration and boots; one that missed it stays there, does not
-// boot, and answers the proof before the next device is told anything. One that is reset may be both, in configuration
-// and deaf while it boots: nothing is said by LSS before it has booted.
+// A device without a node-ID that hears `04 00` leaves LSS configuration and boots. One that missed it stays in
+// configuration, does not boot, and answers the proof before the next device is told anything. A device that is reset
+// may be in configuration and yet deaf while it boots: so no LSS request is sent before it has booted.
 bool needs_lss(const Binding& binding) noexcept {
   switch (binding.step()) {
     case Step::write_ask:
@@ -95,7 +95,7 @@ rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::stri
       const bool silent = silent_once_;
       const bool inquires = true;
       const Outcome selected = co_await select(device, inquires);
-      // A booting device need not be slow.
+      // Silence does not prove a slow device here: it may be booting.
       if (binding.staying().asked) silent_once_ = silent;
       co_return selected;
     }
@@ -138,7 +138,7 @@ rt::Task<Outcome> Binder::vacant(NodeId id, const Identity& device) {
   if (!silent) {
     const auto who = co_await read_identity(s_.sdo, id);
     bool itself = who && who->agrees(device) && (device.has_serial() || id == options_.uses);
-    // A search may have lent it this node-ID, and 1018h differed from LSS.
+    // The device may have this node-ID on loan from a search, and report another identity in 1018h than by LSS.
     if (who && !itself && id == options_.uses && device.has_serial()) {
       const Identity said = *who;
       const Identity expected = device;
@@ -199,15 +199,15 @@ rt::Task<Outcome> Binder::select(const LssAddress& device, bool inquires) {
   co_return Outcome::error;
 }
 
-// It was selected, and is in configuration, wherever it is.
+// The device was selected, so it is still in configuration although it did not answer.
 Outcome Binder::unanswered(const Error& error) noexcept {
   const Outcome outcome = outcome_of(error);
   if (outcome == Outcome::silent) s_.lss.lost_one();
   return outcome;
 }
 
-// A second answer is that of a device which heard nothing while the proof was asked: what it was told is taken back by
-// `revert`, which all that are in configuration hear, and the device is selected anew.
+// A second answer comes from a device that heard nothing of the proof. `revert`, which all devices in configuration
+// hear, takes back the node-ID that it was told; then the intended device is selected again.
 rt::Task<Outcome> Binder::configure(NodeId id) {
   const auto reply = co_await s_.lss.configure_node_id(id);
   if (!reply) co_return unanswered(reply.error());
@@ -222,9 +222,9 @@ rt::Task<Outcome> Binder::still_alone(const Binding& binding) {
   co_return *alone == lss::Selection::alone ? Outcome::ok : Outcome::several;
 }
 
-// A device that was deaf while the proof was asked may have heard the 11h: its answer is waited for half as long again
-// as answers take here, for a whole window where a device was lost. It may have heard the repetition alone, whose
-// second answer is not waited for.
+// A device that was deaf during the proof may have heard the 11h. Berth waits for its answer 1.5 times as long as the
+// slowest answer on this bus took; if a device was lost, a whole window. If the 11h was repeated, that device may have
+// heard only the repetition, after which Berth does not wait for a second answer: so the proof is asked again.
 rt::Task<Outcome> Binder::configure_alone(const Binding& binding) {
   lss::ServiceOptions service = s_.lss.options().service;
   service.full_window = s_.lss.answer_times().lost;
@@ -239,12 +239,15 @@ rt::Task<Outcome> Binder::configure_alone(const Binding& binding) {
   co_return co_await still_alone(binding);
 }
 
-// A node-ID is given back to the device that had it alone: another that is left in configuration would take it at the
-// next `04 00`. When that is not proven, all that are in configuration are told to have none, and nothing is stored.
+// The device gets its old node-ID back only if it is proven alone in configuration: another device there would take
+// that node-ID, too, at the next `04 00`. Without the proof, all devices in configuration are told to have no node-ID,
+// and nothing is stored.
 //
-// What two devices were told may stand in the memory of both, and what was stored before it went wrong would come into
-// use when the device is reset. A device that is in LSS waiting with a node-ID that another device uses is looked for:
-// as Lely core's slaves it may wait for the next reset of all to use it.
+// Otherwise, the reverted node-ID is stored in two cases. If two devices were told the new one, both may have stored
+// it. And a node-ID stored before the binding failed would come into use at the device's next reset.
+//
+// If another device uses the new node-ID, this one may be in LSS waiting with that node-ID pending: Lely core's slaves
+// activate it only at the next reset of all nodes. So the device is selected again.
 rt::Task<Outcome> Binder::revert(const Binding& binding) {
   const LssAddress device = binding.assignment().device.address;
   NodeId id = binding.revert_to();
@@ -273,13 +276,14 @@ rt::Task<Outcome> Binder::revert(const Binding& binding) {
   if (binding.shared()) s_.lss.took_back();
   if (!stores) co_return outcome;
   if (!binding.shared()) co_return co_await store(false);
-  // Both twice: one that is still storing what it was told before hears nothing of the first.
+  // Both requests twice: a device that is still storing the earlier node-ID does not hear the first ones.
   co_await store(true);
   co_await configure(first);
   co_return co_await store(true);
 }
 
-// A second answer may be a late first one; two answers to one request within one window are two devices (S1.22).
+// A second answer may be the late answer to an earlier request. Two answers to one request within one window come from
+// two devices (S1.22).
 rt::Task<Outcome> Binder::confirm_clone(const LssAddress& device) {
   lss::ServiceOptions whole = s_.lss.options().service;
   whole.full_window = true;
@@ -294,11 +298,12 @@ rt::Task<Outcome> Binder::confirm_clone(const LssAddress& device) {
   co_return doubled >= 2 ? Outcome::several : Outcome::ok;
 }
 
-// A device without a node-ID takes it at `04 00` and boots by itself (CiA 305). Lely core's slaves wait for NMT reset
-// communication, and obey it under the node-ID that they have meanwhile, whatever 5Eh says: 255, which no device with a
-// node-ID has. It is sent to those that are slow, too, and means nothing to them.
+// A device without a node-ID activates the new one at `04 00` and boots by itself (CiA 305). Lely core's slaves wait
+// for NMT reset communication, and obey it only under the node-ID that they still have, whatever 5Eh reports: 255,
+// which no device with a node-ID has. Slow devices get this command, too; it has no effect on them.
 //
-// One that is heard to boot under its old node-ID may be another that had the same: this one may be slower.
+// A boot-up under the old node-ID may come from another device that has the same one. This device may be slower, so it
+// gets more time.
 rt::Task<Outcome> Binder::await_boot_up(const Binding& binding) {
   rt::Executor& executor = s_.dispatcher.executor();
   const BootWatch::BootUp moves{binding.assignment().id, moved_};
@@ -321,7 +326,8 @@ rt::Task<Outcome> Binder::await_boot_up(const Binding& binding) {
   co_return asks_soon || stayed() ? Outcome::mismatch : Outcome::silent;
 }
 
-// Not while another device has a node-ID pending that is not stored yet; and LSS rests until it has booted.
+// Takes LSS, so that no other device has a pending node-ID that is not stored yet. No other binding uses LSS until this
+// device has booted.
 rt::Task<void> Binder::wake() {
   co_await take_lss();
   co_await rt::sleep_for(options_.slow_inhibit);  // a single-slot receive buffer would lose it after another's `04 00`
@@ -343,8 +349,8 @@ void wake_unconfigured(can::Dispatcher& dispatcher) noexcept {
   dispatcher.send(reset);
 }
 
-// The last question before the 11h: another device in configuration that heard it, or any before it, answers after the
-// first answer, and is waited for.
+// The last question before the 11h. Another device in configuration that heard it, or an earlier one, answers after the
+// first answer: so Berth waits for a second one.
 rt::Task<Outcome> Binder::inquire(Binding& binding) {
   const LssAddress device = binding.assignment().device.address;
   lss::ServiceOptions service = s_.lss.options().service;
@@ -367,13 +373,13 @@ rt::Task<Outcome> Binder::inquire(Binding& binding) {
   const auto now = NodeId::make(reply.byte());
   if (!now) co_return Outcome::silent;
   binding.inquired(*now);
-  // The device with the node-ID has no LSS, and has the serial number of the selected one.
+  // Then another device uses the intended node-ID: it has no LSS, and the same serial number as the selected device.
   const bool twin = answers_there_ && *now != binding.assignment().id && !options_.may_use_another;
   co_return twin ? Outcome::several : Outcome::ok;
 }
 
-// It does not tell its node-ID: what is known of it counts, or where it answers by SDO. One that was told another since
-// then may have that by now.
+// The device does not report its node-ID by LSS. Its known node-ID counts, else the one under which it answers SDO. If
+// it has been told another one since, it may use that by now: then only SDO counts.
 rt::Task<Outcome> Binder::find_node_id(Binding& binding) {
   const bool told = binding.staying().asked;
   NodeId id = told ? NodeId() : options_.uses;
@@ -387,8 +393,8 @@ rt::Task<Outcome> Binder::find_node_id(Binding& binding) {
   co_return Outcome::ok;
 }
 
-// One that was deaf while the proof was asked, and heard the 11h, answers it, too: after the first answer, while
-// nothing is asked. One that was lost in configuration may have heard the 17h in the place of this one, and answered.
+// A device that was deaf during the proof but heard the 11h answers it, too: after the first answer, while no request
+// is under way. A device that was lost in configuration may have heard the 17h, and answered it instead of this one.
 rt::Task<Outcome> Binder::store_alone(const Binding& binding) {
   co_await rt::sleep_until(std::max(s_.lss.earliest(), options_.stores_end));
   if (s_.lss.answer_times().unexpected != unexpected_) {
@@ -397,14 +403,13 @@ rt::Task<Outcome> Binder::store_alone(const Binding& binding) {
   }
   const Outcome outcome = co_await store(false);
   const bool sure = outcome != Outcome::ok || !s_.lss.answer_times().lost;
-  // One that does not say who it is tells so by SDO when it has booted.
+  // A device that does not answer identity inquiries is identified by SDO, after it has booted.
   const bool mute = s_.lss.lacks().has(binding.assignment().device.address, lss::Lackable::inquire_identity);
   if (sure || mute) co_return outcome;
   co_return co_await still_alone(binding);
 }
 
-// When more than one device was told (`by_all`), each is waited for: its late answer would be taken for that to the
-// next 17h.
+// If more than one device was told (`by_all`), Berth waits for each answer: a late one would count for the next 17h.
 rt::Task<Outcome> Binder::store(bool by_all) {
   if (s_.dispatcher.executor().now() < options_.stores_end) co_await rt::sleep_until(options_.stores_end);
   lss::ServiceOptions options = s_.lss.options().store;
@@ -415,7 +420,7 @@ rt::Task<Outcome> Binder::store(bool by_all) {
   co_return unsupported ? Outcome::unsupported : unanswered(reply.error());
 }
 
-// Another device came under the node-ID since it was asked.
+// Another device has appeared under the node-ID since the question whether it is vacant.
 bool Binder::is_taken(const Binding& binding) const noexcept {
   return binding.kind() == Binding::Kind::bind && binding.old_id() != binding.assignment().id &&
          !s_.boots.silent_since(binding.assignment().id, watch_since_);
@@ -430,13 +435,13 @@ rt::Task<Outcome> Binder::release(const Binding& binding) {
 }
 
 rt::Task<Outcome> Binder::reset(const Binding& binding) {
-  // A device that took its new node-ID with 04h 00h already has booted under it, or another came with it, perhaps in
-  // the pause: look which it is.
+  // A frame under the new node-ID: the device has activated it at 04h 00h already and booted, or another device came
+  // with it, perhaps during the pause. Then `identify` shows which one it is.
   const auto heard = [&] {
     return binding.kind() == Binding::Kind::bind && !s_.boots.silent_since(binding.assignment().id, moved_);
   };
   if (heard()) co_return Outcome::ok;
-  // A single-slot receive buffer would lose this behind the `04 00` just sent.
+  // A single-slot receive buffer would lose this right after the `04 00`.
   co_await rt::sleep_for(options_.slow_inhibit);
   if (heard()) co_return Outcome::ok;
   const auto command = binding.staying().once ? co::NmtCommand::reset_node : co::NmtCommand::reset_communication;
@@ -447,25 +452,28 @@ rt::Task<Outcome> Binder::reset(const Binding& binding) {
 
 rt::Task<Outcome> Binder::identify(const Binding& binding) {
   const NodeId id = binding.assignment().id;
-  // It did not boot, and a second device with its node-ID did not either: one with a single-slot receive buffer would
-  // lose the question after `04 00`, and the next ones after the answers of the first.
+  // The device did not boot, and neither did a second one that may have the same node-ID. With a single-slot receive
+  // buffer, the second one would lose the question right after `04 00`, and the next ones right after the first one's
+  // answers.
   const bool stayed = binding.old_id() == id;
   if (stayed) co_await rt::sleep_for(options_.slow_inhibit);
   const auto surplus = s_.sdo.surplus(id);
   const rt::Time began = s_.dispatcher.executor().now();
   auto who = co_await read_identity(s_.sdo, id);
-  // A boot-up that came while the first question was repeated: the device's own, or that of another which came with
-  // this node-ID. Neither must be woken.
+  // A boot-up during the repetitions of the first question comes from the device itself, or from another one that came
+  // with this node-ID. Neither must be woken.
   const bool came = !who && who.error().code == Errc::timeout && !s_.boots.silent_since(id, began);
   if (came) who = co_await read_identity(s_.sdo, id);
-  // In NMT stopped it answers no SDO (CiA 301 §7.3.2.2). It is being seated, and is started like any other afterwards.
+  // A device in NMT stopped answers no SDO (CiA 301 §7.3.2.2). It may leave that state: after the binding, it is
+  // started like any other device.
   const bool stopped = !who && who.error().code == Errc::timeout && stayed && s_.boots.state(id) == NmtState::stopped;
   if (stopped) {
     const auto sent = co_await s_.nmt.send(co::NmtCommand::enter_pre_operational, id);
     if (sent) co_await rt::sleep_for(options_.slow_inhibit);
     who = co_await read_identity(s_.sdo, id);
   }
-  // Lely core's slaves report the pending node-ID by 5Eh, so they were not waited for: they have not booted yet.
+  // Lely core's slaves report the pending node-ID by 5Eh. So the binding did not wait for their boot-up, and they have
+  // not booted yet.
   const bool asleep = !who && who.error().code == Errc::timeout && binding.old_id() == id && !woken_;
   if (asleep) {
     woken_ = true;
@@ -476,7 +484,7 @@ rt::Task<Outcome> Binder::identify(const Binding& binding) {
     if (booted) who = co_await read_identity(s_.sdo, id);
   }
   if (!who) co_return who.error().code == Errc::timeout ? Outcome::silent : outcome_of(who.error());
-  // Answers of a slower device that has had the node-ID all along come after the last question.
+  // A slower device that has used the node-ID all along may answer only after the last question.
   if (stayed) co_await rt::sleep_for(second_answer);
   if (s_.sdo.surplus(id) != surplus) {
     co_await rt::sleep_for(second_answer);

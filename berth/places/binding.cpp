@@ -46,7 +46,7 @@ void Binding::fail(Why why) noexcept {
   step_ = Step::failed;
 }
 
-// Leaves the device unchanged, as far as it still listens, and in LSS waiting state.
+// Leaves the device unchanged, if it still listens, and in LSS waiting state.
 void Binding::give_up(Why why) noexcept {
   why_ = why;
   failing_ = true;
@@ -64,7 +64,7 @@ void Binding::advance_identify(Outcome outcome) noexcept {
   // LSS reported the node-ID because it is pending: the device does not use it.
   const bool told = outcome == Outcome::silent && kind_ == Kind::bind && old_id_ == assignment_.id && stored_;
   if (told && !staying_.once) {
-    staying_.once = true;  // asked once more: it may have been storing
+    staying_.once = true;  // asked once more: the device may have been storing
     return;
   }
   const bool stays = outcome == Outcome::silent && kind_ == Kind::bind && staying_.once && !staying_.boots;
@@ -75,7 +75,7 @@ void Binding::advance_identify(Outcome outcome) noexcept {
   } else if (outcome == Outcome::taken_back) {
     again(Why::not_alone);
   } else if (outcome == Outcome::mismatch && kind_ == Kind::bind) {
-    // This one may have missed `04 00`, and would take the node-ID at the next.
+    // This device may have missed `04 00`, and would activate the node-ID at the next one.
     touched_ = true;
     give_up(Why::other_device);
   } else if (outcome == Outcome::mismatch && stored_ && !staying_.once && old_id_.configured()) {
@@ -88,8 +88,8 @@ void Binding::advance_identify(Outcome outcome) noexcept {
   }
 }
 
-// Whether it was heard or not: the device there now shows. One that has stored its node-ID need not be told again for
-// that.
+// Whether the device was heard or not, `identify` shows who is there now. A device that has stored its node-ID is not
+// told it again only because it was not heard.
 void Binding::advance_await(Outcome outcome) noexcept {
   const bool stays = outcome == Outcome::mismatch && stored_ && !volatile_only_;
   const bool resets = stays && old_id_.configured() && !staying_.once;
@@ -100,7 +100,7 @@ void Binding::advance_await(Outcome outcome) noexcept {
 
 void Binding::advance_selection(Outcome outcome) noexcept {
   if (staying_.asked && outcome != Outcome::ok) {
-    // It boots, or another device with the same old node-ID has booted in its place.
+    // The device boots, or another device with the same old node-ID has booted instead of it.
     staying_ = {.asked = false, .once = staying_.once, .boots = true};
     step_ = old_id_.configured() ? Step::identify : Step::await_boot_up;
   } else if (outcome == Outcome::ok && step_ == Step::inquire && staying_.asked) {
@@ -118,7 +118,7 @@ void Binding::advance_configure(Outcome outcome) noexcept {
   if (outcome == Outcome::mismatch) return give_up(Why::occupied);  // it was told nothing by this `configure`
   untouched_ = untouched_ && outcome == Outcome::refused;
   shared_ = outcome == Outcome::several;
-  // Without a pending node-ID nothing is activated that would have to be taken back.
+  // Without a pending node-ID, there is nothing to take back.
   touched_ = outcome != Outcome::refused && kind_ == Kind::bind;
   if (outcome == Outcome::ok)
     step_ = Step::store;
@@ -150,7 +150,7 @@ void Binding::advance_release(Outcome outcome) noexcept {
     step_ = has_none ? Step::identify : kind_ == Kind::blank ? Step::reset : moves;
     return;
   }
-  // What it was told may have been taken back from it with another, in whose binding it was heard.
+  // The device may have answered in another device's binding, whose `revert` then took the node-ID back from both.
   const bool tells_anew = staying_.once && !old_id_.configured() && tries_ > 1 && !told_anew_;
   if (tells_anew) {
     told_anew_ = true;

@@ -6,8 +6,8 @@
 namespace berth::places {
 
 namespace {
-// For an answer to guarding (CiA 301 §7.2.8.3.2.1); for a heartbeat it is 0. A slow device's answers come at the
-// interval of the questions.
+// Toggled in answers to node guarding (CiA 301 §7.2.8.3.2.1); 0 in heartbeats. Distinguishes them: a slow device's
+// answers come at the interval of the requests, as regularly as heartbeats.
 constexpr std::uint8_t toggle_bit = 0x80;
 }  // namespace
 
@@ -59,11 +59,11 @@ void BootWatch::error_control(Node& node, const can::Frame& frame, rt::Time at) 
   }
 }
 
-// Heartbeats of two devices under one node-ID alternate, seldom at equal intervals.
+// Two devices under one node-ID alternate with their heartbeats, rarely at equal intervals.
 std::optional<rt::Duration> BootWatch::steady(NodeId id) const noexcept {
   const auto& [last, before] = at(id).gaps;
   const rt::Duration mean = (last + before) / 2;
-  // Another node's frame, for which a heartbeat may have to wait, takes up to 13.5 ms at 10 kbit/s.
+  // A heartbeat may have to wait for another node's frame, which takes up to 13.5 ms at 10 kbit/s.
   constexpr rt::Duration waits = std::chrono::milliseconds(27);
   const rt::Duration unequal = std::min(mean / 4, std::max(mean / 8, waits));
   const bool equal = before.count() > 0 && last < before + unequal && before < last + unequal;

@@ -7,7 +7,7 @@ namespace berth::places {
 
 namespace {
 
-// `calm`: so long the node-ID is left alone before the last question.
+// `calm`: pause before the last question, in which the node-ID is asked nothing.
 rt::Task<Result<Identity>> read_parts(co::SdoClient& sdo, NodeId node, co::SdoOptions how, rt::Duration calm) {
   std::array<std::uint32_t, 4> parts{};
   std::uint8_t unknown = 0;

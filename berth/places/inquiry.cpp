@@ -17,7 +17,8 @@ rt::Task<bool> Inquiry::answers_at(NodeId id, co::SdoOptions how, rt::Duration g
   if (type || type.error().code == Errc::aborted) co_return true;
   if (type.error().code != Errc::timeout) co_return false;
   const auto guarded = co_await co::guard_once(s_.dispatcher, id, guard_timeout, 1);
-  // A port without remote frames (socketcand) took the question before and refuses this one: the silence there counts.
+  // A port without remote frames (socketcand) refuses this question, but has sent the SDO question: then only silence
+  // after that one counts.
   const auto port = s_.dispatcher.port().status();
   const bool mute = !guarded && guarded.error().code == Errc::bus && port.up && !port.bus_off;
   const bool silent = mute || (!guarded && guarded.error().code == Errc::timeout);
@@ -67,7 +68,7 @@ rt::Task<Result<NodeId>> Inquiry::active_id_once(LssAddress device, bool whole) 
 }
 
 rt::Task<NodeId> Inquiry::where_it_answers(LssAddress device) {
-  // The questions that stay silent leave half of the bus to others.
+  // Limits the questions at one time, so that unanswered ones use at most half of the bus.
   constexpr double question_bits = 300;
   const double rate = s_.dispatcher.port().status().bit_rate;
   const double most = std::chrono::duration<double>(asked_for).count() * rate / question_bits;

@@ -14,7 +14,7 @@
 namespace berth::places {
 namespace {
 
-constexpr std::size_t enough = 3;  // values of one part: two devices that answer in turn have two at most
+constexpr std::size_t enough = 3;  // values of one part: two devices answering in turn give at most two
 constexpr unsigned serial_number = 3;
 constexpr rt::Duration slow_pause = std::chrono::milliseconds(12);  // between frames to a single-slot receive buffer
 
@@ -28,7 +28,8 @@ void put(Values& values, const Identity& who) {
   }
 }
 
-// Of a device that LSS selects: does it use this node-ID, and does none answer to the address that SDO tells there?
+// Does the device that LSS selects use this node-ID, and does no device answer to the LSS address that SDO reports
+// there?
 rt::Task<bool> lss_knows_it(Binder::Services services, NodeId node, Identity expected, Identity said, rt::Turn* turn) {
   std::optional<rt::Held> held;
   if (turn != nullptr) {

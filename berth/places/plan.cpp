@@ -23,7 +23,7 @@ std::string capital(std::string text) {
   return text;
 }
 
-/// The plan under way.
+/// The unfinished plan.
 class Draft {
  public:
   Draft(const std::vector<Slot>& slots, const std::vector<Found>& found, NodeId master)
@@ -32,7 +32,7 @@ class Draft {
   [[nodiscard]] Plan& plan() noexcept { return plan_; }
   [[nodiscard]] const Slot* seat_of(const Identity& device) const {
     auto it = std::ranges::find_if(slots_, [&](const Slot& s) { return s.record.device() == device; });
-    // One without a serial number is, wherever it was found, the one of its kind that a slot waits for.
+    // A device without a serial number counts as the one that a slot waits for, whatever its node-ID.
     if (it == slots_.end() && !device.has_serial()) {
       it = std::ranges::find_if(slots_, [&](const Slot& s) {
         return s.record.intended && s.record.intended->device.address == device.address;
@@ -51,7 +51,7 @@ class Draft {
     plan_.actions.push_back({Action::Kind::bind, slot, device, std::move(reason)});
   }
 
-  /// A device found at `id` that is not `device` must leave it first.
+  /// Another device than `device` that was found at `id` must give up that node-ID first.
   void make_way(const Identity& device, NodeId id) {
     for (const auto& other : found_) {
       if (other.device != device && other.active == id && !other.clone && !other.lent) {
@@ -72,7 +72,7 @@ class Draft {
                            to_string(f.device))});
   }
 
-  /// A device without a seat may keep a node-ID only when no slot here needs it.
+  /// A device without a slot may keep its node-ID only if no slot of this bus needs it.
   void keep_off_our_ids(const Found& f) {
     if (f.active.configured() && id_is_taken(f.active) && !f.clone && !f.lent) {
       blank(f.device, fmt::format("it holds node-ID {}, which belongs to {}", f.active.value(),
@@ -85,7 +85,7 @@ class Draft {
     keep_off_our_ids(f);
   }
 
-  /// The free slot whose node-ID it came with.
+  /// The free slot whose node-ID the device had when it came.
   [[nodiscard]] std::optional<std::size_t> own_place(const std::vector<std::size_t>& free, const Found& f) const {
     if (!f.active.configured() || f.lent || f.shared) return std::nullopt;
     const auto own = std::ranges::find_if(
@@ -158,7 +158,7 @@ class PlanMaker {
     finish_blanks();
     finish_and_repair();
     seat_new_devices();
-    // A device that holds another's node-ID gives it up before any is seated.
+    // A device that holds another's node-ID gives it up before any device is bound.
     std::ranges::stable_partition(draft_.plan().actions, [](const Action& a) { return a.kind == Action::Kind::blank; });
     return std::move(draft_.plan());
   }
@@ -211,13 +211,13 @@ class PlanMaker {
     }
     const auto first = draft_.plan().actions.size();
     for (auto& [type, group] : groups) seat_group(group);
-    // In the order of the slots, as paper 1's Figure 10 shows it.
+    // In the order of the slots, as in paper 1's Figure 10.
     std::stable_sort(draft_.plan().actions.begin() + static_cast<std::ptrdiff_t>(first), draft_.plan().actions.end(),
                      [&](const Action& a, const Action& b) { return rank(a) < rank(b); });
   }
 
-  /// A successor (`also`) belongs to the type of the slot that it may sit in, a free one if there is one; one that does
-  /// not say its whole type, to that of the slot whose node-ID it came with.
+  /// A successor (`also`) belongs to the type of a slot that it may sit in, a free one if there is one. A device that
+  /// does not report its whole type belongs to the type of the slot whose node-ID it came with.
   [[nodiscard]] TypeCode group_of(const Found& found) const {
     const Identity& device = found.device;
     const auto takes = [&](const Slot& s) {
@@ -248,7 +248,7 @@ class PlanMaker {
 
   void seat_group(Group& group) {
     auto& [free, fresh] = group;
-    // Rule 2: the larger R_SN belongs in the slot of the larger number, among the devices of this run (S1.35).
+    // Rule 2: among the devices of this run, the larger R_SN belongs in the slot of the larger number (S1.35).
     std::ranges::sort(free, {}, [&](std::size_t i) { return slots_[i].spec.id; });
     std::ranges::sort(fresh, {}, [](const Found& f) { return f.device.r_sn(); });
     seat_listed_spares(group);
@@ -270,7 +270,7 @@ class PlanMaker {
     return graph;
   }
 
-  /// No question about what has only one answer.
+  /// Binds devices that can sit in only one slot: there is nothing to ask about them.
   void seat_who_has_one_place(Group& group) {
     const Group all = group;
     const auto places = only_places(graph_of(all));
@@ -279,7 +279,7 @@ class PlanMaker {
     }
   }
 
-  /// What is left, in parts that have nothing to do with each other: such as two revisions of one type.
+  /// The rest, in independent parts, such as two revisions of one type.
   [[nodiscard]] std::vector<Group> parts(const Group& group) const {
     std::vector<Group> all;
     for (const auto& component : components(graph_of(group))) {
@@ -294,7 +294,7 @@ class PlanMaker {
   void take(Group& group, std::size_t slot, const Found& f) {
     draft_.seat(slot, f);
     std::erase(group.free, slot);
-    const Identity device = f.device;  // `f` may be the one that goes
+    const Identity device = f.device;  // a copy: `f` may be the erased element
     std::erase_if(group.fresh, [&](const Found& each) { return each.device == device; });
   }
 
@@ -360,7 +360,7 @@ class PlanMaker {
     const auto* const read = reading(device, probe);
     return read != nullptr && read->value && probe.matches(*read->value);
   }
-  /// It sits, by its probe, in the place of a slot that has another device.
+  /// By its probe, the device sits in the place of a slot that has another device.
   bool misplaced(const Found& f) {
     const auto place = std::ranges::find_if(slots_, [&](const Slot& s) {
       return s.spec.probe && s.record.device() && fits(s.spec, f.device) && shows(f.device, *s.spec.probe);
@@ -374,8 +374,8 @@ class PlanMaker {
     return true;
   }
 
-  /// Seats each device in the one slot whose probe it shows, when no other device shows it too. A device that is not
-  /// read yet is named in `Plan::probes` and waits.
+  /// Binds each device to the one slot whose probe it shows, if no other device shows it, too. A device that has not
+  /// been read yet is listed in `Plan::probes` and waits.
   void seat_by_probe(Group& group) {
     std::vector<std::size_t> places;
     std::ranges::copy_if(group.free, std::back_inserter(places),
@@ -393,7 +393,7 @@ class PlanMaker {
       draft_.plan().probes.push_back(f.device);
       keep_off_others(f);
     }
-    if (waits) return group.fresh.clear();  // which device shows a place alone is known when all were read
+    if (waits) return group.fresh.clear();  // whether only one device shows a place is known after all are read
     for (const auto& f : fresh) {
       std::vector<std::size_t> mine;
       std::ranges::copy_if(places, std::back_inserter(mine),
@@ -414,7 +414,7 @@ class PlanMaker {
     if (!puzzling.empty()) draft_.ask(draft_.places_free(places), puzzling, "their probes do not show their places");
   }
 
-  /// It is to be read under its own node-ID, unless that is another's.
+  /// The device is read under its present node-ID, unless that belongs to another.
   void keep_off_others(const Found& f) {
     const bool taken = f.active == master_ || std::ranges::any_of(slots_, [&](const Slot& s) {
                          return s.spec.id == f.active && s.record.device() && s.record.device() != f.device;
@@ -422,7 +422,7 @@ class PlanMaker {
     if (taken) draft_.keep_off_our_ids(f);
   }
 
-  // ---- what is left ----
+  // ---- the rest ----
 
   void seat_by_mode(Group& group) {
     auto& [free, fresh] = group;
@@ -458,9 +458,9 @@ class PlanMaker {
                free.size() > fresh.size() ? "plug in the others too" : "unplug those that do not belong here");
   }
 
-  /// Devices that have node-IDs of slots of their type were given them on purpose: rule 2 is for those without. A
-  /// machine that was commissioned before keeps its order, whatever the serial numbers are: its left drive stays the
-  /// left one.
+  /// A device that has the node-ID of a slot of its type was given it on purpose; rule 2 applies only to the others. So
+  /// a machine that was commissioned before keeps its order, whatever the serial numbers: its left drive stays the left
+  /// one.
   void leave_where_they_are(Group& group) {
     const Group all = group;
     for (const auto& f : all.fresh) {
@@ -469,7 +469,7 @@ class PlanMaker {
     }
   }
 
-  /// Each into the lowest slot that it fits; one that comes too late finds none.
+  /// Binds each device to the lowest free slot that it fits; a device that comes too late gets none.
   void seat_in_turn(Group& group) {
     const std::vector<Found> fresh = group.fresh;
     for (const auto& f : fresh) {

@@ -60,7 +60,7 @@ std::vector<std::uint8_t> RecipeBinder::bytes(const Recipe::Write& write, NodeId
   return out;
 }
 
-// `unsupported`: the very first object was refused, so that nothing in the device has changed.
+// `unsupported`: the first object was refused, so nothing in the device has changed.
 rt::Task<Outcome> RecipeBinder::write(NodeId at, NodeId id) {
   bool first = true;
   for (const auto& object : recipe_->writes) {
@@ -76,7 +76,7 @@ rt::Task<Outcome> RecipeBinder::write(NodeId at, NodeId id) {
   co_return Outcome::ok;
 }
 
-// What boots under either node-ID meanwhile is a second device: the first must not come to it.
+// A boot-up under either node-ID meanwhile comes from a second device; the first must not join it there.
 rt::Task<Outcome> RecipeBinder::reset(const RecipeBinding& binding) {
   if (s_.boots.booted_since(binding.old_id(), identified_)) co_return Outcome::several;
   if (s_.boots.booted_since(binding.assignment().id, identified_)) co_return Outcome::mismatch;

@@ -30,7 +30,7 @@ void RecipeBinding::give_up(Why why) noexcept {
   step_ = untouched_ ? RecipeStep::failed : RecipeStep::revert;
 }
 
-// Silent under the new node-ID: it may not have taken what was written, and is then under its old one.
+// A device that is silent under the new node-ID may not have accepted it, and then still uses its old one.
 void RecipeBinding::advance_identify(Outcome outcome) noexcept {
   if (outcome == Outcome::ok) {
     step_ = RecipeStep::write_confirm;
@@ -89,7 +89,7 @@ void RecipeBinding::advance(Outcome outcome) noexcept {
       else
         give_up(outcome == Outcome::several ? Why::clone : Why::occupied);
       break;
-    case RecipeStep::await_boot_up: step_ = RecipeStep::identify; break;  // heard or not, the device there now tells
+    case RecipeStep::await_boot_up: step_ = RecipeStep::identify; break;  // heard or not: `identify` shows
     case RecipeStep::identify: advance_identify(outcome); break;
     case RecipeStep::write_confirm:
       if (ok)

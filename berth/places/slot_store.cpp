@@ -107,7 +107,7 @@ HistoryEntry line_of(const BusDevice& who, std::string_view event, NodeId id, st
   return {0, 0, std::nullopt, std::string(event), who.device, id, std::string(reason), who.on};
 }
 
-// What was written of the device on this bus, or on no bus that is known.
+// Selects the rows about the device on this bus, or on an unknown bus.
 auto about(const BusDevice& who) {
   return [&who](const auto& row) { return row.device == who.device && row.who().on.covers(who.on); };
 }
@@ -202,7 +202,7 @@ Result<void> MemoryStore::configure(SlotId slot, const Configured& configured, s
 
 Result<void> MemoryStore::ask_blank(const UnfinishedBlank& blank, std::string_view reason) {
   const BusDevice who = blank.who();
-  // One of any bus is this bus's from now on.
+  // A row of any bus applies to this bus only from now on.
   std::erase_if(blanks_, [&](const UnfinishedBlank& b) { return b.device == blank.device && b.bus.empty(); });
   const auto known = std::ranges::find(blanks_, who, &UnfinishedBlank::who);
   if (known == blanks_.end()) {

@@ -55,7 +55,7 @@ std::uint8_t highest_slave(const PlantMaster& master) noexcept {
   return static_cast<std::uint8_t>(master.slaves.empty() ? 1 : std::clamp(master.slaves.back(), 1U, 127U));
 }
 
-/// What tells a minimal device's dictionary from the minimal one; a text that no file is called.
+/// How a minimal device's dictionary differs from the minimal one. No file has such a name.
 std::string own_objects(const PlantDevice& plan) {
   if (plan.does.master) {
     return fmt::format("{} of {}, hardware {}", plan.does.master->flying ? "flying master" : "master",
@@ -127,7 +127,7 @@ void preset_network_list(const PlantMaster& master, device::Options& options) {
   }
 }
 
-/// The same of network variables.
+/// The same for network variables.
 std::string own_variables(const PlantDevice& plan) {
   std::string text;
   for (const auto& each : plan.does.variables) {
@@ -136,7 +136,7 @@ std::string own_variables(const PlantDevice& plan) {
   return text;
 }
 
-/// Adds the variables to what the description has. Null: a finding says which has no place there.
+/// Adds the variables to the description. Null: a finding names those that have no place there.
 std::shared_ptr<const od::Description> with_variables(const PlantDevice& plan, const eds::File& file,
                                                       const od::Description& description, Findings& findings) {
   std::vector<process::VariableProblem> problems;
@@ -179,7 +179,7 @@ std::optional<LoadedProgram> loaded_program(const PlantDevice& plan, Findings& f
   return std::nullopt;
 }
 
-/// Takes the next word off a line.
+/// Removes the next word from a line.
 std::string_view word(std::string_view& line) noexcept {
   const auto end = std::min(line.find(' '), line.size());
   const auto taken = line.substr(0, end);
@@ -296,7 +296,7 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
     o.negotiation = literal ? device::NegotiationMode::literal : device::NegotiationMode::on;
   }
   o.negotiator.seed = seed;
-  if (plan.source == NodeIdSource::blank) o.negotiator.configured = plan.node_id;  // no file says one; a study does
+  if (plan.source == NodeIdSource::blank) o.negotiator.configured = plan.node_id;  // only studies set one, no file
   if (plan.node_id_object.object) {
     o.node_id_object = device::NodeIdAsObject{*plan.node_id_object.object};
     if (const auto& s = plan.node_id_object.signature) {
@@ -307,7 +307,7 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
   if (plan.eds.empty()) o.name = plan.name;
   if (const auto heartbeat = co::whole_ms(plan.heartbeat); heartbeat > 0) o.presets.push_back({{0x1017, 0}, heartbeat});
   o.parameter_group = parameter_group_of(plan);
-  // A master that left operational because one slave is lost (1029h:01) would leave all others alone.
+  // A master that leaves operational because one slave is lost (1029h:01) would leave all others alone.
   if (plan.does.master && !plan.does.master->flying) o.presets.push_back({{0x1029, 1}, 1});
   if (plan.does.master && plan.does.master->flying) preset_network_list(*plan.does.master, o);
   return o;
@@ -519,7 +519,7 @@ Result<std::optional<std::string>> read_state_file(const std::string& path) {
     if (!text) return fail(Errc::io, "cannot be read; is it a file?");
     state = std::move(text);
   }
-  // Refuses now rather than losing the state at the end; does not touch the file before there is something to keep.
+  // Refuses now instead of losing the state at the end. The file is not touched before there is something to keep.
   const auto folder = std::filesystem::absolute(path, unknown).parent_path();
   if (::access(folder.c_str(), W_OK) != 0) return fail(Errc::io, "its folder is not there or cannot be written");
   return state;

@@ -7,7 +7,7 @@ namespace {
 
 constexpr std::uint16_t identity_object = 0x1018;
 constexpr ObjectRef heartbeat_time{0x1017, 0};
-constexpr rt::Duration until_reset = std::chrono::milliseconds(50);  // the answer to the write is out by then
+constexpr rt::Duration until_reset = std::chrono::milliseconds(50);  // the answer to the write is sent by then
 
 }  // namespace
 

@@ -44,7 +44,7 @@ void PortDevice::power(bool on) noexcept {
     if (behaviour_) behaviour_->stop();
     return all_->tell(*this);
   }
-  if (begin_wait()) return all_->tell(*this);  // a gateway boots when the buses beneath it have
+  if (begin_wait()) return all_->tell(*this);  // a gateway boots after the buses beneath it
   device_.power_on();
 }
 

@@ -79,7 +79,7 @@ class PlantReader {
     return std::move(plant_);
   }
 
-  /// One event by itself, which happens now: the keys of its action, without a time.
+  /// Reads one event that happens now: the keys of its action, without a time.
   std::optional<PlantEvent> read_event_now(const Value& root, const PlantFile& plant) {
     plant_ = plant;
     for (const auto& device : plant.devices) names_.emplace(device.name, names_.size());
@@ -383,7 +383,7 @@ class PlantReader {
   Findings& findings_;
   PlantFile plant_;
   bool many_ = false;                                      ///< the table being read stands for several devices
-  std::uint32_t first_n_ = 1;                              ///< what {n} begins with
+  std::uint32_t first_n_ = 1;                              ///< first value of {n}
   std::map<std::string, std::size_t, std::less<>> names_;  ///< device name → index
   std::map<std::tuple<std::string, std::string, LssAddress>, std::string> addresses_;  ///< bus, EDS, address
   std::set<std::string> ports_;                                                        ///< devices beneath gateways

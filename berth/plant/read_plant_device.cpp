@@ -211,7 +211,7 @@ void read_script(Table& table, const text::Reach& reach, PlantDevice& device) {
   }
 }
 
-// Paper 3's number (docs/multilevel.md); a description's own dictionary has its own.
+// Paper 3's number (docs/multilevel.md). With `eds`, the description has it.
 void read_hardware(Table& table, PlantDevice& device) {
   device.does.hardware = table.u32("hardware", {1, 0xFFFF'FFFF}).value_or(0);
   if (device.does.hardware != 0 && table.has("eds"))
@@ -240,14 +240,14 @@ void read_master(Table& table, PlantDevice& device) {
   const bool described = table.has("eds") || table.has("script") || table.has("node_id_object");
   if (described) table.error("master", "its dictionary is made for it", "leave eds, script and node_id_object out");
   if (!device.node_id.configured()) table.error("master", "a master has a node-ID", "give it a node_id");
-  // Its own place in 1F22h and 1F81h is what the whole network list goes through.
+  // The whole network list is written through the master's own sub-indices of 1F22h and 1F81h.
   if (!master.flying && device.node_id.configured() && device.node_id.value() > master.most) {
     entry->error("most",
                  fmt::format("its own node-ID {} is above the highest that its network list has ({})",
                              device.node_id.value(), master.most),
                  fmt::format("write most = {} or more, or give it a lower node_id", device.node_id.value()));
   }
-  if (device.heartbeat == 0s) device.heartbeat = 500ms;  // the others must hear that it is there
+  if (device.heartbeat == 0s) device.heartbeat = 500ms;  // the other devices must hear that it is there
   device.does.master = std::move(master);
 }
 

@@ -11,7 +11,7 @@ namespace berth::plant {
 
 namespace {
 
-// Levels of gateways under this one; `left`: at most as many as there are, so that a ring of them ends.
+// Levels of gateways beneath this one. `left`: at most the number of gateways, so that the recursion ends in a ring.
 unsigned levels_beneath(const PlantFile& plant, const PlantGateway& gateway, std::size_t left) {
   unsigned deepest = 0;
   for (const auto& name : gateway.beneath) {
@@ -25,7 +25,7 @@ unsigned levels_beneath(const PlantFile& plant, const PlantGateway& gateway, std
   return deepest;
 }
 
-// A gateway beneath speaks the layout.
+// A gateway beneath this one uses the EMCY layout.
 PlantGateway with_gateways_beneath(const PlantGateway& plan, const PlantFile& plant) {
   PlantGateway whole = plan;
   for (const auto& other : plant.gateways) {
@@ -135,7 +135,7 @@ bool SimGateway::settled() const noexcept {
   return std::ranges::all_of(ports_, [](const auto& port) { return !port->boots_first() || port->bus.settled(); });
 }
 
-// One device: the ports beneath have power while the one above has, and it boots after them.
+// A gateway is one device: its ports beneath have power while the one above has, and it boots after them.
 void SimGateway::look() noexcept {
   const bool reset = std::exchange(was_reset_, false);
   for (auto& port : ports_) {

@@ -19,7 +19,7 @@ sim::ControllerOptions controller_of(const PlantDevice& plan, const sim::Bus& bu
   sim::ControllerOptions o;
   o.name = plan.name;
   o.queue = plan.controller.queue == QueueKind::priority ? sim::TxOrder::priority : sim::TxOrder::in_order;
-  // The host's receive buffer (`device::TimedPort`) is the one simulated: this one only carries frames there.
+  // Only the host's receive buffer (`device::TimedPort`) is simulated: this one passes the frames on.
   o.queue_depth = 8;
   o.rx_depth = 4;
   o.bit_rate = bit_rate_of(plan, bus);
@@ -54,7 +54,7 @@ void warn(Findings& findings, const PlantBus& bus, std::string message, std::str
   findings.back().severity = Finding::Severity::warning;
 }
 
-/// A bus of the plant that has another name or bit rate in the machine: on real wires no node would hear another.
+/// Warns if a bus has another name or bit rate in the machine file: on a real bus no node would hear another.
 void compare(const PlantBus& bus, std::span<const BusRate> rates, Findings& findings) {
   const auto same = std::ranges::find(rates, bus.name, &BusRate::name);
   if (same == rates.end()) {
@@ -124,8 +124,8 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
   if (master_.memory) master_.memory->on_write([this] { world_->save(); });
 }
 
-// Its controller reads a remote frame of the first 11 bits, and finds no CRC delimiter where that one's would be: bit
-// 34 without stuff bits, of which there are 8 at most. Its error flag is behind them here in each frame.
+// Its controller takes the first 11 bits for a remote frame, and finds no CRC delimiter where that frame would have it:
+// at bit 34 without stuff bits, of which there are at most 8. Here its error flag always comes after them.
 void SimDevice::refuse_extended_frames() {
   constexpr int behind_that = 34 + 8 + 1;
   constexpr unsigned error_flag = 6;
@@ -162,7 +162,7 @@ void SimDevice::switch_on() noexcept {
     flash_.erase(device::parameters_at);  // what LSS stored; its parameters stay
   }
   controller_->power(true);
-  if (begin_wait()) return world_->tell(*this);  // a gateway boots when the buses beneath it have
+  if (begin_wait()) return world_->tell(*this);  // a gateway boots after the buses beneath it
   device_.power_on();
 }
 

@@ -41,7 +41,7 @@ void DeviceImage::bind(const Bound& bound) {
                     static_cast<std::uint32_t>(od::byte_size(sub->type)), variable->number};
     if (variable->direction == Direction::input) return inputs_.push_back(line);
     outputs_.push_back(line);
-    // Behind the work of this instant: all frames of it are one publication.
+    // Runs after the work of this instant: all its frames make one publication.
     device_->on_write(bound.object, [this, number = line.number] { received(number); });
   }
 }
@@ -58,7 +58,7 @@ void DeviceImage::listen() {
     if (before) before(rpdo);
     silent(rpdo);
   };
-  // A reset has ended all errors: what still is one is told anew.
+  // A reset ends all errors. Errors that persist are reported anew.
   on.parameters = [this, before = std::move(on.parameters)] {
     if (before) before();
     error_ = 0;

@@ -20,7 +20,7 @@ struct Head {
 };
 static_assert(std::is_standard_layout_v<Head> && sizeof(Head) <= BlockLayout::line);
 
-/// Of the table, before its name.
+/// One row of the table; its name follows.
 struct Row {
   std::uint32_t offset;
   std::uint16_t type;
@@ -40,7 +40,7 @@ std::vector<std::uint8_t> table_of(const Layout& layout) {
   return table;
 }
 
-/// What stands in a part, after `at`: runs of variables, with the gaps that are shorter than a line.
+/// Adds the runs of variables in the part that begins at `at`. A run includes gaps shorter than a line.
 void add_runs(const Layout& layout, Direction direction, std::size_t at, std::vector<Run>& runs) {
   std::map<std::uint32_t, std::uint32_t> places;
   for (const auto& variable : layout.variables()) {

@@ -56,7 +56,7 @@ class Loader {
   }
 
  private:
-  /// The variables first: their places are given.
+  /// Variables come first: their places are given.
   void each(bool variables) {
     const auto& description = *program_.description;
     for (const auto& object : description.objects()) {

@@ -16,7 +16,7 @@ struct berth_process {
 
 namespace {
 
-/// Where the variable's value stands; null: it is of another image.
+/// The place of the variable's value. Null: it belongs to another image.
 const std::uint8_t* place(const berth_process* image, const berth_variable* variable) noexcept {
   auto& side = image->shared->side();
   const bool input = variable->direction == BERTH_INPUT;
@@ -31,7 +31,7 @@ std::uint8_t* input_place(const berth_process* image, const berth_variable* vari
   return image->shared->side().inputs().data() + variable->offset;
 }
 
-/// The value of an integer type; empty: it does not hold that.
+/// The value of an integer type. Empty: the type cannot hold it.
 std::optional<std::uint64_t> whole_of(DataType type, std::int64_t value) noexcept {
   if (type == DataType::boolean && value != 0 && value != 1) return std::nullopt;
   if (!od::is_signed(type) && value < 0) return std::nullopt;
@@ -40,7 +40,7 @@ std::optional<std::uint64_t> whole_of(DataType type, std::int64_t value) noexcep
   return raw;
 }
 
-/// The same of a number that is rounded; UNSIGNED64 holds more than std::int64_t.
+/// The same for a number that is rounded. UNSIGNED64 holds more than std::int64_t.
 std::optional<std::uint64_t> nearest_of(DataType type, double value) noexcept {
   const double whole = std::nearbyint(value);
   constexpr double signed_end = 9223372036854775808.0;

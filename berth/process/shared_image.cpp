@@ -62,7 +62,7 @@ tl::unexpected<std::string> refused_name(std::string_view name) {
   return refused(name, "a name has letters, digits, \"-\", \"_\" and \".\", 100 at most");
 }
 
-/// One that was left behind goes. False: a process has it.
+/// Removes an image that an earlier process left. False: a process uses it.
 bool remove_old(const std::string& path) noexcept {
   const int old = ::shm_open(path.c_str(), O_RDWR | O_CLOEXEC, 0);
   if (old < 0) return true;
@@ -83,7 +83,7 @@ SharedMemory::SharedMemory(SharedMemory&& other) noexcept
 SharedMemory::~SharedMemory() {
   if (!bytes_.empty()) ::munmap(bytes_.data(), bytes_.size());
   if (file_ < 0) return;
-  // The name may be another's by now, who found this process slow to end.
+  // Another process may have taken the name meanwhile, because this one ended slowly.
   struct stat mine {};
   struct stat named {};
   const int now = side_ == Side::network ? ::shm_open(path_.c_str(), O_RDONLY | O_CLOEXEC, 0) : -1;
@@ -115,7 +115,7 @@ tl::expected<SharedMemory, std::string> SharedMemory::create(std::string_view na
   made.file_ = ::shm_open(made.path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
   if (made.file_ < 0) return errno == EEXIST ? refused(name, has) : refused_by_system(name);
   if (!take_lock(made.file_, Side::network)) return refused(name, has);
-  // Not `ftruncate`, which promises memory that there may not be: a later write would end the program.
+  // Not `ftruncate`: it promises memory that may be missing, and a later write would end the program.
   if (const int error = ::posix_fallocate(made.file_, 0, static_cast<off_t>(size)); error != 0) {
     errno = error;
     return refused_by_system(name);
@@ -136,7 +136,7 @@ tl::expected<SharedMemory, std::string> SharedMemory::open(std::string_view name
   }
   struct stat its {};
   if (::fstat(found.file_, &its) != 0) return refused_by_system(name);
-  // Whoever may write to /dev/shm could offer values of his own.
+  // Anybody who may write to /dev/shm could offer values of their own.
   if (its.st_uid != ::geteuid()) return refused(name, "it is another user's; run both programs as one user");
   const auto size = static_cast<std::size_t>(its.st_size);
   if (size == 0 || size > most_bytes) return refused(name, "it is being made; try again");

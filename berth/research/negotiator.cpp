@@ -74,7 +74,7 @@ void Negotiator::id_won(NodeId id) noexcept {
 
 void Negotiator::none_free() noexcept { owner_->all_taken(); }
 
-// The holder's answer may be lost in the next cycle; after the quarrel, a silent holder is gone.
+// The holder's answer may be lost in the next cycle. A holder that stays silent after the dispute is gone.
 void Negotiator::id_lost(NodeId id, IdLoss why) noexcept {
   lost_ = why;
   if (why != IdLoss::literal) {

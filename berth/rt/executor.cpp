@@ -37,7 +37,7 @@ void Executor::unlink_ready(Job& job) noexcept {
   job.ready_prev_ = job.ready_next_ = nullptr;
 }
 
-// One of the last few places: enough to turn any two neighbours round.
+// One of the last few places, which is enough to swap any two neighbours.
 Job& Executor::drawn_place(Job& anchor) noexcept {
   shuffle_ = shuffle_ * 6364136223846793005ULL + 1442695040888963407ULL;
   Job* after = anchor.ready_prev_;
@@ -60,7 +60,7 @@ inline Job* Executor::meld(Job* a, Job* b) noexcept {
   return a;
 }
 
-// Two-pass pairing of a list of siblings. What `before_` and `sibling_` of a root say means nothing.
+// Two-pass pairing of a list of siblings. `before_` and `sibling_` of a root have no meaning.
 inline Job* Executor::combine(Job* first) noexcept {
   return first == nullptr || first->sibling_ == nullptr ? first : combine_pairs(first);
 }
@@ -117,7 +117,7 @@ void Executor::at(Time when, Job& job, Rank rank) noexcept {
   job.due_ = when;
   job.rank_ = rank;
   if (job.timed_) {
-    if (when >= job.key_) return;  // found in the heap too early, it is put back then
+    if (when >= job.key_) return;  // the heap finds it too early and puts it back then
     remove(job);
   }
   job.timed_ = true;
@@ -125,7 +125,7 @@ void Executor::at(Time when, Job& job, Rank rank) noexcept {
   insert(job);
 }
 
-// Puts timers that were set anew where they belong now, until the earliest one is true.
+// Moves timers that were set anew to their present places, until the earliest one is in its place.
 void Executor::drop_lazy() noexcept {
   while (root_ != nullptr && root_->order_ != root_->key_order_) {
     Job& job = *root_;
@@ -134,7 +134,7 @@ void Executor::drop_lazy() noexcept {
   }
 }
 
-// The earliest timer, which must be true, is one no longer.
+// Takes out the earliest timer, which must be in its place.
 inline Job& Executor::take_root() noexcept {
   Job& job = *root_;
   root_ = combine(job.child_);
@@ -145,7 +145,7 @@ inline Job& Executor::take_root() noexcept {
 
 std::optional<Time> Executor::next() const noexcept {
   if (has_ready()) return now_;
-  const_cast<Executor*>(this)->drop_lazy();  // changes the shape of the heap, not what it says
+  const_cast<Executor*>(this)->drop_lazy();  // changes the shape of the heap, not its content
   if (root_ == nullptr) return std::nullopt;
   return root_->due_;
 }
@@ -166,9 +166,9 @@ void Executor::settle() noexcept {
   for (;;) {
     Job* job = node_.ready_next_;
     if (job != &node_) {
-      // A node's job comes before whatever else there is.
+      // A node's job comes before all others.
     } else if (may_be_due()) {
-      make_due_ready();  // timers set for this very instant by the jobs just run
+      make_due_ready();  // timers that the jobs just run have set for this very instant
       continue;
     } else if (medium_.ready_next_ != &medium_) {
       job = medium_.ready_next_;
@@ -181,13 +181,13 @@ void Executor::settle() noexcept {
   }
 }
 
-// With nothing ready: the work of the earliest timer's instant, if it is not after `until`.
+// Nothing is ready: runs the work at the earliest timer's instant, unless that is after `until`.
 inline bool Executor::step_to_timer(Time until) noexcept {
   if (root_ == nullptr) return false;
   if (root_->order_ != root_->key_order_) drop_lazy();
   if (root_->due_ > until) return false;
   if (root_->due_ > now_) now_ = root_->due_;
-  // Most are alone at their instant. Such a one need not go through the ready queue.
+  // Most timers are alone at their instant. Such a job need not go through the ready queue.
   Job& job = take_root();
   if (may_be_due() || shuffle_ != 0) {
     post(job, job.rank_);

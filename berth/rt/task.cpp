@@ -14,11 +14,12 @@ void free_frame(void* frame, std::size_t) noexcept { ::operator delete(frame); }
 
 namespace {
 
-// Free lists by size class of 64 bytes, up to 1 KiB; larger frames go to the heap. One executor's thread each. A list
-// keeps what the work of some buses takes: thousands of nodes are asked at once at the start, and never again.
+// Free lists by size class of 64 bytes, up to 1 KiB; larger frames go to the heap. Each thread has its own, for one
+// executor. A list keeps as many frames as the work of some buses needs: thousands of nodes are asked at once only at
+// the start.
 constexpr std::size_t step = 64;
 constexpr std::size_t classes = 16;
-constexpr std::size_t most_kept = 256;  // frames of a class
+constexpr std::size_t most_kept = 256;  // frames of each class
 struct Free {
   Free* next;
 };

@@ -13,11 +13,11 @@ namespace berth::script {
 namespace {
 
 constexpr int counted_at_once = 100;
-constexpr std::size_t caught_error = 100;        // instructions: an exception, and the search for what it names
+constexpr std::size_t caught_error = 100;        // instructions: an exception, and the search for names in it
 constexpr std::size_t longest_complaint = 1000;  // bytes: it goes to a terminal
 constexpr const char* prelude_name = "=berth";
 
-/// Hands the text over byte by byte, so that it is known how far the compiler has come.
+/// Gives the compiler the text byte by byte, so that its position is known.
 struct Reader {
   std::string_view text;
   std::size_t at = 0;
@@ -30,7 +30,7 @@ struct Reader {
   }
 };
 
-/// "belt.lua:3: text" without its place.
+/// "belt.lua:3: text" without the place.
 std::string without_place(std::string text, int& line) {
   const auto end = text.find(": ");
   if (end == std::string::npos) return text;
@@ -42,7 +42,7 @@ std::string without_place(std::string text, int& line) {
   return text.substr(end + 2);
 }
 
-/// Column, from 1, of what the compiler stood at: it has read one byte beyond the word of which it complains.
+/// The column, from 1, of an error. The compiler has read one byte beyond the word that it reports.
 int column_of(std::string_view text, std::size_t read, std::string_view complaint) {
   std::size_t at = read == 0 ? 0 : read - 1;
   if (complaint.ends_with("near <eof>")) at = read;
@@ -102,7 +102,8 @@ int Lua::open(lua_State* state) {
   luaL_requiref(state, LUA_TABLIBNAME, luaopen_table, 1);
   luaL_requiref(state, LUA_MATHLIBNAME, luaopen_math, 1);
   lua_settop(state, 0);
-  // Files, other code, and what runs long without an instruction (patterns) or differs from run to run.
+  // Removes access to files and to other code, and what runs long without an instruction (patterns) or differs from run
+  // to run.
   static constexpr const char* base[] = {"dofile",         "loadfile", "load",   "require",
                                          "collectgarbage", "print",    "xpcall", "warn"};
   static constexpr const char* text[] = {"dump", "find", "match", "gmatch", "gsub"};
@@ -118,7 +119,7 @@ int Lua::open(lua_State* state) {
   lua_settop(state, 0);
   if (luaL_loadbufferx(state, prelude, std::strlen(prelude), prelude_name, "t") != LUA_OK) return lua_error(state);
   lua_call(state, 0, 0);
-  lua_pushliteral(state, "error in error handling");  // Lua would make it where no error may come
+  lua_pushliteral(state, "error in error handling");  // otherwise Lua makes it where no error may occur
   luaL_ref(state, LUA_REGISTRYINDEX);
   return 0;
 }
@@ -129,7 +130,7 @@ void Lua::begin() noexcept {
   line_ = 0;
 }
 
-// Of a new block Lua gives its kind instead of a size.
+// For a new block, Lua passes its kind instead of a size.
 void* Lua::allocate(void* self, void* old, std::size_t old_size, std::size_t size) noexcept {
   auto& lua = *static_cast<Lua*>(self);
   void* const fresh = lua.meter_.allocate(old, old_size, size, old == nullptr && old_size == LUA_TSTRING);
@@ -141,11 +142,11 @@ void Lua::count(lua_State* state, lua_Debug*) {
   Lua& lua = of(state);
   if (lua.meter_.run(counted_at_once)) return;
   lua.note_line();
-  lua_pushnil(state);  // `failure` says why
+  lua_pushnil(state);  // `failure` has the reason
   lua_error(state);
 }
 
-// The present line of the script; what is undone after an error has none.
+// Notes the script's current line. While Lua unwinds after an error, there is none.
 void Lua::note_line() noexcept {
   const int line = current_line(state());
   if (line > 0) line_ = line;
@@ -153,7 +154,7 @@ void Lua::note_line() noexcept {
 
 int Lua::explain(lua_State* state) {
   Lua& lua = of(state);
-  if (lua.meter_.over() && lua.line_ != 0) return 1;  // where it was ended, not where it was caught
+  if (lua.meter_.over() && lua.line_ != 0) return 1;  // where the call was ended, not where that was caught
   lua.line_ = 0;
   lua.note_line();
   if (lua_type(state, 1) == LUA_TSTRING || lua_type(state, 1) == LUA_TNUMBER) return 1;
@@ -161,7 +162,7 @@ int Lua::explain(lua_State* state) {
   return 1;
 }
 
-// A script must not catch the end of a call (instructions, memory): it would go on for ever.
+// A script must not catch the end of a call (instructions, memory): it would run forever.
 int Lua::protect(lua_State* state) {
   luaL_checkany(state, 1);
   const int status = lua_pcall(state, lua_gettop(state) - 1, LUA_MULTRET, 0);

@@ -55,7 +55,8 @@ void Machine::forget() noexcept {
   lua_.reset();
 }
 
-// In its own job: the device may be in the middle of an operation, and is still booting when the script starts.
+// Reports it in a job of its own: the device may be in the middle of an operation, and is still booting when the script
+// starts.
 void Machine::fail(Failure failure) noexcept {
   failed_ = true;
   failure_ = std::move(failure);
@@ -69,7 +70,7 @@ void Machine::run() noexcept {
   forget();
   const auto line = static_cast<std::uint16_t>(std::min(failure.line, 0xFFFF));
   const bool its_own =
-      failure.kind == Message::Kind::failed;  // else it is the run that ends, and nothing of the device
+      failure.kind == Message::Kind::failed;  // otherwise the run ends, which is no error of the device
   if (its_own)
     device_.errors().raise(emcy_failed, co::error_register::generic,
                            {static_cast<std::uint8_t>(line), static_cast<std::uint8_t>(line >> 8U)});

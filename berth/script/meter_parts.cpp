@@ -10,7 +10,7 @@
 namespace berth::script {
 namespace {
 
-// Of this thread only: the time of other processes is not the script's.
+// Of this thread only: the time of other processes does not count.
 std::chrono::nanoseconds processor_time() noexcept {
   timespec time{};
   ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
@@ -90,7 +90,7 @@ void* Meter::allocate(void* old, std::size_t old_size, std::size_t size, bool te
   return fresh;
 }
 
-// Lua makes the larger stack, copies, and frees the smaller one.
+// Lua allocates the larger stack, copies, and then frees the smaller one.
 void Meter::give_back(void* old, std::size_t size) noexcept {
   const bool stack = old != nullptr && (finding_stack_ || old == stack_);
   std::free(old);
@@ -104,8 +104,8 @@ void Meter::move_stack() noexcept {
   weigh();
 }
 
-// What an operator takes grows with the longest text (`<`, `==`), and with the square of the values on the stack (a
-// chain of __call moves them once for each of its tables).
+// The cost of an operator grows with the longest text (`<`, `==`), and with the square of the number of values on the
+// stack (a chain of __call moves them once for each of its tables).
 void Meter::weigh() noexcept {
   const auto deep = static_cast<std::int64_t>(stack_size_ / bytes_of_stack);
   weight_ = 1 + static_cast<std::int64_t>(longest_text_ / bytes_of_text) + deep * deep;

@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::size_t most_known_words = 1000;
 constexpr std::size_t longest_word = 500;
-constexpr std::size_t objects_an_instruction = 8;  // that a search for a name looks at
+constexpr std::size_t objects_an_instruction = 8;  // that a search for a name reads
 
 std::string range_of(od::DataType type) {
   const unsigned bits = od::bit_length(type);
@@ -36,7 +36,7 @@ ObjectRef Objects::find(lua_State* state, int argument) {
   meter.charge(1 + description.objects().size() / objects_an_instruction);
   const auto found = od::find_object(description, word);
   if (!found) {
-    meter.charge(description.objects().size());  // it looked for what was meant
+    meter.charge(description.objects().size());  // it also searched for similar names
     luaL_error(state, "\"%s\": %s", text, found.error().why.c_str());
   }
   if (description.find(*found) == nullptr) luaL_error(state, "\"%s\": the device has no such object", text);

@@ -42,7 +42,7 @@ bool Timers::cancel(lua_Integer number) {
   return true;
 }
 
-// What it calls may cancel it, make others, or fail.
+// The called function may cancel this timer, make others, or fail.
 void Timers::ring(lua_Integer number) noexcept {
   Timer& timer = *find(number);
   const bool again = timer.period > rt::Duration::zero();

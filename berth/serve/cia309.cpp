@@ -26,7 +26,8 @@ Numbers number_in(std::string_view word, std::uint64_t low, std::uint64_t high) 
   return read->magnitude;
 }
 
-/// The words of a line, up to its comment. Empty: quotes that do not end, or end within a word; control characters.
+/// The words of a line, up to its comment. Empty: a quote is missing or stands inside a word, or there are control
+/// characters.
 std::optional<std::vector<Word>> words_of(std::string_view line) {
   std::vector<Word> words;
   std::size_t i = 0;
@@ -58,7 +59,7 @@ std::optional<std::vector<Word>> words_of(std::string_view line) {
   }
 }
 
-/// What is wrong with a line, thrown nowhere: the first wrong word ends the reading.
+/// Reads the words of a line into its request. The line keeps the first error; nothing is thrown.
 class Reader {
  public:
   Reader(std::span<const Word> words, Line& line) : words_(words), line_(&line) {}
@@ -217,7 +218,7 @@ void Reader::set() {
   wrong(over() ? Code::syntax : Code::not_supported);
 }
 
-// "_lss_fastscan [ms]" as CANopenNode has it, eight numbers as Lely.
+// "_lss_fastscan [ms]" as in CANopenNode, or eight numbers as in Lely.
 void Reader::fastscan() {
   request().verb = Verb::lss_fastscan;
   const auto left = words_.size() - at_;
@@ -269,7 +270,7 @@ bool Reader::lss() {
   } else if (is_verb("lss_inquire_addr", Verb::lss_inquire_address)) {
     if (over()) return true;
     auto part = static_cast<std::uint32_t>(number(0, 0x5D));
-    if (part >= 0x5A) part -= 0x5A;  // the command specifier, as the standard has it
+    if (part >= 0x5A) part -= 0x5A;  // the standard gives the command specifier
     if (part > 3) wrong();
     put(part);
   } else if (is_verb("lss_identity", Verb::lss_identity) || is_verb("_lss_slowscan", Verb::lss_slowscan)) {
@@ -371,7 +372,7 @@ void Reader::command() {
   if (r.net == 0) wrong(Code::unsupported_net);
 }
 
-/// Takes "[5]" off the front of a line; empty: it is not there.
+/// Removes the sequence number, "[5]", from the front of a line. Empty: there is none.
 std::optional<std::uint32_t> take_sequence(std::string_view& line) {
   const auto end = line.find(']');
   if (line.empty() || line.front() != '[' || end == std::string_view::npos) return std::nullopt;

@@ -28,7 +28,7 @@ Conversation::Conversation(House& house, std::function<void(std::string_view)> s
       house.pdos.push_back(&nets_.back()->pdos);
     }
   }
-  // Where there is one net, none need be named.
+  // A command need not name the only net.
   if (house.session->machine().buses.size() == 1 && !nets_.empty()) defaults_.net = 1;
   executor().after(status_period, watch_);
 }
@@ -39,7 +39,7 @@ Conversation::~Conversation() {
   for (const auto& net : nets_) std::erase(house_->pdos, &net->pdos);
 }
 
-// ---- one after the other ----
+// ---- the queue of requests ----
 
 void RequestQueue::push(Line line) {
   bytes_ += line.request.data.size();
@@ -66,11 +66,11 @@ bool RequestQueue::has_room_again() noexcept {
 }
 
 void Conversation::take(std::string_view line) {
-  if (line.size() > command_size_ + 1) return take_too_long(line);  // its CR
+  if (line.size() > command_size_ + 1) return take_too_long(line);  // 1: the CR
   enqueue(parse_line(line));
 }
 
-// Its sequence number is all that counts of it.
+// Only its sequence number is used.
 void Conversation::take_too_long(std::string_view beginning) {
   constexpr std::size_t enough = 64;
   Line line = parse_line(beginning.substr(0, enough));
@@ -146,9 +146,9 @@ void Conversation::watch() {
   executor().after(status_period, watch_);
 }
 
-// ---- what a request is for, and whether it may be ----
+// ---- the net and node of a request, and its permission ----
 
-// Fills in the defaults. A net or node that does not matter to a command is not asked for.
+// Fills in the default net and node, if the command uses them.
 std::optional<Code> Conversation::aim(Request& request) const {
   const Level level = level_of(request.verb);
   if (request.net && *request.net > nets_.size()) return Code::unsupported_net;
@@ -182,7 +182,7 @@ bool Conversation::immediate(Verb verb) const noexcept {
   }
 }
 
-// ---- what needs no waiting ----
+// ---- requests that are answered at once ----
 
 Outcome Conversation::settle(const Request& request) {
   const std::uint32_t first = request.numbers[0];
@@ -207,7 +207,7 @@ Outcome Conversation::settle(const Request& request) {
   return commands_.settle(request, net);
 }
 
-// ---- what takes its time ----
+// ---- requests that take time ----
 
 rt::Task<Outcome> Conversation::perform(const Request& request) {
   Net& net = *nets_[*request.net - 1U];

@@ -25,7 +25,7 @@ Outcome NetCommands::settle(const Request& request, Net& net) {
       net.guards.guard(node, first * 1ms, static_cast<std::uint8_t>(request.numbers[1]));
       return {};
     case Verb::init: return init(net, first);
-    // Both are the machine file's; a command may only say what is so.
+    // The machine file sets both; a command may only repeat the value.
     case Verb::set_heartbeat:
       if (first * 1ms != net.network.bus().timing.heartbeat_period) return Outcome::refused(Code::internal_state);
       return {};
@@ -39,7 +39,7 @@ Outcome NetCommands::settle(const Request& request, Net& net) {
   }
 }
 
-// The rate that the bus has: a way out of bus-off. Another: only where nothing is disturbed by it.
+// With the rate of the bus: recovers from bus-off. Another rate is allowed only if that disturbs nothing.
 Outcome NetCommands::init(Net& net, std::uint32_t index) {
   const auto rate = lss::bit_rate(static_cast<lss::BitRateIndex>(index));
   if (!rate || *rate == 0) return Outcome::refused(Code::lss_bit_rate);

@@ -14,7 +14,7 @@ using namespace std::chrono_literals;
 
 namespace {
 
-constexpr rt::Duration usual_window = 100ms;  // of a Fastscan request, as CANopenNode has it
+constexpr rt::Duration usual_window = 100ms;  // of a Fastscan request, as in CANopenNode
 
 std::string address_text(const LssAddress& a) {
   return fmt::format("0x{:08X} 0x{:08X} 0x{:08X} 0x{:08X}", a.vendor, a.product, a.revision, a.serial);
@@ -59,7 +59,7 @@ rt::Task<Outcome> LssCommands::service(const Request& request, Net& net) {
   }
 }
 
-// From the first frame on a device may be in configuration state; what Berth refuses sends none.
+// From the first frame on, a device may be in configuration state. A request that Berth refuses sends no frame.
 rt::Task<Outcome> LssCommands::select(const Request& request, Net& net) {
   const bool before = std::exchange(net.selected, true);
   Outcome outcome = co_await requests_.run(request, net);
@@ -75,7 +75,7 @@ rt::Task<Outcome> LssCommands::switch_global(const Request& request, Net& net) {
   co_return outcome;
 }
 
-// ---- which devices are there ----
+// ---- searches ----
 
 rt::Task<Result<bool>> LssCommands::anybody_in(lss::IdentifyRanges ranges, Net& net) {
   const auto heard = co_await net.network.services().lss.identify_remote(ranges);
@@ -83,7 +83,7 @@ rt::Task<Result<bool>> LssCommands::anybody_in(lss::IdentifyRanges ranges, Net& 
   co_return heard->answers > 0;
 }
 
-// The lowest revision number, then the lowest serial number, each by halving the range.
+// Finds the lowest revision number, then the lowest serial number, each by halving the range.
 rt::Task<Outcome> LssCommands::slowscan(const Request& request, Net& net) {
   lss::IdentifyRanges ranges = ranges_of(request);
   const auto first = co_await anybody_in(ranges, net);
@@ -130,7 +130,7 @@ bool heard_lately(NodeId id, const Net& net) {
   return id == net.network.bus().master || net.network.services().boots.heard(id).has_value();
 }
 
-/// Gives out node-IDs from one on, but none that a device has.
+/// Assigns node-IDs in ascending order and skips those in use.
 class Ids final : public lss::FastscanOwner {
  public:
   Ids(Net& net, std::uint8_t first) : net_(&net), next_(first) {}
@@ -163,7 +163,7 @@ rt::Task<Outcome> LssCommands::allnodes(const Request& request, Net& net) {
   if (!report) co_return net.failed(report.error());
   net.selected = report->end == lss::FastscanReport::End::gave_up;
   using End = lss::FastscanReport::End;
-  const bool others_only = partial && report->end == End::gave_up;  // a device answers that is not meant
+  const bool others_only = partial && report->end == End::gave_up;  // another device than the wanted ones answers
   const bool whole = report->end == End::complete || others_only;
   Outcome outcome;
   const auto count = std::ranges::count_if(report->found, [](const auto& d) { return d.assigned.configured(); });

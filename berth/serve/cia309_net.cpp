@@ -20,7 +20,7 @@ rt::Task<bool> Net::take_turn() {
   co_return true;
 }
 
-// The frame is not waited for: the conversation may be on its way out.
+// Does not wait for the frame: the conversation may be ending.
 void Net::release() noexcept {
   if (std::exchange(selected, false)) network.services().dispatcher.send(lss::request(lss::Command::switch_global, 0));
   if (std::exchange(has_turn, false)) network.services().turn.give();

@@ -11,7 +11,8 @@ constexpr std::uint32_t sync_key = 0x080;
 constexpr std::uint8_t by_remote_frame = 0xFD;
 constexpr std::uint8_t by_event = 0xFF;
 
-// SYNC, EMCY and TIME have their own; 7E4h and 7E5h in 29 bits are RAND's and Fastscan's feedback (S1.24).
+// SYNC, EMCY and TIME have CAN-IDs of their own. In 29-bit frames, 7E4h and 7E5h are RAND's and Fastscan's feedback
+// (S1.24).
 bool usable(co::CobId id) noexcept {
   if (!id.allowed()) return false;
   if (id.extended()) return (id.id() >> 18U) != 0x7E4 && (id.id() >> 18U) != 0x7E5;
@@ -172,7 +173,7 @@ void Pdos::synchronise(std::uint8_t counter) {
     }
     const bool waits = pdo.setting.sync_start != 0 && counter != 0 && !pdo.counting;
     if (waits && counter != pdo.setting.sync_start) continue;
-    if (waits) pdo.syncs = static_cast<std::uint8_t>(period - 1);  // this one is the first
+    if (waits) pdo.syncs = static_cast<std::uint8_t>(period - 1);  // this SYNC is the first
     pdo.counting = true;
     if (++pdo.syncs < period) continue;
     pdo.syncs = 0;
@@ -186,7 +187,7 @@ void Pdos::run() noexcept {
     if (pdo.setting.transmission != by_event || !pdo.written) continue;
     const bool deferred = pdo.wants && now >= pdo.free_at;
     if (!deferred && now < pdo.again_at) continue;
-    // A full queue: tried again soon.
+    // The queue is full: try again soon.
     if (send(pdo) != can::Queued::yes) pdo.free_at = std::max(pdo.free_at, now + 1ms);
   }
   arm();

@@ -32,7 +32,7 @@ std::string_view verb_of(Verb verb) noexcept {
     case lss_conf_bitrate: return "lss bit-timing";
     case lss_activate_bitrate: return "lss activate";
     case lss_store: return "lss store";
-    // A search leaves the device that it finds in LSS configuration.
+    // A search leaves the device found in LSS configuration.
     case lss_switch_selective:
     case lss_fastscan:
     case lss_slowscan: return "lss select";

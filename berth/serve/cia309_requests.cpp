@@ -19,7 +19,7 @@ using Arguments = std::map<std::string, std::string>;
 
 namespace {
 
-constexpr std::uint32_t no_answer = 0x0504'0000;  // CiA 301's abort code, which the device was told, too
+constexpr std::uint32_t no_answer = 0x0504'0000;  // CiA 301's abort code; Berth sent it to the device, too
 constexpr std::uint32_t refused_value = 1;        // error code of LSS configure and store services
 constexpr std::uint32_t store_medium = 2;
 
@@ -34,7 +34,7 @@ Arguments sdo_arguments(const Request& line, const Net& net) {
   if (line.verb == Verb::read) return a;
   a["type"] = "d";
   a["value"] = fmt::format("{:02X}", fmt::join(line.data, ""));
-  a["anyway"] = "1";  // the line has the value's type, and the description none
+  a["anyway"] = "1";  // the line's type counts, not the description's
   return a;
 }
 
@@ -56,7 +56,7 @@ Arguments identify_arguments(const Request& line) {
   return a;
 }
 
-// Of a table other than CiA 305's, or the reserved index: a rate that there is not.
+// A rate that does not exist stands for another table than CiA 305's and for the reserved index.
 std::string rate_of(const Request& line) {
   const auto rate = lss::bit_rate(static_cast<lss::BitRateIndex>(line.numbers[1]));
   if (line.numbers[0] != 0 || !rate) return "1";
@@ -92,7 +92,7 @@ bool is_carried_out(Verb verb) noexcept {
   }
 }
 
-// ---- the reply in codes ----
+// ---- the reply as an outcome ----
 
 Outcome value_of(const Request& line, const nlohmann::json& json) {
   std::string digits = json.at("bytes").get<std::string>();
@@ -157,13 +157,13 @@ Outcome outcome_of(const Request& line, const command::Reply& reply, const Net& 
     return is_lss(line.verb) ? lss_failed(line.verb, error, net) : net.failed(error);
   }
   if (line.verb == Verb::lss_conf_bitrate && reply.status == 2) return Outcome::refused(Code::lss_bit_rate);
-  // An answer that says no: nobody is there.
+  // A negative reply without an error: no device answered.
   return Outcome::refused(reply.error.empty() ? Code::timeout : Code::internal_state);
 }
 
 rt::Task<Outcome> Requests::run(const Request& line, Net& net) {
   command::Request request = request_of(line, net);
-  // Who is in LSS configuration state because of this conversation was confirmed when it was put there.
+  // The user confirmed these devices when this conversation put them into LSS configuration state.
   const bool for_selected =
       line.verb == Verb::lss_set_node || line.verb == Verb::lss_conf_bitrate || line.verb == Verb::lss_store;
   const bool confirmed = permits_->house().confirmed || (net.selected && for_selected);

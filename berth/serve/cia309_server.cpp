@@ -89,7 +89,7 @@ class Server::Impl::Client final : private io::Watcher, private io::Seat::Sitter
     Client* client_;
   };
 
-  // Unread bytes at the close would make the system reset the connection, and the last word would be lost.
+  // If bytes are unread at the close, the system resets the connection and the last message is lost.
   void last_word() {
     stream_.flush();
     ::shutdown(stream_.descriptor(), SHUT_WR);
@@ -127,18 +127,18 @@ class Server::Impl::Client final : private io::Watcher, private io::Seat::Sitter
     }
     char one = 0;
     if (::recv(stream_.descriptor(), &one, 1, MSG_PEEK | MSG_DONTWAIT) == 0) return half_closed();
-    std::array<char, 4096> buffer;  // so much at a time, that no other has to wait long
+    std::array<char, 4096> buffer;  // small pieces, so that other clients need not wait long
     in_ += stream_.get(buffer);
     if (stream_.gone()) return end("gone");
     work();
   }
 
-  // It says no more, and may still listen.
+  // The client sends no more, but may still read.
   void half_closed() {
     hung_up_ = true;
     stream_.hold(true);
     stream_.hung_up();
-    if (!in_.empty()) in_ += '\n';  // a last line without its end
+    if (!in_.empty()) in_ += '\n';  // the last line may lack its end
     work();
   }
 
@@ -148,15 +148,15 @@ class Server::Impl::Client final : private io::Watcher, private io::Seat::Sitter
     if (over_) return;
     in_.erase(0, std::exchange(at_, 0));
     stream_.hold(hung_up_ || conversation_.full());
-    if (seat_) seat_->begun(!stream_.held() && !in_.empty());  // else it is the server that takes no more
+    if (seat_) seat_->begun(!stream_.held() && !in_.empty());  // if held, the server causes the delay
     if (hung_up_ && !flush_.ready()) server_->loop->executor().post(flush_);
   }
 
-  // Takes one line out of `in_`; false: there is none.
+  // Takes one line from `in_`. False: there is none.
   bool line() {
     const auto end = in_.find('\n', at_);
     const auto rest = std::string_view(in_).substr(at_, end == std::string::npos ? end : end - at_);
-    const bool too_long = rest.size() > conversation_.command_size() + 1;  // its CR
+    const bool too_long = rest.size() > conversation_.command_size() + 1;  // 1: the CR
     if (end == std::string::npos && !too_long && !skipping_) return false;
     if (!skipping_) {
       ++server_->counters.lines;
@@ -169,7 +169,7 @@ class Server::Impl::Client final : private io::Watcher, private io::Seat::Sitter
     return !skipping_;
   }
 
-  // A client that speaks this language begins with a command. False: it does not, and is let go.
+  // A client of this protocol begins with a command. False: this one does not, and is disconnected.
   bool begins(std::string_view rest, bool too_long) {
     const auto first = parse_line(rest.substr(0, conversation_.command_size()));
     if (!too_long && first.error != Code::syntax) {
@@ -188,14 +188,14 @@ class Server::Impl::Client final : private io::Watcher, private io::Seat::Sitter
   std::string name_;
   io::Stream stream_;
   Call<&Client::flush> flush_{*this};
-  std::optional<io::Seat> seat_;  // none: one too many
+  std::optional<io::Seat> seat_;  // none: too many clients
   std::string in_;
-  std::size_t at_ = 0;     // of `in_`: lines before it are taken
+  std::size_t at_ = 0;     // in `in_`: earlier lines are done
   bool skipping_ = false;  // the rest of a line that is too long
   bool commanded_ = false;
   bool hung_up_ = false;
   bool over_ = false;
-  Conversation conversation_;  // last: it speaks through the rest
+  Conversation conversation_;  // last: it uses the other members
 };
 
 Server::Impl::Impl(io::Loop& on, int fd, tree::Session& session, ServerOptions wanted)

@@ -1,4 +1,4 @@
-// The values of CiA 309-3: their words and their bytes.
+// Converts the values of CiA 309-3 between words and bytes.
 #include <fmt/format.h>
 
 #include <charconv>

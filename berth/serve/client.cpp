@@ -61,7 +61,7 @@ void Client::flush() noexcept {
   if (!good && !leaving_) end("gone");
 }
 
-// It has hung up; its frames are sent first, if the bus takes them, as the kernel would do.
+// The client has hung up. Its frames are still sent if the bus takes them, as the kernel would do.
 void Client::leave() {
   if (over_) return;
   if (!port_ || outbox_.empty()) return end("left");
@@ -77,7 +77,7 @@ void Client::end(const std::string& why, std::string_view last_word) {
     stream_.put(last_word);
     stream_.flush();
     ::shutdown(stream_.descriptor(), SHUT_WR);
-    // Unread bytes at the close would make the system reset the connection, and the last word would be lost.
+    // If bytes are unread at the close, the system resets the connection and the last message is lost.
     std::array<char, 4096> unread{};
     for (int i = 0; i < 16 && !stream_.get(unread).empty();) ++i;
   }
@@ -103,7 +103,7 @@ void Client::ready(std::uint32_t events) noexcept {
     }
     return;
   }
-  std::array<char, 4096> buffer;  // so much at a time, that no other has to wait long
+  std::array<char, 4096> buffer;  // small pieces, so that other clients need not wait long
   const auto bytes = stream_.get(buffer);
   if (!bytes.empty()) {
     reader_.add(bytes);
@@ -115,7 +115,7 @@ void Client::ready(std::uint32_t events) noexcept {
   leave();
 }
 
-// Elements, as long as the bus takes what they say.
+// Handles elements as long as the bus takes their frames.
 void Client::work() {
   while (!over_ && !outbox_.stalled()) {
     const auto element = reader_.next();
@@ -132,7 +132,7 @@ void Client::work() {
   }
   if (over_ || stream_.gone()) return;
   stream_.hold(outbox_.stalled());
-  if (seat_) seat_->begun(!stream_.held() && reader_.kept() > 0);  // else it is the bus that takes no more
+  if (seat_) seat_->begun(!stream_.held() && reader_.kept() > 0);  // if held, the bus causes the delay
 }
 
 // The bus may have room again.
@@ -170,7 +170,7 @@ void Client::tick() noexcept {
   if (outbox_.echo_deadline()) arm(*outbox_.echo_deadline());
 }
 
-// ---- what the client says ----
+// ---- requests of the client ----
 
 void Client::act_without_bus(const Command& command) {
   if (command.kind == Kind::configure) {
@@ -201,7 +201,7 @@ void Client::enter(Mode mode) {
   arm(*quiet_until_);
 }
 
-// What the node hears.
+// Sets which frames this client receives.
 void Client::filter() {
   if (mode_ == Mode::raw) return port_->listen(this, everything);
   port_->listen(this, broadcasts_.keys());
@@ -254,7 +254,7 @@ bool Client::hand_over(const can::Frame& frame) {
   switch (queued) {
     case can::Queued::yes: ++house_->counters->frames_in; return true;
     case can::Queued::full:
-      // A `sent` says when there is room; should it not come, the clock.
+      // `sent` reports room in the queue; if it does not come, the timer does.
       arm(house_->executor().now() + Outbox::echo_wait);
       return false;
     case can::Queued::bus_off:

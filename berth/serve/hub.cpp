@@ -28,7 +28,7 @@ class Hub::Impl final : private can::Listener, private rt::Job {
   bool restart(std::uint32_t bit_rate) noexcept;
 
  private:
-  static constexpr std::size_t most_given = 16;  // to the port at once, so that the users take turns
+  static constexpr std::size_t most_given = 16;  // frames in the port at once: few, so that the users take turns
   struct Given {
     std::uint32_t tag = 0;
     User* user = nullptr;  // null: it has left
@@ -36,7 +36,7 @@ class Hub::Impl final : private can::Listener, private rt::Job {
     can::Frame frame;
   };
 
-  // A port may drop frames without a word: those are waited for no longer when nothing is under way.
+  // A port may drop frames without a report. When its queue is empty, nobody waits for them any longer.
   void run() noexcept override {
     if (port_->status().queued == 0) given_.clear();
     pump();

@@ -49,7 +49,7 @@ class SocketcandServer::Impl final {
 
   void take(int fd) {
     io::tune_tcp(fd);
-    const int kernel_buffer = 1 << 17;  // what waits shall wait here, where it is counted
+    const int kernel_buffer = 1 << 17;  // small: bytes wait in Berth's own buffer, which counts them
     ::setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &kernel_buffer, sizeof kernel_buffer);
     ++counters_.clients;
     const std::string name = io::peer_name(fd);

@@ -37,7 +37,7 @@ struct Writer {
   }
 };
 
-// RRS is dominant and stands where RTR does.
+// RRS is dominant, in the place of RTR.
 Layout lay_out_fd(const can::Frame& frame) noexcept {
   Writer w{.layout = {}, .rtr = frame.extended ? extended_rtr : base_rtr};
   w.stuffed(0, 1);
@@ -111,7 +111,7 @@ void Decoder::raw(bool recessive) noexcept {
   end_ = count_ + 8 * bytes + 15;
 }
 
-// Bits without stuffing, start of frame = 0.
+// The bit's number does not count stuff bits; start of frame = 0.
 can::ErrorPlace Decoder::place() const noexcept {
   using can::ErrorPlace;
   const unsigned bit = count_;
@@ -303,7 +303,7 @@ void BitNode::fail(Outcome& outcome, can::ErrorKind kind, Cause cause) noexcept 
   if (!exempt) more_errors(transmitter ? 8 : 1, outcome);
 }
 
-// Of the bit that was just sampled. A wrong CRC is signalled after the ACK delimiter.
+// The place of the bit that was just sampled. A wrong CRC is signalled after the ACK delimiter.
 can::ErrorPlace BitNode::place() const noexcept {
   using can::ErrorPlace;
   if (activity == Activity::frame) return transmitter && position_ == 0 ? ErrorPlace::start : decoder_.place();

@@ -18,7 +18,8 @@ struct BitwisePlay::Domain final : rt::Job {
       play.tick(*this, false);
     }
   }
-  /// Beside others the beginning of the bit comes first: they see what begins there before it is sampled here.
+  /// Beside other bit rates, the beginning of each bit comes first: the others see what begins there before it is
+  /// sampled here.
   void set_clock() noexcept {
     at_edge = !play.one_rate() && start >= play.medium_->executor.now();
     play.medium_->executor.at(at_edge ? start : sampled_at(), *this, rt::Rank::medium);
@@ -27,27 +28,27 @@ struct BitwisePlay::Domain final : rt::Job {
   [[nodiscard]] bool drives() const noexcept {
     return std::ranges::any_of(groups, [](const auto& group) { return group->bits.drives(); });
   }
-  /// Behind its sample point a node still drives the bit that it sampled.
+  /// After its sample point, a node still drives the bit that it sampled.
   [[nodiscard]] bool drives(rt::Time at) const noexcept {
     return at < start ? std::ranges::any_of(groups, [](const auto& group) { return group->drove; }) : drives();
   }
   [[nodiscard]] bool quiet() const noexcept {
     return std::ranges::all_of(groups, [](const auto& group) { return group->bits.quiet(); });
   }
-  /// One that sends the frame under way; null: none here.
+  /// A node here that sends the frame under way; null if there is none.
   [[nodiscard]] const BusNode* sender() const noexcept {
     for (const auto& group : groups) {
       if (group->bits.transmitter && group->members.front()->transmit.sending()) return group->members.front();
     }
     return nullptr;
   }
-  /// The group that the node is in; groups.end(): in none here.
+  /// The group that contains the node; groups.end(): it is in none here.
   auto find(const BusNode& node) noexcept {
     return std::ranges::find_if(
         groups, [&](const auto& group) { return std::ranges::find(group->members, &node) != group->members.end(); });
   }
-  /// Takes the node, which is in a group here, out of it if it is not alone there. Wherever it is: the first that
-  /// begins in a bit may have parted the group that it was in.
+  /// Takes the node out of its group here unless it is alone in it. The group is looked up: the first node that begins
+  /// in a bit may have split it.
   BitGroup& alone(BusNode& node) {
     BitGroup& group = **find(node);
     if (group.members.size() == 1) return group;
@@ -60,7 +61,7 @@ struct BitwisePlay::Domain final : rt::Job {
   std::uint32_t bit_rate;
   rt::Duration bit;
   rt::Time start;        // of the bit that is sampled next
-  bool at_edge = false;  // what comes next is its beginning
+  bool at_edge = false;  // the beginning of that bit comes next
   std::vector<std::unique_ptr<BitGroup>> groups;
 };
 
@@ -68,7 +69,7 @@ BitwisePlay::BitwisePlay(Medium& medium, Deliveries& deliveries, Owner& owner) n
     : medium_(&medium), deliveries_(&deliveries), owner_(&owner) {}
 BitwisePlay::~BitwisePlay() = default;
 
-// Into the play and out of it.
+// Entering and leaving the play.
 
 void BitwisePlay::begin(rt::Time start, bool sending) {
   since_ = start;
@@ -101,7 +102,7 @@ void BitwisePlay::put(BusNode& node, rt::Time start, bool sending, bool pauses) 
   if (contends) medium_->begin_attempt(node);
   contends = contends || node.transmit.sending();
   bool alone = contends || suspended || !access.takes_part() || pauses;
-  // Bits that are left until `end`, the one under way included; at most `most`.
+  // The number of bits until `end`, with the one under way; at most `most`.
   const auto left = [&](rt::Time end, std::int64_t most) {
     return static_cast<unsigned>(
         std::clamp<std::int64_t>((end - start + domain.bit - rt::Duration(1)) / domain.bit, 1, most));
@@ -196,7 +197,7 @@ void BitwisePlay::edge(Domain& domain) {
 void BitwisePlay::tick(Domain& domain, bool again) {
   if (!again && one_rate()) begin_frames(domain);
   const bool dominant = domain.drives() || level_of_others(domain, domain.sampled_at());
-  // What a bit means may begin a frame, with disturbances and groups of its own: they do not concern this bit any more.
+  // `note` may begin a frame, with disturbances and groups of its own: they do not concern this bit any more.
   for (auto& group : domain.groups) {
     group->sees = seen(domain, *group, dominant);
     group->drove = group->bits.drives();
@@ -228,7 +229,7 @@ bool BitwisePlay::seen(const Domain& domain, const BitGroup& group, bool dominan
                               dominant);
 }
 
-// Beginnings of frames.
+// Starts of frames.
 
 void BitwisePlay::begin_frames(Domain& domain) {
   for (std::size_t i = 0; i < domain.groups.size(); ++i) {
@@ -243,7 +244,7 @@ void BitwisePlay::begin_frames(Domain& domain) {
   }
 }
 
-// Dominant in the third bit of intermission: a node that waits sends on from the bit after it.
+// A dominant third bit of intermission starts a frame: a waiting node sends from the next bit on.
 void BitwisePlay::join_started(Domain& domain, BitGroup& group) {
   const auto members = group.members;
   for (BusNode* node : members) {
@@ -273,7 +274,7 @@ void BitwisePlay::synchronise_others(const Domain& domain) noexcept {
   }
 }
 
-// What a bit meant.
+// The outcome of a bit.
 
 void BitwisePlay::note(Domain& domain, BitGroup& group, const BitNode::Outcome& outcome) {
   if (outcome.lost) {
@@ -313,7 +314,7 @@ void BitwisePlay::note_failed(const Domain& domain, BitGroup& group, const BitNo
     const BusNode* const front = group.members.front();
     error.first = front->number;
     error.beside_first = static_cast<unsigned>(group.members.size() - 1);
-    // Behind the frame a node still counts as its transmitter, and may have nothing more to send.
+    // After its frame a node still counts as its transmitter, but may have nothing more to send.
     const BusNode* sender = outcome.as_transmitter && front->transmit.sending() ? front : nullptr;
     for (const auto& each : domains_) sender = sender != nullptr ? sender : each->sender();
     if (sender != nullptr) {
@@ -371,7 +372,7 @@ void BitwisePlay::attempt_over(BusNode& node) noexcept {
   medium_->contend(node);
 }
 
-// What happens to single nodes.
+// Single nodes.
 
 void BitwisePlay::preset_counters(BusNode& node) {
   for (auto& domain : domains_) {

@@ -76,7 +76,7 @@ void Bus::reset_statistics() noexcept {
   statistics_since_ = executor_->now();
 }
 
-// The first segment is the bus; the others are what was cut off.
+// The first segment is the bus; the others are cut off from it.
 
 void Bus::split(std::span<Controller* const> others) {
   Segment& segment = new_segment();

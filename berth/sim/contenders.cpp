@@ -7,13 +7,13 @@ inline void Contenders::place(std::size_t at, Contender contender) noexcept {
   places_[contender.slot()].at = static_cast<std::uint32_t>(at);
 }
 
-// Puts the contender in at `at`, where there is none, or above.
+// Puts the contender into the empty place `at`, or above it.
 inline void Contenders::rise(std::size_t at, Contender moving) noexcept {
   for (; at > 0 && moving.order < heap_[(at - 1) / 2].order; at = (at - 1) / 2) place(at, heap_[(at - 1) / 2]);
   place(at, moving);
 }
 
-// Puts the contender in at `at`, where there is none, or below.
+// Puts the contender into the empty place `at`, or below it.
 inline void Contenders::sink(std::size_t at, Contender moving) noexcept {
   for (std::size_t child = 2 * at + 1; child < count_; child = 2 * at + 1) {
     if (child + 1 < count_) child += heap_[child + 1].order < heap_[child].order ? 1 : 0;

@@ -68,13 +68,13 @@ can::Status Controller::status() const noexcept {
 const NodeStatistics& Controller::statistics() const noexcept {
   auto& contenders = node_.segment->medium().contenders;
   if (contenders.contains(node_.slot)) {
-    auto* self = const_cast<Controller*>(this);  // brings a counter up to date that is kept lazily
+    auto* self = const_cast<Controller*>(this);  // updates a counter that is kept lazily
     self->node_.statistics.arbitration_losses += contenders.take_losses(node_.slot);
   }
   return node_.statistics;
 }
 
-// What happens to the node.
+// The controller's node.
 
 void Controller::preset_counters(std::uint16_t tec, std::uint16_t rec) noexcept {
   node_.set_counters(std::min<std::uint16_t>(tec, 255), std::min<std::uint16_t>(rec, 255));
@@ -87,7 +87,7 @@ bool Controller::restart(std::uint32_t bit_rate) noexcept {
   node_.segment->disturb(node_);
   node_.transmit.clear();
   node_.set_counters(0, 0);
-  static_cast<void>(node_.errors.level_changed());  // the host, which asked for it, is not told
+  static_cast<void>(node_.errors.level_changed());  // the host asked for it and is not informed
   node_.bit_rate = bit_rate;
   node_.segment->integrate(node_, node_.errors.bus_off() ? 128 : 1);
   return true;
@@ -100,13 +100,13 @@ void Controller::power(bool on) noexcept {
   node_.host.forget();
   node_.set_counters(0, 0);
   node_.errors.set_bus_off(false);
-  static_cast<void>(node_.errors.level_changed());  // part of the change that is told below
+  static_cast<void>(node_.errors.level_changed());  // part of the change that is reported below
   node_.powered = on;
   node_.segment->integrate(node_, on ? 1 : 0);
   node_.host.changed();
 }
 
-// Its bit rate or listen-only has changed.
+// The bit rate or listen-only mode has changed.
 void Controller::integrate_anew() noexcept {
   if (node_.errors.bus_off()) {
     node_.segment->refresh();

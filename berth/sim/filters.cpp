@@ -19,7 +19,7 @@ void Filters::grow(std::size_t slots) {
 
 void Filters::set(std::uint32_t slot, const std::vector<can::IdRange>& before,
                   const std::vector<can::IdRange>& accept) {
-  // Only what differs is touched: services add and remove single identifiers. Ranges that overlap are set all anew.
+  // Only differences are applied: services add and remove single identifiers. Ranges that overlap are all set anew.
   const std::uint64_t mask = 1ULL << (slot % 64);
   const auto put = [&](const std::vector<can::IdRange>& ranges, const std::vector<can::IdRange>& kept, bool on) {
     for (const auto& range : ranges) {

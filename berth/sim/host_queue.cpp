@@ -38,7 +38,7 @@ void HostQueue::forget() noexcept {
 }
 
 void HostQueue::run() noexcept {
-  // The callback may push events, or destroy this queue and its controller: what it is told is copied before.
+  // The callback may push events, or destroy this queue and its controller: its arguments are copied before.
   const Event& event = events_[first_];
   const rt::Time at = event.at;
   const What what = event.what;

@@ -10,7 +10,7 @@ std::uint32_t slot_of(std::size_t word, std::uint64_t bits) noexcept {
   return static_cast<std::uint32_t>(word * 64 + static_cast<unsigned>(std::countr_zero(bits)));
 }
 
-// With thousands of nodes none is in the processor's caches: the next one is fetched while one is dealt with.
+// With thousands of nodes, none is in the processor's caches: the next one is fetched while this one is handled.
 void fetch(const BusNode& node) noexcept {
   const char* const at = reinterpret_cast<const char*>(&node);
   for (std::size_t line = 0; line < sizeof(BusNode); line += 64) __builtin_prefetch(at + line);

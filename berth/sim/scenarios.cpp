@@ -13,13 +13,13 @@ namespace {
 using namespace std::chrono_literals;
 constexpr auto bit_time = 1us;  // 1 Mbit/s: a microsecond is a bit
 
-/// Watches a world and writes a step each time something is worth one.
+/// Watches a world and writes down each step that is worth it.
 class Narrator {
  public:
   explicit Narrator(World& world) : world_(world) {}
   void watch(const Controller& node) { nodes_.push_back({&node, node.statistics(), node.errors().state()}); }
 
-  /// Runs until nothing is left to send or `attempts` frames have begun, at most `limit` bits.
+  /// Runs until nothing is left to send, or `attempts` frames have begun, or `limit` bits are over.
   void run(Bus& bus, unsigned attempts, unsigned limit) {
     const rt::Time end = world_.now() + limit * bit_time;
     while (world_.now() < end && bus.statistics().starts <= attempts && world_.step(end)) look();

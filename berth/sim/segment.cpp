@@ -7,8 +7,8 @@
 namespace berth::sim {
 namespace {
 
-// Senders of one identifier: is it one frame on the wire? Among FD frames ESI tells a passive sender from an active
-// one.
+// Do senders of one identifier send one frame on the wire? Among FD frames, ESI distinguishes a passive sender from an
+// active one.
 [[gnu::cold]] bool all_send_one_fd_frame(const std::vector<BusNode*>& senders) noexcept {
   const can::Frame first = senders.front()->head_frame();
   return std::ranges::all_of(senders, [&](const BusNode* node) {
@@ -34,7 +34,7 @@ Segment::Segment(Bus& bus) noexcept
       deliveries_(medium_.executor, *this),
       play_(medium_, deliveries_, *this) {}
 
-// Nodes come and go.
+// Adding and removing nodes.
 
 void Segment::join(BusNode& node) {
   if (state_ == State::busy && unanswered_) replay();
@@ -66,7 +66,7 @@ void Segment::refresh() noexcept {
 
 void Segment::integrate(BusNode& node, std::uint32_t runs) noexcept {
   node.access.exclude();
-  // A node of another bit rate samples what the frame under way has left of it.
+  // A node of another bit rate samples the rest of the frame under way.
   const bool other_rate = node.powered && bit_time_of(node.bit_rate) != medium_.nodes.bit();
   if (state_ == State::busy && (unanswered_ || (other_rate && !frame_.fd))) replay();
   node.access.integrate(runs, medium_.executor.now());
@@ -152,7 +152,7 @@ void Segment::integrated(BusNode& node) noexcept {
   if (state_ != State::bitwise) offer(node);
 }
 
-// Beginnings of frames.
+// Starts of frames.
 
 void Segment::offer(BusNode& node) noexcept {
   if (node.transmit.sending()) return;
@@ -197,7 +197,7 @@ void Segment::run() noexcept {
   }
 }
 
-// The winners of arbitration; false when they send different frames.
+// The winners of arbitration; false if they send different frames.
 inline bool Segment::pick_senders() noexcept {
   senders_.clear();
   if (medium_.nodes.any_suspended() || !medium_.contenders.one_wins()) return pick_among_several();
@@ -281,8 +281,8 @@ void Segment::finish() noexcept {
   schedule_start();
 }
 
-// A passive node alone on the wire goes on for ever: ACK error, six recessive bits of flag, eight of delimiter, three
-// of intermission, no counter touched (rule 3, exception 1), suspend transmission.
+// A passive node alone on the wire repeats its frame for ever: ACK error, six recessive bits of flag, eight of
+// delimiter, three of intermission, no change of a counter (rule 3, exception 1), suspend transmission.
 void Segment::give_up() noexcept {
   BusNode& node = *senders_.front();
   medium_.free_at = medium_.executor.now();
@@ -312,7 +312,7 @@ void Segment::play(rt::Time start, bool sending) {
   play_.begin(start, sending);
 }
 
-// A frame under way has lost what it was computed on: play again what has happened of it, and on from here.
+// What the frame under way was computed from has changed: it is played again bit by bit up to now, and on from here.
 void Segment::replay() {
   ++medium_.statistics.bitwise;
   play(medium_.sof, true);

@@ -67,7 +67,7 @@ inline void TransmitQueue::choose_head() noexcept {
   }
 }
 
-// `before`: the slot of the next older one, if there is one.
+// `before`: the slot of the next older frame, if there is one.
 inline void TransmitQueue::take_out(std::uint32_t before, std::uint32_t at) noexcept {
   (before == nothing ? oldest_ : slots_[before].next) = slots_[at].next;
   if (at == youngest_) youngest_ = before;

@@ -28,7 +28,7 @@ constexpr const char* load_sql =
 constexpr const char* load_slot_sql =
     "SELECT s.id, s.machine, s.bus, s.name, t.fact, t.vendor, t.product, t.revision, t.serial, t.apart, t.node_id "
     "FROM slots s LEFT JOIN seats t ON t.slot = s.id WHERE s.id = ? ORDER BY t.fact";
-// Where the device sits besides this slot, on the slot's bus. Uses the index of the addresses: a device has few twins.
+// The device's other slot on this slot's bus. Uses the index of the addresses: a device has few twins.
 constexpr const char* other_seat_sql =
     "SELECT o.machine, o.bus, o.name FROM slots s CROSS JOIN seats t CROSS JOIN slots o WHERE t.vendor = ? AND "
     "t.product = ? AND t.revision = ? AND t.serial = ? AND t.apart = ? AND s.id = ? AND o.id = t.slot AND "
@@ -55,7 +55,8 @@ constexpr const char* put_blank_sql =
     "INSERT INTO blanks (vendor, product, revision, serial, apart, machine, bus, node_id) "
     "VALUES (?, ?, ?, ?, ?, ?, ?, ?) "
     "ON CONFLICT DO UPDATE SET node_id = excluded.node_id";
-// A row without a bus applies to any bus, and ends with the row of the bus on which it is written anew or ended.
+// A row without a bus applies to any bus. It is deleted as soon as a row of the device is written or deleted for one
+// bus.
 constexpr const char* drop_blank_of_any_bus_sql =
     "DELETE FROM blanks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND apart = ? AND "
     "bus = ''";
@@ -98,7 +99,7 @@ constexpr const char* loans_sql =
 constexpr const char* log_sql =
     "INSERT INTO history (vendor, product, revision, serial, apart, stamp_ms, slot, event, node_id, reason, machine, "
     "bus) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)";
-// The bus of a slot's line is the slot's; a line without one has its own.
+// A line about a slot has the slot's bus; a line without a slot stores its bus itself.
 constexpr const char* history_sql =
     "SELECT h.vendor, h.product, h.revision, h.serial, h.apart, h.sequence, h.stamp_ms, h.slot, h.event, h.node_id, "
     "h.reason, coalesce(s.machine, h.machine), coalesce(s.bus, h.bus) FROM history h LEFT JOIN slots s ON s.id = "
@@ -268,7 +269,7 @@ std::vector<SlotRecord> Database::Impl::records_of(Query& query) {
   return records;
 }
 
-// Both in the order of their slots.
+// The query's rows and `records` are both in the order of their slots.
 void Database::Impl::add_configurations(Query& query, std::vector<SlotRecord>& records) {
   using Stage = places::Configured::Stage;
   auto it = records.begin();
@@ -350,7 +351,7 @@ Result<SlotId> Database::declare(const SlotName& name) {
 }
 
 Result<std::vector<SlotId>> Database::declare_all(const std::vector<SlotName>& names) {
-  // A start that changes nothing writes nothing.
+  // Looks first, so that a start without new slots writes nothing.
   const auto known = impl_->read("looking for slots", [&]() -> Result<std::vector<SlotId>> {
     std::vector<SlotId> slots;
     for (const auto& name : names) {

@@ -23,8 +23,8 @@ bool is_at(int fd, const std::string& path) noexcept {
          open.st_ino == named.st_ino;
 }
 
-// From the kernel's list of locks: what an earlier holder wrote into the file is not valid for this one. "" if the list
-// does not show it (another host's, another container's).
+// Reads the kernel's list of locks, because the process id in the file may still be an earlier holder's. "" if the list
+// does not show the holder (it runs on another host, or in another container).
 std::string holder_of(int fd) {
   struct stat what {};
   if (::fstat(fd, &what) != 0) return {};
@@ -42,9 +42,9 @@ std::string holder_of(int fd) {
 
 }  // namespace
 
-// Two processes could own two files with one name: one that opened the file before it was removed, and one that made it
-// again. So only the holder of its lock removes the file, and a lock counts only if the file still has its name after
-// locking (`lock`).
+// Without care, two processes could own two files of one name: one process opened the file before it was removed, the
+// other made it again. So only the holder of its lock removes the file, and a lock counts only if the file still has
+// its name after locking (`lock`).
 FileLock::~FileLock() {
   if (fd_ < 0) return;
   if (!path_.empty() && is_at(fd_, path_)) ::unlink(path_.c_str());
@@ -52,11 +52,11 @@ FileLock::~FileLock() {
 }
 
 FileLock::Outcome FileLock::lock(const std::string& path) {
-  // Each time another process removed the file in between: it held the lock, and ended.
+  // Every repetition: a process that held the lock has ended meanwhile, and removed the file.
   for (;;) {
     fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, private_mode(path));
     if (fd_ < 0) return Outcome::failed;
-    // One made by an earlier version may be open to all.
+    // A file made by an earlier version may be open to all users.
     static_cast<void>(::fchmod(fd_, private_mode(path)));
     if (::flock(fd_, LOCK_EX | LOCK_NB) != 0) {
       if (errno != EWOULDBLOCK) return Outcome::failed;

@@ -1,4 +1,5 @@
-// Opens a store: one owner, and nothing is written before the file is known to be Berth's, whole and not newer.
+// Opens a store. It gets one owner, and nothing is written before the file is known to be Berth's, undamaged and not
+// newer.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -56,7 +57,8 @@ std::optional<OpenError> look_at(const std::string& path, const Header& header) 
   return verdict(path, classify(big_endian(68), version, true), version);
 }
 
-/// Checks the bytes of a file in which SQLite has nothing to finish, so that not even SQLite changes a foreign file.
+/// Checks the header of a file without using SQLite, which could change a foreign file. Skips a file with a write-ahead
+/// log or journal, which SQLite must read first.
 std::optional<OpenError> look_at_header(const std::string& path) {
   if (!has_content(path) || has_content(path + "-wal") || has_content(path + "-journal")) return std::nullopt;
   Header header{};
@@ -66,7 +68,7 @@ std::optional<OpenError> look_at_header(const std::string& path) {
   return look_at(path, header);
 }
 
-/// What to do about an error of the system.
+/// Advice for the user about a system error.
 const char* remedy_of(int code) noexcept {
   switch (code) {
     case ENOSPC:
@@ -103,7 +105,7 @@ std::int64_t pragma(SQLite::Database& db, const char* name) {
   return db.execAndGet(fmt::format("PRAGMA {}", name)).getInt64();
 }
 
-/// Of a file that says it is Berth's.
+/// Checks a file whose header says that it is Berth's.
 std::optional<OpenError> look_inside(SQLite::Database& db, const std::string& path, int version) {
   auto said = strange(db, version);
   if (said.empty()) said = damage(db);
@@ -117,10 +119,11 @@ std::optional<OpenError> look_inside(SQLite::Database& db, const std::string& pa
 
 /// Checks the schema, and converts it to the present one.
 std::optional<OpenError> prepare(SQLite::Database& db, const std::string& path, bool has_log, bool sync) {
-  // Until the file is accepted, closing must not write the log left by a crash back into it.
+  // Until the file is accepted, closing it must not write a crash's write-ahead log back into it.
   sqlite3_db_config(db.getHandle(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, has_log ? 1 : 0, nullptr);
   db.exec("PRAGMA locking_mode = EXCLUSIVE");
-  // EXTRA also syncs the folder when a rollback journal is removed: the journal is used only until the log is.
+  // EXTRA also syncs the folder when a rollback journal is removed. SQLite uses that journal until the write-ahead log
+  // is switched on below.
   db.exec(sync ? "PRAGMA synchronous = EXTRA" : "PRAGMA synchronous = OFF");
   const auto application = pragma(db, "application_id");
   const auto version = pragma(db, "user_version");
@@ -143,7 +146,7 @@ std::optional<OpenError> prepare(SQLite::Database& db, const std::string& path, 
 }
 
 /// Limits for a foreign file: no functions from its schema, no schema changes by writes, no value longer than any of
-/// Berth's, no longer time than its user will wait. `ended` still applies.
+/// Berth's. `ended` can end a statement that takes too long.
 void confine(SQLite::Database& db, std::function<bool()>& ended) {
   constexpr int longest_value = 1 << 20;
   constexpr int steps_between_questions = 100'000;  // some milliseconds
@@ -199,7 +202,7 @@ Database::Opened Database::open(const std::string& given, const OpenOptions& opt
   }
   const bool has_log = !options.vfs.empty() || has_content(path + "-wal");
   try {
-    // What SQLite makes beside it gets the same mode. Where it cannot be made, SQLite says so.
+    // The files that SQLite makes beside it get the same mode. If the file cannot be made, SQLite reports that.
     if (options.vfs.empty()) static_cast<void>(make_private(path));
     const int flags = SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE | SQLITE_OPEN_EXRESCODE;
     impl->db.emplace(path, flags, 0, options.vfs);
@@ -221,7 +224,7 @@ tl::expected<void, OpenError> look(std::string bytes, const std::string& name, c
   Header header{};
   std::memcpy(header.data(), bytes.data(), std::min(bytes.size(), header.size()));
   if (auto refused = look_at(name, header)) return tl::unexpected<OpenError>(std::move(*refused));
-  // A database in memory has no write-ahead log: these two bytes say that the file has one.
+  // These two bytes of the header say that the file has a write-ahead log; a database in memory has none.
   constexpr std::size_t write_version = 18;
   constexpr std::size_t read_version = 19;
   if (bytes.size() >= header.size()) bytes[write_version] = bytes[read_version] = 1;

@@ -17,10 +17,10 @@
 namespace berth::store {
 namespace {
 
-// One text per version, each applied to the tables of the versions before. Texts of released versions never change: a
-// new table or column is a new version.
+// One text per version, applied to the tables of the version before. Texts of released versions never change: a new
+// table or column is a new version.
 constexpr std::array<const char*, schema_version> steps{
-    // 1: slots by identities of their own, intention and confirmation as two facts, and the history.
+    // 1: slots with ids of their own, intention and confirmation as two facts, and the history.
     R"(
 CREATE TABLE slots (
   id      INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -65,7 +65,7 @@ BEGIN SELECT RAISE(ABORT, 'the history is never rewritten'); END;
 CREATE TRIGGER history_is_never_shortened BEFORE DELETE ON history
 BEGIN SELECT RAISE(ABORT, 'the history is never rewritten'); END;
 )",
-    // 2: every device ever named, kept up by the history itself; the history of one slot by an index.
+    // 2: all devices ever named, updated by a trigger of the history; an index for the history of one slot.
     R"(
 CREATE TABLE devices (
   vendor   INTEGER NOT NULL,
@@ -104,8 +104,7 @@ CREATE TABLE configurations (
   ms       INTEGER NOT NULL CHECK (ms BETWEEN 0 AND 4294967295)
 ) STRICT;
 )",
-    // 4: what is stored of a device besides its seat (the numbers of `places::Mark`), and a device's history by an
-    // index.
+    // 4: marks of devices, besides their seats (the numbers of `places::Mark`); an index for the history of one device.
     R"(
 CREATE TABLE marks (
   vendor   INTEGER NOT NULL CHECK (vendor BETWEEN 0 AND 4294967295),
@@ -118,13 +117,13 @@ CREATE TABLE marks (
 ) STRICT, WITHOUT ROWID;
 CREATE INDEX history_of_device ON history (vendor, product, revision, serial) WHERE vendor IS NOT NULL;
 )",
-    // 5: where a blanking was begun, and which node-ID it takes; older ones are of any bus.
+    // 5: the bus on which a blanking was begun, and the node-ID that it takes away; older rows apply to any bus.
     R"(
 ALTER TABLE blanks ADD COLUMN machine TEXT NOT NULL DEFAULT '';
 ALTER TABLE blanks ADD COLUMN bus TEXT NOT NULL DEFAULT '';
 ALTER TABLE blanks ADD COLUMN node_id INTEGER NOT NULL DEFAULT 255 CHECK (node_id BETWEEN 0 AND 255);
 )",
-    // 6: every node-ID that is lent, and where; before, a mark (3) of the first of a search.
+    // 6: all lent node-IDs, with their buses; before, only a search's first loan was stored, as mark 3.
     R"(
 CREATE TABLE loans (
   vendor   INTEGER NOT NULL CHECK (vendor BETWEEN 0 AND 4294967295),
@@ -140,7 +139,8 @@ INSERT INTO loans SELECT vendor, product, revision, serial, '', '', node_id FROM
 DELETE FROM marks WHERE mark = 3;
 )",
     // 7: machine, bus and LSS address identify a device. Tables whose keys change are made anew. A row without a
-    // machine applies to any bus; so do all older marks, and the lines of the history about a device without a slot.
+    // machine applies to any bus. So do all older marks, and all older lines of the history about devices without
+    // slots.
     R"(
 CREATE TABLE seats_of_buses (
   slot     INTEGER NOT NULL REFERENCES slots (id),
@@ -202,9 +202,10 @@ ALTER TABLE loans_of_buses RENAME TO loans;
 ALTER TABLE history ADD COLUMN machine TEXT NOT NULL DEFAULT '';
 ALTER TABLE history ADD COLUMN bus TEXT NOT NULL DEFAULT '';
 )",
-    // 8: its node-ID identifies a device without a serial number, and what a device does not report is unknown.
+    // 8: a node-ID identifies a device without a serial number, and parts that a device does not report are unknown.
     // `apart`: 256 times the unknown parts (bit 0 vendor-ID to bit 3 serial number), plus the node-ID that
-    // distinguishes it from its equals, else 255. Before, unknown parts were 0; rows of such a device stay unchanged.
+    // distinguishes the device from its equals, else 255. Before, unknown parts were 0; rows of such devices stay
+    // unchanged.
     R"(
 CREATE TABLE seats_of_devices (
   slot     INTEGER NOT NULL REFERENCES slots (id),
@@ -310,15 +311,15 @@ BEGIN
 END;
 )"};
 
-/// What a schema is made of: tables, indices, triggers and views, SQLite's own tables too.
+/// An element of a schema: table, index, trigger or view, also of SQLite's own.
 struct Made {
   std::string type;
   std::string name;
-  std::string sql;  ///< "" for the indices that come with a table
+  std::string sql;  ///< "" for an index that SQLite makes with a table
   auto operator<=>(const Made&) const = default;
 };
 
-// At most `most`: a foreign schema may have millions.
+// Returns at most `most`: a foreign schema may have millions.
 std::set<Made> schema_of(SQLite::Database& db, std::size_t most) {
   SQLite::Statement query(db, "SELECT type, name, coalesce(sql, '') FROM sqlite_master LIMIT ?");
   query.bind(1, static_cast<std::int64_t>(most));
@@ -329,9 +330,9 @@ std::set<Made> schema_of(SQLite::Database& db, std::size_t most) {
 }
 
 constexpr std::size_t most_made = 100;    // more than any version has
-constexpr std::size_t longest_name = 64;  // of a foreign one, when told
+constexpr std::size_t longest_name = 64;  // of a foreign name, in messages
 
-// The subqueries of step 2 would search the whole history for each device.
+// Without this index, the subqueries of step 2 would search the whole history for each device.
 constexpr const char* help_step_2 =
     "CREATE INDEX berth_passing ON history (vendor, product, revision, serial) WHERE vendor IS NOT NULL";
 

@@ -14,7 +14,7 @@ std::int64_t microseconds(const RingFrame& frame) noexcept { return frame.at.tim
 
 }  // namespace
 
-// Only what is overwritten can be missing, and what is overwritten is the oldest: the rest follows without a gap.
+// Only overwritten frames can be missing, and the oldest are overwritten first: the rest has no gap.
 std::uint64_t append_batch(const FrameRing& ring, std::uint64_t first, std::uint64_t end, std::string& out) {
   end = std::min(end, first + 65'535U);
   RingFrame frame;
@@ -24,15 +24,15 @@ std::uint64_t append_batch(const FrameRing& ring, std::uint64_t first, std::uint
   const std::size_t head = out.size();
   append(1, 1, out);  // kind
   append(1, 1, out);  // version
-  append(0, 2, out);  // count, below
+  append(0, 2, out);  // count, set below
   append(0, 4, out);
   append(first, 8, out);
   append(static_cast<std::uint64_t>(frame.at.time_since_epoch().count()), 8, out);
   std::uint64_t count = 0;
   std::int64_t before = microseconds(frame);
   for (auto n = first; n < end; ++n, ++count) {
-    if (!ring.read(n, frame)) break;  // overwritten within this batch: the next one tells
-    // Two buses' times may be a little out of order.
+    if (!ring.read(n, frame)) break;  // overwritten meanwhile: counted as missing
+    // The times of two buses may be slightly out of order.
     const auto step =
         std::clamp<std::int64_t>(microseconds(frame) - before, 0, std::numeric_limits<std::uint32_t>::max());
     before += step;
@@ -43,7 +43,7 @@ std::uint64_t append_batch(const FrameRing& ring, std::uint64_t first, std::uint
     append(frame.bus, 1, out);
     const auto bytes = frame.frame.bytes();
     append(frame.frame.size | (frame.own ? 0x80U : 0U) | (frame.cut ? 0x10U : 0U), 1,
-           out);  // of a remote frame what it asks for
+           out);  // for a remote frame, the requested length
     out.append(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   }
   out[head + 2] = static_cast<char>(count & 0xFFU);

@@ -55,14 +55,14 @@ std::shared_ptr<Response> words(const http::request_header<>* request, http::sta
   return response(request, status, std::move(text) + "\n", "text/plain; charset=utf-8");
 }
 
-/// One of this name, and no more: two would be read one way here and another way elsewhere.
+/// Exactly one field of this name: readers may choose differently between two.
 std::optional<std::string_view> the_one(const Request& request, http::field name) {
   const auto range = request.equal_range(name);
   if (range.first == range.second || std::next(range.first) != range.second) return std::nullopt;
   return plain(range.first->value());
 }
 
-/// Empty: another path. Else what stands after the '?', with it.
+/// Empty: another path. Otherwise what follows the path, with its '?'.
 std::optional<std::string_view> query_of(const Request& request, std::string_view path) {
   const auto target = plain(request.target());
   if (!target.starts_with(path)) return std::nullopt;
@@ -74,7 +74,7 @@ constexpr const char* another_file = "503: another file is read just now; try ag
 
 bool is_socket(const Request& request) { return plain(request.target()) == "/api/v1/socket"; }
 
-/// Null: it may go on, with that role where it showed a token.
+/// Null: allowed, with `role` if the request had a token.
 std::shared_ptr<Response> refused(const Request& request, const Hall& hall, std::optional<command::Role>& role) {
   const auto host = the_one(request, http::field::host);
   if (!host || !hall.is_own_host(*host))
@@ -117,7 +117,7 @@ class Visitor final : public Client {
   }
   [[nodiscard]] Hold hold() const override { return idle_ ? Hold::idle : known_ ? Hold::stays : Hold::stranger; }
   void close() override { wire_.tcp().close(); }
-  // Who leaves before the answer is there ends its request.
+  // If the client leaves before the answer, its request ends.
   void tick(bool /*rates*/) override {
     if (!asked_) return;
     pollfd end{wire_.tcp().socket().native_handle(), POLLRDHUP, 0};
@@ -135,7 +135,7 @@ class Visitor final : public Client {
       plain ? self->tell_scheme() : self->leave();
     });
   }
-  // A browser that was given http:// shows this.
+  // A browser that was given http:// shows this text.
   void tell_scheme() {
     static const std::string text =
         "HTTP/1.1 400 Bad Request\r\nContent-Type: text/plain; charset=utf-8\r\nConnection: close\r\n"
@@ -151,7 +151,7 @@ class Visitor final : public Client {
     http::async_read_header(wire_, buffer_, *parser_,
                             [self = mine()](Code error, std::size_t) { self->taken_header(error); });
   }
-  // A whole file is taken of those only who may send one, and one at a time.
+  // Accepts a whole file only from clients that may send one, and only one file at a time.
   void taken_header(Code error) {
     if (error) return taken(error);
     const Request& request = parser_->get();
@@ -232,7 +232,7 @@ class Visitor final : public Client {
   void let_file_go() {
     if (std::exchange(has_file_, false)) hall().has_file() = false;
   }
-  // A file of any length, piece by piece: the next is made when the client took the one before.
+  // Sends a file of any length in pieces. The next piece is made after the client took the last one.
   void send_trace(const Request& request, std::string_view query) {
     if (request.method() != http::verb::get || request.version() != 11)
       return send(words(&request, http::status::method_not_allowed, "405: GET, by HTTP/1.1"));
@@ -312,16 +312,16 @@ class Visitor final : public Client {
   Wire wire_;
   boost::beast::flat_buffer buffer_{longest_header + longest_message + 1024};
   std::optional<Parser> parser_;
-  std::optional<command::Role> role_;  // of the token that the request showed
-  std::optional<Export> export_;       // that is sent
-  std::string piece_;                  // of it
-  std::optional<Opened> opened_;       // a file that is read
-  bool has_file_ = false;              // it is taken or read
+  std::optional<command::Role> role_;  // of the request's token
+  std::optional<Export> export_;       // being sent
+  std::string piece_;                  // of `export_`
+  std::optional<Opened> opened_;       // a file that is being read
+  bool has_file_ = false;              // receiving or reading a file
   bool idle_ = false;
-  bool served_ = false;  // one request at least
+  bool served_ = false;  // at least one request
   bool ends_ = false;
-  bool asked_ = false;  // the executor has its request
-  bool known_ = false;  // it showed a token once
+  bool asked_ = false;  // the executor has the request
+  bool known_ = false;  // it once had a valid token
 };
 
 // ---- WebSocket ----
@@ -346,7 +346,7 @@ class Watcher final : public Client {
   void change(const Text& text) override {
     if (!open_ || behind_) return;
     if (waiting_bytes_ + text->size() > most_behind) {
-      // It gets one snapshot when it has taken what is under way; until then no changes.
+      // The client gets one snapshot after what is under way, and no changes until then.
       behind_ = true;
       return drop_changes();
     }
@@ -415,7 +415,7 @@ class Watcher final : public Client {
     }
     put(reply_json(id, command::refusal(3, "too many requests are under way: try again when one is done")));
   }
-  // One at a time: a later one takes the place of one that is under way, which is answered as far as it came.
+  // Only one search runs. A later one replaces it; the replaced one is answered with what it found so far.
   void search(Message message) {
     const bool goes_on = search_.has_value();
     if (goes_on) put(search_->answer());
@@ -433,7 +433,7 @@ class Watcher final : public Client {
     search_.reset();
     put(text);
   }
-  // One batch is under way at most: a client whose socket is full gets fewer, and is told how many were left out.
+  // At most one batch is under way. A client with a full socket gets fewer frames, and is told how many were left out.
   void send_batch() {
     const auto& ring = hall().ring();
     const auto next = ring.next();
@@ -459,7 +459,7 @@ class Watcher final : public Client {
     if (!writing_) write();
   }
   void drop_changes() {
-    // The first may be on its way.
+    // The first may be under way.
     for (auto it = out_.begin() + (writing_ ? 1 : 0); it != out_.end();) {
       if (it->change) waiting_bytes_ -= it->text->size();
       it = it->change ? out_.erase(it) : it + 1;
@@ -496,8 +496,8 @@ class Watcher final : public Client {
   std::deque<Out> out_;
   std::size_t waiting_bytes_ = 0;
   std::optional<Search> search_;
-  std::uint64_t cursor_ = 0;    // of live frames
-  std::uint64_t left_out_ = 0;  // live frames, ever
+  std::uint64_t cursor_ = 0;    // in the live frames
+  std::uint64_t left_out_ = 0;  // live frames, since the beginning
   unsigned asked_ = 0;
   bool open_ = false;
   bool left_ = false;
@@ -522,7 +522,7 @@ std::shared_ptr<Client> upgrade(Hall& hall, Wire wire, Request request, command:
 }
 
 void turn_away(const Hall& hall, asio::ip::tcp::socket socket) {
-  if (hall.tls() != nullptr) return;  // a handshake only to say no is what a flood wants
+  if (hall.tls() != nullptr) return;  // no TLS handshake just to refuse: a flood would exploit it
   auto held = std::make_shared<asio::ip::tcp::socket>(std::move(socket));
   static const std::string text =
       "HTTP/1.1 503 Service Unavailable\r\nContent-Type: text/plain; charset=utf-8\r\nConnection: close\r\n"

@@ -29,7 +29,7 @@ struct Desk::Work {
   command::Audit audit;
   command::Reply reply;
   bool done = false;
-  rt::Scope scope;  // last: its task uses the rest
+  rt::Scope scope;  // last: its task uses the other members
 };
 
 namespace {
@@ -38,13 +38,13 @@ bool same(const std::optional<operate::EmcyReport>& a, const std::optional<opera
   return a.has_value() == b.has_value() && (!a || (a->code == b->code && a->at == b->at && a->count == b->count));
 }
 
-// When it was heard last is no change: that would be one for each heartbeat.
+// `heard` does not count: each heartbeat would be a change.
 bool same(const operate::SlotReport& a, const operate::SlotReport& b) {
   return a.bus == b.bus && a.id == b.id && a.device == b.device && a.state == b.state && a.since == b.since &&
          a.reason == b.reason && a.boot == b.boot && a.nmt == b.nmt && same(a.emcy, b.emcy);
 }
 
-// The time of a question is when it was asked about.
+// Ignores the time: a question gets the time of each look at it.
 bool same_question(const operate::Event& a, const operate::Event& b) {
   return a.bus == b.bus && a.text == b.text && a.slots == b.slots && a.devices == b.devices;
 }
@@ -108,7 +108,7 @@ void Desk::event(const operate::Event& event) {
   events_.push_back(event);
 }
 
-// The executor's own timers stand with the world.
+// The executor's own timers stop with the simulated time.
 void Desk::look() {
   const Pace pace{loop_->paused(), loop_->speed()};
   if (pace.paused)
@@ -139,7 +139,7 @@ void Desk::take(Order order) {
   }
 }
 
-// By its role: to lock would break off what another does.
+// Depends on the role: locking would interrupt the work of others.
 bool Desk::turned_away(const Order& order) {
   const char* const what = order.kind == Order::Kind::lock ? "lock" : "unlock";
   const auto refused = command::why_role_refused(what, command::Role::operate, order.role);
@@ -160,7 +160,7 @@ Lock Desk::lock() const {
   return lock;
 }
 
-// On simulated buses there is nothing to unlock.
+// Simulated buses are never locked.
 void Desk::set_lock(const Order& order, std::optional<rt::Time> until, const std::string& words) {
   if (!session_->careful()) return;
   unlocked_until_ = until;
@@ -226,7 +226,7 @@ void Desk::answer(Answer answer) {
   waiting_.push_back(std::move(news));
 }
 
-// Events come with the slots that they changed; a slot may change without one, so all are looked at once a second.
+// Events come with the slots that they changed. A slot may change without an event, so all are compared once a second.
 void Desk::tick() noexcept {
   const rt::Time now = session_->executor().now();
   link_->now_ns.store(now.time_since_epoch().count(), std::memory_order_relaxed);
@@ -249,7 +249,7 @@ std::vector<operate::SlotReport> Desk::changed() {
 }
 
 void Desk::tell() {
-  // The queue is not extended: while the server's thread is behind, slots and events wait here.
+  // The queue does not grow: while the server's thread lags, slots and events wait here.
   if (!waiting_.empty()) return;
   News news;
   news.time_s = operate::seconds(session_->executor().now());

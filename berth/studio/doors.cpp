@@ -27,7 +27,7 @@ std::string_view trimmed(std::string_view text) noexcept {
   return text;
 }
 
-/// A file of mode 0600 that was not there. What is wrong, in words.
+/// Creates a file with mode 0600; it must not exist. Returns the error's text.
 std::optional<std::string> write_new(const std::string& path, const std::string& text) {
   const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600);
   if (fd < 0) return fmt::format("{}: {}", path, std::strerror(errno));
@@ -50,7 +50,7 @@ std::string make_token() {
   return token;
 }
 
-// No step depends on where they differ: who asks again and again learns nothing from how long it took.
+// Takes the same time wherever the two differ, so that the duration reveals nothing.
 bool same_token(std::string_view given, std::string_view token) noexcept {
   unsigned different = given.size() == token.size() && !token.empty() ? 0 : 1;
   for (std::size_t i = 0; i < given.size(); ++i) {

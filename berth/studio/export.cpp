@@ -18,7 +18,7 @@ std::optional<std::uint64_t> number(std::string_view text) {
   return whole ? std::optional(value) : std::nullopt;
 }
 
-/// Empty: the key is read. Else why not.
+/// Empty: the key was read. Otherwise the error.
 std::string read_key(std::string_view key, const std::string& value, TraceQuery& into) {
   if (key == "format") {
     into.trc_1_1 = value == "trc1.1";
@@ -61,7 +61,7 @@ std::string_view ending_of(trace::Format format) noexcept {
   return format == trace::Format::candump ? "log" : trace::name(format);
 }
 
-// Before the first frame that is written some are looked at: what an answer of RAND or Fastscan is, they say.
+// Reads some frames before the first written one: RAND's and Fastscan's answers are decoded from their requests.
 Export::Export(const FrameRing& ring, const std::vector<std::string>& buses, const TraceQuery& query)
     : ring_(&ring),
       buses_(&buses),

@@ -17,7 +17,7 @@ constexpr std::uint64_t fd_bit = std::uint64_t{1} << 47U;
 constexpr std::uint64_t own_bit = std::uint64_t{1} << 48U;
 constexpr std::uint64_t brs_bit = std::uint64_t{1} << 49U;
 constexpr std::uint64_t esi_bit = std::uint64_t{1} << 50U;
-constexpr unsigned words_at = 51;  // of an error: 0, or which ones, from 1
+constexpr unsigned words_at = 51;  // of an error: 0, or the number of its words, from 1
 static_assert(FrameRing::most_words < std::size_t{1} << (64U - words_at));
 
 std::uint64_t head_of(std::uint8_t bus, const can::Frame& frame, bool own) noexcept {

@@ -9,12 +9,12 @@
 #include <string>
 #include <vector>
 
+#include "berth/base/bell.hpp"
+#include "berth/base/handover.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/role.hpp"
 #include "berth/operate/report.hpp"
-#include "berth/studio/bell.hpp"
 #include "berth/studio/frame_ring.hpp"
-#include "berth/studio/handover.hpp"
 
 namespace berth::studio {
 

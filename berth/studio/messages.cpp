@@ -13,7 +13,7 @@ using Read = tl::expected<Message, std::string>;
 
 tl::unexpected<std::string> no(std::string why) { return tl::unexpected(std::move(why)); }
 
-/// The keys of one message: each is asked for once, and one that nobody asked for is an error.
+/// The keys of one message. Each is asked for once; a key that nobody asked for is an error.
 class Keys {
  public:
   explicit Keys(const Plain& json) : json_(&json) {}

@@ -32,7 +32,7 @@ std::string verbs_json() {
   for (const auto& verb : command::verbs()) {
     Json parameters = Json::array();
     for (const auto& p : verb.parameters) {
-      if (p.personal) continue;  // for the command line alone
+      if (p.personal) continue;  // only for the command line
       parameters.push_back({{"name", p.name},
                             {"help", p.help},
                             {"required", p.required},

@@ -15,7 +15,7 @@ std::string as_text(const nlohmann::ordered_json& json) {
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
 
-/// As the ring has one.
+/// In the form that the ring has.
 RingFrame row_of(const trace::Entry& entry, std::uint64_t number) {
   RingFrame row;
   row.number = number;

@@ -108,7 +108,7 @@ void append_row(const RingFrame& frame, std::string_view bus, std::string_view w
 Matcher::Matcher(const std::vector<std::string>& buses, std::string_view filter)
     : filter_(filter), words_(buses.size()) {
   for (auto name : buses) in_bus_.push_back(filter_.in(name, filter_.all()));
-  in_bus_.emplace_back();  // of a frame of none of them
+  in_bus_.emplace_back();  // for frames of an unknown bus
 }
 
 void Matcher::say(const RingFrame& frame) {
@@ -116,7 +116,7 @@ void Matcher::say(const RingFrame& frame) {
   words_.of(frame, text_);
 }
 
-// No word has a blank, so that each stands in the bus's name, in `id#data` or in the frame's words.
+// No word has a blank, so each is wholly in the bus's name, in `id#data` or in the frame's words.
 bool Matcher::fits(const RingFrame& frame) {
   Filter::Words missing = filter_.all() & ~in_bus_[std::min<std::size_t>(frame.bus, in_bus_.size() - 1)];
   missing &= ~said(frame);
@@ -156,7 +156,7 @@ Search::Search(const FrameRing& ring, const std::vector<std::string>& buses, Mes
       rows_from_(at_) {
   if (wanted_.from) rows_from_ = std::clamp(*wanted_.from, at_, end_);
   if (!matcher_.lets_all()) return;
-  // A range by itself: its rows, and what stands before them for the words.
+  // Without a filter: the rows of the range, and some frames before them for the decoder.
   matched_ = end_ - at_;
   if (!wanted_.from) rows_from_ = end_ - std::min<std::uint64_t>(wanted_.count, end_ - at_);
   end_ = std::min(end_, rows_from_ + wanted_.count);

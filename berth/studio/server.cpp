@@ -23,7 +23,7 @@ void Rates::tick(std::chrono::steady_clock::time_point now) {
   counted_ = next;
   const double clock = std::chrono::duration<double>(now - since_).count();
   if (clock < 1) return;
-  const double passed = clock * mirror_->pace().speed;  // of the world
+  const double passed = clock * mirror_->pace().speed;  // in the world's time
   for (std::size_t i = 0; i < buses_.size(); ++i) {
     Bus& bus = buses_[i];
     bus.per_s = static_cast<double>(bus.frames) / passed;
@@ -113,7 +113,7 @@ void Hall::enter(const std::shared_ptr<Client>& client) { clients_[client->numbe
 void Hall::leave(const Client& client) {
   const auto it = clients_.find(client.number());
   if (it == clients_.end()) return;
-  const auto stays = it->second;  // until this function is over
+  const auto stays = it->second;  // keeps the client until the end of this function
   clients_.erase(it);
   gone_.push_back(client.number());
   give_gone();
@@ -123,7 +123,7 @@ void Hall::give_gone() {
   while (!gone_.empty() && order({.kind = Order::Kind::gone, .client = gone_.front()})) gone_.pop_front();
 }
 
-// While there are no descriptors left, the next is waited for a moment: the thread would never sleep.
+// Without free descriptors accept() fails at once: a pause keeps the thread from spinning.
 void Hall::accept() {
   acceptor_.async_accept([this](boost::system::error_code error, asio::ip::tcp::socket socket) {
     if (!error) {
@@ -143,7 +143,7 @@ void Hall::accepted(asio::ip::tcp::socket socket) {
   enter(greet(*this, tls_ ? Wire(std::move(plain), tls_->context()) : Wire(std::move(plain))));
 }
 
-// The oldest of those that may go: half of a handshake, or of a request, keeps nobody out.
+// The oldest client that may be dropped: an unfinished handshake or request keeps nobody out.
 bool Hall::make_room() {
   for (const auto hold : {Client::Hold::idle, Client::Hold::stranger}) {
     const auto it = std::ranges::find_if(clients_, [&](const auto& client) { return client.second->hold() == hold; });
@@ -180,7 +180,7 @@ void Hall::take_news() {
     auto message = mirror_.take(*news);
     if (!message.empty()) {
       const auto text = std::make_shared<const std::string>(std::move(message));
-      const auto all = clients_;  // one that is let go leaves meanwhile
+      const auto all = clients_;  // a copy: a client may leave meanwhile
       for (const auto& [number, client] : all) client->change(text);
     }
     if (!news->answer) continue;

@@ -30,7 +30,7 @@ tl::expected<int, std::string> listen(io::Endpoint& where, bool named) {
   return tl::unexpected(named ? first : fmt::format("{}; nor is any port up to {} free", first, where.port - 1));
 }
 
-/// Null: plain HTTP, which is for this computer only.
+/// Null: plain HTTP, allowed only on this computer.
 tl::expected<std::unique_ptr<Tls>, std::string> secured(const Options& options) {
   if (!options.certificate.empty()) return Tls::load(options.certificate, options.key);
   const auto own = io::is_loopback(options.where);
@@ -45,7 +45,8 @@ std::vector<std::string> names_of(const design::Machine& machine) {
   return names;
 }
 
-/// What a browser opens: the host as it was named where the certificate is for it, or it is this computer only.
+/// The host in the browser's address: as named if the certificate covers it, the bound address if only this computer
+/// reaches it, else the certificate's first name.
 std::string host_of(const io::Endpoint& named, const io::Endpoint& where, const Tls* tls) {
   if (tls != nullptr && tls->names(named.host)) return named.host;
   if (tls == nullptr || io::is_loopback(where).value_or(false)) return where.host;

@@ -16,7 +16,7 @@ namespace {
 
 using Code = boost::system::error_code;
 
-// Certificates that are there to be looked at belong to OpenSSL's context.
+// OpenSSL's context owns the certificate.
 X509* certificate_of(SSL_CTX* context) { return SSL_CTX_get0_certificate(context); }
 
 std::string address_text(const ASN1_OCTET_STRING& address) {
@@ -37,7 +37,7 @@ std::string name_text(const GENERAL_NAME& name) {
 
 std::string problem(const std::string& file, const Code& error) { return fmt::format("{}: {}", file, error.message()); }
 
-/// Of a file that must be there: what is wrong, in words.
+/// Checks that the file exists. Errors: in words.
 tl::expected<struct stat, std::string> look_at(const std::string& file) {
   struct stat what {};
   if (::stat(file.c_str(), &what) != 0) return tl::unexpected(fmt::format("{}: {}", file, std::strerror(errno)));
@@ -47,15 +47,15 @@ tl::expected<struct stat, std::string> look_at(const std::string& file) {
 
 }  // namespace
 
-// Old versions, compression and renegotiation are what attacks on TLS rest on; a page needs none of them. Without a
-// cache and tickets a client that comes often leaves nothing behind.
+// Attacks on TLS rest on old versions, compression and renegotiation; a page needs none of them. Without a cache and
+// tickets, a client that connects often leaves nothing in memory.
 Tls::Tls() : context_(boost::asio::ssl::context::tls_server) {
   SSL_CTX_set_min_proto_version(native_, TLS1_2_VERSION);
   SSL_CTX_set_options(
       native_, SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_COMPRESSION | SSL_OP_CIPHER_SERVER_PREFERENCE | SSL_OP_NO_TICKET);
   SSL_CTX_set_session_cache_mode(native_, SSL_SESS_CACHE_OFF);
   SSL_CTX_set_num_tickets(native_, 0);
-  SSL_CTX_set_cipher_list(native_, "ECDHE+AESGCM:ECDHE+CHACHA20");  // of TLS 1.2; those of 1.3 are all good
+  SSL_CTX_set_cipher_list(native_, "ECDHE+AESGCM:ECDHE+CHACHA20");  // for TLS 1.2; the ciphers of 1.3 are all good
 }
 
 tl::expected<std::unique_ptr<Tls>, std::string> Tls::load(const std::string& certificate, const std::string& key) {
@@ -94,7 +94,7 @@ tl::expected<std::unique_ptr<Tls>, std::string> Tls::load(const std::string& cer
   return made;
 }
 
-// A leading dot would mean every name beneath it.
+// OpenSSL takes a leading dot for all names beneath it.
 bool Tls::names(const std::string& host) const {
   if (host.empty() || host.front() == '.') return false;
   X509* const certificate = certificate_of(native_);

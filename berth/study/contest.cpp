@@ -17,7 +17,7 @@ using namespace std::chrono_literals;
 using discovery::Method;
 using plant::Speaks;
 
-constexpr auto limit = 30min;        // of the bus; the slowest cell takes some minutes
+constexpr auto limit = 30min;        // in bus time; the slowest cell takes some minutes
 constexpr auto boots_within = 50ms;  // reset 5 ms, and the boot-up messages of all
 
 /// Node-IDs 1, 2, 3, ... in the order of finding.
@@ -31,7 +31,7 @@ class Ascending final : public discovery::Assigner {
   unsigned next_ = 1;
 };
 
-/// The methods that configure a device while it is the one that they have selected.
+/// The methods that configure a device while they have it selected.
 bool assigns_at_once(Method method) noexcept {
   using enum Method;
   return method != rand && method != and_protocol && method != planner_rand;
@@ -46,7 +46,7 @@ std::vector<discovery::Kind> kinds_of(const plant::PlantFile& plant) {
   return kinds;
 }
 
-/// A master that finds all and gives each a node-ID.
+/// A master that finds all devices and gives each a node-ID.
 class Commissioner {
  public:
   Commissioner(Stage& stage, Method method, const plant::PlantFile& plant)
@@ -118,7 +118,7 @@ Trial with_master(Method method, const Cast& cast, std::uint32_t bit_rate) {
   return t;
 }
 
-/// The devices that were heard to have a node-ID.
+/// Notes the devices that were heard to have a node-ID.
 class Announced final : public can::Tap {
  public:
   explicit Announced(sim::Bus& bus) : bus_(&bus) { bus.add_tap(*this); }

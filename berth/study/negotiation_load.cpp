@@ -15,16 +15,16 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr rt::Duration quiet = 200ms;  // the devices boot: the PDO alone
+constexpr rt::Duration quiet = 200ms;  // the devices boot: only the PDO is sent
 constexpr rt::Duration pdo_period = 10ms;
-constexpr rt::Duration window = 100ms;  // of the peak load
+constexpr rt::Duration window = 100ms;  // for the peak load
 constexpr std::uint32_t pdo_id = 0x1FF;
 
 rt::Duration length(const can::Frame& frame, std::uint32_t bit_rate, unsigned without = 0) {
   return rt::Duration((can::exact_bits(frame) - without) * std::int64_t{1'000'000'000} / bit_rate);
 }
 
-/// Adds up what the negotiation puts on the bus.
+/// Adds up the negotiation's frames on the bus.
 class Meter final : public can::Tap {
  public:
   Meter(LoadRow& row, std::uint32_t bit_rate) : row_(&row), bit_rate_(bit_rate) {}

@@ -22,7 +22,7 @@ namespace times = nodeid::paper1;
 
 constexpr auto longest_run = 30min;
 
-/// The paper's; its collect window is what formula (3) gives, rounded up to whole 10 ms: 30.1 became 40.
+/// The paper's conditions. The collect window is that of formula (3), rounded up to whole 10 ms: 30.1 became 40.
 times::Conditions conditions_of(const Conditions& wanted) {
   times::Conditions c;
   if (wanted.bit_rate) c.bit_rate = *wanted.bit_rate;

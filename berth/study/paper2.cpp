@@ -38,7 +38,7 @@ plant::PlantFile plant_with(std::vector<plant::PlantDevice> devices) {
   return plant;
 }
 
-/// From power-on; nothing else on the bus. Each device gets the node-ID that it prefers.
+/// The trace from power-on, with nothing else on the bus. Each device gets the node-ID that it prefers.
 trace::Trace heard(const plant::PlantFile& plant, std::uint32_t bit_rate, rt::Duration time, Figures& figures,
                    const char* name) {
   Stage stage(plant, bit_rate);
@@ -50,7 +50,7 @@ trace::Trace heard(const plant::PlantFile& plant, std::uint32_t bit_rate, rt::Du
   return stage.trace();
 }
 
-/// Keeps a trace up to the last frame of this kind; its span in seconds, empty when there is none.
+/// Keeps a trace up to the last frame of this kind. Returns its span in seconds; empty: there is no such frame.
 std::optional<double> up_to(const trace::Trace& all, const can::Frame& last, std::uint32_t bit_rate, Figures& figures,
                             const std::string& name) {
   trace::Trace part = all;

@@ -1,4 +1,4 @@
-// Paper 3's numbers: how many nodes its EMCY layouts tell apart, and what an access through its SDO gateways costs,
+// Paper 3's numbers: how many nodes its EMCY layouts distinguish, and what an access through its SDO gateways costs,
 // counted on a simulated bus (docs/multilevel.md).
 #include <fmt/format.h>
 
@@ -28,7 +28,7 @@ struct Count final : can::Tap {
   unsigned frames = 0;
 };
 
-// One bus, and another beneath each gateway; a device on the lowest.
+// A chain of buses, each beneath a gateway on the one above, with a device on the lowest.
 class Tower {
  public:
   explicit Tower(unsigned depth) {

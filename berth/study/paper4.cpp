@@ -63,7 +63,7 @@ rt::Task<void> discover(Stage& stage, const lss::FastscanOptions& options, Three
   co_await fastscan.discover(owner);
 }
 
-/// The paper's procedure until the boot-up message of node 3; what was on the bus.
+/// Runs the paper's procedure until the boot-up message of node 3, and keeps what was on the bus.
 std::optional<double> procedure(const Fastscan& f, lss::Feedback feedback, Figures& figures, const std::string& name) {
   const bool plain = feedback == lss::Feedback::none;
   Stage stage(plant_for(f, plain ? Speaks::fastscan : Speaks::feedback_29), f.bit_rate);

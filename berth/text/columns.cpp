@@ -6,7 +6,7 @@
 namespace berth::text {
 namespace {
 
-/// The C library's tables of characters, whatever locale the process has.
+/// The C library's tables of characters, whatever the locale of the process is.
 class Utf8 {
  public:
   Utf8() noexcept : before_(::uselocale(tables())) {}
@@ -76,7 +76,7 @@ std::vector<std::string> wrapped(std::string_view line, std::size_t most) {
   for (;;) {
     std::size_t end = fitting(line, most);
     if (end == line.size()) break;
-    if (end == 0) end = first_of(line).bytes;  // wider than the whole line: it is shown all the same
+    if (end == 0) end = first_of(line).bytes;  // wider than the whole line: it is shown anyway
     const std::size_t space = line.substr(0, end + 1).find_last_of(' ');
     const bool at_space = space != std::string_view::npos && space > 0;
     lines.emplace_back(line.substr(0, at_space ? space : end));

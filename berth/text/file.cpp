@@ -25,7 +25,7 @@ std::optional<std::string> read_file(const std::string& path, Findings& findings
   constexpr std::uintmax_t limit = 64U << 20U;
   const auto size = std::filesystem::file_size(path, code);
   if (!code && size > limit) return refuse("is larger than 64 MiB");
-  // A device or a pipe has no size: what comes is counted.
+  // A device or a pipe has no size: the bytes that come are counted.
   std::string text;
   std::array<char, 65536> part{};
   while (in.read(part.data(), part.size()) || in.gcount() > 0) {

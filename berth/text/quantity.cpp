@@ -49,7 +49,7 @@ std::optional<std::int64_t> to_number(std::string_view digits, std::int64_t high
   return value;
 }
 
-/// whole.fraction of a unit, in nanoseconds, or empty when that is not a whole number of them.
+/// whole.fraction of a unit, in nanoseconds; empty if this is not a whole number of them.
 std::optional<std::int64_t> scaled(std::string_view whole, std::string_view fraction, std::int64_t unit) noexcept {
   const auto value = to_number(whole, hundred_years / unit);
   if (!value) return std::nullopt;

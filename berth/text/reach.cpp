@@ -23,7 +23,8 @@ bool leads_nowhere(const fs::path& real) {
   return fs::is_symlink(fs::symlink_status(real, not_there));
 }
 
-// Another user of the computer could make all of a folder that both write to, such as /tmp, a project.
+// In a folder that two users of the computer can write to, such as /tmp, the other one could turn all of it into a
+// project.
 bool marks_project(const fs::path& folder) {
   struct stat about {};
   if (::stat((folder / Reach::project_file).c_str(), &about) != 0) return false;
@@ -50,7 +51,7 @@ Reach::Reach(const std::string& file, std::span<const std::string> allowed)
 }
 
 std::optional<std::string> Reach::path(const std::string& name) const {
-  // The system reads up to a NUL: what stands after it would lead back.
+  // The system reads a name up to a NUL: text after it would make a path look as if it led back.
   if (name.size() > longest || name.find('\0') != std::string::npos) return std::nullopt;
   std::string made = beside(file_, name);
   const fs::path leads_to = real_path(made);

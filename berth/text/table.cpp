@@ -180,6 +180,24 @@ std::vector<Table> Table::tables(std::string_view key) {
   return out;
 }
 
+std::vector<Table::Item> Table::strings_or_tables(std::string_view key) {
+  std::vector<Item> out;
+  const Value* array = typed(key, Value::Kind::array);
+  if (array == nullptr) return out;
+  for (std::size_t i = 0; i < array->items.size(); ++i) {
+    const Value& item = array->items[i];
+    if (item.kind == Value::Kind::string) {
+      out.push_back({item.begin, item.string, std::nullopt});
+    } else if (is_table(item)) {
+      out.push_back({item.begin, {}, Table(item, fmt::format("{}[{}]", full(key), i + 1), file_, findings_)});
+    } else {
+      add(Finding::Severity::error, item.begin, key, fmt::format("this is {}", name(item.kind)),
+          "every item must be a string or a table");
+    }
+  }
+  return out;
+}
+
 std::vector<std::pair<std::string, Table>> Table::named_tables(std::string_view key) {
   std::vector<std::pair<std::string, Table>> out;
   const Value* value = typed(key, Value::Kind::table);

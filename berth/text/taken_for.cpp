@@ -5,7 +5,7 @@
 namespace berth::text {
 namespace {
 
-/// A line begins so, after blanks.
+/// True: a line begins with `start`, after blanks.
 bool has_line(std::string_view text, std::string_view start) noexcept {
   while (!text.empty()) {
     const auto end = text.find('\n');

@@ -63,8 +63,8 @@ Value convert(const toml::node& node) {
   return value;
 }
 
-// Where a key has more parts than any file of ours; the parser and its tables are recursive and would use up the stack.
-// It knows a limit for nested values only.
+// The place of a key with more parts than any file of ours has. The parser and its tables are recursive and would use
+// up the stack; the parser's own limit covers nested values only.
 std::optional<Place> too_deep(std::string_view text) noexcept {
   constexpr std::size_t most = 256;
   Place at{1, 0};
@@ -152,7 +152,7 @@ std::optional<Value> parse_toml(std::string_view text, const std::string& file, 
   } catch (const toml::parse_error& error) {
     const Place at = place(error.source().begin);
     std::string what(error.description());
-    // A string whose closing quote is missing goes on to the end of its line, which none may hold.
+    // A string without its closing quote goes on to the end of its line, which no string may contain.
     const std::size_t where = offset_of(text, at);
     const bool at_line_end = where >= text.size() || text[where] == '\n' || text[where] == '\r';
     if (at_line_end && what.find("unescaped control character") != std::string::npos) {

@@ -100,6 +100,9 @@ class Table {
   std::optional<Table> table(std::string_view key);
   /// The tables of `[[key]]`, in order; none when absent.
   std::vector<Table> tables(std::string_view key);
+  /// The items of an array of strings and tables, in order; none when absent. The path of each table has its number.
+  struct Item;
+  std::vector<Item> strings_or_tables(std::string_view key);
   /// The members of a table of tables (`[key.NAME]`), in order: name and table.
   std::vector<std::pair<std::string, Table>> named_tables(std::string_view key);
 
@@ -127,6 +130,12 @@ class Table {
   const std::string& file_;
   Findings& findings_;
   std::vector<std::string> known_;
+};
+
+struct Table::Item {
+  Place place;
+  std::string string;  ///< if there is no table
+  std::optional<Table> table;
 };
 
 }  // namespace berth::text

@@ -7,7 +7,7 @@
 namespace berth::trace {
 namespace {
 
-/// Any line may begin like one of candump's.
+/// True: some line may begin like candump's.
 bool has_a_time(std::string_view text) noexcept {
   const auto first = text.find_first_not_of(" \t\r\n");
   if (first == std::string_view::npos) return true;
@@ -26,7 +26,7 @@ const std::vector<std::string>& AnyFile::buses() const noexcept {
 
 std::string AnyFile::unreadable(std::string_view why) const { return fmt::format("{}: {}", name_, why); }
 
-// A log in gzip is one like any other.
+// A log in gzip is read like any other.
 std::string AnyFile::feed(std::string_view bytes, Sink& sink) {
   if (!std::exchange(fed_, true) && is_gzip(bytes)) gunzip_ = std::make_unique<Gunzip>();
   if (!gunzip_) return take(bytes, sink);
@@ -57,13 +57,13 @@ std::string AnyFile::take(std::string_view bytes, Sink& sink) {
   return begin(sink, head_.size() >= head_size);
 }
 
-// Which format it is, as soon as that can be told.
+// Chooses the format as soon as it can be recognised.
 std::string AnyFile::begin(Sink& sink, bool whole_head) {
   if (!format_) format_ = recognise(head_);
   const bool other = !format_ || *format_ == Format::candump;
   if (const auto kind = foreign(head_); other && !kind.empty()) return unreadable(fmt::format("this is {}", kind));
   if (!format_ && whole_head) {
-    // A text without a characteristic word is read as candump, whose errors say what is wrong with each line.
+    // A text without a characteristic word is read as candump. That reader's errors show what is wrong with each line.
     if (head_.find('\0') != std::string::npos || !has_a_time(head_))
       return unreadable("this is neither candump, pcapng, pcap, Vector ASC nor PEAK TRC; name it by --from");
     format_ = Format::candump;

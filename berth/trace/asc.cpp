@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::string_view channel_comment = "// berth: channel ";
 constexpr unsigned most_channels = 65'535;
-// Of a CANFD row, as CANoe writes them also for classic frames.
+// Flags of a CANFD row; CANoe writes such rows for classic frames, too.
 constexpr std::uint32_t remote_flag = 1U << 4U;
 constexpr std::uint32_t fd_flag = 1U << 12U;
 
@@ -129,7 +129,7 @@ bool AscReader::event() {
   }
   const auto channel = number(kind, 10, most_channels);
   if (!channel || *channel == 0) {
-    if (kind != "Start") ++others_;  // "Start of measurement": every log has it
+    if (kind != "Start") ++others_;  // every log has "Start of measurement"
     return true;
   }
   classic(*channel);
@@ -157,7 +157,7 @@ void AscReader::classic(unsigned channel) {
   const auto size = word();
   const auto dlc = number(size, 16, 15);
   if (frame.remote) {
-    // Without a DLC it asks for nothing; what stands there may be an appendix.
+    // Without a DLC it requests no bytes; what follows may be an appendix.
     frame.size = static_cast<std::uint8_t>(dlc ? std::min(*dlc, 8U) : 0U);
     return keep_on(channel);
   }
@@ -217,7 +217,7 @@ void AscReader::flexible() {
   keep_on(*channel);
 }
 
-// After the data of a CANFD row: its duration, its bits, and flags in hex. None: the row is shorter.
+// What follows the data of a CANFD row: its duration, its bits, and flags in hex. Empty: the row is shorter.
 std::optional<std::uint32_t> AscReader::row_flags() {
   static_cast<void>(word());
   static_cast<void>(word());
@@ -316,7 +316,7 @@ char* put_asc_id(char* to, const can::Frame& frame) {
   return to;
 }
 
-// What stands after the identifier: kind, length, data, and of an FD frame its flags.
+// Writes what follows the identifier: kind, length, data, and the flags of an FD frame.
 char* put_rest(char* to, const Entry& entry) {
   const can::Frame& frame = entry.frame;
   if (frame.fd) {

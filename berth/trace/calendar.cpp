@@ -31,7 +31,7 @@ std::optional<unsigned> digits(std::string_view text, unsigned most) {
   return value;
 }
 
-// 1 to 12; also Mrz, Mär (in any encoding), Mai, Okt, Dez.
+// 1 to 12; accepts Mrz, Mär (in any encoding), Mai, Okt and Dez, too.
 unsigned month_of(std::string_view word) {
   if (word.size() < 3) return 0;
   std::string small(word.substr(0, 3));
@@ -62,7 +62,7 @@ std::optional<rt::Duration> clock_of(std::string_view word) {
 std::optional<rt::Duration> parse_date(std::string_view text) {
   auto word = next_word(text);
   unsigned month = month_of(word);
-  // A weekday may look like a month ("Mar"), so a month is one only with the day after it.
+  // A weekday may look like a month ("Mar"), so a word counts as a month only with the day after it.
   auto rest = text;
   auto day = digits(next_word(rest), 31);
   if (month == 0 || !day) {

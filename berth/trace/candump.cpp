@@ -28,7 +28,7 @@ bool has_raw_dlc(std::string_view text) noexcept {
   return frame && !frame->fd && frame->size == 8;
 }
 
-// Where a frame that cannot be read goes wrong.
+// Where a frame that cannot be read is wrong, and why.
 std::pair<std::size_t, std::string> why(std::string_view text) {
   const auto hash = text.find('#');
   if (hash == std::string_view::npos) return {text.size(), "a frame has # after its identifier"};
@@ -84,7 +84,7 @@ class Collector final : public Sink {
 }  // namespace
 
 DeltaTimes::Turn DeltaTimes::add(Entry& entry) {
-  constexpr auto from_zero = std::chrono::hours(1);  // no clock of a computer says so
+  constexpr auto from_zero = std::chrono::hours(1);  // no computer's clock shows such a time
   if (kind_ == Kind::times) return Turn::as_it_is;
   if (kind_ == Kind::deltas) {
     entry.at = sum_ += entry.at;
@@ -135,7 +135,7 @@ void CandumpReader::line(std::string_view line) {
   careful();
 }
 
-// How far the bus's name and the blank after it reach; 0: `careful` looks at it.
+// The length of the bus's name and the blank after it; 0: `careful` must look at it.
 std::size_t CandumpReader::quick_name(std::string_view text) {
   if (!last_name_.empty() && text.size() > last_name_.size() && text[last_name_.size()] == ' ' &&
       std::memcmp(text.data(), last_name_.data(), last_name_.size()) == 0)
@@ -149,7 +149,7 @@ std::size_t CandumpReader::quick_name(std::string_view text) {
   return name.size() + 1;
 }
 
-// Fast path for usual lines: false passes the line to `careful`, which knows everything and reports errors.
+// Fast path for usual lines. False: `careful` must read the line; it knows everything and reports errors.
 bool CandumpReader::quick(std::string_view line) {
   const char* at = line.data();
   const char* const end = at + line.size();
@@ -204,7 +204,7 @@ bool CandumpReader::quick(std::string_view line) {
   return true;
 }
 
-// Without -L.
+// A line of candump without -L.
 bool CandumpReader::for_people(std::string_view text) {
   const auto plain = parse_plain_candump(text);
   if (!plain) return false;
@@ -289,7 +289,7 @@ void CandumpReader::skip_blanks() {
   while (column_ < line_.size() && is_blank(line_[column_])) ++column_;
 }
 
-// Up to a blank or the end of the line; the blanks after it are passed.
+// Reads up to a blank or the end of the line, and passes the blanks after it.
 std::optional<std::string_view> CandumpReader::word(const char* what) {
   std::size_t end = column_;
   while (end < line_.size() && !is_blank(line_[end])) ++end;

@@ -69,7 +69,7 @@ std::optional<rt::Duration> time_of(std::string_view first, Words& words) {
   return date_of(first, second.substr(0, second.size() - 1));
 }
 
-// "RX - -" or "TX B E": -x; the first word is given.
+// "RX - -" or "TX B E", from option -x. The first word is given.
 bool take_flags(std::string_view first, Words& words, PlainLine& line) {
   line.direction = first == "RX" ? Direction::received : Direction::sent;
   const auto brs = words.next();
@@ -90,7 +90,7 @@ bool take_identifier(std::string_view text, PlainLine& line) {
   return line.frame.id == id || line.error;
 }
 
-// "{F}": a classic frame of eight bytes whose DLC is said as it was.
+// "{F}": a classic frame of eight bytes with its raw DLC.
 bool is_raw_dlc(std::string_view text) noexcept {
   return text.size() == 3 && text.front() == '{' && text.back() == '}' && is_hex(text[1]) && hex_value(text[1]) > 8;
 }
@@ -120,7 +120,7 @@ bool take_data(Words& words, PlainLine& line) {
     if (byte.size() != 2 || !is_hex(byte[0]) || !is_hex(byte[1])) return false;
     line.frame.data[i] = static_cast<std::uint8_t>(hex_value(byte[0]) << 4 | hex_value(byte[1]));
   }
-  const auto behind = words.next();  // -a: '........'
+  const auto behind = words.next();  // option -a adds '........'
   return behind.empty() || behind.front() == '\'' || (line.error && behind == "ERRORFRAME");
 }
 

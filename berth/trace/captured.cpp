@@ -20,7 +20,7 @@ unsigned big_u16(std::string_view bytes, std::size_t at) noexcept {
   return static_cast<unsigned>(octet(bytes, at)) << 8U | octet(bytes, at + 1);
 }
 
-// One frame with at least the eight bytes before its data, of which the first four are `id`.
+// Takes one frame. At least the eight bytes before its data are there, and the first four of them are `id`.
 std::string take_frame(std::uint32_t id, std::string_view bytes, Entry& entry) {
   const std::uint8_t flags = octet(bytes, 5);
   can::Frame& frame = entry.frame;

@@ -19,7 +19,7 @@ bool is_gzip(std::string_view head) noexcept { return head.starts_with("\x1F\x8B
 
 Gunzip::Gunzip() : state_(std::make_unique<State>()) {
   constexpr int gzip_only = 16 + MAX_WBITS;
-  // Without memory it goes the way of any other allocation.
+  // Without memory, it fails like any other allocation.
   if (inflateInit2(&state_->stream, gzip_only) != Z_OK) throw std::bad_alloc();
 }
 

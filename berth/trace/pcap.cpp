@@ -44,7 +44,7 @@ void PcapReader::feed(std::string_view bytes, Sink& sink) {
   rest_.erase(0, over_ ? rest_.size() : done);
 }
 
-// How many bytes are done with; 0: more are needed.
+// How many bytes were used; 0: more are needed.
 std::size_t PcapReader::step(std::string_view bytes) {
   if (!begun_) {
     if (bytes.size() < head_bytes) return 0;
@@ -73,7 +73,7 @@ void PcapReader::head(std::string_view bytes) {
     return;
   }
   nanoseconds_ = u32(bytes, 0) == magic_nanos;
-  const std::uint32_t number = u32(bytes, 20) & 0xFFFFU;  // above: bits about checksums
+  const std::uint32_t number = u32(bytes, 20) & 0xFFFFU;  // the upper bits are about checksums
   link_ = link_type_of(number);
   if (link_ == LinkType::other) {
     tell(Finding::Severity::error, fmt::format("link type {} is none of CAN's (227, 113): nothing is read", number));

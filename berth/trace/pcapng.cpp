@@ -72,7 +72,7 @@ void PcapngReader::feed(std::string_view bytes, Sink& sink) {
   }
 }
 
-// Whole blocks from the front; what is left is shorter than `needed_`.
+// Reads whole blocks from the front; the rest is shorter than `needed_`.
 std::size_t PcapngReader::consume(std::string_view bytes) {
   std::size_t done = 0;
   while (done < bytes.size()) {
@@ -89,7 +89,7 @@ std::size_t PcapngReader::consume(std::string_view bytes) {
   return done;
 }
 
-// Does the first block of `bytes` and says how many bytes are done with; 0: `needed_` are needed.
+// Reads the first block of `bytes` and returns how many bytes were used; 0: `needed_` bytes are needed.
 std::size_t PcapngReader::step(std::string_view bytes) {
   needed_ = 12;
   if (bytes.size() < needed_) return 0;
@@ -124,7 +124,7 @@ std::size_t PcapngReader::step(std::string_view bytes) {
 }
 
 std::size_t PcapngReader::lose(std::string message) {
-  // What only looked like a block on the way to the next one is not told.
+  // On the way to the next block, something that only looked like a block is not reported.
   if (!unsure_)
     tell(Finding::Severity::error, std::move(message), "the reader goes on where the next block seems to begin");
   lost_ = unsure_ = true;
@@ -279,7 +279,7 @@ std::optional<rt::Duration> PcapngReader::time(const Interface& it, std::uint64_
     nanos = (fraction * 1'000'000'000) >> bits;
   } else {
     if (it.resolution > 19) return std::nullopt;
-    std::uint64_t unit = 1;  // counts a second
+    std::uint64_t unit = 1;  // counts per second
     for (unsigned i = 0; i < it.resolution; ++i) unit *= 10;
     seconds = count / unit;
     const std::uint64_t fraction = count % unit;
@@ -337,7 +337,7 @@ void PcapngWriter::begin(std::string& out) {
   put_u32(body, byte_order_magic);
   put_u16(body, 1);
   put_u16(body, 0);
-  body.append(8, '\xFF');  // the section's length is not known
+  body.append(8, '\xFF');  // the section's length is unknown
   put_option(body, 4, "berth");
   put_u32(body, 0);
   put_block(out, section_header, body);

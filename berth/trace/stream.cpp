@@ -20,7 +20,7 @@ std::string small(std::string_view text) {
   return letters;
 }
 
-// Whether a line is one of a headless TRC 1.0: "     1)      1841 0001 8 ...".
+// True: this is a line of a TRC 1.0 without a head: "     1)      1841 0001 8 ...".
 bool numbered(std::string_view line) noexcept {
   const auto close = line.find(')');
   return close != std::string_view::npos && close > 0 &&
@@ -62,7 +62,7 @@ std::optional<Format> recognise(std::string_view head) noexcept {
   if (head.starts_with("\x0A\x0D\x0D\x0A")) return Format::pcapng;
   if (is_pcap(head)) return Format::pcap;
   if (head.starts_with("\xEF\xBB\xBF")) head.remove_prefix(3);
-  // The first lines of a log may be wrong; one that can only be of one format decides.
+  // The first lines of a log may be wrong. A line that can only be of one format decides.
   while (!head.empty()) {
     const auto line = head.substr(0, head.find('\n'));
     head.remove_prefix(std::min(line.size() + 1, head.size()));

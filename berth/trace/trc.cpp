@@ -12,7 +12,7 @@ namespace berth::trace {
 namespace {
 
 constexpr std::string_view bus_comment = "berth: bus ";
-constexpr std::uint32_t protocol_error = 0x08;  // CAN_ERR_PROT; data[2] has what it was, with 80h while sending
+constexpr std::uint32_t protocol_error = 0x08;  // CAN_ERR_PROT; data[2] holds its kind, with 80h while sending
 constexpr std::uint8_t while_sending = 0x80;
 constexpr unsigned most_buses_here = 255;
 
@@ -106,7 +106,7 @@ void TrcReader::columns(std::string_view text) {
   columns_ = std::move(found);
 }
 
-// The head's table of buses: number, name, connection, ...; and Berth's own comment.
+// The table of buses in the head (number, name, connection, ...), or Berth's own comment.
 void TrcReader::table(std::string_view line) {
   std::size_t at = 0;
   const auto first = take_word(line, at);
@@ -137,7 +137,7 @@ bool TrcReader::known_type(std::string_view type) const noexcept {
   return std::find(std::begin(known), std::end(known), type) != std::end(known);
 }
 
-// Empty: the line is done with.
+// Empty: the line needs nothing more.
 std::optional<TrcReader::Row> TrcReader::row() {
   Row row;
   if (columns_.find('T') == std::string::npos) row.type = "Rx";
@@ -258,8 +258,8 @@ bool TrcReader::data(const Row& row) {
   return true;
 }
 
-// Identifier: 1 bit, 2 form, 4 stuff, 8 other error. Data: 0 sending or 1 receiving, where, receive and transmit
-// counter.
+// Identifier: 1 bit, 2 form, 4 stuff, 8 other error. Data: 0 sending or 1 receiving, the place, the receive and the
+// transmit counter.
 void TrcReader::error_frame(const Row& row) {
   const auto kind = number(row.id, 16, 0xFFFF);
   if (!kind) return wrong(row.id, "this is not a kind of an error frame");
@@ -325,7 +325,7 @@ void TrcWriter::begin(rt::Duration first, std::string& out) {
   }
 }
 
-// Milliseconds with three digits, or one in 1.1; right-aligned.
+// Milliseconds with three digits after the point, or one in version 1.1; right-aligned.
 char* TrcWriter::offset(rt::Duration at, char* to) {
   const std::int64_t unit = old_ ? 100'000 : 1000;
   const unsigned scale = old_ ? 10 : 1000;

@@ -55,7 +55,7 @@ class Collector {
   struct Device {
     const design::Slot* slot;
     std::size_t sender;
-    std::unique_ptr<od::Values> values;  // null: nothing is known of it
+    std::unique_ptr<od::Values> values;  // null: its dictionary is unknown
   };
 
   analysis::Line& line() noexcept { return found_.line; }
@@ -83,14 +83,14 @@ class Collector {
     return line().senders.size() - 1;
   }
 
-  // Its dictionary as it is when it was configured.
+  // The device with its dictionary as configured.
   Device opened(const design::Slot& slot) {
     const std::size_t sender = add_sender(slot.spec.name.name, queue_of(slot));
     const std::size_t node = assumed_.links == nullptr ? 0 : node_of(slot);
     return {&slot, sender, configured_values(slot, assumed_.links, node)};
   }
 
-  // A gateway's own node here is no slot, but its TPDOs carry what crosses it.
+  // A gateway's own node on this bus is no slot, but its TPDOs carry the signals that cross the gateway.
   void open_gateway_node() {
     if (bus_.own_port || !bus_.gateway || bus_.gateway->eds_path.empty() || !assumed_.pdos) return;
     const auto reading = eds::read_any_file(bus_.gateway->eds_path);
@@ -110,12 +110,12 @@ class Collector {
     return static_cast<std::size_t>(&slot - machine_.slots.data());
   }
 
-  /// The effect of a TPDO's links on it.
+  /// The effect of the links on the TPDO that carries them.
   struct Linked {
     bool any = false;
     linker::Sending sending = {};
     std::optional<rt::Duration> deadline = {};
-    rt::Duration said{};  // least interval; 0: nothing
+    rt::Duration said{};  // least interval; 0: not given
   };
 
   void keep_planned(const design::Slot& slot, unsigned number, Linked& linked) {
@@ -195,7 +195,7 @@ class Collector {
     linker::set_sending(line().messages.back(), linked.sending, linked.any, linked.deadline);
   }
 
-  // By itself.
+  // Does the device send it by itself?
   bool is_sent(const od::PdoParameters& pdo, const std::string& where) {
     const auto why = linker::unsent(pdo.type, sync_);
     if (why == linker::Unsent::on_remote_frames)
@@ -204,7 +204,7 @@ class Collector {
     return why == linker::Unsent::no;
   }
 
-  /// `said`: the least interval from the links that it carries, or from its slot; 0: none.
+  /// `said`: the least interval given by the links that the PDO carries, or by its slot; 0: none.
   rt::Duration period_of(const od::PdoParameters& pdo, const std::string& where, rt::Duration said) {
     const rt::Duration inhibit = 100us * pdo.inhibit;
     const auto period = linker::least_interval(pdo.type, inhibit, sync_, said);
@@ -218,7 +218,7 @@ class Collector {
     for (std::size_t i = 0; i < machine_.links.size(); ++i) {
       const auto& link = machine_.links[i];
       if (link.from.slot != slot.spec.name.name || !slot.description) continue;
-      // By name once: a device may have a hundred links, and thousands of objects.
+      // Looks up each name once: a device may have a hundred links, and thousands of objects.
       if (!meant_[i]) {
         const auto found = od::find_object(*slot.description, link.from.object);
         meant_[i] = found ? std::optional(*found) : std::nullopt;
@@ -239,11 +239,11 @@ class Collector {
           bus_.timing.heartbeat_period);
     }
     if (devices_.empty() || bus_.role == design::Role::observer) return;
-    // One request at a time: as if all went to the device with the highest-priority identifiers.
+    // There is one request at a time: the analysis sends all to the device with the highest-priority identifiers.
     const Device& first =
         *std::ranges::min_element(devices_, {}, [](const auto& d) { return d.slot->spec.id.value(); });
     const unsigned id = first.slot->spec.id.value();
-    // Each comes before the next request; its time after its own request depends on the device.
+    // Each response comes before the next request; its delay after its own request depends on the device.
     add("SDO response", first.sender, 0x580U + id, 8, assumed_.sdo, 0ns);
     line().messages.back().jitter = assumed_.sdo;
     add("SDO request", sender, 0x600U + id, 8, assumed_.sdo, 0ns);
@@ -323,13 +323,13 @@ class Collector {
   design::Slot own_slot_;  // of `own_`
   std::optional<Device> own_;
   std::vector<const design::Link*> carried_;
-  std::vector<std::optional<std::optional<ObjectRef>>> meant_;  // by link: where it begins; inside none: no object
+  std::vector<std::optional<std::optional<ObjectRef>>> meant_;  // by link: its source; inner one empty: no such object
   rt::Duration sync_{0};
   std::uint32_t sync_key_ = linker::default_sync_key;
   std::string sync_producer_;
   std::size_t master_ = 0;
-  std::vector<std::string> promised_;  // TPDOs whose least interval the machine file says
-  std::vector<std::string> endless_;   // TPDOs of which nothing says it
+  std::vector<std::string> promised_;  // TPDOs whose least interval the machine file gives
+  std::vector<std::string> endless_;   // TPDOs without any least interval
 };
 
 }  // namespace

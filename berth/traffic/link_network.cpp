@@ -55,7 +55,7 @@ class Builder {
     return made;
   }
 
-  // Reads each once: forty slots of one type have one description.
+  // Reads each file once: forty slots of one type have one description.
   FilePtr read(const std::string& path) {
     const auto [known, fresh] = files_.try_emplace(path);
     if (!fresh) return known->second;
@@ -70,7 +70,7 @@ class Builder {
     return known->second;
   }
 
-  // As manager::load_configuration tells them apart.
+  // Distinguishes them as manager::load_configuration does.
   static bool is_concise(const std::string& path) {
     return std::ranges::none_of(std::array{".dcf", ".eds", ".xdc", ".xdd"}, [&](std::string_view end) {
       return path.size() >= end.size() && same_word(std::string_view(path).substr(path.size() - end.size()), end);
@@ -118,7 +118,7 @@ class Builder {
     return static_cast<std::size_t>(&slot - machine_.slots.data());
   }
 
-  // After the slots, a node for each gateway's own one on a bus where Berth has no port.
+  // Adds, after the slots, each gateway's own node on a bus where Berth has no port.
   void add_gateway(const design::Bus& bus) {
     if (!bus.gateway) return;
     const auto* const above = machine_.slot(bus.gateway->bus, bus.gateway->slot);

@@ -10,9 +10,9 @@ namespace {
 
 using operate::EventKind;
 
-constexpr auto shortest_period = std::chrono::milliseconds(200);  // of looking around
+constexpr auto shortest_period = std::chrono::milliseconds(200);  // of `watch`
 
-// It goes on until the end of the block, or of the task if that is cancelled.
+// Sets the flag until the end of the block, or until the task is cancelled.
 class While {
  public:
   explicit While(bool& flag) noexcept : flag_(&flag) { flag = true; }
@@ -91,7 +91,7 @@ rt::Task<Result<void>> Beneath::bring_up() {
   co_return done;
 }
 
-// One slot after the other, and at once those of which something was heard.
+// Looks at one slot after the other, but at once at those that a report is about.
 rt::Task<void> Beneath::watch() {
   const rt::Duration period = std::max<rt::Duration>(bus().timing.heartbeat_period, shortest_period);
   for (;;) {
@@ -116,13 +116,13 @@ rt::Task<void> Beneath::watch() {
   }
 }
 
-// All slots run; perhaps only an answer of its gateway failed: check before the next device is missed.
+// All slots run; perhaps only an answer of the gateway failed. Check before the next device is missed.
 bool Beneath::is_due_again() noexcept {
   return executor_.now() >= again_at_ || (slots_.operational() && std::exchange(again_early_, false));
 }
 
-// Running nodes are not disturbed: a list other than the machine file's is only reported. But an interrupted Berth
-// leaves a list that only the next run can activate, or one without its gateways, which only the next run can add.
+// Running nodes are not disturbed: a list other than the machine file's is only reported. But if Berth was interrupted,
+// the list may be inactive, or lack its gateways; only the next run can finish that.
 rt::Task<void> Beneath::adopt() {
   using Found = ListDelivery::Found;
   const Found found = co_await delivery_.look();

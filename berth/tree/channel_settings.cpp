@@ -18,7 +18,7 @@ manager::Setting part(std::uint16_t object, std::uint8_t sub, std::uint32_t valu
           .name = is_node ? "Node-ID of the other end" : "COB-ID of an SDO channel"};
 }
 
-// What an earlier machine file planned may be saved in the device, and its CAN-IDs are another channel's now.
+// A device may have saved the channels of an earlier machine file, whose CAN-IDs now belong to another channel.
 void close_others(const od::Description& description, manager::Configuration& made) {
   for (const auto& object : description.objects()) {
     const auto planned = [&](const manager::Setting& s) { return s.object.index == object.index; };
@@ -31,7 +31,7 @@ void close_others(const od::Description& description, manager::Configuration& ma
   }
 }
 
-// A server may do without the client's node-ID; only its description tells.
+// A server may lack the sub-object for the client's node-ID; only its description says so.
 bool names_client(const design::Slot& server, std::uint16_t object) {
   return server.description && server.description->find(ObjectRef{object, other_node}) != nullptr;
 }
@@ -48,7 +48,7 @@ manager::Configuration channels_of(const design::Bus& bus, const design::Slot& s
     made.settings.push_back(part(object, response_id, channel.request + 1));
     if (is_client || names_client(slot, object)) made.settings.push_back(part(object, other_node, other.value()));
   }
-  // A file of its own says what its other channels are.
+  // A slot's own configuration file defines its other channels.
   if (slot.description && slot.spec.config.empty()) close_others(*slot.description, made);
   std::ranges::sort(made.settings, {}, &manager::Setting::object);
   return made;

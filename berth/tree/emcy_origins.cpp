@@ -10,7 +10,7 @@ namespace berth::tree {
 EmcyOrigins origins_of(const design::Machine& machine, const std::string& top, multilevel::EmcyLayout layout,
                        const multilevel::EmcyReading& reading) {
   EmcyOrigins origins;
-  // Sub-net bytes that are none name nobody but the node that was heard.
+  // Invalid sub-net bytes identify only the node that was heard.
   const auto path = std::span(reading.path).first(reading.garbled ? 1 : reading.path.size());
   origins.may_be_deeper = reading.garbled || path.size() >= multilevel::levels(layout);
   for (const auto& bus : machine.beneath) {

@@ -16,7 +16,7 @@ constexpr std::uint16_t configuration_date = 0x1020;
 
 Error error_of(const manager::Failure& failure) noexcept {
   if (failure.why == manager::Failure::Why::error) {
-    // Through gateways the error is that of an object of theirs.
+    // Through gateways, the error names an object of the gateway.
     Error error = failure.error;
     error.index = failure.object.index;
     error.sub = failure.object.sub;
@@ -28,7 +28,7 @@ Error error_of(const manager::Failure& failure) noexcept {
           .text = "the gateway's master does not keep its network list"};
 }
 
-// A master that restarts before it has saved its list has none of it, and must not be told that list's date.
+// A master that restarts before saving its list has lost it, and must not get that list's date.
 std::vector<manager::Entry> one_to_look_at(const manager::Wanted& list) {
   const auto slave = std::ranges::find_if(
       list.entries, [](const manager::Entry& e) { return e.object.index == od::cia302::slave_assignment; });
@@ -88,7 +88,7 @@ rt::Task<bool> GatewayMaster::all_run(const std::vector<NodeId>& nodes) {
   co_return true;
 }
 
-// ---- its network list
+// ---- its network list ----
 
 rt::Task<bool> GatewayMaster::has_list(const manager::Wanted& list) {
   const manager::ConfiguratorOptions options;
@@ -127,7 +127,7 @@ rt::Task<Result<void>> GatewayMaster::bring_objects(const manager::Wanted& list,
   co_return Result<void>{};
 }
 
-// The master takes each object of it itself. False: it does not do that, or refuses one.
+// In one transfer; the master writes each object itself. False: it cannot do that, or refuses an object.
 rt::Task<bool> GatewayMaster::put_whole(const manager::Wanted& list) {
   eds::ConciseDcf stream;
   for (const auto& entry : list.entries) {
@@ -143,7 +143,7 @@ rt::Task<bool> GatewayMaster::put_whole(const manager::Wanted& list) {
   co_return done.has_value();
 }
 
-// Through gateways each access costs several.
+// Through gateways, each access costs several; so the whole list goes first.
 rt::Task<Result<void>> GatewayMaster::bring(const manager::Wanted& list, bool& changed) {
   manager::Wanted rest = list;
   const bool there = co_await has_list(list);
@@ -154,7 +154,7 @@ rt::Task<Result<void>> GatewayMaster::bring(const manager::Wanted& list, bool& c
   auto done = co_await bring_objects(rest, changed);
   const bool lacks = !done && done.error().code == Errc::aborted && done.error().index == od::paper3::fixed_node_ids;
   if (!lacks) co_return done;
-  // A master that gives nobody a node-ID need not know which are given to nobody.
+  // A master that assigns no node-IDs need not know which are fixed.
   std::erase_if(rest.entries, [](const manager::Entry& e) { return e.object.index == od::paper3::fixed_node_ids; });
   done = co_await bring_objects(rest, changed);
   co_return done;

@@ -60,7 +60,7 @@ rt::Task<Result<void>> ListDelivery::deliver(bool& was_there) {
   co_return done;
 }
 
-// Through many gateways, on slow buses, it takes its time.
+// Through many gateways, or on slow buses, this takes long.
 rt::Task<void> ListDelivery::tell_progress() {
   for (;;) {
     co_await rt::sleep_for(progress_period);
@@ -80,15 +80,15 @@ rt::Task<Result<void>> ListDelivery::bring(const manager::Wanted& list, bool& ch
   co_return done;
 }
 
-// `nodes`: those that its master must know when it uses the list. It uses a written list from its next boot-up. If the
-// list is there but nodes are missing, a Berth that ended before that may have written it: then the master is restarted
-// too, once.
+// `nodes`: those that its master must know when it uses the list. The master uses a written list from its next boot-up.
+// If the list is there but nodes are missing, an earlier Berth may have ended between the two; then the master is
+// restarted once.
 rt::Task<Result<void>> ListDelivery::put(const manager::Wanted& list, std::vector<NodeId> nodes) {
   bool changed = false;
   auto done = co_await bring(list, changed);
   if (!done) co_return done;
-  // Undated here before, and a later step failed: the list was there all the time, and is in use if its nodes are
-  // known.
+  // The list was undated here before, and a later step failed: it was there all the time, and is in use if the master
+  // knows its nodes.
   const bool again = std::exchange(undated_, std::nullopt) == list.date;
   const bool was_there = !changed || again;
   if (was_there) {
@@ -96,7 +96,7 @@ rt::Task<Result<void>> ListDelivery::put(const manager::Wanted& list, std::vecto
     const auto in_use = co_await master_.knows_all(nodes);
     if (!in_use) co_return fail(in_use.error());
     if (*in_use) co_return Result<void>{};
-    // The list may be unsaved: it is written again as if its date were different.
+    // The list may be unsaved: write it again as if its date were different.
     if (!changed) {
       undated_ = list.date;
       done = co_await master_.undate();
@@ -114,7 +114,7 @@ rt::Task<Result<void>> ListDelivery::put(const manager::Wanted& list, std::vecto
   co_return done;
 }
 
-// The gateways on it get their node-IDs with the others but are not booted, so that the buses beneath them come first.
+// The gateways in the list get their node-IDs with the others but are not booted: the buses beneath them come first.
 rt::Task<Result<void>> ListDelivery::put_in_steps(const manager::Wanted& whole) {
   const std::vector<NodeId> waiting = gateways();
   const manager::Wanted first = list(waiting);
@@ -126,9 +126,9 @@ rt::Task<Result<void>> ListDelivery::put_in_steps(const manager::Wanted& whole) 
   co_return co_await let_in(first, whole);
 }
 
-// Asked before it has its node-ID, it would keep the SDO client of the gateway's master waiting.
+// An SDO to a gateway without a node-ID would block the SDO client of the master until its timeout.
 rt::Task<void> ListDelivery::await_heard(NodeId node) {
-  constexpr auto hidden = std::chrono::seconds(10);  // its boot-up message was lost
+  constexpr auto hidden = std::chrono::seconds(10);  // its boot-up message may be lost
   constexpr auto longest = std::chrono::seconds(30);
   const rt::Time began = executor_.now();
   const std::vector<NodeId> one{node};
@@ -154,7 +154,7 @@ rt::Task<Result<void>> ListDelivery::bring_up_deeper() {
   co_return Result<void>{};
 }
 
-// `first` is what the master has.
+// `first`: the list that the master has.
 rt::Task<Result<void>> ListDelivery::let_in(const manager::Wanted& first, const manager::Wanted& whole) {
   const std::vector<NodeId> waiting = gateways();
   manager::Wanted change = whole;
@@ -175,7 +175,7 @@ rt::Task<Result<void>> ListDelivery::let_in(const manager::Wanted& first, const 
     if (run) co_return done;
     co_await rt::sleep_for(question_pause);
   }
-  // A master that reads its list at its own boot-up only.
+  // This master reads its list only at its own boot-up.
   co_return co_await master_.restart();
 }
 

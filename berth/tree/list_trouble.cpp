@@ -10,7 +10,7 @@ namespace {
 using manager::NodeIdTrouble;
 using places::SlotState;
 
-// 0: it has none, or which one it is is not known.
+// 0: it has none, or its serial number is unknown.
 std::string device_of(std::uint32_t serial) {
   return serial == 0 ? std::string("a device without a serial number")
                      : fmt::format("the device with serial number {:08X}h", serial);
@@ -63,7 +63,7 @@ rt::Task<std::uint64_t> ListTrouble::ask(co::SdoAccess& master, std::uint8_t sub
   const auto value = co_await master.read(object, sub);
   if (!value && value.error().code == Errc::aborted) {
     const auto abort = static_cast<od::AbortCode>(value.error().detail);
-    // Any other abort may be of a gateway on the way that had no answer.
+    // Any other abort may come from a gateway on the way that got no answer.
     constexpr auto by_then = std::chrono::seconds(30);
     if (abort == od::AbortCode::no_object || abort == od::AbortCode::no_sub_index) not_before_ = now_ + by_then;
   }
@@ -71,7 +71,7 @@ rt::Task<std::uint64_t> ListTrouble::ask(co::SdoAccess& master, std::uint8_t sub
   co_return load_le<std::uint64_t>(value->bytes().data());
 }
 
-// Through gateways each question costs several on the buses above, and most slots have no more to tell.
+// Through gateways, each question costs several on the buses above, and most slots have nothing to report.
 rt::Task<bool> ListTrouble::is_troubled(co::SdoAccess& master, NodeId node) {
   const unsigned place = node.value() - 1U;
   auto& mask = troubled_.at(place / 64);

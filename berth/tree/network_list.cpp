@@ -50,7 +50,7 @@ class List {
     configuration(slot, more == settings.end() ? nullptr : more->second.get(), findings);
   }
 
-  // What a network list has itself stays.
+  // Objects that the list already has stay.
   void own(const manager::Configuration& more) {
     auto wanted = manager::wanted(more, bus_.master);
     if (!wanted) return;
@@ -91,7 +91,7 @@ class List {
   }
   void put32(ObjectRef object, std::uint64_t value) { put(object, od::DataType::unsigned32, value); }
 
-  // `config =`, and over it what the machine's links need.
+  // `config =`, and over it the settings for the machine's links.
   static std::optional<manager::Configuration> configured(const places::SlotSpec& slot,
                                                           const manager::Configuration* more, Findings& findings) {
     std::optional<manager::Configuration> all;
@@ -129,7 +129,7 @@ class List {
     put32({cia302::configuration_time, sub}, expected.ms);
   }
 
-  // FNV-1a over all that is wanted.
+  // FNV-1a over all entries.
   [[nodiscard]] manager::ConfigurationDate date() const noexcept {
     std::uint64_t hash = 0xCBF2'9CE4'8422'2325U;
     const auto add = [&](std::uint8_t byte) { hash = (hash ^ byte) * 0x0000'0100'0000'01B3U; };

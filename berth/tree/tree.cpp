@@ -14,7 +14,7 @@
 namespace berth::tree {
 namespace {
 
-/// Gateways from this bus down to that one; none: it is not beneath.
+/// The number of gateways from this bus down to that one; 0: it is not beneath.
 std::size_t levels_between(const design::Machine& machine, const std::string& top, const design::Bus& bus) {
   std::size_t levels = 0;
   for (const design::Bus* at = &bus; at != nullptr && at->name != top; at = machine.bus(at->gateway->bus)) {
@@ -24,7 +24,7 @@ std::size_t levels_between(const design::Machine& machine, const std::string& to
   return levels;
 }
 
-// Of the producer's device profile, as profiles use codes twice (paper 3 Figure 10).
+// Profiles use the same codes for different errors, so the producer's profile decides (paper 3 Figure 10).
 const char* words(std::uint16_t code, std::uint16_t profile) {
   const char* const own = multilevel::gateway_code_text(code);
   return own != nullptr ? own : decode::emcy_words(code, profile);
@@ -58,7 +58,7 @@ std::bitset<128> gateways_on(const design::Machine& machine, const std::string& 
   return gateways;
 }
 
-// A bus beneath a gateway on which Berth has a port of its own.
+// For a bus beneath a gateway on which Berth has a port of its own.
 rt::Task<Result<void>> await_operational(rt::Executor& executor, operate::Network& network) {
   const rt::Duration boot_time = network.bus().startup.boot_time;
   const rt::Time deadline = executor.now() + (boot_time.count() > 0 ? boot_time : Beneath::patience);
@@ -117,11 +117,11 @@ Result<void> Tree::open(const std::function<void(const operate::Event&)>& events
   return {};
 }
 
-// Reports the EMCY only for a slot that it is certainly about; asks the states of the others.
+// Reports the EMCY only if it is certain which slot it is about; asks the states of the others.
 void Tree::heard(const std::string& name, const multilevel::LoggedEmcy& entry) {
   constexpr auto loss = co::emcy_code::life_guard_or_heartbeat;
   const auto& reading = entry.reading;
-  // The bytes of any other device are its maker's, whatever node-IDs they look like; its own bus tells of it.
+  // Another device's bytes are manufacturer-specific, even if they look like node-IDs; its own bus reports it.
   if (!gateways_on(*machine_, name)[reading.path.front().value()]) return;
   const EmcyOrigins origins = origins_of(*machine_, name, layout_of(*machine_, name), reading);
   const bool lost = reading.code == loss;
@@ -129,7 +129,7 @@ void Tree::heard(const std::string& name, const multilevel::LoggedEmcy& entry) {
     for (const auto* const slot : slots) bus(slot->spec.name.bus)->ask(slot->spec.id, lost);
   };
   ask(origins.named);
-  // One that is beneath another is asked when that one runs (`still_runs`): through a lost gateway nobody answers.
+  // A node beneath another is asked when that one runs (`still_runs`): nothing answers through a lost gateway.
   if (origins.named.empty()) ask(origins.beneath);
   if (reading.code == multilevel::gateway_code::mandatory_bus_failed) note_stopping(name, reading, origins);
   if (reading.path.size() < 2 || reading.garbled) return;
@@ -149,7 +149,7 @@ void Tree::note_stopping(const std::string& name, const multilevel::EmcyReading&
   if (may_be_on_top && top->services().may_command()) resets_.spawn(reset_stopped(*top, reading.path.front()));
 }
 
-// A stopped gateway forwards nothing. After a reset it is booted like any other, and started when the bus beneath it
+// A stopped gateway forwards nothing. After a reset it boots like any other; it is started when the bus beneath it
 // runs.
 rt::Task<void> Tree::reset_stopped(operate::Network& network, NodeId gateway) {
   auto& services = network.services();
@@ -177,10 +177,10 @@ void Tree::tell(const std::string& name, const multilevel::LoggedEmcy& entry, co
   if (possible.size() == 1) {
     const auto& spec = possible.front()->spec;
     Beneath& line = *bus(spec.name.bus);
-    // Two devices under one node-ID tell of it, and of what it does to their frames, again and again.
+    // Two devices with one node-ID report that, and the damaged frames, again and again.
     const bool known = line.slots().at(spec.id)->doubled && is_communication(entry.reading);
     if (!known) line.slots().events().tell(operate::EventKind::emcy, spec.name.name, text);
-    // A gateway without its layout reports EMCYs from beneath as its own.
+    // A gateway without a layout reports EMCYs from beneath as its own.
     const bool its_own = origins.beneath.empty();
     if (its_own && entry.reading.code == co::emcy_code::id_collision) line.collided(spec.id);
     return;
@@ -196,7 +196,8 @@ std::string Tree::path_of(const design::Slot& slot) const {
   return fmt::format("{} {}", multilevel::to_string(multilevel::Path{way.gateways, slot.spec.id}), slot.spec.name.name);
 }
 
-// A loss of this slot's node was reported, but it is there: a gateway may have reported one from beneath as its own.
+// A loss of this slot's node was reported, but the node is there: a gateway may have reported a loss beneath it as its
+// own.
 void Tree::still_runs(const Beneath& above, NodeId gateway) {
   for (const auto& each : buses_) {
     const auto& line = *each->bus().gateway;
@@ -217,7 +218,7 @@ operate::BeneathFirst Tree::first_of(const std::string& bus) {
   return first;
 }
 
-// All of one gateway, one after the other: they share its SDO server.
+// Brings up all buses of one gateway in turn: they share its SDO server.
 rt::Task<Result<void>> Tree::bring_up(std::string bus, NodeId gateway) {
   Result<void> all;
   const auto is_beneath = [&](const design::Bus& line) {

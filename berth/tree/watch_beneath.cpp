@@ -17,11 +17,11 @@ using places::SlotState;
 constexpr std::uint16_t nmt_inhibit_time = 0x102A;
 constexpr auto long_quiet = std::chrono::seconds(10);      // without an EMCY of two devices
 constexpr auto at_once = std::chrono::seconds(2);          // two EMCYs of two devices
-constexpr auto by_then_stopped = std::chrono::seconds(1);  // from the EMCY that says so
+constexpr auto by_then_stopped = std::chrono::seconds(1);  // from the EMCY that reports it
 constexpr const char* bus_failed = "a mandatory bus beneath it has failed";
-constexpr auto look_pause = std::chrono::milliseconds(200);  // between two looks at a bus that boots
+constexpr auto look_pause = std::chrono::milliseconds(200);  // between two looks at a booting bus
 
-// A device may lack all of 1018h but its vendor-ID, and that.
+// A device may lack all parts of 1018h, even its vendor-ID.
 rt::Task<Result<Identity>> read_identity(co::SdoAccess& device, NodeId node) {
   std::array<std::uint32_t, 4> parts{};
   std::uint8_t unknown = 0;
@@ -69,7 +69,7 @@ std::vector<NodeId> WatchBeneath::take_asked() {
   return nodes;
 }
 
-// ---- bringing it up
+// ---- bringing it up ----
 
 rt::Task<Result<void>> WatchBeneath::await_operational(rt::Time deadline) {
   for (bool over = false; !over;) {
@@ -95,7 +95,7 @@ rt::Task<Result<void>> WatchBeneath::await_operational(rt::Time deadline) {
                        .text = "a bus beneath it is not operational: see its slots"});
 }
 
-// ---- watching it
+// ---- watching it ----
 
 rt::Task<void> WatchBeneath::look_around() {
   const rt::Time began = slots_.now();
@@ -110,7 +110,7 @@ rt::Task<void> WatchBeneath::look_around() {
     }
   }
   const bool heard = co_await look_at_all(std::move(nodes));
-  // A vain question to a gateway holds up all others that go through the same gateways above it.
+  // An unanswered question blocks all others that go through the same gateways above.
   if (!heard) silence_.rest_until = slots_.now() + 3 * (slots_.now() - began);
 }
 
@@ -120,7 +120,7 @@ rt::Task<void> WatchBeneath::look_at_asked() {
   static_cast<void>(heard);
 }
 
-// False: its gateway does not answer.
+// False: the gateway does not answer.
 rt::Task<bool> WatchBeneath::look_at_all(std::vector<NodeId> nodes) {
   trouble_.begin(slots_.now());
   for (const NodeId node : nodes) {
@@ -137,7 +137,7 @@ rt::Task<bool> WatchBeneath::look_at_all(std::vector<NodeId> nodes) {
   co_return true;
 }
 
-// None: meanwhile another loss was reported that may be the node's, and the answer may be older.
+// None: another loss was reported meanwhile; it may be this node's, and the answer may be older.
 rt::Task<WatchBeneath::Answer> WatchBeneath::state_of(PlaceBeneath& place) {
   const unsigned before = place.losses;
   const auto state = co_await master_.state(place.spec.id);
@@ -146,13 +146,13 @@ rt::Task<WatchBeneath::Answer> WatchBeneath::state_of(PlaceBeneath& place) {
   co_return *state;
 }
 
-// `settled`: a missing node is reported; else it may still come.
+// `settled`: report a missing node; otherwise it may still come.
 rt::Task<Result<void>> WatchBeneath::look_at(PlaceBeneath& place, bool settled) {
   auto state = co_await state_of(place);
   const bool asks = state && *state == static_cast<std::uint8_t>(NmtState::operational) && !place.identified;
   if (asks) {
     const bool answers = co_await identify(place);
-    // What it was before the questions that it left unanswered is old.
+    // The state from before the unanswered questions is outdated.
     if (!answers) state = co_await state_of(place);
   }
   if (!state) co_return fail(state.error());
@@ -161,7 +161,7 @@ rt::Task<Result<void>> WatchBeneath::look_at(PlaceBeneath& place, bool settled) 
     const bool still = co_await is_doubled(place);
     place.doubled = still;
     if (still) co_return Result<void>{};
-    // What it was before those questions is old.
+    // The state from before those questions is outdated.
     state = co_await state_of(place);
     if (!state) co_return fail(state.error());
     if (!*state) co_return Result<void>{};
@@ -171,7 +171,7 @@ rt::Task<Result<void>> WatchBeneath::look_at(PlaceBeneath& place, bool settled) 
     case static_cast<std::uint8_t>(NmtState::stopped): co_return co_await look_at_stopped(place);
     case static_cast<std::uint8_t>(NmtState::pre_operational): co_return co_await look_at_waiting(place);
     default:
-      place.stops_itself.reset();  // it boots, if at all
+      place.stops_itself.reset();  // booting, or absent
       place.doubled = false;
       if (settled) co_await look_at_missing(place);
   }
@@ -212,7 +212,7 @@ rt::Task<bool> WatchBeneath::is_doubled(PlaceBeneath& place) {
   co_return bytes.empty() || (bytes.front() & co::error_register::communication) != 0;
 }
 
-// Its master may know more than that it misses it.
+// The master may know more than that the node is missing.
 rt::Task<void> WatchBeneath::look_at_missing(PlaceBeneath& place) {
   const NodeId node = place.spec.id;
   const unsigned losses = place.losses;
@@ -221,7 +221,7 @@ rt::Task<void> WatchBeneath::look_at_missing(PlaceBeneath& place) {
   const auto knows = co_await trouble_.of(access(slots_.bus().master), place.spec, path);
   if (place.losses != losses) co_return;
   if (trouble_.asked() != asked) {
-    // It may have come back while its master was asked for that.
+    // The node may have come back while its master was asked.
     const auto state = co_await state_of(place);
     const bool still = state && *state && **state <= GatewayMaster::missing;
     if (!still) co_return;
@@ -245,7 +245,7 @@ rt::Task<void> WatchBeneath::look_at_missing(PlaceBeneath& place) {
 }
 
 // A gateway stops itself when a mandatory bus beneath it failed (paper 3 Figure 1). While stopped it forwards nothing:
-// it is made pre-operational, and started when that bus runs.
+// Berth makes it pre-operational, and starts it when that bus runs.
 rt::Task<Result<void>> WatchBeneath::look_at_stopped(PlaceBeneath& place) {
   const NodeId node = place.spec.id;
   told_lost_.reset(node.value());
@@ -259,7 +259,7 @@ rt::Task<Result<void>> WatchBeneath::look_at_stopped(PlaceBeneath& place) {
 
 rt::Task<Result<void>> WatchBeneath::look_at_waiting(PlaceBeneath& place) {
   const NodeId node = place.spec.id;
-  place.identified = false;  // it booted: it may be another one
+  place.identified = false;  // it booted, and may be another device
   told_lost_.reset(node.value());
   if (place.stops_itself) {
     slots_.set_state(place, SlotState::present, bus_failed);
@@ -274,8 +274,8 @@ rt::Task<Result<void>> WatchBeneath::look_at_waiting(PlaceBeneath& place) {
   co_return co_await master_.command(node, co::NmtCommand::reset_node);
 }
 
-// Nothing waits for it, and what the buses above need goes through the same gateways: they come first. False: it was
-// asked and does not answer, or was lost meanwhile.
+// Nothing waits for the identity. Accesses of the buses above use the same gateways and come first. False: the node
+// does not answer, or was lost meanwhile.
 rt::Task<bool> WatchBeneath::identify(PlaceBeneath& place) {
   constexpr auto in_any_case = std::chrono::seconds(3);
   const bool late = slots_.now() - place.now.since > in_any_case;
@@ -293,7 +293,7 @@ rt::Task<bool> WatchBeneath::identify(PlaceBeneath& place) {
 
 void WatchBeneath::gateway_is_silent(const Error& error) {
   const multilevel::Hop last = way_.gateways.back();
-  // Any other object may be one that a gateway on the way did not get to.
+  // Any other object may be one that a gateway on the way could not reach.
   const bool keeps_none = error.code == Errc::aborted && error.index == nmt_inhibit_time &&
                           error.detail == static_cast<std::uint32_t>(od::AbortCode::no_object);
   if (keeps_none) {
@@ -302,7 +302,7 @@ void WatchBeneath::gateway_is_silent(const Error& error) {
         "list (docs/multilevel.md; a simulated one needs master = {{ flying = false }})",
         last.gateway.value(), error.index));
   }
-  // Through several it may be a gateway that another waited for.
+  // Through several gateways, the timeout may be that of a gateway waiting for another.
   const bool answered = way_.gateways.size() == 1 && error.code == Errc::timeout &&
                         std::string_view(error.text) == multilevel::node_silent;
   if (answered) {

@@ -333,6 +333,8 @@ TEST_F(Taken, EveryOptionThatIsShown) {
                                               "demo --pace",
                                               "up --studio",
                                               "demo --studio",
+                                              "up --mqtt",
+                                              "demo --mqtt",
                                               "trace --to",
                                               "trace --stats",
                                               "trace --quiet",

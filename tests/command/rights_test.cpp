@@ -79,6 +79,10 @@ TEST(Rights, EveryVerbByEveryFace) {
     EXPECT_TRUE(may(Face::node, verb, {.listed = &listed}));
     const design::BusCommands another{{verb == "report" ? "scan" : "report"}};
     EXPECT_FALSE(may(Face::node, verb, {.listed = &another}));
+    EXPECT_FALSE(may(Face::mqtt, verb));
+    EXPECT_FALSE(may(Face::mqtt, verb, {.listed = &none, .changes = true}));
+    EXPECT_TRUE(may(Face::mqtt, verb, {.listed = &listed}));
+    EXPECT_FALSE(may(Face::mqtt, verb, {.listed = &another}));
   }
 }
 
@@ -128,6 +132,7 @@ TEST(Rights, WhatIsAPersonsToSay) {
       EXPECT_TRUE(may(Face::person, verb, {}, name)) << name;
       EXPECT_TRUE(may(Face::program, verb, {}, name)) << name;
       EXPECT_EQ(may(Face::node, verb, {.listed = &listed}, name), !parameter->personal) << name;
+      EXPECT_EQ(may(Face::mqtt, verb, {.listed = &listed}, name), !parameter->personal) << name;
       EXPECT_EQ(may(Face::gateway, verb, {.changes = true}, name), !parameter->personal) << name;
       EXPECT_EQ(may(Face::studio, verb, {.changes = true}, name), !parameter->personal || name == "yes") << name;
     }

@@ -16,7 +16,7 @@ namespace berth::harness {
 // One bus, its devices, and Berths, each with its own slot table.
 class Berths : private can::Tap, private plant::World::Observer {
  public:
-  // Not `flying`: one Berth, the only master of its bus.
+  // Without `flying`: one Berth, the only master of its bus.
   Berths(const design::Machine& machine, const plant::PlantFile& file, const std::vector<std::uint8_t>& priorities,
          bool flying = true) {
     Findings findings;
@@ -38,7 +38,7 @@ class Berths : private can::Tap, private plant::World::Observer {
     world_->remove_observer(*this);
   }
 
-  // As its next `begin` reads it.
+  // The next `begin` of this Berth reads it.
   [[nodiscard]] design::Machine& machine(std::size_t i) { return berths_[i]->machine; }
 
   // A layer between a Berth and its controller, from its next `begin` on; it must exist until that Berth is killed.
@@ -59,7 +59,7 @@ class Berths : private can::Tap, private plant::World::Observer {
     if (!one.network->open(settings_)) std::abort();
     one.network->start();
   }
-  // It dies at once.
+  // Ends this Berth at once, as a crash does.
   void kill(std::size_t i) { kill(*berths_[i]); }
   [[nodiscard]] bool runs(std::size_t i) const { return berths_[i]->network != nullptr; }
   // This Berth, and every second device, on one side; the rest on the other.
@@ -141,7 +141,7 @@ class Berths : private can::Tap, private plant::World::Observer {
     const bool start = frame.key() == 0 && frame.size == 2 && frame.data[0] == 1;
     if (!start) return;
     // After two parts of a bus are joined there are two active masters until one hears the other, and both may be about
-    // to start a device (docs/flying-master.md, "What remains possible"): only that is not counted.
+    // to start a device (docs/flying-master.md, "What remains possible"): only such starts are not counted.
     std::size_t leading = 0;
     for (std::size_t i = 0; i < berths_.size(); ++i) leading += leads(i) ? 1U : 0U;
     if (leading > 1) return;
@@ -150,8 +150,8 @@ class Berths : private can::Tap, private plant::World::Observer {
       const auto id = device->device().node_id();
       const bool hears = side_.contains(sender) == side_.contains(device->controller().number());
       const bool meant = hears && id.configured() && (frame.data[1] == 0 || frame.data[1] == id.value());
-      // Nothing was on the bus between but this frame: its sender saw an error in the last bit of it and repeats it,
-      // and who has started meanwhile did so by the first time.
+      // Only this frame was on the bus since: its sender saw an error in the frame's last bit and repeats it. A device
+      // that started meanwhile did so by the first transmission.
       const bool by_this_frame = since && *since > before;
       if (!meant || !since || by_this_frame || !alone(*device)) continue;
       ++second_starts;
@@ -160,7 +160,7 @@ class Berths : private can::Tap, private plant::World::Observer {
                       seconds(at), device->name(), id.value(), seconds(*since), sender);
     }
   }
-  // A command to another device under its node-ID, which got its slot while it was away, does not count.
+  // A command to another device under the same node-ID, which got the slot while this one was away, does not count.
   [[nodiscard]] bool alone(const plant::SimDevice& device) const {
     return std::ranges::none_of(world_->devices(), [&](const auto& other) {
       return other.get() != &device && other->powered() && other->device().node_id() == device.device().node_id();
@@ -180,7 +180,7 @@ class Berths : private can::Tap, private plant::World::Observer {
   manager::SlotSettings settings_;
   std::vector<std::unique_ptr<One>> berths_;
   std::map<int, std::map<std::uint32_t, unsigned>> sent_;
-  std::string started_again_;  // for people
+  std::string started_again_;  // for the log
   std::set<int> side_;         // of a cut bus; frames of the other side are not heard here
   std::map<const plant::SimDevice*, std::optional<rt::Time>> runs_since_;
 };

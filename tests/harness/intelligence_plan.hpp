@@ -16,13 +16,13 @@ namespace berth::harness {
 inline constexpr TypeCode type_controller{0x0000'0001, 0x0000'0060};
 inline constexpr TypeCode type_io{0x0000'0001, 0x0000'0003};
 
-// What Berth is about at a device when a fault strikes: told by the frames between them.
+// What Berth does with a device when a fault strikes; the frames between them show it.
 enum class Stage : std::uint8_t {
-  identity,       // it asks who it is (1000h, 1018h, 1009h, 100Ah)
+  identity,       // it asks for the identity (1000h, 1018h, 1009h, 100Ah)
   program,        // 1F50h to 1F5Ah
   configuration,  // 1010h, 1017h, 1020h and the device's own objects
   links,          // its PDOs (1400h to 1BFFh)
-  running,        // it says by its heartbeat that it is operational
+  running,        // its heartbeat reports operational
   count
 };
 inline constexpr int stages = static_cast<int>(Stage::count);
@@ -41,16 +41,16 @@ inline std::optional<Stage> stage_of(std::uint16_t index) {
 
 enum class StageKind : std::uint8_t {
   overrun,         // the device loses a frame
-  overrun_master,  // Berth does
+  overrun_master,  // Berth loses a frame
   disturb,
   twice,  // a frame comes twice
   slow,
   deaf,
   reset,
   power,      // off for at most 2.5 s
-  cut,        // its cable
+  cut,        // its cable is cut
   away,       // off the bus for 3 to 15 s
-  exchanged,  // for one of its kind
+  exchanged,  // for another device of its type
   berth,      // the active Berth ends, and begins again later
   count
 };
@@ -61,7 +61,7 @@ inline const char* name(StageKind kind) {
   return names[static_cast<int>(kind)];
 }
 
-// Waits for so many frames of this stage, of any device, and strikes that device `delay` behind the next one.
+// Waits for `skip` frames of this stage, of any device, and strikes that device `delay` after the next one.
 struct StageFault {
   StageKind kind = StageKind::overrun;
   Stage stage = Stage::identity;
@@ -73,9 +73,9 @@ struct StageFault {
 struct IntelligencePlan {
   std::uint64_t seed = 0;
   design::Machine machine;
-  plant::PlantFile plant;  // of each slot its device, then of each slot a spare, which is not plugged in
+  plant::PlantFile plant;  // each slot's device, then each slot's spare, which is not plugged in
   std::vector<StageFault> faults;
-  std::vector<std::uint8_t> priorities;  // of the Berths; one is no flying master
+  std::vector<std::uint8_t> priorities;  // of the Berths; a single one is no flying master
   bool perturbed = false;
   [[nodiscard]] std::size_t slots() const noexcept { return machine.slots.size(); }
 };
@@ -87,7 +87,7 @@ inline constexpr unsigned wanted_version = 2;
 
 class IntelligencePlanner {
  public:
-  // A constant of its own: the seeds of `Planner` make other worlds.
+  // Another constant than that of `Planner`: the same seeds give other worlds.
   explicit IntelligencePlanner(std::uint64_t seed) : random_(seed * 0x9E3779B97F4A7C15ULL + 0x302) {
     plan_.seed = seed;
   }
@@ -125,20 +125,20 @@ class IntelligencePlanner {
     constexpr TypeCode types[] = {type_controller, type_pump, type_io, type_io};
     add_slot(plan_.machine, id, types[random_.below(4)]);
     auto& slot = plan_.machine.slots.back();
-    slot.queue = design::SendOrder::priority;  // what Berth does is judged here, and not when a PDO arrives
+    slot.queue = design::SendOrder::priority;  // Berth's actions are judged here, not the times of PDOs
     slot.spec.replacement = places::Replacement::automatic;
     if (slot.spec.type == type_controller) {
       slot.spec.software.programs = {{1, controller_image(wanted_version), {}}};
     } else if (slot.spec.type == type_pump) {
       slot.spec.config = example_eds("pump.dcf");
-      slot.inhibit = 10ms;  // its PDOs have no inhibit time, and then no link has a bound
+      slot.inhibit = 10ms;  // its PDOs have no inhibit time: without this no link has a bound
       if (random_.below(4) == 0) slot.spec.configuring.activate = places::Activate::reset;
     } else {
       slot.eds = slot.eds_path = example_eds("io.eds");
     }
   }
 
-  // From each module's inputs to the outputs of the next one.
+  // Links each module's inputs to the outputs of the next module.
   void links() {
     std::vector<std::string> modules;
     for (const auto& slot : plan_.machine.slots) {
@@ -165,7 +165,7 @@ class IntelligencePlanner {
     d.storing.time = between(1ms, 150ms);
     d.storing.deaf = random_.below(3) == 0;
     d.controller.queue = random_.below(2) == 0 ? plant::QueueKind::in_order : plant::QueueKind::priority;
-    // A server that takes two segments of a block at a time makes a download of minutes.
+    // With a server that takes two segments of a block at a time, a download would last minutes.
     d.controller.rx_depth = random_.below(4) == 0 && spec.type != type_controller ? 2 : 16;
     d.controller.drift_ppm = static_cast<std::int32_t>(random_.between(-200, 200));
     if (spec.type == type_controller) programs(d);
@@ -189,7 +189,7 @@ class IntelligencePlanner {
       f.stage = static_cast<Stage>(random_.below(stages));
     } while (!occurs(f.stage));
     f.skip = static_cast<unsigned>(random_.below(random_.below(2) == 0 ? 4 : f.stage == Stage::program ? 300 : 15));
-    // Half of them exactly behind that frame.
+    // Half of them directly after that frame.
     if (random_.below(2) == 0) f.delay = between(0us, f.stage == Stage::program ? 300ms : 5ms);
     f.back = between(1ms, 2500ms);
     if (f.kind == StageKind::away) f.back = between(3s, 15s);

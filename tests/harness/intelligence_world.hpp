@@ -1,5 +1,6 @@
-// One such world from beginning to end. Requirements (docs/faults.md): no device is operational with anything but its
-// slot's program and configuration, none that runs is started again, and at the end all run, and the links carry.
+// One world of intelligence_plan.hpp from beginning to end. Requirements (docs/faults.md): no device is operational
+// with anything but its slot's program and configuration, no running device is started again, and at the end all run,
+// and the links transfer their values.
 #pragma once
 
 #include <array>
@@ -71,7 +72,7 @@ struct IntelligenceOutcome {
 
 class IntelligenceWorld final : private can::Tap {
  public:
-  // `frames`: the log has every frame too.
+  // `frames`: the log also has every frame.
   explicit IntelligenceWorld(const IntelligencePlan& plan, bool frames = false)
       : plan_(plan),
         frames_(frames),
@@ -93,7 +94,7 @@ class IntelligenceWorld final : private can::Tap {
 
   IntelligenceOutcome go() {
     for (std::size_t i = 0; i < berths_.count(); ++i) berths_.begin(i);
-    // Until each fault had its chance, and who comes back is back.
+    // Until each fault could strike, and the devices that come back are back.
     const auto over = [this] { return !sound() || (waiting_.empty() && returning_ == 0); };
     berths_.run_until(over, 25s);
     waiting_.clear();
@@ -155,7 +156,7 @@ class IntelligenceWorld final : private can::Tap {
     later(f.delay, [this, f, device = device->get()] { strike(f, *device); });
   }
 
-  // What is to be done before the end.
+  // Done later, but before the end.
   void later(rt::Duration delay, std::function<void()> deed) {
     ++returning_;
     berths_.world().sim().after(delay, [this, deed = std::move(deed)] {
@@ -164,7 +165,7 @@ class IntelligenceWorld final : private can::Tap {
     });
   }
 
-  // ---- what they do ----
+  // ---- the faults ----
 
   void strike(const StageFault& f, plant::SimDevice& device) {
     ++outcome_.hits[static_cast<std::size_t>(f.kind)][static_cast<std::size_t>(f.stage)];
@@ -182,7 +183,7 @@ class IntelligenceWorld final : private can::Tap {
       case StageKind::away:
         if (!device.plugged()) return;
         device.unplug();
-        // Unless another one was brought meanwhile.
+        // Unless its partner was plugged in meanwhile.
         return later(f.back, [this, &device] {
           if (!partner(device).plugged()) device.plug();
         });
@@ -202,7 +203,7 @@ class IntelligenceWorld final : private can::Tap {
     for (const auto& e : events_of(kind, device.name(), "backbone", now, random_)) world.perform(e);
   }
 
-  // The spare of its slot, or whose spare it is.
+  // The spare of the device's slot; for a spare, the slot's device.
   [[nodiscard]] plant::SimDevice& partner(const plant::SimDevice& device) {
     const auto& devices = berths_.world().devices();
     const auto place = std::ranges::find(devices, &device, [](const auto& d) { return d.get(); }) - devices.begin();
@@ -237,7 +238,7 @@ class IntelligenceWorld final : private can::Tap {
     return network != nullptr && network->operational() && network->idle();
   }
 
-  // Nothing goes wrong any more: everything becomes operational in bounded bus time, and stays so.
+  // Without further faults everything becomes operational in bounded bus time, and stays so.
   void ending() {
     berths_.join();
     for (std::size_t i = 0; i < plan_.slots(); ++i) {
@@ -251,7 +252,7 @@ class IntelligenceWorld final : private can::Tap {
     for (std::size_t i = 0; i < berths_.count(); ++i) {
       if (!berths_.runs(i)) berths_.begin(i);
     }
-    berths_.run_for(10s);  // what was exchanged last is missed by then
+    berths_.run_for(10s);  // Berth misses by then what was exchanged last
     const auto done = [this] { return good() || !sound(); };
     if (!berths_.run_until(done, 60s)) answer();
     if (!berths_.run_until(done, 120s)) {
@@ -260,14 +261,14 @@ class IntelligenceWorld final : private can::Tap {
     }
     berths_.run_for(10s);
     if (!sound()) return;
-    // It may be looking for devices just now.
+    // Berth may be searching just now.
     if (leader() == nullptr || !leader()->operational() || !berths_.run_until(done, 10s))
       outcome_.failure = "did not stay operational: " + states();
     if (outcome_.failure.empty()) outcome_.failure = devices_at_the_end();
     if (outcome_.failure.empty()) outcome_.failure = links_at_the_end();
   }
 
-  // Two new devices for one kind of slots: a person says which sits where.
+  // Two new devices fit the same slots: the user says which sits where.
   void answer() {
     auto* const network = leader();
     if (network == nullptr) return;
@@ -316,7 +317,7 @@ class IntelligenceWorld final : private can::Tap {
     }
     std::abort();  // `devices_at_the_end` was asked before
   }
-  // Each input gets another value, and each output has it, twice.
+  // Twice: each input gets another value, and each output must get it.
   [[nodiscard]] std::string links_at_the_end() {
     for (std::uint8_t round = 1; round <= 2; ++round) {
       std::uint8_t value = static_cast<std::uint8_t>(16 * round);
@@ -346,7 +347,7 @@ class IntelligenceWorld final : private can::Tap {
   SlotWatch watch_;
   Random random_;
   std::vector<StageFault> waiting_;
-  std::map<unsigned, Stage> stage_;  // of each node-ID
+  std::map<unsigned, Stage> stage_;  // by node-ID
   unsigned returning_ = 0;
   IntelligenceOutcome outcome_;
 };

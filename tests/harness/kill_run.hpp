@@ -1,5 +1,5 @@
 // One machine, brought up by a Berth that dies at a chosen point, perhaps again while it recovers, and then by one that
-// lives: what must hold meanwhile and at the end.
+// survives: what must hold meanwhile and at the end.
 #pragma once
 
 #include <stdlib.h>
@@ -28,14 +28,14 @@ enum class Scenario : std::uint8_t {
   blank,       // two devices of one type without a node-ID
   taken,       // one blank, the other came with the first one's node-ID stored
   crossed,     // each came with the other's node-ID stored
-  replaced,    // one left the machine, its replacement came with a node-ID of nobody stored, and a person says so
-  stranger,    // beside the two there is a device of no slot that holds a slot's node-ID
+  replaced,    // one left; its replacement has stored a node-ID of no slot, and the user gives `berth replace`
+  stranger,    // beside the two, a device without a slot holds a slot's node-ID
   configured,  // one of the two gets a configuration, which it saves
-  away,        // who loses power stays away for 60 s, and a spare of its kind is brought meanwhile
-  gone,        // the same, for ever
-  programmed,  // one of the two has an older program than its slot's, and gets that
-  linked,      // an input of the one goes to outputs of the other: PDOs in both
-  first,       // as blank, and there is no store yet: the points of its file only
+  away,        // a device that loses power stays away for 60 s, and a spare of its type is plugged in meanwhile
+  gone,        // the same, forever
+  programmed,  // one of the two has an older program than its slot's, and gets the slot's
+  linked,      // an input of one is linked to outputs of the other: PDOs in both
+  first,       // as blank, and without a store at first: only the points of its file
   count,
 };
 inline const char* name(Scenario s) {
@@ -45,34 +45,34 @@ inline const char* name(Scenario s) {
 }
 inline constexpr int scenarios = static_cast<int>(Scenario::count);
 
-// Who loses what at a point of a device's memory.
+// Which of them dies at a point of a device's memory.
 enum class Victim : std::uint8_t { berth, device, both };
 
-// How one life of Berth ends; empty: it may live.
+// How one run of Berth ends; empty: it may survive.
 struct Death {
   std::optional<std::uint64_t> at;    // this point of the axe's trace
   std::optional<std::uint64_t> disk;  // this step of the store's disk
   std::optional<std::uint64_t> torn;  // after so many bytes of device memory, counted per device
   std::string torn_device;
-  bool torn_program = false;  // of its programs' memory
+  bool torn_program = false;  // in the memory of its programs
   std::string off;            // at `at` this device loses power; Berth dies with `Victim::both` only
   std::string loses;          // at `at` this device, or "master", loses the frame; Berth lives
   Victim victim = Victim::berth;
   store::Loss loss = store::Loss::none;  // what becomes of the unsynced writes
-  bool restart_late = false;             // the next Berth comes after devices' timeouts, else at once
+  bool restart_late = false;             // the next Berth begins after the devices' timeouts, otherwise at once
 };
 
 struct Life {
   bool died = false;    // the axe fell, or the disk crashed
   bool struck = false;  // what was planned happened
-  std::string failure;  // lived, and did not come to the end
+  std::string failure;  // it survived, and did not finish
   std::vector<PointKind> trace;
   std::uint64_t disk_steps = 0;
 };
 
 inline constexpr std::uint8_t older_program = 3;
 inline constexpr std::uint8_t wanted_program = 5;
-// A program as long as a test of every byte of it allows, and its image as a file.
+// A program short enough for a test of every byte of it, and its image as a file.
 inline std::vector<std::uint8_t> small_program(std::uint8_t number) {
   std::vector<std::uint8_t> content(150);
   for (std::size_t i = 0; i < content.size(); ++i) content[i] = static_cast<std::uint8_t>(i * number + number);
@@ -124,7 +124,7 @@ class KillWorld final {
   }
   ~KillWorld() { rig_.kill(); }
 
-  // One life: from a new process to its death, or to the end of the job.
+  // One run of Berth: from a new process to its death, or to the end of the job.
   Life live(const Death& death) {
     Life life;
     begin(death);
@@ -142,10 +142,10 @@ class KillWorld final {
     return life;
   }
 
-  // Devices may stay away: then who sits where depends on when they left.
+  // Devices stay away in these scenarios: the seats depend on when they left.
   [[nodiscard]] static bool departs(Scenario s) { return s == Scenario::away || s == Scenario::gone; }
 
-  // The requirements after a life that came to its end. Empty: they hold.
+  // Checks the requirements after a run that finished. Empty: they hold.
   std::string check() {
     std::string wrong = judge_.wrong();
     if (wrong.empty() && departs(scenario_)) return check_rows();
@@ -250,7 +250,7 @@ class KillWorld final {
     programs.loaded = programs.loaded_path = small_image(older_program);
   }
 
-  // The story before: the machine ran, d2 left it and d3 came. Berth was not there, and begins after it.
+  // Before the test: the machine ran, then d2 left it and d3 came while no Berth ran.
   void replace() {
     const Life before = live({});
     if (!before.failure.empty()) setup_failure_ = "setup: " + before.failure;
@@ -299,7 +299,7 @@ class KillWorld final {
     if (!setup_failure_.empty()) life.failure = setup_failure_;
   }
 
-  // Who comes back is back, and everything is as it must be; and stays so.
+  // All devices that come back are back, everything is as it must be, and stays so.
   [[nodiscard]] bool comes_to_rest() {
     const auto over = [this] { return axe_.fallen() || !watch_.failure().empty(); };
     for (const rt::Time limit = rig_.now() + 120s; rig_.now() < limit && !over();) {
@@ -310,14 +310,14 @@ class KillWorld final {
     return over();
   }
 
-  // `berth replace s2`, as long as the table shows that the old device sits there and is silent.
+  // Gives `berth replace s2` while the table shows that the old device sits there and is silent.
   void say_replaced() {
     if (!rig_.network().idle() || rig_.device("d2").powered()) return;
     for (const auto& s : rig_.network().report()) {
       const bool silent =
           s.name == "s2" && s.state == places::SlotState::absent && s.device && s.device->address.serial == 0x22;
       if (silent) watch_.replaced_by_a_person("d2");
-      if (silent && !rig_.network().replace("s2", std::nullopt)) axe_.fall();  // its store has just died
+      if (silent && !rig_.network().replace("s2", std::nullopt)) axe_.fall();  // its store has just failed
     }
   }
 
@@ -331,7 +331,7 @@ class KillWorld final {
     return std::ranges::all_of(rig_.world().devices(), [](const auto& d) { return d->powered() || !d->plugged(); });
   }
 
-  // The process is gone, at once and without a word; then time goes by, and the disk is what was kept of it.
+  // The process ends at once, without cleanup. Then time passes, and the disk has only what it kept.
   void end(const Death& death) {
     rig_.kill();
     store_.die();
@@ -346,7 +346,7 @@ class KillWorld final {
     if (death_.victim != Victim::device) axe_.fall();
   }
 
-  // At a point of Berth's: behind the instant, so that what is under way there ends as it does.
+  // At a point of Berth's: after the instant, so that what is under way in it still ends.
   Axe::Instead switched_off() {
     struck_ = true;
     rig_.world().sim().after(0ms, [this, device = &rig_.device(death_.off)] { power_lost(*device); });
@@ -372,7 +372,7 @@ class KillWorld final {
     if (death_.torn && death_.victim == Victim::both) axe_.fall();
     plant::SimDevice* const back = &device;
     if (departs(scenario_)) {
-      // A device that is there already stays: each strike brings one spare at most.
+      // A device that is present stays: each strike brings one spare at most.
       plant::SimDevice& spare = rig_.device(rig_.device("d3").plugged() ? "d4" : "d3");
       rig_.world().sim().after(500ms, [spare = &spare] { spare->plug(); });
     }
@@ -393,7 +393,7 @@ class KillWorld final {
     return text;
   }
 
-  // Slot -> serial number of who must sit there, whatever happened.
+  // Slot -> serial number of the device that must sit there in any case.
   [[nodiscard]] std::map<unsigned, std::uint32_t> expected() const {
     return {{1U, 0x11U}, {2U, scenario_ == Scenario::replaced ? 0x21U : 0x22U}};
   }
@@ -418,7 +418,7 @@ class KillWorld final {
     return check_configuration();
   }
 
-  // In use, and after the next power-on too.
+  // The configuration is in use, also after the next power-on.
   [[nodiscard]] std::string check_configuration() {
     auto& d1 = rig_.device("d1");
     if (scenario_ == Scenario::programmed) return programs_.check(d1);
@@ -442,7 +442,7 @@ class KillWorld final {
     return wrong.empty() ? std::string() : "d1 has not saved it: " + wrong;
   }
 
-  // Where devices stay away: what stands in the store is on the disk.
+  // For devices that stay away: what the store holds is on the disk.
   [[nodiscard]] std::string check_rows() {
     const auto before = store_.load("rig");
     rig_.kill();
@@ -463,7 +463,7 @@ class KillWorld final {
     return {};
   }
 
-  // Berth's state and what the next process would read are the same, and true.
+  // Berth's state equals what the next process would read, and is true.
   [[nodiscard]] std::string check_store() {
     const auto seats = expected();
     const auto before = store_.load("rig");

@@ -1,4 +1,4 @@
-// Hears the frames that no device of the plant sends, Berth's own, on the bus "backbone".
+// Receives Berth's own frames on the bus "backbone": those that no device of the plant sends.
 #pragma once
 
 #include <algorithm>

@@ -23,7 +23,7 @@ struct Choice : Selection {
   unsigned workers = 2;
   bool show = false;
   bool frames = false;
-  bool ratio = false;  // against the published methods too
+  bool ratio = false;  // also compares with the published methods
   bool quiet = false;  // cells that are not operational are not named
 };
 
@@ -99,7 +99,7 @@ inline std::string time_text(const Outcome& outcome) {
   return text.data();
 }
 
-// One line for each kind and size; an entry a bit rate, with `text_of` its cells' places, one a latency.
+// Prints one line for each kind and size, with one entry per bit rate: `text_of` its cells, one per latency.
 template <class TextOf>
 void print_rows(const std::vector<Cell>& cells, const char* title, const TextOf& text_of) {
   std::printf("\n%s; latencies equal / 0.2 to 4 ms / slow outliers\n", title);
@@ -140,13 +140,13 @@ inline void print_rest(const std::vector<Cell>& cells, const std::vector<Done>& 
 
 // The default's bus time over that of the best published method.
 struct Ratio {
-  std::optional<double> value;  // none: no published method is operational there
+  std::optional<double> value;  // none: no published method is operational in this cell
   std::string_view method;      // the best published one
 };
 
 inline constexpr double most_ratio = 1.1;
 
-// Of each cell, with the default's outcomes `all`: runs the published methods.
+// The ratio of each cell, for which it runs the published methods. `all`: the default's outcomes.
 inline std::vector<Ratio> ratios(const Choice& o, const std::vector<Cell>& cells, const std::vector<Done>& all) {
   std::vector<Cell> others;
   std::vector<std::size_t> of;
@@ -172,7 +172,7 @@ inline std::vector<Ratio> ratios(const Choice& o, const std::vector<Cell>& cells
   return list;
 }
 
-// Prints them, and the worst; false when the default is slower than `most_ratio` in one.
+// Prints them, and the worst; false if the default is slower than `most_ratio` in one.
 inline bool print_ratios(const std::vector<Cell>& cells, const std::vector<Ratio>& list) {
   print_rows(cells, "The default's bus time over that of the best published method; -: none is operational",
              [&](std::size_t i) {
@@ -199,7 +199,7 @@ inline bool print_ratios(const std::vector<Cell>& cells, const std::vector<Ratio
   return slower == 0;
 }
 
-// Prints how many of them are as they must be; false when one is not.
+// Prints how many of them are as they must be; false if one is not.
 inline bool print_sum(const std::vector<Cell>& cells, const std::vector<Done>& all) {
   std::size_t good = 0;
   std::size_t limits = 0;

@@ -23,7 +23,7 @@ inline std::string row_name(int row) {
   return std::string(discovery::name(static_cast<discovery::Method>(row)));
 }
 
-// Those of the main job's worlds, and two more.
+// The faults of the main job's worlds, and two more.
 inline constexpr int fault_join = fault_kinds;
 inline constexpr int fault_restart = fault_kinds + 1;
 inline constexpr int method_faults = fault_kinds + 2;
@@ -154,7 +154,7 @@ class MethodPlanner {
     d.storing.time = between(1ms, 100ms);
     d.storing.deaf = random_.below(3) == 0;
     d.controller.queue = random_.below(2) == 0 ? plant::QueueKind::in_order : plant::QueueKind::priority;
-    // Room for what comes at once while an outlier lasts; small buffers are the main job's worlds'.
+    // Room for the frames that come while an outlier lasts; the main job's worlds have small buffers.
     d.controller.rx_depth = std::array<std::uint32_t, 3>{32, 48, 64}[random_.below(3)];
     d.controller.drift_ppm = static_cast<std::int32_t>(random_.between(-200, 200));
     d.controller.bus_off_recovery = 200ms;
@@ -189,14 +189,14 @@ class MethodPlanner {
       slowest = std::max({slowest, d.response.max, d.response.outlier});
       outliers = outliers || d.response.outlier.count() > 0;
     }
-    // Answers stand in a row behind each other, at most two frames of each device.
+    // Answers queue up, at most two frames of each device.
     const rt::Duration frame(160 * std::int64_t{1'000'000'000} / plan_.plant.buses.front().bitrate);
     const auto frames = static_cast<std::int64_t>(2 * plan_.plant.devices.size() + 2);
     plan_.covered = !outliers || random_.below(2) == 0;
     plan_.window = (plan_.covered ? slowest : rt::Duration(9ms)) + frames * frame + 500us;
   }
 
-  // About as long as a search of so many devices lasts.
+  // About the duration of a search among so many devices.
   [[nodiscard]] rt::Duration lasts() const {
     const auto n = static_cast<std::int64_t>(plan_.plant.devices.size());
     if (plan_.row == auto_row) return n * 200ms;
@@ -216,7 +216,7 @@ class MethodPlanner {
       plan_.faults.push_back({static_cast<int>(random_.below(method_faults)), between(0us, lasts())});
     }
     std::ranges::sort(plan_.faults, {}, &MethodFault::at);
-    // Who joins in the middle is the last one.
+    // The last device joins in the middle.
     if (std::ranges::any_of(plan_.faults, [](const auto& f) { return f.kind == fault_join; }))
       plan_.plant.devices.back().plugged = false;
   }

@@ -1,4 +1,4 @@
-// One seeded world of one method of discovery from beginning to end, and what must be so in it (see docs/faults.md).
+// One seeded world of one method of discovery from beginning to end, and what must hold in it (see docs/faults.md).
 #pragma once
 
 #include <fmt/format.h>
@@ -25,13 +25,13 @@ struct MethodOutcome {
   std::array<unsigned, method_faults> hits{};
   unsigned expected = 0;  // devices that the last search should find
   unsigned missed = 0;    // of them: slower than the window, which is no failure
-  // Slower than the window allows: took another's node-ID as its word came too late, or (RAND's planner, unproven)
-  // lent its last part to an address.
+  // Devices slower than the window that took another's node-ID because their answer came too late, or (RAND's planner,
+  // unproven) whose last part went into another address.
   unsigned misled = 0;
   std::string log;
 };
 
-// One node-ID for each address, ever.
+// Assigns each address one node-ID, always the same.
 class OnePerAddress final : public discovery::Assigner {
  public:
   NodeId assign(const LssAddress& device, bool) noexcept override {
@@ -112,7 +112,7 @@ class MethodRun final : private discovery::Observer, private plant::World::Obser
     } else {
       master_->method = discovery::make(static_cast<discovery::Method>(plan_.row), services);
     }
-    // What a master says before its first search: whoever was left selected or identified is not.
+    // What a master sends before its first search: no device stays selected or identified.
     master_->dispatcher->send(lss::request(lss::Command::switch_global, 0));
     nobody_identified();
   }
@@ -132,7 +132,7 @@ class MethodRun final : private discovery::Observer, private plant::World::Obser
   void run() noexcept override {}  // the search is over
   [[nodiscard]] bool finished() const { return master_->search.done(); }
 
-  // The time in which things go wrong; one search after the other.
+  // The time with faults: one search after the other.
   void troubles() {
     const rt::Time start = now();
     world_->sim().run_for(20ms);
@@ -208,7 +208,7 @@ class MethodRun final : private discovery::Observer, private plant::World::Obser
     return *result;
   }
 
-  // Nothing goes wrong any more: a master that begins anew finds everybody.
+  // Without further faults a new master finds all devices.
   void afterwards() {
     end_master();
     for (const rt::Time end = now() + 3s; now() < end;) step(end);
@@ -218,8 +218,8 @@ class MethodRun final : private discovery::Observer, private plant::World::Obser
     }
     world_->sim().run_for(1s);
     begin_master();
-    world_->sim().run_for(1s);  // who was given a node-ID unheard takes it
-    nobody_identified();        // and heard nothing while it did
+    world_->sim().run_for(1s);  // a device that was assigned a node-ID unheard takes it
+    nobody_identified();        // it may have heard nothing meanwhile
     world_->sim().run_for(20ms);
     const auto expected = findable();
     begin_search();
@@ -233,7 +233,7 @@ class MethodRun final : private discovery::Observer, private plant::World::Obser
     count(expected, *report);
   }
 
-  // Addresses: clones are one.
+  // Clones count once.
   [[nodiscard]] std::vector<LssAddress> findable() const {
     using enum discovery::Method;
     using plant::Speaks;
@@ -271,14 +271,14 @@ class MethodRun final : private discovery::Observer, private plant::World::Obser
       ++outcome_.missed;
       names += " " + to_string(a);
     }
-    // Without a node-ID a device on Fastscan answers on, and nobody promises that those are all.
+    // A device on Fastscan without a node-ID keeps answering; then the result need not be complete.
     const bool held = report.end == discovery::Report::End::held;
     if (promises_ && !held && outcome_.missed > 0) fail_with("not found:" + names);
     for (const auto& f : report.found) {
       if (!f.assigned.configured()) continue;
       for (const auto& d : world_->devices()) {
         const auto t = d->truth();
-        // One that came with a node-ID takes the new one at its next reset.
+        // A device that came with a node-ID takes the new one at its next reset.
         const auto has = t.active == d->plan().node_id ? t.pending : t.active;
         if (t.address != f.address || has == f.assigned || f.possible_clone || has_clone(f.address)) continue;
         fail_with(fmt::format("{} was told to have taken {} and has {}", t.name, f.assigned.value(), has.value()));
@@ -298,7 +298,7 @@ class MethodRun final : private discovery::Observer, private plant::World::Obser
     note(what);
     ++outcome_.misled;
   }
-  // A device has what it came with, or what its own address was given.
+  // A device has the node-ID that it came with, or the one given to its own address.
   void plant_changed(const plant::SimDevice& device) noexcept override {
     const auto t = device.truth();
     if (!t.active.configured() || t.active == device.plan().node_id) return;
@@ -325,7 +325,7 @@ class MethodRun final : private discovery::Observer, private plant::World::Obser
   discovery::Options options_;
   bool promises_ = false;
   bool hasty_ = false;     // some device is slower than the window
-  bool unproven_ = false;  // and then RAND's planner may put an address together (`WalkOptions::longest`)
+  bool unproven_ = false;  // then RAND's planner may compose an address (`WalkOptions::longest`)
   std::unique_ptr<plant::World> world_;
   std::optional<Master> master_;
   std::multimap<rt::Time, plant::PlantEvent> due_;
@@ -333,7 +333,7 @@ class MethodRun final : private discovery::Observer, private plant::World::Obser
   MethodOutcome outcome_;
 };
 
-// What of the negotiation's disturbances is which fault.
+// The fault that a disturbance of the negotiation is.
 inline int negotiation_fault_of(const PlantEvent& e) {
   switch (e.action) {
     case Action::overrun: return static_cast<int>(FaultKind::overrun);

@@ -41,7 +41,7 @@ class MortalStore final : public places::SlotStore {
     database_->set_clock(clock());
     return {};
   }
-  // The process is gone: nothing more is written, not even what closing would.
+  // Ends the process: nothing more is written, not even what closing would write.
   void die() {
     if (!disk_->crashed()) disk_->crash_at(0);
     database_.reset();

@@ -1,10 +1,10 @@
-// Worlds in which devices agree on their node-IDs without a master (paper 2): random mixes by seed, and what must be
-// so at their end. For tests and for `./run faults`:
+// Worlds in which devices agree on their node-IDs without a master (paper 2): random mixes by seed, and what must hold
+// at their end. For tests and for `./run faults`:
 //
 //     const auto wrong = harness::try_negotiation(seed);   // empty: as it must be
 //
-// What must be so: within `negotiation_bound` after the last disturbance every device that has power holds a node-ID
-// that nobody else on its bus holds, or says that all are in use; and it still holds it half a minute later.
+// Required: within `negotiation_bound` after the last disturbance, every powered device holds a node-ID that no other
+// device on its bus holds, or reports that all are in use; and it still holds it half a minute later.
 #pragma once
 
 #include <fmt/format.h>
@@ -90,7 +90,7 @@ inline PlantFile negotiation_plan(std::uint64_t seed, const NegotiationMix& mix 
     d.heartbeat = milliseconds(heartbeats.at(random.below(heartbeats.size())));
     d.controller.queue = random.below(2) == 0 ? plant::QueueKind::in_order : plant::QueueKind::priority;
     d.plugged = random.below(5) != 0;
-    if (random.below(10) == 0) {  // one that was set by hand: it keeps its node-ID whatever happens
+    if (random.below(10) == 0) {  // set by switches: it keeps its node-ID in any case
       d.source = plant::NodeIdSource::switches;
       d.node_id = NodeId(static_cast<std::uint8_t>(10 + i));
     }
@@ -136,7 +136,7 @@ inline PlantFile negotiation_plan(std::uint64_t seed, const NegotiationMix& mix 
     join.delay = milliseconds(6000 + random.below(4000));
     file.events.push_back(join);
   }
-  for (unsigned i = 0; i < count; ++i) {  // everybody is there at the end
+  for (unsigned i = 0; i < count; ++i) {  // all devices are present at the end
     PlantEvent e;
     e.delay = milliseconds(6000 + random.below(4000));
     e.device = file.devices[i].name;
@@ -148,13 +148,13 @@ inline PlantFile negotiation_plan(std::uint64_t seed, const NegotiationMix& mix 
   return file;
 }
 
-/// After the last disturbance: a cycle for each device, and what tells two holders of one node-ID apart where nothing
-/// else does: two checks, at most 30 s each.
+/// After the last disturbance: one cycle for each device, and two checks of at most 30 s each, by which two holders of
+/// one node-ID are distinguished if nothing else does it.
 inline rt::Duration negotiation_bound(std::size_t devices) {
   return std::chrono::seconds(65) + devices * std::chrono::milliseconds(500);
 }
 
-/// Empty: every device that has power holds a node-ID of its own, or says why not.
+/// Empty: every powered device holds a node-ID of its own, or reports why not.
 inline std::string negotiation_fault(const plant::World& world) {
   std::string wrong;
   std::map<std::pair<std::string, NodeId>, std::string> holders;
@@ -183,7 +183,7 @@ inline std::vector<NodeId> held(const plant::World& world) {
   return ids;
 }
 
-/// Runs a plan to its end. Empty: all is as it must be. `hash`: that of the trace, if it is wanted.
+/// Runs a plan to its end. Empty: all is as it must be. `hash`: receives that of the trace, if not null.
 inline std::string run_negotiation(const PlantFile& file, std::uint64_t* hash = nullptr) {
   Findings findings;
   auto world = plant::World::make(file, {}, findings);

@@ -1,4 +1,4 @@
-// Is a device operational with anything but its slot's program? Looked at whenever a device changes.
+// Checks whenever a device changes: is one operational with anything but its slot's program?
 #pragma once
 
 #include <fmt/format.h>
@@ -13,7 +13,7 @@
 
 namespace berth::harness {
 
-// Its identification; 0: none that is whole.
+// The program's identification; 0: there is no complete program.
 inline std::uint32_t program_of(const plant::SimDevice& device) {
   const auto& memory = device.device().programs()->memory();
   const auto& program = memory.program(1);
@@ -24,14 +24,14 @@ inline std::uint32_t program_of(const plant::SimDevice& device) {
 
 class ProgramWatch final : private plant::World::Observer {
  public:
-  // `right`: of every device that is programmed.
+  // `right`: the identification for every device that is programmed.
   ProgramWatch(plant::World& world, std::uint32_t right) : world_(world), right_(right) { world.add_observer(*this); }
   ~ProgramWatch() { world_.remove_observer(*this); }
   ProgramWatch(const ProgramWatch&) = delete;
   ProgramWatch& operator=(const ProgramWatch&) = delete;
 
   [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
-  // Its program is the slot's, and runs.
+  // Empty: the device runs its slot's program.
   [[nodiscard]] std::string check(const plant::SimDevice& device) const {
     const auto has = program_of(device);
     if (has != right_) return fmt::format("{} has program {:08X}h instead of {:08X}h", device.name(), has, right_);

@@ -1,5 +1,4 @@
-/// A bus with one RAND master and RAND slaves that answer after a latency of their own: what the tests of `nodeid` run
-/// on.
+/// A bus with one RAND master and RAND slaves that answer after a latency of their own, for the tests of `nodeid`.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -35,7 +34,7 @@ class Record final : public can::Tap {
   sim::Bus& bus_;
 };
 
-/// A device that is nothing but a RAND slave.
+/// A device with only a RAND slave.
 class Node final : private can::Handler {
  public:
   Node(sim::World& world, sim::Bus& bus, const RandSlaveOptions& options, std::function<rt::Duration()> latency)
@@ -52,7 +51,7 @@ class Node final : private can::Handler {
   bool in_lss_configuration = false;
   bool forgets = false;  // never becomes identified: a broken device
   int mute_at = -1;      // does not answer this phase (8: DIRS) ...
-  int mute_times = 0;    // ... so often
+  int mute_times = 0;    // ... this many times
   int dies_at = -1;      // loses power when this phase comes
   bool dead = false;
   unsigned heard = 0;
@@ -83,7 +82,7 @@ class Node final : private can::Handler {
   can::Dispatcher dispatcher_;
 };
 
-/// Keeps what the observer is told.
+/// Records the events for an observer.
 struct Watch final : DiscoveryObserver {
   struct Step {
     PhaseEvent::Kind kind;
@@ -141,7 +140,7 @@ struct World {
   Result<DiscoveryReport> discover(DiscoveryObserver* observer = nullptr) {
     return run(master.discover(options, observer));
   }
-  /// Nobody on the bus hears anything of it: so that a lone master's frames are acknowledged.
+  /// A node that only acknowledges the frames of a lone master.
   void add_witness() { witness = bus.attach(); }
 
   sim::World world;

@@ -35,7 +35,7 @@ class TakeOverRun final : private plant::World::Observer {
     berths_.world().remove_observer(*this);
   }
 
-  // The first Berth's points until everything runs; `at`: where it dies. Empty: all is well.
+  // Runs until everything is operational; the first Berth dies at its point `at`. Empty: all is well.
   std::string go(std::optional<std::uint64_t> at) {
     axe_.life(at);
     berths_.begin(0);
@@ -88,7 +88,7 @@ class TakeOverRun final : private plant::World::Observer {
     programs.erase = 4ms;
     programs.write = 20us;
     programs.loaded = programs.loaded_path = older;
-    add_device(p, "sensor", type_b, 0x33);  // `controller` ends here
+    add_device(p, "sensor", type_b, 0x33);  // invalidates `controller`
     return p;
   }
 
@@ -111,7 +111,7 @@ class TakeOverRun final : private plant::World::Observer {
     }
     return {};
   }
-  // A pump that runs has its configuration.
+  // A running pump has its configuration.
   void plant_changed(const plant::SimDevice& device) noexcept override {
     const bool runs = device.powered() && device.device().state() == NmtState::operational;
     if (!runs || device.name() != "pump" || !failure_.empty()) return;

@@ -300,6 +300,25 @@ TEST(WhoIsWho, OneThatSaysLittleBelongsWhereItsNodeIdIs) {
   EXPECT_EQ(slot(rig, 5).device, named(77, 5));
 }
 
+// The same where its slot is not the first one that it fits.
+TEST(WhoIsWho, OneThatSaysLittleBelongsWhereItsNodeIdIsAndNotToTheFirstSlot) {
+  design::Machine machine = one_bus(125'000);
+  add_slot(machine, 3, type_c);
+  add_slot(machine, 5, type_b);
+  auto p = one_bus_plant(1);
+  auto& d = add_device(p, "switched", type_b, 0);
+  d.eds = d.eds_path = description_of(type_b, 1);
+  d.source = plant::NodeIdSource::switches;
+  d.node_id = id_of(5);
+  d.speaks = {};
+  add_device(p, "blank", type_c, 77);
+  Rig rig(machine, p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  ASSERT_TRUE(slot(rig, 3).device.has_value());
+  EXPECT_EQ(slot(rig, 3).device->address.serial, 77U);
+}
+
 // SDO tells its vendor-ID, LSS all: it is found twice.
 TEST(WhoIsWho, OneThatWasFoundBySdoAndByLssIsOne) {
   for (const std::uint32_t serial : {0U, 9U}) {

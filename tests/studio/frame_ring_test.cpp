@@ -1,4 +1,4 @@
-// The ring of frames and the queues, with one thread that fills and one that takes.
+// The ring of frames, with one thread that fills and one that takes.
 #include "berth/studio/frame_ring.hpp"
 
 #include <gtest/gtest.h>
@@ -9,7 +9,6 @@
 
 #include "../pch.hpp"
 #include "berth/can/bus_error.hpp"
-#include "berth/studio/handover.hpp"
 
 namespace berth::studio {
 namespace {
@@ -148,47 +147,6 @@ TEST(StudioRing, NoReaderSeesATornRecord) {
     }
   }
   RecordProperty("read", std::to_string(seen));
-}
-
-TEST(StudioHandover, IsBoundedAndKeepsTheOrder) {
-  Handover<std::string> queue(4);
-  for (int i = 0; i < 4; ++i) {
-    std::string item(100, static_cast<char>('a' + i));
-    EXPECT_TRUE(queue.put(item));
-  }
-  std::string more = "more";
-  EXPECT_FALSE(queue.put(more));
-  EXPECT_EQ(more, "more");
-  EXPECT_EQ(queue.take(), std::string(100, 'a'));
-  EXPECT_TRUE(queue.put(more));
-  for (int i = 1; i < 4; ++i) EXPECT_EQ(queue.take(), std::string(100, static_cast<char>('a' + i)));
-  EXPECT_EQ(queue.take(), "more");
-  EXPECT_EQ(queue.take(), std::nullopt);
-}
-
-TEST(StudioHandover, BetweenTwoThreadsNothingIsLost) {
-  Handover<std::string> queue(8);
-  constexpr int items = 20'000;
-  std::thread producer([&] {
-    for (int i = 0; i < items;) {
-      std::string item = std::to_string(i);
-      if (queue.put(item)) {
-        ++i;
-      } else {
-        std::this_thread::yield();
-      }
-    }
-  });
-  for (int i = 0; i < items;) {
-    const auto item = queue.take();
-    if (!item) {
-      std::this_thread::yield();
-      continue;
-    }
-    ASSERT_EQ(*item, std::to_string(i));
-    ++i;
-  }
-  producer.join();
 }
 
 }  // namespace berth::studio

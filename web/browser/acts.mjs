@@ -34,12 +34,18 @@ async function berthOf(machine, fresh) {
   return running.get(machine);
 }
 
-async function check(name, { machine = "conveyor", mock, fresh, early, ready, view = {}, hash = "", refused }, act) {
+/** `paused`: before the page is opened, so that however slow it is, the machine has not come up before. */
+async function check(
+  name,
+  { machine = "conveyor", mock, fresh, early, paused, ready, view = {}, hash = "", refused },
+  act,
+) {
   if (wanted && !name.includes(wanted)) return;
   let opened;
   try {
     const berth = mock ? await startMock({ done: true, ...mock }) : await berthOf(machine, fresh);
     if (!early && !mock) await operational(berth, ready);
+    if (paused) await berth.request("world pause");
     opened = await openPage(browser, berth.url + hash, view);
     const { page, errors } = opened;
     page.setDefaultTimeout(30_000);
@@ -143,8 +149,22 @@ await check(
 
 // ---- machine ----
 
-await check("blank devices become a machine", { early: true, fresh: true }, async (page) => {
+/** Runs the paused world until a slot is configuring, and pauses it again: so long a page may take to show it. */
+async function runUntilConfiguring(berth) {
+  for (let look = 0; look < 3000; look++) {
+    await berth.request("world run");
+    await new Promise((resolve) => setTimeout(resolve, 20));
+    await berth.request("world pause");
+    if ((await berth.snapshot()).slots.some((slot) => slot.state === "configuring")) return;
+  }
+  throw new Error("no slot was configuring");
+}
+
+await check("blank devices become a machine", { early: true, fresh: true, paused: true }, async (page, berth) => {
+  await page.locator(".slot-box").first().waitFor();
+  await runUntilConfiguring(berth);
   await page.locator('.slot-box[aria-label*="configuring"]').first().waitFor();
+  await berth.request("world run");
   await page.locator(".discovery", { hasText: "55 found" }).waitFor();
   await page.locator(".bus-name", { hasText: "55 of 55 operational" }).waitFor();
 });

@@ -1,9 +1,9 @@
-#include "berth/studio/bell.hpp"
+#include "berth/base/bell.hpp"
 
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-namespace berth::studio {
+namespace berth {
 
 Bell::Bell() noexcept : fd_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {}
 
@@ -11,7 +11,7 @@ Bell::~Bell() {
   if (fd_ >= 0) ::close(fd_);
 }
 
-// It cannot overflow: 2^64 rings.
+// The counter cannot overflow: it holds 2^64 rings.
 void Bell::ring() const noexcept { static_cast<void>(::eventfd_write(fd_, 1)); }
 
 void Bell::silence() const noexcept {
@@ -19,4 +19,4 @@ void Bell::silence() const noexcept {
   static_cast<void>(::eventfd_read(fd_, &count));
 }
 
-}  // namespace berth::studio
+}  // namespace berth

@@ -1,5 +1,5 @@
 /// A queue of fixed length between two threads: one puts, the other takes, and neither ever waits for the other. No
-/// allocation after construction (except by the items themselves). Internal to room `studio`.
+/// allocation after construction (except by the items themselves).
 #pragma once
 
 #include <atomic>
@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-namespace berth::studio {
+namespace berth {
 
 template <class T>
 class Handover {
@@ -45,4 +45,4 @@ class Handover {
   alignas(64) std::atomic<std::size_t> taken_{0};  // ever
 };
 
-}  // namespace berth::studio
+}  // namespace berth

@@ -1,7 +1,7 @@
-/// Wakes another thread that waits in a poll: an eventfd. Internal to room `studio`.
+/// Wakes another thread that waits in a poll: an eventfd.
 #pragma once
 
-namespace berth::studio {
+namespace berth {
 
 class Bell {
  public:
@@ -23,4 +23,4 @@ class Bell {
   int fd_;
 };
 
-}  // namespace berth::studio
+}  // namespace berth
