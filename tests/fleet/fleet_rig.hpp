@@ -172,7 +172,8 @@ class Rig : private can::Tap {
   /// Answers in the audit log, of lines that have this part.
   std::vector<std::string> audited(const std::string& part) {
     std::vector<std::string> found;
-    for (const auto& line : store_.history(std::nullopt).value()) {
+    const auto history = store_.history(std::nullopt);
+    for (const auto& line : history.value()) {
       if (line.event == command::audit_event && line.reason.find(part) != std::string::npos)
         found.push_back(line.reason);
     }
