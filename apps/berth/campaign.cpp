@@ -2,14 +2,18 @@
 #include "campaign.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <chrono>
 #include <cstring>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <thread>
 #include <unordered_set>
 
+#include "berth/base/shell_word.hpp"
 #include "berth/campaign/crew.hpp"
 #include "berth/campaign/line_file.hpp"
 #include "berth/harness/example_files.hpp"
@@ -28,9 +32,13 @@ using campaign::Work;
 constexpr const char* version = BERTH_VERSION;
 
 Failure failure_of(const std::string& what, const Error& error) {
+  if (error.code == Errc::duplicate) return failure(Exit::usage, fmt::format("{}: {}", what, error.text));
+  if (error.code == Errc::invalid) {
+    const std::string line = error.detail == 0 ? std::string() : fmt::format(":{}", error.detail);
+    return failure(Exit::usage, fmt::format("{}{}: {}", what, line, error.text));
+  }
   const std::string why = error.detail == 0 ? std::string() : fmt::format(": {}", std::strerror(int(error.detail)));
-  const bool wrong_file = error.code == Errc::invalid || error.code == Errc::duplicate;
-  return failure(wrong_file ? Exit::usage : Exit::failed, fmt::format("{}: {}{}", what, error.text, why));
+  return failure(Exit::failed, fmt::format("{}: {}{}", what, error.text, why));
 }
 
 std::optional<Failure> read(const CampaignOptions& wanted, Work& work) {
@@ -50,22 +58,66 @@ std::optional<Failure> read(const CampaignOptions& wanted, Work& work) {
   return std::nullopt;
 }
 
+std::string in_words(double seconds) {
+  if (seconds < 90) return fmt::format("{:.0f} s", seconds);
+  if (seconds < 90 * 60) return fmt::format("{:.0f} min", seconds / 60);
+  return fmt::format("{:.0f} h", seconds / 3600);
+}
+
+/// "230 of 1000 seeds, 2 not good, about 5 min left": one line of a terminal, on standard error, drawn over the last.
+class Ticker {
+ public:
+  /// `known`: seeds that are not run again.
+  void begin(std::uint64_t known, std::uint64_t all) {
+    on_ = ::isatty(STDERR_FILENO) == 1;
+    known_ = known;
+    all_ = all;
+  }
+  void draw(std::uint64_t done, std::uint64_t not_good) {
+    const auto now = Clock::now();
+    if (!on_ || done == known_ || (drawn_ && now - *drawn_ < std::chrono::milliseconds(200))) return;
+    drawn_ = now;
+    const double each = std::chrono::duration<double>(now - begun_).count() / static_cast<double>(done - known_);
+    const std::string bad = not_good == 0 ? std::string() : fmt::format(", {} not good", not_good);
+    fmt::print(stderr, "\r{} of {} seeds{}, about {} left\x1b[K\r", done, all_, bad,
+               in_words(each * static_cast<double>(all_ - done)));
+  }
+  /// Before something else is printed.
+  void clear() {
+    if (drawn_) fmt::print(stderr, "\r\x1b[K");
+    drawn_.reset();
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  bool on_ = false;
+  std::uint64_t known_ = 0, all_ = 0;
+  Clock::time_point begun_ = Clock::now();
+  std::optional<Clock::time_point> drawn_;
+};
+
 /// The seeds of a campaign one after the other, and what came of them.
 class Progress {
  public:
   Progress(const CampaignOptions& wanted, const Work& work, bool json)
       : wanted_(wanted), work_(work), next_(wanted.seeds->first), json_(json) {}
 
-  /// What earlier runs found. A seed that took too long is done again.
+  /// What earlier runs found. A seed without a result is done again.
   void know(const campaign::Results& results) {
     for (const auto& [key, line] : results.lines()) {
       const bool counts = key == campaign::key_of(work_, version, key.seed) && wanted_.seeds->has(key.seed);
-      if (!counts || line.verdict == Verdict::too_long) continue;
+      if (!counts || !campaign::is_result(line.verdict)) continue;
       known_.insert(key.seed);
       ++count_[static_cast<std::size_t>(line.verdict)];
     }
   }
   void append_to(campaign::LineFile& file) noexcept { file_ = &file; }
+  /// Call it before the first seed is run.
+  void begin() {
+    const bool lines_on_terminal = file_ == nullptr && on_terminal();
+    if (!json_ && !lines_on_terminal) ticker_.begin(done(), wanted_.seeds->count());
+  }
+  void end() { ticker_.clear(); }
 
   std::optional<std::uint64_t> next() {
     while (!over_) {
@@ -80,11 +132,15 @@ class Progress {
   /// False: the line cannot be kept.
   bool take(const campaign::Ended& ended) {
     using How = campaign::Ended::How;
-    if (ended.how == How::done) return keep(ended.text);
-    const bool died = ended.how == How::died;
-    const std::string why = died ? ended.text : fmt::format("not over in {:g} s", seconds(wanted_.limit));
-    return keep(to_json(
-        campaign::line_without_result(work_, version, ended.seed, died ? Verdict::crashed : Verdict::too_long, why)));
+    switch (ended.how) {
+      case How::done: break;
+      case How::died: return keep_without(ended.seed, Verdict::crashed, ended.text);
+      case How::killed:
+        return keep_without(ended.seed, Verdict::killed, ended.text + ": by somebody, or because memory ran out");
+      case How::too_long:
+        return keep_without(ended.seed, Verdict::too_long, fmt::format("not over in {:g} s", seconds(wanted_.limit)));
+    }
+    return keep(ended.text);
   }
 
   [[nodiscard]] std::uint64_t of(Verdict verdict) const { return count_.at(static_cast<std::size_t>(verdict)); }
@@ -99,6 +155,10 @@ class Progress {
  private:
   static double seconds(std::chrono::nanoseconds time) { return std::chrono::duration<double>(time).count(); }
 
+  bool keep_without(std::uint64_t seed, Verdict verdict, const std::string& why) {
+    return keep(to_json(campaign::line_without_result(work_, version, seed, verdict, why)));
+  }
+
   bool keep(const std::string& text) {
     const auto line = campaign::parse_line(text);
     if (!line) {
@@ -107,15 +167,25 @@ class Progress {
     }
     if (file_ == nullptr) {
       print_text(text);
-    } else if (const auto written = file_->append(text); !written) {
+    } else if (const auto written = write(text); !written) {
       error_ = written.error();
       return false;
     }
     ++count_[static_cast<std::size_t>(line->verdict)];
-    if (file_ != nullptr && line->verdict != Verdict::good && !json_) print_lines(lines_of(*line));
-    if (file_ != nullptr && on_terminal() && !json_)
-      fmt::print(stderr, "\r{} of {} seeds\x1b[K\r", done(), wanted_.seeds->count());
+    if (file_ != nullptr && line->verdict != Verdict::good && !json_) {
+      ticker_.clear();
+      print_lines(lines_of(*line));
+    }
+    ticker_.draw(done(), done() - of(Verdict::good));
     return true;
+  }
+  /// Once a second the lines are brought to the disk: a power cut loses those of the last second.
+  Result<void> write(const std::string& text) {
+    if (auto written = file_->append(text); !written) return written;
+    const auto now = std::chrono::steady_clock::now();
+    if (now - synced_ < std::chrono::seconds(1)) return {};
+    synced_ = now;
+    return file_->sync();
   }
 
   const CampaignOptions& wanted_;
@@ -126,6 +196,8 @@ class Progress {
   campaign::LineFile* file_ = nullptr;
   std::unordered_set<std::uint64_t> known_;
   std::array<std::uint64_t, campaign::verdicts> count_{};
+  std::chrono::steady_clock::time_point synced_{};
+  Ticker ticker_;
   std::optional<Error> error_;
 };
 
@@ -158,6 +230,8 @@ int report(const Progress& progress, const CampaignOptions& wanted, bool json) {
       if (progress.of(verdict) > 0) text += fmt::format(", {} {}", progress.of(verdict), name(verdict));
     }
     print_line(text);
+    if (!progress.is_good())
+      print_line(fmt::format("what is not good: berth study --summary {}", shell_word(wanted.out)));
   }
   if (!complete && !json) print_error("ended before all seeds were done; the same command does the rest");
   if (!complete) return Exit::failed;
@@ -208,7 +282,9 @@ int run_campaign(const Options& options, const CampaignOptions& wanted) {
     progress.append_to(*file);
     if (file->was().torn() && !options.json) print_error(wanted.out + ": its torn last line was taken off");
   }
+  progress.begin();
   const auto ran = run_seeds(progress, work, wanted, files->folders(), file ? file->descriptor() : -1);
+  progress.end();
   if (!ran) return tell(failure_of("berth study", ran.error()), options.json);
   if (progress.error()) return tell(failure_of(wanted.out, *progress.error()), options.json);
   if (file) {
@@ -235,7 +311,7 @@ void add_study(Verb& berth, Options& options) {
     wanted->seeds = campaign::parse_seeds(text);
     return wanted->seeds ? std::string() : fmt::format("\"{}\" is no range of seeds; write 1..1000 or 17", text);
   };
-  const Word range = study.read("--seeds", "A..B", seeds, "from A to B, both included");
+  const Word range = study.read("--seeds", "A..B", seeds, "such as 1..1000, both included; 17 is one seed");
   study.word("--jobs", wanted->jobs, "processes side by side (default: one a processor)").from_to(1, 1024).shown("N");
   study.word("--out", wanted->out, "append the lines to this file, and do only the seeds that it lacks").shown("FILE");
   study

@@ -32,9 +32,6 @@ int run_campaign(const Options& options, const CampaignOptions& wanted);
 int run_merge(const Options& options, const CampaignOptions& wanted);
 int run_summary(const Options& options, const CampaignOptions& wanted);
 
-/// What was passed over of each file is told on standard error, unless with `json`.
-[[nodiscard]] std::optional<Failure> read_campaigns(const std::vector<std::string>& files, campaign::Results& into,
-                                                    bool json);
 /// "faults 17 failed: why", and how it is done again.
 [[nodiscard]] std::vector<std::string> lines_of(const campaign::Line& line);
 

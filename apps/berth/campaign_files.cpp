@@ -1,6 +1,7 @@
 // `berth study --merge`, `berth study --summary`.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstring>
 #include <nlohmann/json.hpp>
 
@@ -50,6 +51,64 @@ std::vector<std::string> contradictions_of(const campaign::Results& results) {
   return lines;
 }
 
+/// Files that were read, and what of them was passed over.
+struct Read {
+  campaign::Results results;
+  Json passed_over = Json::array();
+  bool damaged = false;  ///< a line is none of a campaign, and was not torn
+};
+
+/// `quiet`: what was passed over is in `Read::passed_over` alone.
+std::optional<Failure> read_files(const std::vector<std::string>& files, Read& into, bool quiet) {
+  for (const auto& path : files) {
+    const auto file = into.results.read(path);
+    if (!file) {
+      const int error = static_cast<int>(file.error().detail);
+      return failure(Exit::usage, fmt::format("{}: {}", path, std::strerror(error)));
+    }
+    const std::uint64_t first = std::max<std::uint64_t>(1, file->first_bad);
+    if (file->foreign()) return failure(Exit::usage, fmt::format("{}:{}: it is no file of a campaign", path, first));
+    into.damaged = into.damaged || file->bad_lines > 0;
+    const std::uint64_t torn = file->pieces + (file->torn() ? 1 : 0);
+    if (torn > 0) into.passed_over.push_back({{"file", path}, {"torn", torn}});
+    if (file->bad_lines > 0)
+      into.passed_over.push_back(
+          {{"file", path}, {"lines", file->bad_lines}, {"first", first}, {"why", file->why_bad}});
+    if (quiet) continue;
+    if (torn > 0) print_error(fmt::format("{}: {} torn line{} passed over", path, torn, torn == 1 ? "" : "s"));
+    if (file->bad_lines > 0) {
+      print_error(fmt::format("{}:{}: {}; {} such line{} passed over", path, first, file->why_bad, file->bad_lines,
+                              file->bad_lines == 1 ? "" : "s"));
+    }
+  }
+  return std::nullopt;
+}
+
+std::string written(const campaign::Seeds& seeds) {
+  return seeds.first == seeds.last ? fmt::format("{}", seeds.first) : fmt::format("{}..{}", seeds.first, seeds.last);
+}
+
+/// What is not there between the lowest and the highest seed; most campaigns lack nothing.
+void print_missing(const std::vector<campaign::Range>& ranges) {
+  constexpr std::size_t most = 5;
+  for (const auto& range : ranges) {
+    if (range.missing.empty()) continue;
+    std::string text =
+        fmt::format("{}{}{}: {} of the seeds {} have no line:", name(range.kind), range.options.empty() ? "" : " ",
+                    range.options, range.seeds.count() - range.count, written(range.seeds));
+    for (std::size_t i = 0; i < std::min(most, range.missing.size()); ++i)
+      text += fmt::format("{} {}", i == 0 ? "" : ",", written(range.missing[i]));
+    print_line(text + (range.missing.size() > most ? ", ..." : ""));
+  }
+}
+
+Json json_of(const campaign::Range& range) {
+  Json missing = Json::array();
+  for (const auto& seeds : range.missing) missing.push_back(written(seeds));
+  return {{"kind", name(range.kind)},      {"options", range.options}, {"version", range.version},
+          {"seeds", written(range.seeds)}, {"lines", range.count},     {"missing", missing}};
+}
+
 std::string number(double value) { return value == 0 ? "0" : fmt::format("{:.4g}", value); }
 std::string whole(double value) { return fmt::format("{:.0f}", value); }
 
@@ -97,29 +156,14 @@ void print_groups(const std::vector<Group>& groups) {
 
 }  // namespace
 
-std::optional<Failure> read_campaigns(const std::vector<std::string>& files, campaign::Results& into, bool json) {
-  for (const auto& path : files) {
-    const auto file = into.read(path);
-    if (!file) {
-      const int error = static_cast<int>(file.error().detail);
-      return failure(Exit::usage, fmt::format("{}: {}", path, std::strerror(error)));
-    }
-    if (json) continue;
-    if (file->torn() || file->pieces > 0) print_error(path + ": a torn line was passed over");
-    if (file->bad_lines > 0) {
-      print_error(fmt::format("{}:{}: {}; {} such line{} passed over", path, file->first_bad, file->why_bad,
-                              file->bad_lines, file->bad_lines == 1 ? "" : "s"));
-    }
-  }
-  return std::nullopt;
-}
-
 int run_merge(const Options& options, const CampaignOptions& wanted) {
   if (!wanted.out.empty()) {
     if (const auto bad = may_write(wanted.out, "--out", options.files.force)) return tell(*bad, options.json);
   }
-  campaign::Results results;
-  if (const auto bad = read_campaigns(wanted.merge, results, options.json)) return tell(*bad, options.json);
+  Read read;
+  const bool as_object = options.json && !wanted.out.empty();
+  if (const auto bad = read_files(wanted.merge, read, as_object)) return tell(*bad, options.json);
+  const auto& results = read.results;
   std::string text;
   for (const auto& [key, line] : results.lines()) text += to_json(line) + "\n";
   if (wanted.out.empty()) {
@@ -127,32 +171,43 @@ int run_merge(const Options& options, const CampaignOptions& wanted) {
   } else if (const auto bad = write_output(wanted.out, text)) {
     return tell(*bad, options.json);
   }
-  for (const auto& line : contradictions_of(results)) print_error(line);
-  if (!wanted.out.empty() && options.json) {
-    print_text(
-        Json{{"lines", results.lines().size()}, {"doubles", results.doubles()}, {"contradictions", json_of(results)}}
-            .dump(2));
+  if (!as_object) {
+    for (const auto& line : contradictions_of(results)) print_error(line);
+  }
+  if (as_object) {
+    print_text(Json{{"lines", results.lines().size()},
+                    {"doubles", results.doubles()},
+                    {"contradictions", json_of(results)},
+                    {"passed_over", read.passed_over}}
+                   .dump(2));
   } else if (!wanted.out.empty()) {
     print_line(fmt::format("{} lines in {}; {} doubles, {} contradictions", results.lines().size(), wanted.out,
                            results.doubles(), results.contradictions().size()));
   }
-  return results.contradictions().empty() ? Exit::done : Exit::no;
+  return results.contradictions().empty() && !read.damaged ? Exit::done : Exit::no;
 }
 
 int run_summary(const Options& options, const CampaignOptions& wanted) {
-  campaign::Results results;
-  if (const auto bad = read_campaigns(wanted.summary, results, options.json)) return tell(*bad, options.json);
+  Read read;
+  if (const auto bad = read_files(wanted.summary, read, options.json)) return tell(*bad, options.json);
+  const auto& results = read.results;
   const auto summary = campaign::summarize(results);
-  const bool good = summary.failures.empty() && results.contradictions().empty();
+  const bool good = summary.failures.empty() && results.contradictions().empty() && !read.damaged;
   if (options.json) {
-    Json json{{"failures", Json::array()}, {"groups", Json::array()}, {"contradictions", json_of(results)}};
+    Json json{{"failures", Json::array()},
+              {"groups", Json::array()},
+              {"ranges", Json::array()},
+              {"contradictions", json_of(results)}};
     for (const auto& line : summary.failures) json["failures"].push_back(Json::parse(to_json(line)));
     for (const auto& group : summary.groups) json["groups"].push_back(json_of(group));
+    for (const auto& range : summary.ranges) json["ranges"].push_back(json_of(range));
+    json["passed_over"] = read.passed_over;
     print_text(json.dump(2));
     return good ? Exit::done : Exit::no;
   }
   for (const auto& line : summary.failures) print_lines(lines_of(line));
   print_lines(contradictions_of(results));
+  print_missing(summary.ranges);
   print_groups(summary.groups);
   return good ? Exit::done : Exit::no;
 }

@@ -182,8 +182,11 @@ class Crew {
       worker.seed.reset();
       return ended;
     }
-    ended.how = Ended::How::died;
-    ended.text = words_for(end(worker));
+    const int status = end(worker);
+    // No mistake in a program raises SIGKILL: the system does when memory runs out, or somebody does.
+    const bool killed = WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL;
+    ended.how = killed ? Ended::How::killed : Ended::How::died;
+    ended.text = words_for(status);
     return ended;
   }
 

@@ -17,10 +17,11 @@ namespace berth::campaign {
 
 /// How a seed's work ended.
 struct Ended {
-  enum class How : std::uint8_t { done, died, too_long };
+  enum class How : std::uint8_t { done, died, killed, too_long };
   std::uint64_t seed = 0;
   How how = How::done;
-  std::string text;  ///< `done`: what the work gave; `died`: "signal 11 (Segmentation fault)", "exit status 3"
+  std::string text;  ///< `done`: what the work gave; `died`: "signal 11 (Segmentation fault)", "exit status 3";
+                     ///< `killed`: "signal 9 (Killed)"
 };
 
 struct CrewOptions {

@@ -13,7 +13,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr std::array<const char*, kinds> kind_names{"faults", "trees", "matrix", "compare"};
-constexpr std::array<const char*, verdicts> verdict_names{"good", "failed", "differs", "crashed", "too long"};
+constexpr std::array<const char*, verdicts> verdict_names{"good", "failed", "differs", "crashed", "killed", "too long"};
 constexpr std::size_t longest_reason = 8'000;  // bytes; each may become six of an escape
 
 template <class T>
@@ -85,6 +85,8 @@ Result<Key> key_of(const Json& json) {
 
 const char* name(Kind kind) noexcept { return kind_names[static_cast<std::size_t>(kind)]; }
 const char* name(Verdict verdict) noexcept { return verdict_names[static_cast<std::size_t>(verdict)]; }
+
+bool is_result(Verdict verdict) noexcept { return verdict != Verdict::killed && verdict != Verdict::too_long; }
 
 std::optional<Kind> kind_of(std::string_view wanted) noexcept {
   for (std::size_t i = 0; i < kinds; ++i) {

@@ -1,6 +1,6 @@
 /// One line of a campaign's file: what came of one seed. A line is one JSON object; which keys it has, and what they
 /// mean: docs/campaigns.md. Nothing in it depends on the machine that it was run on, on the number of jobs or on the
-/// time of day: the same work gives the same bytes, except where a seed took too long.
+/// time of day: the same work gives the same bytes, except where it is no result (`is_result`).
 #pragma once
 
 #include <compare>
@@ -26,11 +26,14 @@ enum class Verdict : std::uint8_t {
   good,
   failed,    ///< `Line::reason` says how
   differs,   ///< two runs of it were not equal
-  crashed,   ///< its process died
-  too_long,  ///< its process was ended by the limit of real time: no word about the seed
+  crashed,   ///< its process died by a mistake in it: a signal such as SIGSEGV or SIGABRT, or an exit
+  killed,    ///< its process was killed from outside (SIGKILL): by the system when memory ran out, or by somebody
+  too_long,  ///< its process was ended by the limit of real time
 };
-inline constexpr std::size_t verdicts = 5;
+inline constexpr std::size_t verdicts = 6;
 [[nodiscard]] const char* name(Verdict verdict) noexcept;  ///< "too long"
+/// False: `killed` and `too_long` say something about the computer, not about the seed, which is done again.
+[[nodiscard]] bool is_result(Verdict verdict) noexcept;
 
 /// What was done: two lines of one key must say the same.
 struct Key {

@@ -5,8 +5,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <array>
+#include <algorithm>
 #include <cerrno>
+#include <cstdint>
 #include <utility>
 
 namespace berth::campaign {
@@ -14,6 +15,13 @@ namespace {
 
 tl::unexpected<Error> failed(int error, const char* text) {
   return fail({.code = Errc::io, .detail = static_cast<std::uint32_t>(error), .text = text});
+}
+
+Error not_of_a_campaign(const FileRead& file) {
+  const auto line =
+      static_cast<std::uint32_t>(std::min<std::uint64_t>(std::max<std::uint64_t>(1, file.first_bad), UINT32_MAX));
+  return {
+      .code = Errc::invalid, .detail = line, .text = "it is no line of a campaign; nothing is written to this file"};
 }
 
 /// 0, or an errno. What was written of it stays when a part was.
@@ -52,16 +60,9 @@ Result<LineFile> LineFile::open(const std::string& path, Results& into) {
   if (!lock(file.fd_)) return fail(Errc::duplicate, "another process writes it");
   auto read = into.read(path);
   if (!read) return tl::unexpected(read.error());
-  const bool foreign = read->bad_lines > 0 || (read->pieces > 0 && read->lines == 0);
-  if (foreign) return fail(Errc::invalid, "it has lines that are none of a campaign");
+  const bool foreign = read->bad_lines > 0 || (read->pieces > 0 && read->lines == 0) || read->foreign();
+  if (foreign) return fail(not_of_a_campaign(*read));
   file.was_ = *read;
-  if (read->torn() && read->lines == 0) {
-    std::array<char, line_begin.size()> bytes{};
-    const auto got = ::pread(file.fd_, bytes.data(), bytes.size(), 0);
-    const auto size = got < 0 ? 0 : static_cast<std::size_t>(got);
-    if (std::string_view(bytes.data(), size) != line_begin.substr(0, size))
-      return fail(Errc::invalid, "it is no file of a campaign");
-  }
   if (read->torn() && ::ftruncate(file.fd_, static_cast<off_t>(read->torn_at)) != 0)
     return failed(errno, "taking its torn last line off");
   const int error = read->lacks_line_feed ? write_all(file.fd_, "\n") : 0;

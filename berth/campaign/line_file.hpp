@@ -14,8 +14,9 @@ class LineFile {
  public:
   /// Opens it, makes it if there is none, reads its lines into `into`, and takes a torn last line off. Nothing of the
   /// file is changed when it has lines that are none of a campaign, or nothing but a torn one that does not begin as
-  /// one: it may be another file, written by mistake. Errors: `Errc::duplicate`: another process writes it;
-  /// `Errc::invalid`: it is no file of a campaign; `Errc::io`: the system says why (errno in `detail`).
+  /// one: it may be another file, named by mistake. Errors: `Errc::duplicate`: another process writes it;
+  /// `Errc::invalid`: it is no file of a campaign (the line in `detail`; 0: it is no plain file); `Errc::io`: the
+  /// system says why (errno in `detail`).
   [[nodiscard]] static Result<LineFile> open(const std::string& path, Results& into);
   ~LineFile();
   LineFile(LineFile&& other) noexcept;

@@ -16,6 +16,11 @@ Error failed() {
   return {.code = Errc::io, .detail = static_cast<std::uint32_t>(errno), .text = "reading a campaign's lines"};
 }
 
+bool begins_as_a_line(std::string_view text) {
+  const auto size = std::min(text.size(), line_begin.size());
+  return text.substr(0, size) == line_begin.substr(0, size);
+}
+
 struct Closer {
   void operator()(std::FILE* file) const noexcept { std::fclose(file); }
 };
@@ -55,6 +60,7 @@ Result<FileRead> Results::read(const std::string& path) {
   std::string line;
   std::uint64_t number = 1;
   while (const std::size_t got = std::fread(piece.data(), 1, piece.size(), in.get())) {
+    if (file.size == 0) file.begins_as_one = begins_as_a_line({piece.data(), got});
     for (std::size_t at = 0; at < got;) {
       const auto* const end = std::find(piece.data() + at, piece.data() + got, '\n');
       const auto size = static_cast<std::size_t>(end - piece.data()) - at;
@@ -89,9 +95,9 @@ void Results::add(Line line, const std::string& from) {
     return;
   }
   Line& first = it->second;
-  if (first == line || line.verdict == Verdict::too_long) {
+  if (first == line || !is_result(line.verdict)) {
     ++doubles_;
-  } else if (first.verdict == Verdict::too_long) {
+  } else if (!is_result(first.verdict)) {
     ++doubles_;
     first = std::move(line);
     from_[key] = file;

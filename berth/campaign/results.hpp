@@ -26,8 +26,11 @@ struct FileRead {
   std::uint64_t bad_lines = 0;  ///< those that have nothing of one: passed over
   std::uint64_t first_bad = 0;  ///< number of the first one; 0: there is none
   std::string why_bad;
+  bool begins_as_one = true;     ///< its first bytes are those of a line; a short or empty file's as far as they go
   bool lacks_line_feed = false;  ///< its last line is whole, and only its line feed is missing
   [[nodiscard]] bool torn() const noexcept { return torn_at < size; }
+  /// It has no line, and not the beginning of one: it is another file, named by mistake.
+  [[nodiscard]] bool foreign() const noexcept { return lines == 0 && (bad_lines > 0 || torn()) && !begins_as_one; }
 };
 
 /// How every line of a campaign begins; nothing within one is like it, as quotes in texts are escaped.
@@ -39,7 +42,8 @@ class Results {
   /// passed over. A last line without a line feed counts where it is whole. `Errc::io`: it cannot be read (errno in
   /// `detail`); what was read before stays.
   [[nodiscard]] Result<FileRead> read(const std::string& path);
-  /// `from`: a file, for contradictions. The first line of a key stays, unless the seed took too long in it.
+  /// `from`: a file, for contradictions. The first line of a key stays, unless it is no result (`is_result`) and the
+  /// other is one.
   void add(Line line, const std::string& from);
 
   /// By kind, options, version and seed.

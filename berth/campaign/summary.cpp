@@ -38,6 +38,25 @@ void add(Values& to, const Line& line) {
   put(to.lost, line.figures.lost);
 }
 
+/// The keys come in their order: by kind, options, version and seed.
+void add(std::vector<Range>& ranges, const Key& key) {
+  const bool goes_on = !ranges.empty() && ranges.back().kind == key.kind && ranges.back().options == key.options &&
+                       ranges.back().version == key.version;
+  if (!goes_on) {
+    ranges.push_back({.kind = key.kind,
+                      .options = key.options,
+                      .version = key.version,
+                      .seeds = {key.seed, key.seed},
+                      .count = 1,
+                      .missing = {}});
+    return;
+  }
+  Range& range = ranges.back();
+  if (key.seed - range.seeds.last > 1) range.missing.push_back({range.seeds.last + 1, key.seed - 1});
+  range.seeds.last = key.seed;
+  ++range.count;
+}
+
 Group finished(Values values) {
   Group group = std::move(values.group);
   group.operational_s = spread_of(std::move(values.operational_s));
@@ -64,6 +83,7 @@ Summary summarize(const Results& results) {
   std::map<std::tuple<Kind, std::string, std::string, std::string>, Values> groups;
   for (const auto& [key, line] : results.lines()) {
     if (line.verdict != Verdict::good) summary.failures.push_back(line);
+    add(summary.ranges, key);
     add(groups[{key.kind, key.options, key.version, line.group}], line);
   }
   for (auto& [name, values] : groups) summary.groups.push_back(finished(std::move(values)));

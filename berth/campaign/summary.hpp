@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "berth/campaign/results.hpp"
+#include "berth/campaign/seeds.hpp"
 
 namespace berth::campaign {
 
@@ -31,9 +32,19 @@ struct Group {
   [[nodiscard]] std::uint64_t of(Verdict verdict) const noexcept { return count[static_cast<std::size_t>(verdict)]; }
 };
 
+/// The seeds of one kind, of the same options and version.
+struct Range {
+  Kind kind = Kind::faults;
+  std::string options, version;
+  Seeds seeds;                 ///< from the lowest to the highest that has a line
+  std::uint64_t count = 0;     ///< lines
+  std::vector<Seeds> missing;  ///< between them, without a line
+};
+
 struct Summary {
   std::vector<Line> failures;  ///< those that are not good, in the order of `Results::lines`
   std::vector<Group> groups;
+  std::vector<Range> ranges;
 };
 [[nodiscard]] Summary summarize(const Results& results);
 

@@ -185,17 +185,24 @@ Line line_of(const Work& work, std::string_view version, std::uint64_t seed, con
           .replay = good ? std::string() : replay_of(work, seed)};
 }
 
+Line line_that_differs(const Work& work, std::string_view version, std::uint64_t seed, const Came& first,
+                       const Came& second) {
+  const auto told = [](const Came& came) { return came.reason.empty() ? std::string("good") : came.reason; };
+  Line line = line_of(work, version, seed, first);
+  line.verdict = Verdict::differs;
+  line.reason = "two runs of it differ";
+  if (first.reason != second.reason) line.reason += fmt::format(": {}; {}", told(first), told(second));
+  line.replay = replay_of(work, seed);
+  return line;
+}
+
 Line run_seed(const Work& work, std::string_view version, std::uint64_t seed, const harness::Folders& folders,
               const Show& show) {
   const Came came = run_once(work, seed, folders, show);
   Line line = line_of(work, version, seed, came);
-  const bool differs = work.twice && !(run_once(work, seed, folders, {}) == came);
-  if (differs && line.verdict == Verdict::good) {
-    line.verdict = Verdict::differs;
-    line.reason = "two runs of it differ";
-    line.replay = replay_of(work, seed);
-  }
-  return line;
+  if (!work.twice) return line;
+  const Came second = run_once(work, seed, folders, {});
+  return second == came ? line : line_that_differs(work, version, seed, came, second);
 }
 
 }  // namespace berth::campaign

@@ -4,8 +4,7 @@
 ///   faults   `harness::run_world` of the world that `harness::plan_world` draws from the seed
 ///   trees    `harness::TreeWorld` of the tree of buses that `harness::plan_of_tree` draws
 ///   matrix   one cell of `harness::matrix`: seed 1 is the first, and when all cells had their turn they come again
-///   with
-///            other serial numbers
+///            with other serial numbers
 ///   compare  one trial of one cell of `study::compare`, in the same manner
 #pragma once
 
@@ -55,6 +54,9 @@ struct Came {
 };
 /// Its line.
 [[nodiscard]] Line line_of(const Work& work, std::string_view version, std::uint64_t seed, const Came& came);
+/// The line of a seed of which two runs were not equal; its figures are those of the first.
+[[nodiscard]] Line line_that_differs(const Work& work, std::string_view version, std::uint64_t seed, const Came& first,
+                                     const Came& second);
 /// The line of a seed whose process ended without one; `reason`: how.
 [[nodiscard]] Line line_without_result(const Work& work, std::string_view version, std::uint64_t seed, Verdict verdict,
                                        std::string_view reason);
