@@ -49,14 +49,19 @@ TEST(CampaignCrew, DoesEachSeedOnceWhateverTheNumberOfJobs) {
 
 TEST(CampaignCrew, ASeedThatEndsItsProcessEndsThatOneAlone) {
   const auto work = [](std::uint64_t seed) {
-    if (seed == 3) ::raise(SIGKILL);
+    if (seed == 3) ::raise(SIGUSR1);
+    if (seed == 4) ::raise(SIGKILL);
     if (seed == 5) ::_exit(4);
     return std::to_string(seed);
   };
   for (const unsigned jobs : {1U, 2U}) {
     const auto all = run_all({.jobs = jobs}, work, 8);
-    for (const auto& [seed, ended] : all) EXPECT_EQ(ended.how, seed == 3 || seed == 5 ? How::died : How::done) << seed;
-    EXPECT_TRUE(all.at(3).text.starts_with("signal 9 (")) << all.at(3).text;
+    for (const auto& [seed, ended] : all) {
+      const How how = seed == 4 ? How::killed : seed == 3 || seed == 5 ? How::died : How::done;
+      EXPECT_EQ(ended.how, how) << seed;
+    }
+    EXPECT_TRUE(all.at(3).text.starts_with("signal 10 (")) << all.at(3).text;
+    EXPECT_TRUE(all.at(4).text.starts_with("signal 9 (")) << all.at(4).text;
     EXPECT_EQ(all.at(5).text, "exit status 4");
     EXPECT_EQ(all.at(8).text, "8");
   }

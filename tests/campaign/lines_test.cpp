@@ -121,15 +121,21 @@ TEST(CampaignResults, AnotherFigureIsAContradictionToo) {
   EXPECT_EQ(results.contradictions().size(), 1U);
 }
 
-// How long a seed may take is the machine's: it contradicts nothing.
-TEST(CampaignResults, WhatTookTooLongGivesWayToAResult) {
-  for (const bool first : {true, false}) {
-    Results results;
-    results.add(first ? line_of(1, Verdict::too_long) : line_of(1), "a");
-    results.add(first ? line_of(1) : line_of(1, Verdict::too_long), "b");
-    EXPECT_TRUE(results.contradictions().empty());
-    EXPECT_EQ(results.lines().begin()->second.verdict, Verdict::good);
+// How long a seed may take, and how much memory there is, is the computer's: it contradicts nothing.
+TEST(CampaignResults, WhatIsNoResultGivesWayToOne) {
+  for (const auto verdict : {Verdict::too_long, Verdict::killed}) {
+    for (const bool first : {true, false}) {
+      Results results;
+      results.add(first ? line_of(1, verdict) : line_of(1), "a");
+      results.add(first ? line_of(1) : line_of(1, verdict), "b");
+      EXPECT_TRUE(results.contradictions().empty());
+      EXPECT_EQ(results.lines().begin()->second.verdict, Verdict::good);
+    }
   }
+  Results crashed;
+  crashed.add(line_of(1, Verdict::crashed), "a");
+  crashed.add(line_of(1), "b");
+  EXPECT_EQ(crashed.contradictions().size(), 1U);
 }
 
 TEST(CampaignResults, ATornLastLineIsPassedOver) {
@@ -179,6 +185,45 @@ TEST(CampaignResults, OtherLinesAreNamed) {
   ASSERT_TRUE(endless);
   EXPECT_EQ(endless->lines, 1U);
   EXPECT_FALSE(results.read(folder.file("none")));
+}
+
+TEST(CampaignResults, AFileOfSomethingElseIsForeign) {
+  const test::Folder folder;
+  const std::string line = to_json(line_of(1));
+  const auto is_foreign = [&](const std::string& text) {
+    Results results;
+    const auto file = results.read(folder.write("f", text));
+    return file && file->foreign();
+  };
+  for (const char* other : {"a thesis\n", "a thesis", "{\"kind\":1}\n", "{\"seed\":1}",
+                            "\x7F"
+                            "ELF"})
+    EXPECT_TRUE(is_foreign(other)) << other;
+  // Nothing yet, or a job that was killed in its first line.
+  for (std::size_t size = 0; size <= line.size(); ++size) EXPECT_FALSE(is_foreign(line.substr(0, size))) << size;
+  EXPECT_FALSE(is_foreign("\n"));
+  EXPECT_FALSE(is_foreign("hello\n" + line + "\n")) << "it has a line";
+}
+
+TEST(CampaignSummary, NamesTheSeedsWithoutALine) {
+  Results results;
+  for (const std::uint64_t seed : {7, 3, 4, 12, 5}) results.add(line_of(seed), "a");
+  Line tree = line_of(9);
+  tree.key.kind = Kind::trees;
+  results.add(tree, "a");
+  const auto ranges = summarize(results).ranges;
+  ASSERT_EQ(ranges.size(), 2U);
+  EXPECT_EQ(ranges[0].kind, Kind::faults);
+  EXPECT_EQ(ranges[0].count, 5U);
+  EXPECT_EQ(ranges[0].seeds.first, 3U);
+  EXPECT_EQ(ranges[0].seeds.last, 12U);
+  ASSERT_EQ(ranges[0].missing.size(), 2U);
+  EXPECT_EQ(ranges[0].missing[0].first, 6U);
+  EXPECT_EQ(ranges[0].missing[0].last, 6U);
+  EXPECT_EQ(ranges[0].missing[1].first, 8U);
+  EXPECT_EQ(ranges[0].missing[1].last, 11U);
+  EXPECT_EQ(ranges[1].seeds.count(), 1U);
+  EXPECT_TRUE(ranges[1].missing.empty());
 }
 
 TEST(CampaignSummary, GivesValuesThatCame) {

@@ -96,6 +96,20 @@ TEST_F(CampaignWork, AFailureHasItsReasonAndTheLineThatShowsIt) {
   EXPECT_EQ(twins.key.options, "--variant twins --twice");
 }
 
+TEST_F(CampaignWork, TwoRunsThatDifferAreALineThatSaysSo) {
+  const Work work{.kind = Kind::faults, .twice = true};
+  Came first{.group = {}, .cell = {}, .figures = {}, .hash = 7, .reason = {}}, second = first;
+  second.hash = 8;
+  const auto hashes = line_that_differs(work, "0.1.0", 11, first, second);
+  EXPECT_EQ(hashes.verdict, Verdict::differs);
+  EXPECT_EQ(hashes.reason, "two runs of it differ");
+  EXPECT_EQ(hashes.hash, 7U);
+  EXPECT_EQ(hashes.replay, "berth study faults --twice --seeds 11 --show");
+  first.reason = "slot s3 is absent";
+  EXPECT_EQ(line_that_differs(work, "0.1.0", 11, first, second).reason,
+            "two runs of it differ: slot s3 is absent; good");
+}
+
 TEST_F(CampaignWork, ShowTellsWhatHappens) {
   std::string log;
   const auto line =

@@ -151,10 +151,11 @@ TEST(StudyCommand, ASeedThatCrashesIsALine) {
   const std::string file = folder.file("a.jsonl");
   Background run({"study", "trees", "--seeds", "1..3", "--jobs", "1", "--out", file});
   ASSERT_TRUE(eventually([&] { return children(run.pid()).size() == 1; }));
-  ::kill(children(run.pid()).front(), SIGKILL);
+  ::kill(children(run.pid()).front(), SIGABRT);
   const auto ended = run.end();
   EXPECT_EQ(ended.status, 1);
-  EXPECT_NE(ended.out.find("trees 1 crashed: signal 9"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find("trees 1 crashed: signal 6"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find("berth study --summary " + file), std::string::npos) << ended.out;
   const auto lines = lines_of(contents(file));
   ASSERT_EQ(lines.size(), 3U);
   const auto json = Json::parse(lines[0]);
@@ -164,6 +165,24 @@ TEST(StudyCommand, ASeedThatCrashesIsALine) {
   // It is a result, and stays.
   EXPECT_EQ(berth({"study", "trees", "--seeds", "1..3", "--out", file}).status, 1);
   EXPECT_EQ(lines_of(contents(file)).size(), 3U);
+}
+
+// As the system does when memory runs out: that is no word about the seed.
+TEST(StudyCommand, ASeedThatWasKilledIsTriedAgainNextTime) {
+  const Folder folder;
+  const std::string file = folder.file("a.jsonl");
+  Background run({"study", "trees", "--seeds", "1..2", "--jobs", "1", "--out", file});
+  ASSERT_TRUE(eventually([&] { return children(run.pid()).size() == 1; }));
+  ::kill(children(run.pid()).front(), SIGKILL);
+  const auto ended = run.end();
+  EXPECT_EQ(ended.status, 1);
+  EXPECT_NE(ended.out.find("trees 1 killed: signal 9"), std::string::npos) << ended.out;
+  EXPECT_EQ(Json::parse(lines_of(contents(file)).at(0)).at("outcome"), "killed");
+  const auto again = berth({"study", "trees", "--seeds", "1..2", "--out", file, "--json"});
+  EXPECT_EQ(again.status, 0) << again.out;
+  EXPECT_EQ(Json::parse(again.out).at("good"), 2);
+  EXPECT_EQ(lines_of(contents(file)).size(), 3U);
+  EXPECT_EQ(berth({"study", "--summary", file}).status, 0);
 }
 
 TEST(StudyCommand, ASeedThatTakesTooLongIsTriedAgainNextTime) {
@@ -207,6 +226,26 @@ TEST(StudyCommand, JoinsFilesAndReportsContradictions) {
   EXPECT_NE(wrong.err.find("says good"), std::string::npos) << wrong.err;
   EXPECT_NE(wrong.err.find("says failed (slot s1)"), std::string::npos) << wrong.err;
   EXPECT_EQ(berth({"study", "--merge", a, b, "--out", a, "--force"}).status, 2) << "a file that it reads";
+}
+
+TEST(StudyCommand, ADamagedLineAndSeedsThatAreMissingAreNamed) {
+  const Folder folder;
+  std::string text;
+  for (const int seed : {1, 2, 5, 9}) {
+    text += Json{{"kind", "faults"}, {"seed", seed}, {"version", "9"}, {"outcome", "good"}}.dump() + "\n";
+    if (seed == 2) text += "damaged\n";
+  }
+  const auto file = folder.write("a", text);
+  for (const auto* what : {"--merge", "--summary"}) {
+    const auto run = berth({"study", what, file});
+    EXPECT_EQ(run.status, 1) << what;
+    EXPECT_NE(run.err.find(file + ":3: it is no JSON object; 1 such line passed over"), std::string::npos) << run.err;
+  }
+  const auto shown = berth({"study", "--summary", file});
+  EXPECT_NE(shown.out.find("faults: 5 of the seeds 1..9 have no line: 3..4, 6..8\n"), std::string::npos) << shown.out;
+  const auto json = Json::parse(berth({"study", "--summary", file, "--json"}).out);
+  EXPECT_EQ(json.at("ranges").at(0).at("missing"), Json::parse(R"(["3..4","6..8"])"));
+  EXPECT_EQ(json.at("passed_over").at(0).at("first"), 3);
 }
 
 TEST(StudyCommand, SumsUpFailuresFirst) {
@@ -270,7 +309,7 @@ TEST(StudyCommand, WhatCannotBeWrittenOrIsAnotherFileIsNamed) {
   const auto thesis = folder.write("thesis", "a thesis\n");
   const auto other = berth({"study", "--seeds", "1", "--out", thesis});
   EXPECT_EQ(other.status, 2);
-  EXPECT_NE(other.err.find("none of a campaign"), std::string::npos) << other.err;
+  EXPECT_NE(other.err.find(thesis + ":1: it is no line of a campaign"), std::string::npos) << other.err;
   EXPECT_EQ(contents(thesis), "a thesis\n");
   const int full = std::system(("'" + binary() + "' study --seeds 1..2 >/dev/full 2>/dev/null").c_str());
   EXPECT_EQ(WEXITSTATUS(full), 3);
@@ -295,6 +334,7 @@ TEST(StudyCommand, WrongUseIsToldWithWhatToDo) {
       {{"study", "compare", "--variant", "twins", "--seeds", "1"}, "has none of that name"},
       {{"study", "--seeds", "1", "--show", "--out", "x"}, "use one of them"},
       {{"study", "--summary", "/none"}, "No such file"},
+      {{"study", "--merge", "/etc/passwd"}, "/etc/passwd:1: it is no file of a campaign"},
   };
   for (const auto& [words, part] : rows) {
     const auto run = berth(words);
