@@ -305,7 +305,10 @@ void add_study(Verb& berth, Options& options) {
       "a.jsonl\n"
       "  berth study --merge a.jsonl b.jsonl --out all.jsonl\n  berth study --summary all.jsonl\n"
       "  berth study faults --seeds 17 --show");
-  study.word("kind", wanted->kind, "faults (default), trees, matrix, compare")
+  study
+      .word("kind", wanted->kind,
+            "faults (default): the main job among faults; trees: buses beneath gateways; matrix: every size and kind "
+            "of devices; compare: every method")
       .one_of({"faults", "trees", "matrix", "compare"});
   const auto seeds = [wanted](const std::string& text) {
     wanted->seeds = campaign::parse_seeds(text);
@@ -313,7 +316,10 @@ void add_study(Verb& berth, Options& options) {
   };
   const Word range = study.read("--seeds", "A..B", seeds, "such as 1..1000, both included; 17 is one seed");
   study.word("--jobs", wanted->jobs, "processes side by side (default: one a processor)").from_to(1, 1024).shown("N");
-  study.word("--out", wanted->out, "append the lines to this file, and do only the seeds that it lacks").shown("FILE");
+  study
+      .word("--out", wanted->out,
+            "append the lines to this file, and do only the seeds that it lacks: a run that ended goes on")
+      .shown("FILE");
   study
       .word("--variant", wanted->variant,
             "of faults: usual, plain, twins, waits, as-sold; of trees: usual, plain, as-sold")
@@ -323,7 +329,8 @@ void add_study(Verb& berth, Options& options) {
   study.flag("--show", wanted->show, "print what happens in each world, one after the other");
   Word merge = study.word("--merge", wanted->merge, "join these files, each seed once, and report contradictions");
   merge.shown("FILE").values(1, 1'000'000).excludes(range);
-  Word summary = study.word("--summary", wanted->summary, "a table of these files: failures, then figures");
+  Word summary =
+      study.word("--summary", wanted->summary, "of these files: failures, seeds that are missing, a table of figures");
   summary.shown("FILE").values(1, 1'000'000).excludes(range).excludes(merge);
   json_flag(study, options, "one JSON object, where it is not lines of JSON");
   force_word(study, options);
