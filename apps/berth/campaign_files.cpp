@@ -94,7 +94,7 @@ void print_missing(const std::vector<campaign::Range>& ranges) {
   for (const auto& range : ranges) {
     if (range.missing.empty()) continue;
     std::string text =
-        fmt::format("{}{}{}: {} of the seeds {} have no line:", name(range.kind), range.options.empty() ? "" : " ",
+        fmt::format("{}{}{}: {} of the seeds {} without a line:", name(range.kind), range.options.empty() ? "" : " ",
                     range.options, range.seeds.count() - range.count, written(range.seeds));
     for (std::size_t i = 0; i < std::min(most, range.missing.size()); ++i)
       text += fmt::format("{} {}", i == 0 ? "" : ",", written(range.missing[i]));

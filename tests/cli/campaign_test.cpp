@@ -21,14 +21,14 @@ namespace {
 
 using Json = nlohmann::json;
 
-std::vector<std::string> lines_of(const std::string& text) {
+std::vector<std::string> lines_in(const std::string& text) {
   std::vector<std::string> lines;
   std::istringstream in(text);
   for (std::string line; std::getline(in, line);) lines.push_back(line);
   return lines;
 }
 std::multiset<std::string> set_of(const std::string& text) {
-  const auto lines = lines_of(text);
+  const auto lines = lines_in(text);
   return {lines.begin(), lines.end()};
 }
 
@@ -52,7 +52,7 @@ Outcome in_shell(const std::string& before, const std::string& words) {
 TEST(StudyCommand, PrintsALineForEachSeed) {
   const auto run = berth({"study", "--seeds", "2..4", "--jobs", "1"});
   ASSERT_EQ(run.status, 0) << run.err;
-  const auto lines = lines_of(run.out);
+  const auto lines = lines_in(run.out);
   ASSERT_EQ(lines.size(), 3U);
   for (std::size_t i = 0; i < lines.size(); ++i) {
     const auto json = Json::parse(lines[i]);
@@ -98,13 +98,13 @@ TEST(StudyCommand, AFileGetsOnlyWhatItLacks) {
   ASSERT_EQ(more.status, 0) << more.err;
   EXPECT_EQ(Json::parse(more.out).at("good"), 4);
   EXPECT_TRUE(contents(file).starts_with(before)) << "the lines that were there stay as they are";
-  EXPECT_EQ(lines_of(contents(file)).size(), 4U);
+  EXPECT_EQ(lines_in(contents(file)).size(), 4U);
   const std::string after = contents(file);
   EXPECT_EQ(berth({"study", "--seeds", "2..5", "--out", file}).status, 0);
   EXPECT_EQ(contents(file), after);
   // Other options are other work.
   EXPECT_EQ(berth({"study", "--seeds", "2", "--variant", "twins", "--out", file}).status, 0);
-  EXPECT_EQ(lines_of(contents(file)).size(), 5U);
+  EXPECT_EQ(lines_in(contents(file)).size(), 5U);
 }
 
 TEST(StudyCommand, IsKilledInTheMiddleAndGoesOn) {
@@ -113,17 +113,17 @@ TEST(StudyCommand, IsKilledInTheMiddleAndGoesOn) {
   const Words words{"study", "--seeds", "1..24", "--jobs", "2", "--out", file};
   {
     const Background run(words);
-    ASSERT_TRUE(eventually([&] { return lines_of(contents(file)).size() >= 3; }));
+    ASSERT_TRUE(eventually([&] { return lines_in(contents(file)).size() >= 3; }));
     const auto workers = children(run.pid());
     EXPECT_EQ(workers.size(), 2U);
     run.signal(SIGKILL);
     for (const pid_t worker : workers) EXPECT_TRUE(eventually([&] { return ::kill(worker, 0) != 0; }));
   }
   std::string kept = contents(file);
-  const auto had = lines_of(kept).size();
+  const auto had = lines_in(kept).size();
   EXPECT_LT(had, 24U) << "it was over before it was killed";
   // As if the power had failed in the middle of a line.
-  std::ofstream(file, std::ios::app) << lines_of(kept).front().substr(0, 40);
+  std::ofstream(file, std::ios::app) << lines_in(kept).front().substr(0, 40);
   const auto again = berth(words);
   ASSERT_EQ(again.status, 0) << again.err;
   EXPECT_NE(again.err.find("its torn last line was taken off"), std::string::npos) << again.err;
@@ -135,11 +135,11 @@ TEST(StudyCommand, CtrlCLosesOnlyTheSeedsUnderWay) {
   const Folder folder;
   const std::string file = folder.file("a.jsonl");
   Background run({"study", "--seeds", "1..100000", "--jobs", "2", "--out", file});
-  ASSERT_TRUE(eventually([&] { return lines_of(contents(file)).size() >= 3; }));
+  ASSERT_TRUE(eventually([&] { return lines_in(contents(file)).size() >= 3; }));
   run.signal(SIGINT);
   const auto ended = run.end();
   EXPECT_EQ(ended.status, 3);
-  const auto lines = lines_of(contents(file));
+  const auto lines = lines_in(contents(file));
   EXPECT_NE(ended.out.find(std::to_string(lines.size()) + " of 100000 seeds"), std::string::npos) << ended.out;
   EXPECT_NE(ended.err.find("the same command does the rest"), std::string::npos) << ended.err;
   EXPECT_TRUE(contents(file).ends_with("}\n"));
@@ -156,7 +156,7 @@ TEST(StudyCommand, ASeedThatCrashesIsALine) {
   EXPECT_EQ(ended.status, 1);
   EXPECT_NE(ended.out.find("trees 1 crashed: signal 6"), std::string::npos) << ended.out;
   EXPECT_NE(ended.out.find("berth study --summary " + file), std::string::npos) << ended.out;
-  const auto lines = lines_of(contents(file));
+  const auto lines = lines_in(contents(file));
   ASSERT_EQ(lines.size(), 3U);
   const auto json = Json::parse(lines[0]);
   EXPECT_EQ(json.at("outcome"), "crashed");
@@ -164,7 +164,7 @@ TEST(StudyCommand, ASeedThatCrashesIsALine) {
   EXPECT_EQ(Json::parse(lines[1]).at("outcome"), "good");
   // It is a result, and stays.
   EXPECT_EQ(berth({"study", "trees", "--seeds", "1..3", "--out", file}).status, 1);
-  EXPECT_EQ(lines_of(contents(file)).size(), 3U);
+  EXPECT_EQ(lines_in(contents(file)).size(), 3U);
 }
 
 // As the system does when memory runs out: that is no word about the seed.
@@ -177,11 +177,11 @@ TEST(StudyCommand, ASeedThatWasKilledIsTriedAgainNextTime) {
   const auto ended = run.end();
   EXPECT_EQ(ended.status, 1);
   EXPECT_NE(ended.out.find("trees 1 killed: signal 9"), std::string::npos) << ended.out;
-  EXPECT_EQ(Json::parse(lines_of(contents(file)).at(0)).at("outcome"), "killed");
+  EXPECT_EQ(Json::parse(lines_in(contents(file)).at(0)).at("outcome"), "killed");
   const auto again = berth({"study", "trees", "--seeds", "1..2", "--out", file, "--json"});
   EXPECT_EQ(again.status, 0) << again.out;
   EXPECT_EQ(Json::parse(again.out).at("good"), 2);
-  EXPECT_EQ(lines_of(contents(file)).size(), 3U);
+  EXPECT_EQ(lines_in(contents(file)).size(), 3U);
   EXPECT_EQ(berth({"study", "--summary", file}).status, 0);
 }
 
@@ -192,7 +192,7 @@ TEST(StudyCommand, ASeedThatTakesTooLongIsTriedAgainNextTime) {
   EXPECT_EQ(cut.status, 1);
   EXPECT_EQ(Json::parse(contents(file)).at("outcome"), "too long");
   EXPECT_EQ(berth({"study", "trees", "--seeds", "1", "--out", file}).status, 0);
-  EXPECT_EQ(lines_of(contents(file)).size(), 2U);
+  EXPECT_EQ(lines_in(contents(file)).size(), 2U);
   const auto summary = berth({"study", "--summary", file, "--json"});
   EXPECT_EQ(summary.status, 0) << "the result counts";
   EXPECT_EQ(Json::parse(summary.out).at("groups").at(0).at("seeds"), 1);
@@ -201,7 +201,7 @@ TEST(StudyCommand, ASeedThatTakesTooLongIsTriedAgainNextTime) {
 TEST(StudyCommand, JoinsFilesAndReportsContradictions) {
   const Folder folder;
   const std::string all = berth({"study", "--seeds", "1..4"}).out;
-  const auto lines = lines_of(all);
+  const auto lines = lines_in(all);
   ASSERT_EQ(lines.size(), 4U);
   std::vector<std::string> sorted = lines;
   std::ranges::sort(sorted, {}, [](const std::string& line) { return Json::parse(line).at("seed").get<int>(); });
@@ -221,7 +221,7 @@ TEST(StudyCommand, JoinsFilesAndReportsContradictions) {
   const auto c = folder.write("c", other + "\n");
   const auto wrong = berth({"study", "--merge", a, c});
   EXPECT_EQ(wrong.status, 1);
-  EXPECT_EQ(lines_of(wrong.out)[0], sorted[0]);
+  EXPECT_EQ(lines_in(wrong.out)[0], sorted[0]);
   EXPECT_NE(wrong.err.find("faults 1 of version"), std::string::npos) << wrong.err;
   EXPECT_NE(wrong.err.find("says good"), std::string::npos) << wrong.err;
   EXPECT_NE(wrong.err.find("says failed (slot s1)"), std::string::npos) << wrong.err;
@@ -242,7 +242,7 @@ TEST(StudyCommand, ADamagedLineAndSeedsThatAreMissingAreNamed) {
     EXPECT_NE(run.err.find(file + ":3: it is no JSON object; 1 such line passed over"), std::string::npos) << run.err;
   }
   const auto shown = berth({"study", "--summary", file});
-  EXPECT_NE(shown.out.find("faults: 5 of the seeds 1..9 have no line: 3..4, 6..8\n"), std::string::npos) << shown.out;
+  EXPECT_NE(shown.out.find("faults: 5 of the seeds 1..9 without a line: 3..4, 6..8\n"), std::string::npos) << shown.out;
   const auto json = Json::parse(berth({"study", "--summary", file, "--json"}).out);
   EXPECT_EQ(json.at("ranges").at(0).at("missing"), Json::parse(R"(["3..4","6..8"])"));
   EXPECT_EQ(json.at("passed_over").at(0).at("first"), 3);
@@ -264,7 +264,7 @@ TEST(StudyCommand, SumsUpFailuresFirst) {
   const auto file = folder.write("a", text);
   const auto shown = berth({"study", "--summary", file});
   EXPECT_EQ(shown.status, 1);
-  const auto lines = lines_of(shown.out);
+  const auto lines = lines_in(shown.out);
   ASSERT_EQ(lines.size(), 4U) << shown.out;
   EXPECT_EQ(lines[0], "faults 40 failed: slot s3 is absent");
   EXPECT_EQ(lines[1], "  berth study faults --seeds 40 --show");
@@ -293,12 +293,12 @@ TEST(StudyCommand, AFullDiskEndsItWithoutAHalfLine) {
   EXPECT_NE(full.err.find("File too large"), std::string::npos) << full.err;
   const std::string kept = contents(file);
   EXPECT_TRUE(kept.starts_with(before) && kept.ends_with("}\n"));
-  const auto had = lines_of(kept).size() - lines_of(before).size();
+  const auto had = lines_in(kept).size() - lines_in(before).size();
   EXPECT_GT(had, 0U);
   const auto rest = berth({"study", "--seeds", "1.." + std::to_string(had + 1), "--out", file});
   EXPECT_EQ(rest.status, 0) << rest.err;
   EXPECT_TRUE(contents(file).starts_with(kept));
-  EXPECT_EQ(lines_of(contents(file)).size(), lines_of(kept).size() + 1);
+  EXPECT_EQ(lines_in(contents(file)).size(), lines_in(kept).size() + 1);
 }
 
 TEST(StudyCommand, WhatCannotBeWrittenOrIsAnotherFileIsNamed) {
@@ -348,7 +348,7 @@ TEST(StudyCommand, ShowPrintsWhatHappens) {
   const auto run = berth({"study", "faults", "--seeds", "2", "--show"});
   ASSERT_EQ(run.status, 0) << run.err;
   EXPECT_NE(run.out.find("operational"), std::string::npos);
-  const auto lines = lines_of(run.out);
+  const auto lines = lines_in(run.out);
   ASSERT_GT(lines.size(), 100U);
   EXPECT_EQ(lines.back() + "\n", berth({"study", "faults", "--seeds", "2"}).out);
 }
