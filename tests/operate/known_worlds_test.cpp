@@ -7,8 +7,8 @@
 #include <ostream>
 #include <string>
 
-#include "tests/harness/as_sold.hpp"
 #include "berth/harness/run_world.hpp"
+#include "tests/harness/as_sold.hpp"
 
 namespace berth::harness {
 namespace {
