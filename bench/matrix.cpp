@@ -1,5 +1,5 @@
 // The main job at every size, with every kind of device, at every bit rate: the bus time from blank devices to
-// operational (tests/harness/matrix.hpp says what a cell is), and how it compares with the best published method.
+// operational (berth/harness/matrix.hpp says what a cell is), and how it compares with the best published method.
 // The first part is ./run matrix, optimised.
 #include "tests/harness/matrix_run.hpp"
 

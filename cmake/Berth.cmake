@@ -49,7 +49,7 @@ endif()
 # Sanitized code is optimised a little, else it would be too slow to test: the rooms that each frame passes, and that
 # ./run faults and kill spend their time in, by -O1. The others read, write and print, once a command; their checks of
 # addresses stand in calls, which finds the same and takes a third less to compile.
-set(berth_every_frame base rt can sim od co lss nodeid device discovery)
+set(berth_every_frame base rt can sim od co lss nodeid device discovery harness)
 function(berth_optimise_sanitized target room)
   if(NOT BERTH_SANITIZE)
     return()
@@ -165,6 +165,17 @@ std::span<const BuiltPage> built_pages() noexcept { return std::span(all).first(
   target_sources(${target} PRIVATE ${out}/pages_built.cpp)
 endfunction()
 
+# Files of examples/ that room `harness` has built in.
+function(berth_example_data target)
+  set(eds ${PROJECT_SOURCE_DIR}/examples/eds)
+  set_property(DIRECTORY ${PROJECT_SOURCE_DIR} APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${eds}/pump.eds ${eds}/pump.dcf)
+  file(READ ${eds}/pump.eds pump_eds)
+  file(READ ${eds}/pump.dcf pump_dcf)
+  configure_file(${PROJECT_SOURCE_DIR}/berth/harness/example_data.cpp.in ${PROJECT_BINARY_DIR}/harness/example_data.cpp
+    @ONLY)
+  target_sources(${target} PRIVATE ${PROJECT_BINARY_DIR}/harness/example_data.cpp)
+endfunction()
+
 # The wire types of Sparkplug, generated into the build folder: at configuration, as ./run lint reads sources and builds
 # nothing. They are no code of ours: compiled without our warnings, and seen by the sources of the room only.
 function(berth_protobuf target name)
@@ -242,6 +253,8 @@ function(berth_rooms)
   target_link_libraries(berth_operate PRIVATE nlohmann_json::nlohmann_json)
   target_link_libraries(berth_command PRIVATE nlohmann_json::nlohmann_json)
   target_link_libraries(berth_document PRIVATE nlohmann_json::nlohmann_json)
+  berth_example_data(berth_harness)
+  target_link_libraries(berth_campaign PRIVATE nlohmann_json::nlohmann_json)
   berth_protobuf(berth_sparkplug sparkplug_b)
   target_link_libraries(berth_sparkplug PRIVATE nlohmann_json::nlohmann_json)
   if(BERTH_MQTT)

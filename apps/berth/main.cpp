@@ -7,10 +7,10 @@ int main(int argc, char** argv) {
   secure_streams();
   return with_output(run_command_line(
       argc, argv,
-      {add_demo,     add_init,      add_ports,   add_up,      add_studio,  add_scan,   add_status,    add_watch,
-       add_history,  add_bind,      add_locate,  add_replace, add_forget,  add_poll,   add_configure, add_upload,
-       add_backup,   add_program,   add_boot,    add_sdo,     add_note,    add_nmt,    add_lss,       add_emcy,
-       add_store,    add_restore,   add_send,    add_eds,     add_doctor,  add_trace,  add_analyze,   add_link,
-       add_document, add_reproduce, add_compare, add_serve,   add_gateway, add_adopt,  add_export,    add_import,
-       add_device,   add_sim,       add_world,   add_plant,   add_fleet,   add_version}));
+      {add_demo,     add_init,      add_ports,   add_up,      add_studio, add_scan,    add_status,    add_watch,
+       add_history,  add_bind,      add_locate,  add_replace, add_forget, add_poll,    add_configure, add_upload,
+       add_backup,   add_program,   add_boot,    add_sdo,     add_note,   add_nmt,     add_lss,       add_emcy,
+       add_store,    add_restore,   add_send,    add_eds,     add_doctor, add_trace,   add_analyze,   add_link,
+       add_document, add_reproduce, add_compare, add_study,   add_serve,  add_gateway, add_adopt,     add_export,
+       add_import,   add_device,    add_sim,     add_world,   add_plant,  add_fleet,   add_version}));
 }

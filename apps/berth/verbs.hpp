@@ -42,6 +42,7 @@ void add_reproduce(Verb& berth, Options& options);
 void add_analyze(Verb& berth, Options& options);
 void add_link(Verb& berth, Options& options);
 void add_compare(Verb& berth, Options& options);
+void add_study(Verb& berth, Options& options);
 void add_serve(Verb& berth, Options& options);
 void add_gateway(Verb& berth, Options& options);
 void add_adopt(Verb& berth, Options& options);

@@ -155,14 +155,10 @@ Trial without_master(const Cast& cast, std::uint32_t bit_rate) {
   return t;
 }
 
-Cell cell(const Contestant& method, unsigned devices, std::uint32_t bit_rate, Serials serials, const Contest& contest) {
-  Cell c{.method = method, .devices = devices, .bit_rate = bit_rate, .serials = serials};
-  c.found = c.bound = devices;
+void run(Cell& c, const Contest& contest) {
+  c.found = c.bound = c.devices;
   for (unsigned seed = 1; seed <= contest.seeds; ++seed) {
-    const auto t = trial(
-        method,
-        {.devices = devices, .serials = serials, .speaks = speaks(method), .response = contest.response, .seed = seed},
-        bit_rate);
+    const auto t = trial(c, contest.response, seed);
     c.bus_time += t.bus_time;
     c.frames += t.frames;
     c.bits += t.bits;
@@ -176,7 +172,6 @@ Cell cell(const Contestant& method, unsigned devices, std::uint32_t bit_rate, Se
   c.bus_time /= n;
   c.frames = (c.frames + n / 2) / n;
   c.bits = (c.bits + n / 2) / n;
-  return c;
 }
 
 }  // namespace
@@ -223,8 +218,16 @@ Trial trial(const Contestant& method, const Cast& cast, std::uint32_t bit_rate) 
   return method ? with_master(*method, cast, bit_rate) : without_master(cast, bit_rate);
 }
 
-std::vector<Cell> compare(const Contest& contest, unsigned threads,
-                          const std::function<void(std::size_t done, std::size_t all)>& progress) {
+Trial trial(const Cell& cell, const plant::Latency& response, std::uint64_t seed) {
+  const Cast cast{.devices = cell.devices,
+                  .serials = cell.serials,
+                  .speaks = speaks(cell.method),
+                  .response = response,
+                  .seed = seed};
+  return trial(cell.method, cast, cell.bit_rate);
+}
+
+std::vector<Cell> cells_of(const Contest& contest) {
   std::vector<Cell> cells;
   for (const auto& method : contest.methods) {
     for (const auto devices : contest.devices) {
@@ -234,6 +237,12 @@ std::vector<Cell> compare(const Contest& contest, unsigned threads,
       }
     }
   }
+  return cells;
+}
+
+std::vector<Cell> compare(const Contest& contest, unsigned threads,
+                          const std::function<void(std::size_t done, std::size_t all)>& progress) {
+  std::vector<Cell> cells = cells_of(contest);
   std::atomic<std::size_t> next = 0;
   std::size_t done = 0;
   std::mutex guard;
@@ -243,8 +252,7 @@ std::vector<Cell> compare(const Contest& contest, unsigned threads,
   std::ranges::stable_sort(order, std::greater{}, [&](std::size_t i) { return cells[i].devices; });
   const auto work = [&] {
     for (auto i = next++; i < order.size(); i = next++) {
-      auto& c = cells[order[i]];
-      c = cell(c.method, c.devices, c.bit_rate, c.serials, contest);
+      run(cells[order[i]], contest);
       const std::scoped_lock lock(guard);
       ++done;
       if (progress) progress(done, cells.size());

@@ -74,7 +74,12 @@ struct Cell {
   std::string trouble{};             ///< of the last seed with one
   std::vector<std::string> wrong{};  ///< of all seeds
 };
-/// All cells in the order methods, devices, bit rates, serials. Runs on `threads` threads; the result does not depend
+/// All cells in the order methods, devices, bit rates, serials, without results.
+[[nodiscard]] std::vector<Cell> cells_of(const Contest& contest);
+/// One trial of a cell; its seeds in `compare` are 1, 2, ...
+[[nodiscard]] Trial trial(const Cell& cell, const plant::Latency& response, std::uint64_t seed);
+
+/// The results of all cells, in the order of `cells_of`. Runs on `threads` threads; the result does not depend
 /// on their number. `progress` gets the number of cells done, called by one thread at a time.
 [[nodiscard]] std::vector<Cell> compare(const Contest& contest, unsigned threads,
                                         const std::function<void(std::size_t done, std::size_t all)>& progress = {});

@@ -224,6 +224,7 @@ class Taken : public ::testing::Test {
         {"link", {example("linked.toml")}},
         {"document", {machine, "--output", folder.file("document")}},
         {"compare", {"--methods", "rand", "--devices", "1", "--bitrates", "125", "--seeds", "1"}},
+        {"study", {"faults", "--seeds", "2"}},
         {"serve", {plant, "--listen", "127.0.0.1:0", "--for", "1 ms", "-m", machine}},
         {"gateway", {machine, "--sim", plant, "--listen", "127.0.0.1:0", "--for", "1 ms"}},
         {"adopt", {folder.file("adopted.toml"), "--port", "plant:" + folder.file("none")}},
@@ -276,6 +277,9 @@ class Taken : public ::testing::Test {
                                                            {"--devices", "1"},
                                                            {"--bitrates", "125"},
                                                            {"--serials", "random"},
+                                                           {"--jobs", "1"},
+                                                           {"--variant", "plain"},
+                                                           {"--limit", "60 s"},
                                                            {"--seeds", "1"},
                                                            {"--threads", "1"},
                                                            {"--latency", "1 ms"},
@@ -375,7 +379,9 @@ TEST_F(Taken, EveryOptionThatIsShown) {
                                               "fleet roll-out --certificate",
                                               "fleet roll-out --key",
                                               "studio --certificate",
-                                              "studio --key"};
+                                              "studio --key",
+                                              "study --merge",
+                                              "study --summary"};
   const auto known = verbs();
   const WithoutLeakCheck quick;
   for (const auto& page : pages()) {

@@ -5,9 +5,9 @@
 #include <memory>
 #include <string>
 
-#include "../harness/milestone.hpp"
 #include "../paths.hpp"
 #include "berth/design/machine.hpp"
+#include "berth/harness/milestone.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/plant/world.hpp"
 #include "berth/tree/session.hpp"

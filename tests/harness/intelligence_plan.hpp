@@ -8,7 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "tests/harness/world_plan.hpp"
+#include "berth/harness/world_plan.hpp"
+#include "tests/harness/rig.hpp"
 
 namespace berth::harness {
 

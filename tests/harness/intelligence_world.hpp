@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
+#include "berth/harness/config_watch.hpp"
 #include "berth/operate/programming.hpp"
 #include "berth/traffic/link_network.hpp"
 #include "tests/harness/berths.hpp"
-#include "tests/harness/config_watch.hpp"
 #include "tests/harness/intelligence_plan.hpp"
 #include "tests/harness/program_watch.hpp"
 

@@ -15,10 +15,12 @@
 #include <string>
 #include <vector>
 
+#include "berth/harness/end_judge.hpp"
+#include "berth/harness/run_world.hpp"
 #include "berth/traffic/link_network.hpp"
 #include "tests/harness/mortal.hpp"
 #include "tests/harness/program_watch.hpp"
-#include "tests/harness/run_world.hpp"
+#include "tests/harness/rig.hpp"
 
 namespace berth::harness {
 

@@ -12,18 +12,14 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "tests/harness/matrix.hpp"
+#include "berth/harness/matrix.hpp"
+#include "berth/operate/report.hpp"
 
 namespace berth::harness::matrix {
 
 // Which cells, and how.
-struct Choice {
-  std::optional<Kind> kind;
-  std::optional<unsigned> devices;
-  std::optional<std::uint32_t> bit_rate;
-  std::optional<Latency> latency;
+struct Choice : Selection {
   std::optional<rt::Duration> limit;
-  unsigned rx_depth = 16;
   unsigned workers = 2;
   bool show = false;
   bool frames = false;
@@ -37,29 +33,13 @@ struct Done {
   Outcome outcome;
 };
 
-inline std::vector<Cell> cells_of(const Choice& o) {
-  std::vector<Cell> cells;
-  for (int k = 0; k < static_cast<int>(Kind::count); ++k) {
-    for (const auto n : sizes) {
-      for (const auto rate : bit_rates) {
-        for (int l = 0; l <= static_cast<int>(Latency::wide); ++l) {
-          const Cell cell{static_cast<Kind>(k), n, rate, static_cast<Latency>(l), o.rx_depth};
-          if (cell.latency == Latency::wide && o.latency != Latency::wide) continue;
-          const bool chosen = (!o.kind || *o.kind == cell.kind) && (!o.devices || *o.devices == n) &&
-                              (!o.bit_rate || *o.bit_rate == rate) && (!o.latency || *o.latency == cell.latency);
-          if (chosen && (o.kind || is_usual(cell))) cells.push_back(cell);
-        }
-      }
-    }
-  }
-  return cells;
-}
+inline void print(const std::string& line) { std::printf("%s\n", line.c_str()); }
 
 inline Done run_one(const Choice& o, const std::vector<Cell>& cells, std::size_t i) {
   const auto began = std::chrono::steady_clock::now();
   Done done;
   done.cell = i;
-  done.outcome = run(cells[i], o.limit.value_or(budget(cells[i])), o.show, o.frames);
+  done.outcome = run(cells[i], o.limit.value_or(budget(cells[i])), o.show ? Show(print) : Show(), o.frames);
   done.wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
   return done;
 }

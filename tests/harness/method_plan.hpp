@@ -8,7 +8,8 @@
 #include <vector>
 
 #include "berth/discovery/auto.hpp"
-#include "tests/harness/world_plan.hpp"
+#include "berth/harness/world_plan.hpp"
+#include "tests/harness/rig.hpp"
 
 namespace berth::harness {
 

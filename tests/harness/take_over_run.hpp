@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "berth/harness/config_watch.hpp"
 #include "berth/operate/programming.hpp"
 #include "tests/harness/berths.hpp"
-#include "tests/harness/config_watch.hpp"
 #include "tests/harness/mortal.hpp"
 #include "tests/harness/program_watch.hpp"
 

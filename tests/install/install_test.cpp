@@ -52,8 +52,8 @@ std::string contents(const fs::path& path) {
   return text.str();
 }
 
-std::vector<std::string> rooms() {
-  std::istringstream words(BERTH_ROOMS);
+std::vector<std::string> rooms(const char* names) {
+  std::istringstream words(names);
   return {std::istream_iterator<std::string>(words), {}};
 }
 
@@ -130,7 +130,7 @@ TEST_F(Install, WhatIsMissingIsNamed) {
 
 TEST_F(Install, EveryRoomHasItsTargetLibraryAndHeaders) {
   const std::string targets = contents(package() / "BerthTargets.cmake");
-  for (const auto& room : rooms()) {
+  for (const auto& room : rooms(BERTH_ROOMS)) {
     EXPECT_NE(targets.find("add_library(Berth::" + room + " STATIC IMPORTED)"), std::string::npos) << room;
     EXPECT_TRUE(fs::exists(package() / ".." / ".." / ("libberth_" + room + ".a"))) << room;
     for (const auto& entry : fs::directory_iterator(fs::path(berth::test::source_dir()) / "berth" / room)) {
@@ -140,6 +140,20 @@ TEST_F(Install, EveryRoomHasItsTargetLibraryAndHeaders) {
     }
   }
   EXPECT_TRUE(fs::exists(package() / "BerthConfigVersion.cmake"));
+}
+
+// The random worlds are for `berth study` and the tests (docs/architecture.md): the library has none of them.
+TEST_F(Install, WhatOnlyTheProgramUsesIsNotInstalled) {
+  const std::string targets = contents(package() / "BerthTargets.cmake");
+  const auto inside = rooms(BERTH_ROOMS_INSIDE);
+  EXPECT_EQ(inside.size(), 2U);
+  for (const auto& room : inside) {
+    EXPECT_TRUE(fs::exists(fs::path(berth::test::source_dir()) / "berth" / room)) << room;
+    EXPECT_EQ(targets.find("berth_" + room), std::string::npos) << room;
+    EXPECT_EQ(targets.find("Berth::" + room), std::string::npos) << room;
+    EXPECT_FALSE(fs::exists(package() / ".." / ".." / ("libberth_" + room + ".a"))) << room;
+    EXPECT_FALSE(fs::exists(folder / "prefix" / "include" / "berth" / room)) << room;
+  }
 }
 
 TEST_F(Install, NothingOfThisBuildLeaks) {

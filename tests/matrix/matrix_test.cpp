@@ -1,10 +1,12 @@
 // The telling cells of the matrix: those at which a method, a bit rate or a size was once too much for the
 // main job. All cells: ./run matrix.
-#include "tests/harness/matrix.hpp"
+#include "berth/harness/matrix.hpp"
 
 #include <gtest/gtest.h>
 #include <algorithm>
 #include <string>
+
+#include "berth/operate/report.hpp"
 
 using namespace berth;
 using namespace berth::harness::matrix;

@@ -12,7 +12,7 @@
 #include <sstream>
 
 #include "../paths.hpp"
-#include "tests/harness/config_watch.hpp"
+#include "berth/harness/config_watch.hpp"
 #include "tests/harness/rig.hpp"
 
 using namespace berth;

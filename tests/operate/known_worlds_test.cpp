@@ -7,8 +7,8 @@
 #include <ostream>
 #include <string>
 
+#include "berth/harness/run_world.hpp"
 #include "tests/harness/as_sold.hpp"
-#include "tests/harness/run_world.hpp"
 
 namespace berth::harness {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/harness/duplicate_watch.hpp"
+#include "berth/harness/duplicate_watch.hpp"
 #include "tests/harness/rig.hpp"
 
 using namespace berth;

@@ -21,12 +21,12 @@
 #include <fstream>
 #include <sstream>
 
+#include "berth/harness/run_world.hpp"
+#include "berth/harness/tree_world.hpp"
 #include "tests/harness/as_sold.hpp"
 #include "tests/harness/intelligence_world.hpp"
 #include "tests/harness/method_world.hpp"
-#include "tests/harness/run_world.hpp"
 #include "tests/harness/tree_as_sold.hpp"
-#include "tests/harness/tree_world.hpp"
 
 using namespace berth;
 using namespace berth::harness;
@@ -436,13 +436,11 @@ void print_speed(std::uint64_t worlds, std::chrono::steady_clock::time_point beg
 
 // ---- trees of buses (docs/multilevel.md)
 
-constexpr int troubles_of_a_tree = 8;
-
 TreeTally work_trees(const Options& o, unsigned worker) {
   TreeTally tally;
   for (std::uint64_t seed = o.from + worker; seed < o.from + o.trees; seed += o.workers) {
-    TreePlan plan = o.mixed_trees ? mix(tree_plan(seed)) : tree_plan(seed);
-    if (o.trees_as_sold) plan = as_sold(std::move(plan));
+    const TreePlan plan = plan_of_tree(seed, {.mixed = o.mixed_trees, .as_sold = o.trees_as_sold},
+                                       std::filesystem::temp_directory_path());
     const char* const frames = std::getenv("BERTH_WORLDS_FRAMES");  // of this bus, in the log
     TreeWorld first(plan, frames == nullptr ? "" : frames), second(plan);
     const std::string wrong = first.go(troubles_of_a_tree);

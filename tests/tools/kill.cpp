@@ -13,7 +13,7 @@
 
 #include "tests/harness/kill_run.hpp"
 #include "tests/harness/take_over_run.hpp"
-#include "tests/harness/tree_world.hpp"
+#include "berth/harness/tree_world.hpp"
 
 using namespace berth;
 using namespace berth::harness;

@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/harness/tree_as_sold.hpp"
-#include "tests/harness/tree_world.hpp"
+#include "berth/harness/tree_world.hpp"
 #include "tests/worlds/seeds.hpp"
 
 using namespace berth;
@@ -70,7 +70,7 @@ TEST(TreesRandomWorlds, BerthDiesWhileItBringsThemUp) {
     ASSERT_TRUE(whole.settle()) << whole.failure() << whole.log();
     Random random(seed);
     for (int i = 0; i < 3; ++i) {
-      const auto k = random.below(whole.points());
+      const auto k = random.below(whole.trace().size());
       SCOPED_TRACE("point " + std::to_string(k));
       TreeWorld world(tree_plan(seed));
       EXPECT_EQ(world.kill_at(k), "") << world.log();

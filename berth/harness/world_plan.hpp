@@ -11,8 +11,9 @@
 #include <vector>
 
 #include "berth/discovery/discovery.hpp"
+#include "berth/harness/folders.hpp"
+#include "berth/harness/rig.hpp"
 #include "berth/lss/frames.hpp"
-#include "tests/harness/rig.hpp"
 
 namespace berth::harness {
 
@@ -153,8 +154,11 @@ struct Draws {
 
 class Planner {
  public:
-  explicit Planner(std::uint64_t seed, Draws draws = {})
-      : random_(seed * 0x9E3779B97F4A7C15ULL + 1), twins_(draws.twins), waits_(draws.waits) {
+  Planner(std::uint64_t seed, Draws draws, Folders folders)
+      : random_(seed * 0x9E3779B97F4A7C15ULL + 1),
+        folders_(std::move(folders)),
+        twins_(draws.twins),
+        waits_(draws.waits) {
     plan_.seed = seed;
   }
 
@@ -233,7 +237,7 @@ class Planner {
 
   void configuration(places::SlotSpec& spec) {
     if (spec.type != type_pump || random_.below(4) == 0) return;
-    spec.config = example_eds("pump.dcf");
+    spec.config = folders_.example("pump.dcf");
     const auto how = random_.below(8);
     if (how == 0) spec.configuring.activate = places::Activate::reset;
     if (how == 1) spec.configuring.activate = places::Activate::power_cycle;
@@ -358,7 +362,8 @@ class Planner {
     if (number == 1 && random_.below(10) == 0) serial = 0;
     while (std::ranges::any_of(plan_.plant.devices, [&](const auto& d) { return d.address.serial == serial; }))
       ++serial;
-    auto& d = add_device(plan_.plant, "d" + std::to_string(number), type, serial, bus);
+    auto& d = add_plain_device(plan_.plant, "d" + std::to_string(number), type, serial, bus);
+    if (type == type_pump) d.eds = d.eds_path = folders_.example("pump.eds");
     d.speaks = speaks(bus);
     d.response.min = between(0us, 3ms);
     d.response.max = d.response.min + between(0us, 5ms);
@@ -482,6 +487,7 @@ class Planner {
   }
 
   Random random_;
+  Folders folders_;
   WorldPlan plan_;
   bool slow_stores_ = false;
   bool twins_ = false;
@@ -513,6 +519,23 @@ inline std::string victim(const plant::PlantFile& plant, const std::string& bus,
   return all.empty() ? std::string() : all[random.below(all.size())];
 }
 
+// Some bits of one frame, for everybody or for this device.
+inline void spoil_bits(plant::PlantEvent& e, const std::string& who, Random& random) {
+  e.strike.bit = static_cast<std::int32_t>(random.below(60));
+  e.strike.times = static_cast<std::uint32_t>(1 + random.below(3));
+  if (random.below(2) == 0) e.nodes = {who};
+}
+
+// Only the sender sees the last bit of end-of-frame wrong: all others have the frame, and get it again.
+inline void spoil_last_bit(plant::PlantEvent& e, const std::string& who, Random& random) {
+  e.strike.kind = plant::Disturbance::dominant;
+  e.strike.from_end = true;
+  e.strike.bit = 0;
+  e.nodes =
+      random.below(2) == 0 ? std::vector<std::string>{std::string(plant::master_name)} : std::vector<std::string>{who};
+  e.strike.times = 2;
+}
+
 // The fault as plant events that happen now: explicit, so that they can be written down and replayed.
 inline std::vector<plant::PlantEvent> events_of(FaultKind kind, const std::string& who, const std::string& bus,
                                                 rt::Duration now, Random& random) {
@@ -537,24 +560,8 @@ inline std::vector<plant::PlantEvent> events_of(FaultKind kind, const std::strin
   switch (kind) {
     case FaultKind::overrun: on_bus(add(Action::overrun)).nodes = {who}; break;
     case FaultKind::overrun_master: on_bus(add(Action::overrun)).nodes = {std::string(plant::master_name)}; break;
-    case FaultKind::disturb: {
-      auto& e = on_bus(add(Action::disturb));
-      e.strike.bit = static_cast<std::int32_t>(random.below(60));
-      e.strike.times = static_cast<std::uint32_t>(1 + random.below(3));
-      if (random.below(2) == 0) e.nodes = {who};
-      break;
-    }
-    case FaultKind::twice: {
-      auto& e = on_bus(add(Action::disturb));
-      e.strike.kind = plant::Disturbance::dominant;
-      e.strike.from_end = true;
-      e.strike.bit = 0;
-      // Only the sender sees the last bit of end-of-frame wrong: all others have the frame, and get it again.
-      e.nodes = random.below(2) == 0 ? std::vector<std::string>{std::string(plant::master_name)}
-                                     : std::vector<std::string>{who};
-      e.strike.times = 2;
-      break;
-    }
+    case FaultKind::disturb: spoil_bits(on_bus(add(Action::disturb)), who, random); break;
+    case FaultKind::twice: spoil_last_bit(on_bus(add(Action::disturb)), who, random); break;
     case FaultKind::slow: {
       auto& e = add(Action::slow);
       e.latency = some(5, 150);

@@ -1,18 +1,9 @@
-// The matrix: the main job at every size, with every kind of device, at every bit rate. One cell is one machine and one
-// plant from a seed of its own, from all devices present to operational. Needs no test library: tests, ./run matrix and
-// bench/matrix.cpp use it.
-#pragma once
+#include "berth/harness/matrix.hpp"
 
-#include <algorithm>
-#include <array>
-#include <chrono>
-#include <cstdint>
+#include <fmt/format.h>
+
 #include <memory>
-#include <optional>
-#include <span>
-#include <string>
-#include <string_view>
-#include <vector>
+#include <utility>
 
 #include "berth/base/random.hpp"
 #include "berth/design/machine.hpp"
@@ -22,119 +13,22 @@
 #include "berth/tree/session.hpp"
 
 namespace berth::harness::matrix {
+namespace {
 
-using namespace std::chrono_literals;
-
-// What all devices of a cell speak, or have.
-enum class Kind : std::uint8_t {
-  rand,         // and LSS without Fastscan
-  lss,          // without Fastscan, and nothing else
-  fastscan,     // and nothing else
-  feedback_29,  // and nothing else
-  feedback_11,
-  fixed,         // its slot's node-ID by switches, and its slot says so; every second one speaks LSS
-  fixed_unsaid,  // the same, but its slot does not say so
-  stored,        // a node-ID in its memory: its slot's, or that of another slot
-  canopennode,   // Fastscan as CANopenNode does it
-  lely,          // Fastscan as Lely core does it
-  mixed,         // each device one of the above
-  // Devices that lack parts of LSS; all sizes and bit rates only if the kind is chosen by name.
-  no_identity,     // LSS without Fastscan and without 5Ah to 5Dh
-  no_node_id,      // LSS without Fastscan and without 5Eh
-  no_inquiries,    // LSS without Fastscan and without 5Ah to 5Eh
-  bare,            // Fastscan, 40h to 43h, 11h, 17h, and nothing else
-  fastscan_alone,  // Fastscan, 11h, 17h, and nothing else
-  refuses_store,   // 17h is answered with error code 1
-  short_answers,   // Fastscan, and answers without the zeros at their end
-  stored_bare,     // LSS without Fastscan and inquiries, in its memory a node-ID that no slot has
-  partial,         // each device one of these, or a complete one
-  count
-};
-inline constexpr std::array<const char*, static_cast<std::size_t>(Kind::count)> kind_names{
-    "rand",           "lss",           "fastscan",      "feedback-29",  "feedback-11",
-    "fixed",          "fixed-unsaid",  "stored",        "canopennode",  "lely",
-    "mixed",          "no-identity",   "no-node-id",    "no-inquiries", "bare",
-    "fastscan-alone", "refuses-store", "short-answers", "stored-bare",  "partial"};
-[[nodiscard]] inline const char* name(Kind kind) { return kind_names.at(static_cast<std::size_t>(kind)); }
-
-enum class Latency : std::uint8_t {
-  equal,     // 1 ms
-  random,    // 0.2 to 4 ms
-  outliers,  // 0.2 to 2 ms, and 30 ms once in a hundred
-  count,
-  wide = count  // 0.1 to 9 ms, just within `rand_response`; not part of the matrix
-};
-inline constexpr std::array<const char*, static_cast<std::size_t>(Latency::count) + 1> latency_names{
-    "equal", "random", "outliers", "wide"};
-[[nodiscard]] inline const char* name(Latency latency) { return latency_names.at(static_cast<std::size_t>(latency)); }
-
-inline constexpr std::array<unsigned, 7> sizes{1, 2, 5, 30, 60, 120, 126};
-inline constexpr std::array<std::uint32_t, 5> bit_rates{10'000, 50'000, 125'000, 500'000, 1'000'000};
-
-struct Cell {
-  Kind kind = Kind::rand;
-  unsigned devices = 1;
-  std::uint32_t bit_rate = 125'000;
-  Latency latency = Latency::equal;
-  unsigned rx_depth = 16;            // frames that a device's receive buffer holds; not part of the matrix
-  std::string_view method = "auto";  // `[bus] discovery`; not part of the matrix
-};
-
-// The published methods that find all devices of this kind; none if only Berth's default does.
-[[nodiscard]] inline std::span<const std::string_view> published(Kind kind) {
-  static constexpr std::array<std::string_view, 4> words{"rand", "fastscan", "fastscan-feedback-29",
-                                                         "fastscan-feedback-11"};
-  const std::span all(words);
-  switch (kind) {
-    case Kind::rand: return all.subspan(0, 1);
-    case Kind::fastscan:
-    case Kind::canopennode:
-    case Kind::lely: return all.subspan(1, 1);
-    case Kind::feedback_29: return all.subspan(2, 1);
-    case Kind::feedback_11: return all.subspan(3, 1);
-    default: return {};
-  }
-}
-
-[[nodiscard]] inline std::string describe(const Cell& c) {
-  return std::string(name(c.kind)) + ", " + std::to_string(c.devices) + " devices, " +
-         std::to_string(c.bit_rate / 1000) + " kbit/s, " + name(c.latency);
-}
-
-// A cell of the default run. Devices that lack parts of LSS are tried only in small numbers there.
-[[nodiscard]] inline bool is_usual(const Cell& c) {
-  return c.kind <= Kind::mixed || (c.devices <= 5 && c.bit_rate == 125'000);
-}
-
-// Why docs/limits.md excepts this cell; empty for the others.
-[[nodiscard]] inline std::optional<std::string_view> limit_of(const Cell&) { return std::nullopt; }
-
-// Bus time within which a cell must be operational: twice what its frames take if each device needs as many questions
-// as one whose serial number tells nothing about the others', and twice that if answers come late (docs/limits.md).
-[[nodiscard]] inline rt::Duration budget(const Cell& c) {
-  const auto frame = rt::Duration(128LL * 1'000'000'000 / c.bit_rate);
-  // Plain LSS asks in six frames, the others in one; 32 questions at most. Node-ID, check and start take forty more.
-  const bool by_ranges = c.kind == Kind::lss || c.kind == Kind::stored || c.kind >= Kind::mixed;
-  const std::int64_t frames = by_ranges ? 32 * 7 : 32 * 3;
-  const rt::Duration one = (frames + 40) * frame + 300ms;
-  // CANopenNode's slaves delay one answer in fifty tenfold; Lely core's need a workaround.
-  const bool known = c.kind == Kind::canopennode || c.kind == Kind::lely || c.kind == Kind::mixed;
-  return (c.latency == Latency::outliers ? 2 : 1) * (known ? 4 : 2) * (15s + c.devices * one);
-}
-
-// Every cell has its own seed, the same in every run.
-[[nodiscard]] inline std::uint64_t seed_of(const Cell& c) {
-  std::uint64_t seed = static_cast<std::uint64_t>(c.kind) + 1;
+// Every cell has its own seed, the same in every run; so has each of its rounds.
+std::uint64_t seed_of(const Cell& cell) {
+  std::uint64_t seed = static_cast<std::uint64_t>(cell.kind) + 1;
   for (const std::uint64_t part :
-       {std::uint64_t{c.devices}, std::uint64_t{c.bit_rate}, static_cast<std::uint64_t>(c.latency)}) {
+       {std::uint64_t{cell.devices}, std::uint64_t{cell.bit_rate}, static_cast<std::uint64_t>(cell.latency)}) {
     seed = (seed ^ part) * 0x9E37'79B9'7F4A'7C15ULL;
     seed ^= seed >> 29U;
   }
+  if (cell.round != 0) seed ^= cell.round * 0xD1B5'4A32'D192'ED03ULL;
   return seed;
 }
 
 // Consecutive, stepped or random.
-[[nodiscard]] inline std::vector<std::uint32_t> serials(Random& random, unsigned count) {
+std::vector<std::uint32_t> serials(Random& random, unsigned count) {
   std::vector<std::uint32_t> list;
   constexpr std::array<std::uint32_t, 4> steps{1, 16, 1000, 0x1'0000};
   const auto form = random.below(5);
@@ -147,7 +41,7 @@ struct Cell {
   return list;
 }
 
-[[nodiscard]] inline plant::Latency response_of(Latency latency) {
+plant::Latency response_of(Latency latency) {
   if (latency == Latency::equal) return {1ms, 1ms, 0, 0ms};
   if (latency == Latency::random) return {200us, 4ms, 0, 0ms};
   if (latency == Latency::wide) return {100us, 9ms, 0, 0ms};
@@ -155,7 +49,7 @@ struct Cell {
 }
 
 // `number`: of its slot.
-inline void make_partial(plant::PlantDevice& d, Kind kind, unsigned number) {
+void make_partial(plant::PlantDevice& d, Kind kind, unsigned number) {
   using enum lss::Lackable;
   using plant::Speaks;
   const lss::LackSet inquiries{inquire_identity, inquire_node_id};
@@ -174,7 +68,7 @@ inline void make_partial(plant::PlantDevice& d, Kind kind, unsigned number) {
   d.node_id = NodeId(static_cast<std::uint8_t>(126 - number));
 }
 
-inline void make_kind(plant::PlantDevice& d, Kind kind, unsigned number, NodeId kept) {
+void make_kind(plant::PlantDevice& d, Kind kind, unsigned number, NodeId kept) {
   using plant::Speaks;
   switch (kind) {
     case Kind::rand: d.speaks = {Speaks::lss, Speaks::rand}; break;
@@ -212,7 +106,7 @@ struct Made {
   plant::PlantFile plant;
 };
 
-[[nodiscard]] inline Made make(const Cell& cell) {
+Made make(const Cell& cell) {
   Random random(seed_of(cell));
   Made made;
   made.machine.name = "matrix";
@@ -259,38 +153,6 @@ struct Made {
   return made;
 }
 
-enum class End : std::uint8_t {
-  operational,
-  gave_up,  // nothing more happens, as `berth up` judges it
-  late,     // not within its bus time
-  lost,     // operational, but no longer ten seconds later
-  wrong,    // reported operational, but the devices are not
-  busy,     // operational, and Berth sends more than `most_at_rest`
-};
-[[nodiscard]] inline const char* name(End end) {
-  constexpr std::array<const char*, 6> names{"operational", "gave up", "too late", "lost", "wrong", "busy at rest"};
-  return names.at(static_cast<std::size_t>(end));
-}
-
-// Plain bytes: it goes through a pipe.
-struct Outcome {
-  End end = End::late;
-  rt::Duration bus_time{0};  // from Berth's first instant to operational, or to the end
-  std::uint64_t frames = 0;
-  double at_rest = 0;        // Berth's frames per second, with its heartbeat
-  unsigned operational = 0;  // slots
-  std::array<char, 400> why{};
-
-  void say(std::string_view words) {
-    const auto size = std::min(words.size(), why.size() - 1);
-    std::ranges::copy(words.substr(0, size), why.begin());
-    why.at(size) = '\0';
-  }
-};
-
-// Frames per second that Berth may send on a bus on which nothing happens.
-inline constexpr double most_at_rest = 5;
-
 class Sent final : private can::Tap {
  public:
   Sent(sim::Bus& bus, int sender) : bus_(bus), sender_(sender) { bus_.add_tap(*this); }
@@ -311,7 +173,7 @@ class Run final : private can::Tap {
   static constexpr rt::Duration settles = 60s;  // one search among operational devices that answer Fastscan
   static constexpr rt::Duration rests = 30s;    // then Berth's frames are counted for so long
 
-  explicit Run(const Cell& cell) : made_(make(cell)) {
+  Run(const Cell& cell, Show show) : made_(make(cell)), show_(std::move(show)) {
     Findings findings;
     const auto& bus = made_.machine.buses.front();
     const plant::BusRate rate{bus.name, bus.bitrate};
@@ -323,7 +185,7 @@ class Run final : private can::Tap {
     if (world_) world_->bus("field")->add_tap(*this);
   }
 
-  Outcome go(rt::Duration limit, bool show) {
+  Outcome go(rt::Duration limit) {
     if (!world_) return failed("no world");
     world_->start();
     world_->sim().run_for(there);
@@ -334,7 +196,7 @@ class Run final : private can::Tap {
     session.on_milestone([&](operate::Milestone m) { reached = reached || m == operate::Milestone::operational; });
     session.on_event([&](const operate::Event& e) {
       last_ = e.text;
-      if (show) std::printf("%s\n", operate::to_line(e).c_str());
+      if (show_) show_(operate::to_line(e));
     });
     begun_ = changed_ = world_->sim().now();
     session.start();
@@ -355,14 +217,16 @@ class Run final : private can::Tap {
       if (!truly_operational()) outcome_.end = End::wrong;
     }
     count(session);
+    for (const auto& d : world_->devices()) outcome_.lost += d->controller().statistics().overruns;
+    outcome_.hash = world_->sim().trace_hash();
     session.stop();
     return outcome_;
   }
 
  private:
   void frame(const can::Frame& frame, rt::Time at, int sender) noexcept override {
-    std::printf("%11.6f s  %3d  %s  %s\n", operate::seconds(at), sender, can::to_string(frame).c_str(),
-                lss::interpret(frame).c_str());
+    show_(fmt::format("{:11.6f} s  {:3}  {}  {}", operate::seconds(at), sender, can::to_string(frame),
+                      lss::interpret(frame)));
   }
 
   Outcome failed(std::string_view why) {
@@ -421,6 +285,7 @@ class Run final : private can::Tap {
   }
 
   Made made_;
+  Show show_;
   places::MemoryStore store_;
   std::unique_ptr<plant::World> world_;
   std::vector<std::pair<places::SlotState, bool>> table_;
@@ -429,10 +294,30 @@ class Run final : private can::Tap {
   Outcome outcome_;
 };
 
-[[nodiscard]] inline Outcome run(const Cell& cell, rt::Duration limit, bool show = false, bool frames = false) {
-  Run one(cell);
-  if (frames) one.show_frames();
-  return one.go(limit, show);
+}  // namespace
+
+Outcome run(const Cell& cell, rt::Duration limit, const Show& show, bool frames) {
+  Run one(cell, show);
+  if (frames && show) one.show_frames();
+  return one.go(limit);
+}
+
+std::vector<Cell> cells_of(const Selection& o) {
+  std::vector<Cell> cells;
+  for (int k = 0; k < static_cast<int>(Kind::count); ++k) {
+    for (const auto n : sizes) {
+      for (const auto rate : bit_rates) {
+        for (int l = 0; l <= static_cast<int>(Latency::wide); ++l) {
+          const Cell cell{static_cast<Kind>(k), n, rate, static_cast<Latency>(l), o.rx_depth};
+          if (cell.latency == Latency::wide && o.latency != Latency::wide) continue;
+          const bool chosen = (!o.kind || *o.kind == cell.kind) && (!o.devices || *o.devices == n) &&
+                              (!o.bit_rate || *o.bit_rate == rate) && (!o.latency || *o.latency == cell.latency);
+          if (chosen && (o.kind || is_usual(cell))) cells.push_back(cell);
+        }
+      }
+    }
+  }
+  return cells;
 }
 
 }  // namespace berth::harness::matrix

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/harness/world_plan.hpp"
+#include "berth/harness/world_plan.hpp"
 
 namespace berth::harness {
 

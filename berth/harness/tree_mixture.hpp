@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "tests/harness/tree_plan.hpp"
+#include "berth/harness/tree_plan.hpp"
 
 namespace berth::harness {
 

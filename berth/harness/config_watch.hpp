@@ -6,8 +6,8 @@
 #include <memory>
 #include <string>
 
+#include "berth/harness/rig.hpp"
 #include "berth/manager/configuration.hpp"
-#include "tests/harness/rig.hpp"
 
 namespace berth::harness {
 

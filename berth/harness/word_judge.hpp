@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "tests/harness/rig.hpp"
+#include "berth/harness/rig.hpp"
 
 namespace berth::harness {
 
