@@ -256,7 +256,7 @@ std::vector<std::string> MachineRun::take_over(const design::Machine& machine) {
     const design::Slot* const now = machine.slot(slot.spec.name.bus, slot.spec.id);
     if (now == nullptr || now->spec.name.name != slot.spec.name.name) continue;
     operate::Network* const network = session_->network(slot.spec.name.bus);
-    if (network == nullptr || !network->take_over(now->spec)) {
+    if (network == nullptr || !operate::take_over(*network, now->spec)) {
       left.push_back(slot.spec.name.name);
       continue;
     }

@@ -21,6 +21,7 @@ struct MasterOptions {
   bool takes_part = false;           ///< otherwise a bus is refused while another master is active on it
   std::optional<unsigned> id;        ///< instead of the machine file's
   std::optional<unsigned> priority;  ///< the same
+  std::string ready;                 ///< "", "operational", "started": when a service manager hears so
   std::string on_exit;               ///< "", "leave", "preop", "stop": what the devices get when the run ends
 };
 
@@ -92,12 +93,7 @@ struct SingleOptions {
 struct EventOptions {
   bool none = false;   ///< only how the run ends
   bool lines = false;  ///< --json: each as a line as it happens
-};
-
-/// `berth up` under a service manager.
-struct ServiceOptions {
-  std::string ready;      ///< "", "operational", "started"
-  std::string log_level;  ///< empty: every event is printed
+  std::string level;   ///< none that is less urgent (`log_levels`); empty: all
 };
 
 struct Options {
@@ -119,7 +115,6 @@ struct Options {
   std::optional<std::chrono::nanoseconds> timeout;
   std::string until;  ///< "", "operational", "replaced"
   EventOptions events;
-  ServiceOptions service;
   SingleOptions single;
   int real_time = 0;  ///< SCHED_FIFO priority; 0: none
 };

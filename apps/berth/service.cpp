@@ -50,7 +50,7 @@ std::unique_ptr<Service> Service::start(MachineRun& run, const Options& options,
   if (run.loop() == nullptr || options.dry_run) return nullptr;
   auto manager = io::ServiceManager::of_environment();
   if (!manager) return nullptr;
-  std::unique_ptr<Service> service(new Service(run, std::move(*manager), options.service.ready == "started"));
+  std::unique_ptr<Service> service(new Service(run, std::move(*manager), options.master.ready == "started"));
   if (!start) return service;
   Service* const self = service.get();
   service->reload_ = std::make_unique<Reload>(run, options.files.allow_outside, *start, std::move(say),

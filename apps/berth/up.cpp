@@ -134,7 +134,7 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
                                 .quiet = options.json || options.dry_run || options.events.none,
                                 .events = options.events.lines && !options.dry_run,
                                 .head = head_of(run, options),
-                                .level = log_level(options.service.log_level),
+                                .level = log_level(options.events.level),
                                 .comment = story.comment});
   for (const auto& line : story.begin) screen.line(line);
   Ending ending(run, options.until);
@@ -284,11 +284,11 @@ Word drive_words(const Verb& verb, Options& options) {
 namespace {
 
 void service_words(const Verb& up, Options& options) {
-  up.word("--ready", options.service.ready,
+  up.word("--ready", options.master.ready,
           "when a service manager hears that the service is ready: operational (default: every slot that is not "
           "optional) or started")
       .one_of(std::vector<std::string>{"operational", "started"});
-  up.word("--log-level", options.service.log_level,
+  up.word("--log-level", options.events.level,
           "prints events up to this level: error, warning, notice, info or debug (default: all)")
       .one_of(std::vector<std::string>(log_levels.begin(), log_levels.end()))
       .shown("LEVEL");

@@ -150,16 +150,16 @@ void Network::try_again(NodeId slot) {
   parts_.agenda.wakes.push({Wake::Kind::look, slot, parts_.bus.executor.now()});
 }
 
-bool Network::take_over(const places::SlotSpec& spec) {
-  Seat* const seat = parts_.slots.named(spec.name.name);
+bool take_over(Network& network, const places::SlotSpec& spec) {
+  Seat* const seat = network.parts_.slots.named(spec.name.name);
   if (seat == nullptr) return false;
   places::SlotSpec& own = seat->slot.spec;
   own.spares = spec.spares;
   own.also = spec.also;
   own.replacement = spec.replacement;
   own.when_ambiguous = spec.when_ambiguous;
-  parts_.agenda.look_anew = true;
-  parts_.agenda.wakes.push({Wake::Kind::look, seat->id(), parts_.bus.executor.now()});
+  network.parts_.agenda.look_anew = true;
+  network.parts_.agenda.wakes.push({Wake::Kind::look, seat->id(), network.parts_.bus.executor.now()});
   return true;
 }
 

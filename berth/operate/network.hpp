@@ -86,10 +86,6 @@ class Network final : private PortHealth::Owner {
 
   /// The obstacle to starting this slot's device is gone: it is tried again.
   void try_again(NodeId slot);
-  /// From now on `spec` decides about the slot's spares, further types, replacement and ambiguity (`SlotSpec::spares`,
-  /// `also`, `replacement`, `when_ambiguous`); what else it says is ignored. The devices that wait are looked at anew.
-  /// False: no slot of this name.
-  bool take_over(const places::SlotSpec& spec);
 
   /// Silences the master's own device until the main job, if it runs, has looked around anew (network_bitrate.hpp).
   void fall_silent() noexcept { port_.fall_silent(); }
@@ -135,6 +131,7 @@ class Network final : private PortHealth::Owner {
   /// not answer; `invalid` operational, or state unknown.
   [[nodiscard]] rt::Task<Result<Located>> locate(Identity device, rt::Duration time, bool anyway);
 
+  friend bool take_over(Network& network, const places::SlotSpec& spec);
   friend rt::Task<Result<SlotUpload>> upload_slot(Network& network, std::string slot);
   friend Result<void> poll_slot(Network& network, const std::string& slot, bool on);
   friend bool is_configured(const Network& network, const std::string& slot);
@@ -180,5 +177,10 @@ Result<void> poll_slot(Network& network, const std::string& slot, bool on);
                                                                         WrittenFiles::Form form,
                                                                         std::span<const std::uint8_t> bytes,
                                                                         const std::string& file);
+
+/// From now on `spec` decides about the slot's spares, further types, replacement and ambiguity (`SlotSpec::spares`,
+/// `also`, `replacement`, `when_ambiguous`); what else it says is ignored. The devices that wait are looked at anew.
+/// False: the bus has no slot of this name.
+bool take_over(Network& network, const places::SlotSpec& spec);
 
 }  // namespace berth::operate
