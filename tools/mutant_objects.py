@@ -102,6 +102,9 @@ class Objects:
             _, wrong = self.link_program(folder, COMMAND)
             if wrong:
                 return None, wrong
+            beside = folder.path / "examples"  # where tests look for them
+            if not beside.exists():
+                beside.symlink_to(self.build / "examples")
         return self.link_program(folder, program)
 
     def environment_of(self, folder, test):

@@ -72,7 +72,10 @@ rt::Task<void> Finder::forget_and_ask_anew() {
   if (speaks_rand && may_send_extended_frames(s_, agenda_)) co_await tell_which_are_known();
 }
 
+// A blanking that the store remembers is looked for by the main job.
 bool Finder::holds_anothers(const places::Found& found) const {
+  const auto blanks = slots_.unfinished_here();
+  if (std::ranges::find(blanks, found.device, &places::UnfinishedBlank::device) != blanks.end()) return false;
   const bool anothers = slots_.at(found.active) != nullptr || found.active == s_.bus.master;
   return anothers && found.active.configured() && !found.lent && found.device.has_serial() &&
          !slots_.is_marked(places::Mark::fixed, found.device);
