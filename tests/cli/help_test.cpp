@@ -245,6 +245,8 @@ class Taken : public ::testing::Test {
                                                            {"--for", "1 s"},
                                                            {"--until", "operational"},
                                                            {"--on-exit", "leave"},
+                                                           {"--ready", "started"},
+                                                           {"--log-level", "warning"},
                                                            {"--real-time", "1"},
                                                            {"--gateway", "127.0.0.1:0"},
                                                            {"--bitrate", "125000"},
