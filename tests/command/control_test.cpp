@@ -145,13 +145,17 @@ TEST_F(ControlSeats, AFollowerThatTakesNothingEnds) {
 // A loop that is told of a connection again and again never sleeps; what pauses has a timer.
 TEST_F(ControlSeats, WithoutDescriptorsTheListenerPauses) {
   Client waits(path_);
-  bool pauses = false;
+  std::optional<rt::Time> pauses;
+  std::optional<rt::Time> later;
   {
     const test::NoDescriptors none;
     turn();
-    pauses = executor_.next().has_value();
+    pauses = executor_.next();
+    pass(300ms);
+    later = executor_.next();
   }
   EXPECT_TRUE(pauses);
+  EXPECT_EQ(later, pauses) << "it was told of the connection again";
   waits.say(ask);
   pass(2s);
   EXPECT_NE(waits.heard().find("done"), std::string::npos) << "it is taken when there is room again";
