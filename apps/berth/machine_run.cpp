@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "berth/places/take_over.hpp"
 #include "berth/traffic/link_network.hpp"
 #include "contradictions.hpp"
 #include "machine_file.hpp"
@@ -260,10 +261,7 @@ std::vector<std::string> MachineRun::take_over(const design::Machine& machine) {
       left.push_back(slot.spec.name.name);
       continue;
     }
-    slot.spec.spares = now->spec.spares;
-    slot.spec.also = now->spec.also;
-    slot.spec.replacement = now->spec.replacement;
-    slot.spec.when_ambiguous = now->spec.when_ambiguous;
+    places::take_over(slot.spec, now->spec);
   }
   return left;
 }

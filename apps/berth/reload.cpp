@@ -3,21 +3,31 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <iterator>
 #include <string_view>
 
 #include "berth/base/words.hpp"
+#include "berth/places/take_over.hpp"
 #include "berth/text/file.hpp"
 #include "output.hpp"
 
 namespace berth::cli {
 namespace {
 
-constexpr std::array<std::string_view, 4> taken_keys{"spares", "also", "replacement", "when_ambiguous"};
+constexpr std::string_view of_a_slot = "slot ";
 
 bool is_taken(const design::Difference& difference) {
-  return difference.table.starts_with("slot ") && std::ranges::find(taken_keys, difference.key) != taken_keys.end();
+  return difference.table.starts_with(of_a_slot) &&
+         std::ranges::find(places::taken_over, difference.key) != places::taken_over.end();
+}
+
+// These slots keep what they have: they are beneath a gateway.
+void refuse(Changes& changes, const std::vector<std::string>& slots) {
+  const auto stays = [&](const design::Difference& each) {
+    return std::ranges::find(slots, each.table.substr(of_a_slot.size())) != slots.end();
+  };
+  std::ranges::copy_if(changes.taken, std::back_inserter(changes.refused), stays);
+  std::erase_if(changes.taken, stays);
 }
 
 std::optional<text::Value> parsed(const std::string& text, const std::string& file) {
@@ -88,8 +98,8 @@ void Reload::take(const Reading& reading) {
     if (!reading.result.findings.empty()) say_(wrong.message);
     return say_(fmt::format("{}: nothing is taken over; the machine runs on as it was started", file));
   }
-  const Changes changes = changes_of(*start_, *last_, *now);
-  if (!changes.taken.empty()) run_.take_over(*reading.result.machine);
+  Changes changes = changes_of(*start_, *last_, *now);
+  if (!changes.taken.empty()) refuse(changes, run_.take_over(*reading.result.machine));
   say_all(changes);
   last_ = std::move(now);
 }

@@ -45,11 +45,10 @@ class Service::Beat final : private io::Watcher {
   int fd_;
 };
 
-std::unique_ptr<Service> Service::start(MachineRun& run, const Options& options,
-                                        const std::optional<std::string>& start, Reload::Say say) {
-  if (run.loop() == nullptr || options.dry_run) return nullptr;
-  auto manager = io::ServiceManager::of_environment();
-  if (!manager) return nullptr;
+std::unique_ptr<Service> Service::start(std::optional<io::ServiceManager> manager, MachineRun& run,
+                                        const Options& options, const std::optional<std::string>& start,
+                                        Reload::Say say) {
+  if (!manager || run.loop() == nullptr || options.dry_run) return nullptr;
   std::unique_ptr<Service> service(new Service(run, std::move(*manager), options.master.ready == "started"));
   if (!start) return service;
   Service* const self = service.get();

@@ -15,10 +15,11 @@ namespace berth::cli {
 /// RELOADING=1 around a reload; STOPPING=1 at the end.
 class Service {
  public:
-  /// Null: no service manager started this process, or the run is not in real time. `start`: the machine file's text
-  /// (`Reload::text_of`). `run` and what `say` uses outlive it.
-  [[nodiscard]] static std::unique_ptr<Service> start(MachineRun& run, const Options& options,
-                                                      const std::optional<std::string>& start, Reload::Say say);
+  /// Null: there is no service manager, or the run is not in real time. `start`: the machine file's text
+  /// (`Reload::text_of`); empty: no reload. `run` and what `say` uses outlive it.
+  [[nodiscard]] static std::unique_ptr<Service> start(std::optional<io::ServiceManager> manager, MachineRun& run,
+                                                      const Options& options, const std::optional<std::string>& start,
+                                                      Reload::Say say);
   ~Service();
   Service(const Service&) = delete;
   Service& operator=(const Service&) = delete;

@@ -122,7 +122,8 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
   const bool studio = options.offers.studio.offered();
   const bool watched = on_terminal() && !options.json && !options.dry_run;
   options.sim.pace = (options.sim.pace || watched || studio) && !options.sim.fast && !options.dry_run;
-  const auto start = Reload::text_of(sources.machine_name);
+  auto manager = io::ServiceManager::of_environment();
+  const auto start = manager && !sources.machine_name.empty() ? Reload::text_of(sources.machine_name) : std::nullopt;
   auto made = MachineRun::make(options, sources);
   if (!made) return tell(made.error(), options.json);
   MachineRun& run = **made;
@@ -139,7 +140,8 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
   for (const auto& line : story.begin) screen.line(line);
   Ending ending(run, options.until);
   const auto say = [&screen](const std::string& line) { screen.line(line); };
-  const auto service = sources.machine_text.empty() ? Service::start(run, options, start, say) : nullptr;
+  const auto service =
+      sources.machine_text.empty() ? Service::start(std::move(manager), run, options, start, say) : nullptr;
   const auto ended = drive(run, ending, screen, options, control_of(run, options), service.get());
   if (!ended) return tell(ended.error(), options.json);
   const bool good =

@@ -74,11 +74,12 @@ rt::Task<void> Finder::forget_and_ask_anew() {
 
 // A blanking that the store remembers is looked for by the main job.
 bool Finder::holds_anothers(const places::Found& found) const {
-  const auto blanks = slots_.unfinished_here();
-  if (std::ranges::find(blanks, found.device, &places::UnfinishedBlank::device) != blanks.end()) return false;
   const bool anothers = slots_.at(found.active) != nullptr || found.active == s_.bus.master;
-  return anothers && found.active.configured() && !found.lent && found.device.has_serial() &&
-         !slots_.is_marked(places::Mark::fixed, found.device);
+  const bool told = anothers && found.active.configured() && !found.lent && found.device.has_serial() &&
+                    !slots_.is_marked(places::Mark::fixed, found.device);
+  if (!told) return false;
+  const auto blanks = slots_.unfinished_here();
+  return std::ranges::find(blanks, found.device, &places::UnfinishedBlank::device) == blanks.end();
 }
 
 bool Finder::waits_for_forgotten() const noexcept { return std::ranges::any_of(forgotten_, &Forgotten::holds); }

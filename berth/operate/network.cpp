@@ -7,6 +7,7 @@
 
 #include "berth/operate/configuration_intake.hpp"
 #include "berth/operate/manager_objects.hpp"
+#include "berth/places/take_over.hpp"
 
 namespace berth::operate {
 
@@ -153,11 +154,7 @@ void Network::try_again(NodeId slot) {
 bool take_over(Network& network, const places::SlotSpec& spec) {
   Seat* const seat = network.parts_.slots.named(spec.name.name);
   if (seat == nullptr) return false;
-  places::SlotSpec& own = seat->slot.spec;
-  own.spares = spec.spares;
-  own.also = spec.also;
-  own.replacement = spec.replacement;
-  own.when_ambiguous = spec.when_ambiguous;
+  places::take_over(seat->slot.spec, spec);
   network.parts_.agenda.look_anew = true;
   network.parts_.agenda.wakes.push({Wake::Kind::look, seat->id(), network.parts_.bus.executor.now()});
   return true;
