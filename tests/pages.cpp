@@ -31,6 +31,8 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t columns = 100;
 constexpr std::size_t rows = 40;
+/// A page breaks a long line where it ends, and not where a terminal does.
+constexpr std::size_t longest_line = 1000;
 /// No figure of the product: in the virtual machine everything takes 15 to 30 times longer.
 constexpr std::chrono::minutes patience{5};
 constexpr std::chrono::milliseconds between_looks{50};
@@ -51,6 +53,12 @@ std::vector<std::string> lines_of(const std::string& text) {
   }
   while (!lines.empty() && lines.back().empty()) lines.pop_back();
   return lines;
+}
+
+std::string text_of(const std::vector<std::string>& lines) {
+  std::string all;
+  for (const auto& line : lines) all += line + "\n";
+  return all;
 }
 
 /// A shell's command on a terminal of its own.
@@ -98,7 +106,7 @@ class OnPty {
   }
   void interrupt() const { ::write(fd_, "\x03", 1); }
   [[nodiscard]] std::string screen() const {
-    Terminal terminal(columns, rows);
+    Terminal terminal(longest_line, rows);
     terminal.feed(said_);
     std::string all;
     for (const auto& row : terminal.scrolled_out()) all += row + "\n";
@@ -216,6 +224,7 @@ PageShell::PageShell() : parts_(std::make_unique<Parts>()) {
   fs::permissions(pattern + "/run", fs::perms::owner_all);
   fs::create_symlink(binary(), pattern + "/bin/berth");
   fs::create_symlink(source_dir(), pattern + "/berth");
+  fs::create_symlink(fs::path(binary()).parent_path() / "examples", pattern + "/examples");
   // Root of the virtual machine needs none, and it may not be installed.
   std::ofstream(pattern + "/bin/sudo") << "#!/bin/sh\nexec \"$@\"\n";
   fs::permissions(pattern + "/bin/sudo", fs::perms::owner_all);
@@ -254,7 +263,9 @@ PageShell::Typed PageShell::end() {
   return {status, one->screen()};
 }
 
-std::string PageShell::file(const std::string& name) const { return parts_->folder + "/" + name; }
+std::string PageShell::file(const std::string& name) const {
+  return name.starts_with("~/") ? parts_->root + name.substr(1) : parts_->folder + "/" + name;
+}
 
 namespace {
 
@@ -305,7 +316,7 @@ class Follower {
       return compared(block, block.text, contents_of(shell_.file(shown)));
     } else if (has(block, "screen")) {
       return awaited(block, block.text);
-    } else if (block.language == "console") {
+    } else if (block.language == "console" && !has(block, "not run")) {
       return typed(block);
     }
     return block.text;
@@ -319,21 +330,22 @@ class Follower {
       fail(block, *why);
       return shown;
     }
-    std::string all;
-    for (const auto& line : lines_of(screen)) all += line + "\n";
-    return all;
+    return text_of(lines_of(screen));
   }
 
+  /// As `compared`, of the terminal that stays: until it shows this. A screen that is to be written is what it shows
+  /// after a while.
   std::string awaited(const PageBlock& block, const std::string& shown) {
+    const bool empty = updates_ && shown.empty();
     const std::string part = left_out + "\n" + shown + left_out + "\n";
-    const auto until = Clock::now() + (updates_ ? std::chrono::seconds(15) : std::chrono::seconds(patience));
+    const auto until = Clock::now() + (updates_ ? std::chrono::seconds(20) : std::chrono::seconds(patience));
     std::optional<std::string> why;
     do {
       why = differs(block, part, shell_.screen());
-    } while (why && Clock::now() < until);
-    if (!why) return shown;
-    if (!updates_) fail(block, *why);
-    return updates_ && shown.find(left_out) == std::string::npos ? shell_.screen() : shown;
+    } while ((why || empty) && Clock::now() < until);
+    if (!why && !empty) return shown;
+    if (!empty) fail(block, *why);
+    return empty ? text_of(lines_of(shell_.screen())) : shown;
   }
 
   std::string typed(const PageBlock& block) {

@@ -8,6 +8,7 @@
 ///     <!-- test: screen -->         no command: the terminal that stays shows this by now
 ///     <!-- test: status 1 -->       the exit status of the commands, 0 unless told
 ///     <!-- test: times -->          durations, rates and shares differ from run to run: only their form is compared
+///     <!-- test: not run -->        nobody types this here: it builds for minutes
 ///     <!-- test: write NAME -->     the reader writes this file
 ///     <!-- test: shown NAME -->     this is in that file
 ///     <!-- test: ctrl-c -->         above no fence: the terminal that stays is ended
