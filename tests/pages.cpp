@@ -224,7 +224,7 @@ PageShell::PageShell() : parts_(std::make_unique<Parts>()) {
   fs::permissions(pattern + "/run", fs::perms::owner_all);
   fs::create_symlink(binary(), pattern + "/bin/berth");
   fs::create_symlink(source_dir(), pattern + "/berth");
-  fs::create_symlink(fs::path(binary()).parent_path() / "examples", pattern + "/examples");
+  fs::create_symlink(fs::path(binary()).parent_path() / "examples/example_device", pattern + "/bin/example_device");
   // Root of the virtual machine needs none, and it may not be installed.
   std::ofstream(pattern + "/bin/sudo") << "#!/bin/sh\nexec \"$@\"\n";
   fs::permissions(pattern + "/bin/sudo", fs::perms::owner_all);
