@@ -6,7 +6,7 @@
 ///
 ///     <!-- test: stays -->          the command goes on in a terminal of its own; the screen is waited for
 ///     <!-- test: screen -->         no command: the terminal that stays shows this by now
-///     <!-- test: status 1 -->       the exit status of the commands, 0 unless told
+///     <!-- test: status 1 -->       the exit status of the last command, 0 unless told
 ///     <!-- test: times -->          durations, rates and shares differ from run to run: only their form is compared
 ///     <!-- test: not run -->        nobody types this here: it builds for minutes
 ///     <!-- test: write NAME -->     the reader writes this file
