@@ -84,19 +84,21 @@ class OnPty {
   OnPty(const OnPty&) = delete;
   OnPty& operator=(const OnPty&) = delete;
 
-  /// Reads what there is; false after its end.
-  bool read_some() {
+  /// Reads what comes within this time; false after its end.
+  bool read_some(std::chrono::milliseconds within = between_looks) {
     pollfd one{fd_, POLLIN, 0};
-    if (::poll(&one, 1, static_cast<int>(between_looks.count())) <= 0) return true;
+    if (::poll(&one, 1, static_cast<int>(within.count())) <= 0) return true;
     std::array<char, 4096> buffer{};
     const auto n = ::read(fd_, buffer.data(), buffer.size());
     if (n <= 0) return false;
     said_.append(buffer.data(), static_cast<std::size_t>(n));
     return true;
   }
-  int wait() {
+  /// `meanwhile` is called again and again.
+  int wait(const std::function<void()>& meanwhile = {}) {
     const auto until = Clock::now() + patience;
     while (Clock::now() < until) {
+      if (meanwhile) meanwhile();
       if (read_some()) continue;
       int status = 0;
       ::waitpid(std::exchange(pid_, -1), &status, 0);
@@ -238,7 +240,10 @@ PageShell::~PageShell() {
 
 PageShell::Typed PageShell::type(const std::string& command) {
   OnPty one(parts_->script(command));
-  const int status = one.wait();
+  // Nobody writes to a terminal that is not read.
+  const int status = one.wait([this] {
+    for (const auto& other : parts_->staying) other->read_some({});
+  });
   const auto at = contents_of(parts_->root + "/cwd");
   if (!at.empty()) parts_->folder = at.substr(0, at.find('\n'));
   return {status, one.screen()};
