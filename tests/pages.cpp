@@ -29,7 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-constexpr std::size_t columns = 100;
+constexpr std::size_t columns = 120;
 constexpr std::size_t rows = 40;
 /// A page breaks a long line where it ends, and not where a terminal does.
 constexpr std::size_t longest_line = 1000;
@@ -175,6 +175,11 @@ std::string without_times(const std::string& text) {
   return std::regex_replace(std::regex_replace(text, number, "#$2$3"), spaces, " ");
 }
 
+std::string without_stamps(const std::string& text) {
+  static const std::regex stamp("\\([0-9]+\\.[0-9]+\\)");
+  return std::regex_replace(text, stamp, "(#)");
+}
+
 std::vector<PageBlock> blocks_of(const std::string& page) {
   static const std::regex mark_form("<!-- test: (.*) -->");
   std::vector<PageBlock> blocks;
@@ -308,6 +313,7 @@ class Follower {
   }
   [[nodiscard]] static std::optional<std::string> differs(const PageBlock& block, const std::string& shown,
                                                           const std::string& screen) {
+    if (has(block, "stamps")) return difference(without_stamps(shown), without_stamps(screen));
     return has(block, "times") ? difference(without_times(shown), without_times(screen)) : difference(shown, screen);
   }
 

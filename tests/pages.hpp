@@ -9,6 +9,7 @@
 ///     <!-- test: status 1 -->       the exit status of the last command, 0 unless told
 ///     <!-- test: times -->          durations, rates and shares differ from run to run: only their form is compared
 ///     <!-- test: not run -->        nobody types this here: it builds for minutes
+///     <!-- test: stamps -->         the same of the stamps of frames
 ///     <!-- test: write NAME -->     the reader writes this file
 ///     <!-- test: shown NAME -->     this is in that file
 ///     <!-- test: ctrl-c -->         above no fence: the terminal that stays is ended
@@ -26,6 +27,9 @@ namespace berth::test {
 
 /// The text with each number that has a unit of time, a rate or a share as "#", and with single spaces.
 [[nodiscard]] std::string without_times(const std::string& text);
+
+/// The text with each time stamp of a candump log as "(#)".
+[[nodiscard]] std::string without_stamps(const std::string& text);
 
 struct PageBlock {
   std::size_t line = 0;  ///< of the first line of its text, from 1; of a mark without a fence, that of the mark
