@@ -106,7 +106,9 @@ class OnPty {
     }
     return -1;
   }
-  void interrupt() const { ::write(fd_, "\x03", 1); }
+  void interrupt() const {
+    if (::write(fd_, "\x03", 1) != 1) throw std::runtime_error("the terminal takes nothing");
+  }
   [[nodiscard]] std::string screen() const {
     Terminal terminal(longest_line, rows);
     terminal.feed(said_);
