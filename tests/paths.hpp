@@ -7,6 +7,7 @@
 namespace berth::test {
 
 [[nodiscard]] std::string source_dir();  ///< the repository, no slash at its end
-[[nodiscard]] std::string binary();      ///< the command `berth` of this build
+/// The command `berth` of this build, or what BERTH_TEST_BINARY names: tools/mutants puts a mistake into one.
+[[nodiscard]] std::string binary();
 
 }  // namespace berth::test

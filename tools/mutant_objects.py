@@ -11,6 +11,7 @@ import time
 
 SHORTEST = 60      # s, before a program counts as one that hangs
 TIMES_LONGER = 10  # than without a mistake
+COMMAND = "berth"
 UNKNOWN = 900      # s, for a test that was never run without one
 
 
@@ -61,8 +62,10 @@ class Objects:
         self.environment = os.environ | {"ASAN_OPTIONS": f"{options}:detect_odr_violation=0".lstrip(":")}
         listed = subprocess.run(["ninja", "-C", str(self.build), "-t", "compdb"], capture_output=True, check=True).stdout
         self.compile_commands, self.link_commands = {}, {}
+        self.running_the_command = {f"test_{path.parent.name}" for path in (root / "tests").glob("*/*.?pp")
+                                    if "test::binary()" in path.read_text()}
         for entry in json.loads(listed):
-            if entry["output"].startswith("tests/test_"):
+            if entry["output"].startswith("tests/test_") or entry["output"] == COMMAND:
                 self.link_commands[entry["output"].removeprefix("tests/")] = entry["command"]
             elif entry["output"].endswith(".o") and "CMakeFiles/berth_" in entry["output"]:
                 self.add_sources(entry)
@@ -93,8 +96,19 @@ class Objects:
         return folder, None
 
     def link(self, folder, test):
-        """(the program, what the linker said or None)."""
+        """(the program, what the linker said or None). A test that runs the command finds it with the mistake in."""
         program = test.partition(":")[0]
+        if program in self.running_the_command:
+            _, wrong = self.link_program(folder, COMMAND)
+            if wrong:
+                return None, wrong
+        return self.link_program(folder, program)
+
+    def environment_of(self, folder, test):
+        runs = test.partition(":")[0] in self.running_the_command
+        return self.environment | ({"BERTH_TEST_BINARY": str(folder.path / COMMAND)} if runs else {})
+
+    def link_program(self, folder, program):
         path = folder.path / program
         if path.exists():
             return path, None

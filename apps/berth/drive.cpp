@@ -290,7 +290,7 @@ rt::Duration allowed(const Ending& ending, const Options& options, bool real_tim
 }  // namespace
 
 tl::expected<Ended, Failure> drive(MachineRun& run, Ending& ending, Screen& screen, const Options& options,
-                                   const std::string& control) {
+                                   const std::string& control, Service* service) {
   const bool real_time = run.loop() != nullptr;
   Interrupt& interrupt = run.interrupt();
   auto beside = serve_beside(run, screen, options, control);
@@ -298,6 +298,7 @@ tl::expected<Ended, Failure> drive(MachineRun& run, Ending& ending, Screen& scre
   run.session().on_event([&](const operate::Event& event) {
     ending.event(event);
     screen.event(event);
+    if (service != nullptr) service->event();
     if (beside->studio) beside->studio->event(event);
     if (beside->mqtt) beside->mqtt->event();
     if (beside->saves) beside->saves->event(event);
@@ -317,6 +318,7 @@ tl::expected<Ended, Failure> drive(MachineRun& run, Ending& ending, Screen& scre
     run.record().settle();
     if (beside->time) beside->time->between();
     if (beside->studio) beside->studio->look();
+    if (service != nullptr) service->look();
     if (interrupt.noticed()) {
       how = Ended::interrupted;
     } else if (ending.reached() || run.guards().dry_run_over()) {

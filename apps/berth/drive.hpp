@@ -7,6 +7,7 @@
 #include "interrupt.hpp"
 #include "machine_run.hpp"
 #include "screen.hpp"
+#include "service.hpp"
 
 namespace berth::cli {
 
@@ -49,9 +50,9 @@ class Ending {
 
 enum class Ended : std::uint8_t { reached, settled, timeout, interrupted };
 /// Runs the machine run's session. In real time it serves the control socket at `control` (empty: none), and `--until`
-/// or a signal ends it; in simulated time it also ends when it is settled.
+/// or a signal ends it; in simulated time it also ends when it is settled. `service`: hears of the run; may be null.
 [[nodiscard]] tl::expected<Ended, Failure> drive(MachineRun& run, Ending& ending, Screen& screen,
-                                                 const Options& options, const std::string& control);
+                                                 const Options& options, const std::string& control, Service* service);
 /// Runs Studio's server for a machine run whose main job does not run, until a signal comes. Prints its address and the
 /// events.
 [[nodiscard]] tl::expected<void, Failure> serve_bench(MachineRun& run, const Options& options);

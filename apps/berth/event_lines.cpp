@@ -6,6 +6,7 @@
 #include <ctime>
 
 #include "berth/base/words.hpp"
+#include "log_level.hpp"
 
 namespace berth::cli {
 namespace {
@@ -39,7 +40,10 @@ void EventLines::complete(std::vector<std::string>& into) {
   if (!waiting_) return;
   operate::Event event = *waiting_;
   event.slot = some_of(slots_, 4);
-  into.push_back((wall_clock_ ? time_of_day() : "") + operate::to_line(event));
+  std::string head;
+  if (head_ == Head::time_of_day) head = time_of_day();
+  if (head_ == Head::level) head = prefix_of(level_of(event));
+  into.push_back(head + operate::to_line(event));
   waiting_.reset();
   slots_.clear();
 }

@@ -1,6 +1,7 @@
-/// A run's events as lines for users.
+/// A run's events as lines for users and logs.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -13,8 +14,13 @@ namespace berth::cli {
 /// complete when the next instant begins or the message differs; until then it is held back.
 class EventLines {
  public:
-  /// `wall_clock`: print the time of day before the bus's time.
-  explicit EventLines(bool wall_clock) noexcept : wall_clock_(wall_clock) {}
+  /// What begins a line.
+  enum class Head : std::uint8_t {
+    bus_time,
+    time_of_day,  ///< before the bus's time
+    level,        ///< before the bus's time, as sd-daemon(3) has it; a journal has the time of day of its own
+  };
+  explicit EventLines(Head head) noexcept : head_(head) {}
 
   /// The lines that this event completes.
   [[nodiscard]] std::vector<std::string> add(const operate::Event& event);
@@ -25,7 +31,7 @@ class EventLines {
   [[nodiscard]] bool joins(const operate::Event& event) const;
   void complete(std::vector<std::string>& into);
 
-  bool wall_clock_;
+  Head head_;
   std::optional<operate::Event> waiting_;
   std::vector<std::string> slots_;  // of `waiting_`
 };

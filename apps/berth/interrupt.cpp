@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <utility>
 
 #include "output.hpp"
 
@@ -17,6 +18,9 @@ namespace {
 
 // The signals by which a user, a supervisor or a closing terminal ends a program.
 constexpr std::array<int, 3> ending{SIGINT, SIGTERM, SIGHUP};
+
+// `Interrupt::reload_by`; only one `Interrupt` exists at a time.
+bool hangup_reloads = false;
 
 sigset_t ending_signals() noexcept {
   sigset_t set;
@@ -40,12 +44,26 @@ Interrupt::~Interrupt() {
   while (::read(fd_, &info, sizeof info) == static_cast<ssize_t>(sizeof info)) continue;
   if (loop_ != nullptr) loop_->forget(fd_);
   if (fd_ >= 0) ::close(fd_);
+  hangup_reloads = false;
   ::sigprocmask(SIG_SETMASK, &before_, nullptr);
 }
 
-bool Interrupt::came() noexcept {
+void Interrupt::reload_by(std::function<void()> reload) {
+  reload_ = std::move(reload);
+  hangup_reloads = static_cast<bool>(reload_);
+}
+
+// True: a signal that ends the command.
+bool Interrupt::take_signal() noexcept {
   signalfd_siginfo info{};
-  came_ = came_ || run_must_end() || ::read(fd_, &info, sizeof info) == static_cast<ssize_t>(sizeof info);
+  if (::read(fd_, &info, sizeof info) != static_cast<ssize_t>(sizeof info)) return false;
+  const bool reloads = info.ssi_signo == SIGHUP && reload_;
+  if (reloads) reload_();
+  return !reloads;
+}
+
+bool Interrupt::came() noexcept {
+  came_ = came_ || run_must_end() || take_signal();
   return came_;
 }
 
@@ -71,7 +89,10 @@ void wait_for(rt::Driver& driver, Interrupt& interrupt, rt::Duration time) {
 bool is_ending() noexcept {
   sigset_t waiting;
   ::sigpending(&waiting);
-  const bool ends = std::ranges::any_of(ending, [&](int s) { return ::sigismember(&waiting, s) == 1; });
+  const bool ends = std::ranges::any_of(ending, [&](int s) {
+    const bool reloads = s == SIGHUP && hangup_reloads;
+    return !reloads && ::sigismember(&waiting, s) == 1;
+  });
   return ends || run_must_end();
 }
 

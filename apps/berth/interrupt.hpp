@@ -29,12 +29,17 @@ class Interrupt final : private io::Watcher {
   [[nodiscard]] int descriptor() const noexcept { return fd_; }
   /// True once a signal came.
   [[nodiscard]] bool came() noexcept;
+  /// SIGHUP no longer ends the command: it calls `reload`, in the loop; empty: it ends it again. A service manager asks
+  /// so for a new reading of files (systemd.service(5), ExecReload).
+  void reload_by(std::function<void()> reload);
   /// The same, slightly later if that saves a system call: may be asked after each instant.
   [[nodiscard]] bool noticed() noexcept;
 
  private:
   void ready(std::uint32_t events) noexcept override;
+  [[nodiscard]] bool take_signal() noexcept;
   io::Loop* loop_;
+  std::function<void()> reload_;
   sigset_t before_{};
   int fd_ = -1;
   unsigned asked_ = 0;

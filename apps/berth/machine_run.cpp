@@ -250,6 +250,24 @@ design::OnExit wish_of(const design::Bus& bus, const Options& options) {
 
 }  // namespace
 
+std::vector<std::string> MachineRun::take_over(const design::Machine& machine) {
+  std::vector<std::string> left;
+  for (auto& slot : machine_.slots) {
+    const design::Slot* const now = machine.slot(slot.spec.name.bus, slot.spec.id);
+    if (now == nullptr || now->spec.name.name != slot.spec.name.name) continue;
+    operate::Network* const network = session_->network(slot.spec.name.bus);
+    if (network == nullptr || !network->take_over(now->spec)) {
+      left.push_back(slot.spec.name.name);
+      continue;
+    }
+    slot.spec.spares = now->spec.spares;
+    slot.spec.also = now->spec.also;
+    slot.spec.replacement = now->spec.replacement;
+    slot.spec.when_ambiguous = now->spec.when_ambiguous;
+  }
+  return left;
+}
+
 void MachineRun::leave(const Options& options) {
   bool any = false;
   for (const auto& bus : machine_.buses) {

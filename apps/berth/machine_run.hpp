@@ -80,6 +80,9 @@ class MachineRun {
   void milestone(operate::Milestone milestone);
   /// The user's confirmation is needed, or --yes gave it: the first start of a machine with real devices.
   [[nodiscard]] bool first_start();
+  /// The slots of `machine` that this run has too decide by its specifications (`operate::Network::take_over`). Slots
+  /// beneath a gateway stay as they are; returns their names.
+  std::vector<std::string> take_over(const design::Machine& machine);
   /// Ends the session as the machine file, or --on-exit, says: its NMT command is sent before this returns.
   void leave(const Options& options);
 

@@ -94,6 +94,12 @@ struct EventOptions {
   bool lines = false;  ///< --json: each as a line as it happens
 };
 
+/// `berth up` under a service manager.
+struct ServiceOptions {
+  std::string ready;      ///< "", "operational", "started"
+  std::string log_level;  ///< empty: every event is printed
+};
+
 struct Options {
   bool json = false;
   bool dry_run = false;
@@ -113,6 +119,7 @@ struct Options {
   std::optional<std::chrono::nanoseconds> timeout;
   std::string until;  ///< "", "operational", "replaced"
   EventOptions events;
+  ServiceOptions service;
   SingleOptions single;
   int real_time = 0;  ///< SCHED_FIFO priority; 0: none
 };

@@ -14,6 +14,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "berth/io/service_manager.hpp"
 #include "berth/text/printable.hpp"
 #include "options.hpp"
 
@@ -152,7 +153,16 @@ ErrorLines::~ErrorLines() { error_lines = {}; }
 
 void print_progress(const std::string& line) { write_errors(text::one_line(line)); }
 
-void print_errors(const std::string& message) { write_errors("berth: " + text::printable(message)); }
+// A journal gets the level with each line (sd-daemon(3)).
+void print_errors(const std::string& message) {
+  static const bool journal = io::is_journal(STDERR_FILENO);
+  const std::string lines = "berth: " + text::printable(message);
+  if (!journal) return write_errors(lines);
+  std::istringstream each(lines);
+  std::string levelled;
+  for (std::string line; std::getline(each, line);) levelled += (levelled.empty() ? "<3>" : "\n<3>") + line;
+  write_errors(levelled);
+}
 
 namespace {
 

@@ -26,7 +26,7 @@ BoardSize room_in(BoardSize terminal) noexcept {
 }  // namespace
 
 Screen::Screen(tree::Session& session, ScreenOptions options)
-    : session_(&session), options_(std::move(options)), events_(options_.wall_clock) {
+    : session_(&session), options_(std::move(options)), events_(options_.head) {
   for (const auto& slot : session.machine().slots) {
     if (slot.spec.optional) optional_.insert({slot.spec.name.bus, slot.spec.id});
   }
@@ -46,11 +46,13 @@ void Screen::listen(io::Loop& loop, std::function<void(const std::string&)> line
 
 void Screen::line(const std::string& text) {
   put(events_.rest());
-  put({text});
+  const bool levels = options_.head == EventLines::Head::level;
+  put({(levels ? prefix_of(LogLevel::notice) : "") + text});
 }
 
 void Screen::event(const operate::Event& event) {
   dirty_ = true;
+  if (level_of(event) > options_.level) return;
   if (options_.events) print_line(operate::to_json(event));
   if (options_.quiet) return;
   put(events_.add(event));

@@ -14,16 +14,18 @@
 #include "board.hpp"
 #include "event_lines.hpp"
 #include "keyboard.hpp"
+#include "log_level.hpp"
 #include "output.hpp"
 #include "redraw.hpp"
 
 namespace berth::cli {
 
 struct ScreenOptions {
-  bool live = false;        ///< draws the table; needs `can_draw`
-  bool quiet = false;       ///< prints nothing
-  bool events = false;      ///< even if quiet: every event as a line of JSON
-  bool wall_clock = false;  ///< events also have the time of day: the buses are real
+  bool live = false;    ///< draws the table; needs `can_draw`
+  bool quiet = false;   ///< prints nothing
+  bool events = false;  ///< even if quiet: every event as a line of JSON
+  EventLines::Head head = EventLines::Head::bus_time;
+  LogLevel level = LogLevel::debug;  ///< less urgent events are not printed
   /// Text after an event that is seen for the first time; empty: none.
   std::function<std::string(const operate::Event&)> comment{};
 };

@@ -89,7 +89,7 @@ tl::expected<void, Failure> prepare_rig(MachineRun& run, const Options& options)
   if (run.loop() != nullptr) up.timeout = options.timeout.value_or(5min);
   Screen screen(run.session(), {.quiet = true});
   Ending ending(run, "operational");
-  const auto ended = drive(run, ending, screen, up, {});
+  const auto ended = drive(run, ending, screen, up, {}, nullptr);
   if (!ended) return tl::unexpected(ended.error());
   return {};
 }

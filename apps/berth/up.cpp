@@ -2,6 +2,7 @@
 #include "up.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -18,6 +19,7 @@
 #include "mqtt_host.hpp"
 #include "ports.hpp"
 #include "second_word.hpp"
+#include "service.hpp"
 #include "studio_host.hpp"
 #include "verbs.hpp"
 
@@ -102,6 +104,12 @@ void print_outcome(MachineRun& run, const Options& options, const std::vector<Re
   }
 }
 
+// A journal gets the level of each line, and has the time of day itself.
+EventLines::Head head_of(MachineRun& run, const Options& options) {
+  if (!options.json && io::is_journal(STDOUT_FILENO)) return EventLines::Head::level;
+  return run.guards().empty() ? EventLines::Head::bus_time : EventLines::Head::time_of_day;
+}
+
 }  // namespace
 
 int bring_up(const Options& wanted, const Sources& sources, const Story& story) {
@@ -114,6 +122,7 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
   const bool studio = options.offers.studio.offered();
   const bool watched = on_terminal() && !options.json && !options.dry_run;
   options.sim.pace = (options.sim.pace || watched || studio) && !options.sim.fast && !options.dry_run;
+  const auto start = Reload::text_of(sources.machine_name);
   auto made = MachineRun::make(options, sources);
   if (!made) return tell(made.error(), options.json);
   MachineRun& run = **made;
@@ -124,11 +133,14 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
   Screen screen(run.session(), {.live = live,
                                 .quiet = options.json || options.dry_run || options.events.none,
                                 .events = options.events.lines && !options.dry_run,
-                                .wall_clock = !run.guards().empty(),
+                                .head = head_of(run, options),
+                                .level = log_level(options.service.log_level),
                                 .comment = story.comment});
   for (const auto& line : story.begin) screen.line(line);
   Ending ending(run, options.until);
-  const auto ended = drive(run, ending, screen, options, control_of(run, options));
+  const auto say = [&screen](const std::string& line) { screen.line(line); };
+  const auto service = sources.machine_text.empty() ? Service::start(run, options, start, say) : nullptr;
+  const auto ended = drive(run, ending, screen, options, control_of(run, options), service.get());
   if (!ended) return tell(ended.error(), options.json);
   const bool good =
       run.session().operational() && (*ended != Ended::settled || options.until != "replaced" || ending.reached());
@@ -141,7 +153,8 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
   if (run.record().finish(Exit::done) != Exit::done) return Exit::failed;
   const bool tells = !options.json && !options.dry_run;
   if (tells) print_lines(story.end);
-  if (good) return Exit::done;
+  const bool asked_to_end = service != nullptr && *ended == Ended::interrupted;  // the manager stopped it
+  if (good || asked_to_end) return Exit::done;
   if (!options.json && !output_broken()) {
     tell(run.session().operational() ? failure(Exit::no, "no device was replaced")
                                      : not_operational(run.session(), *ended),
@@ -268,6 +281,21 @@ Word drive_words(const Verb& verb, Options& options) {
   return fast;
 }
 
+namespace {
+
+void service_words(const Verb& up, Options& options) {
+  up.word("--ready", options.service.ready,
+          "when a service manager hears that the service is ready: operational (default: every slot that is not "
+          "optional) or started")
+      .one_of(std::vector<std::string>{"operational", "started"});
+  up.word("--log-level", options.service.log_level,
+          "prints events up to this level: error, warning, notice, info or debug (default: all)")
+      .one_of(std::vector<std::string>(log_levels.begin(), log_levels.end()))
+      .shown("LEVEL");
+}
+
+}  // namespace
+
 void add_up(Verb& berth, Options& options) {
   const Verb up = berth.add("up", "bring a machine up and keep it running", [&options] { return run_up(options); });
   machine_words(up, options);
@@ -284,6 +312,7 @@ void add_up(Verb& berth, Options& options) {
           "among several masters of a bus: 0 high to 2 low (default: as the machine file)")
       .from_to(0, 2);
   beside_master_flag(up, options);
+  service_words(up, options);
   colour_word(up);
   real_time_word(up, options);
   up.footer(

@@ -150,6 +150,19 @@ void Network::try_again(NodeId slot) {
   parts_.agenda.wakes.push({Wake::Kind::look, slot, parts_.bus.executor.now()});
 }
 
+bool Network::take_over(const places::SlotSpec& spec) {
+  Seat* const seat = parts_.slots.named(spec.name.name);
+  if (seat == nullptr) return false;
+  places::SlotSpec& own = seat->slot.spec;
+  own.spares = spec.spares;
+  own.also = spec.also;
+  own.replacement = spec.replacement;
+  own.when_ambiguous = spec.when_ambiguous;
+  parts_.agenda.look_anew = true;
+  parts_.agenda.wakes.push({Wake::Kind::look, seat->id(), parts_.bus.executor.now()});
+  return true;
+}
+
 std::vector<Network::Occupancy> Network::occupancy() const {
   std::vector<Occupancy> slots;
   for (const auto& seat : parts_.slots.seats()) slots.push_back({seat->state(), seat->slot.record.device()});

@@ -86,6 +86,10 @@ class Network final : private PortHealth::Owner {
 
   /// The obstacle to starting this slot's device is gone: it is tried again.
   void try_again(NodeId slot);
+  /// From now on `spec` decides about the slot's spares, further types, replacement and ambiguity (`SlotSpec::spares`,
+  /// `also`, `replacement`, `when_ambiguous`); what else it says is ignored. The devices that wait are looked at anew.
+  /// False: no slot of this name.
+  bool take_over(const places::SlotSpec& spec);
 
   /// Silences the master's own device until the main job, if it runs, has looked around anew (network_bitrate.hpp).
   void fall_silent() noexcept { port_.fall_silent(); }

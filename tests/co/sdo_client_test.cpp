@@ -431,6 +431,23 @@ TEST_F(Client, S15_AnswersDoNotProlongAnOldSilence) {
   EXPECT_EQ(client.late(node), 0U);
 }
 
+// Nor does a new silence revive it: one answer may be late, not two.
+TEST_F(Client, S15_ANewSilenceDoesNotReviveAnOldOne) {
+  client.set_late_window(100ms);
+  const co::SdoOptions impatient = gives_up_soon(0);
+  for (const auto pause : {0ms, 0ms, 200ms}) {
+    run(pause);
+    auto silent = client.read<std::uint32_t>(node, 0x1000, 0, impatient);
+    EXPECT_EQ(await(*this, silent).error().code, Errc::timeout);
+  }
+  for (int i = 0; i < 2; ++i) {
+    server.send("585#4300100033333333");
+    run(1ms);
+  }
+  EXPECT_EQ(client.late(node), 1U);
+  EXPECT_EQ(client.surplus(node), 1U);
+}
+
 // Nobody was there when it was asked first: the device that boots then has nothing late to say.
 TEST_F(Client, S15_ASilenceBeforeABootUpExcusesNoSecondAnswer) {
   const co::SdoOptions impatient = gives_up_soon(1);
