@@ -18,6 +18,8 @@ command -v "${CHROMIUM:-chromium}" >/dev/null || browser_packages+=(chromium)
 peer_packages=(tshark can-utils python3-can python3-canmatrix "${page_packages[@]}")
 # A broker, for the tests of MQTT; they start and end it themselves.
 mqtt_packages=(mosquitto)
+# The site of docs/: MkDocs with its theme, and the reference of the headers.
+docs_packages=(mkdocs-material doxygen python3)
 bench_packages=(libbenchmark-dev valgrind "${mqtt_packages[@]}")
 clang_packages=(clang-16 libclang-rt-16-dev)
 lint_packages=(clang-format-16 clang-tidy-16)

@@ -5,7 +5,7 @@
 
 namespace berth {
 
-/// Absolute, without links, `.` and `..`, as far as the path exists; the rest as written. Empty: the system reports an
+/// Absolute, without links and dots, as far as the path exists; the rest as written. Empty: the system reports an
 /// error.
 [[nodiscard]] std::filesystem::path real_path(const std::filesystem::path& path);
 

@@ -32,8 +32,8 @@ struct Configuration {
 /// for a value that is invalid for its type or that a file cannot contain; both with the object.
 [[nodiscard]] Result<std::string> make_dcf(const File& eds, const Configuration& configuration);
 
-/// True for a plain file name beside the DCF, which leads nowhere else on any system: no `/`, `\`, `:`, control
-/// characters, `.` or `..`, not empty.
+/// True for a plain file name beside the DCF, which leads nowhere else on any system: no slash, backslash, colon or
+/// control characters, not a dot or two, not empty.
 [[nodiscard]] bool plain_file_name(std::string_view name) noexcept;
 
 /// The content of a `DownloadFile` (or an `UploadFile`) beside `dcf`. Errors: `Errc::invalid` for a name that leads

@@ -1,7 +1,7 @@
 /// A running machine as an edge node of Sparkplug B at an MQTT broker: the machine is the node, each slot a device
 /// (docs/fleet.md).
 ///
-///     auto fleet = fleet::Fleet::start(session, carry, clock, random, {.version = "0.1.0"});
+///     auto fleet = fleet::Fleet::start(session, carry, clock, random, {.version = "0.2.0"});
 ///     session.on_event([&](const auto&) { fleet->event(); });
 ///     ...                                                       // the executor runs; `frame` for each frame
 ///     fleet.reset();                                            // NDEATH, disconnect

@@ -28,7 +28,8 @@ struct Endpoint {
 [[nodiscard]] std::string to_string(const Endpoint& endpoint);
 
 /// True if only programs of this computer can reach a server there: all addresses of the host are loopback
-/// (127.0.0.0/8, ::1, ::ffff:127.0.0.0/104). 0.0.0.0 and :: are not. The error says in words why the host is invalid.
+/// (127.0.0.0/8, also mapped into IPv6; `::1`). 0.0.0.0 and `::` are not. The error says in words why the host is
+/// invalid.
 [[nodiscard]] tl::expected<bool, std::string> is_loopback(const Endpoint& endpoint);
 
 /// A listening, non-blocking socket; its owner closes it. Port 0: the system chooses a free one (`local_endpoint`).

@@ -174,7 +174,7 @@ TEST_F(Install, NothingOfThisBuildLeaks) {
 TEST_F(Install, TheProgramRuns) {
   const auto ran = run((folder / "prefix" / "bin" / "berth").string() + " --version");
   EXPECT_EQ(ran.status, 0) << ran.out;
-  EXPECT_NE(ran.out.find("0.1.0"), std::string::npos) << ran.out;
+  EXPECT_NE(ran.out.find("0.2.0"), std::string::npos) << ran.out;
 }
 
 }  // namespace
