@@ -18,6 +18,8 @@ command -v "${CHROMIUM:-chromium}" >/dev/null || browser_packages+=(chromium)
 peer_packages=(tshark can-utils python3-can python3-canmatrix "${page_packages[@]}")
 # A broker, for the tests of MQTT; they start and end it themselves.
 mqtt_packages=(mosquitto)
+# Readers of the page of metrics, for its tests: promtool, and the client library.
+metrics_packages=(prometheus python3-prometheus-client)
 bench_packages=(libbenchmark-dev valgrind "${mqtt_packages[@]}")
 clang_packages=(clang-16 libclang-rt-16-dev)
 lint_packages=(clang-format-16 clang-tidy-16)

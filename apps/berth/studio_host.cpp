@@ -25,9 +25,10 @@ namespace berth::cli {
 std::optional<Failure> studio_refused(const Options& options) {
   const StudioOptions& offer = options.offers.studio;
   if (!offer.offered() && offer.has_doors())
-    return failure(Exit::usage,
-                   "--studio-role, --studio-tokens, --studio-certificate, --studio-key and --studio-open-metrics are for "
-                   "--studio: write that, too");
+    return failure(
+        Exit::usage,
+        "--studio-role, --studio-tokens, --studio-certificate, --studio-key and --studio-open-metrics are for "
+        "--studio: write that, too");
   if (offer.certificate.empty() != offer.key.empty())
     return failure(Exit::usage,
                    "a certificate and its key belong together: --studio-certificate FILE --studio-key FILE "

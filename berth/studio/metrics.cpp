@@ -51,11 +51,32 @@ constexpr Metric slot_mismatches{"berth_slot_configuration_mismatches_total", co
 constexpr Metric slot_differs{"berth_slot_configuration_differs", gauge,
                               "1: values of the device are not as wanted, and Berth has not corrected them."};
 
-constexpr std::array all{build,          machine,         start,         age,              latency,       bus_state,
-                         bus_load,       bus_busy,        bus_frames,    bus_errors,       bus_lost,      bus_offs,
-                         bus_tec,        bus_rec,         bus_aborts,    slots_by_state,   slot_info,     slot_state,
-                         slot_operational, slot_required, slot_heartbeats, slot_emergencies, slot_restarts,
-                         slot_aborts,    slot_mismatches, slot_differs};
+constexpr std::array all{build,
+                         machine,
+                         start,
+                         age,
+                         latency,
+                         bus_state,
+                         bus_load,
+                         bus_busy,
+                         bus_frames,
+                         bus_errors,
+                         bus_lost,
+                         bus_offs,
+                         bus_tec,
+                         bus_rec,
+                         bus_aborts,
+                         slots_by_state,
+                         slot_info,
+                         slot_state,
+                         slot_operational,
+                         slot_required,
+                         slot_heartbeats,
+                         slot_emergencies,
+                         slot_restarts,
+                         slot_aborts,
+                         slot_mismatches,
+                         slot_differs};
 
 constexpr auto last_state = places::SlotState::wrong_type;
 
@@ -190,11 +211,9 @@ void write_slots(Writer& out, const Figures& figures, std::span<const Traffic> t
   };
   out.head(slot_info);
   for (const auto& slot : figures.slots)
-    out.sample(slot_info.name,
-               {{"bus", figures.buses[slot.bus].name},
-                {"slot", slot.name},
-                {"node_id", fmt::to_string(slot.id.value())}},
-               1);
+    out.sample(
+        slot_info.name,
+        {{"bus", figures.buses[slot.bus].name}, {"slot", slot.name}, {"node_id", fmt::to_string(slot.id.value())}}, 1);
   out.head(slot_state);
   for (const auto& slot : figures.slots)
     out.sample(slot_state.name,
@@ -240,7 +259,7 @@ void Traffic::add(const can::Frame& frame, unsigned bits, std::uint32_t bit_rate
 
 Exposition exposition_for(std::string_view accept) noexcept {
   return accept.find("application/openmetrics-text") == std::string_view::npos ? Exposition::prometheus
-                                                                                : Exposition::open_metrics;
+                                                                               : Exposition::open_metrics;
 }
 
 std::string_view content_type(Exposition exposition) noexcept {

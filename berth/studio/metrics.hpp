@@ -1,4 +1,5 @@
-/// The page of `GET /metrics`, for Prometheus and all that reads its text (docs/metrics.md): figures in, text out. Pure.
+/// The page of `GET /metrics`, for Prometheus and all that reads its text (docs/metrics.md): figures in, text out.
+/// Pure.
 ///
 ///     const auto text = metrics_page(about, figures, traffic, Exposition::prometheus);
 #pragma once
@@ -80,9 +81,9 @@ struct Figures {
 /// What the frames of one bus tell.
 struct Traffic {
   std::uint64_t frames = 0;
-  double busy_s = 0;                           ///< time that they took on the wire
-  double load = 0;                             ///< of the last second, 0 to 1
-  std::array<std::uint32_t, 128> sdo_aborts{}; ///< by the node-ID of the server
+  double busy_s = 0;                            ///< time that they took on the wire
+  double load = 0;                              ///< of the last second, 0 to 1
+  std::array<std::uint32_t, 128> sdo_aborts{};  ///< by the node-ID of the server
   /// A frame came. `bits`: its length; `bit_rate`: the bus's.
   void add(const can::Frame& frame, unsigned bits, std::uint32_t bit_rate) noexcept;
 };

@@ -38,7 +38,7 @@ class Mirror {
   /// JSON: the positions of the signals in the machine's messages.
   [[nodiscard]] const std::string& signals() const noexcept { return signals_; }
   [[nodiscard]] const Pace& pace() const noexcept { return pace_; }
-  /// Of the page of metrics, what the machine knows.
+  /// The part of the page of metrics that the machine knows.
   [[nodiscard]] About about() const {
     return {.version = has_.version, .machine = machine_, .simulated = has_.simulated};
   }

@@ -38,10 +38,8 @@ Figures Stock::take(const std::vector<operate::SlotReport>& slots) const {
   for (const auto& slot : slots) {
     const auto at = std::ranges::find(buses_, std::string_view(slot.bus));
     if (at == buses_.end()) continue;
-    SlotFigures line{.bus = static_cast<std::size_t>(at - buses_.begin()),
-                     .id = slot.id,
-                     .name = slot.name,
-                     .state = slot.state};
+    SlotFigures line{
+        .bus = static_cast<std::size_t>(at - buses_.begin()), .id = slot.id, .name = slot.name, .state = slot.state};
     const auto known = optional_.find({std::string_view(slot.bus), slot.id.value()});
     line.required = known == optional_.end() || !known->second;
     if (const auto* const told = statistics[line.bus]) {

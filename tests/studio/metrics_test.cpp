@@ -200,7 +200,7 @@ RC_GTEST_PROP(StudioMetrics, AnyNamesGiveAPageThatIsRead, ()) {
 
 // ---- what others make of it ----
 
-/// Runs a command of the shell with this text as its input; its output, or empty if the exit status is not 0.
+/// Runs a command of the shell with this text as its input; returns its exit status.
 int fed(const std::string& command, const std::string& text) {
   const std::string file = fmt::format("{}/metrics_{}.txt", ::testing::TempDir(), ::getpid());
   std::ofstream(file) << text;
@@ -236,7 +236,8 @@ TEST(StudioMetrics, PrometheusClientReadsBothForms) {
   for (const auto form : {Exposition::prometheus, Exposition::open_metrics}) {
     const auto text = metrics_page(about(), odd, traffic(), form);
     const char* const name = form == Exposition::open_metrics ? "open" : "text";
-    EXPECT_EQ(fed(fmt::format("PATH=/usr/bin:$PATH python3 '{}' {} {}", script, name, metrics().size()), text), 0) << text;
+    EXPECT_EQ(fed(fmt::format("PATH=/usr/bin:$PATH python3 '{}' {} {}", script, name, metrics().size()), text), 0)
+        << text;
   }
 }
 
@@ -293,6 +294,19 @@ TEST(StudioMetrics, TheDashboardAsksOnlyForWhatThePageHas) {
     }
   }
   EXPECT_GT(asked.size(), 10U);
+  // Prometheus reads each query.
+  if (has("command -v promtool")) {
+    std::string rules = "groups:\n- name: q\n  rules:\n";
+    for (const auto& query : queries) {
+      if (query.starts_with("label_values") || query == "prometheus") continue;
+      rules += fmt::format("  - record: q:{}\n    expr: {}\n", rules.size(),
+                           nlohmann::json(std::regex_replace(query, std::regex(R"(\$__rate_interval)"), "1m")).dump());
+    }
+    const std::string file = fmt::format("{}/queries_{}.yml", ::testing::TempDir(), ::getpid());
+    std::ofstream(file) << rules;
+    EXPECT_EQ(fed(fmt::format("promtool check rules '{}'", file), ""), 0);
+    std::remove(file.c_str());
+  }
   std::set<int> ids;
   for (const auto& panel : board.at("panels")) EXPECT_TRUE(ids.insert(panel.at("id").get<int>()).second);
 }
