@@ -12,6 +12,8 @@
 namespace berth::studio {
 namespace {
 
+namespace metric {
+
 constexpr std::string_view counter = "counter", gauge = "gauge", histogram = "histogram";
 
 constexpr Metric build{"berth_build_info", gauge, "Always 1; the version is in the label."};
@@ -78,6 +80,8 @@ constexpr std::array all{build,
                          slot_mismatches,
                          slot_differs};
 
+}  // namespace metric
+
 constexpr auto last_state = places::SlotState::wrong_type;
 
 using Labels = std::initializer_list<std::pair<std::string_view, std::string_view>>;
@@ -90,7 +94,7 @@ class Writer {
   void head(const Metric& metric) {
     constexpr std::string_view total = "_total";
     std::string_view name = metric.name;
-    if (open_ && metric.type == counter) name.remove_suffix(total.size());
+    if (open_ && metric.type == metric::counter) name.remove_suffix(total.size());
     fmt::format_to(end(), "# HELP {} {}\n# TYPE {} {}\n", name, metric.help, name, metric.type);
   }
   template <class Number>
@@ -125,24 +129,24 @@ class Writer {
 };
 
 void write_about(Writer& out, const About& about) {
-  out.head(build);
-  out.sample(build.name, {{"version", about.version}}, 1);
-  out.head(machine);
-  out.sample(machine.name, {{"machine", about.machine}, {"simulated", about.simulated ? "true" : "false"}}, 1);
-  out.head(start);
-  out.sample(start.name, {}, about.start_s);
-  out.head(age);
-  if (about.age_s) out.sample(age.name, {}, *about.age_s);
+  out.head(metric::build);
+  out.sample(metric::build.name, {{"version", about.version}}, 1);
+  out.head(metric::machine);
+  out.sample(metric::machine.name, {{"machine", about.machine}, {"simulated", about.simulated ? "true" : "false"}}, 1);
+  out.head(metric::start);
+  out.sample(metric::start.name, {}, about.start_s);
+  out.head(metric::age);
+  if (about.age_s) out.sample(metric::age.name, {}, *about.age_s);
 }
 
 void write_lateness(Writer& out, const Lateness& lateness) {
-  const std::string bucket = fmt::format("{}_bucket", latency.name);
-  out.head(latency);
+  const std::string bucket = fmt::format("{}_bucket", metric::latency.name);
+  out.head(metric::latency);
   for (std::size_t i = 0; i < Lateness::limits.size(); ++i)
     out.sample(bucket, {{"le", fmt::format("{}", Lateness::limits[i])}}, lateness.within(i));
   out.sample(bucket, {{"le", "+Inf"}}, lateness.count());
-  out.sample(fmt::format("{}_sum", latency.name), {}, lateness.sum());
-  out.sample(fmt::format("{}_count", latency.name), {}, lateness.count());
+  out.sample(fmt::format("{}_sum", metric::latency.name), {}, lateness.sum());
+  out.sample(fmt::format("{}_count", metric::latency.name), {}, lateness.count());
 }
 
 /// Each bus that has a port, and what its frames tell.
@@ -166,22 +170,22 @@ void write_error_counter(Writer& out, const Metric& metric, const Figures& figur
 }
 
 void write_buses(Writer& out, const Figures& figures, std::span<const Traffic> traffic) {
-  out.head(bus_state);
+  out.head(metric::bus_state);
   for (const auto& bus : figures.buses) {
     if (!bus.has_port || bus.state.empty()) continue;
     for (const auto state : port_states)
-      out.sample(bus_state.name, {{"bus", bus.name}, {"state", state}}, state == bus.state ? 1 : 0);
+      out.sample(metric::bus_state.name, {{"bus", bus.name}, {"state", state}}, state == bus.state ? 1 : 0);
   }
   const auto ports = [&](const Metric& metric, auto value) { write_ports(out, metric, figures, traffic, value); };
-  ports(bus_load, [](const auto&, const auto& frames) { return frames.load; });
-  ports(bus_busy, [](const auto&, const auto& frames) { return frames.busy_s; });
-  ports(bus_frames, [](const auto&, const auto& frames) { return frames.frames; });
-  ports(bus_errors, [](const auto& bus, const auto&) { return bus.errors; });
-  ports(bus_lost, [](const auto& bus, const auto&) { return bus.lost; });
-  ports(bus_offs, [](const auto& bus, const auto&) { return bus.bus_offs; });
-  write_error_counter(out, bus_tec, figures, &BusFigures::tec);
-  write_error_counter(out, bus_rec, figures, &BusFigures::rec);
-  ports(bus_aborts, [](const auto&, const auto& frames) {
+  ports(metric::bus_load, [](const auto&, const auto& frames) { return frames.load; });
+  ports(metric::bus_busy, [](const auto&, const auto& frames) { return frames.busy_s; });
+  ports(metric::bus_frames, [](const auto&, const auto& frames) { return frames.frames; });
+  ports(metric::bus_errors, [](const auto& bus, const auto&) { return bus.errors; });
+  ports(metric::bus_lost, [](const auto& bus, const auto&) { return bus.lost; });
+  ports(metric::bus_offs, [](const auto& bus, const auto&) { return bus.bus_offs; });
+  write_error_counter(out, metric::bus_tec, figures, &BusFigures::tec);
+  write_error_counter(out, metric::bus_rec, figures, &BusFigures::rec);
+  ports(metric::bus_aborts, [](const auto&, const auto& frames) {
     std::uint64_t sum = 0;
     for (const auto each : frames.sdo_aborts) sum += each;
     return sum;
@@ -191,10 +195,10 @@ void write_buses(Writer& out, const Figures& figures, std::span<const Traffic> t
 void write_slots_by_state(Writer& out, const Figures& figures) {
   std::vector<std::array<std::uint64_t, static_cast<std::size_t>(last_state) + 1>> counts(figures.buses.size());
   for (const auto& slot : figures.slots) ++counts[slot.bus][static_cast<std::size_t>(slot.state)];
-  out.head(slots_by_state);
+  out.head(metric::slots_by_state);
   for (std::size_t bus = 0; bus < counts.size(); ++bus) {
     for (std::size_t state = 0; state < counts[bus].size(); ++state) {
-      out.sample(slots_by_state.name,
+      out.sample(metric::slots_by_state.name,
                  {{"bus", figures.buses[bus].name}, {"state", name(static_cast<places::SlotState>(state))}},
                  counts[bus][state]);
     }
@@ -209,30 +213,31 @@ void write_slots(Writer& out, const Figures& figures, std::span<const Traffic> t
       if (bus.has_port || !with_port) out.sample(metric.name, {{"bus", bus.name}, {"slot", slot.name}}, value(slot));
     }
   };
-  out.head(slot_info);
+  out.head(metric::slot_info);
   for (const auto& slot : figures.slots)
     out.sample(
-        slot_info.name,
+        metric::slot_info.name,
         {{"bus", figures.buses[slot.bus].name}, {"slot", slot.name}, {"node_id", fmt::to_string(slot.id.value())}}, 1);
-  out.head(slot_state);
+  out.head(metric::slot_state);
   for (const auto& slot : figures.slots)
-    out.sample(slot_state.name,
+    out.sample(metric::slot_state.name,
                {{"bus", figures.buses[slot.bus].name}, {"slot", slot.name}, {"state", name(slot.state)}}, 1);
-  each(slot_operational, false, [](const auto& slot) { return slot.state == places::SlotState::operational ? 1 : 0; });
-  each(slot_required, false, [](const auto& slot) { return slot.required ? 1 : 0; });
-  each(slot_heartbeats, true, [](const auto& slot) { return slot.heartbeats_lost; });
-  each(slot_emergencies, true, [](const auto& slot) { return slot.emergencies; });
-  each(slot_restarts, true, [](const auto& slot) { return slot.boots > 0 ? slot.boots - 1 : 0; });
-  each(slot_aborts, true, [&](const auto& slot) {
+  each(metric::slot_operational, false,
+       [](const auto& slot) { return slot.state == places::SlotState::operational ? 1 : 0; });
+  each(metric::slot_required, false, [](const auto& slot) { return slot.required ? 1 : 0; });
+  each(metric::slot_heartbeats, true, [](const auto& slot) { return slot.heartbeats_lost; });
+  each(metric::slot_emergencies, true, [](const auto& slot) { return slot.emergencies; });
+  each(metric::slot_restarts, true, [](const auto& slot) { return slot.boots > 0 ? slot.boots - 1 : 0; });
+  each(metric::slot_aborts, true, [&](const auto& slot) {
     return slot.bus < traffic.size() ? traffic[slot.bus].sdo_aborts[slot.id.value() & 127U] : 0U;
   });
-  each(slot_mismatches, true, [](const auto& slot) { return slot.mismatches; });
-  each(slot_differs, true, [](const auto& slot) { return slot.differs ? 1 : 0; });
+  each(metric::slot_mismatches, true, [](const auto& slot) { return slot.mismatches; });
+  each(metric::slot_differs, true, [](const auto& slot) { return slot.differs ? 1 : 0; });
 }
 
 }  // namespace
 
-std::span<const Metric> metrics() noexcept { return all; }
+std::span<const Metric> metrics() noexcept { return metric::all; }
 
 void Lateness::add(double seconds) noexcept {
   ++count_;
