@@ -64,7 +64,7 @@ class MetricsCommand : public ::testing::Test {
   Scraped where_;
 };
 
-MetricsPage::Labels slot(const std::string& bus, const std::string& name) { return {{"bus", bus}, {"slot", name}}; }
+MetricsPage::Labels of_slot(const std::string& bus, const std::string& name) { return {{"bus", bus}, {"slot", name}}; }
 
 // The plant unplugs s2 and s4 once and plugs two new devices in: one heartbeat lost at each, and one restart, because a
 // second device boots at that node-ID.
@@ -72,17 +72,17 @@ TEST_F(MetricsCommand, TheDemoLosesTwoHeartbeatsAndGetsTwoDevices) {
   begin({"demo", "--pace", "--studio=127.0.0.1:0"});
   EXPECT_TRUE(asked(where_.address, "Accept: */*").empty()) << "without the token";
   ASSERT_TRUE(until([](const auto& page) {
-    return page.value("berth_slot_heartbeats_lost_total", slot("field", "s2")) == 1 &&
-           page.value("berth_slot_heartbeats_lost_total", slot("field", "s4")) == 1 &&
+    return page.value("berth_slot_heartbeats_lost_total", of_slot("field", "s2")) == 1 &&
+           page.value("berth_slot_heartbeats_lost_total", of_slot("field", "s4")) == 1 &&
            page.value("berth_slots", {{"bus", "field"}, {"state", "operational"}}) == 5;
   }));
   const auto last = page();
   for (const std::string name : {"s1", "s2", "s3", "s4", "s5"}) {
     const bool replaced = name == "s2" || name == "s4";
-    EXPECT_EQ(last.value("berth_slot_heartbeats_lost_total", slot("field", name)), replaced ? 1 : 0) << name;
-    EXPECT_EQ(last.value("berth_slot_restarts_total", slot("field", name)), replaced ? 1 : 0) << name;
-    EXPECT_EQ(last.value("berth_slot_emergencies_total", slot("field", name)), 0) << name;
-    EXPECT_EQ(last.value("berth_slot_operational", slot("field", name)), 1) << name;
+    EXPECT_EQ(last.value("berth_slot_heartbeats_lost_total", of_slot("field", name)), replaced ? 1 : 0) << name;
+    EXPECT_EQ(last.value("berth_slot_restarts_total", of_slot("field", name)), replaced ? 1 : 0) << name;
+    EXPECT_EQ(last.value("berth_slot_emergencies_total", of_slot("field", name)), 0) << name;
+    EXPECT_EQ(last.value("berth_slot_operational", of_slot("field", name)), 1) << name;
     EXPECT_EQ(last.value("berth_slot_state", {{"bus", "field"}, {"slot", name}, {"state", "operational"}}), 1) << name;
   }
   EXPECT_EQ(last.value("berth_bus_offs_total", {{"bus", "field"}}), 0);
@@ -94,10 +94,10 @@ TEST_F(MetricsCommand, TheDemoLosesTwoHeartbeatsAndGetsTwoDevices) {
 TEST_F(MetricsCommand, WhatIsDoneToADeviceIsCountedOnce) {
   const Folder folder;
   const std::string socket = folder.file("control");
-  begin({"up", folder.write("machine.toml", small_machine), "--sim", folder.write("plant.toml", small_plant), "--control",
-         socket, "--studio=127.0.0.1:0", "--studio-open-metrics"});
+  begin({"up", folder.write("machine.toml", small_machine), "--sim", folder.write("plant.toml", small_plant),
+         "--control", socket, "--studio=127.0.0.1:0", "--studio-open-metrics"});
   EXPECT_FALSE(asked(where_.address, "Accept: */*").empty()) << "--studio-open-metrics";
-  const auto right = slot("line", "right");
+  const auto right = of_slot("line", "right");
   const auto is_operational = [&](const MetricsPage& page) { return page.value("berth_slot_operational", right) == 1; };
   ASSERT_TRUE(until(is_operational));
   const auto first = page();
@@ -113,7 +113,7 @@ TEST_F(MetricsCommand, WhatIsDoneToADeviceIsCountedOnce) {
   ASSERT_EQ(berth({"sim", "unplug", "right", "--control", socket}).status, 0);
   EXPECT_TRUE(until([&](const auto& page) { return page.value("berth_slot_heartbeats_lost_total", right) == 1; }));
   EXPECT_EQ(page().value("berth_slot_state", {{"bus", "line"}, {"slot", "right"}, {"state", "absent"}}), 1);
-  EXPECT_EQ(page().value("berth_slot_heartbeats_lost_total", slot("line", "left")), 0);
+  EXPECT_EQ(page().value("berth_slot_heartbeats_lost_total", of_slot("line", "left")), 0);
 }
 
 TEST(MetricsOption, BelongsToStudio) {
