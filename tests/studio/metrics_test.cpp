@@ -320,7 +320,9 @@ TEST(StudioMetrics, TheTableOfTheManualIsThatOfTheCode) {
     if (!std::regex_match(line, row, std::regex(R"(\| `(berth_\w+)` \| (\w+) \| .+ \|)"))) continue;
     rows.insert(row[1].str());
     for (const auto& metric : metrics()) {
-      if (metric.name == row[1].str()) EXPECT_EQ(row[2].str(), std::string(metric.type)) << row[1].str();
+      if (metric.name == row[1].str()) {
+        EXPECT_EQ(row[2].str(), std::string(metric.type)) << row[1].str();
+      }
     }
   }
   EXPECT_EQ(rows, known_names());
