@@ -12,18 +12,13 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
-#include <vector>
+#include <utility>
 
 namespace berth::test {
 
 class MetricsPage {
  public:
   using Labels = std::map<std::string, std::string>;
-  struct Sample {
-    std::string name;
-    Labels labels;
-    double value = 0;
-  };
 
   /// Throws std::runtime_error with the line that is none.
   explicit MetricsPage(std::string_view text, bool open = false) : open_(open) {
@@ -40,13 +35,11 @@ class MetricsPage {
     if (open && !over) throw std::runtime_error("# EOF is missing");
   }
 
-  [[nodiscard]] const std::vector<Sample>& samples() const { return samples_; }
   [[nodiscard]] const std::map<std::string, std::string>& types() const { return types_; }
   /// The value of the sample with exactly these labels; empty: there is none.
   [[nodiscard]] std::optional<double> value(const std::string& name, const Labels& labels = {}) const {
-    for (const auto& sample : samples_)
-      if (sample.name == name && sample.labels == labels) return sample.value;
-    return std::nullopt;
+    const auto found = series_.find({name, labels});
+    return found == series_.end() ? std::nullopt : std::optional(found->second);
   }
 
  private:
@@ -93,7 +86,12 @@ class MetricsPage {
   }
   void take_sample() {
     std::string_view rest = line_;
-    Sample sample{.name = std::string(rest.substr(0, rest.find_first_of("{ "))), .labels = {}};
+    struct {
+      std::string name;
+      Labels labels;
+      double value = 0;
+    } sample;
+    sample.name = rest.substr(0, rest.find_first_of("{ "));
     if (!is_name(sample.name)) wrong("no name");
     rest.remove_prefix(sample.name.size());
     if (rest.starts_with('{')) {
@@ -113,8 +111,7 @@ class MetricsPage {
     sample.value = std::strtod(number.c_str(), &end);
     if (number.empty() || *end != '\0') wrong("the value is no number");
     if (!is_of_family(sample.name)) wrong("a sample of another metric than the one under way");
-    if (!series_.insert({sample.name, sample.labels}).second) wrong("a sample comes twice");
-    samples_.push_back(std::move(sample));
+    if (!series_.emplace(std::pair(sample.name, sample.labels), sample.value).second) wrong("a sample comes twice");
   }
   bool is_of_family(const std::string& name) const {
     if (family_.empty()) return false;
@@ -129,8 +126,7 @@ class MetricsPage {
   std::string family_;
   std::set<std::string> helped_;
   std::map<std::string, std::string> types_;
-  std::set<std::pair<std::string, Labels>> series_;
-  std::vector<Sample> samples_;
+  std::map<std::pair<std::string, Labels>, double> series_;
 };
 
 }  // namespace berth::test
