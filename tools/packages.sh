@@ -20,6 +20,8 @@ peer_packages=(tshark can-utils python3-can python3-canmatrix "${page_packages[@
 mqtt_packages=(mosquitto)
 # The site of docs/: MkDocs with its theme, and the reference of the headers.
 docs_packages=(mkdocs-material doxygen python3)
+# Readers of the page of metrics, for its tests: promtool, and the client library.
+metrics_packages=(prometheus python3-prometheus-client)
 bench_packages=(libbenchmark-dev valgrind "${mqtt_packages[@]}")
 clang_packages=(clang-16 libclang-rt-16-dev)
 lint_packages=(clang-format-16 clang-tidy-16)

@@ -39,8 +39,9 @@ struct StudioOptions {
   std::string tokens;              ///< file that keeps the tokens; empty: new ones at each start
   std::string certificate;         ///< file; with `key`: TLS
   std::string key;
+  bool open_metrics = false;  ///< GET /metrics needs no token
   [[nodiscard]] bool has_doors() const noexcept {
-    return !roles.empty() || !tokens.empty() || !certificate.empty() || !key.empty();
+    return !roles.empty() || !tokens.empty() || !certificate.empty() || !key.empty() || open_metrics;
   }
   [[nodiscard]] bool offered() const noexcept { return !where.empty(); }
   [[nodiscard]] bool named() const noexcept { return offered() && where != "true"; }

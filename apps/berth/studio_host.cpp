@@ -25,9 +25,10 @@ namespace berth::cli {
 std::optional<Failure> studio_refused(const Options& options) {
   const StudioOptions& offer = options.offers.studio;
   if (!offer.offered() && offer.has_doors())
-    return failure(Exit::usage,
-                   "--studio-role, --studio-tokens, --studio-certificate and --studio-key are for --studio: "
-                   "write that, too");
+    return failure(
+        Exit::usage,
+        "--studio-role, --studio-tokens, --studio-certificate, --studio-key and --studio-open-metrics are for "
+        "--studio: write that, too");
   if (offer.certificate.empty() != offer.key.empty())
     return failure(Exit::usage,
                    "a certificate and its key belong together: --studio-certificate FILE --studio-key FILE "
@@ -94,6 +95,8 @@ tl::expected<std::unique_ptr<StudioHost>, Failure> StudioHost::start(MachineRun&
   wanted.key = options.offers.studio.key;
   wanted.simulated = run.world() != nullptr;
   wanted.fleet = fleet;
+  wanted.version = BERTH_VERSION;
+  wanted.open_metrics = options.offers.studio.open_metrics;
   wanted.signals = signals_of(run.machine());
   auto server = studio::Studio::start(*run.loop(), run.session(), std::move(carry), wanted);
   if (!server) return tl::unexpected(failure(Exit::failed, "--studio: " + server.error()));

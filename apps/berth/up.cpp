@@ -266,6 +266,8 @@ void studio_door_words(const Verb& verb, Options& options, const std::string& pr
             "the page comes by TLS with this certificate (PEM), and may be offered to other computers")
       .shown("FILE");
   verb.word(prefix + "key", studio.key, "the certificate's private key (PEM, without a passphrase)").shown("FILE");
+  verb.flag(prefix + "open-metrics", studio.open_metrics,
+            "GET /metrics (Prometheus) needs no token: everyone who reaches the address reads the states of all slots");
 }
 
 Word drive_words(const Verb& verb, Options& options) {

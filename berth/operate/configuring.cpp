@@ -373,6 +373,7 @@ rt::Task<bool> Configuring::configure_once(Seat& seat, Attempt& attempt) {
   };
   Configurator configurator(values, saving, wanted, options);
   co_await configurator.run(report);
+  slots_.diagnosis().compared(id, report.differences.size(), report.good() && !attempt.verifies);
   if (report.good()) {
     if (report.saved != Saved::unanswered) seat.configuration.failed_savings = 0;
     seat.configuration.restarts = 0;
@@ -451,6 +452,7 @@ rt::Task<void> Configuring::look_at_running(Seat& seat) {
   Configurator configurator(values, values, *wanted, options);
   ConfigurationReport report;
   co_await configurator.run(report);
+  slots_.diagnosis().compared(id, report.differences.size(), false);
   if (report.differences.empty()) co_return;
   slots_.events().tell(
       EventKind::configured, seat.name(),
@@ -570,6 +572,7 @@ rt::Task<void> Configuring::compare(Seat& seat, bool write, SlotConfiguration& i
   co::NodeAccess values(s_.sdo, id);
   Configurator configurator(values, values, *wanted, options);
   co_await configurator.run(into.report);
+  slots_.diagnosis().compared(id, into.report.differences.size(), false);
   if (write && into.report.good() && !into.report.differences.empty()) {
     into.problem = fmt::format("it runs and is left alone; give --restart, or `berth nmt preop {}` first", id.value());
   }

@@ -116,6 +116,9 @@ void add_record(od::DescriptionBuilder& b, std::uint16_t index, const char* name
 // No room is reserved for stream objects: that would be 16 KiB for each.
 constexpr std::uint32_t of_stream(DataType type) noexcept { return type == DataType::domain ? 1 : 0; }
 
+// A counter in an object of 16 bits stands still at its end: it must not seem to begin again.
+std::uint64_t of_16_bits(std::uint64_t count) noexcept { return std::min<std::uint64_t>(count, 0xFFFF); }
+
 // The wanted configuration changed since the device was configured.
 bool is_due(const Seat& seat) noexcept {
   const auto& noted = seat.slot.record.configured;
@@ -203,9 +206,9 @@ bool ManagerObjects::is_slot(std::uint8_t sub) const {
 std::uint64_t ManagerObjects::of_node(std::uint16_t index, NodeId node) const {
   const auto& tally = slots_.diagnosis().tallies[node.value()];
   switch (index) {
-    case emergencies: return tally.emergencies;
-    case losses: return tally.losses;
-    case boots: return tally.boots;
+    case emergencies: return of_16_bits(tally.emergencies);
+    case losses: return of_16_bits(tally.losses);
+    case boots: return of_16_bits(tally.boots);
     default: break;
   }
   const Seat* const seat = slots_.at(node);
@@ -268,9 +271,9 @@ std::uint64_t ManagerObjects::of_bus(std::uint8_t sub) const {
     case 4: return status.rec;
     case 5: return status.errors;
     case 6: return status.lost;
-    case 7: return sum.emergencies;
-    case 8: return sum.losses;
-    default: return sum.boots;
+    case 7: return of_16_bits(sum.emergencies);
+    case 8: return of_16_bits(sum.losses);
+    default: return of_16_bits(sum.boots);
   }
 }
 

@@ -135,6 +135,7 @@ class Network final : private PortHealth::Owner {
   friend rt::Task<Result<SlotUpload>> upload_slot(Network& network, std::string slot);
   friend Result<void> poll_slot(Network& network, const std::string& slot, bool on);
   friend bool is_configured(const Network& network, const std::string& slot);
+  friend const BusStatistics& statistics_of(Network& network) noexcept { return network.parts_.slots.diagnosis(); }
   friend tl::expected<std::string, std::string> give_configuration(Network& network, const std::string& slot,
                                                                    WrittenFiles::Form form,
                                                                    std::span<const std::uint8_t> bytes,
@@ -169,6 +170,9 @@ Result<void> poll_slot(Network& network, const std::string& slot, bool on);
 
 /// The slot's device is to be configured: by `config =`, by links, or by what was given while Berth ran.
 [[nodiscard]] bool is_configured(const Network& network, const std::string& slot);
+
+/// What happened on this bus since Berth began.
+[[nodiscard]] const BusStatistics& statistics_of(Network& network) noexcept;
 
 /// A user gives the slot this configuration, which replaces `config =` from its next configuration on and is kept as
 /// one that an SDO client writes (ConfigurationIntake). `file` is where it came from, for messages. Returns what the

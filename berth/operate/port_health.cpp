@@ -21,6 +21,7 @@ bool PortHealth::begin() {
   s_.dispatcher.on_status(this);
   watches_ = true;
   const can::Status status = s_.port.status();
+  count(status);
   if (status.bus_off && !job_.timed()) way_out_of_bus_off();
   resting_ = !usable(status);
   return !resting_;
@@ -36,7 +37,14 @@ bool PortHealth::usable(const can::Status& status) const noexcept {
   return status.up && (s_.only_observes() || !status.listen_only);
 }
 
+// A port that stays bus-off reports more than one change.
+void PortHealth::count(const can::Status& status) noexcept {
+  if (status.bus_off && !off_) ++slots_.diagnosis().bus_offs;
+  off_ = status.bus_off;
+}
+
 void PortHealth::changed(const can::Status& status, rt::Time) noexcept {
+  count(status);
   if (status.error_passive() && agenda_.speaks) {
     // Something on the bus disturbs this node's frames: be silent, examine it, then speak again.
     fall_silent();

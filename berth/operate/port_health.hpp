@@ -47,6 +47,7 @@ class PortHealth final : public MasterState, private can::StatusHandler {
   [[nodiscard]] bool usable(const can::Status& status) const noexcept;
   void rest_or_go_on(const can::Status& status);
   void go_to_rest(const std::string& why);
+  void count(const can::Status& status) noexcept;
   void way_out_of_bus_off();
   void restart();
 
@@ -61,6 +62,7 @@ class PortHealth final : public MasterState, private can::StatusHandler {
   std::uint32_t restarts_ = 0;  // in a row
   bool watches_ = false;
   bool resting_ = false;
+  bool off_ = false;  // bus-off
 };
 
 }  // namespace berth::operate

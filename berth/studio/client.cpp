@@ -74,6 +74,11 @@ constexpr const char* another_file = "503: another file is read just now; try ag
 
 bool is_socket(const Request& request) { return plain(request.target()) == "/api/v1/socket"; }
 
+bool needs_token(const Request& request, const Hall& hall) {
+  if (query_of(request, "/metrics")) return !hall.mirror().open_metrics();
+  return plain(request.target()).starts_with("/api/");
+}
+
 /// Null: allowed, with `role` if the request had a token.
 std::shared_ptr<Response> refused(const Request& request, const Hall& hall, std::optional<command::Role>& role) {
   const auto host = the_one(request, http::field::host);
@@ -91,7 +96,7 @@ std::shared_ptr<Response> refused(const Request& request, const Hall& hall, std:
                    fmt::format("403: only pages of this server may send this (Origin: {}://{})",
                                hall.tls() ? "https" : "http", *host));
   }
-  if (!plain(request.target()).starts_with("/api/")) return nullptr;
+  if (!needs_token(request, hall)) return nullptr;
   const auto token = is_socket(request) ? token_offered(plain(request[http::field::sec_websocket_protocol]))
                                         : bearer(plain(request[http::field::authorization]));
   role = hall.tokens().role_of(token);
@@ -206,6 +211,7 @@ class Visitor final : public Client {
       return send(response(&request, http::status::ok, hall().snapshot(*role_), "application/json"));
     if (target == "/api/v1/signals")
       return send(response(&request, http::status::ok, hall().mirror().signals(), "application/json"));
+    if (query_of(request, "/metrics")) return send_metrics(request);
     const Page page = page_at(target);
     if (page.body.data() == nullptr)
       return send(words(&request, http::status::not_found, "404: there is no such page"));
@@ -213,6 +219,10 @@ class Visitor final : public Client {
     if (page.compressed) out->set(http::field::content_encoding, "gzip");
     if (page.lasts) out->set(http::field::cache_control, "max-age=31536000, immutable");
     send(std::move(out));
+  }
+  void send_metrics(const Request& request) {
+    const auto exposition = exposition_for(plain(request[http::field::accept]));
+    send(response(&request, http::status::ok, metrics_of(hall(), exposition), content_type(exposition)));
   }
   void take_file(const Request& request, std::string_view query) {
     if (request.method() != http::verb::post)

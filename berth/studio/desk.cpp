@@ -56,6 +56,7 @@ Desk::Desk(io::Loop& loop, tree::Session& session, Carry carry, Link& link)
       session_(&session),
       carry_(std::move(carry)),
       link_(&link),
+      stock_(session, link),
       tick_(*this, session.executor()),
       done_(*this, session.executor()) {
   for (const auto* const bus : session.machine().all_buses()) {
@@ -230,6 +231,8 @@ void Desk::answer(Answer answer) {
 void Desk::tick() noexcept {
   const rt::Time now = session_->executor().now();
   link_->now_ns.store(now.time_since_epoch().count(), std::memory_order_relaxed);
+  // In a timer the executor's time is when it was due. The first call is not by the timer.
+  if (ticks_ > 0) stock_.late(std::chrono::duration<double>(loop_->clock() - now).count() / loop_->speed());
   look_at_ports();
   const bool locks = told_lock_ && *told_lock_ != lock();
   if (!events_.empty() || locks || ticks_ % 10 == 0) tell();
@@ -262,7 +265,7 @@ void Desk::tell() {
   if (!std::ranges::equal(questions, told_questions_, same_question))
     news.questions = told_questions_ = std::move(questions);
   if (const Pace pace{loop_->paused(), loop_->speed()}; pace != told_pace_) news.pace = told_pace_ = pace;
-  if (news.is_empty()) return;
+  news.figures = std::make_shared<const Figures>(stock_.take(told_));
   waiting_.push_back(std::move(news));
 }
 

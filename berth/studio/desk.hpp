@@ -16,6 +16,7 @@
 #include "berth/rt/later.hpp"
 #include "berth/rt/task.hpp"
 #include "berth/studio/link.hpp"
+#include "berth/studio/stock.hpp"
 #include "berth/tree/session.hpp"
 
 namespace berth::studio {
@@ -85,6 +86,7 @@ class Desk final : private io::Watcher {
   std::optional<rt::Time> unlocked_until_;
   std::optional<Lock> told_lock_;
   Pace told_pace_;
+  Stock stock_;
   unsigned ticks_ = 0;
   rt::Later<Desk, &Desk::tick> tick_;
   rt::Later<Desk, &Desk::finish> done_;

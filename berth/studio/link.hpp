@@ -2,11 +2,14 @@
 /// Each queue is bounded; neither thread ever waits for the other. Internal to room `studio`.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "berth/base/bell.hpp"
@@ -15,6 +18,7 @@
 #include "berth/command/role.hpp"
 #include "berth/operate/report.hpp"
 #include "berth/studio/frame_ring.hpp"
+#include "berth/studio/metrics.hpp"
 
 namespace berth::studio {
 
@@ -60,6 +64,7 @@ struct News {
   std::optional<Pace> pace{};                              ///< when it changed
   std::vector<std::string> written{};                      ///< JSON: replies to "sdo write" of any client
   std::optional<Answer> answer{};
+  std::shared_ptr<const Figures> figures{};  ///< for the metrics
   /// Nothing that a page shows.
   [[nodiscard]] bool is_empty() const noexcept {
     return slots.empty() && events.empty() && !lock && !questions && !pace && written.empty();
@@ -76,6 +81,13 @@ struct BusHealth {
     bool counts = false;  ///< tec and rec are real
     std::uint8_t tec = 0;
     std::uint8_t rec = 0;
+    /// One of `port_states`.
+    [[nodiscard]] std::string_view word() const noexcept {
+      if (!up) return "down";
+      if (bus_off) return "bus-off";
+      const unsigned most = std::max(tec, rec);
+      return most > 127 ? "passive" : most >= 96 ? "warning" : "active";
+    }
   };
   [[nodiscard]] static std::uint32_t packed(const State& state) noexcept {
     return 1U | (state.up ? 2U : 0U) | (state.bus_off ? 4U : 0U) | (state.counts ? 8U : 0U) |

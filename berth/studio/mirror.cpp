@@ -91,7 +91,8 @@ std::string lock_json(const Lock& lock) {
 
 Mirror::Mirror(const design::Machine& machine, Has has, std::string token_file, std::string signals)
     : verbs_(verbs_json()),
-      simulated_(has.simulated),
+      has_(std::move(has)),
+      machine_(machine.name),
       token_file_(std::move(token_file)),
       signals_(std::move(signals)) {
   Json buses = Json::array();
@@ -102,7 +103,7 @@ Mirror::Mirror(const design::Machine& machine, Has has, std::string token_file, 
   }
   head_ = fmt::format(
       R"("start":"{:08x}{:08x}","machine":{},"buses":{})", std::random_device{}(), std::random_device{}(),
-      dump(Json{{"name", machine.name}, {"simulated", has.simulated}, {"fleet", has.fleet}, {"file", machine.file}}),
+      dump(Json{{"name", machine.name}, {"simulated", has_.simulated}, {"fleet", has_.fleet}, {"file", machine.file}}),
       dump(buses));
 }
 
@@ -151,7 +152,7 @@ std::string Mirror::take(const News& news) {
 }
 
 std::string Mirror::world_json(double time_s) const {
-  if (!simulated_) return "null";
+  if (!has_.simulated) return "null";
   return fmt::format(R"({{"paused":{},"speed":{},"time_s":{:.6f}}})", pace_.paused, pace_.speed, time_s);
 }
 

@@ -24,6 +24,8 @@ class Mirror {
   struct Has {
     bool simulated = false;
     std::string fleet{};
+    std::string version{};
+    bool open_metrics = false;
   };
   /// `token_file`: as in `TokenFiles`; empty: there is none. `signals`: as in `Options`.
   Mirror(const design::Machine& machine, Has has, std::string token_file = {}, std::string signals = {});
@@ -36,6 +38,11 @@ class Mirror {
   /// JSON: the positions of the signals in the machine's messages.
   [[nodiscard]] const std::string& signals() const noexcept { return signals_; }
   [[nodiscard]] const Pace& pace() const noexcept { return pace_; }
+  /// The part of the page of metrics that the machine knows.
+  [[nodiscard]] About about() const {
+    return {.version = has_.version, .machine = machine_, .simulated = has_.simulated};
+  }
+  [[nodiscard]] bool open_metrics() const noexcept { return has_.open_metrics; }
   [[nodiscard]] const std::vector<std::string>& buses() const noexcept { return buses_; }
   [[nodiscard]] const std::vector<std::uint32_t>& bit_rates() const noexcept { return bit_rates_; }
 
@@ -51,7 +58,8 @@ class Mirror {
   std::vector<std::string> questions_;  // JSON
   Lock lock_;
   Pace pace_;
-  bool simulated_;
+  Has has_;
+  std::string machine_;  // its name
   std::string token_file_;
   std::string signals_;
   std::uint64_t seq_ = 0;

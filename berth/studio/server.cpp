@@ -13,12 +13,15 @@ namespace berth::studio {
 
 void Rates::tick(std::chrono::steady_clock::time_point now) {
   buses_.resize(mirror_->buses().size());
+  traffic_.resize(buses_.size());
   RingFrame frame;
   const auto next = ring_->next();
   for (auto n = std::max(counted_, ring_->first()); n < next; ++n) {
     if (!ring_->read(n, frame) || frame.error || frame.bus >= buses_.size()) continue;
+    const unsigned bits = can::exact_bits(frame.frame);
     ++buses_[frame.bus].frames;
-    buses_[frame.bus].bits += can::exact_bits(frame.frame);
+    buses_[frame.bus].bits += bits;
+    traffic_[frame.bus].add(frame.frame, bits, mirror_->bit_rates()[frame.bus]);
   }
   counted_ = next;
   const double clock = std::chrono::duration<double>(now - since_).count();
@@ -28,6 +31,7 @@ void Rates::tick(std::chrono::steady_clock::time_point now) {
     Bus& bus = buses_[i];
     bus.per_s = static_cast<double>(bus.frames) / passed;
     bus.load = std::min(1.0, static_cast<double>(bus.bits) / passed / mirror_->bit_rates()[i]);
+    traffic_[i].load = bus.load;
     const auto all = errors(i);
     bus.errors_per_s = static_cast<double>(all - bus.errors) / passed;
     bus.errors = all;
@@ -40,17 +44,6 @@ std::uint64_t Rates::errors(std::size_t bus) const noexcept {
   return bus < Link::most_buses ? link_->health[bus].errors.load(std::memory_order_relaxed) : 0;
 }
 
-namespace {
-
-const char* word_of(const BusHealth::State& state) noexcept {
-  if (!state.up) return "down";
-  if (state.bus_off) return "bus-off";
-  const unsigned most = std::max(state.tec, state.rec);
-  return most > 127 ? "passive" : most >= 96 ? "warning" : "active";
-}
-
-}  // namespace
-
 std::string Rates::json(std::uint64_t left_out, double time_s) const {
   auto buses = nlohmann::ordered_json::array();
   for (std::size_t i = 0; i < buses_.size(); ++i) {
@@ -62,13 +55,31 @@ std::string Rates::json(std::uint64_t left_out, double time_s) const {
     if (i >= Link::most_buses) continue;
     const auto state = BusHealth::unpacked(link_->health[i].state.load(std::memory_order_relaxed));
     if (!state) continue;
-    buses.back()["state"] = word_of(*state);
+    buses.back()["state"] = state->word();
     if (!state->counts) continue;
     buses.back()["tec"] = state->tec;
     buses.back()["rec"] = state->rec;
   }
   return fmt::format(R"({{"type":"rates","buses":{},"ring":{{"first":{},"next":{}}},"left_out":{},"world":{}}})",
                      buses.dump(), ring_->first(), ring_->next(), left_out, mirror_->world_json(time_s));
+}
+
+Scrape::Scrape(const Mirror& mirror, const Rates& rates)
+    : mirror_(&mirror),
+      rates_(&rates),
+      start_s_(std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count()) {}
+
+void Scrape::take(std::shared_ptr<const Figures> figures) {
+  figures_ = std::move(figures);
+  taken_ = std::chrono::steady_clock::now();
+}
+
+std::string Scrape::page(Exposition exposition) const {
+  static const Figures none;
+  About about = mirror_->about();
+  about.start_s = start_s_;
+  if (figures_) about.age_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - taken_).count();
+  return metrics_page(about, figures_ ? *figures_ : none, rates_->traffic(), exposition);
 }
 
 Hall::Hall(int listener, bool ipv6, std::uint16_t port, std::unique_ptr<Tls> tls, Tokens tokens, Mirror mirror,
@@ -81,7 +92,8 @@ Hall::Hall(int listener, bool ipv6, std::uint16_t port, std::unique_ptr<Tls> tls
       tokens_(std::move(tokens)),
       mirror_(std::move(mirror)),
       link_(&link),
-      rates_(link, mirror_) {
+      rates_(link, mirror_),
+      scrape_(mirror_, rates_) {
   bell_.assign(::dup(link.for_server.descriptor()));
 }
 
@@ -177,6 +189,7 @@ void Hall::listen_for_news() {
 
 void Hall::take_news() {
   while (auto news = link_->news.take()) {
+    if (news->figures) scrape_.take(std::move(news->figures));
     auto message = mirror_.take(*news);
     if (!message.empty()) {
       const auto text = std::make_shared<const std::string>(std::move(message));
@@ -194,8 +207,8 @@ void Hall::take_news() {
 void Hall::tick() {
   give_gone();
   ++ticks_;
+  rates_.tick(std::chrono::steady_clock::now());  // counters count without a client, too
   if (!clients_.empty()) {
-    rates_.tick(std::chrono::steady_clock::now());
     const auto all = clients_;
     for (const auto& [number, client] : all) client->tick(ticks_ % 10 == 0);
   }

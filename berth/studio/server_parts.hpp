@@ -15,6 +15,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -83,6 +84,8 @@ class Rates {
       : link_(&link), ring_(&link.ring), mirror_(&mirror), counted_(link.ring.next()) {}
   void tick(std::chrono::steady_clock::time_point now);
   [[nodiscard]] std::string json(std::uint64_t left_out, double time_s) const;
+  /// Of each bus, since the server began.
+  [[nodiscard]] std::span<const Traffic> traffic() const noexcept { return traffic_; }
 
  private:
   struct Bus {
@@ -96,7 +99,24 @@ class Rates {
   const Mirror* mirror_;
   std::uint64_t counted_;
   std::vector<Bus> buses_;
+  std::vector<Traffic> traffic_;
   std::chrono::steady_clock::time_point since_{};
+};
+
+/// The server's side of the metrics: a scrape gets what the executor told last, so that it never waits for it.
+class Scrape {
+ public:
+  /// Both must outlive this.
+  Scrape(const Mirror& mirror, const Rates& rates);
+  void take(std::shared_ptr<const Figures> figures);
+  [[nodiscard]] std::string page(Exposition exposition) const;
+
+ private:
+  const Mirror* mirror_;
+  const Rates* rates_;
+  double start_s_;
+  std::shared_ptr<const Figures> figures_;  // null: none came yet
+  std::chrono::steady_clock::time_point taken_{};
 };
 
 /// Everything in the server's thread.
@@ -127,6 +147,7 @@ class Hall {
   void enter(const std::shared_ptr<Client>& client);
   void leave(const Client& client);
   [[nodiscard]] std::uint64_t next_number() noexcept { return ++numbers_; }
+  friend std::string metrics_of(const Hall& hall, Exposition exposition) { return hall.scrape_.page(exposition); }
 
  private:
   void accept();
@@ -147,6 +168,7 @@ class Hall {
   Mirror mirror_;
   Link* link_;
   Rates rates_;
+  Scrape scrape_;
   std::map<std::uint64_t, std::shared_ptr<Client>> clients_;
   std::deque<std::uint64_t> gone_;  // left clients that the executor was not informed of yet
   std::uint64_t numbers_ = 0;
@@ -154,6 +176,8 @@ class Hall {
   bool has_file_ = false;
 };
 
+/// The page of `GET /metrics`.
+[[nodiscard]] std::string metrics_of(const Hall& hall, Exposition exposition);
 /// A new connection, by HTTP at first; with TLS, after its handshake.
 [[nodiscard]] std::shared_ptr<Client> greet(Hall& hall, Wire wire);
 /// One client too many: answers so if possible, and closes.

@@ -65,7 +65,8 @@ class Studio::Impl {
         link_(options.frames),
         shown_{host_of(options.where, where_, tls.get()), where_.port},
         hall_(listener, where_.host.find(':') != std::string::npos, where_.port, std::move(tls), std::move(tokens),
-              Mirror(session.machine(), {options.simulated, options.fleet}, options.token_file, options.signals),
+              Mirror(session.machine(), {options.simulated, options.fleet, options.version, options.open_metrics},
+                     options.token_file, options.signals),
               link_),
         desk_(loop, session, std::move(carry), link_),
         thread_([this] { hall_.run(); }) {}

@@ -38,6 +38,8 @@ struct Options {
   std::string tokens_kept{};  ///< file with the tokens to use: `Tokens::keep`; empty: new ones
   bool simulated = false;     ///< for the pages
   std::string fleet{};        ///< GROUP/NAME of the machine at its broker; empty: it does not answer "fleet"
+  std::string version{};      ///< Berth's, for the metrics
+  bool open_metrics = false;  ///< `GET /metrics` needs no token
   std::size_t frames = FrameRing::standard;
   std::string signals = R"({"buses":[]})";  ///< JSON: the answer to `GET /api/v1/signals`
 };

@@ -109,6 +109,10 @@ std::string reason(Rig& rig, unsigned id) {
   return {};
 }
 
+const operate::BusStatistics::Tally& tally(Rig& rig, unsigned id) {
+  return statistics_of(rig.network()).tallies.at(id);
+}
+
 std::optional<Configured> record(Rig& rig, unsigned id) {
   const auto records = rig.store().load("rig");
   for (const auto& r : *records) {
@@ -165,6 +169,8 @@ TEST(Configuration, B4_FromBlankToConfiguredSavedDatedAndStarted) {
            e.text.find("dated, saved") != std::string::npos;
   });
   EXPECT_TRUE(told) << rig.log();
+  EXPECT_GT(tally(rig, 5).differences, 5U);
+  EXPECT_FALSE(tally(rig, 5).differs) << "all was corrected";
   // Saved means: it is there after a power failure.
   rig.device("p1").power(false);
   rig.run_for(100ms);
@@ -438,6 +444,7 @@ TEST(Configuration, AReadOnlyDifferenceStopsTheNode) {
   ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::failed; }, 30s)) << rig.log();
   EXPECT_NE(reason(rig, 5).find("cannot be written"), std::string::npos) << reason(rig, 5);
   EXPECT_NE(reason(rig, 5).find("Other pump"), std::string::npos) << reason(rig, 5);
+  EXPECT_TRUE(tally(rig, 5).differs);
 }
 
 // The state of that name, over a restart of Berth, until the power cycle.
@@ -735,6 +742,8 @@ TEST(Configuration, ARunningDeviceIsLeftAloneAndTold) {
            e.text.find("1 of its values differ from pump.dcf") != std::string::npos;
   });
   EXPECT_TRUE(told) << rig.log();
+  EXPECT_EQ(tally(rig, 5).differences, 1U);
+  EXPECT_TRUE(tally(rig, 5).differs);
 }
 
 // A device that restarts whenever it is told to save is not told so for ever: its memory would wear out.

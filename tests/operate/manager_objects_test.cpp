@@ -112,6 +112,11 @@ TEST(ManagerObjects, S5_23_WhatHappensIsCounted) {
   EXPECT_EQ(stranger.read<std::uint16_t>(0x5F08, 2), *boots + 1);
   EXPECT_EQ(stranger.read<std::uint32_t>(0x5F05, 2), 0U) << "it booted";
   EXPECT_EQ(stranger.read<std::uint16_t>(bus_status, 8), 1);
+  // The objects have 16 bits, the counters more.
+  auto& all = const_cast<operate::BusStatistics&>(statistics_of(rig.network()));  // NOLINT: 65,536 boot-ups take hours
+  all.tallies[2].losses = 0x1'0001;
+  EXPECT_EQ(stranger.read<std::uint16_t>(0x5F07, 2), 0xFFFF);
+  EXPECT_EQ(stranger.read<std::uint16_t>(bus_status, 8), 0xFFFF);
 }
 
 TEST(ManagerObjects, NmtIsAskedOfTheManager) {

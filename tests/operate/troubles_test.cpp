@@ -281,6 +281,7 @@ TEST(Troubles, TheMastersPortComesBackFromBusOff) {
   ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
   EXPECT_FALSE(rig.port().status().bus_off);
   EXPECT_TRUE(heard(rig, "error"));
+  EXPECT_EQ(statistics_of(rig.network()).bus_offs, 1U);
 }
 
 // Berth ended while its port was bus-off: the next one begins there, and no change of the port tells it so.

@@ -85,7 +85,7 @@ for tree in (openapi, asyncapi):
             wrong.append(f"{reference}: there is no such schema")
 paths = set()
 for path in (source / "berth" / "studio").glob("*.cpp"):
-    paths |= set(re.findall(r'"(/api/v1/\w+)"', path.read_text()))
+    paths |= set(re.findall(r'"(/api/v1/\w+|/metrics)"', path.read_text()))
 same("path", paths, list(openapi["paths"]) + [asyncapi["channels"]["socket"]["address"]])
 for name, definition in schema["$defs"].items():
     for example in definition.get("examples", []):

@@ -167,7 +167,7 @@ class StudioServer : public ::testing::Test {
     start();
   }
   ~StudioServer() override { session_->on_event({}); }
-  void start(std::size_t frames = 1U << 16U) {
+  void start(std::size_t frames = 1U << 16U, bool open_metrics = false) {
     studio_.reset();
     auto made =
         Studio::start(loop_, *session_, [this](const auto& request, auto& reply) { return carry(request, reply); },
@@ -175,6 +175,8 @@ class StudioServer : public ::testing::Test {
                        .named = true,
                        .token_file = file_,
                        .simulated = true,
+                       .version = "1.2.3",
+                       .open_metrics = open_metrics,
                        .frames = frames,
                        .signals = signals_});
     ASSERT_TRUE(made) << made.error();
