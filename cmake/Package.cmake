@@ -26,7 +26,7 @@ install(FILES ${BERTH_SHELL}/_berth DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/ven
 install(FILES ${BERTH_SHELL}/berth.fish DESTINATION ${CMAKE_INSTALL_DATADIR}/fish/vendor_completions.d
   COMPONENT program OPTIONAL)
 
-if(BERTH_STUDIO)
+if(BERTH_STUDIO AND NOT BERTH_PORTABLE)
   install(FILES ${from}/desktop/org.berth_canopen.Studio.desktop
     DESTINATION ${CMAKE_INSTALL_DATADIR}/applications COMPONENT program)
   install(FILES ${from}/desktop/org.berth_canopen.Studio.metainfo.xml
@@ -37,7 +37,7 @@ if(BERTH_STUDIO)
 endif()
 
 # They name paths of the system, so they are for its own prefix alone.
-if(CMAKE_INSTALL_PREFIX STREQUAL "/usr")
+if(CMAKE_INSTALL_PREFIX STREQUAL "/usr" AND NOT BERTH_PORTABLE)
   install(FILES ${from}/udev/78-berth.rules DESTINATION lib/udev/rules.d COMPONENT program)
   file(GLOB units ${from}/systemd/*.service ${from}/systemd/*.target ${from}/systemd/*.socket)
   install(FILES ${units} DESTINATION lib/systemd/system COMPONENT program)
