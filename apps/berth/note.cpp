@@ -13,12 +13,6 @@ constexpr RequestWords of_notes{
 
 using Words = std::vector<std::string>;
 
-std::string one_a_line(const Words& words) {
-  std::string lines;
-  for (const auto& word : words) lines += (lines.empty() ? "" : "\n") + word;
-  return lines;
-}
-
 struct NoteWords {
   std::string object;
   Words values;

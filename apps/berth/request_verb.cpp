@@ -1,5 +1,7 @@
 #include "request_verb.hpp"
 
+#include <fmt/ranges.h>
+
 #include <filesystem>
 
 #include "adopt.hpp"
@@ -49,6 +51,8 @@ void word_of(const Verb& verb, const std::shared_ptr<command::Request>& request,
 }  // namespace
 
 std::string help_of(const std::string& request) { return std::string(command::verb(request)->help); }
+
+std::string one_a_line(const std::vector<std::string>& words) { return fmt::format("{}", fmt::join(words, "\n")); }
 
 RequestVerb::RequestVerb(const Verb& parent, Options& options, const std::string& name, const std::string& request,
                          Finish finish, RequestWords which)

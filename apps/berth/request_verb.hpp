@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "berth/command/request.hpp"
 #include "options.hpp"
@@ -46,5 +47,7 @@ void request_words(const Verb& verb, Options& options, const std::shared_ptr<com
 void bus_words(const Verb& verb, Options& options, RequestWords which = {});
 /// One line, from the table.
 [[nodiscard]] std::string help_of(const std::string& request);
+/// Words as the lines of one argument.
+[[nodiscard]] std::string one_a_line(const std::vector<std::string>& words);
 
 }  // namespace berth::cli

@@ -41,12 +41,6 @@ bool like_sub_index(const std::string& word) {
   return begins && hex && !digits.empty() && digits.size() <= 3;
 }
 
-std::string one_a_line(const Words& words) {
-  std::string lines;
-  for (const auto& word : words) lines += (lines.empty() ? "" : "\n") + word;
-  return lines;
-}
-
 // OBJECT... or OBJECT SUB.
 void take_objects(const Words& words, command::Request& request) {
   if (words.size() == 2 && like_sub_index(words[1])) {

@@ -61,8 +61,9 @@ rt::Task<void> Finder::forget_and_ask_anew() {
     places_.forget(f.device);
     // No search finds it again if none of its services finds devices with a node-ID.
     if (f.active.configured() && !f.lent) configured_.look_again_at(f.active);
-    const bool told = std::ranges::find(forgotten_, f.device) != forgotten_.end();
-    if (!f.active.configured() && !f.clone && !told) forgotten_.push_back(f.device);
+    const bool told = std::ranges::find(forgotten_, f.device, &Forgotten::device) != forgotten_.end();
+    const bool holds = holds_anothers(f);
+    if ((holds || !f.active.configured()) && !f.clone && !told) forgotten_.push_back({f.device, holds});
   }
   found_.forget_if(goes);
   co_await configured_.ask_slots_own();
@@ -71,17 +72,29 @@ rt::Task<void> Finder::forget_and_ask_anew() {
   if (speaks_rand && may_send_extended_frames(s_, agenda_)) co_await tell_which_are_known();
 }
 
+bool Finder::holds_anothers(const places::Found& found) const {
+  const bool anothers = slots_.at(found.active) != nullptr || found.active == s_.bus.master;
+  return anothers && found.active.configured() && !found.lent && found.device.has_serial() &&
+         !slots_.is_marked(places::Mark::fixed, found.device);
+}
+
+bool Finder::waits_for_forgotten() const noexcept { return std::ranges::any_of(forgotten_, &Forgotten::holds); }
+
 // A search may miss what an earlier search, SDO or a blanking found: the device may have no RAND, and a published
-// Fastscan finds one of several. Each is asked once, by its LSS address.
+// Fastscan finds one of several. Each is asked once, by its LSS address; one that holds another's node-ID at some more
+// looks: it may be deaf while it stores or boots, and no other question reaches it beside the slot's device.
 rt::Task<void> Finder::ask_for_the_forgotten() {
-  const std::vector<Identity> devices = std::exchange(forgotten_, {});
-  for (const Identity& device : devices) {
+  constexpr unsigned most_looks = 4;
+  const std::vector<Forgotten> all = std::exchange(forgotten_, {});
+  for (const auto& [device, holds, looks] : all) {
     const bool known = found_.of(device) != nullptr || slots_.of(device) != nullptr;
     if (known) continue;
     const auto active = co_await asking_.active_id(device);
     const bool clone = !active && active.error().code == Errc::duplicate;
     if (active) found_.note({device, *active});
     if (clone) found_.note({device, NodeId(), true});
+    const bool again = holds && !active && !clone && looks + 1 < most_looks;
+    if (again) forgotten_.push_back({device, holds, looks + 1});
   }
 }
 

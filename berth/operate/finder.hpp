@@ -30,8 +30,16 @@ class Finder {
   /// Devices that wait for their places without a node-ID answer every question: for a while their answers start no
   /// search.
   void rest_from_searching();
+  /// A device that is to lose the node-ID of a slot or of the master was not heard at the last looks.
+  [[nodiscard]] bool waits_for_forgotten() const noexcept;
 
  private:
+  /// A device that left the list because all are asked anew, and that a search may not find again.
+  struct Forgotten {
+    Identity device;
+    bool holds;  // the node-ID of a slot or of the master
+    unsigned looks = 0;
+  };
   rt::Task<bool> search_for_all();
   rt::Task<void> forget_and_ask_anew();
   rt::Task<void> ask_for_the_forgotten();
@@ -44,6 +52,7 @@ class Finder {
   void searched();
   rt::Task<bool> anybody_blank();
   [[nodiscard]] bool is_one_missing() const;
+  [[nodiscard]] bool holds_anothers(const places::Found& found) const;
 
   BusServices& s_;
   SlotTable& slots_;
@@ -60,7 +69,7 @@ class Finder {
   bool owes_configured_ = false;  // the last search ended before devices with a node-ID were looked for
   bool open_anew_ = false;        // the interrupted RAND search asks all devices anew
   unsigned looks_ = 0;
-  std::vector<Identity> forgotten_;  // without a node-ID, since all are asked anew: a search may not find them again
+  std::vector<Forgotten> forgotten_;
 };
 
 }  // namespace berth::operate

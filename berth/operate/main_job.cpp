@@ -417,7 +417,7 @@ bool MainJob::has_trouble() const {
   const bool slots = std::ranges::any_of(p_.slots.seats(), [](const auto& s) { return is_troubled(*s); });
   // A failed blanking left a device under a node-ID that is not its own, for example the master's. It may have been
   // storing.
-  return slots || p_.planning.has_blanks() || waits_for_unfinished();
+  return slots || p_.planning.has_blanks() || waits_for_unfinished() || p_.finding.finder.waits_for_forgotten();
 }
 
 bool MainJob::lacks_optional() const {

@@ -395,9 +395,11 @@ rt::Task<Outcome> Binder::find_node_id(Binding& binding) {
 
 // A device that was deaf during the proof but heard the 11h answers it, too: after the first answer, while no request
 // is under way. A device that was lost in configuration may have heard the 17h, and answered it instead of this one.
+// Either may be slower than all devices that Berth has measured: so the proof waits the longest window for it.
 rt::Task<Outcome> Binder::store_alone(const Binding& binding) {
   co_await rt::sleep_until(std::max(s_.lss.earliest(), options_.stores_end));
   if (s_.lss.answer_times().unexpected != unexpected_) {
+    s_.lss.suspect_strangers();
     const Outcome alone = co_await still_alone(binding);
     if (alone != Outcome::ok) co_return alone;
   }
@@ -406,6 +408,7 @@ rt::Task<Outcome> Binder::store_alone(const Binding& binding) {
   // A device that does not answer identity inquiries is identified by SDO, after it has booted.
   const bool mute = s_.lss.lacks().has(binding.assignment().device.address, lss::Lackable::inquire_identity);
   if (sure || mute) co_return outcome;
+  s_.lss.suspect_strangers();
   co_return co_await still_alone(binding);
 }
 

@@ -415,6 +415,37 @@ TEST(Duplicates, TheThirdUnderANodeIdThatTwoOfOneAddressKeepIsAskedAbout) {
   EXPECT_FALSE(rig.device("third").truth().active.configured());
 }
 
+// It holds the node-ID of a slot whose own device answers there, and is deaf each time that it is to lose it: what
+// answers under the node-ID is not that device, which LSS reaches as soon as it hears again.
+TEST(Duplicates, ADeafDeviceIsNotOutOfLssBecauseAnotherAnswersUnderItsNodeId) {
+  for (const std::uint64_t seed : {1U, 2U, 3U, 4U, 5U}) {
+    auto p = one_bus_plant(seed);
+    for (const auto& [name, type] : {std::pair("own", type_b), {"other", type_c}}) {
+      auto& d = stored(p, name, type, 7, 5);
+      d.lss.habit.reset();
+      d.speaks = {Speaks::lss, Speaks::rand};
+    }
+    Rig rig(slot_five(), p);
+    unsigned vain = 0;
+    rt::Time deaf_until{};
+    const auto hear = [&] { rig.device("other").controller().deaf(rig.world().sim().now() < deaf_until); };
+    rig.on_step([&](const std::string&, const places::Binding& binding) {
+      const bool begins = binding.kind() == places::Binding::Kind::blank && binding.step() == places::Step::select;
+      if (!begins || vain == 6) return;
+      ++vain;
+      deaf_until = rig.world().sim().now() + 4s;
+      hear();
+      rig.world().sim().after(4s, hear);
+    });
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(120s)) << seed << ": " << vain << "\n" << rig.log();
+    EXPECT_GE(vain, 2U) << seed << ": this case is not the one that is meant";
+    const auto alone = [&] { return !rig.device("other").truth().active.configured(); };
+    EXPECT_TRUE(rig.run_until(alone, 120s)) << seed << "\n" << rig.log();
+    EXPECT_EQ(rig.seats(), (Seats{{5, 7}})) << seed;
+  }
+}
+
 // One of the two speaks RAND, and is found alone by it at each look; the third does not.
 TEST(Duplicates, TwoOfOneAddressOfWhichOneSpeaksRandHideNobodyElse) {
   auto p = one_bus_plant(1);

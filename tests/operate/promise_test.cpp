@@ -123,6 +123,29 @@ TEST(Promise, S1_53_AFruitlessRetryDoesNotFreeTheSlot) {
   EXPECT_EQ(o.rig.state(2), SlotState::absent) << o.rig.log();
 }
 
+// Without a serial number: it takes 11h, is deaf to 17h and to all that takes the node-ID back, and uses it from `04
+// 00` on. Its memory has none, so that it is not confirmed there before it has stored it.
+TEST(Promise, S1_53_OneThatMissedTheStoreIsNotConfirmedWhereItSits) {
+  auto p = one_bus_plant(1);
+  add_device(p, "x", type_b, 0);
+  Rig rig(OneSlot::machine(), p);
+  bool missed = false;
+  rig.on_step([&](const std::string&, const places::Binding& binding) {
+    if (binding.step() == places::Step::store && !std::exchange(missed, true)) rig.device("x").controller().deaf(true);
+    if (binding.step() == places::Step::release) rig.device("x").controller().deaf(false);
+  });
+  rig.begin();
+  bool used = false;
+  for (rt::Duration t{0}; t < 60s && !rig.operational(); t += 5ms) {
+    rig.run_for(5ms);
+    const auto x = rig.device("x").truth();
+    used = used || (x.active == NodeId(2) && x.persistent != NodeId(2));
+    ASSERT_TRUE(rig.seats().empty() || x.persistent == NodeId(2)) << rig.log();
+  }
+  EXPECT_TRUE(missed && used) << "this case is not the one that is meant";
+  EXPECT_TRUE(rig.operational()) << rig.log();
+}
+
 // A run ended between 11h and 17h: its device is in LSS configuration with a node-ID pending. The next run takes that
 // back before its first `04 00`, which would bring it into use with nobody knowing.
 TEST(Promise, S1_53_TheOpeningTakesBackWhatIsPending) {

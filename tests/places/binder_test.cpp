@@ -70,8 +70,9 @@ class Voice final : private can::Handler {
 };
 
 struct Rig : World {
-  explicit Rig(NodeId has = old_id) {
-    Node& node = add({.address = moving, .node_id = has, .timing = {}});
+  explicit Rig(NodeId has = old_id, rt::Duration answers_after = 0ms) {
+    const device::Timing timing{.response_min = answers_after, .response_max = answers_after};
+    Node& node = add({.address = moving, .node_id = has, .timing = timing});
     node.overhears = [this](const can::Frame&) { return deaf; };
     binder_options.before_step = [this](const Binding& binding) {
       if (before) before(binding.step());
@@ -272,4 +273,111 @@ TEST(Binder, WhoMayHaveLostItsNodeIdWithAnotherIsToldAnew) {
   };
   EXPECT_EQ(rig.bind(2), Step::done);
   EXPECT_EQ(told, 2U);
+}
+
+// ---- another device in LSS configuration, which missed everything since ----
+
+namespace {
+
+bool gives_new_id(const can::Frame& f) { return f.data[0] == 0x11 && f.data[1] == new_id.value(); }
+bool stores(const can::Frame& f) { return f.data[0] == 0x17; }
+
+// It hears nothing until `hears`, and never `04 00`. Its answers come after the windows that were learnt.
+struct Left {
+  Left(Rig& rig, std::function<bool(const can::Frame&)> hears_from, rt::Duration late = 30ms)
+      : node(rig.add({.address = {0x11, 0x22, 1, 200}, .timing = {.response_min = late, .response_max = late}})) {
+    node.swallows = [](const can::Frame&) { return true; };
+    rig.run(rig.select(node.options.address));
+    EXPECT_EQ(node.slave.state(), lss::State::configuration);
+    node.swallows = nullptr;
+    node.overhears = [this, hears_from](const can::Frame& f) {
+      hears = hears || hears_from(f);
+      return !hears || f.data[0] == 0x04;
+    };
+    rig.learn_windows();
+    EXPECT_LT(rig.lss.answer_times().slowest * 3 / 2, late);
+  }
+  [[nodiscard]] bool took() const { return node.slave.pending().node_id == new_id; }
+  [[nodiscard]] bool stored() const { return node.slave.persistent().node_id == new_id; }
+  Node& node;
+  bool hears = false;
+};
+
+// Binds; it takes the node-ID, and never stores it.
+void expect_told_and_not_stored(Rig& rig, const Left& left) {
+  bool told = false;
+  discovery::test::Record record(rig.bus);
+  record.on_frame = [&](const can::Frame&) {
+    told = told || left.took();
+    EXPECT_FALSE(left.stored());
+  };
+  rig.bind();
+  EXPECT_TRUE(told) << "this case is not the one that is meant";
+}
+
+}  // namespace
+
+TEST(Binder, S1_53_WhereADeviceWasLostEveryAnswerToTheNodeIdIsWaitedFor) {
+  Rig rig;
+  const Left left(rig, gives_new_id);
+  rig.lss.lost_one();
+  rig.lss.no_strangers();
+  expect_told_and_not_stored(rig, left);
+}
+
+// The device that is meant misses the first 11h; the other one hears the repetition.
+TEST(Binder, S1_53_ARepeatedNodeIdIsProvenBeforeItIsStored) {
+  Rig rig;
+  unsigned given = 0;
+  const Left left(rig, [&](const can::Frame& f) { return gives_new_id(f) && given > 1; });
+  rig.nodes[0]->overhears = [&](const can::Frame& f) { return gives_new_id(f) && ++given == 1; };
+  expect_told_and_not_stored(rig, left);
+}
+
+// Its answer to the 11h comes while Berth waits for another device's store to end.
+TEST(Binder, S1_53_AnAnswerBetweenTwoRequestsStopsTheStore) {
+  Rig rig;
+  const Left left(rig, gives_new_id);
+  rig.binder_options.stores_end = rig.dispatcher.executor().now() + 500ms;
+  expect_told_and_not_stored(rig, left);
+}
+
+// It was lost, misses the 11h too, and answers the 17h, which the device that is meant misses.
+TEST(Binder, S1_53_WhereADeviceWasLostAnAnswerToTheStoreIsNotBelieved) {
+  Rig rig;
+  Voice own(rig.world, rig.bus, moving, 0ms);
+  own.speaks = false;
+  const Left left(rig, stores);
+  Node& meant = *rig.nodes[0];
+  bool missed = false;
+  meant.overhears = [&](const can::Frame& f) {
+    missed = missed || stores(f);
+    return stores(f);
+  };
+  rig.lss.lost_one();
+  rig.lss.no_strangers();
+  rig.before = [&](Step step) {
+    if (step != Step::await_boot_up) return;
+    own.speaks = true;
+    rig.hear_boot_up(new_id);
+  };
+  EXPECT_NE(rig.bind(), Step::done);
+  EXPECT_TRUE(missed && left.hears) << "this case is not the one that is meant";
+}
+
+// Both took the node-ID and both store; the other one is deaf for as long as that takes. Both are told to store none.
+TEST(Binder, S1_53_AStoreByTwoIsWaitedForUntilTheSlowerOneIsDone) {
+  Rig rig(old_id, 20ms);
+  Left left(rig, gives_new_id, 40ms);
+  rt::Time deaf_until{};
+  left.node.overhears = [&, hears = left.node.overhears](const can::Frame& f) {
+    const rt::Time now = rig.dispatcher.executor().now();
+    if (now < deaf_until || hears(f)) return true;
+    if (stores(f) && deaf_until == rt::Time{}) deaf_until = now + 300ms;
+    return false;
+  };
+  left.node.swallows = [](const can::Frame& f) { return stores(f); };
+  rig.bind();
+  EXPECT_NE(deaf_until, rt::Time{}) << "this case is not the one that is meant";
+  EXPECT_FALSE(left.stored());
 }

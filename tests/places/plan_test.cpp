@@ -69,6 +69,19 @@ TEST(Planner, S1_27_R_SN_OrdersByRevisionBeforeSerial) {
   EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{2, 9}, {4, 1}}));
 }
 
+// It fits both slots: its node-ID tells where it belongs, also if nothing can change that node-ID.
+TEST(Planner, ADeviceThatSaysItsVendorAloneBelongsToTheSlotOfItsNodeId) {
+  const std::vector<Slot> slots{slot(3, C), slot(5, B)};
+  for (const bool keeps : {false, true}) {
+    Identity little{B.vendor, 0, 0, 0};
+    little.unknown = 0b1110;
+    const auto p = plan(slots, {Found{.device = little, .active = NodeId(5), .keeps = keeps}}, {}, master);
+    ASSERT_EQ(p.actions.size(), 1U) << keeps;
+    EXPECT_EQ(slots[p.actions[0].slot].spec.id, NodeId(5)) << keeps;
+    EXPECT_TRUE(p.oddities.empty());
+  }
+}
+
 // S1.35, S1.51: after s2 and s4 were replaced rule 2 holds among the new ones only; s5 keeps its smaller number.
 TEST(Planner, S1_35_OnlyTheDevicesOfThisRunAreSorted) {
   auto slots = table_1();
