@@ -18,6 +18,10 @@ command -v "${CHROMIUM:-chromium}" >/dev/null || browser_packages+=(chromium)
 peer_packages=(tshark can-utils python3-can python3-canmatrix "${page_packages[@]}")
 # A broker, for the tests of MQTT; they start and end it themselves.
 mqtt_packages=(mosquitto)
+# Shells whose completion is tried, and judges of manual pages, desktop entries and AppStream files.
+shell_packages=(zsh fish groff-base desktop-file-utils appstream)
+# What makes Debian packages, checks them and tries them in a bare root.
+package_packages=(ccache dpkg-dev file lintian mmdebstrap xz-utils)
 bench_packages=(libbenchmark-dev valgrind "${mqtt_packages[@]}")
 clang_packages=(clang-16 libclang-rt-16-dev)
 lint_packages=(clang-format-16 clang-tidy-16)
