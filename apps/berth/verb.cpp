@@ -39,6 +39,11 @@ Word& Word::one_of(const std::vector<std::uint32_t>& numbers) {
   return *this;
 }
 
+Word& Word::offers(const std::vector<std::string>& words) {
+  if (option_ != nullptr) option_->type_name(fmt::format("{{{}}}", fmt::join(words, ",")));
+  return *this;
+}
+
 Word& Word::from_to(std::uint32_t low, std::uint32_t high) {
   if (option_ != nullptr) option_->check(CLI::Range(low, high));
   return *this;
@@ -414,7 +419,9 @@ void colour_word(const Verb& verb) {
     choose_colour(static_cast<Colour>(known - colour_words.begin()));
     return std::string();
   };
-  verb.read("--color", "WHEN", take, "auto (default: on a terminal, unless NO_COLOR is set), always or never");
+  verb.read("--color", "WHEN", take, "auto (default: on a terminal, unless NO_COLOR is set), always or never")
+      .shown("WHEN")
+      .offers({colour_words.begin(), colour_words.end()});
 }
 
 void force_word(const Verb& verb, Options& options) {

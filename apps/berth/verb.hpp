@@ -41,6 +41,8 @@ class Word {
   Word& shown(const std::string& value);
   Word& one_of(const std::vector<std::string>& words);
   Word& one_of(const std::vector<std::uint32_t>& numbers);
+  /// What a shell completes; the verb itself checks the value.
+  Word& offers(const std::vector<std::string>& words);
   Word& from_to(std::uint32_t low, std::uint32_t high);
   /// The number of values.
   Word& values(int least, int most);

@@ -13,6 +13,7 @@
 #include <sstream>
 
 #include "../paths.hpp"
+#include "berth/command/verbs.hpp"
 #include "environment.hpp"
 #include "machines.hpp"
 #include "process.hpp"
@@ -98,6 +99,23 @@ TEST(Complete, Choices) {
   EXPECT_EQ(offered({"up", "--until", ""}), (Set{"operational", "replaced"}));
   EXPECT_EQ(offered({"up", "--until=o"}), Set{"--until=operational"});
   EXPECT_EQ(offered({"completion", "z"}), Set{"zsh"});
+  EXPECT_EQ(offered({"status", "--color", "a"}), (Set{"always", "auto"}));
+}
+
+// The choices of the table are words of the help, and the verb takes each.
+TEST(Complete, ChoicesOfTheTable) {
+  int all = 0;
+  for (const auto& verb : command::verbs()) {
+    for (const auto& parameter : verb.parameters) {
+      std::istringstream choices{std::string(parameter.choices)};
+      for (std::string choice; choices >> choice; ++all) {
+        EXPECT_NE(parameter.help.find(choice), std::string_view::npos) << verb.name << ": " << choice;
+      }
+    }
+  }
+  EXPECT_GE(all, 7);
+  EXPECT_EQ(offered({"nmt", "re"}), (Set{"reset-comm", "reset-node"}));
+  EXPECT_EQ(offered({"lss", "global", ""}), (Set{"configuration", "waiting"}));
 }
 
 TEST(Complete, Files) {
