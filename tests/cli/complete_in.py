@@ -41,7 +41,7 @@ def main():
             except OSError:
                 break
         # The next line only when the shell has done the one before: it throws away what is typed while it starts.
-        if len(typed) == 2 and (b"$ " in seen or b"> " in seen or b"% " in seen):
+        if len(typed) == 2 and any(prompt in seen for prompt in (b"$ ", b"> ", b"% ", b"# ")):
             os.write(terminal, typed.pop(0).encode())
         elif len(typed) == 1 and b"\nready" in seen.replace(b"\r", b"\n"):
             os.write(terminal, typed.pop(0).encode())

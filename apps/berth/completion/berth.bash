@@ -11,7 +11,7 @@ _berth() {
     if [[ $i -eq 0 || -n $blanks ]]; then words+=("$word"); else words[-1]+=$word; fi
   done
 
-  local current=${words[-1]} quote= kept
+  local current=${words[-1]} quote="" kept
   # What stands before the part that bash replaces.
   kept=${COMP_WORDS[COMP_CWORD]}
   [[ $kept != [=:] ]] || kept=
@@ -21,32 +21,34 @@ _berth() {
   # As the shell would read them, but nothing is carried out.
   for i in "${!words[@]}"; do
     word=${words[i]}
-    [[ $word != '~/'* ]] || word=$HOME/${word:2}
+    # shellcheck disable=SC2088
+    [[ $word != "~/"* ]] || word=$HOME/${word:2}
     word=${word//[\"\']/}
     words[i]=${word//\\/}
   done
   current=${words[-1]}
 
   COMPREPLY=()
-  local found rest name
+  local found rest name files=""
   while IFS=$'\t' read -r found rest; do
     case $found in
       :files | :tables | :folders)
-        compopt -o filenames 2>/dev/null
+        files=yes
         while IFS= read -r name; do
           name=$rest$name
           COMPREPLY+=("${name#"$kept"}")
         done < <(_berth_names "$found" "${current#"$rest"}")
         ;;
-      *)
-        found=${found#"$kept"}
-        [[ -n $quote ]] || printf -v found %q "$found"
-        COMPREPLY+=("$found")
-        # A value in the same word may follow, a blank does not.
-        [[ $found != *= ]] || compopt -o nospace 2>/dev/null
-        ;;
+      *) COMPREPLY+=("${found#"$kept"}") ;;
     esac
   done < <("${words[0]}" __complete "${words[@]:1}" 2>/dev/null)
+
+  # Bash itself quotes names of files, and the others with them.
+  if [[ -n $files ]]; then
+    compopt -o filenames 2>/dev/null
+  elif [[ -z $quote ]]; then
+    for i in "${!COMPREPLY[@]}"; do printf -v "COMPREPLY[i]" %q "${COMPREPLY[i]}"; done
+  fi
 }
 
 _berth_names() {
