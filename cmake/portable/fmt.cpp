@@ -1,5 +1,5 @@
-// {fmt} as a static library, which Debian does not have (cmake/Portable.cmake): its functions, and those of its templates
-// that its headers expect elsewhere. If one is missing, the program does not link.
+// {fmt} as a static library, which Debian does not have (cmake/Portable.cmake): its functions, and those of its
+// templates that its headers expect elsewhere. If one is missing, the program does not link.
 #include <fmt/format-inl.h>
 
 FMT_BEGIN_NAMESPACE
