@@ -16,20 +16,20 @@
 namespace berth::cli {
 namespace {
 
-constexpr std::string_view files = ":files";
-constexpr std::string_view tables = ":tables";
-constexpr std::string_view folders = ":folders";
+constexpr std::string_view any_files = ":files";
+constexpr std::string_view table_files = ":tables";
+constexpr std::string_view only_folders = ":folders";
 
 /// What a placeholder of the help stands for.
-enum class Kind : std::uint8_t { none, file, table, folder, port, bus, node };
+enum class ValueKind : std::uint8_t { none, file, table, folder, port, bus, node };
 
-bool is_number(const std::string& word) {
+bool is_negative(const std::string& word) {
   return word.size() > 1 && word.front() == '-' && std::isdigit(static_cast<unsigned char>(word[1])) != 0;
 }
 
 // The placeholders of options, and the names of positional words: the same for all verbs.
-Kind kind_of(const WordText& word) {
-  using enum Kind;
+ValueKind value_kind(const WordText& word) {
+  using enum ValueKind;
   const std::string& value = word.value;
   const auto has = [&](std::string_view part) { return value.find(part) != std::string::npos; };
   if (value == "MACHINE" || value == "PLANT" || value == "plant" || value == "machine") return table;
@@ -45,9 +45,9 @@ Kind kind_of(const WordText& word) {
 }
 
 /// The words of a command line up to the last one, as the parser would take them.
-class Line {
+class BegunLine {
  public:
-  Line(const VerbText& program, const std::vector<std::string>& words) : at_(&program), words_(words) {
+  BegunLine(const VerbText& program, const std::vector<std::string>& words) : at_(&program), words_(words) {
     for (next_ = 0; next_ + 1 < words_.size(); ++next_) take(words_[next_]);
   }
 
@@ -67,7 +67,7 @@ class Line {
 
  private:
   void take(const std::string& word) {
-    const bool dashed = word.size() > 1 && word.front() == '-' && !is_number(word) && !plain_;
+    const bool dashed = word.size() > 1 && word.front() == '-' && !is_negative(word) && !plain_;
     if (dashed) return take_option(word);
     if (open_ != nullptr && !(open_->many && value_taken_ && next_verb(word) != nullptr)) {
       note_machine(*open_, word);
@@ -125,7 +125,7 @@ class Line {
   // A machine file may stand among the other words (verb.cpp).
   [[nodiscard]] bool takes_machine() const {
     const auto positional = [](const WordText& word) {
-      return word.positional && (word.value == "MACHINE" || kind_of(word) == Kind::table);
+      return word.positional && (word.value == "MACHINE" || value_kind(word) == ValueKind::table);
     };
     return at_->option("--machine") != nullptr && std::ranges::none_of(at_->words, positional);
   }
@@ -167,7 +167,7 @@ class Line {
       for (const auto& verb : at_->verbs) offer(verb.name, verb.help, begun);
     }
     if (const WordText* const word = positional(); word != nullptr) offer_value(*word, "", begun);
-    if (takes_machine() && machine_.empty()) offer_names(tables, "");
+    if (takes_machine() && machine_.empty()) offer_names(table_files, "");
     if (offered_.empty() && begun.empty()) offer_options(begun);
   }
 
@@ -187,20 +187,20 @@ class Line {
     }
     const std::string whole = before + begun;
     for (const auto& choice : option.choices) offer(before + choice, "", whole);
-    switch (kind_of(option)) {
-      case Kind::none: break;
-      case Kind::file: offer_names(files, before); break;
-      case Kind::table: offer_names(tables, before); break;
-      case Kind::folder: offer_names(folders, before); break;
-      case Kind::port:
+    switch (value_kind(option)) {
+      case ValueKind::none: break;
+      case ValueKind::file: offer_names(any_files, before); break;
+      case ValueKind::table: offer_names(table_files, before); break;
+      case ValueKind::folder: offer_names(only_folders, before); break;
+      case ValueKind::port:
         for (const auto& seen : io::list_ports()) offer(before + can::to_string(seen.port), seen.driver, whole);
         break;
-      case Kind::bus:
+      case ValueKind::bus:
         if (const auto machine = machine_meant()) {
           for (const auto* const bus : machine->all_buses()) offer(before + bus->name, "", whole);
         }
         break;
-      case Kind::node: offer_slots(before, whole); break;
+      case ValueKind::node: offer_slots(before, whole); break;
     }
   }
 
@@ -249,7 +249,7 @@ std::vector<Candidate> candidates(const std::vector<AddVerb>& verbs, const std::
   } else {
     program.verbs.push_back(std::move(help));
   }
-  return Line(program, line).candidates();
+  return BegunLine(program, line).candidates();
 }
 
 int run_complete(const std::vector<AddVerb>& verbs, const std::vector<std::string>& words) {
