@@ -80,7 +80,7 @@ void add_man(Verb& berth, Options& options) {
   man.word("--all", wanted->folder, "write the page of each command, and of those below it, into this folder")
       .shown("FOLDER");
   force_word(man, options);
-  man.footer("Examples:\n  berth man sdo read | man -l -\n  berth man --all ~/.local/share/man/man1");
+  man.footer("Examples:\n  berth man sdo read > read.1 && man ./read.1\n  berth man --all ~/.local/share/man/man1");
 }
 
 void add_completion(Verb& berth, Options&) {
@@ -89,9 +89,9 @@ void add_completion(Verb& berth, Options&) {
                                     [shell] { return run_completion(*shell); });
   completion.word("shell", *shell, "bash, zsh or fish").one_of({"bash", "zsh", "fish"}).required();
   completion.footer(
-      "Examples:\n  source <(berth completion bash)          # in ~/.bashrc\n"
-      "  berth completion zsh > ~/.zfunc/_berth   # a folder of $fpath\n"
-      "  berth completion fish > ~/.config/fish/completions/berth.fish");
+      "Examples:\n  berth completion zsh > ~/.zfunc/_berth   # a folder of $fpath\n"
+      "  berth completion fish > ~/.config/fish/completions/berth.fish\n"
+      "  source <(berth completion bash)          # in ~/.bashrc");
 }
 
 }  // namespace berth::cli
